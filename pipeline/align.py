@@ -1,0 +1,49 @@
+"""The common core: four centres make the frame, the normals in it make the angles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from pipeline.angles import nearest_wheel, outward_normal, vehicle_angles, wheel_angles
+from pipeline.measurement import Measurement, Observation, Provenance, WheelResult
+from pipeline.reference_frame import REFERENCE_WHEELS, build_reference_frame
+from pipeline.uncertainty import propagate
+
+
+def align(
+    observations: Sequence[Observation], provenance: Provenance, notes: Iterable[str] = ()
+) -> Measurement:
+    """Angles of all observations; the first four are RR, RL, FR, FL and were measured.
+
+    Raises InputError where the four centres define no frame, or a trial belongs to no wheel.
+    """
+    centres = np.stack([seen.fitted.centre_m for seen in observations[:4]])
+    frame = build_reference_frame(centres)
+    measured = [seen for seen in observations if seen.evidence is not None]
+    wheels = [seen.wheel or nearest_wheel(centres, seen.fitted.centre_m) for seen in measured]
+    angles = [
+        wheel_angles(frame, s.fitted.normal, w) for s, w in zip(measured, wheels, strict=True)
+    ]
+    uncertainty = propagate([seen.fitted for seen in measured], wheels)
+    results = {
+        seen.name: WheelResult(
+            observation=seen,
+            wheel=wheel,
+            angles=angle,
+            normal=outward_normal(frame, seen.fitted.normal, wheel),
+            u_toe_rad=float(uncertainty.toe_rad[index]),
+            u_camber_rad=float(uncertainty.camber_rad[index]),
+            u_camber_iso_rad=float(uncertainty.camber_iso_rad[index]),
+        )
+        for index, (seen, wheel, angle) in enumerate(zip(measured, wheels, angles, strict=True))
+    }
+    return Measurement(
+        wheels=tuple(results.get(s.name) or WheelResult(s, s.wheel) for s in observations),
+        frame=frame,
+        vehicle=vehicle_angles({w: angles[i].toe_rad for i, w in enumerate(REFERENCE_WHEELS)}),
+        uncertainty=uncertainty,
+        provenance=provenance,
+        notes=tuple(notes),
+    )

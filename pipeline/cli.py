@@ -1,0 +1,92 @@
+"""The command `wheelplane`; each sub-command is imported when it is called."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+
+import click
+
+from pipeline import __version__
+from pipeline.errors import WheelplaneError
+
+COMMANDS = {
+    "demo": ("pipeline.commands.demo:demo", "Make a vehicle with known angles, and measure it."),
+    "five-point": ("pipeline.commands.five_point:five_point", "Angles from five points a wheel."),
+    "measure": ("pipeline.commands.measure:measure", "Angles from laser scans of the wheels."),
+    "plane": ("pipeline.commands.plane:plane", "The planes of a single point cloud."),
+    "synth": ("pipeline.commands.synth:synth", "Make a capture of a vehicle with known angles."),
+    "targets": ("pipeline.commands.targets:targets", "List the known targets."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group that knows its commands' names and imports only the one that is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names, in the order of the table."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command, imported; None for a name that is not in the table."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, name = COMMANDS[cmd_name][0].split(":")
+        command = getattr(importlib.import_module(module), name)
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands from the table, so that help imports none of them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+
+@click.command(
+    cls=LazyGroup,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Exit codes: 0 measured; 1 measured in part; 2 unusable input or arguments.",
+)
+@click.version_option(__version__, prog_name="wheelplane")
+def cli() -> None:
+    r"""Toe and camber of a vehicle's wheels from dense laser scans of targets clamped to them.
+
+    \b
+    wheelplane demo DIR              a made vehicle, its scans, its angles beside the truth
+    wheelplane measure CAPTURE       a folder, zip or tar with one scan a wheel
+    wheelplane five-point FILE       the same from five surveyed points a wheel
+    """
+
+
+def main() -> None:
+    """Run the command; every error that the user can mend is one line and exit code 2."""
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")  # same bytes at any number of cores
+    try:
+        code = cli.main(standalone_mode=False)
+    except WheelplaneError as error:
+        code = _fail(str(error))
+    except click.UsageError as error:
+        hint = f" (see `{error.ctx.command_path} --help`)" if error.ctx else ""
+        code = _fail(error.format_message() + hint)
+    except click.ClickException as error:
+        code = _fail(error.format_message())
+    except (click.Abort, KeyboardInterrupt):
+        code = _fail("interrupted: nothing more was written")
+    except MemoryError:
+        code = _fail("out of memory: measure fewer points at once, or on a larger machine")
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 2
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _fail(text: str) -> int:
+    line = " ".join(text.split())
+    click.echo(f"wheelplane: {line}", err=True)
+    return 2
+
+
+if __name__ == "__main__":
+    main()

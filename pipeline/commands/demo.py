@@ -1,0 +1,64 @@
+"""`wheelplane demo`: a made vehicle, measured, beside its truth."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from pathlib import Path
+
+import click
+
+from pipeline.angles import deg_min_sec
+from pipeline.capture import open_capture
+from pipeline.commands.progress import Progress
+from pipeline.commands.synth import make_capture
+from pipeline.config import Config
+from pipeline.errors import InputError
+from pipeline.measure import measure_capture
+from pipeline.measurement import Measurement
+from pipeline.report.layout import aligned
+from pipeline.report.write import write_reports
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path), default="demo-output")
+@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True)
+def demo(folder: Path, seed: int) -> int:
+    """Make a vehicle with known angles, scan it, measure it, and show both, in FOLDER."""
+    capture, results = folder / "capture", folder / "results"
+    if (capture / "truth.json").is_file():
+        shutil.rmtree(capture)  # an earlier demo's
+    click.echo(f"Making a vehicle (seed {seed}) and scanning its wheels into {capture} ...")
+    make_capture(capture, seed, "saloon", "default", "disc-250", trials=2)
+    click.echo("Measuring it from the scans alone ...\n")
+    with open_capture(capture) as opened, Progress(len(opened.entries)) as progress:
+        measurement = measure_capture(opened, Config(), progress)
+    written = write_reports(measurement, results)
+    click.echo(compared(measurement, capture / "truth.json"))
+    click.echo("\nToe-in and top-out are positive. u: standard uncertainty (k = 1).")
+    for path in written:
+        click.echo(f"wrote {path}")
+    return 0 if measurement.complete else 1
+
+
+def compared(measurement: Measurement, truth: Path) -> str:
+    """Table of measured angles, truth, error and uncertainty, wheel by wheel."""
+    try:
+        wheels = {wheel["name"]: wheel for wheel in json.loads(truth.read_text())["wheels"]}
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError(f"{truth}: not a truth file ({error}): make the capture anew") from error
+    rows: list[tuple[str, ...]] = [("name", "wheel", "angle", "measured", "truth", "error", "u")]
+    for result in measurement.wheels:
+        if result.angles is None:
+            continue
+        name = result.observation.name
+        for angle in ("toe", "camber"):
+            value = getattr(result.angles, f"{angle}_rad")
+            true = math.radians(wheels[name][f"{angle}_deg"])
+            off = f'{math.degrees(value - true) * 3600:+.1f}"'
+            u = f'{math.degrees(getattr(result, f"u_{angle}_rad")) * 3600:.1f}"'
+            rows.append(
+                (name, result.wheel or "", angle, deg_min_sec(value), deg_min_sec(true), off, u)
+            )
+    return aligned(rows, left=3)

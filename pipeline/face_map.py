@@ -1,0 +1,54 @@
+"""A small map of a target's face: where its points lie above and below the fitted plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.fit_plane import PlaneFit
+from pipeline.kernels import Array
+from pipeline.locate_centre import TargetFit
+from pipeline.segment import FACE_BAND, Patch
+
+REACH = 1.25  # of the radius: half the map's edge
+CELLS = 240
+
+
+@dataclass(frozen=True)
+class FaceMap:
+    """Square raster of the plane about the target's centre.
+
+    residual_m: (240, 240) float32, mean distance of the face's points from the plane, positive
+    towards the scanner; NaN where there are none. behind: (240, 240) bool, cells that show only
+    other surfaces. Row 0 is at the top; half_width_m: from the centre to the map's edge.
+    radius_m: of the target.
+    """
+
+    residual_m: npt.NDArray[np.float32]
+    behind: npt.NDArray[np.bool_]
+    half_width_m: float
+    radius_m: float
+
+
+def face_map(patch: Patch, plane: PlaneFit, target: TargetFit, radius_m: float) -> FaceMap:
+    """Map of the points of `patch` about the centre of `target`, on the fitted plane."""
+    half = REACH * radius_m
+    uvw = (patch.points_m + (patch.origin_m - target.centre_m)) @ plane.basis.T
+    uvw[:, 2] += (target.centre_m - plane.centroid_m) @ plane.normal
+    uvw = uvw[np.max(np.abs(uvw[:, :2]), axis=1) < half]
+    column, row = ((uvw[:, :2] * [1.0, -1.0] + half) * (CELLS / (2.0 * half))).astype(np.int64).T
+    cell = np.clip(row, 0, CELLS - 1) * CELLS + np.clip(column, 0, CELLS - 1)
+    on_face = np.abs(uvw[:, 2]) < FACE_BAND * radius_m
+    count = np.bincount(cell[on_face], minlength=CELLS**2)
+    total = np.bincount(cell[on_face], uvw[on_face, 2], minlength=CELLS**2)
+    others = np.bincount(cell[~on_face], minlength=CELLS**2)
+    mean: Array = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    shape = (CELLS, CELLS)
+    return FaceMap(
+        mean.astype(np.float32).reshape(shape),
+        ((others > 0) & (count == 0)).reshape(shape),
+        half,
+        radius_m,
+    )

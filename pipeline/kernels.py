@@ -1,0 +1,138 @@
+"""The passes over all points, and the plane that least squares draws through some of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+CHUNK_ROWS = 32_768  # three float64 columns of it stay in a second-level cache
+
+
+@dataclass(frozen=True)
+class PlaneMoments:
+    """A plane by total least squares: n . (x - centroid) = 0.
+
+    centroid_m: (3,) mean of the points. normal: (3,) unit, sign free.
+    basis: (3, 3) rows of a right-handed basis: two directions in the plane, then the normal.
+    scatter_m2: (3,) eigenvalues of the centred scatter in the order of the basis' rows.
+    count: number of points.
+    """
+
+    centroid_m: Array
+    basis: Array
+    scatter_m2: Array
+    count: int
+
+    @property
+    def normal(self) -> Array:
+        """Unit normal (3,), the direction of least scatter."""
+        return np.asarray(self.basis[2])
+
+
+def total_least_squares(points_m: Array) -> PlaneMoments:
+    """Plane of least squared orthogonal distance through points_m (N, 3), N >= 3.
+
+    Eigenvectors of the centred 3x3 scatter. Centred first on a point of the cloud, which is exact,
+    then on the mean, so that coordinates of 1e7 m lose nothing but their own resolution. The
+    scatter across the plane is summed from the residuals: eigh gives the smallest eigenvalue only
+    to eps times the largest. The normal's largest component is positive.
+    Source: Shakarji, J. Res. NIST 103 (1998) 633, section 3.
+    """
+    local = points_m - points_m[0]
+    centroid = local.mean(axis=0)
+    local -= centroid
+    scatter_m2, vectors = np.linalg.eigh(local.T @ local)
+    basis = vectors.T[::-1].copy()
+    basis[2] *= np.sign(basis[2, np.argmax(np.abs(basis[2]))])
+    basis[1] = np.cross(basis[2], basis[0])
+    residual = local @ basis[2]
+    across = float(residual @ residual)
+    scatter = np.array([*scatter_m2[:0:-1].clip(min=0.0), across])
+    return PlaneMoments(points_m[0] + centroid, basis, scatter, len(points_m))
+
+
+def plane_basis(normal: Array) -> Array:
+    """Rows of a right-handed basis (3, 3) whose third row is the unit normal (3,)."""
+    axis = np.zeros(3)
+    axis[np.argmin(np.abs(normal))] = 1.0
+    first = np.cross(axis, normal)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(normal, first), normal])
+
+
+def gather_ball(points_m: Array, centre_m: Array, radius_m: float) -> Array:
+    """Points of points_m (N, 3) within radius_m of centre_m (3,), relative to it: (M, 3)."""
+    kept = []
+    for start in range(0, len(points_m), CHUNK_ROWS):
+        offset = points_m[start : start + CHUNK_ROWS] - centre_m
+        kept.append(offset[np.einsum("ij,ij->i", offset, offset) < radius_m**2])
+    return np.concatenate(kept)
+
+
+def gather_face(
+    points_m: Array,
+    centre_m: Array,
+    normal: Array,
+    face: Slab,
+    around: Slab,
+    keep_around: float,
+    rng: np.random.Generator,
+) -> Array:
+    """Points about a face, relative to centre_m (3,): all of `face`, a share of `around`; (M, 3).
+
+    A slab is the region within `reach_m` (grown by `slope` per metre of depth) of the axis through
+    centre_m along normal, and within `depth_m` of the plane. keep_around: chance to keep a point
+    that lies in `around` only.
+    """
+    kept = []
+    for start in range(0, len(points_m), CHUNK_ROWS):
+        offset = points_m[start : start + CHUNK_ROWS] - centre_m
+        square = np.einsum("ij,ij->i", offset, offset)
+        depth = np.abs(offset @ normal)
+        square -= depth * depth
+        keep = around.holds(square, depth)
+        if keep_around < 1.0:
+            keep &= rng.random(len(offset)) < keep_around
+        keep |= face.holds(square, depth)
+        kept.append(offset[keep])
+    return np.concatenate(kept)
+
+
+@dataclass(frozen=True)
+class Slab:
+    """A disc of space: how far from the axis, how far from the plane, and how it widens."""
+
+    reach_m: float
+    depth_m: float
+    slope: float = 0.0
+
+    def holds(self, square_m2: Array, depth_m: Array) -> npt.NDArray[np.bool_]:
+        """Which points, by squared distance from the axis and distance from the plane (N,)."""
+        reach = self.reach_m + self.slope * depth_m if self.slope else self.reach_m
+        return np.asarray((square_m2 < reach * reach) & (depth_m < self.depth_m))
+
+
+def within_slab(
+    points_m: Array, point_m: Array, normal: Array, threshold_m: float
+) -> npt.NDArray[np.bool_]:
+    """Which of points_m (N, 3) lie within threshold_m of the plane through point_m: (N,) bool."""
+    inside = np.empty(len(points_m), dtype=bool)
+    for start in range(0, len(points_m), CHUNK_ROWS):
+        rows = slice(start, start + CHUNK_ROWS)
+        np.less(np.abs((points_m[rows] - point_m) @ normal), threshold_m, out=inside[rows])
+    return inside
+
+
+def random_rows(points: Array, count: int, rng: np.random.Generator) -> Array:
+    """At most `count` rows of points (N, 3), one from each of `count` equal stretches of the file.
+
+    A stratified draw: the rows keep the file's spread at any file order.
+    """
+    total = len(points)
+    if total <= count:
+        return points.copy()
+    rows = ((np.arange(count) + rng.random(count)) * (total / count)).astype(np.int64)
+    return points[np.minimum(rows, total - 1)]

@@ -1,0 +1,115 @@
+"""The result: what `measure` and `five-point` both return and every report reads."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pipeline import __version__
+from pipeline.angles import VehicleAngles, WheelAngles
+from pipeline.capture import Capture, Role
+from pipeline.config import Config
+from pipeline.face_map import FaceMap
+from pipeline.fit_plane import PlaneFit
+from pipeline.five_point_file import FivePointFile
+from pipeline.kernels import Array
+from pipeline.locate_centre import TargetFit
+from pipeline.reference_frame import VehicleFrame
+from pipeline.uncertainty import AngleUncertainty
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A fitted target; of a scan also its plane's fit and a map of its face."""
+
+    target: TargetFit
+    plane: PlaneFit | None = None
+    face: FaceMap | None = None
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What one scan, or one block of five points, showed.
+
+    evidence is None where nothing could be measured; `status` then names why and `reason` says it.
+    """
+
+    name: str
+    role: Role
+    wheel: str | None
+    source: str
+    sha256: str
+    points_total: int
+    missing_returns: int
+    evidence: Evidence | None = None
+    status: str = "ok"
+    reason: str = ""
+
+    @property
+    def fitted(self) -> TargetFit:
+        """The target; only of an observation that was measured."""
+        if self.evidence is None:
+            raise ValueError(f"{self.name} was not measured ({self.status})")
+        return self.evidence.target
+
+
+@dataclass(frozen=True)
+class WheelResult:
+    """An observation with its angles; all None where it was not measured.
+
+    normal: (3,) outward, scanner coordinates. u_: standard uncertainties (k = 1), radians.
+    """
+
+    observation: Observation
+    wheel: str | None
+    angles: WheelAngles | None = None
+    normal: Array | None = None
+    u_toe_rad: float | None = None
+    u_camber_rad: float | None = None
+    u_camber_iso_rad: float | None = None
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What the result was made from: version, sha256 of each input, effective config, seed."""
+
+    source: str
+    vehicle: str | None
+    version: str
+    inputs: dict[str, str]
+    config: dict[str, Any]
+    seed: int
+
+    @classmethod
+    def of_capture(
+        cls, capture: Capture, config: Config, observations: Sequence[Observation]
+    ) -> Provenance:
+        """Of a capture of scans."""
+        used = config.model_dump(exclude={"seed"})
+        used |= {"target": capture.target.model_dump(), "length_unit": capture.length_unit}
+        inputs = {seen.source: seen.sha256 for seen in observations}
+        return cls(capture.source, capture.vehicle, __version__, inputs, used, config.seed)
+
+    @classmethod
+    def of_five_point(cls, file: FivePointFile, observations: Sequence[Observation]) -> Provenance:
+        """Of the paper's file."""
+        inputs = {seen.source: seen.sha256 for seen in observations}
+        return cls(file.source, None, __version__, inputs, {"method": "total-least-squares"}, 0)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """All wheels in the capture's order, the frame, the vehicle's angles, and how they came."""
+
+    wheels: tuple[WheelResult, ...]
+    frame: VehicleFrame
+    vehicle: VehicleAngles
+    uncertainty: AngleUncertainty
+    provenance: Provenance
+    notes: tuple[str, ...] = ()
+
+    @property
+    def complete(self) -> bool:
+        """Whether every wheel and trial was measured."""
+        return all(wheel.angles is not None for wheel in self.wheels)

@@ -1,0 +1,87 @@
+"""One scan, or one block of five points, to what it shows, or why it shows nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.capture import Capture, ScanEntry
+from pipeline.config import Config, DiscTarget
+from pipeline.digest import sha256
+from pipeline.errors import InputError, NotMeasuredError
+from pipeline.five_point import fit_block
+from pipeline.five_point_file import FivePointFile
+from pipeline.kernels import Array
+from pipeline.locate_centre import TargetFit
+from pipeline.measurement import Evidence, Observation
+from pipeline.readers import Scan, read_scan
+from pipeline.reference_frame import REFERENCE_WHEELS
+
+
+def observe_entry(
+    entry: ScanEntry,
+    capture: Capture,
+    config: Config,
+    measure: Callable[[Scan, DiscTarget, Config], Evidence],
+    progress: Callable[[str], None],
+) -> Observation:
+    """Read a scan and measure its target.
+
+    Raises InputError when the file is unreadable, or the target of a reference wheel, on which the
+    frame stands, was not measured.
+    """
+    progress(entry.file)
+    scan = read_scan(entry.path, capture.length_unit, f"{capture.source}: {entry.file}")
+    seen = Observation(
+        name=entry.name,
+        role=entry.role,
+        wheel=entry.wheel,
+        source=entry.file,
+        sha256=sha256(entry.path),
+        points_total=len(scan.points_m),
+        missing_returns=scan.missing_returns,
+    )
+    try:
+        return replace(seen, evidence=measure(scan, capture.target, config))
+    except NotMeasuredError as error:
+        if entry.role == "reference":
+            raise InputError(
+                f"{scan.source}: the target of reference wheel {entry.name} was not measured "
+                f"({error.status}): {error}: scan this wheel again, or check --target"
+            ) from error
+        return replace(seen, status=error.status, reason=str(error))
+
+
+def pooled_noise(blocks_m: Array) -> float:
+    """Noise across the planes, metres, from all blocks (M, 5, 3): 2 M degrees of freedom."""
+    squares = [5.0 * fit_block(block).rms_m ** 2 for block in blocks_m]
+    return float(np.sqrt(sum(squares) / (2.0 * len(squares))))
+
+
+def observe_block(file: FivePointFile, index: int, noise_m: float) -> Observation:
+    """Block `index` of the paper's file; covariances for noise alike in all directions."""
+    fit = fit_block(file.blocks_m[index])
+    variance = noise_m**2 / fit.scatter_m2[1:]
+    target = TargetFit(
+        centre_m=fit.centre_m,
+        normal=fit.normal,
+        centre_covariance_m2=noise_m**2 / 5.0 * np.eye(3),
+        normal_covariance=(fit.axes[1:].T * variance) @ fit.axes[1:],
+        plane_rms_m=fit.rms_m,
+        points_on_target=5,
+        method="points",
+    )
+    reference = index < len(REFERENCE_WHEELS)
+    name = REFERENCE_WHEELS[index] if reference else str(index - len(REFERENCE_WHEELS) + 1)
+    return Observation(
+        name=name,
+        role="reference" if reference else "trial",
+        wheel=name if reference else None,
+        source=file.source,
+        sha256=file.sha256,
+        points_total=5,
+        missing_returns=0,
+        evidence=Evidence(target),
+    )

@@ -1,0 +1,86 @@
+"""What the door and the families of readers hand to each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from io import BufferedReader
+from typing import Any, TextIO
+
+import numpy as np
+import numpy.typing as npt
+
+Column = npt.NDArray[Any]
+
+INTENSITY_NAMES = ("intensity", "scalar_intensity", "reflectance", "scalar_reflectance")
+
+
+@dataclass(frozen=True)
+class Source:
+    """An open scan file, its size in bytes, and the name the user knows it by.
+
+    text: the same file as lines, from wherever `stream` stands when it is first read.
+    """
+
+    stream: BufferedReader
+    text: TextIO
+    size: int
+    name: str
+
+    def remaining(self) -> int:
+        """Bytes from the current position to the end."""
+        return self.size - self.stream.tell()
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some successive points: columns of one length, any real dtype, the file's own unit.
+
+    The columns may look into a buffer that the next block overwrites.
+    """
+
+    xyz: tuple[Column, Column, Column]
+    intensity: Column | None
+
+
+@dataclass(frozen=True)
+class RawCloud:
+    """A file whose header was believed: at most `rows` points, to be drawn block by block."""
+
+    rows: int
+    has_intensity: bool
+    blocks: Iterator[Block]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Which of the file's columns are x, y, z and, if any, the intensity."""
+
+    xyz: tuple[int, int, int]
+    intensity: int | None
+
+    def block(self, table: npt.NDArray[np.float64]) -> Block:
+        """A table (N, columns) as a block."""
+        x, y, z = (table[:, column] for column in self.xyz)
+        return Block((x, y, z), None if self.intensity is None else table[:, self.intensity])
+
+
+def find_layout(names: Sequence[str]) -> Layout:
+    """Find x, y, z and the intensity by name, in either case.
+
+    Raises ValueError with the fact when a coordinate is missing or there twice.
+    """
+    lower = [name.lower() for name in names]
+    for axis in "xyz":
+        if lower.count(axis) != 1:
+            fault = "missing" if axis not in lower else f"there {lower.count(axis)} times"
+            raise ValueError(f"{axis} is {fault} among the columns {', '.join(names)[:120]}")
+    known = (lower.index(name) for name in INTENSITY_NAMES if name in lower)
+    return Layout((lower.index("x"), lower.index("y"), lower.index("z")), next(known, None))
+
+
+def shown(text: str | bytes) -> str:
+    """A piece of the file as it may stand in a one-line message."""
+    piece = text.decode("latin-1") if isinstance(text, bytes) else text
+    piece = piece.strip()
+    return repr(piece if len(piece) <= 60 else piece[:57] + "...")

@@ -1,0 +1,260 @@
+"""Fit the rim of a plate to the mixed ranges around it: centre, beam direction, spot, thickness.
+
+The beams, not the points, are spread evenly across an edge. So every point is carried back along
+its beam to the plane of the face, where the beam's distance from the rim is known whatever depth it
+returned; what depth it should have returned is `edge_profile`. Fitting the one to the other uses
+the face, its wall, the mixed ranges and the background together, needs no threshold that erodes the
+edge, and finds where the scanner stood from the points themselves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.config import CentreConfig, DiscTarget
+from pipeline.edge_profile import EdgeProfile, edge_profile
+from pipeline.kernels import Array
+
+MIN_DEPTH_M = 0.006  # what lies nearer behind the face is not taken for background
+INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the rim the profile is compared
+RING_M = (0.001, 0.011)  # where the clean background is looked up, beyond the spot
+POINTING_M = 1.5e-4  # beam pointing and raster, as an uncertainty of x
+DEPTH_SHARE = 0.02  # what the background's depth may differ between look-up and beam
+MAX_SPREAD = 0.15  # sectors whose background is rougher than this share of its depth are left out
+
+
+@dataclass(frozen=True)
+class RimFit:
+    """Centre of the rim in the plane and what came with it.
+
+    centre_m: (2,). covariance_m2: (2, 2). beam: (2,) in-plane run of the beams at the centre, per
+    metre of depth: tan of the incidence and its direction. inverse_distance: 1 / scanner's distance
+    from the plane, 1/m. spot_m, thickness_m: as fitted. covered: share of the rim that was used.
+    """
+
+    centre_m: Array
+    covariance_m2: Array
+    beam: Array
+    inverse_distance: float
+    spot_m: float
+    thickness_m: float
+    covered: float
+    points: int
+    iterations: int
+
+
+# A state is (7,): centre u v, beam u v, 1/distance, log spot, log thickness.
+
+
+def fit_rim(
+    uvw_m: Array,
+    target: DiscTarget,
+    sigma_m: float,
+    config: CentreConfig,
+) -> RimFit | None:
+    """Rim of a disc in plane coordinates uvw_m (N, 3), w towards the scanner, centre near 0, 0.
+
+    None where less than a quarter of the rim has a background to compare with.
+    """
+    plane, depth = uvw_m[:, :2], -uvw_m[:, 2]
+    prior = _Prior.of(target, config)
+    state = _first_beam(plane, depth, prior.mean.copy(), target.radius_m)
+    if state is None:
+        return None
+    background = _background(plane, depth, state, target.radius_m)
+    for iteration in range(1, config.max_iterations + 1):
+        if 1 < iteration <= 8:
+            background = _background(plane, depth, state, target.radius_m)
+        step, information, used = _step(
+            plane, depth, background, state, prior, target.radius_m, sigma_m, iteration > 6
+        )
+        state = state + step
+        if iteration > 8 and float(np.abs(step[:2]).max()) < 1e-7:
+            break
+    covered = float(np.mean(background.usable))
+    if covered < 0.25 or used < 50:
+        return None
+    covariance: Array = np.linalg.inv(information).astype(np.float64)
+    return RimFit(
+        centre_m=state[:2],
+        covariance_m2=covariance[:2, :2],
+        beam=state[2:4],
+        inverse_distance=float(state[4]),
+        spot_m=float(np.exp(state[5])),
+        thickness_m=float(np.exp(state[6])),
+        covered=covered,
+        points=used,
+        iterations=iteration,
+    )
+
+
+@dataclass(frozen=True)
+class _Prior:
+    """What is known before: mean (7,) and weight (7,), one over the variance."""
+
+    mean: Array
+    weight: Array
+
+    @classmethod
+    def of(cls, target: DiscTarget, config: CentreConfig) -> _Prior:
+        known = target.thickness is not None
+        thickness = target.thickness if target.thickness is not None else 0.008
+        logs = np.log([config.spot_radius_m, max(thickness, 1e-4)])
+        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs])
+        sigma = np.array([0.01, 0.01, 3.0, 3.0, 0.3, 0.7, 0.1 if known else 1.0])
+        return cls(mean, 1.0 / sigma**2)
+
+
+@dataclass(frozen=True)
+class _Beams:
+    """Beams carried to the plane: x outside the rim, radial direction rho, tau, and x per depth."""
+
+    x_m: Array
+    rho: Array
+    tau: Array
+    shrink: Array
+    reach_m: Array
+
+
+def _carry(plane: Array, depth: Array, state: Array, radius_m: float) -> _Beams:
+    """Where each point's beam met the plane: q = c + (p - c - z g) / (1 + z/D), seen from c."""
+    shrink = 1.0 / (1.0 + state[4] * depth)
+    offset = (plane - state[:2] - depth[:, None] * state[2:4]) * shrink[:, None]
+    reach = np.hypot(offset[:, 0], offset[:, 1])
+    rho = offset / np.maximum(reach, 1e-9)[:, None]
+    tau = -(rho @ state[2:4]) - state[4] * radius_m
+    return _Beams(reach - radius_m, rho, tau, shrink, reach)
+
+
+def _sector(rho: Array, count: int) -> npt.NDArray[np.int64]:
+    turn = (np.arctan2(rho[:, 1], rho[:, 0]) / (2.0 * np.pi)) % 1.0
+    return np.minimum((turn * count).astype(np.int64), count - 1)
+
+
+def _first_beam(plane: Array, depth: Array, state: Array, radius_m: float) -> Array | None:
+    """Beam direction from the hole that the plate leaves in the background.
+
+    At depth z the hole's edge is shifted by z g against the rim: the innermost background points of
+    36 sectors are fitted by r = a + z g . rho.
+    """
+    for _ in range(4):
+        beams = _carry(plane, depth, state, radius_m)
+        behind = np.nonzero((depth > 2.0 * MIN_DEPTH_M) & (np.abs(beams.x_m) < 0.03))[0]
+        sector = _sector(beams.rho[behind], 36)
+        rows = []
+        for k in range(36):
+            here = behind[sector == k]
+            if len(here) < 20:
+                continue
+            middle = float(np.median(depth[here]))
+            clean = here[depth[here] > 0.8 * middle]
+            if len(clean) >= 10:
+                inner = np.partition(beams.x_m[clean], 4)[4]
+                angle = (k + 0.5) / 36 * 2.0 * np.pi
+                rows.append((inner, 1.0, middle * np.cos(angle), middle * np.sin(angle)))
+        if len(rows) < 9:
+            return None
+        table = np.array(rows)
+        state[2:4] += np.linalg.lstsq(table[:, 1:], table[:, 0], rcond=None)[0][1:]
+    return state
+
+
+@dataclass(frozen=True)
+class _Background:
+    """Depth and spread of the clean background by sector, (K,) each, and where it can be used."""
+
+    depth_m: Array
+    spread_m: Array
+    usable: npt.NDArray[np.bool_]
+
+
+def _background(plane: Array, depth: Array, state: Array, radius_m: float) -> _Background:
+    """Median depth of what lies just beyond the rim, sector by sector."""
+    beams = _carry(plane, depth, state, radius_m)
+    beyond = beams.x_m - np.exp(state[5]) - np.maximum(beams.tau, 0.0) * np.exp(state[6])
+    ring = (beyond > RING_M[0]) & (beyond < RING_M[1]) & (depth > MIN_DEPTH_M)
+    count = int(np.clip(np.count_nonzero(ring) // 10, 12, 90))
+    sector, z = _sector(beams.rho[ring], count), depth[ring]
+    order = np.lexsort((z, sector))
+    z = np.append(z[order], np.nan)
+    start = np.searchsorted(sector[order], np.arange(count + 1))
+    size = np.diff(start)
+    low, middle, high = (z[start[:-1] + (share * size).astype(int)] for share in (0.25, 0.5, 0.75))
+    spread = (high - low) / 1.349
+    with np.errstate(invalid="ignore"):
+        usable = (size >= 5) & (spread < MAX_SPREAD * middle)
+    return _Background(middle, spread, usable)
+
+
+def _step(
+    plane: Array,
+    depth: Array,
+    background: _Background,
+    state: Array,
+    prior: _Prior,
+    radius_m: float,
+    sigma_m: float,
+    settled: bool,
+) -> tuple[Array, Array, int]:
+    """One robust Gauss-Newton step: the step (7,), the information (7, 7), the points used."""
+    beams = _carry(plane, depth, state, radius_m)
+    sector = _sector(beams.rho, len(background.usable))
+    outer = OUTER_M + np.maximum(beams.tau, 0.0) * np.exp(state[6])
+    band = (beams.x_m > -INNER_M) & (beams.x_m < outer) & (depth > -5.0 * sigma_m - 1e-4)
+    band &= background.usable[sector]
+    beams = _Beams(*(part[band] for part in vars(beams).values()))
+    z, sector = depth[band], sector[band]
+    spot = np.exp(state[5]) * np.sqrt(1.0 + (beams.rho @ state[2:4]) ** 2)
+    profile = edge_profile(
+        beams.x_m,
+        np.maximum(beams.tau, 0.0),
+        background.depth_m[sector],
+        spot,
+        float(np.exp(state[6])),
+    )
+    residual = z - profile.depth_m
+    rough = profile.background_share * (
+        background.spread_m[sector] + DEPTH_SHARE * background.depth_m[sector]
+    )
+    variance = (sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2 + rough**2
+    weight = _robust_weight(residual**2 / variance, settled) / variance
+    slopes = _slopes(profile, beams, z, state, radius_m)
+    information = (slopes.T * weight) @ slopes + np.diag(prior.weight)
+    gradient = slopes.T @ (weight * residual) - prior.weight * (state - prior.mean)
+    step = np.linalg.solve(information, gradient)
+    limit = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5])
+    return (
+        step * min(1.0, float((limit / np.maximum(np.abs(step), 1e-12)).min())),
+        information,
+        len(z),
+    )
+
+
+def _robust_weight(square: Array, settled: bool) -> Array:
+    """Cauchy while far from the answer, then Tukey's biweight at 4 sigma."""
+    if settled:
+        return np.asarray(np.clip(1.0 - square / 16.0, 0.0, None) ** 2)
+    return np.asarray(1.0 / (1.0 + square / 4.0))
+
+
+def _slopes(
+    profile: EdgeProfile, beams: _Beams, depth: Array, state: Array, radius_m: float
+) -> Array:
+    """Derivatives of the depth by the state, (N, 7), by the chain rule over x and tau."""
+    beam, rho = state[2:4], beams.rho
+    facing = np.where(beams.tau > 0.0, profile.d_tau, 0.0)
+    aside = (beam - (rho @ beam)[:, None] * rho) * (beams.shrink / beams.reach_m)[:, None]
+    d_x = profile.d_x
+    return np.column_stack(
+        [
+            -rho * (d_x * beams.shrink)[:, None] + aside * facing[:, None],
+            (-rho * (d_x * beams.shrink)[:, None] + aside * facing[:, None]) * depth[:, None]
+            - rho * facing[:, None],
+            -d_x * depth * beams.shrink * beams.reach_m - facing * radius_m,
+            profile.d_log_spot,
+            profile.d_thickness * np.exp(state[6]),
+        ]
+    )

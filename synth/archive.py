@@ -1,0 +1,178 @@
+"""Write a capture of a made vehicle: scans, capture.toml, five points, and the truth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from synth.errors import SynthError
+from synth.files import capture_toml, ply, scan_file
+from synth.five_point import draw_place, measure_five
+from synth.parameters import Beam, Grid, ScannerFile, TargetFile, TotalStation, VehicleFile
+from synth.recipe import Recipe, read_fixed, read_recipe
+from synth.scanner import draw_stand, scan
+from synth.scene import build_scene
+from synth.truth import Truth, site_point
+from synth.vehicle import WHEELS, Vehicle, Wheel, draw_trial, draw_vehicle, draw_wheel
+
+Array = npt.NDArray[np.float64]
+
+
+def _silent(_: str) -> None:
+    """Say nothing."""
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """What is the same for all scans of a capture."""
+
+    vehicle_recipe: Recipe
+    scanner_recipe: Recipe
+    target: TargetFile
+    grid: Grid
+    beam: Beam
+    total_station: TotalStation
+
+
+def write_capture(
+    out: Path,
+    *,
+    seed: int,
+    vehicle: Path,
+    scanner: Path,
+    target: Path,
+    trials: int = 2,
+    progress: Callable[[str], None] = _silent,
+) -> Truth:
+    """Write the folder `out`, all of it or nothing, and return what is true of it.
+
+    vehicle, scanner, target: parameter files. `progress` is told the name of each file when it is
+    written. The same arguments give the same bytes; the draws of a scan do not depend on how many
+    trials follow. Raises SynthError.
+    """
+    _check(out, seed, trials)
+    vehicle_recipe = read_recipe(vehicle, VehicleFile)
+    scanner_recipe = read_recipe(scanner, ScannerFile)
+    plate = read_fixed(target, TargetFile)
+    seeds = np.random.SeedSequence(seed).spawn(3 + len(WHEELS) + trials)
+    made, devices, survey, *scans = (np.random.default_rng(child) for child in seeds)
+    instruments = Instruments(
+        vehicle_recipe,
+        scanner_recipe,
+        plate,
+        scanner_recipe.draw("grid", Grid, devices),
+        scanner_recipe.draw("beam", Beam, devices),
+        scanner_recipe.draw("total_station", TotalStation, devices),
+    )
+    car = draw_vehicle(vehicle_recipe, made)
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as scratch:
+            folder = Path(scratch) / out.name
+            folder.mkdir()
+            truth = _fill(folder, seed, car, instruments, survey, scans, progress)
+            folder.replace(out)
+    except OSError as error:
+        raise SynthError(f"{out}: {error.strerror}; name a folder that can be written") from error
+    return truth
+
+
+def _check(out: Path, seed: int, trials: int) -> None:
+    if seed < 0:
+        raise SynthError(f"--seed {seed}: negative; give a whole number from 0")
+    if trials < 0:
+        raise SynthError(f"--trials {trials}: negative; give a whole number from 0")
+    if out.is_dir() and any(out.iterdir()):
+        raise SynthError(f"{out}: the folder is not empty; name a new one")
+    if out.exists() and not out.is_dir():
+        raise SynthError(f"{out}: a file stands there; name a new folder")
+
+
+def _fill(
+    folder: Path,
+    seed: int,
+    car: Vehicle,
+    kit: Instruments,
+    survey: np.random.Generator,
+    draws: list[np.random.Generator],
+    progress: Callable[[str], None],
+) -> Truth:
+    wheels: list[Wheel] = []
+    used: list[dict[str, Any]] = []
+    for number, rng in enumerate(draws):
+        wheel = _next_wheel(number, car, kit.vehicle_recipe, rng)
+        wheels.append(wheel)
+        used.append(_write_scan(folder, car, wheel, kit, rng))
+        progress(used[-1]["file"])
+    place = draw_place(car, kit.total_station, survey)
+    rows = measure_five(car, wheels, kit.total_station, place, survey)
+    text = "".join(f"{x:.6f},{y:.6f},{z:.6f}\n" for x, y, z in rows)
+    _write(folder / "five-point.txt", text)
+    _write(
+        folder / "capture.toml",
+        capture_toml(f"{Path(kit.vehicle_recipe.source).stem} {seed}", kit.target, wheels),
+    )
+    truth = Truth(seed, car, tuple(wheels), _used(car, kit, used, place))
+    _write(folder / "truth.json", json.dumps(truth.to_json(), indent=1) + "\n")
+    progress("truth.json")
+    return truth
+
+
+def _next_wheel(number: int, car: Vehicle, recipe: Recipe, rng: np.random.Generator) -> Wheel:
+    wheel = WHEELS[number % len(WHEELS)]
+    if number < len(WHEELS):
+        return draw_wheel(car, recipe, wheel, rng)
+    return draw_trial(car, recipe, wheel, str(number - len(WHEELS) + 1), rng)
+
+
+def _write_scan(
+    folder: Path, car: Vehicle, wheel: Wheel, kit: Instruments, rng: np.random.Generator
+) -> dict[str, Any]:
+    """Scan one wheel, write its file, and return what was used for it."""
+    stand = draw_stand(car, wheel, kit.scanner_recipe, rng)
+    scene = build_scene(car, wheel, kit.target, stand.position_vehicle_m)
+    R_site_vehicle = car.T_site_vehicle[:3, :3]
+    centre_station_m = R_site_vehicle @ (wheel.centre_vehicle_m - stand.position_vehicle_m)
+    seen = scan(scene, centre_station_m, kit.grid, kit.beam, rng)
+    station_m = site_point(car, stand.position_vehicle_m)
+    name = scan_file(wheel)
+    (folder / name).write_bytes(ply(seen.points_station_m + station_m, seen.intensity))
+    return {
+        "file": name,
+        "station_m": station_m,
+        "distance_m": stand.distance_m,
+        "incidence_deg": float(np.degrees(stand.incidence_rad)),
+        "stand_off_m": wheel.stand_off_m,
+        "beams": seen.beams,
+        "points": len(seen.points_station_m),
+        "points_on_target": int(seen.on_front.sum()),
+    }
+
+
+def _used(
+    car: Vehicle, kit: Instruments, scans: list[dict[str, Any]], place_vehicle_m: Array
+) -> dict[str, Any]:
+    return {
+        "target": kit.target.model_dump(),
+        "axles": car.axles.model_dump(),
+        "placement": car.placement.model_dump(),
+        "body": car.body.model_dump(),
+        "grid": kit.grid.model_dump(),
+        "beam": kit.beam.model_dump(),
+        "total_station": {
+            **kit.total_station.model_dump(),
+            "station_m": site_point(car, place_vehicle_m),
+        },
+        "scans": scans,
+    }
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="\n")
