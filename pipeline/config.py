@@ -43,7 +43,6 @@ class SegmentConfig(Section):
 class PlaneConfig(Section):
     """Fitting the plane (fit_plane.py)."""
 
-    trim_sigmas: float = Field(3.0, ge=3.0)
     edge_margin_m: float = Field(0.005, ge=0.0)
     max_iterations: int = Field(50, ge=1)
 

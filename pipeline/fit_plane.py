@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,11 +62,11 @@ def fit_plane(patch: Patch, radius_m: float, config: PlaneConfig) -> PlaneFit:
     resolution = 16.0 * np.finfo(float).eps * float(np.abs(patch.origin_m).max() + radius_m)
     sample = random_rows(interior, FIRST_LOOK_ROWS, np.random.default_rng(0))
     depth = sample @ patch.basis[2]
-    start = _Trim(patch.basis, np.zeros(3), _first_sigma(depth, 0.04 * radius_m))
-    look, _, _ = _converge(sample, start, resolution, config)
-    trim, moments, iterations = _converge(interior, look, resolution, config)
+    start = Trim(patch.basis, np.zeros(3), _first_sigma(depth, 0.04 * radius_m))
+    look, _, _ = converge(sample, start, resolution, config.max_iterations)
+    trim, moments, iterations = converge(interior, look, resolution, config.max_iterations)
     residual = (interior - moments.centroid_m) @ moments.normal
-    used = residual[np.abs(residual) < trim.limit(config.trim_sigmas, resolution)]
+    used = residual[np.abs(residual) < trim.limit(resolution)]
     basis = moments.basis if moments.normal @ patch.basis[2] > 0 else -moments.basis * _KEEP_HANDED
     return PlaneFit(
         centroid_m=patch.origin_m + moments.centroid_m,
@@ -82,15 +83,20 @@ _KEEP_HANDED = np.array([[-1.0], [1.0], [1.0]])
 
 
 @dataclass(frozen=True)
-class _Trim:
-    """A plane through `point` and the noise across it, by which points are kept or left."""
+class Trim:
+    """A plane through `point` and the noise across it, by which points are kept or left.
+
+    basis: (3, 3), the normal last. cap: no point further away is ever kept, metres.
+    """
 
     basis: Array
     point: Array
     sigma: float
+    cap: float = math.inf
 
-    def limit(self, sigmas: float, resolution: float) -> float:
-        return max(sigmas * self.sigma, resolution)
+    def limit(self, resolution: float, sigmas: float = 3.0) -> float:
+        """Distance within which points are kept: `sigmas` of noise, at least the resolution."""
+        return max(min(sigmas * self.sigma, self.cap), resolution)
 
 
 def _first_sigma(depth: Array, band: float) -> float:
@@ -103,24 +109,27 @@ def _first_sigma(depth: Array, band: float) -> float:
     return float(1.4826 * np.median(np.abs(near - np.median(near))))
 
 
-def _converge(
-    points: Array, trim: _Trim, resolution: float, config: PlaneConfig
-) -> tuple[_Trim, PlaneMoments, int]:
-    """Fit, trim, fit again, until the same points are kept twice."""
+def converge(
+    points: Array, trim: Trim, resolution: float, max_iterations: int = 50
+) -> tuple[Trim, PlaneMoments, int]:
+    """Fit points (N, 3), trim at 3 sigma, fit again, until the same points are kept twice.
+
+    resolution: of the coordinates, metres. Raises NotMeasuredError 'too-few-points'.
+    """
     kept = np.zeros(0, dtype=bool)
     iterations = 0
-    while iterations < config.max_iterations:
+    while iterations < max_iterations:
         residual = (points - trim.point) @ trim.basis[2]
-        keep = np.abs(residual) < trim.limit(config.trim_sigmas, resolution)
+        keep = np.abs(residual) < trim.limit(resolution)
         if np.array_equal(keep, kept):
             break
         kept = keep
-        if np.count_nonzero(keep) < 10:
-            raise NotMeasuredError("too-few-points", "fewer than 10 points agree on a plane")
+        if np.count_nonzero(keep) < 4:
+            raise NotMeasuredError("too-few-points", "fewer than 4 points agree on a plane")
         moments = total_least_squares(points[keep])
         if moments.scatter_m2[1] <= 100.0 * resolution**2:
             raise NotMeasuredError("too-few-points", "the points on the face span no plane")
         spread = float(np.sqrt(moments.scatter_m2[2] / (moments.count - 3))) / TRIMMED_AT_3
-        trim = _Trim(moments.basis, moments.centroid_m, spread)
+        trim = Trim(moments.basis, moments.centroid_m, spread, trim.cap)
         iterations += 1
     return trim, moments, iterations
