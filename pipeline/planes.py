@@ -1,4 +1,4 @@
-"""The planes of any cloud, without a target's size to go by: the threshold comes from the points."""
+"""The planes of any cloud, with no target's size to go by: the points tell the threshold."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ SCORED_POINTS = 2000
 LOOKED_AT_POINTS = 50_000
 MIN_SCORE = 6.0  # a plane as good arises by chance once in e^6 clouds
 MIN_CONTRAST = 2.0  # a slab of a curved or solid cloud is as dense as its neighbours: contrast 1
+MAX_THICKNESS = 0.05  # rms of a plane's residuals, over the spread of its points along it
+NEIGHBOURS, PLACES = 24, 48  # for the noise: this many points about this many points
+MAX_ROUGHNESS = 0.25  # noise over the neighbourhood's radius: above it nothing is planar anywhere
 
 
 @dataclass(frozen=True)
@@ -47,9 +50,11 @@ def find_planes(points_m: Array, max_planes: int, seed: int = 0) -> tuple[CloudP
         raise InputError(f"a plane with a residual needs at least 4 points, got {len(points_m)}")
     origin = np.median(random_rows(points_m, LOOKED_AT_POINTS, np.random.default_rng(seed)), axis=0)
     remaining = points_m - origin
+    widest = _widest_slab(remaining, np.random.default_rng(seed))
     found: list[CloudPlane] = []
     while len(found) < max_planes and len(remaining) >= 4:
-        plane = _next_plane(remaining, origin, np.random.default_rng([seed, len(found)]))
+        rng = np.random.default_rng([seed, len(found)])
+        plane = _next_plane(remaining, origin, widest, rng)
         if plane is None:
             break
         moments, limit = plane
@@ -70,12 +75,13 @@ def plane_of_all(points_m: Array) -> CloudPlane:
 
 
 def _next_plane(
-    points: Array, origin: Array, rng: np.random.Generator
+    points: Array, origin: Array, widest: float, rng: np.random.Generator
 ) -> tuple[PlaneMoments, float] | None:
     """The plane that stands out most, and the distance within which points belong to it."""
     scored = random_rows(points, SCORED_POINTS, rng)
     resolution = 16.0 * np.finfo(float).eps * float(np.abs(origin).max() + np.abs(points).max())
-    problem = _AnyPlane(scored, resolution)
+    span = float(np.linalg.norm(np.ptp(scored, axis=0)))
+    problem = _AnyPlane(scored, span, resolution, widest)
     result = ransac(problem, RansacOptions(max_proposals=1000), rng)
     if result is None or result.score < MIN_SCORE:
         return None
@@ -90,6 +96,30 @@ def _next_plane(
     return (moments, limit) if _stands_out(points, moments, limit) else None
 
 
+def _widest_slab(points: Array, rng: np.random.Generator) -> float:
+    """How far from a plane to look for its points: five times the noise of the cloud, metres.
+
+    The noise is that of the flattest quarter of small neighbourhoods. A cloud too small for
+    neighbourhoods gives 2 % of its span. Raises NotMeasuredError where nothing is flat.
+    """
+    cloud = random_rows(points, 2 * LOOKED_AT_POINTS, rng)
+    span = float(np.linalg.norm(np.ptp(cloud, axis=0)))
+    if len(cloud) < 2 * NEIGHBOURS:
+        return 0.02 * span
+    noise, roughness = [], []
+    for place in cloud[rng.integers(len(cloud), size=PLACES)]:
+        square = np.sum((cloud - place) ** 2, axis=1)
+        near = cloud[np.argpartition(square, NEIGHBOURS)[:NEIGHBOURS]]
+        plane = total_least_squares(near)
+        residual = np.abs((near - plane.centroid_m) @ plane.normal)
+        noise.append(1.4826 * float(np.median(residual)))
+        reach = math.sqrt(2.0 * plane.scatter_m2[1] / NEIGHBOURS)
+        roughness.append(noise[-1] / reach if reach > 0.0 else 0.0)
+    if np.quantile(roughness, 0.25) >= MAX_ROUGHNESS:
+        raise NotMeasuredError("no-plane", "no plane stands out among the points")
+    return min(5.0 * float(np.quantile(noise, 0.25)), 0.02 * span)
+
+
 def _basis(normal: Array) -> Array:
     return np.stack([np.zeros(3), np.zeros(3), normal])
 
@@ -99,7 +129,8 @@ def _stands_out(points: Array, moments: PlaneMoments, limit: float) -> bool:
     residual = np.abs((points - moments.centroid_m) @ moments.normal)
     inside = np.count_nonzero(residual < limit)
     beside = np.count_nonzero(residual < 3.0 * limit) - inside
-    return bool(inside >= 4 and inside >= MIN_CONTRAST * beside / 2.0)
+    thickness = math.sqrt(moments.scatter_m2[2] / max(moments.scatter_m2[1], 1e-300))
+    return bool(inside >= 4 and inside >= MIN_CONTRAST * beside / 2.0 and thickness < MAX_THICKNESS)
 
 
 def _describe(moments: PlaneMoments, points: Array, origin: Array) -> CloudPlane:
@@ -125,10 +156,10 @@ class _AnyPlane:
     Source: Moisan, Stival, Int. J. Comput. Vision 57 (2004) 201.
     """
 
-    def __init__(self, points: Array, resolution: float) -> None:
-        self._points = points
-        self._span = float(np.linalg.norm(np.ptp(points, axis=0)))
-        self._floor = max(resolution, 1e-12 * self._span)
+    def __init__(self, points: Array, span: float, resolution: float, widest: float) -> None:
+        self._points, self._span = points, span
+        self._floor = max(resolution, 1e-12 * span)
+        self._widest = max(widest, self._floor)
         count = np.arange(1, len(points) + 1)
         log_factorial = np.concatenate([[0.0], np.cumsum(np.log(count))])
         choose = log_factorial[-1] - log_factorial[1:] - log_factorial[::-1][1:]
@@ -160,7 +191,8 @@ class _AnyPlane:
         residual = np.sort(np.abs((self._points - model[:3]) @ model[3:]))
         share = np.clip(2.0 * np.maximum(residual, self._floor) / self._span, None, 1.0)
         log_alarms = self._log_tests + self._powers * np.log(share)
-        best = int(np.argmin(log_alarms))
+        within = max(int(np.searchsorted(residual, self._widest, side="right")), 4)
+        best = int(np.argmin(log_alarms[:within]))
         return float(max(residual[best], self._floor)), -float(log_alarms[best])
 
     def refine(self, model: Array) -> Array:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation  # noqa: TID253
+from scipy.spatial.transform import Rotation
 
 from pipeline.angles import (
     deg_min_sec,

@@ -7,15 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation  # noqa: TID253
+from scipy.spatial.transform import Rotation
 
-from pipeline.angles import WheelAngles, nearest_wheel, wheel_angles
+from pipeline.angles import nearest_wheel, wheel_angles
 from pipeline.errors import InputError
 from pipeline.five_point import fit_block
 from pipeline.five_point_file import read_five_point
 from pipeline.kernels import total_least_squares
+from pipeline.measure import measure_five_point
 from pipeline.reference_frame import REFERENCE_WHEELS, build_reference_frame
-from pipeline.report.paper_text import detailed_report, summary_table, tcgc_2013_text
+from pipeline.report.tcgc_2013_text import tcgc_2013_text
+from pipeline.report.text import detailed_report, summary_table
 from pipeline.tcgc_2013 import tcgc_2013
 
 DATA = Path(__file__).parent / "data"
@@ -439,20 +441,17 @@ def test_bounds_of_total_station_rows(tmp_path, row, fact):
 
 def test_detailed_report_says_all_that_the_paper_lists():
     blocks = figure_4()
-    wheels, angles = measure(blocks)
-    fits = [fit_block(block) for block in blocks]
-    frame = build_reference_frame([fit.centre_m for fit in fits[:4]])
-    names = [*REFERENCE_WHEELS, "1", "2", "3", "4"]
-    text = detailed_report(frame, names, wheels, fits, angles, ["A note."])
+    measurement = measure_five_point(read_five_point(PAPER / "figure-4.txt"))
+    frame = measurement.frame
+    text = detailed_report(measurement)
     for part in (
         "Points read (pontos lidos): 40",
-        "A note.",
         "rear track (largura): 1.36527 m",
         "front track (largura): 1.34236 m",
         "distância entre vias): 1.52220 m",
         "positive is toe-in",
         "Camber (sopé): positive is top out",
-        summary_table(names, wheels, angles),
+        summary_table(measurement),
     ):
         assert part in text
     equation = re.search(r"equation: (\S+) x (\S+) y (\S+) z (\S+) m = 0", text).groups()
@@ -461,7 +460,7 @@ def test_detailed_report_says_all_that_the_paper_lists():
     assert plane[:3] @ frame.origin_m + plane[3] == pytest.approx(0, abs=3 * 100 * 5e-9 + 5e-7)
     rows = [line.split() for line in text.split("Planes (")[1].split("\n")[2:10]]
     for row, block in zip(rows, blocks, strict=True):
-        a, b, c, d, rms_mm = map(float, row[1:])
+        a, b, c, d, rms_mm = map(float, row[1:6])
         residuals = block @ [a, b, c] + d
         assert 1e3 * np.sqrt(np.mean(residuals**2)) == pytest.approx(rms_mm, abs=1.6e-3)
     assert text.isascii() is False
@@ -469,7 +468,7 @@ def test_detailed_report_says_all_that_the_paper_lists():
 
 
 def test_summary_is_in_degrees_minutes_seconds():
-    angles = [WheelAngles(1180.7 * SECOND, -59.96 * SECOND, 0.0)]
-    assert summary_table(["1"], ["RR"], angles).split("\n")[1].split() == [
-        "1", "RR", "+00°19'40.7\"", "-00°01'00.0\"", "+00°00'00.0\""
-    ]  # fmt: skip
+    measurement = measure_five_point(read_five_point(PAPER / "figure-4.txt"))
+    row = summary_table(measurement).split("\n")[1].split()
+    assert row[:3] == ["RR", "RR", "-00°19'40.7\""]
+    assert row[4] == "+01°40'11.5\""

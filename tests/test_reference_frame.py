@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation  # noqa: TID253
+from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
 from pipeline.reference_frame import (

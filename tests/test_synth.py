@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import stats  # noqa: TID253  the oracle of these tests
+from scipy import stats
 
 from synth.archive import write_capture
 from synth.errors import SynthError
