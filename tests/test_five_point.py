@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pipeline.angles import nearest_wheel, wheel_angles
+from pipeline.angles import WheelAngles, nearest_wheel, wheel_angles
 from pipeline.errors import InputError
 from pipeline.five_point import fit_block
 from pipeline.five_point_file import read_five_point
