@@ -35,20 +35,22 @@ class FaceMap:
 def face_map(patch: Patch, plane: PlaneFit, target: TargetFit, radius_m: float) -> FaceMap:
     """Map of the points of `patch` about the centre of `target`, on the fitted plane."""
     half = REACH * radius_m
-    uvw = (patch.points_m + (patch.origin_m - target.centre_m)) @ plane.basis.T
-    uvw[:, 2] += (target.centre_m - plane.centroid_m) @ plane.normal
+    shift = (patch.origin_m - target.centre_m) @ plane.basis.T
+    shift[2] += (target.centre_m - plane.centroid_m) @ plane.normal
+    uvw = patch.points_m.astype(np.float32) @ plane.basis.T.astype(np.float32)
+    uvw += shift.astype(np.float32)
     uvw = uvw[np.max(np.abs(uvw[:, :2]), axis=1) < half]
-    column, row = ((uvw[:, :2] * [1.0, -1.0] + half) * (CELLS / (2.0 * half))).astype(np.int64).T
-    cell = np.clip(row, 0, CELLS - 1) * CELLS + np.clip(column, 0, CELLS - 1)
+    column, row = ((uvw[:, axis] * sign + half) * (CELLS / (2 * half)) for axis, sign in _TURN)
+    cell = row.astype(np.int32).clip(0, CELLS - 1) * CELLS
+    cell += column.astype(np.int32).clip(0, CELLS - 1)
     on_face = np.abs(uvw[:, 2]) < FACE_BAND * radius_m
     count = np.bincount(cell[on_face], minlength=CELLS**2)
     total = np.bincount(cell[on_face], uvw[on_face, 2], minlength=CELLS**2)
     others = np.bincount(cell[~on_face], minlength=CELLS**2)
     mean: Array = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     shape = (CELLS, CELLS)
-    return FaceMap(
-        mean.astype(np.float32).reshape(shape),
-        ((others > 0) & (count == 0)).reshape(shape),
-        half,
-        radius_m,
-    )
+    residual_m = mean.astype(np.float32).reshape(shape)
+    return FaceMap(residual_m, ((others > 0) & (count == 0)).reshape(shape), half, radius_m)
+
+
+_TURN = ((0, 1.0), (1, -1.0))  # columns run along u, rows down along v

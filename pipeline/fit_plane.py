@@ -58,6 +58,7 @@ def fit_plane(patch: Patch, radius_m: float, config: PlaneConfig) -> PlaneFit:
     """
     across = patch.points_m @ patch.basis[:2].T
     inside = np.einsum("ij,ij->i", across, across) < (radius_m - config.edge_margin_m) ** 2
+    del across
     interior = patch.points_m[inside]
     resolution = 16.0 * np.finfo(float).eps * float(np.abs(patch.origin_m).max() + radius_m)
     sample = random_rows(interior, FIRST_LOOK_ROWS, np.random.default_rng(0))
@@ -126,7 +127,7 @@ def converge(
         kept = keep
         if np.count_nonzero(keep) < 4:
             raise NotMeasuredError("too-few-points", "fewer than 4 points agree on a plane")
-        moments = total_least_squares(points[keep])
+        moments = total_least_squares(points, keep)
         if moments.scatter_m2[1] <= 100.0 * resolution**2:
             raise NotMeasuredError("too-few-points", "the points on the face span no plane")
         spread = float(np.sqrt(moments.scatter_m2[2] / (moments.count - 3))) / TRIMMED_AT_3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,26 +33,44 @@ class PlaneMoments:
         return np.asarray(self.basis[2])
 
 
-def total_least_squares(points_m: Array) -> PlaneMoments:
-    """Plane of least squared orthogonal distance through points_m (N, 3), N >= 3.
+def total_least_squares(points_m: Array, keep: npt.NDArray[np.bool_] | None = None) -> PlaneMoments:
+    """Plane of least squared orthogonal distance through points_m (N, 3), or those in keep (N,).
 
-    Eigenvectors of the centred 3x3 scatter. Centred first on a point of the cloud, which is exact,
-    then on the mean, so that coordinates of 1e7 m lose nothing but their own resolution. The
-    scatter across the plane is summed from the residuals: eigh gives the smallest eigenvalue only
-    to eps times the largest. The normal's largest component is positive.
+    At least 3 points. Eigenvectors of the centred 3x3 scatter. Centred first on a point of the
+    cloud, which is exact, then on the mean, so that coordinates of 1e7 m lose nothing but their own
+    resolution. The scatter across the plane is summed from the residuals: eigh gives the smallest
+    eigenvalue only to eps times the largest. The normal's largest component is positive.
     Source: Shakarji, J. Res. NIST 103 (1998) 633, section 3.
     """
-    local = points_m - points_m[0]
-    centroid = local.mean(axis=0)
-    local -= centroid
-    scatter_m2, vectors = np.linalg.eigh(local.T @ local)
+    origin = points_m[0 if keep is None else int(np.argmax(keep))]
+    count = len(points_m) if keep is None else int(np.count_nonzero(keep))
+    total = np.zeros(3)
+    for local in _chunks(points_m, keep, origin):
+        total += local.sum(axis=0)
+    mean = total / count
+    scatter = np.zeros((3, 3))
+    for local in _chunks(points_m, keep, origin):
+        local -= mean
+        scatter += local.T @ local
+    values, vectors = np.linalg.eigh(scatter)
     basis = vectors.T[::-1].copy()
     basis[2] *= np.sign(basis[2, np.argmax(np.abs(basis[2]))])
     basis[1] = np.cross(basis[2], basis[0])
-    residual = local @ basis[2]
-    across = float(residual @ residual)
-    scatter = np.array([*scatter_m2[:0:-1].clip(min=0.0), across])
-    return PlaneMoments(points_m[0] + centroid, basis, scatter, len(points_m))
+    across = 0.0
+    for local in _chunks(points_m, keep, origin):
+        residual = (local - mean) @ basis[2]
+        across += float(residual @ residual)
+    scatter_m2 = np.array([*values[:0:-1].clip(min=0.0), across])
+    return PlaneMoments(origin + mean, basis, scatter_m2, count)
+
+
+def _chunks(
+    points_m: Array, keep: npt.NDArray[np.bool_] | None, origin_m: Array
+) -> Iterator[Array]:
+    """The kept points relative to origin_m, some rows at a time, as fresh arrays."""
+    for start in range(0, len(points_m), CHUNK_ROWS):
+        rows = slice(start, start + CHUNK_ROWS)
+        yield (points_m[rows] if keep is None else points_m[rows][keep[rows]]) - origin_m
 
 
 def plane_basis(normal: Array) -> Array:

@@ -14,12 +14,18 @@ from pipeline.locate_centre import locate_centre
 from pipeline.measurement import Evidence, Measurement, Provenance
 from pipeline.observe import observe_block, observe_entry, pooled_noise
 from pipeline.readers import Scan
-from pipeline.segment import find_target
+from pipeline.segment import Patch, find_target
 
 
 def measure_scan(scan: Scan, target: DiscTarget, config: Config) -> Evidence:
     """Plane and centre of the one target that a scan shows. Raises NotMeasuredError."""
-    patch = find_target(scan.points_m, target, config.segment, config.seed)
+    return fit_target(
+        find_target(scan.points_m, target, config.segment, config.seed), target, config
+    )
+
+
+def fit_target(patch: Patch, target: DiscTarget, config: Config) -> Evidence:
+    """Plane and centre of the target in `patch`. Raises NotMeasuredError."""
     plane = fit_plane(patch, target.radius_m, config.plane)
     fitted = locate_centre(patch, plane, target, config.centre)
     return Evidence(fitted, plane, face_map(patch, plane, fitted, target.radius_m))
@@ -34,7 +40,7 @@ def measure_capture(
     be measured; a trial that cannot be measured stays in the result with its status.
     """
     observations = [
-        observe_entry(entry, capture, config, measure_scan, progress) for entry in capture.entries
+        observe_entry(entry, capture, config, fit_target, progress) for entry in capture.entries
     ]
     return align(observations, Provenance.of_capture(capture, config, observations))
 

@@ -16,15 +16,16 @@ from pipeline.five_point_file import FivePointFile
 from pipeline.kernels import Array
 from pipeline.locate_centre import TargetFit
 from pipeline.measurement import Evidence, Observation
-from pipeline.readers import Scan, read_scan
+from pipeline.readers import read_scan
 from pipeline.reference_frame import REFERENCE_WHEELS
+from pipeline.segment import Patch, find_target
 
 
 def observe_entry(
     entry: ScanEntry,
     capture: Capture,
     config: Config,
-    measure: Callable[[Scan, DiscTarget, Config], Evidence],
+    fit_target: Callable[[Patch, DiscTarget, Config], Evidence],
     progress: Callable[[str], None],
 ) -> Observation:
     """Read a scan and measure its target.
@@ -33,7 +34,26 @@ def observe_entry(
     frame stands, was not measured.
     """
     progress(entry.file)
-    scan = read_scan(entry.path, capture.length_unit, f"{capture.source}: {entry.file}")
+    source = f"{capture.source}: {entry.file}"
+    seen, patch = _find(entry, source, capture, config)
+    try:
+        if isinstance(patch, NotMeasuredError):
+            raise patch
+        return replace(seen, evidence=fit_target(patch, capture.target, config))
+    except NotMeasuredError as error:
+        if entry.role == "reference":
+            raise InputError(
+                f"{source}: the target of reference wheel {entry.name} was not measured "
+                f"({error.status}): {error}: scan this wheel again, or check --target"
+            ) from error
+        return replace(seen, status=error.status, reason=str(error))
+
+
+def _find(
+    entry: ScanEntry, source: str, capture: Capture, config: Config
+) -> tuple[Observation, Patch | NotMeasuredError]:
+    """What was read, and the target's surroundings; the scan itself is let go here."""
+    scan = read_scan(entry.path, capture.length_unit, source)
     seen = Observation(
         name=entry.name,
         role=entry.role,
@@ -44,14 +64,9 @@ def observe_entry(
         missing_returns=scan.missing_returns,
     )
     try:
-        return replace(seen, evidence=measure(scan, capture.target, config))
+        return seen, find_target(scan.points_m, capture.target, config.segment, config.seed)
     except NotMeasuredError as error:
-        if entry.role == "reference":
-            raise InputError(
-                f"{scan.source}: the target of reference wheel {entry.name} was not measured "
-                f"({error.status}): {error}: scan this wheel again, or check --target"
-            ) from error
-        return replace(seen, status=error.status, reason=str(error))
+        return seen, error.with_traceback(None)
 
 
 def pooled_noise(blocks_m: Array) -> float:

@@ -35,7 +35,7 @@ class RansacOptions:
 
     confidence: float = 0.999
     max_proposals: int = 3000
-    batch: int = 100
+    batch: int = 50
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,9 @@ def find_target(points_m: Array, target: DiscTarget, config: SegmentConfig, seed
     rng = np.random.default_rng(seed)
     subset = random_rows(points_m, config.subset_points, rng)
     origin = np.median(subset, axis=0)
-    found = _candidates(subset - origin, target.radius_m, config, rng)
+    subset -= origin
+    found = _candidates(subset, target.radius_m, config, rng)
+    del subset
     best = _choose(found, target, config)
     near = gather_face(
         points_m,
@@ -149,7 +151,9 @@ def _patch(
     basis = plane_basis(best.normal)
     depth = near @ basis[2]
     band = FACE_BAND * target.radius_m
-    placed = raster.match_disc(near[np.abs(depth) < band] @ basis[:2].T, target.radius_m)
+    on_face = near[np.abs(depth) < band] @ basis[:2].T
+    placed = raster.match_disc(on_face, target.radius_m)
+    del on_face
     if placed.points < 30:
         raise NotMeasuredError("too-few-points", f"{placed.points} points on the target, 30 needed")
     shift = placed.centre_m @ basis[:2]
