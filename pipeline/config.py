@@ -32,7 +32,7 @@ class SegmentConfig(Section):
     subset_points: int = Field(60_000, ge=1000)
     search_points: int = Field(10_000, ge=500)
     threshold_of_diameter: float = Field(0.016, gt=0.0, lt=0.1)
-    around_points: int = Field(400_000, ge=10_000)
+    around_points: int = Field(600_000, ge=10_000)
     max_proposals: int = Field(3000, ge=100)
     max_planes: int = Field(6, ge=1)
     min_support: float = Field(15.0, gt=3.0)

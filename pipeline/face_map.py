@@ -37,7 +37,8 @@ def face_map(patch: Patch, plane: PlaneFit, target: TargetFit, radius_m: float) 
     half = REACH * radius_m
     shift = (patch.origin_m - target.centre_m) @ plane.basis.T
     shift[2] += (target.centre_m - plane.centroid_m) @ plane.normal
-    uvw = patch.points_m.astype(np.float32) @ plane.basis.T.astype(np.float32)
+    points = np.concatenate([patch.face_m.astype(np.float32), patch.around_m])
+    uvw = points @ plane.basis.T.astype(np.float32)
     uvw += shift.astype(np.float32)
     uvw = uvw[np.max(np.abs(uvw[:, :2]), axis=1) < half]
     column, row = ((uvw[:, axis] * sign + half) * (CELLS / (2 * half)) for axis, sign in _TURN)

@@ -56,10 +56,10 @@ def fit_plane(patch: Patch, radius_m: float, config: PlaneConfig) -> PlaneFit:
     than the margin are left out: the laser spot mixes plate and background there.
     Raises NotMeasuredError 'too-few-points'.
     """
-    across = patch.points_m @ patch.basis[:2].T
+    across = patch.face_m @ patch.basis[:2].T
     inside = np.einsum("ij,ij->i", across, across) < (radius_m - config.edge_margin_m) ** 2
     del across
-    interior = patch.points_m[inside]
+    interior = patch.face_m[inside]
     resolution = 16.0 * np.finfo(float).eps * float(np.abs(patch.origin_m).max() + radius_m)
     sample = random_rows(interior, FIRST_LOOK_ROWS, np.random.default_rng(0))
     depth = sample @ patch.basis[2]

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.config import CentreConfig, DiscTarget
 from pipeline.errors import NotMeasuredError
 from pipeline.fit_plane import PlaneFit
-from pipeline.kernels import Array, random_rows
+from pipeline.kernels import Array
 from pipeline.rim import RimFit, fit_rim
 from pipeline.segment import BEAM_SLOPE, Patch
 
@@ -45,8 +45,7 @@ def locate_centre(
     outermost points of the face. Raises NotMeasuredError 'no-outline'.
     """
     near_rim = _near_rim(patch, plane, target.radius_m)
-    rng = np.random.default_rng(0)
-    rim = fit_rim(random_rows(near_rim, config.max_points, rng), target, plane.sigma_m, config)
+    rim = fit_rim(near_rim, target, plane.sigma_m, config)
     if rim is not None:
         centre, covariance = rim.centre_m, rim.covariance_m2
         covariance = covariance + config.model_uncertainty_m**2 * np.eye(2)
@@ -66,15 +65,17 @@ def locate_centre(
 
 
 def _near_rim(patch: Patch, plane: PlaneFit, radius_m: float) -> Array:
-    """Points about the rim in plane coordinates (M, 3), origin below the patch's origin."""
+    """Points that may matter to the rim in plane coordinates (M, 3), origin below the patch's."""
     lift = (patch.origin_m - plane.centroid_m) @ plane.basis[2]
-    uvw = patch.points_m @ plane.basis.T
-    uvw[:, 2] += lift
-    reach = np.hypot(uvw[:, 0], uvw[:, 1])
-    far = radius_m + 0.03 + BEAM_SLOPE * np.abs(uvw[:, 2])
-    return np.asarray(
-        uvw[(reach > 0.9 * radius_m - BEAM_SLOPE * np.abs(uvw[:, 2])) & (reach < far)]
-    )
+    kept = []
+    for points in (patch.face_m, patch.around_m):
+        uvw = points @ plane.basis.T.astype(points.dtype)
+        uvw[:, 2] += lift
+        reach = np.hypot(uvw[:, 0], uvw[:, 1])
+        aside = BEAM_SLOPE * np.abs(uvw[:, 2])
+        near = (reach > 0.9 * radius_m - aside) & (reach < radius_m + 0.03 + aside)
+        kept.append(uvw[near])
+    return np.concatenate(kept, dtype=np.float64)
 
 
 def _to_scanner(centre: Array, patch: Patch, plane: PlaneFit) -> Array:

@@ -16,11 +16,12 @@ import numpy.typing as npt
 
 from pipeline.config import CentreConfig, DiscTarget
 from pipeline.edge_profile import EdgeProfile, edge_profile
-from pipeline.kernels import Array
+from pipeline.kernels import Array, random_rows
 
 MIN_DEPTH_M = 0.006  # what lies nearer behind the face is not taken for background
 INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the rim the profile is compared
 RING_M = (0.001, 0.011)  # where the clean background is looked up, beyond the spot
+NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
 POINTING_M = 1.5e-4  # beam pointing and raster, as an uncertainty of x
 DEPTH_SHARE = 0.02  # what the background's depth may differ between look-up and beam
 MAX_SPREAD = 0.15  # sectors whose background is rougher than this share of its depth are left out
@@ -59,11 +60,15 @@ def fit_rim(
 
     None where less than a quarter of the rim has a background to compare with.
     """
-    plane, depth = uvw_m[:, :2], -uvw_m[:, 2]
     prior = _Prior.of(target, config)
-    state = _first_beam(plane, depth, prior.mean.copy(), target.radius_m)
+    rng = np.random.default_rng(0)
+    look = random_rows(uvw_m, config.max_points, rng)
+    state = _first_beam(look[:, :2], -look[:, 2], prior.mean.copy(), target.radius_m)
     if state is None:
         return None
+    beside = _carry(uvw_m[:, :2], -uvw_m[:, 2], state, target.radius_m).x_m
+    near = random_rows(uvw_m[np.abs(beside) < NEAR_M], config.max_points, rng)
+    plane, depth = near[:, :2], -near[:, 2]
     background = _background(plane, depth, state, target.radius_m)
     for iteration in range(1, config.max_iterations + 1):
         if 1 < iteration <= 8:

@@ -48,15 +48,16 @@ class Patch:
     """The surroundings of the target's face, before anything is fitted to it.
 
     origin_m: (3,) scanner frame, near the target's centre.
-    points_m: (M, 3) all points of the scan near the face, relative to origin_m, scanner axes.
+    face_m: (N, 3) all points within reach of the face's plane, relative to origin_m, scanner axes.
+    around_m: (M, 3) float32, the same of other points around, thinned where there are many.
     basis: (3, 3) rows: two directions in the plane, then the normal that points to the scanner.
     candidates: every plane that was looked at, best match first.
     """
 
     origin_m: Array
-    points_m: Array
+    face_m: Array
+    around_m: npt.NDArray[np.float32]
     basis: Array
-    points_total: int
     candidates: tuple[Candidate, ...]
 
 
@@ -73,7 +74,7 @@ def find_target(points_m: Array, target: DiscTarget, config: SegmentConfig, seed
     found = _candidates(subset, target.radius_m, config, rng)
     del subset
     best = _choose(found, target, config)
-    near = gather_face(
+    near, around = gather_face(
         points_m,
         origin + best.centre_m,
         best.normal,
@@ -82,7 +83,7 @@ def find_target(points_m: Array, target: DiscTarget, config: SegmentConfig, seed
         config.around_points / len(points_m),
         rng,
     )
-    return _patch(near, origin, best, len(points_m), found, target)
+    return _patch(near, around, origin, best, found, target)
 
 
 def _candidates(
@@ -140,28 +141,26 @@ def _choose(found: tuple[Candidate, ...], target: DiscTarget, config: SegmentCon
 
 
 def _patch(
-    near: Array,
+    face: Array,
+    around: npt.NDArray[np.float32],
     origin: Array,
     best: Candidate,
-    points_total: int,
     found: tuple[Candidate, ...],
     target: DiscTarget,
 ) -> Patch:
     """Centre once more, at the full density, and turn the normal away from what lies behind."""
     basis = plane_basis(best.normal)
-    depth = near @ basis[2]
-    band = FACE_BAND * target.radius_m
-    on_face = near[np.abs(depth) < band] @ basis[:2].T
-    placed = raster.match_disc(on_face, target.radius_m)
-    del on_face
+    placed = raster.match_disc(face @ basis[:2].T, target.radius_m)
     if placed.points < 30:
         raise NotMeasuredError("too-few-points", f"{placed.points} points on the target, 30 needed")
     shift = placed.centre_m @ basis[:2]
-    if np.count_nonzero(depth > 2 * band) > np.count_nonzero(depth < -2 * band):
+    depth = around @ basis[2].astype(np.float32)
+    if np.count_nonzero(depth > 0.0) > np.count_nonzero(depth < 0.0):
         basis = basis * np.array([[1.0], [-1.0], [-1.0]])
+    face -= shift
+    around -= shift.astype(np.float32)
     in_scanner = tuple(Candidate(c.centre_m + origin, c.normal, c.match, c.points) for c in found)
-    near -= shift
-    return Patch(origin + best.centre_m + shift, near, basis, points_total, in_scanner)
+    return Patch(origin + best.centre_m + shift, face, around, basis, in_scanner)
 
 
 class _LocalPlanes:
