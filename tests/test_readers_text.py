@@ -83,7 +83,7 @@ def test_a_fifth_column_leaves_no_intensity(tmp_path):
         ("# nothing\n\n", "0 points"),
         ("x y z\n", "0 points"),
         ("5\n", "declares 5 points, the file holds 0"),
-        ("1 2 3\n4 5 6", "the last line has no line end"),
+        ("1.25 2.25 3.25\n" * 6 + "4.25 5.25 6.2", "ends in the middle of a number"),
         ("1 2 1e400\n", "point 1 has an infinite coordinate"),
     ],
 )
@@ -148,3 +148,15 @@ def test_an_npy_header_that_lies_is_refused(tmp_path, rows):
         prefix = b"\x93NUMPY" + bytes([version, 0]) + len(header).to_bytes(width, "little")
         refuse(tmp_path, "rr.npy", prefix + header + bytes(5 * 24), f"declares {rows} points")
     refuse(tmp_path, "rr.npy", b"\x93NUMPY\x03\x00" + bytes(40), "version 3.0")
+
+
+def test_the_last_line_may_lack_its_end(tmp_path):
+    for text in (
+        "1 2 3\n4 5 6",
+        "x,y,z\n1.5,2.5,3.25\n4.5,5.5,6.125",
+        "1.25 2.25 3.25\n" * 5 + "1 2 3.75",
+    ):
+        path = tmp_path / "rr.csv"
+        path.write_text(text)
+        last = [float(field) for field in text.replace(",", " ").split()[-3:]]
+        assert read_scan(path).points_m[-1].tolist() == last

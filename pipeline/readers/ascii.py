@@ -10,13 +10,13 @@ from typing import TextIO
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.errors import InputError
 from pipeline.readers.faults import fault
 from pipeline.readers.raw import Source, shown
 
 Table = npt.NDArray[np.float64]
 
 _BLOCK_LINES = 1 << 15
+_TAIL_BYTES = 1 << 12
 _NUMBER = re.compile(
     r"[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf(inity)?)", re.IGNORECASE | re.ASCII
 )
@@ -32,11 +32,11 @@ def content(line: str) -> str:
     return line.partition("#")[0].partition("//")[0].strip()
 
 
-def count_lines(source: Source) -> tuple[int, bool]:
-    """Lines from here to the end, at most, and whether the last has its line end.
+def count_lines(source: Source) -> int:
+    """Lines from here to the end, at most; a line end is LF, CR or both; the stream is put back.
 
-    Without it the last number may have lost digits, which nothing else would tell. A line end is
-    LF, CR or both; the stream is put back.
+    The last line may lack its end. Raises InputError where it then is evidently cut: its last
+    number has fewer decimals than those above it, which all have as many.
     """
     start, lines, last = source.stream.tell(), 0, b""
     while chunk := source.stream.read(1 << 20):
@@ -44,17 +44,27 @@ def count_lines(source: Source) -> tuple[int, bool]:
         if b"\r" in chunk:
             lines += chunk.count(b"\r") - chunk.count(b"\r\n")
         last = chunk[-1:]
+    if last not in (b"\n", b"\r", b""):
+        lines += 1
+        source.stream.seek(max(start, source.size - _TAIL_BYTES))
+        if _is_cut(source.stream.read()):
+            raise fault(
+                source,
+                "its last line ends in the middle of a number",
+                "copy the file again or, if it is whole, end the line",
+            )
     source.stream.seek(start)
-    return lines, last in (b"\n", b"\r", b"")
+    return lines
 
 
-def unended(source: Source) -> InputError:
-    """The last line lacks its line end."""
-    return fault(
-        source,
-        "the last line has no line end, so its last number may be cut",
-        "copy the file again or, if it is whole, end the line",
-    )
+def _is_cut(tail: bytes) -> bool:
+    """Whether the last number is shorter than those above it, or has none above it to compare."""
+    rows = [row.split() for row in re.sub(rb"[,;]", b" ", tail).splitlines()]
+    last = [row[-1].decode("latin-1") for row in rows if row and not row[0].startswith(b"#")]
+    decimals = [len(number.partition(".")[2]) for number in last if is_number(number)]
+    if len(decimals) == 1:
+        return True
+    return len(decimals) > 4 and len(set(decimals[1:-1])) == 1 and decimals[-1] != decimals[1]
 
 
 def table_blocks(

@@ -8,7 +8,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from pipeline.readers.ascii import count_lines, table_blocks, unended
+from pipeline.readers.ascii import count_lines, table_blocks
 from pipeline.readers.binary import record_blocks
 from pipeline.readers.faults import fault, too_long, too_short
 from pipeline.readers.lzf import LARGEST_RATIO, decompress
@@ -30,11 +30,9 @@ def read_pcd(source: Source) -> RawCloud:
 
 
 def _ascii(header: PcdHeader, source: Source) -> Iterator[Block]:
-    lines, ended = count_lines(source)
-    if lines < header.points - (not ended):
+    lines = count_lines(source)
+    if lines < header.points:
         raise too_short(source, header.points, lines)
-    if not ended:
-        raise unended(source)
     return _ascii_blocks(header, source)
 
 

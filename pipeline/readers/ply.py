@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import accumulate
 
-from pipeline.readers.ascii import count_lines, skip_rows, table_blocks, unended
+from pipeline.readers.ascii import count_lines, skip_rows, table_blocks
 from pipeline.readers.binary import record_blocks
 from pipeline.readers.faults import fault, too_long, too_short
 from pipeline.readers.ply_header import PlyElement, PlyHeader, read_header
@@ -48,11 +48,9 @@ def _binary(header: PlyHeader, layout: Layout, source: Source) -> Iterator[Block
 def _ascii(header: PlyHeader, layout: Layout, source: Source) -> Iterator[Block]:
     before, after = _rows(header.before), _rows(header.after)
     count = header.vertex.count
-    lines, ended = count_lines(source)
-    if lines < before + count - (not ended):
+    lines = count_lines(source)
+    if lines < before + count:
         raise too_short(source, count, max(0, lines - before), "vertices")
-    if not ended:
-        raise unended(source)
     return _ascii_blocks(header, layout, source, before, after)
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
 
-from pipeline.readers.ascii import content, count_lines, is_number, table_blocks, unended
+from pipeline.readers.ascii import content, count_lines, is_number, table_blocks
 from pipeline.readers.faults import fault, too_short
 from pipeline.readers.raw import Block, Layout, RawCloud, Source, find_layout, shown
 
@@ -36,9 +36,7 @@ def read_text(source: Source) -> RawCloud:
     """Three or more columns of numbers: x y z and perhaps an intensity, or as they are named."""
     if source.stream.read(3) != codecs.BOM_UTF8:
         source.stream.seek(0)
-    lines, ended = count_lines(source)
-    if not ended:
-        raise unended(source)
+    lines = count_lines(source)
     preamble = _read_preamble(source)
     return RawCloud(lines, preamble.layout.intensity is not None, _blocks(preamble, source))
 
