@@ -65,6 +65,9 @@ def main() -> None:
         os.environ.setdefault(variable, "1")  # same bytes at any number of cores
     try:
         code = cli.main(standalone_mode=False)
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        code = _fail("no command is given")
     except WheelplaneError as error:
         code = _fail(str(error))
     except click.UsageError as error:
@@ -79,6 +82,8 @@ def main() -> None:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 2
+    except OSError as error:
+        code = _fail(f"{error.filename or 'input or output'}: {error.strerror}: check it")
     sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal, TypeVar, get_args
 
 from pydantic import (  # noqa: TID253 - the models need it to exist; nothing else imports it
     BaseModel,
@@ -17,7 +17,7 @@ from pydantic import (  # noqa: TID253 - the models need it to exist; nothing el
 from pipeline.errors import ConfigError
 
 T = TypeVar("T", bound="Section")
-Positive = Field(gt=0.0)
+TABLE_FAULTS = ("model_type", "dict_type")
 
 
 class Section(BaseModel):
@@ -32,7 +32,7 @@ class SegmentConfig(Section):
     subset_points: int = Field(60_000, ge=1000)
     search_points: int = Field(10_000, ge=500)
     threshold_of_diameter: float = Field(0.016, gt=0.0, lt=0.1)
-    around_points: int = Field(600_000, ge=10_000)
+    around_points: int = Field(500_000, ge=10_000)
     max_proposals: int = Field(3000, ge=100)
     max_planes: int = Field(6, ge=1)
     min_support: float = Field(15.0, gt=3.0)
@@ -112,7 +112,7 @@ def load_config(path: Path | None) -> Config:
 def load_target(name: str) -> DiscTarget:
     """Target by name (`disc-250`) or TOML file."""
     path = config_file("targets", name)
-    return parse_target(read_toml(path), path.name)
+    return parse_target(read_toml(path), name)
 
 
 def parse_target(table: dict[str, object], where: str) -> DiscTarget:
@@ -126,10 +126,14 @@ def parse_target(table: dict[str, object], where: str) -> DiscTarget:
 def read_toml(path: Path) -> dict[str, object]:
     """Parsed TOML file; ConfigError names the file and what is wrong."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # editors write a mark
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}: check the path") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: not UTF-8 text ({error}): save it as UTF-8") from error
+    except RecursionError as error:
+        raise ConfigError(f"{path}: not valid TOML: brackets nest too deep") from error
+    except ValueError as error:  # of tomllib, and of int for 4300 digits
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
 
 
@@ -146,17 +150,24 @@ def _fault(model: type[BaseModel], fault: object) -> str:
     assert isinstance(fault, dict)
     path = [str(part) for part in fault["loc"]]
     name = ".".join(path)
+    if fault["type"] == "missing":
+        return f"{name!r} is missing: add it"
     if fault["type"] != "extra_forbidden":
-        return (
-            f"{name}: {str(fault['msg'])[0].lower()}{str(fault['msg'])[1:]}, got {fault['input']!r}"
-        )
+        said = "a table is needed" if fault["type"] in TABLE_FAULTS else str(fault["msg"])
+        return f"{name}: {said[0].lower()}{said[1:]}, got {_short(fault['input'])}"
     for part in path[:-1]:
         inner = model.model_fields[part].annotation if part in model.model_fields else None
-        if isinstance(inner, type) and issubclass(inner, BaseModel):
-            model = inner
+        for kind in (inner, *get_args(inner)):  # a section, or a tuple of sections
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                model = kind
     return f"unknown key {name!r}: {_nearest(path[-1], list(model.model_fields))}known are " + (
         ", ".join(model.model_fields)
     )
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _nearest(name: str, known: list[str]) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.config import PlaneConfig
+from pipeline.correlation import variance_inflation
 from pipeline.errors import NotMeasuredError
 from pipeline.kernels import Array, PlaneMoments, random_rows, total_least_squares
 from pipeline.segment import Patch
@@ -26,6 +27,7 @@ class PlaneFit:
     normal that points to the scanner. sigma_m: noise across the plane, corrected for the trimming;
     rms_m: root mean square of the residuals of the points used. scatter_m2: (2,) in-plane scatter
     along the basis. count: points used. iterations: until the set of points stood still.
+    inflation: of the variance by noise that is correlated; count / inflation points are effective.
     """
 
     centroid_m: Array
@@ -35,6 +37,7 @@ class PlaneFit:
     scatter_m2: Array
     count: int
     iterations: int
+    inflation: float
 
     @property
     def normal(self) -> Array:
@@ -43,8 +46,8 @@ class PlaneFit:
 
     @property
     def normal_covariance(self) -> Array:
-        """(3, 3), rad^2: sigma^2 / scatter along each in-plane direction."""
-        variance = self.sigma_m**2 / self.scatter_m2
+        """(3, 3), rad^2: sigma^2 / scatter along each in-plane direction, times the inflation."""
+        variance = self.inflation * self.sigma_m**2 / self.scatter_m2
         return (self.basis[:2].T * variance) @ self.basis[:2]
 
 
@@ -66,17 +69,18 @@ def fit_plane(patch: Patch, radius_m: float, config: PlaneConfig) -> PlaneFit:
     start = Trim(patch.basis, np.zeros(3), _first_sigma(depth, 0.04 * radius_m))
     look, _, _ = converge(sample, start, resolution, config.max_iterations)
     trim, moments, iterations = converge(interior, look, resolution, config.max_iterations)
-    residual = (interior - moments.centroid_m) @ moments.normal
-    used = residual[np.abs(residual) < trim.limit(resolution)]
+    used = (interior - moments.centroid_m) @ moments.basis.T
+    used = used[np.abs(used[:, 2]) < trim.limit(resolution)]
     basis = moments.basis if moments.normal @ patch.basis[2] > 0 else -moments.basis * _KEEP_HANDED
     return PlaneFit(
         centroid_m=patch.origin_m + moments.centroid_m,
         basis=basis,
         sigma_m=trim.sigma,
-        rms_m=float(np.sqrt(np.mean(used**2))),
+        rms_m=float(np.sqrt(np.mean(used[:, 2] ** 2))),
         scatter_m2=moments.scatter_m2[:2],
         count=moments.count,
         iterations=iterations,
+        inflation=variance_inflation(used[:, :2], used[:, 2], trim.sigma, radius_m),
     )
 
 

@@ -87,7 +87,9 @@ def _to_scanner(centre: Array, patch: Patch, plane: PlaneFit) -> Array:
 def _centre_covariance(in_plane: Array, centre: Array, patch: Patch, plane: PlaneFit) -> Array:
     """(3, 3): the outline's in the plane; the plane's own across it, at the lever of the centre."""
     lever = patch.origin_m + _to_scanner(centre, patch, plane) - plane.centroid_m
-    across = plane.sigma_m**2 / plane.count + lever @ plane.normal_covariance @ lever
+    across = (
+        plane.inflation * plane.sigma_m**2 / plane.count + lever @ plane.normal_covariance @ lever
+    )
     return np.asarray(
         plane.basis[:2].T @ in_plane @ plane.basis[:2]
         + across * np.outer(plane.normal, plane.normal)

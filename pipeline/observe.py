@@ -44,7 +44,8 @@ def observe_entry(
         if entry.role == "reference":
             raise InputError(
                 f"{source}: the target of reference wheel {entry.name} was not measured "
-                f"({error.status}): {error}: scan this wheel again, or check --target"
+                f"({error.status}): {error}: scan this wheel again, or check "
+                "--target and length_unit"
             ) from error
         return replace(seen, status=error.status, reason=str(error))
 

@@ -109,7 +109,7 @@ class _Prior:
         thickness = target.thickness if target.thickness is not None else 0.008
         logs = np.log([config.spot_radius_m, max(thickness, 1e-4)])
         mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs])
-        sigma = np.array([0.01, 0.01, 3.0, 3.0, 0.3, 0.7, 0.1 if known else 1.0])
+        sigma = np.array([0.01, 0.01, 3.0, 3.0, 0.3, 0.7, 0.3 if known else 1.0])
         return cls(mean, 1.0 / sigma**2)
 
 

@@ -16,7 +16,8 @@ SCHEMA = "wheelplane/measurement/1"
 
 def to_json(measurement: Measurement) -> str:
     """Text of measurement.json; the same measurement gives the same bytes."""
-    return json.dumps(to_tree(measurement), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    text = json.dumps(to_tree(measurement), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return text.encode(errors="backslashreplace").decode()  # a path may hold bytes that are no text
 
 
 def to_tree(measurement: Measurement) -> dict[str, Any]:
@@ -63,6 +64,7 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
     seen = result.observation
     angles = result.angles
     fitted = seen.evidence.target if seen.evidence else None
+    plane = seen.evidence.plane if seen.evidence else None
     return {
         "name": seen.name,
         "role": seen.role,
@@ -82,6 +84,8 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
         "plane_rms_m": fitted.plane_rms_m if fitted else None,
         "points_total": seen.points_total,
         "points_on_target": fitted.points_on_target if fitted else None,
+        "points_effective": plane.count / plane.inflation if plane else None,
+        "noise_m": plane.sigma_m if plane else None,
         "missing_returns": seen.missing_returns,
         "file": seen.source,
         "centre_method": fitted.method if fitted else None,

@@ -84,7 +84,8 @@ def detailed_report(measurement: Measurement) -> str:
         "Made from",
         *(f"  {name}  {digest}" for name, digest in made.inputs.items()),
     ]
-    return "\n".join(sections) + "\n"
+    text = "\n".join(sections) + "\n"
+    return text.encode(errors="backslashreplace").decode()  # a path may hold bytes that are no text
 
 
 def _frame_section(measurement: Measurement) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from pipeline.errors import InputError
@@ -22,7 +23,7 @@ def write_reports(measurement: Measurement, folder: Path, pictures: bool = True)
     for result in measurement.wheels if pictures else ():
         png = face_png(result)
         if png is not None:
-            files[f"target-{_file_name(result.observation.name)}.png"] = png
+            files[_picture_name(result.observation.name, files)] = png
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -55,5 +56,9 @@ def _umask() -> int:
     return mask
 
 
-def _file_name(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+def _picture_name(name: str, taken: Iterable[str]) -> str:
+    """A file name that every system takes, and that none of `taken` has."""
+    stem = "target-" + "".join(c if c.isalnum() or c in "-_" else "_" for c in name)[:40]
+    while f"{stem}.png".casefold() in (other.casefold() for other in taken):
+        stem += "_"
+    return f"{stem}.png"

@@ -74,9 +74,8 @@ def main() -> None:
         error, scaled = table[:, column] * ARCSEC, table[:, 3 + column]
         inside = np.mean(np.abs(scaled) < 1.96) * 100.0
         rms = np.sqrt(np.mean(error**2))
-        print(
-            f'{name:8s} {rms:6.1f}" {np.abs(error).max():8.1f}" {inside:12.1f} % {np.mean(scaled**2):20.2f}'
-        )
+        worst, scatter = np.abs(error).max(), np.mean(scaled**2)
+        print(f'{name:8s} {rms:6.1f}" {worst:8.1f}" {inside:12.1f} % {scatter:20.2f}')
     centre = table[:, 2] * 1e3
     print(
         f"centre   {np.sqrt(np.mean(centre**2)):6.3f} mm {centre.max():6.3f} mm"
