@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pipeline.angles import nearest_wheel, outward_normal, vehicle_angles, wheel_angles
+from pipeline.errors import InputError
+from pipeline.kernels import Array
 from pipeline.measurement import Measurement, Observation, Provenance, WheelResult
 from pipeline.reference_frame import REFERENCE_WHEELS, build_reference_frame
 from pipeline.uncertainty import propagate
@@ -17,14 +20,20 @@ def align(
 ) -> Measurement:
     """Angles of all observations; the first four are RR, RL, FR, FL and were measured.
 
-    Raises InputError where the four centres define no frame, or a trial belongs to no wheel.
+    A trial that belongs to no wheel gets a status. Raises InputError where the four centres define
+    no frame.
     """
     centres = np.stack([seen.fitted.centre_m for seen in observations[:4]])
-    frame = build_reference_frame(centres)
+    try:
+        frame = build_reference_frame(centres)
+    except InputError as error:
+        raise InputError(f"{provenance.source}: {error}") from error
+    observations = [_on_a_wheel(seen, centres) for seen in observations]
     measured = [seen for seen in observations if seen.evidence is not None]
-    wheels = [seen.wheel or nearest_wheel(centres, seen.fitted.centre_m) for seen in measured]
+    wheels = [seen.wheel for seen in measured if seen.wheel is not None]
     angles = [
-        wheel_angles(frame, s.fitted.normal, w) for s, w in zip(measured, wheels, strict=True)
+        wheel_angles(frame, seen.fitted.normal, wheel)
+        for seen, wheel in zip(measured, wheels, strict=True)
     ]
     uncertainty = propagate([seen.fitted for seen in measured], wheels)
     results = {
@@ -47,3 +56,13 @@ def align(
         provenance=provenance,
         notes=tuple(notes),
     )
+
+
+def _on_a_wheel(seen: Observation, centres: Array) -> Observation:
+    """The observation with its wheel: as named, else the nearest; not measured if near none."""
+    if seen.wheel is not None or seen.evidence is None:
+        return seen
+    try:
+        return replace(seen, wheel=nearest_wheel(centres, seen.fitted.centre_m))
+    except InputError as error:
+        return replace(seen, evidence=None, status="no-wheel", reason=str(error))

@@ -43,20 +43,24 @@ class LazyGroup(click.Group):
             formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
 
 
+HELP = """Toe and camber of a vehicle's wheels from dense laser scans of targets clamped to them.
+
+\b
+wheelplane demo DIR              a made vehicle, its scans, its angles beside the truth
+wheelplane measure CAPTURE       a folder, zip or tar with one scan a wheel
+wheelplane five-point FILE       the same from five surveyed points a wheel
+"""
+
+
 @click.command(
     cls=LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"]},
+    help=HELP,
     epilog="Exit codes: 0 measured; 1 measured in part; 2 unusable input or arguments.",
 )
 @click.version_option(__version__, prog_name="wheelplane")
 def cli() -> None:
-    r"""Toe and camber of a vehicle's wheels from dense laser scans of targets clamped to them.
-
-    \b
-    wheelplane demo DIR              a made vehicle, its scans, its angles beside the truth
-    wheelplane measure CAPTURE       a folder, zip or tar with one scan a wheel
-    wheelplane five-point FILE       the same from five surveyed points a wheel
-    """
+    """Group of the commands in the table above."""
 
 
 def main() -> None:
@@ -64,7 +68,7 @@ def main() -> None:
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")  # same bytes at any number of cores
     try:
-        code = cli.main(standalone_mode=False)
+        code = cli.main(prog_name="wheelplane", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         code = _fail("no command is given")

@@ -4,7 +4,7 @@ A beam that meets the plane of the face at the signed distance x outside the rim
 face (depth 0); the side wall, if the rim's wall there faces the scanner (depth x / tau, down to the
 thickness T at x = T tau); then the background (depth B). tau is the tangent of the incidence
 against the wall: how far the beam runs inwards for each metre of depth. The range that comes back
-is the mean of that profile over the spot, a uniform disc of radius s.
+is the mean of that profile over the spot, a uniform disc of radius s, weighted by brightness.
 """
 
 from __future__ import annotations
@@ -23,38 +23,51 @@ _G = np.concatenate([[0.0], np.cumsum((_F[1:] + _F[:-1]) * 0.5 * (_U[1] - _U[0])
 
 @dataclass(frozen=True)
 class EdgeProfile:
-    """Mean depth (N,) over the spot, and its derivatives: by x, tau, log s and T, (N,) each."""
+    """Mean depth (N,) over the spot, and its derivatives, (N,) each.
+
+    The derivatives are by x, tau, log spot, thickness and log echo.
+    """
 
     depth_m: Array
     d_x: Array
     d_tau: Array
     d_log_spot: Array
     d_thickness: Array
+    d_log_echo: Array
     background_share: Array
 
 
 def edge_profile(
-    x_m: Array, tau: Array, background_m: Array, spot_m: Array, thickness_m: float
+    x_m: Array, tau: Array, background_m: Array, spot_m: Array, thickness_m: float, echo: float
 ) -> EdgeProfile:
     """Depth behind the face that a beam at x_m (N,) returns; all arrays (N,), metres.
 
-    With w = T tau, a = x/s, b = (x - w)/s:
-    depth = T s/w (G(a) - G(b)) + (B - T) F(b); as w -> 0 the first term tends to T F(a).
+    echo: how brightly the background shines, of the plate; each part of the spot weighs as it
+    shines. With w = T tau, a = x/s, b = (x - w)/s, the share of the background is F(b), that of the
+    wall F(a) - F(b), its mean depth there from the integral of F:
+    depth = (T s/w (G(a) - G(b)) - T F(b) + e B F(b)) / (1 - F(b) + e F(b));
+    as w -> 0 the first two terms cancel.
     """
     width = np.maximum(thickness_m * tau, 1e-3 * spot_m)  # a wall no wider than this acts as none
     a, b = x_m / spot_m, (x_m - width) / spot_m
-    Fa, Fb = _share(a), _share(b)
-    wall = (_integral(a) - _integral(b)) * spot_m / width  # mean depth on the wall, over T
-    step = (background_m - thickness_m) * _chord(b) / spot_m
-    d_width = thickness_m * (Fb - wall) / width - step
+    Fa, Fb, k = _share(a), _share(b), _chord(b) / spot_m
+    mean_F = (_integral(a) - _integral(b)) * spot_m / width  # of F over the wall
+    light = 1.0 - Fb + echo * Fb
+    depth = (thickness_m * (mean_F - Fb) + echo * background_m * Fb) / light
+    # The slope of depth by F(b), all else equal; F(b) falls by k for each metre of width.
+    by_share = (echo * background_m - thickness_m + (1.0 - echo) * depth) / light
+    by_mean = thickness_m / light
+    d_width = by_mean * (Fb - mean_F) / width - by_share * k
     on_wall = width > 1e-3 * spot_m
-    d_log_spot = thickness_m * (wall - (a * Fa - b * Fb) * spot_m / width) - step * b * spot_m
+    d_width = np.where(on_wall, d_width, 0.0)
     return EdgeProfile(
-        depth_m=thickness_m * wall + (background_m - thickness_m) * Fb,
-        d_x=thickness_m * (Fa - Fb) / width + step,
-        d_tau=np.where(on_wall, d_width * thickness_m, 0.0),
-        d_log_spot=d_log_spot,
-        d_thickness=wall - Fb + np.where(on_wall, d_width * tau, 0.0),
+        depth_m=depth,
+        d_x=by_mean * (Fa - Fb) / width + by_share * k,
+        d_tau=d_width * thickness_m,
+        d_log_spot=by_mean * (mean_F - (a * Fa - b * Fb) * spot_m / width)
+        - by_share * k * b * spot_m,
+        d_thickness=(mean_F - Fb) / light + d_width * tau,
+        d_log_echo=echo * Fb * (background_m - depth) / light,
         background_share=Fb,
     )
 

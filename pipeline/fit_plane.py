@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.config import PlaneConfig
 from pipeline.correlation import variance_inflation
-from pipeline.errors import NotMeasuredError
-from pipeline.kernels import Array, PlaneMoments, random_rows, total_least_squares
-from pipeline.segment import Patch
+from pipeline.kernels import Array, random_rows
+from pipeline.segment import WIDEST_BAND, Patch
+from pipeline.trimmed import Trim, converge, first_sigma
 
-# Standard deviation of a normal variable cut at 3 sigma, over sigma: with k = 3,
-# sqrt(1 - 2 k phi(k)/(2 Phi(k) - 1)).
-TRIMMED_AT_3 = 0.98658
 FIRST_LOOK_ROWS = 20_000
 
 
@@ -66,7 +62,7 @@ def fit_plane(patch: Patch, radius_m: float, config: PlaneConfig) -> PlaneFit:
     resolution = 16.0 * np.finfo(float).eps * float(np.abs(patch.origin_m).max() + radius_m)
     sample = random_rows(interior, FIRST_LOOK_ROWS, np.random.default_rng(0))
     depth = sample @ patch.basis[2]
-    start = Trim(patch.basis, np.zeros(3), _first_sigma(depth, 0.04 * radius_m))
+    start = Trim(patch.basis, np.zeros(3), first_sigma(depth, WIDEST_BAND * radius_m))
     look, _, _ = converge(sample, start, resolution, config.max_iterations)
     trim, moments, iterations = converge(interior, look, resolution, config.max_iterations)
     used = (interior - moments.centroid_m) @ moments.basis.T
@@ -85,56 +81,3 @@ def fit_plane(patch: Patch, radius_m: float, config: PlaneConfig) -> PlaneFit:
 
 
 _KEEP_HANDED = np.array([[-1.0], [1.0], [1.0]])
-
-
-@dataclass(frozen=True)
-class Trim:
-    """A plane through `point` and the noise across it, by which points are kept or left.
-
-    basis: (3, 3), the normal last. cap: no point further away is ever kept, metres.
-    """
-
-    basis: Array
-    point: Array
-    sigma: float
-    cap: float = math.inf
-
-    def limit(self, resolution: float, sigmas: float = 3.0) -> float:
-        """Distance within which points are kept: `sigmas` of noise, at least the resolution."""
-        return max(min(sigmas * self.sigma, self.cap), resolution)
-
-
-def _first_sigma(depth: Array, band: float) -> float:
-    """Noise about the densest depth: from the median absolute deviation within the band."""
-    near = depth[np.abs(depth) < band]
-    if len(near) < 10:
-        raise NotMeasuredError(
-            "too-few-points", f"{len(near)} points on the target's face, 10 needed"
-        )
-    return float(1.4826 * np.median(np.abs(near - np.median(near))))
-
-
-def converge(
-    points: Array, trim: Trim, resolution: float, max_iterations: int = 50
-) -> tuple[Trim, PlaneMoments, int]:
-    """Fit points (N, 3), trim at 3 sigma, fit again, until the same points are kept twice.
-
-    resolution: of the coordinates, metres. Raises NotMeasuredError 'too-few-points'.
-    """
-    kept = np.zeros(0, dtype=bool)
-    iterations = 0
-    while iterations < max_iterations:
-        residual = (points - trim.point) @ trim.basis[2]
-        keep = np.abs(residual) < trim.limit(resolution)
-        if np.array_equal(keep, kept):
-            break
-        kept = keep
-        if np.count_nonzero(keep) < 4:
-            raise NotMeasuredError("too-few-points", "fewer than 4 points agree on a plane")
-        moments = total_least_squares(points, keep)
-        if moments.scatter_m2[1] <= 100.0 * resolution**2:
-            raise NotMeasuredError("too-few-points", "the points on the face span no plane")
-        spread = float(np.sqrt(moments.scatter_m2[2] / (moments.count - 3))) / TRIMMED_AT_3
-        trim = Trim(moments.basis, moments.centroid_m, spread, trim.cap)
-        iterations += 1
-    return trim, moments, iterations

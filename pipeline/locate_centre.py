@@ -14,7 +14,10 @@ from pipeline.kernels import Array
 from pipeline.rim import RimFit, fit_rim
 from pipeline.segment import BEAM_SLOPE, Patch
 
-OUTLINE_EDGE_M = 3e-4  # what an outline without background may be shifted by the spot (k = 1)
+OUTLINE_EDGE_M = 5e-4  # what an outline without background may be shifted by the spot (k = 1)
+UNSETTLED_M = 3e-4  # the same of a rim whose fit did not stand still
+SECTORS = 72  # of the rim, in which the outline is compared with the disc's
+BEYOND_M, SHORT_M = 0.0015, 0.003  # how far a face may reach over its outline, or stop short of it
 
 
 @dataclass(frozen=True)
@@ -42,16 +45,19 @@ def locate_centre(
     """Centre of the disc in `patch`, on the fitted plane.
 
     By the mixed ranges around the rim where there is a background (see rim.py); otherwise by the
-    outermost points of the face. Raises NotMeasuredError 'no-outline'.
+    outermost points of the face. Raises NotMeasuredError 'no-outline' or 'wrong-outline'.
     """
     near_rim = _near_rim(patch, plane, target.radius_m)
     rim = fit_rim(near_rim, target, plane.sigma_m, config)
+    face = near_rim[np.abs(near_rim[:, 2]) < max(3.0 * plane.sigma_m, 1e-6)][:, :2]
     if rim is not None:
-        centre, covariance = rim.centre_m, rim.covariance_m2
-        covariance = covariance + config.model_uncertainty_m**2 * np.eye(2)
+        centre = rim.centre_m
+        covariance = rim.covariance_m2 + _model_variance(rim, config) * np.eye(2)
     else:
-        face = near_rim[np.abs(near_rim[:, 2]) < max(3.0 * plane.sigma_m, 1e-6)]
-        centre, covariance = _outline(face[:, :2], target.radius_m)
+        centre, covariance = _outline(face, target.radius_m)
+    spacing = float(np.sqrt(np.pi * target.radius_m**2 / plane.count))
+    slope = 1.0 if rim is None else float(np.hypot(*rim.beam))
+    check_outline(face - centre, target.radius_m, spacing, plane.sigma_m * slope)
     return TargetFit(
         centre_m=patch.origin_m + _to_scanner(centre, patch, plane),
         normal=plane.normal,
@@ -62,6 +68,44 @@ def locate_centre(
         method="rim" if rim is not None else "outline",
         rim=rim,
     )
+
+
+def _model_variance(rim: RimFit, config: CentreConfig) -> float:
+    """What the model of the rim may be wrong by, m^2: grows as the beams graze the face."""
+    slant = 1.0 + 2.0 * float(rim.beam @ rim.beam)
+    unsettled = 0.0 if rim.settled else UNSETTLED_M**2
+    return (config.model_uncertainty_m * slant) ** 2 + unsettled
+
+
+def check_outline(face: Array, radius_m: float, spacing_m: float, noise_m: float) -> None:
+    """Raise NotMeasuredError unless the face (N, 2), about its centre, ends where the disc does.
+
+    noise_m: of a point along the plane. Sectors whose points stop well inside are hidden, and tell
+    nothing; half of the others must not reach beyond the outline, nor stop short of it.
+    """
+    reach = np.hypot(face[:, 0], face[:, 1])
+    turn = (np.arctan2(face[:, 1], face[:, 0]) / (2.0 * np.pi)) % 1.0
+    sector = np.minimum((turn * SECTORS).astype(int), SECTORS - 1)
+    outermost = np.zeros(SECTORS)
+    np.maximum.at(outermost, sector, reach)
+    seen = outermost > 0.92 * radius_m
+    if np.count_nonzero(seen) < SECTORS // 4:
+        raise NotMeasuredError("no-outline", "less than a quarter of the disc's edge is seen")
+    excess = outermost[seen] - radius_m
+    beyond = BEYOND_M + spacing_m + 3.0 * noise_m
+    over = float(np.mean(excess > beyond))
+    if over > 0.3:
+        raise NotMeasuredError(
+            "wrong-outline",
+            f"the face reaches {np.quantile(excess, 0.75) * 1e3:.1f} mm beyond a disc of "
+            f"{radius_m * 2e3:.0f} mm on {over:.0%} of its rim",
+        )
+    middle = float(np.median(excess))
+    if middle < -(SHORT_M + 1.5 * spacing_m):
+        raise NotMeasuredError(
+            "wrong-outline",
+            f"the face ends {-middle * 1e3:.1f} mm inside a disc of {radius_m * 2e3:.0f} mm",
+        )
 
 
 def _near_rim(patch: Patch, plane: PlaneFit, radius_m: float) -> Array:

@@ -10,17 +10,17 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.errors import InputError, NotMeasuredError
-from pipeline.fit_plane import Trim, converge
 from pipeline.kernels import Array, PlaneMoments, random_rows, total_least_squares, within_slab
 from pipeline.ransac import RansacOptions, ransac
+from pipeline.trimmed import Trim, converge
 
 SCORED_POINTS = 2000
 LOOKED_AT_POINTS = 50_000
 MIN_SCORE = 6.0  # a plane as good arises by chance once in e^6 clouds
 MIN_CONTRAST = 2.0  # a slab of a curved or solid cloud is as dense as its neighbours: contrast 1
 MAX_THICKNESS = 0.05  # rms of a plane's residuals, over the spread of its points along it
-NEIGHBOURS, PLACES = 24, 48  # for the noise: this many points about this many points
-MAX_ROUGHNESS = 0.25  # noise over the neighbourhood's radius: above it nothing is planar anywhere
+NEIGHBOURS, PLACES = 24, 48  # for the noise: at first this many points about this many points
+MAX_ROUGHNESS = 0.25  # noise over a neighbourhood's spread: above it larger ones are tried
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,9 @@ def find_planes(points_m: Array, max_planes: int, seed: int = 0) -> tuple[CloudP
         moments, limit = plane
         here = within_slab(remaining, moments.centroid_m, moments.normal, limit)
         found.append(_describe(moments, remaining[here], origin))
-        remaining = remaining[~here]
+        remaining = remaining[
+            ~within_slab(remaining, moments.centroid_m, moments.normal, 2.0 * limit)
+        ]
     if not found:
         raise NotMeasuredError("no-plane", "no plane stands out among the points")
     return tuple(sorted(found, key=lambda plane: -plane.points))
@@ -106,18 +108,24 @@ def _widest_slab(points: Array, rng: np.random.Generator) -> float:
     span = float(np.linalg.norm(np.ptp(cloud, axis=0)))
     if len(cloud) < 2 * NEIGHBOURS:
         return 0.02 * span
-    noise, roughness = [], []
-    for place in cloud[rng.integers(len(cloud), size=PLACES)]:
-        square = np.sum((cloud - place) ** 2, axis=1)
-        near = cloud[np.argpartition(square, NEIGHBOURS)[:NEIGHBOURS]]
-        plane = total_least_squares(near)
-        residual = np.abs((near - plane.centroid_m) @ plane.normal)
-        noise.append(1.4826 * float(np.median(residual)))
-        reach = math.sqrt(2.0 * plane.scatter_m2[1] / NEIGHBOURS)
-        roughness.append(noise[-1] / reach if reach > 0.0 else 0.0)
-    if np.quantile(roughness, 0.25) >= MAX_ROUGHNESS:
-        raise NotMeasuredError("no-plane", "no plane stands out among the points")
-    return min(5.0 * float(np.quantile(noise, 0.25)), 0.02 * span)
+    places = cloud[rng.integers(len(cloud), size=PLACES)]
+    count = NEIGHBOURS
+    while 2 * count <= len(cloud):
+        noise, roughness = np.array([_flatness(cloud, place, count) for place in places]).T
+        if np.quantile(roughness, 0.25) < MAX_ROUGHNESS:
+            return min(5.0 * float(np.quantile(noise, 0.25)), 0.02 * span)
+        count *= 4
+    raise NotMeasuredError("no-plane", "no plane stands out among the points")
+
+
+def _flatness(cloud: Array, place: Array, count: int) -> tuple[float, float]:
+    """Noise across the `count` points nearest to `place`, metres, and over their spread."""
+    square = np.sum((cloud - place) ** 2, axis=1)
+    near = cloud[np.argpartition(square, count)[:count]]
+    plane = total_least_squares(near)
+    noise = 1.4826 * float(np.median(np.abs((near - plane.centroid_m) @ plane.normal)))
+    spread = math.sqrt(2.0 * plane.scatter_m2[1] / count)
+    return noise, noise / spread if spread > 0.0 else 0.0
 
 
 def _basis(normal: Array) -> Array:

@@ -14,8 +14,9 @@ from pipeline.kernels import Array
 class DiscPlacement:
     """Where a disc of known radius fits the occupied cells best.
 
-    centre_m: (2,) in the plane. match: the share of the rim along which the face is there inside
-    and not outside. points: how many points the raster held. cell_m: edge of its cells.
+    centre_m: (2,) in the plane. match: 1 for a whole disc, the visible share of the rim for a
+    hidden one, much less for part of a larger face. points: how many the raster held. cell_m: the
+    edge of its cells.
     """
 
     centre_m: Array
@@ -78,13 +79,17 @@ def _plateau_centre(score: npt.NDArray[np.float32], peak: npt.NDArray[np.int64])
 
 
 def _rim_match(occupied: npt.NDArray[np.uint8], middle: Array, radius: float) -> float:
-    """Mean over 48 sectors of: occupied share just inside the rim, less that just outside."""
+    """Share of the rim where the face ends, times that over where it ends or goes on.
+
+    By the occupied shares just inside and just outside the rim, in 48 sectors; where nothing is
+    inside, the rim is hidden, and counts for neither.
+    """
     row, column = np.indices(occupied.shape)
     column, row = column - middle[0], row - middle[1]
     reach = np.hypot(column, row)
     sector = ((np.arctan2(row, column) / (2.0 * np.pi)) % 1.0 * 48).astype(int) % 48
-    step = max(0.15 * radius, 1.5)
-    gap = max(0.04 * radius, 1.0)
+    step = max(0.08 * radius, 2.0)
+    gap = max(0.03 * radius, 1.0)
     inside = (reach < radius - gap) & (reach > radius - gap - step)
     outside = (reach > radius + gap) & (reach < radius + gap + step)
     shares = [
@@ -92,4 +97,23 @@ def _rim_match(occupied: npt.NDArray[np.uint8], middle: Array, radius: float) ->
         / np.maximum(np.bincount(sector[ring], minlength=48), 1)
         for ring in (inside, outside)
     ]
-    return float(np.clip(shares[0] - shares[1], 0.0, None).mean())
+    ends = float(np.clip(shares[0] - shares[1], 0.0, None).mean())
+    goes_on = float(np.minimum(*shares).mean())
+    return ends * ends / (ends + goes_on) if ends > 0.0 else 0.0
+
+
+def connected(uv_m: Array, radius_m: float) -> npt.NDArray[np.bool_]:
+    """Which points uv_m (N, 2) hang together, cell to cell, with those about 0, 0: (N,)."""
+    import cv2
+
+    near = uv_m[np.sum(uv_m**2, axis=1) < radius_m**2]
+    if len(near) == 0:
+        return np.zeros(len(uv_m), dtype=bool)
+    cell = _cell_size(near, radius_m)
+    index = np.floor((uv_m - uv_m.min(axis=0)) / cell).astype(np.int64)
+    occupied = np.zeros(index.max(axis=0)[::-1] + 1, dtype=np.uint8)
+    occupied[index[:, 1], index[:, 0]] = 1
+    label = cv2.connectedComponents(occupied, connectivity=8)[1][index[:, 1], index[:, 0]]
+    middle = np.sum(uv_m**2, axis=1) < (0.5 * radius_m) ** 2
+    chosen = np.bincount(label[middle] if middle.any() else label).argmax()
+    return np.asarray(label == chosen)

@@ -123,7 +123,12 @@ def _check_triangles(local: Array) -> float:
 
 
 def _check_axles(u_R: Array, u_F: Array) -> None:
-    cosine = abs(float(u_F @ u_R))
+    cosine = float(u_F @ u_R)
+    if cosine < -MIN_AXLE_COSINE:
+        raise InputError(
+            "the front axle (FR to FL) runs against the rear axle (RR to RL), so one of them is "
+            f"named from left to right: check the order {', '.join(REFERENCE_WHEELS)}"
+        )
     if cosine < MIN_AXLE_COSINE:
         angle_deg = np.degrees(np.arctan2(np.linalg.norm(np.cross(u_R, u_F)), cosine))
         raise InputError(

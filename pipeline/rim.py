@@ -21,6 +21,8 @@ from pipeline.kernels import Array, random_rows
 MIN_DEPTH_M = 0.006  # what lies nearer behind the face is not taken for background
 INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the rim the profile is compared
 RING_M = (0.001, 0.011)  # where the clean background is looked up, beyond the spot
+MIN_MIXED = 0.08  # of mixed ranges, below which the scanner has left them out
+STILL_M, SETTLED_M = 2e-7, 1e-5  # a step that ends the fit; one that makes it trustworthy
 NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
 POINTING_M = 1.5e-4  # beam pointing and raster, as an uncertainty of x
 DEPTH_SHARE = 0.02  # what the background's depth may differ between look-up and beam
@@ -33,7 +35,8 @@ class RimFit:
 
     centre_m: (2,). covariance_m2: (2, 2). beam: (2,) in-plane run of the beams at the centre, per
     metre of depth: tan of the incidence and its direction. inverse_distance: 1 / scanner's distance
-    from the plane, 1/m. spot_m, thickness_m: as fitted. covered: share of the rim that was used.
+    from the plane, 1/m. spot_m, thickness_m, and echo, the background's brightness of the plate's:
+    as fitted. covered: share of the rim that was used. settled: whether the fit stood still.
     """
 
     centre_m: Array
@@ -42,12 +45,14 @@ class RimFit:
     inverse_distance: float
     spot_m: float
     thickness_m: float
+    echo: float
     covered: float
     points: int
     iterations: int
+    settled: bool
 
 
-# A state is (7,): centre u v, beam u v, 1/distance, log spot, log thickness.
+# A state is (8,): centre u v, beam u v, 1/distance, log spot, log thickness, log echo.
 
 
 def fit_rim(
@@ -58,7 +63,8 @@ def fit_rim(
 ) -> RimFit | None:
     """Rim of a disc in plane coordinates uvw_m (N, 3), w towards the scanner, centre near 0, 0.
 
-    None where less than a quarter of the rim has a background to compare with.
+    None where less than a quarter of the rim has a background to compare with, or the scanner has
+    left out the mixed ranges.
     """
     prior = _Prior.of(target, config)
     rng = np.random.default_rng(0)
@@ -70,6 +76,8 @@ def fit_rim(
     near = random_rows(uvw_m[np.abs(beside) < NEAR_M], config.max_points, rng)
     plane, depth = near[:, :2], -near[:, 2]
     background = _background(plane, depth, state, target.radius_m)
+    if _mixed_share(plane, depth, background, state, target.radius_m) < MIN_MIXED:
+        return None
     for iteration in range(1, config.max_iterations + 1):
         if 1 < iteration <= 8:
             background = _background(plane, depth, state, target.radius_m)
@@ -77,7 +85,8 @@ def fit_rim(
             plane, depth, background, state, prior, target.radius_m, sigma_m, iteration > 6
         )
         state = state + step
-        if iteration > 8 and float(np.abs(step[:2]).max()) < 1e-7:
+        last_m = float(np.abs(step[:2]).max())
+        if iteration > 8 and last_m < STILL_M:
             break
     covered = float(np.mean(background.usable))
     if covered < 0.25 or used < 50:
@@ -90,15 +99,17 @@ def fit_rim(
         inverse_distance=float(state[4]),
         spot_m=float(np.exp(state[5])),
         thickness_m=float(np.exp(state[6])),
+        echo=float(np.exp(state[7])),
         covered=covered,
         points=used,
         iterations=iteration,
+        settled=last_m < SETTLED_M,
     )
 
 
 @dataclass(frozen=True)
 class _Prior:
-    """What is known before: mean (7,) and weight (7,), one over the variance."""
+    """What is known before: mean (8,) and weight (8,), one over the variance."""
 
     mean: Array
     weight: Array
@@ -108,8 +119,8 @@ class _Prior:
         known = target.thickness is not None
         thickness = target.thickness if target.thickness is not None else 0.008
         logs = np.log([config.spot_radius_m, max(thickness, 1e-4)])
-        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs])
-        sigma = np.array([0.01, 0.01, 3.0, 3.0, 0.3, 0.7, 0.3 if known else 1.0])
+        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0])
+        sigma = np.array([0.01, 0.01, 3.0, 3.0, 0.3, 0.7, 0.3 if known else 1.0, 1.5])
         return cls(mean, 1.0 / sigma**2)
 
 
@@ -194,6 +205,17 @@ def _background(plane: Array, depth: Array, state: Array, radius_m: float) -> _B
     return _Background(middle, spread, usable)
 
 
+def _mixed_share(
+    plane: Array, depth: Array, background: _Background, state: Array, radius_m: float
+) -> float:
+    """Points of mixed range about the rim, of those on the face in a ring of 2 mm just inside."""
+    beams = _carry(plane, depth, state, radius_m)
+    share = depth / background.depth_m[_sector(beams.rho, len(background.usable))]
+    mixed = (np.abs(beams.x_m) < 0.004) & (share > 0.2) & (share < 0.8)
+    ring = (beams.x_m > -0.005) & (beams.x_m < -0.003) & (np.abs(share) < 0.2)
+    return float(np.count_nonzero(mixed) / max(int(np.count_nonzero(ring)), 1))
+
+
 def _step(
     plane: Array,
     depth: Array,
@@ -204,7 +226,7 @@ def _step(
     sigma_m: float,
     settled: bool,
 ) -> tuple[Array, Array, int]:
-    """One robust Gauss-Newton step: the step (7,), the information (7, 7), the points used."""
+    """One robust Gauss-Newton step: the step (8,), the information (8, 8), the points used."""
     beams = _carry(plane, depth, state, radius_m)
     sector = _sector(beams.rho, len(background.usable))
     outer = OUTER_M + np.maximum(beams.tau, 0.0) * np.exp(state[6])
@@ -219,6 +241,7 @@ def _step(
         background.depth_m[sector],
         spot,
         float(np.exp(state[6])),
+        float(np.exp(state[7])),
     )
     residual = z - profile.depth_m
     rough = profile.background_share * (
@@ -230,7 +253,7 @@ def _step(
     information = (slopes.T * weight) @ slopes + np.diag(prior.weight)
     gradient = slopes.T @ (weight * residual) - prior.weight * (state - prior.mean)
     step = np.linalg.solve(information, gradient)
-    limit = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5])
+    limit = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5])
     return (
         step * min(1.0, float((limit / np.maximum(np.abs(step), 1e-12)).min())),
         information,
@@ -248,7 +271,7 @@ def _robust_weight(square: Array, settled: bool) -> Array:
 def _slopes(
     profile: EdgeProfile, beams: _Beams, depth: Array, state: Array, radius_m: float
 ) -> Array:
-    """Derivatives of the depth by the state, (N, 7), by the chain rule over x and tau."""
+    """Derivatives of the depth by the state, (N, 8), by the chain rule over x and tau."""
     beam, rho = state[2:4], beams.rho
     facing = np.where(beams.tau > 0.0, profile.d_tau, 0.0)
     aside = (beam - (rho @ beam)[:, None] * rho) * (beams.shrink / beams.reach_m)[:, None]
@@ -261,5 +284,6 @@ def _slopes(
             -d_x * depth * beams.shrink * beams.reach_m - facing * radius_m,
             profile.d_log_spot,
             profile.d_thickness * np.exp(state[6]),
+            profile.d_log_echo,
         ]
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,21 +10,19 @@ import numpy.typing as npt
 from pipeline import raster
 from pipeline.config import DiscTarget, SegmentConfig
 from pipeline.errors import NotMeasuredError
-from pipeline.kernels import (
-    Array,
-    Slab,
-    gather_ball,
-    gather_face,
-    plane_basis,
-    random_rows,
-    total_least_squares,
-    within_slab,
-)
+from pipeline.kernels import Array, Slab, gather_ball, gather_face, plane_basis, random_rows
+from pipeline.local_planes import LocalPlanes
 from pipeline.ransac import RansacOptions, ransac
+from pipeline.trimmed import Trim, converge, first_sigma
 
-FACE_BAND = 0.04  # of the radius: what may be the face before its noise is known
-MAX_DEPTH_M = 0.4  # background further behind the face tells nothing more
-BEAM_SLOPE = 1.0  # beams up to 45 degrees carry the background this far sideways per depth
+FACE_BAND = 0.04  # of the radius, at least: what may belong to the face
+WIDEST_BAND = 0.15  # of the radius, at most, however noisy
+FACE_SIGMAS = 6.0  # of the noise: half the thickness of what may belong to the face
+MAX_DEPTH_M = 0.8  # background further behind the face tells nothing more
+BEAM_SLOPE = 1.75  # beams up to 60 degrees carry the background this far sideways per depth
+CURVED_OF_RADIUS = 0.004  # rms depth of a paraboloid, of the radius, above which no plate is bent
+MIN_POINTS = 30  # a scan or a face with fewer is not judged
+MAX_VERIFIED = 3  # candidates that are looked at with all points of the scan
 
 
 @dataclass(frozen=True)
@@ -34,13 +31,13 @@ class Candidate:
 
     centre_m, normal: (3,) scanner frame, normal's sign free. match: 1 for a whole target standing
     alone, the visible share for a hidden one, about 0 for a larger surface.
-    points: of the searched subset, within reach of the target's size.
+    band_m: half the thickness of what may belong to the face, from the noise.
     """
 
     centre_m: Array
     normal: Array
     match: float
-    points: int
+    band_m: float
 
 
 @dataclass(frozen=True)
@@ -50,6 +47,7 @@ class Patch:
     origin_m: (3,) scanner frame, near the target's centre.
     face_m: (N, 3) all points within reach of the face's plane, relative to origin_m, scanner axes.
     around_m: (M, 3) float32, the same of other points around, thinned where there are many.
+    match: of the outline, with all points.
     basis: (3, 3) rows: two directions in the plane, then the normal that points to the scanner.
     candidates: every plane that was looked at, best match first.
     """
@@ -57,6 +55,7 @@ class Patch:
     origin_m: Array
     face_m: Array
     around_m: npt.NDArray[np.float32]
+    match: float
     basis: Array
     candidates: tuple[Candidate, ...]
 
@@ -67,23 +66,23 @@ def find_target(points_m: Array, target: DiscTarget, config: SegmentConfig, seed
     Raises NotMeasuredError: 'too-few-points', 'no-plane', 'no-target' (with what was found
     instead) or 'ambiguous-target'.
     """
+    if len(points_m) < MIN_POINTS:
+        raise NotMeasuredError("too-few-points", f"{len(points_m)} points, {MIN_POINTS} needed")
     rng = np.random.default_rng(seed)
     subset = random_rows(points_m, config.subset_points, rng)
     origin = np.median(subset, axis=0)
     subset -= origin
     found = _candidates(subset, target.radius_m, config, rng)
     del subset
-    best = _choose(found, target, config)
-    near, around = gather_face(
-        points_m,
-        origin + best.centre_m,
-        best.normal,
-        Slab(1.25 * target.radius_m, FACE_BAND * target.radius_m),
-        Slab(1.25 * target.radius_m, MAX_DEPTH_M, BEAM_SLOPE),
-        config.around_points / len(points_m),
-        rng,
+    if not found:
+        raise NotMeasuredError("no-plane", "no plane stands out among the points")
+    likely = [c for c in found if c.match > 0.6 * config.min_match][:MAX_VERIFIED]
+    return _choose(
+        [_patch(points_m, origin, candidate, found, target, config, rng) for candidate in likely],
+        found,
+        target,
+        config,
     )
-    return _patch(near, around, origin, best, found, target)
 
 
 def _candidates(
@@ -92,142 +91,130 @@ def _candidates(
     """Planes one after the other, each taken out before the next is sought; best match first."""
     options = RansacOptions(max_proposals=config.max_proposals)
     threshold = config.threshold_of_diameter * 2.0 * radius_m
-    search = subset[:: max(1, len(subset) // config.search_points)]
     found = []
     for _ in range(config.max_planes):
-        if len(search) < config.min_support:
+        if len(subset) < MIN_POINTS:
             break
-        result = ransac(_LocalPlanes(search, radius_m, threshold), options, rng)
+        search = subset[:: max(1, len(subset) // config.search_points)]
+        result = ransac(LocalPlanes(search, radius_m, threshold), options, rng)
         if result is None or result.score < config.min_support:
             break
         point, normal = result.model[:3], result.model[3:]
-        found.append(_shape_match(subset, point, normal, radius_m, threshold))
-        search = search[~within_slab(search, point, normal, threshold)]
+        candidate = _judge(subset, point, normal, radius_m, threshold)
+        found.append(candidate)
+        subset = subset[~_surface(subset, point, candidate, radius_m)]
     return tuple(sorted(found, key=lambda candidate: -candidate.match))
 
 
-def _shape_match(
+def _judge(
     subset: Array, point: Array, normal: Array, radius_m: float, threshold: float
 ) -> Candidate:
-    """Judge a plane's points within reach of a target by the outline that they fill."""
-    basis = plane_basis(normal)
+    """Place the target on a plane's points, refit the plane there, and judge the outline."""
+    placed = _place(subset, point, normal, radius_m, threshold)
+    centre = point + placed.centre_m @ plane_basis(normal)[:2]
+    inner = gather_ball(subset, centre, 0.9 * radius_m)
+    try:
+        sigma = first_sigma(inner @ normal, WIDEST_BAND * radius_m)
+        start = Trim(plane_basis(normal), np.zeros(3), sigma, cap=WIDEST_BAND * radius_m)
+        trim, moments, _ = converge(inner, start, 1e-6 * radius_m)
+    except NotMeasuredError:
+        return Candidate(centre, normal, 0.0, FACE_BAND * radius_m)
+    if _is_curved((inner - moments.centroid_m) @ moments.basis.T, trim.sigma, radius_m):
+        return Candidate(centre, normal, 0.0, FACE_BAND * radius_m)
+    normal, sigma = moments.normal, trim.sigma
+    centre = centre + normal * (moments.centroid_m @ normal)
+    band = float(np.clip(FACE_SIGMAS * sigma, FACE_BAND * radius_m, WIDEST_BAND * radius_m))
+    placed = _place(subset, centre, normal, radius_m, max(threshold, 3.0 * sigma))
+    centre = centre + placed.centre_m @ plane_basis(normal)[:2]
+    return Candidate(centre, normal, placed.match, band)
+
+
+def _is_curved(uvw: Array, sigma: float, radius_m: float) -> bool:
+    """Whether a paraboloid explains a third of the residuals w of uvw (N, 3), and 0.4 % of R."""
+    u, v, w = (uvw[np.abs(uvw[:, 2]) < 3.0 * sigma] / radius_m).T
+    if len(w) < MIN_POINTS:
+        return False
+    terms = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
+    fitted = terms @ np.linalg.lstsq(terms, w, rcond=None)[0]
+    return bool(np.var(fitted) > max(np.var(w) / 3.0, CURVED_OF_RADIUS**2))
+
+
+def _place(
+    subset: Array, point: Array, normal: Array, radius_m: float, threshold: float
+) -> raster.DiscPlacement:
     near = gather_ball(subset, point, 2.6 * radius_m)
     near = near[np.abs(near @ normal) < threshold]
-    placed = raster.match_disc(near @ basis[:2].T, radius_m)
-    centre = point + placed.centre_m @ basis[:2]
-    return Candidate(centre, normal, placed.match, len(near))
+    return raster.match_disc(near @ plane_basis(normal)[:2].T, radius_m)
 
 
-def _choose(found: tuple[Candidate, ...], target: DiscTarget, config: SegmentConfig) -> Candidate:
-    if not found:
-        raise NotMeasuredError("no-plane", "no plane stands out among the points")
-    best, *others = found
-    if best.match < config.min_match:
-        raise NotMeasuredError(
-            "no-target",
-            f"none of the {len(found)} planes found has the outline of a disc of "
-            f"{target.diameter * 1e3:.0f} mm (best match {best.match:.2f}, "
-            f"{config.min_match} needed)",
-        )
-    for other in others:
-        apart = float(np.linalg.norm(other.centre_m - best.centre_m))
-        if other.match > config.rival_match * best.match and apart > target.radius_m:
-            raise NotMeasuredError(
-                "ambiguous-target",
-                f"two planes have the target's outline, {apart * 1e3:.0f} mm apart "
-                f"(matches {best.match:.2f} and {other.match:.2f})",
-            )
-    return best
+def _surface(
+    subset: Array, point: Array, candidate: Candidate, radius_m: float
+) -> npt.NDArray[np.bool_]:
+    """Which points (N,) lie on the candidate's plane and hang together with those at `point`."""
+    offset = subset - point
+    depth = np.abs((subset - candidate.centre_m) @ candidate.normal)
+    on_plane = np.nonzero((depth < candidate.band_m) & (np.abs(offset).max(axis=1) < 12 * radius_m))
+    across = offset[on_plane] @ plane_basis(candidate.normal)[:2].T
+    surface = np.zeros(len(subset), dtype=bool)
+    surface[on_plane] = raster.connected(across, radius_m)
+    return surface
 
 
 def _patch(
-    face: Array,
-    around: npt.NDArray[np.float32],
+    points_m: Array,
     origin: Array,
-    best: Candidate,
+    candidate: Candidate,
     found: tuple[Candidate, ...],
     target: DiscTarget,
+    config: SegmentConfig,
+    rng: np.random.Generator,
 ) -> Patch:
-    """Centre once more, at the full density, and turn the normal away from what lies behind."""
-    basis = plane_basis(best.normal)
+    """A candidate's surroundings with all points; its normal turned away from what lies behind."""
+    face, around = gather_face(
+        points_m,
+        origin + candidate.centre_m,
+        candidate.normal,
+        Slab(1.8 * target.radius_m, candidate.band_m),
+        Slab(1.25 * target.radius_m, MAX_DEPTH_M, BEAM_SLOPE),
+        config.around_points / len(points_m),
+        rng,
+    )
+    basis = plane_basis(candidate.normal)
     placed = raster.match_disc(face @ basis[:2].T, target.radius_m)
-    if placed.points < 30:
-        raise NotMeasuredError("too-few-points", f"{placed.points} points on the target, 30 needed")
     shift = placed.centre_m @ basis[:2]
     depth = around @ basis[2].astype(np.float32)
     if np.count_nonzero(depth > 0.0) > np.count_nonzero(depth < 0.0):
         basis = basis * np.array([[1.0], [-1.0], [-1.0]])
     face -= shift
     around -= shift.astype(np.float32)
-    in_scanner = tuple(Candidate(c.centre_m + origin, c.normal, c.match, c.points) for c in found)
-    return Patch(origin + best.centre_m + shift, face, around, basis, in_scanner)
+    in_scanner = tuple(Candidate(c.centre_m + origin, c.normal, c.match, c.band_m) for c in found)
+    centre = origin + candidate.centre_m + shift
+    return Patch(centre, face, around, placed.match, basis, in_scanner)
 
 
-class _LocalPlanes:
-    """Planes through three neighbouring points, scored within a target's reach of the first.
-
-    A model is a row (6,): a point on the plane, its unit normal.
-    """
-
-    def __init__(self, points: Array, radius_m: float, threshold: float) -> None:
-        order, self._start, self._count = _cells(points, radius_m)
-        self._points = points[order]
-        self._single = self._points.astype(np.float32)
-        self._squares = np.einsum("ij,ij->i", self._single, self._single)
-        self._reach = 1.2 * radius_m
-        self._threshold = threshold
-
-    def propose(self, count: int, rng: np.random.Generator) -> Sequence[Array]:
-        seeds = rng.integers(len(self._points), size=count)
-        size, start = self._count[seeds], self._start[seeds]
-        second, third = (self._points[start + (rng.random(count) * size).astype(int)] for _ in "bc")
-        first = self._points[seeds]
-        normal = np.cross(second - first, third - first)
-        length = np.linalg.norm(normal, axis=1, keepdims=True)
-        normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0.0)
-        return list(np.hstack([first, normal]))
-
-    def score(self, models: Sequence[Array]) -> npt.NDArray[np.float64]:
-        """Sum over the points in reach of 1 - (distance / threshold)^2, where positive (MSAC)."""
-        rows = np.asarray(models, dtype=np.float32)
-        point, normal = rows[:, :3], rows[:, 3:]
-        score = self._single @ normal.T
-        score -= np.einsum("ij,ij->i", point, normal)
-        score *= score
-        score *= np.float32(-1.0 / self._threshold**2)
-        score += 1.0
-        square = self._single @ (-2.0 * point.T)
-        square += self._squares[:, None]
-        reach = np.float32(self._reach**2) - np.einsum("ij,ij->i", point, point)
-        score[(square > reach) | (score < 0.0)] = 0.0
-        total = score.sum(axis=0, dtype=np.float64)
-        return np.where(np.abs(normal).sum(axis=1) > 0.0, total, 0.0)
-
-    def refine(self, model: Array) -> Array:
-        for share in (1.0, 0.5):
-            near = gather_ball(self._points, model[:3], self._reach)
-            near = near[np.abs(near @ model[3:]) < share * self._threshold]
-            if len(near) < 3:
-                return model
-            plane = total_least_squares(near)
-            model = np.concatenate([model[:3] + plane.centroid_m, plane.normal])
-        return model
-
-    def success_rate(self, model: Array) -> float:
-        """Share of the points on the plane, times the chance of two good neighbours (1/4)."""
-        near = gather_ball(self._points, model[:3], self._reach)
-        on_plane = np.count_nonzero(np.abs(near @ model[3:]) < self._threshold)
-        return 0.25 * on_plane / len(self._points)
-
-
-def _cells(
-    points: Array, size: float
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Sort points (N, 3) into cubes of edge `size`: order; start and count of each row's cube."""
-    index = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
-    key = (index[:, 0] << 42) + (index[:, 1] << 21) + index[:, 2]
-    order = np.argsort(key, kind="stable")
-    _, start, inverse, count = np.unique(
-        key[order], return_index=True, return_inverse=True, return_counts=True
-    )
-    return order, start[inverse], count[inverse]
+def _choose(
+    patches: list[Patch], found: tuple[Candidate, ...], target: DiscTarget, config: SegmentConfig
+) -> Patch:
+    """The patch with the target's outline; an error when there is none, or another as good."""
+    patches = sorted(patches, key=lambda patch: -patch.match)
+    if not patches or patches[0].match < config.min_match:
+        match = patches[0].match if patches else found[0].match
+        raise NotMeasuredError(
+            "no-target",
+            f"none of the {len(found)} planes found has the outline of a disc of "
+            f"{target.diameter * 1e3:.0f} mm (best match {match:.2f}, {config.min_match} needed)",
+        )
+    best, *others = patches
+    for other in others:
+        apart = float(np.linalg.norm(other.origin_m - best.origin_m))
+        if other.match > config.rival_match * best.match and apart > target.radius_m:
+            raise NotMeasuredError(
+                "ambiguous-target",
+                f"two planes have the target's outline, {apart * 1e3:.0f} mm apart "
+                f"(matches {best.match:.2f} and {other.match:.2f})",
+            )
+    if len(best.face_m) < MIN_POINTS:
+        raise NotMeasuredError(
+            "too-few-points", f"{len(best.face_m)} points on the target, {MIN_POINTS} needed"
+        )
+    return best

@@ -9,7 +9,7 @@ import click
 
 from pipeline.commands.progress import Progress
 from pipeline.config import config_file
-from pipeline.errors import InputError
+from pipeline.errors import InputError, MissingDependencyError
 
 
 @click.command()
@@ -57,3 +57,7 @@ def make_capture(
             )
     except errors.SynthError as error:
         raise InputError(str(error)) from error
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"the generator does not load ({error}): pip install trimesh open3d libusb-package"
+        ) from error

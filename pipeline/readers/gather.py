@@ -13,6 +13,7 @@ Points = npt.NDArray[np.float64]
 Shades = npt.NDArray[np.float32]
 
 UNITS = ("m", "mm", "in")
+MAX_COORDINATE_M = 1e10  # float64 still resolves 2 um here
 
 
 def gather(cloud: RawCloud, source: Source, length_unit: str) -> Scan:
@@ -33,6 +34,7 @@ def gather(cloud: RawCloud, source: Source, length_unit: str) -> Scan:
             shades = None if intensity is None else intensity[kept : kept + count]
             there = _fill(rows, shades, block, source, seen)
             _to_metres(rows[:there], length_unit)
+            _check_size(rows[:there], source, length_unit)
             seen, kept = seen + count, kept + there
     if kept == 0:
         raise fault(source, f"of its {seen} points all are missing returns (NaN)")
@@ -79,3 +81,12 @@ def _to_metres(rows: Points, length_unit: str) -> None:
         rows /= 1000.0
     elif length_unit == "in":
         rows *= 0.0254
+
+
+def _check_size(rows: Points, source: Source, length_unit: str) -> None:
+    if len(rows) and max(rows.max(), -rows.min()) > MAX_COORDINATE_M:
+        raise fault(
+            source,
+            f"a coordinate of {np.abs(rows).max():.3g} m is beyond any site",
+            f"check the length unit, {length_unit}",
+        )

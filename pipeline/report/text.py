@@ -13,7 +13,7 @@ Toe (convergência): positive is toe-in, on both sides; measured from the normal
 Camber (sopé): positive is top out, on both sides; elevation of the wheel's outward normal, as in
 the paper. Camber ISO: projected on the plane across the vehicle (ISO 8855).
 Angles in degrees, minutes and seconds of arc; the sign belongs to the whole angle.
-u: standard uncertainty (k = 1), from the scatter of the points; see the notes on what it holds."""
+u: standard uncertainty (k = 1), from the scatter of the points."""
 
 
 def summary_table(measurement: Measurement) -> str:
