@@ -11,7 +11,7 @@ from pipeline.angles import nearest_wheel, outward_normal, vehicle_angles, wheel
 from pipeline.errors import InputError
 from pipeline.kernels import Array
 from pipeline.measurement import Measurement, Observation, Provenance, WheelResult
-from pipeline.reference_frame import REFERENCE_WHEELS, build_reference_frame
+from pipeline.reference_frame import REFERENCE_WHEELS, VehicleFrame, build_reference_frame
 from pipeline.uncertainty import propagate
 
 
@@ -54,8 +54,34 @@ def align(
         vehicle=vehicle_angles({w: angles[i].toe_rad for i, w in enumerate(REFERENCE_WHEELS)}),
         uncertainty=uncertainty,
         provenance=provenance,
-        notes=tuple(notes),
+        notes=(*notes, *_upside_down(frame, measured), *_far_from_their_wheel(measured, centres)),
     )
+
+
+def _upside_down(frame: VehicleFrame, measured: Sequence[Observation]) -> list[str]:
+    """A sentence where scans show the vehicle's underside up, if z points up there."""
+    scanned = measured[0].fitted.method != "points"  # a five-point file has its own note
+    if not scanned or frame.up[2] > -0.5:
+        return []
+    return [
+        f"The vehicle's up runs against z ({frame.up[2]:+.2f}): if z points up, left and right are "
+        f"exchanged: check the order {', '.join(REFERENCE_WHEELS)}."
+    ]
+
+
+def _far_from_their_wheel(measured: Sequence[Observation], centres: Array) -> list[str]:
+    """A sentence on every trial that is named for one wheel but lies at another."""
+    notes = []
+    for seen in measured[4:]:
+        apart_m = np.linalg.norm(centres - seen.fitted.centre_m, axis=1)
+        nearest = REFERENCE_WHEELS[int(np.argmin(apart_m))]
+        if seen.wheel in REFERENCE_WHEELS and seen.wheel != nearest:
+            named_m = apart_m[REFERENCE_WHEELS.index(seen.wheel)]
+            notes.append(
+                f"Trial {seen.name} is named for {seen.wheel}, {named_m:.3f} m from it, but lies "
+                f"{apart_m.min():.3f} m from {nearest}: check its wheel."
+            )
+    return notes
 
 
 def _on_a_wheel(seen: Observation, centres: Array) -> Observation:

@@ -66,7 +66,7 @@ def cli() -> None:
 def main() -> None:
     """Run the command; every error that the user can mend is one line and exit code 2."""
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")  # same bytes at any number of cores
+        os.environ[variable] = "1"  # same bytes at any number of cores
     try:
         code = cli.main(prog_name="wheelplane", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:

@@ -33,7 +33,7 @@ class SegmentConfig(Section):
     search_points: int = Field(10_000, ge=500)
     threshold_of_diameter: float = Field(0.016, gt=0.0, lt=0.1)
     around_points: int = Field(500_000, ge=10_000)
-    max_proposals: int = Field(3000, ge=100)
+    max_proposals: int = Field(1500, ge=100)
     max_planes: int = Field(10, ge=1)
     min_support: float = Field(15.0, gt=3.0)
     min_match: float = Field(0.25, gt=0.0, lt=1.0)

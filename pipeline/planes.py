@@ -28,7 +28,8 @@ class CloudPlane:
     """One plane of a cloud: normal . x + offset = 0.
 
     normal: (3,) unit, largest component positive. centroid_m: (3,) mean of its points.
-    rms_m: of its points' distances. extents_m: (2,) their reach along their two main directions.
+    rms_m: of its points' distances. extents_m: (2,) their reach along their two main directions,
+    the longer first.
     """
 
     normal: Array
@@ -144,7 +145,7 @@ def _stands_out(points: Array, moments: PlaneMoments, limit: float) -> bool:
 def _describe(moments: PlaneMoments, points: Array, origin: Array) -> CloudPlane:
     centroid = origin + moments.centroid_m
     across = (points - moments.centroid_m) @ moments.basis.T
-    extents = np.ptp(across[:, :2], axis=0)
+    extents = np.sort(np.ptp(across[:, :2], axis=0))[::-1]
     return CloudPlane(
         normal=moments.normal,
         offset_m=-float(moments.normal @ centroid),

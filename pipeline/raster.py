@@ -1,4 +1,4 @@
-"""The raster of a plane; the only file that imports cv2."""
+"""The raster of a plane, with cv2."""
 
 from __future__ import annotations
 

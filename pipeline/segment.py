@@ -201,7 +201,7 @@ def _choose(
         match = patches[0].match if patches else found[0].match
         raise NotMeasuredError(
             "no-target",
-            f"none of the {len(found)} planes found has the outline of a disc of "
+            f"no plane of those found ({len(found)}) has the outline of a disc of "
             f"{target.diameter * 1e3:.0f} mm (best match {match:.2f}, {config.min_match} needed)",
         )
     best, *others = patches

@@ -27,10 +27,12 @@ from pipeline.report.write import write_reports
 def demo(folder: Path, seed: int) -> int:
     """Make a vehicle with known angles, scan it, measure it, and show both, in FOLDER."""
     capture, results = folder / "capture", folder / "results"
-    if (capture / "truth.json").is_file():
-        shutil.rmtree(capture)  # an earlier demo's
+    mark = folder / ".demo"
+    if mark.is_file():
+        shutil.rmtree(capture, ignore_errors=True)  # an earlier demo's
     click.echo(f"Making a vehicle (seed {seed}) and scanning its wheels into {capture} ...")
     make_capture(capture, seed, "saloon", "default", "disc-250", trials=2)
+    mark.touch()
     click.echo("Measuring it from the scans alone ...\n")
     with open_capture(capture) as opened, Progress(len(opened.entries)) as progress:
         measurement = measure_capture(opened, Config(), progress)

@@ -53,6 +53,8 @@ def measure(
     if as_json:
         click.echo(to_json(measurement), nl=False)
     else:
+        for note in measurement.notes:
+            click.echo(note)
         click.echo(summary_table(measurement))
         click.echo()
         click.echo(vehicle_lines(measurement))
