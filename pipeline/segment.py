@@ -19,9 +19,10 @@ FACE_BAND = 0.04  # of the radius, at least: what may belong to the face
 WIDEST_BAND = 0.15  # of the radius, at most, however noisy
 FACE_SIGMAS = 6.0  # of the noise: half the thickness of what may belong to the face
 MAX_DEPTH_M = 0.8  # background further behind the face tells nothing more
-BEAM_SLOPE = 1.75  # beams up to 60 degrees carry the background this far sideways per depth
+BEAM_SLOPE = 1.2  # beams up to 50 degrees carry the background this far sideways per depth
 CURVED_OF_RADIUS = 0.004  # rms depth of a paraboloid, of the radius, above which no plate is bent
 MIN_POINTS = 30  # a scan or a face with fewer is not judged
+LIKELY = 0.6  # of the best match, or the least: a candidate that all points may prove
 MAX_VERIFIED = 3  # candidates that are looked at with all points of the scan
 
 
@@ -76,9 +77,9 @@ def find_target(points_m: Array, target: DiscTarget, config: SegmentConfig, seed
     del subset
     if not found:
         raise NotMeasuredError("no-plane", "no plane stands out among the points")
-    likely = [c for c in found if c.match > 0.6 * config.min_match][:MAX_VERIFIED]
+    likely = [c for c in found if c.match > LIKELY * max(config.min_match, found[0].match)]
     return _choose(
-        [_patch(points_m, origin, candidate, found, target, config, rng) for candidate in likely],
+        [_patch(points_m, origin, c, found, target, config, rng) for c in likely[:MAX_VERIFIED]],
         found,
         target,
         config,
