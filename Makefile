@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 LOCK := .ci/requirements.lock
 
-.PHONY: demo test check bench lock clean
+.PHONY: demo test check bench fuzz lock clean
 
 demo: $(VENV)/ready
 	$(BIN)/wheelplane demo demo-output
@@ -21,6 +21,10 @@ check: $(VENV)/ready
 bench: $(VENV)/ready
 	$(BIN)/python tests/bench/accuracy.py
 	$(BIN)/python tests/bench/speed.py
+	$(BIN)/python tests/bench/reading.py
+
+fuzz: $(VENV)/ready
+	$(BIN)/python tests/bench/fuzz.py --mutants 20000 --seed 0
 
 $(VENV)/ready: pyproject.toml $(LOCK)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -7,11 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.angles import nearest_wheel, outward_normal, vehicle_angles, wheel_angles
+from pipeline.angles import nearest_wheel, outward_normal, wheel_angles
 from pipeline.errors import InputError
 from pipeline.kernels import Array
 from pipeline.measurement import Measurement, Observation, Provenance, WheelResult
+from pipeline.monte_carlo import monte_carlo
 from pipeline.reference_frame import REFERENCE_WHEELS, VehicleFrame, build_reference_frame
+from pipeline.repeats import share_plates
 from pipeline.uncertainty import propagate
 
 
@@ -28,7 +30,7 @@ def align(
         frame = build_reference_frame(centres)
     except InputError as error:
         raise InputError(f"{provenance.source}: {error}") from error
-    observations = [_on_a_wheel(seen, centres) for seen in observations]
+    observations = share_plates([_on_a_wheel(seen, centres) for seen in observations])
     measured = [seen for seen in observations if seen.evidence is not None]
     wheels = [seen.wheel for seen in measured if seen.wheel is not None]
     angles = [
@@ -45,17 +47,30 @@ def align(
             u_toe_rad=float(uncertainty.toe_rad[index]),
             u_camber_rad=float(uncertainty.camber_rad[index]),
             u_camber_iso_rad=float(uncertainty.camber_iso_rad[index]),
+            **uncertainty.wheel_freedom(index),
         )
         for index, (seen, wheel, angle) in enumerate(zip(measured, wheels, angles, strict=True))
     }
     return Measurement(
         wheels=tuple(results.get(s.name) or WheelResult(s, s.wheel) for s in observations),
         frame=frame,
-        vehicle=vehicle_angles({w: angles[i].toe_rad for i, w in enumerate(REFERENCE_WHEELS)}),
         uncertainty=uncertainty,
         provenance=provenance,
         notes=(*notes, *_upside_down(frame, measured), *_far_from_their_wheel(measured, centres)),
     )
+
+
+def check_by_monte_carlo(measurement: Measurement, max_trials: int, seed: int) -> Measurement:
+    """The measurement with its uncertainties worked out once more, by at most max_trials draws."""
+    measured = [wheel for wheel in measurement.wheels if wheel.angles is not None]
+    drawn = monte_carlo(
+        [wheel.observation.fitted for wheel in measured],
+        [wheel.wheel for wheel in measured if wheel.wheel is not None],
+        measurement.uncertainty,
+        max_trials,
+        seed,
+    )
+    return replace(measurement, monte_carlo=drawn)
 
 
 def _upside_down(frame: VehicleFrame, measured: Sequence[Observation]) -> list[str]:

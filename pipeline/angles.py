@@ -6,13 +6,12 @@ n is the unit normal of the wheel plane that points away from the car. On both s
 - camber > 0 when the top leans outwards: -asin(n.up), the elevation, as in the paper;
 - camber ISO alike: -atan2(n.up, n.outward), the projection on the plane across the car (ISO 8855).
   tan(iso) = tan(camber)/cos(toe).
-- total toe = left + right; thrust angle = (toe_RL - toe_RR)/2, > 0 to the right.
+What follows for the vehicle, and against its other axes, stands in `vehicle.py`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,15 +35,6 @@ class WheelAngles:
     toe_rad: float
     camber_rad: float
     camber_iso_rad: float
-
-
-@dataclass(frozen=True)
-class VehicleAngles:
-    """What the toes of the four wheels say of the vehicle, radians; nan where a wheel lacks."""
-
-    rear_total_toe_rad: float
-    front_total_toe_rad: float
-    thrust_angle_rad: float
 
 
 def wheel_angles(frame: VehicleFrame, normal: npt.ArrayLike, wheel: str) -> WheelAngles:
@@ -107,16 +97,6 @@ def nearest_wheel(centres_m: npt.ArrayLike, centre_m: npt.ArrayLike) -> str:
             f"{distance_m[second]:.3f} m from {REFERENCE_WHEELS[second]}: name its wheel"
         )
     return REFERENCE_WHEELS[first]
-
-
-def vehicle_angles(toe_rad: Mapping[str, float]) -> VehicleAngles:
-    """Give total toes and thrust angle from the toe of each wheel, by its name, radians."""
-    toe = {wheel: toe_rad.get(wheel, math.nan) for wheel in REFERENCE_WHEELS}
-    return VehicleAngles(
-        rear_total_toe_rad=toe["RL"] + toe["RR"],
-        front_total_toe_rad=toe["FL"] + toe["FR"],
-        thrust_angle_rad=(toe["RL"] - toe["RR"]) / 2,
-    )
 
 
 def deg_min_sec(angle_rad: float, decimals: int = 1) -> str:

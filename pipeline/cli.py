@@ -14,10 +14,13 @@ from pipeline.errors import WheelplaneError
 COMMANDS = {
     "demo": ("pipeline.commands.demo:demo", "Make a vehicle with known angles, and measure it."),
     "five-point": ("pipeline.commands.five_point:five_point", "Angles from five points a wheel."),
+    "inspect": ("pipeline.commands.inspect:inspect", "What is in a scan file or a capture."),
     "measure": ("pipeline.commands.measure:measure", "Angles from laser scans of the wheels."),
     "plane": ("pipeline.commands.plane:plane", "The planes of a single point cloud."),
+    "selftest": ("pipeline.commands.selftest:selftest", "Fit certified data; a table to file."),
     "synth": ("pipeline.commands.synth:synth", "Make a capture of a vehicle with known angles."),
     "targets": ("pipeline.commands.targets:targets", "List the known targets."),
+    "validate": ("pipeline.commands.validate:validate", "Dense scans against five points."),
 }
 
 
@@ -49,6 +52,7 @@ HELP = """Toe and camber of a vehicle's wheels from dense laser scans of targets
 wheelplane demo DIR              a made vehicle, its scans, its angles beside the truth
 wheelplane measure CAPTURE       a folder, zip or tar with one scan a wheel
 wheelplane five-point FILE       the same from five surveyed points a wheel
+wheelplane validate CAPTURE      one against the other, and whether they agree
 """
 
 
@@ -56,7 +60,8 @@ wheelplane five-point FILE       the same from five surveyed points a wheel
     cls=LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"]},
     help=HELP,
-    epilog="Exit codes: 0 measured; 1 measured in part; 2 unusable input or arguments.",
+    epilog="Exit codes: 0 measured; 1 measured in part, or not shown to conform; "
+    "2 unusable input or arguments.",
 )
 @click.version_option(__version__, prog_name="wheelplane")
 def cli() -> None:

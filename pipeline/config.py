@@ -52,8 +52,38 @@ class CentreConfig(Section):
 
     max_points: int = Field(60_000, ge=1000)
     spot_radius_m: float = Field(0.0015, gt=0.0)
-    model_uncertainty_m: float = Field(3e-5, ge=0.0)
+    model_uncertainty_m: float = Field(3e-6, ge=0.0)
     max_iterations: int = Field(40, ge=1)
+
+
+class InstrumentConfig(Section):
+    """What is known of the scanner beside its scatter: standard uncertainties, type B (causes.py).
+
+    A scanner's file holds them in its table [instrument]. range_sigma_m: the noise of one range, by
+    which that of the scans is judged. spot_radius_m: goes before that of [centre]. distance_m: to
+    the target, where a scan does not tell.
+    """
+
+    range_sigma_m: float | None = Field(None, gt=0.0)
+    spot_radius_m: float | None = Field(None, gt=0.0)
+    range_bias_m: float = Field(0.0, ge=0.0)
+    pointing_urad: float = Field(0.0, ge=0.0)
+    registration_m: float = Field(0.0, ge=0.0)
+    distance_m: float = Field(3.0, gt=0.0)
+
+
+class StationConfig(Section):
+    """What is known of a total station: standard uncertainties of one point (point_causes.py).
+
+    range: range_sigma_m + range_sigma_ppm * 1e-6 * distance. angle: of azimuth and zenith, on the
+    arc. aiming: along each axis of the target's face, where a mark is aimed at by eye.
+    """
+
+    range_sigma_m: float = Field(ge=0.0)
+    range_sigma_ppm: float = Field(0.0, ge=0.0)
+    angle_sigma_arcsec: float = Field(ge=0.0)
+    aiming_sigma_m: float = Field(0.0, ge=0.0)
+    range_bias_m: float = Field(0.0, ge=0.0)
 
 
 class Config(Section):
@@ -62,15 +92,23 @@ class Config(Section):
     segment: SegmentConfig = SegmentConfig()
     plane: PlaneConfig = PlaneConfig()
     centre: CentreConfig = CentreConfig()
+    instrument: InstrumentConfig = InstrumentConfig()
     seed: int = Field(0, ge=0)
 
 
 class DiscTarget(Section):
-    """A flat disc: `diameter` in metres, and its `thickness` where known."""
+    """A flat disc: `diameter` in metres, and its `thickness` where known.
+
+    flatness: the face lies between two planes that far apart, metres. clamp_tilt_deg, clamp_shift:
+    standard deviations per axis of taking it off and putting it on again, degrees and metres.
+    """
 
     shape: Literal["disc"]
     diameter: float = Field(gt=0.01, lt=3.0)
     thickness: float | None = Field(None, ge=0.0, lt=0.2)
+    flatness: float = Field(0.0, ge=0.0, lt=0.01)
+    clamp_tilt_deg: float = Field(0.0, ge=0.0, lt=5.0)
+    clamp_shift: float = Field(0.0, ge=0.0, lt=0.05)
 
     @property
     def radius_m(self) -> float:
@@ -86,7 +124,7 @@ def config_folder() -> Path:
 
 
 def config_file(kind: str, name: str) -> Path:
-    """Path of the `kind` (targets, scanners, vehicles) called `name`, or of the TOML file `name`.
+    """Path of the `kind` (targets, scanners, tolerances) called `name`, or of the TOML file `name`.
 
     Raises ConfigError that lists what is known.
     """
@@ -107,6 +145,35 @@ def config_file(kind: str, name: str) -> Path:
 def load_config(path: Path | None) -> Config:
     """Effective configuration: the defaults, overridden by the TOML file at `path`."""
     return Config() if path is None else parse_section(Config, read_toml(path), str(path))
+
+
+def with_scanner(config: Config, name: str | None) -> Config:
+    """The configuration with what the laser scanner's file, by name or path, states of it."""
+    if name is None:
+        return config
+    stated = _instrument(InstrumentConfig, "laser-scanner", name)
+    update: dict[str, Section] = {"instrument": stated}
+    if stated.spot_radius_m is not None:
+        update["centre"] = config.centre.model_copy(update={"spot_radius_m": stated.spot_radius_m})
+    return config.model_copy(update=update)
+
+
+def load_station(name: str) -> StationConfig:
+    """Total station by name (`leica-tm30`) or TOML file: its table [instrument]."""
+    return _instrument(StationConfig, "total-station", name)
+
+
+def _instrument(model: type[T], kind: str, name: str) -> T:
+    table = read_toml(config_file("scanners", name)).get("instrument")
+    if not isinstance(table, dict):
+        raise ConfigError(f"{name}: it has no table [instrument]: add it, or name another scanner")
+    if table.get("kind") != kind:
+        raise ConfigError(
+            f"{name}: [instrument] kind is {table.get('kind')!r}, {kind!r} is needed here: "
+            "name another scanner, or mend its kind"
+        )
+    stated = {key: value for key, value in table.items() if key != "kind"}
+    return parse_section(model, stated, f"{name}: [instrument]")
 
 
 def load_target(name: str) -> DiscTarget:
@@ -152,6 +219,9 @@ def _fault(model: type[BaseModel], fault: object) -> str:
     name = ".".join(path)
     if fault["type"] == "missing":
         return f"{name!r} is missing: add it"
+    if fault["type"] == "value_error":  # of a model's own check, which names fact and mend
+        said = str(fault["msg"]).removeprefix("Value error, ")
+        return f"{name}: {said}" if name else said
     if fault["type"] != "extra_forbidden":
         said = "a table is needed" if fault["type"] in TABLE_FAULTS else str(fault["msg"])
         return f"{name}: {said[0].lower()}{said[1:]}, got {_short(fault['input'])}"
@@ -160,8 +230,9 @@ def _fault(model: type[BaseModel], fault: object) -> str:
         for kind in (inner, *get_args(inner)):  # a section, or a tuple of sections
             if isinstance(kind, type) and issubclass(kind, BaseModel):
                 model = kind
-    return f"unknown key {name!r}: {_nearest(path[-1], list(model.model_fields))}known are " + (
-        ", ".join(model.model_fields)
+    return (
+        f"unknown key {_short(name)}: {_nearest(path[-1], list(model.model_fields))}known are "
+        + (", ".join(model.model_fields))
     )
 
 
@@ -171,5 +242,6 @@ def _short(value: object) -> str:
 
 
 def _nearest(name: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
+    alike = [other for other in known if other.casefold() == name.casefold()]
+    close = alike or difflib.get_close_matches(name, known, n=1)
     return f"did you mean {close[0]!r}? " if close else ""

@@ -5,7 +5,11 @@ class WheelplaneError(Exception):
     """Any reason to stop that the user can mend.
 
     The text is one line that names the file or option, the fact with its number, and the mend.
+    What a file wrote into it cannot steer the terminal: it is printable.
     """
+
+    def __init__(self, text: str) -> None:
+        super().__init__("".join(c if c.isprintable() else repr(c)[1:-1] for c in text))
 
 
 class InputError(WheelplaneError):

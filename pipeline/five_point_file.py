@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -15,6 +16,7 @@ from pipeline.digest import sha256
 from pipeline.errors import InputError
 from pipeline.five_point import fit_block
 from pipeline.reference_frame import MAX_COORDINATE_M, REFERENCE_WHEELS, build_reference_frame
+from pipeline.units import LENGTH_UNITS, to_metres
 
 Array = npt.NDArray[np.float64]
 LengthUnit = Literal["m", "mm", "in"]
@@ -22,7 +24,6 @@ Coordinates = Literal["cartesian", "spherical"]
 AngleUnit = Literal["deg", "gon", "rad"]
 Azimuth = Literal["auto", "clockwise", "counterclockwise"]
 
-METRES = {"m": 1.0, "mm": 1e-3, "in": 0.0254}
 FULL_TURN = {"deg": 360.0, "gon": 400.0, "rad": 2 * math.pi}
 COLUMNS = {"cartesian": "x y z", "spherical": "range azimuth zenith"}
 ORDER = ", ".join(REFERENCE_WHEELS)
@@ -30,7 +31,7 @@ MAX_FILE_BYTES = 16 * 2**20
 # No ramp leans a vehicle by 60 degrees.
 MIN_UPRIGHT_COSINE = 0.5
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _SEPARATOR = re.compile(r"[ \t]*,[ \t]*|[ \t]+")
 
 
@@ -56,11 +57,14 @@ def read_five_point(
     coordinates: Coordinates = "cartesian",
     angle_unit: AngleUnit | None = None,
     azimuth: Azimuth = "auto",
+    arrange: Callable[[int], Sequence[int]] | None = None,
 ) -> FivePointFile:
     """Read rows x y z, or range azimuth zenith of a total station, five rows a plane.
 
     name: what the messages call the file. azimuth: the sense in which spherical rows count it,
     clockwise from y or counterclockwise from x; "auto" takes the one that leaves the car upright.
+    arrange: gives the blocks wanted, RR, RL, FR, FL first, by their places in the file (from 0),
+    when it is told their number; None for all as they stand.
     Raises InputError, one line that names file and line, for anything but rows of three finite
     numbers, in fives, four blocks or more, each a plane, the first four a frame.
     Source: the paper, section 1, point 1, and section 2.
@@ -69,15 +73,18 @@ def read_five_point(
     _check_options(source, length_unit, coordinates, angle_unit, azimuth)
     rows = _parse(_read_text(Path(path), source), COLUMNS[coordinates], source)
     _check_count(len(rows), source)
-    scale = METRES[length_unit]
     if angle_unit is None:
-        points_m = rows * scale
+        to_metres(rows, length_unit)
+        points_m = rows
     else:
-        points_m = _clockwise(rows * [scale, 1.0, 1.0], angle_unit, source)
+        to_metres(rows[:, 0], length_unit)
+        points_m = _clockwise(rows, angle_unit, source)
     _check_size(points_m, source)
     digest = sha256(Path(path))
-    blocks_m = points_m.reshape(-1, 5, 3)
-    up_z = _up_z(blocks_m, source)
+    count = len(points_m) // 5
+    order = range(count) if arrange is None else arrange(count)
+    blocks_m = points_m.reshape(-1, 5, 3)[list(order)]
+    up_z = _up_z(blocks_m, order, source)
     if angle_unit is None:
         return FivePointFile(blocks_m, source, digest, _note_if_upside_down(up_z))
     sense = _upright_sense(up_z, azimuth, source)
@@ -90,7 +97,7 @@ def _check_options(
     source: str, length_unit: str, coordinates: str, angle_unit: str | None, azimuth: str
 ) -> None:
     for option, value, known in (
-        ("--length-unit", length_unit, tuple(METRES)),
+        ("--length-unit", length_unit, LENGTH_UNITS),
         ("--coordinates", coordinates, tuple(COLUMNS)),
         ("--angle-unit", angle_unit or "deg", tuple(FULL_TURN)),
         ("--azimuth", azimuth, ("auto", "clockwise", "counterclockwise")),
@@ -230,10 +237,10 @@ def _clockwise(polar: Array, angle_unit: str, source: str) -> Array:
     )
 
 
-def _up_z(blocks_m: Array, source: str) -> float:
+def _up_z(blocks_m: Array, order: Sequence[int], source: str) -> float:
     """Return up . z of the vehicle, after refusing blocks without plane or frame."""
     centres = []
-    for block, points_m in enumerate(blocks_m, start=1):
+    for block, points_m in zip((place + 1 for place in order), blocks_m, strict=True):
         try:
             centres.append(fit_block(points_m).centre_m)
         except InputError as error:

@@ -38,8 +38,9 @@ def total_least_squares(points_m: Array, keep: npt.NDArray[np.bool_] | None = No
 
     At least 3 points. Eigenvectors of the centred 3x3 scatter. Centred first on a point of the
     cloud, which is exact, then on the mean, so that coordinates of 1e7 m lose nothing but their own
-    resolution. The scatter across the plane is summed from the residuals: eigh gives the smallest
-    eigenvalue only to eps times the largest. The normal's largest component is positive.
+    resolution. eigh gives the smallest eigenvalue and its vector only to eps times the largest, so
+    the scatter is summed once more along its axes, and the plane leant by what that leaves over.
+    The normal's largest component is positive.
     Source: Shakarji, J. Res. NIST 103 (1998) 633, section 3.
     """
     origin = points_m[0 if keep is None else int(np.argmax(keep))]
@@ -53,15 +54,30 @@ def total_least_squares(points_m: Array, keep: npt.NDArray[np.bool_] | None = No
         local -= mean
         scatter += local.T @ local
     values, vectors = np.linalg.eigh(scatter)
-    basis = vectors.T[::-1].copy()
-    basis[2] *= np.sign(basis[2, np.argmax(np.abs(basis[2]))])
-    basis[1] = np.cross(basis[2], basis[0])
-    across = 0.0
+    basis = vectors.T[::-1]
+    along = np.zeros((3, 3))
     for local in _chunks(points_m, keep, origin):
-        residual = (local - mean) @ basis[2]
-        across += float(residual @ residual)
+        turned = (local - mean) @ basis.T
+        along += turned.T @ turned
+    basis, across = _leant(basis, along)
     scatter_m2 = np.array([*values[:0:-1].clip(min=0.0), across])
     return PlaneMoments(origin + mean, basis, scatter_m2, count)
+
+
+def _leant(basis: Array, along: Array) -> tuple[Array, float]:
+    """The basis with its normal leant by the cross moments left in `along` (3, 3), the scatter.
+
+    Also the scatter across the leant plane: S33 - t . (S13, S23), with t = S_i3 / (S_ii - S33).
+    """
+    wide = np.diag(along)[:2] - along[2, 2]
+    lean = np.divide(along[:2, 2], wide, out=np.zeros(2), where=wide > 0.0)
+    normal = basis[2] - lean @ basis[:2]
+    normal /= np.linalg.norm(normal)
+    normal *= np.sign(normal[np.argmax(np.abs(normal))])
+    first = basis[0] - (basis[0] @ normal) * normal
+    first /= np.linalg.norm(first)
+    across = max(float(along[2, 2] - lean @ along[:2, 2]), 0.0)
+    return np.stack([first, np.cross(normal, first), normal]), across
 
 
 def _chunks(

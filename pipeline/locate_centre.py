@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from pipeline.causes import Cause, centre_cause, plane_cause
+from pipeline.circle import fit_circle
 from pipeline.config import CentreConfig, DiscTarget
 from pipeline.errors import NotMeasuredError
 from pipeline.fit_plane import PlaneFit
@@ -15,7 +18,10 @@ from pipeline.rim import RimFit, fit_rim
 from pipeline.segment import BEAM_SLOPE, Patch
 
 OUTLINE_EDGE_M = 5e-4  # what an outline without background may be shifted by the spot (k = 1)
+EROSION_M = 1.5e-3  # what spot and spacing may take from an outline's radius (k = 1)
 UNSETTLED_M = 3e-4  # the same of a rim whose fit did not stand still
+WALL_SHARE = 2e-3  # of the thickness, times tan^3 of the incidence: the wall's part of the model
+MAX_ECHO = 50.0  # a background that many times brighter, or darker, than the plate is no answer
 SECTORS = 72  # of the rim, in which the outline is compared with the disc's
 BEYOND_M, SHORT_M = 0.0015, 0.003  # how far a face may reach over its outline, or stop short of it
 
@@ -24,19 +30,33 @@ BEYOND_M, SHORT_M = 0.0015, 0.003  # how far a face may reach over its outline, 
 class TargetFit:
     """A measured target: its plane and its centre, in scanner coordinates.
 
-    centre_m: (3,). normal: (3,) unit, sign free. centre_covariance_m2: (3, 3).
-    normal_covariance: (3, 3) rad^2. plane_rms_m: over the points of the plane.
+    centre_m: (3,). normal: (3,) unit, sign free. causes: of the uncertainty of both.
+    plane_rms_m: over the points of the plane.
     method: 'rim' from mixed ranges, 'outline' from the points alone, 'points' from five points.
     """
 
     centre_m: Array
     normal: Array
-    centre_covariance_m2: Array
-    normal_covariance: Array
+    causes: tuple[Cause, ...]
     plane_rms_m: float
     points_on_target: int
     method: Literal["rim", "outline", "points"]
     rim: RimFit | None = None
+
+    @property
+    def covariance(self) -> Array:
+        """(6, 6) of the normal (rad), then the centre (m), by all causes."""
+        return np.asarray(sum((cause.covariance for cause in self.causes), np.zeros((6, 6))))
+
+    @property
+    def normal_covariance(self) -> Array:
+        """(3, 3), rad^2."""
+        return self.covariance[:3, :3]
+
+    @property
+    def centre_covariance_m2(self) -> Array:
+        """(3, 3)."""
+        return self.covariance[3:, 3:]
 
 
 def locate_centre(
@@ -51,18 +71,23 @@ def locate_centre(
     rim = fit_rim(near_rim, target, plane.sigma_m, config)
     face = near_rim[np.abs(near_rim[:, 2]) < max(3.0 * plane.sigma_m, 1e-6)][:, :2]
     if rim is not None:
-        centre = rim.centre_m
-        covariance = rim.covariance_m2 + _model_variance(rim, config) * np.eye(2)
+        centre, noise = rim.centre_m, rim.covariance_m2
+        model = _model_variance(rim, face, target.radius_m, config)
     else:
-        centre, covariance = _outline(face, target.radius_m)
+        centre, noise = _outline(face, target.radius_m)
+        model = OUTLINE_EDGE_M**2
     spacing = float(np.sqrt(np.pi * target.radius_m**2 / plane.count))
     slope = 1.0 if rim is None else float(np.hypot(*rim.beam))
     check_outline(face - centre, target.radius_m, spacing, plane.sigma_m * slope)
+    centre_m = patch.origin_m + _to_scanner(centre, patch, plane)
     return TargetFit(
-        centre_m=patch.origin_m + _to_scanner(centre, patch, plane),
+        centre_m=centre_m,
         normal=plane.normal,
-        centre_covariance_m2=_centre_covariance(covariance, centre, patch, plane),
-        normal_covariance=plane.normal_covariance,
+        causes=(
+            *_plane_causes(plane, centre_m - plane.centroid_m, rim),
+            centre_cause("centre noise", noise, plane.basis),
+            centre_cause("centre model", model * np.eye(2), plane.basis),
+        ),
         plane_rms_m=plane.rms_m,
         points_on_target=plane.count,
         method="rim" if rim is not None else "outline",
@@ -70,11 +95,19 @@ def locate_centre(
     )
 
 
-def _model_variance(rim: RimFit, config: CentreConfig) -> float:
-    """What the model of the rim may be wrong by, m^2: grows as the beams graze the face."""
-    slant = 1.0 + 2.0 * float(rim.beam @ rim.beam)
-    unsettled = 0.0 if rim.settled else UNSETTLED_M**2
-    return (config.model_uncertainty_m * slant) ** 2 + unsettled
+def _model_variance(rim: RimFit, face: Array, radius_m: float, config: CentreConfig) -> float:
+    """What the model of the rim may be wrong by, m^2.
+
+    It grows as the beams graze the face, by the cube of the tangent where they see the wall. A fit
+    that did not stand still, or needs an absurd brightness, is off by what the outline says.
+    """
+    square = float(rim.beam @ rim.beam)
+    spread: float = (config.model_uncertainty_m * (1.0 + 2.0 * square)) ** 2
+    spread += (WALL_SHARE * rim.thickness_m) ** 2 * square**3
+    if rim.settled and 1.0 / MAX_ECHO < rim.echo < MAX_ECHO:
+        return spread
+    apart = _outline(face, radius_m)[0] - rim.centre_m
+    return spread + UNSETTLED_M**2 + float(apart @ apart)
 
 
 def check_outline(face: Array, radius_m: float, spacing_m: float, noise_m: float) -> None:
@@ -128,57 +161,53 @@ def _to_scanner(centre: Array, patch: Patch, plane: PlaneFit) -> Array:
     return np.asarray(centre @ plane.basis[:2] + lift * plane.basis[2])
 
 
-def _centre_covariance(in_plane: Array, centre: Array, patch: Patch, plane: PlaneFit) -> Array:
-    """(3, 3): the outline's in the plane; the plane's own across it, at the lever of the centre."""
-    lever = patch.origin_m + _to_scanner(centre, patch, plane) - plane.centroid_m
-    across = (
-        plane.inflation * plane.sigma_m**2 / plane.count + lever @ plane.normal_covariance @ lever
-    )
-    return np.asarray(
-        plane.basis[:2].T @ in_plane @ plane.basis[:2]
-        + across * np.outer(plane.normal, plane.normal)
-    )
+def _plane_causes(plane: PlaneFit, lever_m: Array, rim: RimFit | None) -> list[Cause]:
+    """Of the plane's own scatter: independent noise, correlated noise, waves of the face."""
+    seen = plane.correlated
+    by_plane = None if rim is None else rim.by_plane
+    return [
+        plane_cause(name, covariance, plane.basis, lever_m, by_plane, freedom)
+        for name, covariance, freedom in (
+            ("plane noise", plane.noise_covariance, math.inf),
+            ("correlated noise", seen.covariance, seen.freedom),
+            ("flatness", seen.form_covariance, seen.freedom),
+        )
+        if covariance.any() or name == "plane noise"
+    ]
 
 
 def _outline(face: Array, radius_m: float) -> tuple[Array, Array]:
     """Circle of nearly known radius through the outermost points of the face (N, 2).
 
-    r = R + a + c . rho over sectors, a free within 1.5 mm (spot and spacing erode the edge all
-    round), Tukey weights.
+    The radius is free within 1.5 mm, for spot and spacing erode the edge all round.
     """
     centre = np.zeros(2)
     count = int(np.clip(len(face) // 40, 24, 180))
     for _ in range(20):
-        offset = face - centre
-        reach = np.hypot(offset[:, 0], offset[:, 1])
-        turn = (np.arctan2(offset[:, 1], offset[:, 0]) / (2.0 * np.pi)) % 1.0
-        sector = np.minimum((turn * count).astype(int), count - 1)
-        outermost = np.full(count, -np.inf)
-        np.maximum.at(outermost, sector, np.where(reach < 1.05 * radius_m, reach, -np.inf))
-        angle = (np.arange(count) + 0.5) / count * 2.0 * np.pi
-        rho = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        edge = np.isfinite(outermost) & (np.abs(outermost - radius_m) < 0.08 * radius_m)
-        if np.count_nonzero(edge) < 8:
+        edge = _outermost(face, centre, radius_m, count)
+        if len(edge) < 8:
             raise NotMeasuredError(
                 "no-outline", "less than a third of the disc's edge is in the scan"
             )
-        step, covariance = _circle_step(outermost[edge] - radius_m, rho[edge])
-        centre = centre + step
+        circle = fit_circle(edge, _tukey, (radius_m, EROSION_M))
+        step, centre = circle.centre_m - centre, circle.centre_m
         if float(np.abs(step).max()) < 1e-9:
             break
-    return centre, covariance + OUTLINE_EDGE_M**2 * np.eye(2)
+    return centre, circle.covariance_m2
 
 
-def _circle_step(excess: Array, rho: Array) -> tuple[Array, Array]:
-    """Shift (2,) that explains the excess over the radius, and its covariance (2, 2)."""
-    slopes = np.column_stack([rho, np.ones(len(rho))])
-    prior = np.diag([0.0, 0.0, 1.0 / 0.0015**2])
-    residual = excess - np.median(excess)
-    for _ in range(10):
-        scale = max(1.4826 * float(np.median(np.abs(residual))), 2e-5)
-        weight = np.clip(1.0 - (residual / (4.685 * scale)) ** 2, 0.0, None) ** 2
-        information = (slopes.T * weight) @ slopes / scale**2 + prior
-        solution = np.linalg.solve(information, slopes.T @ (weight * excess) / scale**2)
-        residual = excess - slopes @ solution
-    covariance: Array = np.linalg.inv(information).astype(np.float64)
-    return np.asarray(solution[:2], dtype=np.float64), covariance[:2, :2]
+def _outermost(face: Array, centre: Array, radius_m: float, count: int) -> Array:
+    """The point of each of `count` sectors about `centre` that is farthest out, near the radius."""
+    offset = face - centre
+    reach = np.hypot(offset[:, 0], offset[:, 1])
+    turn = (np.arctan2(offset[:, 1], offset[:, 0]) / (2.0 * np.pi)) % 1.0
+    sector = np.minimum((turn * count).astype(int), count - 1)
+    order = np.lexsort((np.where(reach < 1.05 * radius_m, reach, -np.inf), sector))
+    last = order[np.diff(sector[order], append=count) > 0]
+    return np.asarray(face[last[np.abs(reach[last] - radius_m) < 0.08 * radius_m]])
+
+
+def _tukey(excess: Array) -> Array:
+    """Tukey's biweight at 4.685 sigma over the variance, sigma from the excesses themselves."""
+    sigma = max(1.4826 * float(np.median(np.abs(excess))), 2e-5)
+    return np.asarray(np.clip(1.0 - (excess / (4.685 * sigma)) ** 2, 0.0, None) ** 2 / sigma**2)

@@ -13,8 +13,10 @@ from pipeline.five_point_file import FivePointFile
 from pipeline.locate_centre import locate_centre
 from pipeline.measurement import Evidence, Measurement, Provenance
 from pipeline.observe import observe_block, observe_entry, pooled_noise
+from pipeline.point_causes import Station
 from pipeline.readers import Scan
 from pipeline.segment import Patch, find_target
+from pipeline.stated_causes import add_stated_causes, noisy
 
 
 def measure_scan(scan: Scan, target: DiscTarget, config: Config) -> Evidence:
@@ -28,25 +30,36 @@ def fit_target(patch: Patch, target: DiscTarget, config: Config) -> Evidence:
     """Plane and centre of the target in `patch`. Raises NotMeasuredError."""
     plane = fit_plane(patch, target.radius_m, config.plane)
     fitted = locate_centre(patch, plane, target, config.centre)
+    fitted = add_stated_causes(fitted, plane, target, config.instrument)
     return Evidence(fitted, plane, face_map(patch, plane, fitted, target.radius_m))
 
 
 def measure_capture(
-    capture: Capture, config: Config, progress: Callable[[str], None] = lambda _: None
+    capture: Capture,
+    config: Config,
+    progress: Callable[[str], None] = lambda _: None,
+    fit: Callable[[Patch, DiscTarget, Config], Evidence] = fit_target,
 ) -> Measurement:
     """Toe, camber and the vehicle's quantities of a capture of laser scans.
+
+    fit: fits the target that a scan shows; one that also looks at its points may stand in.
 
     Raises InputError for a scan that cannot be read and for a reference wheel whose target cannot
     be measured; a trial that cannot be measured stays in the result with its status.
     """
     observations = [
-        observe_entry(entry, capture, config, fit_target, progress) for entry in capture.entries
+        observe_entry(entry, capture, config, fit, progress) for entry in capture.entries
     ]
-    return align(observations, Provenance.of_capture(capture, config, observations))
+    notes = [*noisy(observations, config.instrument)]
+    return align(observations, Provenance.of_capture(capture, config, observations), notes)
 
 
-def measure_five_point(file: FivePointFile) -> Measurement:
-    """The same from the paper's five points a plane, by total least squares."""
-    noise = pooled_noise(file.blocks_m)
-    observations = [observe_block(file, index, noise) for index in range(len(file.blocks_m))]
-    return align(observations, Provenance.of_five_point(file, observations), file.notes)
+def measure_five_point(file: FivePointFile, station: Station | None = None) -> Measurement:
+    """The same from the paper's five points a plane, by total least squares.
+
+    station: whose own uncertainty counts; without it, the scatter of the points alone.
+    """
+    noise = pooled_noise(file.blocks_m, station)
+    blocks = range(len(file.blocks_m))
+    observations = [observe_block(file, index, noise, station) for index in blocks]
+    return align(observations, Provenance.of_five_point(file, observations, station), file.notes)

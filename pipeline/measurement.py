@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from pipeline import __version__
-from pipeline.angles import VehicleAngles, WheelAngles
-from pipeline.capture import Capture, Role
+from pipeline.angles import WheelAngles
+from pipeline.capture import Capture, Role, Turn
 from pipeline.config import Config
 from pipeline.face_map import FaceMap
 from pipeline.fit_plane import PlaneFit
 from pipeline.five_point_file import FivePointFile
 from pipeline.kernels import Array
 from pipeline.locate_centre import TargetFit
+from pipeline.monte_carlo import MonteCarlo
+from pipeline.point_causes import Station
 from pipeline.reference_frame import VehicleFrame
 from pipeline.uncertainty import AngleUncertainty
 
@@ -32,7 +35,8 @@ class Evidence:
 class Observation:
     """What one scan, or one block of five points, showed.
 
-    evidence is None where nothing could be measured; `status` then names why and `reason` says it.
+    repeats: what it shows once more. turn: of a scan of a sweep or a run-out. evidence is None
+    where nothing could be measured; `status` then names why and `reason` says it.
     """
 
     name: str
@@ -42,9 +46,11 @@ class Observation:
     sha256: str
     points_total: int
     missing_returns: int
+    repeats: str | None = None
     evidence: Evidence | None = None
     status: str = "ok"
     reason: str = ""
+    turn: Turn | None = None
 
     @property
     def fitted(self) -> TargetFit:
@@ -58,7 +64,8 @@ class Observation:
 class WheelResult:
     """An observation with its angles; all None where it was not measured.
 
-    normal: (3,) outward, scanner coordinates. u_: standard uncertainties (k = 1), radians.
+    normal: (3,) outward, scanner coordinates. u_: standard uncertainties (k = 1), radians, and
+    freedom_: their degrees of freedom.
     """
 
     observation: Observation
@@ -68,6 +75,9 @@ class WheelResult:
     u_toe_rad: float | None = None
     u_camber_rad: float | None = None
     u_camber_iso_rad: float | None = None
+    freedom_toe: float = math.inf
+    freedom_camber: float = math.inf
+    freedom_camber_iso: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -92,22 +102,32 @@ class Provenance:
         return cls(capture.source, capture.vehicle, __version__, inputs, used, config.seed)
 
     @classmethod
-    def of_five_point(cls, file: FivePointFile, observations: Sequence[Observation]) -> Provenance:
-        """Of the paper's file."""
+    def of_five_point(
+        cls, file: FivePointFile, observations: Sequence[Observation], station: Station | None
+    ) -> Provenance:
+        """Of the paper's file, surveyed by `station` where it is known."""
         inputs = {seen.source: seen.sha256 for seen in observations}
-        return cls(file.source, None, __version__, inputs, {"method": "total-least-squares"}, 0)
+        used: dict[str, Any] = {"method": "total-least-squares"}
+        if station is not None:
+            used |= {"station": station.stated.model_dump(), "place_m": station.place_m.tolist()}
+        return cls(file.source, None, __version__, inputs, used, 0)
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """All wheels in the capture's order, the frame, the vehicle's angles, and how they came."""
+    """All wheels in the capture's order, the frame, all quantities, and how they came."""
 
     wheels: tuple[WheelResult, ...]
     frame: VehicleFrame
-    vehicle: VehicleAngles
     uncertainty: AngleUncertainty
     provenance: Provenance
     notes: tuple[str, ...] = ()
+    monte_carlo: MonteCarlo | None = None
+
+    @property
+    def vehicle(self) -> dict[str, float]:
+        """The vehicle's quantities by their names in `definitions.py`, radians and metres."""
+        return self.uncertainty.vehicle_values
 
     @property
     def complete(self) -> bool:

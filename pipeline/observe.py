@@ -16,6 +16,8 @@ from pipeline.five_point_file import FivePointFile
 from pipeline.kernels import Array
 from pipeline.locate_centre import TargetFit
 from pipeline.measurement import Evidence, Observation
+from pipeline.plausible import check_wheel_scan
+from pipeline.point_causes import PooledNoise, Station, point_causes, unexplained_noise
 from pipeline.readers import read_scan
 from pipeline.reference_frame import REFERENCE_WHEELS
 from pipeline.segment import Patch, find_target
@@ -55,6 +57,7 @@ def _find(
 ) -> tuple[Observation, Patch | NotMeasuredError]:
     """What was read, and the target's surroundings; the scan itself is let go here."""
     scan = read_scan(entry.path, capture.length_unit, source)
+    check_wheel_scan(scan.points_m, capture.target.diameter, capture.length_unit, source)
     seen = Observation(
         name=entry.name,
         role=entry.role,
@@ -63,6 +66,8 @@ def _find(
         sha256=sha256(entry.path),
         points_total=len(scan.points_m),
         missing_returns=scan.missing_returns,
+        repeats=entry.repeats,
+        turn=entry.turn,
     )
     try:
         return seen, find_target(scan.points_m, capture.target, config.segment, config.seed)
@@ -70,21 +75,24 @@ def _find(
         return seen, error.with_traceback(None)
 
 
-def pooled_noise(blocks_m: Array) -> float:
-    """Noise across the planes, metres, from all blocks (M, 5, 3): 2 M degrees of freedom."""
-    squares = [5.0 * fit_block(block).rms_m ** 2 for block in blocks_m]
-    return float(np.sqrt(sum(squares) / (2.0 * len(squares))))
+def pooled_noise(blocks_m: Array, station: Station | None) -> PooledNoise:
+    """Noise across the planes from all blocks (M, 5, 3), less what the station states of itself."""
+    fits = [fit_block(block) for block in blocks_m]
+    freedom = 2 * len(fits)
+    square = sum(5.0 * fit.rms_m**2 for fit in fits) / freedom
+    noise = PooledNoise(float(np.sqrt(square)), freedom)
+    return noise if station is None else unexplained_noise(noise, blocks_m, fits, station)
 
 
-def observe_block(file: FivePointFile, index: int, noise_m: float) -> Observation:
-    """Block `index` of the paper's file; covariances for noise alike in all directions."""
+def observe_block(
+    file: FivePointFile, index: int, noise: PooledNoise, station: Station | None
+) -> Observation:
+    """Block `index` of the paper's file."""
     fit = fit_block(file.blocks_m[index])
-    variance = noise_m**2 / fit.scatter_m2[1:]
     target = TargetFit(
         centre_m=fit.centre_m,
         normal=fit.normal,
-        centre_covariance_m2=noise_m**2 / 5.0 * np.eye(3),
-        normal_covariance=(fit.axes[1:].T * variance) @ fit.axes[1:],
+        causes=point_causes(file.blocks_m[index], fit, noise, station),
         plane_rms_m=fit.rms_m,
         points_on_target=5,
         method="points",

@@ -33,14 +33,18 @@ MAX_SPREAD = 0.15  # sectors whose background is rougher than this share of its 
 class RimFit:
     """Centre of the rim in the plane and what came with it.
 
-    centre_m: (2,). covariance_m2: (2, 2). beam: (2,) in-plane run of the beams at the centre, per
-    metre of depth: tan of the incidence and its direction. inverse_distance: 1 / scanner's distance
-    from the plane, 1/m. spot_m, thickness_m, and echo, the background's brightness of the plate's:
-    as fitted. covered: share of the rim that was used. settled: whether the fit stood still.
+    centre_m: (2,). covariance_m2: (2, 2), of a plane without error. by_plane: (2, 3) how the centre
+    moves with the plane's height at the centre, and with its slopes along u and v: it is seen in a
+    direction, so that a plane that is too high takes it along the beam. beam: (2,) in-plane run of
+    the beams at the centre, per metre of depth: tan of the incidence and its direction.
+    inverse_distance: 1 / scanner's distance from the plane, 1/m. spot_m, thickness_m, and echo, the
+    background's brightness of the plate's: as fitted. covered: share of the rim that was used.
+    settled: whether the fit stood still.
     """
 
     centre_m: Array
     covariance_m2: Array
+    by_plane: Array
     beam: Array
     inverse_distance: float
     spot_m: float
@@ -81,20 +85,23 @@ def fit_rim(
     for iteration in range(1, config.max_iterations + 1):
         if 1 < iteration <= 8:
             background = _background(plane, depth, state, target.radius_m)
-        step, information, used = _step(
-            plane, depth, background, state, prior, target.radius_m, sigma_m, iteration > 6
+        equations = _equations(
+            plane, depth, background, state, target.radius_m, sigma_m, iteration > 6
         )
+        step = _step(equations, state, prior)
         state = state + step
         last_m = float(np.abs(step[:2]).max())
         if iteration > 8 and last_m < STILL_M:
             break
     covered = float(np.mean(background.usable))
+    used = len(equations.residual_m)
     if covered < 0.25 or used < 50:
         return None
-    covariance: Array = np.linalg.inv(information).astype(np.float64)
+    covariance, by_plane = _spread(equations, prior)
     return RimFit(
         centre_m=state[:2],
         covariance_m2=covariance[:2, :2],
+        by_plane=by_plane[:2],
         beam=state[2:4],
         inverse_distance=float(state[4]),
         spot_m=float(np.exp(state[5])),
@@ -136,12 +143,19 @@ class _Beams:
 
 
 def _carry(plane: Array, depth: Array, state: Array, radius_m: float) -> _Beams:
-    """Where each point's beam met the plane: q = c + (p - c - z g) / (1 + z/D), seen from c."""
+    """Where each point's beam met the plane: q = c + (p - c - z g) / (1 + z/D), seen from c.
+
+    tau: at the depth z, a beam that met the plane x outside the rim is x - tau z outside the wall,
+    less (z t)^2 / (2 R) by the wall's own curvature where the beam runs aside by t per depth; that
+    is taken as a straight line down to the thickness.
+    """
     shrink = 1.0 / (1.0 + state[4] * depth)
     offset = (plane - state[:2] - depth[:, None] * state[2:4]) * shrink[:, None]
     reach = np.hypot(offset[:, 0], offset[:, 1])
     rho = offset / np.maximum(reach, 1e-9)[:, None]
-    tau = -(rho @ state[2:4]) - state[4] * radius_m
+    outward = rho @ state[2:4]
+    aside = state[2:4] @ state[2:4] - outward**2
+    tau = -outward - state[4] * radius_m - np.exp(state[6]) * aside / (2.0 * radius_m)
     return _Beams(reach - radius_m, rho, tau, shrink, reach)
 
 
@@ -216,17 +230,36 @@ def _mixed_share(
     return float(np.count_nonzero(mixed) / max(int(np.count_nonzero(ring)), 1))
 
 
-def _step(
+@dataclass(frozen=True)
+class _Equations:
+    """The points near the rim, linearised: residual = slopes @ step.
+
+    uv_m: (N, 2) where their beams met the plane, seen from the centre. residual_m: (N,). slopes:
+    (N, 8). weight: (N,) robust, over the variance. change: (N,) derivative of weight * residual by
+    the residual. by_height: (N,) what a metre more of height of the plane adds to the residual.
+    """
+
+    uv_m: Array
+    residual_m: Array
+    slopes: Array
+    weight: Array
+    change: Array
+    by_height: Array
+
+
+def _equations(
     plane: Array,
     depth: Array,
     background: _Background,
     state: Array,
-    prior: _Prior,
     radius_m: float,
     sigma_m: float,
     settled: bool,
-) -> tuple[Array, Array, int]:
-    """One robust Gauss-Newton step: the step (8,), the information (8, 8), the points used."""
+) -> _Equations:
+    """Compare what the points near the rim show with the profile at `state`.
+
+    The slopes are taken at the profile's depth: at the measured one they would go with its noise.
+    """
     beams = _carry(plane, depth, state, radius_m)
     sector = _sector(beams.rho, len(background.usable))
     outer = OUTER_M + np.maximum(beams.tau, 0.0) * np.exp(state[6])
@@ -234,7 +267,7 @@ def _step(
     band &= background.usable[sector]
     beams = _Beams(*(part[band] for part in vars(beams).values()))
     z, sector = depth[band], sector[band]
-    spot = np.exp(state[5]) * np.sqrt(1.0 + (beams.rho @ state[2:4]) ** 2)
+    spot = np.exp(state[5]) * np.sqrt(1.0 + beams.tau**2)
     profile = edge_profile(
         beams.x_m,
         np.maximum(beams.tau, 0.0),
@@ -248,24 +281,53 @@ def _step(
         background.spread_m[sector] + DEPTH_SHARE * background.depth_m[sector]
     )
     variance = (sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2 + rough**2
-    weight = _robust_weight(residual**2 / variance, settled) / variance
-    slopes = _slopes(profile, beams, z, state, radius_m)
-    information = (slopes.T * weight) @ slopes + np.diag(prior.weight)
-    gradient = slopes.T @ (weight * residual) - prior.weight * (state - prior.mean)
-    step = np.linalg.solve(information, gradient)
-    limit = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5])
-    return (
-        step * min(1.0, float((limit / np.maximum(np.abs(step), 1e-12)).min())),
-        information,
-        len(z),
+    weight, change = _robust(residual**2 / variance, settled)
+    light = profile.background_share * float(np.exp(state[7]))
+    light /= 1.0 - profile.background_share + light  # of what returns, that of the background
+    return _Equations(
+        uv_m=beams.rho * beams.reach_m[:, None],
+        residual_m=residual,
+        slopes=_slopes(profile, beams, profile.depth_m, state, radius_m),
+        weight=weight / variance,
+        change=change / variance,
+        by_height=1.0 - light - profile.d_x * beams.tau * beams.shrink,
     )
 
 
-def _robust_weight(square: Array, settled: bool) -> Array:
-    """Cauchy while far from the answer, then Tukey's biweight at 4 sigma."""
+def _step(equations: _Equations, state: Array, prior: _Prior) -> Array:
+    """One robust Gauss-Newton step (8,), no longer than is safe."""
+    weighted = equations.slopes.T * equations.weight
+    information = weighted @ equations.slopes + np.diag(prior.weight)
+    gradient = weighted @ equations.residual_m - prior.weight * (state - prior.mean)
+    step = np.linalg.solve(information, gradient)
+    limit = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5])
+    return np.asarray(step * min(1.0, float((limit / np.maximum(np.abs(step), 1e-12)).min())))
+
+
+def _robust(square: Array, settled: bool) -> tuple[Array, Array]:
+    """Weight and influence's slope: Cauchy while far from the answer, then Tukey's at 4 sigma."""
     if settled:
-        return np.asarray(np.clip(1.0 - square / 16.0, 0.0, None) ** 2)
-    return np.asarray(1.0 / (1.0 + square / 4.0))
+        left = np.clip(1.0 - square / 16.0, 0.0, None)
+        return left**2, left * (1.0 - 5.0 * square / 16.0)
+    left = 1.0 / (1.0 + square / 4.0)
+    return left, left**2 * (1.0 - square / 4.0)
+
+
+def _spread(equations: _Equations, prior: _Prior) -> tuple[Array, Array]:
+    """Covariance (8, 8) of the state from the residuals themselves, and its slopes (8, 3) by plane.
+
+    A^-1 B A^-1, A the derivative of the estimating equations, B the sum of their squares, each
+    residual over 1 - leverage; the variances that set the weights need not be right.
+    Source: Huber, Robust Statistics (1981) 6.3; MacKinnon and White, J. Econometrics 29 (1985) 305.
+    """
+    slopes, weight, known = equations.slopes, equations.weight, np.diag(prior.weight)
+    inverse = np.linalg.inv((slopes.T * equations.change) @ slopes + known)
+    information = (slopes.T * weight) @ slopes + known
+    leverage = weight * np.sum(slopes * np.linalg.solve(information, slopes.T).T, axis=1)
+    score = slopes * (weight * equations.residual_m / (1.0 - leverage))[:, None]
+    lift = np.column_stack([np.ones(len(weight)), equations.uv_m]) * equations.by_height[:, None]
+    by_plane = inverse @ ((slopes.T * equations.change) @ lift)
+    return inverse @ (score.T @ score + known) @ inverse, by_plane
 
 
 def _slopes(

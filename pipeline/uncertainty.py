@@ -1,4 +1,4 @@
-"""Covariances of planes and centres, carried through the frame to every angle."""
+"""Causes of uncertainty, carried through the frame to every angle; this module owns the budget."""
 
 from __future__ import annotations
 
@@ -8,106 +8,142 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.angles import vehicle_angles, wheel_angles
+from pipeline.definitions import VEHICLE, WHEEL
+from pipeline.distributions import coverage_factor
+from pipeline.jacobian import linearise
 from pipeline.kernels import Array
 from pipeline.locate_centre import TargetFit
-from pipeline.reference_frame import REFERENCE_WHEELS, build_reference_frame
 
-STEP_M = 1e-5  # central differences: the frame is smooth over metres, rounding is at 1e-9 m
+LEVEL = 0.95  # of the expanded uncertainties
 
 
 @dataclass(frozen=True)
 class AngleUncertainty:
-    """Standard uncertainties (k = 1), radians and metres.
+    """All Q quantities of W targets and their uncertainty: radians and metres, k = 1.
 
-    toe_rad, camber_rad, camber_iso_rad: (W,) one a wheel. The rest: of the vehicle.
+    Quantities: of each entry of `definitions.WHEEL` those of all targets, toes first; then the
+    entries of `definitions.VEHICLE`. values: (Q,). covariance: (Q, Q). causes: names of the
+    budget's K lines. shares: (Q, K) variance by cause; they add up to the covariance's diagonal.
+    through_frame: (Q,) variance that arrives through the four centres. freedom: (Q,) effective
+    degrees of freedom.
     """
 
-    toe_rad: Array
-    camber_rad: Array
-    camber_iso_rad: Array
-    rear_total_toe_rad: float
-    front_total_toe_rad: float
-    thrust_angle_rad: float
-    rear_track_m: float
-    front_track_m: float
-    wheelbase_m: float
+    values: Array
+    covariance: Array
+    causes: tuple[str, ...]
+    shares: Array
+    through_frame: Array
+    freedom: Array
+
+    @property
+    def standard(self) -> Array:
+        """(Q,) standard uncertainties."""
+        return np.asarray(np.sqrt(np.diag(self.covariance).clip(min=0.0)))
+
+    @property
+    def coverage_factor(self) -> Array:
+        """(Q,) k of the expanded uncertainty of 95 %: Student's t of the degrees of freedom."""
+        return coverage_factor(LEVEL, self.freedom)
+
+    @property
+    def toe_rad(self) -> Array:
+        """(W,)."""
+        return self._of_wheels(0)
+
+    @property
+    def camber_rad(self) -> Array:
+        """(W,)."""
+        return self._of_wheels(1)
+
+    @property
+    def camber_iso_rad(self) -> Array:
+        """(W,)."""
+        return self._of_wheels(2)
+
+    @property
+    def vehicle_standard(self) -> dict[str, float]:
+        """Standard uncertainties of the vehicle's quantities, by name."""
+        return _by_name(self.standard)
+
+    @property
+    def vehicle_values(self) -> dict[str, float]:
+        """The vehicle's quantities, by name."""
+        return _by_name(self.values)
+
+    def wheel_freedom(self, index: int) -> dict[str, float]:
+        """Degrees of freedom of one wheel's angles, by the names of WheelResult."""
+        names = ("freedom_toe", "freedom_camber", "freedom_camber_iso")
+        rows = self.freedom[: -len(VEHICLE)].reshape(len(WHEEL), -1)[: len(names), index]
+        return {name: float(freedom) for name, freedom in zip(names, rows, strict=True)}
+
+    def _of_wheels(self, kind: int) -> Array:
+        return np.asarray(self.standard[: -len(VEHICLE)].reshape(len(WHEEL), -1)[kind])
+
+
+def _by_name(numbers: Array) -> dict[str, float]:
+    of_vehicle = numbers[-len(VEHICLE) :].tolist()
+    return {entry.name: number for entry, number in zip(VEHICLE, of_vehicle, strict=True)}
 
 
 def propagate(targets: Sequence[TargetFit], wheels: Sequence[str]) -> AngleUncertainty:
     """Uncertainty of all angles of W targets, of which the first four are RR, RL, FR, FL.
 
-    J Sigma J^T over the four reference centres, shared by all angles, and each wheel's own normal.
-    Source: JCGM 100 (GUM), 5.2; Jacobians by central differences.
+    J Sigma J^T, cause by cause: Sigma is the sum over the causes of factor factor^T, where causes
+    that targets share act on all of them at once.
+    Source: JCGM 100 (GUM), 5.2 and G.4 (effective degrees of freedom).
     """
     centres = np.stack([target.centre_m for target in targets[:4]])
-    centres = centres - centres.mean(axis=0)
-    by_centres = np.stack(
-        [_slope(targets, wheels, centres, index, axis) for index in range(4) for axis in range(3)],
-        axis=1,
-    )
-    shared = np.zeros((12, 12))
-    for index, target in enumerate(targets[:4]):
-        rows = slice(3 * index, 3 * index + 3)
-        shared[rows, rows] = target.centre_covariance_m2
-    covariance = by_centres @ shared @ by_centres.T
-    _add_normals(covariance, targets, wheels, centres)
-    deviation = np.sqrt(np.diag(covariance).clip(min=0.0))
-    count = len(targets)
-    return AngleUncertainty(
-        deviation[:count],
-        deviation[count : 2 * count],
-        deviation[2 * count : 3 * count],
-        *(float(value) for value in deviation[3 * count :]),
-    )
+    normals = np.stack([target.normal for target in targets])
+    linear = linearise(centres, normals, wheels)
+    J = linear.slopes
+    by_centres = J.reshape(len(J), -1, 6).copy()
+    by_centres[:, :, :3] = 0.0
+    effects = effects_of(targets)
+    names = tuple(dict.fromkeys(effect.name for effect in effects))
+    shares, through_frame = np.zeros((len(J), len(names))), np.zeros(len(J))
+    covariance = np.zeros((len(J), len(J)))
+    variances = []
+    for effect in effects:
+        moved = J @ effect.factor
+        variances.append(np.sum(moved**2, axis=1))
+        covariance += moved @ moved.T
+        shares[:, names.index(effect.name)] += variances[-1]
+        through_frame += np.sum((by_centres.reshape(len(J), -1) @ effect.factor) ** 2, axis=1)
+    freedom = effective_freedom(effects, variances, np.diag(covariance))
+    return AngleUncertainty(linear.values, covariance, names, shares, through_frame, freedom)
 
 
-def _values(targets: Sequence[TargetFit], wheels: Sequence[str], centres: Array) -> Array:
-    """Toes (W), cambers (W), ISO cambers (W), then the vehicle's six quantities."""
-    frame = build_reference_frame(centres)
-    angles = [wheel_angles(frame, t.normal, w) for t, w in zip(targets, wheels, strict=True)]
-    vehicle = vehicle_angles({w: angles[i].toe_rad for i, w in enumerate(REFERENCE_WHEELS)})
-    return np.array(
-        [a.toe_rad for a in angles]
-        + [a.camber_rad for a in angles]
-        + [a.camber_iso_rad for a in angles]
-        + [vehicle.rear_total_toe_rad, vehicle.front_total_toe_rad, vehicle.thrust_angle_rad]
-        + [frame.rear_track_m, frame.front_track_m, frame.wheelbase_m]
-    )
+def effective_freedom(effects: Sequence[Effect], variances: Sequence[Array], total: Array) -> Array:
+    """Welch and Satterthwaite: u^4 / sum of u_i^4 / nu_i over what was estimated apart."""
+    estimates: dict[object, tuple[Array, float]] = {}
+    for index, (effect, variance) in enumerate(zip(effects, variances, strict=True)):
+        key = effect.name if effect.pooled else index
+        before = estimates[key][0] if key in estimates else 0.0
+        estimates[key] = (before + variance, effect.freedom)
+    fourths = sum((v**2 / freedom for v, freedom in estimates.values()), np.zeros(len(total)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(fourths > 0.0, total**2 / fourths, math.inf))
 
 
-def _slope(
-    targets: Sequence[TargetFit], wheels: Sequence[str], centres: Array, index: int, axis: int
-) -> Array:
-    ends = []
-    for sign in (1.0, -1.0):
-        moved = centres.copy()
-        moved[index, axis] += sign * STEP_M
-        ends.append(_values(targets, wheels, moved))
-    return np.asarray((ends[0] - ends[1]) / (2.0 * STEP_M))
+@dataclass(frozen=True)
+class Effect:
+    """A cause as it acts on all W targets at once: factor (6 W, k)."""
+
+    name: str
+    factor: Array
+    freedom: float
+    pooled: bool
 
 
-def _add_normals(
-    covariance: Array, targets: Sequence[TargetFit], wheels: Sequence[str], centres: Array
-) -> None:
-    """Add each wheel's own normal: to its three angles, and through its toe to the vehicle's."""
-    frame, count = build_reference_frame(centres), len(targets)
-    for i, (target, wheel) in enumerate(zip(targets, wheels, strict=True)):
-        slopes = np.zeros((len(covariance), 3))
-        for axis in range(3):
-            tilt = np.zeros(3)
-            tilt[axis] = STEP_M
-            ends = [wheel_angles(frame, target.normal + sign * tilt, wheel) for sign in (1, -1)]
-            for k, name in enumerate(("toe_rad", "camber_rad", "camber_iso_rad")):
-                change = getattr(ends[0], name) - getattr(ends[1], name)
-                slopes[k * count + i, axis] = math.remainder(change, 2 * math.pi) / (2 * STEP_M)
-        if i < 4:
-            _to_vehicle(slopes, slopes[i], wheel, count)
-        covariance += slopes @ target.normal_covariance @ slopes.T
-
-
-def _to_vehicle(slopes: Array, toe: Array, wheel: str, count: int) -> None:
-    """Total toe = left + right; thrust angle = (RL - RR) / 2."""
-    slopes[3 * count + (0 if wheel.startswith("R") else 1)] = toe
-    if wheel.startswith("R"):
-        slopes[3 * count + 2] = toe / 2.0 if wheel == "RL" else -toe / 2.0
+def effects_of(targets: Sequence[TargetFit]) -> list[Effect]:
+    """One effect a cause, those that targets share brought together; in the order of the causes."""
+    found: dict[tuple[str, object], Effect] = {}
+    for index, target in enumerate(targets):
+        for cause in target.causes:
+            factor = np.zeros((6 * len(targets), cause.factor.shape[1]))
+            factor[6 * index : 6 * index + 6] = cause.factor
+            key = (cause.name, index if cause.shared is None else cause.shared)
+            if key in found:
+                factor += found[key].factor
+            found[key] = Effect(cause.name, factor, cause.freedom, cause.pooled)
+    return list(found.values())

@@ -15,11 +15,22 @@ import numpy.typing as npt
 from synth.errors import SynthError
 from synth.files import capture_toml, ply, scan_file
 from synth.five_point import draw_place, measure_five
-from synth.parameters import Beam, Grid, ScannerFile, TargetFile, TotalStation, VehicleFile
+from synth.obstacle import draw_board
+from synth.parameters import (
+    Beam,
+    Grid,
+    Obstacle,
+    ScannerFile,
+    TargetFile,
+    TotalStation,
+    VehicleFile,
+)
 from synth.recipe import Recipe, read_fixed, read_recipe
 from synth.scanner import draw_stand, scan
 from synth.scene import build_scene
+from synth.target import Mount, draw_mount
 from synth.truth import Truth, site_point
+from synth.turning import draw_turning
 from synth.vehicle import WHEELS, Vehicle, Wheel, draw_trial, draw_vehicle, draw_wheel
 
 Array = npt.NDArray[np.float64]
@@ -105,21 +116,30 @@ def _fill(
     progress: Callable[[str], None],
 ) -> Truth:
     wheels: list[Wheel] = []
+    mounts: list[Mount] = []
     used: list[dict[str, Any]] = []
+    turning = draw_turning(kit.vehicle_recipe, seed)
     for number, rng in enumerate(draws):
         wheel = _next_wheel(number, car, kit.vehicle_recipe, rng)
+        mount = turning.mount(wheel, draw_mount(kit.target, rng))
         wheels.append(wheel)
-        used.append(_write_scan(folder, car, wheel, kit, rng))
+        mounts.append(mount)
+        used.append(_write_scan(folder, car, wheel, mount, kit, rng))
         progress(used[-1]["file"])
     place = draw_place(car, kit.total_station, survey)
-    rows = measure_five(car, wheels, kit.total_station, place, survey)
+    mounted = [mount.on(wheel) for wheel, mount in zip(wheels, mounts, strict=True)]
+    rows = measure_five(car, mounted, kit.total_station, place, survey)
     text = "".join(f"{x:.6f},{y:.6f},{z:.6f}\n" for x, y, z in rows)
     _write(folder / "five-point.txt", text)
-    _write(
-        folder / "capture.toml",
-        capture_toml(f"{Path(kit.vehicle_recipe.source).stem} {seed}", kit.target, wheels),
-    )
-    truth = Truth(seed, car, tuple(wheels), _used(car, kit, used, place))
+    more = turning.scanned(car, kit.vehicle_recipe, wheels)
+    for wheel in more.wheels:
+        mount = mounts[WHEELS.index(wheel.wheel)]
+        used.append(_write_scan(folder, car, wheel, mount, kit, turning.rng))
+        progress(used[-1]["file"])
+    title = f"{Path(kit.vehicle_recipe.source).stem} {seed}"
+    _write(folder / "capture.toml", capture_toml(title, kit.target, wheels, more.toml))
+    all_wheels = (*wheels, *more.wheels)
+    truth = Truth(seed, car, all_wheels, _used(car, kit, used, place), more.told)
     _write(folder / "truth.json", json.dumps(truth.to_json(), indent=1) + "\n")
     progress("truth.json")
     return truth
@@ -133,11 +153,19 @@ def _next_wheel(number: int, car: Vehicle, recipe: Recipe, rng: np.random.Genera
 
 
 def _write_scan(
-    folder: Path, car: Vehicle, wheel: Wheel, kit: Instruments, rng: np.random.Generator
+    folder: Path,
+    car: Vehicle,
+    wheel: Wheel,
+    mount: Mount,
+    kit: Instruments,
+    rng: np.random.Generator,
 ) -> dict[str, Any]:
     """Scan one wheel, write its file, and return what was used for it."""
     stand = draw_stand(car, wheel, kit.scanner_recipe, rng)
-    scene = build_scene(car, wheel, kit.target, stand.position_vehicle_m)
+    hidden = kit.scanner_recipe.draw("scene", Obstacle, rng).occluded_fraction
+    position_m = stand.position_vehicle_m
+    before = [draw_board(kit.target, wheel.seen(position_m), hidden, rng)] if hidden else []
+    scene = build_scene(car, wheel, kit.target, position_m, mount, before)
     R_site_vehicle = car.T_site_vehicle[:3, :3]
     centre_station_m = R_site_vehicle @ (wheel.centre_vehicle_m - stand.position_vehicle_m)
     seen = scan(scene, centre_station_m, kit.grid, kit.beam, rng)
@@ -153,19 +181,29 @@ def _write_scan(
         "beams": seen.beams,
         "points": len(seen.points_station_m),
         "points_on_target": int(seen.on_front.sum()),
-    }
+    } | _imperfect(mount, hidden, kit.target)
+
+
+def _imperfect(mount: Mount, hidden: float, target: TargetFile) -> dict[str, Any]:
+    """What was drawn of clamp and obstacle, where there is any; in target coordinates."""
+    drawn: dict[str, Any] = {"occluded_fraction": hidden} if hidden else {}
+    if target.clamp_tilt_deg > 0.0:
+        drawn["clamp_tilt_deg"] = [float(np.degrees(tilt)) for tilt in mount.tilt_rad]
+    if target.clamp_shift > 0.0:
+        drawn["clamp_shift_m"] = list(mount.shift_m)
+    return drawn
 
 
 def _used(
     car: Vehicle, kit: Instruments, scans: list[dict[str, Any]], place_vehicle_m: Array
 ) -> dict[str, Any]:
     return {
-        "target": kit.target.model_dump(),
+        "target": kit.target.model_dump(exclude_unset=True),
         "axles": car.axles.model_dump(),
         "placement": car.placement.model_dump(),
         "body": car.body.model_dump(),
         "grid": kit.grid.model_dump(),
-        "beam": kit.beam.model_dump(),
+        "beam": kit.beam.model_dump(exclude_unset=True),
         "total_station": {
             **kit.total_station.model_dump(),
             "station_m": site_point(car, place_vehicle_m),

@@ -11,9 +11,13 @@ import numpy.typing as npt
 from synth.parameters import TargetFile
 from synth.vehicle import Wheel
 
+STATED = ("flatness", "clamp_tilt_deg", "clamp_shift")  # of a target that is not perfect
+
 
 def scan_file(wheel: Wheel) -> str:
-    """Name of a wheel's or a trial's scan."""
+    """Name of a wheel's, a trial's, or a turned wheel's scan."""
+    if wheel.role in ("sweep", "runout"):
+        return f"{wheel.name.lower().replace(' ', '-')}.ply"
     return f"{wheel.name.lower()}.ply" if wheel.role == "reference" else f"trial-{wheel.name}.ply"
 
 
@@ -33,8 +37,13 @@ def ply(points_m: npt.NDArray[np.float64], intensity: npt.NDArray[np.float32]) -
     return header.encode("ascii") + rows.tobytes()
 
 
-def capture_toml(vehicle: str, target: TargetFile, wheels: Sequence[Wheel]) -> str:
-    """The text of capture.toml; lengths in metres. A JSON string is a TOML basic string."""
+def capture_toml(
+    vehicle: str, target: TargetFile, wheels: Sequence[Wheel], more: Sequence[str] = ()
+) -> str:
+    """The text of capture.toml; lengths in metres. A JSON string is a TOML basic string.
+
+    more: lines that follow.
+    """
     lines = [
         f"vehicle = {json.dumps(vehicle, ensure_ascii=False)}",
         'length_unit = "m"',
@@ -42,6 +51,7 @@ def capture_toml(vehicle: str, target: TargetFile, wheels: Sequence[Wheel]) -> s
         "[target]",
         f'shape = "{target.shape}"',
         f"diameter = {target.diameter!r}",
+        *(f"{key} = {getattr(target, key)!r}" for key in STATED if getattr(target, key) > 0.0),
         "",
         "[reference]",
     ]
@@ -50,4 +60,4 @@ def capture_toml(vehicle: str, target: TargetFile, wheels: Sequence[Wheel]) -> s
         if wheel.role == "trial":
             lines += ["", "[[trial]]", f'name = "{wheel.name}"', f'file = "{scan_file(wheel)}"']
             lines += [f'wheel = "{wheel.wheel}"']
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *more]) + "\n"

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field  # noqa: TID253  a class needs its base at once
+from pydantic import (  # noqa: TID253  a class needs its base at once
+    BaseModel,
+    ConfigDict,
+    Field,
+    model_validator,
+)
 
 
 class Section(BaseModel):
-    """One table of a parameter file; units are in the names."""
+    """One table of a parameter file; units are in the names. unread: tables that are not ours."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    unread: ClassVar[frozenset[str]] = frozenset()
 
 
 class Axles(Section):
@@ -62,6 +68,39 @@ class Body(Section):
     arch_radius_m: float = Field(gt=0.1)
 
 
+class Kingpin(Section):
+    """Of one front wheel: top backwards, top inwards, and the floor's middle of tyre to axis."""
+
+    caster_deg: float = Field(4.0, ge=-30.0, le=30.0)
+    inclination_deg: float = Field(12.0, ge=-30.0, le=30.0)
+    scrub_m: float = Field(0.01, ge=-0.2, le=0.2)
+
+
+class Sweep(Section):
+    """Scans of the front wheels, from lock to lock of the inner wheel; none by default.
+
+    ackermann: share of Ackermann's difference between the outer and the inner wheel.
+    """
+
+    positions: int = Field(0, ge=0, le=101)
+    rounds: int = Field(1, ge=1, le=20)
+    lock_deg: float = Field(20.0, gt=0.0, le=45.0)
+    ackermann: float = Field(1.0, ge=0.0, le=2.0)
+
+
+class Runout(Section):
+    """Scans of each wheel turned about its axle, by even parts of a turn; none by default.
+
+    wobble_deg, eccentricity_m: of a plate against its axle, at each its own place. turn_sigma_deg:
+    by which a turn differs from what the capture tells.
+    """
+
+    positions: int = Field(0, ge=0, le=36)
+    wobble_deg: float = Field(0.5, ge=0.0, le=5.0)
+    eccentricity_m: float = Field(0.001, ge=0.0, le=0.02)
+    turn_sigma_deg: float = Field(0.0, ge=0.0, le=20.0)
+
+
 class VehicleFile(Section):
     """A file of configs/vehicles/."""
 
@@ -70,6 +109,9 @@ class VehicleFile(Section):
     trials: Trials
     placement: Placement
     body: Body
+    kingpin: Kingpin = Kingpin()
+    sweep: Sweep = Sweep()
+    runout: Runout = Runout()
 
 
 class Station(Section):
@@ -89,7 +131,11 @@ class Grid(Section):
 
 
 class Beam(Section):
-    """Errors of one beam; the formulas are in scanner.py."""
+    """Errors of one beam; the formulas are in scanner.py.
+
+    correlated_sigma_m: of a part of the range noise that is alike over correlation_length_m, L:
+    its correlation is exp(-d^2 / (2 L^2)) at the distance d across the beams, where the target is.
+    """
 
     range_sigma_m: float = Field(ge=0.0)
     angle_sigma_urad: float = Field(ge=0.0)
@@ -97,6 +143,20 @@ class Beam(Section):
     dropout_fraction: float = Field(ge=0.0, lt=1.0)
     stray_fraction: float = Field(ge=0.0, lt=1.0)
     intensity_sigma: float = Field(ge=0.0)
+    correlated_sigma_m: float = Field(0.0, ge=0.0)
+    correlation_length_m: float = Field(0.0, ge=0.0, le=1.0)
+
+    @model_validator(mode="after")
+    def _has_a_length(self) -> Beam:
+        if self.correlated_sigma_m > 0.0 and self.correlation_length_m == 0.0:
+            raise ValueError("correlated_sigma_m needs a correlation_length_m above 0")
+        return self
+
+
+class Obstacle(Section):
+    """What stands between scanner and target: it hides this share of the target's face."""
+
+    occluded_fraction: float = Field(0.0, ge=0.0, le=0.9)
 
 
 class TotalStation(Section):
@@ -112,17 +172,27 @@ class TotalStation(Section):
 
 
 class ScannerFile(Section):
-    """A file of configs/scanners/."""
+    """A file of configs/scanners/; its table [instrument] is for those who measure."""
 
     station: Station
     grid: Grid
     beam: Beam
     total_station: TotalStation
+    scene: Obstacle = Obstacle()
+    unread: ClassVar[frozenset[str]] = frozenset({"instrument"})
 
 
 class TargetFile(Section):
-    """A file of configs/targets/, lengths in metres; the generator knows discs."""
+    """A file of configs/targets/, lengths in metres; the generator knows discs.
+
+    flatness: the face lies between two planes that far apart, parallel to its mounting plane.
+    clamp_tilt_deg, clamp_shift: standard deviations, along each axis of the face, of how a mount
+    differs from the wheel's true plane and centre.
+    """
 
     shape: Literal["disc"]
     diameter: float = Field(gt=0.0)
     thickness: float = Field(gt=0.0)
+    flatness: float = Field(0.0, ge=0.0, le=0.001)
+    clamp_tilt_deg: float = Field(0.0, ge=0.0, le=2.0)
+    clamp_shift: float = Field(0.0, ge=0.0, le=0.02)

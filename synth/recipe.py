@@ -27,11 +27,15 @@ class Recipe:
     def draw(self, table: str, model: type[SectionT], rng: np.random.Generator) -> SectionT:
         """One table with every range [low, high] replaced by a uniform draw, in the model's order.
 
+        A key that the file leaves out keeps its default and draws nothing.
+
         A pair of whole numbers stands for whole numbers where the model wants one.
         """
-        values = self.tree[table]
+        values = self.tree.get(table, {})
         drawn = {}
         for key, field in model.model_fields.items():
+            if key not in values:
+                continue
             value = values[key]
             if _is_range(value):
                 whole = field.annotation is int
@@ -46,7 +50,7 @@ class Recipe:
 
 def read_recipe(path: Path, model: type[Section]) -> Recipe:
     """The file, checked whole: every wrong key or value is named in one SynthError."""
-    tree = _parse(path)
+    tree = {key: value for key, value in _parse(path).items() if key not in model.unread}
     problems = _inverted(tree, "")
     for end in (0, 1):
         problems += _mistakes(_at_end(tree, end), model)
@@ -103,8 +107,8 @@ def _say(kind: str, where: tuple[int | str, ...], text: str, given: Any, model: 
 
 def _nearest(key: str, known: list[str]) -> str:
     """The known key most alike: among the same table first, by last name otherwise."""
-    table = key.rpartition(".")[0]
-    near = difflib.get_close_matches(key, [k for k in known if k.startswith(table)], 1, 0.0)
+    table, dot, _ = key.rpartition(".")
+    near = difflib.get_close_matches(key, [k for k in known if k.startswith(table + dot)], 1, 0.0)
     return (near or difflib.get_close_matches(key, known, 1, 0.0))[0]
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from synth.errors import SynthError
+from synth.noise import gaussian_field
 from synth.parameters import Beam, Grid, Station
 from synth.raycast import RayCaster
 from synth.recipe import Recipe
@@ -81,7 +82,8 @@ def scan(
     caster = RayCaster(scene.vertices_m, scene.faces)
     echoes = spot_echoes(scene, caster, true, step, beam.spot_radius_m)
     nominal = directions(azimuth, elevation).reshape(-1, 3)
-    return _report(echoes, nominal, beam, rng)
+    noise_m = _range_noise(echoes, elevation, grid, beam, rng)
+    return _report(echoes, nominal, noise_m, beam, rng)
 
 
 def directions(azimuth_rad: Array, elevation_rad: Array) -> Array:
@@ -92,14 +94,14 @@ def directions(azimuth_rad: Array, elevation_rad: Array) -> Array:
     )
 
 
-def range_sigma_m(beam: Beam, cosine: Array) -> Array:
-    """Standard deviation of the range at incidences of this cosine.
+def range_sigma_m(sigma_m: float, cosine: Array) -> Array:
+    """Standard deviation of the range at incidences of this cosine; sigma_m at normal incidence.
 
-    sigma = range_sigma / max(cos(incidence), 0.2): the power that returns falls with the cosine
+    sigma / max(cos(incidence), 0.2): the power that returns falls with the cosine
     (Soudarissanane et al., ISPRS J. Photogramm. 66 (2011) 389-399). Across a plane that is
-    range_sigma itself at any incidence up to 78 degrees.
+    sigma_m itself at any incidence up to 78 degrees.
     """
-    return beam.range_sigma_m / np.maximum(cosine, 0.2)
+    return sigma_m / np.maximum(cosine, 0.2)
 
 
 def _window(
@@ -124,11 +126,31 @@ def _window(
     return wide, high
 
 
-def _report(echoes: Echoes, nominal: Array, beam: Beam, rng: np.random.Generator) -> Scan:
+def _range_noise(
+    echoes: Echoes, elevation: Array, grid: Grid, beam: Beam, rng: np.random.Generator
+) -> Array:
+    """Noise along the range, (H * W,): independent, and alike over the correlation length.
+
+    Columns of the grid stand closer than its rows by the cosine of the elevation.
+    """
+    noise_m = rng.normal(0.0, 1.0, elevation.size) * range_sigma_m(
+        beam.range_sigma_m, echoes.cosine
+    )
+    if beam.correlated_sigma_m > 0.0:
+        steps = beam.correlation_length_m / grid.spacing_m
+        level = float(np.cos(np.mean(elevation)))
+        alike = gaussian_field(elevation.shape, (steps, steps / level), rng).ravel()
+        noise_m += alike * range_sigma_m(beam.correlated_sigma_m, echoes.cosine)
+    return noise_m
+
+
+def _report(
+    echoes: Echoes, nominal: Array, noise_m: Array, beam: Beam, rng: np.random.Generator
+) -> Scan:
     """Range noise, strays, drop-outs and intensity; beams without an echo are left out."""
     count = len(nominal)
     true_m = echoes.range_m
-    range_m = true_m + rng.normal(0.0, 1.0, count) * range_sigma_m(beam, echoes.cosine)
+    range_m = true_m + noise_m
     stray = rng.random(count) < beam.stray_fraction
     anywhere_m = NEAREST_STRAY_M + rng.random(count) * (1.2 * true_m - NEAREST_STRAY_M)
     range_m = np.where(stray, anywhere_m, range_m)

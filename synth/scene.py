@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from synth.errors import SynthError
+from synth.form import FLAT, Form
 from synth.parameters import Body, TargetFile
 from synth.solids import Solid, arch_plate, box, joined, revolved
-from synth.target import disc
+from synth.target import Mount, disc
 from synth.vehicle import FORWARD, UP, Vehicle, Wheel
 
 Array = npt.NDArray[np.float64]
+NEUTRAL = Mount()
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,8 @@ class Scene:
 
     vertices_m (V, 3), faces (F, 3); each facet's plane normal . x = offset with a unit normal
     (F, 3) and offset_m (F,); surface (F,) numbers smooth surfaces; reflectance (F,); front (F,)
-    marks the target's measured face, whose plane is the truth and not that of its facets.
+    marks the target's measured face, whose plane is the plate's and not that of its facets. On it
+    lies the form of the plate, at (x, y) of T_station_plate (4, 4).
     """
 
     vertices_m: Array
@@ -32,30 +36,52 @@ class Scene:
     surface: npt.NDArray[np.int64]
     reflectance: Array
     front: npt.NDArray[np.bool_]
+    form: Form = FLAT
+    T_station_plate: Array = field(default_factory=lambda: np.eye(4))
 
 
 def build_scene(
-    vehicle: Vehicle, wheel: Wheel, target: TargetFile, station_vehicle_m: Array
+    vehicle: Vehicle,
+    wheel: Wheel,
+    target: TargetFile,
+    station_vehicle_m: Array,
+    mount: Mount = NEUTRAL,
+    before: Sequence[Solid] = (),
 ) -> Scene:
     """The scene of one wheel as the scanner at `station_vehicle_m` (3,) has it before itself.
 
     Positions are taken relative to the station first and turned after, so that the place of the
-    vehicle in the site costs no digits.
+    vehicle in the site costs no digits. before: what else there is, in target coordinates.
     """
     _check(vehicle.body, wheel, target)
-    on_wheel = [disc(target), *_adapter(wheel, target), *_rolling(vehicle.body, wheel)]
-    solids = [solid.placed(wheel.T_vehicle_target) for solid in on_wheel]
+    plate = mount.on(wheel)
+    on_plate = [disc(target), *_adapter(wheel, target)]
+    on_wheel = [*_rolling(vehicle.body, wheel), *before]
+    solids = [solid.placed(plate.T_vehicle_target) for solid in on_plate]
+    solids += [solid.placed(wheel.T_vehicle_target) for solid in on_wheel]
     panels = [solid.placed(_upright(wheel)) for solid in _panels(vehicle.body, wheel)]
     solids += [*panels, _floor(vehicle, wheel)]
     whole, reflectance = joined(solids)
     R_site_vehicle = vehicle.T_site_vehicle[:3, :3]
     vertices = (whole.vertices_m - station_vehicle_m) @ R_site_vehicle.T
     normals, offsets = _planes(vertices[whole.faces])
-    normals[whole.front] = R_site_vehicle @ wheel.normal_vehicle
-    offsets[whole.front] = (R_site_vehicle @ wheel.normal_vehicle) @ (
-        R_site_vehicle @ (wheel.centre_vehicle_m - station_vehicle_m)
+    T_station_plate = np.eye(4)
+    T_station_plate[:3, :2] = R_site_vehicle @ plate.T_vehicle_target[:3, :2]
+    T_station_plate[:3, 2] = R_site_vehicle @ plate.normal_vehicle
+    T_station_plate[:3, 3] = R_site_vehicle @ (plate.centre_vehicle_m - station_vehicle_m)
+    normals[whole.front] = T_station_plate[:3, 2]
+    offsets[whole.front] = T_station_plate[:3, 2] @ T_station_plate[:3, 3]
+    return Scene(
+        vertices,
+        whole.faces,
+        normals,
+        offsets,
+        whole.surface,
+        reflectance,
+        whole.front,
+        mount.form,
+        T_station_plate,
     )
-    return Scene(vertices, whole.faces, normals, offsets, whole.surface, reflectance, whole.front)
 
 
 def _check(body: Body, wheel: Wheel, target: TargetFile) -> None:

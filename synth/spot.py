@@ -39,21 +39,27 @@ class Echoes:
 def trace(scene: Scene, caster: RayCaster, origins_m: Array | float, directions: Array) -> Echoes:
     """Echoes of thin rays: origins (N, 3) or 0, directions (N, 3).
 
-    The range is recomputed in double precision from the facet's plane; a facet seen so edge-on
-    that its plane leaves the coarse range by 1 mm keeps the coarse one.
+    The range is recomputed in double precision from the facet's plane, on the target's face from
+    its form; a facet seen so edge-on that its plane leaves the coarse range by 1 mm keeps the
+    coarse one.
     """
     facet, coarse = caster.cast(origins_m, directions)
     missed = facet < 0
     normals = scene.normals[facet]
     cosine = np.einsum("ij,ij->i", normals, directions)
     height = scene.offsets_m[facet]
+    on_front = scene.front[facet] & ~missed
+    if len(scene.form.wave):
+        origins = np.broadcast_to(origins_m, directions.shape)[on_front]
+        foot = origins + coarse[on_front, None] * directions[on_front]
+        uv = (foot - scene.T_station_plate[:3, 3]) @ scene.T_station_plate[:3, :2]
+        height[on_front] += scene.form.height_m(uv)
     if np.ndim(origins_m) > 0:
         height = height - np.einsum("ij,ij->i", normals, np.asarray(origins_m))
     with np.errstate(divide="ignore", invalid="ignore"):
         range_m = height / cosine
         range_m = np.where(np.abs(range_m - coarse) < 1e-3, range_m, coarse)
     range_m[missed] = np.nan
-    on_front = scene.front[facet] & ~missed
     return Echoes(range_m, np.abs(cosine), scene.reflectance[facet], facet, on_front)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,13 +18,15 @@ SCHEMA = "wheelplane/truth/1"
 class Truth:
     """The vehicle, its wheels and trials in the order of the capture, and what was used.
 
-    used: the parameters as drawn and the places of the instruments, ready for JSON.
+    used: the parameters as drawn and the places of the instruments; turning: kingpins, toe-out on
+    turns and run-outs, where there are any; both ready for JSON.
     """
 
     seed: int
     vehicle: Vehicle
     wheels: tuple[Wheel, ...]
     used: dict[str, Any]
+    turning: dict[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """The content of truth.json, in the coordinates of the capture."""
@@ -40,6 +42,7 @@ class Truth:
                 "front_total_toe_deg": toe["FL"] + toe["FR"],
                 "thrust_angle_deg": (toe["RL"] - toe["RR"]) / 2,
             },
+            **self.turning,
             "used": self.used,
         }
 

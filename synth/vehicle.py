@@ -31,7 +31,7 @@ class Wheel:
     """
 
     name: str
-    role: Literal["reference", "trial"]
+    role: Literal["reference", "trial", "sweep", "runout"]
     wheel: str
     toe_rad: float
     camber_rad: float
@@ -52,6 +52,10 @@ class Wheel:
     def normal_vehicle(self) -> Array:
         """Unit normal of the target's front face, away from the car."""
         return self.T_vehicle_target[:3, 2]
+
+    def seen(self, point_vehicle_m: Array) -> Array:
+        """A point (3,) of the vehicle in target coordinates."""
+        return (point_vehicle_m - self.centre_vehicle_m) @ self.T_vehicle_target[:3, :3]
 
 
 @dataclass(frozen=True)
@@ -101,8 +105,8 @@ def centre(axles: Axles, wheel: str) -> Array:
     side = 1 if wheel.endswith("L") else -1
     if wheel.startswith("R"):
         return side * axles.rear_track_m / 2 * LEFT
-    axis = _about(UP, np.radians(axles.front_yaw_deg)) @ (
-        _about(FORWARD, np.radians(axles.front_tilt_deg)) @ LEFT
+    axis = about(UP, np.radians(axles.front_yaw_deg)) @ (
+        about(FORWARD, np.radians(axles.front_tilt_deg)) @ LEFT
     )
     along_m = axles.front_offset_m + side * axles.front_track_m / 2
     return axles.wheelbase_m * FORWARD + along_m * axis
@@ -120,13 +124,13 @@ def _turned(angles: Wheels, wheel: str, centre_m: Array, name: str) -> Wheel:
     at_rest = np.column_stack([-side * FORWARD, UP, side * LEFT])
     pose = np.eye(4)
     pose[:3, :3] = (
-        _about(UP, -side * toe)
-        @ _about(FORWARD, -side * camber)
+        about(UP, -side * toe)
+        @ about(FORWARD, -side * camber)
         @ at_rest
-        @ _about(Z_TARGET, np.radians(angles.spin_deg))
+        @ about(Z_TARGET, np.radians(angles.spin_deg))
     )
     # The spin is about z and leaves the normal alone; its rounding must not touch the truth.
-    pose[:3, 2] = _about(UP, -side * toe) @ (_about(FORWARD, -side * camber) @ (side * LEFT))
+    pose[:3, 2] = about(UP, -side * toe) @ (about(FORWARD, -side * camber) @ (side * LEFT))
     pose[:3, 3] = centre_m
     role: Literal["reference", "trial"] = "reference" if name == wheel else "trial"
     return Wheel(name, role, wheel, float(toe), float(camber), angles.stand_off_m, pose)
@@ -135,15 +139,15 @@ def _turned(angles: Wheels, wheel: str, centre_m: Array, name: str) -> Wheel:
 def _pose(placement: Placement) -> Array:
     pose = np.eye(4)
     pose[:3, :3] = (
-        _about(UP, np.radians(placement.yaw_deg))
-        @ _about(LEFT, np.radians(placement.pitch_deg))
-        @ _about(FORWARD, np.radians(placement.roll_deg))
+        about(UP, np.radians(placement.yaw_deg))
+        @ about(LEFT, np.radians(placement.pitch_deg))
+        @ about(FORWARD, np.radians(placement.roll_deg))
     )
     pose[:3, 3] = placement.x_m, placement.y_m, placement.z_m
     return pose
 
 
-def _about(axis: Array, angle_rad: float) -> Array:
+def about(axis: Array, angle_rad: float) -> Array:
     """Rotation matrix (3, 3) about a unit axis: Rodrigues, R = I + sin K + (1 - cos) K^2."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -14,6 +14,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from synth.form import Form, draw_form
+from synth.noise import gaussian_field
+from synth.obstacle import draw_band
+
 Array = np.ndarray
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
@@ -100,7 +104,24 @@ class Cone:
         return best
 
 
-Piece = Sheet | Wall | Cone
+@dataclass(frozen=True)
+class Face:
+    """The plate's face: the disc w = 0 of `radius`, with the heights of its form.
+
+    The form is microns high over decimetres, so the ray meets it where it meets w = 0.
+    """
+
+    radius: float
+    form: Form
+    echo: float = 1.0
+
+    def meet(self, origin: Array, ray: Array) -> Array:
+        run = Sheet((0, 0, 0), outer=self.radius).meet(origin, ray)
+        foot = (origin + np.where(np.isfinite(run), run, 0.0)[:, None] * ray)[:, :2]
+        return run + self.form.height_m(foot) / ray[:, 2]
+
+
+Piece = Sheet | Wall | Cone | Face
 
 
 @dataclass(frozen=True)
@@ -111,6 +132,9 @@ class Setup:
     noise_m: along the range. spot_m: radius of the bundle. filtered: beams whose rays differ by
     more than 2 mm return nothing. extra: pieces besides the plate and the background.
     keep: which beams return, by where they meet w = 0, in (u, v); None for all.
+    correlated_m, length_m: noise along the range besides, of correlation exp(-d^2 / (2 length^2))
+    across the beams at the plate's distance. flatness_m: of the face. hidden: share of the face
+    behind a strip, `strip_m` before it.
     """
 
     radius_m: float = 0.125
@@ -134,6 +158,11 @@ class Setup:
     shift_m: tuple[float, float, float] = (3.0, -7.0, 1.5)
     turned: bool = True
     pairs: int = 16
+    correlated_m: float = 0.0
+    length_m: float = 0.0
+    flatness_m: float = 0.0
+    hidden: float = 0.0
+    strip_m: float = 0.15
 
     def but(self, **changes: object) -> Setup:
         return replace(self, **changes)
@@ -172,14 +201,19 @@ def rotation(rng: np.random.Generator) -> Array:
     return Q if np.linalg.det(Q) > 0 else -Q
 
 
-def make(setup: Setup, seed: int = 0) -> Cloud:
-    """Scan `setup`; the seed draws pose, noise, grid phase and drop-outs."""
+def make(setup: Setup, seed: int | np.random.Generator = 0, pose: Array | None = None) -> Cloud:
+    """Scan `setup`; the seed draws pose, noise, grid phase, drop-outs, form and what is hidden.
+
+    pose: (4, 4) from the target frame to the cloud's, instead of a drawn one.
+    """
     rng = np.random.default_rng(seed)
     R = rotation(rng) if setup.turned else np.eye(3)
+    shift = np.array(setup.shift_m)
+    if pose is not None:
+        R, shift = pose[:3, :3], pose[:3, 3]
     scanner = _scanner(setup)
     beams = _grid(setup, scanner, rng)
     local, on_face = _returns(setup, scanner, beams, rng)
-    shift = np.array(setup.shift_m)
     return Cloud(
         points_m=local @ R.T + shift,
         centre_m=shift,
@@ -241,11 +275,13 @@ def _grid(setup: Setup, scanner: Array, rng: np.random.Generator) -> tuple[Array
     return ray.reshape(-1, 3), out.shape
 
 
-def _pieces(setup: Setup) -> list[Piece]:
-    pieces: list[Piece] = [
-        Sheet((0, 0, 0), outer=setup.radius_m),
-        Wall(setup.radius_m, setup.thickness_m),
-    ]
+def _pieces(setup: Setup, rng: np.random.Generator) -> list[Piece]:
+    face: Piece = Sheet((0, 0, 0), outer=setup.radius_m)
+    if setup.flatness_m:
+        face = Face(setup.radius_m, draw_form(setup.radius_m, setup.flatness_m, rng))
+    pieces: list[Piece] = [face, Wall(setup.radius_m, setup.thickness_m)]
+    if setup.hidden:
+        pieces.append(_strip(setup, rng))
     if setup.background_m is not None:
         tilt = np.radians(setup.background_tilt_deg)
         pieces.append(
@@ -256,6 +292,18 @@ def _pieces(setup: Setup) -> list[Piece]:
             )
         )
     return pieces + list(setup.extra)
+
+
+def _strip(setup: Setup, rng: np.random.Generator) -> Sheet:
+    """A strip parallel to the face whose shadow hides `hidden` of it, anywhere across it."""
+    low, high = setup.radius_m * np.array(draw_band(setup.hidden, rng))
+    turn = rng.uniform(0.0, 2.0 * np.pi)
+    across = np.array([np.cos(turn), np.sin(turn), 0.0])
+    scanner = _scanner(setup)
+    nearer = setup.strip_m / scanner[2]
+    middle = (1.0 - nearer) * (low + high) / 2.0 * across + nearer * scanner
+    half = (1.0 - nearer) * (high - low) / 2.0
+    return Sheet(tuple(middle), across=tuple(across), half=(half, 1.0))
 
 
 def _trace(pieces: Sequence[Piece], origin: Array, ray: Array) -> tuple[Array, Array]:
@@ -273,7 +321,7 @@ def _returns(
 ) -> tuple[Array, Array]:
     """Points in the target frame, and which of them lie on the face with their whole beam."""
     ray, shape = grid
-    pieces = _pieces(setup)
+    pieces = _pieces(setup, rng)
     range_m, met = _trace(pieces, np.broadcast_to(scanner, ray.shape), ray)
     pure = np.ones(len(ray), dtype=bool)
     if setup.spot_m > 0.0:
@@ -290,6 +338,10 @@ def _returns(
         keep &= setup.keep(foot[:, 0], foot[:, 1])
     if setup.noise_m:
         range_m = range_m + rng.normal(0.0, setup.noise_m, len(range_m))
+    if setup.correlated_m:
+        steps = setup.length_m / setup.spacing_m
+        noise = gaussian_field(shape, (steps, steps), rng).ravel()
+        range_m = range_m + setup.correlated_m * noise
     return scanner + range_m[keep, None] * ray[keep], (pure & (met == 0))[keep]
 
 

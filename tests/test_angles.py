@@ -10,7 +10,6 @@ from pipeline.angles import (
     deg_min_sec,
     nearest_wheel,
     outward_normal,
-    vehicle_angles,
     wheel_angles,
 )
 from pipeline.errors import InputError
@@ -112,17 +111,6 @@ def test_nearest_wheel_names_each_and_refuses_a_tie():
         assert nearest_wheel(CENTRES + shift, centre + shift + [0.1, -0.2, 0.05]) == wheel
     with pytest.raises(InputError, match=r"0\.750 m from wheel RR and 0\.750 m from RL"):
         nearest_wheel(CENTRES, [0, 0, 0])
-
-
-def test_vehicle_angles_by_definition():
-    toe = {"RR": 0.001, "RL": 0.005, "FR": -0.002, "FL": 0.01}
-    vehicle = vehicle_angles(toe)
-    assert vehicle.rear_total_toe_rad == pytest.approx(0.006, abs=1e-15)
-    assert vehicle.front_total_toe_rad == pytest.approx(0.008, abs=1e-15)
-    assert vehicle.thrust_angle_rad == pytest.approx(0.002, abs=1e-15)  # left toe-in: to the right
-    part = vehicle_angles({"RR": 0.001, "RL": 0.005, "FR": -0.002})
-    assert part.rear_total_toe_rad == vehicle.rear_total_toe_rad
-    assert math.isnan(part.front_total_toe_rad)
 
 
 @pytest.mark.parametrize(

@@ -324,6 +324,43 @@ def test_a_member_that_points_outside_is_refused_and_nothing_written(kind, name,
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.parametrize("name", ["../fl.ply", "a/../../fl.ply", "{}/fl.ply"])
+def test_what_an_archive_names_must_lie_in_it(name, tmp_path):
+    """A folder may name files beside it; an archive may not, be they there or not."""
+    (tmp_path / "fl.ply").write_bytes(b"fl.ply")
+    outside = name.format(tmp_path)
+    toml = DISC + REFERENCE.replace("fl.ply", outside)
+    folder = fill(tmp_path / "c", toml)
+    (folder / "a").mkdir()
+    with open_capture(folder) as capture:
+        assert capture.entries[3].path.read_bytes() == b"fl.ply"
+    for kind in KINDS:
+        assert "lies outside the archive" in refusal(packed(folder, kind))
+
+
+def test_a_target_file_of_an_archive_must_lie_in_it(tmp_path):
+    (tmp_path / "mine.toml").write_text('shape = "disc"\ndiameter = 0.25\n')
+    folder = fill(tmp_path / "c", 'target = "../mine.toml"\n' + REFERENCE)
+    with open_capture(folder) as capture:
+        assert capture.target.diameter == 0.25
+    assert "'../mine.toml' lies outside the archive" in refusal(packed(folder, "zip"))
+
+
+def test_an_archive_in_an_archive_is_not_opened(tmp_path):
+    files = ("rr.zip", "rl.ply", "fr.ply", "fl.ply")
+    folder = fill(tmp_path / "c", DISC + REFERENCE.replace("rr.ply", "rr.zip"), files)
+    assert [e[3] for e in entries(folder)] == list(files)
+    assert "'rr.zip' is an archive in an archive" in refusal(packed(folder, "tar"))
+
+
+def test_compressed_scans_are_found_by_their_names(tmp_path):
+    files = ("rr.ply.gz", "RL.xyz.bz2", "fr.ply", "fl.e57", "trial-7.ptx.xz")
+    found = entries(fill(tmp_path, None, files))
+    assert [(name, file) for name, _, _, file in found] == list(
+        zip([*WHEELS, "7"], files, strict=True)
+    )
+
+
 def test_links_and_devices_of_a_tar_are_left_out(tmp_path):
     for kind, link in (
         (tarfile.SYMTYPE, "/etc/passwd"),
@@ -336,7 +373,7 @@ def test_links_and_devices_of_a_tar_are_left_out(tmp_path):
 
 
 def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
-    monkeypatch.setattr("pipeline.capture.MAX_UNPACKED_BYTES", 2**20)
+    monkeypatch.setattr("pipeline.archive.MAX_UNPACKED_BYTES", 2**20)
     source = tmp_path / "bomb.zip"
     with zipfile.ZipFile(source, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("rr.ply", bytes(2**20 + 1))

@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CONFIGS = ROOT / "configs"
 DATA = ROOT / "tests" / "data"
 FIGURE_4 = DATA / "paper" / "figure-4.txt"
-PCL = DATA / "pcl" / "sac_plane_test.pcd"
+PCL = ROOT / "pipeline" / "certified" / "pcl" / "sac_plane_test.pcd"
 WHEELS = ["RR", "RL", "FR", "FL"]
 SEED = 5
 RANGE_SIGMA_M = 0.0008  # of configs/scanners/default.toml
@@ -146,7 +146,7 @@ def test_json_is_the_file_and_nothing_else(measured, capture):
     assert run.out == (output / "measurement.json").read_text()
     names = {path.name for path in output.iterdir()}
     pictures = {f"target-{name}.png" for name in [*WHEELS, "1", "2"]}
-    assert names == {"measurement.json", "report.txt", *pictures}
+    assert names == {"measurement.json", "report.txt", "budget.svg", *pictures}
     for name in pictures:
         assert (output / name).read_bytes().startswith(b"\x89PNG")
 
@@ -201,7 +201,14 @@ def test_provenance_lets_the_measurement_be_repeated(measured, capture):
     assert made["version"] == __version__
     assert made["seed"] == 0
     config = made["config"]
-    assert config["target"] == {"shape": "disc", "diameter": 0.25, "thickness": None}
+    assert config["target"] == {
+        "shape": "disc",
+        "diameter": 0.25,
+        "thickness": None,
+        "flatness": 0.0,
+        "clamp_tilt_deg": 0.0,
+        "clamp_shift": 0.0,
+    }
     assert config["length_unit"] == "m"
     defaults = Config().model_dump(exclude={"seed"})
     assert {key: config[key] for key in defaults} == defaults
@@ -264,7 +271,7 @@ def test_same_input_same_bytes_in_any_process(measured, capture, wheelplane, tmp
         OPENBLAS_NUM_THREADS="2",
     )
     assert again.code == 0
-    for name in ("measurement.json", "report.txt"):
+    for name in ("measurement.json", "report.txt", "budget.svg"):
         assert (tmp_path / "o" / name).read_bytes() == (output / name).read_bytes()
 
 

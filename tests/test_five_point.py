@@ -208,7 +208,7 @@ def test_mirrored_vehicle_has_the_same_toe_and_camber():
 
 @pytest.mark.parametrize("number", range(1, 31))
 def test_planes_certified_by_nist(number):
-    file = DATA / "nist" / "plane" / f"pla{number}.ds"
+    file = DATA.parents[1] / "pipeline" / "certified" / "nist" / "plane" / f"pla{number}.ds"
     points = np.loadtxt(file, skiprows=1)
     certified = np.loadtxt(file.with_suffix(".fit"))
     plane = total_least_squares(points)

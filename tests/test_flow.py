@@ -16,6 +16,7 @@ from pipeline.locate_centre import TargetFit
 from pipeline.measure import measure_scan
 from pipeline.measurement import Evidence, Observation, Provenance
 from pipeline.readers.scan import Scan
+from tests.given import causes
 from tests.scenes import Setup, make, rotation
 
 ARCSEC = np.pi / 648_000
@@ -119,7 +120,7 @@ def exact(truth, seed, shift=0.0):
     centres, t = placed(truth.centres, seed, shift)
     normals, _ = placed(truth.normals, seed)
     return [
-        TargetFit(c + t, n, 1e-10 * np.eye(3), 1e-12 * np.eye(3), 0.0, 1, "rim")
+        TargetFit(c + t, n, causes(1e-10 * np.eye(3), 1e-12 * np.eye(3)), 0.0, 1, "rim")
         for c, n in zip(centres, normals, strict=True)
     ]
 
@@ -134,9 +135,9 @@ def test_exact_planes_and_centres_give_the_angles_to_rounding(seed):
         angles(result), np.column_stack([truth.toe, truth.camber]), atol=1e-12
     )
     assert np.abs(truth.toe).max() > 1e-4
-    assert result.vehicle.rear_total_toe_rad == pytest.approx(truth.toe[:2].sum(), abs=1e-12)
-    assert result.vehicle.front_total_toe_rad == pytest.approx(truth.toe[2:].sum(), abs=1e-12)
-    assert result.vehicle.thrust_angle_rad == pytest.approx(
+    assert result.vehicle["rear_total_toe"] == pytest.approx(truth.toe[:2].sum(), abs=1e-12)
+    assert result.vehicle["front_total_toe"] == pytest.approx(truth.toe[2:].sum(), abs=1e-12)
+    assert result.vehicle["thrust_angle"] == pytest.approx(
         (truth.toe[1] - truth.toe[0]) / 2, abs=1e-12
     )
     assert result.frame.wheelbase_m == pytest.approx(truth.centres[2, 1], abs=1e-12)
@@ -180,8 +181,7 @@ def test_centres_by_the_mean_of_the_points_would_not_do():
                 target = TargetFit(
                     evidence.plane.centroid_m,
                     target.normal,
-                    target.centre_covariance_m2,
-                    target.normal_covariance,
+                    target.causes,
                     target.plane_rms_m,
                     target.points_on_target,
                     target.method,
@@ -200,9 +200,9 @@ def test_normalised_errors_of_total_toe_and_camber_sum():
     for seed in range(8):
         truth, result = measured(seed)
         error = angles(result) - np.column_stack([truth.toe, truth.camber])
-        u = result.uncertainty
-        values.append((error[0, 0] + error[1, 0]) / u.rear_total_toe_rad)
-        values.append((error[2, 0] + error[3, 0]) / u.front_total_toe_rad)
+        u = result.uncertainty.vehicle_standard
+        values.append((error[0, 0] + error[1, 0]) / u["rear_total_toe"])
+        values.append((error[2, 0] + error[3, 0]) / u["front_total_toe"])
     total = float(np.sum(np.square(values)))
     low, high = stats.chi2.ppf([0.0005, 0.9995], len(values))  # 99.9 % two-sided
     assert low < total < high

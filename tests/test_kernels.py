@@ -21,7 +21,8 @@ from pipeline.kernels import (
 from tests.scenes import rotation
 
 EPS = np.finfo(float).eps
-PLANES = sorted((Path(__file__).parent / "data" / "nist" / "plane").glob("*.ds"))
+CERTIFIED = Path(__file__).parents[1] / "pipeline" / "certified"
+PLANES = sorted((CERTIFIED / "nist" / "plane").glob("*.ds"))
 
 
 def tilt(a, b):

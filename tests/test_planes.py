@@ -12,9 +12,9 @@ from pipeline.planes import find_planes, plane_of_all
 from pipeline.readers import read_scan
 from tests.scenes import Setup, make, rotation
 
-DATA = Path(__file__).parent / "data"
+CERTIFIED = Path(__file__).parents[1] / "pipeline" / "certified"
 EPS = np.finfo(float).eps
-NIST = sorted((DATA / "nist" / "plane").glob("*.ds"))
+NIST = sorted((CERTIFIED / "nist" / "plane").glob("*.ds"))
 
 
 def tilt(a, b):
@@ -110,7 +110,7 @@ def test_stray_points_leave_the_walls_alone():
 
 
 def test_pcl_scan_gives_the_plane_that_pcl_expects():
-    scan = read_scan(DATA / "pcl" / "sac_plane_test.pcd", "m")
+    scan = read_scan(CERTIFIED / "pcl" / "sac_plane_test.pcd", "m")
     plane = find_planes(scan.points_m, 1)[0]
     # test_sample_consensus_plane_models.cpp: (a, b, c) / d to 0.1, more than 2,000 inliers at 30 mm
     np.testing.assert_allclose(plane.normal / plane.offset_m, [-0.8964, -0.5868, -1.208], atol=0.1)

@@ -54,6 +54,24 @@ def test_comments_counts_and_names(tmp_path, text):
     assert scan.intensity.tolist() == [9, 9]
 
 
+@pytest.mark.parametrize("delimiter", [";", "; ", "\t", " ", "   "])
+@pytest.mark.parametrize("ahead", ["", "# v1.2\n", "X{0}Y{0}Z\n", "3\n"])
+def test_a_comma_is_decimal_where_something_else_separates(tmp_path, delimiter, ahead):
+    rows = [(1.0, 2.5, -3.125), (1e7 + 1 / 3, -0.1, 5e-5), (4.0, 5.0, 6.0)]
+    cells = [
+        [f"{value:g}" if value == int(value) else repr(value) for value in row] for row in rows
+    ]
+    text = "".join(delimiter.join(row).replace(".", ",") + "\n" for row in cells)
+    scan = read(tmp_path, "rr.txt", (ahead.format(delimiter) + text).encode())
+    assert scan.points_m.tolist() == [list(row) for row in rows]
+
+
+def test_where_only_commas_stand_they_separate(tmp_path):
+    scan = read(tmp_path, "rr.csv", b"1,5,2,5\n3,5,4,5\n")
+    assert scan.points_m.tolist() == [[1, 5, 2], [3, 5, 4]]
+    assert scan.intensity.tolist() == [5, 5]
+
+
 def test_a_fifth_column_leaves_no_intensity(tmp_path):
     assert read(tmp_path, "rr.xyz", b"1 2 3 4 5\n").intensity is None
     assert read(tmp_path, "rr.xyz", b"x y z u v\n1 2 3 4 5\n").intensity is None
@@ -71,7 +89,11 @@ def test_a_fifth_column_leaves_no_intensity(tmp_path):
         ("1 2 3\n4 5 0x10\n", "line 2 holds '0x10'"),
         ("1 2 3\n4 5 1_0\n", "line 2 holds '1_0'"),
         ("1 2 3\nx y z\n", "line 2 holds 'x'"),
-        ("1,5;2,5;3,5\n", "line 1 holds '1,5'"),
+        ("1,5;2,5;3.5\n", "line 1 holds '1,5'"),
+        ("1,5;2,5;3,5\n1.5;2;3\n", "line 2 has decimal points, those above it have commas"),
+        ("1.5;2;3\n1,5;2;3\n", "line 2 holds '1,5'"),
+        ("1,000,000;2;3\n", "line 1 holds '1,000,000'"),
+        ("1,5,2,5\n1,5,2\n", "line 2 has 3 columns instead of 4"),
         ("1 2\n3 4\n", "line 1 has 2 columns, a point needs 3: '1 2'"),
         ("a b c\n1 2 3\n", "x is missing among the columns a, b, c"),
         ("x x y z\n1 2 3 4\n", "x is there 2 times"),

@@ -15,12 +15,16 @@ from scipy import stats
 
 from synth.archive import write_capture
 from synth.errors import SynthError
+from synth.form import draw_form
+from synth.noise import gaussian_field
+from synth.obstacle import draw_board
 from synth.parameters import Beam, Grid, ScannerFile, TargetFile, VehicleFile
 from synth.raycast import RayCaster
 from synth.recipe import read_fixed, read_recipe
 from synth.scanner import directions, draw_stand, range_sigma_m, scan
 from synth.scene import Scene, build_scene
 from synth.spot import BEND_M, average, near_edges, spot_echoes, spot_pattern, trace
+from synth.target import Mount, draw_mount
 from synth.vehicle import WHEELS, draw_vehicle, draw_wheel
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
@@ -69,14 +73,24 @@ def noisy(tmp_path_factory):
     return folder / "capture", scanner
 
 
-def staged(scanner: Path, *, seed: int = 3, vehicle: Path = SALOON, wheel: str = "RL"):
+def staged(
+    scanner: Path,
+    *,
+    seed: int = 3,
+    vehicle: Path = SALOON,
+    wheel: str = "RL",
+    mount: Mount | None = None,
+    hidden: float = 0.0,
+):
     """One wheel before one scanner: what `scan` needs, and the truth in its coordinates."""
     rng = np.random.default_rng(seed)
     recipe, device = read_recipe(vehicle, VehicleFile), read_recipe(scanner, ScannerFile)
     car = draw_vehicle(recipe, rng)
     truth = draw_wheel(car, recipe, wheel, rng)
     stand = draw_stand(car, truth, device, rng)
-    scene = build_scene(car, truth, read_fixed(DISC, TargetFile), stand.position_vehicle_m)
+    plate, place = read_fixed(DISC, TargetFile), stand.position_vehicle_m
+    before = [draw_board(plate, truth.seen(place), hidden, rng)] if hidden else []
+    scene = build_scene(car, truth, plate, place, mount or Mount(), before)
     R = car.T_site_vehicle[:3, :3]
     centre = R @ (truth.centre_vehicle_m - stand.position_vehicle_m)
     normal = R @ truth.normal_vehicle
@@ -379,7 +393,8 @@ def test_noise_across_the_plate_is_the_range_noise_as_set(tmp_path):
     low, high = chi_square_bounds(len(off))
     assert low < np.sum(off**2) < high
     assert not low < np.sum((off / 1.1) ** 2) < high
-    assert range_sigma_m(beam, np.array([1.0, 0.5, 0.01])) == pytest.approx([8e-4, 16e-4, 40e-4])
+    sigma_m = range_sigma_m(beam.range_sigma_m, np.array([1.0, 0.5, 0.01]))
+    assert sigma_m == pytest.approx([8e-4, 16e-4, 40e-4])
 
 
 @pytest.mark.parametrize("camber_deg", [0.0, -45.0])
@@ -456,6 +471,177 @@ def test_five_points_err_along_the_line_of_sight_as_set(tmp_path):
     assert low < np.sum((np.array(off) / sigma) ** 2) < high
 
 
+@pytest.mark.parametrize("length", [(6.0, 3.5), (0.7, 20.0)])
+def test_a_field_has_variance_one_and_the_correlation_set(length):
+    rng = np.random.default_rng(1)
+    draws = np.array([gaussian_field((40, 50), length, rng) for _ in range(2000)])
+    for down, across in [(0, 0), (1, 0), (0, 1), (3, 2), (9, 0), (0, 12), (39, 0), (0, 49)]:
+        products = draws[:, 39 - down, 49 - across] * draws[:, 39, 49]
+        wanted = np.exp(-0.5 * ((down / length[0]) ** 2 + (across / length[1]) ** 2))
+        # A mean of n products of unit normals of correlation c scatters by sqrt((1 + c^2) / n).
+        assert abs(products.mean() - wanted) < 4.5 * np.sqrt((1 + wanted**2) / len(draws))
+    low, high = chi_square_bounds(len(draws))
+    corners = np.sum(draws[:, [0, 0, -1, -1], [0, -1, 0, -1]] ** 2, axis=0)
+    assert np.all((low < corners) & (corners < high))
+    assert not low < np.sum((1.2 * draws[:, 0, 0]) ** 2) < high
+
+
+def test_range_noise_is_alike_over_the_length_set(tmp_path):
+    length_m, spacing_m, sigma_m = 0.01, 0.002, 0.0005
+    values = CALM | {"beam.angle_sigma_urad": 0.0, "beam.range_sigma_m": 0.0}
+    values |= {"grid.half_width_m": 0.07, "grid.spacing_m": spacing_m}
+    values |= {"beam.correlated_sigma_m": sigma_m, "beam.correlation_length_m": length_m}
+    values |= {"station.incidence_deg": 25.0, "station.height_max_m": 4.0}
+    vehicle = changed(SALOON, tmp_path, {"wheels.camber_deg": -45.0})  # seen from steeply above
+    pairs = [(1, 0), (0, 1), (3, 0), (0, 5), (4, 4), (0, 20)]
+    products = {pair: [] for pair in [(0, 0), *pairs]}
+    for seed in range(30):
+        scanner = changed(DEFAULT, tmp_path, values)
+        scene, centre, normal, grid, beam = staged(scanner, seed=seed % 3, vehicle=vehicle)
+        seen = scan(scene, centre, grid, beam, np.random.default_rng(seed))
+        columns = np.flatnonzero(np.diff(np.arctan2(*seen.points_station_m[:, 1::-1].T)) < 0)[0] + 1
+        off = ((seen.points_station_m - centre) @ normal / sigma_m).reshape(-1, columns)
+        level = np.cos(np.arcsin(centre[2] / np.linalg.norm(centre)))
+        for (down, across), found in products.items():
+            apart_m = spacing_m * np.hypot(down, across * level)
+            a, b = off[: len(off) - down, : columns - across], off[down:, across:]
+            found.append(np.mean(a * b) - np.exp(-0.5 * (apart_m / length_m) ** 2))
+    for found in products.values():
+        assert abs(np.mean(found)) < 4.5 * np.std(found) / np.sqrt(len(found))
+        assert np.std(found) / np.sqrt(len(found)) < 0.04
+
+
+FORM_TILT = 0.51  # rms tilt about either axis of the plane that fits a face best, of flatness/D
+
+
+def test_a_form_fills_its_flatness_and_leans_as_said():
+    rng = np.random.default_rng(0)
+    turn, reach = rng.uniform(0, 2 * np.pi, 6000), RADIUS_M * np.sqrt(rng.uniform(0, 1, 6000))
+    uv = np.column_stack([reach * np.cos(turn), reach * np.sin(turn)])
+    fit = np.linalg.pinv(np.column_stack([np.ones(len(uv)), uv]))
+    flatness_m, tilts = 5e-5, []
+    for _ in range(600):
+        height = draw_form(RADIUS_M, flatness_m, rng).height_m(uv)
+        assert 0.96 * flatness_m < np.ptp(height) < 1.01 * flatness_m
+        assert np.abs(height).max() < 0.505 * flatness_m
+        tilts.append((fit @ height)[1:] * 2 * RADIUS_M / flatness_m)
+    rms = np.sqrt(np.mean(np.square(tilts)))
+    assert rms == pytest.approx(FORM_TILT, rel=4 / np.sqrt(2 * 2 * len(tilts)))
+
+
+def test_points_lie_on_the_form_and_within_the_flatness(tmp_path):
+    target = TargetFile(shape="disc", diameter=0.25, thickness=0.01, flatness=0.0005)
+    mount = draw_mount(target, np.random.default_rng(4))
+    assert mount.tilt_rad == mount.shift_m == (0.0, 0.0)
+    values = COARSE | {"beam.spot_radius_m": 0.0015}
+    scene, centre, normal, grid, beam = staged(changed(IDEAL, tmp_path, values), mount=mount)
+    seen = scan(scene, centre, grid, beam, np.random.default_rng(0))
+    face = seen.points_station_m[seen.on_front] - centre
+    off = face @ normal
+    assert 0.9 * 0.0005 < np.ptp(off) < 1.001 * 0.0005
+    assert np.abs(off).max() < 0.5005 * 0.0005
+    uv = face @ scene.T_station_plate[:3, :2]
+    # Slopes reach 6 waves of the flatness over the shortest length; beams lean by up to 25 degrees.
+    steepest = 6 * 0.0005 * 2 * np.pi / (0.6 * 0.25)
+    assert np.abs(off - mount.form.height_m(uv)).max() < 0.5 * 0.0005 * steepest
+
+
+def test_a_clamp_tilts_and_shifts_the_plate_and_not_the_truth(tmp_path):
+    given = {"clamp_tilt_deg": 0.5, "clamp_shift": 0.002}
+    values = COARSE | {"grid.half_width_m": 0.08}
+    scanner, target = changed(IDEAL, tmp_path, values), changed(DISC, tmp_path, given)
+    kit = {"seed": 5, "vehicle": SALOON, "scanner": scanner, "trials": 8}
+    write_capture(tmp_path / "c", target=target, **kit)
+    told = site_truth(tmp_path / "c")
+    assert told["used"]["target"]["clamp_tilt_deg"] == 0.5
+    capture = tomllib.loads((tmp_path / "c" / "capture.toml").read_text())
+    assert capture["target"] == {"shape": "disc", "diameter": 0.25} | given
+    normals, tilts, shifts = [], [], []
+    for wheel, used in zip(told["wheels"], told["used"]["scans"], strict=True):
+        points, _ = read_ply(tmp_path / "c" / used["file"])
+        local = points - points.mean(axis=0)
+        lean = np.linalg.svd(local, full_matrices=False)[2][2]
+        sine = np.linalg.norm(np.cross(lean, wheel["normal"]))
+        assert np.degrees(np.arcsin(sine)) == pytest.approx(
+            np.hypot(*used["clamp_tilt_deg"]), abs=1e-9
+        )
+        normals.append(sine)
+        tilts += used["clamp_tilt_deg"]
+        shifts += used["clamp_shift_m"]
+    assert np.min(normals) > 1e-4
+    assert np.abs(tilts).max() > 0.1
+    assert np.abs(shifts).max() > 0.0004
+
+
+def test_clamps_scatter_as_set():
+    given = {"clamp_tilt_deg": 0.5, "clamp_shift": 0.002}
+    target = TargetFile(shape="disc", diameter=0.25, thickness=0.01, **given)
+    rng = np.random.default_rng(0)
+    mounts = [draw_mount(target, rng) for _ in range(300)]
+    low, high = chi_square_bounds(2 * len(mounts))
+    for drawn, sigma in (("tilt_rad", np.radians(0.5)), ("shift_m", 0.002)):
+        total = np.sum(np.square([getattr(mount, drawn) for mount in mounts])) / sigma**2
+        assert low < total < high
+        assert not low < total * 1.3**2 < high
+
+
+def test_a_shifted_plate_has_its_rim_where_it_was_clamped(tmp_path):
+    values = {"grid.spacing_m": 0.001, "grid.half_width_m": 0.14}
+    mount = Mount(shift_m=(0.004, -0.003))
+    scene, centre, normal, grid, beam = staged(changed(IDEAL, tmp_path, values), mount=mount)
+    seen = scan(scene, centre, grid, beam, np.random.default_rng(0))
+    face = seen.points_station_m[seen.on_front] - centre
+    middle = scene.T_station_plate[:3, 3] - centre
+    assert np.linalg.norm(middle) == pytest.approx(0.005, abs=1e-12)
+    assert abs(middle @ normal) < 1e-12
+    assert np.linalg.norm(face - middle, axis=1).max() <= RADIUS_M
+    assert np.linalg.norm(face, axis=1).max() > RADIUS_M + 0.004
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_board_before_the_target_hides_its_share(tmp_path, seed):
+    values = {"grid.spacing_m": 0.002, "grid.half_width_m": 0.16}
+    scanner = changed(IDEAL, tmp_path, values)
+    counts = []
+    for hidden in (0.0, 0.4):
+        scene, centre, normal, grid, beam = staged(scanner, seed=seed, hidden=hidden)
+        seen = scan(scene, centre, grid, beam, np.random.default_rng(0))
+        counts.append(seen.on_front.sum())
+        before = (seen.points_station_m - centre) @ normal > 0.1
+        assert before.any() == (hidden > 0.0)
+    # The board's own depth of 1 mm and one row of the grid may hide a little more.
+    assert counts[1] / counts[0] == pytest.approx(0.6, abs=0.012)
+
+
+def test_imperfections_are_written_with_the_capture_and_leave_the_wheels_alone(tmp_path):
+    values = COARSE | {
+        "beam.correlated_sigma_m": 0.0005,
+        "beam.correlation_length_m": [0.005, 0.02],
+    }
+    plain = changed(DEFAULT, tmp_path, COARSE)
+    marred = changed(DEFAULT, tmp_path, values | {"scene": {"occluded_fraction": [0.3, 0.4]}})
+    flat = changed(DISC, tmp_path, {"flatness": 0.0001})
+    make(tmp_path / "plain", scanner=plain, trials=0)
+    write_capture(
+        tmp_path / "marred", seed=7, vehicle=SALOON, scanner=marred, target=flat, trials=0
+    )
+    one, other = site_truth(tmp_path / "plain"), site_truth(tmp_path / "marred")
+    assert one["wheels"] == other["wheels"]
+    assert 0.005 <= other["used"]["beam"]["correlation_length_m"] <= 0.02
+    assert "correlated_sigma_m" not in one["used"]["beam"]
+    for before, after in zip(one["used"]["scans"], other["used"]["scans"], strict=True):
+        assert 0.3 <= after["occluded_fraction"] <= 0.4
+        assert after["points_on_target"] < 0.75 * before["points_on_target"]
+
+
+def test_the_table_of_those_who_measure_is_left_unread(noisy, tmp_path):
+    capture, scanner = noisy
+    table = {"instrument": {"range_bias_m": 0.001, "kind": "laser-scanner", "pair": [2, 1]}}
+    make(tmp_path / "again", scanner=changed(scanner, tmp_path, table))
+    for path in capture.iterdir():
+        assert (tmp_path / "again" / path.name).read_bytes() == path.read_bytes()
+
+
 def refused(*, match: str, out: Path, **changes: object) -> None:
     arguments = {"seed": 1, "vehicle": SALOON, "scanner": DEFAULT, "target": DISC} | changes
     with pytest.raises(SynthError, match=match) as caught:
@@ -484,6 +670,24 @@ def test_a_wrong_vehicle_is_refused_in_one_line(tmp_path, values, match):
     given.write_text(text)
     refused(match=match, out=tmp_path / "out", vehicle=given)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("path", "values", "match"),
+    [
+        (DEFAULT, {"beam.correlated_sigma_m": 0.001}, "needs a correlation_length_m above 0"),
+        (DEFAULT, {"beam.correlation_length": 0.01}, "nearest: 'beam.correlation_length_m'"),
+        (DEFAULT, {"beam.correlated_sigma_m": [-0.1, 0.1]}, "'beam.correlated_sigma_m' = -0.1"),
+        (DEFAULT, {"scene": {"occluded_fraction": 1.0}}, "'scene.occluded_fraction' = 1.0"),
+        (DEFAULT, {"scene": {"hidden": 0.4}}, "nearest: 'scene.occluded_fraction'"),
+        (DISC, {"flatness_m": 0.0001}, "unknown key 'flatness_m' .nearest: 'flatness'"),
+        (DISC, {"flatness": 0.01}, "'flatness' = 0.01"),
+        (DISC, {"clamp_tilt_deg": -1.0}, "'clamp_tilt_deg' = -1.0"),
+    ],
+)
+def test_a_wrong_imperfection_is_refused_in_one_line(tmp_path, path, values, match):
+    given = changed(path, tmp_path, values)
+    refused(match=match, out=tmp_path / "o", **{"target" if path == DISC else "scanner": given})
 
 
 def test_all_wrong_keys_are_named_at_once_with_the_file(tmp_path):

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Literal
 
 import click
+import numpy as np
 
+from pipeline.align import check_by_monte_carlo
+from pipeline.commands.viewing import view_options
+from pipeline.config import load_station
+from pipeline.conformity import assess, conforms
 from pipeline.errors import InputError
 from pipeline.five_point_file import AngleUnit, Azimuth, Coordinates, LengthUnit, read_five_point
 from pipeline.measure import measure_five_point
+from pipeline.point_causes import Station
+from pipeline.report.conformity_text import conformity_text
 from pipeline.report.json_report import to_json
 from pipeline.report.tcgc_2013_text import tcgc_2013_text
-from pipeline.report.text import detailed_report, summary_table, vehicle_lines
+from pipeline.report.text import detailed_report, extra_parts, summary_table
+from pipeline.report.vehicle_text import vehicle_lines
+from pipeline.report.view import PAPER, AngleStyle, read_view
 from pipeline.report.write import write_whole
 from pipeline.tcgc_2013 import tcgc_2013
+from pipeline.tolerance import load_tolerance
+from pipeline.units import in_metres
+from pipeline.vehicle import Axis
 
 
 @click.command("five-point")
@@ -62,6 +75,29 @@ from pipeline.tcgc_2013 import tcgc_2013
     show_default=True,
     help="With tcgc-2013: which of the paper's two tables.",
 )
+@click.option(
+    "--scanner",
+    metavar="NAME|FILE",
+    help="The total station, whose uncertainty is carried to the angles, such as leica-tm30.",
+)
+@click.option(
+    "--station",
+    metavar="X,Y,Z",
+    help="Where it stood, in the file's coordinates and unit; the origin for spherical ones.",
+)
+@click.option(
+    "--monte-carlo",
+    "trials",
+    type=click.IntRange(min=20_000),
+    metavar="N",
+    help="Check the uncertainties by at most N random trials (JCGM 101); 500000 settle them.",
+)
+@click.option(
+    "--tolerance",
+    metavar="NAME|FILE",
+    help="Limits to judge by (TOML); `example` shows how they are written.",
+)
+@view_options
 def five_point(
     file: Path,
     output: Path | None,
@@ -72,11 +108,21 @@ def five_point(
     azimuth: Azimuth,
     method: str,
     table: Literal["report", "matrix"],
+    scanner: str | None,
+    station: str | None,
+    trials: int | None,
+    tolerance: str | None,
+    axis: Axis,
+    angles: AngleStyle,
+    rim: str | None,
 ) -> int:
     """Measure FILE: five points x y z a plane, blocks RR, RL, FR, FL, then the trials.
 
-    Rows of three numbers, separated by commas or blanks, no header.
+    Rows of three numbers, separated by commas or blanks, no header. With --tolerance, exits with 1
+    unless all that it limits is shown to conform: undecided is 1 too.
     """
+    view = read_view(axis, angles, rim)
+    limits = None if tolerance is None else load_tolerance(tolerance)
     points = read_five_point(
         file,
         length_unit=length_unit,
@@ -90,25 +136,76 @@ def five_point(
                 "--json with --method tcgc-2013: that estimator is kept to reproduce the printed "
                 "tables, whose signs are not ours: leave out one of the two"
             )
+        if scanner or station or trials:
+            raise InputError(
+                "--scanner, --station and --monte-carlo with --method tcgc-2013: that estimator "
+                "states no uncertainty: leave it, or them, out"
+            )
+        if limits:
+            raise InputError(
+                "--tolerance with --method tcgc-2013: that estimator states no uncertainty to "
+                "judge by: leave out one of the two"
+            )
+        if view != PAPER:
+            raise InputError(
+                "--axis and --angles with --method tcgc-2013: its tables are kept as they were "
+                "printed: leave it, or them, out"
+            )
         text = tcgc_2013_text(tcgc_2013(points.blocks_m, table))
         if output:
             write_whole(output, text.encode())
         click.echo(text, nl=False)
         return 0
-    measurement = measure_five_point(points)
+    surveyed = _station(scanner, station, coordinates, length_unit)
+    measurement = measure_five_point(points, surveyed)
+    if trials:
+        measurement = check_by_monte_carlo(measurement, trials, 0)
+    judged = assess(measurement, limits) if limits else None
+    code = 0 if measurement.complete and conforms(judged) else 1
     if output:
-        write_whole(output, detailed_report(measurement).encode())
+        write_whole(output, detailed_report(measurement, judged, view).encode())
     if as_json:
-        click.echo(to_json(measurement), nl=False)
-        return 0
+        click.echo(to_json(measurement, judged, view.axis), nl=False)
+        return code
     planes = len(points.blocks_m)
     click.echo(f"{points.source}: {5 * planes} points read, {planes} planes of five")
     for note in points.notes:
         click.echo(note)
     click.echo()
-    click.echo(summary_table(measurement))
+    click.echo(summary_table(measurement, view))
     click.echo()
-    click.echo(vehicle_lines(measurement))
+    click.echo(vehicle_lines(measurement, view))
+    for part in extra_parts(measurement, view):
+        click.echo(f"\n{part}")
+    if judged:
+        click.echo(f"\n{conformity_text(judged)}")
     if output:
         click.echo(f"wrote {output}")
-    return 0
+    return code
+
+
+def _station(
+    scanner: str | None, place: str | None, coordinates: Coordinates, unit: LengthUnit
+) -> Station | None:
+    """The total station by its file and its place; None where none is named."""
+    if scanner is None:
+        if place is not None:
+            raise InputError("--station without --scanner: name the total station as well")
+        return None
+    stated = load_station(scanner)
+    if place is None and coordinates == "cartesian":
+        raise InputError(
+            "--scanner with cartesian coordinates: add --station X,Y,Z, where the total station "
+            "stood, since its errors depend on the distance and the direction"
+        )
+    return Station(stated, np.array([in_metres(x, unit) for x in _three(place or "0,0,0")]))
+
+
+def _three(text: str) -> list[float]:
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
+        raise InputError(f"--station {text}: three numbers X,Y,Z are needed, such as 100,100,50")
+    return numbers

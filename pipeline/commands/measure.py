@@ -6,13 +6,22 @@ from pathlib import Path
 
 import click
 
+from pipeline.align import check_by_monte_carlo
 from pipeline.capture import open_capture
 from pipeline.commands.progress import Progress
-from pipeline.config import load_config
+from pipeline.commands.viewing import view_options
+from pipeline.config import load_config, with_scanner
+from pipeline.conformity import assess, conforms
 from pipeline.measure import measure_capture
+from pipeline.report.conformity_text import conformity_text
 from pipeline.report.json_report import to_json
-from pipeline.report.text import summary_table, vehicle_lines
+from pipeline.report.text import extra_parts, summary_table
+from pipeline.report.vehicle_text import vehicle_lines
+from pipeline.report.view import AngleStyle, read_view
 from pipeline.report.write import write_reports
+from pipeline.runout import all_turned
+from pipeline.tolerance import load_tolerance
+from pipeline.vehicle import Axis
 
 
 @click.command()
@@ -32,6 +41,24 @@ from pipeline.report.write import write_reports
     metavar="FILE",
     help="Settings other than the defaults (TOML).",
 )
+@click.option(
+    "--scanner",
+    metavar="NAME|FILE",
+    help="The scanner, whose file states what the scans cannot show of its uncertainty (TOML).",
+)
+@click.option(
+    "--monte-carlo",
+    "trials",
+    type=click.IntRange(min=20_000),
+    metavar="N",
+    help="Check the uncertainties by at most N random trials (JCGM 101); 500000 settle them.",
+)
+@click.option(
+    "--tolerance",
+    metavar="NAME|FILE",
+    help="Limits to judge by (TOML); `example` shows how they are written.",
+)
+@view_options
 @click.option("--pictures/--no-pictures", default=True, help="Pictures of the targets in DIR.")
 def measure(
     capture: Path,
@@ -39,25 +66,48 @@ def measure(
     as_json: bool,
     target: str | None,
     config: Path | None,
+    scanner: str | None,
+    trials: int | None,
+    tolerance: str | None,
     pictures: bool,
+    axis: Axis,
+    angles: AngleStyle,
+    rim: str | None,
 ) -> int:
     """Measure CAPTURE: a folder, zip or tar with a scan of each wheel.
 
     The scans are named in its capture.toml, or are called rr.* rl.* fr.* fl.* and trial-NAME.*.
-    Exits with 1 when a trial could not be measured.
+    Its [[sweep]] names scans of front wheels at three or more angles of the steering, body still
+    and brake held, for a wheel that rolls on its axle shows only where its plate wobbles; its
+    [[runout]] two or more of a lifted wheel, turned about its axle by angle_deg.
+
+    Exits with 1 when a trial, a sweep or a run-out could not be measured, and, with --tolerance,
+    unless all that it limits is shown to conform: undecided is 1 too, so that 0 never lets a
+    vehicle pass on a doubt.
     """
+    view = read_view(axis, angles, rim)
     settings = load_config(config)
+    limits = None if tolerance is None else load_tolerance(tolerance)
     with open_capture(capture, target) as opened, Progress(len(opened.entries)) as progress:
+        settings = with_scanner(settings, scanner or opened.scanner)
         measurement = measure_capture(opened, settings, progress)
-    written = write_reports(measurement, output, pictures) if output else []
+    if trials:
+        measurement = check_by_monte_carlo(measurement, trials, settings.seed)
+    judged = assess(measurement, limits) if limits else None
+    written = write_reports(measurement, output, pictures, judged, view) if output else []
     if as_json:
-        click.echo(to_json(measurement), nl=False)
+        click.echo(to_json(measurement, judged, view.axis), nl=False)
     else:
         for note in measurement.notes:
             click.echo(note)
-        click.echo(summary_table(measurement))
+        click.echo(summary_table(measurement, view))
         click.echo()
-        click.echo(vehicle_lines(measurement))
+        click.echo(vehicle_lines(measurement, view))
+        for part in extra_parts(measurement, view):
+            click.echo(f"\n{part}")
+        if judged:
+            click.echo(f"\n{conformity_text(judged)}")
         for path in written:
             click.echo(f"wrote {path}")
-    return 0 if measurement.complete else 1
+    whole = measurement.complete and all_turned(measurement)
+    return 0 if whole and conforms(judged) else 1

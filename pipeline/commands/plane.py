@@ -7,46 +7,69 @@ from pathlib import Path
 
 import click
 
+from pipeline.commands.progress import Reading
 from pipeline.errors import InputError, NotMeasuredError
 from pipeline.planes import CloudPlane, find_planes, plane_of_all
-from pipeline.readers import read_scan
+from pipeline.plausible import check_cloud, float32_fact, float32_step
+from pipeline.readers import MESH_SUFFIXES, Scan, read_scan
 from pipeline.report.layout import aligned, number
+from pipeline.units import LENGTH_UNITS
+
+TOLD_STEP_M = 0.5e-3
 
 
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--max-planes", type=click.IntRange(min=1), default=5, show_default=True)
-@click.option("--length-unit", type=click.Choice(["m", "mm", "in"]), default="m", show_default=True)
+@click.option("--length-unit", type=click.Choice(LENGTH_UNITS), default="m", show_default=True)
 @click.option("--all-points", is_flag=True, help="One plane through all points, none left out.")
+@click.option(
+    "--sample",
+    type=click.IntRange(1, 10**8),
+    metavar="N",
+    help="Of a mesh (.stl, .obj): N points of its surface instead of its vertices.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
 @click.option("--json", "as_json", is_flag=True, help="Print the planes as JSON and nothing else.")
 def plane(
-    file: Path, max_planes: int, length_unit: str, all_points: bool, seed: int, as_json: bool
+    file: Path,
+    max_planes: int,
+    length_unit: str,
+    all_points: bool,
+    sample: int | None,
+    seed: int,
+    as_json: bool,
 ) -> int:
     """Find the planes of the point cloud FILE, largest first.
 
     How far from a plane a point may lie is found from the points themselves.
     """
-    scan = read_scan(file, length_unit)
+    with Reading(str(file)) as progress:
+        scan = read_scan(file, length_unit, sample=sample, progress=progress)
+    check_cloud(scan.points_m, length_unit, str(file))
     try:
         if all_points:
             planes: tuple[CloudPlane, ...] = (plane_of_all(scan.points_m),)
         else:
             planes = find_planes(scan.points_m, max_planes, seed)
     except NotMeasuredError as error:
-        raise InputError(f"{file}: {error}: check the file, or its --length-unit") from error
+        raise InputError(f"{file}: {error}: {_mend(file, scan, length_unit, sample)}") from error
     except InputError as error:
         raise InputError(f"{file}: {error}: scan more") from error
+    notes = _notes(scan, length_unit)
     if as_json:
         tree = {
             "planes": [_tree(found) for found in planes],
             "points_total": len(scan.points_m),
             "missing_returns": scan.missing_returns,
+            "notes": notes,
         }
         click.echo(json.dumps(tree, indent=1))
         return 0
     dropped = f" ({scan.missing_returns} missing returns dropped)" if scan.missing_returns else ""
     click.echo(f"{file}: {len(scan.points_m)} points{dropped}")
+    for note in notes:
+        click.echo(f"note: {note}")
     click.echo("a x + b y + c z + d = 0, unit normal")
     rows: list[tuple[str, ...]] = [("a", "b", "c", "d / m", "rms / mm", "points", "extents / m")]
     for found in planes:
@@ -56,6 +79,21 @@ def plane(
         rows.append((*normal, offset, rms, str(found.points), extents))
     click.echo(aligned(rows, left=0))
     return 0
+
+
+def _mend(file: Path, scan: Scan, length_unit: str, sample: int | None) -> str:
+    """What may help where no plane was found."""
+    notes = _notes(scan, length_unit)
+    if notes:
+        return f"{notes[0]}; export it as double, or with an offset"
+    if sample is None and file.suffix.lower() in MESH_SUFFIXES:
+        return f"it is a mesh of {len(scan.points_m)} vertices: add --sample 100000"
+    return "check the file, or its --length-unit"
+
+
+def _notes(scan: Scan, length_unit: str) -> list[str]:
+    step, place = float32_step(scan.points_m, length_unit)
+    return [float32_fact(step, place)] if step >= TOLD_STEP_M else []
 
 
 def _tree(found: CloudPlane) -> dict[str, object]:

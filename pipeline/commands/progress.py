@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from types import TracebackType
 
 import click
@@ -32,4 +33,32 @@ class Progress:
         trace: TracebackType | None,
     ) -> None:
         if self._shown:
+            click.echo("\r\x1b[K", nl=False, err=True)
+
+
+class Reading:
+    """Called with the rows read and their number; shows the share of a long read."""
+
+    def __init__(self, name: str) -> None:
+        self._name, self._percent = name, -1
+        self._started = time.monotonic()
+        self._shown = sys.stderr.isatty()
+
+    def __enter__(self) -> Reading:
+        return self
+
+    def __call__(self, done: int, total: int) -> None:
+        """Show how far it is, after the first second and at each percent."""
+        percent = 100 * done // max(1, total)
+        if self._shown and percent != self._percent and time.monotonic() - self._started > 1.0:
+            self._percent = percent
+            click.echo(f"\r\x1b[Kreading {self._name}: {percent} %", nl=False, err=True)
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._percent >= 0:
             click.echo("\r\x1b[K", nl=False, err=True)

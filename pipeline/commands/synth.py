@@ -33,20 +33,20 @@ from pipeline.errors import InputError, MissingDependencyError
 )
 def synth(out: Path, seed: int, vehicle: str, scanner: str, target: str, trials: int) -> int:
     """Make a vehicle, scan its wheels, and write capture, five-point file and truth.json to OUT."""
-    make_capture(out, seed, vehicle, scanner, target, trials)
-    click.echo(f"wrote {out}: {4 + trials} scans, five-point.txt, capture.toml, truth.json")
+    scans = make_capture(out, seed, vehicle, scanner, target, trials)
+    click.echo(f"wrote {out}: {scans} scans, five-point.txt, capture.toml, truth.json")
     return 0
 
 
 def make_capture(
     out: Path, seed: int, vehicle: str, scanner: str, target: str, trials: int
-) -> None:
-    """Call synth, which is a package of its own: it shares no formula with this one."""
+) -> int:
+    """Call synth, a package of its own that shares no formula with this one; how many scans."""
     errors = importlib.import_module("synth.errors")
     archive = importlib.import_module("synth.archive")
     try:
         with Progress(4 + trials, "scanned") as progress:
-            archive.write_capture(
+            truth = archive.write_capture(
                 out,
                 seed=seed,
                 vehicle=config_file("vehicles", vehicle),
@@ -55,6 +55,7 @@ def make_capture(
                 trials=trials,
                 progress=progress,
             )
+        return len(truth.wheels)
     except errors.SynthError as error:
         raise InputError(str(error)) from error
     except ImportError as error:

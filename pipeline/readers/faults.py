@@ -11,6 +11,11 @@ def fault(source: Source, fact: str, mend: str = "export the scan again") -> Inp
     return InputError(f"{source.name}: {fact}: {mend}")
 
 
+def too_many(source: Source, most: int, noun: str) -> InputError:
+    """A small file that would take long: each of these costs time of its own."""
+    return fault(source, f"it has more than {most} {noun}", "split it or export it again")
+
+
 def too_short(source: Source, declared: int, held: int, noun: str = "points") -> InputError:
     """The file ends before what its header declares."""
     return InputError(

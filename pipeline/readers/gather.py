@@ -2,91 +2,184 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
 from pipeline.readers.faults import fault
+from pipeline.readers.memory import check_memory
+from pipeline.readers.pose import apply_pose, checked_pose
 from pipeline.readers.raw import Block, RawCloud, Source
-from pipeline.readers.scan import Scan
+from pipeline.readers.scan import Part, Scan
+from pipeline.units import to_metres
 
 Points = npt.NDArray[np.float64]
-Shades = npt.NDArray[np.float32]
+Mask = npt.NDArray[np.bool_]
 
-UNITS = ("m", "mm", "in")
+Progress = Callable[[int, int], None]
+
 MAX_COORDINATE_M = 1e10  # float64 still resolves 2 um here
 
 
-def gather(cloud: RawCloud, source: Source, length_unit: str) -> Scan:
-    """Fill the arrays block by block, drop missing returns, and scale to metres.
+@dataclass(frozen=True)
+class Rows:
+    """Room for points: views into the arrays of a scan, or of one that is only looked at."""
 
-    Raises InputError for an infinite coordinate, and when no point is left.
-    """
-    if cloud.rows == 0:
-        raise fault(source, "it declares 0 points")
-    points = np.empty((cloud.rows, 3))
-    intensity = np.empty(cloud.rows, np.float32) if cloud.has_intensity else None
-    seen = kept = 0
-    # A float64 intensity or a longdouble coordinate may overflow; coordinates are checked below.
-    with np.errstate(over="ignore", invalid="ignore"):
-        for block in cloud.blocks:
-            count = len(block.xyz[0])
-            rows = points[kept : kept + count]
-            shades = None if intensity is None else intensity[kept : kept + count]
-            there = _fill(rows, shades, block, source, seen)
-            _to_metres(rows[:there], length_unit)
-            _check_size(rows[:there], source, length_unit)
-            seen, kept = seen + count, kept + there
-    if kept == 0:
-        raise fault(source, f"of its {seen} points all are missing returns (NaN)")
-    return Scan(
-        points_m=points[:kept],
-        intensity=None if intensity is None else intensity[:kept],
-        source=source.name,
-        missing_returns=seen - kept,
+    points: Points
+    intensity: npt.NDArray[np.float32] | None
+    grid: npt.NDArray[np.int32] | None
+
+    @staticmethod
+    def row_bytes(cloud: RawCloud) -> int:
+        """What a row of the cloud takes."""
+        return 24 + 4 * cloud.has_intensity + 8 * cloud.has_grid
+
+    @classmethod
+    def room(cls, rows: int, cloud: RawCloud) -> Rows:
+        """Room for that many rows of what the cloud holds."""
+        return cls(
+            np.empty((rows, 3)),
+            np.empty(rows, np.float32) if cloud.has_intensity else None,
+            np.empty((rows, 2), np.int32) if cloud.has_grid else None,
+        )
+
+    def part(self, start: int, stop: int) -> Rows:
+        """Rows start:stop, as views."""
+        return Rows(
+            self.points[start:stop],
+            None if self.intensity is None else self.intensity[start:stop],
+            None if self.grid is None else self.grid[start:stop],
+        )
+
+
+class Placer:
+    """Puts blocks of a cloud, one after the other, into rows of points in metres."""
+
+    def __init__(self, cloud: RawCloud, source: Source, length_unit: str) -> None:
+        self._source, self._unit = source, length_unit
+        self._poses = [checked_pose(part, source) for part in cloud.parts]
+        self.seen = 0
+
+    def place(self, block: Block, rows: Rows) -> int:
+        """Fill the first rows with the points of the block that are there; their number.
+
+        Raises InputError for an infinite coordinate, and for one beyond any site.
+        """
+        count = _fill(rows, block)
+        pose = self._poses[block.part] if self._poses else None
+        if block.missing is None and pose is None and _is_usual(rows.points[:count]):
+            kept = count
+            to_metres(rows.points[:kept], self._unit)
+        else:
+            kept = self._drop_missing(block, rows, count)
+            if pose is not None:
+                apply_pose(rows.points[:kept], pose)
+            to_metres(rows.points[:kept], self._unit)
+            self._check_size(rows.points[:kept])
+        self.seen += count
+        return kept
+
+    def _drop_missing(self, block: Block, rows: Rows, count: int) -> int:
+        present = self._present(rows.points[:count])
+        if block.missing is not None and block.missing.any():
+            present = ~block.missing if present is None else present & ~block.missing
+        if present is None:
+            return count
+        kept = int(present.sum())
+        for column in (rows.points, rows.intensity, rows.grid):
+            if column is not None:
+                column[:kept] = column[:count][present]
+        return kept
+
+    def _present(self, points: Points) -> Mask | None:
+        """Which rows hold a return; None when all do."""
+        if np.isfinite(points.sum()):
+            return None
+        infinite = np.flatnonzero(np.isinf(points))
+        if len(infinite):
+            place = self.seen + infinite[0] // 3 + 1
+            raise fault(self._source, f"point {place} has an infinite coordinate")
+        return np.asarray(~np.isnan(points).any(axis=1))
+
+    def _check_size(self, points: Points) -> None:
+        if len(points) and max(points.max(), -points.min()) > MAX_COORDINATE_M:
+            raise fault(
+                self._source,
+                f"a coordinate of {np.abs(points).max():.3g} m is beyond any site",
+                f"check the length unit, {self._unit}",
+            )
+
+
+def _is_usual(points: Points) -> bool:
+    """Whether all coordinates are finite and of a site, in any unit; a NaN fails both tests."""
+    return not len(points) or bool(
+        points.max() < MAX_COORDINATE_M and points.min() > -MAX_COORDINATE_M
     )
 
 
-def _fill(rows: Points, shades: Shades | None, block: Block, source: Source, first: int) -> int:
-    """Copy a block into its place, the points that are there to the front; their number."""
+def _fill(rows: Rows, block: Block) -> int:
+    count = len(block.xyz[0])
     for axis, column in enumerate(block.xyz):
-        rows[:, axis] = column
-    if shades is not None:
-        shades[:] = block.intensity
-    present = _present(rows, source, first)
-    if present is None:
-        return len(rows)
-    kept = int(present.sum())
-    rows[:kept] = rows[present]
-    if shades is not None:
-        shades[:kept] = shades[present]
-    return kept
+        rows.points[:count, axis] = column
+    if rows.intensity is not None:
+        rows.intensity[:count] = block.intensity
+    if rows.grid is not None and block.grid is not None:
+        rows.grid[:count, 0], rows.grid[:count, 1] = block.grid
+    return count
 
 
-def _present(rows: Points, source: Source, first: int) -> npt.NDArray[np.bool_] | None:
-    """Which rows hold a return; None when all do, the usual case, for the price of a sum.
+def silent(_done: int, _total: int) -> None:
+    """No progress."""
 
-    A sum is finite only if every term is.
+
+def gather(cloud: RawCloud, source: Source, length_unit: str, progress: Progress = silent) -> Scan:
+    """Fill the arrays block by block, drop missing returns, apply the poses, scale to metres.
+
+    progress: called with the rows read and their number. Raises InputError for an infinite
+    coordinate, and when no point is left.
     """
-    if np.isfinite(rows.sum()):
+    if cloud.rows == 0:
+        raise fault(source, "it declares 0 points")
+    check_memory(cloud.rows, Rows.row_bytes(cloud), source)
+    all_rows = Rows.room(cloud.rows, cloud)
+    placer = Placer(cloud, source, length_unit)
+    kept, held = 0, [0] * len(cloud.parts)
+    # A float64 intensity or a longdouble coordinate may overflow; coordinates are checked.
+    with np.errstate(over="ignore", invalid="ignore"):
+        for block in cloud.blocks:
+            if placer.seen + len(block.xyz[0]) > cloud.rows:
+                raise fault(source, f"it holds more than the {cloud.rows} points it declares")
+            there = placer.place(block, all_rows.part(kept, cloud.rows))
+            kept += there
+            if held:
+                held[block.part] += there
+            progress(placer.seen, cloud.rows)
+    if kept == 0:
+        raise fault(source, f"of its {placer.seen} points all are missing returns")
+    rows = all_rows.part(0, kept)
+    return Scan(
+        points_m=rows.points,
+        intensity=rows.intensity,
+        source=source.name,
+        missing_returns=placer.seen - kept,
+        grid=rows.grid,
+        parts=_parts(cloud, held, length_unit),
+    )
+
+
+def _parts(cloud: RawCloud, held: list[int], length_unit: str) -> tuple[Part, ...]:
+    stops = np.cumsum(held).tolist()
+    return tuple(
+        Part(part.name, stop - count, stop, _pose_m(part.T_file_scan, length_unit))
+        for part, count, stop in zip(cloud.parts, held, stops, strict=True)
+    )
+
+
+def _pose_m(T: Points | None, length_unit: str) -> Points | None:
+    if T is None:
         return None
-    infinite = np.flatnonzero(np.isinf(rows))
-    if len(infinite):
-        raise fault(source, f"point {first + infinite[0] // 3 + 1} has an infinite coordinate")
-    return np.asarray(~np.isnan(rows).any(axis=1))
-
-
-def _to_metres(rows: Points, length_unit: str) -> None:
-    if length_unit == "mm":
-        # A division rounds once; 0.001 is not a binary fraction and a product would round twice.
-        rows /= 1000.0
-    elif length_unit == "in":
-        rows *= 0.0254
-
-
-def _check_size(rows: Points, source: Source, length_unit: str) -> None:
-    if len(rows) and max(rows.max(), -rows.min()) > MAX_COORDINATE_M:
-        raise fault(
-            source,
-            f"a coordinate of {np.abs(rows).max():.3g} m is beyond any site",
-            f"check the length unit, {length_unit}",
-        )
+    T = T.copy()
+    to_metres(T[:3, 3], length_unit)
+    return T

@@ -6,6 +6,7 @@ Format: numpy.lib.format, versions 1.0 and 2.0 (3.0 is for structured arrays onl
 from __future__ import annotations
 
 import ast
+import math
 import re
 import struct
 from collections.abc import Iterator
@@ -24,33 +25,46 @@ _LONGEST_HEADER = 1 << 16
 
 
 @dataclass(frozen=True)
-class _Header:
+class Header:
+    """What an NPY header declares; the array's bytes follow."""
+
     dtype: np.dtype[Any]
     fortran_order: bool
-    rows: int
-    columns: int
+    shape: tuple[int, ...]
 
 
 def read_npy(source: Source) -> RawCloud:
     """Rows x y z, or x y z intensity, of any real dtype, byte order and memory order."""
-    header = _read_header(source)
-    itemsize = header.columns * header.dtype.itemsize
-    held, extra = divmod(source.remaining(), itemsize)
-    if held < header.rows:
-        raise too_short(source, header.rows, held)
-    if held > header.rows or extra:
-        raise too_long(source, header.rows, f"{source.remaining() - header.rows * itemsize} bytes")
-    layout = Layout((0, 1, 2), 3 if header.columns == 4 else None)
+    header = read_header(source)
+    if len(header.shape) != 2 or header.shape[1] not in (3, 4):
+        mend = "save rows of x y z or of x y z intensity"
+        raise fault(source, f"the array has the shape {shown(str(header.shape))}", mend)
+    check_size(source, header)
+    rows, columns = header.shape
+    layout = Layout((0, 1, 2), 3 if columns == 4 else None)
     if header.fortran_order:
         blocks = _column_blocks(source, header)
     else:
-        offsets = [column * header.dtype.itemsize for column in range(header.columns)]
-        formats = [header.dtype.str] * header.columns
-        blocks = record_blocks(source, header.rows, formats, offsets, itemsize, layout)
-    return RawCloud(header.rows, header.columns == 4, blocks)
+        width = header.dtype.itemsize
+        offsets = [column * width for column in range(columns)]
+        formats = [header.dtype.str] * columns
+        blocks = record_blocks(source, rows, formats, offsets, columns * width, layout)
+    return RawCloud(rows, columns == 4, blocks)
 
 
-def _read_header(source: Source) -> _Header:
+def check_size(source: Source, header: Header) -> None:
+    """Raise InputError unless exactly the declared array follows."""
+    rows = header.shape[0]
+    itemsize = math.prod(header.shape[1:]) * header.dtype.itemsize
+    held, extra = divmod(source.remaining(), itemsize)
+    if held < rows:
+        raise too_short(source, rows, held)
+    if held > rows or extra:
+        raise too_long(source, rows, f"{source.remaining() - rows * itemsize} bytes")
+
+
+def read_header(source: Source) -> Header:
+    """Read up to the array. Raises InputError for one that is not of plain numbers."""
     prefix = source.stream.read(8)
     form = _LENGTH_FORMATS.get(prefix[6:8])
     if len(prefix) == 8 and form is None:
@@ -70,7 +84,7 @@ def _read_header(source: Source) -> _Header:
     return _checked(source, descr, shape, order)
 
 
-def _checked(source: Source, descr: object, shape: object, fortran_order: object) -> _Header:
+def _checked(source: Source, descr: object, shape: object, fortran_order: object) -> Header:
     if not (isinstance(descr, str) and re.fullmatch(r"[<>|=]?[fiu](1|2|4|8|16)", descr)):
         raise fault(source, f"it holds values of the type {shown(str(descr))}", "save numbers")
     try:
@@ -80,26 +94,25 @@ def _checked(source: Source, descr: object, shape: object, fortran_order: object
         raise fault(source, fact, "save float64") from None
     if (
         not isinstance(shape, tuple)
-        or len(shape) != 2
+        or not shape
         or not all(type(n) is int and n >= 0 for n in shape)
-        or shape[1] not in (3, 4)
         or not isinstance(fortran_order, bool)
     ):
-        mend = "save rows of x y z or of x y z intensity"
-        raise fault(source, f"the array has the shape {shown(str(shape))}", mend)
-    return _Header(dtype, fortran_order, *shape)
+        raise fault(source, f"the array has the shape {shown(str(shape))}", "save a plain array")
+    return Header(dtype, fortran_order, shape)
 
 
-def _column_blocks(source: Source, header: _Header) -> Iterator[Block]:
+def _column_blocks(source: Source, header: Header) -> Iterator[Block]:
     """Blocks of an array that stores one column after the other."""
     start, itemsize = source.stream.tell(), header.dtype.itemsize
+    rows, count = header.shape
     step = CHUNK_BYTES // itemsize
-    for first in range(0, header.rows, step):
+    for first in range(0, rows, step):
         columns = []
-        for column in range(header.columns):
-            values = np.empty(min(step, header.rows - first), header.dtype)
-            source.stream.seek(start + (column * header.rows + first) * itemsize)
+        for column in range(count):
+            values = np.empty(min(step, rows - first), header.dtype)
+            source.stream.seek(start + (column * rows + first) * itemsize)
             read_exactly(source, values.view(np.uint8).data)
             columns.append(values)
         x, y, z = columns[:3]
-        yield Block((x, y, z), columns[3] if header.columns == 4 else None)
+        yield Block((x, y, z), columns[3] if count == 4 else None)

@@ -8,10 +8,12 @@ from itertools import accumulate
 
 import numpy as np
 
-from pipeline.readers.ascii import count_lines, table_blocks
+from pipeline.readers.ascii import table_blocks
 from pipeline.readers.binary import record_blocks
 from pipeline.readers.faults import fault, too_long, too_short
+from pipeline.readers.lines import Lines, count_lines
 from pipeline.readers.lzf import LARGEST_RATIO, decompress
+from pipeline.readers.memory import check_memory
 from pipeline.readers.pcd_header import PcdHeader, read_header
 from pipeline.readers.raw import Block, Layout, RawCloud, Source
 
@@ -44,7 +46,7 @@ def _ascii_blocks(header: PcdHeader, source: Source) -> Iterator[Block]:
         None if columns.intensity is None else starts[columns.intensity],
     )
     rows = 0
-    for table in table_blocks(source.text, starts[-1], None, source, header.lines + 1):
+    for table in table_blocks(Lines(source.text), starts[-1], None, source, header.lines + 1):
         rows += len(table)
         if rows > header.points:
             raise too_long(source, header.points, "more rows")
@@ -82,6 +84,7 @@ def _compressed(header: PcdHeader, source: Source) -> Iterator[Block]:
         )
         raise fault(source, fact)
     _check_end(header, source, packed)
+    check_memory(header.points, (packed + unpacked) // max(1, header.points), source)
     return _compressed_blocks(header, source, packed, unpacked)
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import accumulate
 
-from pipeline.readers.ascii import count_lines, skip_rows, table_blocks
+from pipeline.readers.ascii import table_blocks
 from pipeline.readers.binary import record_blocks
 from pipeline.readers.faults import fault, too_long, too_short
+from pipeline.readers.lines import Lines, count_lines
 from pipeline.readers.ply_header import PlyElement, PlyHeader, read_header
 from pipeline.readers.ply_skip import skip_elements
 from pipeline.readers.raw import Block, Layout, RawCloud, Source, find_layout
@@ -57,15 +58,16 @@ def _ascii(header: PlyHeader, layout: Layout, source: Source) -> Iterator[Block]
 def _ascii_blocks(
     header: PlyHeader, layout: Layout, source: Source, before: int, after: int
 ) -> Iterator[Block]:
-    line = header.lines + 1 + skip_rows(source.text, before)
+    lines = Lines(source.text)
+    line = header.lines + 1 + lines.skip_rows(before)
     count, columns = header.vertex.count, len(header.vertex.properties)
     rows = 0
-    for table in table_blocks(source.text, columns, None, source, line, limit=count):
+    for table in table_blocks(lines, columns, None, source, line, limit=count):
         rows += len(table)
         yield layout.block(table)
     if rows < count:
         raise too_short(source, count, rows, "vertices")
-    rest = sum(not line.isspace() for line in source.text)
+    rest = lines.rows_left()
     if rest < after:
         raise too_short(source, after, rest, "rows after the vertices")
     if rest > after:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from pipeline.errors import InputError
-from pipeline.readers.faults import fault
+from pipeline.readers.faults import fault, too_many
 from pipeline.readers.raw import Source, shown
 
 _SCALARS = {
@@ -19,6 +19,7 @@ _SCALARS = {
 }
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _LONGEST_LINE = 1 << 16
+_MOST_LINES = 5000
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,8 @@ def read_header(source: Source) -> PlyHeader:
         raise fault(source, "line 1 is not 'ply'")
     while (words := _next_words(source, number + 1)) != ["end_header"]:
         number += 1
+        if number > _MOST_LINES:
+            raise too_many(source, _MOST_LINES, "lines in its header")
         match words:
             case ["comment" | "obj_info", *_] | []:
                 pass

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from io import BufferedReader
-from typing import Any, TextIO
+from pathlib import Path
+from typing import Any, TextIO, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -20,12 +22,22 @@ class Source:
     """An open scan file, its size in bytes, and the name the user knows it by.
 
     text: the same file as lines, from wherever `stream` stands when it is first read.
+    path: for libraries that open files themselves; messages use `name`.
+    stack: closed when the scan was read; for what a reader must keep until then.
     """
 
     stream: BufferedReader
     text: TextIO
     size: int
     name: str
+    path: Path
+    stack: ExitStack
+
+    @classmethod
+    def open(cls, path: Path, name: str, stack: ExitStack) -> Source:
+        """Open the file at `path`, until `stack` closes it."""
+        text = stack.enter_context(path.open(encoding="utf-8", errors="replace"))
+        return cls(cast(BufferedReader, text.buffer), text, path.stat().st_size, name, path, stack)
 
     def remaining(self) -> int:
         """Bytes from the current position to the end."""
@@ -34,22 +46,48 @@ class Source:
 
 @dataclass(frozen=True)
 class Block:
-    """Some successive points: columns of one length, any real dtype, the file's own unit.
+    """Some successive points of one scan: columns of one length, the file's own unit.
 
+    xyz: of any real dtype, before the scan's pose is applied; NaN where nothing returned.
+    grid: row and column of the scanner's raster, any integer dtype.
+    missing: bool, where the format says in its own way that nothing returned.
+    part: which of the cloud's parts the points belong to; never less than the block's before.
     The columns may look into a buffer that the next block overwrites.
     """
 
     xyz: tuple[Column, Column, Column]
-    intensity: Column | None
+    intensity: Column | None = None
+    grid: tuple[Column, Column] | None = None
+    missing: npt.NDArray[np.bool_] | None = None
+    part: int = 0
+
+
+@dataclass(frozen=True)
+class RawPart:
+    """One scan of a file that may hold several.
+
+    T_file_scan: (4, 4) float64, applied to column vectors in the file's unit, once, by `gather`;
+    None when the file states no pose and its coordinates stand as they are.
+    note: what the reader had to settle, as a sentence.
+    """
+
+    name: str
+    T_file_scan: npt.NDArray[np.float64] | None = None
+    note: str = ""
 
 
 @dataclass(frozen=True)
 class RawCloud:
-    """A file whose header was believed: at most `rows` points, to be drawn block by block."""
+    """A file whose header was believed: at most `rows` points, to be drawn block by block.
+
+    rows: counts missing returns that have a row. parts: empty when the format knows no scans.
+    """
 
     rows: int
     has_intensity: bool
     blocks: Iterator[Block]
+    has_grid: bool = False
+    parts: tuple[RawPart, ...] = ()
 
 
 @dataclass(frozen=True)

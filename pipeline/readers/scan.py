@@ -9,16 +9,35 @@ import numpy.typing as npt
 
 
 @dataclass(frozen=True)
+class Part:
+    """One scan of a file that may hold several: rows start:stop of `points_m`.
+
+    T_file_scan: (4, 4) float64, metres: the pose that was applied to its points, once; None when
+    the file states none.
+    """
+
+    name: str
+    start: int
+    stop: int
+    T_file_scan: npt.NDArray[np.float64] | None
+
+
+@dataclass(frozen=True)
 class Scan:
-    """One point cloud in scanner coordinates.
+    """One point cloud in the file's coordinates, the poses of its parts applied.
 
     points_m: (N, 3) float64, C order, finite, metres.
     intensity: (N,) float32 or None, the file's own scale.
     source: the file, as the user named it.
-    missing_returns: rows of the file that held NaN coordinates and were dropped.
+    missing_returns: rows of the file without a return (NaN, or as the format says) that were
+    dropped.
+    grid: (N, 2) int32 or None, row and column of the scanner's raster.
+    parts: the scans of the file, in its order; empty when its format knows none.
     """
 
     points_m: npt.NDArray[np.float64]
     intensity: npt.NDArray[np.float32] | None
     source: str
     missing_returns: int
+    grid: npt.NDArray[np.int32] | None = None
+    parts: tuple[Part, ...] = ()

@@ -7,15 +7,20 @@ import re
 PLY = "a PLY file"
 PCD = "a PCD file"
 NPY = "a NumPy array"
+E57 = "an E57 file"
+LAS = "a LAS or LAZ file"
+STL = "an STL file"
+ZIP = "a zip archive"
+BINARY = "binary data"
 TEXT = "text"
 
 _MAGIC = (
     (re.compile(rb"ply\s"), PLY),
     (re.compile(rb"\x93NUMPY"), NPY),
     (re.compile(rb"(?:[ \t\r]*(?:#[^\n]*)?\n)*[ \t]*(?:VERSION|FIELDS|COLUMNS)\s"), PCD),
-    (re.compile(rb"LASF"), "a LAS or LAZ file"),
-    (re.compile(rb"ASTM-E57"), "an E57 file"),
-    (re.compile(rb"PK\x03\x04"), "a zip archive"),
+    (re.compile(rb"LASF"), LAS),
+    (re.compile(rb"ASTM-E57"), E57),
+    (re.compile(rb"PK\x03\x04"), ZIP),
     (re.compile(rb"\x1f\x8b"), "a gzip file"),
     (re.compile(rb"\xff\xfe|\xfe\xff"), "UTF-16 text"),
     (re.compile(rb"version https://git-lfs"), "a Git LFS pointer, not the file itself"),
@@ -28,4 +33,4 @@ def looks_like(head: bytes) -> str:
     for magic, kind in _MAGIC:
         if magic.match(head):
             return kind
-    return "binary data" if b"\0" in head else TEXT
+    return BINARY if b"\0" in head else TEXT

@@ -1,7 +1,9 @@
 """XYZ, CSV and TXT: a point a line.
 
-Columns are separated by commas, semicolons, tabs or blanks. A first line may hold the number of
-points, the next one the names of the columns; '#' and '//' begin comments.
+Columns are separated by commas, semicolons, tabs or blanks. A comma is a decimal comma where
+something else separates (`1,5;2,5;3,5`), and separates where nothing else does (`1,5,2,5`). A first
+line may hold the number of points, the next one the names of the columns; '#' and '//' begin
+comments.
 """
 
 from __future__ import annotations
@@ -10,11 +12,13 @@ import codecs
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain
 
-from pipeline.readers.ascii import content, count_lines, is_number, table_blocks
-from pipeline.readers.faults import fault, too_short
+from pipeline.readers.ascii import content, has_decimal_comma, table_blocks
+from pipeline.readers.faults import fault, too_many, too_short
+from pipeline.readers.lines import Lines, count_lines, is_number
 from pipeline.readers.raw import Block, Layout, RawCloud, Source, find_layout, shown
+
+_MOST_LINES_BEFORE = 100_000
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,8 @@ def _read_preamble(source: Source) -> _Preamble:
     names: str | None = None
     for number, line in enumerate(source.text, start=1):
         data = content(line)
+        if number > _MOST_LINES_BEFORE:
+            raise too_many(source, _MOST_LINES_BEFORE, "lines before its points")
         if not data:
             continue
         if declared is None and names is None and re.fullmatch(r"[0-9]{1,18}", data):
@@ -53,11 +59,19 @@ def _read_preamble(source: Source) -> _Preamble:
         elif names is None and not any(map(is_number, re.split(r"[\s,;]+", data))):
             names = data
         else:
-            delimiter = next((mark for mark in ";\t," if mark in data), None)
+            delimiter = _delimiter(data)
             columns = len(data.split(delimiter))
             layout = _find_columns(names, columns, delimiter, source, f"line {number}", data)
             return _Preamble(declared, columns, delimiter, layout, line, number)
     raise too_short(source, declared, 0) if declared else fault(source, "it holds 0 points")
+
+
+def _delimiter(data: str) -> str | None:
+    """What separates the fields of a data line; None for blanks."""
+    for mark in ";\t":
+        if mark in data:
+            return mark
+    return "," if "," in data and not has_decimal_comma(data, None) else None
 
 
 def _find_columns(
@@ -80,7 +94,7 @@ def _find_columns(
 
 def _blocks(preamble: _Preamble, source: Source) -> Iterator[Block]:
     rows = 0
-    lines = chain([preamble.first], source.text)
+    lines = Lines(source.text, preamble.first)
     tables = table_blocks(lines, preamble.columns, preamble.delimiter, source, preamble.line)
     for table in tables:
         rows += len(table)

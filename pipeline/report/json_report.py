@@ -8,21 +8,39 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.conformity import Conformity
 from pipeline.locate_centre import TargetFit
 from pipeline.measurement import Measurement, WheelResult
+from pipeline.quantities import against, stated
+from pipeline.report.axes_json import axes_tree, pair
+from pipeline.report.conformity_json import conformity_tree, tolerance_tree
+from pipeline.report.turned_json import turned_tree
+from pipeline.report.uncertainty_json import monte_carlo_tree, repeats_tree, uncertainty_tree
+from pipeline.report.vehicle_text import WORDS
+from pipeline.vehicle import Axis
 
+OF_FRAME = ("rear_track", "front_track", "wheelbase")
 SCHEMA = "wheelplane/measurement/1"
 
 
-def to_json(measurement: Measurement) -> str:
+def to_json(
+    measurement: Measurement, conformity: Conformity | None = None, axis: Axis = "rear-axle"
+) -> str:
     """Text of measurement.json; the same measurement gives the same bytes."""
-    text = json.dumps(to_tree(measurement), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    tree = to_tree(measurement, conformity, axis)
+    text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     return text.encode(errors="backslashreplace").decode()  # a path may hold bytes that are no text
 
 
-def to_tree(measurement: Measurement) -> dict[str, Any]:
-    """The measurement as plain data: degrees, metres, null where unmeasured."""
-    frame, vehicle, u = measurement.frame, measurement.vehicle, measurement.uncertainty
+def to_tree(
+    measurement: Measurement, conformity: Conformity | None = None, axis: Axis = "rear-axle"
+) -> dict[str, Any]:
+    """The measurement as plain data: degrees, metres, null where unmeasured.
+
+    axis: the longitudinal axis that the text uses; `wheels` and `vehicle` keep the paper's.
+    """
+    frame, vehicle = measurement.frame, measurement.vehicle
+    u = measurement.uncertainty.vehicle_standard
     made = measurement.provenance
     return {
         "schema": SCHEMA,
@@ -37,24 +55,30 @@ def to_tree(measurement: Measurement) -> dict[str, Any]:
             "rear_track_m": frame.rear_track_m,
             "front_track_m": frame.front_track_m,
             "wheelbase_m": frame.wheelbase_m,
-            "u_rear_track_m": u.rear_track_m,
-            "u_front_track_m": u.front_track_m,
-            "u_wheelbase_m": u.wheelbase_m,
+            "u_rear_track_m": u["rear_track"],
+            "u_front_track_m": u["front_track"],
+            "u_wheelbase_m": u["wheelbase"],
             "longitudinal_axis": "normal to the rear axle",
         },
         "vehicle": {
-            "rear_total_toe_deg": _degrees(vehicle.rear_total_toe_rad),
-            "front_total_toe_deg": _degrees(vehicle.front_total_toe_rad),
-            "thrust_angle_deg": _degrees(vehicle.thrust_angle_rad),
-            "u_rear_total_toe_deg": _degrees(u.rear_total_toe_rad),
-            "u_front_total_toe_deg": _degrees(u.front_total_toe_rad),
-            "u_thrust_angle_deg": _degrees(u.thrust_angle_rad),
-        },
+            key: number
+            for quantity in against(stated(measurement), "rear-axle")
+            if quantity.subject == "vehicle" and quantity.kind not in OF_FRAME
+            for key, number in pair(quantity.kind, quantity, quantity.unit).items()
+        }
+        | {kind: words(vehicle[kind]) for kind, _, words in WORDS if kind in vehicle},
+        "axis_in_use": axis,
+        "axes": axes_tree(measurement),
+        **conformity_tree(conformity),
+        **uncertainty_tree(measurement),
+        "repeats": repeats_tree(measurement),
+        **turned_tree(measurement),
+        "monte_carlo": monte_carlo_tree(measurement),
         "notes": list(measurement.notes),
         "provenance": {
             "version": made.version,
             "inputs": made.inputs,
-            "config": made.config,
+            "config": made.config | tolerance_tree(conformity),
             "seed": made.seed,
         },
     }
@@ -84,8 +108,12 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
         "plane_rms_m": fitted.plane_rms_m if fitted else None,
         "points_total": seen.points_total,
         "points_on_target": fitted.points_on_target if fitted else None,
-        "points_effective": plane.count / plane.inflation if plane else None,
+        "points_effective": plane.effective_count if plane else None,
         "noise_m": plane.sigma_m if plane else None,
+        "correlated_noise_m": plane.correlated.sigma_m if plane else None,
+        "correlation_length_m": plane.correlated.length_m if plane else None,
+        "u_plane_deg": _degrees(plane.tilt_rad if plane else None),
+        "u_plane_if_independent_deg": _degrees(plane.tilt_if_independent_rad if plane else None),
         "missing_returns": seen.missing_returns,
         "file": seen.source,
         "centre_method": fitted.method if fitted else None,

@@ -2,65 +2,72 @@
 
 from __future__ import annotations
 
-import math
-
-from pipeline.angles import deg_min_sec
+from pipeline.conformity import Conformity
 from pipeline.measurement import Measurement, WheelResult
+from pipeline.quantities import against, stated
+from pipeline.repeats import pool_repeats
+from pipeline.report.budget_text import budget_text
+from pipeline.report.conformity_text import conformity_text
 from pipeline.report.layout import aligned, equation, number, vector
+from pipeline.report.monte_carlo_text import monte_carlo_text
+from pipeline.report.repeats_text import repeats_text
+from pipeline.report.runout_text import runout_text
+from pipeline.report.steering_text import steering_text
+from pipeline.report.vehicle_text import READING, axes_text, vehicle_lines
+from pipeline.report.view import DEFINED, PAPER, View
 
 SIGNS = """\
-Toe (convergência): positive is toe-in, on both sides; measured from the normal of the rear axle.
+Toe (convergência): positive is toe-in, on both sides; measured from the longitudinal axis in use.
 Camber (sopé): positive is top out, on both sides; elevation of the wheel's outward normal, as in
-the paper. Camber ISO: projected on the plane across the vehicle (ISO 8855).
-Angles in degrees, minutes and seconds of arc; the sign belongs to the whole angle.
-u: standard uncertainty (k = 1), from the scatter of the points."""
+the paper, the same for every axis. Camber ISO: projected on the plane across the axis (ISO 8855).
+{units}
+u: standard uncertainty (k = 1), by the causes of the budget."""
 
 
-def summary_table(measurement: Measurement) -> str:
+def summary_table(measurement: Measurement, view: View = PAPER) -> str:
     """Wheel by wheel: toe, camber and ISO camber with their uncertainty, or why there is none."""
-    rows: list[tuple[str, ...]] = [("name", "wheel", "toe", "u", "camber", "u", "camber ISO", "")]
+    chosen = against(stated(measurement), view.axis)
+    known = {(quantity.subject, quantity.kind): quantity for quantity in chosen}
+    toe = "toe" if view.axis == "rear-axle" else f"toe to {view.axis}"
+    rows: list[tuple[str, ...]] = [("name", "wheel", toe, "u", "camber", "u", "camber ISO", "")]
     for result in measurement.wheels:
+        name, wheel = result.observation.name, result.wheel or ""
         if result.angles is None:
-            rows.append((result.observation.name, result.wheel or "", *["-"] * 5, _why(result)))
+            rows.append((name, wheel, *["-"] * 5, _why(result)))
             continue
+        turned, camber, iso = (known[name, kind] for kind in ("toe", "camber", "camber_iso"))
         rows.append(
             (
-                result.observation.name,
-                result.wheel or "",
-                deg_min_sec(result.angles.toe_rad),
-                _seconds(result.u_toe_rad),
-                deg_min_sec(result.angles.camber_rad),
-                _seconds(result.u_camber_rad),
-                deg_min_sec(result.angles.camber_iso_rad),
+                name,
+                wheel,
+                view.angle(turned.value, "toe"),
+                view.width(turned.u, "toe", turned.value),
+                view.angle(camber.value, "camber"),
+                view.width(camber.u, "camber"),
+                view.angle(iso.value, "camber"),
                 "",
             )
         )
     return aligned(rows, left=2)
 
 
-def vehicle_lines(measurement: Measurement) -> str:
-    """Total toes, thrust angle, tracks and wheelbase with their uncertainties."""
-    vehicle, frame, u = measurement.vehicle, measurement.frame, measurement.uncertainty
-    rows = [
-        ("rear total toe", deg_min_sec(vehicle.rear_total_toe_rad), _seconds(u.rear_total_toe_rad)),
-        (
-            "front total toe",
-            deg_min_sec(vehicle.front_total_toe_rad),
-            _seconds(u.front_total_toe_rad),
-        ),
-        (
-            "thrust angle, + to the right",
-            deg_min_sec(vehicle.thrust_angle_rad),
-            _seconds(u.thrust_angle_rad),
-        ),
-        ("rear track", f"{frame.rear_track_m:.5f} m", _millimetres(u.rear_track_m)),
-        ("front track", f"{frame.front_track_m:.5f} m", _millimetres(u.front_track_m)),
-        ("wheelbase", f"{frame.wheelbase_m:.5f} m", _millimetres(u.wheelbase_m)),
-    ]
-    return aligned([("", "", "u"), *rows], left=1)
+def extra_parts(measurement: Measurement, view: View = PAPER) -> list[str]:
+    """What only some measurements hold: repeat scans, sweeps, run-outs, a Monte Carlo check."""
+    parts = []
+    groups = pool_repeats(measurement)
+    if groups:
+        parts.append(repeats_text(groups))
+        if view.axis != "rear-axle":
+            parts.append(f"Pooled toe is counted from the {DEFINED['rear-axle']}.")
+    parts += [text for text in (steering_text(measurement), runout_text(measurement)) if text]
+    if measurement.monte_carlo is not None:
+        parts.append(monte_carlo_text(measurement, measurement.monte_carlo, view.axis))
+    return parts
 
 
-def detailed_report(measurement: Measurement) -> str:
+def detailed_report(
+    measurement: Measurement, conformity: Conformity | None = None, view: View = PAPER
+) -> str:
     """The paper's report, for scans as for five points: frame, centres, planes, angles, origin."""
     made = measurement.provenance
     points = sum(wheel.observation.points_total for wheel in measurement.wheels)
@@ -75,12 +82,20 @@ def detailed_report(measurement: Measurement) -> str:
         "",
         *_plane_section(measurement),
         "",
-        SIGNS,
+        SIGNS.format(units=view.units),
         "",
-        summary_table(measurement),
+        summary_table(measurement, view),
         "",
-        vehicle_lines(measurement),
+        vehicle_lines(measurement, view),
         "",
+        READING,
+        "",
+        axes_text(measurement, view),
+        "",
+        *(f"{part}\n" for part in extra_parts(measurement, view)),
+        budget_text(measurement, view.axis),
+        "",
+        *([conformity_text(conformity), ""] if conformity else []),
         "Made from",
         *(f"  {name}  {digest}" for name, digest in made.inputs.items()),
     ]
@@ -144,11 +159,3 @@ def _plane_section(measurement: Measurement) -> list[str]:
 
 def _why(result: WheelResult) -> str:
     return f"{result.observation.status}: {result.observation.reason}"
-
-
-def _seconds(angle_rad: float | None) -> str:
-    return "-" if angle_rad is None else f'{math.degrees(angle_rad) * 3600:.1f}"'
-
-
-def _millimetres(length_m: float) -> str:
-    return f"{length_m * 1e3:.3f} mm"

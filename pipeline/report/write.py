@@ -7,18 +7,28 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
+from pipeline.conformity import Conformity
 from pipeline.errors import InputError
 from pipeline.measurement import Measurement
+from pipeline.report.budget_svg import budget_svg
 from pipeline.report.json_report import to_json
 from pipeline.report.picture import face_png
 from pipeline.report.text import detailed_report
+from pipeline.report.view import PAPER, View
 
 
-def write_reports(measurement: Measurement, folder: Path, pictures: bool = True) -> list[Path]:
+def write_reports(
+    measurement: Measurement,
+    folder: Path,
+    pictures: bool = True,
+    conformity: Conformity | None = None,
+    view: View = PAPER,
+) -> list[Path]:
     """measurement.json, report.txt and a picture of every scanned target, into `folder`."""
     files = {
-        "measurement.json": to_json(measurement).encode(),
-        "report.txt": detailed_report(measurement).encode(),
+        "measurement.json": to_json(measurement, conformity, view.axis).encode(),
+        "report.txt": detailed_report(measurement, conformity, view).encode(),
+        "budget.svg": budget_svg(measurement, view.axis).encode(),
     }
     for result in measurement.wheels if pictures else ():
         png = face_png(result)

@@ -1,0 +1,123 @@
+"""Whether a cloud can be what it is said to be: its size for its unit, its digits for its place."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.errors import InputError
+from pipeline.units import LENGTH_UNITS, in_metres
+
+Array = npt.NDArray[np.float64]
+
+# A laser resolves nothing within the smaller, and no single cloud is wider than the larger.
+CLOUD_SIZES_M = (1e-3, 20e3)
+WHEEL_SCAN_M = 2.0  # a typical scan of a wheel
+WIDE_SCAN_M = 200.0  # above it the points must be dense enough, somewhere, for a target
+MIN_ON_TARGET = 8
+COARSE_STEP = 0.02  # of the target's diameter
+LOOKED_AT = 10_000
+
+_CHUNK, _COUNTERS = 1 << 20, 1 << 22
+_PRIMES = np.array([73856093, 19349669, 83492791])  # of Teschner's hash of a grid, VMV 2003
+
+
+def check_cloud(points_m: Array, unit: str, source: str) -> None:
+    """Refuse points_m (N, 3) of a size that no laser scan has; only gross mistakes of the unit."""
+    size = _size(points_m)
+    if size and not CLOUD_SIZES_M[0] <= size <= CLOUD_SIZES_M[1]:
+        raise InputError(
+            f"{source}: the cloud is {length(size)} wide in {unit}, which no scan is: "
+            f"{better_unit(size, unit, '--length-unit {}')}"
+        )
+
+
+def check_wheel_scan(points_m: Array, diameter_m: float, unit: str, source: str) -> None:
+    """Refuse points_m (N, 3) that cannot show a target of that diameter.
+
+    Raises InputError: the cloud is smaller than half of it, so thin that no place of its size holds
+    enough points, or made of float32 coordinates in steps that are coarse beside it.
+    """
+    size = _size(_some(points_m))
+    if 0.0 < size < 0.5 * diameter_m and (size := _size(points_m)) < 0.5 * diameter_m:
+        fact = f"the scan is {length(size)} wide in {unit}, its target {length(diameter_m)}"
+    elif size > WIDE_SCAN_M and _densest(points_m, diameter_m) < MIN_ON_TARGET:
+        fact = (
+            f"the scan is {length(size)} wide in {unit}, and nowhere do {MIN_ON_TARGET} points "
+            f"lie within {length(diameter_m)}, the size of its target"
+        )
+    else:
+        _check_step(points_m, diameter_m, unit, source)
+        return
+    mend = better_unit(size, unit, 'length_unit = "{}"')
+    raise InputError(f"{source}: {fact}: {mend}")
+
+
+def float32_step(points_m: Array, unit: str) -> tuple[float, float]:
+    """The step in which float32 coordinates lie, largest axis, and where; metres, 0 for none.
+
+    unit: that of the file, in which the coordinates were rounded.
+    """
+    step, place = 0.0, 0.0
+    for column in _some(points_m).T:
+        nearest = float(np.abs(column).min()) / in_metres(1.0, unit)
+        tick = in_metres(float(np.spacing(np.float32(nearest))), unit)
+        ticks = column / tick
+        if np.ptp(column) > 0.0 and tick > step and np.abs(ticks - np.rint(ticks)).max() < 1e-3:
+            step, place = tick, float(np.abs(column).max())
+    return step, place
+
+
+def better_unit(size_m: float, unit: str, option: str) -> str:
+    """The mend for a cloud of a strange size: the unit in which it would be usual."""
+    number = size_m / in_metres(1.0, unit)
+    sizes = {u: in_metres(number, u) for u in LENGTH_UNITS if u != unit}
+    best = min(sizes, key=lambda u: abs(math.log(sizes[u] / WHEEL_SCAN_M)))
+    if abs(math.log(sizes[best] / WHEEL_SCAN_M)) > math.log(100.0):
+        return "check the unit of the file, and whether points lie far outside"
+    return f"if the file is in {best}, it is {length(sizes[best])} wide: say {option.format(best)}"
+
+
+def length(metres: float) -> str:
+    """A length with a unit in which it reads well."""
+    for factor, unit in ((1e3, "km"), (1.0, "m"), (1e-3, "mm")):
+        if metres >= factor:
+            return f"{metres / factor:.4g} {unit}"
+    return f"{metres * 1e3:.2g} mm"
+
+
+def _size(points_m: Array) -> float:
+    """The longest side of the box about points_m (N, 3)."""
+    return max(float(np.ptp(column)) for column in points_m.T)
+
+
+def _some(points_m: Array) -> Array:
+    return points_m[:: max(1, len(points_m) // LOOKED_AT)]
+
+
+def _densest(points_m: Array, width_m: float) -> int:
+    """Points in the fullest of the cubes of that width, or more: cubes share few counters."""
+    counts = np.zeros(_COUNTERS, np.int64)
+    for start in range(0, len(points_m), _CHUNK):
+        cells = np.floor(points_m[start : start + _CHUNK] / width_m).astype(np.int64)
+        counts += np.bincount((cells @ _PRIMES) % _COUNTERS, minlength=_COUNTERS)
+    return int(counts.max())
+
+
+def _check_step(points_m: Array, diameter_m: float, unit: str, source: str) -> None:
+    step, place = float32_step(points_m, unit)
+    if step > COARSE_STEP * diameter_m:
+        raise InputError(
+            f"{source}: {float32_fact(step, place)}, too coarse for a target of "
+            f"{length(diameter_m)}: export it as double, or with an offset near the vehicle"
+        )
+
+
+def float32_fact(step_m: float, place_m: float) -> str:
+    """What float32 did to coordinates."""
+    return (
+        f"its coordinates are float32, which at {length(place_m)} from the origin "
+        f"lie in steps of {length(step_m)}"
+    )

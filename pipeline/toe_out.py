@@ -1,0 +1,121 @@
+"""Toe-out on turns: how much more the inner front wheel steers than the outer one.
+
+With the inner wheel at 20 degrees of toe-out against the frame's forward axis, toe-out on turns is
+the inner wheel's angle less the outer wheel's, interpolated between positions of the steering.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pipeline.first_order import First
+from pipeline.measurement import Measurement
+from pipeline.steering import toe_and_camber
+from pipeline.turned import Estimate, Turned, turned
+
+INNER_RAD = math.radians(20.0)
+BEYOND_RAD = math.radians(1.0)  # how far outside the positions it is still worked out
+LEAST_PAIRS = 3
+TOGETHER_RAD = math.radians(2.0)  # positions that count as one place
+
+ToeOutStatus = Literal["ok", "too-few-pairs", "not-reached"]
+
+
+@dataclass(frozen=True)
+class ToeOut:
+    """Of one turn: 'left', whose inner wheel is FL, or 'right'; None where it was not reached.
+
+    difference: inner less outer angle. u_interpolation_rad: what of its u is the curve between the
+    positions.
+    """
+
+    turn: Literal["left", "right"]
+    status: ToeOutStatus = "ok"
+    reason: str = ""
+    difference: Estimate | None = None
+    u_interpolation_rad: float = 0.0
+
+
+def measure_toe_out(measurement: Measurement) -> tuple[ToeOut, ...]:
+    """Left turn, then right; none without a position of the steering that both wheels share."""
+    scans = turned(measurement, "sweep")
+    pairs = _pairs(scans)
+    if not pairs:
+        return ()
+    left = [(-toe_left, -(toe_left + toe_right)) for toe_right, toe_left in pairs]
+    right = [(-toe_right, -(toe_left + toe_right)) for toe_right, toe_left in pairs]
+    return _of_turn(scans, "left", left), _of_turn(scans, "right", right)
+
+
+def _pairs(scans: Turned) -> list[tuple[First, First]]:
+    """Toe of FR and of FL at every position that both have."""
+    toes: dict[str, dict[str, First]] = {"FR": {}, "FL": {}}
+    for i, scan in enumerate(scans.scans):
+        turn = scan.observation.turn
+        if turn is not None and turn.position is not None and scan.wheel in toes:
+            toes[scan.wheel][turn.position] = toe_and_camber(scans, i)[0]
+    return [(toe, toes["FL"][place]) for place, toe in toes["FR"].items() if place in toes["FL"]]
+
+
+def _of_turn(
+    scans: Turned, turn: Literal["left", "right"], curve: list[tuple[First, First]]
+) -> ToeOut:
+    """From the inner wheel's angle and the difference at every position."""
+    if len(curve) < LEAST_PAIRS:
+        reason = f"both wheels share {len(curve)} positions, {LEAST_PAIRS} or more are needed"
+        return ToeOut(turn, "too-few-pairs", reason)
+    farthest = max(inner.value for inner, _ in curve)
+    if farthest < INNER_RAD - BEYOND_RAD:
+        reason = f"the inner wheel was steered to {math.degrees(farthest):.1f}°, 20° are needed"
+        return ToeOut(turn, "not-reached", reason)
+    curve = _merged(curve)
+    if len(curve) < LEAST_PAIRS:
+        reason = f"the positions are {len(curve)} places only, {LEAST_PAIRS} or more are needed"
+        return ToeOut(turn, "too-few-pairs", reason)
+    nearest = sorted(curve, key=lambda pair: abs(pair[0].value - INNER_RAD))[:LEAST_PAIRS]
+    curved, straight = _at_inner(nearest), _at_inner(nearest[:2])
+    known = scans.estimate(curved)
+    u_curve = abs(curved.value - straight.value) / 2.0
+    difference = Estimate(known.value, math.hypot(known.u, u_curve), known.freedom)
+    return ToeOut(turn, "ok", "", difference, u_curve)
+
+
+def _merged(curve: list[tuple[First, First]]) -> list[tuple[First, First]]:
+    """The mean of those that stand together: a curve through noise must not be steep."""
+    groups: list[list[tuple[First, First]]] = []
+    for pair in sorted(curve, key=lambda pair: pair[0].value):
+        if groups and pair[0].value - groups[-1][0][0].value < TOGETHER_RAD:
+            groups[-1].append(pair)
+        else:
+            groups.append([pair])
+    return [(_mean([x for x, _ in group]), _mean([y for _, y in group])) for group in groups]
+
+
+def _mean(numbers: list[First]) -> First:
+    whole = numbers[0]
+    for number in numbers[1:]:
+        whole = whole + number
+    return whole / len(numbers)
+
+
+def _at_inner(pairs: list[tuple[First, First]]) -> First:
+    """The polynomial through all pairs at 20 degrees, with its slopes by both of each pair.
+
+    Source: Lagrange's form; an error of an abscissa acts by the polynomial's own slope there.
+    """
+    x = np.array([inner.value for inner, _ in pairs])
+    y = np.array([difference.value for _, difference in pairs])
+    powers = np.arange(len(x))
+    at = (INNER_RAD**powers) @ np.linalg.inv(x[:, None] ** powers)
+    coefficients = np.linalg.solve(x[:, None] ** powers, y)
+    rises = (x[:, None] ** (powers[1:] - 1) * powers[1:]) @ coefficients[1:]
+    slope = sum(
+        (w * (d.slope - rise * inner.slope)
+         for w, rise, (inner, d) in zip(at, rises, pairs, strict=True)),
+        np.zeros_like(pairs[0][0].slope),
+    )  # fmt: skip
+    return First(float(at @ y), slope)

@@ -1,0 +1,189 @@
+"""Scans of wheels that turn, by steering or about their axles, together with the frame's wheels.
+
+Everything that is worked out of them is a number with its slopes by the same K inputs: normal and
+centre of RR, RL, FR, FL, then of every scan, then the turn that is told of every scan.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.distributions import coverage_factor
+from pipeline.first_order import First
+from pipeline.jacobian import FrameSlopes, frame_slopes
+from pipeline.kernels import Array
+from pipeline.locate_centre import TargetFit
+from pipeline.measurement import Measurement, WheelResult
+from pipeline.one_axis import OneAxis, fit_one_axis
+from pipeline.reference_frame import VehicleFrame, build_reference_frame
+from pipeline.repeats import OF_PLATE
+from pipeline.uncertainty import LEVEL, Effect, effective_freedom, effects_of
+
+DOUBT = 1e-3  # chance of a fit below which the scans are said not to turn about one axis
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its standard uncertainty and degrees of freedom; radians or metres.
+
+    expanded: half width of the 95 % interval.
+    """
+
+    value: float
+    u: float
+    freedom: float = math.inf
+
+    @property
+    def expanded(self) -> float:
+        """K u, k by Student's t of the degrees of freedom."""
+        return float(coverage_factor(LEVEL, np.array([self.freedom]))[0]) * self.u
+
+
+@dataclass(frozen=True)
+class Turned:
+    """All measured scans of one role, and what moves them.
+
+    reference_centres_m: (4, 3), on which the frame stands; d_centres: (12, K) of them by the
+    inputs; slopes: of the frame by them. scans: in the measurement's order. effects: of all causes
+    on the K inputs. u_turns_rad: (n,) of the turns that are told, inf where none is.
+    """
+
+    frame: VehicleFrame
+    slopes: FrameSlopes
+    reference_centres_m: Array
+    d_centres: Array
+    scans: tuple[WheelResult, ...]
+    effects: tuple[Effect, ...]
+    u_turns_rad: Array
+
+    @property
+    def count(self) -> int:
+        """K."""
+        return 6 * (4 + len(self.scans)) + len(self.scans)
+
+    def of_wheel(self, wheel: str) -> list[int]:
+        """Places of its scans."""
+        return [i for i, scan in enumerate(self.scans) if scan.wheel == wheel]
+
+    def columns(self, index: int) -> tuple[Array, Array]:
+        """Slopes (3, K) of a scan's outward normal, and of its centre."""
+        whole = np.zeros((2, 3, self.count))
+        scan, first = self.scans[index], 6 * (4 + index)
+        assert scan.normal is not None
+        facing = 1.0 if scan.normal @ scan.observation.fitted.normal > 0.0 else -1.0
+        whole[0, :, first : first + 3] = facing * np.eye(3)
+        whole[1, :, first + 3 : first + 6] = np.eye(3)
+        return whole[0], whole[1]
+
+    def inputs_of(self, members: Sequence[int]) -> Array:
+        """(7 m, K): of m scans the normals and centres, then the turns, by all inputs."""
+        own = [part for i in members for part in self.columns(i)]
+        turns = np.zeros((len(members), self.count))
+        turns[np.arange(len(members)), 6 * (4 + len(self.scans)) + np.array(members)] = 1.0
+        return np.vstack([*own, turns])
+
+    def in_frame(self, vector: Array, moved: Array) -> tuple[First, First, First]:
+        """Parts of a vector (3,), slopes (3, K), to the left, forward and up."""
+        axes = (
+            (self.frame.left, self.slopes.left),
+            (self.frame.forward, self.slopes.forward),
+            (self.frame.up, self.slopes.up),
+        )
+        left, forward, up = (
+            First(float(vector @ axis), axis @ moved + (vector @ turned) @ self.d_centres)
+            for axis, turned in axes
+        )
+        return left, forward, up
+
+    def estimate(self, number: First) -> Estimate:
+        """Its uncertainty by all causes (JCGM 100, 5.2 and G.4)."""
+        shares = [np.atleast_1d(np.sum((number.slope @ e.factor) ** 2)) for e in self.effects]
+        total = np.sum(np.stack(shares), axis=0)
+        freedom = effective_freedom(self.effects, shares, total)
+        return Estimate(number.value, math.sqrt(float(total[0])), float(freedom[0]))
+
+    def fit(self, members: Sequence[int], turns_rad: Array, u_turns: Array, axis: Array) -> OneAxis:
+        """The axis about which the scans at those places turned; see `fit_one_axis`."""
+        scans = [self.scans[i] for i in members]
+        own = self.inputs_of(members)[: 6 * len(members)]
+        factors = [own @ effect.factor for effect in self.effects if effect.name != "turn"]
+        covariance = np.asarray(sum(factor @ factor.T for factor in factors))
+        return fit_one_axis(
+            np.stack([scan.normal for scan in scans if scan.normal is not None]),
+            np.stack([scan.observation.fitted.centre_m for scan in scans]),
+            covariance,
+            turns_rad,
+            u_turns,
+            axis,
+        )
+
+    def on_centres(self, centres_m: Array, d_centres: Array) -> Turned:
+        """The same scans in the frame of other centres (4, 3), with their slopes (12, K)."""
+        frame = build_reference_frame(centres_m)
+        return replace(
+            self,
+            frame=frame,
+            slopes=frame_slopes(frame, centres_m - centres_m[0]),
+            reference_centres_m=centres_m,
+            d_centres=d_centres,
+        )
+
+
+def turned(measurement: Measurement, role: str) -> Turned:
+    """The measured scans of that role; the first four wheels of a measurement are the frame's."""
+    scans = tuple(
+        wheel
+        for wheel in measurement.wheels
+        if wheel.observation.role == role and wheel.normal is not None
+    )
+    turns = [scan.observation.turn for scan in scans]
+    u_turns = np.array([math.inf if t is None or t.u_rad is None else t.u_rad for t in turns])
+    reference = [wheel.observation for wheel in measurement.wheels[:4]]
+    targets = [_of_scan(seen.fitted, seen.source) for seen in reference]
+    targets += [
+        _of_scan(_without_plate(scan.observation.fitted), scan.observation.source) for scan in scans
+    ]
+    centres = np.stack([seen.fitted.centre_m for seen in reference])
+    slopes = frame_slopes(measurement.frame, centres - centres[0])
+    d_centres = np.zeros((12, 6 * (4 + len(scans)) + len(scans)))
+    for i in range(4):
+        d_centres[3 * i : 3 * i + 3, 6 * i + 3 : 6 * i + 6] = np.eye(3)
+    effects = [_widened(effect, len(scans)) for effect in effects_of(targets)]
+    effects += [_of_turn(u, i, len(scans)) for i, u in enumerate(u_turns) if math.isfinite(u)]
+    return Turned(measurement.frame, slopes, centres, d_centres, scans, tuple(effects), u_turns)
+
+
+def _without_plate(target: TargetFit) -> TargetFit:
+    """Without what is fixed to the plate, which the fit of an axis takes for the plate's own place.
+
+    Waves that a scan's residuals show stay: each scan estimates them for itself.
+    """
+    left = [c for c in target.causes if c.name not in OF_PLATE or math.isfinite(c.freedom)]
+    return replace(target, causes=tuple(left))
+
+
+def _of_scan(target: TargetFit, source: str) -> TargetFit:
+    """One scan that stands for a reference wheel and in a sweep errs in both alike."""
+    return replace(
+        target,
+        causes=tuple(
+            replace(cause, shared=f"scan {source}") if cause.shared is None else cause
+            for cause in target.causes
+        ),
+    )
+
+
+def _widened(effect: Effect, turns: int) -> Effect:
+    return replace(
+        effect, factor=np.vstack([effect.factor, np.zeros((turns, effect.factor.shape[1]))])
+    )
+
+
+def _of_turn(u_rad: float, index: int, count: int) -> Effect:
+    factor = np.zeros((6 * (4 + count) + count, 1))
+    factor[6 * (4 + count) + index] = u_rad
+    return Effect("turn", factor, math.inf, pooled=False)

@@ -1,0 +1,26 @@
+"""Units of length that a user may declare; metres inside."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+# A unit is `factor` metres or a `divisor`-th of one: 0.001 is no binary fraction, so that a product
+# with it would round twice where a division rounds once.
+_FACTOR = {"m": 1.0, "in": 0.0254}
+_DIVISOR = {"mm": 1000.0}
+
+LENGTH_UNITS = ("m", "mm", "in")
+
+
+def to_metres(lengths: npt.NDArray[np.float64], unit: str) -> None:
+    """Scale float64 `lengths` of any shape to metres, in place, rounding each once."""
+    if unit in _DIVISOR:
+        lengths /= _DIVISOR[unit]
+    elif unit != "m":
+        lengths *= _FACTOR[unit]
+
+
+def in_metres(length: float, unit: str) -> float:
+    """One length in metres."""
+    return length / _DIVISOR[unit] if unit in _DIVISOR else length * _FACTOR[unit]
