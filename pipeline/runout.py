@@ -109,8 +109,8 @@ def measure_runouts(measurement: Measurement) -> tuple[Runout, ...]:
 
 def all_turned(measurement: Measurement) -> bool:
     """Whether every sweep and run-out gave its axis."""
-    found = (*measure_kingpins(measurement), *measure_runouts(measurement))
-    return all(one.status == "ok" for one in found)
+    swept = all(kingpin.status == "ok" for kingpin in measure_kingpins(measurement))
+    return swept and all(runout.status == "ok" for runout in measure_runouts(measurement))
 
 
 def _runout(wheel: str, scans: Turned, measurement: Measurement) -> tuple[Runout, OneAxis | None]:

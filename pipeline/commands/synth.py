@@ -38,9 +38,7 @@ def synth(out: Path, seed: int, vehicle: str, scanner: str, target: str, trials:
     return 0
 
 
-def make_capture(
-    out: Path, seed: int, vehicle: str, scanner: str, target: str, trials: int
-) -> int:
+def make_capture(out: Path, seed: int, vehicle: str, scanner: str, target: str, trials: int) -> int:
     """Call synth, a package of its own that shares no formula with this one; how many scans."""
     errors = importlib.import_module("synth.errors")
     archive = importlib.import_module("synth.archive")
