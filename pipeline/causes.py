@@ -69,9 +69,9 @@ def form_cause(flatness_m: float, radius_m: float, normal: Array) -> Cause:
     """Of a face that lies between two planes flatness_m apart, its form unknown.
 
     Its least-squares plane may lean by any tilt up to flatness/diameter, all alike, which is half
-    of that per axis as a standard uncertainty; its height by flatness/sqrt(12).
+    of that per axis as a standard uncertainty; the mean of a smooth form stays within a tenth.
     """
-    tilt, height = flatness_m / (4.0 * radius_m), flatness_m / math.sqrt(12.0)
+    tilt, height = flatness_m / (4.0 * radius_m), flatness_m / 10.0
     factor = np.zeros((6, 4))
     factor[:3, :3] = tilt * _across(normal)
     factor[3:, 3] = height * normal

@@ -73,9 +73,10 @@ def locate_centre(
     if rim is not None:
         centre, noise = rim.centre_m, rim.covariance_m2
         model = _model_variance(rim, face, target.radius_m, config)
+        freedom = rim.freedom
     else:
         centre, noise = _outline(face, target.radius_m)
-        model = OUTLINE_EDGE_M**2
+        model, freedom = OUTLINE_EDGE_M**2, math.inf
     spacing = float(np.sqrt(np.pi * target.radius_m**2 / plane.count))
     slope = 1.0 if rim is None else float(np.hypot(*rim.beam))
     check_outline(face - centre, target.radius_m, spacing, plane.sigma_m * slope)
@@ -85,7 +86,7 @@ def locate_centre(
         normal=plane.normal,
         causes=(
             *_plane_causes(plane, centre_m - plane.centroid_m, rim),
-            centre_cause("centre noise", noise, plane.basis),
+            centre_cause("centre noise", noise, plane.basis, freedom),
             centre_cause("centre model", model * np.eye(2), plane.basis),
         ),
         plane_rms_m=plane.rms_m,

@@ -28,6 +28,7 @@ from scipy import stats  # noqa: E402
 
 from pipeline.capture import open_capture  # noqa: E402
 from pipeline.config import Config, config_file, load_config  # noqa: E402
+from pipeline.errors import InputError  # noqa: E402
 from pipeline.measure import measure_capture  # noqa: E402
 from pipeline.measurement import Measurement  # noqa: E402
 from pipeline.quantities import Stated, by_name  # noqa: E402
@@ -136,8 +137,10 @@ class Scores:
         return float(np.mean(self.u) / np.sqrt(np.mean(self.error**2)))
 
 
-def one_vehicle(index: int, seed: int, changes: dict[str, float], config: Config) -> dict:
-    """Scores by quantity, one row each, of vehicle `index`."""
+def one_vehicle(
+    index: int, seed: int, changes: dict[str, float], config: Config
+) -> dict[str, Scores] | None:
+    """Scores by quantity, one row each, of vehicle `index`; None where a target was refused."""
     rng = np.random.default_rng([seed, index])
     recipe = read_recipe(config_file("vehicles", "saloon"), VehicleFile)
     plate = read_fixed(config_file("targets", "disc-250"), TargetFile)
@@ -160,8 +163,11 @@ def one_vehicle(index: int, seed: int, changes: dict[str, float], config: Config
             bytes_ = ply(points, np.ones(len(points), dtype=np.float32))
             (folder / scan_file(wheel)).write_bytes(bytes_)
         (folder / "capture.toml").write_text(capture_toml("", plate, wheels))
-        with open_capture(folder) as capture:
-            measurement = measure_capture(capture, config)
+        try:
+            with open_capture(folder) as capture:
+                measurement = measure_capture(capture, config)
+        except InputError:  # a target that is refused states no uncertainty
+            return None
     return judged(measurement, Truth(seed, car, wheels, {}).to_json())
 
 
@@ -218,13 +224,14 @@ def run(
     jobs: int = 1,
     seed: int = 0,
 ) -> dict[str, Scores]:
-    """Scores of that many vehicles, the same whatever the number of jobs."""
+    """Scores of those of that many vehicles that were measured, whatever the number of jobs."""
     task = partial(one_vehicle, seed=seed, changes=changes, config=config)
     if jobs > 1:
         with get_context("forkserver").Pool(jobs) as pool:
             rows = pool.map(task, range(vehicles), 4)
     else:
         rows = [task(index) for index in range(vehicles)]
+    rows = [row for row in rows if row is not None]
     return {name: Scores.stacked(row[name] for row in rows) for name in rows[0]}
 
 
@@ -261,7 +268,9 @@ def main() -> None:
         changes = MODES[mode] | options.scene
         config = load_config(options.config)
         scores = run(options.vehicles, changes, config, jobs=options.jobs, seed=options.seed)
-        print(f"\n{mode}: {options.vehicles} vehicles, seed {options.seed}, {changes}\n")
+        measured = len(scores["toe"].error)
+        print(f"\n{mode}: {measured} measured of {options.vehicles} vehicles, seed {options.seed}")
+        print(f"{changes}\n")
         print(table(scores), flush=True)
 
 
