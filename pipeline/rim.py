@@ -27,7 +27,7 @@ NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
 POINTING_M = 1.5e-4  # beam pointing and raster, as an uncertainty of x
 DEPTH_SHARE = 0.02  # what the background's depth may differ between look-up and beam
 SECTORS = 24  # of the rim, taken as independent of each other
-RIDGE = 0.3  # of log echo, by which the consistent answer may leave the first one
+RIDGE = 0.3  # of log spot, thickness, echo: how far the consistent answer may leave the first
 MAX_SPREAD = 0.15  # sectors whose background is rougher than this share of its depth are left out
 
 
@@ -89,7 +89,7 @@ def fit_rim(
     problem = _Problem(plane, depth, prior, target.radius_m, sigma_m, config.max_iterations)
     near_it = _converge(problem, state, consistent=False)
     found = _converge(problem, near_it.state, consistent=True)
-    if abs(found.state[7] - near_it.state[7]) > RIDGE:
+    if float(np.abs(found.state[5:] - near_it.state[5:]).max()) > RIDGE:
         found = near_it
     state, background, equations = found.state, found.background, found.equations
     covered = float(np.mean(background.usable))
