@@ -52,7 +52,7 @@ class CentreConfig(Section):
 
     max_points: int = Field(60_000, ge=1000)
     spot_radius_m: float = Field(0.0015, gt=0.0)
-    model_uncertainty_m: float = Field(3e-6, ge=0.0)
+    model_uncertainty_m: float = Field(4e-6, ge=0.0)
     max_iterations: int = Field(40, ge=1)
 
 
