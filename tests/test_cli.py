@@ -496,10 +496,7 @@ def test_a_trial_as_near_to_two_wheels_has_a_status(copy, wheelplane):
     assert trial["toe_deg"] is None
 
 
-@pytest.mark.parametrize(
-    "diameter",
-    [0.24, 0.265, pytest.param(0.245, marks=pytest.mark.xfail(reason="2 % off is still taken"))],
-)
+@pytest.mark.parametrize("diameter", [0.24, 0.265, 0.245])
 def test_a_target_of_another_size_is_not_measured_as_if_it_were_right(
     diameter, capture, wheelplane, tmp_path
 ):
