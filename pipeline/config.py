@@ -17,6 +17,7 @@ from pydantic import (  # noqa: TID253 - the models need it to exist; nothing el
 from pipeline.errors import ConfigError
 
 T = TypeVar("T", bound="Section")
+MOST_FAULTS = 6  # of a file, told in one line; the rest are counted
 TABLE_FAULTS = ("model_type", "dict_type")
 
 
@@ -205,11 +206,14 @@ def read_toml(path: Path) -> dict[str, object]:
 
 
 def parse_section(model: type[T], table: dict[str, object], where: str) -> T:
-    """`table` as `model`; ConfigError lists every mistake in one line, with the nearest key."""
+    """`table` as `model`; ConfigError tells the first mistakes in a line, with the nearest keys."""
     try:
         return model.model_validate(table)
     except ValidationError as error:
-        faults = "; ".join(_fault(model, fault) for fault in error.errors())
+        found = error.errors()
+        faults = "; ".join(_fault(model, fault) for fault in found[:MOST_FAULTS])
+        if len(found) > MOST_FAULTS:
+            faults += f"; and {len(found) - MOST_FAULTS} mistakes more"
         raise ConfigError(f"{where}: {faults}") from error
 
 

@@ -928,3 +928,13 @@ def test_demo_sets_the_measurement_beside_the_truth(capture, tmp_path):
     (tmp_path / "truth.json").write_text("{")
     with pytest.raises(InputError, match="not a truth file"):
         compared(measurement, tmp_path / "truth.json")
+
+
+def test_a_file_of_a_thousand_mistakes_gets_a_short_line(copy, wheelplane):
+    wrong = "\n".join(f'[[trial]]\nname = "{k}"\nfoil = 1' for k in range(1000))
+    toml = copy / "capture.toml"
+    toml.write_text(f"{toml.read_text()}\n{wrong}\n")
+    run = wheelplane("measure", copy)
+    is_refusal(run, "capture.toml")
+    assert "mistakes more" in run.err
+    assert len(run.err) < 1000
