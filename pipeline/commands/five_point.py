@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Literal
 
@@ -10,6 +9,12 @@ import click
 import numpy as np
 
 from pipeline.align import check_by_monte_carlo
+from pipeline.commands.judging import (
+    monte_carlo_option,
+    show,
+    three_numbers,
+    tolerance_option,
+)
 from pipeline.commands.viewing import view_options
 from pipeline.config import load_station
 from pipeline.conformity import assess, conforms
@@ -17,11 +22,9 @@ from pipeline.errors import InputError
 from pipeline.five_point_file import AngleUnit, Azimuth, Coordinates, LengthUnit, read_five_point
 from pipeline.measure import measure_five_point
 from pipeline.point_causes import Station
-from pipeline.report.conformity_text import conformity_text
 from pipeline.report.json_report import to_json
 from pipeline.report.tcgc_2013_text import tcgc_2013_text
-from pipeline.report.text import detailed_report, extra_parts, summary_table
-from pipeline.report.vehicle_text import vehicle_lines
+from pipeline.report.text import detailed_report
 from pipeline.report.view import PAPER, AngleStyle, read_view
 from pipeline.report.write import write_whole
 from pipeline.tcgc_2013 import tcgc_2013
@@ -85,18 +88,8 @@ from pipeline.vehicle import Axis
     metavar="X,Y,Z",
     help="Where it stood, in the file's coordinates and unit; the origin for spherical ones.",
 )
-@click.option(
-    "--monte-carlo",
-    "trials",
-    type=click.IntRange(min=20_000),
-    metavar="N",
-    help="Check the uncertainties by at most N random trials (JCGM 101); 500000 settle them.",
-)
-@click.option(
-    "--tolerance",
-    metavar="NAME|FILE",
-    help="Limits to judge by (TOML); `example` shows how they are written.",
-)
+@monte_carlo_option
+@tolerance_option
 @view_options
 def five_point(
     file: Path,
@@ -172,13 +165,7 @@ def five_point(
     for note in points.notes:
         click.echo(note)
     click.echo()
-    click.echo(summary_table(measurement, view))
-    click.echo()
-    click.echo(vehicle_lines(measurement, view))
-    for part in extra_parts(measurement, view):
-        click.echo(f"\n{part}")
-    if judged:
-        click.echo(f"\n{conformity_text(judged)}")
+    show(measurement, view, judged)
     if output:
         click.echo(f"wrote {output}")
     return code
@@ -198,14 +185,5 @@ def _station(
             "--scanner with cartesian coordinates: add --station X,Y,Z, where the total station "
             "stood, since its errors depend on the distance and the direction"
         )
-    return Station(stated, np.array([in_metres(x, unit) for x in _three(place or "0,0,0")]))
-
-
-def _three(text: str) -> list[float]:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
-        raise InputError(f"--station {text}: three numbers X,Y,Z are needed, such as 100,100,50")
-    return numbers
+    stood = three_numbers("--station", place or "0,0,0")
+    return Station(stated, np.array([in_metres(x, unit) for x in stood]))

@@ -8,15 +8,13 @@ import click
 
 from pipeline.align import check_by_monte_carlo
 from pipeline.capture import open_capture
+from pipeline.commands.judging import monte_carlo_option, show, tolerance_option
 from pipeline.commands.progress import Progress
 from pipeline.commands.viewing import view_options
 from pipeline.config import load_config, with_scanner
 from pipeline.conformity import assess, conforms
 from pipeline.measure import measure_capture
-from pipeline.report.conformity_text import conformity_text
 from pipeline.report.json_report import to_json
-from pipeline.report.text import extra_parts, summary_table
-from pipeline.report.vehicle_text import vehicle_lines
 from pipeline.report.view import AngleStyle, read_view
 from pipeline.report.write import write_reports
 from pipeline.runout import all_turned
@@ -46,18 +44,8 @@ from pipeline.vehicle import Axis
     metavar="NAME|FILE",
     help="The scanner, whose file states what the scans cannot show of its uncertainty (TOML).",
 )
-@click.option(
-    "--monte-carlo",
-    "trials",
-    type=click.IntRange(min=20_000),
-    metavar="N",
-    help="Check the uncertainties by at most N random trials (JCGM 101); 500000 settle them.",
-)
-@click.option(
-    "--tolerance",
-    metavar="NAME|FILE",
-    help="Limits to judge by (TOML); `example` shows how they are written.",
-)
+@monte_carlo_option
+@tolerance_option
 @view_options
 @click.option("--pictures/--no-pictures", default=True, help="Pictures of the targets in DIR.")
 def measure(
@@ -100,13 +88,7 @@ def measure(
     else:
         for note in measurement.notes:
             click.echo(note)
-        click.echo(summary_table(measurement, view))
-        click.echo()
-        click.echo(vehicle_lines(measurement, view))
-        for part in extra_parts(measurement, view):
-            click.echo(f"\n{part}")
-        if judged:
-            click.echo(f"\n{conformity_text(judged)}")
+        show(measurement, view, judged)
         for path in written:
             click.echo(f"wrote {path}")
     whole = measurement.complete and all_turned(measurement)

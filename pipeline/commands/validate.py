@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from pipeline.capture import open_capture
+from pipeline.commands.judging import three_numbers
 from pipeline.commands.progress import Progress
 from pipeline.config import Config, load_config, load_station, with_scanner
 from pipeline.errors import InputError
@@ -129,7 +130,9 @@ def validate(
         azimuth=azimuth,
         blocks=blocks,
         station=None if total_station is None else load_station(total_station),
-        place=None if total_station_at is None else _three(total_station_at),
+        place=None
+        if total_station_at is None
+        else three_numbers("--total-station-at", total_station_at),
         aiming_m=None if aiming is None else aiming / 1e3,
         method=method,
     )
@@ -202,15 +205,3 @@ def _file(file: Path | None, virtual: bool, truth: bool, many: bool) -> Path | N
             f"--five-point {file}: of an archive, give the file's name in each capture"
         )
     return file if many else file.absolute()
-
-
-def _three(text: str) -> tuple[float, float, float]:
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError:
-        x = y = z = math.nan
-    if not all(map(math.isfinite, (x, y, z))):
-        raise InputError(
-            f"--total-station-at {text}: three numbers X,Y,Z are needed, such as 100,100,50"
-        )
-    return x, y, z
