@@ -15,16 +15,10 @@ from typing import Literal
 from pydantic import Field  # noqa: TID253 - capture.toml is a pydantic model
 
 from pipeline.archive import ARCHIVE_SUFFIXES, COMPRESSED_SUFFIXES, is_archive, open_archive
-from pipeline.config import (
-    DiscTarget,
-    Section,
-    load_target,
-    parse_section,
-    parse_target,
-    read_toml,
-)
+from pipeline.config import Section, parse_section, read_toml
 from pipeline.errors import ConfigError, InputError
 from pipeline.reference_frame import REFERENCE_WHEELS
+from pipeline.targets import DiscTarget, load_target, parse_target
 from pipeline.units import in_metres
 
 TARGET_SIZES_M = (0.03, 1.5)  # no wheel target is smaller or larger

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 from pathlib import Path
-from typing import Literal, TypeVar, get_args
+from typing import TypeVar, get_args
 
 from pydantic import (  # noqa: TID253 - the models need it to exist; nothing else imports it
     BaseModel,
@@ -97,26 +97,6 @@ class Config(Section):
     seed: int = Field(0, ge=0)
 
 
-class DiscTarget(Section):
-    """A flat disc: `diameter` in metres, and its `thickness` where known.
-
-    flatness: the face lies between two planes that far apart, metres. clamp_tilt_deg, clamp_shift:
-    standard deviations per axis of taking it off and putting it on again, degrees and metres.
-    """
-
-    shape: Literal["disc"]
-    diameter: float = Field(gt=0.01, lt=3.0)
-    thickness: float | None = Field(None, ge=0.0, lt=0.2)
-    flatness: float = Field(0.0, ge=0.0, lt=0.01)
-    clamp_tilt_deg: float = Field(0.0, ge=0.0, lt=5.0)
-    clamp_shift: float = Field(0.0, ge=0.0, lt=0.05)
-
-    @property
-    def radius_m(self) -> float:
-        """Half the diameter, metres."""
-        return self.diameter / 2.0
-
-
 def config_folder() -> Path:
     """Folder of the shipped configuration: in an installed package, or beside it in a checkout."""
     here = Path(__file__).parent
@@ -175,20 +155,6 @@ def _instrument(model: type[T], kind: str, name: str) -> T:
         )
     stated = {key: value for key, value in table.items() if key != "kind"}
     return parse_section(model, stated, f"{name}: [instrument]")
-
-
-def load_target(name: str) -> DiscTarget:
-    """Target by name (`disc-250`) or TOML file."""
-    path = config_file("targets", name)
-    return parse_target(read_toml(path), name)
-
-
-def parse_target(table: dict[str, object], where: str) -> DiscTarget:
-    """Target from a table with `shape` and its sizes in metres; `where` names it in errors."""
-    shape = table.get("shape")
-    if shape != "disc":
-        raise ConfigError(f"{where}: target shape {shape!r} is not known: known is 'disc'")
-    return parse_section(DiscTarget, table, where)
 
 
 def read_toml(path: Path) -> dict[str, object]:

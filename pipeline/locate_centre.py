@@ -10,12 +10,13 @@ import numpy as np
 
 from pipeline.causes import Cause, centre_cause, plane_cause
 from pipeline.circle import fit_circle
-from pipeline.config import CentreConfig, DiscTarget
+from pipeline.config import CentreConfig
 from pipeline.errors import NotMeasuredError
 from pipeline.fit_plane import PlaneFit
 from pipeline.kernels import Array
 from pipeline.rim import RimFit, fit_rim
 from pipeline.segment import BEAM_SLOPE, Patch
+from pipeline.targets import DiscTarget
 
 OUTLINE_EDGE_M = 5e-4  # what an outline without background may be shifted by the spot (k = 1)
 EROSION_M = 1.5e-3  # what spot and spacing may take from an outline's radius (k = 1)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from pipeline.align import align
 from pipeline.capture import Capture
-from pipeline.config import Config, DiscTarget
+from pipeline.config import Config
 from pipeline.face_map import face_map
 from pipeline.fit_plane import fit_plane
 from pipeline.five_point_file import FivePointFile
@@ -17,6 +17,7 @@ from pipeline.point_causes import Station
 from pipeline.readers import Scan
 from pipeline.segment import Patch, find_target
 from pipeline.stated_causes import add_stated_causes, noisy
+from pipeline.targets import DiscTarget
 
 
 def measure_scan(scan: Scan, target: DiscTarget, config: Config) -> Evidence:

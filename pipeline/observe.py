@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.capture import Capture, ScanEntry
-from pipeline.config import Config, DiscTarget
+from pipeline.config import Config
 from pipeline.digest import sha256
 from pipeline.errors import InputError, NotMeasuredError
 from pipeline.five_point import fit_block
@@ -21,6 +21,7 @@ from pipeline.point_causes import PooledNoise, Station, point_causes, unexplaine
 from pipeline.readers import read_scan
 from pipeline.reference_frame import REFERENCE_WHEELS
 from pipeline.segment import Patch, find_target
+from pipeline.targets import DiscTarget
 
 
 def observe_entry(

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.config import CentreConfig, DiscTarget
+from pipeline.config import CentreConfig
 from pipeline.edge_profile import EdgeProfile, edge_profile
 from pipeline.kernels import Array, random_rows
+from pipeline.targets import DiscTarget
 
 MIN_DEPTH_M = 0.006  # what lies nearer behind the face is not taken for background
 INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the rim the profile is compared

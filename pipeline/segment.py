@@ -8,11 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline import raster
-from pipeline.config import DiscTarget, SegmentConfig
+from pipeline.config import SegmentConfig
 from pipeline.errors import NotMeasuredError
 from pipeline.kernels import Array, Slab, gather_ball, gather_face, plane_basis, random_rows
 from pipeline.local_planes import LocalPlanes
 from pipeline.ransac import RansacOptions, ransac
+from pipeline.targets import DiscTarget
 from pipeline.trimmed import Trim, converge, first_sigma
 
 FACE_BAND = 0.04  # of the radius, at least: what may belong to the face

@@ -16,11 +16,12 @@ from pipeline.causes import (
     range_bias_cause,
     registration_cause,
 )
-from pipeline.config import DiscTarget, InstrumentConfig
+from pipeline.config import InstrumentConfig
 from pipeline.fit_plane import PlaneFit
 from pipeline.kernels import Array
 from pipeline.locate_centre import TargetFit
 from pipeline.measurement import Observation
+from pipeline.targets import DiscTarget
 
 NOISY = 1.5  # times the stated noise of a range
 

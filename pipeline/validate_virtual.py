@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.capture import Capture
-from pipeline.config import Config, DiscTarget
+from pipeline.config import Config
 from pipeline.errors import InputError, NotMeasuredError
 from pipeline.fit_plane import PlaneFit
 from pipeline.five_point_file import FivePointFile
@@ -15,6 +15,7 @@ from pipeline.joint_test import Spread
 from pipeline.measure import fit_target, measure_capture, measure_five_point
 from pipeline.measurement import Evidence, WheelResult
 from pipeline.segment import Patch
+from pipeline.targets import DiscTarget
 from pipeline.validate_compare import Comparison, added
 from pipeline.validate_old import LABEL as OLD
 from pipeline.validate_old import by_old_estimator

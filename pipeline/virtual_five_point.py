@@ -20,13 +20,13 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.causes import Cause, plane_cause
-from pipeline.config import DiscTarget
 from pipeline.errors import NotMeasuredError
 from pipeline.fit_plane import PlaneFit
 from pipeline.kernels import Array, random_rows
 from pipeline.locate_centre import TargetFit
 from pipeline.measurement import Evidence
 from pipeline.segment import Patch
+from pipeline.targets import DiscTarget
 
 OF_RADIUS = 0.704  # of the target's: 88 mm on a plate of 250 mm, as in the paper
 TURNS = 24  # of the pentagon, tried until no place aimed at is hidden

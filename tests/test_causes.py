@@ -14,9 +14,10 @@ from pipeline.causes import (
     range_bias_cause,
     registration_cause,
 )
-from pipeline.config import DiscTarget, InstrumentConfig
+from pipeline.config import InstrumentConfig
 from pipeline.kernels import total_least_squares
 from pipeline.stated_causes import add_stated_causes, noisy
+from pipeline.targets import DiscTarget
 from tests.scenes import rotation
 
 DRAWS = 4000

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from pipeline.config import DiscTarget, PlaneConfig, SegmentConfig
+from pipeline.config import PlaneConfig, SegmentConfig
 from pipeline.errors import NotMeasuredError
 from pipeline.fit_plane import fit_plane
 from pipeline.segment import find_target
+from pipeline.targets import DiscTarget
 from tests.scenes import WHEEL, Setup, Sheet, make, rotation
 
 DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)

@@ -10,12 +10,13 @@ import pytest
 from scipy import stats
 
 from pipeline.align import align
-from pipeline.config import Config, DiscTarget
+from pipeline.config import Config
 from pipeline.errors import InputError
 from pipeline.locate_centre import TargetFit
 from pipeline.measure import measure_scan
 from pipeline.measurement import Evidence, Observation, Provenance
 from pipeline.readers.scan import Scan
+from pipeline.targets import DiscTarget
 from tests.given import causes
 from tests.scenes import Setup, make, rotation
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from pipeline.config import CentreConfig, DiscTarget, PlaneConfig, SegmentConfig
+from pipeline.config import CentreConfig, PlaneConfig, SegmentConfig
 from pipeline.errors import NotMeasuredError
 from pipeline.fit_plane import fit_plane
 from pipeline.locate_centre import locate_centre
 from pipeline.segment import find_target
+from pipeline.targets import DiscTarget
 from tests.scenes import WHEEL, Setup, Sheet, make, rotation
 
 DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)

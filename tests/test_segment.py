@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.config import Config, DiscTarget, SegmentConfig
+from pipeline.config import Config, SegmentConfig
 from pipeline.errors import NotMeasuredError
 from pipeline.measure import measure_scan
 from pipeline.readers.scan import Scan
 from pipeline.segment import find_target
+from pipeline.targets import DiscTarget
 from tests.scenes import WHEEL, Setup, Sheet, make, rotation
 
 DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)

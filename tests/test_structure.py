@@ -33,6 +33,7 @@ LAYERS = [
     "definitions",
     "ransac",
     "config",
+    "targets",
     "tolerance",
     "judge",
     "reference_frame",
@@ -114,6 +115,7 @@ HOMES = {
     "laspy": set(),
     "pydantic": {
         "pipeline/config.py",
+        "pipeline/targets.py",
         "pipeline/capture.py",
         "pipeline/tolerance.py",
         "synth/parameters.py",

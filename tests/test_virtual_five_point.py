@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.config import Config, DiscTarget
+from pipeline.config import Config
 from pipeline.correlation import CorrelatedNoise
 from pipeline.errors import NotMeasuredError
 from pipeline.fit_plane import PlaneFit
 from pipeline.measure import fit_target
 from pipeline.segment import find_target
+from pipeline.targets import DiscTarget
 from pipeline.virtual_five_point import added_causes, aimed, pick_five
 from tests.scenes import Setup, make
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import click
 
-from pipeline.config import config_folder, load_target
+from pipeline.config import config_folder
 from pipeline.report.layout import aligned
+from pipeline.targets import load_target
 
 
 @click.command()
