@@ -30,7 +30,7 @@ class Section(BaseModel):
 class SegmentConfig(Section):
     """Finding the target's face (segment.py)."""
 
-    subset_points: int = Field(60_000, ge=1000)
+    subset_points: int = Field(40_000, ge=1000)
     search_points: int = Field(10_000, ge=500)
     threshold_of_diameter: float = Field(0.016, gt=0.0, lt=0.1)
     around_points: int = Field(400_000, ge=10_000)
@@ -39,6 +39,7 @@ class SegmentConfig(Section):
     min_support: float = Field(15.0, gt=3.0)
     min_match: float = Field(0.25, gt=0.0, lt=1.0)
     rival_match: float = Field(0.8, gt=0.0, le=1.0)
+    face_match: float = Field(0.45, gt=0.0, le=1.0)
 
 
 class PlaneConfig(Section):

@@ -45,7 +45,7 @@ class CorrelatedNoise:
 
 
 @dataclass(frozen=True)
-class _Cells:
+class Cells:
     """Residuals averaged over square cells.
 
     uv_m: (C, 2) mean place of the points; mean_m: (C,) of the residuals; count: (C,); place: (C, 2)
@@ -66,19 +66,18 @@ class _Cells:
 
 
 def correlated_noise(
-    uv_m: Array, residual_m: Array, radius_m: float, resolution_m: float = 0.0
+    cells: Cells | None, radius_m: float, spread_m: float, resolution_m: float = 0.0
 ) -> CorrelatedNoise:
-    """Correlated noise in residual_m (N,) across a fitted plane at uv_m (N, 2) about the centroid.
+    """Correlated noise in residuals across a fitted plane, averaged over cells (None: too few).
 
-    radius_m: of the target. resolution_m: of the coordinates; noise below it is none.
+    radius_m: of the target. spread_m: rms of the residuals. resolution_m: of the coordinates; noise
+    below it is none.
     Source: REML, Patterson and Thompson, Biometrika 58 (1971) 545; the effective degrees of freedom
     are those of the variance's information.
     """
     nothing = np.zeros((3, 3))
-    cells = _average(uv_m, residual_m, radius_m)
     if cells is None or not cells.white_variance > resolution_m**2:
-        spread = float(np.sqrt(np.mean(residual_m**2))) if len(residual_m) else 0.0
-        return CorrelatedNoise(0.0, 0.0, nothing, nothing, math.inf, spread)
+        return CorrelatedNoise(0.0, 0.0, nothing, nothing, math.inf, spread_m)
     white = math.sqrt(cells.white_variance)
     rest = _left_by_the_plane(cells)
     if not any(_Field.of(cells, rest, k * radius_m).is_suspect() for k in LENGTHS_OF_RADIUS[::2]):
@@ -104,30 +103,28 @@ def correlated_noise(
     )
 
 
-def _average(uv_m: Array, residual_m: Array, radius_m: float) -> _Cells | None:
-    """Means over the cells of a square raster; None where there are too few."""
-    across = int(np.clip(math.sqrt(len(residual_m) / POINTS_A_CELL), 1, CELLS))
-    side = 2.0 * radius_m / across
-    if across**2 < MIN_CELLS:
-        return None
-    middle = (uv_m.min(axis=0) + uv_m.max(axis=0)) / 2.0
-    column, row = ((uv_m - middle) / side + across / 2.0).clip(0, across - 1).astype(np.int64).T
-    cell = row * across + column
-    count = np.bincount(cell).astype(np.float64)
-    total = np.bincount(cell, residual_m)
+def cells_across(points: int) -> int:
+    """Cells of the raster's side for that many points of a face."""
+    return int(np.clip(math.sqrt(points / POINTS_A_CELL), 1, CELLS))
+
+
+def cells_of(sums: Array, across: int, side_m: float) -> Cells | None:
+    """Cells of a raster by their sums (across^2, 10) of n, u, v, w, uu, uv, vv, uw, vw, ww.
+
+    u, v about the centroid; w: the residual. None where too few cells are filled.
+    """
+    count = sums[:, 0]
     full = count > max(2.0, 0.2 * float(count.max()))
     if np.count_nonzero(full) < MIN_CELLS:
         return None
     n = count[full]
-    mean = total[full] / n
-    where = np.stack([np.bincount(cell, axis)[full] / n for axis in uv_m.T], axis=1)
-    square = np.bincount(cell, residual_m * residual_m)[full]
-    within = float(np.sum(square - n * mean**2) / np.sum(n - 1.0))
+    u, v, mean = (sums[full, axis] / n for axis in (1, 2, 3))
+    within = float(np.sum(sums[full, 9] - n * mean**2) / np.sum(n - 1.0))
     place = np.stack([np.flatnonzero(full) % across, np.flatnonzero(full) // across], axis=1)
-    return _Cells(where, mean, n, place, side, within)
+    return Cells(np.stack([u, v], axis=1), mean, n, place, side_m, within)
 
 
-def _left_by_the_plane(cells: _Cells) -> Array:
+def _left_by_the_plane(cells: Cells) -> Array:
     """(C-3, C): whitens the means and projects them onto what no plane explains."""
     root = np.sqrt(cells.count)
     basis, _ = np.linalg.qr(cells.slopes * root[:, None], mode="complete")
@@ -158,7 +155,7 @@ class _Field:
     plane_covariance: Array
 
     @classmethod
-    def of(cls, cells: _Cells, rest: Array, length_m: float) -> _Field:
+    def of(cls, cells: Cells, rest: Array, length_m: float) -> _Field:
         """The field over these cells; rest: (C-3, C) of `_left_by_the_plane`."""
         kernel = _averaged_kernel(cells, length_m)
         weighted = cells.slopes.T * cells.count
@@ -189,7 +186,7 @@ class _Field:
         return _Maximum(variance, max(gain, 0.0), max(freedom, 1.0))
 
 
-def _averaged_kernel(cells: _Cells, length_m: float) -> Array:
+def _averaged_kernel(cells: Cells, length_m: float) -> Array:
     """Covariances (C, C) of the means over the cells of a field of unit variance.
 
     exp(-d^2 / (2 L^2)) is a product over the axes, so its mean over two cells is as well. With g

@@ -50,7 +50,7 @@ def edge_profile(
     """
     width = np.maximum(thickness_m * tau, 1e-3 * spot_m)  # a wall no wider than this acts as none
     a, b = x_m / spot_m, (x_m - width) / spot_m
-    Fa, Fb, k = _share(a), _share(b), _chord(b) / spot_m
+    Fa, Fb, k = spot_share(a), spot_share(b), chord(b) / spot_m
     mean_F = (_integral(a) - _integral(b)) * spot_m / width  # of F over the wall
     light = 1.0 - Fb + echo * Fb
     depth = (thickness_m * (mean_F - Fb) + echo * background_m * Fb) / light
@@ -72,11 +72,13 @@ def edge_profile(
     )
 
 
-def _chord(u: Array) -> Array:
+def chord(u: Array) -> Array:
+    """Derivative of spot_share."""
     return np.asarray(2.0 / np.pi * np.sqrt(np.clip(1.0 - u * u, 0.0, None)))
 
 
-def _share(u: Array) -> Array:
+def spot_share(u: Array) -> Array:
+    """Share of a spot of unit radius that lies beyond a straight edge, u outside of it: (N,)."""
     return np.asarray(np.interp(u, _U, _F))
 
 

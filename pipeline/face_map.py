@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pipeline.candidates import FACE_BAND
 from pipeline.fit_plane import PlaneFit
 from pipeline.kernels import Array
 from pipeline.locate_centre import TargetFit
-from pipeline.segment import FACE_BAND, Patch
+from pipeline.patch import Patch
 
 REACH = 1.25  # of the radius: half the map's edge
 CELLS = 240

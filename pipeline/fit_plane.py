@@ -1,4 +1,4 @@
-"""The plane of a target's face, by total least squares over all its points."""
+"""The plane of a target's face, by total least squares over all its points within three sigma."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.config import PlaneConfig
-from pipeline.correlation import CorrelatedNoise, correlated_noise
-from pipeline.kernels import Array, random_rows
-from pipeline.segment import WIDEST_BAND, Patch
-from pipeline.trimmed import TRIMMED_AT_3, Trim, converge, first_sigma
-
-FIRST_LOOK_ROWS = 20_000
+from pipeline.correlation import CorrelatedNoise, cells_across, cells_of, correlated_noise
+from pipeline.kernels import Array
+from pipeline.patch import Patch
+from pipeline.targets import Target
+from pipeline.trimmed import TRIMMED_AT_3
+from pipeline.trimmed_plane import TrimSlab, settle
 
 
 @dataclass(frozen=True)
 class PlaneFit:
     """A fitted plane and the evidence for it.
 
-    centroid_m: (3,) scanner frame. basis: (3, 3) rows: two directions in the plane, then the unit
-    normal that points to the scanner. sigma_m: noise across the plane, corrected for the trimming;
-    rms_m: root mean square of the residuals of the points used. scatter_m2: (2,) in-plane scatter
-    along the basis. count: points used. iterations: until the set of points stood still.
-    correlated: what the residuals say of noise that is alike from point to point.
+    centroid_m: (3,) scanner frame. basis: (3, 3) rows: the patch's axes u and v laid into the
+    plane, then the unit normal that points to the scanner. sigma_m: noise across the plane,
+    corrected for the trimming; rms_m: root mean square of the residuals of the points used.
+    scatter_m2: (2, 2) in-plane scatter along u and v. count: points used. iterations: until the set
+    of points stood still. correlated: what the residuals say of noise that is alike from point to
+    point.
     """
 
     centroid_m: Array
@@ -43,7 +44,9 @@ class PlaneFit:
     @property
     def noise_covariance(self) -> Array:
         """(3, 3) by independent noise: of the height (m) at the centroid and the two slopes."""
-        return self._white_variance * np.diag([1.0 / self.count, *(1.0 / self.scatter_m2)])
+        covariance = np.diag([1.0 / self.count, 0.0, 0.0])
+        covariance[1:, 1:] = np.linalg.inv(self.scatter_m2)
+        return self._white_variance * covariance
 
     @property
     def normal_covariance(self) -> Array:
@@ -54,7 +57,7 @@ class PlaneFit:
     @property
     def tilt_if_independent_rad(self) -> float:
         """What the usual formula would claim: root mean square over the two tilts, k = 1."""
-        return float(self.sigma_m * np.sqrt(np.mean(1.0 / self.scatter_m2)))
+        return float(self.sigma_m * np.sqrt(np.trace(np.linalg.inv(self.scatter_m2)) / 2.0))
 
     @property
     def tilt_rad(self) -> float:
@@ -76,37 +79,37 @@ class PlaneFit:
         return min(self.sigma_m, self.correlated.white_sigma_m / TRIMMED_AT_3) ** 2
 
 
-def fit_plane(patch: Patch, radius_m: float, config: PlaneConfig) -> PlaneFit:
-    """Plane of the target's face in `patch`, from the points clear of its edge.
+def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
+    """Plane of the target's face in `patch`, from the points clear of its edges.
 
-    Points are trimmed at 3 sigma of a sigma estimated from themselves, until the set stands still;
-    at 3 sigma one step leaves 2.7 % of the error, so few steps suffice. Points nearer to the edge
-    than the margin are left out: the laser spot mixes plate and background there.
+    Total least squares over points within 3 sigma, sigma estimated from themselves, until the set
+    stands still; at 3 sigma one step leaves 2.7 % of the error, so few steps suffice. Points nearer
+    to an edge than the margin are left out: the laser spot mixes plate and background there.
     Raises NotMeasuredError 'too-few-points'.
     """
-    across = patch.face_m @ patch.basis[:2].T
-    inside = np.einsum("ij,ij->i", across, across) < (radius_m - config.edge_margin_m) ** 2
-    del across
-    interior = patch.face_m[inside]
-    resolution = 16.0 * np.finfo(float).eps * float(np.abs(patch.origin_m).max() + radius_m)
-    sample = random_rows(interior, FIRST_LOOK_ROWS, np.random.default_rng(0))
-    depth = sample @ patch.basis[2]
-    start = Trim(patch.basis, np.zeros(3), first_sigma(depth, WIDEST_BAND * radius_m))
-    look, _, _ = converge(sample, start, resolution, config.max_iterations)
-    trim, moments, iterations = converge(interior, look, resolution, config.max_iterations)
-    basis = moments.basis if moments.normal @ patch.basis[2] > 0 else -moments.basis * _KEEP_HANDED
-    used = (interior - moments.centroid_m) @ basis.T
-    used = used[np.abs(used[:, 2]) < trim.limit(resolution)]
+    region = target.region.shrunk(config.edge_margin_m)
+    across = cells_across(len(patch.face_m))
+    resolution = 16.0 * np.finfo(float).eps
+    resolution *= float(np.abs(patch.origin_m).max() + target.radius_m)
+    slab = TrimSlab(patch.basis, 0.0, patch.sigma_m, resolution)
+    iterations = 0
+    while True:
+        held = slab.sums(patch.face_m, region, across)
+        plane, steps = settle(held, slab, config.max_iterations)
+        iterations += steps
+        if iterations >= config.max_iterations or slab.is_near(plane, target.radius_m):
+            break
+        slab = slab.moved_to(plane)
+    basis = plane.basis(slab.basis)
+    rms = float(np.sqrt(plane.square_m2 / plane.count))
+    cells = cells_of(plane.residual_sums(), across, held.side_m)
     return PlaneFit(
-        centroid_m=patch.origin_m + moments.centroid_m,
+        centroid_m=patch.origin_m + plane.centroid_m @ slab.basis,
         basis=basis,
-        sigma_m=trim.sigma,
-        rms_m=float(np.sqrt(np.mean(used[:, 2] ** 2))),
-        scatter_m2=moments.scatter_m2[:2],
-        count=moments.count,
+        sigma_m=plane.sigma_m,
+        rms_m=rms,
+        scatter_m2=plane.scatter_m2,
+        count=plane.count,
         iterations=iterations,
-        correlated=correlated_noise(used[:, :2], used[:, 2], radius_m, resolution),
+        correlated=correlated_noise(cells, target.radius_m, rms, resolution),
     )
-
-
-_KEEP_HANDED = np.array([[-1.0], [1.0], [1.0]])

@@ -12,24 +12,25 @@ from pipeline.fit_plane import fit_plane
 from pipeline.five_point_file import FivePointFile
 from pipeline.locate_centre import locate_centre
 from pipeline.measurement import Evidence, Measurement, Provenance
-from pipeline.observe import observe_block, observe_entry, pooled_noise
+from pipeline.observe import observe_block, pooled_noise
+from pipeline.observe_capture import observe_capture
+from pipeline.patch import Patch
 from pipeline.point_causes import Station
 from pipeline.readers import Scan
-from pipeline.segment import Patch, find_target
+from pipeline.segment import find_target
 from pipeline.stated_causes import add_stated_causes, noisy
-from pipeline.targets import DiscTarget
+from pipeline.targets import Target
 
 
-def measure_scan(scan: Scan, target: DiscTarget, config: Config) -> Evidence:
+def measure_scan(scan: Scan, target: Target, config: Config) -> Evidence:
     """Plane and centre of the one target that a scan shows. Raises NotMeasuredError."""
-    return fit_target(
-        find_target(scan.points_m, target, config.segment, config.seed), target, config
-    )
+    patch = find_target(scan.points_m, target, config.segment, config.seed, scan.intensity)
+    return fit_target(patch, target, config)
 
 
-def fit_target(patch: Patch, target: DiscTarget, config: Config) -> Evidence:
+def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     """Plane and centre of the target in `patch`. Raises NotMeasuredError."""
-    plane = fit_plane(patch, target.radius_m, config.plane)
+    plane = fit_plane(patch, target, config.plane)
     fitted = locate_centre(patch, plane, target, config.centre)
     fitted = add_stated_causes(fitted, plane, target, config.instrument)
     return Evidence(fitted, plane, face_map(patch, plane, fitted, target.radius_m))
@@ -39,20 +40,19 @@ def measure_capture(
     capture: Capture,
     config: Config,
     progress: Callable[[str], None] = lambda _: None,
-    fit: Callable[[Patch, DiscTarget, Config], Evidence] = fit_target,
+    fit: Callable[[Patch, Target, Config], Evidence] = fit_target,
 ) -> Measurement:
-    """Toe, camber and the vehicle's quantities of a capture of laser scans.
+    """Toe, camber and the vehicle's quantities of a capture: scans of its wheels, or one of all.
 
     fit: fits the target that a scan shows; one that also looks at its points may stand in.
 
-    Raises InputError for a scan that cannot be read and for a reference wheel whose target cannot
-    be measured; a trial that cannot be measured stays in the result with its status.
+    Raises InputError for a scan that cannot be read, for wheels that cannot be told apart, and for
+    a reference wheel whose target cannot be measured; a trial that cannot be measured stays in the
+    result with its status.
     """
-    observations = [
-        observe_entry(entry, capture, config, fit, progress) for entry in capture.entries
-    ]
-    notes = [*noisy(observations, config.instrument)]
-    return align(observations, Provenance.of_capture(capture, config, observations), notes)
+    observations, naming = observe_capture(capture, config, fit, progress)
+    made = Provenance.of_capture(capture, config, observations, naming)
+    return align(observations, made, [*made.said, *noisy(observations, config.instrument)])
 
 
 def measure_five_point(file: FivePointFile, station: Station | None = None) -> Measurement:

@@ -9,7 +9,7 @@ from typing import Any
 
 from pipeline import __version__
 from pipeline.angles import WheelAngles
-from pipeline.capture import Capture, Role, Turn
+from pipeline.capture import Capture
 from pipeline.config import Config
 from pipeline.face_map import FaceMap
 from pipeline.fit_plane import PlaneFit
@@ -19,6 +19,7 @@ from pipeline.locate_centre import TargetFit
 from pipeline.monte_carlo import MonteCarlo
 from pipeline.point_causes import Station
 from pipeline.reference_frame import VehicleFrame
+from pipeline.scan_entry import Role, Turn
 from pipeline.uncertainty import AngleUncertainty
 
 
@@ -81,8 +82,24 @@ class WheelResult:
 
 
 @dataclass(frozen=True)
+class Naming:
+    """How the wheels of one cloud got their names: what told the front, and what told up.
+
+    points: of the cloud. notes: sentences on what was left out.
+    """
+
+    front: str
+    up: str
+    points: int
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Provenance:
-    """What the result was made from: version, sha256 of each input, effective config, seed."""
+    """What the result was made from: version, sha256 of each input, effective config, seed.
+
+    naming: of the wheels, where one cloud shows them all.
+    """
 
     source: str
     vehicle: str | None
@@ -90,16 +107,32 @@ class Provenance:
     inputs: dict[str, str]
     config: dict[str, Any]
     seed: int
+    naming: Naming | None = None
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """Sentences on how the wheels were named."""
+        if self.naming is None:
+            return ()
+        told = f"Wheels named by the geometry; front: {self.naming.front}; up: {self.naming.up}."
+        return (told, *self.naming.notes)
 
     @classmethod
     def of_capture(
-        cls, capture: Capture, config: Config, observations: Sequence[Observation]
+        cls,
+        capture: Capture,
+        config: Config,
+        observations: Sequence[Observation],
+        naming: Naming | None,
     ) -> Provenance:
         """Of a capture of scans."""
         used = config.model_dump(exclude={"seed"})
         used |= {"target": capture.target.model_dump(), "length_unit": capture.length_unit}
         inputs = {seen.source: seen.sha256 for seen in observations}
-        return cls(capture.source, capture.vehicle, __version__, inputs, used, config.seed)
+        if capture.cloud is not None:  # whose observations name its single scans besides
+            inputs = {capture.cloud.file: observations[0].sha256}
+        made = (capture.source, capture.vehicle, __version__, inputs, used, config.seed)
+        return cls(*made, naming)
 
     @classmethod
     def of_five_point(

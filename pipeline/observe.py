@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.capture import Capture, ScanEntry
+from pipeline.capture import Capture
 from pipeline.config import Config
 from pipeline.digest import sha256
 from pipeline.errors import InputError, NotMeasuredError
@@ -16,19 +16,23 @@ from pipeline.five_point_file import FivePointFile
 from pipeline.kernels import Array
 from pipeline.locate_centre import TargetFit
 from pipeline.measurement import Evidence, Observation
+from pipeline.patch import Patch
 from pipeline.plausible import check_wheel_scan
 from pipeline.point_causes import PooledNoise, Station, point_causes, unexplained_noise
 from pipeline.readers import read_scan
 from pipeline.reference_frame import REFERENCE_WHEELS
-from pipeline.segment import Patch, find_target
-from pipeline.targets import DiscTarget
+from pipeline.scan_entry import ScanEntry
+from pipeline.segment import find_target
+from pipeline.targets import Target
+
+Fit = Callable[[Patch, Target, Config], Evidence]
 
 
 def observe_entry(
     entry: ScanEntry,
     capture: Capture,
     config: Config,
-    fit_target: Callable[[Patch, DiscTarget, Config], Evidence],
+    fit_target: Fit,
     progress: Callable[[str], None],
 ) -> Observation:
     """Read a scan and measure its target.
@@ -42,7 +46,8 @@ def observe_entry(
     try:
         if isinstance(patch, NotMeasuredError):
             raise patch
-        return replace(seen, evidence=fit_target(patch, capture.target, config))
+        evidence = fit_target(patch, capture.target, config)
+        return replace(seen, evidence=evidence, wheel=_wheel_of(entry, evidence, source))
     except NotMeasuredError as error:
         if entry.role == "reference":
             raise InputError(
@@ -53,12 +58,23 @@ def observe_entry(
         return replace(seen, status=error.status, reason=str(error))
 
 
+def _wheel_of(entry: ScanEntry, evidence: Evidence, source: str) -> str | None:
+    """The scan's wheel as it is named, which its markers must not contradict; else by these."""
+    told = evidence.target.wheel
+    if told is not None and entry.wheel not in (None, told):
+        raise InputError(
+            f"{source}: it is named for {entry.wheel}, but the markers of its board are those of "
+            f"{told}: mend the scan's name, or the markers in the target's file"
+        )
+    return entry.wheel or told
+
+
 def _find(
     entry: ScanEntry, source: str, capture: Capture, config: Config
 ) -> tuple[Observation, Patch | NotMeasuredError]:
     """What was read, and the target's surroundings; the scan itself is let go here."""
     scan = read_scan(entry.path, capture.length_unit, source)
-    check_wheel_scan(scan.points_m, capture.target.diameter, capture.length_unit, source)
+    check_wheel_scan(scan.points_m, 2.0 * capture.target.radius_m, capture.length_unit, source)
     seen = Observation(
         name=entry.name,
         role=entry.role,
@@ -71,7 +87,9 @@ def _find(
         turn=entry.turn,
     )
     try:
-        return seen, find_target(scan.points_m, capture.target, config.segment, config.seed)
+        return seen, find_target(
+            scan.points_m, capture.target, config.segment, config.seed, scan.intensity
+        )
     except NotMeasuredError as error:
         return seen, error.with_traceback(None)
 

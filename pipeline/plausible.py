@@ -15,6 +15,9 @@ Array = npt.NDArray[np.float64]
 # A laser resolves nothing within the smaller, and no single cloud is wider than the larger.
 CLOUD_SIZES_M = (1e-3, 20e3)
 WHEEL_SCAN_M = 2.0  # a typical scan of a wheel
+VEHICLE_SCAN_M = 10.0  # and of a vehicle
+VEHICLE_SIZES_M = (1.5, 100.0)  # the shortest wheelbase; a hall
+MIDDLE = 0.98  # of the points, whose spread counts: a few lie far outside
 WIDE_SCAN_M = 200.0  # above it the points must be dense enough, somewhere, for a target
 MIN_ON_TARGET = 8
 COARSE_STEP = 0.02  # of the target's diameter
@@ -55,6 +58,26 @@ def check_wheel_scan(points_m: Array, diameter_m: float, unit: str, source: str)
     raise InputError(f"{source}: {fact}: {mend}")
 
 
+def check_vehicle_cloud(points_m: Array, diameter_m: float, unit: str, source: str) -> None:
+    """Refuse points_m (N, 3) that cannot show a vehicle with targets of that diameter.
+
+    Raises InputError: nearly all of it lies within less than a wheelbase, or spreads wider than a
+    hall, or its float32 coordinates lie in steps that are coarse beside the target.
+    """
+    tail = (1.0 - MIDDLE) / 2.0
+    low, high = np.quantile(_some(points_m), (tail, 1.0 - tail), axis=0)
+    size = float((high - low).max())
+    smallest, largest = VEHICLE_SIZES_M
+    if smallest <= size <= largest:
+        _check_step(points_m, diameter_m, unit, source)
+        return
+    fact = f"the cloud is {length(size)} wide in {unit}, and a vehicle's at least {smallest:g} m"
+    if size > largest:
+        fact = f"the cloud is {length(size)} wide in {unit}, {largest:g} m at most: crop it, or"
+    option = '--length-unit {0}, or length_unit = "{0}" in a capture.toml'
+    raise InputError(f"{source}: {fact}: {better_unit(size, unit, option, VEHICLE_SCAN_M)}")
+
+
 def float32_step(points_m: Array, unit: str) -> tuple[float, float]:
     """The step in which float32 coordinates lie, largest axis, and where; metres, 0 for none.
 
@@ -70,12 +93,12 @@ def float32_step(points_m: Array, unit: str) -> tuple[float, float]:
     return step, place
 
 
-def better_unit(size_m: float, unit: str, option: str) -> str:
-    """The mend for a cloud of a strange size: the unit in which it would be usual."""
+def better_unit(size_m: float, unit: str, option: str, usual_m: float = WHEEL_SCAN_M) -> str:
+    """The mend for a cloud of a strange size: the unit in which it would be nearest to usual_m."""
     number = size_m / in_metres(1.0, unit)
     sizes = {u: in_metres(number, u) for u in LENGTH_UNITS if u != unit}
-    best = min(sizes, key=lambda u: abs(math.log(sizes[u] / WHEEL_SCAN_M)))
-    if abs(math.log(sizes[best] / WHEEL_SCAN_M)) > math.log(100.0):
+    best = min(sizes, key=lambda u: abs(math.log(sizes[u] / usual_m)))
+    if abs(math.log(sizes[best] / usual_m)) > math.log(100.0):
         return "check the unit of the file, and whether points lie far outside"
     return f"if the file is in {best}, it is {length(sizes[best])} wide: say {option.format(best)}"
 

@@ -1,222 +1,151 @@
-"""Find the target's face in a scan: planes by RANSAC on a subset, told apart by size and shape."""
+"""Find the target's face in the scan of a wheel.
+
+Small flat pieces hang together to surfaces; wherever a surface could hold the face, a plane is
+fitted and the outline compared. Where that finds nothing clear, planes are sought by RANSAC, one
+after the other.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from pipeline import raster
+from pipeline.candidates import (
+    MIN_POINTS,
+    REACH,
+    Candidate,
+    judge,
+    ransac_candidates,
+    threshold_m,
+)
 from pipeline.config import SegmentConfig
+from pipeline.cubes import Cubes, cube_moments, lowest
 from pipeline.errors import NotMeasuredError
-from pipeline.kernels import Array, Slab, gather_ball, gather_face, plane_basis, random_rows
-from pipeline.local_planes import LocalPlanes
-from pipeline.ransac import RansacOptions, ransac
-from pipeline.targets import DiscTarget
-from pipeline.trimmed import Trim, converge, first_sigma
+from pipeline.hypotheses import EDGE_OF_RADIUS, Hypothesis, hypotheses, joined
+from pipeline.kernels import Array, Slab
+from pipeline.passes import sample, surroundings
+from pipeline.patch import Patch, cut_patch
+from pipeline.surfels import Surfels, find_surfels
+from pipeline.targets import Target
 
-FACE_BAND = 0.04  # of the radius, at least: what may belong to the face
-WIDEST_BAND = 0.15  # of the radius, at most, however noisy
-FACE_SIGMAS = 6.0  # of the noise: half the thickness of what may belong to the face
-MAX_DEPTH_M = 0.8  # background further behind the face tells nothing more
-BEAM_SLOPE = 1.2  # beams up to 50 degrees carry the background this far sideways per depth
-CURVED_OF_RADIUS = 0.004  # rms depth of a paraboloid, of the radius, above which no plate is bent
-MIN_POINTS = 30  # a scan or a face with fewer is not judged
-LIKELY = 0.6  # of the best match, or the least: a candidate that all points may prove
-MAX_VERIFIED = 3  # candidates that are looked at with all points of the scan
+LIKELY = 0.6  # of the best match, or the least: a candidate that may turn out better
+MOST_LOOKED_AT = 12  # places in one scan that are looked at
+SPARSE = 1500  # points on a face, below which all points of the scan are looked at, not a sample
+SURE, RIVAL_SCORE = 0.8, 0.6  # match of the best, and score below which nothing is its rival
+CLEAR = 0.5  # match of the best candidate, below which planes are sought by RANSAC as well
 
-
-@dataclass(frozen=True)
-class Candidate:
-    """A plane that was looked at, and how well its outline fits the target.
-
-    centre_m, normal: (3,) scanner frame, normal's sign free. match: 1 for a whole target standing
-    alone, the visible share for a hidden one, about 0 for a larger surface.
-    band_m: half the thickness of what may belong to the face, from the noise.
-    """
-
-    centre_m: Array
-    normal: Array
-    match: float
-    band_m: float
+Intensity = npt.NDArray[np.float32]
 
 
-@dataclass(frozen=True)
-class Patch:
-    """The surroundings of the target's face, before anything is fitted to it.
-
-    origin_m: (3,) scanner frame, near the target's centre.
-    face_m: (N, 3) all points within reach of the face's plane, relative to origin_m, scanner axes.
-    around_m: (M, 3) float32, the same of other points around, thinned where there are many.
-    match: of the outline, with all points.
-    basis: (3, 3) rows: two directions in the plane, then the normal that points to the scanner.
-    candidates: every plane that was looked at, best match first.
-    """
-
-    origin_m: Array
-    face_m: Array
-    around_m: npt.NDArray[np.float32]
-    match: float
-    basis: Array
-    candidates: tuple[Candidate, ...]
-
-
-def find_target(points_m: Array, target: DiscTarget, config: SegmentConfig, seed: int) -> Patch:
-    """Patch of points_m (N, 3) that shows the target.
+def find_target(
+    points_m: Array,
+    target: Target,
+    config: SegmentConfig,
+    seed: int,
+    intensity: Intensity | None = None,
+) -> Patch:
+    """Patch of points_m (N, 3) that shows the target; intensity: (N,) or None.
 
     Raises NotMeasuredError: 'too-few-points', 'no-plane', 'no-target' (with what was found
     instead) or 'ambiguous-target'.
     """
     if len(points_m) < MIN_POINTS:
         raise NotMeasuredError("too-few-points", f"{len(points_m)} points, {MIN_POINTS} needed")
-    rng = np.random.default_rng(seed)
-    subset = random_rows(points_m, config.subset_points, rng)
-    origin = np.median(subset, axis=0)
-    subset -= origin
-    found = _candidates(subset, target.radius_m, config, rng)
-    del subset
+    points = sample(points_m, config.subset_points)
+    origin = np.median(points, axis=0)
+    points -= origin
+    found = _candidates(points, target, config, seed)
     if not found:
         raise NotMeasuredError("no-plane", "no plane stands out among the points")
-    likely = [c for c in found if c.match > LIKELY * max(config.min_match, found[0].match)]
-    return _choose(
-        [_patch(points_m, origin, c, found, target, config, rng) for c in likely[:MAX_VERIFIED]],
-        found,
-        target,
-        config,
-    )
+    found = [replace(c, centre_m=c.centre_m + origin) for c in found]
+    if len(points_m) > len(points):
+        found = _look_closer(points_m, found, target, config)
+    _check_best(found, target, config)
+    return cut_patch(points_m, intensity, found[0], tuple(found), target, config.around_points)
 
 
-def _candidates(
-    subset: Array, radius_m: float, config: SegmentConfig, rng: np.random.Generator
-) -> tuple[Candidate, ...]:
-    """Planes one after the other, each taken out before the next is sought; best match first."""
-    options = RansacOptions(max_proposals=config.max_proposals)
-    threshold = config.threshold_of_diameter * 2.0 * radius_m
-    found = []
-    for _ in range(config.max_planes):
-        if len(subset) < MIN_POINTS:
+def cubes_of(points_m: Array, target: Target) -> Cubes:
+    """Sums of points_m (N, 3) over cubes of a size that the target's face fills many of."""
+    edge = EDGE_OF_RADIUS * target.radius_m
+    return cube_moments(points_m, lowest(points_m) - edge, edge)
+
+
+def _candidates(points: Array, target: Target, config: SegmentConfig, seed: int) -> list[Candidate]:
+    """Planes that may be the face, best match first."""
+    limit = threshold_m(target, config)
+    surfels = find_surfels(cubes_of(points, target), limit)
+    found: list[Candidate] = []
+    best = 0.0
+    for places in _more_and_more(surfels, target, limit):
+        for place in places[:MOST_LOOKED_AT]:
+            if best > SURE and place.score < RIVAL_SCORE:
+                break
+            found.append(judge(points, place.centre_m, place.normal, target, limit))
+            best = max(best, found[-1].match)
+        if best > SURE:
             break
-        search = subset[:: max(1, len(subset) // config.search_points)]
-        result = ransac(LocalPlanes(search, radius_m, threshold), options, rng)
-        if result is None or result.score < config.min_support:
-            break
-        point, normal = result.model[:3], result.model[3:]
-        candidate = _judge(subset, point, normal, radius_m, threshold)
-        found.append(candidate)
-        subset = subset[~_surface(subset, point, candidate, radius_m)]
-    return tuple(sorted(found, key=lambda candidate: -candidate.match))
+    if best < CLEAR:
+        found += ransac_candidates(points, target, config, np.random.default_rng(seed))
+    return sorted(found, key=lambda candidate: -candidate.match)
 
 
-def _judge(
-    subset: Array, point: Array, normal: Array, radius_m: float, threshold: float
+def _more_and_more(surfels: Surfels, target: Target, limit_m: float) -> Iterator[list[Hypothesis]]:
+    """Places of the face: those in clear view, then half hidden ones, then ones cut in parts."""
+    yield hypotheses(surfels, target, RIVAL_SCORE)
+    places = hypotheses(surfels, target)
+    yield places
+    yield joined(places, surfels, target, limit_m)
+
+
+def _look_closer(
+    points_m: Array, found: list[Candidate], target: Target, config: SegmentConfig
+) -> list[Candidate]:
+    """The candidates, those likely ones of few points judged again by all points of the scan."""
+    bar = LIKELY * max(config.min_match, found[0].match)
+    again = [
+        _judge_again(points_m, candidate, target, config)
+        if candidate.match > bar and candidate.points < SPARSE
+        else candidate
+        for candidate in found
+    ]
+    return sorted(again, key=lambda candidate: -candidate.match)
+
+
+def _judge_again(
+    points_m: Array, place: Candidate | Hypothesis, target: Target, config: SegmentConfig
 ) -> Candidate:
-    """Place the target on a plane's points, refit the plane there, and judge the outline."""
-    placed = _place(subset, point, normal, radius_m, threshold)
-    centre = point + placed.centre_m @ plane_basis(normal)[:2]
-    inner = gather_ball(subset, centre, 0.9 * radius_m)
-    try:
-        sigma = first_sigma(inner @ normal, WIDEST_BAND * radius_m)
-        start = Trim(plane_basis(normal), np.zeros(3), sigma, cap=WIDEST_BAND * radius_m)
-        trim, moments, _ = converge(inner, start, 1e-6 * radius_m)
-    except NotMeasuredError:
-        return Candidate(centre, normal, 0.0, FACE_BAND * radius_m)
-    if _is_curved((inner - moments.centroid_m) @ moments.basis.T, trim.sigma, radius_m):
-        return Candidate(centre, normal, 0.0, FACE_BAND * radius_m)
-    normal, sigma = moments.normal, trim.sigma
-    centre = centre + normal * (moments.centroid_m @ normal)
-    band = float(np.clip(FACE_SIGMAS * sigma, FACE_BAND * radius_m, WIDEST_BAND * radius_m))
-    placed = _place(subset, centre, normal, radius_m, max(threshold, 3.0 * sigma))
-    centre = centre + placed.centre_m @ plane_basis(normal)[:2]
-    return Candidate(centre, normal, placed.match, band)
+    """The candidate at a place by all of points_m (N, 3) about it."""
+    ball = Slab(REACH * target.radius_m, REACH * target.radius_m)
+    near = surroundings(points_m, place.centre_m, place.normal, ball, ball, 0.0).face_m
+    return judged(near, place, target, config)
 
 
-def _is_curved(uvw: Array, sigma: float, radius_m: float) -> bool:
-    """Whether a paraboloid explains a third of the residuals w of uvw (N, 3), and 0.4 % of R."""
-    u, v, w = (uvw[np.abs(uvw[:, 2]) < 3.0 * sigma] / radius_m).T
-    if len(w) < MIN_POINTS:
-        return False
-    terms = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
-    fitted = terms @ np.linalg.lstsq(terms, w, rcond=None)[0]
-    return bool(np.var(fitted) > max(np.var(w) / 3.0, CURVED_OF_RADIUS**2))
+def judged(
+    near: Array, place: Candidate | Hypothesis, target: Target, config: SegmentConfig
+) -> Candidate:
+    """The candidate at a place by points near (N, 3) relative to it."""
+    near = sample(near, config.subset_points)
+    found = judge(near, np.zeros(3), place.normal, target, threshold_m(target, config))
+    return replace(found, centre_m=found.centre_m + place.centre_m)
 
 
-def _place(
-    subset: Array, point: Array, normal: Array, radius_m: float, threshold: float
-) -> raster.DiscPlacement:
-    near = gather_ball(subset, point, 2.6 * radius_m)
-    near = near[np.abs(near @ normal) < threshold]
-    return raster.match_disc(near @ plane_basis(normal)[:2].T, radius_m)
-
-
-def _surface(
-    subset: Array, point: Array, candidate: Candidate, radius_m: float
-) -> npt.NDArray[np.bool_]:
-    """Which points (N,) lie on the candidate's plane and hang together with those at `point`."""
-    offset = subset - point
-    depth = np.abs((subset - candidate.centre_m) @ candidate.normal)
-    on_plane = np.nonzero((depth < candidate.band_m) & (np.abs(offset).max(axis=1) < 12 * radius_m))
-    across = offset[on_plane] @ plane_basis(candidate.normal)[:2].T
-    surface = np.zeros(len(subset), dtype=bool)
-    surface[on_plane] = raster.connected(across, radius_m)
-    return surface
-
-
-def _patch(
-    points_m: Array,
-    origin: Array,
-    candidate: Candidate,
-    found: tuple[Candidate, ...],
-    target: DiscTarget,
-    config: SegmentConfig,
-    rng: np.random.Generator,
-) -> Patch:
-    """A candidate's surroundings with all points; its normal turned away from what lies behind."""
-    face, around = gather_face(
-        points_m,
-        origin + candidate.centre_m,
-        candidate.normal,
-        Slab(1.8 * target.radius_m, candidate.band_m),
-        Slab(1.25 * target.radius_m, MAX_DEPTH_M, BEAM_SLOPE),
-        config.around_points / len(points_m),
-        rng,
-    )
-    basis = plane_basis(candidate.normal)
-    placed = raster.match_disc(face @ basis[:2].T, target.radius_m)
-    shift = placed.centre_m @ basis[:2]
-    depth = around @ basis[2].astype(np.float32)
-    if np.count_nonzero(depth > 0.0) > np.count_nonzero(depth < 0.0):
-        basis = basis * np.array([[1.0], [-1.0], [-1.0]])
-    face -= shift
-    around -= shift.astype(np.float32)
-    in_scanner = tuple(Candidate(c.centre_m + origin, c.normal, c.match, c.band_m) for c in found)
-    centre = origin + candidate.centre_m + shift
-    return Patch(centre, face, around, placed.match, basis, in_scanner)
-
-
-def _choose(
-    patches: list[Patch], found: tuple[Candidate, ...], target: DiscTarget, config: SegmentConfig
-) -> Patch:
-    """The patch with the target's outline; an error when there is none, or another as good."""
-    patches = sorted(patches, key=lambda patch: -patch.match)
-    if not patches or patches[0].match < config.min_match:
-        match = patches[0].match if patches else found[0].match
+def _check_best(found: Sequence[Candidate], target: Target, config: SegmentConfig) -> None:
+    """Raise where the first candidate has not the target's outline, or another has it as well."""
+    best = found[0]
+    if best.match < config.min_match:
         raise NotMeasuredError(
             "no-target",
-            f"no plane of those found ({len(found)}) has the outline of a disc of "
-            f"{target.diameter * 1e3:.0f} mm (best match {match:.2f}, {config.min_match} needed)",
+            f"no plane of those found ({len(found)}) has the outline of {target.words} "
+            f"(best match {best.match:.2f}, {config.min_match} needed)",
         )
-    best, *others = patches
-    for other in others:
-        apart = float(np.linalg.norm(other.origin_m - best.origin_m))
+    for other in found[1:]:
+        apart = float(np.linalg.norm(other.centre_m - best.centre_m))
         if other.match > config.rival_match * best.match and apart > target.radius_m:
             raise NotMeasuredError(
                 "ambiguous-target",
                 f"two planes have the target's outline, {apart * 1e3:.0f} mm apart "
                 f"(matches {best.match:.2f} and {other.match:.2f})",
             )
-    if len(best.face_m) < MIN_POINTS:
-        raise NotMeasuredError(
-            "too-few-points", f"{len(best.face_m)} points on the target, {MIN_POINTS} needed"
-        )
-    return best

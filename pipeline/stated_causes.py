@@ -21,13 +21,13 @@ from pipeline.fit_plane import PlaneFit
 from pipeline.kernels import Array
 from pipeline.locate_centre import TargetFit
 from pipeline.measurement import Observation
-from pipeline.targets import DiscTarget
+from pipeline.targets import Target
 
 NOISY = 1.5  # times the stated noise of a range
 
 
 def add_stated_causes(
-    fitted: TargetFit, plane: PlaneFit, target: DiscTarget, instrument: InstrumentConfig
+    fitted: TargetFit, plane: PlaneFit, target: Target, instrument: InstrumentConfig
 ) -> TargetFit:
     """The fitted target with its type B causes of uncertainty added (JCGM 100, 4.3).
 

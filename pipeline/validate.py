@@ -12,6 +12,7 @@ from pipeline.config import Config
 from pipeline.errors import InputError
 from pipeline.measure import measure_capture
 from pipeline.measurement import WheelResult
+from pipeline.reference_frame import REFERENCE_WHEELS
 from pipeline.validate_compare import Comparison, compare
 from pipeline.validate_five import FivePoints, measure_points, note_of_aiming, with_aiming
 from pipeline.validate_method import Method, check_alike
@@ -80,7 +81,8 @@ def _points(capture: Capture, request: Request) -> FivePoints:
     """The five points, by their file's name from the capture's folder."""
     assert request.file is not None
     path = folder_of(capture) / request.file
-    scans = [entry.name for entry in capture.entries if entry.role in COMPARED]
+    whole = REFERENCE_WHEELS if capture.cloud else ()
+    scans = [*whole, *(entry.name for entry in capture.entries if entry.role in COMPARED)]
     name = str(request.file) if request.file.is_absolute() else f"{capture.source}: {request.file}"
     return measure_points(path, name, scans, request.points)
 

@@ -11,11 +11,11 @@ from pathlib import Path
 from pipeline.agreement import Agreement, agreement, bias_probability
 from pipeline.archive import ARCHIVE_SUFFIXES
 from pipeline.capture import open_capture
+from pipeline.capture_names import clouds_of, is_capture
 from pipeline.config import Config, with_scanner
 from pipeline.distributions import as_many
 from pipeline.errors import InputError, WheelplaneError
 from pipeline.power import CONFIDENCE
-from pipeline.reference_frame import REFERENCE_WHEELS
 from pipeline.validate import validate_capture
 from pipeline.validate_compare import KINDS, Comparison, Verdict
 from pipeline.validate_request import Request
@@ -87,12 +87,22 @@ class Survey:
 
 
 def is_archive_of_captures(source: Path) -> bool:
-    """Whether it is a folder of captures, and no capture itself."""
-    if not source.is_dir():
+    """Whether it is a folder of captures, and no capture itself.
+
+    A folder with one cloud is a capture, unless folders or archives lie beside: raises InputError.
+    """
+    if not source.is_dir() or is_capture(source):
         return False
-    names = [path.name.lower() for path in source.iterdir() if path.is_file()]
-    stems = {name.split(".")[0].upper() for name in names}
-    return "capture.toml" not in names and not stems & set(REFERENCE_WHEELS)
+    clouds = clouds_of(source)
+    beside = [path.name for path in source.iterdir() if _may_be_capture(path)]
+    if len(clouds) == 1 and beside == clouds:
+        return False
+    if len(clouds) == 1:
+        raise InputError(
+            f"{source}: holds the cloud {clouds[0]} and {len(beside) - 1} folders or archives, so "
+            "it may be one capture or a folder of many: name the cloud itself, or move it"
+        )
+    return True
 
 
 def validate_archive(
@@ -105,6 +115,7 @@ def validate_archive(
 ) -> Survey:
     """Every capture below `source`: its folders, zips and tars, by name.
 
+    A cloud that lies bare among them is a row that says so: it may show a vehicle or a wheel.
     Raises InputError where there is none, or none could be compared.
     """
     paths = sorted(path for path in source.iterdir() if _may_be_capture(path))
@@ -128,13 +139,19 @@ def validate_archive(
 def _may_be_capture(path: Path) -> bool:
     if path.name.startswith("."):
         return False
-    return path.is_dir() or path.name.lower().endswith(ARCHIVE_SUFFIXES)
+    packed = path.name.lower().endswith(ARCHIVE_SUFFIXES)
+    return path.is_dir() or packed or path.name in clouds_of(path.parent)
 
 
 def _row(
     path: Path, target: str | None, config: Config, scanner: str | None, request: Request
 ) -> Row:
     try:
+        if path.is_file() and path.name in clouds_of(path.parent):
+            raise InputError(
+                f"{path}: a cloud without a folder, which may show a whole vehicle or one wheel: "
+                "put it in a folder of its own, with a capture.toml"
+            )
         with open_capture(path, target) as capture:
             settings = with_scanner(config, scanner or capture.scanner)
             return Row(path.name, validate_capture(capture, settings, request))

@@ -74,5 +74,5 @@ def as_method(label: str, results: Sequence[WheelResult]) -> Method:
 
 def folder_of(capture: Capture) -> Path:
     """Where the capture's files lie; of an archive, where it is unpacked."""
-    first = capture.entries[0]
+    first = capture.cloud or capture.entries[0]
     return first.path.parents[len(PurePath(first.file).parts) - 1]

@@ -14,8 +14,8 @@ from pipeline.five_point_file import FivePointFile
 from pipeline.joint_test import Spread
 from pipeline.measure import fit_target, measure_capture, measure_five_point
 from pipeline.measurement import Evidence, WheelResult
-from pipeline.segment import Patch
-from pipeline.targets import DiscTarget
+from pipeline.patch import Patch
+from pipeline.targets import Target
 from pipeline.validate_compare import Comparison, added
 from pipeline.validate_old import LABEL as OLD
 from pipeline.validate_old import by_old_estimator
@@ -32,7 +32,7 @@ def compare_virtual(
     picks: list[tuple[PlaneFit | None, Picked | NotMeasuredError]] = []
     rng = np.random.default_rng(config.seed)
 
-    def fit_and_pick(patch: Patch, target: DiscTarget, config: Config) -> Evidence:
+    def fit_and_pick(patch: Patch, target: Target, config: Config) -> Evidence:
         evidence = fit_target(patch, target, config)
         picks.append((evidence.plane, _picked(patch, evidence, target, request, rng)))
         return evidence
@@ -69,7 +69,7 @@ def compare_virtual(
 def _picked(
     patch: Patch,
     evidence: Evidence,
-    target: DiscTarget,
+    target: Target,
     request: Request,
     rng: np.random.Generator,
 ) -> Picked | NotMeasuredError:

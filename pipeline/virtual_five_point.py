@@ -25,8 +25,8 @@ from pipeline.fit_plane import PlaneFit
 from pipeline.kernels import Array, random_rows
 from pipeline.locate_centre import TargetFit
 from pipeline.measurement import Evidence
-from pipeline.segment import Patch
-from pipeline.targets import DiscTarget
+from pipeline.patch import Patch
+from pipeline.targets import Target
 
 OF_RADIUS = 0.704  # of the target's: 88 mm on a plate of 250 mm, as in the paper
 TURNS = 24  # of the pentagon, tried until no place aimed at is hidden
@@ -51,7 +51,7 @@ class Picked:
 def pick_five(
     patch: Patch,
     evidence: Evidence,
-    target: DiscTarget,
+    target: Target,
     radius_m: float | None,
     rng: np.random.Generator,
 ) -> Picked:

@@ -4,28 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from synth.errors import SynthError
-from synth.files import capture_toml, ply, scan_file
+from synth.files import capture_toml, five_point_text, ply, scan_file
 from synth.five_point import draw_place, measure_five
+from synth.folder import check_free, check_seed, new_folder, write_text
+from synth.instruments import Instruments, draw_instruments
 from synth.obstacle import draw_board
-from synth.parameters import (
-    Beam,
-    Grid,
-    Obstacle,
-    ScannerFile,
-    TargetFile,
-    TotalStation,
-    VehicleFile,
-)
-from synth.recipe import Recipe, read_fixed, read_recipe
+from synth.parameters import Obstacle
+from synth.plate_file import DiscFile
+from synth.recipe import Recipe
 from synth.scanner import draw_stand, scan
 from synth.scene import build_scene
 from synth.target import Mount, draw_mount
@@ -38,18 +31,6 @@ Array = npt.NDArray[np.float64]
 
 def _silent(_: str) -> None:
     """Say nothing."""
-
-
-@dataclass(frozen=True)
-class Instruments:
-    """What is the same for all scans of a capture."""
-
-    vehicle_recipe: Recipe
-    scanner_recipe: Recipe
-    target: TargetFile
-    grid: Grid
-    beam: Beam
-    total_station: TotalStation
 
 
 def write_capture(
@@ -68,42 +49,16 @@ def write_capture(
     written. The same arguments give the same bytes; the draws of a scan do not depend on how many
     trials follow. Raises SynthError.
     """
-    _check(out, seed, trials)
-    vehicle_recipe = read_recipe(vehicle, VehicleFile)
-    scanner_recipe = read_recipe(scanner, ScannerFile)
-    plate = read_fixed(target, TargetFile)
-    seeds = np.random.SeedSequence(seed).spawn(3 + len(WHEELS) + trials)
-    made, devices, survey, *scans = (np.random.default_rng(child) for child in seeds)
-    instruments = Instruments(
-        vehicle_recipe,
-        scanner_recipe,
-        plate,
-        scanner_recipe.draw("grid", Grid, devices),
-        scanner_recipe.draw("beam", Beam, devices),
-        scanner_recipe.draw("total_station", TotalStation, devices),
-    )
-    car = draw_vehicle(vehicle_recipe, made)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as scratch:
-            folder = Path(scratch) / out.name
-            folder.mkdir()
-            truth = _fill(folder, seed, car, instruments, survey, scans, progress)
-            folder.replace(out)
-    except OSError as error:
-        raise SynthError(f"{out}: {error.strerror}; name a folder that can be written") from error
-    return truth
-
-
-def _check(out: Path, seed: int, trials: int) -> None:
-    if seed < 0:
-        raise SynthError(f"--seed {seed}: negative; give a whole number from 0")
+    check_seed(seed)
     if trials < 0:
         raise SynthError(f"--trials {trials}: negative; give a whole number from 0")
-    if out.is_dir() and any(out.iterdir()):
-        raise SynthError(f"{out}: the folder is not empty; name a new one")
-    if out.exists() and not out.is_dir():
-        raise SynthError(f"{out}: a file stands there; name a new folder")
+    check_free(out)
+    seeds = np.random.SeedSequence(seed).spawn(3 + len(WHEELS) + trials)
+    made, devices, survey, *scans = (np.random.default_rng(child) for child in seeds)
+    instruments = draw_instruments(vehicle, scanner, target, devices)
+    car = draw_vehicle(instruments.vehicle_recipe, made)
+    with new_folder(out) as folder:
+        return _fill(folder, seed, car, instruments, survey, scans, progress)
 
 
 def _fill(
@@ -129,18 +84,18 @@ def _fill(
     place = draw_place(car, kit.total_station, survey)
     mounted = [mount.on(wheel) for wheel, mount in zip(wheels, mounts, strict=True)]
     rows = measure_five(car, mounted, kit.total_station, place, survey)
-    text = "".join(f"{x:.6f},{y:.6f},{z:.6f}\n" for x, y, z in rows)
-    _write(folder / "five-point.txt", text)
+    write_text(folder / "five-point.txt", five_point_text(rows))
     more = turning.scanned(car, kit.vehicle_recipe, wheels)
     for wheel in more.wheels:
         mount = mounts[WHEELS.index(wheel.wheel)]
         used.append(_write_scan(folder, car, wheel, mount, kit, turning.rng))
         progress(used[-1]["file"])
     title = f"{Path(kit.vehicle_recipe.source).stem} {seed}"
-    _write(folder / "capture.toml", capture_toml(title, kit.target, wheels, more.toml))
+    write_text(folder / "capture.toml", capture_toml(title, kit.target, wheels, more.toml))
     all_wheels = (*wheels, *more.wheels)
-    truth = Truth(seed, car, all_wheels, _used(car, kit, used, place), more.told)
-    _write(folder / "truth.json", json.dumps(truth.to_json(), indent=1) + "\n")
+    face = None if isinstance(kit.target, DiscFile) else kit.target
+    truth = Truth(seed, car, all_wheels, _used(car, kit, used, place), more.told, face)
+    write_text(folder / "truth.json", json.dumps(truth.to_json(), indent=1) + "\n")
     progress("truth.json")
     return truth
 
@@ -181,24 +136,16 @@ def _write_scan(
         "beams": seen.beams,
         "points": len(seen.points_station_m),
         "points_on_target": int(seen.on_front.sum()),
-    } | _imperfect(mount, hidden, kit.target)
-
-
-def _imperfect(mount: Mount, hidden: float, target: TargetFile) -> dict[str, Any]:
-    """What was drawn of clamp and obstacle, where there is any; in target coordinates."""
-    drawn: dict[str, Any] = {"occluded_fraction": hidden} if hidden else {}
-    if target.clamp_tilt_deg > 0.0:
-        drawn["clamp_tilt_deg"] = [float(np.degrees(tilt)) for tilt in mount.tilt_rad]
-    if target.clamp_shift > 0.0:
-        drawn["clamp_shift_m"] = list(mount.shift_m)
-    return drawn
+        **({"occluded_fraction": hidden} if hidden else {}),
+        **mount.told(kit.target),
+    }
 
 
 def _used(
     car: Vehicle, kit: Instruments, scans: list[dict[str, Any]], place_vehicle_m: Array
 ) -> dict[str, Any]:
     return {
-        "target": kit.target.model_dump(exclude_unset=True),
+        "target": kit.target.stated,
         "axles": car.axles.model_dump(),
         "placement": car.placement.model_dump(),
         "body": car.body.model_dump(),
@@ -210,7 +157,3 @@ def _used(
         },
         "scans": scans,
     }
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")

@@ -8,10 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from synth.parameters import TargetFile
+from synth.plate_file import TargetFile
 from synth.vehicle import Wheel
-
-STATED = ("flatness", "clamp_tilt_deg", "clamp_shift")  # of a target that is not perfect
 
 
 def scan_file(wheel: Wheel) -> str:
@@ -23,18 +21,33 @@ def scan_file(wheel: Wheel) -> str:
 
 def ply(points_m: npt.NDArray[np.float64], intensity: npt.NDArray[np.float32]) -> bytes:
     """Points (N, 3) and intensity (N,) as binary little-endian PLY, double and float."""
+    return ply_header(len(points_m)) + ply_rows(points_m, intensity)
+
+
+def ply_header(count: int, comment: str = "") -> bytes:
+    """The head of such a file; comment: a line of it."""
+    said = f"comment {comment}\n" if comment else ""
+    return (
+        f"ply\nformat binary_little_endian 1.0\n{said}"
+        f"element vertex {count}\n"
+        "property double x\nproperty double y\nproperty double z\nproperty float intensity\n"
+        "end_header\n"
+    ).encode("ascii")
+
+
+def ply_rows(points_m: npt.NDArray[np.float64], intensity: npt.NDArray[np.float32]) -> bytes:
+    """What follows the head."""
     rows = np.empty(
         len(points_m), dtype=[("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("intensity", "<f4")]
     )
     rows["x"], rows["y"], rows["z"] = points_m.T
     rows["intensity"] = intensity
-    header = (
-        "ply\nformat binary_little_endian 1.0\n"
-        f"element vertex {len(rows)}\n"
-        "property double x\nproperty double y\nproperty double z\nproperty float intensity\n"
-        "end_header\n"
-    )
-    return header.encode("ascii") + rows.tobytes()
+    return rows.tobytes()
+
+
+def five_point_text(rows_m: npt.NDArray[np.float64]) -> str:
+    """Points (N, 3), one a line, in metres."""
+    return "".join(f"{x:.6f},{y:.6f},{z:.6f}\n" for x, y, z in rows_m)
 
 
 def capture_toml(
@@ -49,9 +62,7 @@ def capture_toml(
         'length_unit = "m"',
         "",
         "[target]",
-        f'shape = "{target.shape}"',
-        f"diameter = {target.diameter!r}",
-        *(f"{key} = {getattr(target, key)!r}" for key in STATED if getattr(target, key) > 0.0),
+        *_target_lines(target),
         "",
         "[reference]",
     ]
@@ -61,3 +72,16 @@ def capture_toml(
             lines += ["", "[[trial]]", f'name = "{wheel.name}"', f'file = "{scan_file(wheel)}"']
             lines += [f'wheel = "{wheel.wheel}"']
     return "\n".join([*lines, *more]) + "\n"
+
+
+def _target_lines(target: TargetFile) -> list[str]:
+    """What is stated of the target; of a disc not the thickness, which nothing asks for."""
+    left_out = {"thickness"} if target.shape == "disc" else set()
+    told = {k: v for k, v in target.stated.items() if k not in left_out and v != 0.0}
+    return [f"{key} = {_toml_value(value)}" for key, value in told.items()]
+
+
+def _toml_value(value: object) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{k} = {json.dumps(v)}" for k, v in value.items()) + " }"
+    return json.dumps(value)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from synth.parameters import TargetFile
+from synth.plate_file import TargetFile
 from synth.solids import Solid, box
 from synth.vehicle import about
 
@@ -33,10 +33,11 @@ def draw_board(
 ) -> Solid:
     """A board, parallel to the face, whose shadow from the station is such a band of any direction.
 
+    Its share is that of the smallest circle about the face.
     station_target_m: (3,) in target coordinates, which the board has as well.
     """
     low, high = draw_band(fraction, rng)
-    radius = target.diameter / 2
+    radius = target.radius_m
     near = BEFORE_M / station_target_m[2]
     half = (1.0 - near) * (high - low) / 2 * radius
     solid = box((-half, -HALF_LENGTH_M, 0.0), (half, HALF_LENGTH_M, THICK_M), reflectance=0.3)

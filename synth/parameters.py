@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 from pydantic import (  # noqa: TID253  a class needs its base at once
     BaseModel,
@@ -159,6 +159,28 @@ class Obstacle(Section):
     occluded_fraction: float = Field(0.0, ge=0.0, le=0.9)
 
 
+class Panorama(Section):
+    """Scans of a whole vehicle: their points together, and what each station sees.
+
+    stations: outside the corners at RR, RL, FR, FL, then at the left and the right side.
+    window_deg: of azimuth, about the middle of the vehicle.
+    """
+
+    points: int = Field(20_000_000, ge=10_000, le=1_000_000_000)
+    stations: int = Field(4, ge=4, le=6)
+    window_deg: float = Field(360.0, ge=60.0, le=360.0)
+    lowest_deg: float = Field(-60.0, ge=-75.0, le=-20.0)
+    highest_deg: float = Field(40.0, ge=0.0, le=75.0)
+
+
+class Corner(Section):
+    """Where such a station stands: from its corner's target along and across the car, and up."""
+
+    ahead_m: float = Field(1.0, ge=0.3, le=1.8)
+    aside_m: float = Field(2.1, ge=1.5, le=2.9)
+    height_m: float = Field(1.4, ge=0.5, le=2.0)
+
+
 class TotalStation(Section):
     """The instrument that measures five points a target."""
 
@@ -179,20 +201,6 @@ class ScannerFile(Section):
     beam: Beam
     total_station: TotalStation
     scene: Obstacle = Obstacle()
+    panorama: Panorama = Panorama()
+    corner: Corner = Corner()
     unread: ClassVar[frozenset[str]] = frozenset({"instrument"})
-
-
-class TargetFile(Section):
-    """A file of configs/targets/, lengths in metres; the generator knows discs.
-
-    flatness: the face lies between two planes that far apart, parallel to its mounting plane.
-    clamp_tilt_deg, clamp_shift: standard deviations, along each axis of the face, of how a mount
-    differs from the wheel's true plane and centre.
-    """
-
-    shape: Literal["disc"]
-    diameter: float = Field(gt=0.0)
-    thickness: float = Field(gt=0.0)
-    flatness: float = Field(0.0, ge=0.0, le=0.001)
-    clamp_tilt_deg: float = Field(0.0, ge=0.0, le=2.0)
-    clamp_shift: float = Field(0.0, ge=0.0, le=0.02)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -58,11 +59,15 @@ def read_recipe(path: Path, model: type[Section]) -> Recipe:
     return Recipe(str(path), tree)
 
 
-def read_fixed(path: Path, model: type[SectionT]) -> SectionT:
-    """A file without ranges, checked in the same way."""
+def read_one_of(path: Path, key: str, models: Mapping[str, type[SectionT]]) -> SectionT:
+    """A file without ranges, checked in the same way by the model that its `key` names."""
     tree = _parse(path)
-    _refuse(path, _mistakes(tree, model))
-    return model(**tree)
+    name = tree.get(key)
+    if not isinstance(name, str) or name not in models:
+        fact = f"'{key}' = {_one_line(repr(name))}" if key in tree else f"key '{key}' is missing"
+        raise SynthError(f"{path}: {fact}; known are {', '.join(models)}; correct the file")
+    _refuse(path, _mistakes(tree, models[name]))
+    return models[name](**tree)
 
 
 def _parse(path: Path) -> Tree:
@@ -102,6 +107,8 @@ def _say(kind: str, where: tuple[int | str, ...], text: str, given: Any, model: 
         known = _known_keys(model)
         near = _nearest(key, known)
         return f"unknown key '{key}' (nearest: '{near}')"
+    if kind == "value_error":
+        return f"{key}: ".lstrip(": ") + _one_line(text).removeprefix("Value error, ")
     return f"'{key}' = {_one_line(repr(given))}: {_one_line(text)}"
 
 

@@ -10,13 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from synth.echoes import Echoes
 from synth.errors import SynthError
 from synth.noise import gaussian_field
 from synth.parameters import Beam, Grid, Station
 from synth.raycast import RayCaster
 from synth.recipe import Recipe
 from synth.scene import Scene
-from synth.spot import Echoes, spot_echoes
+from synth.spot import spot_echoes
 from synth.vehicle import Vehicle, Wheel
 
 Array = npt.NDArray[np.float64]
@@ -36,15 +37,21 @@ class Stand:
 
 @dataclass(frozen=True)
 class Scan:
-    """One scan: points_station_m (N, 3), intensity (N,), on_front (N,) whole spot on the face.
+    """One scan: points_station_m (N, 3), intensity (N,), and on which plate's face each point is.
 
-    `beams` were sent; strays are in the points and not on the front.
+    plate (N,): number of the target on whose face the whole spot lies, else -1. `beams` were sent;
+    strays are in the points and on no plate.
     """
 
     points_station_m: Array
     intensity: npt.NDArray[np.float32]
-    on_front: npt.NDArray[np.bool_]
+    plate: npt.NDArray[np.int64]
     beams: int
+
+    @property
+    def on_front(self) -> npt.NDArray[np.bool_]:
+        """Whether each point is on a measured face, (N,)."""
+        return self.plate >= 0
 
 
 def draw_stand(vehicle: Vehicle, wheel: Wheel, recipe: Recipe, rng: np.random.Generator) -> Stand:
@@ -83,7 +90,7 @@ def scan(
     echoes = spot_echoes(scene, caster, true, step, beam.spot_radius_m)
     nominal = directions(azimuth, elevation).reshape(-1, 3)
     noise_m = _range_noise(echoes, elevation, grid, beam, rng)
-    return _report(echoes, nominal, noise_m, beam, rng)
+    return report(echoes, nominal, noise_m, beam, rng)
 
 
 def directions(azimuth_rad: Array, elevation_rad: Array) -> Array:
@@ -144,10 +151,13 @@ def _range_noise(
     return noise_m
 
 
-def _report(
+def report(
     echoes: Echoes, nominal: Array, noise_m: Array, beam: Beam, rng: np.random.Generator
 ) -> Scan:
-    """Range noise, strays, drop-outs and intensity; beams without an echo are left out."""
+    """The scan of beams with unit vectors nominal (N, 3), as the scanner reports it.
+
+    Range noise, strays, drop-outs and intensity; beams without an echo are left out.
+    """
     count = len(nominal)
     true_m = echoes.range_m
     range_m = true_m + noise_m
@@ -159,4 +169,4 @@ def _report(
     speckle = 1 + beam.intensity_sigma * rng.normal(0.0, 1.0, count)
     intensity = np.maximum(power * speckle, 0.0).astype(np.float32)
     points = nominal[kept] * range_m[kept, None]
-    return Scan(points, intensity[kept], (echoes.on_front & ~stray)[kept], count)
+    return Scan(points, intensity[kept], np.where(stray, -1, echoes.plate)[kept], count)

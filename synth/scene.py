@@ -3,20 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from synth.errors import SynthError
 from synth.form import FLAT, Form
-from synth.parameters import Body, TargetFile
-from synth.solids import Solid, arch_plate, box, joined, revolved
-from synth.target import Mount, disc
+from synth.parameters import Body
+from synth.pattern import Pattern, pattern_on
+from synth.plate_file import TargetFile
+from synth.solids import Solid, arch_plate, box, joined
+from synth.target import Mount, plate_solid
 from synth.vehicle import FORWARD, UP, Vehicle, Wheel
+from synth.wheel_solids import adapter, check_wheel, rolling
 
 Array = npt.NDArray[np.float64]
 NEUTRAL = Mount()
+
+
+@dataclass(frozen=True)
+class Plate:
+    """One target as it stands before the scanner: T_station_plate (4, 4), its form, its print."""
+
+    T_station_plate: Array
+    form: Form = FLAT
+    pattern: Pattern | None = None
+
+    def uv_m(self, points_station_m: Array) -> Array:
+        """Points (N, 3) along the axes of the face, (N, 2)."""
+        away = points_station_m - self.T_station_plate[:3, 3]
+        return np.asarray(away @ self.T_station_plate[:3, :2])
 
 
 @dataclass(frozen=True)
@@ -24,9 +40,9 @@ class Scene:
     """Facets in station coordinates: the axes of the site, the origin in the scanner.
 
     vertices_m (V, 3), faces (F, 3); each facet's plane normal . x = offset with a unit normal
-    (F, 3) and offset_m (F,); surface (F,) numbers smooth surfaces; reflectance (F,); front (F,)
-    marks the target's measured face, whose plane is the plate's and not that of its facets. On it
-    lies the form of the plate, at (x, y) of T_station_plate (4, 4).
+    (F, 3) and offset_m (F,); surface (F,) numbers smooth surfaces; reflectance (F,); plate (F,)
+    is the number of the target of whose measured face it is part, or -1. The plane of such a facet
+    is the plate's and not that of its corners; on it lies the form of the plate.
     """
 
     vertices_m: Array
@@ -35,9 +51,30 @@ class Scene:
     offsets_m: Array
     surface: npt.NDArray[np.int64]
     reflectance: Array
-    front: npt.NDArray[np.bool_]
-    form: Form = FLAT
-    T_station_plate: Array = field(default_factory=lambda: np.eye(4))
+    plate: npt.NDArray[np.int64]
+    plates: tuple[Plate, ...] = ()
+
+
+@dataclass(frozen=True)
+class Mounted:
+    """A target on its wheel, as it was clamped."""
+
+    wheel: Wheel
+    mount: Mount
+    target: TargetFile
+
+    @property
+    def plate(self) -> Wheel:
+        """Where the plate is, as if it were the wheel's true pose."""
+        return self.mount.on(self.wheel)
+
+    def solids(self, body: Body) -> list[Solid]:
+        """Plate, adapter and wheel in vehicle coordinates."""
+        check_wheel(body, self.wheel, self.target)
+        on_plate = [plate_solid(self.target), *adapter(self.wheel, self.target)]
+        solids = [solid.placed(self.plate.T_vehicle_target) for solid in on_plate]
+        on_wheel = rolling(body, self.wheel)
+        return solids + [solid.placed(self.wheel.T_vehicle_target) for solid in on_wheel]
 
 
 def build_scene(
@@ -50,100 +87,56 @@ def build_scene(
 ) -> Scene:
     """The scene of one wheel as the scanner at `station_vehicle_m` (3,) has it before itself.
 
-    Positions are taken relative to the station first and turned after, so that the place of the
-    vehicle in the site costs no digits. before: what else there is, in target coordinates.
+    before: what else there is, in target coordinates.
     """
-    _check(vehicle.body, wheel, target)
-    plate = mount.on(wheel)
-    on_plate = [disc(target), *_adapter(wheel, target)]
-    on_wheel = [*_rolling(vehicle.body, wheel), *before]
-    solids = [solid.placed(plate.T_vehicle_target) for solid in on_plate]
-    solids += [solid.placed(wheel.T_vehicle_target) for solid in on_wheel]
-    panels = [solid.placed(_upright(wheel)) for solid in _panels(vehicle.body, wheel)]
-    solids += [*panels, _floor(vehicle, wheel)]
+    mounted = Mounted(wheel, mount, target)
+    solids = mounted.solids(vehicle.body)
+    solids += [solid.placed(wheel.T_vehicle_target) for solid in before]
+    solids += [solid.placed(_upright(wheel)) for solid in _panels(vehicle.body, wheel)]
+    solids += [_floor(vehicle, wheel)]
+    return seen_from(station_vehicle_m, solids, [mounted], vehicle)
+
+
+def seen_from(
+    station_vehicle_m: Array, solids: Sequence[Solid], mounted: Sequence[Mounted], vehicle: Vehicle
+) -> Scene:
+    """Solids in vehicle coordinates as the scanner there has them before itself.
+
+    mounted: the targets, in the order in which their faces stand among the solids. Positions are
+    taken relative to the station first and turned after, so that the place of the vehicle in the
+    site costs no digits.
+    """
     whole, reflectance = joined(solids)
     R_site_vehicle = vehicle.T_site_vehicle[:3, :3]
     vertices = (whole.vertices_m - station_vehicle_m) @ R_site_vehicle.T
     normals, offsets = _planes(vertices[whole.faces])
-    T_station_plate = np.eye(4)
-    T_station_plate[:3, :2] = R_site_vehicle @ plate.T_vehicle_target[:3, :2]
-    T_station_plate[:3, 2] = R_site_vehicle @ plate.normal_vehicle
-    T_station_plate[:3, 3] = R_site_vehicle @ (plate.centre_vehicle_m - station_vehicle_m)
-    normals[whole.front] = T_station_plate[:3, 2]
-    offsets[whole.front] = T_station_plate[:3, 2] @ T_station_plate[:3, 3]
+    plates = tuple(_plate(one, R_site_vehicle, station_vehicle_m) for one in mounted)
+    number = _numbered(solids)
+    for k, plate in enumerate(plates):
+        normal = plate.T_station_plate[:3, 2]
+        normals[number == k] = normal
+        offsets[number == k] = normal @ plate.T_station_plate[:3, 3]
     return Scene(
-        vertices,
-        whole.faces,
-        normals,
-        offsets,
-        whole.surface,
-        reflectance,
-        whole.front,
-        mount.form,
-        T_station_plate,
+        vertices, whole.faces, normals, offsets, whole.surface, reflectance, number, plates
     )
 
 
-def _check(body: Body, wheel: Wheel, target: TargetFile) -> None:
-    if target.thickness > wheel.stand_off_m:
-        raise SynthError(
-            f"target thickness {target.thickness} m: more than the stand-off "
-            f"{wheel.stand_off_m:.4f} m of {wheel.name}; raise stand_off_m or thin the target"
-        )
-    if body.rim_diameter_m / 2 + 0.05 > body.tyre_radius_m:
-        raise SynthError(
-            f"body.rim_diameter_m {body.rim_diameter_m}: leaves less than 50 mm of tyre at "
-            f"tyre_radius_m {body.tyre_radius_m}; make the rim smaller"
-        )
-
-
-def _adapter(wheel: Wheel, target: TargetFile) -> list[Solid]:
-    """A shaft from the hub to the back of the plate, with a flange behind the plate."""
-    back, hub = -target.thickness, -wheel.stand_off_m - 0.02
-    flange = back - 0.008
-    profile = [(0.0, hub), (0.03, hub), (0.03, flange), (0.055, flange), (0.055, back), (0.0, back)]
-    return [revolved(profile, 90, reflectance=0.4)]
-
-
-def _rolling(body: Body, wheel: Wheel) -> list[Solid]:
-    """Tyre, rim barrel, hub, spokes and brake disc, inboard of the sidewall plane."""
-    out = -wheel.stand_off_m
-    rim, width = body.rim_diameter_m / 2, body.tyre_width_m
-    face = out - 0.02
-    spokes = [_spoke(k / max(body.spokes, 1), face, rim) for k in range(body.spokes)]
-    barrel = [(rim - 0.014, face), (rim + 0.002, face + 0.006), (rim + 0.002, out - width),
-              (rim - 0.014, out - width), (rim - 0.014, face)]  # fmt: skip
-    return [
-        _tyre(body, out),
-        revolved(barrel, 240, reflectance=0.55),
-        _cylinder(0.075, face - 0.05, face, reflectance=0.55),
-        _cylinder(0.15, out - 0.11, out - 0.09, reflectance=0.35),
-        *spokes,
-    ]
-
-
-def _tyre(body: Body, out_m: float) -> Solid:
-    """Section |r|^4 + |z|^4 = 1 between rim and tread, smooth so that its facets are no edges."""
-    turn = np.linspace(0.0, 2 * np.pi, 97)
-    cos, sin = np.cos(turn), np.sin(turn)
-    rim_m, outer_m = body.rim_diameter_m / 2, body.tyre_radius_m
-    radius = (rim_m + outer_m) / 2 + (outer_m - rim_m) / 2 * np.sign(cos) * np.sqrt(np.abs(cos))
-    across = body.tyre_width_m / 2 * (np.sign(sin) * np.sqrt(np.abs(sin)) - 1) + out_m
-    radius[-1], across[-1] = radius[0], across[0]
-    return revolved(list(zip(radius, across, strict=True)), 360, reflectance=0.1)
-
-
-def _spoke(turn: float, face_m: float, rim_m: float) -> Solid:
+def _plate(mounted: Mounted, R_site_vehicle: Array, station_vehicle_m: Array) -> Plate:
+    plate = mounted.plate
     pose = np.eye(4)
-    cos, sin = np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)
-    pose[:2, :2] = [[cos, -sin], [sin, cos]]
-    bar = box((0.06, -0.028, face_m - 0.03), (rim_m - 0.008, 0.028, face_m - 0.004), 0.55)
-    return bar.placed(pose)
+    pose[:3, :2] = R_site_vehicle @ plate.T_vehicle_target[:3, :2]
+    pose[:3, 2] = R_site_vehicle @ plate.normal_vehicle
+    pose[:3, 3] = R_site_vehicle @ (plate.centre_vehicle_m - station_vehicle_m)
+    mount = mounted.mount
+    printed = pattern_on(mounted.target, mounted.wheel.wheel, mount.print_shift_m)
+    return Plate(pose, mount.form, printed)
 
 
-def _cylinder(radius_m: float, low_m: float, high_m: float, reflectance: float) -> Solid:
-    profile = [(0.0, low_m), (radius_m, low_m), (radius_m, high_m), (0.0, high_m)]
-    return revolved(profile, 180, reflectance)
+def _numbered(solids: Sequence[Solid]) -> npt.NDArray[np.int64]:
+    """Of every facet the number of the face it is part of, counted over the solids, or -1."""
+    faces = np.cumsum([bool(solid.front.any()) for solid in solids]) - 1
+    parts = [np.where(solid.front, k, -1) for solid, k in zip(solids, faces, strict=True)]
+    return np.concatenate(parts)
 
 
 def _panels(body: Body, wheel: Wheel) -> list[Solid]:

@@ -92,6 +92,65 @@ def arch_plate(
     return _solid(Trimesh(vertices, faces, process=False), reflectance)
 
 
+def ruled(one_m: Array, other_m: Array, reflectance: float) -> Solid:
+    """The sheet of straight lines from each point of one (N, 3) to its fellow of other (N, 3)."""
+    from trimesh import Trimesh
+
+    n = len(one_m)
+    start = np.arange(n - 1)
+    faces = np.vstack(
+        [np.column_stack([start, start + 1, start + n]),
+         np.column_stack([start + 1, start + n + 1, start + n])]
+    )  # fmt: skip
+    return _solid(Trimesh(np.vstack([one_m, other_m]), faces, process=False), reflectance)
+
+
+def punched(
+    side_m: float,
+    middle_m: float,
+    radius_m: float,
+    depth_m: float,
+    sections: int,
+    reflectance: float,
+) -> Solid:
+    """A plate from the origin to (side, side), top on z = 0, with a round hole through it.
+
+    The hole's centre is (middle, middle); hole and outer sides have walls `depth_m` deep, the
+    sides through the origin have none.
+    """
+    from trimesh import Trimesh
+
+    corners = np.arctan2(*(np.array([[0, 0, 1, 1], [0, 1, 1, 0]]) * side_m - middle_m))
+    turns = 2 * np.pi * np.arange(sections) / sections
+    turn = np.union1d(np.arctan2(np.sin(turns), np.cos(turns)), corners)
+    turn = np.append(turn, turn[0])
+    way = np.column_stack([np.cos(turn), np.sin(turn)])
+    free = np.where(way > 0, side_m - middle_m, middle_m) / np.maximum(np.abs(way), 1e-12)
+    rim = middle_m + radius_m * way
+    outer = middle_m + way * np.min(free, axis=1)[:, None]
+    rings = [_at(outer, -depth_m), _at(rim, -depth_m), _at(rim, 0.0), _at(outer, 0.0)]
+    n = len(turn)
+    start = np.concatenate([k * n + np.arange(n - 1) for k in range(3)])
+    faces = np.vstack(
+        [np.column_stack([start, start + 1, start + n]),
+         np.column_stack([start + 1, start + n + 1, start + n])]
+    )  # fmt: skip
+    plate = _solid(Trimesh(np.vstack(rings), faces, process=False), reflectance)
+    edge = np.array([[side_m, 0.0], [side_m, side_m], [0.0, side_m]])
+    wall = ruled(_at(edge, 0.0), _at(edge, -depth_m), reflectance)
+    whole, _ = joined([plate, wall])
+    return replace(whole, reflectance=reflectance)
+
+
+def ellipsoid(centre_m: Sequence[float], half_m: Sequence[float], reflectance: float) -> Solid:
+    """An ellipsoid with these half axes along x, y, z."""
+    turn = np.linspace(0.0, np.pi, 49)
+    profile = list(zip(np.sin(turn), -np.cos(turn), strict=True))
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = np.diag(half_m), centre_m
+    return revolved(profile, 72, reflectance).placed(pose)
+
+
 def joined(solids: Sequence[Solid]) -> tuple[Solid, Array]:
     """All bodies as one, with the reflectance of each facet (F,)."""
     first_vertex = np.cumsum([0] + [len(s.vertices_m) for s in solids])
@@ -104,6 +163,10 @@ def joined(solids: Sequence[Solid]) -> tuple[Solid, Array]:
         float("nan"),
     )
     return whole, np.concatenate([np.full(len(s.faces), s.reflectance) for s in solids])
+
+
+def _at(xy_m: Array, z_m: float) -> Array:
+    return np.column_stack([xy_m, np.full(len(xy_m), z_m)])
 
 
 def _inside(angle: float, spread_rad: tuple[float, float]) -> bool:

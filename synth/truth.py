@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from synth.plate_file import TargetFile
 from synth.vehicle import FORWARD, LEFT, UP, Vehicle, Wheel
 
 Array = npt.NDArray[np.float64]
@@ -19,7 +20,8 @@ class Truth:
     """The vehicle, its wheels and trials in the order of the capture, and what was used.
 
     used: the parameters as drawn and the places of the instruments; turning: kingpins, toe-out on
-    turns and run-outs, where there are any; both ready for JSON.
+    turns and run-outs, where there are any; both ready for JSON. target: where the turn of its
+    face, axes u and v, is to be told, and the ids of its markers.
     """
 
     seed: int
@@ -27,6 +29,7 @@ class Truth:
     wheels: tuple[Wheel, ...]
     used: dict[str, Any]
     turning: dict[str, Any] = field(default_factory=dict)
+    target: TargetFile | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The content of truth.json, in the coordinates of the capture."""
@@ -35,7 +38,10 @@ class Truth:
         return {
             "schema": SCHEMA,
             "seed": self.seed,
-            "wheels": [_wheel(self.vehicle, wheel) for wheel in self.wheels],
+            "wheels": [
+                _wheel(self.vehicle, wheel) | _face(self.vehicle, wheel, self.target)
+                for wheel in self.wheels
+            ],
             "frame": _frame(self.vehicle),
             "vehicle": {
                 "rear_total_toe_deg": toe["RL"] + toe["RR"],
@@ -65,6 +71,15 @@ def _wheel(vehicle: Vehicle, wheel: Wheel) -> dict[str, Any]:
         "centre_m": site_point(vehicle, wheel.centre_vehicle_m),
         "normal": _site_way(vehicle, wheel.normal_vehicle),
     }
+
+
+def _face(vehicle: Vehicle, wheel: Wheel, target: TargetFile | None) -> dict[str, Any]:
+    if target is None:
+        return {}
+    u, v = wheel.T_vehicle_target[:3, :2].T
+    ids = target.ids_of(wheel.wheel)
+    told: dict[str, Any] = {"u": _site_way(vehicle, u), "v": _site_way(vehicle, v)}
+    return told | ({"ids": list(ids)} if ids else {})
 
 
 def _frame(vehicle: Vehicle) -> dict[str, Any]:

@@ -121,7 +121,44 @@ class Face:
         return run + self.form.height_m(foot) / ray[:, 2]
 
 
-Piece = Sheet | Wall | Cone | Face
+@dataclass(frozen=True)
+class HoledFace:
+    """A flat face w = 0, `whole`, with round holes, rows (u, v, radius)."""
+
+    whole: Sheet
+    holes: tuple[tuple[float, float, float], ...]
+    echo: float = 1.0
+
+    def meet(self, origin: Array, ray: Array) -> Array:
+        run = self.whole.meet(origin, ray)
+        foot = origin + np.where(np.isfinite(run), run, 0.0)[:, None] * ray
+        for u, v, radius in self.holes:
+            through = np.hypot(foot[:, 0] - u, foot[:, 1] - v) < radius
+            run = np.where(through, np.inf, run)
+        return run
+
+
+@dataclass(frozen=True)
+class HoleWall:
+    """The side of a hole: the cylinder about (u, v), seen from within, down to -thickness."""
+
+    middle: tuple[float, float]
+    radius: float
+    thickness: float
+    echo: float = 1.0
+
+    def meet(self, origin: Array, ray: Array) -> Array:
+        start = origin[:, :2] - np.array(self.middle)
+        square = np.sum(ray[:, :2] ** 2, axis=1)
+        along = np.sum(start * ray[:, :2], axis=1)
+        rest = np.sum(start**2, axis=1) - self.radius**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            run = (-along + np.sqrt(along**2 - square * rest)) / square
+        w = origin[:, 2] + run * ray[:, 2]
+        return np.where((run > 0.0) & (w <= 0.0) & (w >= -self.thickness), run, np.inf)
+
+
+Piece = Sheet | Wall | Cone | Face | HoledFace | HoleWall
 
 
 @dataclass(frozen=True)
@@ -134,7 +171,9 @@ class Setup:
     keep: which beams return, by where they meet w = 0, in (u, v); None for all.
     correlated_m, length_m: noise along the range besides, of correlation exp(-d^2 / (2 length^2))
     across the beams at the plate's distance. flatness_m: of the face. hidden: share of the face
-    behind a strip, `strip_m` before it.
+    behind a strip, `strip_m` before it. half_m: half widths of a rectangular plate, instead of
+    radius_m. holes: rows (u, v, radius). printed: brightness of the face at places (u, v), which
+    gives the cloud intensities, of relative noise intensity_noise, and weighs the ranges.
     """
 
     radius_m: float = 0.125
@@ -163,6 +202,10 @@ class Setup:
     flatness_m: float = 0.0
     hidden: float = 0.0
     strip_m: float = 0.15
+    half_m: tuple[float, float] | None = None
+    holes: tuple[tuple[float, float, float], ...] = ()
+    printed: Callable[[Array, Array], Array] | None = None
+    intensity_noise: float = 0.03
 
     def but(self, **changes: object) -> Setup:
         return replace(self, **changes)
@@ -184,6 +227,7 @@ class Cloud:
     R: Array
     shift_m: Array
     setup: Setup = field(repr=False)
+    intensity: Array | None = None
 
     @property
     def face_m(self) -> Array:
@@ -213,7 +257,7 @@ def make(setup: Setup, seed: int | np.random.Generator = 0, pose: Array | None =
         R, shift = pose[:3, :3], pose[:3, 3]
     scanner = _scanner(setup)
     beams = _grid(setup, scanner, rng)
-    local, on_face = _returns(setup, scanner, beams, rng)
+    local, on_face, intensity = _returns(setup, scanner, beams, rng)
     return Cloud(
         points_m=local @ R.T + shift,
         centre_m=shift,
@@ -223,6 +267,7 @@ def make(setup: Setup, seed: int | np.random.Generator = 0, pose: Array | None =
         R=R,
         shift_m=shift,
         setup=setup,
+        intensity=intensity,
     )
 
 
@@ -280,6 +325,13 @@ def _pieces(setup: Setup, rng: np.random.Generator) -> list[Piece]:
     if setup.flatness_m:
         face = Face(setup.radius_m, draw_form(setup.radius_m, setup.flatness_m, rng))
     pieces: list[Piece] = [face, Wall(setup.radius_m, setup.thickness_m)]
+    if setup.half_m is not None:
+        face = Sheet((0, 0, 0), half=setup.half_m)
+        pieces = [face, *_straight_walls(setup.half_m, setup.thickness_m)]
+    if setup.holes:
+        assert isinstance(face, Sheet)
+        pieces[0] = HoledFace(face, setup.holes)
+        pieces += [HoleWall((u, v), r, setup.thickness_m) for u, v, r in setup.holes]
     if setup.hidden:
         pieces.append(_strip(setup, rng))
     if setup.background_m is not None:
@@ -292,6 +344,17 @@ def _pieces(setup: Setup, rng: np.random.Generator) -> list[Piece]:
             )
         )
     return pieces + list(setup.extra)
+
+
+def _straight_walls(half: tuple[float, float], thickness: float) -> list[Piece]:
+    a, b = half
+    deep = -thickness / 2
+    return [
+        Sheet((a, 0, deep), (1, 0, 0), (0, 1, 0), (b, thickness / 2)),
+        Sheet((-a, 0, deep), (1, 0, 0), (0, 1, 0), (b, thickness / 2)),
+        Sheet((0, b, deep), (0, 1, 0), (1, 0, 0), (a, thickness / 2)),
+        Sheet((0, -b, deep), (0, 1, 0), (1, 0, 0), (a, thickness / 2)),
+    ]
 
 
 def _strip(setup: Setup, rng: np.random.Generator) -> Sheet:
@@ -318,16 +381,20 @@ def _trace(pieces: Sequence[Piece], origin: Array, ray: Array) -> tuple[Array, A
 
 def _returns(
     setup: Setup, scanner: Array, grid: tuple[Array, tuple[int, int]], rng: np.random.Generator
-) -> tuple[Array, Array]:
-    """Points in the target frame, and which of them lie on the face with their whole beam."""
+) -> tuple[Array, Array, Array | None]:
+    """Points in the target frame, which lie on the face with their whole beam, intensities."""
     ray, shape = grid
     pieces = _pieces(setup, rng)
     range_m, met = _trace(pieces, np.broadcast_to(scanner, ray.shape), ray)
-    pure = np.ones(len(ray), dtype=bool)
+    pure, light = np.ones(len(ray), dtype=bool), np.ones(len(ray))
     if setup.spot_m > 0.0:
         reach = int(np.ceil(1.05 * setup.spot_m / setup.spacing_m))
-        mixed = np.flatnonzero(_near_change(met.reshape(shape), reach))
-        range_m[mixed], pure[mixed] = _mean_range(setup, pieces, scanner, ray[mixed], rng)
+        near = _near_change(met.reshape(shape), reach)
+        if setup.printed is not None:
+            near |= met == 0
+        mixed = np.flatnonzero(near)
+        mean = _mean_range(setup, pieces, scanner, ray[mixed], rng)
+        range_m[mixed], pure[mixed], light[mixed] = mean
     keep = np.isfinite(range_m)
     if setup.filtered:
         keep &= pure
@@ -342,7 +409,10 @@ def _returns(
         steps = setup.length_m / setup.spacing_m
         noise = gaussian_field(shape, (steps, steps), rng).ravel()
         range_m = range_m + setup.correlated_m * noise
-    return scanner + range_m[keep, None] * ray[keep], (pure & (met == 0))[keep]
+    intensity = None
+    if setup.printed is not None:
+        intensity = (light * (1.0 + rng.normal(0.0, setup.intensity_noise, len(light))))[keep]
+    return scanner + range_m[keep, None] * ray[keep], (pure & (met == 0))[keep], intensity
 
 
 def _near_change(met: Array, reach: int) -> Array:
@@ -359,8 +429,8 @@ def _near_change(met: Array, reach: int) -> Array:
 
 def _mean_range(
     setup: Setup, pieces: Sequence[Piece], scanner: Array, ray: Array, rng: np.random.Generator
-) -> tuple[Array, Array]:
-    """Mean over the bundle, weighted by echo; inf where less than half returns; and who is pure."""
+) -> tuple[Array, Array, Array]:
+    """Mean over the bundle, weighted by echo, inf where under half returns; who is pure; light."""
     half = np.arange(setup.pairs)
     count = 2 * setup.pairs
     place = np.tile(setup.spot_m * np.sqrt((half + 0.5) / setup.pairs), 2)
@@ -374,11 +444,17 @@ def _mean_range(
         + (place * np.cos(turn))[..., None] * first[:, None, :]
         + (place * np.sin(turn))[..., None] * second[:, None, :]
     )
-    range_m, met = _trace(pieces, origin.reshape(-1, 3), np.repeat(ray, count, axis=0))
+    many = np.repeat(ray, count, axis=0)
+    range_m, met = _trace(pieces, origin.reshape(-1, 3), many)
+    brightness = np.ones(range_m.shape)
+    if setup.printed is not None:
+        foot = (origin.reshape(-1, 3) + range_m[:, None] * many)[met == 0]
+        brightness[met == 0] = setup.printed(foot[:, 0], foot[:, 1])
     range_m, met = range_m.reshape(-1, count), met.reshape(-1, count)
     hit = np.isfinite(range_m)
     echo = np.where(hit, np.array([p.echo for p in pieces] + [0.0])[met], 0.0)
+    echo *= brightness.reshape(-1, count)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.sum(np.where(hit, range_m, 0.0) * echo, axis=1) / echo.sum(axis=1)
     mean[hit.sum(axis=1) * 2 < count] = np.inf
-    return mean, np.all(met == met[:, :1], axis=1)
+    return mean, np.all(met == met[:, :1], axis=1), echo.mean(axis=1)

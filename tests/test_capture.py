@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.capture import open_capture
+from pipeline.capture import NOTHING_TOLD, Capture, Told, open_capture
 from pipeline.errors import ConfigError, InputError, WheelplaneError
+from pipeline.front import Front
 
 WHEELS = ("RR", "RL", "FR", "FL")
 REFERENCE = "[reference]\n" + "".join(f'{w} = "{w.lower()}.ply"\n' for w in WHEELS)
@@ -194,7 +195,7 @@ LONG = "a" * 300
 @pytest.mark.parametrize(
     ("toml", "says"),
     [
-        (DISC, ["'reference' is missing"]),
+        (DISC, ["one cloud", "found 4 (fl.ply, fr.ply, rl.ply, rr.ply)", "[reference]"]),
         (DISC + REFERENCE.replace("RL =", "# RL ="), ["[reference] lacks RL"]),
         (DISC + REFERENCE + 'XR = "xr.ply"\n', ["'XR'", "RR, RL, FR, FL"]),
         (DISC + REFERENCE + TRIAL + 'wheel = "XR"\n', ["trial.0.wheel", "'RR'", "'XR'"]),
@@ -216,7 +217,7 @@ LONG = "a" * 300
         (REFERENCE, ["no target is named", "--target disc-250"]),
         ("target = 3\n" + REFERENCE, ["target is 3", "[target]"]),
         ('target = "disc-25O"\n' + REFERENCE, ["'disc-25O'", "did you mean 'disc-250'?"]),
-        (TABLE.format(0.25).replace("disc", "disk") + REFERENCE, ["'disk'", "known is 'disc'"]),
+        (TABLE.format(0.25).replace("disc", "disk") + REFERENCE, ["did you mean 'disc'?"]),
         ("[target]\ndiameter = 0.25\n" + REFERENCE, ["shape"]),
         (TABLE.format(0.25).replace("iameter", "iamter") + REFERENCE, ["did you mean 'diameter'"]),
         (TABLE.format(250) + REFERENCE, ["diameter", "less than 3", "250"]),
@@ -282,9 +283,9 @@ def test_an_unknown_option_target_is_refused_with_the_nearest(tmp_path):
 
 
 def test_what_is_no_capture_at_all(tmp_path):
-    cloud = tmp_path / "cloud.ply"
-    cloud.write_bytes(b"ply\n")
-    assert "not a folder, zip or tar" in refusal(cloud)
+    other = tmp_path / "photo.jpg"
+    other.write_bytes(b"ply\n")
+    assert "not a folder, zip or tar" in refusal(other)
     empty = tmp_path / "empty.zip"
     empty.write_bytes(b"")
     assert "not a folder, zip or tar" in refusal(empty)
@@ -294,6 +295,174 @@ def test_what_is_no_capture_at_all(tmp_path):
     assert "not a regular file" in refusal(tmp_path / "pipe")
     (tmp_path / "void").mkdir()
     assert "found none" in refusal(tmp_path / "void", "disc-250")
+
+
+CLOUD = 'cloud = "vehicle.e57"\n'
+FRONT = "front = [0, -2, 0.5]\n"
+
+
+def whole(source: Path, target: str | None = "disc-250", told: Told = NOTHING_TOLD) -> Capture:
+    """The capture at `source`, which is one cloud that holds its own name."""
+    with open_capture(source, target, told) as capture:
+        assert capture.entries == ()
+        assert capture.cloud is not None
+        assert (capture.cloud.role, capture.cloud.wheel) == ("vehicle", None)
+        assert capture.cloud.path.read_bytes() == capture.cloud.file.encode()
+        assert capture.steps == 6
+        return capture
+
+
+def cloud_file(capture: Capture) -> str:
+    assert capture.cloud is not None
+    return capture.cloud.file
+
+
+@pytest.mark.parametrize(
+    "name", ["vehicle.ply", "v.E57", "a.xyz.gz", "b.csv", "c.txt", "d.npz", "rr.ply", "e.laz.xz"]
+)
+def test_a_file_of_a_cloud_is_a_capture_of_a_whole_vehicle(name, tmp_path):
+    fill(tmp_path, REFERENCE, (name, "other.ply"))  # what lies beside it does not matter
+    capture = whole(tmp_path / name)
+    assert cloud_file(capture) == name
+    assert capture.called(capture.cloud) == str(tmp_path / name)
+    assert (capture.length_unit, capture.front, capture.up) == ("m", None, "auto")
+    assert "--target disc-250" in refusal(tmp_path / name)
+
+
+@pytest.mark.parametrize("kind", ["folder", *KINDS])
+def test_a_folder_or_archive_of_one_cloud_is_a_whole_vehicle(kind, tmp_path):
+    others = ("five-point.txt", "truth.json", "points.csv", ".hidden.ply")
+    folder = fill(tmp_path / "c", None, ("vehicle.ply", *others))
+    source = folder if kind == "folder" else packed(folder, kind)
+    capture = whole(source)
+    assert cloud_file(capture) == "vehicle.ply"
+    assert capture.called(capture.cloud) == f"{source}: vehicle.ply"
+
+
+@pytest.mark.parametrize("kind", ["folder", "zip"])
+def test_capture_toml_says_all_of_a_whole_vehicle(kind, tmp_path):
+    toml = 'vehicle = "AA"\nlength_unit = "mm"\nup = "floor"\n' + CLOUD + FRONT + TABLE.format(250)
+    folder = fill(tmp_path / "c", toml, ("vehicle.e57", "more.ply", "rr.ply"))
+    capture = whole(folder if kind == "folder" else packed(folder, kind), None)
+    assert cloud_file(capture) == "vehicle.e57"
+    assert (capture.vehicle, capture.length_unit, capture.up) == ("AA", "mm", "floor")
+    assert capture.target.radius_m == 0.125
+    assert capture.front == Front("front 0,-2,0.5", (0.0, -2.0, 0.5))
+
+
+def test_capture_toml_need_not_name_the_only_cloud(tmp_path):
+    capture = whole(fill(tmp_path, DISC + FRONT, ("vehicle.ply", "notes.txt")), None)
+    assert cloud_file(capture) == "vehicle.ply"
+    table = fill(tmp_path / "t", DISC + 'cloud = "points.csv"\n', ("vehicle.ply", "points.csv"))
+    assert cloud_file(whole(table, None)) == "points.csv"
+
+
+@pytest.mark.parametrize("unit", ["m", "mm", "in"])
+def test_a_point_near_the_front_is_in_the_unit_of_the_file(unit, tmp_path):
+    metre = {"m": 1.0, "mm": 1000.0, "in": 1.0 / 0.0254}[unit]
+    point = (2.0 * metre, -3.0 * metre, 0.5 * metre)
+    toml = f'length_unit = "{unit}"\nfront_point = {list(point)}\n' + DISC
+    by_file = whole(fill(tmp_path / "c", toml, ("vehicle.ply",)), None)
+    bare = tmp_path / "c" / "vehicle.ply"
+    by_option = whole(bare, "disc-250", Told(length_unit=unit, front_point=point))
+    for capture in (by_file, by_option):
+        assert capture.length_unit == unit
+        assert capture.front is not None
+        assert capture.front.point_m == pytest.approx((2.0, -3.0, 0.5), rel=1e-12)
+        assert capture.front.direction is None
+
+
+def test_options_go_before_the_file(tmp_path):
+    toml = DISC + 'length_unit = "in"\nup = "z"\n' + FRONT
+    source = fill(tmp_path, toml, ("vehicle.ply",))
+    told = Told(length_unit="mm", front_point=(1000.0, 0.0, 0.0), up="floor")
+    capture = whole(source, None, told)
+    assert (capture.length_unit, capture.up) == ("mm", "floor")
+    assert capture.front == Front("--front-point 1000,0,0", None, (1.0, 0.0, 0.0))
+    assert whole(source, None, Told(front=(1.0, 0.0, 0.0))).front == Front(
+        "--front 1,0,0", (1.0, 0.0, 0.0)
+    )
+
+
+@pytest.mark.parametrize(
+    ("toml", "says"),
+    [
+        (DISC + CLOUD + REFERENCE, ["both [reference] and cloud = 'vehicle.e57'", "keep"]),
+        (DISC + CLOUD + TRIAL, ["[[trial]] without [reference]"]),
+        (DISC + TRIAL.replace("trial", "sweep") + 'wheel = "FR"\n' + CLOUD, ["unknown key"]),
+        (DISC + CLOUD.replace("vehicle", "missing"), ["the scan missing.e57 is missing"]),
+        (DISC + CLOUD.replace("vehicle.e57", ""), ["cloud", "at least 1 character"]),
+        (DISC + FRONT + REFERENCE, ["front beside [reference]", "leave it out"]),
+        (DISC + 'up = "auto"\n' + REFERENCE, ["up beside [reference]"]),
+        (DISC + CLOUD + FRONT + "front_point = [0, 0, 0]\n", ["front and front_point", "leave"]),
+        (DISC + CLOUD + "front = [0, 0, 0.0]\n", ["front 0,0,0: has no length"]),
+        (DISC + CLOUD + "front = [1, 2]\n", ["front.2"]),
+        (DISC + CLOUD + 'front = "x"\n', ["front", "got 'x'"]),
+        (DISC + CLOUD + "front = [nan, 0, 1]\n", ["front.0", "finite"]),
+        (DISC + CLOUD + 'up = "y"\n', ["up", "'floor'", "got 'y'"]),
+        (DISC + "cluod = 3\n", ["unknown key 'cluod'", "did you mean 'cloud'?"]),
+    ],
+)  # fmt: skip
+def test_a_wrong_declaration_of_a_whole_vehicle_is_refused_in_one_line(toml, says, tmp_path):
+    files = ("vehicle.e57", *(f"{wheel.lower()}.ply" for wheel in WHEELS), "rr2.ply")
+    text = refusal(fill(tmp_path, toml, files))
+    for part in says:
+        assert part in text
+
+
+@pytest.mark.parametrize(
+    ("files", "says"),
+    [
+        (("a.ply", "b.ply"), "found 2 (a.ply, b.ply)"),
+        (("a.ply", "a.e57", "x.txt"), "found 2 (a.e57, a.ply)"),
+        (("a.ply", "rr.ply"), "rl.* is needed, found none"),
+        (("notes.txt",), "rr.* is needed, found none"),
+        (("points.csv",), "rr.* is needed, found none"),
+    ],
+)
+def test_files_that_leave_a_doubt_which_is_the_cloud_are_refused(files, says, tmp_path):
+    source = fill(tmp_path / "c", None, files)
+    assert says in refusal(source, "disc-250")
+    assert says in refusal(packed(source, "zip"), "disc-250")
+
+
+@pytest.mark.parametrize(
+    ("told", "option"),
+    [
+        (Told(front=(1.0, 0.0, 0.0)), "--front "),
+        (Told(front_point=(1.0, 0.0, 0.0)), "--front-point "),
+        (Told(up="z"), "--up "),
+    ],
+)
+def test_what_tells_the_front_is_refused_where_each_wheel_has_its_scan(told, option, tmp_path):
+    source = fill(tmp_path)
+    with pytest.raises(InputError) as caught, open_capture(source, "disc-250", told):
+        pass
+    text = str(caught.value)
+    assert text.startswith(f"{source}: {option}is of a cloud that shows the whole vehicle")
+    assert "leave it out" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [("../v.ply", "lies outside the archive"), ("v.zip", "is an archive in an archive")],
+)
+def test_the_cloud_of_an_archive_lies_in_it_and_is_no_archive(name, says, tmp_path):
+    folder = fill(tmp_path / "c", DISC + f'cloud = "{name}"\n', ("v.zip",))
+    (tmp_path / "v.ply").write_bytes(b"v.ply")
+    with open_capture(folder) as capture:
+        assert cloud_file(capture) == name
+    assert says in refusal(packed(folder, "tar"))
+
+
+def test_both_ways_to_tell_the_front_are_one_too_many(tmp_path):
+    source = fill(tmp_path, None, ("vehicle.ply",))
+    told = Told(front=(1.0, 0.0, 0.0), front_point=(1.0, 0.0, 0.0))
+    with (
+        pytest.raises(InputError, match=r"^--front and --front-point: both.*leave out one$"),
+        open_capture(source, "disc-250", told),
+    ):
+        pass
 
 
 def write_tar(path: Path, name: str, kind: bytes = tarfile.REGTYPE, link: str = "") -> Path:

@@ -565,7 +565,7 @@ def test_what_is_missing_or_unknown_ends_in_one_line(capture, copy, wheelplane, 
         ((capture, "--target", "disc-205"), ["disc-205", "did you mean 'disc-250'?"]),
         ((capture, "--target", tmp_path / "t.toml"), ["t.toml", "no such file"]),
         ((capture, "--config", tmp_path / "c.toml"), ["c.toml", "No such file"]),
-        ((capture / "rr.ply",), ["rr.ply", "wheelplane plane"]),
+        ((capture / "rr.ply",), ["rr.ply", "no target is named"]),
     ):
         is_refusal(wheelplane("measure", *arguments, "-o", tmp_path / "o"), *says)
         assert not (tmp_path / "o").exists()
@@ -883,7 +883,7 @@ def test_targets_lists_what_target_takes(capture, wheelplane):
     assert (run.code, run.err) == (0, "")
     names = [line.split()[0] for line in run.out.splitlines()[1:]]
     assert names == sorted(path.stem for path in (CONFIGS / "targets").glob("*.toml"))
-    assert re.search(r"^ +disc-250 +disc +250 mm +10 mm$", run.out, re.M)
+    assert re.search(r"^ +disc-250 +disc +250 mm across +- +10 mm$", run.out, re.M)
 
 
 def test_synth_keeps_what_is_there(capture, wheelplane, tmp_path):

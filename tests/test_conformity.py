@@ -613,7 +613,7 @@ def command(request, monkeypatch, tmp_path, wheelplane, measured):
         return lambda *options: wheelplane("five-point", FIGURE_4, *options)
 
     @contextlib.contextmanager
-    def opened(path, target):
+    def opened(path, target, options):
         yield mock.MagicMock(entries=(), scanner=None)
 
     monkeypatch.setattr(measure_command, "open_capture", opened, raising=True)

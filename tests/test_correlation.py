@@ -4,9 +4,20 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.correlation import LENGTHS_OF_RADIUS, correlated_noise
+from pipeline.correlation import LENGTHS_OF_RADIUS, cells_across, cells_of, correlated_noise
+from pipeline.slab_sums import SlabMoments, sums_by
 
 RADIUS = 0.12
+
+
+def noise_of(uv, residual, radius, resolution=0.0):
+    """What residuals (N,) at uv (N, 2) say, averaged over the cells of a raster on the target."""
+    across = cells_across(len(uv))
+    held = SlabMoments(np.zeros((across**2, 10)), np.zeros((0, 3)), across, 2.0 * radius / across)
+    uvw = np.column_stack([uv, residual])
+    spread = float(np.sqrt(np.mean(residual**2))) if len(residual) else 0.0
+    cells = cells_of(sums_by(held.cells(uvw), uvw, across**2), across, held.side_m)
+    return correlated_noise(cells, radius, spread, resolution)
 
 
 def field(rng, uv, length, sigma):
@@ -34,7 +45,7 @@ def scanned(seed, white=5e-4, sigma=0.0, length=0.01, count=6000, keep=lambda uv
     uv -= uv.mean(axis=0)
     slopes = np.column_stack([np.ones(len(uv)), uv])
     wrong = np.linalg.lstsq(slopes, height, rcond=None)[0]
-    seen = correlated_noise(uv, height - slopes @ wrong, RADIUS)
+    seen = noise_of(uv, height - slopes @ wrong, RADIUS)
     white_part = seen.white_sigma_m**2 * np.linalg.inv(slopes.T @ slopes)
     return wrong, seen, white_part
 
@@ -86,14 +97,14 @@ def test_turned_shifted_and_scaled():
     uv = rng.uniform(-RADIUS, RADIUS, (6000, 2))
     uv = uv[np.hypot(*uv.T) < RADIUS]
     height = field(rng, uv, 0.015, 8e-4) + 2e-4 * rng.standard_normal(len(uv))
-    seen = correlated_noise(uv, height, RADIUS)
-    twice = correlated_noise(2.0 * uv, 3.0 * height, 2.0 * RADIUS)
+    seen = noise_of(uv, height, RADIUS)
+    twice = noise_of(2.0 * uv, 3.0 * height, 2.0 * RADIUS)
     assert twice.sigma_m == pytest.approx(3.0 * seen.sigma_m, rel=1e-9)
     assert twice.length_m == pytest.approx(2.0 * seen.length_m, rel=1e-9)
     np.testing.assert_allclose(
         twice.covariance[1:, 1:], (3.0 / 2.0) ** 2 * seen.covariance[1:, 1:], rtol=1e-9
     )
-    quarter = correlated_noise(uv @ [[0.0, 1.0], [-1.0, 0.0]], height, RADIUS)
+    quarter = noise_of(uv @ [[0.0, 1.0], [-1.0, 0.0]], height, RADIUS)
     assert quarter.covariance[1, 1] == pytest.approx(seen.covariance[2, 2], rel=1e-6)
     assert seen.covariance[1, 1] > 0.0
 
@@ -103,14 +114,14 @@ def test_a_bent_plate_is_form_not_noise():
     uv = rng.uniform(-RADIUS, RADIUS, (20_000, 2))
     uv = uv[np.hypot(*uv.T) < RADIUS]
     saddle = 1e-3 * (uv[:, 0] ** 2 - uv[:, 1] ** 2) / RADIUS**2
-    seen = correlated_noise(uv, saddle + 2e-4 * rng.standard_normal(len(uv)), RADIUS)
+    seen = noise_of(uv, saddle + 2e-4 * rng.standard_normal(len(uv)), RADIUS)
     assert np.trace(seen.form_covariance) > 10 * np.trace(seen.covariance)
 
 
 @pytest.mark.parametrize("count", [0, 5, 60])
 def test_few_points_tell_nothing_and_do_no_harm(count):
     rng = np.random.default_rng(1)
-    seen = correlated_noise(rng.uniform(-1, 1, (count, 2)), rng.normal(size=count), 1.0)
+    seen = noise_of(rng.uniform(-1, 1, (count, 2)), rng.normal(size=count), 1.0)
     assert np.all(np.isfinite(seen.covariance))
     if count < 12:
         assert not seen.covariance.any()
@@ -120,5 +131,5 @@ def test_rounding_is_no_noise():
     rng = np.random.default_rng(1)
     uv = rng.uniform(-RADIUS, RADIUS, (5000, 2))
     steps = 1e-16 * np.floor(uv[:, 0] / 0.03)
-    assert correlated_noise(uv, steps, RADIUS, resolution_m=1e-14).sigma_m == 0.0
-    assert correlated_noise(uv, 1e10 * steps, RADIUS, resolution_m=1e-14).sigma_m > 0.0
+    assert noise_of(uv, steps, RADIUS, resolution=1e-14).sigma_m == 0.0
+    assert noise_of(uv, 1e10 * steps, RADIUS, resolution=1e-14).sigma_m > 0.0

@@ -23,7 +23,7 @@ COARSE = Setup(spacing_m=0.0025, half_width_m=0.2, pairs=8)
 
 def fit(points, target=DISC, seed=0):
     patch = find_target(points, target, SegmentConfig(), seed)
-    return patch, fit_plane(patch, target.radius_m, PlaneConfig())
+    return patch, fit_plane(patch, target, PlaneConfig())
 
 
 def tilt(a, b):
@@ -82,7 +82,7 @@ def test_refining_beats_the_plane_that_was_handed_over():
         patch, _ = fit(cloud.points_m)
         turned = replace(patch, basis=patch.basis + 1e-3 * patch.basis[[2, 0, 0]])
         turned = replace(turned, basis=np.linalg.qr(turned.basis.T)[0].T)
-        plane = fit_plane(turned, cloud.setup.radius_m, PlaneConfig())
+        plane = fit_plane(turned, DISC, PlaneConfig())
         start.append(tilt(turned.basis[2], cloud.normal))
         end.append(tilt(plane.normal, cloud.normal))
     bound = tilt_sigma(COARSE, plane.count) * np.sqrt(2.0)
@@ -215,3 +215,26 @@ def test_points_on_a_line_span_no_plane():
     line = np.column_stack([np.linspace(-0.12, 0.12, 500), np.zeros((500, 2))])
     with pytest.raises(NotMeasuredError):
         fit(line)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_order_of_the_points_changes_rounding_alone(seed):
+    cloud = make(WHEEL, seed)
+    _, plane = fit(cloud.points_m)
+    shuffled = np.random.default_rng(seed).permutation(cloud.points_m)
+    patch, again = fit(shuffled)
+    assert tilt(plane.normal, again.normal) < 1e-12
+    assert np.abs(plane.centroid_m - again.centroid_m).max() < 1e-12
+    assert again.count == plane.count
+    assert again.sigma_m == pytest.approx(plane.sigma_m, rel=1e-9)
+    assert not np.array_equal(patch.face_m, fit(cloud.points_m)[0].face_m)
+
+
+def test_threads_change_no_bit(monkeypatch):
+    cloud = make(WHEEL, 3)
+    answers = []
+    for count in ("1", "2", "3"):
+        monkeypatch.setenv("WHEELPLANE_THREADS", count)
+        _, plane = fit(cloud.points_m)
+        answers.append((plane.normal.tobytes(), plane.centroid_m.tobytes(), plane.sigma_m))
+    assert answers[0] == answers[1] == answers[2]

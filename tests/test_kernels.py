@@ -10,9 +10,7 @@ from scipy import linalg, optimize
 
 from pipeline.kernels import (
     CHUNK_ROWS,
-    Slab,
     gather_ball,
-    gather_face,
     plane_basis,
     random_rows,
     total_least_squares,
@@ -157,27 +155,6 @@ def test_slab_is_what_one_line_says(cloud):
     expected = np.abs((cloud - CENTRE) @ NORMAL) < 0.1
     np.testing.assert_array_equal(within_slab(cloud, CENTRE, NORMAL, 0.1), expected)
     assert 0 < expected.sum() < len(cloud)
-
-
-def test_face_and_a_share_of_its_surroundings(cloud):
-    offset = cloud - CENTRE
-    depth = np.abs(offset @ NORMAL)
-    aside = np.linalg.norm(np.cross(offset, NORMAL), axis=1)
-    on_face = (aside < 0.4) & (depth < 0.05)
-    around = (aside < 0.4 + depth) & (depth < 0.3)
-    arguments = (Slab(0.4, 0.05), Slab(0.4, 0.3, 1.0))
-    rng = np.random.default_rng(0)
-    face, rest = gather_face(cloud, CENTRE, NORMAL, *arguments, 1.0, rng)
-    np.testing.assert_array_equal(face, offset[on_face])
-    single = np.finfo(np.float32).eps
-    np.testing.assert_allclose(rest, offset[around & ~on_face], atol=single)
-    share = 0.25
-    face, some = gather_face(cloud, CENTRE, NORMAL, *arguments, share, rng)
-    np.testing.assert_array_equal(face, offset[on_face])
-    others = np.count_nonzero(around & ~on_face)
-    assert abs(len(some) - share * others) < 5 * np.sqrt(others * share * (1 - share))
-    everything = {tuple(row) for row in rest}
-    assert all(tuple(row) in everything for row in some)
 
 
 @pytest.mark.parametrize(("total", "count"), [(10, 10), (9, 10), (1000, 10), (1003, 250)])

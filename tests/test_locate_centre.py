@@ -22,7 +22,7 @@ PLAIN = Setup(spacing_m=0.0018, half_width_m=0.19)
 
 def fit(points, target=DISC, seed=0):
     patch = find_target(points, target, SegmentConfig(), seed)
-    plane = fit_plane(patch, target.radius_m, PlaneConfig())
+    plane = fit_plane(patch, target, PlaneConfig())
     return locate_centre(patch, plane, target, CentreConfig())
 
 

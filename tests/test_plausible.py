@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.plausible import check_cloud, check_wheel_scan, float32_step
+from pipeline.plausible import check_cloud, check_vehicle_cloud, check_wheel_scan, float32_step
 from tests.scenes import WHEEL, make
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -99,6 +99,49 @@ def test_doubles_and_near_float32_are_not_blamed():
     step, _ = float32_step(single(WHEEL_M, "m"), "m")
     assert step < 1e-6
     check_wheel_scan(single(WHEEL_M, "m"), DIAMETER, "m", "rr")
+
+
+def vehicle(size, strays=0):
+    """A cloud that long, half as wide, a quarter as high; strays lie 20 times as far."""
+    rng = np.random.default_rng(3)
+    points = rng.uniform(0, 1, (20_000, 3)) * [size, size / 2, size / 4]
+    points[:strays] *= 20.0
+    return points
+
+
+@pytest.mark.parametrize("unit", FACTOR)
+@pytest.mark.parametrize("size", [1.8, 5.0, 30.0, 95.0])
+@pytest.mark.parametrize("strays", [0, 40])
+def test_a_vehicle_is_believed_in_its_unit(strays, size, unit):
+    check_vehicle_cloud(vehicle(size, strays), DIAMETER, unit, "v")
+    check_vehicle_cloud(vehicle(size, strays) + SITE, DIAMETER, unit, "v")
+
+
+@pytest.mark.parametrize(
+    ("told", "true"),
+    [("m", "mm"), ("mm", "m"), ("in", "m"), ("m", "in"), ("in", "mm"), ("mm", "in")],
+)
+@pytest.mark.parametrize("size", [5.0, 25.0])
+def test_a_vehicle_in_the_wrong_unit_is_refused_with_the_right_one(size, told, true):
+    wrong = declared(vehicle(size), told, true)
+    with pytest.raises(InputError) as caught:
+        check_vehicle_cloud(wrong, DIAMETER, told, "v")
+    text = str(caught.value)
+    assert re.match(r"v: the cloud is [\d.]+ k?m?m wide in (m|mm|in), ", text)
+    mend = f'say --length-unit {true}, or length_unit = "{true}" in a capture.toml'
+    assert text.endswith(mend)
+
+
+def test_a_yard_or_a_toy_is_no_vehicle():
+    for size, says in ((130.0, "100 m at most: crop it, or"), (1.2, "at least 1.5 m")):
+        with pytest.raises(InputError, match=says):
+            check_vehicle_cloud(vehicle(size), DIAMETER, "m", "v")
+
+
+def test_float32_far_away_is_named_as_the_cause_for_a_vehicle_too():
+    with pytest.raises(InputError, match=r"v: its coordinates are float32"):
+        check_vehicle_cloud(single(vehicle(6.0) + SITE, "m"), DIAMETER, "m", "v")
+    check_vehicle_cloud(single(vehicle(6.0), "m"), DIAMETER, "m", "v")
 
 
 @pytest.mark.parametrize("file", sorted((ROOT / "pipeline" / "certified").rglob("*.ds")), ids=str)

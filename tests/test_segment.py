@@ -106,12 +106,12 @@ def test_normal_points_to_the_scanner(seed):
 
 
 def test_candidates_are_ordered_and_in_scanner_coordinates():
-    cloud = make(WHEEL, 2)
+    cloud = make(SETUPS["strip before it"], 2)
     candidates = find(cloud.points_m).candidates
     matches = [candidate.match for candidate in candidates]
     assert matches == sorted(matches, reverse=True)
-    assert len(candidates) > 2
-    assert matches[0] > 0.8 > matches[1]
+    assert len(candidates) > 1
+    assert matches[0] > 0.7 > matches[1]
     assert np.linalg.norm(candidates[0].centre_m - cloud.centre_m) < start_m(cloud.setup)
 
 

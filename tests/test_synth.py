@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import json
 import subprocess
 import sys
@@ -14,55 +13,41 @@ import pytest
 from scipy import stats
 
 from synth.archive import write_capture
+from synth.echoes import trace
 from synth.errors import SynthError
 from synth.form import draw_form
 from synth.noise import gaussian_field
 from synth.obstacle import draw_board
-from synth.parameters import Beam, Grid, ScannerFile, TargetFile, VehicleFile
+from synth.parameters import Beam, Grid, ScannerFile, VehicleFile
+from synth.plate_file import DiscFile
 from synth.raycast import RayCaster
-from synth.recipe import read_fixed, read_recipe
+from synth.recipe import read_recipe
 from synth.scanner import directions, draw_stand, range_sigma_m, scan
 from synth.scene import Scene, build_scene
-from synth.spot import BEND_M, average, near_edges, spot_echoes, spot_pattern, trace
+from synth.spot import BEND_M, near_edges, spot_echoes
+from synth.spot_average import average, spot_pattern
 from synth.target import Mount, draw_mount
+from synth.target_file import read_target
 from synth.vehicle import WHEELS, draw_vehicle, draw_wheel
+from tests.made import (
+    CONFIGS,
+    DEFAULT,
+    DISC,
+    IDEAL,
+    RADIUS_M,
+    SALOON,
+    changed,
+    chi_square_bounds,
+    read_ply,
+)
 
-CONFIGS = Path(__file__).resolve().parents[1] / "configs"
-SALOON = CONFIGS / "vehicles" / "saloon.toml"
-DEFAULT = CONFIGS / "scanners" / "default.toml"
-IDEAL = CONFIGS / "scanners" / "ideal.toml"
-DISC = CONFIGS / "targets" / "disc-250.toml"
 COARSE = {"grid.spacing_m": 0.004, "grid.half_width_m": 0.2}
-RADIUS_M = 0.125
-
-
-def changed(path: Path, folder: Path, values: dict[str, object]) -> Path:
-    """A copy of a parameter file with some of its values changed, or added."""
-    tree = copy.deepcopy(tomllib.loads(path.read_text()))
-    for key, value in values.items():
-        table, _, name = key.rpartition(".")
-        (tree[table] if table else tree)[name] = value
-    tables = {k: v for k, v in tree.items() if isinstance(v, dict)}
-    lines = [f"{k} = {json.dumps(v)}" for k, v in tree.items() if k not in tables]
-    for table, content in tables.items():
-        lines += [f"[{table}]", *(f"{k} = {json.dumps(v)}" for k, v in content.items())]
-    copied = folder / f"{len(list(folder.iterdir()))}-{path.name}"
-    copied.write_text("\n".join(lines) + "\n")
-    return copied
 
 
 def make(out: Path, *, scanner: Path, vehicle: Path = SALOON, seed: int = 7, trials: int = 2):
     return write_capture(
         out, seed=seed, vehicle=vehicle, scanner=scanner, target=DISC, trials=trials
     )
-
-
-def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    header, _, body = path.read_bytes().partition(b"end_header\n")
-    assert b"format binary_little_endian 1.0" in header
-    rows = np.frombuffer(body, dtype=[("p", "<f8", 3), ("i", "<f4")])
-    assert f"element vertex {len(rows)}\n".encode() in header
-    return rows["p"], rows["i"]
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +73,7 @@ def staged(
     car = draw_vehicle(recipe, rng)
     truth = draw_wheel(car, recipe, wheel, rng)
     stand = draw_stand(car, truth, device, rng)
-    plate, place = read_fixed(DISC, TargetFile), stand.position_vehicle_m
+    plate, place = read_target(DISC), stand.position_vehicle_m
     before = [draw_board(plate, truth.seen(place), hidden, rng)] if hidden else []
     scene = build_scene(car, truth, plate, place, mount or Mount(), before)
     R = car.T_site_vehicle[:3, :3]
@@ -110,6 +95,40 @@ def test_same_seed_same_bytes_and_another_seed_others(noisy, tmp_path):
     for name in names:
         assert (tmp_path / "again" / name).read_bytes() == (capture / name).read_bytes()
     assert (tmp_path / "other" / "rr.ply").read_bytes() != (capture / "rr.ply").read_bytes()
+
+
+# Of captures made before whole vehicles and other targets were: scan, points, on the target, mean
+# of the points from the station, and of the intensities.
+AS_BEFORE = [
+    ("plain", "rr.ply", 10100, 2965, [2.003936881, 1.000532441, -0.565891373], 0.079409704),
+    ("plain", "rl.ply", 9908, 2979, [-2.716779422, -0.907658517, -0.298938908], 0.053499459),
+    ("plain", "fr.ply", 9893, 2740, [2.131931172, -0.001132311, -0.200635712], 0.086456884),
+    ("plain", "fl.ply", 10091, 2900, [-2.838916517, -0.415841961, -0.608152932], 0.047684489),
+    ("plain", "trial-1.ply", 10094, 2920, [2.083849843, 0.56299813, -0.558490249], 0.083596104),
+    ("marred", "rr.ply", 9688, 2329, [2.590998821, 0.972754279, 0.124252464], 0.053976839),
+    ("marred", "rl.ply", 9899, 2323, [-2.267421743, -1.183396332, -0.417896623], 0.060284534),
+    ("marred", "fr.ply", 9911, 2146, [2.883798115, 0.028194754, -0.448066012], 0.042328699),
+    ("marred", "fl.ply", 9911, 2329, [-2.023804599, -0.715568773, -0.17510867], 0.086299988),
+    ("marred", "trial-1.ply", 9706, 2330, [2.414894432, 1.091782689, 0.059469959], 0.059059218),
+]
+
+
+@pytest.mark.parametrize("name", ["plain", "marred"])
+def test_captures_of_wheels_stay_as_they_were(tmp_path, name):
+    """Every draw, in its order, and every surface: else counts and means would be others."""
+    values, plate = dict(COARSE), DISC
+    if name == "marred":
+        values |= {"beam.correlated_sigma_m": 0.0005, "beam.correlation_length_m": 0.01}
+        values |= {"scene": {"occluded_fraction": 0.2}}
+        marred = {"flatness": 0.0002, "clamp_tilt_deg": 0.1, "clamp_shift": 0.001}
+        plate = changed(DISC, tmp_path, marred)
+    files = {"vehicle": SALOON, "scanner": changed(DEFAULT, tmp_path, values), "target": plate}
+    told = write_capture(tmp_path / "c", seed=7, trials=1, **files).used["scans"]
+    for used, before in zip(told, [row[1:] for row in AS_BEFORE if row[0] == name], strict=True):
+        points, intensity = read_ply(tmp_path / "c" / used["file"])
+        assert (used["file"], len(points), used["points_on_target"]) == before[:3]
+        assert (points - used["station_m"]).mean(axis=0) == pytest.approx(before[3], abs=1e-9)
+        assert intensity.mean(dtype=float) == pytest.approx(before[4], rel=1e-6)
 
 
 def test_trials_do_not_shift_the_draws_of_the_wheels(noisy, tmp_path):
@@ -296,7 +315,7 @@ def test_away_from_edges_the_average_over_the_spot_is_its_centre():
         mean = average(scene, caster, beams.reshape(-1, 3)[chosen], beam.spot_radius_m)
         return np.abs(mean.range_m - echoes.range_m[chosen])
 
-    on_face = echoes.on_front[inner]
+    on_face = echoes.plate[inner] >= 0
     assert on_face.sum() > 500
     assert shift_m(inner)[on_face].max() < 1e-14
     pitch_m = step * echoes.range_m[inner] * np.cos(elevation).min()
@@ -332,7 +351,7 @@ def test_half_a_spot_must_return():
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     both = np.zeros(2, dtype=np.int64)
     plane = np.tile([1.0, 0, 0], (2, 1))
-    scene = Scene(corners, faces, plane, both + 2.0, both, both + 0.5, both > 0)
+    scene = Scene(corners, faces, plane, both + 2.0, both, both + 0.5, both - 1)
     caster = RayCaster(corners, faces)
     sideways_m = np.array([-0.002, -0.0004, 0.0004, 0.002])
     beams = np.column_stack([np.full(4, 2.0), sideways_m, np.zeros(4)])
@@ -377,11 +396,6 @@ def test_spot_erodes_the_far_edge_and_not_the_near_one(tmp_path):
 
 
 CALM = {"beam.spot_radius_m": 0.0, "beam.dropout_fraction": 0.0, "beam.stray_fraction": 0.0}
-
-
-def chi_square_bounds(count: int) -> tuple[float, float]:
-    low, high = stats.chi2.ppf([1e-6, 1 - 1e-6], count)
-    return low, high
 
 
 def test_noise_across_the_plate_is_the_range_noise_as_set(tmp_path):
@@ -530,7 +544,7 @@ def test_a_form_fills_its_flatness_and_leans_as_said():
 
 
 def test_points_lie_on_the_form_and_within_the_flatness(tmp_path):
-    target = TargetFile(shape="disc", diameter=0.25, thickness=0.01, flatness=0.0005)
+    target = DiscFile(shape="disc", diameter=0.25, thickness=0.01, flatness=0.0005)
     mount = draw_mount(target, np.random.default_rng(4))
     assert mount.tilt_rad == mount.shift_m == (0.0, 0.0)
     values = COARSE | {"beam.spot_radius_m": 0.0015}
@@ -540,7 +554,7 @@ def test_points_lie_on_the_form_and_within_the_flatness(tmp_path):
     off = face @ normal
     assert 0.9 * 0.0005 < np.ptp(off) < 1.001 * 0.0005
     assert np.abs(off).max() < 0.5005 * 0.0005
-    uv = face @ scene.T_station_plate[:3, :2]
+    uv = face @ scene.plates[0].T_station_plate[:3, :2]
     # Slopes reach 6 waves of the flatness over the shortest length; beams lean by up to 25 degrees.
     steepest = 6 * 0.0005 * 2 * np.pi / (0.6 * 0.25)
     assert np.abs(off - mount.form.height_m(uv)).max() < 0.5 * 0.0005 * steepest
@@ -575,7 +589,7 @@ def test_a_clamp_tilts_and_shifts_the_plate_and_not_the_truth(tmp_path):
 
 def test_clamps_scatter_as_set():
     given = {"clamp_tilt_deg": 0.5, "clamp_shift": 0.002}
-    target = TargetFile(shape="disc", diameter=0.25, thickness=0.01, **given)
+    target = DiscFile(shape="disc", diameter=0.25, thickness=0.01, **given)
     rng = np.random.default_rng(0)
     mounts = [draw_mount(target, rng) for _ in range(300)]
     low, high = chi_square_bounds(2 * len(mounts))
@@ -591,7 +605,7 @@ def test_a_shifted_plate_has_its_rim_where_it_was_clamped(tmp_path):
     scene, centre, normal, grid, beam = staged(changed(IDEAL, tmp_path, values), mount=mount)
     seen = scan(scene, centre, grid, beam, np.random.default_rng(0))
     face = seen.points_station_m[seen.on_front] - centre
-    middle = scene.T_station_plate[:3, 3] - centre
+    middle = scene.plates[0].T_station_plate[:3, 3] - centre
     assert np.linalg.norm(middle) == pytest.approx(0.005, abs=1e-12)
     assert abs(middle @ normal) < 1e-12
     assert np.linalg.norm(face - middle, axis=1).max() <= RADIUS_M
@@ -712,7 +726,7 @@ def test_unusable_files_and_options_are_refused_in_one_line(tmp_path):
     refused(match="absent.toml: No such file", out=out, vehicle=tmp_path / "absent.toml")
     refused(match="broken.toml: not valid TOML", out=out, vehicle=tmp_path / "broken.toml")
     refused(match="binary.toml: not UTF-8", out=out, scanner=tmp_path / "binary.toml")
-    refused(match="'shape' = 'ring'", out=out, target=ring)
+    refused(match="key 'hole_diameter' is missing", out=out, target=ring)
     fine = changed(DEFAULT, tmp_path, {"grid.spacing_m": 0.0001})
     refused(match="grid: .* million beams", out=out, scanner=fine)
     refused(match="no stand .* m from target RR", out=out, scanner=low)

@@ -42,7 +42,7 @@ def plane_of(uv, correlated=0.0, length=0.0):
     basis = np.eye(3)
     basis[:2, :2] = axes.T
     noise = CorrelatedNoise(correlated, length, NONE, NONE, np.inf, SIGMA)
-    fit = PlaneFit(np.zeros(3), basis, SIGMA, SIGMA, values, len(uv), 1, noise)
+    fit = PlaneFit(np.zeros(3), basis, SIGMA, SIGMA, np.diag(values), len(uv), 1, noise)
     centre = np.append(-uv.mean(axis=0), 0.0)  # the origin of uv, from the centroid
     return fit, SimpleNamespace(centre_m=centre)
 

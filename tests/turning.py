@@ -12,10 +12,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.align import align
-from pipeline.capture import Turn
 from pipeline.causes import Cause
 from pipeline.locate_centre import TargetFit
 from pipeline.measurement import Evidence, Measurement, Observation, Provenance
+from pipeline.scan_entry import Turn
 from tests.given import root
 
 NOWHERE = Provenance("test", None, "0", {}, {}, 0)

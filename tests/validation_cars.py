@@ -22,8 +22,9 @@ from pipeline.validate_request import as_method
 from pipeline.validate_shape import angles_in
 from synth.files import capture_toml, ply, scan_file
 from synth.five_point import draw_place, measure_five
-from synth.parameters import TargetFile, TotalStation, VehicleFile
-from synth.recipe import read_fixed, read_recipe
+from synth.parameters import TotalStation, VehicleFile
+from synth.recipe import read_recipe
+from synth.target_file import read_target
 from synth.truth import Truth, site_point
 from synth.vehicle import WHEELS, draw_trial, draw_vehicle, draw_wheel
 from tests.given import root
@@ -126,7 +127,7 @@ def points(blocks, station=None):
 def write_capture(folder, seed, station=TM30, trials=1, scene=SCENE):
     """A coarse capture with five-point.txt and truth.json, made in half a second."""
     car = Car(seed, trials)
-    plate = read_fixed(config_file("targets", "disc-250"), TargetFile)
+    plate = read_target(config_file("targets", "disc-250"))
     folder.mkdir(parents=True)
     for wheel in car.drawn:
         setup = scene.but(

@@ -34,7 +34,7 @@ def demo(folder: Path, seed: int) -> int:
     make_capture(capture, seed, "saloon", "default", "disc-250", trials=2)
     mark.touch()
     click.echo("Measuring it from the scans alone ...\n")
-    with open_capture(capture) as opened, Progress(len(opened.entries)) as progress:
+    with open_capture(capture) as opened, Progress(opened.steps) as progress:
         measurement = measure_capture(opened, Config(), progress)
     written = write_reports(measurement, results)
     click.echo(compared(measurement, capture / "truth.json"))

@@ -9,12 +9,13 @@ import click
 import numpy as np
 
 from pipeline.archive import ARCHIVE_SUFFIXES
-from pipeline.capture import ScanEntry, open_entries
+from pipeline.capture import open_entries
 from pipeline.commands.progress import Reading
 from pipeline.errors import WheelplaneError
 from pipeline.oddities import oddities, spacing_m
 from pipeline.plausible import length
 from pipeline.report.layout import aligned
+from pipeline.scan_entry import ScanEntry
 from pipeline.survey import Survey, survey_file
 from pipeline.units import LENGTH_UNITS
 
@@ -34,30 +35,29 @@ def inspect(file: Path, length_unit: str | None, as_json: bool) -> int:
 
     Every point passes by once; none but a sample is kept in memory.
     """
-    if file.is_dir() or (file.is_file() and _is_capture(file)):
-        with open_entries(file) as (unit, entries):
-            unit = length_unit or unit
-            looked = [
-                (entry, _look(entry.path, unit, f"{file}: {entry.file}")) for entry in entries
-            ]
-        tree: object = {
-            "capture": str(file),
-            "length_unit": unit,
-            "entries": [
-                {
-                    "name": entry.name,
-                    "role": entry.role,
-                    "wheel": entry.wheel,
-                    **_tree(entry.file, s),
-                }
-                for entry, s in looked
-            ],
-        }
-        text = _capture_text(file, unit, looked)
-    else:
-        survey = _look(file, length_unit or "m", str(file))
-        tree, text = _tree(str(file), survey), _text(str(file), survey)
-    click.echo(json.dumps(tree, indent=1) if as_json else text)
+    if not file.is_dir() and not (file.is_file() and _is_capture(file)):
+        return _show(str(file), _look(file, length_unit or "m", str(file)), as_json)
+    with open_entries(file) as (unit, entries):
+        unit = length_unit or unit
+        looked = [(entry, _look(entry.path, unit, f"{file}: {entry.file}")) for entry in entries]
+    first, survey = looked[0]
+    if first.role == "vehicle":
+        return _show(f"{file}: {first.file}", survey, as_json)
+    tree = {
+        "capture": str(file),
+        "length_unit": unit,
+        "entries": [
+            {"name": entry.name, "role": entry.role, "wheel": entry.wheel, **_tree(entry.file, s)}
+            for entry, s in looked
+        ],
+    }
+    click.echo(json.dumps(tree, indent=1) if as_json else _capture_text(file, unit, looked))
+    return 0
+
+
+def _show(name: str, survey: Survey, as_json: bool) -> int:
+    """Print what one file holds."""
+    click.echo(json.dumps(_tree(name, survey), indent=1) if as_json else _text(name, survey))
     return 0
 
 

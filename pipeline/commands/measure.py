@@ -8,9 +8,11 @@ import click
 
 from pipeline.align import check_by_monte_carlo
 from pipeline.capture import open_capture
+from pipeline.capture_file import LengthUnit, Upright
 from pipeline.commands.judging import monte_carlo_option, show, tolerance_option
 from pipeline.commands.progress import Progress
 from pipeline.commands.viewing import view_options
+from pipeline.commands.whole import told, whole_vehicle_options
 from pipeline.config import load_config, with_scanner
 from pipeline.conformity import assess, conforms
 from pipeline.measure import measure_capture
@@ -19,6 +21,7 @@ from pipeline.report.view import AngleStyle, read_view
 from pipeline.report.write import write_reports
 from pipeline.runout import all_turned
 from pipeline.tolerance import load_tolerance
+from pipeline.units import LENGTH_UNITS
 from pipeline.vehicle import Axis
 
 
@@ -33,6 +36,12 @@ from pipeline.vehicle import Axis
 )
 @click.option("--json", "as_json", is_flag=True, help="Print measurement.json and nothing else.")
 @click.option("--target", metavar="NAME|FILE", help="The target, such as disc-250; see `targets`.")
+@click.option(
+    "--length-unit",
+    type=click.Choice(LENGTH_UNITS),
+    help="Of the coordinates; else what capture.toml says, or m.",
+)
+@whole_vehicle_options
 @click.option(
     "--config",
     type=click.Path(path_type=Path),
@@ -53,6 +62,10 @@ def measure(
     output: Path | None,
     as_json: bool,
     target: str | None,
+    length_unit: LengthUnit | None,
+    front: str | None,
+    front_point: str | None,
+    up: Upright | None,
     config: Path | None,
     scanner: str | None,
     trials: int | None,
@@ -62,12 +75,15 @@ def measure(
     angles: AngleStyle,
     rim: str | None,
 ) -> int:
-    """Measure CAPTURE: a folder, zip or tar with a scan of each wheel.
+    """Measure CAPTURE: a folder, zip or tar with a scan of each wheel, or one cloud of them all.
 
-    The scans are named in its capture.toml, or are called rr.* rl.* fr.* fl.* and trial-NAME.*.
-    Its [[sweep]] names scans of front wheels at three or more angles of the steering, body still
-    and brake held, for a wheel that rolls on its axle shows only where its plate wobbles; its
-    [[runout]] two or more of a lifted wheel, turned about its axle by angle_deg.
+    One cloud, such as an E57 of several scans, alone or in its folder, zip or tar, is searched for
+    the targets, whose wheels are named by where they stand; --front tells which end is the front.
+
+    Scans of single wheels are named in its capture.toml, or are called rr.* rl.* fr.* fl.* and
+    trial-NAME.*. Its [[sweep]] names scans of front wheels at three or more angles of the steering,
+    body still and brake held, for a wheel that rolls on its axle shows only where its plate
+    wobbles; its [[runout]] two or more of a lifted wheel, turned about its axle by angle_deg.
 
     Exits with 1 when a trial, a sweep or a run-out could not be measured, and, with --tolerance,
     unless all that it limits is shown to conform: undecided is 1 too, so that 0 never lets a
@@ -76,7 +92,8 @@ def measure(
     view = read_view(axis, angles, rim)
     settings = load_config(config)
     limits = None if tolerance is None else load_tolerance(tolerance)
-    with open_capture(capture, target) as opened, Progress(len(opened.entries)) as progress:
+    said = told(front, front_point, up, length_unit)
+    with open_capture(capture, target, said) as opened, Progress(opened.steps) as progress:
         settings = with_scanner(settings, scanner or opened.scanner)
         measurement = measure_capture(opened, settings, progress)
     if trials:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -27,33 +29,98 @@ from pipeline.errors import InputError, MissingDependencyError
 @click.option(
     "--trials",
     type=click.IntRange(min=0),
-    default=2,
-    show_default=True,
-    help="Further scans of the wheels, each with angles of its own.",
+    default=None,
+    help="Further scans of the wheels, each with angles of its own.  [default: 2]",
 )
-def synth(out: Path, seed: int, vehicle: str, scanner: str, target: str, trials: int) -> int:
-    """Make a vehicle, scan its wheels, and write capture, five-point file and truth.json to OUT."""
-    scans = make_capture(out, seed, vehicle, scanner, target, trials)
-    click.echo(f"wrote {out}: {scans} scans, five-point.txt, capture.toml, truth.json")
+@click.option(
+    "--whole",
+    type=click.Choice(["ply", "e57"]),
+    is_flag=False,
+    flag_value="ply",
+    default=None,
+    help="One cloud of the whole vehicle in its bay instead: vehicle.ply, or vehicle.e57 with one "
+    "posed scan a station. After OUT; alone it is ply.",
+)
+@click.option(
+    "--points",
+    type=click.FloatRange(1e4, 1e9),
+    default=None,
+    metavar="N",
+    help="About how many points the whole vehicle's cloud has, for instance 20e6; else as the "
+    "scanner file's [panorama] has it.",
+)
+def synth(
+    out: Path,
+    seed: int,
+    vehicle: str,
+    scanner: str,
+    target: str,
+    trials: int | None,
+    whole: str | None,
+    points: float | None,
+) -> int:
+    r"""Make a vehicle, scan its wheels, and write capture, five-point file and truth.json to OUT.
+
+    With --whole the scanner goes round the vehicle, and all it sees is one cloud: the car and its
+    targets, floor, walls, a lift, a workbench, people. truth.json then says where the stations
+    were, which rows are whose, and in `frame` which way is forward in the cloud's coordinates.
+
+    \b
+    wheelplane synth car --seed 7
+    wheelplane synth car --seed 7 --whole --points 2e6
+    wheelplane synth car --seed 7 --whole e57 --target ring-300
+    """
+    if whole is None:
+        if points is not None:
+            raise click.UsageError("--points is of a whole vehicle's cloud; add --whole")
+        scans = make_capture(out, seed, vehicle, scanner, target, 2 if trials is None else trials)
+        click.echo(f"wrote {out}: {scans} scans, five-point.txt, capture.toml, truth.json")
+        return 0
+    if trials is not None:
+        raise click.UsageError("--trials are scans of single wheels; leave --whole or --trials out")
+    files = (vehicle, scanner, target)
+    asked = {"form": whole, "points": None if points is None else round(points)}
+    made = _make(
+        lambda: importlib.import_module("synth.whole").write_whole, out, seed, files, asked
+    )
+    count = sum(scan["points"] for scan in made.used["scans"])
+    click.echo(f"wrote {out}: vehicle.{whole}, {count} points, five-point.txt, truth.json")
     return 0
 
 
 def make_capture(out: Path, seed: int, vehicle: str, scanner: str, target: str, trials: int) -> int:
-    """Call synth, a package of its own that shares no formula with this one; how many scans."""
+    """A capture of single wheels; how many scans."""
+    files, asked = (vehicle, scanner, target), {"trials": trials}
+    made = _make(
+        lambda: importlib.import_module("synth.archive").write_capture, out, seed, files, asked
+    )
+    return len(made.wheels)
+
+
+def _make(
+    writer: Callable[[], Any],
+    out: Path,
+    seed: int,
+    files: tuple[str, str, str],
+    asked: dict[str, Any],
+) -> Any:
+    """Call synth, a package of its own that shares no formula with this one; its truth.
+
+    files: names of vehicle, scanner and target.
+    """
     errors = importlib.import_module("synth.errors")
-    archive = importlib.import_module("synth.archive")
+    vehicle, scanner, target = files
     try:
-        with Progress(4 + trials, "scanned") as progress:
-            truth = archive.write_capture(
+        with Progress(4 + asked.get("trials", 0), "scanned") as progress:
+            return writer()(
                 out,
                 seed=seed,
                 vehicle=config_file("vehicles", vehicle),
                 scanner=config_file("scanners", scanner),
                 target=config_file("targets", target),
-                trials=trials,
                 progress=progress,
+                **asked,
             )
-        return len(truth.wheels)
     except errors.SynthError as error:
         raise InputError(str(error)) from error
     except ImportError as error:

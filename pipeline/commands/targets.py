@@ -1,21 +1,110 @@
-"""`wheelplane targets`: the known targets."""
+"""`wheelplane targets`: the known targets, their sizes, and drawings of them."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import click
 
 from pipeline.config import config_folder
+from pipeline.errors import InputError
 from pipeline.report.layout import aligned
-from pipeline.targets import load_target
+from pipeline.targets import ANY_WIDTH, PatternTarget, Target, load_target
 
 
 @click.command()
-def targets() -> int:
-    """List the targets that --target knows by name; a TOML file describes any other."""
-    rows = [("name", "shape", "diameter", "thickness")]
-    for path in sorted((config_folder() / "targets").glob("*.toml")):
-        target = load_target(path.stem)
-        thickness = "-" if target.thickness is None else f"{target.thickness * 1e3:g} mm"
-        rows.append((path.stem, target.shape, f"{target.diameter * 1e3:g} mm", thickness))
-    click.echo(aligned(rows, left=2))
+@click.argument("name", required=False)
+@click.option(
+    "-o",
+    "--output",
+    "folder",
+    type=click.Path(path_type=Path),
+    help="Draw each, to scale, as an SVG file in this folder.",
+)
+def targets(name: str | None, folder: Path | None) -> int:
+    """List the targets that --target knows by name; a TOML file describes any other.
+
+    NAME, of a known target or of a TOML file, tells all of that one.
+    """
+    names = [name] if name else known_targets()
+    loaded = {one: load_target(one) for one in names}
+    if name:
+        click.echo(in_full(name, loaded[name]))
+    else:
+        click.echo(as_table(loaded))
+    if folder is not None:
+        for path in _drawn(loaded, folder):
+            click.echo(f"Wrote {path}")
     return 0
+
+
+def known_targets() -> list[str]:
+    """Names of the targets that are shipped."""
+    return sorted(path.stem for path in (config_folder() / "targets").glob("*.toml"))
+
+
+def as_table(loaded: dict[str, Target]) -> str:
+    """A line each: shape, size, what is in it, thickness."""
+    rows = [("name", "shape", "face", "holes or print", "thickness")]
+    for name, target in loaded.items():
+        rows.append((name, target.shape, _face(target), _inside(target), _mm(target.thickness)))
+    return aligned(rows, left=4)
+
+
+def in_full(name: str, target: Target) -> str:
+    """Every value of a target, lengths in mm."""
+    rows = [(name, target.words)]
+    for key, value in target.model_dump().items():
+        if key in target.lengths:
+            rows.append((key, "-" if value is None else _lengths(value)))
+        elif value is None:
+            continue
+        elif isinstance(value, dict):
+            rows += [(f"{key}.{k}", ", ".join(map(str, ids))) for k, ids in value.items()]
+        elif isinstance(value, tuple):
+            rows.append((key, ", ".join(map(str, value))))
+        else:
+            rows.append((key, str(value)))
+    return aligned(rows, left=2)
+
+
+def _face(target: Target) -> str:
+    region = target.region
+    if region.half_m == ANY_WIDTH:
+        return f"{region.radius_m * 2e3:g} mm across"
+    return f"{region.half_m[0] * 2e3:g} x {region.half_m[1] * 2e3:g} mm"
+
+
+def _inside(target: Target) -> str:
+    holes = target.region.holes_m
+    if isinstance(target, PatternTarget):
+        return f"{target.rows} x {target.columns} {target.kind}, {_mm(target.pitch)} apart"
+    if len(holes) == 0:
+        return "-"
+    return f"{len(holes)} of {_mm(2.0 * float(holes[0, 2]))}"
+
+
+def _lengths(value: float | tuple[float, ...]) -> str:
+    return ", ".join(_mm(v) for v in value) if isinstance(value, tuple) else _mm(value)
+
+
+def _mm(length_m: float | None) -> str:
+    return "-" if length_m is None else f"{length_m * 1e3:g} mm"
+
+
+def _drawn(loaded: dict[str, Target], folder: Path) -> list[Path]:
+    """The files of the drawings; raises InputError where they cannot be written."""
+    from pipeline.report.target_svg import target_svg
+
+    paths = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, target in loaded.items():
+            path = folder / f"{Path(name).stem}.svg"
+            path.write_text(target_svg(Path(name).stem, target), encoding="utf-8")
+            paths.append(path)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be written: {error.strerror}: name another folder with -o"
+        ) from error
+    return paths

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import click
 
-from pipeline.capture import open_capture
+from pipeline.capture import Told, open_capture
+from pipeline.capture_file import Upright
 from pipeline.commands.judging import three_numbers
 from pipeline.commands.progress import Progress
+from pipeline.commands.whole import told, whole_vehicle_options
 from pipeline.config import Config, load_config, load_station, with_scanner
 from pipeline.errors import InputError
 from pipeline.five_point_file import AngleUnit, Azimuth, Coordinates, LengthUnit
@@ -94,6 +96,7 @@ BESIDE = Path("five-point.txt")  # in each capture of an archive
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Write here.")
 @click.option("--json", "as_json", is_flag=True, help="Print validation.json and nothing else.")
 @click.option("--target", metavar="NAME|FILE", help="As of `measure`.")
+@whole_vehicle_options
 @click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="As of `measure`.")
 @click.option("--scanner", metavar="NAME|FILE", help="The laser scanner, as of `measure`.")
 def validate(
@@ -115,6 +118,9 @@ def validate(
     output: Path | None,
     as_json: bool,
     target: str | None,
+    front: str | None,
+    front_point: str | None,
+    up: Upright | None,
     config: Path | None,
     scanner: str | None,
 ) -> int:
@@ -145,14 +151,15 @@ def validate(
         radius_m=None if radius is None else radius / 1e3,
         see_rad=None if see is None else math.radians(see),
     )
-    _check_used(request)
+    said = told(front, front_point, up)
+    _check_used(request, said, many)
     found: Comparison | Survey
     if many:
         with Progress(sum(1 for _ in capture.iterdir()), "comparing") as progress:
             found = validate_archive(capture, target, settings, scanner, request, progress)
         complete = found.complete
     else:
-        found = _one(capture, target, settings, scanner, request)
+        found = _one(capture, target, said, settings, scanner, request)
         complete = not found.missing
     written = write_validation(found, output) if output else []
     if as_json:
@@ -165,9 +172,14 @@ def validate(
 
 
 def _one(
-    source: Path, target: str | None, settings: Config, scanner: str | None, request: Request
+    source: Path,
+    target: str | None,
+    said: Told,
+    settings: Config,
+    scanner: str | None,
+    request: Request,
 ) -> Comparison:
-    with open_capture(source, target) as opened, Progress(len(opened.entries)) as progress:
+    with open_capture(source, target, said) as opened, Progress(opened.steps) as progress:
         settings = with_scanner(settings, scanner or opened.scanner)
         return validate_capture(opened, settings, request, progress)
 
@@ -184,8 +196,13 @@ def _against(file: Path | None, virtual: bool, truth: bool, many: bool) -> Again
     return "virtual" if virtual else "five-point"
 
 
-def _check_used(request: Request) -> None:
+def _check_used(request: Request, said: Told, many: bool) -> None:
     """Raise InputError for options that the comparison would leave unread."""
+    if many and said != Told():
+        raise InputError(
+            "--front, --front-point and --up with a folder of captures: each is told by its own "
+            "capture.toml, as front, front_point and up: leave them out"
+        )
     if request.radius_m is not None and request.against != "virtual":
         raise InputError("--radius without --virtual: it is of the virtual five points")
     method = request.points.method if request.against == "virtual" else "tls"

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.conformity import Conformity
 from pipeline.locate_centre import TargetFit
-from pipeline.measurement import Measurement, WheelResult
+from pipeline.measurement import Measurement, Naming, WheelResult
 from pipeline.quantities import against, stated
 from pipeline.report.axes_json import axes_tree, pair
 from pipeline.report.conformity_json import conformity_tree, tolerance_tree
@@ -80,8 +80,14 @@ def to_tree(
             "inputs": made.inputs,
             "config": made.config | tolerance_tree(conformity),
             "seed": made.seed,
+            "naming": _naming(made.naming),
         },
     }
+
+
+def _naming(naming: Naming | None) -> dict[str, Any] | None:
+    """What told the wheels of one cloud apart; null where each has a scan of its own."""
+    return None if naming is None else {"front": naming.front, "up": naming.up}
 
 
 def _wheel(result: WheelResult) -> dict[str, Any]:

@@ -70,7 +70,8 @@ def detailed_report(
 ) -> str:
     """The paper's report, for scans as for five points: frame, centres, planes, angles, origin."""
     made = measurement.provenance
-    points = sum(wheel.observation.points_total for wheel in measurement.wheels)
+    each = sum(wheel.observation.points_total for wheel in measurement.wheels)
+    points = each if made.naming is None else made.naming.points
     sections = [
         f"wheelplane {made.version}: {made.source}" + (f", {made.vehicle}" if made.vehicle else ""),
         f"Points read (pontos lidos): {points} in {len(measurement.wheels)} planes.",

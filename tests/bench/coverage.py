@@ -33,8 +33,9 @@ from pipeline.measure import measure_capture  # noqa: E402
 from pipeline.measurement import Measurement  # noqa: E402
 from pipeline.quantities import Stated, by_name  # noqa: E402
 from synth.files import capture_toml, ply, scan_file  # noqa: E402
-from synth.parameters import TargetFile, VehicleFile  # noqa: E402
-from synth.recipe import read_fixed, read_recipe  # noqa: E402
+from synth.parameters import VehicleFile  # noqa: E402
+from synth.recipe import read_recipe  # noqa: E402
+from synth.target_file import read_target  # noqa: E402
 from synth.truth import Truth  # noqa: E402
 from synth.vehicle import WHEELS, draw_vehicle, draw_wheel  # noqa: E402
 from tests.scenes import Setup, make  # noqa: E402
@@ -143,7 +144,7 @@ def one_vehicle(
     """Scores by quantity, one row each, of vehicle `index`; None where a target was refused."""
     rng = np.random.default_rng([seed, index])
     recipe = read_recipe(config_file("vehicles", "saloon"), VehicleFile)
-    plate = read_fixed(config_file("targets", "disc-250"), TargetFile)
+    plate = read_target(config_file("targets", "disc-250"))
     plate = plate.model_copy(update={"flatness": changes.get("flatness_m", 0.0)})  # as stated
     car = draw_vehicle(recipe, rng)
     wheels = tuple(draw_wheel(car, recipe, name, rng) for name in WHEELS)

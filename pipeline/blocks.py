@@ -1,0 +1,35 @@
+"""Rows of large clouds in blocks of one size, worked on by threads, answered in their order."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+T = TypeVar("T")
+
+BLOCK_ROWS = 65_536  # the same for any number of threads, and so are the sums over blocks
+MOST_THREADS = 8
+
+
+def threads() -> int:
+    """Threads that work on blocks: WHEELPLANE_THREADS, or the processors of this process."""
+    told = os.environ.get("WHEELPLANE_THREADS", "")
+    if told.isdecimal() and int(told) > 0:
+        return int(told)
+    return min(
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1, MOST_THREADS
+    )
+
+
+def over_blocks(work: Callable[[slice], T], rows: int, block_rows: int = BLOCK_ROWS) -> list[T]:
+    """`work` on each block of the rows, in the order of the rows."""
+    blocks = [slice(start, min(start + block_rows, rows)) for start in range(0, rows, block_rows)]
+    workers = min(threads(), len(blocks))
+    if workers < 2:
+        return [work(block) for block in blocks]
+    shares = [blocks[first::workers] for first in range(workers)]
+    with ThreadPoolExecutor(workers) as pool:
+        done = list(pool.map(lambda share: [work(block) for block in share], shares))
+    return [done[k % workers][k // workers] for k in range(len(blocks))]

@@ -1,0 +1,150 @@
+"""The centre of a face from one of its outlines: by mixed ranges, or by its outermost points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.centres import Estimate, Method
+from pipeline.config import CentreConfig
+from pipeline.errors import NotMeasuredError
+from pipeline.face_outline import check_outline, fit_outline
+from pipeline.face_view import GENTLE_SLOPE, Seen
+from pipeline.kernels import Array
+from pipeline.outline import Holes, Outline
+from pipeline.rim import RimFit, fit_rim
+from pipeline.rim_start import STEEPEST
+
+OUTLINE_EDGE_M = 5e-4  # what an outline without background may be shifted by the spot (k = 1)
+UNSETTLED_M = 3e-4  # the same of a rim whose fit did not stand still
+WALL_SHARE = 2e-3  # of the thickness, times tan^3 of the incidence: the wall's part of the model
+MISFIT = (0.06, 0.09)  # of the points unexplained: where doubt begins, and is complete
+MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # what a bent wall leaves unexplained, per metre of bend
+# What straight edges by mixed ranges and by points may differ; and when the plate is another.
+APART_M, WORST_APART_M = 2.0 * OUTLINE_EDGE_M, 5.0 * OUTLINE_EDGE_M
+MAX_ECHO = 50.0  # a background that many times brighter, or darker, than the plate is no answer
+GENTLE = 1.0  # slope, below which what matters lies within that
+
+
+@dataclass(frozen=True)
+class EdgeFit:
+    """A centre from one outline, the turn of the target's axes, the rim's fit if there is one."""
+
+    estimate: Estimate
+    turn_rad: float
+    rim: RimFit | None
+
+
+def centre_by_rim(seen: Seen, outline: Outline) -> EdgeFit:
+    """By the outer edge. Raises NotMeasuredError 'no-outline' or 'wrong-outline'."""
+    start = np.zeros(2), 0.0
+    if outline.turns:
+        first = fit_outline(_face(seen, seen.near(outline, start)), outline)
+        start = first.centre_m, first.turn_rad
+    found = _by_edge(seen, outline, start, "rim", None)
+    if found is None:
+        raise NotMeasuredError(
+            "no-outline", f"less than a quarter of the edge of {outline.words} is seen"
+        )
+    return found
+
+
+def centre_by_holes(seen: Seen, holes: Holes, outer: EdgeFit) -> EdgeFit | None:
+    """By the edges of holes, from where the outer edge places them; None where they are hidden."""
+    start = outer.estimate.centre_m, outer.turn_rad
+    try:
+        return _by_edge(seen, holes, start, "holes" if holes.turns else "hole", outer)
+    except NotMeasuredError as error:
+        if error.status == "no-outline":
+            return None
+        raise
+
+
+def _by_edge(
+    seen: Seen,
+    outline: Outline,
+    start: tuple[Array, float],
+    method: Method,
+    beside: EdgeFit | None,
+) -> EdgeFit | None:
+    """None where less than a quarter of the edge is seen. beside: another edge of the plate."""
+    plane, config = seen.plane, seen.config
+    face = _face(seen, seen.near(outline, start))
+    rim = _rim(seen, outline, start, beside)
+    if rim is None:
+        fitted = fit_outline(face, outline, start)
+        centre, turn = fitted.centre_m, fitted.turn_rad
+        method = "outline" if method == "rim" else method
+        estimate = Estimate(
+            method=method,
+            centre_m=centre,
+            noise_m2=fitted.covariance_m2,
+            model_m2=OUTLINE_EDGE_M**2 * np.eye(2),
+            by_plane=np.zeros((2, 3)),
+            freedom=math.inf,
+        )
+    else:
+        centre, turn = rim.centre_m, rim.turn_rad
+        model = _model_variance(rim, face, outline, config)
+        estimate = Estimate(
+            method, centre, rim.covariance_m2, model * np.eye(2), rim.by_plane, rim.freedom
+        )
+    slope = 1.0 if rim is None else float(np.hypot(*rim.beam))
+    if not check_outline(face, outline, centre, turn, seen.spacing_m, plane.sigma_m * slope):
+        return None
+    return EdgeFit(estimate, turn, rim)
+
+
+def _rim(
+    seen: Seen, outline: Outline, start: tuple[Array, float], beside: EdgeFit | None
+) -> RimFit | None:
+    """By mixed ranges; again with what lies farther aside, where the beams are steep."""
+    if beside is not None and beside.rim is None:
+        return None
+    first = beside.rim if beside else None
+    rim = None
+    for slope in (GENTLE_SLOPE, STEEPEST):
+        near = seen.near(outline, start, slope)
+        thickness = seen.target.thickness
+        rim = fit_rim(near, outline, thickness, seen.plane.sigma_m, seen.config, start, first)
+        if rim is not None and float(np.hypot(*rim.beam)) < GENTLE:
+            break
+    return rim
+
+
+def _face(seen: Seen, near: Array) -> Array:
+    """Those of the points near an outline that lie on the face: (N, 2)."""
+    return near[np.abs(near[:, 2]) < seen.band_m][:, :2]
+
+
+def _model_variance(rim: RimFit, face: Array, outline: Outline, config: CentreConfig) -> float:
+    """What the model of the rim may be wrong by, m^2.
+
+    It grows as the beams graze the face, at first by the cube of the tangent where they see the
+    wall, which bends away from the straight line that the profile takes it for. A fit that
+    did not stand still, needs an absurd brightness, or leaves many points unexplained, as of a
+    scan from two places, is off by what the outline says.
+    """
+    square = float(rim.beam @ rim.beam)
+    spread: float = (config.model_uncertainty_m * (1.0 + 2.0 * square)) ** 2
+    spread += (WALL_SHARE * rim.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
+    bend = rim.thickness_m**2 * square / (8.0 * outline.size_m)  # of the wall, along a beam
+    beyond = rim.misfit - MISFIT[0] - MISFIT_BY_BEND * max(bend - MIN_BEND_M, 0.0)
+    doubt = min(max(beyond / (MISFIT[1] - MISFIT[0]), 0.0), 1.0)
+    if not rim.settled or not 1.0 / MAX_ECHO < rim.echo < MAX_ECHO:
+        doubt = 1.0
+    if doubt == 0.0 and not outline.turns:
+        return spread
+    apart = fit_outline(face, outline, (rim.centre_m, rim.turn_rad)).centre_m - rim.centre_m
+    far = float(apart @ apart)
+    if outline.turns:
+        if far > WORST_APART_M**2:
+            raise NotMeasuredError(
+                "wrong-outline",
+                f"the edges by their mixed ranges and by the face's points have centres "
+                f"{math.sqrt(far) * 1e3:.1f} mm apart: the plate is not {outline.words}",
+            )
+        spread += max(far - APART_M**2, 0.0)
+    return spread + doubt * (UNSETTLED_M**2 + far)

@@ -1,0 +1,165 @@
+"""Find all faces of the target in the cloud of a whole vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.candidates import REACH, Candidate, threshold_m
+from pipeline.config import SegmentConfig
+from pipeline.cubes import Cubes, within_cubes
+from pipeline.hypotheses import Hypothesis, hypotheses, joined
+from pipeline.kernels import Array, Slab
+from pipeline.passes import Rows
+from pipeline.patch import Patch, around_slab, cut_patch
+from pipeline.segment import LIKELY, RIVAL_SCORE, SURE, Intensity, cubes_of, judged
+from pipeline.surfels import find_surfels
+from pipeline.targets import Target
+
+WHEELS = 4  # of a vehicle: where so many faces are sure, no half hidden one is missing
+MOST_IN_CLOUD = 100  # in the cloud of a vehicle
+MOVED = 0.1  # of the radius: a place so far off is looked at again
+ROUGHER = 3.0  # times the noise of a sure face
+
+
+def find_faces(
+    points_m: Array,
+    target: Target,
+    config: SegmentConfig,
+    seed: int = 0,
+    intensity: Intensity | None = None,
+    parts: Sequence[tuple[int, int]] = (),
+) -> tuple[Patch, ...]:
+    """Patches of all faces in points_m (N, 3), the cloud of a vehicle, best match first; or none.
+
+    intensity: (N,) or None. parts: row ranges of the scans that the cloud is made of; each face is
+    taken from the one that has most points on it, since every scan has its own place and noise.
+    """
+    cubes = cubes_of(points_m, target)
+    surfels = find_surfels(cubes, threshold_m(target, config))
+    places = hypotheses(surfels, target)[:MOST_IN_CLOUD]
+    looked_at = _look(points_m, cubes, places, target, config)
+    if len(_sure(looked_at, target)) < WHEELS:
+        places = joined(places, surfels, target, threshold_m(target, config))
+        looked_at += _look(points_m, cubes, places, target, config)
+    found = _faces(looked_at, target, config)
+    slab = around_slab(target)
+    regions = [_cubes_within(cubes, c.centre_m, c.normal, slab) for c in found]
+    rows = _rows(points_m, cubes, regions)
+    near, shine = points_m[rows], None if intensity is None else intensity[rows]
+    bounds = np.searchsorted(rows, np.array(parts or [(0, len(points_m))]))
+    patches = []
+    for candidate in found:
+        part = _best_part(near, bounds, candidate, target)
+        start, stop = bounds[part]
+        patch = cut_patch(
+            near[start:stop],
+            None if shine is None else shine[start:stop],
+            candidate,
+            tuple(found),
+            target,
+            config.around_points,
+        )
+        patches.append(replace(patch, part=part))
+    return tuple(patches)
+
+
+def _look(
+    points_m: Array,
+    cubes: Cubes,
+    places: list[Hypothesis],
+    target: Target,
+    config: SegmentConfig,
+) -> list[Candidate]:
+    """The candidates at places of a cloud, until a vehicle's faces are sure and no rival left."""
+    ball = Slab(REACH * target.radius_m, REACH * target.radius_m)
+    balls = [_cubes_within(cubes, place.centre_m, place.normal, ball) for place in places]
+    near = np.ascontiguousarray(points_m[_rows(points_m, cubes, balls)].T)
+    found: list[Candidate] = []
+    for place in places:
+        if place.score < RIVAL_SCORE and len(_sure(found, target)) >= WHEELS:
+            break
+        found.append(_judge_in_cloud(near, place, target, config))
+    return found
+
+
+def _judge_in_cloud(
+    columns_m: Array, place: Candidate | Hypothesis, target: Target, config: SegmentConfig
+) -> Candidate:
+    """The candidate at a place by the points columns_m (3, N), and again where that has put it."""
+    reach = REACH * target.radius_m
+    found = judged(_ball(columns_m, place.centre_m, reach), place, target, config)
+    moved = float(np.linalg.norm(found.centre_m - place.centre_m))
+    if found.match < LIKELY * config.face_match or moved < MOVED * target.radius_m:
+        return found
+    again = judged(_ball(columns_m, found.centre_m, reach), found, target, config)
+    return max(found, again, key=lambda candidate: candidate.match)
+
+
+def _ball(columns_m: Array, centre_m: Array, reach_m: float) -> Array:
+    """Points (M, 3) of columns_m (3, N) within reach_m of a centre along each axis, relative to it.
+
+    One axis after the other, each over what the one before has left.
+    """
+    rows = np.nonzero(np.abs(columns_m[0] - centre_m[0]) < reach_m)[0]
+    for axis in (1, 2):
+        rows = rows[np.abs(columns_m[axis, rows] - centre_m[axis]) < reach_m]
+    return np.asarray(columns_m[:, rows].T - centre_m)
+
+
+def _faces(looked_at: list[Candidate], target: Target, config: SegmentConfig) -> list[Candidate]:
+    """Those that have the target's outline; where a vehicle's four have it clearly, only such.
+
+    Nor is a face what is much rougher than those that are sure.
+    """
+    sure = _sure(looked_at, target)
+    if len(sure) >= WHEELS:
+        return sure
+    roughest = ROUGHER * min((c.sigma_m for c in sure), default=np.inf)
+    faces = [c for c in looked_at if c.match >= config.face_match and c.sigma_m <= roughest]
+    return _apart(faces, target.radius_m)
+
+
+def _sure(looked_at: list[Candidate], target: Target) -> list[Candidate]:
+    return _apart([c for c in looked_at if c.match > SURE], target.radius_m)
+
+
+def _apart(found: list[Candidate], radius_m: float) -> list[Candidate]:
+    """The candidates, best match first, less those that lie over a better one."""
+    kept: list[Candidate] = []
+    for one in sorted(found, key=lambda candidate: -candidate.match):
+        if all(float(np.linalg.norm(one.centre_m - k.centre_m)) > radius_m for k in kept):
+            kept.append(one)
+    return kept
+
+
+def _rows(points_m: Array, cubes: Cubes, chosen: Sequence[Rows]) -> Rows:
+    """Rows of points_m (N, 3) in any of the cubes chosen, each (K,) rows of the cubes."""
+    if not chosen:
+        return np.zeros(0, np.int64)
+    return within_cubes(points_m, cubes, cubes.key[np.unique(np.concatenate(chosen))])
+
+
+def _cubes_within(cubes: Cubes, centre_m: Array, normal: Array, slab: Slab) -> Rows:
+    """Cubes that may hold points of a slab about a centre, along a normal."""
+    half = 0.9 * cubes.edge_m  # half the diagonal of a cube
+    wider = Slab(slab.reach_m + half * (1.0 + slab.slope), slab.depth_m + half, slab.slope)
+    furthest = wider.depth_m + wider.reach_m + wider.slope * wider.depth_m
+    start, stop = cubes.between(centre_m[0] - furthest, centre_m[0] + furthest)
+    offset = cubes.middle_m[start:stop] - centre_m
+    depth = np.abs(offset @ normal)
+    square = np.einsum("ij,ij->i", offset, offset) - depth * depth
+    return start + np.nonzero(wider.holds(square, depth))[0]
+
+
+def _best_part(near: Array, bounds: Rows, candidate: Candidate, target: Target) -> int:
+    """The part, rows start:stop of near (N, 3), with most points on a face."""
+    counts = []
+    for start, stop in bounds:
+        offset = near[start:stop] - candidate.centre_m
+        depth = np.abs(offset @ candidate.normal) < candidate.band_m
+        on_face = target.region.holds(offset[depth] @ candidate.basis[:2].T)
+        counts.append(int(np.count_nonzero(on_face)))
+    return int(np.argmax(counts))

@@ -1,0 +1,113 @@
+"""One cloud of a whole vehicle to what each of its four wheels shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from pipeline.axles import Face
+from pipeline.capture import Capture
+from pipeline.cloud_faces import Found, faces_of_cloud
+from pipeline.config import Config
+from pipeline.digest import sha256
+from pipeline.errors import InputError, NotMeasuredError
+from pipeline.identify_wheels import find_axles, placed, wheels_by_markers
+from pipeline.measurement import Evidence, Naming, Observation
+from pipeline.observe import Fit
+from pipeline.reference_frame import REFERENCE_WHEELS
+from pipeline.scan_entry import ScanEntry
+from pipeline.targets import PatternTarget, Target
+from pipeline.upright import find_up
+
+MOST_TOLD = 4
+
+
+def observe_cloud(
+    cloud: ScanEntry, capture: Capture, config: Config, fit: Fit, progress: Callable[[str], None]
+) -> tuple[list[Observation], Naming]:
+    """Find, name and measure the targets of all four wheels.
+
+    Raises InputError when the file is unreadable, when its faces cannot be named, and when one of
+    the four cannot be measured.
+    """
+    source = capture.called(cloud)
+    found = faces_of_cloud(cloud, source, capture, config, progress)
+    try:
+        ways, naming = _ways(found, capture)
+        evidence: dict[int, Evidence] = {}
+        for wheel, index in ways[0].items():
+            label = wheel if len(ways) == 1 else f"face {index + 1}"
+            progress(f"{cloud.file}: {label}")
+            evidence[index] = _fitted(found, index, label, capture.target, config, fit)
+        told = {index: seen.target.wheel for index, seen in evidence.items() if seen.target.wheel}
+        named = wheels_by_markers(ways, told, found.faces)
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from error
+    digest = sha256(cloud.path)
+    observations = [
+        Observation(
+            name=wheel,
+            role="reference",
+            wheel=wheel,
+            source=": ".join(filter(None, (cloud.file, found.scans[named[wheel]]))),
+            sha256=digest,
+            points_total=found.points,
+            missing_returns=found.missing_returns,
+            evidence=evidence[named[wheel]],
+        )
+        for wheel in REFERENCE_WHEELS
+    ]
+    return observations, naming
+
+
+def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Naming]:
+    """The face of each wheel; both ways round where only markers can tell the front."""
+    faces = found.faces
+    axles = find_axles(faces, capture.target.radius_m)
+    centres_m = axles.centres_m(faces)
+    up = find_up(found.sample_m, centres_m, capture.up)
+    first_m, second_m = centres_m.mean(axis=1)
+    notes = _left_out([faces[i] for i in axles.left_out])
+    if capture.front is not None:
+        ahead = capture.front.is_ahead(first_m, second_m)
+        naming = Naming(capture.front.said, up.by, found.points, notes)
+        return [axles.named(faces, up.direction, ahead)], naming
+    if not names_wheels(capture.target):
+        along = (second_m - first_m) / np.linalg.norm(second_m - first_m)
+        one, other = (",".join(f"{x:.2f}" for x in way + 0.0) for way in (along, -along))
+        raise InputError(
+            f"which end is the front is not told: add --front {one} or --front {other}, whichever "
+            "points forward, or --front-point X,Y,Z near the front"
+        )
+    both: list[Mapping[str, int]] = [
+        axles.named(faces, up.direction, ahead) for ahead in (True, False)
+    ]
+    return both, Naming("the markers of the boards", up.by, found.points, notes)
+
+
+def _left_out(faces: Sequence[Face]) -> tuple[str, ...]:
+    """A sentence on the faces that are no wheel's."""
+    if not faces:
+        return ()
+    told = "; ".join(placed(face) for face in faces[:MOST_TOLD])
+    more = f"; {len(faces) - MOST_TOLD} more" if len(faces) > MOST_TOLD else ""
+    return (f"Like the target, but none of the vehicle's wheels: {told}{more}.",)
+
+
+def names_wheels(target: Target) -> bool:
+    """Whether the target's boards have markers that tell their wheels."""
+    return isinstance(target, PatternTarget) and target.wheels is not None
+
+
+def _fitted(
+    found: Found, index: int, label: str, target: Target, config: Config, fit: Fit
+) -> Evidence:
+    try:
+        return fit(found.patches[index], target, config)
+    except NotMeasuredError as error:
+        scan = f" of {found.scans[index]}" if found.scans[index] else ""
+        raise InputError(
+            f"the target of {label}, {placed(found.faces[index])}{scan}, was not measured "
+            f"({error.status}): {error}: scan the vehicle again, or check --target"
+        ) from error

@@ -1,0 +1,152 @@
+"""The passes over all points of a cloud: in numpy, and for large clouds compiled (compiled.py).
+
+Both do the same on blocks of one size, so that the number of threads changes no bit; which of them
+is taken depends on the number of points alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import ModuleType
+
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.blocks import BLOCK_ROWS, over_blocks
+from pipeline.kernels import Array, Slab, plane_basis
+
+GRID_PER_M = 2.0**20  # of the hash
+COMPILED_ROWS = 2_500_000  # loading the compiled passes takes 0.2 s and 100 MB
+WHOLE = np.uint64(0xFFFFFFFFFFFFFFFF)
+MIX = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
+_FINISH, HALF = np.uint64(0xBF58476D1CE4E5B9), np.uint64(32)
+
+Mask = npt.NDArray[np.bool_]
+Rows = npt.NDArray[np.int64]
+
+
+def machine_for(rows: int, enough: int) -> ModuleType | None:
+    """The compiled passes, where the points are enough for them; None where numpy is as fast."""
+    if rows < enough:
+        return None
+    from pipeline import compiled
+
+    return compiled
+
+
+def coordinate_hash(points_m: Array) -> npt.NDArray[np.uint64]:
+    """A number (N,) for each of points_m (N, 3), by its place to a micrometre, so that rounding in
+    the file's last digits hardly ever changes it.
+
+    Odd multipliers, and the finisher of Steele et al., OOPSLA 2014.
+    """
+    bits = np.rint(points_m * GRID_PER_M).astype(np.int64).view(np.uint64)
+    h = bits[:, 0] * MIX[0]
+    h ^= bits[:, 1] * MIX[1]
+    h ^= bits[:, 2] * MIX[2]
+    h ^= h >> HALF
+    h *= _FINISH
+    h ^= h >> HALF
+    return np.asarray(h)
+
+
+def sample(points_m: Array, count: int) -> Array:
+    """About `count` of points_m (N, 3), or all if they are fewer, as a copy.
+
+    Those of the smallest hash of their coordinates, in its order: the same points in any order of
+    the file, scattered over it.
+    """
+    total = len(points_m)
+    limit = _share(count / max(total, 1))
+    machine = machine_for(total, COMPILED_ROWS)
+
+    def chosen(block: slice) -> tuple[Array, npt.NDArray[np.uint64]]:
+        part = points_m[block]
+        if machine is None:
+            h = coordinate_hash(part)
+            rows = np.nonzero(h <= limit)[0]
+            return part[rows], h[rows]
+        rows, h = np.empty(len(part), np.int64), np.empty(len(part), np.uint64)
+        found = machine.hash_rows(part, limit, rows, h)
+        return part[rows[:found]], h[:found].copy()
+
+    parts = over_blocks(chosen, total)
+    if not parts:
+        return np.zeros((0, 3))
+    hashes = np.concatenate([part[1] for part in parts])
+    return np.concatenate([part[0] for part in parts])[np.argsort(hashes, kind="stable")]
+
+
+def _share(share: float) -> np.uint64:
+    """The hash below which that share of all points lies."""
+    return WHOLE if share >= 1.0 else np.uint64(int(share * 2.0**64))
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """Points about a face, relative to its centre: all on it, then a share of those around.
+
+    face_m: (N, 3). intensity: (N,) of them, or None. around_m: (M, 3) of single precision: half a
+    metre from the centre it holds 30 nm.
+    """
+
+    face_m: Array
+    intensity: npt.NDArray[np.float32] | None
+    around_m: npt.NDArray[np.float32]
+
+
+def surroundings(
+    points_m: Array,
+    centre_m: Array,
+    normal: Array,
+    face: Slab,
+    around: Slab,
+    keep_around: float,
+    intensity: npt.NDArray[np.float32] | None = None,
+) -> Surroundings:
+    """Points of points_m (N, 3) in the slabs `face` and `around` about centre_m, along normal.
+
+    keep_around: share that is kept of those in `around` but not in `face`, by their hash.
+    """
+    limit = _share(keep_around)
+    machine = machine_for(len(points_m), COMPILED_ROWS)
+    kind = np.empty(len(points_m), np.uint8)
+    axes = plane_basis(normal)
+    origin = (axes @ centre_m)[:, None]
+
+    def mark(block: slice) -> tuple[int, int]:
+        part = points_m[block]
+        if machine is not None:
+            slabs = [np.array([s.reach_m, s.depth_m, s.slope]) for s in (face, around)]
+            counts = machine.near_plane(part, centre_m, normal, *slabs, limit, kind[block])
+            return int(counts[0]), int(counts[1])
+        u, v, w = axes @ part.T - origin
+        depth, square = np.abs(w), u * u + v * v
+        on_face = face.holds(square, depth)
+        beside = np.nonzero(around.holds(square, depth) & ~on_face)[0]
+        if limit != WHOLE:
+            beside = beside[coordinate_hash(part[beside]) <= limit]
+        kind[block] = on_face
+        kind[block][beside] = 2
+        return int(np.count_nonzero(on_face)), len(beside)
+
+    counts = np.array(over_blocks(mark, len(points_m)), dtype=np.int64).reshape(-1, 2)
+    starts = np.vstack([np.zeros((1, 2), np.int64), np.cumsum(counts, axis=0)])
+    face_m = np.empty((starts[-1, 0], 3))
+    around_m = np.empty((starts[-1, 1], 3), np.float32)
+    shine = None if intensity is None else np.empty(len(face_m), np.float32)
+
+    def fill(block: slice) -> None:
+        number = block.start // BLOCK_ROWS
+        (a, b), (c, d) = starts[number], starts[number + 1]
+        for wanted, out in ((1, face_m[a:c]), (2, around_m[b:d])):
+            if len(out) and machine is not None:
+                machine.take(points_m[block], centre_m, kind[block], wanted, out)
+            elif len(out):
+                rows = np.nonzero(kind[block] == wanted)[0]
+                np.subtract(points_m[block].take(rows, axis=0), centre_m, out=out)
+        if shine is not None and intensity is not None:
+            shine[a:c] = intensity[block][kind[block] == 1]
+
+    over_blocks(fill, len(points_m))
+    return Surroundings(face_m, shine, around_m)

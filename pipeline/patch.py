@@ -1,0 +1,102 @@
+"""The surroundings of a target's face, cut out of a cloud."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pipeline.candidates import MIN_POINTS, Candidate
+from pipeline.errors import NotMeasuredError
+from pipeline.kernels import Array, Slab
+from pipeline.passes import surroundings
+from pipeline.targets import Target
+
+CLOSE_ASIDE, CLOSE_DEPTH = 1.6, 2.0  # of the radius: a wheel behind its target, not the floor
+MAX_DEPTH_M = 0.8  # background further behind the face tells nothing more
+BEAM_SLOPE = 1.2  # beams up to 50 degrees carry the background this far sideways per depth
+FACE_REACH, AROUND_REACH = 1.8, 1.25  # of the radius
+
+
+@dataclass(frozen=True)
+class Patch:
+    """The surroundings of the target's face, before anything is fitted to it.
+
+    origin_m: (3,) scanner frame, near the target's centre.
+    face_m: (N, 3) all points within reach of the face's plane, relative to origin_m, scanner axes.
+    face_intensity: (N,) float32 of them, or None.
+    around_m: (M, 3) float32, the same of other points around, thinned where there are many.
+    match: of the outline. sigma_m: noise across the plane, roughly.
+    basis: (3, 3) rows: the face's own axes u and v as the outline has them, then the normal that
+    points to the scanner.
+    candidates: every plane that was looked at, best match first.
+    part: which of the cloud's parts the points are of.
+    """
+
+    origin_m: Array
+    face_m: Array
+    around_m: npt.NDArray[np.float32]
+    match: float
+    basis: Array
+    candidates: tuple[Candidate, ...]
+    sigma_m: float
+    face_intensity: npt.NDArray[np.float32] | None = None
+    part: int = 0
+
+
+def cut_patch(
+    points_m: Array,
+    intensity: npt.NDArray[np.float32] | None,
+    candidate: Candidate,
+    found: tuple[Candidate, ...],
+    target: Target,
+    most_around: int,
+) -> Patch:
+    """A candidate's surroundings in points_m (N, 3); its normal turned away from what lies behind.
+
+    intensity: (N,) or None. most_around: points that are kept of those not on the face, were all of
+    points_m around it. Raises NotMeasuredError 'too-few-points'.
+    """
+    near = surroundings(
+        points_m,
+        candidate.centre_m,
+        candidate.normal,
+        Slab(FACE_REACH * target.radius_m, candidate.band_m),
+        around_slab(target),
+        most_around / len(points_m),
+        intensity,
+    )
+    if len(near.face_m) < MIN_POINTS:
+        raise NotMeasuredError(
+            "too-few-points", f"{len(near.face_m)} points on the target, {MIN_POINTS} needed"
+        )
+    basis = candidate.basis
+    if _looks_backwards(near.around_m @ basis.T.astype(np.float32), target.radius_m):
+        basis = basis * np.array([[1.0], [-1.0], [-1.0]])
+    return Patch(
+        origin_m=candidate.centre_m,
+        face_m=near.face_m,
+        around_m=near.around_m,
+        match=candidate.match,
+        basis=basis,
+        candidates=found,
+        sigma_m=candidate.sigma_m,
+        face_intensity=near.intensity,
+    )
+
+
+def _looks_backwards(around_m: npt.NDArray[np.float32], radius_m: float) -> bool:
+    """Whether more of around_m (N, 3), in a face's axes, lies before the face than behind it.
+
+    Only what is close counts, a wheel: the floor before a face has more points than that.
+    """
+    aside = np.hypot(around_m[:, 0], around_m[:, 1]) / radius_m
+    close = (aside < CLOSE_ASIDE) & (np.abs(around_m[:, 2]) < CLOSE_DEPTH * radius_m)
+    depth = around_m[close if close.any() else slice(None), 2]
+    return bool(np.count_nonzero(depth > 0.0) > np.count_nonzero(depth < 0.0))
+
+
+def around_slab(target: Target) -> Slab:
+    """Where the surroundings of a face lie, about its centre along its normal."""
+    return Slab(AROUND_REACH * target.radius_m, MAX_DEPTH_M, BEAM_SLOPE)
