@@ -23,7 +23,7 @@ class Cause:
     factor @ factor.T. freedom: degrees of freedom behind it; infinite for type B.
     shared: causes of several targets with the same name and the same key are one and the same
     effect, column by column; None is this target's alone. pooled: its size was estimated once, from
-    all targets together.
+    all targets together. turn: (k,) of the face about its normal, rad, where that is seen.
     """
 
     name: str
@@ -31,6 +31,7 @@ class Cause:
     freedom: float = math.inf
     shared: str | None = None
     pooled: bool = False
+    turn: Array | None = None
 
     @property
     def covariance(self) -> Array:
@@ -45,24 +46,32 @@ def plane_cause(
     lever_m: Array,
     by_plane: Array | None = None,
     freedom: float = math.inf,
+    turn_by_plane: Array | None = None,
 ) -> Cause:
     """Of a fitted plane.
 
     covariance: (3, 3) of its height (m) at the centroid and its slopes along basis[0], basis[1].
     lever_m: (3,) from the centroid to the centre, which moves along the normal with the plane;
-    by_plane: (2, 3) and within it, by the height at the centre and the slopes (see rim.RimFit).
+    by_plane: (2, 3) and within it, by the height at the centre and the slopes (see rim.RimFit);
+    turn_by_plane: (3,) how the face's turn goes with the same.
     """
     at_centre = _root(covariance)
     at_centre[0] += (basis[:2] @ lever_m) @ at_centre[1:]
     moved = np.outer(basis[2], at_centre[0])
     if by_plane is not None:
         moved += basis[:2].T @ by_plane @ at_centre
-    return Cause(name, np.vstack([-basis[:2].T @ at_centre[1:], moved]), freedom)
+    turn = None if turn_by_plane is None else turn_by_plane @ at_centre
+    return Cause(name, np.vstack([-basis[:2].T @ at_centre[1:], moved]), freedom, turn=turn)
 
 
-def centre_cause(name: str, covariance_m2: Array, basis: Array, freedom: float = math.inf) -> Cause:
-    """Of a centre's place in its plane: covariance_m2 (2, 2) along basis[0] and basis[1]."""
-    return Cause(name, np.vstack([np.zeros((3, 2)), basis[:2].T @ _root(covariance_m2)]), freedom)
+def centre_cause(name: str, covariance: Array, basis: Array, freedom: float = math.inf) -> Cause:
+    """Of a centre's place in its plane, along basis[0] and basis[1]: covariance (2, 2), m^2.
+
+    Of place and turn (3, 3) where the face shows its turn about the normal, rad.
+    """
+    root = _root(covariance)
+    factor = np.vstack([np.zeros((3, len(root))), basis[:2].T @ root[:2]])
+    return Cause(name, factor, freedom, turn=root[2] if len(root) > 2 else None)
 
 
 def form_cause(flatness_m: float, radius_m: float, normal: Array) -> Cause:
@@ -101,7 +110,8 @@ def range_bias_cause(bias_m: float, sight_m: Array, normal: Array) -> Cause:
 def pointing_cause(angle_rad: float, sight_m: Array, normal: Array) -> Cause:
     """Of a scan that is turned about the scanner, by angle_rad about each axis (k = 1)."""
     turns = angle_rad * np.eye(3)
-    return Cause("pointing", np.vstack([np.cross(turns, normal).T, np.cross(turns, sight_m).T]))
+    moved = np.vstack([np.cross(turns, normal).T, np.cross(turns, sight_m).T])
+    return Cause("pointing", moved, turn=turns @ normal)
 
 
 def registration_cause(shift_m: float) -> Cause:

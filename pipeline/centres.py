@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.distributions import f_beyond
 from pipeline.errors import NotMeasuredError
+from pipeline.face_turn import PlaneTurn, combined_turn
 from pipeline.kernels import Array
 
 Method = Literal["rim", "outline", "hole", "holes", "pattern", "combined", "points"]
@@ -22,7 +23,8 @@ class Estimate:
     """One way to the centre, in the plane's coordinates.
 
     centre_m: (2,). noise_m2: (2, 2) by its points, of a plane without error, with its freedom;
-    model_m2: (2, 2) by what its model leaves out. by_plane: (2, 3) see rim.RimFit.
+    model_m2: (2, 2) by what its model leaves out. by_plane: (2, 3) see rim.RimFit. turn: of the
+    target's axes, where this way shows it.
     """
 
     method: Method
@@ -31,6 +33,7 @@ class Estimate:
     model_m2: Array
     by_plane: Array
     freedom: float
+    turn: PlaneTurn | None = None
 
     @property
     def covariance_m2(self) -> Array:
@@ -79,4 +82,5 @@ def combined(estimates: Sequence[Estimate]) -> Estimate:
         model_m2=np.asarray(sum((w @ e.model_m2 @ w.T for w, e in parts), np.zeros((2, 2)))),
         by_plane=np.asarray(sum((w @ e.by_plane for w, e in parts), np.zeros((2, 3)))),
         freedom=sum(shares) ** 2 / unsure if unsure > 0.0 else math.inf,
+        turn=combined_turn([e.turn for e in estimates], weights),
     )

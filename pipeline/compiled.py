@@ -52,7 +52,7 @@ def near_plane(
 ) -> tuple[int, int]:
     """Mark points (N, 3) in kind (N,): 1 in `face`, 2 in `around` and of a hash to the limit.
 
-    face, around: (reach, depth, slope). How many of each.
+    face, around: (reach, depth, slope, most reach). How many of each.
     """
     on_face, beside = 0, 0
     for i in range(len(points)):
@@ -63,12 +63,12 @@ def near_plane(
         kind[i] = 0
         if depth < face[1] or depth < around[1]:
             square = x * x + y * y + z * z - depth * depth
-            reach = face[0] + face[2] * depth
+            reach = min(face[0] + face[2] * depth, face[3])
             if depth < face[1] and square < reach * reach:
                 kind[i] = 1
                 on_face += 1
                 continue
-            reach = around[0] + around[2] * depth
+            reach = min(around[0] + around[2] * depth, around[3])
             if depth < around[1] and square < reach * reach:
                 h = coordinate_hash(points[i, 0], points[i, 1], points[i, 2])
                 if h <= limit:
@@ -151,13 +151,14 @@ def cube_moments(points: Any, low: Any, edge: float, keys: Any, sums: Any) -> in
     keys: (capacity,) int64, -1 where free; the capacity is a power of two.
     """
     mask = len(keys) - 1
+    per_edge = 1.0 / edge
     used = 0
     last_key, slot = np.int64(-2), np.int64(0)
     for i in range(len(points)):
-        x = (points[i, 0] - low[0]) / edge
-        y = (points[i, 1] - low[1]) / edge
-        z = (points[i, 2] - low[2]) / edge
-        ix, iy, iz = np.int64(np.floor(x)), np.int64(np.floor(y)), np.int64(np.floor(z))
+        x = (points[i, 0] - low[0]) * per_edge
+        y = (points[i, 1] - low[1]) * per_edge
+        z = (points[i, 2] - low[2]) * per_edge
+        ix, iy, iz = np.int64(x), np.int64(y), np.int64(z)
         key = (ix << 42) | (iy << 21) | iz
         if key != last_key:
             h = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
@@ -189,12 +190,13 @@ def cube_moments(points: Any, low: Any, edge: float, keys: Any, sums: Any) -> in
 def in_cubes(points: Any, low: Any, edge: float, keys: Any, table: Any, marked: Any) -> int:
     """Mark points (N, 3) that lie in cubes of a hash table; how many. table: (capacity,) int64."""
     mask = len(table) - 1
+    per_edge = 1.0 / edge
     found = 0
     last_key, inside = np.int64(-2), False
     for i in range(len(points)):
-        ix = np.int64(np.floor((points[i, 0] - low[0]) / edge))
-        iy = np.int64(np.floor((points[i, 1] - low[1]) / edge))
-        iz = np.int64(np.floor((points[i, 2] - low[2]) / edge))
+        ix = np.int64((points[i, 0] - low[0]) * per_edge)
+        iy = np.int64((points[i, 1] - low[1]) * per_edge)
+        iz = np.int64((points[i, 2] - low[2]) * per_edge)
         key = (ix << 42) | (iy << 21) | iz
         if key != last_key:
             h = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)

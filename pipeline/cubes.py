@@ -71,14 +71,14 @@ def cube_key(place: Rows) -> Rows:
 
 
 def cube_moments(points_m: Array, low_m: Array, edge_m: float) -> Cubes:
-    """Sums of points_m (N, 3) over the cubes of edge_m above low_m that hold any."""
+    """Sums of points_m (N, 3), all above low_m, over the cubes of edge_m that hold any."""
     machine = machine_for(len(points_m), COMPILED_ROWS)
     share = -(-len(points_m) // 2) if machine is not None else len(points_m)
 
     def add(block: slice) -> tuple[Rows, Array]:
         part = points_m[block]
         if machine is None:
-            place = np.floor((part - low_m) / edge_m).astype(np.int64)
+            place = ((part - low_m) * (1.0 / edge_m)).astype(np.int64)
             local = (part - low_m) - (place + 0.5) * edge_m
             keys, group = np.unique(cube_key(place), return_inverse=True)
             return keys, sums_by(group, local, len(keys))
@@ -113,7 +113,7 @@ def within_cubes(points_m: Array, cubes: Cubes, keys: Rows) -> Rows:
             marked = np.empty(len(part), np.bool_)
             machine.in_cubes(part, cubes.low_m, cubes.edge_m, keys, table, marked)
             return np.asarray(np.nonzero(marked)[0] + block.start)
-        place = np.floor((part - cubes.low_m) / cubes.edge_m).astype(np.int64)
+        place = ((part - cubes.low_m) * (1.0 / cubes.edge_m)).astype(np.int64)
         return np.asarray(np.nonzero(np.isin(cube_key(place), keys))[0] + block.start)
 
     found = over_blocks(find, len(points_m))

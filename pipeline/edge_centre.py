@@ -10,7 +10,8 @@ import numpy as np
 from pipeline.centres import Estimate, Method
 from pipeline.config import CentreConfig
 from pipeline.errors import NotMeasuredError
-from pipeline.face_outline import check_outline, fit_outline
+from pipeline.face_outline import OutlineFit, check_outline, fit_outline
+from pipeline.face_turn import PlaneTurn
 from pipeline.face_view import GENTLE_SLOPE, Seen
 from pipeline.kernels import Array
 from pipeline.outline import Holes, Outline
@@ -18,6 +19,7 @@ from pipeline.rim import RimFit, fit_rim
 from pipeline.rim_start import STEEPEST
 
 OUTLINE_EDGE_M = 5e-4  # what an outline without background may be shifted by the spot (k = 1)
+LOST_M = 2e-3  # above which a rim's fit gives way to the outline
 UNSETTLED_M = 3e-4  # the same of a rim whose fit did not stand still
 WALL_SHARE = 2e-3  # of the thickness, times tan^3 of the incidence: the wall's part of the model
 MISFIT = (0.06, 0.09)  # of the points unexplained: where doubt begins, and is complete
@@ -73,7 +75,10 @@ def _by_edge(
     plane, config = seen.plane, seen.config
     face = _face(seen, seen.near(outline, start))
     rim = _rim(seen, outline, start, beside)
-    if rim is None:
+    model = None if rim is None else _model_variance(rim, face, outline, config)
+    if rim is not None and model is not None and _is_lost(rim, model):
+        rim = None
+    if rim is None or model is None:
         fitted = fit_outline(face, outline, start)
         centre, turn = fitted.centre_m, fitted.turn_rad
         method = "outline" if method == "rim" else method
@@ -84,17 +89,43 @@ def _by_edge(
             model_m2=OUTLINE_EDGE_M**2 * np.eye(2),
             by_plane=np.zeros((2, 3)),
             freedom=math.inf,
+            turn=_turn(seen, outline, fitted, OUTLINE_EDGE_M**2, np.zeros(3)),
         )
     else:
         centre, turn = rim.centre_m, rim.turn_rad
-        model = _model_variance(rim, face, outline, config)
+        shown = _turn(seen, outline, rim, model, rim.turn_by_plane)
         estimate = Estimate(
-            method, centre, rim.covariance_m2, model * np.eye(2), rim.by_plane, rim.freedom
+            method, centre, rim.covariance_m2, model * np.eye(2), rim.by_plane, rim.freedom, shown
         )
     slope = 1.0 if rim is None else float(np.hypot(*rim.beam))
     if not check_outline(face, outline, centre, turn, seen.spacing_m, plane.sigma_m * slope):
         return None
     return EdgeFit(estimate, turn, rim)
+
+
+def _turn(
+    seen: Seen, outline: Outline, fitted: RimFit | OutlineFit, model_m2: float, by_plane: Array
+) -> PlaneTurn | None:
+    """The target's turn, where the edges show it.
+
+    What the model of an edge may be wrong by acts on the rms lever of its places, half / sqrt(3).
+    """
+    if not outline.turns:
+        return None
+    square = min(seen.target.region.half_m) ** 2 / 3.0
+    return PlaneTurn(
+        mark="edges",
+        angle_rad=fitted.turn_rad,
+        period_rad=seen.target.turn_period_rad,
+        noise=fitted.turn_noise,
+        model_rad2=model_m2 / square,
+        by_plane=by_plane,
+    )
+
+
+def _is_lost(rim: RimFit, model_m2: float) -> bool:
+    """Whether a rim's fit knows its place worse than the outermost points would."""
+    return float(np.trace(rim.covariance_m2)) / 2.0 + model_m2 > LOST_M**2
 
 
 def _rim(
@@ -108,7 +139,9 @@ def _rim(
     for slope in (GENTLE_SLOPE, STEEPEST):
         near = seen.near(outline, start, slope)
         thickness = seen.target.thickness
-        rim = fit_rim(near, outline, thickness, seen.plane.sigma_m, seen.config, start, first)
+        sigma_m, config = seen.plane.sigma_m, seen.config
+        found = fit_rim(near, outline, thickness, sigma_m, config, start, first, before=rim)
+        rim = found or rim
         if rim is not None and float(np.hypot(*rim.beam)) < GENTLE:
             break
     return rim

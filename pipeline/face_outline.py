@@ -22,11 +22,15 @@ MAX_STEPS, MAX_LOOKS = 60, 20
 
 @dataclass(frozen=True)
 class OutlineFit:
-    """An outline through the outermost points of a face: centre_m (2,), covariance_m2 (2, 2)."""
+    """An outline through the outermost points of a face: centre_m (2,), covariance_m2 (2, 2).
+
+    turn_noise: (3,) covariances of the turn with the centre, and its variance.
+    """
 
     centre_m: Array
     turn_rad: float
     covariance_m2: Array
+    turn_noise: Array
 
 
 def fit_outline(
@@ -127,7 +131,7 @@ def _through(edge: Array, outline: Outline, centre: Array, turn: float) -> Outli
         if float(np.abs(step).max()) < 1e-15:
             break
     covariance: Array = np.linalg.inv(information).astype(np.float64)
-    return OutlineFit(state[:2], float(state[2]), covariance[:2, :2])
+    return OutlineFit(state[:2], float(state[2]), covariance[:2, :2], covariance[2, :3])
 
 
 def _check_directions(information: Array, outline: Outline) -> None:

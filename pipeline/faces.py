@@ -14,13 +14,15 @@ from pipeline.hypotheses import Hypothesis, hypotheses, joined
 from pipeline.kernels import Array, Slab
 from pipeline.passes import Rows
 from pipeline.patch import Patch, around_slab, cut_patch
-from pipeline.segment import LIKELY, RIVAL_SCORE, SURE, Intensity, cubes_of, judged
+from pipeline.segment import LIKELY, SURE, Intensity, cubes_of, judged
 from pipeline.surfels import find_surfels
 from pipeline.targets import Target
 
 WHEELS = 4  # of a vehicle: where so many faces are sure, no half hidden one is missing
-MOST_IN_CLOUD = 100  # in the cloud of a vehicle
+FIFTH_SCORE = 0.8  # and only a place as clear as theirs could be another
+MOST_IN_CLOUD = 160  # in the cloud of a vehicle
 MOVED = 0.1  # of the radius: a place so far off is looked at again
+RIVAL_MATCH = 0.8  # of a better face's match: one that overlaps it and has less is none
 ROUGHER = 3.0  # times the noise of a sure face
 
 
@@ -79,7 +81,7 @@ def _look(
     near = np.ascontiguousarray(points_m[_rows(points_m, cubes, balls)].T)
     found: list[Candidate] = []
     for place in places:
-        if place.score < RIVAL_SCORE and len(_sure(found, target)) >= WHEELS:
+        if place.score < FIFTH_SCORE and len(_sure(found, target)) >= WHEELS:
             break
         found.append(_judge_in_cloud(near, place, target, config))
     return found
@@ -119,20 +121,29 @@ def _faces(looked_at: list[Candidate], target: Target, config: SegmentConfig) ->
         return sure
     roughest = ROUGHER * min((c.sigma_m for c in sure), default=np.inf)
     faces = [c for c in looked_at if c.match >= config.face_match and c.sigma_m <= roughest]
-    return _apart(faces, target.radius_m)
+    return _apart(faces, target)
 
 
 def _sure(looked_at: list[Candidate], target: Target) -> list[Candidate]:
-    return _apart([c for c in looked_at if c.match > SURE], target.radius_m)
+    return _apart([c for c in looked_at if c.match > SURE], target)
 
 
-def _apart(found: list[Candidate], radius_m: float) -> list[Candidate]:
-    """The candidates, best match first, less those that lie over a better one."""
+def _apart(found: list[Candidate], target: Target) -> list[Candidate]:
+    """The candidates, best match first, less those that lie over a better one, or overlap one much
+    better. One that overlaps another as good is kept: both cannot be, and that must be told.
+    """
     kept: list[Candidate] = []
     for one in sorted(found, key=lambda candidate: -candidate.match):
-        if all(float(np.linalg.norm(one.centre_m - k.centre_m)) > radius_m for k in kept):
+        over = [k for k in kept if _apart_m(one, k) < 2.0 * target.radius_m]
+        if not any(
+            _apart_m(one, k) < target.radius_m or one.match < RIVAL_MATCH * k.match for k in over
+        ):
             kept.append(one)
     return kept
+
+
+def _apart_m(one: Candidate, other: Candidate) -> float:
+    return float(np.linalg.norm(one.centre_m - other.centre_m))
 
 
 def _rows(points_m: Array, cubes: Cubes, chosen: Sequence[Rows]) -> Rows:
@@ -145,8 +156,13 @@ def _rows(points_m: Array, cubes: Cubes, chosen: Sequence[Rows]) -> Rows:
 def _cubes_within(cubes: Cubes, centre_m: Array, normal: Array, slab: Slab) -> Rows:
     """Cubes that may hold points of a slab about a centre, along a normal."""
     half = 0.9 * cubes.edge_m  # half the diagonal of a cube
-    wider = Slab(slab.reach_m + half * (1.0 + slab.slope), slab.depth_m + half, slab.slope)
-    furthest = wider.depth_m + wider.reach_m + wider.slope * wider.depth_m
+    wider = Slab(
+        slab.reach_m + half * (1.0 + slab.slope),
+        slab.depth_m + half,
+        slab.slope,
+        slab.most_m + half,
+    )
+    furthest = wider.depth_m + min(wider.reach_m + wider.slope * wider.depth_m, wider.most_m)
     start, stop = cubes.between(centre_m[0] - furthest, centre_m[0] + furthest)
     offset = cubes.middle_m[start:stop] - centre_m
     depth = np.abs(offset @ normal)

@@ -18,6 +18,7 @@ MIN_SCORE = 0.12  # an eighth of the face, alone
 MIN_SURFELS = 4
 TWO_LEVELS = 5.0  # between the means of two levels, over the spread within; of one, 2.6 to 3.5
 LEVEL_ROUNDS = 4
+MANY_FACES = 30.0  # as large as a wall: not looked at for two levels
 PIECES_REACH = 1.8  # of the radius: how far from one piece of a face the others may lie
 ALIGNED, SAME_DEPTH = 0.9, 0.08  # cosine, and of the radius: two places on one plane
 
@@ -37,7 +38,8 @@ def hypotheses(surfels: Surfels, target: Target, floor: float = MIN_SCORE) -> li
     None twice. A surface scores no more than the share of the face that it could fill.
     """
     area_m2 = target.region.area_m2
-    least = max(MIN_SURFELS, int(0.7 * floor * area_m2 / surfels.cubes.edge_m**2))
+    whole = area_m2 / surfels.cubes.edge_m**2
+    least = max(MIN_SURFELS, int(0.7 * floor * whole))
     order = np.argsort(surfels.surface, kind="stable")
     size = np.bincount(surfels.surface)
     stop = np.cumsum(size)
@@ -45,7 +47,7 @@ def hypotheses(surfels: Surfels, target: Target, floor: float = MIN_SCORE) -> li
         hypothesis
         for start, end in zip(stop - size, stop, strict=True)
         if end - start >= least
-        for rows in _levels(surfels, order[start:end])
+        for rows in _levels(surfels, order[start:end], whole)
         for hypothesis in _on_surface(surfels, rows, target, floor)
     ]
     return _apart(sorted(found, key=lambda h: -h.score), target.radius_m)
@@ -62,13 +64,14 @@ def joined(
     return _apart(sorted(whole, key=lambda h: -h.score), target.radius_m)
 
 
-def _levels(surfels: Surfels, rows: Rows) -> list[Rows]:
+def _levels(surfels: Surfels, rows: Rows, whole: float) -> list[Rows]:
     """The surface, and its upper and lower level where it has two: single links join such steps.
 
-    Two parallel planes are fitted, and the surfels shared out between them, in turn; two levels are
-    far apart for the spread within.
+    whole: surfels of a face; surfaces about as large, or many times larger, are left whole. Two
+    parallel planes are fitted, and the surfels shared out between them, in turn; two levels are far
+    apart for the spread within.
     """
-    if len(rows) < 4 * MIN_SURFELS:
+    if not 1.2 * whole < len(rows) < MANY_FACES * whole:
         return [rows]
     local = surfels.centroid_m[rows] - surfels.centroid_m[rows[0]]
     u, v, depth = plane_basis(_mean_direction(surfels.normal[rows])) @ local.T

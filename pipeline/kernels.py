@@ -118,16 +118,18 @@ def gather_ball(points_m: Array, centre_m: Array, radius_m: float) -> Array:
 class Slab:
     """A disc of space about an axis along a plane's normal.
 
-    reach_m: from the axis, growing by `slope` per metre of depth. depth_m: from the plane.
+    reach_m: from the axis, growing by `slope` per metre of depth, to most_m. depth_m: from the
+    plane.
     """
 
     reach_m: float
     depth_m: float
     slope: float = 0.0
+    most_m: float = math.inf
 
     def holds(self, square_m2: Array, depth_m: Array) -> npt.NDArray[np.bool_]:
         """Which points, by squared distance from the axis and distance from the plane (N,)."""
-        reach = self.reach_m + self.slope * depth_m if self.slope else self.reach_m
+        reach = np.minimum(self.reach_m + self.slope * depth_m, self.most_m)
         return np.asarray((square_m2 < reach * reach) & (depth_m < self.depth_m))
 
 

@@ -11,10 +11,12 @@ from pipeline.causes import Cause, centre_cause, plane_cause
 from pipeline.centres import Estimate, Method, check_agreement, combined
 from pipeline.config import CentreConfig
 from pipeline.edge_centre import EdgeFit, centre_by_holes, centre_by_rim
+from pipeline.face_turn import FaceTurn, PlaneTurn
 from pipeline.face_view import Seen
 from pipeline.fit_plane import PlaneFit
 from pipeline.kernels import Array
 from pipeline.outline import holes_of, outer_edge
+from pipeline.outline import turned as turned_by
 from pipeline.patch import Patch
 from pipeline.pattern import Lit, PatternFit, find_pattern
 from pipeline.rim import RimFit
@@ -39,7 +41,7 @@ class TargetFit:
     method: 'rim' from mixed ranges, 'outline' from the points alone, 'hole' or 'holes' from the
     edges of holes, 'pattern' from what is printed, 'combined' from several of these, which `others`
     then lists; 'points' from five points. marker_ids: of the markers that were seen; wheel: that
-    they name.
+    they name. turn: of the face about its normal; None of a disc or a ring, which show none.
     """
 
     centre_m: Array
@@ -52,6 +54,15 @@ class TargetFit:
     others: tuple[OtherCentre, ...] = ()
     marker_ids: tuple[int, ...] = ()
     wheel: str | None = None
+    turn: FaceTurn | None = None
+
+    @property
+    def u_turn_rad(self) -> float | None:
+        """Standard uncertainty of the face's turn about its normal; None where it shows none."""
+        if self.turn is None:
+            return None
+        turns = [cause.turn for cause in self.causes if cause.turn is not None]
+        return math.sqrt(sum(float(turn @ turn) for turn in turns))
 
     @property
     def covariance(self) -> Array:
@@ -126,33 +137,59 @@ def _by_pattern(printed: PatternFit, target: PatternTarget, rim: RimFit | None) 
         model_m2=target.print_shift**2 * np.eye(2),
         by_plane=by_plane,
         freedom=printed.freedom,
+        turn=PlaneTurn(
+            mark="print",
+            angle_rad=printed.turn_rad,
+            period_rad=target.print_period_rad,
+            noise=printed.turn_noise,
+            model_rad2=0.0,
+            by_plane=_sheared(printed, target, rim),
+        ),
     )
+
+
+def _sheared(printed: PatternFit, target: PatternTarget, rim: RimFit | None) -> Array:
+    """How the print's turn goes with the plane's height and slopes (3,), seen along beams h.
+
+    A slope g takes places q by -h (g.q), which turns them by -sum (q x h)(g.q) / sum q.q.
+    """
+    if rim is None:
+        return np.zeros(3)
+    q = turned_by(target.places_m - target.places_m.mean(axis=0), printed.turn_rad)
+    across = q[:, 0] * rim.beam[1] - q[:, 1] * rim.beam[0]
+    return np.array([0.0, *(-(across @ q) / np.sum(q * q))])
 
 
 def _fit(seen: Seen, estimate: Estimate, rim: RimFit | None) -> TargetFit:
     """A target by one estimate of its centre, with the causes of its uncertainty."""
-    plane = seen.plane
+    plane, turn = seen.plane, estimate.turn
     centre_m = seen.to_scanner(estimate.centre_m)
+    noise, model = estimate.noise_m2, estimate.model_m2
+    if turn is not None:
+        noise, model = turn.with_noise(noise), turn.with_model(model)
     return TargetFit(
         centre_m=centre_m,
         normal=plane.normal,
         causes=(
-            *_plane_causes(plane, centre_m - plane.centroid_m, estimate.by_plane),
-            centre_cause("centre noise", estimate.noise_m2, plane.basis, estimate.freedom),
-            centre_cause("centre model", estimate.model_m2, plane.basis),
+            *_plane_causes(plane, centre_m - plane.centroid_m, estimate),
+            centre_cause("centre noise", noise, plane.basis, estimate.freedom),
+            centre_cause("centre model", model, plane.basis),
         ),
         plane_rms_m=plane.rms_m,
         points_on_target=plane.count,
         method=estimate.method,
         rim=rim,
+        turn=turn.in_scan(plane.basis) if turn else None,
     )
 
 
-def _plane_causes(plane: PlaneFit, lever_m: Array, by_plane: Array) -> list[Cause]:
+def _plane_causes(plane: PlaneFit, lever_m: Array, estimate: Estimate) -> list[Cause]:
     """Of the plane's own scatter: independent noise, correlated noise, waves of the face."""
     seen = plane.correlated
+    by_plane = estimate.by_plane
+    turned = None if estimate.turn is None else estimate.turn.by_plane
     return [
-        plane_cause(name, covariance, plane.basis, lever_m, by_plane, freedom)
+        plane_cause(name, covariance, plane.basis, lever_m, by_plane, freedom, turned)
         for name, covariance, freedom in (
             ("plane noise", plane.noise_covariance, math.inf),
             ("correlated noise", seen.covariance, seen.freedom),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -32,7 +33,9 @@ def observe_cloud(
     the four cannot be measured.
     """
     source = capture.called(cloud)
-    found = faces_of_cloud(cloud, source, capture, config, progress)
+    with ThreadPoolExecutor(1) as beside:
+        digest = beside.submit(sha256, cloud.path)
+        found = faces_of_cloud(cloud, source, capture, config, progress)
     try:
         ways, naming = _ways(found, capture)
         evidence: dict[int, Evidence] = {}
@@ -44,14 +47,13 @@ def observe_cloud(
         named = wheels_by_markers(ways, told, found.faces)
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
-    digest = sha256(cloud.path)
     observations = [
         Observation(
             name=wheel,
             role="reference",
             wheel=wheel,
             source=": ".join(filter(None, (cloud.file, found.scans[named[wheel]]))),
-            sha256=digest,
+            sha256=digest.result(),
             points_total=found.points,
             missing_returns=found.missing_returns,
             evidence=evidence[named[wheel]],

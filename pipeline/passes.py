@@ -117,7 +117,7 @@ def surroundings(
     def mark(block: slice) -> tuple[int, int]:
         part = points_m[block]
         if machine is not None:
-            slabs = [np.array([s.reach_m, s.depth_m, s.slope]) for s in (face, around)]
+            slabs = [np.array([s.reach_m, s.depth_m, s.slope, s.most_m]) for s in (face, around)]
             counts = machine.near_plane(part, centre_m, normal, *slabs, limit, kind[block])
             return int(counts[0]), int(counts[1])
         u, v, w = axes @ part.T - origin

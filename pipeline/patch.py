@@ -15,7 +15,8 @@ from pipeline.targets import Target
 
 CLOSE_ASIDE, CLOSE_DEPTH = 1.6, 2.0  # of the radius: a wheel behind its target, not the floor
 MAX_DEPTH_M = 0.8  # background further behind the face tells nothing more
-BEAM_SLOPE = 1.2  # beams up to 50 degrees carry the background this far sideways per depth
+BEAM_SLOPE = 3.3  # beams up to 73 degrees carry the background this far sideways per depth
+MOST_ASIDE_M = 1.2  # however deep
 FACE_REACH, AROUND_REACH = 1.8, 1.25  # of the radius
 
 
@@ -99,4 +100,5 @@ def _looks_backwards(around_m: npt.NDArray[np.float32], radius_m: float) -> bool
 
 def around_slab(target: Target) -> Slab:
     """Where the surroundings of a face lie, about its centre along its normal."""
-    return Slab(AROUND_REACH * target.radius_m, MAX_DEPTH_M, BEAM_SLOPE)
+    reach = AROUND_REACH * target.radius_m
+    return Slab(reach, MAX_DEPTH_M, BEAM_SLOPE, reach + MOST_ASIDE_M)

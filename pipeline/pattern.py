@@ -25,7 +25,8 @@ class PatternFit:
     """A printed pattern laid on what is seen of it, in the plane's coordinates.
 
     centre_m: (2,) of the face, as the pattern has it. covariance_m2: (2, 2) from the residuals of
-    the features, with its freedom. rms_m: of them, per axis. features: used, of `printed`.
+    the features, with its freedom; turn_noise: (3,) covariances of the turn with the centre, and
+    its variance. rms_m: of them, per axis. features: used, of `printed`.
     marker_ids: seen. wheel: that they name, if any.
     """
 
@@ -38,6 +39,7 @@ class PatternFit:
     printed: int
     marker_ids: tuple[int, ...]
     wheel: str | None
+    turn_noise: Array
 
     def mirrored(self) -> PatternFit:
         """The same with the axis v turned over."""
@@ -47,6 +49,7 @@ class PatternFit:
             centre_m=self.centre_m * over,
             turn_rad=-self.turn_rad,
             covariance_m2=self.covariance_m2 * np.outer(over, over),
+            turn_noise=self.turn_noise * np.array([-1.0, 1.0, 1.0]),
         )
 
 
@@ -193,4 +196,5 @@ def _laid(
         printed=printed,
         marker_ids=pose.marker_ids,
         wheel=target.wheel_of(pose.marker_ids),
+        turn_noise=np.asarray(covariance[2]),
     )

@@ -149,6 +149,13 @@ class PatternTarget(Plate):
         return self._on_face(local * self.pitch)
 
     @property
+    def print_period_rad(self) -> float:
+        """The turn that leaves the places of the print as they are; of markers, a whole one."""
+        if self.kind == "aruco":
+            return 2.0 * math.pi
+        return math.pi / 2.0 if self.rows == self.columns else math.pi
+
+    @property
     def corners_m(self) -> Array:
         """The four corners of what is printed: (4, 2) in target axes."""
         grown = 2.0 if self.kind == "checkerboard" else self.feature_size_m / self.pitch

@@ -31,7 +31,7 @@ from pipeline.rim_beams import (
 from pipeline.rim_equations import OUTER_M, Equations, Problem, equations, spread, step
 from pipeline.rim_start import first_beam
 
-MIN_MIXED = 0.08  # of mixed ranges, below which the scanner has left them out
+MIN_MIXED = 0.04  # of mixed ranges, below which the scanner has left them out
 STILL_M, SETTLED_M = 2e-7, 1e-5  # a step that ends the fit; one that makes it trustworthy
 NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
 STEEP = 1.0  # slope of beams, from which a thick wall hides so much that a fit may run away
@@ -42,9 +42,10 @@ RIDGE = 0.3  # of log spot, thickness, echo: how far the consistent answer may l
 class RimFit:
     """Centre of an outline in the plane and what came with it.
 
-    centre_m: (2,). turn_rad: of the target's axes against the plane's. covariance_m2: (2, 2), of a
-    plane without error, and freedom, its degrees: fewer than the sectors, since not each counts
-    along an axis. by_plane: (2, 3) how the centre
+    centre_m: (2,). turn_rad: of the target's axes against the plane's; turn_noise: (3,) its
+    covariances with the centre and its variance, turn_by_plane: (3,) as by_plane.
+    covariance_m2: (2, 2), of a plane without error, and freedom, its degrees: fewer than the
+    sectors, since not each counts along an axis. by_plane: (2, 3) how the centre
     moves with the plane's height at the centre, and with its slopes along u and v: it is seen in a
     direction, so that a plane that is too high takes it along the beam. beam: (2,) in-plane run of
     the beams at the centre, per metre of depth: tan of the incidence and its direction.
@@ -69,6 +70,8 @@ class RimFit:
     points: int
     iterations: int
     settled: bool
+    turn_noise: Array
+    turn_by_plane: Array
 
     @property
     def state(self) -> Array:
@@ -85,11 +88,13 @@ def fit_rim(
     config: CentreConfig,
     start: tuple[Array, float] = (np.zeros(2), 0.0),
     first: RimFit | None = None,
+    before: RimFit | None = None,
 ) -> RimFit | None:
     """Place of an outline in plane coordinates uvw_m (N, 3), w towards the scanner.
 
     thickness_m: of the plate, where known. start: centre and turn to start from, near 0. first:
-    the fit of another edge of the same plate, which tells how the beams run.
+    the fit of another edge of the same plate, which tells how the beams run. before: a fit to fewer
+    of the points, to go on from.
     None where less than a quarter of the edge has a background to compare with, or the scanner has
     left out the mixed ranges.
     """
@@ -99,7 +104,7 @@ def fit_rim(
         begin = prior.mean.copy()
         begin[CENTRE], begin[TURN] = start
         look = random_rows(uvw_m, config.max_points, rng)
-        state = first_beam(look[:, :2], -look[:, 2], begin, outline)
+        state = before.state if before else first_beam(look[:, :2], -look[:, 2], begin, outline)
     else:
         prior = Prior.beside(first.state)
         state = prior.mean
@@ -197,4 +202,6 @@ def _record(found: _Converged, problem: Problem, covered: float) -> RimFit:
         points=len(found.equations.residual_m),
         iterations=found.iterations,
         settled=found.last_m < SETTLED_M,
+        turn_noise=covariance[TURN, [0, 1, TURN]],
+        turn_by_plane=by_plane[TURN],
     )

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from pipeline.kernels import Array
 from pipeline.outline import Outline, sector, turned
-from pipeline.rim_beams import BEAM, MIN_DEPTH_M, SPOT, TURN, Beams, carry
+from pipeline.rim_beams import BEAM, CENTRE, INVERSE, MIN_DEPTH_M, SPOT, TURN, Beams, carry
 
 Mask = npt.NDArray[np.bool_]
 Solve = Callable[[Array, Array], Array]
@@ -18,13 +18,11 @@ Solve = Callable[[Array, Array], Array]
 SECTORS, ROUNDS = 36, 4
 WINDOW_M = 0.03  # about the edge, in which its background is looked at
 AGREE_M, MAX_CONSTANT_M = 0.0015, 0.006  # of the background's edge in a sector; of all alike
-RING_M = (
-    0.0035,
-    0.0095,
-)  # inside and outside the edge: where background shows, and where it cannot
+RING_M = (0.0035, 0.0095)  # in- and outside the edge: where background cannot be, and where it is
 MAX_THROUGH = 0.1  # of the background outside, that may seem to be seen through the plate
-STEEPEST, SLOPE_STEP = 4.0, 0.15  # of the directions that are tried, and their step
-TRIED_POINTS = 1500
+STEEPEST = 4.0  # of the directions that are tried
+COARSE_STEP, FINE_STEP = 0.3, 0.1  # between them, at first and about the best
+TRIED_POINTS = 600
 
 
 def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Array | None:
@@ -127,17 +125,39 @@ def _of_all_directions(plane: Array, depth: Array, state: Array, outline: Outlin
     some = deep[:: max(1, len(deep) // TRIED_POINTS)]
     if len(some) < 50:
         return None
-    best, highest = None, 0.0
-    for slope in np.arange(0.0, STEEPEST, SLOPE_STEP):
-        turns = max(1, int(np.ceil(2.0 * np.pi * slope / SLOPE_STEP)))
-        for angle in np.arange(turns) * 2.0 * np.pi / turns:
-            tried = state.copy()
-            tried[BEAM] = slope * np.cos(angle), slope * np.sin(angle)
-            x = carry(plane[some], depth[some], tried, outline).x_m
-            near = np.abs(x) < WINDOW_M
-            score = float(
-                np.count_nonzero(near & (x > 0.0)) - 2 * np.count_nonzero(near & (x < 0.0))
-            )
-            if score > highest:
-                best, highest = tried, score
-    return best
+    tries = _directions(STEEPEST, COARSE_STEP)
+    for finer in (_directions(COARSE_STEP, FINE_STEP), None):
+        score = _background_outside(plane[some], depth[some], state, tries, outline)
+        best = tries[int(np.argmax(score))]
+        if score.max() <= 0.0:
+            return None
+        if finer is not None:
+            tries = best + finer
+    found = state.copy()
+    found[BEAM] = best
+    return found
+
+
+def _directions(steepest: float, step: float) -> Array:
+    """In-plane slopes (K, 2) on rings `step` apart, and as far apart on each."""
+    rings = np.arange(0.0, steepest + 0.5 * step, step)
+    turns = [
+        np.arange(k) / k * 2.0 * np.pi for k in np.maximum(1, np.ceil(2.0 * np.pi * rings / step))
+    ]
+    return np.concatenate(
+        [r * np.stack([np.cos(t), np.sin(t)], axis=1) for r, t in zip(rings, turns, strict=True)]
+    )
+
+
+def _background_outside(
+    plane: Array, depth: Array, state: Array, slopes: Array, outline: Outline
+) -> Array:
+    """For beams of slopes (K, 2): points (N) carried beside the edge's outside, less twice those
+    carried inside, (K,).
+    """
+    shrink = 1.0 / (1.0 + state[INVERSE] * depth)
+    q = (plane - state[CENTRE] - slopes[:, None, :] * depth[:, None]) * shrink[:, None]
+    x = outline.feet(turned(q.reshape(-1, 2), -state[TURN])).x_m.reshape(len(slopes), -1)
+    near = np.abs(x) < WINDOW_M
+    outside = np.count_nonzero(near & (x > 0.0), axis=1)
+    return np.asarray(outside - 2.0 * np.count_nonzero(near & (x < 0.0), axis=1))

@@ -3,7 +3,7 @@
 The plate need not be square to the axle, nor centred on it: as the wheel turns, its normal goes
 round on a cone and its centre on a circle. The axis of both is the axle. The turn of a round plate
 shows in neither, save by wobble and eccentricity themselves, so that it is told with each scan, and
-refined by them where they tell more.
+refined by them where they tell more. A plate that shows its turn about its own normal tells it.
 
 Signs: a turn is > 0 as the wheel rolls forwards; a clock angle of wobble or eccentricity is counted
 from the top, > 0 forwards, where the told turn is 0. Toe and camber as in `angles.py`, of the axle.
@@ -127,7 +127,8 @@ def _runout(wheel: str, scans: Turned, measurement: Measurement) -> tuple[Runout
     try:
         fit = _fit(scans, members, turns)
     except NotMeasuredError as error:
-        return Runout(wheel, names, "no-axis", str(error)), None
+        moved = error.status == "not-one-axis"
+        return Runout(wheel, names, "moved" if moved else "no-axis", str(error)), None
     own = scans.inputs_of(members)
     off, d_off, along = _off_axis(fit, own)
     lean = scans.in_frame(off, d_off)

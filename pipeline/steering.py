@@ -1,6 +1,10 @@
 """A steering sweep: the kingpin axis of each front wheel, and toe-out on turns.
 
 The body stands still, the brake holds the wheel on its axle, and the plate turns about the kingpin.
+A disc shows of that turn its normal and centre alone, so that the inclination hangs on the sagitta
+of the normals' arc, 1 - cos t; a plate that shows its turn about its own normal as well shows the
+whole rotation, on whose sine the inclination then hangs.
+
 Signs, alike on both sides: caster > 0 where the top leans backwards, by its projection on the side
 plane, atan2(-a.forward, a.up); kingpin inclination > 0 where the top leans inwards, by that on the
 plane across, atan2(-a.outward, a.up); a is the axis' unit vector that points up.
@@ -15,6 +19,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.errors import NotMeasuredError
+from pipeline.face_turn import Mark
 from pipeline.first_order import First, atan2, length, sin
 from pipeline.kernels import Array
 from pipeline.measurement import Measurement
@@ -39,7 +44,8 @@ class Kingpin:
     unit, upwards, and point_m: (3,) of it at the height of the wheel's reference centre, scanner
     coordinates.
     inwards, ahead: of that point from this centre, metres. chi_square: of what one axis leaves,
-    with `freedom` degrees; probability: of as much or more.
+    with `freedom` degrees; probability: of as much or more. with_turn: how many of the scans show
+    the plate's turn about its own normal, by `mark`, which then counts.
     """
 
     wheel: str
@@ -57,6 +63,8 @@ class Kingpin:
     chi_square: float = 0.0
     freedom: int = 0
     probability: float = 1.0
+    with_turn: int = 0
+    mark: Mark | None = None
 
 
 def measure_kingpins(measurement: Measurement) -> tuple[Kingpin, ...]:
@@ -90,10 +98,15 @@ def _kingpin(wheel: str, scans: Turned) -> Kingpin:
     try:
         fit = _fit(scans, members)
     except NotMeasuredError as error:
-        return Kingpin(wheel, names, sweep_rad, "no-axis", str(error))
+        two = error.status == "not-one-axis"
+        why: SweepStatus = "not-one-axis" if two else "no-axis"
+        return Kingpin(wheel, names, sweep_rad, why, str(error))
     caster, inclination = _leans(scans, fit, wheel)
     point, inwards, ahead = _beside_the_centre(scans, fit, wheel)
     status, reason = _judge(fit, caster, inclination, swept)
+    if status == "not-one-axis":
+        reason += _slipped(scans, members)
+    faces = scans.faces_of(members)
     return Kingpin(
         wheel=wheel,
         scans=names,
@@ -110,6 +123,8 @@ def _kingpin(wheel: str, scans: Turned) -> Kingpin:
         chi_square=fit.chi_square,
         freedom=fit.freedom,
         probability=fit.probability,
+        with_turn=len(faces),
+        mark=scans.mark_of(faces),
     )
 
 
@@ -178,6 +193,17 @@ def _judge(
             "the wheel rolled, the body moved, or the plate slipped"
         )
     return "ok", ""
+
+
+def _slipped(scans: Turned, members: list[int]) -> str:
+    """What else is to be said where the normals and centres alone do turn about one axis."""
+    if not scans.faces_of(members):
+        return ""
+    try:
+        alone = _fit(scans.without_faces(), members).probability
+    except NotMeasuredError:
+        return ""
+    return "; only the plate's turn about its own normal says so: hold the brake" * (alone >= DOUBT)
 
 
 def _if_known(angle: Estimate) -> Estimate | None:

@@ -58,7 +58,7 @@ def face_basis():
 
 def everything(cloud):
     """What all passes say of a cloud."""
-    near = surroundings(cloud, CENTRE, NORMAL, Slab(0.4, 0.05), Slab(0.4, 0.3, 1.0), 0.3)
+    near = surroundings(cloud, CENTRE, NORMAL, Slab(0.4, 0.05), Slab(0.4, 0.3, 1.0, 0.6), 0.3)
     inner = slab_moments(
         near.face_m,
         face_basis(),
@@ -152,9 +152,9 @@ def test_surroundings_are_what_one_line_says(cloud, twin):
     depth = np.abs(offset @ NORMAL)
     aside = np.linalg.norm(np.cross(offset, NORMAL), axis=1)
     on_face = (aside < 0.4) & (depth < 0.05)
-    around = (aside < 0.4 + depth) & (depth < 0.3) & ~on_face
+    around = (aside < np.minimum(0.4 + depth, 0.6)) & (depth < 0.3) & ~on_face
     shine = np.arange(len(cloud), dtype=np.float32)
-    slabs = (Slab(0.4, 0.05), Slab(0.4, 0.3, 1.0))
+    slabs = (Slab(0.4, 0.05), Slab(0.4, 0.3, 1.0, 0.6))
     near = surroundings(cloud, CENTRE, NORMAL, *slabs, 1.0, shine)
     np.testing.assert_array_equal(near.face_m, offset[on_face])
     np.testing.assert_array_equal(near.intensity, shine[on_face])

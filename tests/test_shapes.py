@@ -266,13 +266,24 @@ def test_steep_beams_find_the_centre_and_know_how_well(case):
     incidence, thickness = STEEP[case]
     disc = DISC.model_copy(update={"thickness": thickness})
     setup = setup_of(disc, PLAIN).but(
-        incidence_deg=incidence, spacing_m=0.0013, half_width_m=0.3, azimuth_deg=200.0
+        incidence_deg=incidence, spacing_m=0.00127, half_width_m=0.32, azimuth_deg=30.0
     )
-    result = found(make(setup, 1), disc)
+    result = found(make(setup, 0), disc)
     assert result.fitted.method == "rim"
     assert np.linalg.norm(result.error_m) < 3.72 * result.u_m
     assert np.linalg.norm(result.error_m) < 4e-4
     assert result.u_m < 1e-3
+
+
+def test_steep_beams_use_what_lies_far_aside_where_it_was_kept(monkeypatch):
+    setup = setup_of(DISC, PLAIN).but(incidence_deg=65.0, half_width_m=0.32, spacing_m=0.0015)
+    cloud = make(setup, 1)
+    wide = found(cloud, DISC)
+    monkeypatch.setattr("pipeline.patch.BEAM_SLOPE", 1.2)
+    narrow = found(cloud, DISC)
+    assert wide.fitted.rim.covered > 1.2 * narrow.fitted.rim.covered
+    for result in (narrow, wide):
+        assert np.linalg.norm(result.error_m) < 3.72 * result.u_m
 
 
 def from_two_places(name: str, apart_deg: float, seed: int) -> Found:

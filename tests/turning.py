@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.align import align
 from pipeline.causes import Cause
+from pipeline.face_turn import FaceTurn
 from pipeline.locate_centre import TargetFit
 from pipeline.measurement import Evidence, Measurement, Observation, Provenance
 from pipeline.scan_entry import Turn
@@ -47,6 +48,10 @@ class Scene:
     extra: tuple[Cause, ...] = ()  # of each target beside
     mirrored: bool = False
     turned: Rotation | None = None
+    u_turn: float | None = None  # of a face about its normal, where plates show it
+    period: float = np.pi / 2.0
+    with_centre: float = 0.0  # correlation of that turn's error with the centre's
+    doubtful: tuple[float, float] = (0.0, 0.0)  # chance of a scan whose u_turn is this instead
     seen: list[Observation] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -64,10 +69,17 @@ class Scene:
             self.look(wheel, "reference", wheel, PLACES[wheel], facing(wheel, toe, camber))
         return self
 
-    def look(self, name: str, role: str, wheel: str, centre, normal, turn=None, source="") -> Scene:
-        """See one target; `source` of a scan that was seen before sees the same again."""
+    def look(
+        self, name: str, role: str, wheel: str, centre, normal, turn=None, source="", face=None
+    ) -> Scene:
+        """See one target; `source` of a scan that was seen before sees the same again.
+
+        face: an axis of the plate, across its normal, which it shows where `u_turn` is given.
+        """
         before = next((s for s in self.seen if s.source == source), None)
         target = before.fitted if before else self._target(np.asarray(centre), np.asarray(normal))
+        if before is None and self.u_turn is not None and face is not None:
+            target = self._with_face(np.asarray(centre), np.asarray(normal), np.asarray(face))
         self.seen.append(
             Observation(
                 name, role, wheel, source or f"{name}.ply", "", 1, 0,
@@ -93,6 +105,33 @@ class Scene:
         sign = self.rng.choice([-1.0, 1.0])
         return TargetFit(c, sign * n / np.linalg.norm(n), causes, 8e-4, 1000, "rim")
 
+    def _with_face(self, centre: np.ndarray, normal: np.ndarray, face: np.ndarray) -> TargetFit:
+        """Seen with its turn: what moves plane and centre may turn it too."""
+        flip = np.array([1.0, -1.0, 1.0]) if self.mirrored else np.ones(3)
+        n, u = self.R.apply(normal * flip), self.R.apply(face * flip)
+        c = self.R.apply(centre * flip) + self.shift
+        sign, r = self.rng.choice([-1.0, 1.0]), self.with_centre
+        across = np.eye(3) - np.outer(n, n)
+        place = np.hstack([self.centre_m * np.eye(3), np.zeros((3, 1))])
+        u_turn = self.doubtful[1] if self.rng.random() < self.doubtful[0] else self.u_turn or 0.0
+        turn = u_turn * np.array([r, 0.0, 0.0, np.sqrt(1.0 - r * r)])
+        causes = (
+            Cause("plane noise", np.vstack([self.normal_rad * root(across), np.zeros((3, 3))])),
+            Cause("centre noise", np.vstack([np.zeros((3, 4)), place]), turn=sign * turn),
+            *self.extra,
+        )
+        drawn = [self.rng.normal(size=e.factor.shape[1]) for e in causes]
+        moved = self.noise * sum(e.factor @ d for e, d in zip(causes, drawn, strict=True))
+        about = self.noise * sum(
+            sign * e.turn @ d for e, d in zip(causes, drawn, strict=True) if e.turn is not None
+        )
+        u = Rotation.from_rotvec(np.cross(n, moved[:3]) + about * n).apply(u)
+        n = (n + moved[:3]) / np.linalg.norm(n + moved[:3])
+        periods = self.rng.integers(round(2.0 * np.pi / self.period))
+        u = Rotation.from_rotvec(periods * self.period * n).apply(u - n * (n @ u))
+        seen = FaceTurn("edges", u / np.linalg.norm(u), self.period)
+        return TargetFit(c + moved[3:], sign * n, causes, 8e-4, 1000, "rim", turn=seen)
+
 
 def kingpin(wheel: str, caster: float, inclination: float) -> np.ndarray:
     """Unit vector upwards: top backwards by caster, inwards by inclination, as projected."""
@@ -102,12 +141,13 @@ def kingpin(wheel: str, caster: float, inclination: float) -> np.ndarray:
 
 def swept(
     scene: Scene, wheel: str, caster: float, inclination: float, steers, *,
-    toe=0.0, camber=-0.01, inwards=0.12, ahead=-0.02, plate=None, positions=None,
+    toe=0.0, camber=-0.01, inwards=0.12, ahead=-0.02, plate=None, positions=None, slips=None,
 ) -> Scene:  # fmt: skip
     """See the wheel turned about its kingpin by `steers`, radians about it, > 0 to the left.
 
     The axis passes `inwards` of the reference centre and `ahead` of it, at its height. plate: a
-    turn of the plate on the wheel, so that its normal is not the wheel's.
+    turn of the plate on the wheel, so that its normal is not the wheel's. slips: of each scan, by
+    what the plate lies turned about its own normal; None where it shows no turn.
     """
     axis = kingpin(wheel, caster, inclination)
     centre = np.array(PLACES[wheel])
@@ -115,12 +155,17 @@ def swept(
     normal = facing(wheel, toe, camber)
     if plate is not None:
         normal = plate.apply(normal)
+    face = np.cross(normal, [0.6, 0.0, 0.8])
+    face /= np.linalg.norm(face)
     for i, steer in enumerate(steers):
         R = Rotation.from_rotvec(steer * axis)
         where = Turn(position=None if positions is None else positions[i])
+        slip = 0.0 if slips is None else slips[i]
+        shown = None if slip is None else R.apply(Rotation.from_rotvec(slip * normal).apply(face))
         scene.look(
-            f"{wheel} {i}", "sweep", wheel, point + R.apply(centre - point), R.apply(normal), where
-        )
+            f"{wheel} {i}", "sweep", wheel, point + R.apply(centre - point), R.apply(normal),
+            where, face=shown,
+        )  # fmt: skip
     return scene
 
 
@@ -140,6 +185,8 @@ def rolled(
     lean = np.cross(axle, wobble[0] * fore + wobble[1] * top)
     middle, plate = np.array(PLACES[wheel]), Rotation.from_rotvec(lean).apply(axle)
     aside = eccentric_m[0] * fore + eccentric_m[1] * top
+    face = np.cross(plate, top)
+    face /= np.linalg.norm(face)
     for i, turn in enumerate(turns):
         R = Rotation.from_rotvec(turn * side(wheel) * axle)
         shift = np.zeros(3) if moves is None else np.asarray(moves[i])
@@ -147,6 +194,6 @@ def rolled(
         first = with_reference and i == 0
         scene.look(
             f"{wheel} turn {i}", "runout", wheel, middle + R.apply(aside) + shift, R.apply(plate),
-            said, f"{wheel}.ply" if first else "",
+            said, f"{wheel}.ply" if first else "", R.apply(face),
         )  # fmt: skip
     return scene

@@ -16,6 +16,8 @@ Steering sweep: the kingpin axis, about which each wheel turned. Caster is + whe
 backwards, on the side plane; inclination + where it leans inwards, on the plane across. u: standard
 uncertainty (k = 1); U: half width of the 95 % interval. By camber: caster from the camber of the
 outermost scans alone, which leaves the inclination out. chi2/nu of what one axis leaves."""
+TURN = """\
+The plates' turns about their own normals, seen by their {mark}, count on {wheels}."""
 PLACE = """\
 Where the axis passes the height of the wheel's reference centre: inwards of it, + ahead of it."""
 TURNS = """\
@@ -28,7 +30,7 @@ def steering_text(measurement: Measurement) -> str:
     kingpins = measure_kingpins(measurement)
     if not kingpins:
         return ""
-    parts = [EXPLAINED, _angles(kingpins)]
+    parts = [EXPLAINED, *_turns_seen(kingpins), _angles(kingpins)]
     placed = [kingpin for kingpin in kingpins if kingpin.inwards is not None]
     if placed:
         parts += [PLACE, _places(placed)]
@@ -36,6 +38,17 @@ def steering_text(measurement: Measurement) -> str:
     if turns:
         parts += [TURNS, _turns(turns)]
     return "\n".join(parts)
+
+
+def _turns_seen(kingpins: tuple[Kingpin, ...]) -> list[str]:
+    """One line a mark by which turns were seen; none for discs."""
+    seen = [kingpin for kingpin in kingpins if kingpin.with_turn]
+    return [
+        TURN.format(mark=mark, wheels=", ".join(
+            f"{k.wheel} ({k.with_turn} of {len(k.scans)} scans)" for k in seen if k.mark == mark
+        ))
+        for mark in dict.fromkeys(kingpin.mark for kingpin in seen)
+    ]  # fmt: skip
 
 
 def _angles(kingpins: tuple[Kingpin, ...]) -> str:

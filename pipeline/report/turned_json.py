@@ -47,6 +47,8 @@ def _kingpin(found: Kingpin) -> dict[str, Any]:
         **_angle("caster_by_camber", found.caster_by_camber),
         **_length("inwards", found.inwards),
         **_length("ahead", found.ahead),
+        "scans_with_turn": found.with_turn,
+        "turn_by": found.mark,
         "axis": None if found.axis is None else found.axis.tolist(),
         "point_m": None if found.point_m is None else found.point_m.tolist(),
         **_fit(found),

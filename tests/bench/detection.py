@@ -4,7 +4,8 @@
 
 Scenes of tests/vehicle_scenes.py, replayed by their number. A face is right within 2 % of its
 radius and 0.5 degrees of the truth, after plane and centre are fitted. One that could not be
-measured has a status; one that is wrong without a status is the worst that can happen.
+measured has a status, as has a vehicle whose wheels cannot be told from what was found; one that is
+wrong without a status is the worst that can happen.
 """
 
 from __future__ import annotations
@@ -24,9 +25,12 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np  # noqa: E402
 
+from pipeline.axles import Face  # noqa: E402
 from pipeline.config import Config  # noqa: E402
-from pipeline.errors import NotMeasuredError  # noqa: E402
+from pipeline.errors import InputError, NotMeasuredError  # noqa: E402
+from pipeline.faces import find_faces  # noqa: E402
 from pipeline.fit_plane import fit_plane  # noqa: E402
+from pipeline.identify_wheels import find_axles  # noqa: E402
 from pipeline.locate_centre import locate_centre  # noqa: E402
 from pipeline.segment import Patch, find_target  # noqa: E402
 from pipeline.targets import DiscTarget  # noqa: E402
@@ -78,11 +82,14 @@ def measured(patch: Patch) -> Found:
 
 
 def find_on_vehicle(scene: Scene) -> list[Found]:
-    """The faces of a whole vehicle."""
-    from pipeline.faces import find_faces
-
+    """The faces that stand as a vehicle's wheels; all of them, with a status, where none do."""
     patches = find_faces(scene.points_m, DISC, CONFIG.segment, 0, parts=scene.parts)
-    return [measured(patch) for patch in patches]
+    faces = [Face(patch.origin_m, patch.basis[2], patch.match) for patch in patches]
+    try:
+        axles = find_axles(faces, RADIUS_M)
+    except InputError as error:
+        return [Found("refused", str(error), face.centre_m, face.normal) for face in faces]
+    return [measured(patches[i]) for i in range(len(patches)) if i not in axles.left_out]
 
 
 def find_on_wheel(scene: Scene) -> list[Found]:
