@@ -108,17 +108,17 @@ def _turn(
 ) -> PlaneTurn | None:
     """The target's turn, where the edges show it.
 
-    What the model of an edge may be wrong by acts on the rms lever of its places, half / sqrt(3).
+    What the model of the edges may be wrong by turns them as noise does that moves them as far.
     """
     if not outline.turns:
         return None
-    square = min(seen.target.region.half_m) ** 2 / 3.0
+    by_model = model_m2 / (float(np.trace(fitted.covariance_m2)) / 2.0)
     return PlaneTurn(
         mark="edges",
         angle_rad=fitted.turn_rad,
         period_rad=seen.target.turn_period_rad,
         noise=fitted.turn_noise,
-        model_rad2=model_m2 / square,
+        model_rad2=by_model * float(fitted.turn_noise[2]),
         by_plane=by_plane,
     )
 

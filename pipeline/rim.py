@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.config import CentreConfig
-from pipeline.kernels import Array, random_rows
+from pipeline.kernels import Array
 from pipeline.outline import Outline
+from pipeline.passes import sample
 from pipeline.rim_background import RING_M, Background, look_up, mixed_share
 from pipeline.rim_beams import (
     BEAM,
@@ -98,12 +99,11 @@ def fit_rim(
     None where less than a quarter of the edge has a background to compare with, or the scanner has
     left out the mixed ranges.
     """
-    rng = np.random.default_rng(0)
     if first is None:
         prior = Prior.of(thickness_m, config)
         begin = prior.mean.copy()
         begin[CENTRE], begin[TURN] = start
-        look = random_rows(uvw_m, config.max_points, rng)
+        look = sample(uvw_m, config.max_points)
         state = before.state if before else first_beam(look[:, :2], -look[:, 2], begin, outline)
     else:
         prior = Prior.beside(first.state)
@@ -111,7 +111,7 @@ def fit_rim(
     if state is None:
         return None
     beside = carry(uvw_m[:, :2], -uvw_m[:, 2], state, outline).x_m
-    near = random_rows(uvw_m[np.abs(beside) < _reach_m(state)], config.max_points, rng)
+    near = sample(uvw_m[np.abs(beside) < _reach_m(state)], config.max_points)
     problem = Problem(near[:, :2], -near[:, 2], prior, outline, sigma_m)
     beams = problem.beams(state)
     if mixed_share(beams, problem.depth, look_up(beams, problem.depth, state)) < MIN_MIXED:

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from pipeline.config import CentreConfig, PlaneConfig, SegmentConfig
+from pipeline.config import CentreConfig, Config, PlaneConfig, SegmentConfig
 from pipeline.errors import NotMeasuredError
 from pipeline.fit_plane import fit_plane
 from pipeline.locate_centre import locate_centre
+from pipeline.measure import measure_scan
+from pipeline.readers.scan import Scan
 from pipeline.segment import find_target
 from pipeline.targets import DiscTarget
 from tests.scenes import WHEEL, Setup, Sheet, make, rotation
@@ -280,3 +282,13 @@ def test_square_plate_is_no_disc():
     cloud = make(PLAIN.but(radius_m=0.001, thickness_m=1e-4, extra=(square,)), 1)
     with pytest.raises(NotMeasuredError):
         fit(cloud.points_m)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_order_of_the_points_changes_rounding_alone(seed):
+    cloud = make(WHEEL, seed)
+    first = measure_scan(Scan(cloud.points_m, None, "scan", 0), DISC, Config()).target
+    shuffled = np.random.default_rng(seed).permutation(cloud.points_m)
+    again = measure_scan(Scan(shuffled, None, "scan", 0), DISC, Config()).target
+    assert np.abs(first.centre_m - again.centre_m).max() < 1e-12
+    assert np.abs(first.normal - again.normal).max() < 1e-12
