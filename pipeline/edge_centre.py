@@ -25,7 +25,7 @@ WALL_SHARE = 2e-3  # of the thickness, times tan^3 of the incidence: the wall's 
 MISFIT = (0.06, 0.09)  # of the points unexplained: where doubt begins, and is complete
 MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # what a bent wall leaves unexplained, per metre of bend
 # What straight edges by mixed ranges and by points may differ; and when the plate is another.
-APART_M, WORST_APART_M = 2.0 * OUTLINE_EDGE_M, 5.0 * OUTLINE_EDGE_M
+APART_M, WORST_APART_M = 3.0 * OUTLINE_EDGE_M, 5.0 * OUTLINE_EDGE_M
 MAX_ECHO = 50.0  # a background that many times brighter, or darker, than the plate is no answer
 GENTLE = 1.0  # slope, below which what matters lies within that
 
@@ -108,17 +108,19 @@ def _turn(
 ) -> PlaneTurn | None:
     """The target's turn, where the edges show it.
 
-    What the model of the edges may be wrong by turns them as noise does that moves them as far.
+    What the model may be wrong by, spread over the edges as noise that moves the centre as far,
+    turns them by its part over sqrt(2) of the rms lever of the edges' places.
     """
     if not outline.turns:
         return None
-    by_model = model_m2 / (float(np.trace(fitted.covariance_m2)) / 2.0)
+    half = np.array(seen.target.region.half_m)
+    lever_m2 = float(np.sum(half**3) / (3.0 * np.sum(half)))
     return PlaneTurn(
         mark="edges",
         angle_rad=fitted.turn_rad,
         period_rad=seen.target.turn_period_rad,
         noise=fitted.turn_noise,
-        model_rad2=by_model * float(fitted.turn_noise[2]),
+        model_rad2=model_m2 / (2.0 * lever_m2),
         by_plane=by_plane,
     )
 

@@ -257,6 +257,153 @@ def test_json_holds_all_with_units():
     assert to_json(scene.measure()) == to_json(scene.measure())
 
 
+SQUARE = {"u_turn": 7.5e-5}  # of the square's turn about its normal, default scanner
+ENDS = np.radians([-20.0, 0.0, 20.0])
+
+
+@pytest.mark.parametrize("period", [np.pi / 2.0, np.pi, 2.0 * np.pi])
+@pytest.mark.parametrize("wheel", ["FR", "FL"])
+def test_exact_turns_about_the_normal_give_the_axis_too(wheel, period):
+    """Whichever of the equal turns each scan reports; they add one equation each, less one."""
+    found = one(Scene(1, noise=0.0, period=period, **SQUARE).references(), wheel)
+    assert (found.status, found.freedom) == ("ok", 12 + len(SWEEP) - 1)
+    assert found.with_turn == len(SWEEP)
+    assert found.caster.value == pytest.approx(CASTER, abs=1e-9)
+    assert found.inclination.value == pytest.approx(INCLINATION, abs=1e-9)
+    assert found.inwards.value == pytest.approx(0.12, abs=1e-9)
+    assert found.chi_square < 1e-9
+
+
+def test_a_turn_hangs_on_the_sine_where_the_normal_hangs_on_the_sagitta():
+    """1 / u^2 = |sin t|^2 / u_turn^2 + |1 - cos t|^2 / u_normal^2, each about its mean.
+
+    And the frame's roll, sqrt(2) u_centre / track.
+    """
+    turns, disc, loose = (
+        one(Scene(5, noise=0.0, centre_m=1e-4, **more).references(), steers=ENDS)
+        for more in (SQUARE, {}, {"u_turn": 10.0})
+    )
+    sagitta = 1.0 - np.cos(ENDS)
+    by_normal = np.linalg.norm(sagitta - sagitta.mean()) / NORMAL_RAD
+    by_turn = np.linalg.norm(np.sin(ENDS)) / SQUARE["u_turn"]
+    expected = np.hypot(1.0 / np.hypot(by_normal, by_turn), np.sqrt(2.0) * 1e-4 / 1.5)
+    assert turns.inclination.u == pytest.approx(expected, rel=0.05)
+    assert turns.inclination.u < 0.3 * disc.inclination.u
+    assert turns.caster.u == pytest.approx(disc.caster.u, rel=0.01)
+    assert loose.inclination.u == pytest.approx(disc.inclination.u, rel=1e-4)
+
+
+@pytest.mark.parametrize("with_centre", [0.0, 0.9])
+def test_errors_with_turns_are_as_large_as_stated_and_the_fit_as_good(with_centre):
+    scores, chances, errors = [], [], []
+    for i in range(100):
+        scene = Scene(2000 + i, with_centre=with_centre, **SQUARE).references()
+        found = one(scene, "FL" if i % 2 else "FR", steers=ENDS)
+        known = (found.caster, found.inclination, found.inwards, found.ahead)
+        true = (CASTER, INCLINATION, 0.12, -0.02)
+        scores.append([(k.value - t) / k.u for k, t in zip(known, true, strict=True)])
+        errors.append(found.inclination.value - INCLINATION)
+        chances.append(found.probability)
+    low, high = stats.chi2.ppf([0.0005, 0.9995], len(scores)) / len(scores)
+    means = np.mean(np.square(scores), axis=0)
+    assert np.all((low < means) & (means < high))
+    assert stats.kstest(chances, "uniform").pvalue > 1e-3
+    assert np.max(np.abs(errors)) < 3.0 * MINUTE  # discs: 3.4' rms
+
+
+def test_turns_move_with_the_scanners_coordinates_and_in_a_mirror():
+    turn = Rotation.from_rotvec([0.4, -1.1, 0.7])
+    plain = one(Scene(2, noise=0.0, **SQUARE).references())
+    moved = one(Scene(2, noise=0.0, turned=turn, **SQUARE).references())
+    np.testing.assert_allclose(moved.axis, turn.apply(plain.axis), atol=1e-9)
+    assert moved.inclination.u == pytest.approx(plain.inclination.u, rel=1e-6)
+    scene = swept(Scene(2, noise=0.0, mirrored=True, **SQUARE).references(), "FR",
+                  CASTER, INCLINATION, SWEEP)  # fmt: skip
+    other = {"FR": "FL", "FL": "FR", "RR": "RL", "RL": "RR"}
+    scene.seen = [
+        replace(s, name=other.get(s.name, s.name), wheel=other[s.wheel]) for s in scene.seen
+    ]
+    scene.seen[:4] = [scene.seen[i] for i in (1, 0, 3, 2)]
+    (found,) = measure_kingpins(scene.measure())
+    assert (found.wheel, found.status) == ("FL", "ok")
+    assert found.inclination.value == pytest.approx(INCLINATION, abs=1e-9)
+    assert found.inclination.u == pytest.approx(plain.inclination.u, rel=0.05)
+
+
+def test_which_of_the_equal_turns_is_reported_changes_nothing():
+    """But the second order of the normals' errors."""
+    scene = swept(Scene(21, **SQUARE).references(), "FL", CASTER, INCLINATION, SWEEP)
+    (plain,) = measure_kingpins(scene.measure())
+    for i, quarters in ((4, 1), (5, 3), (7, 2)):
+        target = scene.seen[i].fitted
+        R = Rotation.from_rotvec(quarters * np.pi / 2.0 * target.normal)
+        jumped = replace(target, turn=replace(target.turn, axis=R.apply(target.turn.axis)))
+        scene.seen[i] = replace(scene.seen[i], evidence=replace(scene.seen[i].evidence,
+                                                                target=jumped))  # fmt: skip
+    (again,) = measure_kingpins(scene.measure())
+    for name in ("caster", "inclination"):
+        assert getattr(again, name).value == pytest.approx(
+            getattr(plain, name).value, abs=(3.0 * NORMAL_RAD) ** 2
+        )
+        assert getattr(again, name).u == pytest.approx(getattr(plain, name).u, rel=1e-3)
+    assert again.chi_square == pytest.approx(plain.chi_square, rel=1e-3)
+
+
+@pytest.mark.parametrize("slip_deg", [0.1, 5.0, 20.0, 30.0, 45.0, 60.0])
+def test_a_plate_that_slips_about_its_own_normal_is_told(slip_deg):
+    """A disc shows nothing of it; a whole period is none."""
+    slips = np.radians([0.0, 0.0, slip_deg, 0.0, 0.0])
+    found = one(Scene(22, **SQUARE).references(), slips=slips)
+    assert found.status == "not-one-axis"
+    assert "slipped" in found.reason
+    assert ("lies 30°" in found.reason) == (slip_deg in (30.0, 60.0))
+    if slip_deg < 22.5:
+        assert "hold the brake" in found.reason
+    assert one(Scene(22).references(), slips=slips).status == "ok"
+    assert one(Scene(22, **SQUARE).references(), slips=[0, 0, np.pi / 2, 0, 0]).status == "ok"
+
+
+def test_a_scan_without_a_turn_serves_among_those_with():
+    """It counts by normal and centre; one turn alone tells nothing and is left out."""
+    none = [None] * len(SWEEP)
+    disc = one(Scene(23, noise=0.0).references())
+    every = one(Scene(23, noise=0.0, **SQUARE).references())
+    some = one(Scene(23, noise=0.0, **SQUARE).references(), slips=[0.0, None, None, 0.0, 0.0])
+    alone = one(Scene(23, noise=0.0, **SQUARE).references(), slips=[0.0, *none[1:]])
+    assert (some.with_turn, some.freedom) == (3, 12 + 3 - 1)
+    assert (alone.with_turn, alone.freedom) == (0, 12)
+    assert every.inclination.u < some.inclination.u < 0.5 * disc.inclination.u
+    assert alone.inclination.u == disc.inclination.u
+    for found in (some, alone):
+        assert found.inclination.value == pytest.approx(INCLINATION, abs=1e-9)
+
+
+def test_a_print_may_lie_turned_on_its_board():
+    """Turns by edges and by print are not compared: those that are more count."""
+    scene = swept(Scene(24, noise=0.0, **SQUARE).references(), "FL", CASTER, INCLINATION, SWEEP)
+    for i in (4, 8):
+        target = scene.seen[i].fitted
+        R = Rotation.from_rotvec(0.02 * target.normal)
+        mine = replace(target.turn, axis=R.apply(target.turn.axis), mark="print")
+        scene.seen[i] = replace(scene.seen[i], evidence=replace(
+            scene.seen[i].evidence, target=replace(target, turn=mine)))  # fmt: skip
+    (found,) = measure_kingpins(scene.measure())
+    assert (found.status, found.with_turn, found.mark) == ("ok", 3, "edges")
+    assert found.inclination.value == pytest.approx(INCLINATION, abs=1e-9)
+
+
+def test_the_report_says_when_turns_counted():
+    scene = swept(Scene(25, **SQUARE).references(), "FL", CASTER, INCLINATION, SWEEP)
+    said = "seen by their edges, count on FL (5 of 5 scans)"
+    assert said in " ".join(steering_text(scene.measure()).split())
+    (tree,) = json.loads(to_json(scene.measure()))["steering"]["kingpins"]
+    assert (tree["scans_with_turn"], tree["turn_by"]) == (5, "edges")
+    disc = swept(Scene(25).references(), "FL", CASTER, INCLINATION, SWEEP)
+    assert "their own normals" not in steering_text(disc.measure())
+    (tree,) = json.loads(to_json(disc.measure()))["steering"]["kingpins"]
+    assert (tree["scans_with_turn"], tree["turn_by"]) == (0, None)
+
+
 TURN = swept(Scene(0).references(), "FL", 0.0, 0.0, [0.0]).seen[-1].turn
 
 TOML = """

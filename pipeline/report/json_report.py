@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.conformity import Conformity
-from pipeline.locate_centre import TargetFit
+from pipeline.locate_centre import OtherCentre, TargetFit
 from pipeline.measurement import Measurement, Naming, WheelResult
 from pipeline.quantities import against, stated
 from pipeline.report.axes_json import axes_tree, pair
@@ -123,6 +123,17 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
         "missing_returns": seen.missing_returns,
         "file": seen.source,
         "centre_method": fitted.method if fitted else None,
+        "centres": [_other(other) for other in fitted.others] if fitted else [],
+        "marker_ids": list(fitted.marker_ids) if fitted else [],
+    }
+
+
+def _other(other: OtherCentre) -> dict[str, Any]:
+    """One of several ways to a wheel's centre."""
+    return {
+        "method": other.method,
+        "centre_m": other.centre_m.tolist(),
+        "u_centre_m": float(np.sqrt(np.linalg.eigvalsh(other.centre_covariance_m2)[-1])),
     }
 
 

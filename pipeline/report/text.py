@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from pipeline.conformity import Conformity
 from pipeline.measurement import Measurement, WheelResult
 from pipeline.quantities import against, stated
@@ -131,7 +133,20 @@ def _centre_section(measurement: Measurement) -> list[str]:
             local = measurement.frame.to_vehicle(fitted.centre_m)
             rows.append((result.observation.name, *(number(x, 5) for x in local), fitted.method))
     title = "Wheel centres (centros das rodas), vehicle frame from the middle of the rear axle, m"
-    return [title, aligned(rows, left=1)]
+    return [title, aligned(rows, left=1), *filter(None, map(_ways, measurement.wheels))]
+
+
+def _ways(result: WheelResult) -> str:
+    """How far the single ways to a combined centre are from it."""
+    evidence = result.observation.evidence
+    if evidence is None or not evidence.target.others:
+        return ""
+    centre = evidence.target.centre_m
+    told = (
+        f"{other.method} {np.linalg.norm(other.centre_m - centre) * 1e3:.3f} mm"
+        for other in evidence.target.others
+    )
+    return f"  {result.observation.name}: off the combined centre: {', '.join(told)}"
 
 
 def _plane_section(measurement: Measurement) -> list[str]:
