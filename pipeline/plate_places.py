@@ -182,8 +182,8 @@ def _nearest(seen: Places, state: State) -> Array:
         worst = float(np.degrees(rest.max()))
         raise NotMeasuredError(
             "not-one-axis",
-            f"a plate lies {worst:.0f}° about its normal from where one axis takes it: it slipped, "
-            "or the wheel rolled",
+            f"a plate lies {worst:.0f}° about its normal from where one axis takes it: it slipped "
+            "on the wheel, or the wheel rolled",
         )
     turned = [
         turn_about(seen.normals[i], -count * period) @ face

@@ -127,8 +127,9 @@ def _runout(wheel: str, scans: Turned, measurement: Measurement) -> tuple[Runout
     try:
         fit = _fit(scans, members, turns)
     except NotMeasuredError as error:
-        moved = error.status == "not-one-axis"
-        return Runout(wheel, names, "moved" if moved else "no-axis", str(error)), None
+        if error.status == "not-one-axis":
+            return Runout(wheel, names, "moved", f"{error}, or an angle_deg is wrong"), None
+        return Runout(wheel, names, "no-axis", str(error)), None
     own = scans.inputs_of(members)
     off, d_off, along = _off_axis(fit, own)
     lean = scans.in_frame(off, d_off)

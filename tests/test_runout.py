@@ -213,3 +213,22 @@ def test_one_wheel_that_moved_leaves_the_frame_of_the_plates():
     assert found[-1].status == "moved"
     assert [runout.on_axles for runout in found] == [None] * 4
     assert {runout.frame for runout in found} == {"plate centres"}
+
+
+def test_a_plate_that_shows_its_turn_tells_it():
+    """What a badly told turn costs two positions is gone; turns of another period are told."""
+    loose, scene = np.radians(3.0), {"noise": 0.0, "u_turn": 7.5e-5}
+    told = HALF + np.array([0.0, 0.05])
+    found = one(Scene(4, **scene).references(), u_turn=loose, told=told)
+    sure = one(Scene(4, noise=0.0).references(), u_turn=1e-4)
+    assert (found.status, found.freedom) == ("ok", 5 * 2 - 9 + 1)
+    assert found.angles.toe.value == pytest.approx(TOE, abs=1e-8)
+    assert np.diff(found.turns_rad) == pytest.approx(np.pi, abs=1e-4)
+    assert found.angles.toe.u == pytest.approx(sure.angles.toe.u, rel=0.01)
+    assert found.angles.camber.u == pytest.approx(sure.angles.camber.u, rel=0.01)
+    disc = one(Scene(4, noise=0.0).references(), u_turn=loose, told=told)
+    assert abs(disc.angles.toe.value - TOE) + abs(disc.angles.camber.value - CAMBER) > 1e-4
+    wrong = one(Scene(4, **scene).references(), told=HALF + np.array([0.0, np.radians(30.0)]))
+    assert (wrong.status, "angle_deg is wrong" in wrong.reason) == ("moved", True)
+    slipped = one(Scene(4, **scene).references(), told=HALF + np.array([0.0, 0.1]))
+    assert slipped.status == "moved"

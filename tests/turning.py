@@ -51,7 +51,6 @@ class Scene:
     u_turn: float | None = None  # of a face about its normal, where plates show it
     period: float = np.pi / 2.0
     with_centre: float = 0.0  # correlation of that turn's error with the centre's
-    doubtful: tuple[float, float] = (0.0, 0.0)  # chance of a scan whose u_turn is this instead
     seen: list[Observation] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -113,8 +112,7 @@ class Scene:
         sign, r = self.rng.choice([-1.0, 1.0]), self.with_centre
         across = np.eye(3) - np.outer(n, n)
         place = np.hstack([self.centre_m * np.eye(3), np.zeros((3, 1))])
-        u_turn = self.doubtful[1] if self.rng.random() < self.doubtful[0] else self.u_turn or 0.0
-        turn = u_turn * np.array([r, 0.0, 0.0, np.sqrt(1.0 - r * r)])
+        turn = float(self.u_turn or 0.0) * np.array([r, 0.0, 0.0, np.sqrt(1.0 - r * r)])
         causes = (
             Cause("plane noise", np.vstack([self.normal_rad * root(across), np.zeros((3, 3))])),
             Cause("centre noise", np.vstack([np.zeros((3, 4)), place]), turn=sign * turn),

@@ -33,12 +33,8 @@ from synth.archive import write_capture
 from tests.turning import Scene, rolled, swept
 
 Row = tuple[str, float, float, float, float]  # what, error, u, freedom, chance of the fit
-# Turn about the normal (k = 1); chance of a scan whose rim is in doubt, and what it is then.
-U_TURN = {
-    "disc-250": (None, (0.0, 0.0)),
-    "square-300": (7.5e-5, (0.2, 5e-3)),
-    "pattern-aruco": (4e-5, (0.0, 0.0)),
-}
+# Of the turn about the normal, of a scan of the default scanner (k = 1).
+U_TURN = {"disc-250": None, "square-300": 7e-5, "pattern-aruco": 4e-5}
 THREE_MINUTES = np.radians(3.0 / 60.0)
 SCALE = {'"': np.degrees(1.0) * 3600.0, "'": np.degrees(1.0) * 60.0}
 
@@ -48,8 +44,7 @@ def drawn_sweep(
 ) -> list[Row]:
     """One car: both front wheels swept."""
     rng = np.random.default_rng([seed, 3])
-    u_turn, doubtful = U_TURN[target]
-    scene = Scene(seed, u_turn=u_turn, doubtful=doubtful).references()
+    scene = Scene(seed, u_turn=U_TURN[target]).references()
     steers = np.radians(np.tile(np.linspace(-lock, lock, positions), rounds))
     truth = {}
     for wheel in ("FR", "FL"):
