@@ -22,6 +22,9 @@ bench: $(VENV)/ready
 	$(BIN)/python tests/bench/accuracy.py
 	$(BIN)/python tests/bench/speed.py
 	$(BIN)/python tests/bench/reading.py
+	$(BIN)/python tests/bench/segmentation.py
+	$(BIN)/python tests/bench/detection.py
+	$(BIN)/python tests/bench/shapes.py
 
 fuzz: $(VENV)/ready
 	$(BIN)/python tests/bench/fuzz.py --mutants 20000 --seed 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 from typing import TypeVar
 
 T = TypeVar("T")
@@ -30,6 +31,15 @@ def over_blocks(work: Callable[[slice], T], rows: int, block_rows: int = BLOCK_R
     if workers < 2:
         return [work(block) for block in blocks]
     shares = [blocks[first::workers] for first in range(workers)]
-    with ThreadPoolExecutor(workers) as pool:
-        done = list(pool.map(lambda share: [work(block) for block in share], shares))
+    done = list(_pool(workers).map(lambda share: [work(block) for block in share], shares))
     return [done[k % workers][k // workers] for k in range(len(blocks))]
+
+
+@lru_cache(maxsize=1)
+def _pool(workers: int) -> ThreadPoolExecutor:
+    """Threads that wait for the next pass; starting them takes as long as a pass over a million."""
+    return ThreadPoolExecutor(workers)
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pool.cache_clear)  # a fork leaves them behind

@@ -78,15 +78,18 @@ def near_plane(
 
 
 @_compiled
-def take(points: Any, centre: Any, kind: Any, wanted: int, out: Any) -> None:
-    """The points (N, 3) of that kind, relative to the centre, into out (M, 3)."""
-    k = 0
+def take(points: Any, centre: Any, kind: Any, face: Any, around: Any) -> None:
+    """Points (N, 3) of kind 1 into face (M, 3), of kind 2 into around, relative to the centre."""
+    i_face, i_around = 0, 0
     for i in range(len(points)):
-        if kind[i] == wanted:
-            out[k, 0] = points[i, 0] - centre[0]
-            out[k, 1] = points[i, 1] - centre[1]
-            out[k, 2] = points[i, 2] - centre[2]
-            k += 1
+        if kind[i] == 1:
+            for axis in range(3):
+                face[i_face, axis] = points[i, axis] - centre[axis]
+            i_face += 1
+        elif kind[i] == 2:
+            for axis in range(3):
+                around[i_around, axis] = points[i, axis] - centre[axis]
+            i_around += 1
 
 
 @_compiled

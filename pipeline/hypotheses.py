@@ -35,7 +35,8 @@ class Hypothesis:
 def hypotheses(surfels: Surfels, target: Target, floor: float = MIN_SCORE) -> list[Hypothesis]:
     """Places on single surfaces where the face may be, of scores above `floor`, best first.
 
-    None twice. A surface scores no more than the share of the face that it could fill.
+    None twice. A surface scores no more than the share of the face that it could fill. At a floor
+    above the lowest, surfaces of two levels are left whole.
     """
     area_m2 = target.region.area_m2
     whole = area_m2 / surfels.cubes.edge_m**2
@@ -47,7 +48,8 @@ def hypotheses(surfels: Surfels, target: Target, floor: float = MIN_SCORE) -> li
         hypothesis
         for start, end in zip(stop - size, stop, strict=True)
         if end - start >= least
-        for rows in _levels(surfels, order[start:end], whole)
+        for rows_of in [order[start:end]]
+        for rows in (_levels(surfels, rows_of, whole) if floor <= MIN_SCORE else [rows_of])
         for hypothesis in _on_surface(surfels, rows, target, floor)
     ]
     return _apart(sorted(found, key=lambda h: -h.score), target.radius_m)

@@ -26,11 +26,16 @@ Rows = npt.NDArray[np.int64]
 
 
 def machine_for(rows: int, enough: int) -> ModuleType | None:
-    """The compiled passes, where the points are enough for them; None where numpy is as fast."""
+    """The compiled passes, where the points are enough for them; None where numpy is as fast.
+
+    None, too, where numba does not load, be it missing or at odds with another package.
+    """
     if rows < enough:
         return None
-    from pipeline import compiled
-
+    try:
+        from pipeline import compiled
+    except (ImportError, AttributeError):
+        return None
     return compiled
 
 
@@ -139,10 +144,10 @@ def surroundings(
     def fill(block: slice) -> None:
         number = block.start // BLOCK_ROWS
         (a, b), (c, d) = starts[number], starts[number + 1]
-        for wanted, out in ((1, face_m[a:c]), (2, around_m[b:d])):
-            if len(out) and machine is not None:
-                machine.take(points_m[block], centre_m, kind[block], wanted, out)
-            elif len(out):
+        if machine is not None:
+            machine.take(points_m[block], centre_m, kind[block], face_m[a:c], around_m[b:d])
+        else:
+            for wanted, out in ((1, face_m[a:c]), (2, around_m[b:d])):
                 rows = np.nonzero(kind[block] == wanted)[0]
                 np.subtract(points_m[block].take(rows, axis=0), centre_m, out=out)
         if shine is not None and intensity is not None:

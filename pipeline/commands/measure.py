@@ -83,7 +83,9 @@ def measure(
     Scans of single wheels are named in its capture.toml, or are called rr.* rl.* fr.* fl.* and
     trial-NAME.*. Its [[sweep]] names scans of front wheels at three or more angles of the steering,
     body still and brake held, for a wheel that rolls on its axle shows only where its plate
-    wobbles; its [[runout]] two or more of a lifted wheel, turned about its axle by angle_deg.
+    wobbles, or shows its own turn: a board, a square or a rectangle, which give the kingpin
+    inclination several times better than a disc; its [[runout]] two or more of a lifted wheel,
+    turned about its axle by angle_deg.
 
     Exits with 1 when a trial, a sweep or a run-out could not be measured, and, with --tolerance,
     unless all that it limits is shown to conform: undecided is 1 too, so that 0 never lets a
