@@ -21,6 +21,7 @@ from pipeline.reference_frame import REFERENCE_WHEELS
 Array = npt.NDArray[np.float64]
 
 MOST_LISTED = 8
+MUCH_WORSE = 0.7  # of the weakest match of a four: another four with a face of less is none
 WORSE = 0.8  # of the match of another: a face that is less and overlaps with it is none
 
 
@@ -58,7 +59,8 @@ class Axles:
 def find_axles(faces: Sequence[Face], radius_m: float) -> Axles:
     """The two axles of the one vehicle that the faces make; radius_m: of the target.
 
-    Faces more than four are left out where no other four of them could be a vehicle's wheels.
+    Faces more than four are left out where no other four of them could be a vehicle's wheels, or
+    all others have a face that matches much worse.
     Raises InputError, which lists the faces, where there is no such four, or more than one.
     """
     among = _uncovered(faces, radius_m)
@@ -67,14 +69,14 @@ def find_axles(faces: Sequence[Face], radius_m: float) -> Axles:
             f"{_count(len(faces))} of the target found, four are needed: {listed(faces)}: check "
             "--target, and that the cloud shows all four; scans of single wheels go in one folder"
         )
-    found = vehicles(faces, among, RIVAL)
+    found = _clearest(vehicles(faces, among, RIVAL), faces)
     _check_apart(faces, among, {i for ends in found for axle in ends for i in axle}, radius_m)
     if len(found) > 1:
         raise InputError(
             f"{_count(len(faces))} of the target found, of which {len(found)} sets of four could "
             f"be a vehicle's wheels: {listed(faces)}: crop the cloud to one vehicle"
         )
-    if not found or found != vehicles(faces, among, 1.0):
+    if not found or found != _clearest(vehicles(faces, among, 1.0), faces):
         raise InputError(
             f"{_count(len(faces))} of the target found, but no four stand as a vehicle's wheels "
             f"(looking outwards, tracks of {TRACK_M[0]:g} to {TRACK_M[1]:g} m, a wheelbase of "
@@ -117,6 +119,13 @@ def placed(face: Face) -> str:
     """Where a face lies, and how well it matches."""
     place = ", ".join(f"{x:.3f}" for x in face.centre_m + 0.0)
     return f"at ({place}) m (match {face.match:.2f})"
+
+
+def _clearest(found: list[tuple[Ends, Ends]], faces: Sequence[Face]) -> list[tuple[Ends, Ends]]:
+    """The fours whose weakest face matches as well as that of the best four, or nearly."""
+    weakest = [min(faces[i].match for axle in ends for i in axle) for ends in found]
+    bar = MUCH_WORSE * max(weakest, default=0.0)
+    return [ends for ends, match in zip(found, weakest, strict=True) if match >= bar]
 
 
 def _uncovered(faces: Sequence[Face], radius_m: float) -> list[int]:

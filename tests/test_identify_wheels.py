@@ -198,6 +198,8 @@ def test_a_fifth_face_that_nearly_makes_another_vehicle_is_not_left_out():
     assert "of which" in refusal([*car(), fifth])
     far = Face(np.array([0.0, 3.05, 0.3]), np.array([0.0, 1.0, 0.0]), 0.7)
     assert find_axles([*car(), far], RADIUS_M).left_out == (4,)
+    weak = Face(fifth.centre_m, fifth.normal, 0.6)  # less than 0.7 of the others' 0.9
+    assert find_axles([*car(), weak], RADIUS_M).left_out == (4,)
 
 
 @pytest.mark.parametrize(
