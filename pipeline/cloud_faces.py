@@ -57,9 +57,7 @@ def faces_of_cloud(
     progress(f"{cloud.file}: searching")
     parts, names = _parts(scan)
     try:
-        patches = find_faces(
-            scan.points_m, target, config.segment, config.seed, scan.intensity, parts
-        )
+        patches = find_faces(scan.points_m, target, config.segment, scan.intensity, parts)
     except NotMeasuredError as error:
         raise InputError(f"{source}: {error}: check the file, and --target") from error
     return Found(

@@ -11,7 +11,8 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numba import njit  # noqa: TID253 - the one file that needs it, imported late
 
-GRID_PER_M = 2.0**20  # as in passes.py
+from pipeline.kernels import GRID_PER_M
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -93,6 +94,21 @@ def take(points: Any, centre: Any, kind: Any, face: Any, around: Any) -> None:
 
 
 @_compiled
+def _add(cell: Any, x: float, y: float, z: float) -> None:
+    """One point more in sums (10,), as slab_sums.sums_by has them."""
+    cell[0] += 1.0
+    cell[1] += x
+    cell[2] += y
+    cell[3] += z
+    cell[4] += x * x
+    cell[5] += x * y
+    cell[6] += y * y
+    cell[7] += x * z
+    cell[8] += y * z
+    cell[9] += z * z
+
+
+@_compiled
 def slab_moments(
     points: Any,
     basis: Any,
@@ -133,17 +149,7 @@ def slab_moments(
             continue
         column = min(max(int(u / grid[1] + 0.5 * across), 0), across - 1)
         row = min(max(int(v / grid[1] + 0.5 * across), 0), across - 1)
-        cell = sums[row * across + column]
-        cell[0] += 1.0
-        cell[1] += u
-        cell[2] += v
-        cell[3] += w
-        cell[4] += u * u
-        cell[5] += u * v
-        cell[6] += v * v
-        cell[7] += u * w
-        cell[8] += v * w
-        cell[9] += w * w
+        _add(sums[row * across + column], u, v, w)
     return found
 
 
@@ -175,17 +181,7 @@ def cube_moments(points: Any, low: Any, edge: float, keys: Any, sums: Any) -> in
                 used += 1
             last_key = key
         x, y, z = (x - ix - 0.5) * edge, (y - iy - 0.5) * edge, (z - iz - 0.5) * edge
-        cell = sums[slot]
-        cell[0] += 1.0
-        cell[1] += x
-        cell[2] += y
-        cell[3] += z
-        cell[4] += x * x
-        cell[5] += x * y
-        cell[6] += y * y
-        cell[7] += x * z
-        cell[8] += y * z
-        cell[9] += z * z
+        _add(sums[slot], x, y, z)
     return used
 
 

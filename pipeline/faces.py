@@ -22,7 +22,6 @@ WHEELS = 4  # of a vehicle: where so many faces are sure, no half hidden one is 
 FIFTH_SCORE = 0.8  # and only a place as clear as theirs could be another
 MOST_IN_CLOUD = 160  # in the cloud of a vehicle
 MOVED = 0.1  # of the radius: a place so far off is looked at again
-RIVAL_MATCH = 0.8  # of a better face's match: one that overlaps it and has less is none
 ROUGHER = 3.0  # times the noise of a sure face
 
 
@@ -30,7 +29,6 @@ def find_faces(
     points_m: Array,
     target: Target,
     config: SegmentConfig,
-    seed: int = 0,
     intensity: Intensity | None = None,
     parts: Sequence[tuple[int, int]] = (),
 ) -> tuple[Patch, ...]:
@@ -43,7 +41,7 @@ def find_faces(
     surfels = find_surfels(cubes, threshold_m(target, config))
     places = hypotheses(surfels, target)[:MOST_IN_CLOUD]
     looked_at = _look(points_m, cubes, places, target, config)
-    if len(_sure(looked_at, target)) < WHEELS:
+    if len(_sure(looked_at, target, config)) < WHEELS:
         places = joined(places, surfels, target, threshold_m(target, config))
         looked_at += _look(points_m, cubes, places, target, config)
     found = _faces(looked_at, target, config)
@@ -81,7 +79,7 @@ def _look(
     near = np.ascontiguousarray(points_m[_rows(points_m, cubes, balls)].T)
     found: list[Candidate] = []
     for place in places:
-        if place.score < FIFTH_SCORE and len(_sure(found, target)) >= WHEELS:
+        if place.score < FIFTH_SCORE and len(_sure(found, target, config)) >= WHEELS:
             break
         found.append(_judge_in_cloud(near, place, target, config))
     return found
@@ -116,19 +114,19 @@ def _faces(looked_at: list[Candidate], target: Target, config: SegmentConfig) ->
 
     Nor is a face what is much rougher than those that are sure.
     """
-    sure = _sure(looked_at, target)
+    sure = _sure(looked_at, target, config)
     if len(sure) >= WHEELS:
         return sure
     roughest = ROUGHER * min((c.sigma_m for c in sure), default=np.inf)
     faces = [c for c in looked_at if c.match >= config.face_match and c.sigma_m <= roughest]
-    return _apart(faces, target)
+    return _apart(faces, target, config)
 
 
-def _sure(looked_at: list[Candidate], target: Target) -> list[Candidate]:
-    return _apart([c for c in looked_at if c.match > SURE], target)
+def _sure(looked_at: list[Candidate], target: Target, config: SegmentConfig) -> list[Candidate]:
+    return _apart([c for c in looked_at if c.match > SURE], target, config)
 
 
-def _apart(found: list[Candidate], target: Target) -> list[Candidate]:
+def _apart(found: list[Candidate], target: Target, config: SegmentConfig) -> list[Candidate]:
     """The candidates, best match first, less those that lie over a better one, or overlap one much
     better. One that overlaps another as good is kept: both cannot be, and that must be told.
     """
@@ -136,7 +134,8 @@ def _apart(found: list[Candidate], target: Target) -> list[Candidate]:
     for one in sorted(found, key=lambda candidate: -candidate.match):
         over = [k for k in kept if _apart_m(one, k) < 2.0 * target.radius_m]
         if not any(
-            _apart_m(one, k) < target.radius_m or one.match < RIVAL_MATCH * k.match for k in over
+            _apart_m(one, k) < target.radius_m or one.match < config.rival_match * k.match
+            for k in over
         ):
             kept.append(one)
     return kept

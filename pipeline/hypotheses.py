@@ -43,15 +43,10 @@ def hypotheses(surfels: Surfels, target: Target, floor: float = MIN_SCORE) -> li
     least = max(MIN_SURFELS, int(0.7 * floor * whole))
     order = np.argsort(surfels.surface, kind="stable")
     size = np.bincount(surfels.surface)
-    stop = np.cumsum(size)
-    found = [
-        hypothesis
-        for start, end in zip(stop - size, stop, strict=True)
-        if end - start >= least
-        for rows_of in [order[start:end]]
-        for rows in (_levels(surfels, rows_of, whole) if floor <= MIN_SCORE else [rows_of])
-        for hypothesis in _on_surface(surfels, rows, target, floor)
-    ]
+    surfaces = [rows for rows in np.split(order, np.cumsum(size)[:-1]) if len(rows) >= least]
+    if floor <= MIN_SCORE:
+        surfaces = [part for rows in surfaces for part in _levels(surfels, rows, whole)]
+    found = [h for rows in surfaces for h in _on_surface(surfels, rows, target, floor)]
     return _apart(sorted(found, key=lambda h: -h.score), target.radius_m)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+GRID_PER_M = 2.0**20  # to which coordinates are rounded before they are hashed
 CHUNK_ROWS = 32_768  # three float64 columns of it stay in a second-level cache
 
 

@@ -13,9 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.blocks import BLOCK_ROWS, over_blocks
-from pipeline.kernels import Array, Slab, plane_basis
+from pipeline.kernels import GRID_PER_M, Array, Slab, plane_basis
 
-GRID_PER_M = 2.0**20  # of the hash
 COMPILED_ROWS = 2_500_000  # loading the compiled passes takes 0.2 s and 100 MB
 WHOLE = np.uint64(0xFFFFFFFFFFFFFFFF)
 MIX = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))

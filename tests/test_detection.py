@@ -34,7 +34,7 @@ drawn = cache(vehicle_scene)
 @cache
 def patches(number):
     scene = drawn(number)
-    return find_faces(scene.points_m, DISC, SEGMENT, 0, parts=scene.parts)
+    return find_faces(scene.points_m, DISC, SEGMENT, parts=scene.parts)
 
 
 @pytest.mark.parametrize("number", VEHICLES)
@@ -92,7 +92,7 @@ def test_two_equal_plates_side_by_side():
     with pytest.raises(NotMeasuredError) as caught:
         find_target(points, DISC, SEGMENT, 0)
     assert caught.value.status == "ambiguous-target"
-    patches = find_faces(points, DISC, SEGMENT, 0)
+    patches = find_faces(points, DISC, SEGMENT)
     centres = sorted((patch.origin_m - cloud.centre_m) @ beside for patch in patches)
     assert centres == pytest.approx([0.0, beside @ beside], abs=NEAR_M)
 
@@ -109,7 +109,7 @@ def test_twins_in_a_wheels_scan_are_ambiguous(number):
 def test_no_face_where_there_is_none():
     scene = hard_wheel(58)
     assert scene.note.startswith("none")
-    found = [measured(patch) for patch in find_faces(scene.points_m, DISC, SEGMENT, 0)]
+    found = [measured(patch) for patch in find_faces(scene.points_m, DISC, SEGMENT)]
     assert judge((), [*found, *find_on_wheel(scene)]).wrong == 0
 
 
