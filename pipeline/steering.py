@@ -13,11 +13,12 @@ plane across, atan2(-a.outward, a.up); a is the axis' unit vector that points up
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from pipeline.axle_frame import Framed, FrameThrough, framed, outward_sense
 from pipeline.errors import NotMeasuredError
 from pipeline.face_turn import Mark
 from pipeline.first_order import First, atan2, length, sin
@@ -25,7 +26,7 @@ from pipeline.kernels import Array
 from pipeline.measurement import Measurement
 from pipeline.one_axis import OneAxis
 from pipeline.reference_frame import REFERENCE_WHEELS
-from pipeline.turned import DOUBT, Estimate, Turned, turned
+from pipeline.turned import DOUBT, Estimate, Turned
 
 STEERED = ("FR", "FL")
 LEAST_POSITIONS = 3  # two normals lie on a cone about any axis between them
@@ -39,7 +40,8 @@ SweepStatus = Literal["ok", "too-few-positions", "range-too-small", "no-axis", "
 class Kingpin:
     """What the sweep of one wheel says of its kingpin; None where it says too little.
 
-    scans: names of those that were measured. sweep_rad: largest less smallest toe.
+    scans: names of those that were measured. sweep_rad: largest less smallest toe. frame: through
+    which centres the frame stands from which all is counted.
     caster_by_camber: from the camber of the two outermost scans alone, for comparison. axis: (3,)
     unit, upwards, and point_m: (3,) of it at the height of the wheel's reference centre, scanner
     coordinates.
@@ -51,6 +53,7 @@ class Kingpin:
     wheel: str
     scans: tuple[str, ...]
     sweep_rad: float
+    frame: FrameThrough
     status: SweepStatus = "ok"
     reason: str = ""
     caster: Estimate | None = None
@@ -70,37 +73,37 @@ class Kingpin:
 def measure_kingpins(measurement: Measurement) -> tuple[Kingpin, ...]:
     """The kingpin of each wheel that was swept, FR before FL."""
     swept = {w.wheel for w in measurement.wheels if w.observation.role == "sweep"}
-    scans = turned(measurement, "sweep")
-    return tuple(_kingpin(wheel, scans) for wheel in STEERED if wheel in swept)
+    best = framed(measurement)
+    return tuple(_kingpin(wheel, best) for wheel in STEERED if wheel in swept)
 
 
-def toe_and_camber(scans: Turned, index: int) -> tuple[First, First]:
-    """Of one scan, as in `angles.py`, radians."""
-    scan = scans.scans[index]
-    assert scan.normal is not None
-    left, forward, up = scans.in_frame(scan.normal, scans.columns(index)[0])
-    outward = left * _side(str(scan.wheel))
+def toe_and_camber(scans: Turned, wheel: str, way: Array, moved: Array) -> tuple[First, First]:
+    """Of an outward way (3,), slopes (3, K), of that wheel; as in `angles.py`, radians."""
+    left, forward, up = scans.in_frame(way, moved)
+    outward = left * outward_sense(wheel)
     return atan2(forward, outward), -atan2(up, length(outward, forward))
 
 
-def _kingpin(wheel: str, scans: Turned) -> Kingpin:
-    members = scans.of_wheel(wheel)
+def _kingpin(wheel: str, best: Framed) -> Kingpin:
+    scans = best.scans
+    members = scans.of_wheel(wheel, "sweep")
     names = tuple(scans.scans[i].observation.name for i in members)
-    toe = [toe_and_camber(scans, i)[0].value for i in members]
+    toe = [_of_plate(scans, i)[0].value for i in members]
     sweep_rad = max(toe) - min(toe) if toe else 0.0
     swept = f"{math.degrees(sweep_rad):.1f}°"
+    none = Kingpin(wheel, names, sweep_rad, best.through)
     if len(members) < LEAST_POSITIONS:
         reason = f"{len(members)} positions were measured, {LEAST_POSITIONS} or more are needed"
-        return Kingpin(wheel, names, sweep_rad, "too-few-positions", reason)
+        return replace(none, status="too-few-positions", reason=reason)
     if sweep_rad < LEAST_SWEEP_RAD:
         reason = f"the wheel was steered through {swept} only; steer to 20° on either side"
-        return Kingpin(wheel, names, sweep_rad, "range-too-small", reason)
+        return replace(none, status="range-too-small", reason=reason)
     try:
         fit = _fit(scans, members)
     except NotMeasuredError as error:
         two = error.status == "not-one-axis"
         why: SweepStatus = "not-one-axis" if two else "no-axis"
-        return Kingpin(wheel, names, sweep_rad, why, str(error))
+        return replace(none, status=why, reason=str(error))
     caster, inclination = _leans(scans, fit, wheel)
     point, inwards, ahead = _beside_the_centre(scans, fit, wheel)
     status, reason = _judge(fit, caster, inclination, swept)
@@ -111,6 +114,7 @@ def _kingpin(wheel: str, scans: Turned) -> Kingpin:
         wheel=wheel,
         scans=names,
         sweep_rad=sweep_rad,
+        frame=best.through,
         status=status,
         reason=reason,
         caster=_if_known(caster),
@@ -126,6 +130,13 @@ def _kingpin(wheel: str, scans: Turned) -> Kingpin:
         with_turn=len(faces),
         mark=scans.mark_of(faces),
     )
+
+
+def _of_plate(scans: Turned, index: int) -> tuple[First, First]:
+    """Toe and camber of one scan's plate."""
+    scan = scans.scans[index]
+    assert scan.normal is not None
+    return toe_and_camber(scans, str(scan.wheel), scan.normal, scans.columns(index)[0])
 
 
 def _fit(scans: Turned, members: list[int]) -> OneAxis:
@@ -148,9 +159,9 @@ def _fit(scans: Turned, members: list[int]) -> OneAxis:
 
 
 def _leans(scans: Turned, fit: OneAxis, wheel: str) -> tuple[Estimate, Estimate]:
-    own = scans.inputs_of(scans.of_wheel(wheel))
+    own = scans.inputs_of(scans.of_wheel(wheel, "sweep"))
     left, forward, up = scans.in_frame(fit.axis, fit.d_axis @ own)
-    outward = left * _side(wheel)
+    outward = left * outward_sense(wheel)
     return scans.estimate(-atan2(forward, up)), scans.estimate(-atan2(outward, up))
 
 
@@ -158,14 +169,14 @@ def _beside_the_centre(scans: Turned, fit: OneAxis, wheel: str) -> tuple[Array, 
     """Where the axis passes the height of the reference centre: the place, inwards, ahead."""
     index = REFERENCE_WHEELS.index(wheel)
     centre = scans.reference_centres_m[index]
-    own = scans.inputs_of(scans.of_wheel(wheel))
+    own = scans.inputs_of(scans.of_wheel(wheel, "sweep"))
     axis = scans.in_frame(fit.axis, fit.d_axis @ own)
     moved = fit.d_point @ own - scans.d_centres[3 * index : 3 * index + 3]
     beside = scans.in_frame(fit.point_m - centre, moved)
     rise = _over(-beside[2], axis[2])
     left, ahead = beside[0] + axis[0] * rise, beside[1] + axis[1] * rise
     point = fit.point_m + rise.value * fit.axis
-    return point, scans.estimate(left * -_side(wheel)), scans.estimate(ahead)
+    return point, scans.estimate(left * -outward_sense(wheel)), scans.estimate(ahead)
 
 
 def _by_camber(scans: Turned, members: list[int]) -> Estimate:
@@ -173,7 +184,7 @@ def _by_camber(scans: Turned, members: list[int]) -> Estimate:
 
     Source: the workshop formula, which leaves out what the inclination adds at unequal angles.
     """
-    seen = sorted((toe_and_camber(scans, i) for i in members), key=lambda pair: pair[0].value)
+    seen = sorted((_of_plate(scans, i) for i in members), key=lambda pair: pair[0].value)
     (toe_out, camber_out), (toe_in, camber_in) = seen[0], seen[-1]
     return scans.estimate(_over(camber_out - camber_in, sin(toe_in) - sin(toe_out)))
 
@@ -213,7 +224,3 @@ def _if_known(angle: Estimate) -> Estimate | None:
 def _over(top: First, bottom: First) -> First:
     ratio = top.value / bottom.value
     return First(ratio, (top.slope - ratio * bottom.slope) / bottom.value)
-
-
-def _side(wheel: str) -> float:
-    return 1.0 if wheel.endswith("L") else -1.0

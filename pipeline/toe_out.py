@@ -2,25 +2,34 @@
 
 With the inner wheel at 20 degrees of toe-out against the frame's forward axis, toe-out on turns is
 the inner wheel's angle less the outer wheel's, interpolated between positions of the steering.
+A plate leans against its axle, by the same lean wherever the wheel is steered while the brake holds
+it; where a run-out shows the lean, the angles are the axles'.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from pipeline.axle_frame import Framed, framed
 from pipeline.first_order import First
+from pipeline.kernels import Array
 from pipeline.measurement import Measurement
-from pipeline.steering import toe_and_camber
-from pipeline.turned import Estimate, Turned, turned
+from pipeline.plate_places import turn_about
+from pipeline.steering import STEERED, measure_kingpins, toe_and_camber
+from pipeline.turned import Estimate, Turned
 
 INNER_RAD = math.radians(20.0)
 BEYOND_RAD = math.radians(1.0)  # how far outside the positions it is still worked out
 LEAST_PAIRS = 3
 TOGETHER_RAD = math.radians(2.0)  # positions that count as one place
+
+MOST_APART = 4.5  # u, by which a plate may lie off where the kingpin takes it from its reference
+MOST_APART = 4.5  # u, by which a plate may lie off where the kingpin takes it from its reference
 
 ToeOutStatus = Literal["ok", "too-few-pairs", "not-reached"]
 
@@ -30,7 +39,7 @@ class ToeOut:
     """Of one turn: 'left', whose inner wheel is FL, or 'right'; None where it was not reached.
 
     difference: inner less outer angle. u_interpolation_rad: what of its u is the curve between the
-    positions.
+    positions. of: what the angles are of.
     """
 
     turn: Literal["left", "right"]
@@ -38,26 +47,83 @@ class ToeOut:
     reason: str = ""
     difference: Estimate | None = None
     u_interpolation_rad: float = 0.0
+    of: Literal["axles", "plates"] = "plates"
 
 
 def measure_toe_out(measurement: Measurement) -> tuple[ToeOut, ...]:
     """Left turn, then right; none without a position of the steering that both wheels share."""
-    scans = turned(measurement, "sweep")
-    pairs = _pairs(scans)
+    best = framed(measurement)
+    leans = {}
+    for kingpin in measure_kingpins(measurement):
+        lean = None if kingpin.axis is None else _lean(best, kingpin.wheel, kingpin.axis)
+        if lean is not None:
+            leans[kingpin.wheel] = lean
+    if len(leans) < len(STEERED):
+        leans = {}  # half of the difference compensated would be worse than neither
+    pairs = _pairs(best.scans, leans)
     if not pairs:
         return ()
     left = [(-toe_left, -(toe_left + toe_right)) for toe_right, toe_left in pairs]
     right = [(-toe_right, -(toe_left + toe_right)) for toe_right, toe_left in pairs]
-    return _of_turn(scans, "left", left), _of_turn(scans, "right", right)
+    turns = _of_turn(best.scans, "left", left), _of_turn(best.scans, "right", right)
+    return tuple(replace(turn, of="axles" if leans else "plates") for turn in turns)
 
 
-def _pairs(scans: Turned) -> list[tuple[First, First]]:
+@dataclass(frozen=True)
+class _Lean:
+    """What takes a plate's normal to its axle: (3,) at the reference's normal (3,), and slopes."""
+
+    kingpin: Array
+    at: Array
+    off: Array
+    moved: Array
+
+    def axle(self, normal: Array, moved: Array) -> tuple[Array, Array]:
+        """The axle where the plate's normal is `normal`, turned there about the kingpin.
+
+        The turn's own error times the lean, some 0.01, is left out.
+        """
+        T = turn_about(self.kingpin, _turn(self.kingpin, self.at, normal))
+        return normal + T @ self.off, moved + T @ self.moved
+
+
+def _lean(best: Framed, wheel: str, kingpin: Array) -> _Lean | None:
+    """None where no run-out shows it, or where the plate lay otherwise in the sweep."""
+    axle, scans = best.axle_of(wheel), best.scans
+    if axle is None or axle.fit is None or axle.reference is None:
+        return None
+    at, by_at = scans.scans[axle.reference].normal, scans.columns(axle.reference)[0]
+    assert at is not None
+    for i in scans.of_wheel(wheel, "sweep"):
+        normal = scans.scans[i].normal
+        assert normal is not None
+        apart = scans.estimate(
+            First(float(kingpin @ (normal - at)), kingpin @ (scans.columns(i)[0] - by_at))
+        )
+        if abs(apart.value) > MOST_APART * apart.u:
+            return None
+    moved = axle.fit.d_axis @ scans.inputs_of(axle.members) - by_at
+    return _Lean(kingpin, at, axle.fit.axis - at, moved)
+
+
+def _turn(axis: Array, start: Array, end: Array) -> float:
+    """About a unit axis from one vector to another, radians."""
+    across = start - axis * (axis @ start)
+    return float(np.arctan2(axis @ np.cross(across, end), across @ end))
+
+
+def _pairs(scans: Turned, leans: Mapping[str, _Lean]) -> list[tuple[First, First]]:
     """Toe of FR and of FL at every position that both have."""
-    toes: dict[str, dict[str, First]] = {"FR": {}, "FL": {}}
-    for i, scan in enumerate(scans.scans):
-        turn = scan.observation.turn
-        if turn is not None and turn.position is not None and scan.wheel in toes:
-            toes[scan.wheel][turn.position] = toe_and_camber(scans, i)[0]
+    toes: dict[str, dict[str, First]] = {wheel: {} for wheel in STEERED}
+    for wheel in STEERED:
+        for i in scans.of_wheel(wheel, "sweep"):
+            turn, normal = scans.scans[i].observation.turn, scans.scans[i].normal
+            if turn is None or turn.position is None or normal is None:
+                continue
+            way, moved = normal, scans.columns(i)[0]
+            if wheel in leans:
+                way, moved = leans[wheel].axle(way, moved)
+            toes[wheel][turn.position] = toe_and_camber(scans, wheel, way, moved)[0]
     return [(toe, toes["FL"][place]) for place, toe in toes["FR"].items() if place in toes["FL"]]
 
 

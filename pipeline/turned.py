@@ -24,6 +24,7 @@ from pipeline.one_axis import OneAxis, fit_one_axis
 from pipeline.plate_places import Places
 from pipeline.reference_frame import VehicleFrame, build_reference_frame
 from pipeline.repeats import OF_PLATE
+from pipeline.scan_entry import Role
 from pipeline.uncertainty import LEVEL, Effect, effective_freedom, effects_of
 
 DOUBT = 1e-3  # chance of a fit below which the scans are said not to turn about one axis
@@ -48,7 +49,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Turned:
-    """All measured scans of one role, and what moves them.
+    """All measured scans of sweeps and run-outs, and what moves them.
 
     reference_centres_m: (4, 3), on which the frame stands; d_centres: (12, K) of them by the
     inputs; slopes: of the frame by them. scans: in the measurement's order. effects: of all causes
@@ -70,9 +71,13 @@ class Turned:
         """K."""
         return 6 * (4 + len(self.scans)) + len(self.scans) + len(self.faces)
 
-    def of_wheel(self, wheel: str) -> list[int]:
-        """Places of its scans."""
-        return [i for i, scan in enumerate(self.scans) if scan.wheel == wheel]
+    def of_wheel(self, wheel: str, role: Role) -> list[int]:
+        """Places of its scans of that role."""
+        return [
+            i
+            for i, scan in enumerate(self.scans)
+            if scan.wheel == wheel and scan.observation.role == role
+        ]
 
     def columns(self, index: int) -> tuple[Array, Array]:
         """Slopes (3, K) of a scan's outward normal, and of its centre."""
@@ -159,12 +164,12 @@ class Turned:
         return next((turn.mark for turn in turns if turn is not None), None)
 
 
-def turned(measurement: Measurement, role: str) -> Turned:
-    """The measured scans of that role; the first four wheels of a measurement are the frame's."""
+def turned(measurement: Measurement) -> Turned:
+    """Its turned scans; the first four wheels of a measurement are the frame's."""
     scans = tuple(
         wheel
         for wheel in measurement.wheels
-        if wheel.observation.role == role and wheel.normal is not None
+        if wheel.observation.role in ("sweep", "runout") and wheel.normal is not None
     )
     turns = [scan.observation.turn for scan in scans]
     u_turns = np.array([math.inf if t is None or t.u_rad is None else t.u_rad for t in turns])
@@ -195,16 +200,17 @@ def _facing(scan: WheelResult) -> float:
 
 
 def _faces(scans: Sequence[WheelResult]) -> tuple[int, ...]:
-    """Scans whose turn about the normal counts: of each wheel, by the mark that most of them show.
+    """Scans whose turn about the normal counts: by the mark that most of a wheel's show, a role.
 
     One alone tells nothing, and a print may lie turned on its board against the edges.
     """
     kept: list[int] = []
-    for wheel in dict.fromkeys(scan.wheel for scan in scans):
+    groups = [(scan.wheel, scan.observation.role) for scan in scans]
+    for group in dict.fromkeys(groups):
         by_mark: dict[str, list[int]] = {"print": [], "edges": []}
         for i, scan in enumerate(scans):
             turn = scan.observation.fitted.turn
-            if scan.wheel == wheel and turn is not None:
+            if groups[i] == group and turn is not None:
                 by_mark[turn.mark].append(i)
         most = max(by_mark.values(), key=len)
         kept += most if len(most) > 1 else []

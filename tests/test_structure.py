@@ -110,6 +110,7 @@ LAYERS = [
     "one_axis",
     "repeats",
     "turned",
+    "axle_frame",
     "steering",
     "toe_out",
     "runout",

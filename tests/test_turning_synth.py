@@ -12,6 +12,7 @@ from pipeline.config import Config
 from pipeline.measure import measure_capture
 from pipeline.runout import all_turned, measure_runouts
 from pipeline.steering import measure_kingpins
+from pipeline.toe_out import measure_toe_out
 from synth.archive import write_capture
 from synth.errors import SynthError
 from synth.parameters import Sweep, VehicleFile
@@ -123,11 +124,13 @@ def test_from_files_to_axes(capture):
             assert abs(angle.value - true) < 4.5 * angle.u
             assert angle.u < 0.05 * found.wobble.value
     for found, pin in zip(measure_kingpins(measurement), told["kingpins"], strict=True):
-        # the plates' eccentricity, which no cause states, turns the frame by up to 6 mm / 1.5 m
-        slack = 6e-3 / 1.5
-        assert abs(found.caster.value - np.radians(pin["caster_deg"])) < slack + 4 * found.caster.u
-        true = np.radians(pin["inclination_deg"])
-        assert abs(found.inclination.value - true) < slack + 4 * found.inclination.u
+        assert found.frame == "axle centres"
+        for angle, name in ((found.caster, "caster"), (found.inclination, "inclination")):
+            assert abs(angle.value - np.radians(pin[f"{name}_deg"])) < 4.5 * angle.u
+    for found, turn in zip(measure_toe_out(measurement), told["toe_out_on_turns"], strict=True):
+        assert found.of == "axles"
+        off = found.difference.value - np.radians(turn["difference_deg"])
+        assert abs(off) < 4.5 * found.difference.u < 0.7 * np.radians(0.5)  # of the plates' lean
     assert all_turned(measurement)
 
 

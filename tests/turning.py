@@ -167,6 +167,21 @@ def swept(
     return scene
 
 
+def across_axle(wheel: str, toe: float, camber: float) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors across a wheel's axle, forwards and upwards."""
+    axle = facing(wheel, toe, camber)
+    fore = np.cross([0.0, 0.0, 1.0], axle) * -side(wheel)
+    fore /= np.linalg.norm(fore)
+    return fore, np.cross(fore, axle) * side(wheel)
+
+
+def leaning(wheel: str, toe: float, camber: float, wobble) -> Rotation:
+    """From the axle to the normal of a plate that leans by `wobble`, forwards and upwards."""
+    fore, top = across_axle(wheel, toe, camber)
+    off = wobble[0] * fore + wobble[1] * top
+    return Rotation.from_rotvec(np.cross(facing(wheel, toe, camber), off))
+
+
 def rolled(
     scene: Scene, wheel: str, turns, *, toe=0.003, camber=-0.012, wobble=(0.0, 0.0),
     eccentric_m=(0.0, 0.0), u_turn=0.0175, told=None, with_reference=False, moves=None,
@@ -176,13 +191,9 @@ def rolled(
     wobble: lean of the plate's normal at no turn, forwards and upwards; eccentric_m alike. told:
     what the user says of the turns. with_reference: the first is the reference scan.
     """
-    axle = facing(wheel, toe, camber)
-    fore = np.cross([0.0, 0.0, 1.0], axle) * -side(wheel)
-    fore /= np.linalg.norm(fore)
-    top = np.cross(fore, axle) * side(wheel)
-    lean = np.cross(axle, wobble[0] * fore + wobble[1] * top)
-    middle, plate = np.array(PLACES[wheel]), Rotation.from_rotvec(lean).apply(axle)
-    aside = eccentric_m[0] * fore + eccentric_m[1] * top
+    axle, (fore, top) = facing(wheel, toe, camber), across_axle(wheel, toe, camber)
+    plate = leaning(wheel, toe, camber, wobble).apply(axle)
+    middle, aside = np.array(PLACES[wheel]), eccentric_m[0] * fore + eccentric_m[1] * top
     face = np.cross(plate, top)
     face /= np.linalg.norm(face)
     for i, turn in enumerate(turns):

@@ -18,11 +18,26 @@ uncertainty (k = 1); U: half width of the 95 % interval. By camber: caster from 
 outermost scans alone, which leaves the inclination out. chi2/nu of what one axis leaves."""
 TURN = """\
 The plates' turns about their own normals, seen by their {mark}, count on {wheels}."""
+FRAMES = {
+    "axle centres": "The frame stands on the centres of the axles, by the run-outs.",
+    "axle and plate centres": """\
+The frame stands on the centres of the axles of some wheels, by their run-outs, on those of the
+others' plates as clamped: reference plates 1 mm off their axles turn caster and inclination by some
+3'. Scan every wheel turned about its axle.""",
+    "plate centres": """\
+The frame stands on the centres of the plates as clamped: reference plates 1 mm off their axles turn
+caster and inclination by some 3'. Scan each wheel turned about its axle as well ([[runout]], its
+reference scan among them), and the frame stands on the axles.""",
+}
 PLACE = """\
 Where the axis passes the height of the wheel's reference centre: inwards of it, + ahead of it."""
 TURNS = """\
 Toe-out on turns: by how much the inner wheel steers further, itself at 20° of toe-out against the
-forward axis of the frame; plates as they are clamped."""
+forward axis of the frame; of the {of}."""
+OF = {
+    "axles": "axles, by the run-outs",
+    "plates": "plates as they are clamped, whose lean no run-out shows",
+}
 
 
 def steering_text(measurement: Measurement) -> str:
@@ -30,13 +45,14 @@ def steering_text(measurement: Measurement) -> str:
     kingpins = measure_kingpins(measurement)
     if not kingpins:
         return ""
-    parts = [EXPLAINED, *_turns_seen(kingpins), _angles(kingpins)]
+    frame = FRAMES[kingpins[0].frame]
+    parts = [EXPLAINED, frame, *_turns_seen(kingpins), _angles(kingpins)]
     placed = [kingpin for kingpin in kingpins if kingpin.inwards is not None]
     if placed:
         parts += [PLACE, _places(placed)]
     turns = measure_toe_out(measurement)
     if turns:
-        parts += [TURNS, _turns(turns)]
+        parts += [TURNS.format(of=OF[turns[0].of]), _turns(turns)]
     return "\n".join(parts)
 
 

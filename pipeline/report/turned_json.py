@@ -21,6 +21,7 @@ def turned_tree(measurement: Measurement) -> dict[str, Any]:
                 {
                     "turn": found.turn,
                     "inner_wheel_deg": 20.0,
+                    "of": found.of,
                     "status": found.status,
                     "reason": found.reason,
                     **_angle("difference", found.difference),
@@ -41,6 +42,7 @@ def _kingpin(found: Kingpin) -> dict[str, Any]:
         "scans": list(found.scans),
         "status": found.status,
         "reason": found.reason,
+        "frame": found.frame,
         "sweep_deg": math.degrees(found.sweep_rad),
         **_angle("caster", found.caster),
         **_angle("inclination", found.inclination),

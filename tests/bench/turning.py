@@ -2,11 +2,12 @@
 
 .venv/bin/python tests/bench/turning.py sweep [--cars 2000] [--positions 9] [--target square-300]
 .venv/bin/python tests/bench/turning.py runout [--cars 2000] [--positions 2]
-.venv/bin/python tests/bench/turning.py scans [--kind sweep] [--cars 10] [--positions 3]
+.venv/bin/python tests/bench/turning.py scans [--kind sweep|runout|both] [--cars 10] [--positions 3]
 
 `sweep` and `runout` draw normals, centres and turns about the normal from the covariances of a scan
 of the default scanner, which shows no turn of disc-250;
-`scans` makes whole captures with that scanner and measures them.
+`scans` makes whole captures with that scanner and measures them: a sweep under plates square on
+their axles, run-outs, or both, the sweep then under plates that sit askew.
 """
 
 from __future__ import annotations
@@ -124,7 +125,7 @@ def scanned(
 ) -> list[Row]:
     """One capture, from files to angles."""
     text = config_file("vehicles", "saloon-turning").read_text()
-    counts = {"sweep": (positions, 0), "runout": (0, positions)}[kind]
+    counts = {"sweep": (positions, 0), "runout": (0, positions), "both": (positions, 2)}[kind]
     text = text.replace("positions = 3\nrounds = 1", f"positions = {counts[0]}\nrounds = {rounds}")
     text = text.replace("positions = 2\n", f"positions = {counts[1]}\n")
     text = text.replace("turn_sigma_deg = 0.0", f"turn_sigma_deg = {turn_deg}")
@@ -197,7 +198,7 @@ def main() -> None:
     parser.add_argument("--lock-deg", type=float, default=20.0)
     parser.add_argument("--turn-deg", type=float, default=0.0)
     parser.add_argument("--target", choices=sorted(U_TURN), default="disc-250")
-    parser.add_argument("--kind", choices=["sweep", "runout"], default="sweep")
+    parser.add_argument("--kind", choices=["sweep", "runout", "both"], default="sweep")
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
     task = {
