@@ -53,44 +53,48 @@ def near_plane(
 ) -> tuple[int, int]:
     """Mark points (N, 3) in kind (N,): 1 in `face`, 2 in `around` and of a hash to the limit.
 
-    face, around: (reach, depth, slope, most reach). How many of each.
+    face, around: (reach, depth, slope, most reach). How many of each. Without branches, which
+    points in no order would make the processor mispredict.
     """
     on_face, beside = 0, 0
+    cx, cy, cz = centre[0], centre[1], centre[2]
+    nx, ny, nz = normal[0], normal[1], normal[2]
+    reach, deep, slope, most = face[0], face[1], face[2], face[3]
+    wide, far, rise, widest = around[0], around[1], around[2], around[3]
     for i in range(len(points)):
-        x = points[i, 0] - centre[0]
-        y = points[i, 1] - centre[1]
-        z = points[i, 2] - centre[2]
-        depth = abs(x * normal[0] + y * normal[1] + z * normal[2])
-        kind[i] = 0
-        if depth < face[1] or depth < around[1]:
-            square = x * x + y * y + z * z - depth * depth
-            reach = min(face[0] + face[2] * depth, face[3])
-            if depth < face[1] and square < reach * reach:
-                kind[i] = 1
-                on_face += 1
-                continue
-            reach = min(around[0] + around[2] * depth, around[3])
-            if depth < around[1] and square < reach * reach:
-                h = coordinate_hash(points[i, 0], points[i, 1], points[i, 2])
-                if h <= limit:
-                    kind[i] = 2
-                    beside += 1
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        x, y, z = px - cx, py - cy, pz - cz
+        depth = abs(x * nx + y * ny + z * nz)
+        square = x * x + y * y + z * z - depth * depth
+        r, q = min(reach + slope * depth, most), min(wide + rise * depth, widest)
+        one = (depth < deep) & (square < r * r)
+        two = (depth < far) & (square < q * q) & (coordinate_hash(px, py, pz) <= limit) & (not one)
+        kind[i] = np.uint8(one) | (np.uint8(two) << np.uint8(1))
+        on_face += np.int64(one)
+        beside += np.int64(two)
     return on_face, beside
 
 
 @_compiled
-def take(points: Any, centre: Any, kind: Any, face: Any, around: Any) -> None:
-    """Points (N, 3) of kind 1 into face (M, 3), of kind 2 into around, relative to the centre."""
+def rows_of(kind: Any, face: Any, around: Any) -> None:
+    """Rows of kind (N,) that are 1 into face, and 2 into around, each with room for one more."""
     i_face, i_around = 0, 0
-    for i in range(len(points)):
-        if kind[i] == 1:
-            for axis in range(3):
-                face[i_face, axis] = points[i, axis] - centre[axis]
-            i_face += 1
-        elif kind[i] == 2:
-            for axis in range(3):
-                around[i_around, axis] = points[i, axis] - centre[axis]
-            i_around += 1
+    for i in range(len(kind)):
+        face[i_face] = i
+        i_face += np.int64(kind[i] == np.uint8(1))
+        around[i_around] = i
+        i_around += np.int64(kind[i] == np.uint8(2))
+
+
+@_compiled
+def take(points: Any, centre: Any, rows: Any, out: Any) -> None:
+    """Those rows of points (N, 3), relative to the centre, into out (M, 3)."""
+    cx, cy, cz = centre[0], centre[1], centre[2]
+    for j in range(len(out)):
+        i = rows[j]
+        out[j, 0] = points[i, 0] - cx
+        out[j, 1] = points[i, 1] - cy
+        out[j, 2] = points[i, 2] - cz
 
 
 @_compiled

@@ -144,7 +144,11 @@ def surroundings(
         number = block.start // BLOCK_ROWS
         (a, b), (c, d) = starts[number], starts[number + 1]
         if machine is not None:
-            machine.take(points_m[block], centre_m, kind[block], face_m[a:c], around_m[b:d])
+            part = points_m[block]
+            rows = np.empty((2, len(part) + 1), np.int32)
+            machine.rows_of(kind[block], *rows)
+            machine.take(part, centre_m, rows[0], face_m[a:c])
+            machine.take(part, centre_m, rows[1], around_m[b:d])
         else:
             for wanted, out in ((1, face_m[a:c]), (2, around_m[b:d])):
                 rows = np.nonzero(kind[block] == wanted)[0]
