@@ -10,15 +10,17 @@ import numpy as np
 from pipeline.centres import Estimate, Method
 from pipeline.config import CentreConfig
 from pipeline.errors import NotMeasuredError
-from pipeline.face_outline import OutlineFit, check_outline, fit_outline
+from pipeline.face_outline import OutlineFit, check_outline, fit_outline, place_circle
 from pipeline.face_turn import PlaneTurn
 from pipeline.face_view import GENTLE_SLOPE, Seen
 from pipeline.kernels import Array
 from pipeline.outline import Holes, Outline
-from pipeline.rim import RimFit, fit_rim
+from pipeline.rim import RimFit, beam_of, fit_rim
 from pipeline.rim_start import STEEPEST
 
 OUTLINE_EDGE_M = 5e-4  # what an outline without background may be shifted by the spot (k = 1)
+SHORT, U_SHORT = 0.5, 0.3  # of what grazes the far edge: what takes a centre short
+GRAZING = 1.3  # slope of beams, 52 degrees, from which it does
 LOST_M = 2e-3  # above which a rim's fit gives way to the outline
 UNSETTLED_M = 3e-4  # the same of a rim whose fit did not stand still
 WALL_SHARE = 2e-3  # of the thickness, times tan^3 of the incidence: the wall's part of the model
@@ -27,6 +29,7 @@ MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # what a bent wall leaves unexplained, 
 # What straight edges by mixed ranges and by points may differ; and when the plate is another.
 APART_M, WORST_APART_M = 3.0 * OUTLINE_EDGE_M, 5.0 * OUTLINE_EDGE_M
 MAX_ECHO = 50.0  # a background that many times brighter, or darker, than the plate is no answer
+SOUGHT = 1.5  # of its size, about where the raster put a face, in which its points are
 GENTLE = 1.0  # slope, below which what matters lies within that
 
 
@@ -45,7 +48,13 @@ def centre_by_rim(seen: Seen, outline: Outline) -> EdgeFit:
     if outline.turns:
         first = fit_outline(_face(seen, seen.near(outline, start)), outline)
         start = first.centre_m, first.turn_rad
-    found = _by_edge(seen, outline, start, "rim", None)
+    try:
+        found = _by_edge(seen, outline, start, "rim", None)
+    except NotMeasuredError as error:
+        other = None if outline.turns or error.status != "no-outline" else _placed(seen, outline)
+        if other is None:
+            raise
+        found = _by_edge(seen, outline, (other, 0.0), "rim", None)
     if found is None:
         raise NotMeasuredError(
             "no-outline", f"less than a quarter of the edge of {outline.words} is seen"
@@ -80,13 +89,14 @@ def _by_edge(
         rim = None
     if rim is None or model is None:
         fitted = fit_outline(face, outline, start)
-        centre, turn = fitted.centre_m, fitted.turn_rad
+        grazing_m = _grazing(seen, outline, start)
+        centre, turn = fitted.centre_m + SHORT * grazing_m, fitted.turn_rad
         method = "outline" if method == "rim" else method
         estimate = Estimate(
             method=method,
             centre_m=centre,
             noise_m2=fitted.covariance_m2,
-            model_m2=OUTLINE_EDGE_M**2 * np.eye(2),
+            model_m2=OUTLINE_EDGE_M**2 * np.eye(2) + U_SHORT**2 * np.outer(grazing_m, grazing_m),
             by_plane=np.zeros((2, 3)),
             freedom=math.inf,
             turn=_turn(seen, outline, fitted, OUTLINE_EDGE_M**2, np.zeros(3)),
@@ -147,6 +157,24 @@ def _rim(
         if rim is not None and float(np.hypot(*rim.beam)) < GENTLE:
             break
     return rim
+
+
+def _grazing(seen: Seen, outline: Outline, start: tuple[Array, float]) -> Array:
+    """What of a spot grazes the far edge (2,): its radius times the beams' run in the plane.
+
+    There the background takes it from the face, which on the near side the plate's wall gives back.
+    None where no background tells how the beams run, or where they do not graze.
+    """
+    beam = beam_of(seen.near(outline, start), outline, seen.config, start)
+    if beam is None or float(np.hypot(*beam)) < GRAZING:
+        return np.zeros(2)
+    return seen.config.spot_radius_m * beam
+
+
+def _placed(seen: Seen, outline: Outline) -> Array | None:
+    """Where a round face lies whose edge is not where the raster put it: a half hidden one."""
+    uvw, _ = seen.on_face(SOUGHT * outline.size_m)
+    return place_circle(uvw[:, :2], outline.size_m)
 
 
 def _face(seen: Seen, near: Array) -> Array:

@@ -16,6 +16,7 @@ SECTORS = 72  # of the outline, in which the face is compared with it
 MAX_BEYOND, MAX_SHORT = 0.3, 0.2  # shares of the edge seen, on which a face may end elsewhere
 BEYOND_M, SHORT_M = 0.0015, 0.003  # how far a face may reach over its outline, or stop short of it
 MIN_DIRECTIONS = 0.02  # information on the axis told of least, of that on the other
+LEAST_ON_CIRCLE, FEW_OUTSIDE = 0.4, 0.1  # of a face's extreme places, on its circle; beyond it
 STILL_M = 1e-9
 MAX_STEPS, MAX_LOOKS = 60, 20
 
@@ -56,6 +57,31 @@ def fit_outline(
         if float(np.abs(moved).max()) < STILL_M:
             break
     return fitted
+
+
+def place_circle(face: Array, radius_m: float) -> Array | None:
+    """Centre (2,) of a circle of known radius that holds a face (N, 2), half hidden perhaps.
+
+    Of the circles through two of the face's extreme places, the one that most of them lie on, and
+    hardly any point outside of; None where none is.
+    """
+    ways = 2.0 * np.pi * np.arange(SECTORS) / SECTORS
+    ahead = np.stack([np.cos(ways), np.sin(ways)])
+    tips = np.unique(face[np.argmax(face @ ahead, axis=0)], axis=0)
+    first, second = np.triu_indices(len(tips), 1)
+    half = (tips[second] - tips[first]) / 2.0
+    length = np.hypot(*half.T)
+    fits = (length > 0.1 * radius_m) & (length < radius_m)
+    half, length, middle = half[fits], length[fits], (tips[first] + tips[second])[fits] / 2.0
+    rise = np.sqrt(radius_m**2 - length**2) / np.maximum(length, 1e-12)
+    aside = np.stack([-half[:, 1], half[:, 0]], axis=1) * rise[:, None]
+    centres = np.concatenate([middle + aside, middle - aside])
+    excess = np.hypot(*(tips - centres[:, None]).transpose(2, 0, 1)) - radius_m
+    count = np.count_nonzero(np.abs(excess) < SHORT_M, axis=1)
+    count[np.count_nonzero(excess > SHORT_M, axis=1) > FEW_OUTSIDE * len(tips)] = 0
+    if len(count) == 0 or count.max() < LEAST_ON_CIRCLE * len(tips):
+        return None
+    return np.asarray(centres[int(np.argmax(count))])
 
 
 def check_outline(

@@ -101,10 +101,7 @@ def fit_rim(
     """
     if first is None:
         prior = Prior.of(thickness_m, config)
-        begin = prior.mean.copy()
-        begin[CENTRE], begin[TURN] = start
-        look = sample(uvw_m, config.max_points)
-        state = before.state if before else first_beam(look[:, :2], -look[:, 2], begin, outline)
+        state = before.state if before else _begin(uvw_m, outline, prior, config, start)
     else:
         prior = Prior.beside(first.state)
         state = prior.mean
@@ -124,6 +121,23 @@ def fit_rim(
     if covered < 0.25 or len(found.equations.residual_m) < 50:
         return None
     return _record(found, problem, covered)
+
+
+def beam_of(
+    uvw_m: Array, outline: Outline, config: CentreConfig, start: tuple[Array, float]
+) -> Array | None:
+    """In-plane run of the beams per depth (2,), roughly, from the background; None without one."""
+    state = _begin(uvw_m, outline, Prior.of(None, config), config, start)
+    return None if state is None else state[BEAM]
+
+
+def _begin(
+    uvw_m: Array, outline: Outline, prior: Prior, config: CentreConfig, start: tuple[Array, float]
+) -> Array | None:
+    begin = prior.mean.copy()
+    begin[CENTRE], begin[TURN] = start
+    look = sample(uvw_m, config.max_points)
+    return first_beam(look[:, :2], -look[:, 2], begin, outline)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.config import CentreConfig
+from pipeline.face_outline import place_circle
 from pipeline.outline import Circle, Holes, Rectangle, turned
 from pipeline.rim_background import look_up
 from pipeline.rim_beams import TURN, Prior
@@ -103,3 +104,25 @@ def test_slopes_of_the_equations_are_those_of_central_differences(name, index):
     assert np.linalg.norm(seen - told) <= MISSED[index] * np.linalg.norm(seen) + 1e-6
     moves = index != TURN or outline.turns
     assert (np.linalg.norm(seen) > 0.01) == moves
+
+
+def half_disc(rng, count=600):
+    """Places on a disc of 0.125 m about (0.03, -0.01), of which a straight edge hides half."""
+    q = rng.uniform(-0.125, 0.125, (4 * count, 2))
+    return q[(np.hypot(*q.T) < 0.125) & (q @ [0.8, 0.6] > 0.01)] + [0.03, -0.01]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_half_hidden_disc_is_placed_by_its_round_side(seed):
+    face = half_disc(np.random.default_rng(seed))
+    assert np.linalg.norm(face.mean(axis=0) - [0.03, -0.01]) > 0.04  # the null answer
+    spacing = 0.25 / np.sqrt(2.0 * len(face) / (np.pi / 4.0))
+    for points in (face, np.vstack([face, [0.19, 0.02]])):  # a stray beyond
+        centre = place_circle(points, 0.125)
+        assert np.linalg.norm(centre - [0.03, -0.01]) < 0.8 * spacing
+
+
+def test_no_circle_is_placed_on_what_is_none():
+    rng = np.random.default_rng(1)
+    assert place_circle(rng.uniform(-0.125, 0.125, (500, 2)), 0.125) is None  # a square
+    assert place_circle(np.zeros((5, 2)), 0.125) is None
