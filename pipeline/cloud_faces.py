@@ -14,7 +14,8 @@ from pipeline.kernels import Array
 from pipeline.passes import sample
 from pipeline.patch import Patch
 from pipeline.plausible import check_vehicle_cloud
-from pipeline.readers import Scan, read_scan
+from pipeline.readers import read_scan
+from pipeline.readers.scan import Part
 from pipeline.scan_entry import ScanEntry
 
 SAMPLE = 400_000  # points kept of the cloud, by which its floor is found
@@ -55,22 +56,16 @@ def faces_of_cloud(
     target, unit = capture.target, capture.length_unit
     check_vehicle_cloud(scan.points_m, 2.0 * target.radius_m, unit, source)
     progress(f"{cloud.file}: searching")
-    parts, names = _parts(scan)
+    parts = scan.parts or (Part("", 0, len(scan.points_m), None),)
+    rows, stations = [(p.start, p.stop) for p in parts], [p.station_m for p in parts]
     try:
-        patches = find_faces(scan.points_m, target, config.segment, scan.intensity, parts)
+        patches = find_faces(scan.points_m, target, config.segment, scan.intensity, rows, stations)
     except NotMeasuredError as error:
         raise InputError(f"{source}: {error}: check the file, and --target") from error
     return Found(
         patches=patches,
-        scans=tuple(names[patch.part] for patch in patches),
+        scans=tuple(parts[patch.part].name if len(parts) > 1 else "" for patch in patches),
         sample_m=sample(scan.points_m, SAMPLE),
         points=len(scan.points_m),
         missing_returns=scan.missing_returns,
     )
-
-
-def _parts(scan: Scan) -> tuple[tuple[tuple[int, int], ...], tuple[str, ...]]:
-    """Rows of the single scans of a file, and their names; '' of one alone."""
-    if len(scan.parts) < 2:
-        return ((0, len(scan.points_m)),), ("",)
-    return tuple((p.start, p.stop) for p in scan.parts), tuple(p.name for p in scan.parts)

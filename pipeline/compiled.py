@@ -50,13 +50,13 @@ def hash_rows(points: Any, limit: Any, rows: Any, hashes: Any) -> int:
 @_compiled
 def near_plane(
     points: Any, centre: Any, normal: Any, face: Any, around: Any, limit: Any, kind: Any
-) -> tuple[int, int]:
+) -> tuple[Any, Any]:
     """Mark points (N, 3) in kind (N,): 1 in `face`, 2 in `around` and of a hash to the limit.
 
     face, around: (reach, depth, slope, most reach). How many of each. Without branches, which
     points in no order would make the processor mispredict.
     """
-    on_face, beside = 0, 0
+    on_face, beside = np.int64(0), np.int64(0)
     cx, cy, cz = centre[0], centre[1], centre[2]
     nx, ny, nz = normal[0], normal[1], normal[2]
     reach, deep, slope, most = face[0], face[1], face[2], face[3]
@@ -78,7 +78,7 @@ def near_plane(
 @_compiled
 def rows_of(kind: Any, face: Any, around: Any) -> None:
     """Rows of kind (N,) that are 1 into face, and 2 into around, each with room for one more."""
-    i_face, i_around = 0, 0
+    i_face, i_around = np.int64(0), np.int64(0)
     for i in range(len(kind)):
         face[i_face] = i
         i_face += np.int64(kind[i] == np.uint8(1))

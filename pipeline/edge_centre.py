@@ -152,7 +152,7 @@ def _rim(
         near = seen.near(outline, start, slope)
         thickness = seen.target.thickness
         sigma_m, config = seen.plane.sigma_m, seen.config
-        found = fit_rim(near, outline, thickness, sigma_m, config, start, first, before=rim)
+        found = fit_rim(near, outline, thickness, sigma_m, config, start, first, rim, seen.station)
         rim = found or rim
         if rim is not None and float(np.hypot(*rim.beam)) < GENTLE:
             break
@@ -165,7 +165,7 @@ def _grazing(seen: Seen, outline: Outline, start: tuple[Array, float]) -> Array:
     There the background takes it from the face, which on the near side the plate's wall gives back.
     None where no background tells how the beams run, or where they do not graze.
     """
-    beam = beam_of(seen.near(outline, start), outline, seen.config, start)
+    beam = beam_of(seen.near(outline, start), outline, seen.config, start, seen.station)
     if beam is None or float(np.hypot(*beam)) < GRAZING:
         return np.zeros(2)
     return seen.config.spot_radius_m * beam

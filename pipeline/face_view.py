@@ -54,6 +54,16 @@ class Seen:
         return uvw[kept], kept
 
     @property
+    def station(self) -> Array | None:
+        """Where the scanner stood, in the plane's coordinates (3,); None if that is not known, or
+        were behind the face, which then it was not.
+        """
+        if self.patch.station_m is None:
+            return None
+        place = self._in_plane((self.patch.station_m - self.patch.origin_m)[None])[0]
+        return place if place[2] > 0.0 else None
+
+    @property
     def band_m(self) -> float:
         """Half the thickness of what lies on the face."""
         return max(3.0 * self.plane.sigma_m, 1e-6)

@@ -31,11 +31,13 @@ def find_faces(
     config: SegmentConfig,
     intensity: Intensity | None = None,
     parts: Sequence[tuple[int, int]] = (),
+    stations_m: Sequence[Array | None] = (),
 ) -> tuple[Patch, ...]:
     """Patches of all faces in points_m (N, 3), the cloud of a vehicle, best match first; or none.
 
     intensity: (N,) or None. parts: row ranges of the scans that the cloud is made of; each face is
     taken from the one that has most points on it, since every scan has its own place and noise.
+    stations_m: (3,) each, where the parts were scanned from, None where that is not known.
     """
     cubes = cubes_of(points_m, target)
     surfels = find_surfels(cubes, threshold_m(target, config))
@@ -62,7 +64,8 @@ def find_faces(
             target,
             config.around_points,
         )
-        patches.append(replace(patch, part=part))
+        station_m = stations_m[part] if stations_m else None
+        patches.append(replace(patch, part=part, station_m=station_m))
     return tuple(patches)
 
 

@@ -87,11 +87,13 @@ def _find(
         turn=entry.turn,
     )
     try:
-        return seen, find_target(
+        patch = find_target(
             scan.points_m, capture.target, config.segment, config.seed, scan.intensity
         )
     except NotMeasuredError as error:
         return seen, error.with_traceback(None)
+    station_m = scan.parts[0].station_m if len(scan.parts) == 1 else None
+    return seen, replace(patch, station_m=station_m)
 
 
 def pooled_noise(blocks_m: Array, station: Station | None) -> PooledNoise:

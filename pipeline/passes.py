@@ -145,10 +145,10 @@ def surroundings(
         (a, b), (c, d) = starts[number], starts[number + 1]
         if machine is not None:
             part = points_m[block]
-            rows = np.empty((2, len(part) + 1), np.int32)
-            machine.rows_of(kind[block], *rows)
-            machine.take(part, centre_m, rows[0], face_m[a:c])
-            machine.take(part, centre_m, rows[1], around_m[b:d])
+            both = np.empty((2, len(part) + 1), np.int32)
+            machine.rows_of(kind[block], *both)
+            machine.take(part, centre_m, both[0], face_m[a:c])
+            machine.take(part, centre_m, both[1], around_m[b:d])
         else:
             for wanted, out in ((1, face_m[a:c]), (2, around_m[b:d])):
                 rows = np.nonzero(kind[block] == wanted)[0]

@@ -32,7 +32,8 @@ class Patch:
     basis: (3, 3) rows: the face's own axes u and v as the outline has them, then the normal that
     points to the scanner.
     candidates: every plane that was looked at, best match first.
-    part: which of the cloud's parts the points are of.
+    part: which of the cloud's parts the points are of. station_m: (3,) scanner frame, where the
+    scanner stood, if the file says so.
     """
 
     origin_m: Array
@@ -44,6 +45,7 @@ class Patch:
     sigma_m: float
     face_intensity: npt.NDArray[np.float32] | None = None
     part: int = 0
+    station_m: Array | None = None
 
 
 def cut_patch(

@@ -30,7 +30,7 @@ from pipeline.rim_beams import (
     carry,
 )
 from pipeline.rim_equations import OUTER_M, Equations, Problem, equations, spread, step
-from pipeline.rim_start import first_beam
+from pipeline.rim_start import first_beam, is_contradicted
 
 MIN_MIXED = 0.04  # of mixed ranges, below which the scanner has left them out
 STILL_M, SETTLED_M = 2e-7, 1e-5  # a step that ends the fit; one that makes it trustworthy
@@ -90,18 +90,19 @@ def fit_rim(
     start: tuple[Array, float] = (np.zeros(2), 0.0),
     first: RimFit | None = None,
     before: RimFit | None = None,
+    station: Array | None = None,
 ) -> RimFit | None:
     """Place of an outline in plane coordinates uvw_m (N, 3), w towards the scanner.
 
     thickness_m: of the plate, where known. start: centre and turn to start from, near 0. first:
     the fit of another edge of the same plate, which tells how the beams run. before: a fit to fewer
-    of the points, to go on from.
+    of the points, to go on from. station: (3,) where the scanner stood, as far as it is known.
     None where less than a quarter of the edge has a background to compare with, or the scanner has
     left out the mixed ranges.
     """
     if first is None:
         prior = Prior.of(thickness_m, config)
-        state = before.state if before else _begin(uvw_m, outline, prior, config, start)
+        state = before.state if before else _begin(uvw_m, outline, prior, config, start, station)
     else:
         prior = Prior.beside(first.state)
         state = prior.mean
@@ -124,20 +125,37 @@ def fit_rim(
 
 
 def beam_of(
-    uvw_m: Array, outline: Outline, config: CentreConfig, start: tuple[Array, float]
+    uvw_m: Array,
+    outline: Outline,
+    config: CentreConfig,
+    start: tuple[Array, float],
+    station: Array | None,
 ) -> Array | None:
-    """In-plane run of the beams per depth (2,), roughly, from the background; None without one."""
-    state = _begin(uvw_m, outline, Prior.of(None, config), config, start)
+    """In-plane run of the beams per depth (2,), roughly; None where nothing tells it."""
+    state = _begin(uvw_m, outline, Prior.of(None, config), config, start, station)
     return None if state is None else state[BEAM]
 
 
 def _begin(
-    uvw_m: Array, outline: Outline, prior: Prior, config: CentreConfig, start: tuple[Array, float]
+    uvw_m: Array,
+    outline: Outline,
+    prior: Prior,
+    config: CentreConfig,
+    start: tuple[Array, float],
+    station: Array | None,
 ) -> Array | None:
+    """A state with the beams' direction: from the station, unless the background contradicts it."""
     begin = prior.mean.copy()
     begin[CENTRE], begin[TURN] = start
     look = sample(uvw_m, config.max_points)
-    return first_beam(look[:, :2], -look[:, 2], begin, outline)
+    plane, depth = look[:, :2], -look[:, 2]
+    if station is not None:
+        aimed = begin.copy()
+        aimed[BEAM] = (begin[CENTRE] - station[:2]) / station[2]
+        aimed[INVERSE] = 1.0 / station[2]
+        if not is_contradicted(plane, depth, aimed, outline):
+            return aimed
+    return first_beam(plane, depth, begin, outline)
 
 
 @dataclass(frozen=True)

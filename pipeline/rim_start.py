@@ -22,7 +22,9 @@ RING_M = (0.0035, 0.0095)  # in- and outside the edge: where background cannot b
 MAX_THROUGH = 0.1  # of the background outside, that may seem to be seen through the plate
 STEEPEST = 4.0  # of the directions that are tried
 COARSE_STEP, FINE_STEP = 0.3, 0.1  # between them, at first and about the best
-TRIED_POINTS = 600
+TRIED_POINTS = 2000
+TRIED_INVERSE = (0.4, 1.0)  # 1/m, of the scanner's distance from the plane
+INSIDE = 5.0  # times a point outside the edge counts one that cannot be where it is
 
 
 def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Array | None:
@@ -40,6 +42,17 @@ def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Ar
     if found is None or seen_through(plane, depth, found, outline) >= MAX_THROUGH:
         return None
     return found
+
+
+def is_contradicted(plane: Array, depth: Array, state: Array, outline: Outline) -> bool:
+    """Whether beams as told run too steeply, or see the background through the plate.
+
+    No background at all contradicts nothing.
+    """
+    if float(np.hypot(*state[BEAM])) > STEEPEST:
+        return True
+    through = seen_through(plane, depth, state, outline)
+    return bool(MAX_THROUGH <= through < np.inf)
 
 
 def seen_through(plane: Array, depth: Array, state: Array, outline: Outline) -> float:
@@ -125,16 +138,17 @@ def _of_all_directions(plane: Array, depth: Array, state: Array, outline: Outlin
     some = deep[:: max(1, len(deep) // TRIED_POINTS)]
     if len(some) < 50:
         return None
-    tries = _directions(STEEPEST, COARSE_STEP)
-    for finer in (_directions(COARSE_STEP, FINE_STEP), None):
-        score = _background_outside(plane[some], depth[some], state, tries, outline)
-        best = tries[int(np.argmax(score))]
-        if score.max() <= 0.0:
-            return None
-        if finer is not None:
-            tries = best + finer
-    found = state.copy()
-    found[BEAM] = best
+    highest, found = 0.0, None
+    for inverse in TRIED_INVERSE:
+        here = state.copy()
+        here[INVERSE] = inverse
+        tries = _directions(STEEPEST, COARSE_STEP)
+        score = _background_outside(plane[some], depth[some], here, tries, outline)
+        tries = tries[int(np.argmax(score))] + _directions(COARSE_STEP, FINE_STEP)
+        score = _background_outside(plane[some], depth[some], here, tries, outline)
+        if score.max() > highest:
+            highest, found = float(score.max()), here
+            found[BEAM] = tries[int(np.argmax(score))]
     return found
 
 
@@ -152,12 +166,12 @@ def _directions(steepest: float, step: float) -> Array:
 def _background_outside(
     plane: Array, depth: Array, state: Array, slopes: Array, outline: Outline
 ) -> Array:
-    """For beams of slopes (K, 2): points (N) carried beside the edge's outside, less twice those
-    carried inside, (K,).
+    """For beams of slopes (K, 2): points (N) carried beside the edge's outside, less those carried
+    inside, which count more, (K,).
     """
     shrink = 1.0 / (1.0 + state[INVERSE] * depth)
     q = (plane - state[CENTRE] - slopes[:, None, :] * depth[:, None]) * shrink[:, None]
     x = outline.feet(turned(q.reshape(-1, 2), -state[TURN])).x_m.reshape(len(slopes), -1)
     near = np.abs(x) < WINDOW_M
     outside = np.count_nonzero(near & (x > 0.0), axis=1)
-    return np.asarray(outside - 2.0 * np.count_nonzero(near & (x < 0.0), axis=1))
+    return np.asarray(outside - INSIDE * np.count_nonzero(near & (x < 0.0), axis=1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,8 +23,9 @@ DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)
 PLAIN = Setup(spacing_m=0.0018, half_width_m=0.19)
 
 
-def fit(points, target=DISC, seed=0):
+def fit(points, target=DISC, seed=0, station_m=None):
     patch = find_target(points, target, SegmentConfig(), seed)
+    patch = replace(patch, station_m=station_m)
     plane = fit_plane(patch, target, PlaneConfig())
     return locate_centre(patch, plane, target, CentreConfig())
 
@@ -202,6 +204,20 @@ def test_half_hidden_disc_is_within_its_larger_uncertainty(seed):
     assert np.linalg.norm(mean_of_face(cloud)) > 0.03
     assert np.linalg.norm(error(cloud, fitted)) < 3.72 * u_of(cloud, fitted)
     assert u_of(cloud, fitted) > 1.05 * whole
+
+
+def test_a_told_station_starts_the_fit_and_does_not_decide_it():
+    cloud, alone = measured(PLAIN, 1)
+    told = fit(cloud.points_m, thickness_of(PLAIN), station_m=cloud.viewpoint_m)
+    assert np.linalg.norm(told.centre_m - alone.centre_m) < 0.1 * u_of(cloud, alone)
+
+
+def test_a_station_that_the_background_contradicts_changes_nothing():
+    cloud, alone = measured(PLAIN, 1)
+    aside, behind = cloud.R @ [2.5, 1.0, 1.5], cloud.R @ [0.3, 0.0, -3.0]
+    for offset in (aside, behind):
+        told = fit(cloud.points_m, thickness_of(PLAIN), station_m=cloud.centre_m + offset)
+        np.testing.assert_array_equal(told.centre_m, alone.centre_m)
 
 
 @pytest.mark.parametrize("from_m", [0.05, 0.07, 0.085, 0.115])

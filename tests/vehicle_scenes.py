@@ -41,12 +41,16 @@ class TrueFace:
 
 @dataclass(frozen=True)
 class Scene:
-    """points_m (N, 3); row ranges of its single scans; what is true of them; what makes it hard."""
+    """points_m (N, 3); row ranges of its single scans; what is true of them; what makes it hard.
+
+    stations_m: (3,) each, where the single scans were taken from.
+    """
 
     points_m: Array
     parts: tuple[tuple[int, int], ...]
     faces: tuple[TrueFace, ...]
     note: str
+    stations_m: tuple[Array, ...]
 
 
 @dataclass(frozen=True)
@@ -189,7 +193,9 @@ def _scanned(
         for wheel, start in zip(wheels, starts, strict=True)
     )
     ends = np.cumsum([0, *(len(cloud) for cloud in clouds)]).tolist()
-    return Scene(np.concatenate(clouds) @ R.T + shift, tuple(pairwise(ends)), faces, note)
+    places = tuple(R @ station.place_m + shift for station in stations)
+    points = np.concatenate(clouds) @ R.T + shift
+    return Scene(points, tuple(pairwise(ends)), faces, note, places)
 
 
 def _wheel(axle: int, side: int, step_m: float, rng: np.random.Generator) -> Wheel:
@@ -347,7 +353,8 @@ def hard_wheel(number: int) -> Scene:
     points = _with_strays(points, rng.uniform(0.0005, 0.005), rng)
     face = TrueFace("wheel", cloud.centre_m, cloud.normal, hardship, len(cloud.face_m))
     faces = () if hardship in ("none", "twin") else (face,)
-    return Scene(points, ((0, len(points)),), faces, f"{hardship}, {incidence:.0f} degrees")
+    note = f"{hardship}, {incidence:.0f} degrees"
+    return Scene(points, ((0, len(points)),), faces, note, (cloud.viewpoint_m,))
 
 
 def _in_steps(points_m: Array, viewpoint_m: Array, step_m: float) -> Array:

@@ -21,6 +21,11 @@ class Part:
     stop: int
     T_file_scan: npt.NDArray[np.float64] | None
 
+    @property
+    def station_m(self) -> npt.NDArray[np.float64] | None:
+        """Where the scanner stood (3,), in the file's coordinates, if the file states a pose."""
+        return None if self.T_file_scan is None else self.T_file_scan[:3, 3]
+
 
 @dataclass(frozen=True)
 class Scan:

@@ -83,7 +83,9 @@ def measured(patch: Patch) -> Found:
 
 def find_on_vehicle(scene: Scene) -> list[Found]:
     """The faces that stand as a vehicle's wheels; all of them, with a status, where none do."""
-    patches = find_faces(scene.points_m, DISC, CONFIG.segment, parts=scene.parts)
+    patches = find_faces(
+        scene.points_m, DISC, CONFIG.segment, parts=scene.parts, stations_m=scene.stations_m
+    )
     faces = [Face(patch.origin_m, patch.basis[2], patch.match) for patch in patches]
     try:
         axles = find_axles(faces, RADIUS_M)
