@@ -88,6 +88,20 @@ class StationConfig(Section):
     range_bias_m: float = Field(0.0, ge=0.0)
 
 
+class ReportConfig(Section):
+    """Who issues the report, and in which language (report/laboratory.py); changes no result.
+
+    address: lines. logo: a picture's path, from the config's folder. signatures: of each line to be
+    signed, whose it is.
+    """
+
+    laboratory: str = ""
+    address: str = ""
+    logo: str | None = None
+    signatures: tuple[str, ...] = Field((), strict=False)
+    language: str = "en"
+
+
 class Config(Section):
     """All sections; `configs/default.toml` shows them with their defaults."""
 
@@ -95,6 +109,7 @@ class Config(Section):
     plane: PlaneConfig = PlaneConfig()
     centre: CentreConfig = CentreConfig()
     instrument: InstrumentConfig = InstrumentConfig()
+    report: ReportConfig = ReportConfig()
     seed: int = Field(0, ge=0)
 
 
@@ -126,7 +141,13 @@ def config_file(kind: str, name: str) -> Path:
 
 def load_config(path: Path | None) -> Config:
     """Effective configuration: the defaults, overridden by the TOML file at `path`."""
-    return Config() if path is None else parse_section(Config, read_toml(path), str(path))
+    if path is None:
+        return Config()
+    config = parse_section(Config, read_toml(path), str(path))
+    if config.report.logo is None:
+        return config
+    logo = str(path.parent / config.report.logo)
+    return config.model_copy(update={"report": config.report.model_copy(update={"logo": logo})})
 
 
 def with_scanner(config: Config, name: str | None) -> Config:

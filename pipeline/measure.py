@@ -33,7 +33,8 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     plane = fit_plane(patch, target, config.plane)
     fitted = locate_centre(patch, plane, target, config.centre)
     fitted = add_stated_causes(fitted, plane, target, config.instrument)
-    return Evidence(fitted, plane, face_map(patch, plane, fitted, target.radius_m))
+    seen = face_map(patch, plane, fitted, target, config.plane.edge_margin_m)
+    return Evidence(fitted, plane, seen)
 
 
 def measure_capture(

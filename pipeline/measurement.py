@@ -10,6 +10,7 @@ from typing import Any
 from pipeline import __version__
 from pipeline.angles import WheelAngles
 from pipeline.capture import Capture
+from pipeline.cloud_sample import CloudSample
 from pipeline.config import Config
 from pipeline.face_map import FaceMap
 from pipeline.fit_plane import PlaneFit
@@ -37,7 +38,8 @@ class Observation:
     """What one scan, or one block of five points, showed.
 
     repeats: what it shows once more. turn: of a scan of a sweep or a run-out. evidence is None
-    where nothing could be measured; `status` then names why and `reason` says it.
+    where nothing could be measured; `status` then names why and `reason` says it. cloud: a few of
+    the points; None of five.
     """
 
     name: str
@@ -52,6 +54,7 @@ class Observation:
     status: str = "ok"
     reason: str = ""
     turn: Turn | None = None
+    cloud: CloudSample | None = None
 
     @property
     def fitted(self) -> TargetFit:
@@ -98,7 +101,8 @@ class Naming:
 class Provenance:
     """What the result was made from: version, sha256 of each input, effective config, seed.
 
-    naming: of the wheels, where one cloud shows them all.
+    naming: of the wheels, where one cloud shows them all. date: of the capture, as ISO 8601 writes
+    it, where it is told.
     """
 
     source: str
@@ -108,6 +112,7 @@ class Provenance:
     config: dict[str, Any]
     seed: int
     naming: Naming | None = None
+    date: str | None = None
 
     @property
     def said(self) -> tuple[str, ...]:
@@ -126,13 +131,13 @@ class Provenance:
         naming: Naming | None,
     ) -> Provenance:
         """Of a capture of scans."""
-        used = config.model_dump(exclude={"seed"})
+        used = config.model_dump(exclude={"seed", "report"})
         used |= {"target": capture.target.model_dump(), "length_unit": capture.length_unit}
         inputs = {seen.source: seen.sha256 for seen in observations}
         if capture.cloud is not None:  # whose observations name its single scans besides
             inputs = {capture.cloud.file: observations[0].sha256}
         made = (capture.source, capture.vehicle, __version__, inputs, used, config.seed)
-        return cls(*made, naming)
+        return cls(*made, naming, capture.date)
 
     @classmethod
     def of_five_point(
@@ -161,6 +166,11 @@ class Measurement:
     def vehicle(self) -> dict[str, float]:
         """The vehicle's quantities by their names in `definitions.py`, radians and metres."""
         return self.uncertainty.vehicle_values
+
+    @property
+    def has_turned(self) -> bool:
+        """Whether any of its scans is of a sweep or a run-out."""
+        return any(wheel.observation.turn is not None for wheel in self.wheels)
 
     @property
     def complete(self) -> bool:

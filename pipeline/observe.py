@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.capture import Capture
+from pipeline.cloud_sample import cloud_sample
 from pipeline.config import Config
 from pipeline.digest import sha256
 from pipeline.errors import InputError, NotMeasuredError
@@ -85,6 +86,7 @@ def _find(
         missing_returns=scan.missing_returns,
         repeats=entry.repeats,
         turn=entry.turn,
+        cloud=cloud_sample(scan.points_m),
     )
     try:
         patch = find_target(

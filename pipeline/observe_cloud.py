@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.axles import Face
 from pipeline.capture import Capture
 from pipeline.cloud_faces import Found, faces_of_cloud
+from pipeline.cloud_sample import by_wheel
 from pipeline.config import Config
 from pipeline.digest import sha256
 from pipeline.errors import InputError, NotMeasuredError
@@ -47,6 +48,7 @@ def observe_cloud(
         named = wheels_by_markers(ways, told, found.faces)
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
+    centres_m = np.stack([evidence[named[wheel]].target.centre_m for wheel in REFERENCE_WHEELS])
     observations = [
         Observation(
             name=wheel,
@@ -57,8 +59,9 @@ def observe_cloud(
             points_total=found.points,
             missing_returns=found.missing_returns,
             evidence=evidence[named[wheel]],
+            cloud=shown,
         )
-        for wheel in REFERENCE_WHEELS
+        for wheel, shown in zip(REFERENCE_WHEELS, by_wheel(found.sample_m, centres_m), strict=True)
     ]
     return observations, naming
 

@@ -146,7 +146,7 @@ def test_json_is_the_file_and_nothing_else(measured, capture):
     assert run.out == (output / "measurement.json").read_text()
     names = {path.name for path in output.iterdir()}
     pictures = {f"target-{name}.png" for name in [*WHEELS, "1", "2"]}
-    assert names == {"measurement.json", "report.txt", "budget.svg", *pictures}
+    assert names == {"measurement.json", "report.txt", "budget.svg", "report.html", *pictures}
     for name in pictures:
         assert (output / name).read_bytes().startswith(b"\x89PNG")
 
@@ -210,7 +210,7 @@ def test_provenance_lets_the_measurement_be_repeated(measured, capture):
         "clamp_shift": 0.0,
     }
     assert config["length_unit"] == "m"
-    defaults = Config().model_dump(exclude={"seed"})
+    defaults = Config().model_dump(exclude={"seed", "report"})  # which changes no result
     assert {key: config[key] for key in defaults} == defaults
 
 
@@ -258,6 +258,23 @@ def test_accuracy_against_truth_within_the_uncertainty_that_is_told(measured, ca
         assert abs(vehicle[angle] - true) < 4.5 * vehicle[f"u_{angle}"] < 0.15
 
 
+def test_reports_in_the_language_and_of_the_kinds_that_are_asked_for(capture, wheelplane, tmp_path):
+    output, plots = tmp_path / "o", tmp_path / "plots"
+    run = wheelplane(
+        "measure", capture, "-o", output, "--no-html", "--no-pictures", "--pdf",
+        "--plot", plots, "--language", "pt",
+    )  # fmt: skip
+    assert run.code == 0
+    assert run.out.endswith(f"wrote {output / 'report.pdf'}\nwrote {plots}\n")
+    names = {path.name for path in output.iterdir()}
+    assert names == {"measurement.json", "report.txt", "budget.svg", "report.pdf"}
+    assert (output / "report.pdf").read_bytes().startswith(b"%PDF-")
+    assert "convergência" in (plots / "angles.txt").read_text(encoding="utf-8")
+    for name in [*WHEELS, "1", "2"]:
+        for kind in ("residuals", "histogram"):
+            assert (plots / f"{kind}-{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_same_input_same_bytes_in_any_process(measured, capture, wheelplane, tmp_path):
     run, output = measured
     assert wheelplane("measure", capture, "--json").out == run.out
@@ -271,7 +288,7 @@ def test_same_input_same_bytes_in_any_process(measured, capture, wheelplane, tmp
         OPENBLAS_NUM_THREADS="2",
     )
     assert again.code == 0
-    for name in ("measurement.json", "report.txt", "budget.svg"):
+    for name in ("measurement.json", "report.txt", "budget.svg", "report.html"):
         assert (tmp_path / "o" / name).read_bytes() == (output / name).read_bytes()
 
 

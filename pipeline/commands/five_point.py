@@ -6,30 +6,28 @@ from pathlib import Path
 from typing import Literal
 
 import click
-import numpy as np
 
 from pipeline.align import check_by_monte_carlo
 from pipeline.commands.judging import (
     monte_carlo_option,
     show,
-    three_numbers,
     tolerance_option,
 )
+from pipeline.commands.reporting import dressed, language_and_plot, plot_to, show_plot
+from pipeline.commands.station import read_station
 from pipeline.commands.viewing import view_options
-from pipeline.config import load_station
+from pipeline.config import load_config
 from pipeline.conformity import assess, conforms
 from pipeline.errors import InputError
 from pipeline.five_point_file import AngleUnit, Azimuth, Coordinates, LengthUnit, read_five_point
 from pipeline.measure import measure_five_point
-from pipeline.point_causes import Station
 from pipeline.report.json_report import to_json
 from pipeline.report.tcgc_2013_text import tcgc_2013_text
 from pipeline.report.text import detailed_report
 from pipeline.report.view import PAPER, AngleStyle, read_view
-from pipeline.report.write import write_whole
+from pipeline.report.write import html_bytes, pdf_bytes, write_whole
 from pipeline.tcgc_2013 import tcgc_2013
 from pipeline.tolerance import load_tolerance
-from pipeline.units import in_metres
 from pipeline.vehicle import Axis
 
 
@@ -88,6 +86,17 @@ from pipeline.vehicle import Axis
     metavar="X,Y,Z",
     help="Where it stood, in the file's coordinates and unit; the origin for spherical ones.",
 )
+@click.option(
+    "--html", type=click.Path(path_type=Path), metavar="FILE", help="The report as a page."
+)
+@click.option("--pdf", type=click.Path(path_type=Path), metavar="FILE", help="The same as PDF.")
+@click.option(
+    "--config",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Whose table [report] names who issues the report (TOML).",
+)
+@language_and_plot
 @monte_carlo_option
 @tolerance_option
 @view_options
@@ -105,6 +114,11 @@ def five_point(
     station: str | None,
     trials: int | None,
     tolerance: str | None,
+    html: Path | None,
+    pdf: Path | None,
+    config: Path | None,
+    plot: str | None,
+    language: str | None,
     axis: Axis,
     angles: AngleStyle,
     rim: str | None,
@@ -115,6 +129,7 @@ def five_point(
     unless all that it limits is shown to conform: undecided is 1 too.
     """
     view = read_view(axis, angles, rim)
+    dress = dressed(load_config(config).report, language, view)
     limits = None if tolerance is None else load_tolerance(tolerance)
     points = read_five_point(
         file,
@@ -144,19 +159,30 @@ def five_point(
                 "--axis and --angles with --method tcgc-2013: its tables are kept as they were "
                 "printed: leave it, or them, out"
             )
+        if html or pdf or plot:
+            raise InputError(
+                "--html, --pdf and --plot with --method tcgc-2013: its tables are kept as they "
+                "were printed: leave it, or them, out"
+            )
         text = tcgc_2013_text(tcgc_2013(points.blocks_m, table))
         if output:
             write_whole(output, text.encode())
         click.echo(text, nl=False)
         return 0
-    surveyed = _station(scanner, station, coordinates, length_unit)
+    surveyed = read_station("--scanner", scanner, station, coordinates, length_unit)
     measurement = measure_five_point(points, surveyed)
     if trials:
         measurement = check_by_monte_carlo(measurement, trials, 0)
     judged = assess(measurement, limits) if limits else None
     code = 0 if measurement.complete and conforms(judged) else 1
+    written = []
     if output:
-        write_whole(output, detailed_report(measurement, judged, view).encode())
+        written.append(write_whole(output, detailed_report(measurement, judged, view).encode()))
+    if html:
+        written.append(write_whole(html, html_bytes(measurement, judged, dress)))
+    if pdf:
+        written.append(write_whole(pdf, pdf_bytes(measurement, judged, dress)))
+    written += plot_to(plot, measurement, judged, dress)
     if as_json:
         click.echo(to_json(measurement, judged, view.axis), nl=False)
         return code
@@ -166,24 +192,7 @@ def five_point(
         click.echo(note)
     click.echo()
     show(measurement, view, judged)
-    if output:
-        click.echo(f"wrote {output}")
+    show_plot(plot, measurement, judged, dress)
+    for path in written:
+        click.echo(f"wrote {path}")
     return code
-
-
-def _station(
-    scanner: str | None, place: str | None, coordinates: Coordinates, unit: LengthUnit
-) -> Station | None:
-    """The total station by its file and its place; None where none is named."""
-    if scanner is None:
-        if place is not None:
-            raise InputError("--station without --scanner: name the total station as well")
-        return None
-    stated = load_station(scanner)
-    if place is None and coordinates == "cartesian":
-        raise InputError(
-            "--scanner with cartesian coordinates: add --station X,Y,Z, where the total station "
-            "stood, since its errors depend on the distance and the direction"
-        )
-    stood = three_numbers("--station", place or "0,0,0")
-    return Station(stated, np.array([in_metres(x, unit) for x in stood]))

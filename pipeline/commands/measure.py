@@ -11,14 +11,16 @@ from pipeline.capture import open_capture
 from pipeline.capture_file import LengthUnit, Upright
 from pipeline.commands.judging import monte_carlo_option, show, tolerance_option
 from pipeline.commands.progress import Progress
+from pipeline.commands.reporting import dressed, language_and_plot, plot_to, show_plot
 from pipeline.commands.viewing import view_options
 from pipeline.commands.whole import told, whole_vehicle_options
 from pipeline.config import load_config, with_scanner
 from pipeline.conformity import assess, conforms
+from pipeline.errors import InputError
 from pipeline.measure import measure_capture
 from pipeline.report.json_report import to_json
 from pipeline.report.view import AngleStyle, read_view
-from pipeline.report.write import write_reports
+from pipeline.report.write import Wanted, write_reports
 from pipeline.runout import all_turned
 from pipeline.tolerance import load_tolerance
 from pipeline.units import LENGTH_UNITS
@@ -32,7 +34,7 @@ from pipeline.vehicle import Axis
     "--output",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Write measurement.json, report.txt and pictures of the targets here.",
+    help="Write measurement.json, the reports and pictures of the targets here.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print measurement.json and nothing else.")
 @click.option("--target", metavar="NAME|FILE", help="The target, such as disc-250; see `targets`.")
@@ -46,7 +48,7 @@ from pipeline.vehicle import Axis
     "--config",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Settings other than the defaults (TOML).",
+    help="Settings other than the defaults, and who issues the report (TOML).",
 )
 @click.option(
     "--scanner",
@@ -57,6 +59,9 @@ from pipeline.vehicle import Axis
 @tolerance_option
 @view_options
 @click.option("--pictures/--no-pictures", default=True, help="Pictures of the targets in DIR.")
+@click.option("--html/--no-html", default=True, help="The report as a page, report.html, in DIR.")
+@click.option("--pdf", is_flag=True, help="The same as report.pdf in DIR.")
+@language_and_plot
 def measure(
     capture: Path,
     output: Path | None,
@@ -71,6 +76,10 @@ def measure(
     trials: int | None,
     tolerance: str | None,
     pictures: bool,
+    html: bool,
+    pdf: bool,
+    plot: str | None,
+    language: str | None,
     axis: Axis,
     angles: AngleStyle,
     rim: str | None,
@@ -93,6 +102,9 @@ def measure(
     """
     view = read_view(axis, angles, rim)
     settings = load_config(config)
+    dress = dressed(settings.report, language, view)
+    if pdf and output is None:
+        raise InputError("--pdf without -o DIR: name the folder that report.pdf goes to")
     limits = None if tolerance is None else load_tolerance(tolerance)
     said = told(front, front_point, up, length_unit)
     with open_capture(capture, target, said) as opened, Progress(opened.steps) as progress:
@@ -101,13 +113,16 @@ def measure(
     if trials:
         measurement = check_by_monte_carlo(measurement, trials, settings.seed)
     judged = assess(measurement, limits) if limits else None
-    written = write_reports(measurement, output, pictures, judged, view) if output else []
+    wanted = Wanted(pictures, html, pdf)
+    written = write_reports(measurement, output, judged, dress, wanted) if output else []
+    written += plot_to(plot, measurement, judged, dress)
     if as_json:
         click.echo(to_json(measurement, judged, view.axis), nl=False)
     else:
         for note in measurement.notes:
             click.echo(note)
         show(measurement, view, judged)
+        show_plot(plot, measurement, judged, dress)
         for path in written:
             click.echo(f"wrote {path}")
     whole = measurement.complete and all_turned(measurement)

@@ -1,12 +1,15 @@
-"""The budget of uncertainty as stacked bars (SVG): a bar for each angle and length."""
+"""The budget of uncertainty as stacked bars: a bar for each angle and length."""
 
 from __future__ import annotations
 
 import math
-from xml.sax.saxutils import escape
+from collections.abc import Sequence
 
 from pipeline.measurement import Measurement
 from pipeline.quantities import Stated, against, stated
+from pipeline.reference_frame import REFERENCE_WHEELS
+from pipeline.report.drawing import GRID, PALE, Drawing, Mark, Path, Text, cut, rectangle
+from pipeline.report.language import Words, load_words
 from pipeline.vehicle import Axis
 
 # Okabe and Ito's colours, which the colour-blind tell apart; in the order of first use.
@@ -26,87 +29,88 @@ COLOURS = {
     "angle noise": "#F0E442",
     "aiming": "#D55E00",
 }
-LABEL, BAR, VALUE, ROW, HEAD = 165, 480, 190, 24, 58  # pixels
+OTHER = "#222222"
+LABEL, BAR, VALUE, ROW, HEAD = 190.0, 420.0, 150.0, 24.0, 62.0  # pixels
+COLUMNS, LEGEND = 4, 186.0
 
 
 def budget_svg(measurement: Measurement, axis: Axis = "rear-axle") -> str:
-    """SVG of all quantities against an axis, without ISO camber; same measurement, same bytes."""
+    """SVG of all quantities against an axis, in English; same measurement, same bytes."""
+    return budget_drawing(measurement, load_words("en"), axis).svg
+
+
+def budget_drawing(measurement: Measurement, words: Words, axis: Axis = "rear-axle") -> Drawing:
+    """All quantities against an axis, without ISO camber."""
     found = [q for q in against(stated(measurement), axis) if q.kind != "camber_iso"]
-    causes = measurement.uncertainty.causes
-    legend_rows = math.ceil(len(causes) / 4)
-    top = HEAD + 20 * legend_rows + 22
-    width, height = LABEL + BAR + VALUE, top + ROW * len(found) + 34
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
-        f'width="{width}" height="{height}" font-family="sans-serif" font-size="13">',
-        f'<rect width="{width}" height="{height}" fill="#ffffff"/>',
-        _text(12, 22, "Budget of uncertainty: share of the variance by cause", weight="bold"),
-        _text(12, 41, f"hatched: what arrives through the four centres; axis: {axis}"),
-        HATCH,
-        *_legend(causes),
-    ]
-    for index, quantity in enumerate(found):
-        parts += _bar(quantity, causes, top + ROW * index)
+    return bars_drawing(found, measurement.uncertainty.causes, words, words("plot.budget_title"))
+
+
+def vehicle_budget(measurement: Measurement, words: Words, axis: Axis) -> Drawing:
+    """The same of the reference wheels and the vehicle alone."""
+    found = [q for q in against(stated(measurement), axis) if q.kind != "camber_iso"]
+    found = [q for q in found if q.subject in (*REFERENCE_WHEELS, "vehicle")]
+    return bars_drawing(found, measurement.uncertainty.causes, words, words("plot.budget_title"))
+
+
+def wheel_budget(measurement: Measurement, name: str, words: Words, axis: Axis) -> Drawing:
+    """Toe and camber of one wheel."""
+    kinds = ("toe", "camber")
+    found = [q for q in against(stated(measurement), axis) if q.subject == name and q.kind in kinds]
+    title = words("plot.budget_of", name=cut(name, 40))
+    return bars_drawing(found, measurement.uncertainty.causes, words, title, alone=True)
+
+
+def bars_drawing(
+    found: Sequence[Stated], causes: tuple[str, ...], words: Words, title: str, alone: bool = False
+) -> Drawing:
+    """A bar a quantity; alone: they are of one wheel, which the title names."""
+    legend_rows = math.ceil(len(causes) / COLUMNS)
+    top = HEAD + 20 * legend_rows + 14
     foot = top + ROW * len(found)
+    marks: list[Mark] = [
+        Text(12, 22, title, 15, bold=True),
+        Text(12, 42, words("plot.budget_note"), 12, colour=PALE),
+        *_legend(causes, words),
+    ]
     for percent in (0, 25, 50, 75, 100):
         x = LABEL + BAR * percent / 100
-        parts.append(
-            f'<line x1="{x}" y1="{top - 4}" x2="{x}" y2="{foot}" stroke="#000000" '
-            'stroke-opacity="0.2"/>'
-        )
-        parts.append(_text(x, foot + 18, f"{percent} %", anchor="middle"))
-    parts.append(_text(LABEL + BAR + 12, top - 12, "u; U at 95 %"))
-    return "\n".join([*parts, "</svg>\n"])
+        marks.append(Path([(x, top - 4), (x, foot)], GRID))
+        marks.append(Text(x, foot + 17, f"{percent} %", 12, "middle"))
+    for index, quantity in enumerate(found):
+        marks += _bar(quantity, causes, top + ROW * index, words, alone)
+    marks.append(Text(LABEL + BAR + 12, top - 8, "u;  U (95 %)", 12, colour=PALE))
+    return Drawing(LABEL + BAR + VALUE, foot + 30, title, marks)
 
 
-HATCH = (
-    '<defs><pattern id="frame" width="6" height="6" patternUnits="userSpaceOnUse" '
-    'patternTransform="rotate(45)"><line x1="0" y1="0" x2="0" y2="6" stroke="#000000" '
-    'stroke-opacity="0.55" stroke-width="1.6"/></pattern></defs>'
-)
-
-
-def _legend(causes: tuple[str, ...]) -> list[str]:
-    parts = []
+def _legend(causes: tuple[str, ...], words: Words) -> list[Mark]:
+    marks: list[Mark] = []
     for index, cause in enumerate(causes):
-        x, y = 12 + 195 * (index % 4), HEAD + 20 * (index // 4)
-        parts.append(_rectangle(x, y - 10, 12, 12, _colour(cause)))
-        parts.append(_text(x + 18, y, cause))
-    return parts
+        x, y = 12 + LEGEND * (index % COLUMNS), HEAD + 20 * (index // COLUMNS)
+        marks.append(rectangle(x, y - 10, 12, 12, COLOURS.get(cause, OTHER)))
+        marks.append(Text(x + 18, y, words.known("cause", cause), 12))
+    return marks
 
 
-def _bar(quantity: Stated, causes: tuple[str, ...], y: float) -> list[str]:
-    of = "" if quantity.subject == "vehicle" else f"{quantity.subject} "
-    label = of + quantity.kind.replace("_", " ")
-    parts = [_text(LABEL - 8, y + 15, label, anchor="end")]
-    x = float(LABEL)
-    for cause, share in zip(causes, quantity.shares, strict=True):
-        parts.append(_rectangle(x, y + 3, BAR * float(share), ROW - 8, _colour(cause)))
-        x += BAR * float(share)
-    framed = BAR * quantity.through_frame
-    parts.append(_rectangle(LABEL + BAR - framed, y + ROW - 9, framed, 4, "url(#frame)"))
-    u, expanded = (_size(value, quantity.unit) for value in (quantity.u, quantity.expanded))
-    parts.append(_text(LABEL + BAR + 12, y + 15, f"{u}; {expanded}"))
-    return parts
+def _bar(
+    quantity: Stated, causes: tuple[str, ...], y: float, words: Words, alone: bool
+) -> list[Mark]:
+    of = "" if alone or quantity.subject == "vehicle" else f"{cut(quantity.subject, 14)}  "
+    label = of + words.known("quantity", quantity.kind)
+    marks: list[Mark] = [Text(LABEL - 8, y + 15, label, 12, "end")]
+    x = LABEL
+    for cause, share in zip(causes, quantity.shares.tolist(), strict=True):
+        if share > 0.0:
+            marks.append(rectangle(x, y + 3, BAR * share, ROW - 8, COLOURS.get(cause, OTHER)))
+        x += BAR * share
+    framed = LABEL + BAR * (1.0 - quantity.through_frame)
+    if framed < x:
+        marks.append(Path([(framed, y + ROW - 6), (x, y + ROW - 6)], "#ffffff", 4.0))
+        marks.append(Path([(framed, y + ROW - 6), (x, y + ROW - 6)], "#000000", 2.5, dash=(3, 3)))
+    sizes = (size_text(value, quantity.unit) for value in (quantity.u, quantity.expanded))
+    marks.append(Text(LABEL + BAR + 12, y + 15, words.number(";  ".join(sizes)), 12))
+    return marks
 
 
-def _colour(cause: str) -> str:
-    return COLOURS.get(cause, "#222222")
-
-
-def _size(value: float, unit: str) -> str:
-    return f"{value * 1e3:.3f} mm" if unit == "m" else f"{math.degrees(value) * 3600:.1f}″"
-
-
-def _rectangle(x: float, y: float, width: float, height: float, fill: str) -> str:
-    return (
-        f'<rect x="{x:.2f}" y="{y:.2f}" width="{max(width, 0.0):.2f}" height="{height:.2f}" '
-        f'fill="{fill}"/>'
-    )
-
-
-def _text(x: float, y: float, text: str, anchor: str = "start", weight: str = "normal") -> str:
-    return (
-        f'<text x="{x:.2f}" y="{y:.2f}" text-anchor="{anchor}" font-weight="{weight}">'
-        f"{escape(text)}</text>"
-    )
+def size_text(value: float, unit: str) -> str:
+    """Of an uncertainty: seconds of arc, or millimetres."""
+    return f"{value * 1e3:.3f} mm" if unit == "m" else f'{math.degrees(value) * 3600:.1f}"'

@@ -46,6 +46,7 @@ def to_tree(
         "schema": SCHEMA,
         "capture": made.source,
         "vehicle_name": made.vehicle,
+        "date": made.date,
         "wheels": [_wheel(wheel) for wheel in measurement.wheels],
         "frame": {
             "origin_m": frame.origin_m.tolist(),

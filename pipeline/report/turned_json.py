@@ -14,6 +14,8 @@ from pipeline.turned import Estimate
 
 def turned_tree(measurement: Measurement) -> dict[str, Any]:
     """`steering`: kingpins and toe-out on turns; `runouts`: one a wheel; empty without scans."""
+    if not measurement.has_turned:
+        return {"steering": {"kingpins": [], "toe_out_on_turns": []}, "runouts": []}
     return {
         "steering": {
             "kingpins": [_kingpin(found) for found in measure_kingpins(measurement)],

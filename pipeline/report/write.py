@@ -2,38 +2,78 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.conformity import Conformity
 from pipeline.errors import InputError
 from pipeline.measurement import Measurement
 from pipeline.report.budget_svg import budget_svg
+from pipeline.report.html import Dress, html_report
 from pipeline.report.json_report import to_json
+from pipeline.report.language import load_words
+from pipeline.report.pdf import pdf_report
 from pipeline.report.picture import face_png
+from pipeline.report.plots import file_name
 from pipeline.report.text import detailed_report
-from pipeline.report.view import PAPER, View
+from pipeline.report.view import PAPER
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which reports to write beside measurement.json, report.txt and budget.svg."""
+
+    pictures: bool = True
+    html: bool = True
+    pdf: bool = False
+
+
+EVERYDAY = Wanted()
 
 
 def write_reports(
     measurement: Measurement,
     folder: Path,
-    pictures: bool = True,
     conformity: Conformity | None = None,
-    view: View = PAPER,
+    dress: Dress | None = None,
+    wanted: Wanted = EVERYDAY,
 ) -> list[Path]:
-    """measurement.json, report.txt and a picture of every scanned target, into `folder`."""
+    """measurement.json and what is wanted beside it, into `folder`."""
+    dress = dress or Dress(load_words("en"), PAPER)
+    view = dress.view
     files = {
         "measurement.json": to_json(measurement, conformity, view.axis).encode(),
         "report.txt": detailed_report(measurement, conformity, view).encode(),
         "budget.svg": budget_svg(measurement, view.axis).encode(),
     }
-    for result in measurement.wheels if pictures else ():
-        png = face_png(result)
+    if wanted.html:
+        files["report.html"] = html_bytes(measurement, conformity, dress)
+    if wanted.pdf:
+        files["report.pdf"] = pdf_bytes(measurement, conformity, dress)
+    for result in measurement.wheels if wanted.pictures else ():
+        png = face_png(result, measurement.frame)
         if png is not None:
-            files[_picture_name(result.observation.name, files)] = png
+            files[file_name(f"target-{result.observation.name}", "png", files)] = png
+    return write_files(folder, files)
+
+
+def html_bytes(measurement: Measurement, conformity: Conformity | None, dress: Dress) -> bytes:
+    """The page."""
+    return html_report(measurement, conformity, dress).encode()
+
+
+def pdf_bytes(measurement: Measurement, conformity: Conformity | None, dress: Dress) -> bytes:
+    """The same, printed. Raises MissingDependencyError."""
+    page = html_report(measurement, conformity, dress, still=True)
+    return pdf_report(page, hashlib.sha256(page.encode()).hexdigest()[:32])
+
+
+def write_files(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
+    """Name and content of each, into `folder`, which is made where it is not there."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -64,11 +104,3 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
-
-
-def _picture_name(name: str, taken: Iterable[str]) -> str:
-    """A file name that every system takes, and that none of `taken` has."""
-    stem = "target-" + "".join(c if c.isalnum() or c in "-_" else "_" for c in name)[:40]
-    while f"{stem}.png".casefold() in (other.casefold() for other in taken):
-        stem += "_"
-    return f"{stem}.png"

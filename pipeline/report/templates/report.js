@@ -1,0 +1,14 @@
+(function () {
+  "use strict";
+  function read(id) { return JSON.parse(document.getElementById(id).textContent); }
+  var root = document.documentElement, stage = document.getElementById("stage");
+  var told = document.getElementById("told"), scene = read("scene");
+  function tell(name) {
+    scene.wheels.forEach(function (wheel) {
+      if (wheel.name === name) { told.textContent = name + ": " + wheel.toe_text + ", " + wheel.camber_text; }
+    });
+  }
+  root.classList.add("js");
+  Wheelplane3D.mount(stage, scene, { onWheel: tell, words: read("viewer-words") });
+  if (stage.querySelector(".w3d-none")) { root.classList.add("flat"); }
+})();
