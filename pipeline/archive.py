@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import bz2
+import errno
 import gzip
 import lzma
+import os
 import shutil
 import struct
 import tarfile
@@ -111,13 +113,13 @@ def inflate(path: Path, target: Path, name: str) -> None:
     opener = _decompressor(path)
     if opener is None:
         raise InputError(f"{name}: it is not compressed, as its suffix says: rename it")
-    limit = _limit(path.stat().st_size, target.parent)
+    limit = _limit(path.stat().st_size)
+    room = shutil.disk_usage(target.parent).free
     with _told(name), opener(path) as packed, target.open("wb") as plain:
         written = 0
         while chunk := packed.read(_CHUNK):
             written += len(chunk)
-            if written > limit:
-                raise _too_large(name, f"more than {limit / 2**30:.3g} GiB", limit)
+            _check_size(name, written, limit, room, "more than ")
             plain.write(chunk)
 
 
@@ -168,18 +170,20 @@ def _check_members(members: tuple[Member, ...], packed: int, name: str, scratch:
             raise InputError(
                 f"{name}: its member {member.name[:100]!r} points outside: pack it anew"
             )
-    size, limit = sum(member.size for member in members), _limit(packed, scratch)
+    room = shutil.disk_usage(scratch).free
+    _check_size(name, sum(member.size for member in members), _limit(packed), room)
+
+
+def _limit(packed: int) -> int:
+    """Bytes that a file of `packed` bytes may unpack to."""
+    return min(MAX_UNPACKED_BYTES, max(FREE_BYTES, MAX_RATIO * packed))
+
+
+def _check_size(name: str, size: int, limit: int, room: int, more: str = "") -> None:
+    """Raise InputError for what is larger than it may be, or than the disk has room for."""
+    told = f"{name}: unpacks to {more}{size / 2**30:.3g} GiB"
     if size > limit:
-        raise _too_large(name, f"{size / 2**30:.3g} GiB", limit)
-
-
-def _limit(packed: int, folder: Path) -> int:
-    """Bytes that a file of `packed` bytes may unpack to in `folder`."""
-    believable = max(FREE_BYTES, MAX_RATIO * packed)
-    return min(MAX_UNPACKED_BYTES, believable, shutil.disk_usage(folder).free)
-
-
-def _too_large(name: str, size: str, limit: int) -> InputError:
-    return InputError(
-        f"{name}: unpacks to {size}, {limit / 2**30:.3g} GiB at most: unpack it by hand"
-    )
+        raise InputError(f"{told}, {limit / 2**30:.3g} GiB at most: unpack it by hand")
+    if size > room:
+        full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        raise InputError(f"{told}, {room / 2**30:.3g} GiB are free: make room in TMPDIR") from full

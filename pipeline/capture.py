@@ -31,7 +31,7 @@ class Capture:
     """A capture, ready to be read: entries are RR, RL, FR, FL, the trials, sweeps, run-outs.
 
     cloud: in their place, the one scan that shows all wheels; its `front`, where told, and by what
-    its `up` is told.
+    its `up` is told. date: as ISO 8601 writes it, where declared.
     """
 
     source: str
@@ -43,6 +43,7 @@ class Capture:
     cloud: ScanEntry | None = None
     front: Front | None = None
     up: Upright = "auto"
+    date: str | None = None
 
     @property
     def steps(self) -> int:
@@ -60,12 +61,14 @@ class Told:
     """What options tell of a capture; each goes before what its capture.toml says.
 
     front, front_point, up: of one cloud of the vehicle, in its file's coordinates and unit.
+    of_clouds: these three are told of many captures, and mean those that are clouds.
     """
 
     length_unit: LengthUnit | None = None
     front: Vector | None = None
     front_point: Vector | None = None
     up: Upright | None = None
+    of_clouds: bool = False
 
 
 NOTHING_TOLD = Told()
@@ -83,9 +86,9 @@ class _Opened:
 
 @contextmanager
 def open_capture(
-    source: Path, target: str | None = None, told: Told = NOTHING_TOLD
+    source: Path, target: str | Target | None = None, told: Told = NOTHING_TOLD
 ) -> Iterator[Capture]:
-    """Open the capture at `source`; `target` names the target and goes before the capture's own.
+    """Open the capture at `source`; `target`, or its name, goes before the capture's own.
 
     An archive is unpacked into a temporary folder, which goes with the context.
     Raises InputError or ConfigError for what is missing or contradicts itself.
@@ -103,6 +106,7 @@ def open_capture(
             cloud=found.scans[0] if whole else None,
             front=_front(found, told, source),
             up=told.up or declared.up,
+            date=None if declared.date is None else declared.date.isoformat(),
         )
 
 
@@ -136,6 +140,8 @@ def _front(found: _Opened, told: Told, source: Path) -> Front | None:
     declared = found.declared
     options = ("--front", told.front), ("--front-point", told.front_point), ("--up", told.up)
     named = next((name for name, value in options if value is not None), None)
+    if declared.reference is not None and told.of_clouds:
+        return None
     if declared.reference is not None and named is not None:
         raise InputError(
             f"{source}: {named} is of a cloud that shows the whole vehicle, but each of "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from pathlib import Path
 from typing import Literal
 
@@ -48,10 +49,12 @@ class Runout(Section):
 class CaptureFile(Section):
     """All that capture.toml may hold: [reference] with one scan a wheel, or `cloud` for them all.
 
-    front, front_point, up: of a cloud, whose wheels are named from its geometry.
+    front, front_point, up: of a cloud, whose wheels are named from its geometry. date: the day, or
+    the moment, of the scans, as TOML writes it: date = 2026-11-20.
     """
 
     vehicle: str | None = None
+    date: dt.datetime | dt.date | None = None
     length_unit: LengthUnit = "m"
     target: object = None
     scanner: str | None = None
@@ -63,6 +66,14 @@ class CaptureFile(Section):
     front: Vector | None = Field(None, strict=False)
     front_point: Vector | None = Field(None, strict=False)
     up: Upright = "auto"
+
+
+def files_of(declared: CaptureFile) -> list[str]:
+    """All files that a capture declares, as it names them: its scans, its target, its scanner."""
+    more: tuple[Trial | Sweep | Runout, ...] = (*declared.trial, *declared.sweep, *declared.runout)
+    scans = [declared.cloud, *(declared.reference or {}).values(), *(scan.file for scan in more)]
+    named = [n for n in (declared.target, declared.scanner) if str(n).endswith(".toml")]
+    return [name for name in (*scans, *named) if isinstance(name, str)]
 
 
 def find_capture_file(folder: Path) -> Path | None:

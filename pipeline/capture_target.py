@@ -12,10 +12,12 @@ from pipeline.units import in_metres
 TARGET_SIZES_M = (0.03, 1.5)  # no wheel target is smaller or larger
 
 
-def target_of(declared: CaptureFile, named: str | None, folder: Path, where: str) -> Target:
+def target_of(
+    declared: CaptureFile, named: str | Target | None, folder: Path, where: str
+) -> Target:
     """The target, `named` before the one declared; raises ConfigError or InputError."""
     if named is not None:
-        return load_target(named)
+        return load_target(named) if isinstance(named, str) else named
     told = declared.target
     if told is None:
         raise InputError(

@@ -12,15 +12,19 @@ from pipeline import __version__
 from pipeline.errors import WheelplaneError
 
 COMMANDS = {
+    "batch": ("pipeline.commands.batch:batch", "Every capture of an archive, and a catalogue."),
     "demo": ("pipeline.commands.demo:demo", "Make a vehicle with known angles, and measure it."),
     "five-point": ("pipeline.commands.five_point:five_point", "Angles from five points a wheel."),
     "inspect": ("pipeline.commands.inspect:inspect", "What is in a scan file or a capture."),
+    "manual": ("pipeline.commands.manual:manual", "The user manual, in the browser."),
     "measure": ("pipeline.commands.measure:measure", "Angles from laser scans of the wheels."),
     "plane": ("pipeline.commands.plane:plane", "The planes of a single point cloud."),
+    "results": ("pipeline.commands.results:results", "What a batch measured: lists, statistics."),
     "selftest": ("pipeline.commands.selftest:selftest", "Fit certified data; a table to file."),
     "synth": ("pipeline.commands.synth:synth", "Make a capture of a vehicle with known angles."),
     "targets": ("pipeline.commands.targets:targets", "List the known targets."),
     "validate": ("pipeline.commands.validate:validate", "Dense scans against five points."),
+    "view": ("pipeline.commands.view:view", "The page: load, see the angles, save the report."),
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -44,7 +45,13 @@ def fit_block(points_m: npt.ArrayLike) -> BlockFit:
     points = np.asarray(points_m, dtype=np.float64)
     if points.shape != (5, 3) or not bool(np.all(np.abs(points) <= MAX_COORDINATE_M)):
         raise InputError(f"a block is 5 finite points of 3 coordinates, got shape {points.shape}")
-    plane = total_least_squares(points)
+    return _fitted(points.tobytes())
+
+
+@lru_cache(maxsize=64)  # of one file, whose blocks are fitted to check them, and then again
+def _fitted(data: bytes) -> BlockFit:
+    """The fit of points (5, 3), bytes of float64; it is shared, so that nothing may change it."""
+    plane = total_least_squares(np.frombuffer(data).reshape(5, 3))
     length_m, width_m = np.sqrt(plane.scatter_m2[:2] / 5)
     if length_m < MIN_LENGTH_M:
         raise InputError(
@@ -56,6 +63,8 @@ def fit_block(points_m: npt.ArrayLike) -> BlockFit:
             f"its five points lie on one line within {width_m:.1e} m (length {length_m:.4f} m), "
             "so they define no plane: measure them around the wheel"
         )
+    for array in (plane.centroid_m, plane.basis, plane.scatter_m2):
+        array.flags.writeable = False
     return BlockFit(
         centre_m=plane.centroid_m,
         normal=plane.normal,

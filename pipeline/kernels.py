@@ -79,7 +79,16 @@ def _leant(basis: Array, along: Array) -> tuple[Array, float]:
     first = basis[0] - (basis[0] @ normal) * normal
     first /= np.linalg.norm(first)
     across = max(float(along[2, 2] - lean @ along[:2, 2]), 0.0)
-    return np.stack([first, np.cross(normal, first), normal]), across
+    return np.stack([first, cross(normal, first), normal]), across
+
+
+def cross(a: Array, b: Array) -> Array:
+    """The cross product of two vectors (3,), to the bit as np.cross has it, in a tenth of its time.
+
+    np.cross takes vectors of any shape along any axis, and some 15 us to find out.
+    """
+    (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
+    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
 def _chunks(

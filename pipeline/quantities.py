@@ -49,7 +49,10 @@ def stated(measurement: Measurement) -> list[Stated]:
     known = measurement.uncertainty
     total = np.diag(known.covariance)
     whole = np.where(total > 0.0, total, math.inf)
-    standard, factor = known.standard, known.coverage_factor
+    shares = known.shares / whole[:, None]
+    through_frame = (known.through_frame / whole).tolist()
+    values, freedom = known.values.tolist(), known.freedom.tolist()
+    standard, factor = known.standard.tolist(), known.coverage_factor.tolist()
     wheels = [w.observation.name for w in measurement.wheels if w.angles is not None]
     of_wheels = [
         (wheel, entry.kind, entry.axis, f"{wheel}.{entry.name}", RADIAN)
@@ -60,12 +63,12 @@ def stated(measurement: Measurement) -> list[Stated]:
     return [
         Stated(
             *names,
-            value=float(known.values[i]),
-            u=float(standard[i]),
-            freedom=float(known.freedom[i]),
-            coverage_factor=float(factor[i]),
-            shares=known.shares[i] / whole[i],
-            through_frame=float(known.through_frame[i] / whole[i]),
+            value=values[i],
+            u=standard[i],
+            freedom=freedom[i],
+            coverage_factor=factor[i],
+            shares=shares[i],
+            through_frame=through_frame[i],
         )
         for i, names in enumerate([*of_wheels, *of_vehicle])
     ]

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.errors import InputError
+from pipeline.kernels import cross
 
 Array = npt.NDArray[np.float64]
 
@@ -77,7 +78,7 @@ def build_reference_frame(centres_m: npt.ArrayLike) -> VehicleFrame:
     v = to_front / wheelbase_m
     origin_m = centres[0] + c_R
     return VehicleFrame(
-        origin_m, u_R, v, np.cross(v, u_R), rear_track_m, front_track_m, wheelbase_m
+        origin_m, u_R, v, cross(v, u_R), rear_track_m, front_track_m, wheelbase_m
     )
 
 
@@ -111,7 +112,7 @@ def _check_triangles(local: Array) -> float:
         )
     for a, b, c in combinations(range(4), 3):
         longest_m = max(distance_m[a, b], distance_m[a, c], distance_m[b, c])
-        area_twice = np.linalg.norm(np.cross(local[b] - local[a], local[c] - local[a]))
+        area_twice = np.linalg.norm(cross(local[b] - local[a], local[c] - local[a]))
         height_m = float(area_twice) / longest_m
         if height_m <= limit_m:
             wheels = ", ".join(REFERENCE_WHEELS[k] for k in (a, b, c))

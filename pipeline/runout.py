@@ -89,6 +89,8 @@ def measure_runouts(measurement: Measurement) -> tuple[Runout, ...]:
 
 def all_turned(measurement: Measurement) -> bool:
     """Whether every sweep and run-out gave its axis."""
+    if not measurement.has_turned:
+        return True
     swept = all(kingpin.status == "ok" for kingpin in measure_kingpins(measurement))
     return swept and all(runout.status == "ok" for runout in measure_runouts(measurement))
 

@@ -1,0 +1,1 @@
+"""Many captures: what there is to do, doing it, and what came of it."""

@@ -1,0 +1,116 @@
+"""`wheelplane batch`: every capture of an archive, and a catalogue of them."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pipeline.batch.begun import begin, differences
+from pipeline.batch.catalogue import open_catalogue
+from pipeline.batch.progress import teller
+from pipeline.batch.run import Batch, forget_failures
+from pipeline.batch.scratch import scratch_folder
+from pipeline.batch.shard import ALL, read_shard
+from pipeline.batch.store import Store, open_store
+from pipeline.batch.summary import summary
+from pipeline.batch.watch import watch as watch_folder
+from pipeline.batch.work import Request
+from pipeline.commands.batch_options import (
+    absolute,
+    make_engine,
+    measuring_options,
+    read_settings,
+    work_options,
+)
+from pipeline.errors import InputError
+
+MOST_SHOWN = 3
+
+
+@click.command()
+@click.argument("archive")
+@click.option("-o", "--output", "results", required=True, metavar="RESULTS", help="Where to.")
+@click.option(
+    "--resume", is_flag=True, help="Go on in RESULTS that were begun otherwise, without asking."
+)
+@click.option("--retry", is_flag=True, help="Measure again what failed before.")
+@click.option("--limit", type=click.IntRange(min=1), metavar="N", help="At most N captures now.")
+@click.option("--shard", metavar="K/N", help="Only part K of N, from 1, as array jobs need it.")
+@click.option("--watch", is_flag=True, help="Wait for more to come into ARCHIVE, until Ctrl-C.")
+@click.option(
+    "--settle",
+    type=click.FloatRange(min=0.1),
+    default=10.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="With --watch: files that did not change for so long are complete.",
+)
+@work_options
+@measuring_options
+def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
+    """Measure every capture in ARCHIVE, a folder or URL, each on its own, and catalogue them.
+
+    Captures are folders, zips and tars with a scan of each wheel, clouds of a whole vehicle, and
+    five-point files (.txt, .csv), at any depth. RESULTS, a folder or URL, gets one JSON for each,
+    measured or failed, and catalogue.sqlite, which `wheelplane results RESULTS` reads.
+
+    The same command once more, also after a kill, does what is new, changed or not yet done, and
+    that alone. In RESULTS that were begun with another archive, settings or version it asks first,
+    for then all captures are measured anew; --resume says yes.
+
+    Exits with 1 when a capture failed, or was measured in part.
+    """
+    request = Request(absolute(archive), absolute(results), read_settings(options))
+    shard = read_shard(options["shard"]) if options["shard"] else ALL
+    store = _begun(request, resume, watch=options["watch"])
+    if options["retry"]:
+        forget_failures(store)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    interrupted = False
+    with ExitStack() as stack:
+        scratch = stack.enter_context(scratch_folder())
+        engine = make_engine(options, scratch)
+        stack.callback(engine.close)
+        tell = stack.enter_context(teller())
+        work = Batch(request, engine, scratch, tell, shard)
+        try:
+            if options["watch"]:
+                watch_folder(work, Path(request.archive), options["settle"])
+            else:
+                work.run(options["limit"])
+        except KeyboardInterrupt:
+            interrupted = not options["watch"]
+    with ExitStack() as stack:
+        whole = None if shard.n > 1 else stack.enter_context(open_catalogue(request.results))
+        text, fine = summary(work.tally, whole, results)
+    click.echo(text)
+    if interrupted:
+        raise InputError("interrupted: the same command goes on where it was stopped")
+    return 0 if fine else 1
+
+
+def _begun(request: Request, resume: bool, watch: bool) -> Store:
+    """The store of the results, which were begun by an equal request, or are from now on."""
+    archive, results = open_store(request.archive), open_store(request.results)
+    if archive.local is not None and not archive.local.is_dir():
+        raise InputError(f"{request.archive}: no such folder: check the path")
+    if archive.local is None and watch:
+        raise InputError(f"{request.archive}: --watch needs a folder of this machine")
+    if archive.url == results.url:
+        raise InputError(
+            f"{request.results}: is the archive itself: name another place for results"
+        )
+    others = differences(results, request)
+    if others and not resume:
+        shown = "; ".join(others[:MOST_SHOWN]) + "; ..." * (len(others) > MOST_SHOWN)
+        fact = f"{request.results}: was begun otherwise: {shown}"
+        if not sys.stdin.isatty():
+            raise InputError(f"{fact}: --resume measures all anew; or name another place")
+        click.confirm(f"{fact}\nMeasure all captures anew?", abort=True)
+    begin(results, request)
+    return results

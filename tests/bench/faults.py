@@ -1,0 +1,152 @@
+"""What kills a batch, twenty times over; at the end the catalogue of an undisturbed run, to a byte.
+
+    .venv/bin/python tests/bench/faults.py [--captures 400] [--kills 20] [--seed 1]
+
+The full disk is a small file system in memory, which only root can mount.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from tests.batches import (  # noqa: E402
+    archive_of,
+    descendants,
+    five_points,
+    kill,
+    left,
+    poisoned,
+    run,
+    settle,
+    start,
+)
+from tests.failing_proxy import FailingProxy  # noqa: E402
+
+KEYS = {
+    "AWS_ACCESS_KEY_ID": "k",
+    "AWS_SECRET_ACCESS_KEY": "s",
+    "AWS_DEFAULT_REGION": "us-east-1",
+    "AWS_REQUEST_CHECKSUM_CALCULATION": "when_required",
+}
+OPTIONS = ("--workers", "2", "--timeout", "5", "--memory", "400M")
+
+
+class Faults:
+    """An archive with bad and poisonous captures, and what an undisturbed run makes of it."""
+
+    def __init__(self, place: Path, count: int, kills: int, seed: int) -> None:
+        self.place, self.kills, self.rng = place, kills, random.Random(seed)
+        self.archive = archive_of(place / "archive", count)
+        for name in ("crash", "greedy", "once"):
+            five_points(self.archive / "bad" / f"{name}.txt", 1)
+        (self.archive / "bad" / "letters.txt").write_text("no number\n")
+        settle(self.archive)
+        self.environment = poisoned(place)
+        begun = time.monotonic()
+        self.finish(place / "undisturbed")
+        self.seconds = time.monotonic() - begun
+        self.expected = left(place / "undisturbed")
+
+    def finish(self, results: Path) -> None:
+        done = run(self.archive, results, *OPTIONS, **self.environment)
+        assert done.returncode == 1, done.stderr
+
+    def tell(self, what: str, results: Path) -> None:
+        same = left(results) == self.expected
+        print(f"{what}: {'the same' if same else 'ANOTHER'} catalogue", flush=True)
+
+    def killed_runners(self) -> None:
+        results = self.place / "runners"
+        for _ in range(self.kills):
+            process = start(self.archive, results, *OPTIONS, **self.environment)
+            time.sleep(self.rng.uniform(0.5, 1.0 + 2.0 * self.seconds / self.kills))
+            kill(process.pid)
+            process.communicate()
+        made = len(list(results.rglob("measurements/*/*.json")))
+        self.finish(results)
+        self.tell(f"{self.kills} kills of the runner, {made} results by then", results)
+
+    def killed_workers(self) -> None:
+        results, killed = self.place / "workers", 0
+        while killed < self.kills:
+            process = start(self.archive, results, *OPTIONS, **self.environment)
+            while process.poll() is None and killed < self.kills:
+                time.sleep(self.rng.uniform(0.1, 0.5))
+                children = descendants(process.pid)
+                if len(children) > 2:
+                    kill(self.rng.choice(children))
+                    killed += 1
+            process.communicate()
+        self.tell(f"{killed} kills of workers, their fork server among them", results)
+
+    def full_disk(self) -> None:
+        results = self.place / "small"
+        results.mkdir()
+        size = sum(map(len, self.expected.values())) // 2
+        mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(results)]
+        subprocess.run(mount, check=True)
+        try:
+            done = run(self.archive, results, *OPTIONS, **self.environment)
+            print(f"  full disk: exit code {done.returncode}: {done.stderr.splitlines()[-1]}")
+            made = len(list(results.rglob("measurements/*/*.json")))
+            remount = ["mount", "-o", f"remount,size={8 * size}", str(results)]
+            subprocess.run(remount, check=True)
+            self.finish(results)
+            self.tell(f"full disk after {made} results, then room", results)
+        finally:
+            subprocess.run(["umount", str(results)], check=True)
+
+    def failing_storage(self) -> None:
+        import logging
+
+        import s3fs
+        from moto.server import ThreadedMotoServer
+
+        server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+        server.start()
+        address = "http://{}:{}".format(*server.get_host_and_port())
+        logging.getLogger("werkzeug").setLevel(logging.ERROR)
+        os.environ |= KEYS
+        files = s3fs.S3FileSystem(endpoint_url=address, skip_instance_cache=True)
+        files.mkdir("cars")
+        files.put(str(self.archive), "cars/archive", recursive=True)
+        proxy = FailingProxy(address, share=0.1, seed=1)
+        environment = self.environment | {"AWS_ENDPOINT_URL": proxy.address}
+        done = run("s3://cars/archive", "s3://cars/results", *OPTIONS, **environment)
+        assert done.returncode == 1, done.stderr
+        files.get("cars/results", str(self.place / "s3"), recursive=True)
+        server.stop()
+        what = (
+            f"object storage with {proxy.failed} of {proxy.failed + proxy.passed} requests failing"
+        )
+        self.tell(what, self.place / "s3")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--captures", type=int, default=400)
+    parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        faults = Faults(Path(scratch), options.captures, options.kills, options.seed)
+        print(f"{options.captures} captures and 4 bad ones: {faults.seconds:.0f} s undisturbed")
+        tests: list[Callable[[], None]] = [faults.killed_runners, faults.killed_workers]
+        tests += [faults.full_disk] if os.geteuid() == 0 else []
+        for test in (*tests, faults.failing_storage):
+            test()
+
+
+if __name__ == "__main__":
+    main()
