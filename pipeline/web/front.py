@@ -1,0 +1,81 @@
+"""The first page, its viewer and language, and the manual."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from flask import Flask, Response, redirect, render_template, request
+
+from pipeline import __version__
+from pipeline.report.language import LANGUAGES, load_words
+from pipeline.web import choices
+from pipeline.web.security import COOKIE, RefusedError
+from pipeline.web.state import State
+from pipeline.web.uploads import SENT_SUFFIXES
+
+VIEWER = Path(__file__).parents[1] / "report" / "static" / "viewer.js"
+LANGUAGE_COOKIE = "wheelplane-language"
+YEAR_S = 365 * 86400
+
+
+def add_front(app: Flask, state: State) -> None:
+    """Addresses that any visitor with the session's cookie may see; `/` gives that cookie."""
+
+    @app.get("/")
+    def first() -> Any:
+        if not state.guard.admits(request.args.get("token", ""), request.cookies.get(COOKIE, "")):
+            raise RefusedError(403, "open the whole address that was printed, with its token")
+        answer: Any = redirect("/") if "token" in request.args else Response(_page(state))
+        answer.set_cookie(COOKIE, state.guard.session, httponly=True, samesite="Strict")
+        answer.headers["Cache-Control"] = "no-store"
+        return answer
+
+    @app.get("/viewer.js")
+    def viewer() -> Response:
+        return Response(VIEWER.read_bytes(), mimetype="text/javascript")
+
+    @app.post("/api/language/<name>")
+    def choose_language(name: str) -> Response:
+        answer = Response(load_words(name).language)
+        answer.set_cookie(LANGUAGE_COOKIE, name, samesite="Strict", max_age=YEAR_S)
+        return answer
+
+    made: dict[str, bytes] = {}
+
+    @app.get("/manual/")
+    @app.get("/manual/<path:name>")
+    def manual(name: str = "index.html") -> Response:
+        from pipeline.manual import pages
+
+        if not made:
+            made.update(pages())
+        if name not in made:
+            raise RefusedError(404, f"the manual has no page {name[:60]!r}")
+        return Response(made[name], mimetype=choices.type_of(name))
+
+
+def language() -> str:
+    """As chosen before, else as the browser prefers."""
+    chosen = request.cookies.get(LANGUAGE_COOKIE, "")
+    best = request.accept_languages.best_match(LANGUAGES) or "en"
+    return chosen if chosen in LANGUAGES else best
+
+
+def _page(state: State) -> str:
+    words = load_words(language())
+    told = {
+        "words": words.section("page"),
+        "viewer": words.section("viewer"),
+        "language": words.language,
+        "limits": {"bytes": state.settings.upload_bytes, "suffixes": SENT_SUFFIXES},
+    }
+    return render_template(
+        "page.html",
+        words=words,
+        told=told,
+        key=state.guard.key,
+        languages=[load_words(name) for name in LANGUAGES],
+        choices=choices.known(),
+        version=__version__,
+    )

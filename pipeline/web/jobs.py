@@ -1,0 +1,149 @@
+"""Work in processes of their own, bounded in time and memory, one after the other."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import shutil
+import signal
+import subprocess
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from pipeline.web.process import (
+    FINISHED,
+    LONGEST_LINE,
+    SCRATCH,
+    SHOWN,
+    Job,
+    fail,
+    hear,
+    kill,
+    send,
+    started,
+)
+from pipeline.web.security import RefusedError
+from pipeline.web.settings import Settings
+
+
+class Jobs:
+    """All jobs of a server; closing it ends them."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._jobs: dict[str, Job] = {}
+        self._lock = threading.Lock()
+        self._pool = ThreadPoolExecutor(settings.workers, thread_name_prefix="job")
+        self._quick = ThreadPoolExecutor(2, thread_name_prefix="report")
+
+    def start(self, task: str, name: str, given: dict[str, Any], folder: Path | None = None) -> Job:
+        """Queue a task. folder: of its results, which a report shares with its measurement.
+
+        given: what the child is told; the folder given["owned"] goes with the end of the job.
+        """
+        with self._lock:
+            waiting = sum(job.state == "waiting" for job in self._jobs.values())
+            if waiting >= self._settings.waiting:
+                raise RefusedError(503, f"{waiting} measurements are waiting: wait for one to end")
+            made = secrets.token_hex(12)
+            own = folder or self._settings.scratch / f"job-{made}"
+            own.mkdir(exist_ok=True)
+            job = Job(made, task, name, own)
+            if folder is None:
+                self._jobs[made] = job
+        pool = self._pool if task == "measure" else self._quick
+        pool.submit(self._run, job, given)
+        self._forget_old()
+        return job
+
+    def measured(self) -> list[Job]:
+        """Those whose angles are there, the latest first."""
+        ended = [job for job in self._jobs.values() if job.task == "measure"]
+        return [job for job in reversed(ended) if job.state in SHOWN]
+
+    def found(self, name: str) -> Job:
+        """The job of that id. Raises RefusedError."""
+        job = self._jobs.get(name)
+        if job is None:
+            raise RefusedError(404, "this result is no longer kept: measure again")
+        return job
+
+    def shown(self, name: str) -> Job:
+        """The same, of a job whose results are there."""
+        job = self.found(name)
+        if job.state not in SHOWN:
+            raise RefusedError(409, f"{job.name}: there is no result yet")
+        return job
+
+    def cancel(self, job: Job) -> None:
+        """End it, whether it runs or waits."""
+        with self._lock:
+            if job.state not in FINISHED:
+                job.state = "cancelled"
+        kill(job)
+
+    def close(self) -> None:
+        """End all jobs."""
+        for job in list(self._jobs.values()):
+            self.cancel(job)
+        for pool in (self._pool, self._quick):
+            pool.shutdown(wait=True, cancel_futures=True)
+
+    def _forget_old(self) -> None:
+        with self._lock:
+            ended = [job for job in self._jobs.values() if job.state in FINISHED]
+            for job in ended[: max(0, len(self._jobs) - self._settings.jobs)]:
+                del self._jobs[job.id]
+                shutil.rmtree(job.folder, ignore_errors=True)
+
+    def _run(self, job: Job, given: dict[str, Any]) -> None:
+        try:
+            if job.state == "waiting":
+                self._work(job, given)
+        except OSError as error:
+            fail(job, f"the measuring process cannot be started ({error.strerror})")
+        finally:
+            for folder in (job.folder / SCRATCH, *filter(None, [given.get("owned")])):
+                shutil.rmtree(folder, ignore_errors=True)
+            job.finished.set()
+
+    def _work(self, job: Job, given: dict[str, Any]) -> None:
+        limits = {"memory_bytes": self._settings.memory_bytes, "parent": os.getpid()}
+        plan = {"task": job.task, "out": str(job.folder), **limits, **given}
+        with started(job.folder) as process:
+            self._begin(job, process)
+            alarm = threading.Timer(self._settings.seconds, self._stop_late, [job])
+            alarm.daemon = True
+            alarm.start()
+            try:
+                assert process.stdin is not None
+                assert process.stdout is not None
+                send(process.stdin, json.dumps(plan))
+                while line := process.stdout.readline(LONGEST_LINE):
+                    hear(job, line)
+            finally:
+                alarm.cancel()
+                kill(job)
+        if job.state not in FINISHED:
+            code = process.returncode
+            how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+            fail(job, f"the measuring process ended early ({how}): measure fewer points at once")
+
+    def _begin(self, job: Job, process: subprocess.Popen[str]) -> None:
+        with self._lock:
+            job.process = process
+            if job.state == "waiting":
+                job.state = "running"
+                return
+        kill(job)  # cancelled in between
+
+    def _stop_late(self, job: Job) -> None:
+        fail(
+            job,
+            f"measuring took longer than {self._settings.seconds:g} s and was stopped: measure "
+            "fewer points at once, or start the page with a larger --time-limit",
+        )
+        kill(job)

@@ -1,0 +1,113 @@
+"""One job and the process that does it: started, heard, and ended."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+import pipeline
+
+LONGEST_LINE = 100_000
+SCRATCH = "scratch"  # in a job's folder: what the child unpacks
+FINISHED = ("done", "failed", "cancelled")
+SHOWN = ("ready", "done")  # its results can be looked at
+
+
+@dataclass
+class Job:
+    """One piece of work and where it stands.
+
+    state: waiting, running, ready (results are there, points follow), done, failed, cancelled.
+    progress: steps done, their number, and what is being done. failure: what the page shows.
+    """
+
+    id: str
+    task: str
+    name: str
+    folder: Path
+    state: str = "waiting"
+    progress: tuple[int, int, str] = (0, 0, "")
+    failure: dict[str, Any] | None = None
+    process: subprocess.Popen[str] | None = field(default=None, repr=False)
+    finished: threading.Event = field(default_factory=threading.Event, repr=False)
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """What the page learns of it."""
+        done, total, text = self.progress
+        return {
+            "id": self.id,
+            "task": self.task,
+            "name": self.name,
+            "state": self.state,
+            "progress": {"done": done, "total": total, "text": text},
+            "failure": self.failure,
+        }
+
+
+def started(folder: Path) -> subprocess.Popen[str]:
+    """A new interpreter, which takes no module from the folder that it happens to stand in."""
+    own = str(Path(pipeline.__file__).parents[1])
+    known = [own, *filter(None, [os.environ.get("PYTHONPATH")])]
+    scratch = folder / SCRATCH
+    scratch.mkdir(exist_ok=True)
+    with (folder / "log.txt").open("ab") as log:
+        return subprocess.Popen(
+            [sys.executable, "-P", "-m", "pipeline.web.child"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=log,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            start_new_session=True,  # Ctrl-C is the server's to answer
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(known), "TMPDIR": str(scratch)},
+        )
+
+
+def send(stream: IO[str], text: str) -> None:
+    """Write the plan; a child that ended at once needs none."""
+    try:
+        stream.write(text)
+        stream.close()
+    except BrokenPipeError:
+        return
+
+
+def hear(job: Job, line: str) -> None:
+    """Take in one line of the child: where it stands, or how it ended."""
+    if job.state in FINISHED:
+        return
+    try:
+        (kind, said), *_ = json.loads(line).items()
+    except (ValueError, AttributeError):
+        return
+    if kind == "progress":
+        job.progress = tuple(said)
+    elif kind == "failure":
+        job.failure, job.state = said, "failed"
+    elif kind in SHOWN:
+        job.state = kind
+
+
+def fail(job: Job, text: str) -> None:
+    """End the job for a reason, unless it has ended already."""
+    if job.state not in FINISHED:
+        job.failure, job.state = {"text": text}, "failed"
+
+
+def kill(job: Job) -> None:
+    """End the process and all that it started."""
+    process = job.process
+    if process is not None and process.poll() is None:
+        try:
+            os.killpg(process.pid, signal.SIGKILL)
+        except ProcessLookupError:
+            return

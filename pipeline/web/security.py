@@ -1,0 +1,136 @@
+"""Who may ask the page for what: hosts, origins, the session's cookie and key, and the headers.
+
+A page of another site can make a browser send requests here. It cannot forge the Host or Origin
+header, read our pages for their key, add our header to a request without being asked for leave
+(which is never given), or have the browser send a SameSite=Strict cookie. Each is asked for, so
+that one which fails is not the end. A name that is made to point at 127.0.0.1 (DNS rebinding) is
+stopped by the Host header.
+"""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import secrets
+import socket
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from pipeline.errors import WheelplaneError
+
+COOKIE = "wheelplane"
+KEY_HEADER = "X-Wheelplane-Key"
+SAFE_METHODS = ("GET", "HEAD")
+OPEN_PATHS = ("/", "/static/", "/viewer.js")  # they show nothing of the user's
+LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
+
+_ONLY_OURS = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
+    "connect-src 'self'; font-src 'self'; frame-src 'self'; form-action 'self'; base-uri 'none'; "
+    "frame-ancestors 'none'"
+)
+# A report holds its own script and style, and no address; sandboxed, it is of no origin.
+_REPORT = (
+    "sandbox allow-scripts allow-modals; default-src 'none'; script-src 'unsafe-inline'; "
+    "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'self'"
+)
+_ALWAYS = {
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), microphone=(), geolocation=()",
+}
+
+
+class RefusedError(WheelplaneError):
+    """A request that is not answered; code: the status of HTTP."""
+
+    def __init__(self, code: int, text: str) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+@dataclass(frozen=True)
+class Guard:
+    """What a request must bring. names: hosts by which this server may be called.
+
+    addresses: whether any numeric address may be a host, as of a server open to the network.
+    token: in the first address, where the server is open to the network; None on loopback.
+    """
+
+    port: int
+    names: frozenset[str] = LOCAL_NAMES
+    addresses: bool = False
+    token: str | None = None
+    session: str = field(default_factory=lambda: secrets.token_urlsafe(32))
+    key: str = field(default_factory=lambda: secrets.token_urlsafe(32))
+
+    def check(self, method: str, path: str, headers: Mapping[str, str], cookie: str) -> None:
+        """Raise RefusedError for a request that is not of our own page."""
+        self._check_host(headers.get("Host", ""))
+        self._check_origin(headers)
+        is_open = path == "/" or path.startswith(OPEN_PATHS[1:])
+        if not is_open and not same(cookie, self.session):
+            raise RefusedError(403, "this page was not opened from here: open the first page anew")
+        if method not in SAFE_METHODS and not same(headers.get(KEY_HEADER, ""), self.key):
+            raise RefusedError(403, "the request lacks this page's key: load the page anew")
+
+    def admits(self, token: str, cookie: str) -> bool:
+        """Whether the first page may be shown: always on loopback, else to who has the token."""
+        return self.token is None or same(cookie, self.session) or same(token, self.token)
+
+    def _check_host(self, host: str) -> None:
+        name, _, port = host.rpartition(":")
+        if host.endswith("]") or ":" not in host:
+            name, port = host, "80"
+        if port != str(self.port) or not (
+            name.lower() in self.names or (self.addresses and _is_address(name))
+        ):
+            raise RefusedError(
+                421, f"the host {host[:80]!r} is not this server: use the address it printed"
+            )
+
+    def _check_origin(self, headers: Mapping[str, str]) -> None:
+        origin, host = headers.get("Origin"), headers.get("Host", "")
+        if origin is not None and origin.lower() != f"http://{host.lower()}":
+            raise RefusedError(403, f"the request comes from another site ({origin[:80]!r})")
+        if headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
+            raise RefusedError(403, "the request comes from another site")
+
+
+def guard_for(host: str, port: int) -> Guard:
+    """The guard of a server bound to `host`: with a token unless that is loopback."""
+    if is_loopback(host):
+        return Guard(port)
+    own = socket.gethostname().lower()
+    names = LOCAL_NAMES | {host.lower(), own, f"{own.partition('.')[0]}.local"}
+    return Guard(port, names, addresses=True, token=secrets.token_urlsafe(24))
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine can reach a server bound to `host`."""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def response_headers(*, report: bool = False, api: bool = False) -> dict[str, str]:
+    """What every answer says to the browser."""
+    policy = {"Content-Security-Policy": _REPORT if report else _ONLY_OURS}
+    return _ALWAYS | policy | ({"Cache-Control": "no-store"} if api or report else {})
+
+
+def same(given: str, wanted: str) -> bool:
+    """Whether two secrets are the same, in a time that tells nothing of them."""
+    return hmac.compare_digest(given.encode(), wanted.encode())
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name.strip("[]"))
+    except ValueError:
+        return False
+    return True

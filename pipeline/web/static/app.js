@@ -1,0 +1,53 @@
+// The page's parts, and which of them is shown.
+import { byId, language, post, session } from "./base.js";
+import { Archive } from "./archive.js";
+import { Comparer } from "./compare.js";
+import { Loader } from "./load.js";
+import { Result } from "./result.js";
+
+const VIEWS = ["measure", "compare", "archive"];
+
+const result = new Result(() => { loader.reset(); step(1); }, step);
+const loader = new Loader((job) => result.show(job), (place) => { location.hash = `#archive=${place.root}/${place.path}`; });
+const archive = new Archive(byId("archive"));
+new Comparer();
+
+function step(number) {
+  for (const [i, item] of [...byId("steps").children].entries()) {
+    item.classList.toggle("done", i + 1 < number);
+    if (i + 1 === number) item.setAttribute("aria-current", "step");
+    else item.removeAttribute("aria-current");
+  }
+}
+
+/** `#open=0/path` measures at once, `#archive=0/path` browses results, `#result=id` shows what was
+ *  measured before; else the part of that name. */
+function route() {
+  const [name, place] = decodeURIComponent(location.hash.slice(1)).split(/=(.*)/s);
+  const [, root, path] = /^(\d+)\/(.*)$/s.exec(place ?? "") ?? [];
+  const view = VIEWS.includes(name) ? name : "measure";
+  for (const each of VIEWS) byId(`view-${each}`).hidden = each !== view;
+  for (const link of document.querySelectorAll("nav a")) {
+    if (link.hash === `#${view}`) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+  if (name === "open" && root !== undefined) {
+    history.replaceState(null, "", "#measure");
+    loader.open({ root: Number(root), path, name: path });
+  }
+  const before = name === "result" && session.jobs.find(({ id }) => id === place);
+  if (before) {
+    history.replaceState(null, "", "#measure");
+    result.show(before);
+  }
+  if (view === "archive") archive.show(root === undefined ? null : { root: Number(root), path });
+}
+
+byId("language").addEventListener("change", async ({ target }) => {
+  await post(`/api/language/${target.value}`);
+  if (!byId("result").hidden && !byId("view-measure").hidden) location.hash = `#result=${result.job.id}`;
+  location.reload();
+});
+addEventListener("hashchange", route);
+document.documentElement.lang = language;
+session.start().catch(() => {}).finally(route); // of a program that is gone, the folders' list tells

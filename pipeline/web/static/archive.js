@@ -1,0 +1,121 @@
+// Results of a batch run: captures, failures, trends.
+import { ask, el, pathOf, select, t, tableOf } from "./base.js";
+import { Browser } from "./browser.js";
+
+const PARTS = ["captures", "failures", "trends"];
+
+export class Archive {
+  constructor(place) {
+    this.place = place;
+  }
+
+  /** Browse the results at {root, path}; null: choose a folder first. */
+  async show(at) {
+    if (!at && this.at) return;
+    this.at = at;
+    this.filter = {};
+    this.part = "captures";
+    if (!at) return this.#choose();
+    try {
+      this.overview = await this.#ask("overview");
+      this.#build();
+    } catch (error) {
+      this.#fail(error);
+    }
+  }
+
+  #choose() {
+    const list = el("div");
+    this.place.replaceChildren(el("div", { class: "card" }, el("p", { class: "hint" }, t("archive_hint")), list));
+    const open = ({ root, path }) => { location.hash = `#archive=${root}/${encodeURIComponent(path)}`; };
+    return new Browser(list, open, (kind) => kind === "results").start();
+  }
+
+  #address(question, asked = {}) {
+    const given = new URLSearchParams({ ...this.filter, ...asked });
+    return `/api/${question}/${this.at.root}/${pathOf(this.at.path)}?${given}`;
+  }
+
+  #ask(question, asked) {
+    return ask(this.#address(`archive/${question}`, asked));
+  }
+
+  #build() {
+    const { total, statuses, vehicles } = this.overview;
+    this.list = el("div", { class: "card" });
+    this.detail = el("div", { "aria-live": "polite" });
+    const tile = (text, count) => el("div", { class: "tile" }, el("b", {}, String(count)), text);
+    const filter = el("form", { class: "filters", onsubmit: (event) => this.#apply(event) },
+      el("label", {}, t("search"), el("input", { name: "text", autocomplete: "off" })),
+      select("status", t("status"), [["", t("all")], ...statuses.map(([status, text]) => [status, text])], ""),
+      select("vehicle", t("vehicle"), [["", t("all")], ...vehicles.map((name) => [name, name])], ""),
+      el("button", { class: "main" }, t("apply")));
+    this.place.replaceChildren(
+      el("p", {}, el("b", {}, this.at.path || "/"), " ", el("button", { type: "button", onclick: () => { this.at = null; location.hash = "#archive"; } }, t("choose_folder"))),
+      el("div", { class: "tiles" }, tile(t("captures"), total), ...statuses.filter(([, , count]) => count).map(([, text, count]) => tile(text, count))),
+      el("div", { class: "card" }, filter, el("div", { class: "tabs", role: "group" }, ...PARTS.map((part) =>
+        el("button", { type: "button", "data-part": part, onclick: () => this.#show(part) }, t(part))))),
+      this.list, this.detail);
+    this.#show("captures");
+  }
+
+  #apply(event) {
+    event.preventDefault();
+    this.filter = Object.fromEntries(new FormData(event.target));
+    this.#show(this.part);
+  }
+
+  async #show(part, asked = {}) {
+    this.part = part;
+    this.detail.replaceChildren();
+    for (const button of this.place.querySelectorAll("[data-part]")) button.setAttribute("aria-pressed", String(button.dataset.part === part));
+    try {
+      const found = await this.#ask(part, asked);
+      const { table } = found;
+      this.list.replaceChildren(table.rows.length ? tableOf(table) : el("p", { class: "empty" }, t("no_rows")));
+      if (part === "captures") this.#addPages(found);
+      const open = { captures: (i) => this.#open(found.keys[i]), trends: (i) => this.#plot(found.quantities[i]) }[part];
+      if (open) link(this.list, open);
+    } catch (error) {
+      this.#fail(error);
+    }
+  }
+
+  #addPages({ offset, total, keys }) {
+    const go = (text, to, usable) => el("button", { type: "button", disabled: !usable, onclick: () => this.#show("captures", { offset: to }) }, t(text));
+    const size = Math.max(keys.length, 1);
+    this.list.append(el("div", { class: "pages" }, go("previous", Math.max(0, offset - 50), offset > 0),
+      el("span", {}, t("of_rows", { first: Math.min(offset + 1, total), last: offset + keys.length, total })),
+      go("next", offset + size, offset + keys.length < total)));
+  }
+
+  async #open(key) {
+    const { name, facts, tables } = await this.#ask("capture", { key });
+    this.#reveal(el("h2", { tabindex: "-1" }, name),
+      el("dl", { class: "facts" }, ...facts.flatMap(([label, value]) => [el("dt", {}, label), el("dd", {}, value)])),
+      ...tables.map((table) => tableOf(table)));
+  }
+
+  #plot(quantity) {
+    const picture = el("img", { class: "trend", alt: `${t("drift")}: ${quantity}`, src: this.#address("archive-plot", { quantity }) });
+    picture.addEventListener("error", () => picture.replaceWith(el("p", { class: "empty" }, t("no_trend"))));
+    this.#reveal(el("h2", { tabindex: "-1" }, quantity), picture);
+  }
+
+  #reveal(title, ...content) {
+    this.detail.replaceChildren(el("div", { class: "card" }, title, ...content));
+    title.focus();
+  }
+
+  #fail(error) {
+    this.place.replaceChildren(el("div", { class: "card trouble", role: "alert" }, el("p", {}, error.message)),
+      el("button", { type: "button", onclick: () => { this.at = null; this.#choose(); } }, t("choose_folder")));
+  }
+}
+
+/** Make the first cell of every row a button. */
+function link(place, open) {
+  for (const [i, cell] of [...place.querySelectorAll("tbody th")].entries()) {
+    cell.replaceChildren(el("button", { type: "button", class: "link", onclick: () => open(i) }, cell.textContent));
+  }
+}

@@ -1,0 +1,112 @@
+// What all parts of the page share: its words, elements, tables, and talk with the server.
+const told = JSON.parse(document.getElementById("told").textContent);
+const key = document.querySelector("meta[name=wheelplane-key]").content;
+
+export const { language, viewer: viewerWords, limits } = told;
+export const byId = (id) => document.getElementById(id);
+
+/** A text of the page in the user's language, its {parts} filled in. */
+export function t(name, parts = {}) {
+  return (told.words[name] ?? name).replace(/\{(\w+)\}/g, (_, part) => parts[part] ?? "");
+}
+
+/** An element with its properties and children; text stays text. */
+export function el(tag, properties = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(properties)) {
+    if (name.startsWith("on")) element.addEventListener(name.slice(2), value);
+    else if (value === true) element.setAttribute(name, "");
+    else if (value !== false && value != null) element.setAttribute(name, value);
+  }
+  element.append(...children.filter((child) => child != null));
+  return element;
+}
+
+/** A table {caption, head, rows, left, classes}: the first cell of a row is its head. */
+export function tableOf({ caption, head, rows, left = 1, classes = [] }, { kind = "", hidden = [] } = {}) {
+  const shown = (_, column) => !hidden.includes(column);
+  const cell = (text, column, tag) => el(tag, { class: [column < left && "words", /^U?u?$/.test(head[column]) && "spread"].filter(Boolean).join(" ") || null }, String(text));
+  const headRow = el("tr", {}, ...head.map((text, i) => el("th", { scope: "col", class: i < left ? "words" : null }, text)).filter(shown));
+  const body = rows.map((row, i) => el("tr", { class: classes[i] || null }, ...row.map((text, column) => {
+    const made = cell(text, column, column ? "td" : "th");
+    if (!column) made.scope = "row";
+    return made;
+  }).filter(shown)));
+  return el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption || t("angles") },
+    el("table", { class: `figures ${kind}` }, caption ? el("caption", {}, caption) : null, el("thead", {}, headRow), el("tbody", {}, ...body)));
+}
+
+export function select(name, label, options, value, onchange) {
+  const made = el("select", { name, onchange: (event) => onchange?.(event.target.value) },
+    ...options.map(([option, text]) => el("option", { value: option, selected: option === value }, text)));
+  return el("label", {}, label, made);
+}
+
+/** An error that the server told, or that it no longer answers. */
+export class Told extends Error {}
+
+export async function ask(path, { method = "GET", body } = {}) {
+  let answer;
+  try {
+    const headers = method === "GET" ? {} : { "X-Wheelplane-Key": key, "Content-Type": "application/json" };
+    answer = await fetch(path, { method, headers, body: body === undefined ? undefined : JSON.stringify(body) });
+  } catch {
+    throw new Told(t("lost"));
+  }
+  if (answer.ok) return answer.headers.get("Content-Type").includes("json") ? answer.json() : answer.text();
+  throw new Told(await reason(answer.text(), answer.status));
+}
+
+export const post = (path, body = {}) => ask(path, { method: "POST", body });
+
+/** Send one file; onShare is told how much of it went, from 0 to 1. */
+export function send(path, file, onShare) {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    request.open("PUT", path);
+    request.setRequestHeader("X-Wheelplane-Key", key);
+    request.setRequestHeader("Content-Type", "application/octet-stream");
+    request.upload.onprogress = (event) => onShare(event.loaded / Math.max(1, event.total));
+    request.onerror = () => reject(new Told(t("lost")));
+    request.onload = async () => {
+      if (request.status < 300) resolve();
+      else reject(new Told(await reason(request.responseText, request.status)));
+    };
+    request.send(file);
+  });
+}
+
+async function reason(text, status) {
+  try {
+    return JSON.parse(await text).error;
+  } catch {
+    return `${status}`;
+  }
+}
+
+export const pathOf = (...parts) => parts.map((part) => String(part).split("/").map(encodeURIComponent).join("/")).join("/");
+export const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+
+/** Wait for a job; onState is told every change. Resolves with its last state that `until` accepts. */
+export async function follow(job, onState, until = (state) => ["done", "failed", "cancelled"].includes(state)) {
+  for (let told = job, wait = 80; ; wait = Math.min(400, wait * 1.3)) {
+    onState(told);
+    if (until(told.state)) return told;
+    await pause(wait);
+    told = await ask(`/api/jobs/${job.id}`);
+  }
+}
+
+/** What was measured since the program was started, the latest first. */
+export const session = {
+  jobs: [],
+  listeners: [],
+  async start() {
+    this.jobs = (await ask("/api/jobs")).jobs;
+    for (const listener of this.listeners) listener();
+  },
+  add(job) {
+    this.jobs = [job, ...this.jobs.filter((other) => other.id !== job.id)];
+    for (const listener of this.listeners) listener();
+  },
+};

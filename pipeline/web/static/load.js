@@ -1,0 +1,165 @@
+// Step 1: what is dropped, chosen or browsed goes to the server and is measured.
+import { Told, ask, byId, el, follow, limits, pathOf, post, send, session, t } from "./base.js";
+import { Browser } from "./browser.js";
+
+const KNOWN = new RegExp(`\\.(${limits.suffixes.join("|")})$`, "i");
+
+export class Loader {
+  constructor(onResult, onBatch) {
+    this.onResult = onResult;
+    this.onBatch = onBatch;
+    this.browser = new Browser(byId("browser"), (item) => this.open(item));
+    this.browser.start().catch((error) => this.#fail({ text: error.message }));
+    for (const [button, input] of [["choose-files", "files"], ["choose-folder", "folder"]]) {
+      byId(button).addEventListener("click", () => byId(input).click());
+      byId(input).addEventListener("change", ({ target }) => {
+        this.#upload([...target.files].map((file) => ({ file, path: file.webkitRelativePath || file.name })));
+        target.value = "";
+      });
+    }
+    session.listeners.push(() => this.#showBefore());
+    byId("cancel").addEventListener("click", () => this.#cancel());
+    this.#takeDrops();
+  }
+
+  /** Measure what lies in an allowed folder; results of a batch are browsed instead. */
+  open({ kind, root, path, name }) {
+    if (kind === "results") this.onBatch({ root, path });
+    else this.#measure({ root, path }, name ?? path);
+  }
+
+  /** Step 1 again. */
+  reset() {
+    byId("load").hidden = false;
+    byId("trouble").hidden = true;
+    byId("choose-files").focus();
+  }
+
+  /** What was measured before, to be looked at again. */
+  #showBefore() {
+    if (!session.jobs.length) return;
+    const open = (job) => el("li", {}, el("button", { type: "button", class: "open", onclick: () => this.onResult(job) }, el("span", { class: "name" }, job.name)));
+    byId("before").replaceChildren(el("h2", {}, t("session")), el("ul", { class: "items" }, ...session.jobs.map(open)));
+  }
+
+  #takeDrops() {
+    const veil = byId("veil");
+    const files = (event) => event.dataTransfer?.types.includes("Files");
+    addEventListener("dragover", (event) => {
+      if (!files(event)) return;
+      event.preventDefault();
+      veil.hidden = false;
+    });
+    addEventListener("dragleave", (event) => { if (!event.relatedTarget) veil.hidden = true; });
+    addEventListener("drop", async (event) => {
+      if (!files(event)) return;
+      event.preventDefault();
+      veil.hidden = true;
+      location.hash = "#measure";
+      const entries = [...event.dataTransfer.items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean);
+      const loose = [...event.dataTransfer.files].map((file) => ({ file, path: file.name }));
+      this.#upload(entries.length ? (await Promise.all(entries.map((entry) => filesOf(entry)))).flat() : loose);
+    });
+  }
+
+  async #upload(files) {
+    const known = files.filter(({ path }) => KNOWN.test(path) && !/(^|\/)\./.test(path));
+    const large = known.find(({ file }) => file.size > limits.bytes);
+    if (!known.length) return this.#fail({ text: t("nothing_known") });
+    if (large) return this.#fail({ text: t("too_large", { name: large.path, most: (limits.bytes / 1e9).toPrecision(2) }) });
+    this.#busy(known[0].path.split("/")[0]);
+    try {
+      const { upload } = await post("/api/uploads");
+      const total = known.reduce((sum, { file }) => sum + file.size, 0);
+      let sent = 0;
+      for (const { file, path } of known) {
+        await send(`/api/uploads/${upload}/${pathOf(path)}`, file, (share) => this.#progress((sent + share * file.size) / Math.max(1, total), t("sending", { name: path })));
+        sent += file.size;
+        if (this.cancelled) return this.#fail({ text: t("cancelled") });
+      }
+      await this.#measure({ upload }, known.length === 1 ? known[0].path : known[0].path.split("/")[0]);
+    } catch (error) {
+      this.#fail({ text: error.message });
+    }
+  }
+
+  async #measure(source, name) {
+    this.#busy(name);
+    try {
+      const options = Object.fromEntries(new FormData(byId("fields")));
+      this.job = await post("/api/measure", { ...source, options });
+      if (this.cancelled) await this.#cancel();
+      const ended = await follow(this.job, (job) => this.#tell(job), (state) => state !== "waiting" && state !== "running");
+      if (ended.state === "failed") this.#fail(ended.failure);
+      else if (ended.state === "cancelled") this.#fail({ text: t("cancelled") });
+      else this.#done(ended);
+    } catch (error) {
+      if (!(error instanceof Told)) throw error;
+      this.#fail({ text: error.message });
+    }
+  }
+
+  #tell({ state, progress: { done, total, text } }) {
+    if (state === "waiting") this.#progress(null, t("waiting"));
+    else if (!total) this.#progress(null, t("starting"));
+    else this.#progress(done / total, t("measuring", { name: text, done: done + 1, total }));
+  }
+
+  /** End the work; before the server has named it, as soon as it does. */
+  async #cancel() {
+    this.cancelled = true;
+    if (this.job) await post(`/api/jobs/${this.job.id}/cancel`);
+  }
+
+  #busy(name) {
+    this.job = null;
+    this.cancelled = false;
+    byId("busy-name").textContent = name;
+    byId("busy").hidden = false;
+    byId("load").hidden = byId("trouble").hidden = true;
+    byId("result").hidden = true;
+    this.#progress(null, t("starting"));
+    byId("cancel").focus();
+  }
+
+  #progress(share, text) {
+    const bar = byId("progress");
+    if (share === null) bar.removeAttribute("value");
+    else bar.value = share;
+    if (byId("busy-text").textContent !== text) byId("busy-text").textContent = text;
+  }
+
+  #fail(failure) {
+    byId("busy").hidden = true;
+    byId("load").hidden = false;
+    byId("trouble").hidden = false;
+    byId("trouble").replaceChildren(el("h2", {}, t("could_not")), el("p", {}, failure.text), ...(failure.lines ? excerpt(failure) : []));
+    byId("trouble").focus();
+  }
+
+  #done(job) {
+    byId("busy").hidden = true;
+    session.add(job);
+    this.onResult(job);
+  }
+}
+
+/** The lines of the file where it went wrong. */
+function excerpt({ file, first, last, lines }) {
+  const title = first === last ? t("wrong_line", { file, line: first }) : t("wrong_lines", { file, first, last });
+  const rows = lines.map(([number, text]) => el("tr", { class: number >= first && number <= last ? "wrong" : null }, el("th", { scope: "row" }, String(number)), el("td", {}, text || " ")));
+  return [el("h3", {}, title), el("table", { class: "lines", "aria-label": title }, el("tbody", {}, ...rows))];
+}
+
+/** All files of a dropped file or folder. */
+async function filesOf(entry, path = entry.name) {
+  if (entry.isFile) return [{ file: await new Promise((resolve, reject) => entry.file(resolve, reject)), path }];
+  const reader = entry.createReader();
+  const entries = [];
+  for (;;) {
+    const more = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
+    if (!more.length) break;
+    entries.push(...more);
+  }
+  return (await Promise.all(entries.map((each) => filesOf(each, `${path}/${each.name}`)))).flat();
+}

@@ -1,0 +1,131 @@
+// Steps 2 and 3: the table of angles, the 3D view, the evidence of a wheel, and the report.
+import { ask, byId, el, follow, language, select, session, t, tableOf, viewerWords } from "./base.js";
+import { Saver } from "./save.js";
+import { streamPoints } from "./stream.js";
+
+const STYLES = [["dms", "unit_dms"], ["deg", "unit_deg"], ["mm/m", "unit_mmm"]];
+const STATUS = 3; // column of the table of wheels
+
+export class Result {
+  constructor(onAnother, onStep) {
+    this.place = byId("result");
+    this.onAnother = onAnother;
+    this.onStep = onStep;
+    this.style = "dms";
+    this.axis = "rear-axle";
+  }
+
+  async show(job) {
+    this.viewer?.dispose();
+    this.job = job;
+    this.chosen = null;
+    this.stop?.abort();
+    this.stop = new AbortController();
+    const [panel, scene] = await Promise.all(["panel", "scene"].map((kind) => ask(`/api/jobs/${job.id}/${kind}-${language}.json`)));
+    this.panel = panel;
+    this.#build();
+    byId("load").hidden = byId("trouble").hidden = true;
+    this.place.hidden = false;
+    this.onStep(2);
+    const full = job.state === "ready" || !!scene.cloud;
+    this.viewer = Wheelplane3D.mount(this.stage, full ? { ...scene, cloud: null } : scene, { words: viewerWords, onWheel: (name) => this.choose(name) });
+    if (full) this.#stream(scene.cloud);
+    byId("result-title").focus();
+  }
+
+  /** Show the evidence of a wheel, and mark it everywhere. */
+  choose(name) {
+    this.chosen = name;
+    this.viewer.mark(name);
+    for (const row of this.place.querySelectorAll("tr[data-wheel]")) row.classList.toggle("chosen", row.dataset.wheel === name);
+    const wheel = this.panel.wheels.find((each) => each.name === name);
+    if (!wheel) return;
+    this.evidence.replaceChildren(
+      el("div", { class: "result-head" }, el("h2", { tabindex: "-1" }, t("evidence", { name })),
+        el("button", { type: "button", onclick: () => this.viewer.focus(name) }, t("view_3d"))),
+      ...this.panel.troubles.filter((trouble) => trouble.name === name).map(troubleOf),
+      factsOf(wheel.facts),
+      ...wheel.drawings.map(({ file, title }) => el("img", { src: `/api/jobs/${this.job.id}/${file}`, alt: title })));
+    this.evidence.scrollTop = 0;
+  }
+
+  #build() {
+    const { headline, joint, limits, notes, troubles, extra, head } = this.panel;
+    this.stage = el("div", { class: "stage" });
+    this.evidence = el("aside", { class: "card evidence", "aria-live": "polite" }, el("p", { class: "hint" }, t("wheel_hint")));
+    this.angles = el("div");
+    this.axles = el("div", { class: "pair" });
+    this.count = el("p", { class: "small", role: "status" });
+    this.saver = new Saver(this.job, () => ({ axis: this.axis, style: this.style, language }), () => this.onStep(3));
+    const judged = headline.kind !== "none";
+    this.place.replaceChildren(
+      el("div", { class: "card" },
+        el("div", { class: "result-head" },
+          el("h2", { id: "result-title", tabindex: "-1" }, this.job.name),
+          judged ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} ${headline.title}`) : null,
+          el("span", { class: "tools" }, this.#before(), el("button", { type: "button", onclick: () => this.#leave() }, t("another")))),
+        ...(judged ? [el("p", { class: "says" }, [...headline.says, joint].join(" "))] : []),
+        el("div", { class: "tools" },
+          select("style", t("unit"), STYLES.map(([value, word]) => [value, t(word)]), this.style, (value) => this.#turn({ style: value })),
+          select("axis", t("axis"), Object.entries(this.panel.axes), this.axis, (value) => this.#turn({ axis: value }))),
+        this.angles,
+        ...troubles.map(troubleOf)),
+      el("div", { class: "look" }, el("div", {}, this.stage, this.count), this.evidence),
+      this.saver.card,
+      this.axles,
+      ...(limits ? [el("div", { class: "card" }, tableOf(limits))] : []),
+      ...extra.map((table) => el("div", { class: "card" }, tableOf(table))),
+      el("details", { class: "card" }, el("summary", {}, t("more")), factsOf(head), ...notes.map((note) => el("p", { class: "note" }, note))));
+    this.#turn({});
+  }
+
+  /** Show the tables in another unit, or from another axis. */
+  #turn(change) {
+    Object.assign(this, change);
+    const [wheels, ...others] = this.panel.tables[this.axis][this.style];
+    const whole = wheels.classes.every((kind) => kind !== "bad");
+    const table = tableOf(wheels, { kind: "angles", hidden: whole ? [STATUS] : [] });
+    for (const [i, row] of [...table.querySelectorAll("tbody tr")].entries()) {
+      const name = wheels.rows[i][0];
+      row.dataset.wheel = name;
+      row.classList.toggle("chosen", name === this.chosen);
+      row.querySelector("th").replaceChildren(el("button", { type: "button", onclick: () => this.choose(name) }, name));
+    }
+    this.angles.replaceChildren(table);
+    this.axles.replaceChildren(...others.map((other) => el("div", { class: "card" }, tableOf(other))));
+  }
+
+  #before() {
+    const others = session.jobs.filter(({ id }) => id !== this.job.id);
+    if (!others.length) return null;
+    const open = (id) => this.show(session.jobs.find((job) => job.id === id));
+    return select("before", t("session"), [["", "…"], ...others.map(({ id, name }) => [id, name])], "", open);
+  }
+
+  #leave() {
+    this.stop.abort();
+    this.place.hidden = true;
+    this.onAnother();
+  }
+
+  /** The points come once the measuring process has written them; until then, and instead, a few. */
+  async #stream(few) {
+    const { viewer, stop } = this;
+    this.count.textContent = t("points_coming");
+    const ended = await follow(this.job, () => {}, (state) => state !== "ready");
+    if (stop.signal.aborted) return;
+    const count = ended.state === "done" && await streamPoints(`/api/jobs/${this.job.id}/points.bin`, viewer, stop.signal);
+    if (stop.signal.aborted) return;
+    if (count === 0 && few) viewer.addCloud(few);
+    const shown = count || few?.count || 0;
+    this.count.textContent = shown ? t("points_shown", { count: shown.toLocaleString(language) }) : "";
+  }
+}
+
+function factsOf(pairs) {
+  return el("dl", { class: "facts" }, ...pairs.flatMap(([name, value]) => [el("dt", {}, name), el("dd", {}, value)]));
+}
+
+function troubleOf({ name, status, means, said, todo }) {
+  return el("div", { class: "note" }, el("b", {}, `${name}: ${status}. `), `${means} ${todo}`, said ? el("p", { class: "small" }, said) : null);
+}

@@ -1,0 +1,78 @@
+// Step 3: the report, in a format and under a name of the user's choice.
+import { ask, byId, el, post, t } from "./base.js";
+
+const FORMATS = ["html", "pdf", "txt", "json"];
+
+export class Saver {
+  constructor(job, view, onSaved) {
+    Object.assign(this, { job, view, onSaved });
+    this.name = el("input", { name: "name", value: stem(job.name), maxlength: "110", autocomplete: "off", required: true });
+    this.format = el("select", { name: "format" }, ...FORMATS.map((each) => el("option", { value: each }, t(`format_${each}`))));
+    this.folder = el("select", { name: "root" });
+    this.status = el("p", { class: "status", role: "status" });
+    ask("/api/folders").then(({ folders }) => this.folder.append(...folders.map((folder, i) => el("option", { value: i }, folder))));
+    const form = el("form", { class: "save", onsubmit: (event) => this.#keep(event) },
+      el("label", {}, t("save_name"), this.name), el("label", {}, t("save_format"), this.format),
+      el("label", {}, t("save_folder"), this.folder),
+      el("button", { class: "main" }, t("save_in")),
+      el("button", { type: "button", onclick: () => this.#download() }, t("save_download")),
+      el("button", { type: "button", onclick: () => this.#open() }, t("show_report")));
+    this.card = el("section", { class: "card", "aria-labelledby": "save-title" }, el("h2", { id: "save-title" }, t("save")), form, this.status);
+  }
+
+  get file() {
+    const { value } = this.format;
+    return this.name.value.toLowerCase().endsWith(`.${value}`) ? this.name.value : `${this.name.value}.${value}`;
+  }
+
+  async #keep(event) {
+    event.preventDefault();
+    await this.#told(async () => {
+      const { saved } = await post(`/api/jobs/${this.job.id}/save`, { ...this.view(), format: this.format.value, root: Number(this.folder.value), name: this.file });
+      return t("saved", { path: saved });
+    });
+  }
+
+  async #download() {
+    await this.#told(async () => {
+      const answer = await this.#made();
+      const link = el("a", { href: URL.createObjectURL(await answer.blob()), download: this.file });
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+      return t("saved", { path: this.file });
+    });
+  }
+
+  #open() {
+    window.open(this.#address(), "_blank", "noopener");
+    this.onSaved();
+  }
+
+  #address() {
+    return `/api/jobs/${this.job.id}/report.${this.format.value}?${new URLSearchParams(this.view())}`;
+  }
+
+  async #made() {
+    const answer = await fetch(this.#address());
+    if (!answer.ok) throw new Error((await answer.json()).error);
+    return answer;
+  }
+
+  async #told(work) {
+    this.status.className = "status";
+    this.status.textContent = t("making");
+    try {
+      this.status.textContent = await work();
+      this.status.classList.add("good");
+      this.onSaved();
+    } catch (error) {
+      this.status.textContent = error.message;
+      this.status.classList.add("bad");
+    }
+  }
+}
+
+function stem(name) {
+  const last = name.split("/").at(-1).replace(/\.\w{1,4}$/, "");
+  return last.replace(/[^\p{L}\p{N} _-]/gu, "-").slice(0, 60) || "report";
+}

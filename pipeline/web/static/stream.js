@@ -1,0 +1,70 @@
+// Points from the server to the viewer while they arrive; pipeline/web/points.py says how they are laid out.
+const LITTLE = new Uint8Array(new Uint16Array([1]).buffer)[0] === 1;
+
+/** Read the file at `address` into `viewer`; how many points it held, 0 where there is none. */
+export async function streamPoints(address, viewer, signal) {
+  try {
+    const answer = await fetch(address, { signal });
+    if (!answer.ok || !LITTLE) return 0;
+    return await read(new Source(answer.body.getReader()), viewer);
+  } catch (error) {
+    if (error.name === "AbortError") return 0;
+    throw error;
+  }
+}
+
+async function read(source, viewer) {
+  const head = JSON.parse(new TextDecoder().decode(await source.line()));
+  let total = 0;
+  for (let start; (start = await source.take(8)); ) {
+    const [group, count] = new Uint32Array(start.buffer);
+    const xyz = new Int16Array((await source.take(6 * count)).buffer);
+    const shade = await source.take(count);
+    viewer.addPoints(xyz, shade, { origin: head.origin, step_m: head.step_m, group: head.groups[group] });
+    total += count;
+  }
+  return total;
+}
+
+/** Bytes in the portions that are asked for, whatever portions they arrive in. */
+class Source {
+  constructor(reader) {
+    Object.assign(this, { reader, held: [], size: 0 });
+  }
+
+  /** Exactly that many bytes, in a buffer of their own; null at the end. */
+  async take(count) {
+    while (this.size < count) if (!(await this.#more())) return null;
+    const taken = new Uint8Array(count);
+    for (let at = 0; at < count; ) {
+      const first = this.held[0];
+      const part = first.subarray(0, count - at);
+      taken.set(part, at);
+      at += part.length;
+      if (part.length === first.length) this.held.shift();
+      else this.held[0] = first.subarray(part.length);
+    }
+    this.size -= count;
+    return taken;
+  }
+
+  async line() {
+    for (;;) {
+      let length = 0;
+      for (const part of this.held) {
+        const end = part.indexOf(10);
+        if (end >= 0) return this.take(length + end + 1);
+        length += part.length;
+      }
+      if (!(await this.#more())) return this.take(this.size);
+    }
+  }
+
+  async #more() {
+    const { done, value } = await this.reader.read();
+    if (done) return false;
+    this.held.push(value);
+    this.size += value.length;
+    return true;
+  }
+}
