@@ -1,0 +1,86 @@
+"""Chapters, drawings and a template to the manual's pages: path -> bytes, always the same."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline import __version__
+from pipeline.manual.markdown import Rendered, page_of, render
+
+HERE = Path(__file__).parent
+PIECES = ("manual.css", "search.js", "icon.svg")
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """One page: its path, its title, and what it holds."""
+
+    page: str
+    title: str
+    content: Rendered
+
+
+def pages() -> dict[str, bytes]:
+    """All files of the manual by their paths, `index.html` first; they refer to each other alone.
+
+    They need no network, no inline script and no inline style, and work from a folder as well as
+    below any address.
+    """
+    chapters = [_chapter(path) for path in chapter_files()]
+    made = {chapter.page: _page(chapter, chapters) for chapter in chapters}
+    made |= {name: (HERE / "pieces" / name).read_bytes() for name in PIECES}
+    made["search-index.js"] = _index(chapters)
+    return made | {path.name: path.read_bytes() for path in pictures()}
+
+
+def chapter_files() -> list[Path]:
+    """The chapters, in the order of their numbers."""
+    return sorted(HERE.glob("[0-9][0-9]-*.md"))
+
+
+def pictures() -> list[Path]:
+    """Pictures that pages show as files of their own."""
+    return sorted(HERE.glob("*.png"))
+
+
+def _chapter(path: Path) -> Chapter:
+    content = render(path.read_text(encoding="utf-8"), _drawing)
+    return Chapter(page_of(path.name), content.sections[0].title, content)
+
+
+def _drawing(source: str) -> str:
+    """A drawing as it goes into a page."""
+    return (HERE / source).read_text(encoding="utf-8").strip()
+
+
+def _page(chapter: Chapter, chapters: list[Chapter]) -> bytes:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    loader = FileSystemLoader(HERE / "pieces")
+    environment = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+        lstrip_blocks=True, keep_trailing_newline=True,
+    )  # fmt: skip
+    place = chapters.index(chapter)
+    text = environment.get_template("page.html").render(
+        version=__version__,
+        chapter=chapter,
+        chapters=chapters,
+        parts=[section for section in chapter.content.sections if section.level == 2],
+        before=chapters[place - 1] if place else None,
+        after=chapters[place + 1] if place + 1 < len(chapters) else None,
+    )
+    return text.encode()
+
+
+def _index(chapters: list[Chapter]) -> bytes:
+    """What the search looks through: a row (page, anchor, chapter, title, text) a section."""
+    rows = [
+        [chapter.page, section.anchor, chapter.title, section.title, section.text]
+        for chapter in chapters
+        for section in chapter.content.sections
+    ]
+    text = json.dumps(rows, ensure_ascii=False, separators=(",", ":"))
+    return f"window.wheelplaneManual = {text};\n".encode()
