@@ -77,9 +77,7 @@ def build_reference_frame(centres_m: npt.ArrayLike) -> VehicleFrame:
     _check_wheelbase(wheelbase_m, spread_m)
     v = to_front / wheelbase_m
     origin_m = centres[0] + c_R
-    return VehicleFrame(
-        origin_m, u_R, v, cross(v, u_R), rear_track_m, front_track_m, wheelbase_m
-    )
+    return VehicleFrame(origin_m, u_R, v, cross(v, u_R), rear_track_m, front_track_m, wheelbase_m)
 
 
 def _check_numbers(centres: Array) -> None:
