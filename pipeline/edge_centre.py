@@ -163,7 +163,7 @@ def _grazing(seen: Seen, outline: Outline, start: tuple[Array, float]) -> Array:
     """What of a spot grazes the far edge (2,): its radius times the beams' run in the plane.
 
     There the background takes it from the face, which on the near side the plate's wall gives back.
-    None where no background tells how the beams run, or where they do not graze.
+    Zero where no background tells how the beams run, or where they do not graze.
     """
     beam = beam_of(seen.near(outline, start), outline, seen.config, start, seen.station)
     if beam is None or float(np.hypot(*beam)) < GRAZING:

@@ -30,7 +30,7 @@ from pipeline.rim_beams import (
     carry,
 )
 from pipeline.rim_equations import OUTER_M, Equations, Problem, equations, spread, step
-from pipeline.rim_start import first_beam, is_contradicted
+from pipeline.rim_start import first_beam, is_contradicted, seen_through
 
 MIN_MIXED = 0.04  # of mixed ranges, below which the scanner has left them out
 STILL_M, SETTLED_M = 2e-7, 1e-5  # a step that ends the fit; one that makes it trustworthy
@@ -131,9 +131,11 @@ def beam_of(
     start: tuple[Array, float],
     station: Array | None,
 ) -> Array | None:
-    """In-plane run of the beams per depth (2,), roughly; None where nothing tells it."""
+    """In-plane run of the beams per depth (2,), roughly; None where no background tells it."""
     state = _begin(uvw_m, outline, Prior.of(None, config), config, start, station)
-    return None if state is None else state[BEAM]
+    if state is None or not np.isfinite(seen_through(uvw_m[:, :2], -uvw_m[:, 2], state, outline)):
+        return None
+    return np.asarray(state[BEAM])
 
 
 def _begin(

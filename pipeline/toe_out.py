@@ -29,7 +29,6 @@ LEAST_PAIRS = 3
 TOGETHER_RAD = math.radians(2.0)  # positions that count as one place
 
 MOST_APART = 4.5  # u, by which a plate may lie off where the kingpin takes it from its reference
-MOST_APART = 4.5  # u, by which a plate may lie off where the kingpin takes it from its reference
 
 ToeOutStatus = Literal["ok", "too-few-pairs", "not-reached"]
 

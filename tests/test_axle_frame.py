@@ -11,7 +11,6 @@ from pipeline.report.steering_text import steering_text
 from pipeline.steering import measure_kingpins
 from pipeline.toe_out import measure_toe_out
 from tests.turning import (
-    CENTRE_M,
     PLACES,
     WHEELS,
     Scene,
@@ -114,8 +113,8 @@ def test_errors_are_as_large_as_stated():
         assert low < np.sum(np.square(errors)) < high
 
 
-def test_the_frames_share_of_u_is_that_of_two_scans_a_wheel():
-    """An axle's centre is the mean of its plate's at half turns, the plate's is of one scan."""
-    one, two = (measure_kingpins(car(5, 0.0, turned=t))[0].caster.u for t in ((), WHEELS))
-    assert two < one
-    assert one - two < CENTRE_M / 1.5
+def test_axles_of_two_scans_tell_the_frame_better_than_plates_of_one():
+    by_plates, by_axles = (car(5, 0.0, turned=turned) for turned in ((), WHEELS))
+    for one, two in zip(measure_kingpins(by_plates), measure_kingpins(by_axles), strict=True):
+        assert two.caster.u < one.caster.u
+        assert two.inclination.u < one.inclination.u

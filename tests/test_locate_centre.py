@@ -220,6 +220,19 @@ def test_a_station_that_the_background_contradicts_changes_nothing():
         np.testing.assert_array_equal(told.centre_m, alone.centre_m)
 
 
+@pytest.mark.parametrize("filtered", [False, True])
+@pytest.mark.parametrize("incidence", [58.0, 65.0])
+def test_a_station_moves_no_centre_where_no_background_bears_it_out(incidence, filtered):
+    """What grazes the far edge is lost to a background; without one nothing is."""
+    setup = NO_BACKGROUND.but(incidence_deg=incidence, filtered=filtered)
+    cloud, alone = measured(setup, 2)
+    offset = cloud.viewpoint_m - cloud.centre_m
+    mirrored = 2.0 * cloud.normal * (offset @ cloud.normal) - offset
+    for place in (offset, mirrored):
+        told = fit(cloud.points_m, thickness_of(setup), station_m=cloud.centre_m + place)
+        np.testing.assert_array_equal(told.centre_m, alone.centre_m)
+
+
 @pytest.mark.parametrize("from_m", [0.05, 0.07, 0.085, 0.115])
 def test_a_short_arc_is_right_or_refused(from_m):
     """Of 190, 150, 120 and 40 degrees; the last is always refused, the first hardly ever."""
