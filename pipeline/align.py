@@ -80,7 +80,7 @@ def _upside_down(frame: VehicleFrame, measured: Sequence[Observation]) -> list[s
         return []
     return [
         f"The vehicle's up runs against z ({frame.up[2]:+.2f}): if z points up, left and right are "
-        f"exchanged: check the order {', '.join(REFERENCE_WHEELS)}."
+        f"exchanged, or front and rear: check the order {', '.join(REFERENCE_WHEELS)}."
     ]
 
 

@@ -17,7 +17,7 @@ from pipeline.capture_file import (
     read_capture_file,
 )
 from pipeline.capture_folder import capture_folder
-from pipeline.capture_names import by_file_names
+from pipeline.capture_names import by_file_names, filled_by_names
 from pipeline.capture_target import target_of
 from pipeline.errors import InputError
 from pipeline.front import Front
@@ -123,7 +123,7 @@ def _opened(source: Path, length_unit: LengthUnit | None = None) -> Iterator[_Op
         path = find_capture_file(place) if place.is_dir() else None
         where = str(source) if path is None else f"{source}: capture.toml"
         if path is not None:
-            declared = read_capture_file(path, where)
+            declared = filled_by_names(read_capture_file(path, where), place, source)
         elif place.is_dir():
             declared = by_file_names(place, source)
         else:

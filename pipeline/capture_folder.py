@@ -23,6 +23,8 @@ def capture_folder(source: Path) -> Iterator[Path]:
         raise InputError(f"{source}: no such file or folder: check the path")
     elif not source.is_file():
         raise InputError(f"{source}: not a regular file: copy the capture to a folder or a file")
+    elif source.stat().st_size == 0:
+        raise InputError(f"{source}: an empty file: copy it again")
     elif scan_suffix(source.name) in READERS:
         yield source
     elif is_archive(source, str(source)):

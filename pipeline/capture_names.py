@@ -21,7 +21,7 @@ def by_file_names(folder: Path, source: Path) -> CaptureFile:
     Raises InputError, which begins with `source`, where neither can be told.
     """
     files = _files(folder)
-    if not any(_stem(name).upper() in REFERENCE_WHEELS for name in files) and clouds_of(folder):
+    if not _has_wheels(folder) and clouds_of(folder):
         return CaptureFile(cloud=only_cloud(folder, str(source)))
     reference = {}
     for wheel in REFERENCE_WHEELS:
@@ -41,6 +41,14 @@ def by_file_names(folder: Path, source: Path) -> CaptureFile:
         reference=reference,
         trial=tuple(Trial(name=_stem(name)[len("trial-") :], file=name) for name in trials),
     )
+
+
+def filled_by_names(declared: CaptureFile, folder: Path, source: Path) -> CaptureFile:
+    """With the wheels and trials that the names of files say, where it names no scan itself."""
+    if declared.reference is not None or declared.cloud is not None or not _has_wheels(folder):
+        return declared
+    named = by_file_names(folder, source)
+    return declared.model_copy(update={"reference": named.reference, "trial": named.trial})
 
 
 def is_capture(folder: Path) -> bool:
@@ -72,6 +80,10 @@ def check_plain(name: str, where: str) -> None:
     """Raise InputError for a name that does not print."""
     if not name.isprintable():
         raise InputError(f"{where}: the name {name!r} is not plain text: rename it")
+
+
+def _has_wheels(folder: Path) -> bool:
+    return any(_stem(name).upper() in REFERENCE_WHEELS for name in _files(folder))
 
 
 def _files(folder: Path) -> list[str]:

@@ -15,10 +15,12 @@ from pipeline.face_turn import PlaneTurn
 from pipeline.face_view import GENTLE_SLOPE, Seen
 from pipeline.kernels import Array
 from pipeline.outline import Holes, Outline
-from pipeline.rim import RimFit, beam_of, fit_rim
+from pipeline.rim import Behind, RimFit, fit_rim, look_behind
 from pipeline.rim_start import STEEPEST
 
 OUTLINE_EDGE_M = 5e-4  # what an outline without background may be shifted by the spot (k = 1)
+# The same where a background takes the spot, but the plate's wall gives it back on a side unknown.
+UNEXPLAINED_EDGE_M = 1.1e-3
 SHORT, U_SHORT = 0.5, 0.3  # of what grazes the far edge: what takes a centre short
 GRAZING = 1.3  # slope of beams, 52 degrees, from which it does
 LOST_M = 2e-3  # above which a rim's fit gives way to the outline
@@ -89,17 +91,19 @@ def _by_edge(
         rim = None
     if rim is None or model is None:
         fitted = fit_outline(face, outline, start)
-        grazing_m = _grazing(seen, outline, start)
+        behind = look_behind(seen.near(outline, start), outline, seen.config, start, seen.station)
+        grazing_m = _grazing(behind, config)
+        edge_m = UNEXPLAINED_EDGE_M if behind.seen and behind.beam is None else OUTLINE_EDGE_M
         centre, turn = fitted.centre_m + SHORT * grazing_m, fitted.turn_rad
         method = "outline" if method == "rim" else method
         estimate = Estimate(
             method=method,
             centre_m=centre,
             noise_m2=fitted.covariance_m2,
-            model_m2=OUTLINE_EDGE_M**2 * np.eye(2) + U_SHORT**2 * np.outer(grazing_m, grazing_m),
+            model_m2=edge_m**2 * np.eye(2) + U_SHORT**2 * np.outer(grazing_m, grazing_m),
             by_plane=np.zeros((2, 3)),
             freedom=math.inf,
-            turn=_turn(seen, outline, fitted, OUTLINE_EDGE_M**2, np.zeros(3)),
+            turn=_turn(seen, outline, fitted, edge_m**2, np.zeros(3)),
         )
     else:
         centre, turn = rim.centre_m, rim.turn_rad
@@ -159,16 +163,15 @@ def _rim(
     return rim
 
 
-def _grazing(seen: Seen, outline: Outline, start: tuple[Array, float]) -> Array:
+def _grazing(behind: Behind, config: CentreConfig) -> Array:
     """What of a spot grazes the far edge (2,): its radius times the beams' run in the plane.
 
     There the background takes it from the face, which on the near side the plate's wall gives back.
     Zero where no background tells how the beams run, or where they do not graze.
     """
-    beam = beam_of(seen.near(outline, start), outline, seen.config, start, seen.station)
-    if beam is None or float(np.hypot(*beam)) < GRAZING:
+    if behind.beam is None or float(np.hypot(*behind.beam)) < GRAZING:
         return np.zeros(2)
-    return seen.config.spot_radius_m * beam
+    return np.asarray(config.spot_radius_m * behind.beam)
 
 
 def _placed(seen: Seen, outline: Outline) -> Array | None:

@@ -30,7 +30,7 @@ from pipeline.rim_beams import (
     carry,
 )
 from pipeline.rim_equations import OUTER_M, Equations, Problem, equations, spread, step
-from pipeline.rim_start import first_beam, is_contradicted, seen_through
+from pipeline.rim_start import first_beam, has_background, is_contradicted, seen_through
 
 MIN_MIXED = 0.04  # of mixed ranges, below which the scanner has left them out
 STILL_M, SETTLED_M = 2e-7, 1e-5  # a step that ends the fit; one that makes it trustworthy
@@ -124,18 +124,33 @@ def fit_rim(
     return _record(found, problem, covered)
 
 
-def beam_of(
+@dataclass(frozen=True)
+class Behind:
+    """What lies behind an outline: whether anything does, and the beams' run that explains it.
+
+    beam: (2,) in the plane per depth, roughly; None where nothing tells it.
+    """
+
+    seen: bool
+    beam: Array | None
+
+
+def look_behind(
     uvw_m: Array,
     outline: Outline,
     config: CentreConfig,
     start: tuple[Array, float],
     station: Array | None,
-) -> Array | None:
-    """In-plane run of the beams per depth (2,), roughly; None where no background tells it."""
-    state = _begin(uvw_m, outline, Prior.of(None, config), config, start, station)
-    if state is None or not np.isfinite(seen_through(uvw_m[:, :2], -uvw_m[:, 2], state, outline)):
-        return None
-    return np.asarray(state[BEAM])
+) -> Behind:
+    """Of points uvw_m (N, 3) about an outline at a start, as in `fit_rim`."""
+    plane, depth, prior = uvw_m[:, :2], -uvw_m[:, 2], Prior.of(None, config)
+    begin = prior.mean.copy()
+    begin[CENTRE], begin[TURN] = start
+    seen = has_background(plane, depth, begin, outline)
+    state = _begin(uvw_m, outline, prior, config, start, station) if seen else None
+    if state is None or not np.isfinite(seen_through(plane, depth, state, outline)):
+        return Behind(seen, None)
+    return Behind(seen, np.asarray(state[BEAM]))
 
 
 def _begin(

@@ -22,6 +22,7 @@ RING_M = (0.0035, 0.0095)  # in- and outside the edge: where background cannot b
 MAX_THROUGH = 0.1  # of the background outside, that may seem to be seen through the plate
 STEEPEST = 4.0  # of the directions that are tried
 COARSE_STEP, FINE_STEP = 0.3, 0.1  # between them, at first and about the best
+LEAST_IN_SECTOR = 5  # points that are a background
 TRIED_POINTS = 2000
 TRIED_INVERSE = (0.4, 1.0)  # 1/m, of the scanner's distance from the plane
 INSIDE = 5.0  # times a point outside the edge counts one that cannot be where it is
@@ -53,6 +54,14 @@ def is_contradicted(plane: Array, depth: Array, state: Array, outline: Outline) 
         return True
     through = seen_through(plane, depth, state, outline)
     return bool(MAX_THROUGH <= through < np.inf)
+
+
+def has_background(plane: Array, depth: Array, state: Array, outline: Outline) -> bool:
+    """Whether something deep is seen beside a quarter of the edge."""
+    beams = carry(plane, depth, state, outline)
+    beside = (depth > 2.0 * MIN_DEPTH_M) & (np.abs(beams.x_m) < WINDOW_M)
+    count = np.bincount(sector(beams.share[beside], SECTORS), minlength=SECTORS)
+    return bool(np.count_nonzero(count >= LEAST_IN_SECTOR) >= SECTORS // 4)
 
 
 def seen_through(plane: Array, depth: Array, state: Array, outline: Outline) -> float:

@@ -54,6 +54,25 @@ def entries(
         return [(e.name, e.role, e.wheel, e.file) for e in capture.entries]
 
 
+def test_four_clouds_with_other_names_are_not_guessed_at(tmp_path):
+    files = ("a.ply", "b.ply", "c.ply", "d.ply")
+    said = refusal(fill(tmp_path / "c", DISC, files))
+    assert "one cloud" in said
+    assert "found 4 (a.ply, b.ply, c.ply, d.ply)" in said
+    assert "[reference]" in said
+
+
+def test_names_of_files_fill_in_what_capture_toml_leaves_out(tmp_path):
+    files = ("rr.ply", "RL.ply", "fr.ply", "fl.ply", "trial-2.ply", "trial-1.ply")
+    source = fill(tmp_path / "c", 'vehicle = "AA-00-BB"\n' + DISC, files)
+    plain = fill(tmp_path / "plain", None, files)
+    assert entries(source, None) == entries(plain)
+    with open_capture(source) as capture:
+        assert capture.vehicle == "AA-00-BB"
+    (source / "rr.ply").unlink()
+    assert "one scan rr.* is needed" in refusal(source)
+
+
 def test_capture_toml_says_it_all(tmp_path):
     toml = (
         'vehicle = "AA-00-BB"\nlength_unit = "mm"\n'
@@ -195,7 +214,6 @@ LONG = "a" * 300
 @pytest.mark.parametrize(
     ("toml", "says"),
     [
-        (DISC, ["one cloud", "found 4 (fl.ply, fr.ply, rl.ply, rr.ply)", "[reference]"]),
         (DISC + REFERENCE.replace("RL =", "# RL ="), ["[reference] lacks RL"]),
         (DISC + REFERENCE + 'XR = "xr.ply"\n', ["'XR'", "RR, RL, FR, FL"]),
         (DISC + REFERENCE + TRIAL + 'wheel = "XR"\n', ["trial.0.wheel", "'RR'", "'XR'"]),
@@ -288,7 +306,7 @@ def test_what_is_no_capture_at_all(tmp_path):
     assert "not a folder, zip or tar" in refusal(other)
     empty = tmp_path / "empty.zip"
     empty.write_bytes(b"")
-    assert "not a folder, zip or tar" in refusal(empty)
+    assert "an empty file" in refusal(empty)
     assert "no such file" in refusal(tmp_path / "nowhere")
     assert "too long" in refusal(tmp_path / LONG)
     os.mkfifo(tmp_path / "pipe")
