@@ -159,6 +159,15 @@ def test_aiming_is_asked_for_and_counts(made):
     assert told.shape_spread.u[4] > 3 * silent.shape_spread.u[4]
 
 
+def test_an_agreement_over_centres_that_contradict_is_told_with_a_but(found, monkeypatch):
+    assert found.verdict == "agree"
+    assert "contradict each other" not in validation_text(found)
+    bent = found.shape + 8.0 * found.shape_spread.u
+    monkeypatch.setitem(found.__dict__, "shape", bent)
+    assert found.verdict == "agree"
+    assert "centres contradict each other" in validation_text(found)
+
+
 def test_scatter_about_regular_pentagons_is_what_they_were_aimed_with():
     blocks = [Car(seed).blocks(TM30)[0] for seed in range(40)]
     seen = pentagon_scatter_m(np.concatenate(blocks))

@@ -19,6 +19,9 @@ SIGNS = (
 )
 
 
+SHAPE_DOUBT = 1e-3  # chance of the centres' shape, below which an agreement is told with a but
+
+
 def validation_text(found: Comparison) -> str:
     """Differences and verdicts, what was seen, and why the methods differ."""
     first, second = found.first.label, found.second.label
@@ -112,6 +115,13 @@ def _whole(found: Comparison) -> list[str]:
         lines.append(
             f"An error of {degrees(found.see_rad)} in one angle would not be seen: use an "
             "instrument of less noise, or more captures (`wheelplane validate ARCHIVE`)."
+        )
+    shape = found.shape_spread.test(found.shape)
+    if found.joint.agrees and shape.probability < SHAPE_DOUBT:
+        lines.append(
+            "Yet the wheel centres contradict each other (shape, below: p = "
+            f"{shape.probability:.2g}): they are known less well than is stated, or a target "
+            "moved; --aiming states how well five points were aimed at."
         )
     return lines
 
