@@ -59,7 +59,7 @@ def synth(
     whole: str | None,
     points: float | None,
 ) -> int:
-    r"""Make a vehicle, scan its wheels, and write capture, five-point file and truth.json to OUT.
+    """Make a vehicle, scan its wheels, and write capture, five-point file and truth.json to OUT.
 
     With --whole the scanner goes round the vehicle, and all it sees is one cloud: the car and its
     targets, floor, walls, a lift, a workbench, people. truth.json then says where the stations
@@ -69,7 +69,7 @@ def synth(
     wheelplane synth car --seed 7
     wheelplane synth car --seed 7 --whole --points 2e6
     wheelplane synth car --seed 7 --whole e57 --target ring-300
-    """
+    """  # noqa: D301 - click's mark for lines as they stand is a backspace
     if whole is None:
         if points is not None:
             raise click.UsageError("--points is of a whole vehicle's cloud; add --whole")
