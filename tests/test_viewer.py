@@ -54,6 +54,18 @@ def test_the_licence_of_what_it_holds_lies_beside_it():
     assert "SPDX-License-Identifier: MIT" in BUNDLE
 
 
+def test_the_bundle_carries_the_permission_notice_of_what_it_holds():
+    notice = (
+        (STATIC / "LICENSE-three.txt")
+        .read_text(encoding="utf-8")
+        .replace("\N{COPYRIGHT SIGN}", "(c)")
+    )
+    assert notice.strip() in BUNDLE.partition("*/")[0]
+    held = re.findall(r"Copyright[^\n]*", BUNDLE)
+    assert held
+    assert all("three.js authors" in line.lower() for line in held)  # there is no other library
+
+
 def test_what_it_is_built_from_is_pinned():
     package = json.loads((VIEWER / "package.json").read_text())
     for name, version in package["devDependencies"].items():

@@ -83,6 +83,20 @@ def test_a_capture_is_measured_as_the_command_measures_it(site, dense):
     assert tree["capture"] == "capture"  # no path of this machine
 
 
+def test_an_allowed_folder_that_is_a_capture_is_measured_by_its_own_name(tmp_path):
+    (tmp_path / "allowed").mkdir()
+    site = Site(tmp_path)
+    for name in ("RR", "RL", "FR"):
+        (site.allowed / f"{name}.ply").touch()
+    (site.allowed / "capture.toml").write_text(
+        '[reference]\nRR = "RR.ply"\nRL = "RL.ply"\nFR = "FR.ply"\nFL = "../FL.ply"\n'
+    )
+    told = site.measure({"root": 0, "path": ""})
+    assert told["name"] == "allowed"
+    assert told["failure"]["text"].startswith("allowed: '../FL.ply' lies outside")
+    site.close()
+
+
 def test_the_panel_says_the_same_in_every_unit_and_language(site, five):
     tree = file_of(site, five, "measurement.json").json
     for language in LANGUAGES:

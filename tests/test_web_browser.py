@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import threading
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -26,7 +27,8 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
     "--disable-background-networking",
 ]
-WCAG = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
+WCAG = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
+TARGET_PX = 24  # WCAG 2.2, 2.5.8
 TIMEOUT_MS = 60_000
 SMALL = {"width": 1000, "height": 700}
 
@@ -50,11 +52,12 @@ def folder(tmp_path_factory):
     return place
 
 
-@pytest.fixture(scope="module")
-def address(folder, tmp_path_factory):
+@contextmanager
+def serving(folder, scratch):
+    """The address of a page that may open this folder."""
     with free_port("127.0.0.1", 0) as listening:
         port = listening.getsockname()[1]
-        settings = Settings(folders=(folder,), scratch=tmp_path_factory.mktemp("scratch"))
+        settings = Settings(folders=(folder,), scratch=scratch)
         app = create_app(settings, Guard(port))
         server = make_server("127.0.0.1", port, app, threaded=True, fd=listening.fileno())
         thread = threading.Thread(target=server.serve_forever)
@@ -64,6 +67,12 @@ def address(folder, tmp_path_factory):
         thread.join()
         server.server_close()
         app.config["state"].jobs.close()
+
+
+@pytest.fixture(scope="module")
+def address(folder, tmp_path_factory):
+    with serving(folder, tmp_path_factory.mktemp("scratch")) as made:
+        yield made
 
 
 @pytest.fixture(scope="module")
@@ -245,6 +254,69 @@ def test_the_picture_answers_mouse_keys_and_wheel(visit):
     assert page.locator("table.angles tr.chosen").inner_text().startswith("FL")
 
 
+def crowd():
+    """A scene of twenty scans of four wheels, as of wheels that were steered and turned."""
+    corners = {"RR": (0, -0.8), "RL": (0, 0.8), "FR": (2.7, -0.8), "FL": (2.7, 0.8)}
+    scans = [(wheel, wheel, "reference") for wheel in corners]
+    scans += [(f"{wheel} steered {i}", wheel, "trial") for wheel in ("FR", "FL") for i in range(5)]
+    scans += [(str(i), "RL", "trial") for i in range(6)]
+    wheels = []
+    for i, (name, wheel, role) in enumerate(scans):
+        x, y = corners[wheel]
+        told = {"name": name, "role": role, "wheel": wheel, "status": "ok", "colour_class": role}
+        told |= {"centre": [x, y + 1e-4 * i, 0.3], "normal": [0, 1 if y > 0 else -1, 0]}
+        wheels.append(
+            told | {"outline": [], "toe_text": "+0° 10' 0\"", "camber_text": "-0° 30' 0\""}
+        )
+    ends = {"forward": [0.5, 0, 0], "left": [0, 0.5, 0], "up": [0, 0, 0.5]}
+    axes = [{"name": n, "layer": "axes", "from": [0, 0, 0], "to": to} for n, to in ends.items()]
+    return {"schema": "wheelplane/scene/1", "wheels": wheels, "lines": axes, "cloud": None}
+
+
+BOXES = """() => {
+  const box = ({ left, top, right, bottom }) => [left, top, right, bottom];
+  const all = (name) => [...document.querySelectorAll(`#crowd ${name}`)];
+  return Object.fromEntries(["button.w3d-label", "span.w3d-label", ".w3d-bar", ".w3d"]
+    .map((name) => [name, all(name).filter((one) => !one.hidden)
+      .map((one) => box(one.getBoundingClientRect()))]));
+}"""
+
+
+@pytest.mark.parametrize(
+    "visit", [{"viewport": SMALL}, {"viewport": {"width": 480, "height": 900}}], indirect=True
+)
+def test_labels_of_many_scans_leave_one_another_room(visit):
+    page = visit.open()
+    page.wait_for_selector(".items")
+    mount = """scene => {
+      const place = Object.assign(document.createElement("div"), { id: "crowd" });
+      place.style.height = "480px";
+      document.querySelector("main").prepend(place);
+      window.crowd = Wheelplane3D.mount(place, scene);
+    }"""
+    page.evaluate(mount, crowd())
+    acts = ["look('iso')", "mark('FL steered 2')", "look('left')", "look('front')", "mark('RR')"]
+    for act in acts:
+        page.evaluate(f"window.crowd.{act}")
+        page.wait_for_timeout(700)
+        found = page.evaluate(BOXES)
+        buttons, (whole,) = found["button.w3d-label"], found[".w3d"]
+        assert len(buttons) == 20 or page.viewport_size != SMALL
+        assert len(buttons) >= 10
+        taken = [*buttons, *found["span.w3d-label"], *found[".w3d-bar"]]
+        for i, one in enumerate(taken):
+            for other in taken[:i]:
+                covers = [min(one[a + 2], other[a + 2]) > max(one[a], other[a]) for a in (0, 1)]
+                assert not all(covers), (act, one, other)
+        for left, top, right, bottom in buttons:
+            assert min(right - left, bottom - top) >= TARGET_PX
+            assert left >= whole[0]
+            assert top >= whole[1]
+            assert right <= whole[2]
+            assert bottom <= whole[3]
+        visit.check_with_axe()
+
+
 def test_a_wheel_is_chosen_in_the_picture(visit):
     """A click at the middle of the picture, once the view faces that wheel."""
     page = visit.open()
@@ -368,6 +440,68 @@ def test_an_archive_is_browsed(visit, folder):
     page.get_by_role("button", name="RR toe").click()
     until(page, "document.querySelector('img.trend')?.naturalWidth > 0")
     visit.check_with_axe()
+
+
+def test_a_folder_that_is_allowed_is_itself_opened(browser, folder, tmp_path):
+    with serving(folder / "capture", tmp_path) as address:
+        visit = Visit(browser, address)
+        page = visit.open("#open=0/")
+        page.wait_for_selector("#result:not([hidden]) table.angles")
+        assert page.locator("#result-title").inner_text() == "capture"
+        tree = page.evaluate("fetch('/api/jobs').then(a => a.json())")["jobs"][0]
+        assert tree["name"] == "capture"
+        record = f"/api/jobs/{tree['id']}/measurement.json"
+        results = write_results(
+            tmp_path / "results", page.evaluate(f"fetch('{record}').then(a => a.json())")
+        )
+        visit.context.close()
+    assert visit.faults == []
+    with serving(results, tmp_path) as address:
+        visit = Visit(browser, address)
+        page = visit.open("#archive=0/")
+        page.wait_for_selector("#archive table")
+        assert page.locator("#archive tbody tr").count() == 12
+        visit.context.close()
+    assert visit.faults == []
+
+
+def test_while_too_many_wait_the_page_asks_again(visit):
+    visit.refusal, asked = 503, []
+
+    def refuse_once(route):
+        asked.append(route.request.post_data)
+        if len(asked) > 1:
+            route.continue_()
+        else:
+            route.fulfill(status=503, json={"error": "2 jobs are waiting: wait for one to end"})
+
+    visit.context.route("**/api/measure", refuse_once)
+    page = visit.open()
+    visit.measure("figure-4.txt")
+    assert page.locator("#trouble").is_hidden()
+    assert asked == asked[:1] * 2
+
+
+def test_angles_whose_points_are_lost_are_shown_with_the_reason(visit):
+    told = []
+
+    def lose_points(route):
+        answer = route.fetch()
+        job = answer.json()
+        if job["state"] == "done":
+            told.append(job)
+            job |= {"state": "ready"} if len(told) == 1 else {"note": "rr.ply: it is gone"}
+        route.fulfill(response=answer, json=job)
+
+    visit.context.route("**/api/jobs/*", lose_points)
+    page = visit.open()
+    page.wait_for_selector("#browser .items")
+    page.locator("#browser button", has_text="capture").first.click()
+    until(
+        page, "document.querySelector('.look .small')?.textContent.includes('rr.ply: it is gone')"
+    )
+    assert page.locator("table.angles tbody tr").count() == 5
+    assert " points. The rest" in page.locator(".look .small").inner_text()
 
 
 def test_the_manual_opens(visit):

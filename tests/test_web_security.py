@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import tarfile
 import zipfile
+from contextlib import nullcontext
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -13,7 +15,8 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.web.folders import Folders
 from pipeline.web.measuring import check_inside
-from pipeline.web.security import COOKIE, KEY_HEADER, RefusedError, guard_for, is_loopback
+from pipeline.web.security import KEY_HEADER, RefusedError, guard_for, is_loopback
+from pipeline.web.server import address_of
 from tests.web_site import HERE, PAPER, Site
 
 SECRET = "the secret of another folder"
@@ -70,9 +73,9 @@ def test_only_this_server_by_its_own_name_and_from_its_own_page(site, path, head
 
 
 def test_a_request_without_the_cookie_learns_nothing(site):
-    site.client.delete_cookie(COOKIE, domain="127.0.0.1")
+    site.client.delete_cookie(site.guard.cookie, domain="127.0.0.1")
     assert site.get("/").status_code == 200
-    site.client.delete_cookie(COOKIE, domain="127.0.0.1")  # which the first page just gave
+    site.client.delete_cookie(site.guard.cookie, domain="127.0.0.1")  # which `/` just gave
     for path in (
         "/api/files/0/",
         "/api/folders",
@@ -88,6 +91,18 @@ def test_the_cookie_is_strict_and_hidden_from_scripts(site):
     told = site.get("/").headers["Set-Cookie"]
     assert "SameSite=Strict" in told
     assert "HttpOnly" in told
+
+
+def test_pages_at_two_ports_of_a_machine_leave_each_other_alone(tmp_path):
+    sites = [Site(tmp_path / str(port), port=port) for port in (8765, 8766)]
+    told = [site.get("/").headers["Set-Cookie"].split(";")[0] for site in sites]
+    names = [cookie.partition("=")[0] for cookie in told]
+    kept = dict(zip(names, told, strict=True))  # as a browser keeps them: one of a name for a host
+    for site in sites:
+        bare = site.app.test_client(use_cookies=False)
+        headers = {"Host": f"127.0.0.1:{site.guard.port}", "Cookie": "; ".join(kept.values())}
+        assert bare.get("/api/folders", headers=headers).status_code == 200
+        site.close()
 
 
 @pytest.mark.parametrize("key", [None, "", "x", "ключ"])
@@ -139,7 +154,7 @@ def test_the_page_holds_no_inline_script_or_style(site):
 def test_open_to_the_network_the_page_asks_for_its_token(tmp_path):
     site = Site(tmp_path, token="long-and-random")
     try:
-        site.client.delete_cookie(COOKIE, domain="127.0.0.1")
+        site.client.delete_cookie(site.guard.cookie, domain="127.0.0.1")
         for path in ("/", "/?token=", "/?token=wrong", "/api/folders?token=long-and-random"):
             answer = site.get(path)
             assert answer.status_code == 403, path
@@ -159,6 +174,19 @@ def test_only_loopback_does_without_a_token():
         assert not is_loopback(host), host
         assert len(guard_for(host, 1).token) >= 32, host
     assert guard_for("127.0.0.1", 1).token is None
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["127.0.0.1", "127.0.0.2", "localhost", "::1", "0:0:0:0:0:0:0:1", "192.168.1.7", "Car-1"],
+)
+def test_the_address_that_is_printed_is_answered(host):
+    guard = guard_for(host, 8765)
+    called = urlsplit(address_of(host, guard)).netloc
+    guard.check("GET", "/", {"Host": called}, "")
+    guard.check("GET", "/", {"Host": called, "Origin": f"http://{called}"}, "")
+    with pytest.raises(RefusedError):
+        guard.check("GET", "/", {"Host": f"x{called}"}, "")
 
 
 def test_no_name_of_another_machine_leads_to_a_server_open_to_the_network():
@@ -265,6 +293,27 @@ def test_nor_do_its_settings(tmp_path, monkeypatch, key):
     check_inside(Path("capture"), tmp_path / "allowed")
 
 
+@pytest.mark.parametrize("kind", ["trial", "sweep", "runout"])
+def test_nor_do_its_further_scans(tmp_path, kind):
+    more = {"sweep": 'wheel = "FL"\n', "runout": 'wheel = "FL"\nangle_deg = 0\n'}.get(kind, "")
+    wheels = "\n".join(f'{wheel} = "{wheel}.ply"' for wheel in ("RR", "RL", "FR", "FL"))
+    for file, refused in (("../../secret.ply", True), ("../own.ply", False)):
+        capture = tmp_path / "allowed" / "capture"
+        capture.mkdir(parents=True, exist_ok=True)
+        text = f'[reference]\n{wheels}\n[[{kind}]]\nname = "1"\nfile = "{file}"\n{more}'
+        (capture / "capture.toml").write_text(text)
+        context = pytest.raises(InputError, match="outside") if refused else nullcontext()
+        with context:
+            check_inside(capture, tmp_path / "allowed")
+
+
+def test_nor_does_whatever_else_a_capture_may_come_to_name(tmp_path, monkeypatch):
+    monkeypatch.setattr("pipeline.web.measuring.files_of", lambda _: ["../new.kind"])
+    (tmp_path / "capture.toml").write_text('cloud = "all.ply"\n')
+    with pytest.raises(InputError, match="outside the allowed folder"):
+        check_inside(tmp_path, tmp_path)
+
+
 def test_scans_by_their_names_may_be_no_links_to_elsewhere(site, tmp_path):
     capture = site.allowed / "capture"
     capture.mkdir()
@@ -349,6 +398,17 @@ def test_an_upload_that_breaks_off_leaves_nothing(site):
         site.app.config["state"].uploads.add(upload, "rr.ply", io.BytesIO(b"only this"), 100)
     scratch = site.allowed.parent / "scratch"
     assert [p for p in scratch.rglob("*") if p.is_file()] == []
+
+
+def test_what_was_not_stored_counts_for_nothing(tmp_path):
+    site = Site(tmp_path, upload_bytes=100, upload_files=1)
+    upload, uploads = site.send(), site.app.config["state"].uploads
+    for said, declared in (("broke off", 100), ("larger than", 101), ("size is not told", None)):
+        with pytest.raises(RefusedError, match=said):
+            uploads.add(upload, "rr.ply", io.BytesIO(b"only this"), declared)
+    assert site.post("/api/measure", {"upload": upload}).status_code == 400  # it holds no file
+    assert site.put(f"/api/uploads/{upload}/rr.ply", bytes(100)).status_code == 200
+    site.close()
 
 
 def test_other_requests_are_small(site):

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.commands.view import opened
 from pipeline.errors import InputError
 from pipeline.web.server import address_of, free_port
 from tests.web_site import PAPER
@@ -117,6 +118,42 @@ def test_what_is_opened_at_once_is_in_the_address(tmp_path):
     (tmp_path / "my car.txt").write_bytes(PAPER.read_bytes())
     with started(tmp_path, "--port", "0", "my car.txt") as (_, said):
         assert "/#open=0/my%20car.txt" in said
+
+
+@pytest.mark.parametrize(
+    ("source", "folders", "allowed", "start_at"),
+    [
+        ("car", (), ["car"], "#open=0/"),
+        ("link", (), ["car"], "#open=0/"),
+        ("car/..", (), ["."], ""),  # a folder of captures is there to choose from
+        ("results", (), ["results"], "#archive=0/"),
+        ("my car.txt", (), ["."], "#open=0/my%20car.txt"),
+        ("car", ("results",), ["car", "results"], "#open=0/"),
+        ("car", ("results", "."), ["results", "."], "#open=1/car"),
+    ],
+)
+def test_what_is_opened_allows_itself_and_nothing_above(
+    tmp_path, monkeypatch, source, folders, allowed, start_at
+):
+    (tmp_path / "my car.txt").write_bytes(PAPER.read_bytes())
+    (tmp_path / "results" / "measurements").mkdir(parents=True)
+    (tmp_path / "car").mkdir()
+    (tmp_path / "car" / "rr.ply").touch()
+    (tmp_path / "link").symlink_to(tmp_path / "car")
+    monkeypatch.chdir(tmp_path)
+    got, said = opened(Path(source), tuple(Path(folder) for folder in folders))
+    assert [folder.resolve() for folder in got] == [(tmp_path / name).resolve() for name in allowed]
+    assert said == start_at
+
+
+def test_the_current_folder_is_opened_as_the_capture_that_it_is(tmp_path):
+    capture = tmp_path / "car"
+    capture.mkdir()
+    with started(capture, "--port", "0", ".") as (_, said):
+        assert "#open" not in said
+    (capture / "rr.ply").touch()
+    with started(capture, "--port", "0", ".") as (_, said):
+        assert said.splitlines()[0].endswith("/#open=0/")
 
 
 def test_beyond_loopback_the_address_holds_a_token(tmp_path):

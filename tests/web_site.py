@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from pipeline.web.app import create_app
-from pipeline.web.security import COOKIE, KEY_HEADER, Guard
+from pipeline.web.security import KEY_HEADER, Guard
 from pipeline.web.settings import Settings
 from synth.archive import write_capture
 from tests.made import CONFIGS
@@ -39,23 +39,25 @@ def write_small_capture(folder: Path, trials: int = 1, seed: int = 1) -> Path:
 class Site:
     """An application whose folder is `allowed`, with the cookie and the key that a page has."""
 
-    def __init__(self, place: Path, token: str | None = None, **limits: float) -> None:
+    def __init__(
+        self, place: Path, token: str | None = None, port: int = PORT, **limits: float
+    ) -> None:
         self.allowed = place / "allowed"
         scratch = place / "scratch"
         for folder in (self.allowed, scratch):
             folder.mkdir(parents=True, exist_ok=True)
-        self.guard = Guard(PORT, token=token)
+        self.guard = Guard(port, token=token)
         settings = Settings(folders=(self.allowed,), scratch=scratch, **limits)
         self.app = create_app(settings, self.guard)
         self.client = self.app.test_client()
         for name in ("127.0.0.1", "localhost"):
-            self.client.set_cookie(COOKIE, self.guard.session, domain=name)
+            self.client.set_cookie(self.guard.cookie, self.guard.session, domain=name)
 
     def close(self) -> None:
         self.app.config["state"].jobs.close()
 
     def ask(self, method: str, path: str, headers: dict[str, str] | None = None, **rest):
-        own = {"Host": HERE, KEY_HEADER: self.guard.key}
+        own = {"Host": f"127.0.0.1:{self.guard.port}", KEY_HEADER: self.guard.key}
         given = {k: v for k, v in (own | (headers or {})).items() if v is not None}
         return self.client.open(path, method=method, headers=given, buffered=True, **rest)
 

@@ -60,19 +60,18 @@ def view(
 
     SOURCE, a capture, a five-point file or a folder of results, is opened at once. The page is
     served to this machine alone, and shows nothing but what is dropped on it or lies in the
-    folders allowed.
+    folders allowed: SOURCE itself, or the folder of a file, is one of them.
     """
     from pipeline.web.server import serve
 
-    allowed = [*folders, *([source.absolute().parent] if source else [])] or [Path.cwd()]
-    for folder in allowed:
+    for folder in folders:
         if not folder.is_dir():
             raise InputError(f"{folder}: no such folder: check the path")
     if source is not None and not source.exists():
         raise InputError(f"{source}: no such file or folder: check the path")
-    start_at = f"#open={len(folders)}/{quote(source.name)}" if source else ""
+    allowed, start_at = opened(source, folders) if source else (folders or (Path.cwd(),), "")
     settings = Settings(
-        folders=tuple(allowed),
+        folders=allowed,
         scratch=Path(),
         upload_bytes=int(upload_limit * 1e9),
         seconds=time_limit,
@@ -80,3 +79,22 @@ def view(
     )
     serve(settings, host, port, start_at, not no_browser, click.echo)
     return 0
+
+
+def opened(source: Path, folders: tuple[Path, ...]) -> tuple[tuple[Path, ...], str]:
+    """The folders allowed with `source`, and how the page's address says what to open.
+
+    A source outside `folders` adds itself, or of a file the folder that holds it: nothing above.
+    """
+    from pipeline.web.folders import kind_of_folder
+
+    place = source.resolve()
+    own = place if place.is_dir() else place.parent
+    root = next((f for f in folders if place.is_relative_to(f.resolve())), own)
+    allowed = folders if root in folders else (own, *folders)
+    kind = kind_of_folder(place) if place.is_dir() else "file"
+    if kind == "folder":  # of captures, perhaps: it is there to choose from
+        return allowed, ""
+    path = place.relative_to(root.resolve()).as_posix()
+    view = "archive" if kind == "results" else "open"
+    return allowed, f"#{view}={allowed.index(root)}/{quote('' if path == '.' else path)}"

@@ -8,7 +8,7 @@ from werkzeug.exceptions import HTTPException
 from pipeline.errors import WheelplaneError
 from pipeline.web.front import add_front
 from pipeline.web.routes import add_archive, add_files, add_jobs
-from pipeline.web.security import COOKIE, Guard, RefusedError, response_headers
+from pipeline.web.security import Guard, RefusedError, response_headers
 from pipeline.web.settings import Settings
 from pipeline.web.state import State
 
@@ -29,7 +29,7 @@ def create_app(settings: Settings, guard: Guard) -> Flask:
 
 
 def _admit(state: State) -> None:
-    cookie = request.cookies.get(COOKIE, "")
+    cookie = request.cookies.get(state.guard.cookie, "")
     state.guard.check(request.method, request.path, dict(request.headers), cookie)
     is_upload = request.method == "PUT"
     request.max_content_length = state.settings.upload_bytes if is_upload else REQUEST_BYTES

@@ -101,6 +101,13 @@ def kind_of_file(path: Path) -> str | None:
     return "cloud" if suffix in READERS else None
 
 
+def kind_of_folder(folder: Path) -> str:
+    """What a folder can be opened as: results, capture, or folder."""
+    if (folder / "measurements").is_dir():
+        return "results"
+    return "capture" if is_capture(folder) else "folder"
+
+
 def check_name(name: str) -> None:
     """Raise RefusedError for what is no plain file name."""
     plain = name == name.strip() and name.isprintable() and not set(name) & set('/\\<>:"|?*')
@@ -113,14 +120,8 @@ def check_name(name: str) -> None:
 def _item(path: Path) -> Item | None:
     try:
         if path.is_dir():
-            return Item(path.name, _kind_of_folder(path), 0)
+            return Item(path.name, kind_of_folder(path), 0)
         kind = kind_of_file(path) if path.is_file() else None
         return Item(path.name, kind, path.stat().st_size) if kind else None
     except OSError:
         return None
-
-
-def _kind_of_folder(folder: Path) -> str:
-    if (folder / "measurements").is_dir():
-        return "results"
-    return "capture" if is_capture(folder) else "folder"

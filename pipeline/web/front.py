@@ -10,7 +10,7 @@ from flask import Flask, Response, redirect, render_template, request
 from pipeline import __version__
 from pipeline.report.language import LANGUAGES, load_words
 from pipeline.web import choices
-from pipeline.web.security import COOKIE, RefusedError
+from pipeline.web.security import RefusedError
 from pipeline.web.state import State
 from pipeline.web.uploads import SENT_SUFFIXES
 
@@ -24,10 +24,12 @@ def add_front(app: Flask, state: State) -> None:
 
     @app.get("/")
     def first() -> Any:
-        if not state.guard.admits(request.args.get("token", ""), request.cookies.get(COOKIE, "")):
+        guard = state.guard
+        cookie = request.cookies.get(guard.cookie, "")
+        if not guard.admits(request.args.get("token", ""), cookie):
             raise RefusedError(403, "open the whole address that was printed, with its token")
         answer: Any = redirect("/") if "token" in request.args else Response(_page(state))
-        answer.set_cookie(COOKIE, state.guard.session, httponly=True, samesite="Strict")
+        answer.set_cookie(guard.cookie, guard.session, httponly=True, samesite="Strict")
         answer.headers["Cache-Control"] = "no-store"
         return answer
 

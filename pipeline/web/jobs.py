@@ -10,15 +10,14 @@ import signal
 import subprocess
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 from pipeline.web.process import (
     FINISHED,
     LONGEST_LINE,
-    SCRATCH,
     SHOWN,
     Job,
+    end,
     fail,
     hear,
     kill,
@@ -39,30 +38,34 @@ class Jobs:
         self._pool = ThreadPoolExecutor(settings.workers, thread_name_prefix="job")
         self._quick = ThreadPoolExecutor(2, thread_name_prefix="report")
 
-    def start(self, task: str, name: str, given: dict[str, Any], folder: Path | None = None) -> Job:
-        """Queue a task. folder: of its results, which a report shares with its measurement.
+    def start(self, task: str, name: str, given: dict[str, Any], uses: tuple[Job, ...] = ()) -> Job:
+        """Queue a task. uses: jobs whose results it reads, a report's being its measurement.
 
         given: what the child is told; the folder given["owned"] goes with the end of the job.
+        Raises RefusedError while too many wait, or if what it uses is no longer kept.
         """
+        is_long = task == "measure"
         with self._lock:
-            waiting = sum(job.state == "waiting" for job in self._jobs.values())
+            for used in uses:
+                self.found(used.id)
+            alike = [job for job in self._jobs.values() if (job.task == "measure") == is_long]
+            waiting = sum(job.state == "waiting" for job in alike)
             if waiting >= self._settings.waiting:
-                raise RefusedError(503, f"{waiting} measurements are waiting: wait for one to end")
+                raise RefusedError(503, f"{waiting} jobs are waiting: wait for one to end")
             made = secrets.token_hex(12)
-            own = folder or self._settings.scratch / f"job-{made}"
-            own.mkdir(exist_ok=True)
-            job = Job(made, task, name, own)
-            if folder is None:
-                self._jobs[made] = job
-        pool = self._pool if task == "measure" else self._quick
-        pool.submit(self._run, job, given)
+            own = self._settings.scratch / f"job-{made}"
+            job = Job(made, task, name, uses[0].folder if task == "report" else own, uses)
+            job.folder.mkdir(exist_ok=True)
+            self._jobs[made] = job
+        (self._pool if is_long else self._quick).submit(self._run, job, given)
         self._forget_old()
         return job
 
     def measured(self) -> list[Job]:
         """Those whose angles are there, the latest first."""
-        ended = [job for job in self._jobs.values() if job.task == "measure"]
-        return [job for job in reversed(ended) if job.state in SHOWN]
+        with self._lock:
+            known = list(self._jobs.values())
+        return [job for job in known[::-1] if job.task == "measure" and job.state in SHOWN]
 
     def found(self, name: str) -> Job:
         """The job of that id. Raises RefusedError."""
@@ -80,22 +83,34 @@ class Jobs:
 
     def cancel(self, job: Job) -> None:
         """End it, whether it runs or waits."""
-        with self._lock:
-            if job.state not in FINISHED:
-                job.state = "cancelled"
+        end(job, "cancelled")
         kill(job)
 
     def close(self) -> None:
-        """End all jobs."""
-        for job in list(self._jobs.values()):
+        """End all jobs; none begins any more."""
+        pools = (self._pool, self._quick)
+        for pool in pools:
+            pool.shutdown(wait=False, cancel_futures=True)
+        with self._lock:
+            known = list(self._jobs.values())
+        for job in known:
             self.cancel(job)
-        for pool in (self._pool, self._quick):
-            pool.shutdown(wait=True, cancel_futures=True)
+        for pool in pools:
+            pool.shutdown(wait=True)
+        for job in known:
+            job.finished.set()  # of those that never began, too
 
     def _forget_old(self) -> None:
+        """Forget the reports that ended, and the oldest results, but none that a job reads."""
         with self._lock:
-            ended = [job for job in self._jobs.values() if job.state in FINISHED]
-            for job in ended[: max(0, len(self._jobs) - self._settings.jobs)]:
+            ended = [job for job in self._jobs.values() if job.finished.is_set()]
+            for job in ended:
+                if job.task == "report":
+                    del self._jobs[job.id]
+            known = [job for job in self._jobs.values() if job.task != "report"]
+            read = {used.id for job in self._jobs.values() if job not in ended for used in job.uses}
+            free = [job for job in known if job in ended and job.id not in read]
+            for job in free[: max(0, len(known) - self._settings.jobs)]:
                 del self._jobs[job.id]
                 shutil.rmtree(job.folder, ignore_errors=True)
 
@@ -106,14 +121,14 @@ class Jobs:
         except OSError as error:
             fail(job, f"the measuring process cannot be started ({error.strerror})")
         finally:
-            for folder in (job.folder / SCRATCH, *filter(None, [given.get("owned")])):
+            for folder in (job.scratch, *filter(None, [given.get("owned")])):
                 shutil.rmtree(folder, ignore_errors=True)
             job.finished.set()
 
     def _work(self, job: Job, given: dict[str, Any]) -> None:
         limits = {"memory_bytes": self._settings.memory_bytes, "parent": os.getpid()}
         plan = {"task": job.task, "out": str(job.folder), **limits, **given}
-        with started(job.folder) as process:
+        with started(job) as process:
             self._begin(job, process)
             alarm = threading.Timer(self._settings.seconds, self._stop_late, [job])
             alarm.daemon = True
@@ -133,7 +148,7 @@ class Jobs:
             fail(job, f"the measuring process ended early ({how}): measure fewer points at once")
 
     def _begin(self, job: Job, process: subprocess.Popen[str]) -> None:
-        with self._lock:
+        with job.lock:
             job.process = process
             if job.state == "waiting":
                 job.state = "running"

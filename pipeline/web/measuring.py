@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.capture import Capture, Told, open_capture
-from pipeline.capture_file import find_capture_file, read_capture_file
+from pipeline.capture_file import files_of, find_capture_file, read_capture_file
 from pipeline.config import Config, load_station, with_scanner
 from pipeline.conformity import Conformity, assess
 from pipeline.errors import InputError
@@ -33,17 +33,18 @@ Say = Callable[[str, object], None]
 def measure(plan: dict[str, Any], say: Say) -> None:
     """Measure what the plan names; results first, then the points of the 3D view.
 
-    The current folder becomes plan["base"], so that texts call files as the user does.
+    The current folder becomes plan["base"], so that texts call files as the user does; all that
+    is read lies in plan["allowed"].
     """
-    out, base = Path(plan["out"]), Path(plan["base"])
-    os.chdir(base)
+    out, allowed = Path(plan["out"]), Path(plan["allowed"])
+    os.chdir(plan["base"])
     source, options = Path(plan["source"]), plan["options"]
     with ExitStack() as stack:
         capture = None
         if plan["kind"] == "five-point":
             measurement = _five_point(source, options)
         else:
-            capture = stack.enter_context(_opened(source, options, base))
+            capture = stack.enter_context(_opened(source, options, allowed))
             measurement = measure_capture(capture, _config(capture, options), _steps(capture, say))
         limits = load_tolerance(options["tolerance"]) if options.get("tolerance") else None
         write_results(measurement, assess(measurement, limits) if limits else None, out)
@@ -70,38 +71,33 @@ def write_results(measurement: Measurement, judged: Conformity | None, out: Path
     (out / "measurement.pickle").write_bytes(pickle.dumps((measurement, judged)))
 
 
-def check_inside(source: Path, base: Path) -> None:
-    """Raise InputError if the capture at `source` names files beyond the allowed folder `base`."""
+def check_inside(source: Path, allowed: Path) -> None:
+    """Raise InputError if the capture at `source` names files beyond the folder `allowed`."""
     folder = source if source.is_dir() else source.parent
     declared_in = find_capture_file(folder) if source.is_dir() else None
     if declared_in is None:
         return
-    _check_path(declared_in, declared_in.name, source, base)
-    declared = read_capture_file(declared_in, f"{source}: capture.toml")
-    told = [*(declared.reference or {}).values(), declared.cloud, declared.scanner, declared.target]
-    for tables in (declared.trial, declared.sweep, declared.runout):
-        told += [table.file for table in tables]
-    for name in told:
-        if isinstance(name, str):
-            _check_path(folder / name, name, source, base)
+    _check_path(declared_in, declared_in.name, source, allowed)
+    for name in files_of(read_capture_file(declared_in, f"{source}: capture.toml")):
+        _check_path(folder / name, name, source, allowed)
 
 
-def _check_path(path: Path, name: str, source: Path, base: Path) -> None:
-    if not path.resolve().is_relative_to(base.resolve()):
+def _check_path(path: Path, name: str, source: Path, allowed: Path) -> None:
+    if not path.resolve().is_relative_to(allowed.resolve()):
         raise InputError(
             f"{source}: {name!r} lies outside the allowed folder: move it into the capture"
         )
 
 
 @contextmanager
-def _opened(source: Path, options: dict[str, Any], base: Path) -> Iterator[Capture]:
-    check_inside(source, base)
+def _opened(source: Path, options: dict[str, Any], allowed: Path) -> Iterator[Capture]:
+    check_inside(source, allowed)
     keys = ("length_unit", "front", "front_point", "up")
     told = Told(**{key: options[key] for key in keys if options.get(key) is not None})
     with open_capture(source, options.get("target"), told) as capture:
         for entry in (*capture.entries, *filter(None, [capture.cloud])):
             if not entry.path.is_absolute():  # out of an archive, which was checked
-                _check_path(entry.path, entry.file, source, base)
+                _check_path(entry.path, entry.file, source, allowed)
         yield capture
 
 

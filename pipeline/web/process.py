@@ -15,28 +15,37 @@ from typing import IO, Any
 import pipeline
 
 LONGEST_LINE = 100_000
-SCRATCH = "scratch"  # in a job's folder: what the child unpacks
 FINISHED = ("done", "failed", "cancelled")
 SHOWN = ("ready", "done")  # its results can be looked at
 
 
-@dataclass
+@dataclass(eq=False)
 class Job:
     """One piece of work and where it stands.
 
+    folder: of its results, a report's being its measurement's. uses: jobs whose results it reads.
     state: waiting, running, ready (results are there, points follow), done, failed, cancelled.
     progress: steps done, their number, and what is being done. failure: what the page shows.
+    note: why results that are there lack their points. lock: of state, failure, note and process.
     """
 
     id: str
     task: str
     name: str
     folder: Path
+    uses: tuple[Job, ...] = field(default=(), repr=False)
     state: str = "waiting"
     progress: tuple[int, int, str] = (0, 0, "")
     failure: dict[str, Any] | None = None
+    note: str = ""
     process: subprocess.Popen[str] | None = field(default=None, repr=False)
     finished: threading.Event = field(default_factory=threading.Event, repr=False)
+    lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
+
+    @property
+    def scratch(self) -> Path:
+        """What its child unpacks, and no other's."""
+        return self.folder / f"scratch-{self.id}"
 
     @property
     def told(self) -> dict[str, Any]:
@@ -49,16 +58,16 @@ class Job:
             "state": self.state,
             "progress": {"done": done, "total": total, "text": text},
             "failure": self.failure,
+            "note": self.note,
         }
 
 
-def started(folder: Path) -> subprocess.Popen[str]:
+def started(job: Job) -> subprocess.Popen[str]:
     """A new interpreter, which takes no module from the folder that it happens to stand in."""
     own = str(Path(pipeline.__file__).parents[1])
     known = [own, *filter(None, [os.environ.get("PYTHONPATH")])]
-    scratch = folder / SCRATCH
-    scratch.mkdir(exist_ok=True)
-    with (folder / "log.txt").open("ab") as log:
+    job.scratch.mkdir()
+    with (job.folder / "log.txt").open("ab") as log:
         return subprocess.Popen(
             [sys.executable, "-P", "-m", "pipeline.web.child"],
             stdin=subprocess.PIPE,
@@ -68,7 +77,7 @@ def started(folder: Path) -> subprocess.Popen[str]:
             encoding="utf-8",
             errors="replace",
             start_new_session=True,  # Ctrl-C is the server's to answer
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(known), "TMPDIR": str(scratch)},
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(known), "TMPDIR": str(job.scratch)},
         )
 
 
@@ -83,8 +92,6 @@ def send(stream: IO[str], text: str) -> None:
 
 def hear(job: Job, line: str) -> None:
     """Take in one line of the child: where it stands, or how it ended."""
-    if job.state in FINISHED:
-        return
     try:
         (kind, said), *_ = json.loads(line).items()
     except (ValueError, AttributeError):
@@ -92,15 +99,24 @@ def hear(job: Job, line: str) -> None:
     if kind == "progress":
         job.progress = tuple(said)
     elif kind == "failure":
-        job.failure, job.state = said, "failed"
+        end(job, "failed", said)
     elif kind in SHOWN:
-        job.state = kind
+        with job.lock:
+            job.state = job.state if job.state in FINISHED else kind
+
+
+def end(job: Job, state: str, failure: dict[str, Any] | None = None) -> None:
+    """End the job, unless it has ended; one whose results are there is done without its points."""
+    with job.lock:
+        if job.state == "ready":
+            job.note, job.state = (failure or {}).get("text", ""), "done"
+        elif job.state not in FINISHED:
+            job.failure, job.state = failure, state
 
 
 def fail(job: Job, text: str) -> None:
-    """End the job for a reason, unless it has ended already."""
-    if job.state not in FINISHED:
-        job.failure, job.state = {"text": text}, "failed"
+    """End the job for a reason."""
+    end(job, "failed", {"text": text})
 
 
 def kill(job: Job) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -51,19 +53,19 @@ def add_jobs(app: Flask, state: State) -> None:
     def measure() -> Response:
         given = _given()
         options = choices.checked(given.get("options", {}))
-        source, plan = _source(state, given)
-        kind = options.pop("read_as", None) or kind_of_file(source)
-        plan["kind"] = "five-point" if kind == "five-point" and source.is_file() else "capture"
-        plan["options"] = options
-        return jsonify(state.jobs.start("measure", plan["source"], plan).told)
+        with _source(state, given) as (source, plan):
+            kind = options.pop("read_as", None) or kind_of_file(source)
+            plan["kind"] = "five-point" if kind == "five-point" and source.is_file() else "capture"
+            plan["options"] = options
+            return jsonify(state.jobs.start("measure", plan["source"], plan).told)
 
     @app.post("/api/compare")
     def compare() -> Response:
         given = _given()
-        both = [state.jobs.shown(str(given.get(key))) for key in ("first", "second")]
+        both = tuple(state.jobs.shown(str(given.get(key))) for key in ("first", "second"))
         plan = {"folders": [str(job.folder) for job in both], "names": [job.name for job in both],
                 "language": language()}  # fmt: skip
-        return jsonify(state.jobs.start("compare", ", ".join(plan["names"]), plan).told)
+        return jsonify(state.jobs.start("compare", ", ".join(plan["names"]), plan, both).told)
 
     @app.get("/api/jobs")
     def measured() -> Response:
@@ -107,17 +109,24 @@ def add_jobs(app: Flask, state: State) -> None:
         return jsonify(saved=save(path, place))
 
 
-def _source(state: State, given: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
+@contextmanager
+def _source(state: State, given: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
     """What is to be measured, and how its process is to find it."""
     if "upload" in given:
-        upload = state.uploads.take(str(given["upload"]))
-        source, base = upload.source, upload.source.parent
-        owned = {"owned": str(upload.folder.parent)}
+        with state.uploads.taken(str(given["upload"])) as upload:
+            source = upload.source
+            yield source, _plan(source, source.parent) | {"owned": str(upload.folder.parent)}
     else:
         root = _whole_number(given.get("root"))
         source = state.folders.existing(root, str(given.get("path", "")))
-        base, owned = state.folders.roots[root], {}
-    return source, {"base": str(base), "source": source.relative_to(base).as_posix(), **owned}
+        yield source, _plan(source, state.folders.roots[root])
+
+
+def _plan(source: Path, allowed: Path) -> dict[str, Any]:
+    """base: the folder to stand in, from where the source has a name."""
+    base = allowed.parent if source == allowed else allowed
+    named = source.relative_to(base).as_posix()
+    return {"base": str(base), "allowed": str(allowed), "source": named}
 
 
 def _given() -> dict[str, Any]:

@@ -30,9 +30,10 @@ def report_file(
     if path.is_file():
         return path
     plan = {"format": kind, "language": language, "axis": axis, "style": style, "file": name}
-    made = jobs.start("report", name, plan, job.folder)
+    made = jobs.start("report", name, plan, uses=(job,))
     made.finished.wait(REPORT_SECONDS)
     if made.state != "done":
+        jobs.cancel(made)
         told = made.failure or {"text": "the report could not be made in time: try again"}
         raise RefusedError(500, told["text"])
     return path

@@ -18,7 +18,6 @@ from dataclasses import dataclass, field
 
 from pipeline.errors import WheelplaneError
 
-COOKIE = "wheelplane"
 KEY_HEADER = "X-Wheelplane-Key"
 SAFE_METHODS = ("GET", "HEAD")
 OPEN_PATHS = ("/", "/static/", "/viewer.js")  # they show nothing of the user's
@@ -67,6 +66,11 @@ class Guard:
     session: str = field(default_factory=lambda: secrets.token_urlsafe(32))
     key: str = field(default_factory=lambda: secrets.token_urlsafe(32))
 
+    @property
+    def cookie(self) -> str:
+        """The name of the session's cookie; a browser tells the ports of a host not apart."""
+        return f"wheelplane-{self.port}"
+
     def check(self, method: str, path: str, headers: Mapping[str, str], cookie: str) -> None:
         """Raise RefusedError for a request that is not of our own page."""
         self._check_host(headers.get("Host", ""))
@@ -102,11 +106,17 @@ class Guard:
 
 def guard_for(host: str, port: int) -> Guard:
     """The guard of a server bound to `host`: with a token unless that is loopback."""
+    names = LOCAL_NAMES | {in_address(host).lower()}
     if is_loopback(host):
-        return Guard(port)
+        return Guard(port, names)
     own = socket.gethostname().lower()
-    names = LOCAL_NAMES | {host.lower(), own, f"{own.partition('.')[0]}.local"}
+    names |= {own, f"{own.partition('.')[0]}.local"}
     return Guard(port, names, addresses=True, token=secrets.token_urlsafe(24))
+
+
+def in_address(host: str) -> str:
+    """The host as an address holds it: version 6 in brackets."""
+    return f"[{host}]" if ":" in host else host
 
 
 def is_loopback(host: str) -> bool:

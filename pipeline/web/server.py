@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.web.security import Guard, guard_for
+from pipeline.web.security import Guard, guard_for, in_address
 from pipeline.web.settings import Settings
 
 TRIED_PORTS = 20
@@ -77,6 +77,5 @@ def free_port(host: str, port: int) -> socket.socket:
 def address_of(host: str, guard: Guard) -> str:
     """What a browser is to open, with the token where one is asked for."""
     everywhere = host in ("0.0.0.0", "::")  # noqa: S104 - compared, not bound
-    name = socket.gethostname() if everywhere else host
-    name = f"[{name}]" if ":" in name else name
+    name = in_address(socket.gethostname() if everywhere else host)
     return f"http://{name}:{guard.port}/" + (f"?token={guard.token}" if guard.token else "")

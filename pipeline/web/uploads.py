@@ -6,6 +6,8 @@ import os
 import secrets
 import shutil
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
@@ -64,10 +66,10 @@ class Uploads:
 
     def add(self, name: str, file: str, stream: BinaryIO, declared: int | None) -> None:
         """Write one file whole, or leave nothing of it. Raises RefusedError."""
-        upload = self._found(name)
         parts = _checked(file)
         key = "/".join(parts).casefold()
         with self._lock:
+            upload = self._found(name)
             if declared is None:
                 raise RefusedError(411, f"{file[:100]}: its size is not told")
             if len(upload.names) >= self._settings.upload_files:
@@ -75,31 +77,43 @@ class Uploads:
                 raise RefusedError(413, f"more than {most} files: pack them into a zip")
             if key in upload.names:
                 raise RefusedError(409, f"{file[:100]}: a file of this name was sent already")
+            if upload.bytes + declared > self._settings.upload_bytes:
+                most = self._settings.upload_bytes
+                raise RefusedError(
+                    413,
+                    f"{file[:100]}: with it the upload is larger than {most / 1e9:.3g} GB: put the "
+                    "files into an allowed folder and open them there",
+                )
             upload.names.add(key)
             upload.bytes += declared
-        if upload.bytes > self._settings.upload_bytes:
-            most = self._settings.upload_bytes
-            raise RefusedError(
-                413,
-                f"{file[:100]}: with it the upload is larger than {most / 1e9:.3g} GB: put the "
-                "files into an allowed folder and open them there",
-            )
-        _write(upload.folder.joinpath(*parts), stream, declared, file)
+        try:
+            _write(upload.folder.joinpath(*parts), stream, declared, file)
+        except BaseException:
+            with self._lock:
+                upload.names.discard(key)
+                upload.bytes -= declared
+            raise
 
-    def take(self, name: str) -> Upload:
-        """A finished upload, which is the caller's from now on."""
-        upload = self._found(name)
-        if not upload.names:
-            raise RefusedError(400, "the upload holds no file")
+    @contextmanager
+    def taken(self, name: str) -> Iterator[Upload]:
+        """A finished upload, which is the caller's from now on; where that fails, it stays here."""
         with self._lock:
-            self._open.pop(name, None)
-        return upload
+            upload = self._found(name)
+            if not upload.names:
+                raise RefusedError(400, "the upload holds no file")
+            del self._open[name]
+        try:
+            yield upload
+        except BaseException:
+            with self._lock:
+                self._open[name] = upload
+            raise
 
     def _found(self, name: str) -> Upload:
-        with self._lock:
-            if name not in self._open:
-                raise RefusedError(404, "there is no such upload: send the files again")
-            return self._open[name]
+        """The upload of that name; to be asked for with the lock held."""
+        if name not in self._open:
+            raise RefusedError(404, "there is no such upload: send the files again")
+        return self._open[name]
 
 
 def _checked(file: str) -> tuple[str, ...]:

@@ -42,8 +42,13 @@ export function select(name, label, options, value, onchange) {
   return el("label", {}, label, made);
 }
 
-/** An error that the server told, or that it no longer answers. */
-export class Told extends Error {}
+/** An error that the server told, with its status, or that it no longer answers. */
+export class Told extends Error {
+  constructor(text, status = 0) {
+    super(text);
+    this.status = status;
+  }
+}
 
 export async function ask(path, { method = "GET", body } = {}) {
   let answer;
@@ -54,7 +59,7 @@ export async function ask(path, { method = "GET", body } = {}) {
     throw new Told(t("lost"));
   }
   if (answer.ok) return answer.headers.get("Content-Type").includes("json") ? answer.json() : answer.text();
-  throw new Told(await reason(answer.text(), answer.status));
+  throw new Told(await reason(answer.text(), answer.status), answer.status);
 }
 
 export const post = (path, body = {}) => ask(path, { method: "POST", body });

@@ -1,7 +1,9 @@
 // Step 1: what is dropped, chosen or browsed goes to the server and is measured.
-import { Told, ask, byId, el, follow, limits, pathOf, post, send, session, t } from "./base.js";
+import { Told, ask, byId, el, follow, limits, pathOf, pause, post, send, session, t } from "./base.js";
 import { Browser } from "./browser.js";
 
+const BUSY = 503; // as many wait as may
+const AGAIN_MS = 2000;
 const KNOWN = new RegExp(`\\.(${limits.suffixes.join("|")})$`, "i");
 
 export class Loader {
@@ -87,7 +89,8 @@ export class Loader {
     this.#busy(name);
     try {
       const options = Object.fromEntries(new FormData(byId("fields")));
-      this.job = await post("/api/measure", { ...source, options });
+      this.job = await this.#begin({ ...source, options });
+      byId("busy-name").textContent = this.job.name;
       if (this.cancelled) await this.#cancel();
       const ended = await follow(this.job, (job) => this.#tell(job), (state) => state !== "waiting" && state !== "running");
       if (ended.state === "failed") this.#fail(ended.failure);
@@ -96,6 +99,20 @@ export class Loader {
     } catch (error) {
       if (!(error instanceof Told)) throw error;
       this.#fail({ text: error.message });
+    }
+  }
+
+  /** Queue it, as soon as there is room. */
+  async #begin(given) {
+    for (;;) {
+      try {
+        return await post("/api/measure", given);
+      } catch (error) {
+        if (error.status !== BUSY) throw error;
+        this.#progress(null, t("waiting"));
+        await pause(AGAIN_MS);
+        if (this.cancelled) throw new Told(t("cancelled"));
+      }
     }
   }
 

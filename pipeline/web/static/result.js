@@ -114,11 +114,14 @@ export class Result {
     this.count.textContent = t("points_coming");
     const ended = await follow(this.job, () => {}, (state) => state !== "ready");
     if (stop.signal.aborted) return;
-    const count = ended.state === "done" && await streamPoints(`/api/jobs/${this.job.id}/points.bin`, viewer, stop.signal);
+    const count = ended.state === "done" && !ended.note && await streamPoints(`/api/jobs/${this.job.id}/points.bin`, viewer, stop.signal);
     if (stop.signal.aborted) return;
     if (count === 0 && few) viewer.addCloud(few);
     const shown = count || few?.count || 0;
-    this.count.textContent = shown ? t("points_shown", { count: shown.toLocaleString(language) }) : "";
+    this.count.textContent = [
+      shown ? t("points_shown", { count: shown.toLocaleString(language) }) : "",
+      ended.note ? t("points_missing", { reason: ended.note }) : "",
+    ].filter(Boolean).join(". ");
   }
 }
 

@@ -10,6 +10,7 @@ const sources = ["build.mjs", "package-lock.json", ...readdirSync("src").map((na
 const digest = createHash("sha256");
 for (const name of sources.sort()) digest.update(`${name}\0`).update(readFileSync(name)).update("\0");
 
+const licence = readFileSync("node_modules/three/LICENSE", "utf8").replaceAll("\u00a9", "(c)").trim();
 mkdirSync(OUT, { recursive: true });
 await build({
   entryPoints: ["src/viewer.js"],
@@ -21,6 +22,6 @@ await build({
   target: "es2022",
   charset: "ascii", // a page of any encoding may hold it
   legalComments: "inline",
-  banner: { js: `/* wheelplane viewer, sources sha256:${digest.digest("hex")}; three.js: see LICENSE-three.txt */` },
+  banner: { js: `/* wheelplane viewer, sources sha256:${digest.digest("hex")}\n\nthree.js, which is part of it:\n\n${licence}\n*/` },
 });
 copyFileSync("node_modules/three/LICENSE", `${OUT}LICENSE-three.txt`);

@@ -9,11 +9,11 @@ const STYLE = `
 .w3d canvas:focus-visible { outline: 3px solid #0b62c4; outline-offset: -3px; }
 .w3d-labels { position: absolute; inset: 0; overflow: hidden; pointer-events: none; }
 .w3d-labels[hidden] { display: none; }
-.w3d-label { position: absolute; left: 0; top: 0; padding: 3px 7px; border: 1px solid #9aa7b4; border-radius: 5px;
+.w3d-label { position: absolute; left: 0; top: 0; min-width: 26px; min-height: 26px; box-sizing: border-box; padding: 3px 7px; border: 1px solid #9aa7b4; border-radius: 5px;
   background: #ffffffd9; color: #16202a; font: inherit; text-align: left; white-space: nowrap;
   font-variant-numeric: tabular-nums; }
 .w3d-label[hidden] { display: none; }
-span.w3d-label { border: 0; background: #ffffffb0; padding: 0 4px; }
+span.w3d-label { border: 0; background: #ffffffb0; min-width: 0; min-height: 0; padding: 0 4px; }
 button.w3d-label { pointer-events: auto; cursor: pointer; }
 button.w3d-label:hover { background: #fff; border-color: #0b62c4; color: #16202a; }
 button.w3d-label[aria-pressed="true"] { background: #fff4d6; border-color: #8a5a00; box-shadow: 0 0 0 1px #8a5a00; color: #16202a; }

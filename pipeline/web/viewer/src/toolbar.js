@@ -9,6 +9,7 @@ export class Toolbar {
     const views = bar(root, "w3d-views", words.views);
     for (const view of VIEWS) views.append(button(words[view], () => viewer.look(view)));
     this.switches = bar(root, "w3d-layers", words.layers);
+    this.bars = [views, this.switches];
     for (const layer of layers) this.#addSwitch(layer);
   }
 

@@ -160,7 +160,7 @@ class Viewer {
     if (sketch) this.cloud.sketch(this.pilot.camera, now);
     const more = sketch || this.cloud.refine(this.pilot.camera, now);
     this.renderer.render(this.model.scene, this.pilot.camera);
-    this.labels.place(this.pilot.camera, this.root);
+    this.labels.place(this.pilot.camera, this.root, this.toolbar?.bars ?? []);
     if (more || this.stale) this.frame ??= requestAnimationFrame((t) => this.#draw(t));
     else this.cloud.rest();
   }
