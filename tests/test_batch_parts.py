@@ -16,7 +16,7 @@ from pipeline.batch.measured import PassingError, Subject, Verdict, measure_byte
 from pipeline.batch.scratch import PREFIX, scratch_folder
 from pipeline.batch.settings import Settings
 from pipeline.batch.shard import Shard, read_shard
-from pipeline.batch.stages import passing, stage_of
+from pipeline.batch.stages import STAGES, TOOLS, passing, stage_of
 from pipeline.batch.tasks import MOST_TOGETHER, Run, tasks_of
 from pipeline.batch.work import ArchiveError, Done, Request, Task
 from pipeline.capture import Told, open_capture
@@ -24,6 +24,7 @@ from pipeline.config import Config
 from pipeline.errors import InputError
 from pipeline.measure import measure_capture
 from tests.batches import five_points
+from tests.test_structure import LAYERS, graph, sources
 
 SINGLE = {
     "a.zip": "zip",
@@ -115,6 +116,8 @@ def test_what_is_no_shard_is_said(text):
         (r"(?P<d>\d\d)\.(?P<m>\d\d)\.(?P<y>\d{4})", "20.11.2026.zip", "2026-11-20"),
         (r"(\d{4}-\d\d-\d\d)", "2026-13-40", None),
         (r"(\d{4}-\d\d-\d\d)", "undated", None),
+        (r"(\d{4}-\d\d-\d\d)?", "undated", None),
+        (r"car(?P<y> \d{4})?(?P<m>-\d\d)?(?P<d>-\d\d)?", "car 2026", None),
     ],
 )
 def test_the_day_is_read_from_the_name(pattern, name, day):
@@ -167,6 +170,47 @@ def test_passing_faults_are_seen_through_their_consequences():
     assert passing(OSError(errno.EIO, "bad sector")) is None
     assert passing(OSError(errno.ENOSPC, "full")) is not None
     assert stage_of(InputError("never raised")) == "read"
+
+
+def test_every_module_that_measures_has_a_stage_or_is_a_tool_of_several():
+    layers = LAYERS[: LAYERS.index("report") + 1]
+    links = graph(sources("pipeline"))
+    used, todo = set(), {"pipeline.batch.measured"}
+    while todo:
+        used |= todo
+        todo = set().union(*(links[module] for module in todo)) - used
+    at_work = {module.split(".")[1] for module in used - {"pipeline"}} & set(layers)
+    assert len(at_work) > 60
+    named = " ".join([*STAGES.values(), TOOLS]).split()
+    assert len(set(named)) == len(named)
+    assert at_work <= set(named) <= set(layers)
+
+
+def raised_in(*modules: str) -> BaseException:
+    """A fault in the last of these modules, which called one another."""
+    call = None
+    for module in reversed(modules):
+        scope = {"__name__": f"pipeline.{module}", "inner": call}
+        exec("def call(): inner() if inner else 1 / 0", scope)
+        call = scope["call"]
+    with pytest.raises(ZeroDivisionError) as caught:
+        call()
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("modules", "stage"),
+    [
+        (("measure", "steering", "axle_frame"), "angles"),
+        (("measure", "toe_out"), "angles"),
+        (("measure", "face_map"), "plane"),
+        (("measure", "observe", "segment", "passes"), "segment"),
+        (("measure", "observe", "rim", "passes"), "centre"),
+        (("readers.ply",), "read"),
+    ],
+)
+def test_a_fault_is_of_the_stage_whose_code_or_tool_it_is_in(modules, stage):
+    assert stage_of(raised_in(*modules)) == stage
 
 
 def test_a_front_told_of_many_captures_passes_over_those_with_a_scan_a_wheel(tmp_path):

@@ -13,6 +13,8 @@ from contextlib import ExitStack
 
 import pytest
 
+from pipeline.batch.catalogue import FILE, rebuild
+from pipeline.batch.store import open_store
 from tests.batches import ROOT, archive_of, five_points, kill, left, poisoned, run, start, trees
 from tests.failing_proxy import FailingProxy
 
@@ -127,6 +129,19 @@ def test_object_storage_that_fails_now_and_then_gives_the_same(
     assert left(tmp_path / "results") == expected
     again = run("s3://cars/archive", "s3://cars/results", AWS_ENDPOINT_URL=storage)
     assert "21 captures: 21 done before, 0 to do" in again.stderr
+
+    # what was written went to segments as well, which spare a catalogue the reading
+    monkeypatch.setenv("AWS_ENDPOINT_URL", storage)
+    monkeypatch.setattr("pipeline.batch.segments.WORTH", 5)
+    results = open_store("s3://cars/results")
+    read, real = [], type(results).read
+    monkeypatch.setattr(
+        type(results), "read", lambda self, name: read.append(name) or real(self, name)
+    )
+    assert rebuild(results) == 21
+    assert [name for name in read if not name.startswith("segments/")] == []
+    assert 0 < len(read) < 21
+    assert real(results, FILE) == expected[FILE]
 
 
 def test_a_watched_folder_takes_what_is_complete_and_ends_with_ctrl_c(undisturbed, tmp_path):

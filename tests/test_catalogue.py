@@ -21,6 +21,7 @@ from pipeline.batch.catalogue import FILE, open_catalogue, rebuild, update
 from pipeline.batch.changes import GRAIN_NS
 from pipeline.batch.entry import PARTIAL, Entry
 from pipeline.batch.query import capture_of, captures, count, quantities_of, wheels_of
+from pipeline.batch.rows import read_record
 from pipeline.batch.segments import Segments
 from pipeline.batch.store import open_store
 from pipeline.errors import InputError
@@ -172,6 +173,7 @@ def test_results_moved_in_with_their_old_dates_are_found(store, tmp_path):
         (lambda data: data.replace(b'"key": "', b'"key": "0'), "it holds the result"),
         (lambda data: data.replace(b'"date": null', b'"date": "tomorrow"'), "not ISO 8601"),
         (lambda data: data.replace(b'"wheels": [', b'"wheels": [7, '), "wheel is no object"),
+        (lambda data: data.replace(b'"capture": "', b'"capture": "\\udceb'), "not Unicode"),
     ],
 )
 def test_a_damaged_json_is_reported_and_the_rest_is_there(store, spoil, reason):
@@ -373,9 +375,10 @@ def test_segments_spare_the_reading_and_change_nothing(remote, monkeypatch):  # 
     told = remote.read(FILE)
     collected = Segments(remote)
     for tree in trees[:11]:
-        collected.add(tree["batch"]["key"], text(tree))
-    collected.add(trees[12]["batch"]["key"], text(trees[12] | {"vehicle_name": "was another"}))
-    collected.add(key_of("gone"), text(result("gone")))
+        collected.add(read_record(tree["batch"]["key"], text(tree)))
+    was_another = text(trees[12] | {"vehicle_name": "was another"})
+    collected.add(read_record(trees[12]["batch"]["key"], was_another))
+    collected.add(read_record(key_of("gone"), text(result("gone"))))
     collected.flush()
     assert len(list(remote.list("segments/"))) == 4
     remote.write("segments/damaged.json.gz", b"junk")

@@ -8,11 +8,9 @@ will not do: one that is killed as it holds the lock stops them all (pebble 5.2 
 
 from __future__ import annotations
 
-import ctypes
 import faulthandler
 import multiprocessing
 import os
-import resource
 import shutil
 import signal
 import tempfile
@@ -24,9 +22,9 @@ from typing import Any, Literal
 
 from pipeline.batch.measured import PassingError
 from pipeline.batch.work import Done, Task, work
+from pipeline.readers.child_main import confine, die_with
 
 PRELOAD = ["pipeline.batch.work"]
-PR_SET_PDEATHSIG = 1
 TAIL_BYTES = 4000
 FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP)
 
@@ -115,14 +113,17 @@ class Child:
 
 def _serve(pipe: Connection, memory_bytes: int, folder: Path) -> None:
     """The child's side: one task after another, until the parent is gone."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    die_with(os.getppid())  # the fork server, which ends with the program
+    parent = multiprocessing.parent_process()
+    if parent is None or not parent.is_alive():
+        return
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
     said = os.open(folder / "said", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     for stream in (1, 2):
         os.dup2(said, stream)
     faulthandler.enable(said)
     tempfile.tempdir = os.environ["TMPDIR"] = str(folder)
-    _confine(memory_bytes)
+    confine(memory_bytes)
     while True:
         try:
             task = pipe.recv()
@@ -140,11 +141,3 @@ def _answer(task: Task) -> tuple[str, Any]:
         return "failed", type(error)(str(error))
     except Exception:
         return "failed", PassingError(traceback.format_exc())
-
-
-def _confine(memory_bytes: int) -> None:
-    """No core file, and so much memory beyond what is held by now."""
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    pages = int(Path("/proc/self/statm").read_text().split()[5])
-    most = pages * resource.getpagesize() + memory_bytes
-    resource.setrlimit(resource.RLIMIT_DATA, (most, most))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 PARTIAL = ".partial"  # what is being written stands below this folder, and is never listed
+NO_TEXT = re.compile("[\udc80-\udcff]")  # a byte that is no UTF-8, as Python holds it (PEP 383)
 
 
 @dataclass(frozen=True)
@@ -18,3 +20,8 @@ class Entry:
     name: str
     size: int
     stamp: str
+
+
+def legible(name: str, escape: str = "\\x") -> str:
+    r"""The name as results tell it: with \xeb for a byte that is no UTF-8."""
+    return NO_TEXT.sub(lambda found: f"{escape}{ord(found[0]) - 0xDC00:02x}", name)

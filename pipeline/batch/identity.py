@@ -13,11 +13,12 @@ from pathlib import Path
 from pipeline import __version__
 from pipeline.batch.discover import Found
 from pipeline.batch.entry import Entry
-from pipeline.batch.settings import SCHEMA, Settings, digest
+from pipeline.batch.settings import Settings, digest
 from pipeline.batch.store import Store
 from pipeline.capture_file import files_of, find_capture_file, read_capture_file
 from pipeline.digest import sha256
 from pipeline.errors import WheelplaneError
+from pipeline.report.json_report import SCHEMA
 
 RACY_NS = 2_000_000_000  # what was written this shortly before it is hashed may change unseen
 UNREADABLE = "unreadable"

@@ -9,9 +9,10 @@ from typing import Any
 
 from pipeline.batch.catalogue import Catalogue
 from pipeline.batch.query import ALL, FailureGroup, Filter, captures, condition
-from pipeline.batch.rows import REFERENCE_WHEELS, CaptureRow
+from pipeline.batch.rows import CaptureRow
 from pipeline.batch.schema import number_of
 from pipeline.batch.trends import Drift, Outlier, Summary
+from pipeline.reference_frame import REFERENCE_WHEELS
 from pipeline.report.layout import aligned, number
 from pipeline.report.view import PAPER, View
 
@@ -88,9 +89,10 @@ def _shown(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def totals(rows: dict[str, int]) -> str:
-    """How many captures, and how many of each status."""
+def totals(rows: dict[str, int], gone: int = 0) -> str:
+    """How many captures, how many of each status, and how many are no longer in the archive."""
     parts = ", ".join(f"{count:,} {status}" for status, count in rows.items())
+    parts += f", {gone:,} no longer in the archive" * (gone > 0)
     return f"{sum(rows.values()):,} captures" + (f": {parts}." if parts else ".")
 
 

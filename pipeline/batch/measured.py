@@ -13,7 +13,8 @@ from typing import Any
 
 from pipeline import __version__
 from pipeline.batch.discover import Kind
-from pipeline.batch.settings import SCHEMA, Settings
+from pipeline.batch.entry import legible
+from pipeline.batch.settings import Settings
 from pipeline.batch.stages import causes, passing, stage_of
 from pipeline.capture import open_capture
 from pipeline.config import with_scanner
@@ -21,7 +22,7 @@ from pipeline.errors import WheelplaneError
 from pipeline.five_point_file import read_five_point
 from pipeline.measure import measure_capture, measure_five_point
 from pipeline.measurement import Measurement
-from pipeline.report.json_report import to_tree
+from pipeline.report.json_report import SCHEMA, to_tree
 from pipeline.runout import all_turned
 
 
@@ -147,7 +148,7 @@ def _bytes(tree: dict[str, Any], subject: Subject) -> bytes:
     lines = [f'"{key}":{json.dumps(value, **form)}' for key, value in tree.items()]
     text = "{" + ",\n".join(lines) + "}\n"
     told = _without_paths(text, subject, lambda path: json.dumps(path, ensure_ascii=False)[1:-1])
-    return told.encode(errors="backslashreplace")
+    return legible(told, r"\\x").encode(errors="backslashreplace")
 
 
 def _without_paths(text: str, subject: Subject, written: Callable[[str], str] = str) -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from pipeline.batch.catalogue import Catalogue
+from pipeline.batch.history import read_gone
 from pipeline.batch.rows import CaptureRow, QuantityRow, WheelRow
 from pipeline.batch.schema import CAPTURE_COLUMNS, WHEEL_COLUMNS, number_of
 from pipeline.errors import InputError
@@ -32,7 +33,8 @@ class Filter:
     """Which captures: all that is given must hold.
 
     text: a part of the capture's name; vehicle: the whole of its name; since_day, until_day: days
-    since 1970-01-01, the first within, the last without; status: any of them.
+    since 1970-01-01, the first within, the last without; status: any of them; gone: whether they
+    were no longer in the archive at the last run.
     """
 
     text: str = ""
@@ -41,6 +43,7 @@ class Filter:
     until_day: float | None = None
     status: tuple[str, ...] = ()
     ranges: tuple[Range, ...] = ()
+    gone: bool | None = None
 
 
 ALL = Filter()
@@ -176,6 +179,9 @@ def condition(catalogue: Catalogue, which: Filter) -> tuple[str, list[object]]:
         add("c.day < ?", which.until_day)
     if which.status:
         add(f"c.status IN ({', '.join('?' * len(which.status))})", *which.status)
+    if which.gone is not None:
+        names = json.dumps(read_gone(catalogue.store))
+        add("(c.name IN (SELECT value FROM json_each(?))) = ?", names, which.gone)
     for span in which.ranges:
         terms.append(_within(catalogue, span, values))
     return f"WHERE {' AND '.join(terms)}" if terms else "", values

@@ -5,17 +5,20 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 import sqlite3
 import threading
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
-REFERENCE_WHEELS = ("RR", "RL", "FR", "FL")
+from pipeline.report.json_report import SCHEMA
+
 FRAME_KINDS = ("rear_track", "front_track", "wheelbase")
 UNITS = ("deg", "m")
-SCHEMA = "wheelplane/measurement/1"
+SURROGATE = re.compile("[\ud800-\udfff]")
 DAMAGED = "damaged"
+FAILED = ("failed", "quarantined", DAMAGED)
 SECTIONS = (
     "$.schema $.capture $.vehicle_name $.wheels $.frame $.vehicle $.batch $.provenance.version"
 )
@@ -203,6 +206,8 @@ def _text(tree: dict[str, Any], key: str) -> str:
     value = tree.get(key)
     if value is not None and not isinstance(value, str):
         raise _DamagedError(f"`{key}` is {value!r:.60}, not text")
+    if value and SURROGATE.search(value):
+        raise _DamagedError(f"`{key}` is {value!r:.60}, not Unicode")
     return value or ""
 
 

@@ -2,49 +2,23 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import Protocol
 
-from pipeline.batch.catalogue import open_catalogue, update
+from pipeline.batch.catalogue import update
 from pipeline.batch.discover import Captures, Found, discover
 from pipeline.batch.entry import Entry
-from pipeline.batch.gather import name_of
+from pipeline.batch.history import failures, holds_results, put_aside, write_gone
 from pipeline.batch.ledger import Ledger
+from pipeline.batch.segments import Segments
 from pipeline.batch.shard import ALL, Shard
 from pipeline.batch.store import Store, open_store
+from pipeline.batch.tally import Tally, Teller
 from pipeline.batch.tasks import Engine, Run, tasks_of
-from pipeline.batch.work import Done, Request
-from pipeline.errors import InputError
-
-
-class Teller(Protocol):
-    """Who is told how a run goes."""
-
-    def planned(self, known: int, todo: int) -> None:
-        """So many captures were done before, so many are to be done."""
-
-    def finished(self, done: Done) -> None:
-        """One more is done."""
-
-    def note(self, text: str) -> None:
-        """Something worth a line."""
-
-
-@dataclass
-class Tally:
-    """What a run found and did.
-
-    known: captures that were done before. done: those that were not, by what became of them.
-    passed_over: files that belong to no capture, by their suffix.
-    """
-
-    known: int = 0
-    done: Counter[str] = field(default_factory=Counter)
-    passed_over: Counter[str] = field(default_factory=Counter)
+from pipeline.batch.work import Request
+from pipeline.errors import InputError, WheelplaneError
 
 
 class Batch:
@@ -67,7 +41,15 @@ class Batch:
         mark = request.settings.mark
         self._ledger = Ledger(self._results, mark, self._archive, scratch / "ledger")
         self._ledger.load()
+        if request.retry:
+            self._ledger.doubt(failures(self._results))
+        self._segments = Segments(self._results)
         self._known = 0
+
+    @property
+    def holds_results(self) -> bool:
+        """Whether there is any result by now, of whichever run."""
+        return holds_results(self._results)
 
     def run(self, limit: int | None = None) -> Tally:
         """Measure what is new or changed, at most `limit` captures, and renew the catalogue.
@@ -84,14 +66,13 @@ class Batch:
                 f"{self.request.archive}: holds no captures, but {seen}: name the folder above them"
             )
         self._teller.planned(self.tally.known, todo if limit is None else min(todo, limit))
-        try:
+        with self.renewing():
             self.measure(islice(self.new(captures), limit))
-        finally:
-            self.renew()
         return self.tally
 
     def look(self) -> Captures:
         """The captures that are in the archive now."""
+        self._ledger.look_again()
         found = discover(self._entries(), self._scratch / "captures", self.request.archive)
         self.tally.passed_over = found.passed_over
         return found
@@ -100,14 +81,18 @@ class Batch:
         """Those of this shard that are new or changed, as far as is known without reading them."""
         self._known = 0
         for found in captures:
+            self._ledger.note(found)
             if not self.shard.holds(found.name):
                 continue
-            key = self._ledger.key_of(found)
-            if key is None:
-                yield found
-            else:
+            if self._ledger.is_done(found):
                 self._known += 1
-                self._ledger.keep(found.name, key)
+            else:
+                yield found
+        self.tally.gone = self._ledger.gone()
+
+    def state(self, found: Found) -> str:
+        """A text that changes with the files of a capture, also those that it names elsewhere."""
+        return self._ledger.state(found)
 
     def measure(self, captures: Iterable[Found]) -> None:
         """Measure captures and write down what becomes of them."""
@@ -116,25 +101,41 @@ class Batch:
         try:
             for done in run.outcomes():
                 self._ledger.add(done)
+                if done.record is not None:
+                    self._segments.add(done.record)
                 self.tally.done[done.verdict.status] += 1
                 self._teller.finished(done)
         except BaseException:
             self._engine.close()
             raise
 
-    def renew(self) -> None:
-        """Write down what is known by now; unless it is of a shard, renew the catalogue by it."""
+    @contextmanager
+    def renewing(self) -> Iterator[None]:
+        """Renew at the end, however it comes; a fault in that never hides what brought it."""
+        try:
+            yield
+        except BaseException:
+            try:
+                self.renew(at_end=True)
+            except WheelplaneError as error:
+                self._teller.note(str(error))
+            raise
+        self.renew(at_end=True)
+
+    def renew(self, at_end: bool = False) -> None:
+        """Write down what is known by now, put aside what is outdated, renew the catalogue.
+
+        Of a shard the catalogue is left to whoever reads it, since it is of all shards.
+        """
         self._ledger.flush()
-        if self.shard.n > 1:
-            return
-        update(self._results)
-        with open_catalogue(self.request.results) as catalogue:
-            rows = catalogue.connection.execute("SELECT key, name FROM captures")
-            outdated = self._ledger.outdated(rows)
-        for key in outdated:
-            self._results.write(f"superseded/{key}.json", self._results.read(name_of(key)))
-            self._results.remove(name_of(key))
-        if outdated:
+        if at_end:
+            self._segments.flush()
+        for key in self._ledger.outdated():
+            put_aside(self._results, key)
+            self._ledger.forget(key)
+        if self.tally.gone is not None:
+            write_gone(self._results, self.tally.gone)
+        if self.shard.n == 1:
             update(self._results)
 
     def _entries(self) -> Iterator[Entry]:
@@ -146,16 +147,6 @@ class Batch:
 
     def _probe(self) -> None:
         next(iter(self._archive.list()), None)
-
-
-def forget_failures(results: Store) -> None:
-    """Take away the results of what failed, so that it is measured again."""
-    with open_catalogue(results.url) as catalogue:
-        rows = catalogue.connection.execute(
-            "SELECT key FROM captures WHERE status IN ('failed', 'quarantined', 'damaged')"
-        ).fetchall()
-    for (key,) in rows:
-        results.remove(name_of(key))
 
 
 def _within(archive: Store, results: Store) -> str | None:

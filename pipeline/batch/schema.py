@@ -11,8 +11,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import astuple, fields
 from pathlib import Path
 
-from pipeline.batch.rows import REFERENCE_WHEELS, CaptureRow, Record, WheelRow
+from pipeline.batch.rows import CaptureRow, Record, WheelRow
 from pipeline.errors import InputError
+from pipeline.reference_frame import REFERENCE_WHEELS
 
 APPLICATION = 0x77706C02  # "wpl" and a number to raise with every change of the tables
 KEY_DIGITS = 15  # of the key make the row's number: 60 bits, in the order of the keys

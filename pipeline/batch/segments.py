@@ -9,17 +9,19 @@ from __future__ import annotations
 import gzip
 import hashlib
 import json
+import time
 from collections.abc import Iterator
 from dataclasses import astuple
 
 from pipeline.batch.changes import Changes, Sameness
 from pipeline.batch.gather import Progress, gather
-from pipeline.batch.rows import CaptureRow, QuantityRow, Record, WheelRow, read_record
+from pipeline.batch.rows import CaptureRow, QuantityRow, Record, WheelRow
 from pipeline.batch.schema import APPLICATION
 from pipeline.batch.store import Store
 
 FOLDER = "segments/"
 RESULTS = 1000  # in a segment: 1.3 MB
+FLUSH_S = 300.0  # after which fewer are written
 WORTH = 100  # results to read, from which on segments are asked first
 
 
@@ -29,17 +31,17 @@ class Segments:
     def __init__(self, store: Store) -> None:
         self._store = store
         self._lines: list[str] = []
+        self._flushed_s = time.monotonic()
 
-    def add(self, key: str, data: bytes) -> None:
-        """Take the JSON `data` that was written under `key`."""
-        record = read_record(key, data)
+    def add(self, record: Record) -> None:
+        """Take the record of a result that was written."""
         rows = [
             astuple(record.capture),
             [astuple(w) for w in record.wheels],
             [astuple(q) for q in record.quantities],
         ]
         self._lines.append(json.dumps(rows, separators=(",", ":")))
-        if len(self._lines) >= RESULTS:
+        if len(self._lines) >= RESULTS or time.monotonic() > self._flushed_s + FLUSH_S:
             self.flush()
 
     def flush(self) -> None:
@@ -50,6 +52,7 @@ class Segments:
             name = hashlib.sha256(data).hexdigest()[:32]
             self._store.write_new(f"{FOLDER}{name}.json.gz", data)
             self._lines.clear()
+        self._flushed_s = time.monotonic()
 
 
 def gathered(store: Store, changes: Changes, progress: Progress) -> Iterator[Record]:

@@ -16,9 +16,9 @@ from pipeline.config import Config
 from pipeline.errors import InputError
 from pipeline.five_point_file import AngleUnit, Azimuth, Coordinates
 from pipeline.point_causes import Station
+from pipeline.report.json_report import SCHEMA
 from pipeline.targets import Target
 
-SCHEMA = "wheelplane/measurement/1"
 DEFAULT, OF_CLOUDS = Config(), Told(of_clouds=True)
 
 
@@ -83,7 +83,7 @@ class Settings:
             return None
         named = found.groupdict()
         parts = [named[k] for k in "ymd"] if named else [found[found.re.groups and 1]]
-        return iso_date("-".join(parts))
+        return None if None in parts else iso_date("-".join(parts))
 
 
 def iso_date(text: str) -> str | None:

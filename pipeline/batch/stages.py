@@ -8,17 +8,27 @@ import traceback
 from pipeline.errors import NotMeasuredError
 
 STAGES = {
-    "discover": "capture capture_file capture_folder capture_names capture_entries capture_target",
-    "read": "archive readers digest plausible survey five_point_file",
-    "segment": "segment local_planes candidates hypotheses patch planes faces cloud_faces",
-    "plane": "fit_plane trimmed trimmed_plane five_point",
-    "centre": "locate_centre outline rim rim_start centres circle face_outline edge_centre pattern "
-    "features feature_places pattern_pose plate_places",
-    "identify": "identify_wheels observe observe_cloud axles upright front",
+    "discover": "capture capture_file capture_folder capture_names capture_entries capture_target "
+    "scan_entry",
+    "read": "archive readers digest plausible five_point_file",
+    "segment": "segment local_planes candidates hypotheses patch faces cloud_faces surfels raster",
+    "plane": "fit_plane trimmed trimmed_plane slab_sums correlation face_map five_point "
+    "point_causes",
+    "centre": "locate_centre outline rim rim_start rim_beams rim_background rim_equations centres "
+    "face_outline face_turn face_view face_image edge_centre edge_profile pattern features "
+    "feature_places pattern_pose plate_places",
+    "identify": "identify_wheels observe observe_cloud observe_capture axles upright front",
     "frame": "reference_frame align",
-    "angles": "angles uncertainty jacobian repeats turned steering runout report",
+    "angles": "angles uncertainty jacobian repeats turned steering runout report one_axis "
+    "axle_frame toe_out vehicle definitions quantities stated_causes other_formulas monte_carlo "
+    "judge conformity measure",
 }
 STAGE_OF = {module: stage for stage, modules in STAGES.items() for module in modules.split()}
+# Tools of several stages: what goes wrong in them is of the stage that called them.
+TOOLS = (
+    "errors units blocks kernels compiled passes cloud_sample cubes distributions first_order "
+    "ransac config plates printed targets tolerance causes measurement"
+)
 # Of the machine, not of the capture: elsewhere, or a little later, it may well be measured.
 PASSING = {
     errno.ENOSPC,

@@ -5,25 +5,33 @@ from __future__ import annotations
 from collections import Counter
 
 from pipeline.batch.catalogue import Catalogue
-from pipeline.batch.query import Filter, count, failures
-from pipeline.batch.run import Tally
+from pipeline.batch.query import STATUSES, Filter, count, failures
+from pipeline.batch.shard import ALL, Shard
+from pipeline.batch.tally import Tally
 
-STATUSES = ("ok", "part", "failed", "quarantined", "damaged")
 WORST, REASON_LENGTH = 5, 140
 
 
-def summary(tally: Tally, catalogue: Catalogue | None, results: str) -> tuple[str, bool]:
+def summary(
+    tally: Tally, catalogue: Catalogue | None, results: str, shard: Shard = ALL
+) -> tuple[str, bool]:
     """The text, and whether all captures were measured whole.
 
-    catalogue: None for a shard, whose results are not all there is.
+    catalogue: None for a shard, whose results are not all there is, and where there are none.
     """
     fresh = _counts(tally.done) or "nothing new"
     lines = [f"{tally.known} done before; now: {fresh}"]
     if tally.passed_over:
         files = ", ".join(f"{n} {suffix or 'no suffix'}" for suffix, n in tally.passed_over.items())
         lines.append(f"passed over, being no captures: {files}")
+    if tally.gone:
+        lines.append(
+            f"{len(tally.gone)} no longer in the archive; their results stay: "
+            f"wheelplane results {results} --gone"
+        )
     if catalogue is None:
-        lines.append(f"when all shards are done: wheelplane results {results}")
+        if shard.n > 1:
+            lines.append(f"when all shards are done: wheelplane results {results}")
         return "\n".join(lines), not any(tally.done[status] for status in STATUSES[1:])
     held = Counter({s: count(catalogue, Filter(status=(s,))) for s in STATUSES})
     lines += ["", f"results in {results}: {_counts(held)}"]

@@ -20,10 +20,8 @@ def watch(batch: Batch, folder: Path, settle_s: float) -> None:
     One that lacks a scan that it names, or whose zip has no end, waits. Ends with
     KeyboardInterrupt only; the catalogue is renewed whenever something was measured.
     """
-    try:
+    with batch.renewing():
         _watch(batch, folder, settle_s)
-    finally:
-        batch.renew()
 
 
 def _watch(batch: Batch, folder: Path, settle_s: float) -> None:
@@ -32,7 +30,7 @@ def _watch(batch: Batch, folder: Path, settle_s: float) -> None:
     while True:
         before, waiting, ready = waiting, {}, []
         for found in batch.new(batch.look()):
-            mark, now_s = found.fingerprint, time.monotonic()
+            mark, now_s = batch.state(found), time.monotonic()
             if taken.get(found.name) == mark:
                 continue
             known, since_s = before.get(found.name, (mark, now_s))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 from pipeline import __version__
 from pipeline.batch.discover import Found
-from pipeline.batch.entry import Entry
+from pipeline.batch.entry import Entry, legible
 from pipeline.batch.gather import name_of
 from pipeline.batch.identity import Identity, at_hand, identify, unchanged, unreadable
 from pipeline.batch.measured import (
@@ -21,6 +21,7 @@ from pipeline.batch.measured import (
     failed,
     measure_bytes,
 )
+from pipeline.batch.rows import FAILED, Record, read_record
 from pipeline.batch.settings import Settings
 from pipeline.batch.store import Store, open_store
 from pipeline.errors import WheelplaneError
@@ -31,12 +32,16 @@ THERE = Verdict("there")
 
 @dataclass(frozen=True)
 class Request:
-    """What all tasks of a run share. archive, results: URLs, or absolute paths."""
+    """What all tasks of a run share.
+
+    archive, results: URLs, or absolute paths. retry: what failed before is measured again.
+    """
 
     archive: str
     results: str
     settings: Settings
     version: str = __version__
+    retry: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,7 @@ class Done:
     """What became of one capture; the status "there" is of one that was done before.
 
     fingerprint: of its files as they were listed, where it is enough to know the capture again.
+    record: of a new result in object storage, from which it is costly to read.
     """
 
     name: str
@@ -70,6 +76,7 @@ class Done:
     verdict: Verdict
     fingerprint: str | None
     elsewhere: tuple[Entry, ...]
+    record: Record | None = None
 
 
 def work(task: Task) -> list[Done]:
@@ -94,13 +101,17 @@ def _one(found: Found, task: Task, results: Store) -> tuple[Done, Future[None] |
     """What became of a capture, and the writing of it where that is new."""
     with ExitStack() as stack:
         archive, known, source = _known(found, task, stack)
-        if results.exists(name_of(known.key)):
+        there = results.exists(name_of(known.key))
+        if there and not (task.request.retry and _failed_before(results, known.key)):
             return _done(found, known, THERE), None
         result = _result(found, known, source, task)
         if not task.blind and not unchanged(archive, known):
             raise PassingError(f"{found.name}: it was changed while it was measured")
-    writing = _writers().submit(_write, results, known.key, result)
-    return _done(found, known, result.verdict), writing
+    writing = _writers().submit(_write, results, known.key, result, there)
+    done = _done(found, known, result.verdict)
+    if results.local is None:
+        done = replace(done, record=read_record(known.key, result.data))
+    return done, writing
 
 
 def _known(found: Found, task: Task, stack: ExitStack) -> tuple[Store, Identity, Path]:
@@ -117,7 +128,8 @@ def _known(found: Found, task: Task, stack: ExitStack) -> tuple[Store, Identity,
 
 def _result(found: Found, known: Identity, source: Path, task: Task) -> Result:
     settings = task.request.settings
-    subject = Subject(source, found.name, found.kind, settings, known.key, known.inputs)
+    name = legible(found.name)
+    subject = Subject(source, name, found.kind, settings, known.key, known.inputs)
     if task.verdict is not None:
         return failed(subject, task.verdict, "\n".join(task.attempts) + "\n")
     return measure_bytes(subject)
@@ -128,11 +140,24 @@ def _done(found: Found, known: Identity, verdict: Verdict) -> Done:
     return Done(found.name, known.key, verdict, fingerprint, known.elsewhere)
 
 
-def _write(results: Store, key: str, result: Result) -> None:
-    """The log of a failure, then the result, which tells that it was done."""
+def _failed_before(results: Store, key: str) -> bool:
+    return read_record(key, results.read(name_of(key))).capture.status in FAILED
+
+
+def _write(results: Store, key: str, result: Result, anew: bool) -> None:
+    """The log of a failure, then the result, which tells that it was done.
+
+    anew: in place of the result of a failure, whose log goes with it.
+    """
+    log = f"logs/{key}.log"
     if result.log:
-        results.write(f"logs/{key}.log", result.log.encode(errors="replace"))
-    results.write_new(name_of(key), result.data)
+        results.write(log, result.log.encode(errors="replace"))
+    if not anew:
+        results.write_new(name_of(key), result.data)
+        return
+    results.write(name_of(key), result.data)
+    if not result.log:
+        results.remove(log)
 
 
 @lru_cache(maxsize=1)

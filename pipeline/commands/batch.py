@@ -6,20 +6,10 @@ import signal
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.batch.begun import begin, differences
-from pipeline.batch.catalogue import open_catalogue
-from pipeline.batch.progress import teller
-from pipeline.batch.run import Batch, forget_failures
-from pipeline.batch.scratch import scratch_folder
-from pipeline.batch.shard import ALL, read_shard
-from pipeline.batch.store import Store, open_store
-from pipeline.batch.summary import summary
-from pipeline.batch.watch import watch as watch_folder
-from pipeline.batch.work import Request
 from pipeline.commands.batch_options import (
     absolute,
     make_engine,
@@ -28,6 +18,9 @@ from pipeline.commands.batch_options import (
     work_options,
 )
 from pipeline.errors import InputError
+
+if TYPE_CHECKING:
+    from pipeline.batch.work import Request
 
 MOST_SHOWN = 3
 
@@ -65,11 +58,19 @@ def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
 
     Exits with 1 when a capture failed, or was measured in part.
     """
-    request = Request(absolute(archive), absolute(results), read_settings(options))
+    from pipeline.batch.catalogue import open_catalogue
+    from pipeline.batch.progress import teller
+    from pipeline.batch.run import Batch
+    from pipeline.batch.scratch import scratch_folder
+    from pipeline.batch.shard import ALL, read_shard
+    from pipeline.batch.summary import summary
+    from pipeline.batch.watch import watch
+    from pipeline.batch.work import Request
+
+    places = absolute(archive), absolute(results)
+    request = Request(*places, read_settings(options), retry=options["retry"])
     shard = read_shard(options["shard"]) if options["shard"] else ALL
-    store = _begun(request, resume, watch=options["watch"])
-    if options["retry"]:
-        forget_failures(store)
+    _begin(request, resume, watch=options["watch"])
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     interrupted = False
     with ExitStack() as stack:
@@ -80,22 +81,27 @@ def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
         work = Batch(request, engine, scratch, tell, shard)
         try:
             if options["watch"]:
-                watch_folder(work, Path(request.archive), options["settle"])
+                watch(work, Path(request.archive), options["settle"])
             else:
                 work.run(options["limit"])
         except KeyboardInterrupt:
             interrupted = not options["watch"]
     with ExitStack() as stack:
-        whole = None if shard.n > 1 else stack.enter_context(open_catalogue(request.results))
-        text, fine = summary(work.tally, whole, results)
+        whole = None
+        if shard.n == 1 and work.holds_results:
+            whole = stack.enter_context(open_catalogue(request.results))
+        text, fine = summary(work.tally, whole, results, shard)
     click.echo(text)
     if interrupted:
         raise InputError("interrupted: the same command goes on where it was stopped")
     return 0 if fine else 1
 
 
-def _begun(request: Request, resume: bool, watch: bool) -> Store:
-    """The store of the results, which were begun by an equal request, or are from now on."""
+def _begin(request: Request, resume: bool, watch: bool) -> None:
+    """See that the results were begun by an equal request, or begin them."""
+    from pipeline.batch.begun import begin, differences
+    from pipeline.batch.store import open_store
+
     archive, results = open_store(request.archive), open_store(request.results)
     if archive.local is not None and not archive.local.is_dir():
         raise InputError(f"{request.archive}: no such folder: check the path")
@@ -113,4 +119,3 @@ def _begun(request: Request, resume: bool, watch: bool) -> Store:
             raise InputError(f"{fact}: --resume measures all anew; or name another place")
         click.confirm(f"{fact}\nMeasure all captures anew?", abort=True)
     begin(results, request)
-    return results

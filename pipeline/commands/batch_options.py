@@ -7,14 +7,10 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import click
 
-from pipeline.batch.cluster import Cluster
-from pipeline.batch.settings import Settings, check_date_pattern
-from pipeline.batch.tasks import Engine
-from pipeline.batch.workers import Limits, Workers, processors
 from pipeline.commands.station import read_station
 from pipeline.commands.whole import told, whole_vehicle_options
 from pipeline.config import load_config, with_scanner
@@ -22,6 +18,10 @@ from pipeline.errors import InputError
 from pipeline.five_point_file import AngleUnit, Azimuth, Coordinates
 from pipeline.targets import load_target
 from pipeline.units import LENGTH_UNITS
+
+if TYPE_CHECKING:
+    from pipeline.batch.settings import Settings
+    from pipeline.batch.tasks import Engine
 
 MEMORY = re.compile(r"(\d+(?:\.\d+)?)([KMGT])(?:i?B)?", re.IGNORECASE)
 
@@ -85,6 +85,8 @@ def work_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def read_settings(options: dict[str, Any]) -> Settings:
     """How to measure. Raises InputError or ConfigError that names the option."""
+    from pipeline.batch.settings import Settings, check_date_pattern
+
     spherical = options["coordinates"] == "spherical"
     if spherical != (options["angle_unit"] is not None):
         raise InputError("--coordinates spherical and --angle-unit go together: give both")
@@ -108,6 +110,9 @@ def read_settings(options: dict[str, Any]) -> Settings:
 
 def make_engine(options: dict[str, Any], scratch: Path) -> Engine:
     """Who does the work. Raises InputError that names the option."""
+    from pipeline.batch.cluster import Cluster
+    from pipeline.batch.workers import Limits, Workers, processors
+
     limits = Limits(options["timeout"], _bytes(options["memory"]))
     if options["scheduler"] is None:
         return Workers(options["workers"] or processors(), limits, scratch)

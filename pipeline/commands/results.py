@@ -6,7 +6,7 @@ import csv
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from pipeline.batch.query import (
     Filter,
     Range,
     captures,
+    count,
     failures,
     known_quantity,
     quantities_of,
@@ -74,6 +75,11 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
 @click.option("--until", metavar="DATE", help="Captures of this day or earlier.")
 @click.option("--status", multiple=True, type=click.Choice(STATUSES), help="May be repeated.")
 @click.option(
+    "--gone/--no-gone",
+    default=None,
+    help="Captures that were no longer, or still, in the archive at the last run of `batch`.",
+)
+@click.option(
     "--where",
     "spans",
     multiple=True,
@@ -114,6 +120,7 @@ def results(
     since: str | None,
     until: str | None,
     status: tuple[str, ...],
+    gone: bool | None,
     spans: tuple[tuple[str, str], ...],
     mode: str | None,
     worst: int | None,
@@ -137,6 +144,7 @@ def results(
         None if until is None else _day("--until", until, True),
         status,
         tuple(_range(*span) for span in spans),
+        gone,
     )
     asked = Asked(which, quantities or None, View(angles=angles), limit, as_json)
     files = {"csv": csv_file, "xlsx": xlsx_file, "parquet": parquet_file}
@@ -173,7 +181,8 @@ def _tell(catalogue: Catalogue, asked: Asked, mode: str | None, worst: int | Non
         for line in listing.capture_table(catalogue, which, view, asked.limit):
             click.echo(line)
         click.echo(f"\n{listing.SIGNS} {listing.K1}, the largest of the capture's angles.")
-        click.echo(listing.totals(listing.by_status(catalogue, which)))
+        gone = 0 if which.gone is False else count(catalogue, replace(which, gone=True))
+        click.echo(listing.totals(listing.by_status(catalogue, which), gone))
 
 
 def _print(name: str, found: tuple[Any, ...], text: Callable[..., str], asked: Asked) -> None:
