@@ -357,6 +357,9 @@ def test_exit_codes_and_filters_of_the_command(results):
     assert [c["name"] for c in json.loads(span.stdout)["captures"]] == ["site/07"]
     nothing = run(results, "--vehicle", "none such")
     assert (nothing.returncode, nothing.stdout.splitlines()[-1]) == (0, "0 captures.")
+    asked = ["--summary", "--drift", "--failures"]
+    alone = [run(results, one).stdout for one in asked]
+    assert run(results, *asked).stdout == "\n".join(alone)
 
 
 @pytest.mark.parametrize(
@@ -367,7 +370,9 @@ def test_exit_codes_and_filters_of_the_command(results):
         (["--where", "RR toe", "2..1"], "write the range as MIN..MAX"),
         (["--where", "RR tow", "1.."], "try 'RR toe'"),
         (["--quantity", "x", "--drift"], "quantity 'x'"),
-        (["--summary", "--worst", "3"], "choose one"),
+        (["--summary", "--worst", "3", "--json"], "choose one"),
+        (["--sql", "SELECT 1", "--csv", "x.csv"], "stands alone"),
+        (["--sql", "SELECT 1", "--status", "ok"], "stands alone"),
         (["--worst", "0"], "--worst"),
         (["--sql", "DROP TABLE captures"], "only reading is allowed"),
         (["--csv", "/nowhere/at/all.csv"], "/nowhere/at/all.csv: cannot be written"),

@@ -46,10 +46,14 @@ def ask(catalogue: Catalogue, question: str) -> Answer:
 
 
 def _rows(cursor: sqlite3.Cursor) -> Iterator[tuple[object, ...]]:
-    try:
-        yield from cursor
-    except sqlite3.Error as error:
-        raise _refused(error) from error
+    while True:
+        try:
+            row = next(cursor, None)
+        except sqlite3.Error as error:
+            raise _refused(error) from error
+        if row is None:
+            return
+        yield row
 
 
 def _allowed(act: int, *_: str | None) -> int:

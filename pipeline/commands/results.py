@@ -16,6 +16,7 @@ import click
 from pipeline.batch import export, listing, trends
 from pipeline.batch.catalogue import Catalogue, open_catalogue, rebuild
 from pipeline.batch.query import (
+    ALL,
     STATUSES,
     Filter,
     Range,
@@ -88,9 +89,9 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     help="Captures whose 'RR toe', '1 camber', wheelbase ... lies there, in degrees or metres; "
     "either end may be left out. May be repeated.",
 )
-@click.option("--summary", "mode", flag_value="summary", help="Statistics of each quantity.")
-@click.option("--drift", "mode", flag_value="drift", help="Slope over time of each quantity.")
-@click.option("--failures", "mode", flag_value="failures", help="What was not measured, and why.")
+@click.option("--summary", is_flag=True, help="Statistics of each quantity.")
+@click.option("--drift", is_flag=True, help="Slope over time of each quantity.")
+@click.option("--failures", "failing", is_flag=True, help="What was not measured, and why.")
 @click.option("--worst", type=click.IntRange(1), metavar="N", help="The N that stand out most.")
 @click.option("--sql", metavar="SELECT", help="Ask the tables captures, wheels and quantities.")
 @click.option(
@@ -122,7 +123,9 @@ def results(
     status: tuple[str, ...],
     gone: bool | None,
     spans: tuple[tuple[str, str], ...],
-    mode: str | None,
+    summary: bool,
+    drift: bool,
+    failing: bool,
     worst: int | None,
     sql: str | None,
     quantities: tuple[str, ...],
@@ -135,8 +138,10 @@ def results(
     anew: bool,
 ) -> int:
     """Ask the catalogue of RESULTS."""
-    if sum((mode is not None, worst is not None, sql is not None)) > 1:
-        raise click.UsageError("--summary, --drift, --failures, --worst, --sql: choose one of them")
+    told = {"summary": summary, "drift": drift, "failures": failing, "worst": worst is not None}
+    modes = [mode for mode, wanted in told.items() if wanted]
+    if as_json and len(modes) > 1:
+        raise click.UsageError("--json: of --summary, --drift, --failures, --worst choose one")
     which = Filter(
         text,
         vehicle,
@@ -148,6 +153,8 @@ def results(
     )
     asked = Asked(which, quantities or None, View(angles=angles), limit, as_json)
     files = {"csv": csv_file, "xlsx": xlsx_file, "parquet": parquet_file}
+    if sql is not None and (modes or any(files.values()) or quantities or limit or which != ALL):
+        raise click.UsageError("--sql stands alone: write what is wanted into the SELECT")
     with Reading("the results") as progress:
         if anew:
             rebuild(open_store(results), progress)
@@ -158,19 +165,21 @@ def results(
         for name in quantities:
             known_quantity(catalogue, name)
         written = _export(catalogue, which, files)
-        if mode or worst or not written:
-            _tell(catalogue, asked, mode, worst)
+        for number, mode in enumerate(modes or ([] if written else ["list"])):
+            if number:
+                click.echo()
+            _tell(catalogue, asked, mode, worst or 0)
         return int(set(listing.by_status(catalogue, which)) - {"ok"} != set())
 
 
-def _tell(catalogue: Catalogue, asked: Asked, mode: str | None, worst: int | None) -> None:
+def _tell(catalogue: Catalogue, asked: Asked, mode: str, worst: int) -> None:
     """Print what was asked, as text or JSON."""
     which, quantities, view = asked.which, asked.quantities, asked.view
     if mode == "summary":
         _print("summary", trends.summary(catalogue, quantities, which), listing.summary_text, asked)
     elif mode == "drift":
         _print("drift", trends.drifts(catalogue, quantities, which), listing.drift_text, asked)
-    elif worst is not None:
+    elif mode == "worst":
         found = trends.worst(catalogue, worst, quantities, which)
         _print("worst", found, listing.worst_text, asked)
     elif mode == "failures":
