@@ -49,14 +49,22 @@ def hash_rows(points: Any, limit: Any, rows: Any, hashes: Any) -> int:
 
 @_compiled
 def near_plane(
-    points: Any, centre: Any, normal: Any, face: Any, around: Any, limit: Any, kind: Any
+    points: Any,
+    centre: Any,
+    normal: Any,
+    face: Any,
+    around: Any,
+    limit: Any,
+    on_face: Any,
+    beside: Any,
 ) -> tuple[Any, Any]:
-    """Mark points (N, 3) in kind (N,): 1 in `face`, 2 in `around` and of a hash to the limit.
+    """Rows of points (N, 3) in `face` into on_face; of others in `around`, of a hash to the limit,
+    into beside. Each has room for N + 1. How many of each.
 
-    face, around: (reach, depth, slope, most reach). How many of each. Without branches, which
-    points in no order would make the processor mispredict.
+    face, around: (reach, depth, slope, most reach). Without branches, which points in no order
+    would make the processor mispredict.
     """
-    on_face, beside = np.int64(0), np.int64(0)
+    faces, besides = np.int64(0), np.int64(0)
     cx, cy, cz = centre[0], centre[1], centre[2]
     nx, ny, nz = normal[0], normal[1], normal[2]
     reach, deep, slope, most = face[0], face[1], face[2], face[3]
@@ -69,21 +77,11 @@ def near_plane(
         r, q = min(reach + slope * depth, most), min(wide + rise * depth, widest)
         one = (depth < deep) & (square < r * r)
         two = (depth < far) & (square < q * q) & (coordinate_hash(px, py, pz) <= limit) & (not one)
-        kind[i] = np.uint8(one) | (np.uint8(two) << np.uint8(1))
-        on_face += np.int64(one)
-        beside += np.int64(two)
-    return on_face, beside
-
-
-@_compiled
-def rows_of(kind: Any, face: Any, around: Any) -> None:
-    """Rows of kind (N,) that are 1 into face, and 2 into around, each with room for one more."""
-    i_face, i_around = np.int64(0), np.int64(0)
-    for i in range(len(kind)):
-        face[i_face] = i
-        i_face += np.int64(kind[i] == np.uint8(1))
-        around[i_around] = i
-        i_around += np.int64(kind[i] == np.uint8(2))
+        on_face[faces] = i
+        faces += np.int64(one)
+        beside[besides] = i
+        besides += np.int64(two)
+    return faces, besides
 
 
 @_compiled

@@ -45,6 +45,8 @@ def total_least_squares(points_m: Array, keep: npt.NDArray[np.bool_] | None = No
     The normal's largest component is positive.
     Source: Shakarji, J. Res. NIST 103 (1998) 633, section 3.
     """
+    if keep is not None and len(points_m) <= CHUNK_ROWS:
+        points_m, keep = points_m[keep], None
     origin = points_m[0 if keep is None else int(np.argmax(keep))]
     count = len(points_m) if keep is None else int(np.count_nonzero(keep))
     total = np.zeros(3)
@@ -119,8 +121,9 @@ def gather_ball(points_m: Array, centre_m: Array, radius_m: float) -> Array:
     """Points of points_m (N, 3) within radius_m of centre_m (3,), relative to it: (M, 3)."""
     kept = []
     for start in range(0, len(points_m), CHUNK_ROWS):
-        offset = points_m[start : start + CHUNK_ROWS] - centre_m
-        kept.append(offset[np.einsum("ij,ij->i", offset, offset) < radius_m**2])
+        x, y, z = offset = points_m[start : start + CHUNK_ROWS].T - centre_m[:, None]
+        near = np.nonzero(x * x + y * y + z * z < radius_m**2)[0]
+        kept.append(offset[:, near].T)
     return np.concatenate(kept)
 
 
@@ -139,8 +142,15 @@ class Slab:
 
     def holds(self, square_m2: Array, depth_m: Array) -> npt.NDArray[np.bool_]:
         """Which points, by squared distance from the axis and distance from the plane (N,)."""
-        reach = np.minimum(self.reach_m + self.slope * depth_m, self.most_m)
-        return np.asarray((square_m2 < reach * reach) & (depth_m < self.depth_m))
+        near = depth_m < self.depth_m
+        if self.slope == 0.0:
+            near &= square_m2 < min(self.reach_m, self.most_m) ** 2
+            return near
+        reach = self.slope * depth_m
+        reach += self.reach_m
+        np.minimum(reach, self.most_m, out=reach)
+        near &= square_m2 < np.multiply(reach, reach, out=reach)
+        return near
 
 
 def within_slab(

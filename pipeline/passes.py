@@ -18,10 +18,13 @@ from pipeline.kernels import GRID_PER_M, Array, Slab, plane_basis
 COMPILED_ROWS = 2_500_000  # loading the compiled passes takes 0.2 s and 100 MB
 WHOLE = np.uint64(0xFFFFFFFFFFFFFFFF)
 MIX = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
+# Plus x, of less than 2^51: x rounded to an integer, in the last bits.
+WHOLE_ONLY = np.float64(1.5 * 2.0**52)
 _FINISH, HALF = np.uint64(0xBF58476D1CE4E5B9), np.uint64(32)
 
 Mask = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.int64]
+Places = npt.NDArray[np.int32]  # of rows in a block
 
 
 def machine_for(rows: int, enough: int) -> ModuleType | None:
@@ -44,7 +47,10 @@ def coordinate_hash(points_m: Array) -> npt.NDArray[np.uint64]:
 
     Odd multipliers, and the finisher of Steele et al., OOPSLA 2014.
     """
-    bits = np.rint(points_m * GRID_PER_M).astype(np.int64).view(np.uint64)
+    scaled = points_m * GRID_PER_M
+    scaled += WHOLE_ONLY
+    bits = scaled.view(np.uint64)
+    bits -= WHOLE_ONLY.view(np.uint64)
     h = bits[:, 0] * MIX[0]
     h ^= bits[:, 1] * MIX[1]
     h ^= bits[:, 2] * MIX[2]
@@ -78,7 +84,7 @@ def sample(points_m: Array, count: int) -> Array:
     if not parts:
         return np.zeros((0, 3))
     hashes = np.concatenate([part[1] for part in parts])
-    return np.concatenate([part[0] for part in parts])[np.argsort(hashes, kind="stable")]
+    return np.concatenate([part[0] for part in parts])[np.argsort(hashes)]
 
 
 def _share(share: float) -> np.uint64:
@@ -114,27 +120,29 @@ def surroundings(
     """
     limit = _share(keep_around)
     machine = machine_for(len(points_m), COMPILED_ROWS)
-    kind = np.empty(len(points_m), np.uint8)
+    slabs = [np.array([s.reach_m, s.depth_m, s.slope, s.most_m]) for s in (face, around)]
     axes = plane_basis(normal)
     origin = (axes @ centre_m)[:, None]
 
-    def mark(block: slice) -> tuple[int, int]:
+    def choose(block: slice) -> tuple[Places, Places]:
         part = points_m[block]
         if machine is not None:
-            slabs = [np.array([s.reach_m, s.depth_m, s.slope, s.most_m]) for s in (face, around)]
-            counts = machine.near_plane(part, centre_m, normal, *slabs, limit, kind[block])
-            return int(counts[0]), int(counts[1])
-        u, v, w = axes @ part.T - origin
-        depth, square = np.abs(w), u * u + v * v
+            rows = np.empty((2, len(part) + 1), np.int32)
+            counts = machine.near_plane(part, centre_m, normal, *slabs, limit, *rows)
+            return rows[0, : counts[0]].copy(), rows[1, : counts[1]].copy()
+        uvw = axes @ part.T
+        uvw -= origin
+        u, v, w = uvw
+        depth, square = np.abs(w, out=w), np.multiply(u, u, out=u)
+        square += np.multiply(v, v, out=v)
         on_face = face.holds(square, depth)
-        beside = np.nonzero(around.holds(square, depth) & ~on_face)[0]
+        beside = np.nonzero(around.holds(square, depth) > on_face)[0]
         if limit != WHOLE:
-            beside = beside[coordinate_hash(part[beside]) <= limit]
-        kind[block] = on_face
-        kind[block][beside] = 2
-        return int(np.count_nonzero(on_face)), len(beside)
+            beside = beside[coordinate_hash(part.take(beside, axis=0)) <= limit]
+        return np.nonzero(on_face)[0].astype(np.int32), beside.astype(np.int32)
 
-    counts = np.array(over_blocks(mark, len(points_m)), dtype=np.int64).reshape(-1, 2)
+    chosen = over_blocks(choose, len(points_m))
+    counts = np.array([[len(rows) for rows in both] for both in chosen], np.int64).reshape(-1, 2)
     starts = np.vstack([np.zeros((1, 2), np.int64), np.cumsum(counts, axis=0)])
     face_m = np.empty((starts[-1, 0], 3))
     around_m = np.empty((starts[-1, 1], 3), np.float32)
@@ -143,18 +151,14 @@ def surroundings(
     def fill(block: slice) -> None:
         number = block.start // BLOCK_ROWS
         (a, b), (c, d) = starts[number], starts[number + 1]
-        if machine is not None:
-            part = points_m[block]
-            both = np.empty((2, len(part) + 1), np.int32)
-            machine.rows_of(kind[block], *both)
-            machine.take(part, centre_m, both[0], face_m[a:c])
-            machine.take(part, centre_m, both[1], around_m[b:d])
-        else:
-            for wanted, out in ((1, face_m[a:c]), (2, around_m[b:d])):
-                rows = np.nonzero(kind[block] == wanted)[0]
+        on_face, beside = chosen[number]
+        for rows, out in ((on_face, face_m[a:c]), (beside, around_m[b:d])):
+            if machine is not None:
+                machine.take(points_m[block], centre_m, rows, out)
+            else:
                 np.subtract(points_m[block].take(rows, axis=0), centre_m, out=out)
         if shine is not None and intensity is not None:
-            shine[a:c] = intensity[block][kind[block] == 1]
+            shine[a:c] = intensity[block][on_face]
 
     over_blocks(fill, len(points_m))
     return Surroundings(face_m, shine, around_m)

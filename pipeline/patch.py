@@ -75,7 +75,7 @@ def cut_patch(
             "too-few-points", f"{len(near.face_m)} points on the target, {MIN_POINTS} needed"
         )
     basis = candidate.basis
-    if _looks_backwards(near.around_m @ basis.T.astype(np.float32), target.radius_m):
+    if _looks_backwards(basis.astype(np.float32) @ near.around_m.T, target.radius_m):
         basis = basis * np.array([[1.0], [-1.0], [-1.0]])
     return Patch(
         origin_m=candidate.centre_m,
@@ -89,14 +89,15 @@ def cut_patch(
     )
 
 
-def _looks_backwards(around_m: npt.NDArray[np.float32], radius_m: float) -> bool:
-    """Whether more of around_m (N, 3), in a face's axes, lies before the face than behind it.
+def _looks_backwards(uvw_m: npt.NDArray[np.float32], radius_m: float) -> bool:
+    """Whether more points uvw_m (3, N), in a face's axes, lie before the face than behind it.
 
     Only what is close counts, a wheel: the floor before a face has more points than that.
     """
-    aside = np.hypot(around_m[:, 0], around_m[:, 1]) / radius_m
-    close = (aside < CLOSE_ASIDE) & (np.abs(around_m[:, 2]) < CLOSE_DEPTH * radius_m)
-    depth = around_m[close if close.any() else slice(None), 2]
+    u, v, depth = uvw_m
+    close = u * u + v * v < (CLOSE_ASIDE * radius_m) ** 2
+    close &= np.abs(depth) < CLOSE_DEPTH * radius_m
+    depth = depth[close] if close.any() else depth
     return bool(np.count_nonzero(depth > 0.0) > np.count_nonzero(depth < 0.0))
 
 

@@ -90,19 +90,20 @@ def peaks(
 
 def _occupied(uv_m: Array, cell: float, reach: float) -> tuple[Array, Occupied]:
     """The lower corner of a raster with `reach` around the points, and which cells hold any."""
-    low = uv_m.min(axis=0) - reach
-    shape = np.ceil((uv_m.max(axis=0) + reach - low) / cell).astype(int) + 1
-    index = ((uv_m - low) / cell).astype(np.int64)
-    occupied = np.zeros((shape[1], shape[0]), dtype=np.uint8)
-    occupied[index[:, 1], index[:, 0]] = 1
-    return low, occupied
+    axes = np.ascontiguousarray(uv_m.T)
+    low, high = axes.min(axis=1) - reach, axes.max(axis=1) + reach
+    across, along = (np.ceil((high - low) / cell).astype(int) + 1).tolist()
+    column, row = ((axis - start) / cell for axis, start in zip(axes, low, strict=True))
+    occupied = np.zeros(along * across, dtype=np.uint8)
+    occupied[row.astype(np.int64) * across + column.astype(np.int64)] = 1
+    return low, occupied.reshape(along, across)
 
 
 def _cell_size(uv_m: Array, radius_m: float) -> float:
     """Cells of a mean of four points, by the density about the median point."""
-    middle = np.median(uv_m, axis=0)
+    u, v = (axis - np.median(axis) for axis in np.ascontiguousarray(uv_m.T))
     inner = 0.5 * radius_m
-    count = np.count_nonzero(np.sum((uv_m - middle) ** 2, axis=1) < inner**2)
+    count = np.count_nonzero(u * u + v * v < inner**2)
     density = float(max(int(count), 4)) / (np.pi * inner**2)
     return max(float(np.sqrt(4.0 / density)), FINEST * radius_m)
 
@@ -151,9 +152,14 @@ def _ring(uv: Array, region: Region, radius_m: float, gap: float) -> Mask:
 
 def _bands(uv: Array, outline: Region, radius_m: float, cell: float) -> tuple[Mask, Mask]:
     """Which of uv (N, 2) lie in narrow bands just inside and just outside the outline."""
-    step, gap = max(0.08 * radius_m, 2.0 * cell), max(0.03 * radius_m, cell)
+    step, gap = _band_widths(radius_m, cell)
     held = [outline.shrunk(by).holds(uv) for by in (gap + step, gap, -gap, -gap - step)]
     return held[1] & ~held[0], held[3] & ~held[2]
+
+
+def _band_widths(radius_m: float, cell: float) -> tuple[float, float]:
+    """Of a band, and of the gap between it and the outline."""
+    return max(0.08 * radius_m, 2.0 * cell), max(0.03 * radius_m, cell)
 
 
 def _share(mask: Mask) -> Image:
@@ -199,7 +205,10 @@ def _outline_match(
     By the occupied shares just inside and just outside the outline, in 48 sectors; where nothing is
     inside, the outline is hidden, and counts for neither.
     """
-    uv = _grid((occupied.shape[0], occupied.shape[1]), middle, turn) * cell
+    reach = math.ceil((radius_m + sum(_band_widths(radius_m, cell))) / cell) + 1
+    column, row = (max(round(at) - reach, 0) for at in middle.tolist())
+    occupied = occupied[row : row + 2 * reach + 1, column : column + 2 * reach + 1]
+    uv = _grid((occupied.shape[0], occupied.shape[1]), middle - [column, row], turn) * cell
     sector = ((np.arctan2(uv[:, 1], uv[:, 0]) / (2.0 * np.pi)) % 1.0 * SECTORS).astype(int)
     sector %= SECTORS
     filled = occupied.ravel()

@@ -42,9 +42,19 @@ class SlabMoments:
 
 def sums_by(group: Rows, xyz: Array, groups: int) -> Array:
     """Sums (groups, 10) of xyz (N, 3): n, x, y, z, xx, xy, yy, xz, yz, zz."""
-    x, y, z = np.ascontiguousarray(xyz.T)
-    terms = (None, x, y, z, x * x, x * y, y * y, x * z, y * z, z * z)
-    return np.stack([np.bincount(group, term, groups) for term in terms], axis=1).astype(float)
+    out = np.zeros((groups, SUMS))
+    count = np.bincount(group, minlength=groups)
+    filled = np.nonzero(count)[0]
+    if len(filled) == 0:
+        return out
+    narrow = np.min_scalar_type(groups)  # of one or two bytes, which are sorted by counting
+    order = np.argsort(group.astype(narrow), kind="stable")
+    start = (np.cumsum(count) - count)[filled]
+    x, y, z = (axis[order] for axis in xyz.T)
+    out[filled, 0] = count[filled]
+    for k, term in enumerate((x, y, z, x * x, x * y, y * y, x * z, y * z, z * z), start=1):
+        out[filled, k] = np.add.reduceat(term, start)
+    return out
 
 
 def slab_moments(

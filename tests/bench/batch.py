@@ -153,20 +153,20 @@ def scans(count: int, repeats: int, place: Path) -> None:
     good = make_captures(archive, count)
     points = trees_of(archive, place / "first", good)
     print(f"{count} captures, {points:,} points each; {count - len(good)} broken")
-    some = good[: max(10, len(good) // 4)]
+    names = sorted(path.name for path in archive.iterdir())
     walls: dict[str, list[float]] = {"plain": [], "1": [], "2": []}
     spent: dict[str, list[float]] = {"plain": [], "1": [], "2": []}
     for _ in range(repeats):
         begun = time.perf_counter()
         alone = ("WHEELPLANE_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
         environment = os.environ | dict.fromkeys(alone, "1")
-        command = [sys.executable, "-c", PLAIN, str(archive), *some]
+        command = [sys.executable, "-c", PLAIN, str(archive), *names]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run(command, cwd=ROOT, env=environment, check=True)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-        spent["plain"].append(cpu / len(some))
-        walls["plain"].append((time.perf_counter() - begun) / len(some))
+        spent["plain"].append(cpu / len(good))
+        walls["plain"].append((time.perf_counter() - begun) / len(good))
         for workers in ("1", "2"):
             seconds, use, _ = timed(archive, place / "results", "--workers", workers)
             walls[workers].append(seconds / len(good))
