@@ -1,6 +1,6 @@
 """Stated uncertainties hold: errors of whole measurements of made vehicles against what was stated.
 
-`tests/bench/coverage.py --mode all` says the same of 1,000 vehicles a mode.
+`tests/bench/intervals.py --mode all` says the same of 1,000 vehicles a mode.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import pytest
 from scipy import stats
 
 from pipeline.config import Config
-from tests.bench.coverage import MODES, Scores, run
+from tests.bench.intervals import MODES, Scores, run
 
 TRUST = 0.99
 # Coverage of 92 %, where 95 % is stated, is what a normal error has whose u is short by this.

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterable
 from graphlib import TopologicalSorter
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 import pytest
@@ -320,6 +321,19 @@ def modules_loaded_by(*arguments: str) -> set[str]:
     )
     lines = [line for line in run.stderr.splitlines() if line.startswith("import time:")]
     return {line.rpartition("|")[2].strip().split(".")[0] for line in lines}
+
+
+SOUGHT_IF_THERE = {"coverage"}  # by numba, which a file of that name beside a script breaks
+
+
+def test_no_benchmark_hides_a_module():
+    """A script's folder is searched before all libraries."""
+    names = {path.stem for path in (ROOT / "tests" / "bench").glob("*.py")}
+    libraries = [place for place in sys.path if place.endswith("-packages")]
+    taken = {name for name in names if PathFinder.find_spec(name, libraries)}
+    assert libraries
+    assert len(names) > 10
+    assert not taken | names & (set(sys.stdlib_module_names) | SOUGHT_IF_THERE)
 
 
 def test_help_loads_no_heavy_library():

@@ -1,6 +1,6 @@
 """Whether the stated uncertainties hold: errors of made vehicles against what was said of them.
 
-.venv/bin/python -m tests.bench.coverage [--vehicles 1000] [--mode all] [--jobs 2] [--seed 0]
+.venv/bin/python -m tests.bench.intervals [--vehicles 1000] [--mode all] [--jobs 2] [--seed 0]
 
 Each vehicle is drawn from configs/vehicles/saloon.toml; each wheel is scanned in closed form
 (tests/scenes.py): a plate of 250 mm before a tilted background, 7,400 beams on it 2.5 mm apart with
