@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -12,10 +13,10 @@ from pipeline.config import CentreConfig
 from pipeline.errors import NotMeasuredError
 from pipeline.face_outline import OutlineFit, check_outline, fit_outline, place_circle
 from pipeline.face_turn import PlaneTurn
-from pipeline.face_view import GENTLE_SLOPE, Seen
+from pipeline.face_view import Seen
 from pipeline.kernels import Array
 from pipeline.outline import Holes, Outline
-from pipeline.rim import Behind, RimFit, fit_rim, look_behind
+from pipeline.rim import Behind, RimFit, aimed, fit_rim, look_behind
 from pipeline.rim_start import STEEPEST
 
 OUTLINE_EDGE_M = 5e-4  # what an outline without background may be shifted by the spot (k = 1)
@@ -84,14 +85,17 @@ def _by_edge(
 ) -> EdgeFit | None:
     """None where less than a quarter of the edge is seen. beside: another edge of the plate."""
     plane, config = seen.plane, seen.config
-    face = _face(seen, seen.near(outline, start))
-    rim = _rim(seen, outline, start, beside)
+    near = seen.near(outline, start)
+    face = _face(seen, near)
+    told = beside.rim if beside else None
+    state = told.state if told else _aimed(seen, near, outline, start)
+    rim = None if beside and not told else _rim(seen, outline, start, near, told or state)
     model = None if rim is None else _model_variance(rim, face, outline, config)
     if rim is not None and model is not None and _is_lost(rim, model):
         rim = None
     if rim is None or model is None:
         fitted = fit_outline(face, outline, start)
-        behind = look_behind(seen.near(outline, start), outline, seen.config, start, seen.station)
+        behind = look_behind(near, outline, config, start, state)
         grazing_m = _grazing(behind, config)
         edge_m = UNEXPLAINED_EDGE_M if behind.seen and behind.beam is None else OUTLINE_EDGE_M
         centre, turn = fitted.centre_m + SHORT * grazing_m, fitted.turn_rad
@@ -144,23 +148,36 @@ def _is_lost(rim: RimFit, model_m2: float) -> bool:
     return float(np.trace(rim.covariance_m2)) / 2.0 + model_m2 > LOST_M**2
 
 
+def _aimed(seen: Seen, near: Array, outline: Outline, start: tuple[Array, float]) -> Array | None:
+    return aimed(near, outline, seen.target.thickness, seen.config, start, seen.station)
+
+
 def _rim(
-    seen: Seen, outline: Outline, start: tuple[Array, float], beside: EdgeFit | None
+    seen: Seen,
+    outline: Outline,
+    start: tuple[Array, float],
+    near: Array,
+    begin: RimFit | Array | None,
 ) -> RimFit | None:
-    """By mixed ranges; again with what lies farther aside, where the beams are steep."""
-    if beside is not None and beside.rim is None:
-        return None
-    first = beside.rim if beside else None
-    rim = None
-    for slope in (GENTLE_SLOPE, STEEPEST):
-        near = seen.near(outline, start, slope)
-        thickness = seen.target.thickness
-        sigma_m, config = seen.plane.sigma_m, seen.config
-        found = fit_rim(near, outline, thickness, sigma_m, config, start, first, rim, seen.station)
-        rim = found or rim
-        if rim is not None and float(np.hypot(*rim.beam)) < GENTLE:
-            break
-    return rim
+    """By mixed ranges; again with what lies farther aside, where the beams are steep.
+
+    near: points (N, 3) about the outline. begin: as in `fit_rim`.
+    """
+    fit = partial(
+        fit_rim,
+        outline=outline,
+        thickness_m=seen.target.thickness,
+        sigma_m=seen.plane.sigma_m,
+        config=seen.config,
+    )
+    rim = None if begin is None else fit(near, begin=begin)
+    if rim is not None and float(np.hypot(*rim.beam)) < GENTLE:
+        return rim
+    near = seen.near(outline, start, STEEPEST)
+    if not isinstance(begin, RimFit):
+        begin = _aimed(seen, near, outline, start) if rim is None else rim.state
+    found = None if begin is None else fit(near, begin=begin)
+    return found or rim
 
 
 def _grazing(behind: Behind, config: CentreConfig) -> Array:

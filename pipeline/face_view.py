@@ -41,7 +41,7 @@ class Seen:
         for points in (self.patch.face_m, self.patch.around_m):
             uvw = self._in_plane(points)
             q = turned(uvw[:, :2] - start[0].astype(uvw.dtype), -start[1])
-            x = outline.feet(q).x_m
+            x = outline.outside_m(*q.T)
             aside = slope * np.abs(uvw[:, 2])
             kept.append(uvw[(x > -inner - aside) & (x < BEYOND_M + aside)])
         return np.concatenate(kept, dtype=np.float64)

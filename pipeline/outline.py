@@ -56,6 +56,10 @@ class Outline(Protocol):
         """Of the places q_m (N, 2)."""
         ...
 
+    def outside_m(self, u: Array, v: Array) -> Array:
+        """How far places u, v, arrays of one shape, lie outside, as Feet.x_m."""
+        ...
+
     def normals(self, share: Array) -> Array:
         """Unit normals (K, 2) at shares (K,) of the way along it."""
         ...
@@ -72,11 +76,11 @@ class Circle:
 
     def feet(self, q_m: Array) -> Feet:
         """Of the places q_m (N, 2)."""
-        reach = np.hypot(q_m[:, 0], q_m[:, 1])
-        far = np.maximum(reach, 1e-9)
+        outside = self.outside_m(*q_m.T)
+        far = np.maximum(outside + self.size_m, 1e-9)
         same = np.ones(len(q_m))
         return Feet(
-            x_m=reach - self.size_m,
+            x_m=outside,
             normal=q_m / far[:, None],
             support_m=self.size_m * same,
             curve=1.0 / far,
@@ -84,6 +88,10 @@ class Circle:
             share=_turn(q_m),
             clear=np.ones(len(q_m), dtype=bool),
         )
+
+    def outside_m(self, u: Array, v: Array) -> Array:
+        """How far places u, v lie outside."""
+        return np.asarray(np.sqrt(u * u + v * v) - self.size_m)
 
     def normals(self, share: Array) -> Array:
         """Unit normals (K, 2) at shares (K,) of the way along it."""
@@ -131,6 +139,10 @@ class Rectangle:
             clear=np.abs(along) < length - np.minimum(CORNER_M, 0.2 * length),
         )
 
+    def outside_m(self, u: Array, v: Array) -> Array:
+        """How far places u, v lie outside."""
+        return np.maximum(np.abs(u) - self.half_m[0], np.abs(v) - self.half_m[1])
+
     def normals(self, share: Array) -> Array:
         """Unit normals (K, 2) at shares (K,) of the way along it."""
         u, v = self.half_m
@@ -175,6 +187,11 @@ class Holes:
             share=(nearest + _turn(away)) / len(self.holes_m),
             clear=far > 0.3 * radius,
         )
+
+    def outside_m(self, u: Array, v: Array) -> Array:
+        """How far places u, v lie from the edge of the nearest hole, positive inside of it."""
+        within = [radius - np.hypot(u - a, v - b) for a, b, radius in self.holes_m]
+        return np.asarray(np.max(within, axis=0))
 
     def normals(self, share: Array) -> Array:
         """Unit normals (K, 2) at shares (K,) of the way along it."""

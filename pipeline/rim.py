@@ -87,27 +87,20 @@ def fit_rim(
     thickness_m: float | None,
     sigma_m: float,
     config: CentreConfig,
-    start: tuple[Array, float] = (np.zeros(2), 0.0),
-    first: RimFit | None = None,
-    before: RimFit | None = None,
-    station: Array | None = None,
+    begin: Array | RimFit,
 ) -> RimFit | None:
     """Place of an outline in plane coordinates uvw_m (N, 3), w towards the scanner.
 
-    thickness_m: of the plate, where known. start: centre and turn to start from, near 0. first:
-    the fit of another edge of the same plate, which tells how the beams run. before: a fit to fewer
-    of the points, to go on from. station: (3,) where the scanner stood, as far as it is known.
+    thickness_m: of the plate, where known. begin: the state (9,) to start from, as `aimed` gives
+    it, or the fit of another edge of the same plate, which tells how the beams run.
     None where less than a quarter of the edge has a background to compare with, or the scanner has
     left out the mixed ranges.
     """
-    if first is None:
-        prior = Prior.of(thickness_m, config)
-        state = before.state if before else _begin(uvw_m, outline, prior, config, start, station)
-    else:
-        prior = Prior.beside(first.state)
+    if isinstance(begin, RimFit):
+        prior = Prior.beside(begin.state)
         state = prior.mean
-    if state is None:
-        return None
+    else:
+        prior, state = Prior.of(thickness_m, config), begin
     beside = carry(uvw_m[:, :2], -uvw_m[:, 2], state, outline).x_m
     near = sample(uvw_m[np.abs(beside) < _reach_m(state)], config.max_points)
     problem = Problem(near[:, :2], -near[:, 2], prior, outline, sigma_m)
@@ -122,6 +115,32 @@ def fit_rim(
     if covered < 0.25 or len(found.equations.residual_m) < 50:
         return None
     return _record(found, problem, covered)
+
+
+def aimed(
+    uvw_m: Array,
+    outline: Outline,
+    thickness_m: float | None,
+    config: CentreConfig,
+    start: tuple[Array, float] = (np.zeros(2), 0.0),
+    station: Array | None = None,
+) -> Array | None:
+    """A state (9,) with the beams' direction: from the station, unless the background contradicts
+    it, else from the background; None where that tells none.
+
+    start: centre and turn, near 0. station: (3,) where the scanner stood, as far as it is known.
+    """
+    begin = Prior.of(thickness_m, config).mean
+    begin[CENTRE], begin[TURN] = start
+    look = sample(uvw_m, config.max_points)
+    plane, depth = look[:, :2], -look[:, 2]
+    if station is not None:
+        told = begin.copy()
+        told[BEAM] = (begin[CENTRE] - station[:2]) / station[2]
+        told[INVERSE] = 1.0 / station[2]
+        if not is_contradicted(plane, depth, told, outline):
+            return told
+    return first_beam(plane, depth, begin, outline)
 
 
 @dataclass(frozen=True)
@@ -140,39 +159,16 @@ def look_behind(
     outline: Outline,
     config: CentreConfig,
     start: tuple[Array, float],
-    station: Array | None,
+    state: Array | None,
 ) -> Behind:
-    """Of points uvw_m (N, 3) about an outline at a start, as in `fit_rim`."""
-    plane, depth, prior = uvw_m[:, :2], -uvw_m[:, 2], Prior.of(None, config)
-    begin = prior.mean.copy()
+    """Of points uvw_m (N, 3) about an outline at a start. state: what `aimed` gave for them."""
+    plane, depth = uvw_m[:, :2], -uvw_m[:, 2]
+    begin = Prior.of(None, config).mean
     begin[CENTRE], begin[TURN] = start
     seen = has_background(plane, depth, begin, outline)
-    state = _begin(uvw_m, outline, prior, config, start, station) if seen else None
-    if state is None or not np.isfinite(seen_through(plane, depth, state, outline)):
+    if not seen or state is None or not np.isfinite(seen_through(plane, depth, state, outline)):
         return Behind(seen, None)
     return Behind(seen, np.asarray(state[BEAM]))
-
-
-def _begin(
-    uvw_m: Array,
-    outline: Outline,
-    prior: Prior,
-    config: CentreConfig,
-    start: tuple[Array, float],
-    station: Array | None,
-) -> Array | None:
-    """A state with the beams' direction: from the station, unless the background contradicts it."""
-    begin = prior.mean.copy()
-    begin[CENTRE], begin[TURN] = start
-    look = sample(uvw_m, config.max_points)
-    plane, depth = look[:, :2], -look[:, 2]
-    if station is not None:
-        aimed = begin.copy()
-        aimed[BEAM] = (begin[CENTRE] - station[:2]) / station[2]
-        aimed[INVERSE] = 1.0 / station[2]
-        if not is_contradicted(plane, depth, aimed, outline):
-            return aimed
-    return first_beam(plane, depth, begin, outline)
 
 
 @dataclass(frozen=True)

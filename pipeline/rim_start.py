@@ -179,8 +179,12 @@ def _background_outside(
     inside, which count more, (K,).
     """
     shrink = 1.0 / (1.0 + state[INVERSE] * depth)
-    q = (plane - state[CENTRE] - slopes[:, None, :] * depth[:, None]) * shrink[:, None]
-    x = outline.feet(turned(q.reshape(-1, 2), -state[TURN])).x_m.reshape(len(slopes), -1)
+    here = turned((plane - state[CENTRE]) * shrink[:, None], -state[TURN])
+    run = turned(slopes, -state[TURN])
+    u, v = (
+        place - np.outer(aside, depth * shrink) for place, aside in zip(here.T, run.T, strict=True)
+    )
+    x = outline.outside_m(u, v)
     near = np.abs(x) < WINDOW_M
     outside = np.count_nonzero(near & (x > 0.0), axis=1)
     return np.asarray(outside - INSIDE * np.count_nonzero(near & (x < 0.0), axis=1))

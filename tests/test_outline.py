@@ -47,6 +47,13 @@ def test_normal_is_the_slope_of_the_distance_and_curve_that_of_the_normal(name):
 
 
 @pytest.mark.parametrize("name", OUTLINES)
+def test_the_distance_alone_is_that_of_the_feet(name):
+    outline = OUTLINES[name]
+    q = np.random.default_rng(1).uniform(-0.3, 0.3, (1000, 2))
+    np.testing.assert_allclose(outline.outside_m(*q.T), outline.feet(q).x_m, atol=1e-16)
+
+
+@pytest.mark.parametrize("name", OUTLINES)
 def test_the_foot_lies_on_the_edge_whose_bend_and_support_are_told(name):
     outline = OUTLINES[name]
     q = about(outline)
