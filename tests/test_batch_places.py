@@ -85,6 +85,20 @@ def test_a_cluster_gives_the_same_catalogue(undisturbed, cluster, tmp_path):
     assert len(found) == 23
 
 
+def test_a_lost_worker_changes_nothing(cluster, tmp_path):
+    address, workers = cluster
+    archive, results = archive_of(tmp_path / "archive", 400), tmp_path / "results"
+    assert run(archive, tmp_path / "undisturbed", "--workers", "2").returncode == 0
+    with start(archive, results, "--scheduler", address) as runner:
+        while runner.poll() is None and not any(results.rglob("measurements/*/*.json")):
+            time.sleep(0.01)
+        assert runner.poll() is None
+        os.killpg(workers[0].pid, signal.SIGKILL)
+        _, told = runner.communicate(timeout=120)
+    assert runner.returncode == 0, told
+    assert left(results) == left(tmp_path / "undisturbed")
+
+
 def test_no_scheduler_is_one_line(undisturbed, tmp_path):
     done = run(undisturbed[0], tmp_path / "results", "--scheduler", "tcp://127.0.0.1:1")
     assert (done.returncode, done.stdout) == (2, "")
