@@ -16,6 +16,7 @@ from pipeline.face_turn import PlaneTurn
 from pipeline.face_view import Seen
 from pipeline.kernels import Array
 from pipeline.outline import Holes, Outline
+from pipeline.raster import outnumbered
 from pipeline.rim import Behind, RimFit, aimed, fit_rim, look_behind
 from pipeline.rim_start import STEEPEST
 
@@ -32,6 +33,8 @@ MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # what a bent wall leaves unexplained, 
 # What straight edges by mixed ranges and by points may differ; and when the plate is another.
 APART_M, WORST_APART_M = 3.0 * OUTLINE_EDGE_M, 5.0 * OUTLINE_EDGE_M
 MAX_ECHO = 50.0  # a background that many times brighter, or darker, than the plate is no answer
+OFF, CELL = 2.0, 2.0  # of the band: what is off the face; of the spacing: where points are counted
+MANY_OFF = 0.05  # off the face, of those on it: below, no other surface is as near as that
 SOUGHT = 1.5  # of its size, about where the raster put a face, in which its points are
 GENTLE = 1.0  # slope, below which what matters lies within that
 
@@ -198,8 +201,15 @@ def _placed(seen: Seen, outline: Outline) -> Array | None:
 
 
 def _face(seen: Seen, near: Array) -> Array:
-    """Those of the points near an outline that lie on the face: (N, 2)."""
-    return near[np.abs(near[:, 2]) < seen.band_m][:, :2]
+    """Those of the points near an outline that lie on the face: (N, 2).
+
+    Where those just off it are many more, a surface behind reaches the face by its noise.
+    """
+    uv, depth = near[:, :2], np.abs(near[:, 2])
+    face, off = uv[depth < seen.band_m], uv[(depth >= seen.band_m) & (depth < OFF * seen.band_m)]
+    if len(face) == 0 or len(off) < MANY_OFF * len(face):
+        return face
+    return face[~outnumbered(face, off, CELL * seen.spacing_m)]
 
 
 def _model_variance(rim: RimFit, face: Array, outline: Outline, config: CentreConfig) -> float:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.axles import RIVAL, Face, vehicles
 from pipeline.candidates import REACH, Candidate, threshold_m
 from pipeline.config import SegmentConfig
 from pipeline.cubes import Cubes, within_cubes
@@ -18,11 +19,12 @@ from pipeline.segment import LIKELY, SURE, Intensity, cubes_of, judged
 from pipeline.surfels import find_surfels
 from pipeline.targets import Target
 
-WHEELS = 4  # of a vehicle: where so many faces are sure, no half hidden one is missing
+WHEELS = 4  # of a vehicle: where so many sure faces stand as one, no half hidden one is missing
 FIFTH_SCORE = 0.8  # and only a place as clear as theirs could be another
 MOST_IN_CLOUD = 160  # in the cloud of a vehicle
 MOVED = 0.1  # of the radius: a place so far off is looked at again
 ROUGHER = 3.0  # times the noise of a sure face
+BESIDE, ROUGHER_BESIDE = 3.0, 1.4  # radii from a better face, and times its noise
 
 
 def find_faces(
@@ -43,7 +45,7 @@ def find_faces(
     surfels = find_surfels(cubes, threshold_m(target, config))
     places = hypotheses(surfels, target)[:MOST_IN_CLOUD]
     looked_at = _look(points_m, cubes, places, target, config)
-    if len(_sure(looked_at, target, config)) < WHEELS:
+    if not _are_a_vehicle(_sure(looked_at, target, config)):
         places = joined(places, surfels, target, threshold_m(target, config))
         looked_at += _look(points_m, cubes, places, target, config)
     found = _faces(looked_at, target, config)
@@ -82,7 +84,7 @@ def _look(
     near = np.ascontiguousarray(points_m[_rows(points_m, cubes, balls)].T)
     found: list[Candidate] = []
     for place in places:
-        if place.score < FIFTH_SCORE and len(_sure(found, target, config)) >= WHEELS:
+        if place.score < FIFTH_SCORE and _are_a_vehicle(_sure(found, target, config)):
             break
         found.append(_judge_in_cloud(near, place, target, config))
     return found
@@ -118,7 +120,7 @@ def _faces(looked_at: list[Candidate], target: Target, config: SegmentConfig) ->
     Nor is a face what is much rougher than those that are sure.
     """
     sure = _sure(looked_at, target, config)
-    if len(sure) >= WHEELS:
+    if _are_a_vehicle(sure):
         return sure
     roughest = ROUGHER * min((c.sigma_m for c in sure), default=np.inf)
     faces = [c for c in looked_at if c.match >= config.face_match and c.sigma_m <= roughest]
@@ -129,17 +131,35 @@ def _sure(looked_at: list[Candidate], target: Target, config: SegmentConfig) -> 
     return _apart([c for c in looked_at if c.match > SURE], target, config)
 
 
-def _apart(found: list[Candidate], target: Target, config: SegmentConfig) -> list[Candidate]:
-    """The candidates, best match first, less those that lie over a better one, or overlap one much
-    better. One that overlaps another as good is kept: both cannot be, and that must be told.
+def _are_a_vehicle(found: list[Candidate]) -> bool:
+    """Whether any four stand as a vehicle's wheels, for normals that point away from their middle:
+    other things may look like the target as well.
     """
+    if len(found) < WHEELS:
+        return False
+    middle = np.mean([c.centre_m for c in found], axis=0)
+    outward = [c.normal if c.normal @ (c.centre_m - middle) > 0.0 else -c.normal for c in found]
+    faces = [Face(c.centre_m, n, c.match) for c, n in zip(found, outward, strict=True)]
+    return bool(vehicles(faces, range(len(faces)), RIVAL))
+
+
+def _apart(found: list[Candidate], target: Target, config: SegmentConfig) -> list[Candidate]:
+    """The candidates, best match first, less those that lie over a better one, overlap one much
+    better, or lie beside it and are rougher as well. One that overlaps another as good is kept:
+    both cannot be, and that must be told.
+    """
+    radius = target.radius_m
+
+    def is_part_of(one: Candidate, better: Candidate) -> bool:
+        apart_m = _apart_m(one, better)
+        if apart_m < radius:
+            return True
+        reach = BESIDE if one.sigma_m > ROUGHER_BESIDE * better.sigma_m else 2.0
+        return apart_m < reach * radius and one.match < config.rival_match * better.match
+
     kept: list[Candidate] = []
     for one in sorted(found, key=lambda candidate: -candidate.match):
-        over = [k for k in kept if _apart_m(one, k) < 2.0 * target.radius_m]
-        if not any(
-            _apart_m(one, k) < target.radius_m or one.match < config.rival_match * k.match
-            for k in over
-        ):
+        if not any(is_part_of(one, k) for k in kept):
             kept.append(one)
     return kept
 

@@ -20,6 +20,8 @@ FINE_TURNS = 5  # steps that a coarse turn is divided into
 RING_REACH = 1.4  # of the radius: how far around the face emptiness counts
 SECTORS = 48
 FINEST, COARSEST = 1.0 / 60.0, 1.0 / 3.0  # cells, of the radius
+OUTNUMBERED = 2.0  # points off the plane for each on it: less are its own noise
+NO_POINTS = np.zeros((0, 2))
 TOP = 0.15  # of the score, that the top of a peak is high
 
 
@@ -39,10 +41,14 @@ class Placement:
     cell_m: float
 
 
-def match_face(uv_m: Array, region: Region, period_rad: float, radius_m: float) -> Placement:
+def match_face(
+    uv_m: Array, region: Region, period_rad: float, radius_m: float, off_m: Array = NO_POINTS
+) -> Placement:
     """Place a face on the points uv_m (N, 2) of a plane, to about half a cell.
 
     period_rad: turn that leaves the face as it is, 0 for any. radius_m: of the circle about it.
+    off_m: (M, 2) of points just off the plane; where these are many more, another surface lies,
+    whose noise reaches the plane.
     Cells are a sixtieth of the radius, or as large as the points need to leave few of them empty;
     where that is a third of the radius, the outline of so few points tells nothing.
     """
@@ -53,7 +59,7 @@ def match_face(uv_m: Array, region: Region, period_rad: float, radius_m: float) 
     cell = _cell_size(uv_m, radius_m)
     if cell > COARSEST * radius_m:
         return Placement(np.zeros(2), 0.0, 0.0, len(uv_m), cell)
-    low, occupied = _occupied(uv_m, cell, RING_REACH * radius_m)
+    low, occupied = _occupied(uv_m, cell, RING_REACH * radius_m, off_m)
     occupied = cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     turns = np.arange(0.0, period_rad, COARSE_TURN) if period_rad else np.zeros(1)
     peak, turn = _best_turn(occupied, region, radius_m, cell, turns)
@@ -88,15 +94,43 @@ def peaks(
     return found
 
 
-def _occupied(uv_m: Array, cell: float, reach: float) -> tuple[Array, Occupied]:
-    """The lower corner of a raster with `reach` around the points, and which cells hold any."""
+def _occupied(
+    uv_m: Array, cell: float, reach: float, off_m: Array = NO_POINTS
+) -> tuple[Array, Occupied]:
+    """The lower corner of a raster with `reach` around the points, and which cells hold any, but
+    where points off_m (M, 2) outnumber them.
+    """
     axes = np.ascontiguousarray(uv_m.T)
     low, high = axes.min(axis=1) - reach, axes.max(axis=1) + reach
     across, along = (np.ceil((high - low) / cell).astype(int) + 1).tolist()
-    column, row = ((axis - start) / cell for axis, start in zip(axes, low, strict=True))
+
+    def cells(columns_m: Array) -> npt.NDArray[np.int64]:
+        column, row = ((axis - at) / cell for axis, at in zip(columns_m, low, strict=True))
+        return np.asarray(row.astype(np.int64) * across + column.astype(np.int64))
+
     occupied = np.zeros(along * across, dtype=np.uint8)
-    occupied[row.astype(np.int64) * across + column.astype(np.int64)] = 1
+    on_plane = cells(axes)
+    occupied[on_plane] = 1
+    off_plane = off_m[((off_m >= low) & (off_m <= high)).all(axis=1)].T
+    if off_plane.size:
+        on, off = (_about(cell, along, across) for cell in (on_plane, cells(off_plane)))
+        occupied &= (OUTNUMBERED * on > off).ravel()
     return low, occupied.reshape(along, across)
+
+
+def _about(cell: npt.NDArray[np.int64], along: int, across: int) -> Image:
+    """Points of these cells (N,) in each cell and the eight about it, (along, across)."""
+    import cv2
+
+    count = np.bincount(cell, minlength=along * across).reshape(along, across)
+    return np.asarray(cv2.blur(count.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT))
+
+
+def outnumbered(uv_m: Array, off_m: Array, cell_m: float) -> Mask:
+    """Which of uv_m (N, 2) on a plane lie where those off it, off_m (M, 2), are many more."""
+    low, occupied = _occupied(uv_m, cell_m, 2.0 * cell_m, off_m)
+    column, row = ((uv_m - low) / cell_m).astype(np.int64).T
+    return np.asarray(occupied[row, column] == 0)
 
 
 def _cell_size(uv_m: Array, radius_m: float) -> float:

@@ -52,6 +52,24 @@ def test_face_without_a_corner_is_placed_and_matches_by_what_is_seen(shape, seed
 
 
 @pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("behind", ["a step all round", "a wall beneath half of it"])
+def test_what_reaches_the_plane_by_its_noise_alone_is_not_of_the_face(shape, behind):
+    region, period = SHAPES[shape]
+    rng = np.random.default_rng(4)
+    face = points(region, 0.0, np.zeros(2), 1, 4000)
+    wall = rng.uniform(-0.4, 0.4, (40_000, 2))
+    wall = wall[~region.holds(wall) if "step" in behind else wall[:, 0] > 0.02]
+    face = face if "step" in behind else face[face[:, 0] < 0.02]
+    leaks = rng.random(len(wall)) < 0.15
+    near = np.concatenate([face, wall[leaks]])
+    alone = match_face(face, region, period, region.radius_m)
+    found = match_face(near, region, period, region.radius_m, wall[~leaks])
+    assert found.match > 0.9 * alone.match
+    assert np.hypot(*(found.centre_m - alone.centre_m)) < 2.0 * found.cell_m
+    assert match_face(near, region, period, region.radius_m).match < 0.5 * alone.match
+
+
+@pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("width", [0.6, 2.0])
 def test_part_of_a_larger_surface_is_no_face(shape, width):
     uv = np.random.default_rng(1).uniform(-width / 2, width / 2, (int(4e5 * width**2), 2))

@@ -1,6 +1,6 @@
 """What kills a batch, twenty times over; at the end the catalogue of an undisturbed run, to a byte.
 
-    .venv/bin/python tests/bench/faults.py [--captures 400] [--kills 20] [--seed 1]
+    .venv/bin/python tests/bench/faults.py [--captures 3000] [--kills 20] [--seed 1]
 
 The full disk is a small file system in memory, which only root can mount.
 """
@@ -14,7 +14,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -39,6 +38,7 @@ KEYS = {
     "AWS_DEFAULT_REGION": "us-east-1",
     "AWS_REQUEST_CHECKSUM_CALCULATION": "when_required",
 }
+FEW = 400  # captures in object storage, whose imitation answers a hundred times a second
 OPTIONS = ("--workers", "2", "--timeout", "5", "--memory", "400M")
 
 
@@ -46,6 +46,7 @@ class Faults:
     """An archive with bad and poisonous captures, and what an undisturbed run makes of it."""
 
     def __init__(self, place: Path, count: int, kills: int, seed: int) -> None:
+        place.mkdir()
         self.place, self.kills, self.rng = place, kills, random.Random(seed)
         self.archive = archive_of(place / "archive", count)
         for name in ("crash", "greedy", "once"):
@@ -62,8 +63,8 @@ class Faults:
         done = run(self.archive, results, *OPTIONS, **self.environment)
         assert done.returncode == 1, done.stderr
 
-    def tell(self, what: str, results: Path) -> None:
-        same = left(results) == self.expected
+    def tell(self, what: str, *results: Path) -> None:
+        same = all(left(each) == self.expected for each in results)
         print(f"{what}: {'the same' if same else 'ANOTHER'} catalogue", flush=True)
 
     def killed_runners(self) -> None:
@@ -78,17 +79,21 @@ class Faults:
         self.tell(f"{self.kills} kills of the runner, {made} results by then", results)
 
     def killed_workers(self) -> None:
-        results, killed = self.place / "workers", 0
+        runs: list[Path] = []
+        killed = 0
         while killed < self.kills:
-            process = start(self.archive, results, *OPTIONS, **self.environment)
-            while process.poll() is None and killed < self.kills:
-                time.sleep(self.rng.uniform(0.1, 0.5))
+            runs.append(self.place / f"workers-{len(runs)}")
+            process = start(self.archive, runs[-1], *OPTIONS, **self.environment)
+            while process.poll() is None:
+                time.sleep(self.rng.uniform(0.1, 1.0))
                 children = descendants(process.pid)
-                if len(children) > 2:
+                if len(children) > 2 and killed < self.kills:
                     kill(self.rng.choice(children))
                     killed += 1
             process.communicate()
-        self.tell(f"{killed} kills of workers, their fork server among them", results)
+            self.finish(runs[-1])
+        what = f"{killed} kills of workers, their fork server among them, in {len(runs)} runs"
+        self.tell(what, *runs)
 
     def full_disk(self) -> None:
         results = self.place / "small"
@@ -135,17 +140,19 @@ class Faults:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--captures", type=int, default=400)
+    parser.add_argument("--captures", type=int, default=3000)
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        faults = Faults(Path(scratch), options.captures, options.kills, options.seed)
+        faults = Faults(Path(scratch) / "many", options.captures, options.kills, options.seed)
         print(f"{options.captures} captures and 4 bad ones: {faults.seconds:.0f} s undisturbed")
-        tests: list[Callable[[], None]] = [faults.killed_runners, faults.killed_workers]
-        tests += [faults.full_disk] if os.geteuid() == 0 else []
-        for test in (*tests, faults.failing_storage):
-            test()
+        faults.killed_runners()
+        faults.killed_workers()
+        if os.geteuid() == 0:
+            faults.full_disk()
+        few = Faults(Path(scratch) / "few", FEW, options.kills, options.seed)
+        few.failing_storage()
 
 
 if __name__ == "__main__":
