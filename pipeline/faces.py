@@ -23,7 +23,7 @@ WHEELS = 4  # of a vehicle: where so many sure faces stand as one, no half hidde
 FIFTH_SCORE = 0.8  # and only a place as clear as theirs could be another
 MOST_IN_CLOUD = 160  # in the cloud of a vehicle
 MOVED = 0.1  # of the radius: a place so far off is looked at again
-ROUGHER = 3.0  # times the noise of a sure face
+ROUGHER = 3.0  # times the noise of any sure face
 BESIDE, ROUGHER_BESIDE = 3.0, 1.4  # radii from a better face, and times its noise
 
 
@@ -117,12 +117,12 @@ def _ball(columns_m: Array, centre_m: Array, reach_m: float) -> Array:
 def _faces(looked_at: list[Candidate], target: Target, config: SegmentConfig) -> list[Candidate]:
     """Those that have the target's outline; where a vehicle's four have it clearly, only such.
 
-    Nor is a face what is much rougher than those that are sure.
+    Nor is a face what is much rougher than all that are sure: scans differ in noise.
     """
     sure = _sure(looked_at, target, config)
     if _are_a_vehicle(sure):
         return sure
-    roughest = ROUGHER * min((c.sigma_m for c in sure), default=np.inf)
+    roughest = ROUGHER * max((c.sigma_m for c in sure), default=np.inf)
     faces = [c for c in looked_at if c.match >= config.face_match and c.sigma_m <= roughest]
     return _apart(faces, target, config)
 

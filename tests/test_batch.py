@@ -322,6 +322,19 @@ def test_dates_are_told_by_the_capture_or_by_its_name(capture, tmp_path):
     }
 
 
+def test_the_summary_says_how_much_more_failed(tmp_path):
+    texts = ["no number", "1 2", "1 2 3\n" * 4, "1,2\n3", "a b c d", "1 2 3\n" * 7, "\0", ""]
+    for k, text in enumerate(texts):
+        (tmp_path / "archive").mkdir(exist_ok=True)
+        (tmp_path / "archive" / f"car-{k}.txt").write_text(text)
+    told = run(tmp_path / "archive", tmp_path / "results").stdout
+    shown = sum(int(line.split()[0]) for line in told.splitlines() if " failed, " in line)
+    (rest,) = re.findall(r"^ +(\d+) for \d+ other reasons?: .* --failures$", told, re.MULTILINE)
+    held = re.search(r"(\d+) failed", told)
+    assert held
+    assert shown + int(rest) == int(held[1])
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -331,6 +344,7 @@ def test_dates_are_told_by_the_capture_or_by_its_name(capture, tmp_path):
         (["--coordinates", "spherical"], "--angle-unit"),
         (["--date-in-name", "("], "no regular expression"),
         (["--date-in-name", "(?P<y>.)"], "y, m and d"),
+        (["--date-in-name", r"(\d+)-(\d+)-(\d+)"], "it has 3 groups"),
         (["--scheduler", "tcp://127.0.0.1:1", "--workers", "2"], "leave it out"),
         (["--station", "1,2,3"], "--total-station"),
     ],

@@ -362,9 +362,24 @@ def test_exit_codes_and_filters_of_the_command(results):
     assert run(results, *asked).stdout == "\n".join(alone)
 
 
+def test_captures_without_a_date_are_told_where_dates_are_asked_for(results, catalogue):
+    undated = sum(row.day is None for row in captures(catalogue))
+    told = run(results, "--since", "2000-01-01")
+    assert undated > 0
+    assert told.stderr.startswith(f"{undated} captures without a date are left out")
+    assert f"{17 - undated} captures" in told.stdout
+    assert run(results).stderr == ""
+
+
+def test_csv_is_printed_as_it_is_written(results, tmp_path):
+    run(results, "--csv", tmp_path / "table.csv")
+    assert run(results, "--csv", "-").stdout == (tmp_path / "table.csv").read_text()
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
+        (["--xlsx", "-"], "only --csv is printed"),
         (["--since", "yesterday"], "--since yesterday: is no date"),
         (["--where", "RR toe", "1"], "write the range as MIN..MAX"),
         (["--where", "RR toe", "2..1"], "write the range as MIN..MAX"),

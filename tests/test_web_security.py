@@ -384,6 +384,7 @@ def test_uploads_are_limited_in_size_and_number(tmp_path):
         assert site.put(f"/api/uploads/{upload}/rl.ply", bytes(600)).status_code == 413
         assert site.put(f"/api/uploads/{upload}/rr.ply", b"1").status_code == 409
         assert site.put(f"/api/uploads/{upload}/RR.ply", b"1").status_code == 409
+        assert site.put(f"/api/uploads/{upload}/rr.ply/a.ply", b"1").status_code == 409
         assert site.put(f"/api/uploads/{upload}/fr.ply", None).status_code == 411
         full = site.send(a__ply=b"1", b__ply=b"1", c__ply=b"1")
         assert site.put(f"/api/uploads/{full}/d.ply", b"1").status_code == 413

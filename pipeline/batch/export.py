@@ -12,7 +12,7 @@ import zipfile
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 import numpy.typing as npt
@@ -71,10 +71,15 @@ def export(path: Path, columns: Table, write: Callable[[Path, Table], None]) -> 
 def write_csv(path: Path, columns: Table) -> None:
     """RFC 4180 in UTF-8; a text that a spreadsheet would run as a formula gets a ' before it."""
     with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
-        for row in _rows(columns):
-            writer.writerow([_harmless(cell) for cell in row])
+        print_csv(stream, columns)
+
+
+def print_csv(stream: TextIO, columns: Table) -> None:
+    """As `write_csv`, to a stream."""
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    for row in _rows(columns):
+        writer.writerow([_harmless(cell) for cell in row])
 
 
 def write_xlsx(path: Path, columns: Table) -> None:

@@ -99,11 +99,19 @@ def iso_date(text: str) -> str | None:
 
 
 def check_date_pattern(pattern: str) -> None:
-    """Raise InputError for a pattern that does not compile, or names only some of y, m, d."""
+    """Raise InputError for a pattern that does not compile, names only some of y, m, d, or has
+    several groups without names.
+    """
     try:
-        groups = re.compile(pattern).groupindex
+        compiled = re.compile(pattern)
     except re.error as error:
         raise InputError(f"--date-in-name {pattern}: no regular expression: {error}") from error
+    groups = compiled.groupindex
+    if not groups and compiled.groups > 1:
+        raise InputError(
+            f"--date-in-name {pattern}: it has {compiled.groups} groups: name them y, m and d, or "
+            "keep one, around a date as 2026-11-20"
+        )
     if groups and set(groups) != {"y", "m", "d"}:
         raise InputError(
             f"--date-in-name {pattern}: its named groups are {', '.join(groups)}: name the groups "

@@ -35,11 +35,17 @@ def summary(
         return "\n".join(lines), not any(tally.done[status] for status in STATUSES[1:])
     held = Counter({s: count(catalogue, Filter(status=(s,))) for s in STATUSES})
     lines += ["", f"results in {results}: {_counts(held)}"]
-    for group in failures(catalogue, examples=1)[:WORST]:
+    failing = failures(catalogue, examples=1)
+    for group in failing[:WORST]:
         reason = group.reason
         shown = reason if len(reason) <= REASON_LENGTH else f"{reason[: REASON_LENGTH - 3]}..."
         lines.append(f"{group.count:7} {group.status}, {group.stage or 'wheels'}: {shown}")
         lines.append(f"        such as {group.examples[0]}")
+    if len(failing) > WORST:
+        rest = sum(group.count for group in failing[WORST:])
+        kinds = len(failing) - WORST
+        more = f"{rest:7} for {kinds} other reason{'s' * (kinds > 1)}"
+        lines.append(f"{more}: wheelplane results {results} --failures")
     lines += ["", f"next: wheelplane results {results}"]
     return "\n".join(lines), held["ok"] == held.total()
 

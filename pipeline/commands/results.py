@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -40,6 +41,7 @@ WRITERS = {
     "parquet": export.write_parquet,
 }
 FILE = click.Path(path_type=Path, dir_okay=False)
+PIPE = Path("-")
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,9 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     help="Angles of the text: deg-min-sec, degrees; toe in mm/m.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, only.")
-@click.option("--csv", "csv_file", type=FILE, help="Write the captures and all numbers as CSV.")
+@click.option(
+    "--csv", "csv_file", type=FILE, help="Write the captures and all numbers as CSV; - prints."
+)
 @click.option("--xlsx", "xlsx_file", type=FILE, help="The same for Excel.")
 @click.option("--parquet", "parquet_file", type=FILE, help="The same as Parquet.")
 @click.option("--rebuild", "anew", is_flag=True, help="Make the catalogue anew from the JSONs.")
@@ -169,6 +173,7 @@ def results(
             if number:
                 click.echo()
             _tell(catalogue, asked, mode, worst or 0)
+        _tell_undated(catalogue, which)
         return int(set(listing.by_status(catalogue, which)) - {"ok"} != set())
 
 
@@ -235,9 +240,28 @@ def _export(catalogue: Catalogue, which: Filter, files: dict[str, Path | None]) 
     wanted = {kind: path for kind, path in files.items() if path is not None}
     columns = export.table(catalogue, which) if wanted else {}
     for kind, path in wanted.items():
+        if path == PIPE:
+            if kind != "csv":
+                raise InputError(f"--{kind} -: only --csv is printed: name a file")
+            export.print_csv(sys.stdout, columns)
+            continue
         export.export(path, columns, WRITERS[kind])
         click.echo(f"wrote {path} ({len(columns['key']):,} captures)", err=True)
     return bool(wanted)
+
+
+def _tell_undated(catalogue: Catalogue, which: Filter) -> None:
+    """Say of how many captures no date is known, where dates were asked for."""
+    if which.since_day is None and which.until_day is None:
+        return
+    anytime = replace(which, since_day=None, until_day=None)
+    undated = count(catalogue, anytime) - count(catalogue, replace(anytime, since_day=-math.inf))
+    if undated:
+        click.echo(
+            f"{undated} captures without a date are left out: tell it in their capture.toml, or "
+            "by batch --date-in-name",
+            err=True,
+        )
 
 
 def _day(option: str, text: str, end: bool) -> float:

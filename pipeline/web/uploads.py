@@ -77,6 +77,11 @@ class Uploads:
                 raise RefusedError(413, f"more than {most} files: pack them into a zip")
             if key in upload.names:
                 raise RefusedError(409, f"{file[:100]}: a file of this name was sent already")
+            pairs = ((f"{one}/", f"{key}/") for one in upload.names)
+            if any(one.startswith(other) or other.startswith(one) for one, other in pairs):
+                raise RefusedError(
+                    409, f"{file[:100]}: its name stands for a file and for a folder"
+                )
             if upload.bytes + declared > self._settings.upload_bytes:
                 most = self._settings.upload_bytes
                 raise RefusedError(
@@ -131,10 +136,10 @@ def _checked(file: str) -> tuple[str, ...]:
 
 
 def _write(path: Path, stream: BinaryIO, declared: int, file: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.part")
     left = declared
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         with part.open("xb") as out:
             while left and (chunk := stream.read(min(CHUNK, left))):
                 out.write(chunk)
