@@ -22,7 +22,6 @@ FACE_SIGMAS = 6.0  # of the noise: half the thickness of what may belong to the 
 THIN = 0.004  # of the radius, at least: half the thickness in which an outline is looked for
 CURVED_OF_RADIUS = 0.004  # rms depth of a paraboloid, of the radius, above which no plate is bent
 BENT_OF_RADIUS = 0.0005  # the same where hardly anything else is left over: one range of a wall
-OFF_PLANE = 2.0  # times that: what lies between is of another surface
 INNER = 0.7  # of the face's smaller half: where the plane is fitted first
 FIRST_LIMITS = 3.0  # times the first distance limit: what may be of the face there
 MIN_POINTS = 30  # a scan or a face with fewer is not judged
@@ -94,7 +93,7 @@ def _place(
     """Where the face fits points about the origin that lie near the plane, and its basis."""
     basis = plane_basis(normal)
     depth, uv = np.abs(near @ normal), near @ basis[:2].T
-    off = uv[(depth >= limit_m) & (depth < OFF_PLANE * limit_m)]
+    off = uv[(depth >= limit_m) & (depth < raster.OFF_PLANE * limit_m)]
     region, period = target.region, target.turn_period_rad
     placed = raster.match_face(uv[depth < limit_m], region, period, target.radius_m, off)
     return placed, basis

@@ -1,6 +1,6 @@
 """The passes over all points, compiled by numba: for clouds so large that it pays to load it.
 
-Each has a twin in numpy in kernels.py, which says what it does.
+Each has a twin in numpy, in passes.py, slab_sums.py or cubes.py, which says what it does.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def near_plane(
     beside: Any,
 ) -> tuple[Any, Any]:
     """Rows of points (N, 3) in `face` into on_face; of others in `around`, of a hash to the limit,
-    into beside. Each has room for N + 1. How many of each.
+    into beside. Each has room for N. How many of each.
 
     face, around: (reach, depth, slope, most reach). Without branches, which points in no order
     would make the processor mispredict.

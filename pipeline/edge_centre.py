@@ -16,7 +16,7 @@ from pipeline.face_turn import PlaneTurn
 from pipeline.face_view import Seen
 from pipeline.kernels import Array
 from pipeline.outline import Holes, Outline
-from pipeline.raster import outnumbered
+from pipeline.raster import OFF_PLANE, outnumbered
 from pipeline.rim import Behind, RimFit, aimed, fit_rim, look_behind
 from pipeline.rim_start import STEEPEST
 
@@ -33,10 +33,10 @@ MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # what a bent wall leaves unexplained, 
 # What straight edges by mixed ranges and by points may differ; and when the plate is another.
 APART_M, WORST_APART_M = 3.0 * OUTLINE_EDGE_M, 5.0 * OUTLINE_EDGE_M
 MAX_ECHO = 50.0  # a background that many times brighter, or darker, than the plate is no answer
-OFF, CELL = 2.0, 2.0  # of the band: what is off the face; of the spacing: where points are counted
+CELL = 2.0  # of the spacing: in which points on and off the face are counted
 MANY_OFF = 0.05  # off the face, of those on it: below, no other surface is as near as that
 SOUGHT = 1.5  # of its size, about where the raster put a face, in which its points are
-GENTLE = 1.0  # slope, below which what matters lies within that
+GENTLE = 1.0  # slope, below which what matters lies within face_view.GENTLE_SLOPE
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ def _rim(
 ) -> RimFit | None:
     """By mixed ranges; again with what lies farther aside, where the beams are steep.
 
-    near: points (N, 3) about the outline. begin: as in `fit_rim`.
+    near: points (N, 3) about the outline. begin: as in `fit_rim`; None: sought among more points.
     """
     fit = partial(
         fit_rim,
@@ -206,7 +206,10 @@ def _face(seen: Seen, near: Array) -> Array:
     Where those just off it are many more, a surface behind reaches the face by its noise.
     """
     uv, depth = near[:, :2], np.abs(near[:, 2])
-    face, off = uv[depth < seen.band_m], uv[(depth >= seen.band_m) & (depth < OFF * seen.band_m)]
+    face, off = (
+        uv[depth < seen.band_m],
+        uv[(depth >= seen.band_m) & (depth < OFF_PLANE * seen.band_m)],
+    )
     if len(face) == 0 or len(off) < MANY_OFF * len(face):
         return face
     return face[~outnumbered(face, off, CELL * seen.spacing_m)]

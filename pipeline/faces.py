@@ -23,7 +23,7 @@ WHEELS = 4  # of a vehicle: where so many sure faces stand as one, no half hidde
 FIFTH_SCORE = 0.8  # and only a place as clear as theirs could be another
 MOST_IN_CLOUD = 160  # in the cloud of a vehicle
 MOVED = 0.1  # of the radius: a place so far off is looked at again
-ROUGHER = 3.0  # times the noise of any sure face
+ROUGHER = 3.0  # times the noise of sure faces
 BESIDE, ROUGHER_BESIDE = 3.0, 1.4  # radii from a better face, and times its noise
 
 
@@ -83,10 +83,13 @@ def _look(
     balls = [_cubes_within(cubes, place.centre_m, place.normal, ball) for place in places]
     near = np.ascontiguousarray(points_m[_rows(points_m, cubes, balls)].T)
     found: list[Candidate] = []
+    is_whole = False
     for place in places:
-        if place.score < FIFTH_SCORE and _are_a_vehicle(_sure(found, target, config)):
+        if place.score < FIFTH_SCORE and is_whole:
             break
         found.append(_judge_in_cloud(near, place, target, config))
+        if found[-1].match > SURE:
+            is_whole = _are_a_vehicle(_sure(found, target, config))
     return found
 
 
@@ -117,13 +120,17 @@ def _ball(columns_m: Array, centre_m: Array, reach_m: float) -> Array:
 def _faces(looked_at: list[Candidate], target: Target, config: SegmentConfig) -> list[Candidate]:
     """Those that have the target's outline; where a vehicle's four have it clearly, only such.
 
-    Nor is a face what is much rougher than all that are sure: scans differ in noise.
+    Nor is a face, unless it is sure itself, what is much rougher than those that are sure.
     """
     sure = _sure(looked_at, target, config)
     if _are_a_vehicle(sure):
         return sure
-    roughest = ROUGHER * max((c.sigma_m for c in sure), default=np.inf)
-    faces = [c for c in looked_at if c.match >= config.face_match and c.sigma_m <= roughest]
+    roughest = ROUGHER * float(np.median([c.sigma_m for c in sure])) if sure else np.inf
+    faces = [
+        c
+        for c in looked_at
+        if c.match > SURE or (c.match >= config.face_match and c.sigma_m <= roughest)
+    ]
     return _apart(faces, target, config)
 
 
@@ -132,14 +139,12 @@ def _sure(looked_at: list[Candidate], target: Target, config: SegmentConfig) -> 
 
 
 def _are_a_vehicle(found: list[Candidate]) -> bool:
-    """Whether any four stand as a vehicle's wheels, for normals that point away from their middle:
-    other things may look like the target as well.
+    """Whether any four stand as a vehicle's wheels, whichever way their normals point: other things
+    may look like the target as well.
     """
     if len(found) < WHEELS:
         return False
-    middle = np.mean([c.centre_m for c in found], axis=0)
-    outward = [c.normal if c.normal @ (c.centre_m - middle) > 0.0 else -c.normal for c in found]
-    faces = [Face(c.centre_m, n, c.match) for c, n in zip(found, outward, strict=True)]
+    faces = [Face(c.centre_m, sign * c.normal, c.match) for c in found for sign in (1.0, -1.0)]
     return bool(vehicles(faces, range(len(faces)), RIVAL))
 
 

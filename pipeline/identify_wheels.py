@@ -74,7 +74,8 @@ def find_axles(faces: Sequence[Face], radius_m: float) -> Axles:
     if len(found) > 1:
         raise InputError(
             f"{_count(len(faces))} of the target found, of which {len(found)} sets of four could "
-            f"be a vehicle's wheels: {listed(faces)}: crop the cloud to one vehicle"
+            f"be a vehicle's wheels, axle by axle ({_sets(found)}): {listed(faces)}: crop the "
+            "cloud to one vehicle"
         )
     if not found or found != _clearest(vehicles(faces, among, 1.0), faces):
         raise InputError(
@@ -126,6 +127,13 @@ def _clearest(found: list[tuple[Ends, Ends]], faces: Sequence[Face]) -> list[tup
     weakest = [min(faces[i].match for axle in ends for i in axle) for ends in found]
     bar = MUCH_WORSE * max(weakest, default=0.0)
     return [ends for ends, match in zip(found, weakest, strict=True) if match >= bar]
+
+
+def _sets(found: Sequence[tuple[Ends, Ends]]) -> str:
+    """Which faces make the axles of each vehicle, by their numbers."""
+    told = ["faces " + " and ".join(f"{i + 1}, {j + 1}" for i, j in axles) for axles in found]
+    more = [f"{len(told) - MOST_LISTED} more"] if len(told) > MOST_LISTED else []
+    return "; ".join([*told[:MOST_LISTED], *more])
 
 
 def _uncovered(faces: Sequence[Face], radius_m: float) -> list[int]:

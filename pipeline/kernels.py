@@ -119,7 +119,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 def gather_ball(points_m: Array, centre_m: Array, radius_m: float) -> Array:
     """Points of points_m (N, 3) within radius_m of centre_m (3,), relative to it: (M, 3)."""
-    kept = []
+    kept = [np.zeros((0, 3))]
     for start in range(0, len(points_m), CHUNK_ROWS):
         x, y, z = offset = points_m[start : start + CHUNK_ROWS].T - centre_m[:, None]
         near = np.nonzero(x * x + y * y + z * z < radius_m**2)[0]

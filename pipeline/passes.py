@@ -47,7 +47,7 @@ def coordinate_hash(points_m: Array) -> npt.NDArray[np.uint64]:
 
     Odd multipliers, and the finisher of Steele et al., OOPSLA 2014.
     """
-    scaled = points_m * GRID_PER_M
+    scaled = np.multiply(points_m, GRID_PER_M, dtype=np.float64)
     scaled += WHOLE_ONLY
     bits = scaled.view(np.uint64)
     bits -= WHOLE_ONLY.view(np.uint64)
@@ -84,7 +84,10 @@ def sample(points_m: Array, count: int) -> Array:
     if not parts:
         return np.zeros((0, 3))
     hashes = np.concatenate([part[1] for part in parts])
-    return np.concatenate([part[0] for part in parts])[np.argsort(hashes)]
+    order = np.argsort(hashes)
+    if (np.diff(hashes[order]) == 0).any():  # whose order another processor may turn round
+        order = np.argsort(hashes, kind="stable")
+    return np.concatenate([part[0] for part in parts])[order]
 
 
 def _share(share: float) -> np.uint64:
@@ -127,7 +130,7 @@ def surroundings(
     def choose(block: slice) -> tuple[Places, Places]:
         part = points_m[block]
         if machine is not None:
-            rows = np.empty((2, len(part) + 1), np.int32)
+            rows = np.empty((2, len(part)), np.int32)
             counts = machine.near_plane(part, centre_m, normal, *slabs, limit, *rows)
             return rows[0, : counts[0]].copy(), rows[1, : counts[1]].copy()
         uvw = axes @ part.T

@@ -21,6 +21,7 @@ RING_REACH = 1.4  # of the radius: how far around the face emptiness counts
 SECTORS = 48
 FINEST, COARSEST = 1.0 / 60.0, 1.0 / 3.0  # cells, of the radius
 OUTNUMBERED = 2.0  # points off the plane for each on it: less are its own noise
+OFF_PLANE = 2.0  # times the depth within which points are on the plane: those between are off it
 NO_POINTS = np.zeros((0, 2))
 TOP = 0.15  # of the score, that the top of a peak is high
 
@@ -31,7 +32,7 @@ class Placement:
 
     centre_m: (2,) in the plane. turn_rad: of the face's own axes in it. match: 1 for a whole face,
     the visible share of the outline for a hidden one, much less for part of a larger surface.
-    points: how many the raster held. cell_m: the edge of its cells.
+    points: how many it was given. cell_m: the edge of its cells.
     """
 
     centre_m: Array

@@ -161,7 +161,10 @@ def look_behind(
     start: tuple[Array, float],
     state: Array | None,
 ) -> Behind:
-    """Of points uvw_m (N, 3) about an outline at a start. state: what `aimed` gave for them."""
+    """Of points uvw_m (N, 3) about an outline at a start.
+
+    state: (9,) how the beams run, by `aimed`, or by another edge's fit; None where nothing tells.
+    """
     plane, depth = uvw_m[:, :2], -uvw_m[:, 2]
     begin = Prior.of(None, config).mean
     begin[CENTRE], begin[TURN] = start

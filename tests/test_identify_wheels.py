@@ -171,7 +171,9 @@ def test_two_vehicles_are_refused(other):
 def test_three_axles_are_not_guessed_apart():
     lorry = [*car(base=3.2), *(car(base=4.3)[2:])]
     assert "of which 2 sets of four" in refusal(lorry)  # the hind axles stand too near to be two
-    assert "of which 3 sets of four" in refusal([*car(base=3.0), *(car(base=5.0)[2:])])
+    told = refusal([*car(base=3.0), *(car(base=5.0)[2:])])
+    assert "of which 3 sets of four" in told
+    assert "axle by axle (faces 1, 2 and 3, 4; faces 1, 2 and 5, 6; faces 3, 4 and 5, 6)" in told
 
 
 @pytest.mark.parametrize(

@@ -149,6 +149,7 @@ def test_ball_is_what_one_line_says(cloud):
     inside = np.linalg.norm(cloud - CENTRE, axis=1) < 0.5
     np.testing.assert_array_equal(gather_ball(cloud, CENTRE, 0.5), cloud[inside] - CENTRE)
     assert 0 < inside.sum() < len(cloud)
+    assert gather_ball(np.zeros((0, 3)), CENTRE, 0.5).shape == (0, 3)
 
 
 def test_slab_is_what_one_line_says(cloud):

@@ -373,13 +373,15 @@ def test_captures_without_a_date_are_told_where_dates_are_asked_for(results, cat
 
 def test_csv_is_printed_as_it_is_written(results, tmp_path):
     run(results, "--csv", tmp_path / "table.csv")
-    assert run(results, "--csv", "-").stdout == (tmp_path / "table.csv").read_text()
+    assert run(results, "--csv", "-").stdout == (tmp_path / "table.csv").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
         (["--xlsx", "-"], "only --csv is printed"),
+        (["--csv", "-", "--json"], "printed alone"),
+        (["--csv", "-", "--summary"], "printed alone"),
         (["--since", "yesterday"], "--since yesterday: is no date"),
         (["--where", "RR toe", "1"], "write the range as MIN..MAX"),
         (["--where", "RR toe", "2..1"], "write the range as MIN..MAX"),

@@ -395,10 +395,12 @@ def test_uploads_are_limited_in_size_and_number(tmp_path):
 
 def test_an_upload_that_breaks_off_leaves_nothing(site):
     upload = site.send()
-    with pytest.raises(RefusedError, match="broke off 91 bytes before its end"):
-        site.app.config["state"].uploads.add(upload, "rr.ply", io.BytesIO(b"only this"), 100)
+    for name in ("rr.ply", "rr.ply/folder/a.ply"):
+        with pytest.raises(RefusedError, match="broke off 91 bytes before its end"):
+            site.app.config["state"].uploads.add(upload, name, io.BytesIO(b"only this"), 100)
     scratch = site.allowed.parent / "scratch"
     assert [p for p in scratch.rglob("*") if p.is_file()] == []
+    assert site.put(f"/api/uploads/{upload}/rr.ply", b"1").status_code == 200
 
 
 def test_what_was_not_stored_counts_for_nothing(tmp_path):

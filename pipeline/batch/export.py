@@ -71,11 +71,17 @@ def export(path: Path, columns: Table, write: Callable[[Path, Table], None]) -> 
 def write_csv(path: Path, columns: Table) -> None:
     """RFC 4180 in UTF-8; a text that a spreadsheet would run as a formula gets a ' before it."""
     with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as stream:
-        print_csv(stream, columns)
+        _write_csv(stream, columns)
 
 
-def print_csv(stream: TextIO, columns: Table) -> None:
-    """As `write_csv`, to a stream."""
+def as_csv(columns: Table) -> bytes:
+    """What `write_csv` writes."""
+    text = io.StringIO(newline="")
+    _write_csv(text, columns)
+    return text.getvalue().encode("utf-8", "backslashreplace")
+
+
+def _write_csv(stream: TextIO, columns: Table) -> None:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
     for row in _rows(columns):

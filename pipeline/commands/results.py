@@ -159,6 +159,10 @@ def results(
     files = {"csv": csv_file, "xlsx": xlsx_file, "parquet": parquet_file}
     if sql is not None and (modes or any(files.values()) or quantities or limit or which != ALL):
         raise click.UsageError("--sql stands alone: write what is wanted into the SELECT")
+    if PIPE in (xlsx_file, parquet_file):
+        raise InputError("--xlsx -, --parquet -: only --csv is printed: name a file")
+    if csv_file == PIPE and (modes or as_json):
+        raise click.UsageError("--csv - is printed alone: name a file")
     with Reading("the results") as progress:
         if anew:
             rebuild(open_store(results), progress)
@@ -241,9 +245,7 @@ def _export(catalogue: Catalogue, which: Filter, files: dict[str, Path | None]) 
     columns = export.table(catalogue, which) if wanted else {}
     for kind, path in wanted.items():
         if path == PIPE:
-            if kind != "csv":
-                raise InputError(f"--{kind} -: only --csv is printed: name a file")
-            export.print_csv(sys.stdout, columns)
+            click.echo(export.as_csv(columns), nl=False)
             continue
         export.export(path, columns, WRITERS[kind])
         click.echo(f"wrote {path} ({len(columns['key']):,} captures)", err=True)
@@ -257,11 +259,13 @@ def _tell_undated(catalogue: Catalogue, which: Filter) -> None:
     anytime = replace(which, since_day=None, until_day=None)
     undated = count(catalogue, anytime) - count(catalogue, replace(anytime, since_day=-math.inf))
     if undated:
-        click.echo(
-            f"{undated} captures without a date are left out: tell it in their capture.toml, or "
-            "by batch --date-in-name",
-            err=True,
+        captures_are = (
+            "1 capture without a date is"
+            if undated == 1
+            else (f"{undated} captures without a date are")
         )
+        mend = "tell it in capture.toml, or by batch --date-in-name"
+        click.echo(f"{captures_are} left out: {mend}", err=True)
 
 
 def _day(option: str, text: str, end: bool) -> float:

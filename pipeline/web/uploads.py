@@ -7,7 +7,7 @@ import secrets
 import shutil
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
@@ -91,10 +91,14 @@ class Uploads:
                 )
             upload.names.add(key)
             upload.bytes += declared
+        path = upload.folder.joinpath(*parts)
         try:
-            _write(upload.folder.joinpath(*parts), stream, declared, file)
+            _write(path, stream, declared, file)
         except BaseException:
             with self._lock:
+                for folder in list(path.parents)[: len(parts) - 1]:
+                    with suppress(OSError):  # it holds other files
+                        folder.rmdir()
                 upload.names.discard(key)
                 upload.bytes -= declared
             raise
