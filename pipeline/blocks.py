@@ -30,15 +30,23 @@ def over_blocks(work: Callable[[slice], T], rows: int, block_rows: int = BLOCK_R
     workers = min(threads(), len(blocks))
     if workers < 2:
         return [work(block) for block in blocks]
-    shares = [blocks[first::workers] for first in range(workers)]
-    done = list(_pool(workers).map(lambda share: [work(block) for block in share], shares))
+
+    def share(first: int) -> list[T]:
+        return [work(block) for block in blocks[first::workers]]
+
+    others = [_pool().submit(share, first) for first in range(1, workers)]
+    done = [share(0), *(other.result() for other in others)]
     return [done[k % workers][k // workers] for k in range(len(blocks))]
 
 
 @lru_cache(maxsize=1)
-def _pool(workers: int) -> ThreadPoolExecutor:
-    """Threads that wait for the next pass; starting them takes as long as a pass over a million."""
-    return ThreadPoolExecutor(workers)
+def _pool() -> ThreadPoolExecutor:
+    """Threads that wait for the next pass; starting them takes as long as a pass over a million.
+
+    One less than there are, for who asks takes a share as well: two that are woken at once may
+    find themselves on one processor.
+    """
+    return ThreadPoolExecutor(MOST_THREADS - 1)
 
 
 if hasattr(os, "register_at_fork"):

@@ -114,7 +114,7 @@ def _is_curved(uvw: Array, sigma: float, radius_m: float) -> bool:
     if len(w) < MIN_POINTS:
         return False
     terms = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
-    fitted = terms @ np.linalg.lstsq(terms, w, rcond=None)[0]
+    fitted = terms @ np.linalg.lstsq(terms.T @ terms, terms.T @ w, rcond=None)[0]
     explained, all_of_it = float(np.var(fitted)), float(np.var(w))
     return any(
         explained > max(share * all_of_it, bend**2)

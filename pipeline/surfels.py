@@ -125,8 +125,8 @@ def _neighbours(place: Rows) -> Rows:
     """Pairs (P, 2) of rows of place (S, 3), sorted by key, whose cubes touch."""
     key = cube_key(place)
     pairs = []
-    for step in _HALF_OF_NEIGHBOURS:
-        wanted = cube_key(place + np.array(step))
+    for step in np.array(_HALF_OF_NEIGHBOURS) @ cube_key(np.eye(3, dtype=np.int64)):
+        wanted = key + step
         found = np.searchsorted(key, wanted).clip(0, max(len(key) - 1, 0))
         there = np.nonzero(key[found] == wanted)[0] if len(key) else found[:0]
         pairs.append(np.stack([there, found[there]], axis=1))
