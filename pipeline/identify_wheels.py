@@ -7,7 +7,7 @@ that makes no vehicle, or several, is an error that lists them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -37,7 +37,7 @@ class Axles:
 
     def centres_m(self, faces: Sequence[Face]) -> Array:
         """(2, 2, 3): axle, end, coordinate."""
-        return np.array([[faces[i].centre_m for i in axle] for axle in self.ends])
+        return _centres_m(faces, self.ends)
 
     def named(self, faces: Sequence[Face], up: Array, second_is_front: bool) -> dict[str, int]:
         """The face of each of RR, RL, FR, FL, for an up direction (3,)."""
@@ -56,11 +56,14 @@ class Axles:
         )
 
 
-def find_axles(faces: Sequence[Face], radius_m: float) -> Axles:
+def find_axles(
+    faces: Sequence[Face], radius_m: float, stand: Callable[[Array], bool] | None = None
+) -> Axles:
     """The two axles of the one vehicle that the faces make; radius_m: of the target.
 
     Faces more than four are left out where no other four of them could be a vehicle's wheels, or
-    all others have a face that matches much worse.
+    all others have a face that matches much worse, or do not stand on the floor. stand: whether
+    axles (2, 2, 3) do, where that can be seen.
     Raises InputError, which lists the faces, where there is no such four, or more than one.
     """
     among = _uncovered(faces, radius_m)
@@ -71,13 +74,16 @@ def find_axles(faces: Sequence[Face], radius_m: float) -> Axles:
         )
     found = _clearest(vehicles(faces, among, RIVAL), faces)
     _check_apart(faces, among, {i for ends in found for axle in ends for i in axle}, radius_m)
+    if len(found) > 1 and stand is not None:
+        standing = [ends for ends in found if stand(_centres_m(faces, ends))]
+        found = standing if len(standing) == 1 else found
     if len(found) > 1:
         raise InputError(
             f"{_count(len(faces))} of the target found, of which {len(found)} sets of four could "
             f"be a vehicle's wheels, axle by axle ({_sets(found)}): {listed(faces)}: crop the "
             "cloud to one vehicle"
         )
-    if not found or found != _clearest(vehicles(faces, among, 1.0), faces):
+    if not found or found[0] not in _clearest(vehicles(faces, among, 1.0), faces):
         raise InputError(
             f"{_count(len(faces))} of the target found, but no four stand as a vehicle's wheels "
             f"(looking outwards, tracks of {TRACK_M[0]:g} to {TRACK_M[1]:g} m, a wheelbase of "
@@ -120,6 +126,10 @@ def placed(face: Face) -> str:
     """Where a face lies, and how well it matches."""
     place = ", ".join(f"{x:.3f}" for x in face.centre_m + 0.0)
     return f"at ({place}) m (match {face.match:.2f})"
+
+
+def _centres_m(faces: Sequence[Face], ends: tuple[Ends, Ends]) -> Array:
+    return np.array([[faces[i].centre_m for i in axle] for axle in ends])
 
 
 def _clearest(found: list[tuple[Ends, Ends]], faces: Sequence[Face]) -> list[tuple[Ends, Ends]]:

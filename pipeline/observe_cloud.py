@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from pipeline.observe import Fit
 from pipeline.reference_frame import REFERENCE_WHEELS
 from pipeline.scan_entry import ScanEntry
 from pipeline.targets import PatternTarget, Target
-from pipeline.upright import find_up
+from pipeline.upright import find_up, stand_on_a_floor
 
 MOST_TOLD = 4
 
@@ -69,7 +70,8 @@ def observe_cloud(
 def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Naming]:
     """The face of each wheel; both ways round where only markers can tell the front."""
     faces = found.faces
-    axles = find_axles(faces, capture.target.radius_m)
+    stand = None if capture.up == "z" else partial(stand_on_a_floor, found.sample_m)
+    axles = find_axles(faces, capture.target.radius_m, stand)
     centres_m = axles.centres_m(faces)
     up = find_up(found.sample_m, centres_m, capture.up)
     first_m, second_m = centres_m.mean(axis=1)

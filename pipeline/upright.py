@@ -46,11 +46,7 @@ def find_up(sample_m: Array, axles_m: Array, rule: str = "auto") -> Up:
     sample_m: (S, 3) points of the cloud. rule: 'auto', or 'floor' or 'z' alone.
     Raises InputError where they contradict each other, or tell nothing.
     """
-    middles = axles_m.mean(axis=1)
-    along = middles[1] - middles[0]
-    across = (axles_m[:, 0] - axles_m[:, 1]).sum(axis=0)
-    upright = np.cross(along, across)
-    upright /= np.linalg.norm(upright)
+    along, upright = _directions(axles_m)
     floor = _find_floor(sample_m, axles_m, along, upright) if rule != "z" else None
     tilt = float(upright[2])
     by_z = np.sign(tilt) if abs(tilt) > MIN_UPRIGHT and rule != "floor" else 0.0
@@ -70,6 +66,20 @@ def find_up(sample_m: Array, axles_m: Array, rule: str = "auto") -> Up:
     said += [f"the z axis, {np.degrees(np.arccos(min(abs(tilt), 1.0))):.1f}° off"] if by_z else []
     side = by_z if floor is None else -floor.side
     return Up(side * upright, ", and ".join(said))
+
+
+def stand_on_a_floor(sample_m: Array, axles_m: Array) -> bool:
+    """Whether a floor is seen close to wheels at axles_m (2, 2, 3) and parallel to their plane."""
+    return _find_floor(sample_m, axles_m, *_directions(axles_m)) is not None
+
+
+def _directions(axles_m: Array) -> tuple[Array, Array]:
+    """From the first axle to the second, and across the wheels' plane, unit, of either sign."""
+    middles = axles_m.mean(axis=1)
+    along = middles[1] - middles[0]
+    across = (axles_m[:, 0] - axles_m[:, 1]).sum(axis=0)
+    upright = np.cross(along, across)
+    return along, upright / np.linalg.norm(upright)
 
 
 def _find_floor(sample_m: Array, axles_m: Array, along: Array, upright: Array) -> _Floor | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from pipeline.axles import Face
 from pipeline.errors import InputError
 from pipeline.front import Front
 from pipeline.identify_wheels import find_axles, wheels_by_markers
+from pipeline.upright import stand_on_a_floor
 from tests.scenes import rotation
 
 WHEELS = ("RR", "RL", "FR", "FL")
@@ -174,6 +177,21 @@ def test_three_axles_are_not_guessed_apart():
     told = refusal([*car(base=3.0), *(car(base=5.0)[2:])])
     assert "of which 3 sets of four" in told
     assert "axle by axle (faces 1, 2 and 3, 4; faces 1, 2 and 5, 6; faces 3, 4 and 5, 6)" in told
+
+
+def test_of_two_sets_the_one_that_stands_on_the_floor_is_the_vehicle():
+    up = np.array([0.1, 0.0, 0.7])
+    doors = [replace(face, centre_m=face.centre_m + up) for face in car()[:2]]
+    faces = [*car(), *doors]
+    assert "2 sets of four" in refusal(faces)
+    rng = np.random.default_rng(0)
+    floor = np.column_stack([rng.uniform(-3.0, 6.0, (200_000, 2)), np.zeros(200_000)])
+    axles = find_axles(faces, RADIUS_M, partial(stand_on_a_floor, floor))
+    assert {i for axle in axles.ends for i in axle} == {0, 1, 2, 3}
+    assert set(axles.left_out) == {4, 5}
+    above = floor + np.array([0.0, 0.0, 5.0])  # none stands on that, so nothing is told
+    with pytest.raises(InputError, match="2 sets of four"):
+        find_axles(faces, RADIUS_M, partial(stand_on_a_floor, above))
 
 
 @pytest.mark.parametrize(
