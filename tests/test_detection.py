@@ -28,7 +28,7 @@ from tests.vehicle_scenes import RADIUS_M, face_cloud, hard_wheel, vehicle_scene
 SEGMENT = Config().segment
 VEHICLES = (12, 18)  # 70 degrees and shared stations; sparse, in range steps of 3.9 mm
 # Half hidden at 700 points; at 70 degrees, and in range steps, where only the station's place tells
-# how the beams ran: without it a centre is off by 2.5 mm; a step 4 mm behind, within 3 sigma of
+# how the beams ran: without it a centre is off by 1.4 mm; a step 4 mm behind, within 3 sigma of
 # which its points reach the face; and something rough beside a face.
 HARDER = (45, 57, 149, 142, 154)
 WHEELS = (3, 7, 13, 21, 26, 46, 52, 73)
