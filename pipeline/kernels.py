@@ -106,15 +106,9 @@ def plane_basis(normal: Array) -> Array:
     """Rows of a right-handed basis (3, 3) whose third row is the unit normal (3,)."""
     axis = np.zeros(3)
     axis[np.argmin(np.abs(normal))] = 1.0
-    first = _cross(axis, normal)
+    first = cross(axis, normal)
     first /= math.sqrt(first @ first)
-    return np.stack([first, _cross(normal, first), normal])
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Of two vectors; numpy's takes thirty times as long for them."""
-    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
-    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+    return np.stack([first, cross(normal, first), normal])
 
 
 def gather_ball(points_m: Array, centre_m: Array, radius_m: float) -> Array:

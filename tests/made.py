@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
+from synth.archive import write_capture
+
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 SALOON = CONFIGS / "vehicles" / "saloon.toml"
 DEFAULT = CONFIGS / "scanners" / "default.toml"
@@ -31,6 +33,22 @@ def changed(path: Path, folder: Path, values: dict[str, object]) -> Path:
     copied = folder / f"{len(list(folder.iterdir()))}-{path.name}"
     copied.write_text("\n".join(lines) + "\n")
     return copied
+
+
+def write_small_capture(folder: Path, trials: int = 1, seed: int = 1) -> Path:
+    """A capture of coarse scans, which are measured in a second."""
+    text = DEFAULT.read_text()
+    coarse = folder.parent / "coarse.toml"
+    coarse.write_text(text.replace("0.0009", "0.004"))
+    write_capture(
+        folder,
+        seed=seed,
+        vehicle=SALOON,
+        scanner=coarse,
+        target=DISC,
+        trials=trials,
+    )
+    return folder
 
 
 def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synth.archive import write_capture
 from tests.batches import (
     ROOT,
     archive_of,
@@ -29,25 +28,13 @@ from tests.batches import (
     start,
     trees,
 )
-
-CONFIGS = ROOT / "configs"
+from tests.made import write_small_capture
 
 
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory):
     """A capture of four coarse scans."""
-    folder = tmp_path_factory.mktemp("synth")
-    text = (CONFIGS / "scanners" / "default.toml").read_text()
-    (folder / "coarse.toml").write_text(text.replace("0.0009", "0.004"))
-    write_capture(
-        folder / "capture",
-        seed=1,
-        vehicle=CONFIGS / "vehicles" / "saloon.toml",
-        scanner=folder / "coarse.toml",
-        target=CONFIGS / "targets" / "disc-250.toml",
-        trials=1,
-    )
-    return folder / "capture"
+    return write_small_capture(tmp_path_factory.mktemp("synth") / "capture", trials=1)
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ from pipeline.batch.catalogue import FILE, rebuild
 from pipeline.batch.store import open_store
 from tests.batches import ROOT, archive_of, five_points, kill, left, poisoned, run, start, trees
 from tests.failing_proxy import FailingProxy
+from tests.object_server import object_server
 
 DASK = f"{sys.executable} -m distributed.cli.dask_{{}} --no-dashboard"
 
@@ -109,13 +110,8 @@ def test_no_scheduler_is_one_line(undisturbed, tmp_path):
 @pytest.fixture(scope="module")
 def storage():
     """The address of a server of object storage on this machine."""
-    from moto.server import ThreadedMotoServer
-
-    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    server.start()
-    host, port = server.get_host_and_port()
-    yield f"http://{host}:{port}"
-    server.stop()
+    with object_server() as address:
+        yield address
 
 
 def test_object_storage_that_fails_now_and_then_gives_the_same(

@@ -17,6 +17,7 @@ from pipeline.batch import store_local, store_remote
 from pipeline.batch.entry import PARTIAL
 from pipeline.batch.store import open_store
 from pipeline.errors import InputError, MissingDependencyError
+from tests.object_server import object_server
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -24,13 +25,8 @@ ROOT = Path(__file__).resolve().parents[1]
 @pytest.fixture(scope="module")
 def server():
     """The address of a server of object storage on this machine, with the bucket `cars`."""
-    from moto.server import ThreadedMotoServer
-
-    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    server.start()
-    host, port = server.get_host_and_port()
-    yield f"http://{host}:{port}"
-    server.stop()
+    with object_server() as address:
+        yield address
 
 
 @pytest.fixture

@@ -12,10 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from synth.archive import write_capture
+from tests.made import write_small_capture
 
 ROOT = Path(__file__).resolve().parents[1]
-CONFIGS = ROOT / "configs"
 PAPER = ROOT / "tests" / "data" / "paper" / "figure-4.txt"
 CLOUD = ROOT / "pipeline" / "certified" / "pcl" / "sac_plane_test.pcd"
 
@@ -346,18 +345,7 @@ def test_help_loads_no_heavy_library():
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
     """A capture of four coarse scans."""
-    folder = tmp_path_factory.mktemp("small")
-    text = (CONFIGS / "scanners" / "default.toml").read_text()
-    (folder / "coarse.toml").write_text(text.replace("0.0009", "0.004"))
-    write_capture(
-        folder / "capture",
-        seed=1,
-        vehicle=CONFIGS / "vehicles" / "saloon.toml",
-        scanner=folder / "coarse.toml",
-        target=CONFIGS / "targets" / "disc-250.toml",
-        trials=0,
-    )
-    return folder / "capture"
+    return write_small_capture(tmp_path_factory.mktemp("small") / "capture", trials=0)
 
 
 BLOCKED = """

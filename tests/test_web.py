@@ -17,7 +17,8 @@ from pipeline.batch.query import STATUSES
 from pipeline.errors import InputError
 from pipeline.report.language import LANGUAGES, load_words
 from pipeline.web.excerpt import failure
-from tests.web_site import PAPER, Site, write_results, write_small_capture
+from tests.made import write_small_capture
+from tests.web_site import PAPER, Site, write_results
 
 WEB = Path(__file__).resolve().parents[1] / "pipeline" / "web"
 

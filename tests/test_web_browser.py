@@ -17,7 +17,8 @@ from pipeline.web.app import create_app
 from pipeline.web.security import Guard
 from pipeline.web.server import free_port
 from pipeline.web.settings import Settings
-from tests.web_site import PAPER, write_results, write_small_capture
+from tests.made import write_small_capture
+from tests.web_site import PAPER, write_results
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = [

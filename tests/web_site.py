@@ -12,28 +12,10 @@ from pathlib import Path
 from pipeline.web.app import create_app
 from pipeline.web.security import KEY_HEADER, Guard
 from pipeline.web.settings import Settings
-from synth.archive import write_capture
-from tests.made import CONFIGS
 
 PORT = 8765
 HERE = f"127.0.0.1:{PORT}"
 PAPER = Path(__file__).parent / "data" / "paper" / "figure-4.txt"
-
-
-def write_small_capture(folder: Path, trials: int = 1, seed: int = 1) -> Path:
-    """A capture of coarse scans, which are measured in a second."""
-    text = (CONFIGS / "scanners" / "default.toml").read_text()
-    coarse = folder.parent / "coarse.toml"
-    coarse.write_text(text.replace("0.0009", "0.004"))
-    write_capture(
-        folder,
-        seed=seed,
-        vehicle=CONFIGS / "vehicles" / "saloon.toml",
-        scanner=coarse,
-        target=CONFIGS / "targets" / "disc-250.toml",
-        trials=trials,
-    )
-    return folder
 
 
 class Site:

@@ -31,6 +31,7 @@ from tests.batches import (  # noqa: E402
     start,
 )
 from tests.failing_proxy import FailingProxy  # noqa: E402
+from tests.object_server import object_server  # noqa: E402
 
 KEYS = {
     "AWS_ACCESS_KEY_ID": "k",
@@ -116,22 +117,18 @@ class Faults:
         import logging
 
         import s3fs
-        from moto.server import ThreadedMotoServer
 
-        server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-        server.start()
-        address = "http://{}:{}".format(*server.get_host_and_port())
-        logging.getLogger("werkzeug").setLevel(logging.ERROR)
         os.environ |= KEYS
-        files = s3fs.S3FileSystem(endpoint_url=address, skip_instance_cache=True)
-        files.mkdir("cars")
-        files.put(str(self.archive), "cars/archive", recursive=True)
-        proxy = FailingProxy(address, share=0.1, seed=1)
-        environment = self.environment | {"AWS_ENDPOINT_URL": proxy.address}
-        done = run("s3://cars/archive", "s3://cars/results", *OPTIONS, **environment)
-        assert done.returncode == 1, done.stderr
-        files.get("cars/results", str(self.place / "s3"), recursive=True)
-        server.stop()
+        with object_server() as address:
+            logging.getLogger("werkzeug").setLevel(logging.ERROR)
+            files = s3fs.S3FileSystem(endpoint_url=address, skip_instance_cache=True)
+            files.mkdir("cars")
+            files.put(str(self.archive), "cars/archive", recursive=True)
+            proxy = FailingProxy(address, share=0.1, seed=1)
+            environment = self.environment | {"AWS_ENDPOINT_URL": proxy.address}
+            done = run("s3://cars/archive", "s3://cars/results", *OPTIONS, **environment)
+            assert done.returncode == 1, done.stderr
+            files.get("cars/results", str(self.place / "s3"), recursive=True)
         what = (
             f"object storage with {proxy.failed} of {proxy.failed + proxy.passed} requests failing"
         )
