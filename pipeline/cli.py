@@ -8,23 +8,23 @@ import sys
 
 import click
 
-from pipeline import __version__
-from pipeline.errors import WheelplaneError
+from . import __version__
+from .errors import WheelplaneError
 
 COMMANDS = {
-    "batch": ("pipeline.commands.batch:batch", "Every capture of an archive, and a catalogue."),
-    "demo": ("pipeline.commands.demo:demo", "Make a vehicle with known angles, and measure it."),
-    "five-point": ("pipeline.commands.five_point:five_point", "Angles from five points a wheel."),
-    "inspect": ("pipeline.commands.inspect:inspect", "What is in a scan file or a capture."),
-    "manual": ("pipeline.commands.manual:manual", "The user manual, in the browser."),
-    "measure": ("pipeline.commands.measure:measure", "Angles from laser scans of the wheels."),
-    "plane": ("pipeline.commands.plane:plane", "The planes of a single point cloud."),
-    "results": ("pipeline.commands.results:results", "What a batch measured: lists, statistics."),
-    "selftest": ("pipeline.commands.selftest:selftest", "Fit certified data; a table to file."),
-    "synth": ("pipeline.commands.synth:synth", "Make a capture of a vehicle with known angles."),
-    "targets": ("pipeline.commands.targets:targets", "List the known targets."),
-    "validate": ("pipeline.commands.validate:validate", "Dense scans against five points."),
-    "view": ("pipeline.commands.view:view", "The page: load, see the angles, save the report."),
+    "batch": ("commands.batch:batch", "Every capture of an archive, and a catalogue."),
+    "demo": ("commands.demo:demo", "Make a vehicle with known angles, and measure it."),
+    "five-point": ("commands.five_point:five_point", "Angles from five points a wheel."),
+    "inspect": ("commands.inspect:inspect", "What is in a scan file or a capture."),
+    "manual": ("commands.manual:manual", "The user manual, in the browser."),
+    "measure": ("commands.measure:measure", "Angles from laser scans of the wheels."),
+    "plane": ("commands.plane:plane", "The planes of a single point cloud."),
+    "results": ("commands.results:results", "What a batch measured: lists, statistics."),
+    "selftest": ("commands.selftest:selftest", "Fit certified data; a table to file."),
+    "synth": ("commands.synth:synth", "Make a capture of a vehicle with known angles."),
+    "targets": ("commands.targets:targets", "List the known targets."),
+    "validate": ("commands.validate:validate", "Dense scans against five points."),
+    "view": ("commands.view:view", "The page: load, see the angles, save the report."),
 }
 
 
@@ -40,7 +40,7 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         module, name = COMMANDS[cmd_name][0].split(":")
-        command = getattr(importlib.import_module(module), name)
+        command = getattr(importlib.import_module(f".{module}", __package__), name)
         assert isinstance(command, click.Command)
         return command
 

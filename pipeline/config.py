@@ -14,7 +14,7 @@ from pydantic import (  # noqa: TID253 - the models need it to exist; nothing el
     ValidationError,
 )
 
-from pipeline.errors import ConfigError
+from .errors import ConfigError
 
 T = TypeVar("T", bound="Section")
 MOST_FAULTS = 6  # of a file, told in one line; the rest are counted
@@ -115,7 +115,7 @@ class Config(Section):
 
 def config_folder() -> Path:
     """Folder of the shipped configuration: in an installed package, or beside it in a checkout."""
-    here = Path(__file__).parent
+    here = Path(__file__).resolve().parent
     installed = here / "configs"
     return installed if installed.is_dir() else here.parent / "configs"
 

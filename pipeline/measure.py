@@ -2,37 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
-from pipeline.align import align
-from pipeline.capture import Capture
-from pipeline.config import Config
-from pipeline.face_map import face_map
-from pipeline.fit_plane import fit_plane
-from pipeline.five_point_file import FivePointFile
-from pipeline.locate_centre import locate_centre
-from pipeline.measurement import Evidence, Measurement, Provenance
-from pipeline.observe import observe_block, pooled_noise
-from pipeline.observe_capture import observe_capture
-from pipeline.patch import Patch
-from pipeline.point_causes import Station
-from pipeline.readers import Scan
-from pipeline.segment import find_target
-from pipeline.stated_causes import add_stated_causes, noisy
-from pipeline.targets import Target
-
-
-def measure_scan(scan: Scan, target: Target, config: Config) -> Evidence:
-    """Plane and centre of the one target that a scan shows. Raises NotMeasuredError."""
-    patch = find_target(scan.points_m, target, config.segment, config.seed, scan.intensity)
-    return fit_target(patch, target, config)
+from . import __version__
+from .capture import Capture
+from .centre import locate_centre
+from .config import Config
+from .five_point import FivePointFile, Station, observe_block, pooled_noise
+from .measurement import (
+    Evidence,
+    Fit,
+    Measurement,
+    Naming,
+    Observation,
+    Provenance,
+    align,
+    face_map,
+    noisy,
+    observe_cloud,
+    observe_entry,
+)
+from .plane import Patch, fit_plane
+from .targets import Target
+from .uncertainty import with_type_b
 
 
 def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     """Plane and centre of the target in `patch`. Raises NotMeasuredError."""
     plane = fit_plane(patch, target, config.plane)
     fitted = locate_centre(patch, plane, target, config.centre)
-    fitted = add_stated_causes(fitted, plane, target, config.instrument)
+    sight_m = fitted.sight_m(plane, config.instrument.distance_m)
+    stated = with_type_b(fitted.causes, fitted.normal, sight_m, target, config.instrument)
+    fitted = replace(fitted, causes=stated)
     seen = face_map(patch, plane, fitted, target, config.plane.edge_margin_m)
     return Evidence(fitted, plane, seen)
 
@@ -52,7 +55,7 @@ def measure_capture(
     result with its status.
     """
     observations, naming = observe_capture(capture, config, fit, progress)
-    made = Provenance.of_capture(capture, config, observations, naming)
+    made = provenance_of_capture(capture, config, observations, naming)
     return align(observations, made, [*made.said, *noisy(observations, config.instrument)])
 
 
@@ -64,4 +67,38 @@ def measure_five_point(file: FivePointFile, station: Station | None = None) -> M
     noise = pooled_noise(file.blocks_m, station)
     blocks = range(len(file.blocks_m))
     observations = [observe_block(file, index, noise, station) for index in blocks]
-    return align(observations, Provenance.of_five_point(file, observations, station), file.notes)
+    return align(observations, provenance_of_five_point(file, observations, station), file.notes)
+
+
+def observe_capture(
+    capture: Capture, config: Config, fit: Fit, progress: Callable[[str], None]
+) -> tuple[list[Observation], Naming | None]:
+    """What each scan shows, RR, RL, FR, FL first; and how the wheels of one cloud were named."""
+    if capture.cloud is not None:
+        return observe_cloud(capture.cloud, capture, config, fit, progress)
+    entries = [observe_entry(entry, capture, config, fit, progress) for entry in capture.entries]
+    return entries, None
+
+
+def provenance_of_capture(
+    capture: Capture, config: Config, observations: Sequence[Observation], naming: Naming | None
+) -> Provenance:
+    """Return where the measurement of a capture of scans comes from."""
+    used = config.model_dump(exclude={"seed", "report"})
+    used |= {"target": capture.target.model_dump(), "length_unit": capture.length_unit}
+    inputs = {seen.source: seen.sha256 for seen in observations}
+    if capture.cloud is not None:  # whose observations name its single scans besides
+        inputs = {capture.cloud.file: observations[0].sha256}
+    origin = (capture.source, capture.vehicle, __version__, inputs, used, config.seed)
+    return Provenance(*origin, naming, capture.date)
+
+
+def provenance_of_five_point(
+    file: FivePointFile, observations: Sequence[Observation], station: Station | None
+) -> Provenance:
+    """Return where the measurement of the paper's file comes from, and `station` where known."""
+    inputs = {seen.source: seen.sha256 for seen in observations}
+    used: dict[str, Any] = {"method": "total-least-squares"}
+    if station is not None:
+        used |= {"station": station.stated.model_dump(), "place_m": station.place_m.tolist()}
+    return Provenance(file.source, None, __version__, inputs, used, 0)

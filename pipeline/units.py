@@ -1,19 +1,24 @@
-"""Units of length that a user may declare; metres inside."""
+"""Units and coordinate conventions that a user may declare; metres and radians inside."""
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
+from typing import Literal
+
+from .vectors import Array
 
 # A unit is `factor` metres or a `divisor`-th of one: 0.001 is no binary fraction, so that a product
 # with it would round twice where a division rounds once.
 _FACTOR = {"m": 1.0, "in": 0.0254}
 _DIVISOR = {"mm": 1000.0}
 
+LengthUnit = Literal["m", "mm", "in"]
 LENGTH_UNITS = ("m", "mm", "in")
+AngleUnit = Literal["deg", "gon", "rad"]
+Coordinates = Literal["cartesian", "spherical"]
+Azimuth = Literal["auto", "clockwise", "counterclockwise"]  # seen from above
 
 
-def to_metres(lengths: npt.NDArray[np.float64], unit: str) -> None:
+def to_metres(lengths: Array, unit: str) -> None:
     """Scale float64 `lengths` of any shape to metres, in place, rounding each once."""
     if unit in _DIVISOR:
         lengths /= _DIVISOR[unit]

@@ -12,187 +12,94 @@ from pathlib import Path
 
 import pytest
 
-from tests.made import write_small_capture
+from tests.support.made import write_small_capture
 
 ROOT = Path(__file__).resolve().parents[1]
 PAPER = ROOT / "tests" / "data" / "paper" / "figure-4.txt"
-CLOUD = ROOT / "pipeline" / "certified" / "pcl" / "sac_plane_test.pcd"
+CLOUD = ROOT / "pipeline" / "diagnostics" / "certified" / "pcl" / "sac_plane_test.pcd"
 
-# A module, or a package, may import what stands before it, and nothing else of the project.
-LAYERS = [
-    "errors",
-    "digest",
-    "units",
-    "blocks",
-    "kernels",
-    "compiled",
-    "passes",
-    "cloud_sample",
-    "slab_sums",
-    "cubes",
-    "surfels",
-    "distributions",
-    "power",
-    "york",
-    "limits_of_agreement",
-    "first_order",
-    "vehicle",
-    "definitions",
-    "ransac",
-    "config",
-    "plates",
-    "printed",
-    "targets",
-    "tolerance",
-    "judge",
-    "reference_frame",
-    "archive",
-    "plausible",
-    "readers",
-    "survey",
-    "oddities",
-    "scan_entry",
-    "front",
-    "capture_file",
-    "capture_folder",
-    "capture_names",
-    "capture_entries",
-    "capture_target",
-    "capture",
-    "raster",
-    "trimmed",
-    "trimmed_plane",
-    "local_planes",
-    "candidates",
-    "hypotheses",
-    "patch",
-    "segment",
-    "axles",
-    "faces",
-    "causes",
-    "correlation",
-    "fit_plane",
-    "planes",
-    "edge_profile",
-    "circle",
-    "outline",
-    "rim_beams",
-    "rim_background",
-    "rim_equations",
-    "rim_start",
-    "rim",
-    "face_turn",
-    "centres",
-    "face_outline",
-    "face_view",
-    "edge_centre",
-    "face_image",
-    "features",
-    "feature_places",
-    "pattern_pose",
-    "pattern",
-    "locate_centre",
-    "face_map",
-    "upright",
-    "identify_wheels",
-    "angles",
-    "jacobian",
-    "uncertainty",
-    "joint_test",
-    "other_formulas",
-    "monte_carlo",
-    "five_point",
-    "five_point_file",
-    "tcgc_2013",
-    "point_causes",
+# A room may import those that stand above it, and none below; a part of a room likewise.
+# fmt: off
+ROOMS = [
+    "errors", "vectors", "units", "config", "files",
+    "cloud", "vehicle",
+    "targets", "readers",
+    "uncertainty", "capture",
+    "plane",
+    "detection", "diagnostics",
+    "centre",
     "measurement",
-    "quantities",
-    "plate_places",
-    "one_axis",
-    "repeats",
-    "turned",
-    "axle_frame",
-    "steering",
-    "toe_out",
-    "runout",
-    "conformity",
-    "stated_causes",
-    "observe",
-    "cloud_faces",
-    "observe_cloud",
-    "observe_capture",
-    "align",
+    "kinematics", "five_point",
     "measure",
-    "virtual_five_point",
-    "validate_shape",
-    "validate_method",
-    "validate_compare",
-    "validate_match",
-    "validate_five",
-    "validate_old",
-    "validate_truth",
-    "validate_request",
-    "validate_virtual",
-    "validate",
-    "validate_scores",
-    "agreement",
-    "validate_archive",
-    "selftest",
+    "validation",
     "report",
     "batch",
-    "manual",
-    "web",
+    "manual", "web",
     "commands",
-    "cli",
+    "cli", "__main__",
 ]
-
-# The way of the data; the frame stands before it, since it says what the wheels are called.
-FLOW = (
-    "capture segment fit_plane locate_centre angles uncertainty align measure report commands cli"
-)
+# fmt: on
+PARTS = {
+    "centre": ["edge", "pattern", "."],
+    "validation": ["statistics", "."],
+    "report": ["format", "scene", "text", "json", "plots", "html", "."],
+    "batch": ["storage", "plan", "catalogue", "results", "run", "."],
+}
+# Rooms that others enter by their door alone, `__init__.py`; renderers and commands are imported
+# one by one, so that --help loads none of them.
+# fmt: off
+DOORS = [
+    "cloud", "vehicle", "targets", "readers", "uncertainty", "capture", "plane", "detection",
+    "diagnostics", "centre", "measurement", "kinematics", "five_point", "validation",
+]
+# fmt: on
+MOST_AT_ROOT, MOST_IN_A_ROOM = 8, 13
 
 HOMES = {
-    "open3d": {"synth/raycast.py"},
-    "libusb_package": {"synth/raycast.py"},
-    "trimesh": {"pipeline/readers/mesh.py", "synth/solids.py"},
+    "open3d": {"synth/scanner/raycast.py"},
+    "libusb_package": {"synth/scanner/raycast.py"},
+    "trimesh": {"pipeline/readers/formats/mesh.py", "synth/scene/solids.py"},
     "cv2": {
-        "pipeline/features.py",
-        "pipeline/raster.py",
-        "pipeline/report/drawing_png.py",
-        "synth/pattern.py",
+        "pipeline/centre/pattern/detect.py",
+        "pipeline/detection/template_match.py",
+        "pipeline/report/plots/drawing_png.py",
+        "synth/scene/pattern.py",
     },
-    "scipy": {"pipeline/distributions.py"},
-    "numba": {"pipeline/compiled.py"},
-    "pye57": {"pipeline/readers/child_main.py", "synth/e57.py"},
-    "lazrs": {"pipeline/readers/child_main.py"},
+    "scipy": {"pipeline/uncertainty/distributions.py"},
+    "numba": {"pipeline/cloud/compiled.py"},
+    "pye57": {"pipeline/readers/sandbox/worker.py", "synth/output/e57.py"},
+    "lazrs": {"pipeline/readers/sandbox/worker.py"},
     "laspy": set(),
     "markdown_it": {"pipeline/manual/markdown.py"},
-    "distributed": {"pipeline/batch/cluster.py"},
-    "duckdb": {"pipeline/batch/export.py"},
-    "fsspec": {"pipeline/batch/object_storage.py"},
-    "openpyxl": {"pipeline/batch/export.py"},
-    "rich": {"pipeline/batch/progress.py"},
-    "jinja2": {"pipeline/report/html.py", "pipeline/manual/build.py"},
-    "weasyprint": {"pipeline/report/pdf.py"},
+    "distributed": {"pipeline/batch/run/cluster.py"},
+    "duckdb": {"pipeline/batch/results/export.py"},
+    "fsspec": {"pipeline/batch/storage/filesystem.py"},
+    "openpyxl": {"pipeline/batch/results/export.py"},
+    "rich": {"pipeline/batch/run/progress.py"},
+    "jinja2": {"pipeline/report/html/page.py", "pipeline/manual/build.py"},
+    "weasyprint": {"pipeline/report/html/pdf.py"},
     "pydantic": {
         "pipeline/config.py",
-        "pipeline/plates.py",
-        "pipeline/printed.py",
-        "pipeline/capture_file.py",
-        "pipeline/tolerance.py",
-        "synth/parameters.py",
-        "synth/recipe.py",
-        "synth/pattern_file.py",
-        "synth/plate_file.py",
+        "pipeline/targets/plates.py",
+        "pipeline/targets/pattern_board.py",
+        "pipeline/capture/declaration.py",
+        "pipeline/measurement/tolerance.py",
+        "synth/parameters/parameters.py",
+        "synth/parameters/recipe.py",
+        "synth/parameters/pattern_file.py",
+        "synth/parameters/plate_file.py",
     },
 }
 HEAVY = {"numpy", "cv2", "pydantic", "open3d", "scipy", "trimesh", "pye57", "lazrs"}
 
 
+INSTALLED = {"pipeline": "wheelplane", "synth": "wheelplane_synth"}
+
+
 def sources(package: str) -> dict[str, str]:
-    """Dotted name of every module of a package, and its text."""
+    """Dotted name of every module of a folder, as it is installed, and its text."""
     return {
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): (
+        ".".join((INSTALLED[package], *path.relative_to(ROOT / package).with_suffix("").parts)): (
             path.read_text(encoding="utf-8")
         )
         for path in sorted((ROOT / package).rglob("*.py"))
@@ -200,15 +107,22 @@ def sources(package: str) -> dict[str, str]:
 
 
 def imported(text: str, here: str = "") -> set[str]:
-    """Dotted names that a module imports, at its top or inside a function, or by a string."""
+    """Dotted names that the module `here` imports, at its top or inside a function, or by a string.
+
+    A package is `a.b.__init__` here; what it is imported as is `a.b`.
+    """
     names = set()
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{here}: a relative import"
-            names.add(node.module)
-            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+            origin = here.split(".")[: -node.level] if node.level else []
+            module = ".".join([*origin, *([node.module] if node.module else [])])
+            assert node.level or module.split(".")[0] not in here.split(".")[:1], (
+                f"{here}: imports its own package by name: use a relative import"
+            )
+            names.add(module)
+            names |= {f"{module}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in (
             "import_module",
             "__import__",
@@ -217,102 +131,192 @@ def imported(text: str, here: str = "") -> set[str]:
     return names
 
 
-def graph(texts: dict[str, str]) -> dict[str, set[str]]:
-    """Each module, and the modules among `texts` that it imports."""
-    return {name: imported(text, name) & set(texts) - {name} for name, text in texts.items()}
-
-
-def layer(module: str) -> int:
-    part = module.split(".")[1]
-    assert part in LAYERS, f"{module} has no place in LAYERS: say what it may import"
-    return LAYERS.index(part)
-
-
-def upward(texts: dict[str, str]) -> list[str]:
-    """Imports of a later layer by an earlier one."""
-    return [
-        f"{name} imports {other}"
-        for name, others in graph(texts).items()
-        for other in others
-        if name != "pipeline" and other != "pipeline" and layer(other) > layer(name)
-    ]
-
-
-def strangers(texts: dict[str, str], forbidden: str) -> set[str]:
+def exports(texts: dict[str, str]) -> set[str]:
+    """Names that the doors export, dotted: a function may bear the name of its module."""
     return {
-        name
+        f"{name.removesuffix('.__init__')}.{alias.name}"
         for name, text in texts.items()
-        if any(other.split(".")[0] == forbidden for other in imported(text))
+        if name.endswith("__init__")
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
     }
 
 
-def test_no_stage_imports_a_later_one():
+def graph(texts: dict[str, str]) -> dict[str, set[str]]:
+    """Each module, and the modules among `texts` that it imports; packages by their doors."""
+    known = {name.removesuffix(".__init__"): name for name in texts}
+    exported = exports(texts)
+    found = {}
+    for name, text in texts.items():
+        others = {other for other in imported(text, name) if other in known}
+        by_door = {o for o in others & exported if o.rpartition(".")[0] in others}
+        inside = {o for o in by_door if room_of(o) == room_of(name)}
+        found[name] = {known[other] for other in others - (by_door - inside)} - {name}
+    return found
+
+
+def room_of(module: str) -> str:
+    """The room, or the module at the root, that a module of the pipeline belongs to."""
+    return [*module.split("."), "__init__"][1]
+
+
+def part_of(module: str) -> str:
+    """The part of its room that a module belongs to, "." for none."""
+    parts = module.split(".")[2:-1]
+    return parts[0] if parts else "."
+
+
+def faults(texts: dict[str, str]) -> list[str]:
+    """Imports that go back, or into a room past its door."""
+    found = []
+    for name, others in graph(texts).items():
+        here = room_of(name)
+        if here == "__init__":
+            continue
+        assert here in ROOMS, f"{name} has no place in ROOMS: say what it may import"
+        for other in sorted(others):
+            there = room_of(other)
+            if there == "__init__":
+                continue
+            door = other == f"wheelplane.{there}.__init__"
+            if here == there:
+                order = PARTS.get(here, [])
+                mine, its = part_of(name), part_of(other)
+                back = mine in order and its in order and order.index(its) > order.index(mine)
+                if back and not name.endswith("__init__"):
+                    found.append(f"{name} imports {other}")
+            elif ROOMS.index(there) > ROOMS.index(here):
+                found.append(f"{name} imports {other}")
+            elif there in DOORS and not door:
+                found.append(f"{name} imports {other} past its door")
+    return found
+
+
+def strangers(texts: dict[str, str], forbidden: str) -> set[str]:
+    """Modules that import anything of a distribution."""
+    return {
+        name
+        for name, text in texts.items()
+        if any(other.split(".")[0] == forbidden for other in imported(text, name))
+    }
+
+
+def file_of(module: str) -> str:
+    """Path of a module from the project's root."""
+    folder = {installed: folder for folder, installed in INSTALLED.items()}
+    first, *rest = module.split(".")
+    return "/".join([folder[first], *rest]) + ".py"
+
+
+def test_rooms_import_in_one_direction_and_by_their_doors():
     texts = sources("pipeline")
-    assert len(texts) > 40
-    assert upward(texts) == []
+    assert len(texts) > 250
+    assert faults(texts) == []
 
 
 @pytest.mark.parametrize(
     ("module", "line"),
     [
-        ("pipeline.kernels", "from pipeline.segment import find_target"),
-        ("pipeline.segment", "from pipeline import fit_plane"),
-        ("pipeline.readers.ply", "import pipeline.capture"),
-        ("pipeline.angles", "def f():\n    from pipeline.measure import measure_scan"),
-        ("pipeline.measure", "from pipeline.report.text import summary_table"),
-        ("pipeline.report.text", "import importlib\nimportlib.import_module('pipeline.cli')"),
+        ("vectors", "from .detection import find_target"),
+        ("plane.ransac", "from ..centre import locate_centre"),
+        ("plane.ransac", "from ..targets.outline import holes_of"),
+        ("readers.formats.ply", "from ...capture import Capture"),
+        ("vehicle.angles", "def f():\n    from ..measure import fit_target"),
+        ("measure", "from .report.text.report import summary_table"),
+        ("centre.edge.beams", "from ..locate_centre import locate_centre"),
+        ("report.text.report", "import importlib\nimportlib.import_module('wheelplane.cli')"),
     ],
 )
-def test_an_upward_import_is_seen(module, line):
+def test_an_import_that_goes_back_or_past_a_door_is_seen(module, line):
     texts = sources("pipeline")
-    texts[module] += "\n" + line + "\n"
-    assert len(upward(texts)) == 1
+    texts[f"wheelplane.{module}"] += "\n" + line + "\n"
+    assert len(faults(texts)) == 1
 
 
-def test_a_module_without_a_place_is_seen():
-    texts = sources("pipeline") | {"pipeline.novelty": "from pipeline.errors import InputError"}
-    with pytest.raises(AssertionError, match=r"pipeline\.novelty has no place"):
-        upward(texts)
+def test_an_import_by_the_package_s_own_name_is_seen():
+    texts = sources("pipeline")
+    texts["wheelplane.measure"] += "\nfrom wheelplane.cloud import sample\n"
+    with pytest.raises(AssertionError, match="use a relative import"):
+        faults(texts)
 
 
-def test_layers_keep_the_flow_and_name_nothing_that_is_gone():
-    flow = [LAYERS.index(stage) for stage in FLOW.split()]
-    assert flow == sorted(flow)
-    there = {name.split(".")[1] for name in sources("pipeline") if name != "pipeline"}
-    assert set(LAYERS) == there
-    assert len(set(LAYERS)) == len(LAYERS)
+def test_a_module_without_a_room_is_seen():
+    texts = sources("pipeline") | {"wheelplane.novelty": "from .errors import InputError"}
+    with pytest.raises(AssertionError, match=r"wheelplane\.novelty has no place"):
+        faults(texts)
 
 
-@pytest.mark.parametrize("package", ["pipeline", "synth"])
+def test_rooms_are_those_that_are_there_and_small():
+    there = {room_of(name) for name in sources("pipeline")} - {"__init__"}
+    assert sorted(ROOMS) == sorted(there)
+    assert set(DOORS) < set(ROOMS)
+    assert len([name for name in there if (ROOT / "pipeline" / f"{name}.py").is_file()]) <= (
+        MOST_AT_ROOT
+    )
+    for package in INSTALLED:
+        for folder in {path.parent for path in (ROOT / package).rglob("*.py")}:
+            modules = [path for path in folder.glob("*.py") if path.stem != "__init__"]
+            if folder.name != "commands":
+                assert len(modules) <= MOST_IN_A_ROOM, folder
+            if folder.name in DOORS and folder.parent.name == "pipeline":
+                assert len(modules) >= 4, folder
+
+
+@pytest.mark.parametrize("room", DOORS)
+def test_every_module_that_measures_is_imported_by_a_test_of_its_room(room):
+    modules = {
+        name
+        for name in sources("pipeline")
+        if room_of(name) == room and not name.endswith("__init__")
+    }
+    seen = set()
+    for path in (ROOT / "tests" / room).glob("test_*.py"):
+        seen |= imported(path.read_text(encoding="utf-8"))
+    assert modules - seen == set()
+
+
+@pytest.mark.parametrize("package", sorted(INSTALLED))
 def test_no_import_goes_round_in_a_circle(package):
-    order = list(TopologicalSorter(graph(sources(package))).static_order())
-    assert len(order) == len(sources(package))
+    texts = {n: t for n, t in sources(package).items() if not n.endswith("__init__")}
+    order = list(TopologicalSorter(graph(texts)).static_order())
+    assert len(order) == len(texts)
 
 
 def test_synth_and_pipeline_share_nothing():
     """One door: the command `synth`, which calls the generator and computes nothing."""
-    assert strangers(sources("synth"), "pipeline") == set()
-    assert strangers(sources("pipeline"), "synth") == {"pipeline.commands.synth"}
-    door = sources("pipeline")["pipeline.commands.synth"]
-    assert {name for name in imported(door) if name.startswith("synth")} == {
-        "synth.archive",
-        "synth.errors",
-        "synth.whole",
+    assert strangers(sources("synth"), "wheelplane") == set()
+    assert strangers(sources("pipeline"), "wheelplane_synth") == {"wheelplane.commands.synth"}
+    door = imported(sources("pipeline")["wheelplane.commands.synth"], "wheelplane.commands.synth")
+    assert {name for name in door if name.startswith("wheelplane_synth")} == {
+        "wheelplane_synth.output.archive",
+        "wheelplane_synth.errors",
+        "wheelplane_synth.output.whole",
     }
-    assert "numpy" not in imported(door)
-    assert "math" not in imported(door)
+    assert "numpy" not in door
+    assert "math" not in door
+
+
+def test_the_distribution_claims_no_common_name():
+    """What is installed is wheelplane, and no test or module imports the folders by their names."""
+    for path in (ROOT / "tests").rglob("*.py"):
+        names = {name.split(".")[0] for name in imported(path.read_text(encoding="utf-8"))}
+        assert not names & set(INSTALLED), path
+    for package, name in INSTALLED.items():
+        assert (ROOT / ".ci" / "editable" / name).resolve() == ROOT / package
+        assert (ROOT / package / "py.typed").is_file()
 
 
 @pytest.mark.parametrize("library", sorted(HOMES))
 def test_a_foreign_library_stays_in_its_file(library):
     texts = sources("pipeline") | sources("synth")
-    homes = {f"{name.replace('.', '/')}.py" for name in strangers(texts, library)}
+    homes = {file_of(name) for name in strangers(texts, library)}
     assert homes == HOMES[library]
 
 
 def modules_loaded_by(*arguments: str) -> set[str]:
     run = subprocess.run(
-        [sys.executable, "-X", "importtime", "-m", "pipeline.cli", *arguments],
+        [sys.executable, "-X", "importtime", "-m", "wheelplane", *arguments],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -337,7 +341,7 @@ def test_no_benchmark_hides_a_module():
 
 def test_help_loads_no_heavy_library():
     loaded = modules_loaded_by("--help")
-    assert {"click", "pipeline"} <= loaded
+    assert {"click", "wheelplane"} <= loaded
     assert loaded & HEAVY == set()
     assert "pydantic" in modules_loaded_by("targets")  # so the list does show what is loaded
 
@@ -356,7 +360,7 @@ class Missing:
             raise ImportError(f"no {{name}} on this machine")
 sys.meta_path.insert(0, Missing())
 sys.argv = ["wheelplane", *{arguments!r}]
-from pipeline.cli import main
+from wheelplane.cli import main
 main()
 """
 

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.commands.batch_options import (
+from ..errors import InputError
+from .batch_options import (
     absolute,
     make_engine,
     measuring_options,
     read_settings,
     work_options,
 )
-from pipeline.errors import InputError
 
 if TYPE_CHECKING:
-    from pipeline.batch.work import Request
+    from ..batch.run.work import Request
 
 MOST_SHOWN = 3
 
@@ -58,14 +58,14 @@ def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
 
     Exits with 1 when a capture failed, or was measured in part.
     """
-    from pipeline.batch.catalogue import open_catalogue
-    from pipeline.batch.progress import teller
-    from pipeline.batch.run import Batch
-    from pipeline.batch.scratch import scratch_folder
-    from pipeline.batch.shard import ALL, read_shard
-    from pipeline.batch.summary import summary
-    from pipeline.batch.watch import watch
-    from pipeline.batch.work import Request
+    from ..batch.catalogue.catalogue import open_catalogue
+    from ..batch.plan.shard import ALL, read_shard
+    from ..batch.run.progress import teller
+    from ..batch.run.run import Batch
+    from ..batch.run.summary import summary
+    from ..batch.run.watch import watch
+    from ..batch.run.work import Request
+    from ..batch.storage.scratch import scratch_folder
 
     places = absolute(archive), absolute(results)
     request = Request(*places, read_settings(options), retry=options["retry"])
@@ -99,8 +99,8 @@ def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
 
 def _begin(request: Request, resume: bool, watch: bool) -> None:
     """See that the results were begun by an equal request, or begin them."""
-    from pipeline.batch.begun import begin, differences
-    from pipeline.batch.store import open_store
+    from ..batch.run.begun import begin, differences
+    from ..batch.storage.store import open_store
 
     archive, results = open_store(request.archive), open_store(request.results)
     if archive.local is not None and not archive.local.is_dir():

@@ -11,17 +11,15 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import click
 
-from pipeline.commands.station import read_station
-from pipeline.commands.whole import told, whole_vehicle_options
-from pipeline.config import load_config, with_scanner
-from pipeline.errors import InputError
-from pipeline.five_point_file import AngleUnit, Azimuth, Coordinates
-from pipeline.targets import load_target
-from pipeline.units import LENGTH_UNITS
+from ..config import load_config, with_scanner
+from ..errors import InputError
+from ..targets import load_target
+from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates
+from .options import read_station, told, whole_vehicle_options
 
 if TYPE_CHECKING:
-    from pipeline.batch.settings import Settings
-    from pipeline.batch.tasks import Engine
+    from ..batch.plan.settings import Settings
+    from ..batch.run.tasks import Engine
 
 MEMORY = re.compile(r"(\d+(?:\.\d+)?)([KMGT])(?:i?B)?", re.IGNORECASE)
 
@@ -85,7 +83,7 @@ def work_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def read_settings(options: dict[str, Any]) -> Settings:
     """How to measure. Raises InputError or ConfigError that names the option."""
-    from pipeline.batch.settings import Settings, check_date_pattern
+    from ..batch.plan.settings import Settings, check_date_pattern
 
     spherical = options["coordinates"] == "spherical"
     if spherical != (options["angle_unit"] is not None):
@@ -110,8 +108,8 @@ def read_settings(options: dict[str, Any]) -> Settings:
 
 def make_engine(options: dict[str, Any], scratch: Path) -> Engine:
     """Who does the work. Raises InputError that names the option."""
-    from pipeline.batch.cluster import Cluster
-    from pipeline.batch.workers import Limits, Workers, processors
+    from ..batch.run.cluster import Cluster
+    from ..batch.run.workers import Limits, Workers, processors
 
     limits = Limits(options["timeout"], _bytes(options["memory"]))
     if options["scheduler"] is None:

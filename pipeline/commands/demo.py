@@ -9,16 +9,16 @@ from pathlib import Path
 
 import click
 
-from pipeline.angles import deg_min_sec
-from pipeline.capture import open_capture
-from pipeline.commands.progress import Progress
-from pipeline.commands.synth import make_capture
-from pipeline.config import Config
-from pipeline.errors import InputError
-from pipeline.measure import measure_capture
-from pipeline.measurement import Measurement
-from pipeline.report.layout import aligned
-from pipeline.report.write import write_reports
+from ..capture import open_capture
+from ..config import Config
+from ..errors import InputError
+from ..measure import measure_capture
+from ..measurement import Measurement
+from ..report.format.layout import aligned
+from ..report.write import write_reports
+from ..vehicle import deg_min_sec
+from .progress import Progress
+from .synth import make_capture
 
 
 @click.command()

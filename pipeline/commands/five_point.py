@@ -7,28 +7,29 @@ from typing import Literal
 
 import click
 
-from pipeline.align import check_by_monte_carlo
-from pipeline.commands.judging import (
+from ..config import load_config
+from ..errors import InputError
+from ..five_point import read_five_point, tcgc_2013
+from ..measure import measure_five_point
+from ..measurement import assess, check_by_monte_carlo, conforms, load_tolerance
+from ..report.format.view import PAPER, AngleStyle, read_view
+from ..report.json.measurement import to_json
+from ..report.text.report import detailed_report
+from ..report.text.tcgc_2013 import tcgc_2013_text
+from ..report.write import html_bytes, pdf_bytes, write_whole
+from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
+from ..vehicle import Axis
+from .options import (
+    dressed,
+    language_and_plot,
     monte_carlo_option,
+    plot_to,
+    read_station,
     show,
+    show_plot,
     tolerance_option,
+    view_options,
 )
-from pipeline.commands.reporting import dressed, language_and_plot, plot_to, show_plot
-from pipeline.commands.station import read_station
-from pipeline.commands.viewing import view_options
-from pipeline.config import load_config
-from pipeline.conformity import assess, conforms
-from pipeline.errors import InputError
-from pipeline.five_point_file import AngleUnit, Azimuth, Coordinates, LengthUnit, read_five_point
-from pipeline.measure import measure_five_point
-from pipeline.report.json_report import to_json
-from pipeline.report.tcgc_2013_text import tcgc_2013_text
-from pipeline.report.text import detailed_report
-from pipeline.report.view import PAPER, AngleStyle, read_view
-from pipeline.report.write import html_bytes, pdf_bytes, write_whole
-from pipeline.tcgc_2013 import tcgc_2013
-from pipeline.tolerance import load_tolerance
-from pipeline.vehicle import Axis
 
 
 @click.command("five-point")

@@ -8,16 +8,13 @@ from pathlib import Path
 import click
 import numpy as np
 
-from pipeline.archive import ARCHIVE_SUFFIXES
-from pipeline.capture import open_entries
-from pipeline.commands.progress import Reading
-from pipeline.errors import WheelplaneError
-from pipeline.oddities import oddities, spacing_m
-from pipeline.plausible import length
-from pipeline.report.layout import aligned
-from pipeline.scan_entry import ScanEntry
-from pipeline.survey import Survey, survey_file
-from pipeline.units import LENGTH_UNITS
+from ..capture import ScanEntry, open_entries
+from ..diagnostics import Survey, length, oddities, spacing_m, survey_file
+from ..errors import WheelplaneError
+from ..files import ARCHIVE_SUFFIXES
+from ..report.format.layout import aligned
+from ..units import LENGTH_UNITS
+from .progress import Reading
 
 SHOWN_SCANS = 8
 

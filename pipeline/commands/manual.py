@@ -8,10 +8,10 @@ from pathlib import Path
 
 import click
 
-from pipeline import __version__
-from pipeline.errors import InputError
-from pipeline.manual import pages
-from pipeline.report.write import write_whole
+from .. import __version__
+from ..errors import InputError
+from ..manual.build import pages
+from ..report.write import write_whole
 
 
 @click.command()

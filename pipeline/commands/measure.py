@@ -6,25 +6,30 @@ from pathlib import Path
 
 import click
 
-from pipeline.align import check_by_monte_carlo
-from pipeline.capture import open_capture
-from pipeline.capture_file import LengthUnit, Upright
-from pipeline.commands.judging import monte_carlo_option, show, tolerance_option
-from pipeline.commands.progress import Progress
-from pipeline.commands.reporting import dressed, language_and_plot, plot_to, show_plot
-from pipeline.commands.viewing import view_options
-from pipeline.commands.whole import told, whole_vehicle_options
-from pipeline.config import load_config, with_scanner
-from pipeline.conformity import assess, conforms
-from pipeline.errors import InputError
-from pipeline.measure import measure_capture
-from pipeline.report.json_report import to_json
-from pipeline.report.view import AngleStyle, read_view
-from pipeline.report.write import Wanted, write_reports
-from pipeline.runout import all_turned
-from pipeline.tolerance import load_tolerance
-from pipeline.units import LENGTH_UNITS
-from pipeline.vehicle import Axis
+from ..capture import Upright, open_capture
+from ..config import load_config, with_scanner
+from ..errors import InputError
+from ..kinematics import all_turned
+from ..measure import measure_capture
+from ..measurement import assess, check_by_monte_carlo, conforms, load_tolerance
+from ..report.format.view import AngleStyle, read_view
+from ..report.json.measurement import to_json
+from ..report.write import Wanted, write_reports
+from ..units import LENGTH_UNITS, LengthUnit
+from ..vehicle import Axis
+from .options import (
+    dressed,
+    language_and_plot,
+    monte_carlo_option,
+    plot_to,
+    show,
+    show_plot,
+    told,
+    tolerance_option,
+    view_options,
+    whole_vehicle_options,
+)
+from .progress import Progress
 
 
 @click.command()

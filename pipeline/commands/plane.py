@@ -7,13 +7,13 @@ from pathlib import Path
 
 import click
 
-from pipeline.commands.progress import Reading
-from pipeline.errors import InputError, NotMeasuredError
-from pipeline.planes import CloudPlane, find_planes, plane_of_all
-from pipeline.plausible import check_cloud, float32_fact, float32_step
-from pipeline.readers import MESH_SUFFIXES, Scan, read_scan
-from pipeline.report.layout import aligned, number
-from pipeline.units import LENGTH_UNITS
+from ..diagnostics import check_cloud, float32_fact, float32_step
+from ..errors import InputError, NotMeasuredError
+from ..plane import CloudPlane, find_planes, plane_of_all
+from ..readers import MESH_SUFFIXES, Scan, read_scan
+from ..report.format.layout import aligned, number
+from ..units import LENGTH_UNITS
+from .progress import Reading
 
 TOLD_STEP_M = 0.5e-3
 

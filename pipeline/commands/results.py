@@ -14,9 +14,9 @@ from typing import Any
 
 import click
 
-from pipeline.batch import export, listing, trends
-from pipeline.batch.catalogue import Catalogue, open_catalogue, rebuild
-from pipeline.batch.query import (
+from ..batch.catalogue.catalogue import Catalogue, open_catalogue, rebuild
+from ..batch.results import export, listing, trends
+from ..batch.results.query import (
     ALL,
     STATUSES,
     Filter,
@@ -28,11 +28,11 @@ from pipeline.batch.query import (
     quantities_of,
     wheels_of,
 )
-from pipeline.batch.sql import ask
-from pipeline.batch.store import open_store
-from pipeline.commands.progress import Reading
-from pipeline.errors import InputError
-from pipeline.report.view import AngleStyle, View
+from ..batch.results.sql import ask
+from ..batch.storage.store import open_store
+from ..errors import InputError
+from ..report.format.view import AngleStyle, View
+from .progress import Reading
 
 SCHEMA = "wheelplane/results/1"
 WRITERS = {

@@ -12,10 +12,10 @@ from pathlib import Path
 import click
 import numpy as np
 
-from pipeline import __version__
-from pipeline.report.layout import aligned
-from pipeline.report.write import write_whole
-from pipeline.selftest import BOUND, Check, Figure, digest, run_selftest
+from .. import __version__
+from ..diagnostics import BOUND, Check, Figure, digest, run_selftest
+from ..report.format.layout import aligned
+from ..report.write import write_whole
 
 LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "trimesh", "pye57", "laspy", "lazrs")
 HEADINGS = {

@@ -9,9 +9,9 @@ from typing import Any
 
 import click
 
-from pipeline.commands.progress import Progress
-from pipeline.config import config_file
-from pipeline.errors import InputError, MissingDependencyError
+from ..config import config_file
+from ..errors import InputError, MissingDependencyError
+from .progress import Progress
 
 
 @click.command()
@@ -81,7 +81,7 @@ def synth(
     files = (vehicle, scanner, target)
     asked = {"form": whole, "points": None if points is None else round(points)}
     made = _make(
-        lambda: importlib.import_module("synth.whole").write_whole, out, seed, files, asked
+        lambda: importlib.import_module("wheelplane_synth.output.whole").write_whole, out, seed, files, asked
     )
     count = sum(scan["points"] for scan in made.used["scans"])
     click.echo(f"wrote {out}: vehicle.{whole}, {count} points, five-point.txt, truth.json")
@@ -92,7 +92,11 @@ def make_capture(out: Path, seed: int, vehicle: str, scanner: str, target: str, 
     """A capture of single wheels; how many scans."""
     files, asked = (vehicle, scanner, target), {"trials": trials}
     made = _make(
-        lambda: importlib.import_module("synth.archive").write_capture, out, seed, files, asked
+        lambda: importlib.import_module("wheelplane_synth.output.archive").write_capture,
+        out,
+        seed,
+        files,
+        asked,
     )
     return len(made.wheels)
 
@@ -108,7 +112,7 @@ def _make(
 
     files: names of vehicle, scanner and target.
     """
-    errors = importlib.import_module("synth.errors")
+    errors = importlib.import_module("wheelplane_synth.errors")
     vehicle, scanner, target = files
     try:
         with Progress(4 + asked.get("trials", 0), "scanned") as progress:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from pipeline.config import config_folder
-from pipeline.errors import InputError
-from pipeline.report.layout import aligned
-from pipeline.targets import ANY_WIDTH, PatternTarget, Target, load_target
+from ..config import config_folder
+from ..errors import InputError
+from ..report.format.layout import aligned
+from ..targets import ANY_WIDTH, PatternTarget, Target, load_target
 
 
 @click.command()
@@ -94,7 +94,7 @@ def _mm(length_m: float | None) -> str:
 
 def _drawn(loaded: dict[str, Target], folder: Path) -> list[Path]:
     """The files of the drawings; raises InputError where they cannot be written."""
-    from pipeline.report.target_svg import target_svg
+    from ..report.plots.target import target_svg
 
     paths = []
     try:

@@ -7,21 +7,25 @@ from pathlib import Path
 
 import click
 
-from pipeline.capture import Told, open_capture
-from pipeline.capture_file import Upright
-from pipeline.commands.judging import three_numbers
-from pipeline.commands.progress import Progress
-from pipeline.commands.whole import told, whole_vehicle_options
-from pipeline.config import Config, load_config, load_station, with_scanner
-from pipeline.errors import InputError
-from pipeline.five_point_file import AngleUnit, Azimuth, Coordinates, LengthUnit
-from pipeline.report.validation_json import validation_json
-from pipeline.report.validation_write import validation_report, write_validation
-from pipeline.validate import validate_capture
-from pipeline.validate_archive import Survey, is_archive_of_captures, validate_archive
-from pipeline.validate_compare import Comparison
-from pipeline.validate_five import Estimator, FivePointOptions
-from pipeline.validate_request import Against, Request
+from ..capture import Told, Upright, open_capture
+from ..config import Config, load_config, load_station, with_scanner
+from ..errors import InputError
+from ..report.json.validation import validation_json
+from ..report.write import validation_report, write_validation
+from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
+from ..validation import (
+    Against,
+    Comparison,
+    Estimator,
+    FivePointOptions,
+    Request,
+    Survey,
+    is_archive_of_captures,
+    validate_archive,
+    validate_capture,
+)
+from .options import three_numbers, told, whole_vehicle_options
+from .progress import Progress
 
 BESIDE = Path("five-point.txt")  # in each capture of an archive
 

@@ -7,8 +7,8 @@ from urllib.parse import quote
 
 import click
 
-from pipeline.errors import InputError
-from pipeline.web.settings import GIB, Settings
+from ..errors import InputError
+from ..web.settings import GIB, Settings
 
 PORT = 8765
 
@@ -62,7 +62,7 @@ def view(
     served to this machine alone, and shows nothing but what is dropped on it or lies in the
     folders allowed: SOURCE itself, or the folder of a file, is one of them.
     """
-    from pipeline.web.server import serve
+    from ..web.server import serve
 
     for folder in folders:
         if not folder.is_dir():
@@ -86,7 +86,7 @@ def opened(source: Path, folders: tuple[Path, ...]) -> tuple[tuple[Path, ...], s
 
     A source outside `folders` adds itself, or of a file the folder that holds it: nothing above.
     """
-    from pipeline.web.folders import kind_of_folder
+    from ..web.files.folders import kind_of_folder
 
     place = source.resolve()
     own = place if place.is_dir() else place.parent

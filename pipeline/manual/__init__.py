@@ -1,5 +1,5 @@
 """The user manual: chapters in Markdown, drawings in SVG, made into pages that need no network."""
 
-from pipeline.manual.build import pages
+from .build import pages
 
 __all__ = ["pages"]

@@ -6,8 +6,8 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline import __version__
-from pipeline.manual.markdown import Rendered, page_of, render
+from .. import __version__
+from .markdown import Rendered, page_of, render
 
 HERE = Path(__file__).parent
 PIECES = ("manual.css", "search.js", "icon.svg")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pipeline.errors import InputError
-from pipeline.readers.raw import Source
+from ..errors import InputError
+from .source import Source
 
 
 def fault(source: Source, fact: str, mend: str = "export the scan again") -> InputError:

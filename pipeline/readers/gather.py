@@ -8,15 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.readers.faults import fault
-from pipeline.readers.memory import check_memory
-from pipeline.readers.pose import apply_pose, checked_pose
-from pipeline.readers.raw import Block, RawCloud, Source
-from pipeline.readers.scan import Part, Scan
-from pipeline.units import to_metres
-
-Points = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from ..units import to_metres
+from ..vectors import Array, Array32, Mask
+from .faults import fault
+from .memory import check_memory
+from .scan import Part, Scan
+from .source import Block, RawCloud, RawPart, Source
 
 Progress = Callable[[int, int], None]
 
@@ -24,11 +21,11 @@ MAX_COORDINATE_M = 1e10  # float64 still resolves 2 um here
 
 
 @dataclass(frozen=True)
-class Rows:
+class PointRows:
     """Room for points: views into the arrays of a scan, or of one that is only looked at."""
 
-    points: Points
-    intensity: npt.NDArray[np.float32] | None
+    points: Array
+    intensity: Array32 | None
     grid: npt.NDArray[np.int32] | None
 
     @staticmethod
@@ -37,7 +34,7 @@ class Rows:
         return 24 + 4 * cloud.has_intensity + 8 * cloud.has_grid
 
     @classmethod
-    def room(cls, rows: int, cloud: RawCloud) -> Rows:
+    def room(cls, rows: int, cloud: RawCloud) -> PointRows:
         """Room for that many rows of what the cloud holds."""
         return cls(
             np.empty((rows, 3)),
@@ -45,9 +42,9 @@ class Rows:
             np.empty((rows, 2), np.int32) if cloud.has_grid else None,
         )
 
-    def part(self, start: int, stop: int) -> Rows:
-        """Rows start:stop, as views."""
-        return Rows(
+    def part(self, start: int, stop: int) -> PointRows:
+        """PointRows start:stop, as views."""
+        return PointRows(
             self.points[start:stop],
             None if self.intensity is None else self.intensity[start:stop],
             None if self.grid is None else self.grid[start:stop],
@@ -62,7 +59,7 @@ class Placer:
         self._poses = [checked_pose(part, source) for part in cloud.parts]
         self.seen = 0
 
-    def place(self, block: Block, rows: Rows) -> int:
+    def place(self, block: Block, rows: PointRows) -> int:
         """Fill the first rows with the points of the block that are there; their number.
 
         Raises InputError for an infinite coordinate, and for one beyond any site.
@@ -81,7 +78,7 @@ class Placer:
         self.seen += count
         return kept
 
-    def _drop_missing(self, block: Block, rows: Rows, count: int) -> int:
+    def _drop_missing(self, block: Block, rows: PointRows, count: int) -> int:
         present = self._present(rows.points[:count])
         if block.missing is not None and block.missing.any():
             present = ~block.missing if present is None else present & ~block.missing
@@ -93,7 +90,7 @@ class Placer:
                 column[:kept] = column[:count][present]
         return kept
 
-    def _present(self, points: Points) -> Mask | None:
+    def _present(self, points: Array) -> Mask | None:
         """Which rows hold a return; None when all do."""
         if np.isfinite(points.sum()):
             return None
@@ -103,7 +100,7 @@ class Placer:
             raise fault(self._source, f"point {place} has an infinite coordinate")
         return np.asarray(~np.isnan(points).any(axis=1))
 
-    def _check_size(self, points: Points) -> None:
+    def _check_size(self, points: Array) -> None:
         if len(points) and max(points.max(), -points.min()) > MAX_COORDINATE_M:
             raise fault(
                 self._source,
@@ -112,14 +109,14 @@ class Placer:
             )
 
 
-def _is_usual(points: Points) -> bool:
+def _is_usual(points: Array) -> bool:
     """Whether all coordinates are finite and of a site, in any unit; a NaN fails both tests."""
     return not len(points) or bool(
         points.max() < MAX_COORDINATE_M and points.min() > -MAX_COORDINATE_M
     )
 
 
-def _fill(rows: Rows, block: Block) -> int:
+def _fill(rows: PointRows, block: Block) -> int:
     count = len(block.xyz[0])
     for axis, column in enumerate(block.xyz):
         rows.points[:count, axis] = column
@@ -142,8 +139,8 @@ def gather(cloud: RawCloud, source: Source, length_unit: str, progress: Progress
     """
     if cloud.rows == 0:
         raise fault(source, "it declares 0 points")
-    check_memory(cloud.rows, Rows.row_bytes(cloud), source)
-    all_rows = Rows.room(cloud.rows, cloud)
+    check_memory(cloud.rows, PointRows.row_bytes(cloud), source)
+    all_rows = PointRows.room(cloud.rows, cloud)
     placer = Placer(cloud, source, length_unit)
     kept, held = 0, [0] * len(cloud.parts)
     # A float64 intensity or a longdouble coordinate may overflow; coordinates are checked.
@@ -177,9 +174,40 @@ def _parts(cloud: RawCloud, held: list[int], length_unit: str) -> tuple[Part, ..
     )
 
 
-def _pose_m(T: Points | None, length_unit: str) -> Points | None:
+def _pose_m(T: Array | None, length_unit: str) -> Array | None:
     if T is None:
         return None
     T = T.copy()
     to_metres(T[:3, 3], length_unit)
     return T
+
+
+def checked_pose(part: RawPart, source: Source) -> Array | None:
+    """The part's (4, 4), or None where it changes nothing.
+
+    Raises InputError for what no pose of a scanner is: not finite, flat, mirrored, or projective.
+    """
+    T = part.T_file_scan
+    if T is None or np.array_equal(T, np.eye(4)):
+        return None
+    with np.errstate(all="ignore"):
+        proper = np.isfinite(T).all() and np.linalg.det(T[:3, :3]) > 0.0
+    if not (proper and np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0])):
+        raise fault(source, f"the pose of its scan {part.name} is not a rotation and a shift")
+    return T
+
+
+def apply_pose(points: Array, T: Array) -> None:
+    """Turn points (N, 3) to R points + t, in place.
+
+    About the first point, so that large coordinates never meet a rotation: R (p - c) + (R c + t),
+    the last term in extended precision.
+    """
+    if not len(points):
+        return
+    centre = points[0].copy()
+    exact = T.astype(np.longdouble)
+    shift = (exact[:3, :3] @ centre.astype(np.longdouble) + exact[:3, 3]).astype(np.float64)
+    np.subtract(points, centre, out=points)
+    points[:] = points @ T[:3, :3].T
+    points += shift

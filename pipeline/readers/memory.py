@@ -5,8 +5,8 @@ from __future__ import annotations
 import resource
 from pathlib import Path
 
-from pipeline.readers.faults import fault
-from pipeline.readers.raw import Source
+from .faults import fault
+from .source import Source
 
 _RESERVE = 64 << 20  # for the rest of the program
 

@@ -7,8 +7,8 @@ from collections.abc import Container
 from contextlib import ExitStack
 from pathlib import Path, PurePosixPath
 
-from pipeline.archive import ARCHIVE_SUFFIXES, COMPRESSED_SUFFIXES, Member, inflate, open_archive
-from pipeline.errors import InputError
+from ..errors import InputError
+from ..files import ARCHIVE_SUFFIXES, COMPRESSED_SUFFIXES, Member, inflate, open_archive
 
 
 def unpacked(path: Path, name: str, known: Container[str], stack: ExitStack) -> tuple[Path, str]:

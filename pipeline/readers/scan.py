@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ..vectors import Array, Array32
+
 
 @dataclass(frozen=True)
 class Part:
@@ -19,10 +21,10 @@ class Part:
     name: str
     start: int
     stop: int
-    T_file_scan: npt.NDArray[np.float64] | None
+    T_file_scan: Array | None
 
     @property
-    def station_m(self) -> npt.NDArray[np.float64] | None:
+    def station_m(self) -> Array | None:
         """Where the scanner stood (3,), in the file's coordinates, if the file states a pose."""
         return None if self.T_file_scan is None else self.T_file_scan[:3, 3]
 
@@ -40,8 +42,8 @@ class Scan:
     parts: the scans of the file, in its order; empty when its format knows none.
     """
 
-    points_m: npt.NDArray[np.float64]
-    intensity: npt.NDArray[np.float32] | None
+    points_m: Array
+    intensity: Array32 | None
     source: str
     missing_returns: int
     grid: npt.NDArray[np.int32] | None = None

@@ -9,18 +9,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.conformity import Conformity
-from pipeline.errors import InputError
-from pipeline.measurement import Measurement
-from pipeline.report.budget_svg import budget_svg
-from pipeline.report.html import Dress, html_report
-from pipeline.report.json_report import to_json
-from pipeline.report.language import load_words
-from pipeline.report.pdf import pdf_report
-from pipeline.report.picture import face_png
-from pipeline.report.plots import file_name
-from pipeline.report.text import detailed_report
-from pipeline.report.view import PAPER
+from ..errors import InputError
+from ..measurement import Conformity, Measurement
+from ..validation import Comparison, Survey
+from .format.language import load_words
+from .format.view import PAPER
+from .html.page import Dress, html_report
+from .html.pdf import pdf_report
+from .json.measurement import to_json
+from .json.validation import validation_json
+from .plots.budget import budget_svg
+from .plots.files import file_name
+from .plots.target_face import face_png
+from .plots.validation import bland_altman_svg, differences_svg, line_svg
+from .text.report import detailed_report
+from .text.validation import validation_text
+from .text.validation_study import survey_text
 
 
 @dataclass(frozen=True)
@@ -104,3 +108,27 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def validation_report(found: Comparison | Survey) -> str:
+    """The text, of one capture or of many; printable whatever a path holds."""
+    text = validation_text(found) if isinstance(found, Comparison) else survey_text(found)
+    return text.encode(errors="backslashreplace").decode()
+
+
+def write_validation(found: Comparison | Survey, folder: Path) -> list[Path]:
+    """Each file whole or not at all."""
+    files = {"validation.json": validation_json(found), "validation.txt": validation_report(found)}
+    if isinstance(found, Comparison):
+        files["differences.svg"] = differences_svg(found)
+    else:
+        labels = found.found[0].first.label, found.found[0].second.label
+        for one in found.agreements:
+            files[f"bland-altman-{one.kind}.svg"] = bland_altman_svg(one, *labels)
+            files[f"line-{one.kind}.svg"] = line_svg(one, *labels)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made ({error.strerror}): name another") from error
+    encoded = {n: text.encode(errors="backslashreplace") for n, text in files.items()}
+    return [write_whole(folder / name, content) for name, content in encoded.items()]

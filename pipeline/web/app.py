@@ -5,12 +5,12 @@ from __future__ import annotations
 from flask import Flask, Response, current_app, g, jsonify, request
 from werkzeug.exceptions import HTTPException
 
-from pipeline.errors import WheelplaneError
-from pipeline.web.front import add_front
-from pipeline.web.routes import add_archive, add_files, add_jobs
-from pipeline.web.security import Guard, RefusedError, response_headers
-from pipeline.web.settings import Settings
-from pipeline.web.state import State
+from ..errors import WheelplaneError
+from .front import add_front
+from .routes import add_archive, add_files, add_jobs
+from .security import Guard, RefusedError, response_headers
+from .settings import Settings
+from .state import State
 
 REQUEST_BYTES = 100_000  # of every request but an upload
 

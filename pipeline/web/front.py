@@ -7,12 +7,12 @@ from typing import Any
 
 from flask import Flask, Response, redirect, render_template, request
 
-from pipeline import __version__
-from pipeline.report.language import LANGUAGES, load_words
-from pipeline.web import choices
-from pipeline.web.security import RefusedError
-from pipeline.web.state import State
-from pipeline.web.uploads import SENT_SUFFIXES
+from .. import __version__
+from ..report.format.language import LANGUAGES, load_words
+from .content import choices
+from .files.uploads import SENT_SUFFIXES
+from .security import RefusedError
+from .state import State
 
 VIEWER = Path(__file__).parents[1] / "report" / "static" / "viewer.js"
 LANGUAGE_COOKIE = "wheelplane-language"
@@ -48,7 +48,7 @@ def add_front(app: Flask, state: State) -> None:
     @app.get("/manual/")
     @app.get("/manual/<path:name>")
     def manual(name: str = "index.html") -> Response:
-        from pipeline.manual import pages
+        from ..manual.build import pages
 
         if not made:
             made.update(pages())

@@ -10,15 +10,15 @@ from typing import Any
 
 from flask import Flask, Response, g, jsonify, request
 
-from pipeline.report.language import load_words
-from pipeline.web import archive, choices
-from pipeline.web.folders import kind_of_file
-from pipeline.web.front import language
-from pipeline.web.process import Job
-from pipeline.web.reporting import TYPES
-from pipeline.web.saving import report_file, save
-from pipeline.web.security import RefusedError
-from pipeline.web.state import State
+from ..report.format.language import load_words
+from .content import archive, choices
+from .content.reporting import TYPES
+from .files.folders import kind_of_file
+from .front import language
+from .jobs.process import Job
+from .jobs.saving import report_file, save
+from .security import RefusedError
+from .state import State
 
 SHOWN_FILES = ("measurement.json", "points.bin", "comparison.json")
 SHOWN_KINDS = ("panel-", "scene-", "drawing-")

@@ -16,7 +16,7 @@ import socket
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from pipeline.errors import WheelplaneError
+from ..errors import WheelplaneError
 
 KEY_HEADER = "X-Wheelplane-Key"
 SAFE_METHODS = ("GET", "HEAD")

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from pipeline.errors import InputError
-from pipeline.web.security import Guard, guard_for, in_address
-from pipeline.web.settings import Settings
+from ..errors import InputError
+from .security import Guard, guard_for, in_address
+from .settings import Settings
 
 TRIED_PORTS = 20
 
@@ -31,7 +31,7 @@ def serve(
     """Serve until interrupted. start_at: what of the page to show first, after `#`."""
     from werkzeug.serving import make_server
 
-    from pipeline.web.app import create_app
+    from .app import create_app
 
     listening = free_port(host, port)
     bound = int(listening.getsockname()[1])

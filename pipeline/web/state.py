@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pipeline.web.folders import Folders
-from pipeline.web.jobs import Jobs
-from pipeline.web.security import Guard
-from pipeline.web.settings import Settings
-from pipeline.web.uploads import Uploads
+from .files.folders import Folders
+from .files.uploads import Uploads
+from .jobs.queue import Jobs
+from .security import Guard
+from .settings import Settings
 
 
 class State:

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.capture import open_capture
-from pipeline.config import Config, config_file
-from pipeline.measure import measure_capture
-from synth.archive import write_capture
+from wheelplane.capture.open_capture import open_capture
+from wheelplane.config import Config, config_file
+from wheelplane.measure import measure_capture
+from wheelplane_synth.output.archive import write_capture
 
 ARCSEC = np.degrees(1.0) * 3600.0
 

@@ -25,13 +25,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from tests.batches import BATCH, descendants, five_points, settle, trees  # noqa: E402
+from tests.support.batches import BATCH, descendants, five_points, settle, trees  # noqa: E402
 
 SPACING_M = 0.00161  # gives scans of 200,000 points
 PLAIN = """
 import sys, pathlib
-from pipeline.batch.measured import Subject, measure_bytes
-from pipeline.batch.settings import Settings
+from wheelplane.batch.measured import Subject, measure_bytes
+from wheelplane.batch.settings import Settings
 for name in sys.argv[2:]:
     kind = "zip" if name.endswith(".zip") else "folder"
     measure_bytes(Subject(pathlib.Path(sys.argv[1], name), name, kind, Settings()))
@@ -109,7 +109,7 @@ def make_captures(archive: Path, count: int) -> list[str]:
     scanner = archive.parent / "coarse.toml"
     text = (ROOT / "configs/scanners/default.toml").read_text()
     scanner.write_text(text.replace("spacing_m = 0.0009", f"spacing_m = {SPACING_M}"))
-    command = [sys.executable, "-m", "pipeline.cli", "synth", str(base), "--trials", "0"]
+    command = [sys.executable, "-m", "wheelplane", "synth", str(base), "--trials", "0"]
     subprocess.run([*command, "--scanner", str(scanner)], cwd=ROOT, check=True, capture_output=True)
     packed = shutil.make_archive(str(archive.parent / "base"), "zip", base)
     good = []

@@ -23,7 +23,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-WHEELPLANE = [sys.executable, "-m", "pipeline.cli"]
+WHEELPLANE = [sys.executable, "-m", "wheelplane"]
 FIRST_DAY = datetime.date(2026, 1, 1)
 HEAD = ("schema", "capture", "vehicle_name", "batch", "wheels", "frame", "vehicle")
 
@@ -101,7 +101,7 @@ def timed(name: str, act: Callable[[], object]) -> None:
 
 def replace_one(folder: Path) -> None:
     """Write one result again, with another vehicle."""
-    from pipeline.batch.store import open_store
+    from wheelplane.batch.storage.store import open_store
 
     path = next((folder / "measurements").rglob("*.json"))
     text = path.read_text().replace('"vehicle_name": "', f'"vehicle_name": "{time.time_ns()} ', 1)

@@ -9,19 +9,19 @@ from pathlib import Path
 
 os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
-import pipeline.align
-import pipeline.fit_plane
-import pipeline.locate_centre
-import pipeline.measure
-from pipeline.capture import open_capture
-from pipeline.config import Config
+import wheelplane.centre.locate_centre
+import wheelplane.measure
+import wheelplane.measurement.evaluate
+import wheelplane.plane.fit_plane
+from wheelplane.capture.open_capture import open_capture
+from wheelplane.config import Config
 
 PARTS = (
-    (pipeline.fit_plane, "correlated_noise"),
-    (pipeline.locate_centre, "_plane_causes"),
-    (pipeline.locate_centre, "centre_cause"),
-    (pipeline.measure, "add_stated_causes"),
-    (pipeline.align, "propagate"),
+    (wheelplane.plane.fit_plane, "correlated_noise"),
+    (wheelplane.centre.locate_centre, "_plane_causes"),
+    (wheelplane.centre.locate_centre, "centre_cause"),
+    (wheelplane.measure, "with_type_b"),
+    (wheelplane.measurement.evaluate, "propagate"),
 )
 BOUND = 0.05
 
@@ -47,7 +47,7 @@ def main(source: Path, runs: int = 5) -> int:
         spent.update(dict.fromkeys(spent, 0.0))
         start = time.perf_counter()
         with open_capture(source) as capture:
-            pipeline.measure.measure_capture(capture, Config())
+            wheelplane.measure.measure_capture(capture, Config())
         best = min(best, (time.perf_counter() - start, dict(spent)), key=lambda found: found[0])
     whole, parts = best
     print("| part | ms | share |\n|---|---|---|")

@@ -25,16 +25,17 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np  # noqa: E402
 
-from pipeline.axles import Face  # noqa: E402
-from pipeline.config import Config  # noqa: E402
-from pipeline.errors import InputError, NotMeasuredError  # noqa: E402
-from pipeline.faces import find_faces  # noqa: E402
-from pipeline.fit_plane import fit_plane  # noqa: E402
-from pipeline.identify_wheels import find_axles  # noqa: E402
-from pipeline.locate_centre import locate_centre  # noqa: E402
-from pipeline.segment import Patch, find_target  # noqa: E402
-from pipeline.targets import DiscTarget  # noqa: E402
-from tests.vehicle_scenes import RADIUS_M, Scene, TrueFace, hard_wheel, vehicle_scene  # noqa: E402
+from tests.support.vehicle_scenes import RADIUS_M, Scene, TrueFace, hard_wheel, vehicle_scene  # noqa: E402
+from wheelplane.centre.locate_centre import locate_centre  # noqa: E402
+from wheelplane.config import Config  # noqa: E402
+from wheelplane.detection.find_target import find_target  # noqa: E402
+from wheelplane.detection.find_targets import find_faces  # noqa: E402
+from wheelplane.detection.identify_wheels import find_axles  # noqa: E402
+from wheelplane.detection.vehicles import Face  # noqa: E402
+from wheelplane.errors import InputError, NotMeasuredError  # noqa: E402
+from wheelplane.plane.fit_plane import fit_plane  # noqa: E402
+from wheelplane.plane.patch import Patch  # noqa: E402
+from wheelplane.targets.plates import DiscTarget  # noqa: E402
 
 CONFIG = Config()
 DISC = DiscTarget(shape="disc", diameter=2.0 * RADIUS_M)

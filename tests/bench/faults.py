@@ -19,7 +19,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from tests.batches import (  # noqa: E402
+from tests.support.batches import (  # noqa: E402
     archive_of,
     descendants,
     five_points,
@@ -30,8 +30,8 @@ from tests.batches import (  # noqa: E402
     settle,
     start,
 )
-from tests.failing_proxy import FailingProxy  # noqa: E402
-from tests.object_server import object_server  # noqa: E402
+from tests.support.failing_proxy import FailingProxy  # noqa: E402
+from tests.support.object_server import object_server  # noqa: E402
 
 KEYS = {
     "AWS_ACCESS_KEY_ID": "k",

@@ -26,19 +26,19 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import numpy as np  # noqa: E402
 from scipy import stats  # noqa: E402
 
-from pipeline.capture import open_capture  # noqa: E402
-from pipeline.config import Config, config_file, load_config  # noqa: E402
-from pipeline.errors import InputError  # noqa: E402
-from pipeline.measure import measure_capture  # noqa: E402
-from pipeline.measurement import Measurement  # noqa: E402
-from pipeline.quantities import Stated, by_name  # noqa: E402
-from synth.files import capture_toml, ply, scan_file  # noqa: E402
-from synth.parameters import VehicleFile  # noqa: E402
-from synth.recipe import read_recipe  # noqa: E402
-from synth.target_file import read_target  # noqa: E402
-from synth.truth import Truth  # noqa: E402
-from synth.vehicle import WHEELS, draw_vehicle, draw_wheel  # noqa: E402
-from tests.scenes import Setup, make  # noqa: E402
+from tests.support.scenes import Setup, make  # noqa: E402
+from wheelplane.capture.open_capture import open_capture  # noqa: E402
+from wheelplane.config import Config, config_file, load_config  # noqa: E402
+from wheelplane.errors import InputError  # noqa: E402
+from wheelplane.measure import measure_capture  # noqa: E402
+from wheelplane.measurement.quantities import Stated, by_name  # noqa: E402
+from wheelplane.measurement.records import Measurement  # noqa: E402
+from wheelplane_synth.output.files import capture_toml, ply, scan_file  # noqa: E402
+from wheelplane_synth.output.truth import Truth  # noqa: E402
+from wheelplane_synth.parameters.parameters import VehicleFile  # noqa: E402
+from wheelplane_synth.parameters.recipe import read_recipe  # noqa: E402
+from wheelplane_synth.parameters.target_file import read_target  # noqa: E402
+from wheelplane_synth.vehicle.vehicle import WHEELS, draw_vehicle, draw_wheel  # noqa: E402
 
 ARCSEC = np.degrees(1.0) * 3600.0
 NOISE_M = 0.0008

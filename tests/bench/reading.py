@@ -26,8 +26,8 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 
-from pipeline.readers import read_scan  # noqa: E402
 from tests.fuzzing.e57 import UPRIGHT, e57_file  # noqa: E402
+from wheelplane.readers import read_scan  # noqa: E402
 
 Columns = tuple[np.ndarray, np.ndarray]  # points (N, 3), intensity (N,)
 

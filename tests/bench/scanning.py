@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.capture import open_capture
-from pipeline.capture_file import LengthUnit
-from pipeline.config import Config, config_file
-from pipeline.errors import InputError
-from pipeline.measure import measure_capture
-from pipeline.measurement import WheelResult
-from pipeline.readers import read_scan
-from synth.archive import write_capture
+from wheelplane.capture.open_capture import open_capture
+from wheelplane.config import Config, config_file
+from wheelplane.errors import InputError
+from wheelplane.measure import measure_capture
+from wheelplane.measurement.records import WheelResult
+from wheelplane.readers import read_scan
+from wheelplane.units import LengthUnit
+from wheelplane_synth.output.archive import write_capture
 
 ARCSEC = np.degrees(1.0) * 3600.0
 UNIT: LengthUnit = "m"

@@ -30,13 +30,13 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np
 
-from pipeline.config import Config
-from pipeline.fit_plane import PlaneFit, fit_plane
-from pipeline.locate_centre import locate_centre
-from pipeline.report.validation_plot import BLUE, GREY, ORANGE, words_at
-from pipeline.segment import find_target
-from pipeline.targets import DiscTarget
-from tests.vehicle_scenes import RADIUS_M, FaceCloud, face_cloud
+from tests.support.vehicle_scenes import RADIUS_M, FaceCloud, face_cloud
+from wheelplane.centre.locate_centre import locate_centre
+from wheelplane.config import Config
+from wheelplane.detection.find_target import find_target
+from wheelplane.plane.fit_plane import PlaneFit, fit_plane
+from wheelplane.report.plots.validation import BLUE, GREY, ORANGE, words_at
+from wheelplane.targets.plates import DiscTarget
 
 CONFIG = Config()
 DISC = DiscTarget(shape="disc", diameter=2.0 * RADIUS_M)

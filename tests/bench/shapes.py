@@ -12,12 +12,12 @@ from functools import partial
 
 import numpy as np
 
-from pipeline.commands.targets import known_targets
-from pipeline.errors import NotMeasuredError
-from pipeline.targets import load_target
-from tests.plates import found, in_target
-from tests.printing import setup_of
-from tests.scenes import Setup, make
+from tests.support.plates import found, in_target
+from tests.support.printing import setup_of
+from tests.support.scenes import Setup, make
+from wheelplane.commands.targets import known_targets
+from wheelplane.errors import NotMeasuredError
+from wheelplane.targets.registry import load_target
 
 BASE = Setup(spacing_m=0.0018, half_width_m=0.26, pairs=12)
 VIEWS = {

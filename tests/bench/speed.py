@@ -16,7 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
-WHEELPLANE = [sys.executable, "-m", "pipeline.cli"]
+WHEELPLANE = [sys.executable, "-m", "wheelplane"]
 SPACING_M = 0.00053  # gives scans of 1.8 million points
 
 OPEN3D = """

@@ -22,16 +22,16 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from pipeline.capture import open_capture
-from pipeline.config import Config, config_file
-from pipeline.measure import measure_capture
-from pipeline.measurement import Measurement
-from pipeline.runout import measure_runouts
-from pipeline.steering import measure_kingpins
-from pipeline.toe_out import measure_toe_out
-from pipeline.turned import DOUBT
-from synth.archive import write_capture
-from tests.turning import Scene, rolled, swept
+from tests.support.turning import Scene, rolled, swept
+from wheelplane.capture.open_capture import open_capture
+from wheelplane.config import Config, config_file
+from wheelplane.kinematics.runout import measure_runouts
+from wheelplane.kinematics.steering_axis import measure_kingpins
+from wheelplane.kinematics.sweep import DOUBT
+from wheelplane.kinematics.toe_out_on_turns import measure_toe_out
+from wheelplane.measure import measure_capture
+from wheelplane.measurement.records import Measurement
+from wheelplane_synth.output.archive import write_capture
 
 Row = tuple[str, float, float, float, float]  # what, error, u, freedom, chance of the fit
 # Of the turn about the normal, of a scan of the default scanner (k = 1).

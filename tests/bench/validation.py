@@ -23,14 +23,14 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
 import numpy as np  # noqa: E402
 from scipy import stats  # noqa: E402
 
-from pipeline.capture import open_capture  # noqa: E402
-from pipeline.config import Config  # noqa: E402
-from pipeline.validate import validate_capture  # noqa: E402
-from pipeline.validate_archive import Row, Survey  # noqa: E402
-from pipeline.validate_five import FivePointOptions  # noqa: E402
-from pipeline.validate_request import Request  # noqa: E402
-from synth.parameters import TotalStation  # noqa: E402
-from tests.validation_cars import TM30, Car, stated, write_capture  # noqa: E402
+from tests.support.validation_cars import TM30, Car, stated, write_capture  # noqa: E402
+from wheelplane.capture.open_capture import open_capture  # noqa: E402
+from wheelplane.config import Config  # noqa: E402
+from wheelplane.validation.five_point import FivePointOptions  # noqa: E402
+from wheelplane.validation.request import Request  # noqa: E402
+from wheelplane.validation.study import Row, Survey  # noqa: E402
+from wheelplane.validation.validate_capture import validate_capture  # noqa: E402
+from wheelplane_synth.parameters.parameters import TotalStation  # noqa: E402
 
 ERROR = np.radians(0.1)
 STATIONS = {

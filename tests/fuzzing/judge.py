@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.capture import open_capture
-from pipeline.errors import WheelplaneError
-from pipeline.five_point_file import read_five_point
-from pipeline.oddities import oddities
-from pipeline.readers import Scan, read_scan
-from pipeline.survey import survey_file
 from tests.fuzzing.e57 import HELD, PAGE
 from tests.fuzzing.mutations import Mutant
 from tests.fuzzing.samples import capture_files, scans
+from wheelplane.capture.open_capture import open_capture
+from wheelplane.diagnostics.findings import oddities
+from wheelplane.diagnostics.survey import survey_file
+from wheelplane.errors import WheelplaneError
+from wheelplane.five_point.file import read_five_point
+from wheelplane.readers import Scan, read_scan
 
 LONGEST_LINE, LONGEST_LIST = 600, 2000  # of one fact; of all the mistakes in a capture.toml
 

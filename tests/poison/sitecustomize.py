@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-POISONED = "pipeline.batch.measured"
+POISONED = "wheelplane.batch.run.measure_one"
 
 
 def poison(measure):

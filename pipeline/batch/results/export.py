@@ -1,0 +1,169 @@
+"""The catalogue as a table in a file: CSV, Excel, Parquet; the same table, the same bytes."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+import io
+import math
+import re
+import uuid
+import zipfile
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+import numpy.typing as npt
+
+from ...errors import InputError, MissingDependencyError
+from ..catalogue.catalogue import Catalogue
+from ..catalogue.rows import CaptureRow
+from ..catalogue.schema import CAPTURE_COLUMNS, number_of
+from ..storage.entry import PARTIAL
+from .query import ALL, Filter, captures
+from .series import series
+
+Table = dict[str, npt.NDArray[Any]]
+Cell = str | float | int | None
+LEFT_OUT = ("day", "size", "md5")
+COUNTS = ("wheels", "wheels_ok", "points_total")
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+EXCEL_ROWS, EXCEL_CHARACTERS = 1_048_576, 32_767
+EPOCH = (1980, 1, 1, 0, 0, 0)
+
+
+def table(catalogue: Catalogue, which: Filter = ALL) -> Table:
+    """Columns (N,): what became of each capture, then every quantity and its u, by name.
+
+    Columns carry their units: RR_toe_deg, u_RR_toe_deg, wheelbase_m ...; nan where unmeasured.
+    """
+    rows = list(captures(catalogue, which))
+    columns = {name: _column(name, rows) for name in CAPTURE_COLUMNS if name not in LEFT_OUT}
+    numbers = np.array([number_of(row.key) for row in rows], np.int64)
+    order = np.argsort(numbers)
+    for one in series(catalogue, None, which):
+        name = f"{one.quantity.replace(' ', '_')}_{one.unit}"
+        places = order[np.searchsorted(numbers[order], one.numbers)]
+        for column, values in ((name, one.values), (f"u_{name}", one.u)):
+            columns[column] = np.full(len(rows), np.nan)
+            columns[column][places] = values
+    return columns
+
+
+def _column(name: str, rows: list[CaptureRow]) -> npt.NDArray[Any]:
+    return np.array([getattr(row, name) for row in rows], np.int64 if name in COUNTS else object)
+
+
+def export(path: Path, columns: Table, write: Callable[[Path, Table], None]) -> None:
+    """Write a table whole or not at all, by one of the writers below. Raises InputError."""
+    temporary = path.with_name(f"{PARTIAL}-{uuid.uuid4().hex}{path.suffix}")
+    try:
+        write(temporary, columns)
+        temporary.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}): name another") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_csv(path: Path, columns: Table) -> None:
+    """RFC 4180 in UTF-8; a text that a spreadsheet would run as a formula gets a ' before it."""
+    with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as stream:
+        _write_csv(stream, columns)
+
+
+def as_csv(columns: Table) -> bytes:
+    """What `write_csv` writes."""
+    text = io.StringIO(newline="")
+    _write_csv(text, columns)
+    return text.getvalue().encode("utf-8", "backslashreplace")
+
+
+def _write_csv(stream: TextIO, columns: Table) -> None:
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    for row in _rows(columns):
+        writer.writerow([_harmless(cell) for cell in row])
+
+
+def write_xlsx(path: Path, columns: Table) -> None:
+    """One sheet, texts never as formulas. Raises InputError beyond Excel's rows."""
+    try:
+        openpyxl: Any = importlib.import_module("openpyxl")
+    except ImportError as error:
+        raise _missing("openpyxl") from error
+    count = len(next(iter(columns.values())))
+    if count >= EXCEL_ROWS:
+        raise InputError(
+            f"--xlsx: {count:,} captures are more than the {EXCEL_ROWS - 1:,} that Excel takes "
+            "below a heading: choose fewer, or use --csv or --parquet"
+        )
+    book = openpyxl.Workbook(write_only=True)
+    sheet = book.create_sheet("captures")
+    sheet.freeze_panes = "B2"
+    sheet.append(list(columns))
+    cell_type = importlib.import_module("openpyxl.cell").WriteOnlyCell
+    for row in _rows(columns):
+        sheet.append([_excel(cell_type, sheet, cell) for cell in row])
+    raw = io.BytesIO()
+    book.save(raw)
+    _undated(raw, path)
+
+
+def write_parquet(path: Path, columns: Table) -> None:
+    """By duckdb: texts, 64-bit integers and floats, null where unmeasured; zstd."""
+    try:
+        duckdb: Any = importlib.import_module("duckdb")
+    except ImportError as error:
+        raise _missing("duckdb") from error
+    masked = {
+        name: np.ma.masked_invalid(column) if column.dtype == np.float64 else column
+        for name, column in columns.items()
+    }
+    with duckdb.connect(config={"threads": 1}) as connection:
+        connection.register("captures", masked)
+        quoted = str(path).replace("'", "''")
+        connection.execute(
+            f"COPY (SELECT * FROM captures) TO '{quoted}' (FORMAT parquet, COMPRESSION zstd)"  # noqa: S608
+        )
+
+
+def _rows(columns: Table) -> Iterator[list[Cell]]:
+    count = len(next(iter(columns.values())))
+    for start in range(0, count, 10_000):
+        block = [column[start : start + 10_000].tolist() for column in columns.values()]
+        for row in zip(*block, strict=True):
+            yield [None if isinstance(x, float) and math.isnan(x) else x for x in row]
+
+
+def _harmless(cell: Cell) -> Cell:
+    """See https://owasp.org/www-community/attacks/CSV_Injection."""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
+
+
+def _excel(cell_type: Any, sheet: Any, value: Cell) -> Any:
+    if not isinstance(value, str):
+        return value
+    text = "".join(c if c.isprintable() or c in "\n\t" else repr(c)[1:-1] for c in value)
+    if len(text) > EXCEL_CHARACTERS:
+        text = f"{text[: EXCEL_CHARACTERS - 1]}…"
+    cell = cell_type(sheet, text)
+    cell.data_type = "s"
+    return cell
+
+
+def _undated(raw: io.BytesIO, path: Path) -> None:
+    """Write a workbook again without the time of day in it."""
+    told = datetime(*EPOCH, tzinfo=UTC).strftime("%Y-%m-%dT%H:%M:%SZ").encode()
+    with zipfile.ZipFile(raw) as before, zipfile.ZipFile(path, "w") as after:
+        for name in before.namelist():
+            content = before.read(name)
+            if name == "docProps/core.xml":
+                content = re.sub(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", told, content)
+            after.writestr(zipfile.ZipInfo(name, EPOCH), content, zipfile.ZIP_DEFLATED)
+
+
+def _missing(name: str) -> MissingDependencyError:
+    return MissingDependencyError(f"{name} is not installed: pip install 'wheelplane[tables]'")

@@ -1,0 +1,208 @@
+"""Questions to a catalogue: which captures, which of them failed and why, which stand out."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from ...errors import InputError
+from ..catalogue.catalogue import Catalogue
+from ..catalogue.history import read_gone
+from ..catalogue.rows import CaptureRow, QuantityRow, WheelRow
+from ..catalogue.schema import CAPTURE_COLUMNS, WHEEL_COLUMNS, number_of
+
+Order = Literal["name", "date", "vehicle", "status"]
+STATUSES = ("ok", "part", "failed", "quarantined", "damaged")
+
+
+@dataclass(frozen=True)
+class Range:
+    """A quantity, such as "RR toe" or "rear_total_toe", from low to high, in its unit."""
+
+    quantity: str
+    low: float = float("-inf")
+    high: float = float("inf")
+
+
+@dataclass(frozen=True)
+class Filter:
+    """Which captures: all that is given must hold.
+
+    text: a part of the capture's name; vehicle: the whole of its name; since_day, until_day: days
+    since 1970-01-01, the first within, the last without; status: any of them; gone: whether they
+    were no longer in the archive at the last run.
+    """
+
+    text: str = ""
+    vehicle: str | None = None
+    since_day: float | None = None
+    until_day: float | None = None
+    status: tuple[str, ...] = ()
+    ranges: tuple[Range, ...] = ()
+    gone: bool | None = None
+
+
+ALL = Filter()
+
+
+@dataclass(frozen=True)
+class FailureGroup:
+    """Captures that were not measured in full, for the same reason but for its numbers."""
+
+    status: str
+    stage: str
+    reason: str
+    count: int
+    examples: tuple[str, ...]
+
+
+def count(catalogue: Catalogue, which: Filter = ALL) -> int:
+    """How many captures there are."""
+    where, values = condition(catalogue, which)
+    found = catalogue.connection.execute(f"SELECT count(*) FROM captures AS c {where}", values)  # noqa: S608
+    return int(found.fetchone()[0])
+
+
+def captures(
+    catalogue: Catalogue,
+    which: Filter = ALL,
+    order: Order = "name",
+    limit: int | None = None,
+    offset: int = 0,
+) -> Iterator[CaptureRow]:
+    """Captures in order, then by name; a page of them with `limit` and `offset`."""
+    where, values = condition(catalogue, which)
+    rows = catalogue.connection.execute(
+        f"SELECT {', '.join(CAPTURE_COLUMNS)} FROM captures AS c {where} "  # noqa: S608
+        f"ORDER BY {ORDERS[order]}name, key LIMIT ? OFFSET ?",
+        (*values, -1 if limit is None else limit, offset),
+    )
+    return (CaptureRow(*row) for row in rows)
+
+
+ORDERS = {"name": "", "date": "day, ", "vehicle": "vehicle, ", "status": "status, "}
+
+
+def capture_of(catalogue: Catalogue, key: str) -> CaptureRow | None:
+    """One capture by its key."""
+    columns = f"SELECT {', '.join(CAPTURE_COLUMNS)} FROM captures WHERE id = ? AND key = ?"  # noqa: S608
+    row = catalogue.connection.execute(columns, _identity(key)).fetchone()
+    return None if row is None else CaptureRow(*row)
+
+
+def wheels_of(catalogue: Catalogue, key: str) -> tuple[WheelRow, ...]:
+    """The wheels and trials of a capture, in the order of its JSON."""
+    rows = catalogue.connection.execute(
+        f"SELECT {', '.join(f'w.{name}' for name in WHEEL_COLUMNS)} FROM wheel_rows AS w "  # noqa: S608
+        "JOIN captures AS c USING(id) WHERE c.id = ? AND key = ? ORDER BY place",
+        _identity(key),
+    )
+    return tuple(WheelRow(*row) for row in rows)
+
+
+def quantities_of(catalogue: Catalogue, key: str) -> tuple[QuantityRow, ...]:
+    """The quantities of the vehicle of a capture, by name."""
+    rows = catalogue.connection.execute(
+        "SELECT k.kind, value, u, unit FROM kinds AS k CROSS JOIN quantity_rows AS q "
+        "USING(kind_id) JOIN captures AS c USING(id) WHERE q.id = ? AND key = ? ORDER BY k.kind",
+        _identity(key),
+    )
+    return tuple(QuantityRow(*row) for row in rows)
+
+
+def failures(
+    catalogue: Catalogue, which: Filter = ALL, examples: int = 3
+) -> tuple[FailureGroup, ...]:
+    """What went wrong, the most frequent first; examples: names of that many captures of each."""
+    where, values = condition(catalogue, which)
+    rows = catalogue.connection.execute(
+        f"SELECT status, stage, reason, name FROM captures AS c {where or 'WHERE TRUE'} "  # noqa: S608
+        "AND status <> 'ok' ORDER BY name, key",
+        values,
+    )
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    first: dict[tuple[str, str, str], str] = {}
+    for status, stage, reason, name in rows:
+        group = status, stage, NUMBERS.sub("#", reason.replace(name, "") if name else reason)
+        groups.setdefault(group, []).append(name)
+        first.setdefault(group, reason)
+    found = [
+        FailureGroup(group[0], group[1], first[group], len(names), tuple(names[:examples]))
+        for group, names in groups.items()
+    ]
+    return tuple(sorted(found, key=lambda g: (-g.count, g.status, g.stage, g.reason)))
+
+
+NUMBERS = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def quantity_units(catalogue: Catalogue) -> dict[str, str]:
+    """The quantities that statistics know, and the unit (deg or m) of each."""
+    names: dict[str, str] = {}
+    for (layout,) in catalogue.connection.execute("SELECT names FROM layouts ORDER BY layout"):
+        for text in json.loads(layout):
+            name, _, unit = text.rpartition(" [")
+            names[name] = unit.rstrip("]")
+    wheels = [name for name in names if " " in name]
+    return {name: names[name] for name in (*wheels, *sorted(set(names) - set(wheels)))}
+
+
+def known_quantity(catalogue: Catalogue, name: str) -> str:
+    """The name if there is such a quantity. Raises InputError with the nearest."""
+    known = quantity_units(catalogue)
+    if name not in known:
+        near = difflib.get_close_matches(name, known, 1, 0.0) or ["RR toe"]
+        raise InputError(f"quantity '{name}': there is none in these results: try '{near[0]}'")
+    return name
+
+
+def condition(catalogue: Catalogue, which: Filter) -> tuple[str, list[object]]:
+    """WHERE clause and values of a filter, for captures as c. Raises InputError."""
+    terms: list[str] = []
+    values: list[object] = []
+
+    def add(term: str, *given: object) -> None:
+        terms.append(term)
+        values.extend(given)
+
+    if which.text:
+        add("instr(c.name, ?)", which.text)
+    if which.vehicle is not None:
+        add("c.vehicle = ?", which.vehicle)
+    if which.since_day is not None:
+        add("c.day >= ?", which.since_day)
+    if which.until_day is not None:
+        add("c.day < ?", which.until_day)
+    if which.status:
+        add(f"c.status IN ({', '.join('?' * len(which.status))})", *which.status)
+    if which.gone is not None:
+        names = json.dumps(read_gone(catalogue.store))
+        add("(c.name IN (SELECT value FROM json_each(?))) = ?", names, which.gone)
+    for span in which.ranges:
+        terms.append(_within(catalogue, span, values))
+    return f"WHERE {' AND '.join(terms)}" if terms else "", values
+
+
+def _within(catalogue: Catalogue, span: Range, values: list[object]) -> str:
+    """Term for a quantity of the vehicle, or for an angle of a wheel or trial by its name."""
+    wheel, _, angle = span.quantity.rpartition(" ")
+    of_wheel = "SELECT id FROM wheel_rows WHERE name = ?"
+    if angle in ("toe", "camber") and catalogue.connection.execute(of_wheel, (wheel,)).fetchone():
+        values += [wheel, span.low, span.high]
+        return f"c.id IN ({of_wheel} AND {angle}_deg BETWEEN ? AND ?)"
+    values += [known_quantity(catalogue, span.quantity), span.low, span.high]
+    return (
+        "c.id IN (SELECT q.id FROM kinds AS k CROSS JOIN quantity_rows AS q USING(kind_id) "
+        "WHERE k.kind = ? AND value BETWEEN ? AND ?)"
+    )
+
+
+def _identity(key: str) -> tuple[int, str]:
+    try:
+        return number_of(key), key
+    except ValueError:
+        return -1, key

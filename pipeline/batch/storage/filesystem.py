@@ -1,0 +1,57 @@
+"""A file system of fsspec without its own repeating and caching, and what its errors mean."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from typing import Any
+
+from ...errors import InputError, MissingDependencyError
+
+TIMEOUTS_S = {"connect_timeout": 10, "read_timeout": 60}
+FINAL = (FileNotFoundError, FileExistsError, PermissionError, IsADirectoryError, NotADirectoryError)
+TAKEN = {"PreconditionFailed", "412"}
+PACKAGES = {"s3": "wheelplane[storage]", "s3a": "wheelplane[storage]", "gs": "gcsfs"}
+PACKAGES |= {"gcs": "gcsfs", "az": "adlfs", "abfs": "adlfs", "abfss": "adlfs"}
+
+
+def file_system(url: str) -> Any:
+    """The file system of a URL. Raises InputError, MissingDependencyError."""
+    protocol = url.partition("://")[0].lower()
+    package = PACKAGES.get(protocol, "wheelplane[storage]")
+    if any(os.environ.get(k) for k in ("AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3")):
+        # other servers than Amazon's know nothing of the newer checksums
+        os.environ.setdefault("AWS_REQUEST_CHECKSUM_CALCULATION", "when_required")
+        os.environ.setdefault("AWS_RESPONSE_CHECKSUM_VALIDATION", "when_required")
+    own = {"config_kwargs": TIMEOUTS_S | {"retries": {"max_attempts": 0}}}
+    try:
+        fsspec: Any = importlib.import_module("fsspec")
+        fs = fsspec.filesystem(
+            protocol,
+            use_listings_cache=False,
+            skip_instance_cache=True,
+            **(own if protocol in ("s3", "s3a") else {}),
+        )
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"{url}: {protocol}:// needs a package: pip install '{package}'"
+        ) from error
+    except ValueError as error:
+        raise InputError(f"{url}: {protocol}:// is unknown: try s3://, gs:// or az://") from error
+    if hasattr(fs, "retries"):
+        fs.retries = 1
+    return fs
+
+
+def passing(error: Exception) -> bool:
+    """Whether the same request may well succeed a little later."""
+    kind = type(error).__name__
+    if isinstance(error, FINAL) or code_of(error) in TAKEN | {"NotImplemented", "501"}:
+        return False
+    return not isinstance(error, (TypeError, ValueError)) and "Credential" not in kind
+
+
+def code_of(error: BaseException) -> str:
+    """What the server called the error; empty where it did not say."""
+    answer = getattr(error.__cause__ or error, "response", None) or {}
+    return str(answer.get("Error", {}).get("Code", ""))

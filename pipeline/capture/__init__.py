@@ -1,0 +1,23 @@
+"""capture.toml, file names and archives to a capture: which scan shows which wheel."""
+
+from .declaration import Upright, files_of, find_capture_file, read_capture_file
+from .entry import Role, ScanEntry, Turn
+from .file_names import TABLES, clouds_of, is_capture
+from .open_capture import Capture, Told, open_capture, open_entries
+
+__all__ = [
+    "TABLES",
+    "Capture",
+    "Role",
+    "ScanEntry",
+    "Told",
+    "Turn",
+    "Upright",
+    "clouds_of",
+    "files_of",
+    "find_capture_file",
+    "is_capture",
+    "open_capture",
+    "open_entries",
+    "read_capture_file",
+]

@@ -1,0 +1,128 @@
+"""capture.toml: what a capture declares of itself, checked as far as the file alone allows."""
+
+from __future__ import annotations
+
+import datetime as dt
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field  # noqa: TID253 - capture.toml is a pydantic model
+
+from ..config import Section, parse_section, read_toml
+from ..errors import ConfigError, InputError
+from ..units import LengthUnit
+from ..vehicle import REFERENCE_WHEELS
+
+Wheel = Literal["RR", "RL", "FR", "FL"]
+Upright = Literal["auto", "floor", "z"]
+Vector = tuple[float, float, float]
+
+
+class Trial(Section):
+    """One more scan of a wheel; repeats: of what it shows with nothing moved."""
+
+    name: str = Field(min_length=1)
+    file: str = Field(min_length=1)
+    wheel: Wheel | None = None
+    repeats: str | None = None
+
+
+class Sweep(Section):
+    """A scan of a front wheel at one position of the steering."""
+
+    name: str = Field(min_length=1)
+    file: str = Field(min_length=1)
+    wheel: Wheel
+    position: str | None = Field(None, min_length=1)
+
+
+class Runout(Section):
+    """A scan of a lifted wheel, turned about its axle by angle_deg."""
+
+    name: str = Field(min_length=1)
+    file: str = Field(min_length=1)
+    wheel: Wheel
+    angle_deg: float
+    u_angle_deg: float = Field(1.0, gt=0.0, le=30.0)
+
+
+class CaptureFile(Section):
+    """All that capture.toml may hold: [reference] with one scan a wheel, or `cloud` for them all.
+
+    front, front_point, up: of a cloud, whose wheels are named from its geometry. date: the day, or
+    the moment, of the scans, as TOML writes it: date = 2026-11-20.
+    """
+
+    vehicle: str | None = None
+    date: dt.datetime | dt.date | None = None
+    length_unit: LengthUnit = "m"
+    target: object = None
+    scanner: str | None = None
+    reference: dict[str, str] | None = None
+    trial: tuple[Trial, ...] = Field((), strict=False)
+    sweep: tuple[Sweep, ...] = Field((), strict=False)
+    runout: tuple[Runout, ...] = Field((), strict=False)
+    cloud: str | None = Field(None, min_length=1)
+    front: Vector | None = Field(None, strict=False)
+    front_point: Vector | None = Field(None, strict=False)
+    up: Upright = "auto"
+
+
+def files_of(declared: CaptureFile) -> list[str]:
+    """All files that a capture declares, as it names them: its scans, its target, its scanner."""
+    more: tuple[Trial | Sweep | Runout, ...] = (*declared.trial, *declared.sweep, *declared.runout)
+    scans = [declared.cloud, *(declared.reference or {}).values(), *(scan.file for scan in more)]
+    named = [n for n in (declared.target, declared.scanner) if str(n).endswith(".toml")]
+    return [name for name in (*scans, *named) if isinstance(name, str)]
+
+
+def find_capture_file(folder: Path) -> Path | None:
+    """The capture.toml of a folder, in any case of letters."""
+    return next((p for p in folder.iterdir() if p.name.lower() == "capture.toml"), None)
+
+
+def read_capture_file(path: Path, where: str) -> CaptureFile:
+    """What the file at `path`, which messages call `where`, declares.
+
+    Raises ConfigError or InputError for what it cannot mean, alone or together.
+    """
+    try:
+        table = read_toml(path)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {str(error).removeprefix(f'{path}: ')}") from error
+    declared = parse_section(CaptureFile, table, where)
+    if declared.reference is None:
+        _check_cloud(declared, where)
+    else:
+        _check_reference(declared, declared.reference, where)
+    return declared
+
+
+def _check_cloud(declared: CaptureFile, where: str) -> None:
+    for table in ("trial", "sweep", "runout"):
+        if getattr(declared, table):
+            raise InputError(
+                f"{where}: [[{table}]] without [reference]: a cloud of the whole vehicle stands "
+                f"alone: give each wheel its scan in [reference], or leave out [[{table}]]"
+            )
+
+
+def _check_reference(declared: CaptureFile, reference: dict[str, str], where: str) -> None:
+    if declared.cloud is not None:
+        raise InputError(
+            f"{where}: holds both [reference] and cloud = {declared.cloud!r}: keep [reference] for "
+            "one scan a wheel, or cloud for one scan of all wheels"
+        )
+    for wheel in REFERENCE_WHEELS:
+        if wheel not in reference:
+            raise InputError(f"{where}: [reference] lacks {wheel}: name the scan of that wheel")
+    extra = sorted(set(reference) - set(REFERENCE_WHEELS))
+    if extra:
+        raise InputError(
+            f"{where}: [reference] names {extra[0]!r}: its wheels are {', '.join(REFERENCE_WHEELS)}"
+        )
+    for key in ("front", "front_point", "up"):
+        if key in declared.model_fields_set:
+            raise InputError(
+                f"{where}: {key} beside [reference], which names the wheels already: leave it out"
+            )

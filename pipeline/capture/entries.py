@@ -1,0 +1,136 @@
+"""What a capture declares, as scans whose files are there and whose names are told apart."""
+
+from __future__ import annotations
+
+import math
+import posixpath
+from dataclasses import replace
+from pathlib import Path
+
+from ..errors import InputError
+from ..files import ARCHIVE_SUFFIXES
+from ..vehicle import REFERENCE_WHEELS
+from .declaration import CaptureFile, Runout, Sweep, Trial
+from .entry import ScanEntry, Turn
+from .file_names import check_plain, only_cloud
+from .folder import is_there
+
+
+def scans_of(
+    declared: CaptureFile, folder: Path, where: str, *, packed: bool
+) -> tuple[ScanEntry, ...]:
+    """RR, RL, FR, FL, the trials, the sweeps, the run-outs; or the one cloud of all wheels.
+
+    packed: the folder came out of an archive. Raises InputError for names that stand twice, and for
+    files that are missing, or outside the archive.
+    """
+    if declared.reference is None:
+        cloud = declared.cloud or only_cloud(folder, where)
+        entries = [ScanEntry("vehicle", "vehicle", None, cloud, Path())]
+    else:
+        entries = [
+            ScanEntry(wheel, "reference", wheel, declared.reference[wheel], Path())
+            for wheel in REFERENCE_WHEELS
+        ]
+    entries += [_of_trial(t, declared.trial, where) for t in declared.trial]
+    entries += _of_sweeps(declared.sweep, where) + _of_runouts(declared.runout, where)
+    _check_names(entries, where)
+    if packed:
+        told = [name for name in (declared.target, declared.scanner) if isinstance(name, str)]
+        _check_inside(folder, [*(entry.file for entry in entries), *told], where)
+    return tuple(replace(entry, path=_existing(folder, entry.file, where)) for entry in entries)
+
+
+def _of_trial(trial: Trial, trials: tuple[Trial, ...], where: str) -> ScanEntry:
+    """The entry of a trial; what it repeats is a reference wheel or a trial that repeats none."""
+    told = f"{where}: trial {trial.name!r} repeats {trial.repeats!r}"
+    of = trial.repeats
+    if of is None or of in REFERENCE_WHEELS:
+        if of is not None and trial.wheel not in (None, of):
+            raise InputError(f"{told}, but its wheel is {trial.wheel}: leave its wheel out")
+        return ScanEntry(trial.name, "trial", of or trial.wheel, trial.file, Path(), of)
+    first = next((other for other in trials if other.name == of and other is not trial), None)
+    if first is None or first.repeats is not None:
+        raise InputError(f"{told}: name a reference wheel, or a trial that repeats no other")
+    if trial.wheel is not None and trial.wheel != first.wheel:
+        raise InputError(f"{told}, whose wheel is {first.wheel}: leave its wheel out")
+    return ScanEntry(trial.name, "trial", first.wheel, trial.file, Path(), of)
+
+
+def _of_sweeps(sweeps: tuple[Sweep, ...], where: str) -> list[ScanEntry]:
+    """The scans of the sweeps, of front wheels, each at one position of the steering."""
+    entries, seen = [], set()
+    for scan in sweeps:
+        told = f"{where}: sweep {scan.name!r}"
+        if scan.wheel.startswith("R"):
+            raise InputError(f"{told} is of {scan.wheel}, which does not steer: name FR or FL")
+        if scan.position is not None and (scan.wheel, scan.position) in seen:
+            raise InputError(
+                f"{told}: {scan.wheel} has another scan at position {scan.position!r}: "
+                "give each its own, the same for FR and FL"
+            )
+        seen.add((scan.wheel, scan.position))
+        turn = Turn(position=scan.position)
+        entries.append(ScanEntry(scan.name, "sweep", scan.wheel, scan.file, Path(), turn=turn))
+    return entries
+
+
+def _of_runouts(runouts: tuple[Runout, ...], where: str) -> list[ScanEntry]:
+    """The scans of the run-outs, two or more a wheel."""
+    entries = []
+    for scan in runouts:
+        if sum(other.wheel == scan.wheel for other in runouts) < 2:
+            raise InputError(
+                f"{where}: runout {scan.name!r} is the only one of {scan.wheel}: add a scan with "
+                "the wheel turned about its axle, best by 180 degrees"
+            )
+        turn = Turn(None, math.radians(scan.angle_deg), math.radians(scan.u_angle_deg))
+        entries.append(ScanEntry(scan.name, "runout", scan.wheel, scan.file, Path(), turn=turn))
+    return entries
+
+
+def _is_once_more(entry: ScanEntry, value: str, entries: list[ScanEntry]) -> bool:
+    """Whether a reference wheel's scan serves as one of its sweep or run-out too."""
+    return entry.role in ("sweep", "runout") and any(
+        other.role == "reference"
+        and other.wheel == entry.wheel
+        and posixpath.normpath(other.file) == value
+        for other in entries
+    )
+
+
+def _check_names(entries: list[ScanEntry], where: str) -> None:
+    for what in ("name", "file"):
+        seen: set[object] = set()
+        for entry in entries:
+            value = getattr(entry, what)
+            check_plain(value, where)
+            key: object = value
+            if what == "file":
+                value = key = posixpath.normpath(value)
+                if _is_once_more(entry, value, entries):
+                    key = (value, entry.role)
+            if key in seen:
+                raise InputError(
+                    f"{where}: the {what} {value!r} stands twice: give each scan its own"
+                )
+            seen.add(key)
+
+
+def _check_inside(folder: Path, files: list[str], where: str) -> None:
+    """What an archive names must lie in it, and be no further archive.
+
+    A folder's capture.toml may name files elsewhere: whoever gives a folder can read them anyway.
+    """
+    for file in files:
+        if not (folder / file).resolve().is_relative_to(folder.resolve()):
+            raise InputError(f"{where}: {file!r} lies outside the archive: pack the file into it")
+        if file.lower().endswith(ARCHIVE_SUFFIXES):
+            raise InputError(f"{where}: {file!r} is an archive in an archive: unpack it by hand")
+
+
+def _existing(folder: Path, file: str, where: str) -> Path:
+    path = folder / file
+    if not is_there(Path(where), path.is_file):
+        raise InputError(f"{where}: the scan {file} is missing: add it, or mend its name")
+    return path

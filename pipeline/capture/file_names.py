@@ -1,0 +1,95 @@
+"""Without capture.toml: what the names of a folder's files say."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from ..errors import InputError
+from ..files import COMPRESSED_SUFFIXES
+from ..readers import READERS, scan_suffix
+from ..vehicle import REFERENCE_WHEELS
+from .declaration import CaptureFile, Trial, find_capture_file
+
+TABLES = (".csv", ".txt")  # may be tables of anything
+
+
+def by_file_names(folder: Path, source: Path) -> CaptureFile:
+    """rr.* rl.* fr.* fl.* are the wheels, trial-NAME.* the trials; else one cloud shows them all.
+
+    Raises InputError, which begins with `source`, where neither can be told.
+    """
+    files = _files(folder)
+    if not _has_wheels(folder) and clouds_of(folder):
+        return CaptureFile(cloud=only_cloud(folder, str(source)))
+    reference = {}
+    for wheel in REFERENCE_WHEELS:
+        mine = [name for name in files if _stem(name).upper() == wheel]
+        if len(mine) != 1:
+            found = " and ".join(mine) if mine else "none"
+            raise InputError(
+                f"{source}: one scan {wheel.lower()}.* is needed, found {found}: "
+                "add or remove files, or write a capture.toml"
+            )
+        reference[wheel] = mine[0]
+    trials = [name for name in files if re.match(r"trial-.+\..+", name, re.IGNORECASE)]
+    for name in (*reference.values(), *trials):
+        check_plain(name, str(source))  # a name may hold bytes that are no text
+    trials.sort(key=lambda name: [int(p) if p.isdecimal() else p for p in re.split(r"(\d+)", name)])
+    return CaptureFile(
+        reference=reference,
+        trial=tuple(Trial(name=_stem(name)[len("trial-") :], file=name) for name in trials),
+    )
+
+
+def filled_by_names(declared: CaptureFile, folder: Path, source: Path) -> CaptureFile:
+    """With the wheels and trials that the names of files say, where it names no scan itself."""
+    if declared.reference is not None or declared.cloud is not None or not _has_wheels(folder):
+        return declared
+    named = by_file_names(folder, source)
+    return declared.model_copy(update={"reference": named.reference, "trial": named.trial})
+
+
+def is_capture(folder: Path) -> bool:
+    """Whether a folder has a capture.toml, or a file that is called as a wheel."""
+    stems = {name.split(".")[0].upper() for name in _files(folder)}
+    return find_capture_file(folder) is not None or bool(stems & set(REFERENCE_WHEELS))
+
+
+def clouds_of(folder: Path) -> list[str]:
+    """The files of a folder that can be nothing but point clouds, by their suffix."""
+    return [name for name in _files(folder) if scan_suffix(name) in set(READERS) - set(TABLES)]
+
+
+def only_cloud(folder: Path, where: str) -> str:
+    """The one cloud of a folder. Raises InputError where it holds none, or several."""
+    found = clouds_of(folder)
+    if len(found) != 1:
+        held = f"{len(found)} ({', '.join(found)[:120]})" if found else "none"
+        raise InputError(
+            f"{where}: one cloud of the whole vehicle, or one scan for each of "
+            f"{', '.join(REFERENCE_WHEELS)}, is needed, found {held}: name the one in a "
+            'capture.toml, cloud = "FILE", or the four in its [reference]'
+        )
+    check_plain(found[0], where)
+    return found[0]
+
+
+def check_plain(name: str, where: str) -> None:
+    """Raise InputError for a name that does not print."""
+    if not name.isprintable():
+        raise InputError(f"{where}: the name {name!r} is not plain text: rename it")
+
+
+def _has_wheels(folder: Path) -> bool:
+    return any(_stem(name).upper() in REFERENCE_WHEELS for name in _files(folder))
+
+
+def _files(folder: Path) -> list[str]:
+    return sorted(p.name for p in folder.iterdir() if p.is_file() and not p.name.startswith("."))
+
+
+def _stem(file: str) -> str:
+    """The name without the format's suffix, and without that of a compression."""
+    path = Path(file)
+    return Path(path.stem).stem if path.suffix.lower() in COMPRESSED_SUFFIXES else path.stem

@@ -1,0 +1,55 @@
+"""Where the files of a capture lie: its folder, an archive that is unpacked, or one cloud."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..errors import InputError
+from ..files import is_archive, open_archive
+from ..readers import READERS, scan_suffix
+from ..vehicle import REFERENCE_WHEELS
+
+
+@contextmanager
+def capture_folder(source: Path) -> Iterator[Path]:
+    """The folder of a capture, out of its archive where it lies in one; or a cloud itself."""
+    if is_there(source, source.is_dir):
+        yield source
+    elif not source.exists():
+        raise InputError(f"{source}: no such file or folder: check the path")
+    elif not source.is_file():
+        raise InputError(f"{source}: not a regular file: copy the capture to a folder or a file")
+    elif source.stat().st_size == 0:
+        raise InputError(f"{source}: an empty file: copy it again")
+    elif scan_suffix(source.name) in READERS:
+        yield source
+    elif is_archive(source, str(source)):
+        with tempfile.TemporaryDirectory(prefix="wheelplane-") as scratch:
+            folder = Path(scratch) / "capture"
+            folder.mkdir()
+            with open_archive(source, str(source), Path(scratch)) as archive:
+                archive.unpack(folder)
+            yield _top(folder)
+    else:
+        raise InputError(
+            f"{source}: not a folder, zip or tar with one scan for each of "
+            f"{', '.join(REFERENCE_WHEELS)}, nor a cloud of the whole vehicle, by its suffix: "
+            f"use one of {' '.join(READERS)}, packed or not"
+        )
+
+
+def is_there(source: Path, test: Callable[[], bool]) -> bool:
+    """What `test` says of `source`; InputError where the system will not even look."""
+    try:
+        return test()
+    except OSError as error:  # a name too long, a folder that may not be entered
+        raise InputError(f"{source}: {error.strerror}: check the path") from error
+
+
+def _top(folder: Path) -> Path:
+    """The archive's own folder, where it holds nothing but one."""
+    inside = [p for p in folder.iterdir() if p.name != "__MACOSX" and not p.name.startswith(".")]
+    return inside[0] if len(inside) == 1 and inside[0].is_dir() else folder

@@ -1,0 +1,188 @@
+"""Where the scanner stood, roughly: from the hole that a plate leaves in what stands behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import combinations
+
+import numpy as np
+
+from ...targets import Outline, sector
+from ...vectors import Array, Mask, turned
+from .beams import BEAM, CENTRE, INVERSE, MIN_DEPTH_M, SPOT, TURN, Beams, carry
+
+Solve = Callable[[Array, Array], Array]
+
+SECTORS, ROUNDS = 36, 4
+WINDOW_M = 0.03  # about the edge, in which its background is looked at
+AGREE_M, MAX_CONSTANT_M = 0.0015, 0.006  # of the background's edge in a sector; of all alike
+RING_M = (0.0035, 0.0095)  # in- and outside the edge: where background cannot be, and where it is
+MAX_THROUGH = 0.1  # of the background outside, that may seem to be seen through the plate
+STEEPEST = 4.0  # of the directions that are tried
+COARSE_STEP, FINE_STEP = 0.3, 0.1  # between them, at first and about the best
+LEAST_IN_SECTOR = 5  # points that are a background
+TRIED_POINTS = 2000
+TRIED_INVERSE = (0.4, 1.0)  # 1/m, of the scanner's distance from the plane
+INSIDE = 5.0  # times a point outside the edge counts one that cannot be where it is
+
+
+def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Array | None:
+    """A state with the beams' direction, for points (N, 2) in the plane and (N,) deep.
+
+    None where the background is seen beside less than a quarter of the edge, or where no direction
+    explains it: then it was seen from two places, or hangs in the air.
+    """
+    solve = _by_consensus if outline.turns else _by_all  # straight edges are hidden as a whole
+    found = _refined(plane, depth, state, outline, solve)
+    if found is not None and seen_through(plane, depth, found, outline) < MAX_THROUGH:
+        return found
+    tried = _of_all_directions(plane, depth, state, outline)
+    found = None if tried is None else _refined(plane, depth, tried, outline, _by_consensus)
+    if found is None or seen_through(plane, depth, found, outline) >= MAX_THROUGH:
+        return None
+    return found
+
+
+def is_contradicted(plane: Array, depth: Array, state: Array, outline: Outline) -> bool:
+    """Whether beams as told run too steeply, or see the background through the plate.
+
+    No background at all contradicts nothing.
+    """
+    if float(np.hypot(*state[BEAM])) > STEEPEST:
+        return True
+    through = seen_through(plane, depth, state, outline)
+    return bool(MAX_THROUGH <= through < np.inf)
+
+
+def has_background(plane: Array, depth: Array, state: Array, outline: Outline) -> bool:
+    """Whether something deep is seen beside a quarter of the edge."""
+    beams = carry(plane, depth, state, outline)
+    beside = (depth > 2.0 * MIN_DEPTH_M) & (np.abs(beams.x_m) < WINDOW_M)
+    count = np.bincount(sector(beams.share[beside], SECTORS), minlength=SECTORS)
+    return bool(np.count_nonzero(count >= LEAST_IN_SECTOR) >= SECTORS // 4)
+
+
+def seen_through(plane: Array, depth: Array, state: Array, outline: Outline) -> float:
+    """Background whose beams would have met the plate near its edge, of that just outside it."""
+    beams = carry(plane, depth, state, outline)
+    inside, outside = _beside(beams, state)
+    deep = depth > 2.0 * MIN_DEPTH_M
+    if not np.any(outside & deep):
+        return np.inf
+    clean = depth > 0.8 * float(np.median(depth[outside & deep]))
+    count = max(int(np.count_nonzero(outside & clean)), 1)
+    return float(np.count_nonzero(inside & clean) / count)
+
+
+def _beside(beams: Beams, state: Array) -> tuple[Mask, Mask]:
+    """Which beams met the plane in equal rings just inside and outside the edge, (N,) each."""
+    clear = 1.5 * np.exp(state[SPOT]) * (np.sqrt(1.0 + beams.tau**2) - 1.0)
+    inside = (beams.x_m < -RING_M[0] - clear) & (beams.x_m > -RING_M[1] - clear)
+    outside = (beams.x_m > RING_M[0] + clear) & (beams.x_m < RING_M[1] + clear)
+    return inside & beams.clear, outside & beams.clear
+
+
+def _refined(
+    plane: Array, depth: Array, state: Array, outline: Outline, solve: Solve
+) -> Array | None:
+    """At depth z the hole's edge is shifted by z g against the plate's, x = a + z g . rho.
+
+    That is fitted to the innermost background points of 36 sectors.
+    """
+    state = state.copy()
+    normals = turned(outline.normals((np.arange(SECTORS) + 0.5) / SECTORS), state[TURN])
+    for _ in range(ROUNDS):
+        beams = carry(plane, depth, state, outline)
+        near = (depth > 2.0 * MIN_DEPTH_M) & (np.abs(beams.x_m) < WINDOW_M)
+        behind = np.nonzero(near)[0]
+        part = sector(beams.share[behind], SECTORS)
+        rows = []
+        for k in range(SECTORS):
+            here = behind[part == k]
+            if len(here) < 20:
+                continue
+            middle = float(np.median(depth[here]))
+            clean = here[depth[here] > 0.8 * middle]
+            if len(clean) >= 10:
+                inner = np.partition(beams.x_m[clean], 4)[4]
+                rows.append((inner, 1.0, *(middle * normals[k])))
+        if len(rows) < SECTORS // 4:
+            return None
+        table = np.array(rows)
+        state[BEAM] += solve(table[:, 1:], table[:, 0])[1:]
+    return state
+
+
+def _by_all(slopes: Array, values: Array) -> Array:
+    """Least squares over all sectors: slopes (K, 3), values (K,)."""
+    return np.asarray(np.linalg.lstsq(slopes, values, rcond=None)[0])
+
+
+def _by_consensus(slopes: Array, values: Array) -> Array:
+    """Least squares over the sectors that agree with most others: elsewhere something hides.
+
+    slopes (K, 3), the first of ones; values (K,). Every three sectors give an answer; the one that
+    most agree with, and whose constant is small, tells which to use.
+    """
+    triples = np.array(list(combinations(range(len(values)), 3)))
+    A, b = slopes[triples], values[triples]
+    solvable = np.abs(np.linalg.det(A)) > 1e-3 * np.abs(slopes[:, 1:]).max() ** 2
+    answers = np.linalg.solve(A[solvable], b[solvable][..., None])[..., 0]
+    answers = answers[np.abs(answers[:, 0]) < MAX_CONSTANT_M]
+    if len(answers) == 0:
+        return _by_all(slopes, values)
+    agree = np.abs(values - answers @ slopes.T) < AGREE_M
+    best = agree[np.argmax(np.count_nonzero(agree, axis=1))]
+    return _by_all(slopes[best], values[best])
+
+
+def _of_all_directions(plane: Array, depth: Array, state: Array, outline: Outline) -> Array | None:
+    """The direction of all up to 76 degrees that has the background outside the edge, not inside.
+
+    Background close behind the plate is carried too little aside to tell, and is left out.
+    """
+    deep = np.flatnonzero(depth > 2.0 * MIN_DEPTH_M)
+    some = deep[:: max(1, len(deep) // TRIED_POINTS)]
+    if len(some) < 50:
+        return None
+    highest, found = 0.0, None
+    for inverse in TRIED_INVERSE:
+        here = state.copy()
+        here[INVERSE] = inverse
+        tries = _directions(STEEPEST, COARSE_STEP)
+        score = _background_outside(plane[some], depth[some], here, tries, outline)
+        tries = tries[int(np.argmax(score))] + _directions(COARSE_STEP, FINE_STEP)
+        score = _background_outside(plane[some], depth[some], here, tries, outline)
+        if score.max() > highest:
+            highest, found = float(score.max()), here
+            found[BEAM] = tries[int(np.argmax(score))]
+    return found
+
+
+def _directions(steepest: float, step: float) -> Array:
+    """In-plane slopes (K, 2) on rings `step` apart, and as far apart on each."""
+    rings = np.arange(0.0, steepest + 0.5 * step, step)
+    turns = [
+        np.arange(k) / k * 2.0 * np.pi for k in np.maximum(1, np.ceil(2.0 * np.pi * rings / step))
+    ]
+    return np.concatenate(
+        [r * np.stack([np.cos(t), np.sin(t)], axis=1) for r, t in zip(rings, turns, strict=True)]
+    )
+
+
+def _background_outside(
+    plane: Array, depth: Array, state: Array, slopes: Array, outline: Outline
+) -> Array:
+    """For beams of slopes (K, 2): points (N) carried beside the edge's outside, less those carried
+    inside, which count more, (K,).
+    """
+    shrink = 1.0 / (1.0 + state[INVERSE] * depth)
+    here = turned((plane - state[CENTRE]) * shrink[:, None], -state[TURN])
+    run = turned(slopes, -state[TURN])
+    u, v = (
+        place - np.outer(aside, depth * shrink) for place, aside in zip(here.T, run.T, strict=True)
+    )
+    x = outline.outside_m(u, v)
+    near = np.abs(x) < WINDOW_M
+    outside = np.count_nonzero(near & (x > 0.0), axis=1)
+    return np.asarray(outside - INSIDE * np.count_nonzero(near & (x < 0.0), axis=1))

@@ -1,0 +1,90 @@
+"""Circles, checkerboard corners and ArUco markers in a picture, with cv2.
+
+What is found comes without an order: OpenCV's grids may start at any corner, and turn (its issues
+4998, 22083, 24964, 26830), and are given up where one feature is hidden. Pixels are counted from
+the middle of the first (issue 22288).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...vectors import Array, Mask
+
+Grey = npt.NDArray[np.uint8]
+QUIET = 12  # pixels of margin, without which markers at the picture's edge go unseen
+MIN_CORNERS = 3  # rows and columns of a board that is hidden in part
+
+
+@dataclass(frozen=True)
+class Markers:
+    """ids: (K,) of markers. corners: (K, 4, 2) pixels, clockwise from each one's upper left."""
+
+    ids: npt.NDArray[np.int64]
+    corners: Array
+
+
+def find_circles(grey: Grey, diameter: float) -> Array:
+    """Middles (K, 2) of dark or bright round spots of about that diameter, pixels."""
+    import cv2
+
+    parameters = cv2.SimpleBlobDetector.Params()
+    area = np.pi / 4.0 * diameter**2
+    parameters.filterByArea = True  # its own limits, 25 to 5000 pixels, fit no target
+    parameters.minArea, parameters.maxArea = 0.4 * area, 2.0 * area
+    parameters.filterByCircularity = True
+    parameters.minCircularity = 0.4  # of a jagged circle of a dozen pixels
+    parameters.filterByColor = False
+    parameters.filterByInertia = False
+    parameters.filterByConvexity = False
+    parameters.minThreshold, parameters.maxThreshold, parameters.thresholdStep = 20, 235, 15
+    parameters.minDistBetweenBlobs = float(diameter)
+    found = cv2.SimpleBlobDetector.create(parameters).detect(grey)
+    return np.array([spot.pt for spot in found], dtype=np.float64).reshape(-1, 2)
+
+
+def find_corners(grey: Grey, rows: int, columns: int) -> Array:
+    """Inner corners (K, 2) of a checkerboard, or of a part of it, pixels."""
+    import cv2
+
+    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_LARGER
+    wide = np.pad(grey, QUIET, mode="edge")
+    for size in ((columns, rows), (min(MIN_CORNERS, columns), min(MIN_CORNERS, rows))):
+        found, corners, _ = cv2.findChessboardCornersSBWithMeta(wide, size, flags)
+        if found:
+            return np.asarray(corners, dtype=np.float64).reshape(-1, 2) - QUIET
+    return np.zeros((0, 2))
+
+
+def find_markers(grey: Grey, dictionary: str) -> Markers:
+    """Markers of a dictionary, black on white or white on black."""
+    import cv2
+
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.detectInvertedMarker = True
+    known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    wide = np.pad(grey, QUIET, mode="edge")
+    corners, ids, _ = cv2.aruco.ArucoDetector(known, parameters).detectMarkers(wide)
+    if ids is None:
+        return Markers(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 2)))
+    placed = np.array(corners, dtype=np.float64).reshape(-1, 4, 2) - QUIET
+    return Markers(np.asarray(ids, dtype=np.int64).ravel(), placed)
+
+
+def marker_bits(dictionary: str) -> int:
+    """How many modules a marker of the dictionary is wide, its black border included."""
+    import cv2
+
+    return int(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)).markerSize) + 2
+
+
+def marker_modules(dictionary: str, marker: int) -> Mask:
+    """Which modules (B, B) of a marker are dark, first row at the top, its border included."""
+    import cv2
+
+    known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    image = cv2.aruco.generateImageMarker(known, marker, marker_bits(dictionary))
+    return np.asarray(image == 0)

@@ -1,0 +1,87 @@
+"""What a scan shows of a target's face, in the coordinates of the plane fitted to it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..config import CentreConfig
+from ..plane import Patch, PlaneFit
+from ..targets import Outline, Target
+from ..vectors import Array, turned
+
+GENTLE_SLOPE = 1.2  # of beams: what they carry aside per depth, as a rule
+BEYOND_M = 0.03  # outside an edge, what may matter to it
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a scan shows of a target, and the plane fitted to it."""
+
+    patch: Patch
+    plane: PlaneFit
+    target: Target
+    config: CentreConfig
+
+    def near(
+        self, outline: Outline, start: tuple[Array, float], slope: float = GENTLE_SLOPE
+    ) -> Array:
+        """Points that may matter to an outline, in plane coordinates (M, 3).
+
+        slope: how far aside per depth the beams may carry what lies behind.
+        """
+        kept = []
+        inner = max(0.1 * outline.size_m, 0.012)
+        for points in (self.patch.face_m, self.patch.around_m):
+            uvw = self._in_plane(points)
+            q = turned(uvw[:, :2] - start[0].astype(uvw.dtype), -start[1])
+            x = outline.outside_m(*q.T)
+            aside = slope * np.abs(uvw[:, 2])
+            kept.append(uvw[(x > -inner - aside) & (x < BEYOND_M + aside)])
+        return np.concatenate(kept, dtype=np.float64)
+
+    def on_face(self, radius_m: float) -> tuple[Array, npt.NDArray[np.intp]]:
+        """Points of the face in plane coordinates (M, 3), and their rows of the patch's."""
+        uvw = self._in_plane(self.patch.face_m)
+        near = np.hypot(uvw[:, 0], uvw[:, 1]) < 1.1 * radius_m
+        kept = np.flatnonzero(near & (np.abs(uvw[:, 2]) < self.band_m))
+        return uvw[kept], kept
+
+    @property
+    def station(self) -> Array | None:
+        """Where the scanner stood, in the plane's coordinates (3,); None if that is not known, or
+        were behind the face, which then it was not.
+        """
+        if self.patch.station_m is None:
+            return None
+        place = self._in_plane((self.patch.station_m - self.patch.origin_m)[None])[0]
+        return place if place[2] > 0.0 else None
+
+    @property
+    def band_m(self) -> float:
+        """Half the thickness of what lies on the face."""
+        return max(3.0 * self.plane.sigma_m, 1e-6)
+
+    @property
+    def spacing_m(self) -> float:
+        """Between points of the face."""
+        return math.sqrt(self.target.region.area_m2 / self.plane.count)
+
+    def to_scanner(self, centre: Array) -> Array:
+        """A place (2,) in the plane's coordinates, in the scanner's (3,)."""
+        basis = self.plane.basis
+        return np.asarray(self.patch.origin_m + centre @ basis[:2] - self._lift_m * basis[2])
+
+    @property
+    def _lift_m(self) -> float:
+        """Of the patch's origin above the plane."""
+        return float((self.patch.origin_m - self.plane.centroid_m) @ self.plane.basis[2])
+
+    def _in_plane(self, points: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        uvw = points @ self.plane.basis.T.astype(points.dtype)
+        uvw[:, 2] += self._lift_m
+        return np.asarray(uvw)

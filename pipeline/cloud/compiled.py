@@ -1,0 +1,211 @@
+"""The passes over all points, compiled by numba: for clouds so large that it pays to load it.
+
+Each has a twin in numpy, in passes.py, slab_sums.py or cubes.py, which says what it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numba import njit  # noqa: TID253 - the one file that needs it, imported late
+
+from ..vectors import GRID_PER_M
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _compiled(function: F) -> F:
+    """Machine code, kept on disk where there is a folder for it."""
+    try:
+        return cast(F, njit(nogil=True, cache=True)(function))
+    except RuntimeError:
+        return cast(F, njit(nogil=True)(function))
+
+
+@_compiled
+def coordinate_hash(x: float, y: float, z: float) -> Any:
+    """As passes.coordinate_hash, of one point."""
+    h = np.uint64(np.int64(np.rint(x * GRID_PER_M))) * np.uint64(0x9E3779B97F4A7C15)
+    h ^= np.uint64(np.int64(np.rint(y * GRID_PER_M))) * np.uint64(0xC2B2AE3D27D4EB4F)
+    h ^= np.uint64(np.int64(np.rint(z * GRID_PER_M))) * np.uint64(0x165667B19E3779F9)
+    h = (h ^ (h >> np.uint64(32))) * np.uint64(0xBF58476D1CE4E5B9)
+    return h ^ (h >> np.uint64(32))
+
+
+@_compiled
+def hash_rows(points: Any, limit: Any, rows: Any, hashes: Any) -> int:
+    """Rows of points (N, 3) whose hash is at most the limit, and the hashes; how many."""
+    found = 0
+    for i in range(len(points)):
+        h = coordinate_hash(points[i, 0], points[i, 1], points[i, 2])
+        if h <= limit:
+            rows[found] = i
+            hashes[found] = h
+            found += 1
+    return found
+
+
+@_compiled
+def near_plane(
+    points: Any,
+    centre: Any,
+    normal: Any,
+    face: Any,
+    around: Any,
+    limit: Any,
+    on_face: Any,
+    beside: Any,
+) -> tuple[Any, Any]:
+    """Rows of points (N, 3) in `face` into on_face; of others in `around`, of a hash to the limit,
+    into beside. Each has room for N. How many of each.
+
+    face, around: (reach, depth, slope, most reach). Without branches, which points in no order
+    would make the processor mispredict.
+    """
+    faces, besides = np.int64(0), np.int64(0)
+    cx, cy, cz = centre[0], centre[1], centre[2]
+    nx, ny, nz = normal[0], normal[1], normal[2]
+    reach, deep, slope, most = face[0], face[1], face[2], face[3]
+    wide, far, rise, widest = around[0], around[1], around[2], around[3]
+    for i in range(len(points)):
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
+        x, y, z = px - cx, py - cy, pz - cz
+        depth = abs(x * nx + y * ny + z * nz)
+        square = x * x + y * y + z * z - depth * depth
+        r, q = min(reach + slope * depth, most), min(wide + rise * depth, widest)
+        one = (depth < deep) & (square < r * r)
+        two = (depth < far) & (square < q * q) & (coordinate_hash(px, py, pz) <= limit) & (not one)
+        on_face[faces] = i
+        faces += np.int64(one)
+        beside[besides] = i
+        besides += np.int64(two)
+    return faces, besides
+
+
+@_compiled
+def take(points: Any, centre: Any, rows: Any, out: Any) -> None:
+    """Those rows of points (N, 3), relative to the centre, into out (M, 3)."""
+    cx, cy, cz = centre[0], centre[1], centre[2]
+    for j in range(len(out)):
+        i = rows[j]
+        out[j, 0] = points[i, 0] - cx
+        out[j, 1] = points[i, 1] - cy
+        out[j, 2] = points[i, 2] - cz
+
+
+@_compiled
+def _add(cell: Any, x: float, y: float, z: float) -> None:
+    """One point more in sums (10,), as slab_sums.sums_by has them."""
+    cell[0] += 1.0
+    cell[1] += x
+    cell[2] += y
+    cell[3] += z
+    cell[4] += x * x
+    cell[5] += x * y
+    cell[6] += y * y
+    cell[7] += x * z
+    cell[8] += y * z
+    cell[9] += z * z
+
+
+@_compiled
+def slab_moments(
+    points: Any,
+    basis: Any,
+    height: float,
+    limits: Any,
+    region: Any,
+    holes: Any,
+    grid: Any,
+    sums: Any,
+    edge: Any,
+) -> int:
+    """Sums of the points surely near a plane by cells; those that may be near into edge (N, 3).
+
+    region: radius, half widths. grid: cells across, and a cell's side. sums (cells, 10).
+    """
+    found = 0
+    across = int(grid[0])
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        w = basis[2, 0] * x + basis[2, 1] * y + basis[2, 2] * z
+        u = basis[0, 0] * x + basis[0, 1] * y + basis[0, 2] * z
+        v = basis[1, 0] * x + basis[1, 1] * y + basis[1, 2] * z
+        off = abs(w - height)
+        if off >= limits[1] or u * u + v * v >= region[0] * region[0]:
+            continue
+        if abs(u) >= region[1] or abs(v) >= region[2]:
+            continue
+        hidden = False
+        for k in range(len(holes)):
+            du, dv = u - holes[k, 0], v - holes[k, 1]
+            if du * du + dv * dv <= holes[k, 2] * holes[k, 2]:
+                hidden = True
+        if hidden:
+            continue
+        if off >= limits[0]:
+            edge[found, 0], edge[found, 1], edge[found, 2] = u, v, w
+            found += 1
+            continue
+        column = min(max(int(u / grid[1] + 0.5 * across), 0), across - 1)
+        row = min(max(int(v / grid[1] + 0.5 * across), 0), across - 1)
+        _add(sums[row * across + column], u, v, w)
+    return found
+
+
+@_compiled
+def cube_moments(points: Any, low: Any, edge: float, keys: Any, sums: Any) -> int:
+    """Sums (capacity, 10) of points (N, 3) by cubes, in a hash table; cubes used, -1 if full.
+
+    keys: (capacity,) int64, -1 where free; the capacity is a power of two.
+    """
+    mask = len(keys) - 1
+    per_edge = 1.0 / edge
+    used = 0
+    last_key, slot = np.int64(-2), np.int64(0)
+    for i in range(len(points)):
+        x = (points[i, 0] - low[0]) * per_edge
+        y = (points[i, 1] - low[1]) * per_edge
+        z = (points[i, 2] - low[2]) * per_edge
+        ix, iy, iz = np.int64(x), np.int64(y), np.int64(z)
+        key = (ix << 42) | (iy << 21) | iz
+        if key != last_key:
+            h = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
+            slot = np.int64(h >> np.uint64(32)) & mask
+            while keys[slot] != key and keys[slot] != -1:
+                slot = (slot + 1) & mask
+            if keys[slot] == -1:
+                if 4 * used >= 3 * len(keys):
+                    return -1
+                keys[slot] = key
+                used += 1
+            last_key = key
+        x, y, z = (x - ix - 0.5) * edge, (y - iy - 0.5) * edge, (z - iz - 0.5) * edge
+        _add(sums[slot], x, y, z)
+    return used
+
+
+@_compiled
+def in_cubes(points: Any, low: Any, edge: float, keys: Any, table: Any, marked: Any) -> int:
+    """Mark points (N, 3) that lie in cubes of a hash table; how many. table: (capacity,) int64."""
+    mask = len(table) - 1
+    per_edge = 1.0 / edge
+    found = 0
+    last_key, inside = np.int64(-2), False
+    for i in range(len(points)):
+        ix = np.int64((points[i, 0] - low[0]) * per_edge)
+        iy = np.int64((points[i, 1] - low[1]) * per_edge)
+        iz = np.int64((points[i, 2] - low[2]) * per_edge)
+        key = (ix << 42) | (iy << 21) | iz
+        if key != last_key:
+            h = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
+            slot = np.int64(h >> np.uint64(32)) & mask
+            while table[slot] != key and table[slot] != -1:
+                slot = (slot + 1) & mask
+            inside = table[slot] == key
+            last_key = key
+        marked[i] = inside
+        found += inside
+    return found

@@ -1,0 +1,51 @@
+"""A few points of a cloud, for the picture of a vehicle: scattered over it, the same every time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..vectors import Array, Array32
+from .selection import sample
+
+OF_A_SCAN, OF_A_VEHICLE = 8_000, 40_000
+LOOKED_AT = 16  # times as many points at most, every so manieth, of which these are drawn
+AROUND = 0.75  # of the largest distance from the middle of the wheels: a vehicle ends before
+
+
+@dataclass(frozen=True)
+class CloudSample:
+    """Points as scanned: origin_m (3,), scanner frame, and offsets_m (N, 3) float32 from it."""
+
+    origin_m: Array
+    offsets_m: Array32
+
+    @property
+    def points_m(self) -> Array:
+        """(N, 3), scanner frame."""
+        return self.origin_m + self.offsets_m
+
+
+def cloud_sample(points_m: Array, count: int = OF_A_SCAN) -> CloudSample:
+    """About `count` points of points_m (N, 3), or all if they are fewer."""
+    step = max(1, len(points_m) // (LOOKED_AT * count))
+    return _about(sample(points_m[::step], count))
+
+
+def by_wheel(points_m: Array, centres_m: Array, count: int = OF_A_VEHICLE) -> list[CloudSample]:
+    """The first `count` of points_m (N, 3) about a vehicle, each with the wheel it lies nearest.
+
+    centres_m: (4, 3) of its wheels; a sample for each.
+    """
+    middle = centres_m.mean(axis=0)
+    reach_m = float(np.linalg.norm(centres_m - middle, axis=1).max())
+    near = np.linalg.norm(points_m - middle, axis=1) < (1.0 + AROUND) * reach_m
+    kept = points_m[near][:count]
+    wheel = np.argmin([np.linalg.norm(kept - centre, axis=1) for centre in centres_m], axis=0)
+    return [_about(kept[wheel == index]) for index in range(len(centres_m))]
+
+
+def _about(points_m: Array) -> CloudSample:
+    origin = points_m.mean(axis=0) if len(points_m) else np.zeros(3)
+    return CloudSample(origin, (points_m - origin).astype(np.float32))

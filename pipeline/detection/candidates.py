@@ -1,0 +1,158 @@
+"""Planes that may be the target's face: fitted where they are thought, their outline judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..cloud import gather_ball
+from ..config import SegmentConfig
+from ..errors import NotMeasuredError
+from ..plane import RansacOptions, Trim, converge, first_sigma, ransac
+from ..targets import Target
+from ..vectors import Array, Mask, plane_basis
+from . import template_match as raster
+from .local_planes import LocalPlanes
+
+FACE_BAND = 0.04  # of the radius, at least: what may belong to the face
+WIDEST_BAND = 0.15  # of the radius, at most, however noisy
+FACE_SIGMAS = 6.0  # of the noise: half the thickness of what may belong to the face
+THIN = 0.004  # of the radius, at least: half the thickness in which an outline is looked for
+CURVED_OF_RADIUS = 0.004  # rms depth of a paraboloid, of the radius, above which no plate is bent
+BENT_OF_RADIUS = 0.0005  # the same where hardly anything else is left over: one range of a wall
+INNER = 0.7  # of the face's smaller half: where the plane is fitted first
+FIRST_LIMITS = 3.0  # times the first distance limit: what may be of the face there
+MIN_POINTS = 30  # a scan or a face with fewer is not judged
+FITTED_POINTS = 6000  # enough for a plane to a few micrometres
+REACH = 2.0  # of the radius: the surroundings that the outline is judged by
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A plane that was looked at, and how well its outline fits the target.
+
+    centre_m: (3,) scanner frame. basis: (3, 3) rows: the face's own axes u, v in the plane, then
+    the normal, its sign free. match: 1 for a whole target standing alone, the visible share for a
+    hidden one, about 0 for a larger surface. sigma_m: noise across the plane; band_m: half the
+    thickness of what may belong to the face. points: of the face, among those looked at.
+    """
+
+    centre_m: Array
+    basis: Array
+    match: float
+    sigma_m: float
+    band_m: float
+    points: int
+
+    @property
+    def normal(self) -> Array:
+        """Unit normal (3,)."""
+        return np.asarray(self.basis[2])
+
+
+def judge(
+    points_m: Array, point: Array, normal: Array, target: Target, limit_m: float
+) -> Candidate:
+    """Fit the plane about `point`, place the target on it, and judge the outline.
+
+    points_m: (N, 3) in no order that matters, and scattered over the face in any part of them.
+    limit_m: distance from the first plane within which points count.
+    """
+    radius = target.radius_m
+    near = gather_ball(points_m, point, REACH * radius)
+    axes = plane_basis(normal)
+    nothing = Candidate(point, axes, 0.0, 0.0, FACE_BAND * radius, 0)
+    inner = gather_ball(near, np.zeros(3), INNER * min(radius, *target.region.half_m)) @ axes.T
+    inner = inner[np.abs(inner[:, 2]) < FIRST_LIMITS * limit_m]
+    inner = inner[:: max(1, len(inner) // FITTED_POINTS)]
+    try:
+        sigma = first_sigma(inner[:, 2], WIDEST_BAND * radius)
+        start = Trim(np.eye(3), np.zeros(3), sigma, cap=WIDEST_BAND * radius)
+        trim, moments, _ = converge(inner, start, 1e-6 * radius)
+    except NotMeasuredError:
+        return nothing
+    if _is_curved((inner - moments.centroid_m) @ moments.basis.T, trim.sigma, radius):
+        return nothing
+    normal, sigma = moments.normal @ axes, trim.sigma
+    centre = normal * ((moments.centroid_m @ axes) @ normal)
+    band = float(np.clip(FACE_SIGMAS * sigma, FACE_BAND * radius, WIDEST_BAND * radius))
+    placed, basis = _place(near - centre, normal, target, max(3.0 * sigma, THIN * radius))
+    centre = centre + placed.centre_m @ basis[:2]
+    basis = _turned(basis, placed.turn_rad)
+    local = (near - centre) @ basis.T
+    on_face = target.region.holds(local[:, :2]) & (np.abs(local[:, 2]) < band)
+    count = int(np.count_nonzero(on_face))
+    return Candidate(point + centre, basis, placed.match, sigma, band, count)
+
+
+def _place(
+    near: Array, normal: Array, target: Target, limit_m: float
+) -> tuple[raster.Placement, Array]:
+    """Where the face fits points about the origin that lie near the plane, and its basis."""
+    basis = plane_basis(normal)
+    depth, uv = np.abs(near @ normal), near @ basis[:2].T
+    off = uv[(depth >= limit_m) & (depth < raster.OFF_PLANE * limit_m)]
+    region, period = target.region, target.turn_period_rad
+    placed = raster.match_face(uv[depth < limit_m], region, period, target.radius_m, off)
+    return placed, basis
+
+
+def _turned(basis: Array, turn_rad: float) -> Array:
+    """The basis with its first two axes turned in their plane."""
+    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    u, v, w = basis
+    return np.stack([cos * u + sin * v, cos * v - sin * u, w])
+
+
+def _is_curved(uvw: Array, sigma: float, radius_m: float) -> bool:
+    """Whether a paraboloid explains a third of the residuals w of uvw (N, 3) and 0.4 % of R, or
+    nearly all of them and 0.05 % of R: ranges in coarse steps cut such caps out of a wall.
+    """
+    u, v, w = (uvw[np.abs(uvw[:, 2]) < 3.0 * sigma] / radius_m).T
+    if len(w) < MIN_POINTS:
+        return False
+    terms = np.column_stack([np.ones_like(u), u, v, u * u, u * v, v * v])
+    fitted = terms @ np.linalg.lstsq(terms.T @ terms, terms.T @ w, rcond=None)[0]
+    explained, all_of_it = float(np.var(fitted)), float(np.var(w))
+    return any(
+        explained > max(share * all_of_it, bend**2)
+        for share, bend in ((1.0 / 3.0, CURVED_OF_RADIUS), (0.9, BENT_OF_RADIUS))
+    )
+
+
+def ransac_candidates(
+    points_m: Array, target: Target, config: SegmentConfig, rng: np.random.Generator
+) -> list[Candidate]:
+    """Planes of points_m (N, 3) one after the other, each taken out before the next is sought."""
+    options = RansacOptions(max_proposals=config.max_proposals)
+    limit = threshold_m(target, config)
+    found = []
+    for _ in range(config.max_planes):
+        if len(points_m) < MIN_POINTS:
+            break
+        search = points_m[:: max(1, len(points_m) // config.search_points)]
+        result = ransac(LocalPlanes(search, target.radius_m, limit), options, rng)
+        if result is None or result.score < config.min_support:
+            break
+        point = result.model[:3]
+        candidate = judge(points_m, point, result.model[3:], target, limit)
+        found.append(candidate)
+        points_m = points_m[~_surface(points_m, point, candidate, target.radius_m)]
+    return found
+
+
+def threshold_m(target: Target, config: SegmentConfig) -> float:
+    """Distance from a plane within which points are its own before the noise is known."""
+    return config.threshold_of_diameter * 2.0 * target.radius_m
+
+
+def _surface(points_m: Array, point: Array, candidate: Candidate, radius_m: float) -> Mask:
+    """Which points (N,) lie on the candidate's plane and hang together with those at `point`."""
+    offset = points_m - point
+    depth = np.abs((points_m - candidate.centre_m) @ candidate.normal)
+    on_plane = np.nonzero((depth < candidate.band_m) & (np.abs(offset).max(axis=1) < 12 * radius_m))
+    across = offset[on_plane] @ candidate.basis[:2].T
+    surface = np.zeros(len(points_m), dtype=bool)
+    surface[on_plane] = raster.connected(across, radius_m)
+    return surface

@@ -1,0 +1,145 @@
+"""Small flat pieces of a cloud, and the surfaces that they hang together to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..cloud import Cubes, cube_key
+from ..vectors import Array, Rows
+
+MIN_IN_CUBE = 5  # points, to tell a plane from a handful
+TURN, MOST_TURN = np.radians([5.0, 20.0])  # between neighbours of one surface, and with noise
+_HALF_OF_NEIGHBOURS = tuple(
+    (i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)
+)
+
+
+@dataclass(frozen=True)
+class Surfels:
+    """The flat ones of the cubes, and the surface that each belongs to.
+
+    cubes: all of them. row: (S,) which are flat. centroid_m, normal: (S, 3), of the sign that makes
+    its largest component positive. surface: (S,) number of the surface, from 0. count: (S,) points.
+    """
+
+    cubes: Cubes
+    row: Rows
+    centroid_m: Array
+    normal: Array
+    surface: Rows
+    count: Array
+
+    def between(self, low_m: float, high_m: float) -> slice:
+        """Rows of all surfels whose x may lie between; they are in the order of x."""
+        return slice(*np.searchsorted(self.row, [*self.cubes.between(low_m, high_m)]).tolist())
+
+
+def find_surfels(cubes: Cubes, thickness_m: float) -> Surfels:
+    """The cubes whose points lie within thickness_m (rms) of a plane, joined to surfaces.
+
+    Two neighbours are of one surface where their normals are alike, so is their noise, and the
+    middle of each lies on the other's plane. A cube across a step of a few sigma is as flat as
+    that, but rougher than its neighbours.
+    """
+    row = np.nonzero(cubes.sums[:, 0] >= MIN_IN_CUBE)[0]
+    centroid, normal, spread = planes_of(cubes.sums[row])
+    flat = (spread[:, 0] < thickness_m) & (spread[:, 1] > 0.1 * cubes.edge_m)
+    flat &= spread[:, 0] < 0.5 * spread[:, 1]
+    row, centroid, normal = row[flat], centroid[flat], normal[flat]
+    centroid = centroid + cubes.middle_m[row]
+    pairs = _neighbours(cubes.place[row])
+    one, other = pairs.T
+    freedom = cubes.sums[row, 0] - 3.0
+    sigma = spread[flat, 0] * np.sqrt((freedom + 3.0) / freedom)
+    noise, floor = _local_noise(sigma, pairs), 0.05 * thickness_m
+    smooth = sigma < (1.6 + 1.5 / np.sqrt(freedom)) * noise + floor
+    limit = 2.5 * np.minimum(noise[one], noise[other]) + 3.0 * floor
+    slope = noise * np.sqrt(12.0 / cubes.sums[row, 0]) / cubes.edge_m
+    turn = np.minimum(TURN + 2.5 * np.hypot(slope[one], slope[other]), MOST_TURN)
+    joined = np.abs(np.einsum("ij,ij->i", normal[one], normal[other])) > np.cos(turn)
+    joined &= smooth[one] & smooth[other]
+    apart = centroid[other] - centroid[one]
+    for axis in (normal[one], normal[other]):
+        joined &= np.abs(np.einsum("ij,ij->i", apart, axis)) < limit
+    return Surfels(
+        cubes, row, centroid, normal, _surfaces(len(row), pairs[joined]), cubes.sums[row, 0]
+    )
+
+
+def _local_noise(sigma_m: Array, pairs: Rows) -> Array:
+    """Lower third (S,) of the noise of each surfel and its neighbours: steps run past many."""
+    each = np.arange(len(sigma_m))
+    about = np.concatenate([each, pairs[:, 0], pairs[:, 1]])
+    value = sigma_m[np.concatenate([each, pairs[:, 1], pairs[:, 0]])].astype(np.float32)
+    sorted_by_both = np.sort(about << 32 | value.view(np.int32))  # positive floats sort as integers
+    size = np.bincount(about, minlength=len(sigma_m))
+    third = sorted_by_both[np.cumsum(size) - size + (size - 1) // 3]
+    return np.asarray((third & 0xFFFFFFFF).astype(np.int32).view(np.float32), dtype=float)
+
+
+def planes_of(sums: Array) -> tuple[Array, Array, Array]:
+    """Planes of groups of points by their sums (G, 10): centroids, normals (G, 3), and the spread
+    (G, 2) across the plane and along its narrower direction, standard deviations in metres.
+
+    Eigenvalues in closed form (Smith, CACM 4 (1961) 168), to about 1e-8 of the largest.
+    """
+    count = sums[:, 0]
+    centroid = sums[:, 1:4] / count[:, None]
+    x, y, z = centroid.T
+    xx, xy, yy, xz, yz, zz = (sums[:, 4:] / count[:, None]).T
+    xx, xy, yy = xx - x * x, xy - x * y, yy - y * y
+    xz, yz, zz = xz - x * z, yz - y * z, zz - z * z
+    mean = (xx + yy + zz) / 3.0
+    a, b, c = xx - mean, yy - mean, zz - mean
+    size = np.sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
+    size = np.maximum(size, 1e-90)
+    half = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
+    turn = np.arccos(np.clip(half / (2.0 * size**3), -1.0, 1.0)) / 3.0
+    most = mean + 2.0 * size * np.cos(turn)
+    least = mean + 2.0 * size * np.cos(turn + 2.0 * np.pi / 3.0)
+    middle = 3.0 * mean - most - least
+    rows = np.stack(
+        [
+            np.stack([xx - least, xy, xz], axis=1),
+            np.stack([xy, yy - least, yz], axis=1),
+            np.stack([xz, yz, zz - least], axis=1),
+        ],
+        axis=1,
+    )
+    crosses = np.cross(rows, np.roll(rows, -1, axis=1))
+    length = np.linalg.norm(crosses, axis=2)
+    best = np.argmax(length, axis=1)
+    each = np.arange(len(sums))
+    normal = crosses[each, best] / np.maximum(length[each, best], 1e-300)[:, None]
+    largest = normal[each, np.argmax(np.abs(normal), axis=1)]
+    normal *= np.where(largest < 0.0, -1.0, 1.0)[:, None]
+    spread = np.sqrt(np.clip(np.stack([least, middle], axis=1), 0.0, None))
+    return centroid, normal, spread
+
+
+def _neighbours(place: Rows) -> Rows:
+    """Pairs (P, 2) of rows of place (S, 3), sorted by key, whose cubes touch."""
+    key = cube_key(place)
+    pairs = []
+    for step in np.array(_HALF_OF_NEIGHBOURS) @ cube_key(np.eye(3, dtype=np.int64)):
+        wanted = key + step
+        found = np.searchsorted(key, wanted).clip(0, max(len(key) - 1, 0))
+        there = np.nonzero(key[found] == wanted)[0] if len(key) else found[:0]
+        pairs.append(np.stack([there, found[there]], axis=1))
+    return np.concatenate(pairs)
+
+
+def _surfaces(count: int, pairs: npt.NDArray[np.int64]) -> Rows:
+    """Numbers (count,) of the connected parts: each is named after its lowest member."""
+    label = np.arange(count)
+    while len(pairs):
+        one, other = label[pairs].T
+        np.minimum.at(label, np.maximum(one, other), np.minimum(one, other))
+        while not np.array_equal(label, up := label[label]):
+            label = up
+        one, other = label[pairs].T
+        pairs = pairs[one != other]
+    return np.asarray(np.unique(label, return_inverse=True)[1])

@@ -1,0 +1,272 @@
+"""The raster of a plane, with cv2: where a face of known shape fits what is occupied."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..targets import NO_HOLES, Region
+from ..vectors import Array, Array32, Mask
+
+Image = Array32
+Occupied = npt.NDArray[np.uint8]
+
+COARSE_TURN = np.radians(15.0)
+FINE_TURNS = 5  # steps that a coarse turn is divided into
+RING_REACH = 1.4  # of the radius: how far around the face emptiness counts
+SECTORS = 48
+FINEST, COARSEST = 1.0 / 60.0, 1.0 / 3.0  # cells, of the radius
+OUTNUMBERED = 2.0  # points off the plane for each on it: less are its own noise
+OFF_PLANE = 2.0  # times the depth within which points are on the plane: those between are off it
+NO_POINTS = np.zeros((0, 2))
+TOP = 0.15  # of the score, that the top of a peak is high
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a face of known shape fits the occupied cells best.
+
+    centre_m: (2,) in the plane. turn_rad: of the face's own axes in it. match: 1 for a whole face,
+    the visible share of the outline for a hidden one, much less for part of a larger surface.
+    points: how many it was given. cell_m: the edge of its cells.
+    """
+
+    centre_m: Array
+    turn_rad: float
+    match: float
+    points: int
+    cell_m: float
+
+
+def match_face(
+    uv_m: Array, region: Region, period_rad: float, radius_m: float, off_m: Array = NO_POINTS
+) -> Placement:
+    """Place a face on the points uv_m (N, 2) of a plane, to about half a cell.
+
+    period_rad: turn that leaves the face as it is, 0 for any. radius_m: of the circle about it.
+    off_m: (M, 2) of points just off the plane; where these are many more, another surface lies,
+    whose noise reaches the plane.
+    Cells are a sixtieth of the radius, or as large as the points need to leave few of them empty;
+    where that is a third of the radius, the outline of so few points tells nothing.
+    """
+    import cv2
+
+    if len(uv_m) < 10:
+        return Placement(np.zeros(2), 0.0, 0.0, len(uv_m), radius_m)
+    cell = _cell_size(uv_m, radius_m)
+    if cell > COARSEST * radius_m:
+        return Placement(np.zeros(2), 0.0, 0.0, len(uv_m), cell)
+    low, occupied = _occupied(uv_m, cell, RING_REACH * radius_m, off_m)
+    occupied = cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    turns = np.arange(0.0, period_rad, COARSE_TURN) if period_rad else np.zeros(1)
+    peak, turn = _best_turn(occupied, region, radius_m, cell, turns)
+    if period_rad:
+        near = turn + np.linspace(-0.5, 0.5, FINE_TURNS) * COARSE_TURN
+        peak, turn = _best_turn(occupied, region, radius_m, cell, near)
+    match = _outline_match(occupied, peak, turn, region, radius_m, cell)
+    return Placement(low + (peak + 0.5) * cell, turn, match, len(uv_m), cell)
+
+
+def peaks(
+    uv_m: Array, cell_m: float, region: Region, period_rad: float, radius_m: float, floor: float
+) -> list[tuple[Array, float]]:
+    """Places (2,) on a coarse raster of uv_m (N, 2) where the face may lie, and scores, best first.
+
+    Score: share of the face that is occupied, less twice that of a ring around it; above `floor`.
+    So a corner of a larger surface scores less than half of a face.
+    """
+    import cv2
+
+    low, occupied = _occupied(uv_m, cell_m, RING_REACH * radius_m)
+    occupied = cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    turns = np.arange(0.0, period_rad, 2.0 * COARSE_TURN) if period_rad else np.zeros(1)
+    images = [_coarse_score(occupied, region, radius_m, cell_m, turn) for turn in turns]
+    score = np.max(images, axis=0)
+    found = []
+    column, row = np.meshgrid(np.arange(score.shape[1]), np.arange(score.shape[0]))
+    while float(score.max()) > floor:
+        peak = np.unravel_index(np.argmax(score), score.shape)
+        found.append((low + (np.array(peak[::-1]) + 0.5) * cell_m, float(score[peak])))
+        score[np.hypot(column - peak[1], row - peak[0]) * cell_m < radius_m] = -np.inf
+    return found
+
+
+def _occupied(
+    uv_m: Array, cell: float, reach: float, off_m: Array = NO_POINTS
+) -> tuple[Array, Occupied]:
+    """The lower corner of a raster with `reach` around the points, and which cells hold any, but
+    where points off_m (M, 2) outnumber them.
+    """
+    axes = np.ascontiguousarray(uv_m.T)
+    low, high = axes.min(axis=1) - reach, axes.max(axis=1) + reach
+    across, along = (np.ceil((high - low) / cell).astype(int) + 1).tolist()
+
+    def cells(columns_m: Array) -> npt.NDArray[np.int64]:
+        column, row = ((axis - at) / cell for axis, at in zip(columns_m, low, strict=True))
+        return np.asarray(row.astype(np.int64) * across + column.astype(np.int64))
+
+    occupied = np.zeros(along * across, dtype=np.uint8)
+    on_plane = cells(axes)
+    occupied[on_plane] = 1
+    off_plane = off_m[((off_m >= low) & (off_m <= high)).all(axis=1)].T
+    if off_plane.size:
+        on, off = (_about(cell, along, across) for cell in (on_plane, cells(off_plane)))
+        occupied &= (OUTNUMBERED * on > off).ravel()
+    return low, occupied.reshape(along, across)
+
+
+def _about(cell: npt.NDArray[np.int64], along: int, across: int) -> Image:
+    """Points of these cells (N,) in each cell and the eight about it, (along, across)."""
+    import cv2
+
+    count = np.bincount(cell, minlength=along * across).reshape(along, across)
+    return np.asarray(cv2.blur(count.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT))
+
+
+def outnumbered(uv_m: Array, off_m: Array, cell_m: float) -> Mask:
+    """Which of uv_m (N, 2) on a plane lie where those off it, off_m (M, 2), are many more."""
+    low, occupied = _occupied(uv_m, cell_m, 2.0 * cell_m, off_m)
+    column, row = ((uv_m - low) / cell_m).astype(np.int64).T
+    return np.asarray(occupied[row, column] == 0)
+
+
+def _cell_size(uv_m: Array, radius_m: float) -> float:
+    """Cells of a mean of four points, by the density about the median point."""
+    u, v = (axis - np.median(axis) for axis in np.ascontiguousarray(uv_m.T))
+    inner = 0.5 * radius_m
+    count = np.count_nonzero(u * u + v * v < inner**2)
+    density = float(max(int(count), 4)) / (np.pi * inner**2)
+    return max(float(np.sqrt(4.0 / density)), FINEST * radius_m)
+
+
+def _best_turn(
+    occupied: Occupied, region: Region, radius_m: float, cell: float, turns: Array
+) -> tuple[Array, float]:
+    """Place (2,), column and row, and turn of the highest score.
+
+    Score: share of the face that is occupied, less that of the ring about it; of several turns, and
+    the same for the narrow bands along the outline, for part of a rectangle fits in many places.
+    """
+    scores = []
+    for turn in turns:
+        uv = _template_grid(radius_m, cell, turn)
+        ring = _ring(uv, region, radius_m, 1.5 * cell)
+        kernel = _share(region.holds(uv)) - _share(ring)
+        if len(turns) > 1:
+            inner, outer = _bands(uv, _filled(region), radius_m, cell)
+            kernel = kernel + _share(inner) - _share(outer)
+        scores.append(_correlated(occupied, kernel))
+    best = int(np.argmax([score.max() for score in scores]))
+    return _plateau_centre(scores[best]), float(turns[best])
+
+
+def _coarse_score(
+    occupied: Occupied, region: Region, radius_m: float, cell: float, turn: float
+) -> Image:
+    """Share of the face that is occupied, less twice that of the ring, for all places."""
+    uv = _template_grid(radius_m, cell, turn)
+    face = region.shrunk(0.5 * cell).holds(uv)
+    return _correlated(occupied, _share(face) - 2.0 * _share(_ring(uv, region, radius_m, cell)))
+
+
+def _template_grid(radius_m: float, cell: float, turn: float) -> Array:
+    """Places (N, 2) of the cells of a square template about a face's centre, in its axes."""
+    half = int(np.ceil(RING_REACH * radius_m / cell))
+    return _grid((2 * half + 1, 2 * half + 1), np.array([half, half]), turn) * cell
+
+
+def _ring(uv: Array, region: Region, radius_m: float, gap: float) -> Mask:
+    """Which of uv (N, 2) lie around the face, beyond a gap, within RING_REACH."""
+    around = np.hypot(uv[:, 0], uv[:, 1]) <= RING_REACH * radius_m
+    return np.asarray(around & ~_filled(region).shrunk(-gap).holds(uv))
+
+
+def _bands(uv: Array, outline: Region, radius_m: float, cell: float) -> tuple[Mask, Mask]:
+    """Which of uv (N, 2) lie in narrow bands just inside and just outside the outline."""
+    step, gap = _band_widths(radius_m, cell)
+    held = [outline.shrunk(by).holds(uv) for by in (gap + step, gap, -gap, -gap - step)]
+    return held[1] & ~held[0], held[3] & ~held[2]
+
+
+def _band_widths(radius_m: float, cell: float) -> tuple[float, float]:
+    """Of a band, and of the gap between it and the outline."""
+    return max(0.08 * radius_m, 2.0 * cell), max(0.03 * radius_m, cell)
+
+
+def _share(mask: Mask) -> Image:
+    """A template, square, whose sum over an image is the occupied share of the mask."""
+    side = math.isqrt(len(mask))
+    return (mask / max(int(mask.sum()), 1)).astype(np.float32).reshape(side, side)
+
+
+def _correlated(occupied: Occupied, kernel: Image) -> Image:
+    import cv2
+
+    image = occupied.astype(np.float32)
+    return np.asarray(cv2.filter2D(image, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT))
+
+
+def _grid(shape: tuple[int, int], middle: Array, turn: float) -> Array:
+    """Cells (N, 2) of a raster about its middle (column, row), in axes turned by `turn`."""
+    row, column = np.indices(shape).reshape(2, -1) - middle[::-1, None]
+    cos, sin = np.cos(turn), np.sin(turn)
+    return np.stack([cos * column + sin * row, cos * row - sin * column], axis=1)
+
+
+def _filled(region: Region) -> Region:
+    return Region(region.radius_m, region.half_m, NO_HOLES)
+
+
+def _plateau_centre(score: Image) -> Array:
+    """Where the peak's top lies, (2,) column, row: the mean of its cells, weighted by height."""
+    peak = np.unravel_index(np.argmax(score), score.shape)
+    row, column = np.nonzero(score > score.max() - TOP)
+    near = np.hypot(column - peak[1], row - peak[0]) < 6
+    row, column = row[near], column[near]
+    weight = score[row, column] - (score.max() - TOP)
+    return np.asarray(np.array([column @ weight, row @ weight]) / weight.sum(), dtype=float)
+
+
+def _outline_match(
+    occupied: Occupied, middle: Array, turn: float, region: Region, radius_m: float, cell: float
+) -> float:
+    """Share of the outline where the face ends, times the square of that over where it ends or goes
+    on.
+
+    By the occupied shares just inside and just outside the outline, in 48 sectors; where nothing is
+    inside, the outline is hidden, and counts for neither.
+    """
+    reach = math.ceil((radius_m + sum(_band_widths(radius_m, cell))) / cell) + 1
+    column, row = (max(round(at) - reach, 0) for at in middle.tolist())
+    occupied = occupied[row : row + 2 * reach + 1, column : column + 2 * reach + 1]
+    uv = _grid((occupied.shape[0], occupied.shape[1]), middle - [column, row], turn) * cell
+    sector = ((np.arctan2(uv[:, 1], uv[:, 0]) / (2.0 * np.pi)) % 1.0 * SECTORS).astype(int)
+    sector %= SECTORS
+    filled = occupied.ravel()
+    shares = []
+    for ring in _bands(uv, _filled(region), radius_m, cell):
+        cells = np.maximum(np.bincount(sector[ring], minlength=SECTORS), 1)
+        shares.append(np.bincount(sector[ring], filled[ring], minlength=SECTORS) / cells)
+    ends = float(np.clip(shares[0] - shares[1], 0.0, None).mean())
+    goes_on = float(np.minimum(*shares).mean())
+    return float(ends * (ends / (ends + goes_on)) ** 2) if ends > 0.0 else 0.0
+
+
+def connected(uv_m: Array, radius_m: float) -> Mask:
+    """Which points uv_m (N, 2) hang together, cell to cell, with those about 0, 0: (N,)."""
+    import cv2
+
+    near = uv_m[np.sum(uv_m**2, axis=1) < radius_m**2]
+    if len(near) == 0:
+        return np.zeros(len(uv_m), dtype=bool)
+    cell = _cell_size(near, radius_m)
+    index = np.floor((uv_m - uv_m.min(axis=0)) / cell).astype(np.int64)
+    occupied = np.zeros(index.max(axis=0)[::-1] + 1, dtype=np.uint8)
+    occupied[index[:, 1], index[:, 0]] = 1
+    label = cv2.connectedComponents(occupied, connectivity=8)[1][index[:, 1], index[:, 0]]
+    middle = np.sum(uv_m**2, axis=1) < (0.5 * radius_m) ** 2
+    chosen = np.bincount(label[middle] if middle.any() else label).argmax()
+    return np.asarray(label == chosen)

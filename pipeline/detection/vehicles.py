@@ -1,0 +1,86 @@
+"""Faces that stand as the wheels of a vehicle do: two axles, which run along the faces' normals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from ..vectors import Array
+
+Ends = tuple[int, int]
+
+TRACK_M, WHEELBASE_M = (0.8, 2.6), (1.5, 7.0)
+MIN_TRACK_RATIO = 0.7  # of the smaller to the larger
+MAX_TWIST_DEG = 10.0  # between the axles
+MAX_SKEW_DEG = 15.0  # of the line through the axles' middles, off square to them
+MAX_STEERED_DEG = 50.0  # a wheel's normal off its axle: steered 40, and leaning
+MAX_STRAIGHT_DEG = 20.0  # the same of an axle that is not steered; there must be one
+RIVAL = 1.25  # all limits that much wider: another set of four that keeps these is a rival
+
+
+@dataclass(frozen=True)
+class Face:
+    """A face of the cloud. centre_m: (3,). normal: (3,) unit, away from the plate's back."""
+
+    centre_m: Array
+    normal: Array
+    match: float
+
+
+def vehicles(faces: Sequence[Face], among: Sequence[int], slack: float) -> list[tuple[Ends, Ends]]:
+    """Every two axles that stand as a vehicle's do, all limits `slack` times as wide.
+
+    among: the indices of the faces that may be wheels.
+    """
+    axles = [
+        (i, j)
+        for i, j in combinations(among, 2)
+        if _within(distance_m(faces[i], faces[j]), TRACK_M, slack)
+        and _steered_deg(faces, (i, j)) < MAX_STEERED_DEG * slack
+    ]
+    return [
+        (first, same)
+        for first, second in combinations(axles, 2)
+        if not set(first) & set(second)
+        for same in (second, second[::-1])
+        if _stand_square(faces, (first, same), slack)
+    ]
+
+
+def _steered_deg(faces: Sequence[Face], ends: Ends) -> float:
+    """How far the outward normals of an axle's ends are off the axle, at most."""
+    one, other = (faces[i] for i in ends)
+    out = (one.centre_m - other.centre_m) / distance_m(one, other)
+    return max(_angle_deg(one.normal, out), _angle_deg(other.normal, -out))
+
+
+def _stand_square(faces: Sequence[Face], ends: tuple[Ends, Ends], slack: float) -> bool:
+    """Whether two axles stand behind each other, alike, and at least one of them straight."""
+    centres = np.array([[faces[i].centre_m for i in axle] for axle in ends])
+    across = centres[:, 0] - centres[:, 1]
+    tracks_m = np.linalg.norm(across, axis=1)
+    along = centres[1].mean(axis=0) - centres[0].mean(axis=0)
+    return (
+        _angle_deg(across[0], across[1]) < MAX_TWIST_DEG * slack
+        and _within(float(np.linalg.norm(along)), WHEELBASE_M, slack)
+        and abs(90.0 - _angle_deg(along, across.sum(axis=0))) < MAX_SKEW_DEG * slack
+        and float(tracks_m.min() / tracks_m.max()) > MIN_TRACK_RATIO / slack
+        and min(_steered_deg(faces, axle) for axle in ends) < MAX_STRAIGHT_DEG * slack
+    )
+
+
+def _within(size: float, limits: tuple[float, float], slack: float) -> bool:
+    return limits[0] / slack <= size <= limits[1] * slack
+
+
+def distance_m(one: Face, other: Face) -> float:
+    """Between the faces' centres."""
+    return float(np.linalg.norm(one.centre_m - other.centre_m))
+
+
+def _angle_deg(a: Array, b: Array) -> float:
+    return math.degrees(math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b)))

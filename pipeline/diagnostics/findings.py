@@ -1,0 +1,127 @@
+"""What a user should know about a scan before measuring it, and its points' spacing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..units import in_metres
+from ..vectors import Array
+from .plausibility import better_unit, float32_fact, float32_step, length
+from .survey import Survey
+
+USUAL_SIZES_M = (0.05, 500.0)
+COARSE_STEP_M = 0.5e-3
+FLAT = 1e-4  # rms across a plane, over the spread along it
+RIGID = 1e-5  # how far a pose may be from a rotation
+QUERIES = 200
+DECIMALS = (0, 1, 2, 3)
+
+
+def spacing_m(survey: Survey) -> float | None:
+    """Typical distance of neighbours on the scanned surfaces, from the sample.
+
+    Points thinned at random lie as a Poisson process of density d on a surface, whose median
+    distance to the nearest is sqrt(ln 2 / (pi d)); the file's own points are a raster of spacing
+    1 / sqrt(d).
+    """
+    sample = survey.sample_m
+    if len(sample) < 2:
+        return None
+    chosen = np.random.default_rng(0).permutation(len(sample))[:QUERIES]
+    centred = sample - sample.mean(axis=0)
+    nearest = []
+    for query in chosen:
+        square = np.sum((centred - centred[query]) ** 2, axis=1)
+        nearest.append(math.sqrt(np.partition(square, 1)[1]))
+    median = float(np.median(nearest))
+    if survey.stride == 1:
+        return median
+    return median / math.sqrt(math.log(2.0) / math.pi) / math.sqrt(survey.points / len(sample))
+
+
+def oddities(survey: Survey) -> list[str]:
+    """One sentence for each thing that is unusual."""
+    if not survey.points:
+        return [f"it holds no point ({survey.declared} rows, all missing returns)"]
+    found = [
+        _few_points(survey),
+        _size(survey),
+        _steps(survey),
+        _duplicates(survey),
+        _origin(survey),
+        _flat(survey.sample_m),
+        *(_pose(scan.name, scan.T_file_scan) for scan in survey.scans),
+        *(f"scan {scan.name}: {scan.note}" for scan in survey.scans if scan.note),
+        *(f"scan {scan.name} holds no point" for scan in survey.scans if not scan.points),
+    ]
+    return [text for text in found if text]
+
+
+def _few_points(survey: Survey) -> str:
+    rows = survey.points + survey.missing_returns
+    return f"it ends after {rows} of {survey.declared} rows" if _is_short(survey, rows) else ""
+
+
+def _is_short(survey: Survey, rows: int) -> bool:
+    # A text's rows are bounded by its lines, of which some are a header or blank.
+    return rows < survey.declared and survey.format not in ("xyz", "csv", "txt", "pts")
+
+
+def _size(survey: Survey) -> str:
+    size = float((survey.high_m - survey.low_m).max())
+    if size == 0.0 or USUAL_SIZES_M[0] <= size <= USUAL_SIZES_M[1]:
+        return ""
+    hint = better_unit(size, survey.length_unit, "--length-unit {}")
+    return f"it is {length(size)} wide: {hint}"
+
+
+def _steps(survey: Survey) -> str:
+    step, place = float32_step(survey.sample_m, survey.length_unit)
+    if step >= COARSE_STEP_M:
+        return float32_fact(step, place)
+    unit_m = in_metres(1.0, survey.length_unit)
+    for decimals in DECIMALS:
+        step = unit_m * 10.0**-decimals
+        ticks = survey.sample_m / step
+        if step >= COARSE_STEP_M and np.abs(ticks - np.rint(ticks)).max() < 1e-3:
+            return f"its coordinates lie in steps of {length(step)}"
+    return ""
+
+
+def _duplicates(survey: Survey) -> str:
+    keys = len(survey.keys)
+    repeated = keys - len(np.unique(survey.keys))
+    if not repeated:
+        return ""
+    about = "" if survey.stride == 1 else "about "
+    return f"{about}{repeated * survey.stride} points stand where another stands"
+
+
+def _origin(survey: Survey) -> str:
+    if not survey.at_origin:
+        return ""
+    return f"{survey.at_origin} points at 0 0 0, perhaps beams without a return"
+
+
+def _flat(sample: Array) -> str:
+    if len(sample) < 4:
+        return ""
+    spread = np.linalg.svd(sample - sample.mean(axis=0), compute_uv=False)
+    if spread[0] == 0.0:
+        return "all points stand at one place"
+    if spread[1] < FLAT * spread[0]:
+        return "all points lie on one line: a coordinate may be lost"
+    if spread[2] < FLAT * spread[1]:
+        rms = spread[2] / math.sqrt(len(sample))
+        return f"all points lie on one plane, rms {rms * 1e3:.3g} mm"
+    return ""
+
+
+def _pose(name: str, T: Array | None) -> str:
+    if T is None or np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() < RIGID:
+        return ""
+    scales = np.linalg.norm(T[:3, :3], axis=0)
+    factors = ", ".join(f"{scale:.6g}" for scale in scales)
+    return f"the pose of scan {name} is no rotation: it stretches its axes by {factors}"

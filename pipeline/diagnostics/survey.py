@@ -1,0 +1,141 @@
+"""What a scan file holds, found while it streams by: nothing but a sample of it is kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ..readers import Block, Placer, PointRows, Progress, RawCloud, open_cloud, silent
+from ..units import to_metres
+from ..vectors import Array
+
+SAMPLE = 100_000
+_SEED = 0
+# Odd multipliers of a product hash of three coordinates' bits.
+_MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
+
+
+@dataclass
+class ScanTally:
+    """One scan of the file. T_file_scan: (4, 4) in metres, None where the file states none.
+
+    note: what its reader had to settle.
+    """
+
+    name: str
+    T_file_scan: Array | None
+    note: str = ""
+    points: int = 0
+    missing_returns: int = 0
+
+
+@dataclass
+class Survey:
+    """What passed by. low_m, high_m: (3,) corners of the box; intensity: its range.
+
+    raster: rows and columns. sample_m: (S, 3) one point of each run of `stride` rows.
+    keys: hashes of the points whose hash is a multiple of `stride`, so that equal points are
+    either all among them or none.
+    """
+
+    format: str
+    file_bytes: int
+    length_unit: str
+    stride: int
+    declared: int
+    points: int = 0
+    missing_returns: int = 0
+    at_origin: int = 0
+    low_m: Array = field(default_factory=lambda: np.full(3, np.inf))
+    high_m: Array = field(default_factory=lambda: np.full(3, -np.inf))
+    intensity: tuple[float, float] | None = None
+    raster: tuple[int, int] | None = None
+    scans: list[ScanTally] = field(default_factory=list)
+    sample_m: Array = field(default_factory=lambda: np.empty((0, 3)))
+    keys: npt.NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, np.uint64))
+
+
+def survey_file(
+    path: Path, length_unit: str, name: str | None = None, progress: Progress = silent
+) -> Survey:
+    """Look at every point of a scan file once.
+
+    Raises InputError, one line, for what `read_scan` refuses; a file without points is described.
+    """
+    rng = np.random.default_rng(_SEED)
+    with open_cloud(path, length_unit, name) as (cloud, source):
+        survey = Survey(
+            format=source.path.suffix.lower().removeprefix("."),
+            file_bytes=path.stat().st_size,
+            length_unit=length_unit,
+            stride=max(1, cloud.rows // SAMPLE),
+            declared=cloud.rows,
+            scans=[
+                ScanTally(p.name, _metres(p.T_file_scan, length_unit), p.note) for p in cloud.parts
+            ],
+        )
+        placer = Placer(cloud, source, length_unit)
+        samples, keys = [], []
+        with np.errstate(over="ignore", invalid="ignore"):
+            for block in cloud.blocks:
+                rows = _place(placer, block, cloud, survey)
+                picked = np.arange(0, len(rows.points), survey.stride)
+                picked += rng.integers(survey.stride, size=len(picked))
+                samples.append(rows.points[picked[picked < len(rows.points)]])
+                hashes = _hash(rows.points)
+                keys.append(hashes[hashes % np.uint64(survey.stride) == 0])
+                progress(placer.seen, cloud.rows)
+    if samples:
+        survey.sample_m, survey.keys = np.concatenate(samples), np.concatenate(keys)
+    return survey
+
+
+def _place(placer: Placer, block: Block, cloud: RawCloud, survey: Survey) -> PointRows:
+    """The block's points in metres, added to the tallies."""
+    room = PointRows.room(len(block.xyz[0]), cloud)
+    kept = placer.place(block, room)
+    missing = len(room.points) - kept
+    survey.points += kept
+    survey.missing_returns += missing
+    if survey.scans:
+        survey.scans[block.part].points += kept
+        survey.scans[block.part].missing_returns += missing
+    rows = room.part(0, kept)
+    if kept:
+        _stretch(survey, rows)
+    return rows
+
+
+def _stretch(survey: Survey, rows: PointRows) -> None:
+    survey.low_m = np.minimum(survey.low_m, rows.points.min(axis=0))
+    survey.high_m = np.maximum(survey.high_m, rows.points.max(axis=0))
+    survey.at_origin += int((rows.points == 0.0).all(axis=1).sum())
+    # Of several scans some may have no intensity.
+    if rows.intensity is not None and not np.isnan(rows.intensity).all():
+        low, high = float(np.nanmin(rows.intensity)), float(np.nanmax(rows.intensity))
+        before = survey.intensity or (low, high)
+        survey.intensity = (min(low, before[0]), max(high, before[1]))
+    if rows.grid is not None:
+        row, column = (int(n) + 1 for n in rows.grid.max(axis=0))
+        seen = survey.raster or (0, 0)
+        survey.raster = (max(row, seen[0]), max(column, seen[1]))
+
+
+def _hash(points: Array) -> npt.NDArray[np.uint64]:
+    """A number for each point, equal for equal points; + 0.0 makes -0.0 equal to 0.0."""
+    bits = np.ascontiguousarray(points + 0.0).view(np.uint64)
+    mixed = (bits ^ (bits >> np.uint64(29))) * _MIX
+    mixed ^= mixed >> np.uint64(32)
+    total: npt.NDArray[np.uint64] = mixed.sum(axis=1, dtype=np.uint64) * _MIX[0]
+    return total ^ (total >> np.uint64(31))
+
+
+def _metres(T: Array | None, length_unit: str) -> Array | None:
+    if T is None:
+        return None
+    T = T.copy()
+    to_metres(T[:3, 3], length_unit)
+    return T

@@ -1,0 +1,196 @@
+"""Archives and compressed files, unpacked within limits and never outside their folder."""
+
+from __future__ import annotations
+
+import bz2
+import errno
+import gzip
+import hashlib
+import lzma
+import os
+import shutil
+import struct
+import tarfile
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from io import BufferedIOBase
+from pathlib import Path, PurePosixPath
+
+from .errors import InputError
+
+MAX_UNPACKED_BYTES = 64 * 2**30
+MAX_RATIO = 200  # the unpacked of the packed size: text of `0 0 0 0.5` packs to a 300th, ...
+FREE_BYTES = 2**30  # ... and is bounded by this size instead
+MAX_MEMBERS = 10_000
+ARCHIVE_SUFFIXES = (".zip", ".tar", ".tgz", ".tar.gz", ".tar.bz2", ".tar.xz")
+COMPRESSED_SUFFIXES = (".gz", ".bz2", ".xz")
+
+_TAR_BLOCK = 512
+_CHUNK = 1 << 20
+_DECOMPRESSORS: dict[bytes, Callable[[Path], BufferedIOBase]] = {
+    b"\x1f\x8b": gzip.GzipFile,
+    b"BZh": bz2.BZ2File,
+    b"\xfd7zXZ\x00": lzma.LZMAFile,
+}
+# What zipfile, tarfile and their decompressors raise for damaged and for locked archives.
+_FAULTS = (
+    zipfile.BadZipFile,
+    tarfile.TarError,
+    EOFError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    LookupError,
+    struct.error,
+    lzma.LZMAError,
+    zlib.error,
+)
+
+
+@dataclass(frozen=True)
+class Member:
+    """A file in an archive: its name as written there, and its unpacked size in bytes."""
+
+    name: str
+    size: int
+
+
+class Archive:
+    """An open zip or tar, whose members were all found to be harmless."""
+
+    def __init__(self, opened: zipfile.ZipFile | tarfile.TarFile, name: str) -> None:
+        self._opened, self._name = opened, name
+        if isinstance(opened, zipfile.ZipFile):
+            infos = [info for info in opened.infolist() if not info.filename.endswith("/")]
+            if any(info.flag_bits & 1 for info in infos):
+                raise InputError(f"{name}: is locked with a password: unpack it by hand")
+            self.members = tuple(Member(info.filename, info.file_size) for info in infos)
+        else:
+            files = [member for member in opened.getmembers() if member.isfile()]
+            _check_end(opened)
+            self.members = tuple(Member(member.name, member.size) for member in files)
+
+    def unpack(self, folder: Path, members: tuple[Member, ...] | None = None) -> None:
+        """Write the members, or all, below `folder`; links and devices are left out."""
+        names = [member.name for member in (self.members if members is None else members)]
+        with _told(self._name):
+            if isinstance(self._opened, zipfile.ZipFile):
+                self._opened.extractall(folder, names)  # noqa: S202 - members were checked
+            else:
+                chosen = set(names)
+                files = [m for m in self._opened if m.isfile() and m.name in chosen]
+                self._opened.extractall(folder, files, filter="data")
+
+
+def is_archive(path: Path, name: str) -> bool:
+    """Whether the file is a zip or a tar, compressed or not."""
+    with _told(name):
+        return zipfile.is_zipfile(path) or tarfile.is_tarfile(path)
+
+
+@contextmanager
+def open_archive(path: Path, name: str, scratch: Path) -> Iterator[Archive]:
+    """Open a zip or tar. scratch: an existing folder for what a compressed tar unpacks to.
+
+    Raises InputError for one that is damaged or locked, whose members point outside, or that
+    unpacks to more than the limits.
+    """
+    with ExitStack() as stack:
+        with _told(name):
+            if zipfile.is_zipfile(path):
+                archive = Archive(stack.enter_context(zipfile.ZipFile(path)), name)
+            else:
+                plain = _plain(path, name, scratch)
+                archive = Archive(stack.enter_context(tarfile.open(plain, "r:")), name)
+        _check_members(archive.members, path.stat().st_size, name, scratch)
+        yield archive
+
+
+def inflate(path: Path, target: Path, name: str) -> None:
+    """Write the contents of a gzip, bzip2 or xz file to `target`."""
+    opener = _decompressor(path)
+    if opener is None:
+        raise InputError(f"{name}: it is not compressed, as its suffix says: rename it")
+    limit = _limit(path.stat().st_size)
+    room = shutil.disk_usage(target.parent).free
+    with _told(name), opener(path) as packed, target.open("wb") as plain:
+        written = 0
+        while chunk := packed.read(_CHUNK):
+            written += len(chunk)
+            _check_size(name, written, limit, room, "more than ")
+            plain.write(chunk)
+
+
+@contextmanager
+def _told(name: str) -> Iterator[None]:
+    try:
+        yield
+    except _FAULTS as error:
+        fact = " ".join(str(error)[:100].split()) or type(error).__name__
+        raise InputError(
+            f"{name}: the archive cannot be unpacked ({fact}): pack or copy it anew"
+        ) from error
+
+
+def _decompressor(path: Path) -> Callable[[Path], BufferedIOBase] | None:
+    with path.open("rb") as file:
+        head = file.read(8)
+    return next(
+        (opener for magic, opener in _DECOMPRESSORS.items() if head.startswith(magic)), None
+    )
+
+
+def _plain(path: Path, name: str, scratch: Path) -> Path:
+    """The tar itself, unpacked first where it is compressed, so that its size is bounded."""
+    if _decompressor(path) is None:
+        return path
+    plain = scratch / "plain.tar"
+    inflate(path, plain, name)
+    return plain
+
+
+def _check_end(tar: tarfile.TarFile) -> None:
+    """Refuse what tarfile takes for the end, unless zeros stand there: a damaged header."""
+    assert tar.fileobj is not None
+    tar.fileobj.seek(tar.offset)
+    if tar.fileobj.read(_TAR_BLOCK) != bytes(_TAR_BLOCK):
+        raise tarfile.ReadError("it breaks off, or the header of a member is damaged")
+
+
+def _check_members(members: tuple[Member, ...], packed: int, name: str, scratch: Path) -> None:
+    if len(members) > MAX_MEMBERS:
+        raise InputError(
+            f"{name}: holds {len(members)} files, {MAX_MEMBERS} at most: unpack it by hand"
+        )
+    for member in members:
+        path = PurePosixPath(member.name.replace("\\", "/"))
+        if path.is_absolute() or ".." in path.parts or not path.parts:
+            raise InputError(
+                f"{name}: its member {member.name[:100]!r} points outside: pack it anew"
+            )
+    room = shutil.disk_usage(scratch).free
+    _check_size(name, sum(member.size for member in members), _limit(packed), room)
+
+
+def _limit(packed: int) -> int:
+    """Bytes that a file of `packed` bytes may unpack to."""
+    return min(MAX_UNPACKED_BYTES, max(FREE_BYTES, MAX_RATIO * packed))
+
+
+def _check_size(name: str, size: int, limit: int, room: int, more: str = "") -> None:
+    """Raise InputError for what is larger than it may be, or than the disk has room for."""
+    told = f"{name}: unpacks to {more}{size / 2**30:.3g} GiB"
+    if size > limit:
+        raise InputError(f"{told}, {limit / 2**30:.3g} GiB at most: unpack it by hand")
+    if size > room:
+        full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        raise InputError(f"{told}, {room / 2**30:.3g} GiB are free: make room in TMPDIR") from full
+
+
+def sha256(path: Path) -> str:
+    """Digest of a file's bytes as `sha256:` and 64 hexadecimal digits."""
+    with path.open("rb") as stream:
+        return f"sha256:{hashlib.file_digest(stream, 'sha256').hexdigest()}"

@@ -1,0 +1,283 @@
+"""The paper's input: a text file of five points a plane, read strictly."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from ..files import sha256
+from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates, LengthUnit, to_metres
+from ..vectors import Array
+from ..vehicle import MAX_COORDINATE_M, REFERENCE_WHEELS, build_reference_frame
+from .fit_block import fit_block
+
+FULL_TURN = {"deg": 360.0, "gon": 400.0, "rad": 2 * math.pi}
+COLUMNS = {"cartesian": "x y z", "spherical": "range azimuth zenith"}
+ORDER = ", ".join(REFERENCE_WHEELS)
+MAX_FILE_BYTES = 16 * 2**20
+# No ramp leans a vehicle by 60 degrees.
+MIN_UPRIGHT_COSINE = 0.5
+
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+_SEPARATOR = re.compile(r"[ \t]*,[ \t]*|[ \t]+")
+
+
+@dataclass(frozen=True)
+class FivePointFile:
+    """The blocks of one file: RR, RL, FR, FL, then the trials.
+
+    blocks_m: (M, 5, 3) in file coordinates, metres. source: the file, as the user named it.
+    notes: what the reading decided or noticed, one sentence each.
+    """
+
+    blocks_m: Array
+    source: str
+    sha256: str
+    notes: tuple[str, ...]
+
+
+def read_five_point(
+    path: str | Path,
+    *,
+    name: str | None = None,
+    length_unit: LengthUnit = "m",
+    coordinates: Coordinates = "cartesian",
+    angle_unit: AngleUnit | None = None,
+    azimuth: Azimuth = "auto",
+    arrange: Callable[[int], Sequence[int]] | None = None,
+) -> FivePointFile:
+    """Read rows x y z, or range azimuth zenith of a total station, five rows a plane.
+
+    name: what the messages call the file. azimuth: the sense in which spherical rows count it,
+    clockwise from y or counterclockwise from x; "auto" takes the one that leaves the car upright.
+    arrange: gives the blocks wanted, RR, RL, FR, FL first, by their places in the file (from 0),
+    when it is told their number; None for all as they stand.
+    Raises InputError, one line that names file and line, for anything but rows of three finite
+    numbers, in fives, four blocks or more, each a plane, the first four a frame.
+    Source: the paper, section 1, point 1, and section 2.
+    """
+    source = name or str(path)
+    _check_options(source, length_unit, coordinates, angle_unit, azimuth)
+    rows = _parse(_read_text(Path(path), source), COLUMNS[coordinates], source)
+    _check_count(len(rows), source)
+    if angle_unit is None:
+        to_metres(rows, length_unit)
+        points_m = rows
+    else:
+        to_metres(rows[:, 0], length_unit)
+        points_m = _clockwise(rows, angle_unit, source)
+    _check_size(points_m, source)
+    digest = sha256(Path(path))
+    count = len(points_m) // 5
+    order = range(count) if arrange is None else arrange(count)
+    blocks_m = points_m.reshape(-1, 5, 3)[list(order)]
+    up_z = _up_z(blocks_m, order, source)
+    if angle_unit is None:
+        return FivePointFile(blocks_m, source, digest, _note_if_upside_down(up_z))
+    sense = _upright_sense(up_z, azimuth, source)
+    if sense == "counterclockwise":
+        blocks_m = np.ascontiguousarray(blocks_m[..., [1, 0, 2]])
+    return FivePointFile(blocks_m, source, digest, _note_of_sense(sense, azimuth))
+
+
+def _check_options(
+    source: str, length_unit: str, coordinates: str, angle_unit: str | None, azimuth: str
+) -> None:
+    for option, value, known in (
+        ("--length-unit", length_unit, LENGTH_UNITS),
+        ("--coordinates", coordinates, tuple(COLUMNS)),
+        ("--angle-unit", angle_unit or "deg", tuple(FULL_TURN)),
+        ("--azimuth", azimuth, ("auto", "clockwise", "counterclockwise")),
+    ):
+        if value not in known:
+            raise InputError(f"{source}: {option} is {value!r}: give one of {', '.join(known)}")
+    if coordinates == "spherical" and angle_unit is None:
+        raise InputError(
+            f"{source}: the unit of the angles is not known: give --angle-unit deg, gon or rad"
+        )
+    if coordinates == "cartesian" and (angle_unit is not None or azimuth != "auto"):
+        raise InputError(
+            f"{source}: cartesian rows have no angles: leave out --angle-unit and --azimuth, "
+            "or give --coordinates spherical"
+        )
+
+
+def _read_text(path: Path, source: str) -> str:
+    if path.is_dir():
+        raise InputError(f"{source}: is a folder: name the text file of points")
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MAX_FILE_BYTES + 1)
+    except FileNotFoundError:
+        raise InputError(f"{source}: no such file: check the path") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"{source}: cannot be read ({reason}): check the path") from None
+    if len(data) > MAX_FILE_BYTES:
+        raise InputError(
+            f"{source}: is larger than {MAX_FILE_BYTES} bytes, so no file of five points a plane: "
+            "measure a cloud with `wheelplane measure`"
+        )
+    mend = "save the points as plain text (UTF-8), x y z a row"
+    if b"\0" in data:
+        line = data.count(b"\n", 0, data.index(b"\0")) + 1
+        raise InputError(f"{source}: line {line}: a zero byte, so not plain text: {mend}")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        byte = data[error.start]
+        raise InputError(
+            f"{source}: line {line}: byte 0x{byte:02x} is not UTF-8 text: {mend}"
+        ) from None
+    return text.replace("\r\n", "\n").replace("\r", "\n").rstrip(" \t\n")
+
+
+def _parse(text: str, columns: str, source: str) -> Array:
+    if not text:
+        raise InputError(
+            f"{source}: is empty: give five rows {columns} a plane, four planes or more"
+        )
+    rows = []
+    for line, row in enumerate(text.split("\n"), start=1):
+        try:
+            rows.append(_parse_row(row.strip(" \t"), columns))
+        except InputError as error:
+            raise InputError(f"{source}: line {line}: {error}") from None
+    return np.array(rows)
+
+
+def _parse_row(row: str, columns: str) -> list[float]:
+    if not row:
+        raise InputError("a blank line between rows: remove it")
+    fields = _SEPARATOR.split(row)
+    for field in fields:
+        if not field:
+            raise InputError("nothing before or after a comma: write one comma between numbers")
+        if field.lower().lstrip("+-") in ("nan", "inf", "infinity"):
+            raise InputError(f"{field} where a finite number is needed: measure the point again")
+        if not _NUMBER.fullmatch(field):
+            shown = repr(field if len(field) <= 20 else field[:17] + "...")
+            raise InputError(
+                f"{shown} is not a number: write {columns} only, separated by commas or spaces, "
+                "without header, comment or unit"
+            )
+    if len(fields) != 3:
+        mend = "complete the row" if len(fields) < 3 else f"keep {columns}, with decimal points"
+        plural = "" if len(fields) == 1 else "s"
+        raise InputError(f"{len(fields)} number{plural} where 3 are needed ({columns}): {mend}")
+    values = [float(field) for field in fields]
+    if not all(map(math.isfinite, values)):
+        raise InputError("a number beyond 1.8e308: measure the point again")
+    return values
+
+
+def _check_count(rows: int, source: str) -> None:
+    blocks, rest = divmod(rows, 5)
+    if rest:
+        raise InputError(
+            f"{source}: line {rows - rest + 1}: the last block has {rest} of its 5 rows "
+            f"({rows} rows in all): complete or remove it"
+        )
+    if blocks < 4:
+        raise InputError(
+            f"{source}: line {rows}: ends after {blocks} of the 4 blocks that make the frame: "
+            f"give five rows for each of {ORDER}"
+        )
+
+
+def _check_size(points_m: Array, source: str) -> None:
+    beyond = np.flatnonzero(np.abs(points_m).max(axis=1) > MAX_COORDINATE_M)
+    if beyond.size:
+        raise InputError(
+            f"{source}: line {beyond[0] + 1}: a point {np.abs(points_m[beyond[0]]).max():.3g} m "
+            f"away, where {MAX_COORDINATE_M:g} m is the most: check the row and --length-unit"
+        )
+
+
+def _clockwise(polar: Array, angle_unit: str, source: str) -> Array:
+    """Turn rows range (m), azimuth, zenith into x y z, azimuth counted clockwise from y."""
+    turn = FULL_TURN[angle_unit]
+    for line, (range_m, azimuth, zenith) in enumerate(polar, start=1):
+        fault = None
+        if not range_m > 0:
+            fault = f"range {range_m:g} m is not positive: write {COLUMNS['spherical']}"
+        elif abs(azimuth) > turn * 1.00001:  # 6.2832 is written for a whole turn
+            fault = (
+                f"azimuth {azimuth:g} is over a turn of {turn:g} {angle_unit}: check --angle-unit"
+            )
+        elif not 0 <= zenith <= turn / 2:
+            fault = (
+                f"zenith {zenith:g} is outside 0 to {turn / 2:g} {angle_unit}: "
+                "reduce to face I, and check --angle-unit"
+            )
+        if fault:
+            raise InputError(f"{source}: line {line}: {fault}")
+    range_m, azimuth_rad, zenith_rad = (polar * [1, 2 * math.pi / turn, 2 * math.pi / turn]).T
+    level_m = range_m * np.sin(zenith_rad)
+    return np.column_stack(
+        [
+            level_m * np.sin(azimuth_rad),
+            level_m * np.cos(azimuth_rad),
+            range_m * np.cos(zenith_rad),
+        ]
+    )
+
+
+def _up_z(blocks_m: Array, order: Sequence[int], source: str) -> float:
+    """Return up . z of the vehicle, after refusing blocks without plane or frame."""
+    centres = []
+    for block, points_m in zip((place + 1 for place in order), blocks_m, strict=True):
+        try:
+            centres.append(fit_block(points_m).centre_m)
+        except InputError as error:
+            lines = f"lines {5 * block - 4}-{5 * block}"
+            raise InputError(f"{source}: {lines}: block {block}: {error}") from None
+    try:
+        return float(build_reference_frame(centres[:4]).up[2])
+    except InputError as error:
+        raise InputError(f"{source}: lines 1-20: {error}") from None
+
+
+def _note_if_upside_down(up_z: float) -> tuple[str, ...]:
+    if up_z > -MIN_UPRIGHT_COSINE:
+        return ()
+    return (
+        f"The frame's up points against z of the file (up . z = {up_z:.3f}): if z is up there, "
+        f"the blocks are not in the order {ORDER}, and toe and camber are wrong.",
+    )
+
+
+def _upright_sense(up_z: float, azimuth: str, source: str) -> str:
+    """Return the sense of the azimuth that leaves the vehicle upright; up_z is for clockwise.
+
+    The senses mirror each other in x = y, and up, a cross product, turns over with the mirror.
+    """
+    if abs(up_z) < MIN_UPRIGHT_COSINE:
+        raise InputError(
+            f"{source}: lines 1-20: the vehicle lies on its side (up . z = {up_z:.3f}) with either "
+            f"sense of azimuth: check the order {ORDER} and --angle-unit"
+        )
+    sense = "clockwise" if up_z > 0 else "counterclockwise"
+    if azimuth not in ("auto", sense):
+        raise InputError(
+            f"{source}: --azimuth {azimuth} turns the vehicle upside down: "
+            f"give --azimuth {sense}, or check the order {ORDER}"
+        )
+    return sense
+
+
+def _note_of_sense(sense: str, azimuth: str) -> tuple[str, ...]:
+    if azimuth != "auto":
+        return ()
+    start = "y" if sense == "clockwise" else "x"
+    return (
+        f"Azimuth is taken {sense} from {start}: with blocks in the order {ORDER}, "
+        "this sense leaves the vehicle upright.",
+    )

@@ -1,0 +1,225 @@
+"""A steering sweep: the kingpin axis of each front wheel, and toe-out on turns.
+
+The body stands still, the brake holds the wheel on its axle, and the plate turns about the kingpin.
+A disc shows of that turn its normal and centre alone, so that the inclination hangs on the sagitta
+of the normals' arc, 1 - cos t; a plate that shows its turn about its own normal as well shows the
+whole rotation, on whose sine the inclination then hangs.
+
+Signs, alike on both sides: caster > 0 where the top leans backwards, by its projection on the side
+plane, atan2(-a.forward, a.up); kingpin inclination > 0 where the top leans inwards, by that on the
+plane across, atan2(-a.outward, a.up); a is the axis' unit vector that points up.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ..centre import Mark
+from ..errors import NotMeasuredError
+from ..measurement import Measurement
+from ..vectors import Array
+from ..vehicle import REFERENCE_WHEELS, First, atan2, length, sin
+from .axis_fit import OneAxis
+from .sweep import DOUBT, Estimate, Turned
+from .wheel_axis import Framed, FrameThrough, framed, outward_sense
+
+STEERED = ("FR", "FL")
+LEAST_POSITIONS = 3  # two normals lie on a cone about any axis between them
+LEAST_SWEEP_RAD = math.radians(2.0)
+MOST_U_RAD = math.radians(1.0)  # an angle less certain is not given
+
+SweepStatus = Literal["ok", "too-few-positions", "range-too-small", "no-axis", "not-one-axis"]
+
+
+@dataclass(frozen=True)
+class Kingpin:
+    """What the sweep of one wheel says of its kingpin; None where it says too little.
+
+    scans: names of those that were measured. sweep_rad: largest less smallest toe. frame: through
+    which centres the frame stands from which all is counted.
+    caster_by_camber: from the camber of the two outermost scans alone, for comparison. axis: (3,)
+    unit, upwards, and point_m: (3,) of it at the height of the wheel's reference centre, scanner
+    coordinates.
+    inwards, ahead: of that point from this centre, metres. chi_square: of what one axis leaves,
+    with `freedom` degrees; probability: of as much or more. with_turn: how many of the scans show
+    the plate's turn about its own normal, by `mark`, which then counts.
+    """
+
+    wheel: str
+    scans: tuple[str, ...]
+    sweep_rad: float
+    frame: FrameThrough
+    status: SweepStatus = "ok"
+    reason: str = ""
+    caster: Estimate | None = None
+    inclination: Estimate | None = None
+    caster_by_camber: Estimate | None = None
+    inwards: Estimate | None = None
+    ahead: Estimate | None = None
+    axis: Array | None = None
+    point_m: Array | None = None
+    chi_square: float = 0.0
+    freedom: int = 0
+    probability: float = 1.0
+    with_turn: int = 0
+    mark: Mark | None = None
+
+
+def measure_kingpins(measurement: Measurement) -> tuple[Kingpin, ...]:
+    """The kingpin of each wheel that was swept, FR before FL."""
+    swept = {w.wheel for w in measurement.wheels if w.observation.role == "sweep"}
+    best = framed(measurement)
+    return tuple(_kingpin(wheel, best) for wheel in STEERED if wheel in swept)
+
+
+def toe_and_camber(scans: Turned, wheel: str, way: Array, moved: Array) -> tuple[First, First]:
+    """Of an outward way (3,), slopes (3, K), of that wheel; as in `angles.py`, radians."""
+    left, forward, up = scans.in_frame(way, moved)
+    outward = left * outward_sense(wheel)
+    return atan2(forward, outward), -atan2(up, length(outward, forward))
+
+
+def _kingpin(wheel: str, best: Framed) -> Kingpin:
+    scans = best.scans
+    members = scans.of_wheel(wheel, "sweep")
+    names = tuple(scans.scans[i].observation.name for i in members)
+    toe = [_of_plate(scans, i)[0].value for i in members]
+    sweep_rad = max(toe) - min(toe) if toe else 0.0
+    swept = f"{math.degrees(sweep_rad):.1f}°"
+    none = Kingpin(wheel, names, sweep_rad, best.through)
+    if len(members) < LEAST_POSITIONS:
+        reason = f"{len(members)} positions were measured, {LEAST_POSITIONS} or more are needed"
+        return replace(none, status="too-few-positions", reason=reason)
+    if sweep_rad < LEAST_SWEEP_RAD:
+        reason = f"the wheel was steered through {swept} only; steer to 20° on either side"
+        return replace(none, status="range-too-small", reason=reason)
+    try:
+        fit = _fit(scans, members)
+    except NotMeasuredError as error:
+        two = error.status == "not-one-axis"
+        why: SweepStatus = "not-one-axis" if two else "no-axis"
+        return replace(none, status=why, reason=str(error))
+    caster, inclination = _leans(scans, fit, wheel)
+    point, inwards, ahead = _beside_the_centre(scans, fit, wheel)
+    status, reason = _judge(fit, caster, inclination, swept)
+    if status == "not-one-axis":
+        reason += _slipped(scans, members)
+    faces = scans.faces_of(members)
+    return Kingpin(
+        wheel=wheel,
+        scans=names,
+        sweep_rad=sweep_rad,
+        frame=best.through,
+        status=status,
+        reason=reason,
+        caster=_if_known(caster),
+        inclination=_if_known(inclination),
+        caster_by_camber=_by_camber(scans, members),
+        inwards=inwards,
+        ahead=ahead,
+        axis=fit.axis,
+        point_m=point,
+        chi_square=fit.chi_square,
+        freedom=fit.freedom,
+        probability=fit.probability,
+        with_turn=len(faces),
+        mark=scans.mark_of(faces),
+    )
+
+
+def _of_plate(scans: Turned, index: int) -> tuple[First, First]:
+    """Toe and camber of one scan's plate."""
+    scan = scans.scans[index]
+    assert scan.normal is not None
+    return toe_and_camber(scans, str(scan.wheel), scan.normal, scans.columns(index)[0])
+
+
+def _fit(scans: Turned, members: list[int]) -> OneAxis:
+    """The axis, from the direction in which normals and centres differ least."""
+    fitted = [scans.scans[i].observation.fitted for i in members]
+    normals = np.stack([scans.scans[i].normal for i in members])  # type: ignore[misc]
+    centres = np.stack([fit.centre_m for fit in fitted])
+    scatter = np.zeros((3, 3))
+    for vectors, blocks in ((normals, [f.normal_covariance for f in fitted]),
+                            (centres, [f.centre_covariance_m2 for f in fitted])):  # fmt: skip
+        about = vectors - vectors.mean(axis=0)
+        scatter += about.T @ about / max(float(np.mean([np.trace(b) for b in blocks])), 1e-20)
+    axis = np.linalg.eigh(scatter)[1][:, 0]
+    axis = axis if axis @ scans.frame.up > 0.0 else -axis
+    flat = normals - np.outer(normals @ axis, axis)
+    turns = np.arctan2(np.cross(flat[0], flat) @ axis, flat @ flat[0])
+    unknown = np.full(len(members), math.inf)
+    unknown[0] = 1.0  # the turns are counted from the first scan's, whatever it is
+    return scans.fit(members, turns, unknown, axis)
+
+
+def _leans(scans: Turned, fit: OneAxis, wheel: str) -> tuple[Estimate, Estimate]:
+    own = scans.inputs_of(scans.of_wheel(wheel, "sweep"))
+    left, forward, up = scans.in_frame(fit.axis, fit.d_axis @ own)
+    outward = left * outward_sense(wheel)
+    return scans.estimate(-atan2(forward, up)), scans.estimate(-atan2(outward, up))
+
+
+def _beside_the_centre(scans: Turned, fit: OneAxis, wheel: str) -> tuple[Array, Estimate, Estimate]:
+    """Where the axis passes the height of the reference centre: the place, inwards, ahead."""
+    index = REFERENCE_WHEELS.index(wheel)
+    centre = scans.reference_centres_m[index]
+    own = scans.inputs_of(scans.of_wheel(wheel, "sweep"))
+    axis = scans.in_frame(fit.axis, fit.d_axis @ own)
+    moved = fit.d_point @ own - scans.d_centres[3 * index : 3 * index + 3]
+    beside = scans.in_frame(fit.point_m - centre, moved)
+    rise = _over(-beside[2], axis[2])
+    left, ahead = beside[0] + axis[0] * rise, beside[1] + axis[1] * rise
+    point = fit.point_m + rise.value * fit.axis
+    return point, scans.estimate(left * -outward_sense(wheel)), scans.estimate(ahead)
+
+
+def _by_camber(scans: Turned, members: list[int]) -> Estimate:
+    """Camber change over the difference of the sines: camber = const - caster * sin(toe).
+
+    Source: the workshop formula, which leaves out what the inclination adds at unequal angles.
+    """
+    seen = sorted((_of_plate(scans, i) for i in members), key=lambda pair: pair[0].value)
+    (toe_out, camber_out), (toe_in, camber_in) = seen[0], seen[-1]
+    return scans.estimate(_over(camber_out - camber_in, sin(toe_in) - sin(toe_out)))
+
+
+def _judge(
+    fit: OneAxis, caster: Estimate, inclination: Estimate, swept: str
+) -> tuple[SweepStatus, str]:
+    for name, angle in (("caster", caster), ("kingpin inclination", inclination)):
+        if not angle.u <= MOST_U_RAD:
+            return "range-too-small", (
+                f"steered through {swept}, the {name} is known to {math.degrees(angle.u):.1f}° "
+                "(k = 1) only: steer further, or scan more positions"
+            )
+    if fit.probability < DOUBT:
+        return "not-one-axis", (
+            f"the scans do not turn about one axis (chi2/nu = {fit.chi_square / fit.freedom:.1f}): "
+            "the wheel rolled, the body moved, or the plate slipped"
+        )
+    return "ok", ""
+
+
+def _slipped(scans: Turned, members: list[int]) -> str:
+    """What else is to be said where the normals and centres alone do turn about one axis."""
+    if not scans.faces_of(members):
+        return ""
+    try:
+        alone = _fit(scans.without_faces(), members).probability
+    except NotMeasuredError:
+        return ""
+    return "; only the plate's turn about its own normal says so: hold the brake" * (alone >= DOUBT)
+
+
+def _if_known(angle: Estimate) -> Estimate | None:
+    return angle if angle.u <= MOST_U_RAD else None
+
+
+def _over(top: First, bottom: First) -> First:
+    ratio = top.value / bottom.value
+    return First(ratio, (top.slope - ratio * bottom.slope) / bottom.value)

@@ -1,0 +1,256 @@
+"""Scans of wheels that turn, by steering or about their axles, together with the frame's wheels.
+
+Everything that is worked out of them is a number with its slopes by the same K inputs: normal and
+centre of RR, RL, FR, FL, then of every scan, then the turn that is told of every scan, then the
+turn about its own normal of every face that shows it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..capture import Role
+from ..centre import Mark, TargetFit
+from ..measurement import OF_PLATE, Measurement, WheelResult
+from ..uncertainty import LEVEL, Effect, coverage_factor, effective_freedom, effects_of
+from ..vectors import Array
+from ..vehicle import First, FrameSlopes, VehicleFrame, build_reference_frame, frame_slopes
+from .axis_fit import OneAxis, fit_one_axis
+from .plate_pose import Places
+
+DOUBT = 1e-3  # chance of a fit below which the scans are said not to turn about one axis
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its standard uncertainty and degrees of freedom; radians or metres.
+
+    expanded: half width of the 95 % interval.
+    """
+
+    value: float
+    u: float
+    freedom: float = math.inf
+
+    @property
+    def expanded(self) -> float:
+        """K u, k by Student's t of the degrees of freedom."""
+        return float(coverage_factor(LEVEL, np.array([self.freedom]))[0]) * self.u
+
+
+@dataclass(frozen=True)
+class Turned:
+    """All measured scans of sweeps and run-outs, and what moves them.
+
+    reference_centres_m: (4, 3), on which the frame stands; d_centres: (12, K) of them by the
+    inputs; slopes: of the frame by them. scans: in the measurement's order. effects: of all causes
+    on the K inputs. u_turns_rad: (n,) of the turns that are told, inf where none is. faces: the
+    places, among the scans, of those whose turn about the normal is seen.
+    """
+
+    frame: VehicleFrame
+    slopes: FrameSlopes
+    reference_centres_m: Array
+    d_centres: Array
+    scans: tuple[WheelResult, ...]
+    effects: tuple[Effect, ...]
+    u_turns_rad: Array
+    faces: tuple[int, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """K."""
+        return 6 * (4 + len(self.scans)) + len(self.scans) + len(self.faces)
+
+    def of_wheel(self, wheel: str, role: Role) -> list[int]:
+        """Places of its scans of that role."""
+        return [
+            i
+            for i, scan in enumerate(self.scans)
+            if scan.wheel == wheel and scan.observation.role == role
+        ]
+
+    def columns(self, index: int) -> tuple[Array, Array]:
+        """Slopes (3, K) of a scan's outward normal, and of its centre."""
+        whole = np.zeros((2, 3, self.count))
+        first = 6 * (4 + index)
+        whole[0, :, first : first + 3] = _facing(self.scans[index]) * np.eye(3)
+        whole[1, :, first + 3 : first + 6] = np.eye(3)
+        return whole[0], whole[1]
+
+    def inputs_of(self, members: Sequence[int]) -> Array:
+        """(7 m + k, K): of m scans normals and centres, the told turns, the seen; by all inputs."""
+        own = [part for i in members for part in self.columns(i)]
+        turns = np.zeros((len(members), self.count))
+        turns[np.arange(len(members)), 6 * (4 + len(self.scans)) + np.array(members)] = 1.0
+        mine = self.faces_of(members)
+        faces = np.zeros((len(mine), self.count))
+        for row, i in enumerate(mine):
+            column = 6 * (4 + len(self.scans)) + len(self.scans) + self.faces.index(i)
+            faces[row, column] = _facing(self.scans[i])
+        return np.vstack([*own, turns, faces])
+
+    def without_faces(self) -> Turned:
+        """The same scans, their turns about the normals left out of what is fitted."""
+        told = 6 * (4 + len(self.scans)) + len(self.scans)
+        cut = [replace(effect, factor=effect.factor[:told]) for effect in self.effects]
+        return replace(self, faces=(), d_centres=self.d_centres[:, :told], effects=tuple(cut))
+
+    def in_frame(self, vector: Array, moved: Array) -> tuple[First, First, First]:
+        """Parts of a vector (3,), slopes (3, K), to the left, forward and up."""
+        axes = (
+            (self.frame.left, self.slopes.left),
+            (self.frame.forward, self.slopes.forward),
+            (self.frame.up, self.slopes.up),
+        )
+        left, forward, up = (
+            First(float(vector @ axis), axis @ moved + (vector @ turned) @ self.d_centres)
+            for axis, turned in axes
+        )
+        return left, forward, up
+
+    def estimate(self, number: First) -> Estimate:
+        """Its uncertainty by all causes (JCGM 100, 5.2 and G.4)."""
+        shares = [np.atleast_1d(np.sum((number.slope @ e.factor) ** 2)) for e in self.effects]
+        total = np.sum(np.stack(shares), axis=0)
+        freedom = effective_freedom(self.effects, shares, total)
+        return Estimate(number.value, math.sqrt(float(total[0])), float(freedom[0]))
+
+    def fit(self, members: Sequence[int], turns_rad: Array, u_turns: Array, axis: Array) -> OneAxis:
+        """The axis about which the scans at those places turned; see `fit_one_axis`."""
+        scans = [self.scans[i] for i in members]
+        whole = self.inputs_of(members)
+        own = np.vstack([whole[: 6 * len(members)], whole[7 * len(members) :]])
+        factors = [own @ effect.factor for effect in self.effects if effect.name != "turn"]
+        mine = self.faces_of(members)
+        turns = [self.scans[i].observation.fitted.turn for i in mine]
+        seen = Places(
+            normals=np.stack([scan.normal for scan in scans if scan.normal is not None]),
+            centres_m=np.stack([scan.observation.fitted.centre_m for scan in scans]),
+            covariance=np.asarray(sum(factor @ factor.T for factor in factors)),
+            with_face=tuple(list(members).index(i) for i in mine),
+            faces=np.array([t.axis for t in turns if t is not None]).reshape(-1, 3),
+            periods_rad=np.array([t.period_rad for t in turns if t is not None]),
+        )
+        return fit_one_axis(seen, turns_rad, u_turns, axis)
+
+    def faces_of(self, members: Sequence[int]) -> list[int]:
+        """Those of the scans whose turn about the normal is seen."""
+        return [i for i in members if i in self.faces]
+
+    def on_centres(self, centres_m: Array, d_centres: Array) -> Turned:
+        """The same scans in the frame of other centres (4, 3), with their slopes (12, K)."""
+        frame = build_reference_frame(centres_m)
+        return replace(
+            self,
+            frame=frame,
+            slopes=frame_slopes(frame, centres_m - centres_m[0]),
+            reference_centres_m=centres_m,
+            d_centres=d_centres,
+        )
+
+    def mark_of(self, faces: Sequence[int]) -> Mark | None:
+        """What shows the turns of those scans, which are of one wheel."""
+        turns = [self.scans[i].observation.fitted.turn for i in faces]
+        return next((turn.mark for turn in turns if turn is not None), None)
+
+
+def turned(measurement: Measurement) -> Turned:
+    """Its turned scans; the first four wheels of a measurement are the frame's."""
+    scans = tuple(
+        wheel
+        for wheel in measurement.wheels
+        if wheel.observation.role in ("sweep", "runout") and wheel.normal is not None
+    )
+    turns = [scan.observation.turn for scan in scans]
+    u_turns = np.array([math.inf if t is None or t.u_rad is None else t.u_rad for t in turns])
+    reference = [wheel.observation for wheel in measurement.wheels[:4]]
+    targets = [_of_scan(seen.fitted, seen.source) for seen in reference]
+    targets += [
+        _of_scan(_without_plate(scan.observation.fitted), scan.observation.source) for scan in scans
+    ]
+    faces = _faces(scans)
+    targets += [_turn_alone(targets[4 + i]) for i in faces]
+    centres = np.stack([seen.fitted.centre_m for seen in reference])
+    slopes = frame_slopes(measurement.frame, centres - centres[0])
+    d_centres = np.zeros((12, 6 * (4 + len(scans)) + len(scans) + len(faces)))
+    for i in range(4):
+        d_centres[3 * i : 3 * i + 3, 6 * i + 3 : 6 * i + 6] = np.eye(3)
+    effects = [_widened(effect, len(scans), len(faces)) for effect in effects_of(targets)]
+    size = d_centres.shape[1]
+    effects += [_of_turn(u, i, len(scans), size) for i, u in enumerate(u_turns) if math.isfinite(u)]
+    return Turned(
+        measurement.frame, slopes, centres, d_centres, scans, tuple(effects), u_turns, faces
+    )
+
+
+def _facing(scan: WheelResult) -> float:
+    """1 where the fitted normal is the outward one, else -1."""
+    assert scan.normal is not None
+    return 1.0 if scan.normal @ scan.observation.fitted.normal > 0.0 else -1.0
+
+
+def _faces(scans: Sequence[WheelResult]) -> tuple[int, ...]:
+    """Scans whose turn about the normal counts: by the mark that most of a wheel's show, a role.
+
+    One alone tells nothing, and a print may lie turned on its board against the edges.
+    """
+    kept: list[int] = []
+    groups = [(scan.wheel, scan.observation.role) for scan in scans]
+    for group in dict.fromkeys(groups):
+        by_mark: dict[str, list[int]] = {"print": [], "edges": []}
+        for i, scan in enumerate(scans):
+            turn = scan.observation.fitted.turn
+            if groups[i] == group and turn is not None:
+                by_mark[turn.mark].append(i)
+        most = max(by_mark.values(), key=len)
+        kept += most if len(most) > 1 else []
+    return tuple(sorted(kept))
+
+
+def _turn_alone(target: TargetFit) -> TargetFit:
+    """In place of a target its turn, as the first of six numbers, moved by the same causes."""
+    causes = []
+    for cause in target.causes:
+        if cause.turn is not None:
+            factor = np.zeros((6, len(cause.turn)))
+            factor[0] = cause.turn
+            causes.append(replace(cause, factor=factor))
+    return replace(target, causes=tuple(causes))
+
+
+def _without_plate(target: TargetFit) -> TargetFit:
+    """Without what is fixed to the plate, which the fit of an axis takes for the plate's own place.
+
+    Waves that a scan's residuals show stay: each scan estimates them for itself.
+    """
+    left = [c for c in target.causes if c.name not in OF_PLATE or math.isfinite(c.freedom)]
+    return replace(target, causes=tuple(left))
+
+
+def _of_scan(target: TargetFit, source: str) -> TargetFit:
+    """One scan that stands for a reference wheel and in a sweep errs in both alike."""
+    return replace(
+        target,
+        causes=tuple(
+            replace(cause, shared=f"scan {source}") if cause.shared is None else cause
+            for cause in target.causes
+        ),
+    )
+
+
+def _widened(effect: Effect, turns: int, faces: int) -> Effect:
+    """With rows for the told turns, and one of six of each turn that is seen."""
+    size = len(effect.factor) - 6 * faces
+    none = np.zeros((turns, effect.factor.shape[1]))
+    return replace(effect, factor=np.vstack([effect.factor[:size], none, effect.factor[size::6]]))
+
+
+def _of_turn(u_rad: float, index: int, count: int, size: int) -> Effect:
+    factor = np.zeros((size, 1))
+    factor[6 * (4 + count) + index] = u_rad
+    return Effect("turn", factor, math.inf, pooled=False)

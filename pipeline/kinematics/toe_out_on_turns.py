@@ -1,0 +1,186 @@
+"""Toe-out on turns: how much more the inner front wheel steers than the outer one.
+
+With the inner wheel at 20 degrees of toe-out against the frame's forward axis, toe-out on turns is
+the inner wheel's angle less the outer wheel's, interpolated between positions of the steering.
+A plate leans against its axle, by the same lean wherever the wheel is steered while the brake holds
+it; where a run-out shows the lean, the angles are the axles'.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ..measurement import Measurement
+from ..vectors import Array
+from ..vehicle import First
+from .plate_pose import turn_about
+from .steering_axis import STEERED, measure_kingpins, toe_and_camber
+from .sweep import Estimate, Turned
+from .wheel_axis import Framed, framed
+
+INNER_RAD = math.radians(20.0)
+BEYOND_RAD = math.radians(1.0)  # how far outside the positions it is still worked out
+LEAST_PAIRS = 3
+TOGETHER_RAD = math.radians(2.0)  # positions that count as one place
+
+MOST_APART = 4.5  # u, by which a plate may lie off where the kingpin takes it from its reference
+
+ToeOutStatus = Literal["ok", "too-few-pairs", "not-reached"]
+
+
+@dataclass(frozen=True)
+class ToeOut:
+    """Of one turn: 'left', whose inner wheel is FL, or 'right'; None where it was not reached.
+
+    difference: inner less outer angle. u_interpolation_rad: what of its u is the curve between the
+    positions. of: what the angles are of.
+    """
+
+    turn: Literal["left", "right"]
+    status: ToeOutStatus = "ok"
+    reason: str = ""
+    difference: Estimate | None = None
+    u_interpolation_rad: float = 0.0
+    of: Literal["axles", "plates"] = "plates"
+
+
+def measure_toe_out(measurement: Measurement) -> tuple[ToeOut, ...]:
+    """Left turn, then right; none without a position of the steering that both wheels share."""
+    best = framed(measurement)
+    leans = {}
+    for kingpin in measure_kingpins(measurement):
+        lean = None if kingpin.axis is None else _lean(best, kingpin.wheel, kingpin.axis)
+        if lean is not None:
+            leans[kingpin.wheel] = lean
+    if len(leans) < len(STEERED):
+        leans = {}  # half of the difference compensated would be worse than neither
+    pairs = _pairs(best.scans, leans)
+    if not pairs:
+        return ()
+    left = [(-toe_left, -(toe_left + toe_right)) for toe_right, toe_left in pairs]
+    right = [(-toe_right, -(toe_left + toe_right)) for toe_right, toe_left in pairs]
+    turns = _of_turn(best.scans, "left", left), _of_turn(best.scans, "right", right)
+    return tuple(replace(turn, of="axles" if leans else "plates") for turn in turns)
+
+
+@dataclass(frozen=True)
+class _Lean:
+    """What takes a plate's normal to its axle: (3,) at the reference's normal (3,), and slopes."""
+
+    kingpin: Array
+    at: Array
+    off: Array
+    moved: Array
+
+    def axle(self, normal: Array, moved: Array) -> tuple[Array, Array]:
+        """The axle where the plate's normal is `normal`, turned there about the kingpin.
+
+        The turn's own error times the lean, some 0.01, is left out.
+        """
+        T = turn_about(self.kingpin, _turn(self.kingpin, self.at, normal))
+        return normal + T @ self.off, moved + T @ self.moved
+
+
+def _lean(best: Framed, wheel: str, kingpin: Array) -> _Lean | None:
+    """None where no run-out shows it, or where the plate lay otherwise in the sweep."""
+    axle, scans = best.axle_of(wheel), best.scans
+    if axle is None or axle.fit is None or axle.reference is None:
+        return None
+    at, by_at = scans.scans[axle.reference].normal, scans.columns(axle.reference)[0]
+    assert at is not None
+    for i in scans.of_wheel(wheel, "sweep"):
+        normal = scans.scans[i].normal
+        assert normal is not None
+        apart = scans.estimate(
+            First(float(kingpin @ (normal - at)), kingpin @ (scans.columns(i)[0] - by_at))
+        )
+        if abs(apart.value) > MOST_APART * apart.u:
+            return None
+    moved = axle.fit.d_axis @ scans.inputs_of(axle.members) - by_at
+    return _Lean(kingpin, at, axle.fit.axis - at, moved)
+
+
+def _turn(axis: Array, start: Array, end: Array) -> float:
+    """About a unit axis from one vector to another, radians."""
+    across = start - axis * (axis @ start)
+    return float(np.arctan2(axis @ np.cross(across, end), across @ end))
+
+
+def _pairs(scans: Turned, leans: Mapping[str, _Lean]) -> list[tuple[First, First]]:
+    """Toe of FR and of FL at every position that both have."""
+    toes: dict[str, dict[str, First]] = {wheel: {} for wheel in STEERED}
+    for wheel in STEERED:
+        for i in scans.of_wheel(wheel, "sweep"):
+            turn, normal = scans.scans[i].observation.turn, scans.scans[i].normal
+            if turn is None or turn.position is None or normal is None:
+                continue
+            way, moved = normal, scans.columns(i)[0]
+            if wheel in leans:
+                way, moved = leans[wheel].axle(way, moved)
+            toes[wheel][turn.position] = toe_and_camber(scans, wheel, way, moved)[0]
+    return [(toe, toes["FL"][place]) for place, toe in toes["FR"].items() if place in toes["FL"]]
+
+
+def _of_turn(
+    scans: Turned, turn: Literal["left", "right"], curve: list[tuple[First, First]]
+) -> ToeOut:
+    """From the inner wheel's angle and the difference at every position."""
+    if len(curve) < LEAST_PAIRS:
+        reason = f"both wheels share {len(curve)} positions, {LEAST_PAIRS} or more are needed"
+        return ToeOut(turn, "too-few-pairs", reason)
+    farthest = max(inner.value for inner, _ in curve)
+    if farthest < INNER_RAD - BEYOND_RAD:
+        reason = f"the inner wheel was steered to {math.degrees(farthest):.1f}°, 20° are needed"
+        return ToeOut(turn, "not-reached", reason)
+    curve = _merged(curve)
+    if len(curve) < LEAST_PAIRS:
+        reason = f"the positions are {len(curve)} places only, {LEAST_PAIRS} or more are needed"
+        return ToeOut(turn, "too-few-pairs", reason)
+    nearest = sorted(curve, key=lambda pair: abs(pair[0].value - INNER_RAD))[:LEAST_PAIRS]
+    curved, straight = _at_inner(nearest), _at_inner(nearest[:2])
+    known = scans.estimate(curved)
+    u_curve = abs(curved.value - straight.value) / 2.0
+    difference = Estimate(known.value, math.hypot(known.u, u_curve), known.freedom)
+    return ToeOut(turn, "ok", "", difference, u_curve)
+
+
+def _merged(curve: list[tuple[First, First]]) -> list[tuple[First, First]]:
+    """The mean of those that stand together: a curve through noise must not be steep."""
+    groups: list[list[tuple[First, First]]] = []
+    for pair in sorted(curve, key=lambda pair: pair[0].value):
+        if groups and pair[0].value - groups[-1][0][0].value < TOGETHER_RAD:
+            groups[-1].append(pair)
+        else:
+            groups.append([pair])
+    return [(_mean([x for x, _ in group]), _mean([y for _, y in group])) for group in groups]
+
+
+def _mean(numbers: list[First]) -> First:
+    whole = numbers[0]
+    for number in numbers[1:]:
+        whole = whole + number
+    return whole / len(numbers)
+
+
+def _at_inner(pairs: list[tuple[First, First]]) -> First:
+    """The polynomial through all pairs at 20 degrees, with its slopes by both of each pair.
+
+    Source: Lagrange's form; an error of an abscissa acts by the polynomial's own slope there.
+    """
+    x = np.array([inner.value for inner, _ in pairs])
+    y = np.array([difference.value for _, difference in pairs])
+    powers = np.arange(len(x))
+    at = (INNER_RAD**powers) @ np.linalg.inv(x[:, None] ** powers)
+    coefficients = np.linalg.solve(x[:, None] ** powers, y)
+    rises = (x[:, None] ** (powers[1:] - 1) * powers[1:]) @ coefficients[1:]
+    slope = sum(
+        (w * (d.slope - rise * inner.slope)
+         for w, rise, (inner, d) in zip(at, rises, pairs, strict=True)),
+        np.zeros_like(pairs[0][0].slope),
+    )  # fmt: skip
+    return First(float(at @ y), slope)

@@ -1,0 +1,171 @@
+"""The axles of wheels that were turned about them, and the frame through the axles' centres.
+
+A plate is never clamped quite on its axle, so that a frame through plates' centres stands askew by
+their offsets over the track. Where the reference scan is one of a wheel's run-out, the centre on
+the axle is known, and the frame stands on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ..errors import NotMeasuredError
+from ..measurement import Measurement
+from ..vectors import Array
+from ..vehicle import REFERENCE_WHEELS, First, length
+from .axis_fit import OneAxis
+from .sweep import DOUBT, Estimate, Turned, turned
+
+LEAST_TURN = 0.25  # |1 - exp(i turn)|, some 14 degrees, of the two places that differ most
+MOST_ECCENTRIC_M = 0.02  # no plate is clamped so far off; the wheel itself moved
+
+AxleStatus = Literal["ok", "too-few-positions", "turn-too-small", "no-axis", "moved"]
+FrameThrough = Literal["axle centres", "axle and plate centres", "plate centres"]
+
+
+@dataclass(frozen=True)
+class Axle:
+    """The axle of one wheel; fit: None where the scans say too little.
+
+    members: places of its measured scans. reference: that of the wheel's reference scan where it is
+    one of them, so that the axle is that of the reference. eccentricity: of the plate's centre.
+    """
+
+    wheel: str
+    members: tuple[int, ...]
+    reference: int | None
+    status: AxleStatus = "ok"
+    reason: str = ""
+    fit: OneAxis | None = None
+    eccentricity: Estimate | None = None
+
+    @property
+    def serves(self) -> bool:
+        """Whether it is the axle of the reference, and known."""
+        return self.reference is not None and self.status == "ok"
+
+
+@dataclass(frozen=True)
+class Framed:
+    """Turned scans in the frame that serves best; `through` says on which centres it stands."""
+
+    scans: Turned
+    through: FrameThrough
+    axles: tuple[Axle, ...]
+
+    def axle_of(self, wheel: str) -> Axle | None:
+        """The axle of a wheel's reference, where it is known."""
+        return next((a for a in self.axles if a.wheel == wheel and a.serves), None)
+
+
+def fit_axles(scans: Turned, measurement: Measurement) -> tuple[Axle, ...]:
+    """The axle of each wheel that has a run-out, in the order RR, RL, FR, FL."""
+    scanned = {w.wheel for w in measurement.wheels if w.observation.role == "runout"}
+    sources = [wheel.observation.source for wheel in measurement.wheels[:4]]
+    return tuple(
+        _axle(wheel, scans, source)
+        for wheel, source in zip(REFERENCE_WHEELS, sources, strict=True)
+        if wheel in scanned
+    )
+
+
+def on_axles(scans: Turned, axles: Sequence[Axle]) -> Framed:
+    """The scans in the frame of the axles' centres, of every wheel whose reference scan turned.
+
+    In that of the plates' where one of these is not ok: nobody would look for half a frame.
+    """
+    serving = [axle for axle in axles if axle.reference is not None]
+    if not serving or not all(axle.serves for axle in serving):
+        return Framed(scans, "plate centres", tuple(axles))
+    centres, moved = scans.reference_centres_m.copy(), scans.d_centres.copy()
+    for axle in serving:
+        assert axle.fit is not None
+        index = REFERENCE_WHEELS.index(axle.wheel)
+        centres[index] = axle.fit.point_m
+        moved[3 * index : 3 * index + 3] = axle.fit.d_point @ scans.inputs_of(axle.members)
+    whole = len(serving) == len(REFERENCE_WHEELS)
+    through: FrameThrough = "axle centres" if whole else "axle and plate centres"
+    return Framed(scans.on_centres(centres, moved), through, tuple(axles))
+
+
+def framed(measurement: Measurement) -> Framed:
+    """The turned scans, in the frame of the axles where it is known, else of the plates."""
+    scans = turned(measurement)
+    return on_axles(scans, fit_axles(scans, measurement))
+
+
+def outward_sense(wheel: str) -> float:
+    """1 where the frame's left is outward, else -1."""
+    return 1.0 if wheel.endswith("L") else -1.0
+
+
+def size(parts: tuple[First, First, First]) -> First:
+    """Length of a vector; one of no length at all has the slope of its first part."""
+    return length(*parts) if any(part.value for part in parts) else parts[0]
+
+
+def _axle(wheel: str, scans: Turned, reference: str) -> Axle:
+    members = scans.of_wheel(wheel, "runout")
+    same = (i for i in members if scans.scans[i].observation.source == reference)
+    axle = Axle(wheel, tuple(members), next(same, None))
+    if len(members) < 2:
+        reason = f"{len(members)} positions were measured, 2 or more are needed"
+        return replace(axle, status="too-few-positions", reason=reason)
+    turns = _told(scans, members, wheel)
+    places = np.exp(1j * turns)
+    if float(np.abs(places[:, None] - places).max()) < LEAST_TURN:
+        reason = "the scans are of nearly the same turn: turn the wheel by 180 degrees"
+        return replace(axle, status="turn-too-small", reason=reason)
+    try:
+        fit = _fit(scans, members, turns)
+    except NotMeasuredError as error:
+        if error.status == "not-one-axis":
+            return replace(axle, status="moved", reason=f"{error}, or an angle_deg is wrong")
+        return replace(axle, status="no-axis", reason=str(error))
+    moved = (fit.d_centre - fit.d_point) @ scans.inputs_of(members)
+    eccentricity = scans.estimate(size(scans.in_frame(fit.centre_m - fit.point_m, moved)))
+    status, reason = _judge(scans, members, turns, fit, eccentricity)
+    return replace(axle, status=status, reason=reason, fit=fit, eccentricity=eccentricity)
+
+
+def _told(scans: Turned, members: list[int], wheel: str) -> Array:
+    """Turns about the outward axle, right-handed: on the left, a wheel that rolls forwards."""
+    turns = [scans.scans[i].observation.turn for i in members]
+    return np.array([t.angle_rad or 0.0 for t in turns if t is not None]) * outward_sense(wheel)
+
+
+def _fit(scans: Turned, members: list[int], turns: Array) -> OneAxis:
+    normals = [scans.scans[i].normal for i in members]
+    middle = np.sum([normal for normal in normals if normal is not None], axis=0)
+    return scans.fit(members, turns, scans.u_turns_rad[members], middle)
+
+
+def _judge(
+    scans: Turned, members: list[int], turns: Array, fit: OneAxis, eccentricity: Estimate
+) -> tuple[AxleStatus, str]:
+    if fit.probability < DOUBT:
+        return "moved", (
+            f"the scans do not turn about one axle as told (chi2/nu = "
+            f"{fit.chi_square / fit.freedom:.1f}): {_mend(scans, members, turns)}"
+        )
+    if eccentricity.value > MOST_ECCENTRIC_M:
+        return "moved", (
+            f"the plate's centre goes round at {eccentricity.value * 1e3:.1f} mm from the axle: "
+            "the vehicle moved, or angle_deg is wrong"
+        )
+    return "ok", ""
+
+
+def _mend(scans: Turned, members: list[int], turns: Array) -> str:
+    """What to look at; the turns told backwards are tried, and said, never taken."""
+    try:
+        backwards = _fit(scans, members, -turns).probability >= DOUBT
+    except NotMeasuredError:
+        backwards = False
+    if backwards:
+        return "they do if angle_deg counts against the rolling forwards: change its signs"
+    return "the vehicle moved, the plate slipped, or an angle_deg is wrong"

@@ -1,0 +1,105 @@
+"""One scan, or one block of five points, to what it shows, or why it shows nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+from ..capture import Capture, ScanEntry
+from ..cloud import cloud_sample
+from ..config import Config, InstrumentConfig
+from ..detection import find_target
+from ..diagnostics import check_wheel_scan
+from ..errors import InputError, NotMeasuredError
+from ..files import sha256
+from ..plane import Patch
+from ..readers import read_scan
+from ..targets import Target
+from .records import Evidence, Observation
+
+NOISY = 1.5  # times the stated noise of a range
+
+Fit = Callable[[Patch, Target, Config], Evidence]
+
+
+def observe_entry(
+    entry: ScanEntry,
+    capture: Capture,
+    config: Config,
+    fit_target: Fit,
+    progress: Callable[[str], None],
+) -> Observation:
+    """Read a scan and measure its target.
+
+    Raises InputError when the file is unreadable, or the target of a reference wheel, on which the
+    frame stands, was not measured.
+    """
+    progress(entry.file)
+    source = f"{capture.source}: {entry.file}"
+    seen, patch = _find(entry, source, capture, config)
+    try:
+        if isinstance(patch, NotMeasuredError):
+            raise patch
+        evidence = fit_target(patch, capture.target, config)
+        return replace(seen, evidence=evidence, wheel=_wheel_of(entry, evidence, source))
+    except NotMeasuredError as error:
+        if entry.role == "reference":
+            raise InputError(
+                f"{source}: the target of reference wheel {entry.name} was not measured "
+                f"({error.status}): {error}: scan this wheel again, or check "
+                "--target and length_unit"
+            ) from error
+        return replace(seen, status=error.status, reason=str(error))
+
+
+def _wheel_of(entry: ScanEntry, evidence: Evidence, source: str) -> str | None:
+    """The scan's wheel as it is named, which its markers must not contradict; else by these."""
+    told = evidence.target.wheel
+    if told is not None and entry.wheel not in (None, told):
+        raise InputError(
+            f"{source}: it is named for {entry.wheel}, but the markers of its board are those of "
+            f"{told}: mend the scan's name, or the markers in the target's file"
+        )
+    return entry.wheel or told
+
+
+def _find(
+    entry: ScanEntry, source: str, capture: Capture, config: Config
+) -> tuple[Observation, Patch | NotMeasuredError]:
+    """What was read, and the target's surroundings; the scan itself is let go here."""
+    scan = read_scan(entry.path, capture.length_unit, source)
+    check_wheel_scan(scan.points_m, 2.0 * capture.target.radius_m, capture.length_unit, source)
+    seen = Observation(
+        name=entry.name,
+        role=entry.role,
+        wheel=entry.wheel,
+        source=entry.file,
+        sha256=sha256(entry.path),
+        points_total=len(scan.points_m),
+        missing_returns=scan.missing_returns,
+        repeats=entry.repeats,
+        turn=entry.turn,
+        cloud=cloud_sample(scan.points_m),
+    )
+    try:
+        patch = find_target(
+            scan.points_m, capture.target, config.segment, config.seed, scan.intensity
+        )
+    except NotMeasuredError as error:
+        return seen, error.with_traceback(None)
+    station_m = scan.parts[0].station_m if len(scan.parts) == 1 else None
+    return seen, replace(patch, station_m=station_m)
+
+
+def noisy(observations: Sequence[Observation], instrument: InstrumentConfig) -> Iterator[str]:
+    """A sentence on every scan whose noise is well beyond what is stated of the scanner."""
+    if instrument.range_sigma_m is None:
+        return
+    for seen in observations:
+        plane = seen.evidence.plane if seen.evidence else None
+        if plane is not None and plane.sigma_m > NOISY * instrument.range_sigma_m:
+            yield (
+                f"The noise of {seen.name} across its plane, {plane.sigma_m * 1e3:.2f} mm, is "
+                f"{plane.sigma_m / instrument.range_sigma_m:.1f} times the range noise that the "
+                f"scanner's file states: check the target's surface, and the file."
+            )

@@ -1,0 +1,23 @@
+"""Plane fits: least squares, sigma clipping, RANSAC, and correlated noise."""
+
+from .find_planes import CloudPlane, find_planes, plane_of_all
+from .fit_plane import PlaneFit, fit_plane
+from .least_squares import total_least_squares
+from .patch import Patch
+from .ransac import RansacOptions, ransac
+from .sigma_clipping import Trim, converge, first_sigma
+
+__all__ = [
+    "CloudPlane",
+    "Patch",
+    "PlaneFit",
+    "RansacOptions",
+    "Trim",
+    "converge",
+    "find_planes",
+    "first_sigma",
+    "fit_plane",
+    "plane_of_all",
+    "ransac",
+    "total_least_squares",
+]

@@ -1,0 +1,221 @@
+"""The planes of any cloud, with no target's size to go by: the points tell the threshold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..cloud import random_rows, within_slab
+from ..errors import InputError, NotMeasuredError
+from ..vectors import Array
+from .least_squares import PlaneMoments, total_least_squares
+from .ransac import RansacOptions, ransac
+from .sigma_clipping import Trim, converge
+
+SCORED_POINTS = 2000
+LOOKED_AT_POINTS = 50_000
+MIN_SCORE = 6.0  # a plane as good arises by chance once in e^6 clouds
+MIN_CONTRAST = 2.0  # a slab of a curved or solid cloud is as dense as its neighbours: contrast 1
+MAX_THICKNESS = 0.05  # rms of a plane's residuals, over the spread of its points along it
+NEIGHBOURS, PLACES = 24, 48  # for the noise: at first this many points about this many points
+MAX_ROUGHNESS = 0.25  # noise over a neighbourhood's spread: above it larger ones are tried
+
+
+@dataclass(frozen=True)
+class CloudPlane:
+    """One plane of a cloud: normal . x + offset = 0.
+
+    normal: (3,) unit, largest component positive. centroid_m: (3,) mean of its points.
+    rms_m: of its points' distances. extents_m: (2,) their reach along their two main directions,
+    the longer first.
+    """
+
+    normal: Array
+    offset_m: float
+    centroid_m: Array
+    rms_m: float
+    points: int
+    extents_m: tuple[float, float]
+
+
+def find_planes(points_m: Array, max_planes: int, seed: int = 0) -> tuple[CloudPlane, ...]:
+    """At most max_planes planes of points_m (N, 3), largest first, while the points show any.
+
+    Each is found by RANSAC with a threshold that the points themselves decide (a contrario), fitted
+    by total least squares over all its points at 3 sigma, and taken out before the next is sought.
+    Raises NotMeasuredError 'no-plane', InputError for fewer than 4 points.
+    """
+    if len(points_m) < 4:
+        raise InputError(f"a plane with a residual needs at least 4 points, got {len(points_m)}")
+    origin = np.median(random_rows(points_m, LOOKED_AT_POINTS, np.random.default_rng(seed)), axis=0)
+    remaining = points_m - origin
+    widest = _widest_slab(remaining, np.random.default_rng(seed))
+    found: list[CloudPlane] = []
+    while len(found) < max_planes and len(remaining) >= 4:
+        rng = np.random.default_rng([seed, len(found)])
+        plane = _next_plane(remaining, origin, widest, rng)
+        if plane is None:
+            break
+        moments, limit = plane
+        here = within_slab(remaining, moments.centroid_m, moments.normal, limit)
+        found.append(_describe(moments, remaining[here], origin))
+        remaining = remaining[
+            ~within_slab(remaining, moments.centroid_m, moments.normal, 2.0 * limit)
+        ]
+    if not found:
+        raise NotMeasuredError("no-plane", "no plane stands out among the points")
+    return tuple(sorted(found, key=lambda plane: -plane.points))
+
+
+def plane_of_all(points_m: Array) -> CloudPlane:
+    """Least-squares plane through all of points_m (N, 3), none left out."""
+    if len(points_m) < 3:
+        raise InputError(f"a plane needs at least 3 points, got {len(points_m)}")
+    origin = points_m[0]
+    return _describe(total_least_squares(points_m - origin), points_m - origin, origin)
+
+
+def _next_plane(
+    points: Array, origin: Array, widest: float, rng: np.random.Generator
+) -> tuple[PlaneMoments, float] | None:
+    """The plane that stands out most, and the distance within which points belong to it."""
+    scored = random_rows(points, SCORED_POINTS, rng)
+    resolution = 16.0 * np.finfo(float).eps * float(np.abs(origin).max() + np.abs(points).max())
+    span = float(np.linalg.norm(np.ptp(scored, axis=0)))
+    problem = _AnyPlane(scored, span, resolution, widest)
+    result = ransac(problem, RansacOptions(max_proposals=1000), rng)
+    if result is None or result.score < MIN_SCORE:
+        return None
+    scale, _ = problem.best_scale(result.model)
+    start = Trim(_basis(result.model[3:]), result.model[:3], scale / 2.0, cap=1.5 * scale)
+    try:
+        look, _, _ = converge(random_rows(points, LOOKED_AT_POINTS, rng), start, resolution)
+        trim, moments, _ = converge(points, look, resolution)
+    except NotMeasuredError:
+        return None
+    limit = trim.limit(resolution)
+    return (moments, limit) if _stands_out(points, moments, limit) else None
+
+
+def _widest_slab(points: Array, rng: np.random.Generator) -> float:
+    """How far from a plane to look for its points: five times the noise of the cloud, metres.
+
+    The noise is that of the flattest quarter of small neighbourhoods. A cloud too small for
+    neighbourhoods gives 2 % of its span. Raises NotMeasuredError where nothing is flat.
+    """
+    cloud = random_rows(points, 2 * LOOKED_AT_POINTS, rng)
+    span = float(np.linalg.norm(np.ptp(cloud, axis=0)))
+    if len(cloud) < 2 * NEIGHBOURS:
+        return 0.02 * span
+    places = cloud[rng.integers(len(cloud), size=PLACES)]
+    count = NEIGHBOURS
+    while 2 * count <= len(cloud):
+        noise, roughness = np.array([_flatness(cloud, place, count) for place in places]).T
+        if np.quantile(roughness, 0.25) < MAX_ROUGHNESS:
+            return min(5.0 * float(np.quantile(noise, 0.25)), 0.02 * span)
+        count *= 4
+    raise NotMeasuredError("no-plane", "no plane stands out among the points")
+
+
+def _flatness(cloud: Array, place: Array, count: int) -> tuple[float, float]:
+    """Noise across the `count` points nearest to `place`, metres, and over their spread."""
+    square = np.sum((cloud - place) ** 2, axis=1)
+    near = cloud[np.argpartition(square, count)[:count]]
+    plane = total_least_squares(near)
+    noise = 1.4826 * float(np.median(np.abs((near - plane.centroid_m) @ plane.normal)))
+    spread = math.sqrt(2.0 * plane.scatter_m2[1] / count)
+    return noise, noise / spread if spread > 0.0 else 0.0
+
+
+def _basis(normal: Array) -> Array:
+    return np.stack([np.zeros(3), np.zeros(3), normal])
+
+
+def _stands_out(points: Array, moments: PlaneMoments, limit: float) -> bool:
+    """Whether the slab is denser than the slabs beside it."""
+    residual = np.abs((points - moments.centroid_m) @ moments.normal)
+    inside = np.count_nonzero(residual < limit)
+    beside = np.count_nonzero(residual < 3.0 * limit) - inside
+    thickness = math.sqrt(moments.scatter_m2[2] / max(moments.scatter_m2[1], 1e-300))
+    return bool(inside >= 4 and inside >= MIN_CONTRAST * beside / 2.0 and thickness < MAX_THICKNESS)
+
+
+def _describe(moments: PlaneMoments, points: Array, origin: Array) -> CloudPlane:
+    centroid = origin + moments.centroid_m
+    across = (points - moments.centroid_m) @ moments.basis.T
+    extents = np.sort(np.ptp(across[:, :2], axis=0))[::-1]
+    return CloudPlane(
+        normal=moments.normal,
+        offset_m=-float(moments.normal @ centroid),
+        centroid_m=centroid,
+        rms_m=float(np.sqrt(np.mean(across[:, 2] ** 2))),
+        points=len(points),
+        extents_m=(float(extents[0]), float(extents[1])),
+    )
+
+
+class _AnyPlane:
+    """Planes through three points, near or far, judged at the scale where each stands out most.
+
+    A model is a row (6,): a point on the plane, its unit normal. Score: minus the logarithm of the
+    number of false alarms, the expected number of planes as good in a cloud of unrelated points:
+    NFA(k) = C(n, k) C(k, 3) (2 e_k / L)^(k - 3), e_k the distance of the k-th nearest point.
+    Source: Moisan, Stival, Int. J. Comput. Vision 57 (2004) 201.
+    """
+
+    def __init__(self, points: Array, span: float, resolution: float, widest: float) -> None:
+        self._points, self._span = points, span
+        self._floor = max(resolution, 1e-12 * span)
+        self._widest = max(widest, self._floor)
+        count = np.arange(1, len(points) + 1)
+        log_factorial = np.concatenate([[0.0], np.cumsum(np.log(count))])
+        choose = log_factorial[-1] - log_factorial[1:] - log_factorial[::-1][1:]
+        triples = count * (count - 1.0) * (count - 2.0) / 6.0
+        self._log_tests = choose + np.log(np.maximum(triples, 1.0))
+        self._powers = np.maximum(count - 3.0, 0.0)
+
+    def propose(self, count: int, rng: np.random.Generator) -> Sequence[Array]:
+        """Half of the triples anywhere, half among the nearest of a handful."""
+        first, second, third = self._points[rng.integers(len(self._points), size=(3, count))]
+        handful = self._points[rng.integers(len(self._points), size=(count // 2, 24))]
+        distance = np.linalg.norm(handful - first[: count // 2, None], axis=2)
+        near = np.argsort(distance, axis=1)
+        rows = np.arange(count // 2)
+        second[: count // 2] = handful[rows, near[:, 1]]
+        third[: count // 2] = handful[rows, near[:, 2]]
+        normal = np.cross(second - first, third - first)
+        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        good = length[:, 0] > 1e-9 * self._span**2
+        return list(np.hstack([first, normal / np.maximum(length, 1e-300)])[good]) or [first[0]]
+
+    def score(self, models: Sequence[Array]) -> Array:
+        if len(models[0]) < 6:  # no triple spanned a plane
+            return np.zeros(1)
+        return np.array([self.best_scale(model)[1] for model in models])
+
+    def best_scale(self, model: Array) -> tuple[float, float]:
+        """Distance at which a plane stands out most, and its score there."""
+        residual = np.sort(np.abs((self._points - model[:3]) @ model[3:]))
+        share = np.clip(2.0 * np.maximum(residual, self._floor) / self._span, None, 1.0)
+        log_alarms = self._log_tests + self._powers * np.log(share)
+        within = max(int(np.searchsorted(residual, self._widest, side="right")), 4)
+        best = int(np.argmin(log_alarms[:within]))
+        return float(max(residual[best], self._floor)), -float(log_alarms[best])
+
+    def refine(self, model: Array) -> Array:
+        for _ in range(3):
+            scale, _ = self.best_scale(model)
+            near = np.abs((self._points - model[:3]) @ model[3:]) <= scale
+            if np.count_nonzero(near) < 4:
+                break
+            plane = total_least_squares(self._points[near])
+            model = np.concatenate([plane.centroid_m, plane.normal])
+        return model
+
+    def success_rate(self, model: Array) -> float:
+        scale, _ = self.best_scale(model)
+        share = float(np.mean(np.abs((self._points - model[:3]) @ model[3:]) <= scale))
+        return 0.5 * math.pow(share, 3)

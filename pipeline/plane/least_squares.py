@@ -1,0 +1,87 @@
+"""TODO."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..vectors import CHUNK_ROWS, Array, Mask, cross
+
+
+@dataclass(frozen=True)
+class PlaneMoments:
+    """A plane by total least squares: n . (x - centroid) = 0.
+
+    centroid_m: (3,) mean of the points. normal: (3,) unit, sign free.
+    basis: (3, 3) rows of a right-handed basis: two directions in the plane, then the normal.
+    scatter_m2: (3,) eigenvalues of the centred scatter in the order of the basis' rows.
+    count: number of points.
+    """
+
+    centroid_m: Array
+    basis: Array
+    scatter_m2: Array
+    count: int
+
+    @property
+    def normal(self) -> Array:
+        """Unit normal (3,), the direction of least scatter."""
+        return np.asarray(self.basis[2])
+
+
+def total_least_squares(points_m: Array, keep: Mask | None = None) -> PlaneMoments:
+    """Plane of least squared orthogonal distance through points_m (N, 3), or those in keep (N,).
+
+    At least 3 points. Eigenvectors of the centred 3x3 scatter. Centred first on a point of the
+    cloud, which is exact, then on the mean, so that coordinates of 1e7 m lose nothing but their own
+    resolution. eigh gives the smallest eigenvalue and its vector only to eps times the largest, so
+    the scatter is summed once more along its axes, and the plane leant by what that leaves over.
+    The normal's largest component is positive.
+    Source: Shakarji, J. Res. NIST 103 (1998) 633, section 3.
+    """
+    if keep is not None and len(points_m) <= CHUNK_ROWS:
+        points_m, keep = points_m[keep], None
+    origin = points_m[0 if keep is None else int(np.argmax(keep))]
+    count = len(points_m) if keep is None else int(np.count_nonzero(keep))
+    total = np.zeros(3)
+    for local in _chunks(points_m, keep, origin):
+        total += local.sum(axis=0)
+    mean = total / count
+    scatter = np.zeros((3, 3))
+    for local in _chunks(points_m, keep, origin):
+        local -= mean
+        scatter += local.T @ local
+    values, vectors = np.linalg.eigh(scatter)
+    basis = vectors.T[::-1]
+    along = np.zeros((3, 3))
+    for local in _chunks(points_m, keep, origin):
+        turned = (local - mean) @ basis.T
+        along += turned.T @ turned
+    basis, across = _leant(basis, along)
+    scatter_m2 = np.array([*values[:0:-1].clip(min=0.0), across])
+    return PlaneMoments(origin + mean, basis, scatter_m2, count)
+
+
+def _leant(basis: Array, along: Array) -> tuple[Array, float]:
+    """The basis with its normal leant by the cross moments left in `along` (3, 3), the scatter.
+
+    Also the scatter across the leant plane: S33 - t . (S13, S23), with t = S_i3 / (S_ii - S33).
+    """
+    wide = np.diag(along)[:2] - along[2, 2]
+    lean = np.divide(along[:2, 2], wide, out=np.zeros(2), where=wide > 0.0)
+    normal = basis[2] - lean @ basis[:2]
+    normal /= np.linalg.norm(normal)
+    normal *= np.sign(normal[np.argmax(np.abs(normal))])
+    first = basis[0] - (basis[0] @ normal) * normal
+    first /= np.linalg.norm(first)
+    across = max(float(along[2, 2] - lean @ along[:2, 2]), 0.0)
+    return np.stack([first, cross(normal, first), normal]), across
+
+
+def _chunks(points_m: Array, keep: Mask | None, origin_m: Array) -> Iterator[Array]:
+    """The kept points relative to origin_m, some rows at a time, as fresh arrays."""
+    for start in range(0, len(points_m), CHUNK_ROWS):
+        rows = slice(start, start + CHUNK_ROWS)
+        yield (points_m[rows] if keep is None else points_m[rows][keep[rows]]) - origin_m

@@ -1,0 +1,83 @@
+"""A robust loop: propose, score, refine the best, stop when enough was tried. Knows no geometry."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from ..vectors import Array
+
+M = TypeVar("M")
+
+
+class Problem(Protocol[M]):
+    """What the loop must be told of a problem with models of type M."""
+
+    def propose(self, count: int, rng: np.random.Generator) -> Sequence[M]:
+        """Models through minimal random samples."""
+
+    def score(self, models: Sequence[M]) -> Array:
+        """Support of each model: (len(models),), larger is better."""
+
+    def refine(self, model: M) -> M:
+        """The model improved by its own support."""
+
+    def success_rate(self, model: M) -> float:
+        """Chance that one proposal would be as good as this model."""
+
+
+@dataclass(frozen=True)
+class RansacOptions:
+    """When to stop: with this confidence that a good proposal was seen, or at the maximum."""
+
+    confidence: float = 0.999
+    max_proposals: int = 3000
+    batch: int = 50
+
+
+@dataclass(frozen=True)
+class RansacResult(Generic[M]):
+    """The best model, its score, and how many proposals it took."""
+
+    model: M
+    score: float
+    proposals: int
+
+
+def ransac(
+    problem: Problem[M], options: RansacOptions, rng: np.random.Generator
+) -> RansacResult[M] | None:
+    """Best model of `problem`, or None when no proposal had any support.
+
+    Locally optimised: each new best is refined and kept if that raised its score.
+    Source: Fischler and Bolles, CACM 24 (1981) 381; Chum, Matas, Kittler, DAGM 2003.
+    """
+    best: RansacResult[M] | None = None
+    proposals, needed = 0, float(options.max_proposals)
+    while proposals < needed:
+        models = problem.propose(options.batch, rng)
+        scores = problem.score(models)
+        proposals += options.batch
+        leader = int(np.argmax(scores))
+        if scores[leader] > (best.score if best else 0.0):
+            best = _refined(problem, models[leader], float(scores[leader]), proposals)
+            needed = min(needed, _proposals_needed(problem.success_rate(best.model), options))
+    return best
+
+
+def _refined(problem: Problem[M], model: M, score: float, proposals: int) -> RansacResult[M]:
+    refined = problem.refine(model)
+    refined_score = float(problem.score([refined])[0])
+    if refined_score >= score:
+        return RansacResult(refined, refined_score, proposals)
+    return RansacResult(model, score, proposals)
+
+
+def _proposals_needed(success_rate: float, options: RansacOptions) -> float:
+    if success_rate >= 1.0:
+        return 0.0
+    return math.log(1.0 - options.confidence) / math.log1p(-max(success_rate, 1e-12))

@@ -1,0 +1,67 @@
+"""A plane and the noise across it, found together: fit, trim at three sigma, fit again."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import NotMeasuredError
+from ..vectors import Array
+from .least_squares import PlaneMoments, total_least_squares
+
+# Standard deviation of a normal variable cut at 3 sigma, over sigma: with k = 3,
+# sqrt(1 - 2 k phi(k)/(2 Phi(k) - 1)).
+TRIMMED_AT_3 = 0.98658
+
+
+@dataclass(frozen=True)
+class Trim:
+    """A plane through `point` and the noise across it, by which points are kept or left.
+
+    basis: (3, 3), the normal last. cap: no point further away is ever kept, metres.
+    """
+
+    basis: Array
+    point: Array
+    sigma: float
+    cap: float = math.inf
+
+    def limit(self, resolution: float, sigmas: float = 3.0) -> float:
+        """Distance within which points are kept: `sigmas` of noise, at least the resolution."""
+        return max(min(sigmas * self.sigma, self.cap), resolution)
+
+
+def first_sigma(depth: Array, band: float) -> float:
+    """Noise about the plane, from the median absolute deviation of the depths (N,) within band."""
+    near = depth[np.abs(depth) < band]
+    if len(near) < 10:
+        raise NotMeasuredError("too-few-points", f"{len(near)} points on the face, 10 needed")
+    return float(1.4826 * np.median(np.abs(near - np.median(near))))
+
+
+def converge(
+    points: Array, trim: Trim, resolution: float, max_iterations: int = 50
+) -> tuple[Trim, PlaneMoments, int]:
+    """Fit points (N, 3), trim at 3 sigma, fit again, until the same points are kept twice.
+
+    resolution: of the coordinates, metres. Raises NotMeasuredError 'too-few-points'.
+    """
+    kept = np.zeros(0, dtype=bool)
+    iterations = 0
+    while iterations < max_iterations:
+        residual = (points - trim.point) @ trim.basis[2]
+        keep = np.abs(residual) < trim.limit(resolution)
+        if np.array_equal(keep, kept):
+            break
+        kept = keep
+        if np.count_nonzero(keep) < 4:
+            raise NotMeasuredError("too-few-points", "fewer than 4 points agree on a plane")
+        moments = total_least_squares(points, keep)
+        if moments.scatter_m2[1] <= 100.0 * resolution**2:
+            raise NotMeasuredError("too-few-points", "the points on the face span no plane")
+        spread = float(np.sqrt(moments.scatter_m2[2] / (moments.count - 3))) / TRIMMED_AT_3
+        trim = Trim(moments.basis, moments.centroid_m, spread, trim.cap)
+        iterations += 1
+    return trim, moments, iterations

@@ -1,0 +1,112 @@
+"""E57: scans with their poses.
+
+Format: ASTM E2807-11. Decoded by libE57Format (pye57) in a child; what it is handed was checked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..faults import fault
+from ..sandbox.client import find_library, run_child
+from ..sandbox.process import Job
+from ..source import Block, Column, RawCloud, Source
+from .pages import Pages, read_xml
+from .scans import CARTESIAN, SPHERICAL, E57Scan, find_scans
+from .section import check_sections
+from .xml import parse_xml
+
+SLOT_ROWS = 1 << 14
+VALUE_BYTES = 8
+WORKING_BYTES = 64 << 20  # of libE57Format, for a file of few words
+BYTES_PER_XML_BYTE = 20
+INVALID = {CARTESIAN: "cartesianInvalidState", SPHERICAL: "sphericalInvalidState"}
+INTENSITY = "intensity"
+GRID = ("rowIndex", "columnIndex")
+LARGEST_PLACE = 2**31
+
+
+def read_e57(source: Source) -> RawCloud:
+    """All scans, in the file's order; points whose state is invalid are missing returns.
+
+    A scan without intensity, or without rows and columns, beside one that has them gets NaN, or -1.
+    """
+    library = find_library("pye57", "E57", "e57", source)
+    pages = Pages(source)
+    xml = read_xml(pages)
+    scans = find_scans(parse_xml(xml, source), source)
+    filled = [scan for scan in scans if scan.rows]
+    check_sections(pages, filled)
+    return RawCloud(
+        rows=sum(scan.rows for scan in filled),
+        has_intensity=any(scan.has(INTENSITY) for scan in filled),
+        blocks=_blocks(scans, library, len(xml), source),
+        has_grid=any(scan.has(*GRID) for scan in filled),
+        parts=tuple(scan.part for scan in scans),
+    )
+
+
+def _system(scan: E57Scan) -> tuple[str, str, str]:
+    return CARTESIAN if scan.has(*CARTESIAN) else SPHERICAL
+
+
+def _columns(scan: E57Scan) -> dict[str, str]:
+    """The fields to decode, and the struct format of each."""
+    if not scan.rows:
+        return {}
+    system = _system(scan)
+    columns = dict.fromkeys(system, "d")
+    optional = {INVALID[system]: "q", INTENSITY: "d", GRID[0]: "q", GRID[1]: "q"}
+    return columns | {name: form for name, form in optional.items() if scan.has(name)}
+
+
+def _blocks(
+    scans: tuple[E57Scan, ...], library: str, xml_bytes: int, source: Source
+) -> Iterator[Block]:
+    columns = [_columns(scan) for scan in scans]
+    job = Job(
+        task="e57",
+        library=library,
+        plan={"scans": [list(each.items()) for each in columns]},
+        rows=tuple(scan.rows for scan in scans),
+        slot_rows=SLOT_ROWS,
+        slot_bytes=max(map(len, columns)) * SLOT_ROWS * VALUE_BYTES,
+        memory_bytes=WORKING_BYTES + BYTES_PER_XML_BYTE * xml_bytes,
+    )
+    for filled in run_child(job, source):
+        table = {
+            name: np.frombuffer(filled.memory, form, filled.rows, i * SLOT_ROWS * VALUE_BYTES)
+            for i, (name, form) in enumerate(columns[filled.part].items())
+        }
+        _check_grid([table[name] for name in GRID if name in table], source)
+        yield _block(table, filled.part, _system(scans[filled.part]))
+
+
+def _check_grid(places: list[Column], source: Source) -> None:
+    for place in places:
+        beyond = place[(place >= LARGEST_PLACE) | (place <= -LARGEST_PLACE)]
+        if len(beyond):
+            raise fault(source, f"a point lies in row or column {beyond[0]}")
+
+
+def _block(table: dict[str, Column], part: int, system: tuple[str, str, str]) -> Block:
+    first, second, third = (table[name] for name in system)
+    invalid = table.get(INVALID[system])
+    no_shade, no_place = (np.broadcast_to(value, len(first)) for value in (np.nan, -1))
+    return Block(
+        xyz=_to_cartesian(first, second, third) if system == SPHERICAL else (first, second, third),
+        intensity=table.get(INTENSITY, no_shade),
+        grid=(table.get(GRID[0], no_place), table.get(GRID[1], no_place)),
+        missing=None if invalid is None else invalid != 0,
+        part=part,
+    )
+
+
+def _to_cartesian(
+    reach: Column, azimuth: Column, elevation: Column
+) -> tuple[Column, Column, Column]:
+    """Azimuth from x towards y, elevation from the xy plane towards z, both in radians (8.4.4)."""
+    level = reach * np.cos(elevation)
+    return level * np.cos(azimuth), level * np.sin(azimuth), reach * np.sin(elevation)

@@ -1,0 +1,47 @@
+"""Fixed-size binary records, read in chunks that stay in the cache."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..faults import fault
+from ..source import Block, Layout, Source
+
+CHUNK_BYTES = 1 << 20
+
+
+def record_blocks(
+    source: Source,
+    count: int,
+    formats: list[str],
+    offsets: list[int],
+    itemsize: int,
+    layout: Layout,
+) -> Iterator[Block]:
+    """`count` records of `itemsize` bytes from the current position.
+
+    formats, offsets: numpy scalar type and byte offset of each column that `layout` names.
+    The caller has checked that the file holds them.
+    """
+    rows = max(1, CHUNK_BYTES // itemsize)
+    buffer = bytearray(rows * itemsize)
+    columns = [
+        np.ndarray((rows,), np.dtype(form), buffer, offset, (itemsize,))
+        for form, offset in zip(formats, offsets, strict=True)
+    ]
+    done = 0
+    while done < count:
+        wanted = min(rows, count - done)
+        read_exactly(source, memoryview(buffer)[: wanted * itemsize])
+        x, y, z = (columns[column][:wanted] for column in layout.xyz)
+        shade = None if layout.intensity is None else columns[layout.intensity][:wanted]
+        yield Block((x, y, z), shade)
+        done += wanted
+
+
+def read_exactly(source: Source, into: memoryview) -> None:
+    """Fill the buffer, or say that the file shrank since its size was checked."""
+    if source.stream.readinto(into) != len(into):
+        raise fault(source, "the file was cut while it was read", "wait for its writer, then retry")

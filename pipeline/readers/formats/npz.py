@@ -1,0 +1,68 @@
+"""NPZ: one array of points in a zip of NPY arrays, and perhaps its intensities."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...files import Member, open_archive
+from ..faults import fault
+from ..source import Block, Column, RawCloud, Source
+from .npy import check_size, read_header, read_npy
+
+_POINTS = ("points", "xyz")
+_INTENSITY = "intensity"
+
+
+def read_npz(source: Source) -> RawCloud:
+    """The array called points or xyz, or the only one, and the one called intensity."""
+    folder = Path(source.stack.enter_context(tempfile.TemporaryDirectory(prefix="wheelplane-")))
+    with open_archive(source.path, source.name, folder) as archive:
+        members = {member.name.removesuffix(".npy"): member for member in archive.members}
+        shade = members.pop(_INTENSITY, None)
+        points = _choose(members, source)
+        archive.unpack(folder, (points,) if shade is None else (points, shade))
+    cloud = read_npy(_opened(folder, points, source))
+    if shade is None:
+        return cloud
+    if cloud.has_intensity:
+        raise fault(source, "it holds an intensity twice", "save x y z and intensity once")
+    shades = _vector(_opened(folder, shade, source), cloud.rows)
+    return replace(cloud, has_intensity=True, blocks=_with_intensity(cloud, shades))
+
+
+def _choose(members: dict[str, Member], source: Source) -> Member:
+    named = [members[name] for name in _POINTS if name in members]
+    if len(named) == 1:
+        return named[0]
+    if len(members) == 1:
+        return next(iter(members.values()))
+    held = ", ".join(members)[:120] or "none"
+    raise fault(source, f"its arrays are {held}", "save the points as one array, `points`")
+
+
+def _opened(folder: Path, member: Member, source: Source) -> Source:
+    return Source.open(folder / member.name, f"{source.name}: {member.name}", source.stack)
+
+
+def _vector(source: Source, rows: int) -> Column:
+    """An array (rows,), mapped into memory rather than read."""
+    header = read_header(source)
+    if header.shape != (rows,):
+        fact = f"it has the shape {header.shape}, the points are {rows}"
+        raise fault(source, fact, "save an intensity for each point")
+    check_size(source, header)
+    offset = source.stream.tell()
+    return np.memmap(source.path, header.dtype, "r", offset, (rows,)) if rows else np.empty(0)
+
+
+def _with_intensity(cloud: RawCloud, shades: Column) -> Iterator[Block]:
+    done = 0
+    for block in cloud.blocks:
+        count = len(block.xyz[0])
+        yield replace(block, intensity=shades[done : done + count])
+        done += count

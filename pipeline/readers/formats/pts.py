@@ -1,0 +1,95 @@
+"""PTS: blocks of rows x y z [intensity] [red green blue], each below its count, or one without.
+
+Intensities are kept as they stand; Leica's run from -2048 to 2047.
+Format: the text that Leica Cyclone exports; all blocks are in one frame.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ..faults import fault, too_long, too_many, too_short
+from ..source import Block, Layout, RawCloud, RawPart, Source, shown
+from .ascii import table_blocks
+from .lines import Lines, count_lines, pass_lines
+
+# Columns of a row: x y z, with an intensity, with a colour, with both, and a normal besides.
+_LAYOUTS = {
+    count: Layout((0, 1, 2), 3 if count in (4, 7, 10) else None) for count in (3, 4, 6, 7, 10)
+}
+_LONGEST_LINE = 1 << 16
+_MOST_BLOCKS = 10_000
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Rows of one block, at most where it has no count; line: of the file, where they begin."""
+
+    rows: int
+    line: int
+    counted: bool
+
+
+def read_pts(source: Source) -> RawCloud:
+    """All blocks; they are parts without a pose where there are several."""
+    lines = count_lines(source)
+    runs, first = _index(source, lines)
+    columns = len(first.split())
+    if columns not in _LAYOUTS:
+        fact = f"a row has {columns} columns, not x y z [intensity] [red green blue]"
+        raise fault(source, f"{fact}: {shown(first)}")
+    source.stream.seek(0)
+    parts = tuple(RawPart(str(n)) for n in range(1, len(runs) + 1)) if len(runs) > 1 else ()
+    layout = _LAYOUTS[columns]
+    blocks = _blocks(runs, columns, layout, source)
+    return RawCloud(sum(r.rows for r in runs), layout.intensity is not None, blocks, parts=parts)
+
+
+def _index(source: Source, lines: int) -> tuple[list[_Run], bytes]:
+    """Where the blocks are, and the first row of numbers."""
+    stream, line = source.stream, 0
+    runs: list[_Run] = []
+    first = b""
+    while raw := stream.readline(_LONGEST_LINE):
+        line += 1
+        if not raw.strip():
+            continue
+        if not re.fullmatch(rb"\s*[0-9]{1,18}\s*", raw):
+            if runs:
+                raise too_long(source, runs[-1].rows, f"rows from line {line} on")
+            return [_Run(lines - line + 1, line, counted=False)], raw
+        count, start = int(raw), stream.tell()
+        held = pass_lines(stream, count)
+        if held < count:
+            raise too_short(source, count, held)
+        if count and not first:
+            end = stream.tell()
+            stream.seek(start)
+            first = stream.readline(_LONGEST_LINE)
+            stream.seek(end)
+        runs.append(_Run(count, line + 1, counted=True))
+        if len(runs) > _MOST_BLOCKS:
+            raise too_many(source, _MOST_BLOCKS, "blocks")
+        line += count
+    if line != lines:
+        raise fault(source, "some of its lines end with CR alone", "save it with LF")
+    if not first:
+        raise fault(source, "it holds 0 points")
+    return runs, first
+
+
+def _blocks(runs: list[_Run], columns: int, layout: Layout, source: Source) -> Iterator[Block]:
+    line, lines = 1, Lines(source.text)
+    for part, run in enumerate(runs):
+        lines.end_after(None)
+        lines.skip(run.line - line)
+        lines.end_after(run.rows)
+        rows, line = 0, run.line + run.rows
+        for table in table_blocks(lines, columns, None, source, run.line):
+            rows += len(table)
+            block = layout.block(table)
+            yield Block(block.xyz, block.intensity, part=part)
+        if run.counted and rows < run.rows:
+            raise too_short(source, run.rows, rows)

@@ -1,0 +1,160 @@
+"""One child process: how it is started, what it says, and what its end means.
+
+`child_main.py` is the other side.
+"""
+
+from __future__ import annotations
+
+import json
+import mmap
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...errors import InputError, MissingDependencyError
+from ..faults import fault
+from ..source import Source, shown
+from .worker import ERROR, MEMORY, MESSAGE
+
+SCRIPT = Path(__file__).with_name("worker.py")
+SLOTS = 3  # one is filled, one is read, one lies ready
+ENDING_S = 2.0
+LONGEST_TEXT = 400
+DAMAGED = "the file is damaged; copy or export it again"
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a child decodes, and what it may take.
+
+    task: a key of `child_main.TASKS`. plan: its arguments, as JSON can hold them.
+    library: the folder that its library is imported from.
+    rows: points of each part; the child must deliver exactly these, part after part.
+    slot_rows, slot_bytes: what it decodes at a time. memory_bytes: beyond its start.
+    """
+
+    task: str
+    library: str
+    plan: Mapping[str, Any]
+    rows: tuple[int, ...]
+    slot_rows: int
+    slot_bytes: int
+    memory_bytes: int
+    script: Path = SCRIPT
+
+
+@dataclass(frozen=True)
+class Child:
+    """A child that runs, the pipe it speaks into, and the slots it fills."""
+
+    process: subprocess.Popen[bytes]
+    heard: int
+    memory: memoryview
+    source: Source
+
+    def hear(self, expected: bytes, patience_s: float) -> tuple[bytes, int, int]:
+        """The next message, of an expected kind; otherwise raise what it means."""
+        deadline = time.monotonic() + patience_s
+        kind, part, rows = MESSAGE.unpack(self._read(MESSAGE.size, deadline))
+        if kind == MEMORY:
+            fact = "decoding it takes more memory than its points can need"
+            raise fault(self.source, fact, DAMAGED)
+        if kind == ERROR and rows <= LONGEST_TEXT:
+            raise self._error(self._read(rows, deadline).decode(errors="replace"))
+        if kind not in expected:
+            raise self.unintelligible()
+        return kind, part, rows
+
+    def release(self) -> None:
+        """Tell the child that its oldest slot is free; one that has ended needs no telling."""
+        try:
+            os.write(self.process.stdin.fileno(), b".")  # type: ignore[union-attr]
+        except BrokenPipeError:
+            return
+
+    def unintelligible(self) -> InputError:
+        """The child no longer speaks the protocol: its memory was overwritten."""
+        return fault(self.source, "it makes the library that reads it run wild", DAMAGED)
+
+    def _error(self, text: str) -> InputError | MissingDependencyError:
+        first = text.partition("\n")[0]
+        if first.startswith(("ImportError", "ModuleNotFoundError")):
+            return MissingDependencyError(
+                f"{self.source.name}: the library that reads it does not load ({shown(first)}): "
+                "install wheelplane[all] anew"
+            )
+        words = first.partition(": ")[2] or first
+        return fault(self.source, f"it cannot be decoded ({shown(words)})", DAMAGED)
+
+    def _read(self, size: int, deadline: float) -> bytes:
+        data = b""
+        poll = select.poll()
+        poll.register(self.heard, select.POLLIN)
+        while len(data) < size:
+            left_s = deadline - time.monotonic()
+            if not poll.poll(max(0.0, left_s) * 1000.0):
+                raise fault(self.source, "decoding it makes no progress", DAMAGED)
+            more = os.read(self.heard, size - len(data))
+            if not more:
+                raise self._ended()
+            data += more
+        return data
+
+    def _ended(self) -> InputError:
+        try:
+            code = self.process.wait(ENDING_S)
+        except subprocess.TimeoutExpired:
+            return self.unintelligible()
+        how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        return fault(self.source, f"it crashes the library that reads it ({how})", DAMAGED)
+
+
+@contextmanager
+def started(job: Job, source: Source) -> Iterator[Child]:
+    """The child at work on the job; killed, and waited for, at the end."""
+    plan = json.dumps(
+        {
+            "task": job.task,
+            "plan": {**job.plan, "path": str(source.path), "slot_rows": job.slot_rows},
+            "slots": SLOTS,
+            "slot_bytes": job.slot_bytes,
+            "memory_bytes": job.memory_bytes,
+            "library": job.library,
+        }
+    ).encode()
+    with ExitStack() as stack:
+        memory = _kept(stack, os.memfd_create("wheelplane"))
+        os.ftruncate(memory, max(SLOTS * job.slot_bytes, len(plan)))
+        area = mmap.mmap(memory, 0)  # unmapped with the last view of it
+        area[: len(plan)] = plan
+        heard, said = os.pipe()
+        _kept(stack, heard)
+        arguments = [str(n) for n in (os.getpid(), memory, said, len(plan))]
+        try:
+            process = subprocess.Popen(  # noqa: S603 - this interpreter, a script of this package
+                [sys.executable, "-P", "-S", str(job.script), *arguments],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                pass_fds=(memory, said),
+                process_group=0,  # Ctrl-C is the parent's to answer
+                bufsize=0,
+            )
+        finally:
+            os.close(said)
+        stack.enter_context(process)
+        stack.callback(process.kill)
+        yield Child(process, heard, memoryview(area), source)
+
+
+def _kept(stack: ExitStack, descriptor: int) -> int:
+    stack.callback(os.close, descriptor)
+    return descriptor

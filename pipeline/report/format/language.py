@@ -1,0 +1,66 @@
+"""The words of a report, one file a language, and its numbers as that language writes them."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ...errors import InputError
+
+FOLDER = Path(__file__).parent / "words"
+LANGUAGES = tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+POINT = re.compile(r"(?<=\d)\.(?=\d)")
+
+
+@dataclass(frozen=True)
+class Words:
+    """All texts of a language by section and key, such as `scene.forward`."""
+
+    language: str
+    texts: Mapping[str, str]
+
+    def __call__(self, key: str, **parts: object) -> str:
+        """The text called `key`, with its {parts} filled in."""
+        return self.texts[key].format(**parts)
+
+    def known(self, section: str, key: str, **parts: object) -> str:
+        """The text of a name that the program uses, or the name itself where there is none."""
+        name = f"{section}.{key.replace(' ', '_').replace('-', '_')}"
+        return self(name, **parts) if name in self.texts else key.replace("_", " ")
+
+    def section(self, name: str) -> dict[str, str]:
+        """All texts of a section by their keys."""
+        within = f"{name}."
+        return {k.removeprefix(within): v for k, v in self.texts.items() if k.startswith(within)}
+
+    def count(self, count: int) -> str:
+        """A whole number, its digits in threes."""
+        return f"{count:,}".replace(",", "\u00a0")
+
+    def number(self, text: str) -> str:
+        """A number, or a text of numbers, with this language's decimal sign."""
+        return POINT.sub(self.texts["number.decimal"], text)
+
+
+@cache
+def load_words(language: str) -> Words:
+    """The words of one of LANGUAGES. Raises InputError that lists them."""
+    if language not in LANGUAGES:
+        raise InputError(f"language {language!r}: known are {', '.join(LANGUAGES)}")
+    table = tomllib.loads((FOLDER / f"{language}.toml").read_text(encoding="utf-8"))
+    return Words(language, dict(_flat(table)))
+
+
+def _flat(table: Mapping[str, Any], before: str = "") -> list[tuple[str, str]]:
+    found = []
+    for key, value in table.items():
+        if isinstance(value, dict):
+            found += _flat(value, f"{before}{key}.")
+        else:
+            found.append((f"{before}{key}", str(value)))
+    return found

@@ -1,0 +1,161 @@
+"""The report as one HTML page that needs nothing beside it; pdf.py prints the same."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...measurement import Conformity, Measurement
+from ...vehicle import AXES
+from ..format.laboratory import NOBODY, Laboratory
+from ..format.language import Words
+from ..format.view import View
+from ..format.writer import Writer
+from ..json.measurement import to_json
+from ..plots.angles import angles_drawing
+from ..plots.budget import vehicle_budget
+from ..plots.drawing import FONT
+from ..plots.frame import MOST_DOTS, frame_drawing
+from ..plots.sign_convention import signs_drawing
+from ..plots.top_view import top_drawing
+from ..scene.scene import SYMBOL_M, scene
+from . import checks as page_checks
+from . import provenance as page_origin
+from . import results as page_results
+from . import vehicle as page_vehicle
+from .wheels import cards
+
+HERE = Path(__file__).parent
+VIEWER = HERE.parent / "static" / "viewer.js"
+PLAIN = "\n\u00a0"  # a new line, and the space between digits
+NUMBER_DIGITS = 12  # of the record's digest, which make the report's number
+
+
+@dataclass(frozen=True)
+class Dress:
+    """How a report looks: its language, who issues it, and the view of the angles."""
+
+    words: Words
+    view: View
+    laboratory: Laboratory = NOBODY
+
+
+def html_report(
+    measurement: Measurement, conformity: Conformity | None, dress: Dress, still: bool = False
+) -> str:
+    """The page; still: without the 3D view, for print. Same measurement, same text."""
+    page = _page(measurement, conformity, dress)
+    if still:
+        page |= {"viewer": "", "scene": None}
+    return str(_template().render(page))
+
+
+def _template() -> Any:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from markupsafe import Markup
+
+    def finalize(value: Any) -> Any:
+        return (
+            printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+        )
+
+    loader = FileSystemLoader(HERE / "templates")
+    # `include` brings script and style, which hold no text of a user's
+    made = Environment(
+        loader=loader,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=finalize,
+        undefined=StrictUndefined,
+    )
+    return made.get_template("report.html")
+
+
+def printable(text: str) -> str:
+    """Text in which what steers a terminal or turns the direction of reading stands as a code."""
+    return "".join(c if c.isprintable() or c in PLAIN else repr(c)[1:-1] for c in text)
+
+
+def _page(measurement: Measurement, conformity: Conformity | None, dress: Dress) -> dict[str, Any]:
+    words, view = dress.words, dress.view
+    writer = Writer(words, view)
+    record = to_json(measurement, conformity, view.axis).encode()
+    digest = hashlib.sha256(record).hexdigest()
+    number = digest[:NUMBER_DIGITS]
+    made = measurement.provenance
+    shown = scene(measurement, conformity, words)
+    five_point = page_origin.is_five_point(measurement)
+    return {
+        "words": words,
+        "font": FONT,
+        "number": number,
+        "digest": digest,
+        "version": made.version,
+        "vehicle": made.vehicle or "",
+        "laboratory": dress.laboratory,
+        "head": page_origin.head_pairs(measurement, number, words),
+        "verdict": page_results.headline(measurement, conformity, words),
+        "wheels": page_results.wheels_table(measurement, writer),
+        "axles": page_results.axles_table(measurement, writer),
+        "limits": page_results.limits_table(conformity, writer) if conformity else None,
+        "joint": page_results.joint(conformity, writer) if conformity else "",
+        "u_note": words("results.u_note", factor=page_results.factor_words(measurement, words)),
+        "plots": {
+            "angles": angles_drawing(measurement, conformity, words, view.axis),
+            "frame": frame_drawing(shown, words),
+            "top": top_drawing(measurement, words, view),
+            "budget": vehicle_budget(measurement, words, view.axis),
+            "signs": signs_drawing(words),
+        },
+        "troubles": page_origin.troubles(measurement, words),
+        "cards": cards(measurement, writer),
+        "five_point": five_point,
+        "still_note": _still_note(shown, five_point, words),
+        "centres": page_origin.centres_table(measurement, writer),
+        "vehicle_table": page_vehicle.vehicle_table(measurement, writer),
+        "axes": page_vehicle.axes_table(measurement, writer),
+        "definitions": [(writer.axis(a), words.known("definition", a)) for a in AXES],
+        "turned": page_vehicle.turned_tables(measurement, writer),
+        "repeats": page_checks.repeats_table(measurement, writer),
+        "monte_carlo": page_checks.monte_carlo_words(measurement.monte_carlo, words)
+        if measurement.monte_carlo
+        else "",
+        "notes": measurement.notes,
+        "inputs": page_origin.inputs_table(measurement, words),
+        "config": page_origin.settings(measurement, conformity),
+        "scene": shown,
+        "viewer": VIEWER.read_text(encoding="utf-8").replace("</script", "<\\/script")
+        if VIEWER.is_file()
+        else "",
+        "viewer_words": words.section("viewer"),
+    } | _said(measurement, dress, five_point)
+
+
+def _said(measurement: Measurement, dress: Dress, five_point: bool) -> dict[str, Any]:
+    """Sentences on axis, units, signs and method, and the sections that there are."""
+    words, view = dress.words, dress.view
+    axis = words.known("axis", view.axis)
+    told = words("conventions.axis", axis=axis, definition=words.known("definition", view.axis))
+    key = "units_" + view.angles.replace("/", "")
+    rim = words.number(f"{view.rim_m * 1e3:g}")
+    units = words(f"conventions.{key}", rim=rim)
+    lines = [words("conventions.toe", axis=axis)]
+    lines += [words(f"conventions.{name}") for name in ("camber", "iso", "thrust", "frame")]
+    ids = ["results", "frame", "wheels", "vehicle", "conventions", "uncertainty", "origin"]
+    return {
+        "axis_note": told,
+        "units": units,
+        "conventions": [*lines, told, words("conventions.wheels"), units],
+        "method": words("conventions.five_method" if five_point else "conventions.scan_method"),
+        "sections": [(name, words(f"section.{name}")) for name in ids],
+    }
+
+
+def _still_note(shown: dict[str, Any], five_point: bool, words: Words) -> str:
+    if five_point:
+        return words("frame.five", diameter=f"{2e3 * SYMBOL_M:g} mm")
+    count = min(shown["cloud"]["count"], MOST_DOTS) if shown["cloud"] else 0
+    return words("frame.still", count=words.count(count))

@@ -1,0 +1,172 @@
+"""Where a report's figures come from: head, wheels' scans, statuses, files, settings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...kinematics import measure_kingpins, measure_runouts, measure_toe_out
+from ...measurement import Conformity, Measurement, WheelResult
+from ..format.language import Words
+from ..format.writer import NONE, Table, Writer
+from ..json.conformity import tolerance_tree
+
+Pairs = list[tuple[str, str]]
+SIZES = ("diameter", "side", "width", "height", "hole_diameter", "hole_spacing", "pitch")
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """What was not measured: its status in plain words, the program's own, and what to do."""
+
+    name: str
+    status: str
+    means: str
+    said: str
+    todo: str
+
+
+def head_pairs(measurement: Measurement, number: str, words: Words) -> Pairs:
+    """What was measured, from what, and the report's number."""
+    made = measurement.provenance
+    target = made.config.get("target")
+    pairs = [
+        (words("head.vehicle"), made.vehicle or words("head.no_vehicle")),
+        (words("head.capture"), made.source),
+        (words("head.date"), made.date or ""),
+        (words("head.scans"), _scans(measurement, words)),
+        (words("head.target"), _compact(target, words) if isinstance(target, dict) else ""),
+        (words("head.report"), number),
+    ]
+    return [(name, value) for name, value in pairs if value]
+
+
+def _scans(measurement: Measurement, words: Words) -> str:
+    made, wheels = measurement.provenance, measurement.wheels
+    if is_five_point(measurement):
+        return words("head.scans_five", planes=len(wheels))
+    if made.naming is not None:
+        return words("head.scans_cloud", points=words.count(made.naming.points))
+    points = sum(wheel.observation.points_total for wheel in wheels)
+    return words("head.scans_of", points=words.count(points), planes=len(wheels))
+
+
+def is_five_point(measurement: Measurement) -> bool:
+    """Whether it comes from five points a plane."""
+    return measurement.wheels[0].observation.fitted.method == "points"
+
+
+def _compact(target: Mapping[str, Any], words: Words) -> str:
+    """Shape and sizes of a target, in mm."""
+    shape = words.known("target", str(target.get("shape")))
+    lengths = ((key, target[key]) for key in SIZES if isinstance(target.get(key), float))
+    sizes = (f"{words.known('target', key)} {value * 1e3:g} mm" for key, value in lengths)
+    return words.number(", ".join([shape, *sizes]))
+
+
+def wheel_facts(result: WheelResult, writer: Writer) -> Pairs:
+    """What one scan showed, and how well."""
+    words, seen = writer.words, result.observation
+    pairs = [(words("wheel.file"), seen.source)]
+    if seen.evidence is None:
+        return pairs
+    target, plane = seen.evidence.target, seen.evidence.plane
+    used = words("wheel.points_of", used=words.count(target.points_on_target),
+                 total=words.count(seen.points_total))  # fmt: skip
+    pairs += [
+        (words("wheel.points"), used),
+        (words("wheel.rms"), writer.millimetres(target.plane_rms_m)),
+    ]
+    if plane is not None:
+        part = plane.correlated
+        over = words("wheel.correlated_over", size=writer.millimetres(part.sigma_m),
+                     length=words.number(f"{part.length_m * 1e3:.0f} mm"))  # fmt: skip
+        tilt = words("wheel.tilt_of", size=writer.size(plane.tilt_rad, "rad"),
+                     independent=writer.size(plane.tilt_if_independent_rad, "rad"))  # fmt: skip
+        pairs += [
+            (words("wheel.noise"), writer.millimetres(plane.sigma_m)),
+            (words("wheel.correlated"), over if part.sigma_m > 0.0 else
+             words("wheel.correlated_none")),
+            (words("wheel.effective"), words.count(round(plane.effective_count))),
+            (words("wheel.tilt"), tilt),
+        ]  # fmt: skip
+    largest = np.linalg.eigvalsh(target.centre_covariance_m2)[-1].clip(min=0.0)
+    pairs += [
+        (words("wheel.centre"), writer.millimetres(math.sqrt(largest))),
+        (words("wheel.method"), words.known("method", target.method)),
+    ]
+    if target.marker_ids:
+        pairs.append((words("wheel.markers"), ", ".join(map(str, target.marker_ids))))
+    return pairs
+
+
+def troubles(measurement: Measurement, words: Words) -> list[Trouble]:
+    """Everything that has another status than ok, wheels first."""
+    seen = [w.observation for w in measurement.wheels]
+    found = [(s.name, s.status, s.reason) for s in seen]
+    kingpins = measure_kingpins(measurement)
+    found += [(words("scene.kingpin", wheel=k.wheel), k.status, k.reason) for k in kingpins]
+    turns = measure_toe_out(measurement) if kingpins else ()
+    found += [(f"{words('turned.turn')} {words(f'turned.turn_{t.turn}')}", t.status, t.reason)
+              for t in turns]  # fmt: skip
+    found += [(f"{words.known('role', 'runout')} {r.wheel}", r.status, r.reason)
+              for r in measure_runouts(measurement)]  # fmt: skip
+    return [trouble(*one, words) for one in found if one[1] != "ok"]
+
+
+def trouble(name: str, status: str, said: str, words: Words) -> Trouble:
+    """A status in plain words."""
+    key = status.replace("-", "_")
+    means, todo = (
+        words(f"status.{key if f'status.{key}_{part}' in words.texts else 'other'}_{part}")
+        for part in ("means", "do")
+    )
+    return Trouble(name, words.known("status", status), means, said, todo)
+
+
+def centres_table(measurement: Measurement, writer: Writer) -> Table:
+    """Centres of all measured wheels in the vehicle frame, metres."""
+    words = writer.words
+    rows = []
+    for result in measurement.wheels:
+        if result.angles is not None:
+            fitted = result.observation.fitted
+            local = measurement.frame.to_vehicle(fitted.centre_m)
+            places = (words.number(f"{round(x, 5) + 0.0:+.5f}") for x in local.tolist())
+            method = words.known("method", fitted.method)
+            rows.append([result.observation.name, method, *places])
+    head = (words("results.name"), words("frame.found_by"),
+            *(f"{words(f'scene.{way}')} / m" for way in ("left", "forward", "up")))  # fmt: skip
+    return Table(head, rows, 2, words("frame.numbers"))
+
+
+def inputs_table(measurement: Measurement, words: Words) -> Table:
+    """Every input file with its digest."""
+    rows = [[name, digest.removeprefix("sha256:")] for name, digest in
+            measurement.provenance.inputs.items()]  # fmt: skip
+    return Table((words("origin.file"), words("origin.digest")), rows, 2, words("origin.inputs"))
+
+
+def settings(measurement: Measurement, conformity: Conformity | None) -> Pairs:
+    """Name and value of every setting in effect, as their files write them."""
+    made = measurement.provenance
+    tree = {**made.config, **tolerance_tree(conformity), "seed": made.seed}
+    return list(_flat(tree))
+
+
+def _flat(tree: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, str]]:
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", NONE if value is None else _setting(value)
+
+
+def _setting(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.12g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,65 @@
+"""Verdicts as plain data for measurement.json."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ...measurement import Conformity, Unit, Verdict
+
+
+def conformity_tree(conformity: Conformity | None) -> dict[str, Any]:
+    """`verdict` on the whole and `conformity`, one entry a quantity; both null without tolerance.
+
+    Angles in degrees, lengths in metres, null where there is no limit or nothing can be said.
+    """
+    if conformity is None:
+        return {"verdict": None, "conformity": None}
+    tolerance, (at_least, at_most) = conformity.tolerance, conformity.joint_probability
+    return {
+        "verdict": {
+            "decision": conformity.decision,
+            "rule": tolerance.rule,
+            "confidence": tolerance.confidence,
+            "coverage_factor": tolerance.coverage_factor,
+            "probability_all_conform": [at_least, at_most],
+        },
+        "conformity": [_verdict(verdict) for verdict in conformity.verdicts],
+    }
+
+
+def tolerance_tree(conformity: Conformity | None) -> dict[str, Any]:
+    """What `provenance.config` says of the tolerance: what it holds, as in its file."""
+    if conformity is None:
+        return {}
+    return {"tolerance": conformity.tolerance.model_dump(exclude_none=True)}
+
+
+def _verdict(verdict: Verdict) -> dict[str, Any]:
+    what, zone, unit = verdict.quantity, verdict.zone, verdict.quantity.unit
+    suffix = "deg" if unit == "rad" else "m"
+    limits = (None, None) if zone is None else (zone.lower, zone.upper)
+    numbers = {
+        "value": what.value,
+        "u": what.u,
+        "lower": limits[0],
+        "upper": limits[1],
+        "guard_band": verdict.guard_band,
+    }
+    return {
+        "quantity": what.name,
+        "name": what.subject,
+        "wheel": what.wheel,
+        "decision": verdict.decision,
+        "reason": verdict.reason,
+        **{f"{name}_{suffix}": _in_unit(value, unit) for name, value in numbers.items()},
+        "probability_of_conformity": verdict.probability,
+        "consumer_risk": verdict.risk if verdict.decision == "conform" else None,
+        "producer_risk": verdict.risk if verdict.decision == "not conform" else None,
+    }
+
+
+def _in_unit(value: float | None, unit: Unit) -> float | None:
+    if value is None or not math.isfinite(value):
+        return None
+    return math.degrees(value) if unit == "rad" else value

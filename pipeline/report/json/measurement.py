@@ -1,0 +1,152 @@
+"""The result as JSON: the contract `wheelplane/measurement/1`."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from ...centre import OtherCentre, TargetFit
+from ...measurement import Conformity, Measurement, Naming, WheelResult, against, stated
+from ...vehicle import Axis
+from ..text.vehicle import WORDS
+from .axes import axes_tree, pair
+from .conformity import conformity_tree, tolerance_tree
+from .kinematics import turned_tree
+from .uncertainty import monte_carlo_tree, repeats_tree, uncertainty_tree
+
+OF_FRAME = ("rear_track", "front_track", "wheelbase")
+SCHEMA = "wheelplane/measurement/1"
+
+
+def to_json(
+    measurement: Measurement, conformity: Conformity | None = None, axis: Axis = "rear-axle"
+) -> str:
+    """Text of measurement.json; the same measurement gives the same bytes."""
+    tree = to_tree(measurement, conformity, axis)
+    text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return text.encode(errors="backslashreplace").decode()  # a path may hold bytes that are no text
+
+
+def to_tree(
+    measurement: Measurement, conformity: Conformity | None = None, axis: Axis = "rear-axle"
+) -> dict[str, Any]:
+    """The measurement as plain data: degrees, metres, null where unmeasured.
+
+    axis: the longitudinal axis that the text uses; `wheels` and `vehicle` keep the paper's.
+    """
+    frame, vehicle = measurement.frame, measurement.vehicle
+    u = measurement.uncertainty.vehicle_standard
+    made = measurement.provenance
+    return {
+        "schema": SCHEMA,
+        "capture": made.source,
+        "vehicle_name": made.vehicle,
+        "date": made.date,
+        "wheels": [_wheel(wheel) for wheel in measurement.wheels],
+        "frame": {
+            "origin_m": frame.origin_m.tolist(),
+            "left": frame.left.tolist(),
+            "forward": frame.forward.tolist(),
+            "up": frame.up.tolist(),
+            "rear_track_m": frame.rear_track_m,
+            "front_track_m": frame.front_track_m,
+            "wheelbase_m": frame.wheelbase_m,
+            "u_rear_track_m": u["rear_track"],
+            "u_front_track_m": u["front_track"],
+            "u_wheelbase_m": u["wheelbase"],
+            "longitudinal_axis": "normal to the rear axle",
+        },
+        "vehicle": {
+            key: number
+            for quantity in against(stated(measurement), "rear-axle")
+            if quantity.subject == "vehicle" and quantity.kind not in OF_FRAME
+            for key, number in pair(quantity.kind, quantity, quantity.unit).items()
+        }
+        | {kind: words(vehicle[kind]) for kind, _, words in WORDS if kind in vehicle},
+        "axis_in_use": axis,
+        "axes": axes_tree(measurement),
+        **conformity_tree(conformity),
+        **uncertainty_tree(measurement),
+        "repeats": repeats_tree(measurement),
+        **turned_tree(measurement),
+        "monte_carlo": monte_carlo_tree(measurement),
+        "notes": list(measurement.notes),
+        "provenance": {
+            "version": made.version,
+            "inputs": made.inputs,
+            "config": made.config | tolerance_tree(conformity),
+            "seed": made.seed,
+            "naming": _naming(made.naming),
+        },
+    }
+
+
+def _naming(naming: Naming | None) -> dict[str, Any] | None:
+    """What told the wheels of one cloud apart; null where each has a scan of its own."""
+    return None if naming is None else {"front": naming.front, "up": naming.up}
+
+
+def _wheel(result: WheelResult) -> dict[str, Any]:
+    seen = result.observation
+    angles = result.angles
+    fitted = seen.evidence.target if seen.evidence else None
+    plane = seen.evidence.plane if seen.evidence else None
+    return {
+        "name": seen.name,
+        "role": seen.role,
+        "wheel": result.wheel,
+        "status": seen.status,
+        "reason": seen.reason,
+        "toe_deg": _degrees(angles.toe_rad if angles else None),
+        "camber_deg": _degrees(angles.camber_rad if angles else None),
+        "camber_iso_deg": _degrees(angles.camber_iso_rad if angles else None),
+        "u_toe_deg": _degrees(result.u_toe_rad),
+        "u_camber_deg": _degrees(result.u_camber_rad),
+        "u_camber_iso_deg": _degrees(result.u_camber_iso_rad),
+        "centre_m": fitted.centre_m.tolist() if fitted else None,
+        "normal": result.normal.tolist() if result.normal is not None else None,
+        "offset_m": _offset(result, fitted),
+        "u_centre_m": _largest_deviation(fitted) if fitted else None,
+        "plane_rms_m": fitted.plane_rms_m if fitted else None,
+        "points_total": seen.points_total,
+        "points_on_target": fitted.points_on_target if fitted else None,
+        "points_effective": plane.effective_count if plane else None,
+        "noise_m": plane.sigma_m if plane else None,
+        "correlated_noise_m": plane.correlated.sigma_m if plane else None,
+        "correlation_length_m": plane.correlated.length_m if plane else None,
+        "u_plane_deg": _degrees(plane.tilt_rad if plane else None),
+        "u_plane_if_independent_deg": _degrees(plane.tilt_if_independent_rad if plane else None),
+        "missing_returns": seen.missing_returns,
+        "file": seen.source,
+        "centre_method": fitted.method if fitted else None,
+        "centres": [_other(other) for other in fitted.others] if fitted else [],
+        "marker_ids": list(fitted.marker_ids) if fitted else [],
+    }
+
+
+def _other(other: OtherCentre) -> dict[str, Any]:
+    """One of several ways to a wheel's centre."""
+    return {
+        "method": other.method,
+        "centre_m": other.centre_m.tolist(),
+        "u_centre_m": float(np.sqrt(np.linalg.eigvalsh(other.centre_covariance_m2)[-1])),
+    }
+
+
+def _degrees(angle_rad: float | None) -> float | None:
+    return None if angle_rad is None or not math.isfinite(angle_rad) else math.degrees(angle_rad)
+
+
+def _offset(result: WheelResult, fitted: TargetFit | None) -> float | None:
+    """Offset of the plane, normal . x + offset = 0, metres."""
+    if fitted is None or result.normal is None:
+        return None
+    return -float(result.normal @ fitted.centre_m)
+
+
+def _largest_deviation(fitted: TargetFit) -> float:
+    """Standard uncertainty of the centre along its least certain direction, metres."""
+    return float(np.sqrt(np.linalg.eigvalsh(fitted.centre_covariance_m2)[-1].clip(min=0.0)))

@@ -1,0 +1,179 @@
+"""A comparison of two methods as JSON: `wheelplane/validation/1`; degrees and metres."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from ... import __version__
+from ...validation import (
+    KINDS,
+    SHAPE,
+    Agreement,
+    Comparison,
+    JointTest,
+    Limit,
+    Line,
+    Survey,
+    nees,
+    scores,
+)
+from ..text.validation_study import SETTLED_RAD
+
+SCHEMA = "wheelplane/validation/1"
+
+
+def validation_json(found: Comparison | Survey) -> str:
+    """Text of validation.json; the same comparison gives the same bytes."""
+    tree = comparison_tree(found) if isinstance(found, Comparison) else survey_tree(found)
+    tree = {"schema": SCHEMA, "version": __version__, **tree}
+    text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return text.encode(errors="backslashreplace").decode()  # a path may hold bytes that are no text
+
+
+def comparison_tree(found: Comparison) -> dict[str, Any]:
+    """Of one capture."""
+    return {
+        "capture": found.source,
+        "vehicle_name": found.vehicle,
+        "first": found.first.label,
+        "second": found.second.label,
+        "difference": "first less second",
+        "verdict": found.verdict,
+        "see_deg": _deg(found.see_rad),
+        "joint": _test(found.joint),
+        "visible_in_one_deg": _deg(found.visible_in_one_rad),
+        "visible_in_all_deg": {kind: _deg(found.visible_in_all_rad(kind)) for kind in KINDS},
+        "angles": [_angle(found, i) for i in range(len(found.en))],
+        "planes": _test(found.planes.test(found.planes_rad)),
+        "shape": {**_test(found.shape_spread.test(found.shape)), "quantities": _shape(found)},
+        "missing": [{"name": name, "reason": reason} for name, reason in found.missing],
+        "notes": list(found.notes),
+        "provenance": [
+            {"source": o.source, "inputs": o.inputs, "config": o.config, "seed": o.seed}
+            for o in found.origins
+        ],
+    }
+
+
+def survey_tree(survey: Survey) -> dict[str, Any]:
+    """Of many captures."""
+    whole, size = nees(survey.found), survey.see_rad or SETTLED_RAD
+    return {
+        "archive": survey.source,
+        "verdict": survey.verdict,
+        "see_deg": _deg(survey.see_rad),
+        "bias_probability": survey.bias_probability,
+        "disagreeing": survey.disagreeing,
+        "compared": len(survey.found),
+        "chance_of_disagreeing": survey.chance_of_disagreeing,
+        "agreement": {one.kind: _agreement(one, size) for one in survey.agreements},
+        "scores": {
+            score.kind: {
+                "count": score.count,
+                "bias_deg": _deg(score.bias),
+                "rms_deg": _deg(score.rms),
+                "worst_deg": _deg(score.worst),
+                "inside_95": score.inside / score.count,
+                "limits_of_inside": [score.low, score.high],
+            }
+            for score in scores(survey.found)
+        },
+        "nees": {"mean": whole.mean, "limits_95": [whole.low, whole.high], "values": whole.count},
+        "captures": [
+            {"name": row.name, "reason": row.reason or None}
+            | ({} if row.found is None else comparison_tree(row.found))
+            for row in survey.rows
+        ],
+    }
+
+
+def _angle(found: Comparison, i: int) -> dict[str, Any]:
+    kind, index = divmod(i, len(found.names))
+    freedom = float(found.spread.freedom[i])
+    return {
+        "name": found.names[index],
+        "wheel": found.wheels[index],
+        "angle": KINDS[kind],
+        "first_deg": _deg(found.first.angles_rad[i]),
+        "u_first_deg": _deg(found.u_first[i]),
+        "second_deg": _deg(found.second.angles_rad[i]),
+        "u_second_deg": _deg(found.u_second[i]),
+        "difference_deg": _deg(found.difference_rad[i]),
+        "u_deg": _deg(found.spread.u[i]),
+        "degrees_of_freedom": freedom if math.isfinite(freedom) else None,
+        "expanded_95_deg": _deg(found.spread.expanded[i]),
+        "en": float(found.en[i]) if math.isfinite(found.en[i]) else None,
+        "visible_deg": _deg(found.visible_rad[i]),
+        "verdict": found.verdicts[i],
+        "by_frame_deg": _deg(found.frame_rad[i]),
+        "by_plane_deg": _deg(found.planes_rad[i]),
+        "u_by_plane_deg": _deg(found.planes.u[i]),
+    }
+
+
+def _shape(found: Comparison) -> list[dict[str, Any]]:
+    entries = []
+    for index, (name, unit) in enumerate(SHAPE.items()):
+        scale = 1.0 if unit == "m" else math.degrees(1.0)
+        entries.append(
+            {
+                "quantity": name,
+                "unit": "m" if unit == "m" else "deg",
+                "difference": float(found.shape[index]) * scale,
+                "u": float(found.shape_spread.u[index]) * scale,
+            }
+        )
+    return entries
+
+
+def _test(test: JointTest) -> dict[str, Any]:
+    return {
+        "chi_square": test.chi_square,
+        "values": test.count,
+        "degrees_of_freedom_of_u": test.freedom if math.isfinite(test.freedom) else None,
+        "probability": test.probability,
+    }
+
+
+def _agreement(one: Agreement, size_rad: float) -> dict[str, Any]:
+    return {
+        "differences": len(one.first),
+        "wheels": one.subjects,
+        "units": one.units,
+        "bias_deg": _limit(one.bias),
+        "lower_limit_of_agreement_deg": _limit(one.lower),
+        "upper_limit_of_agreement_deg": _limit(one.upper),
+        "deviation_deg": _deg(one.total),
+        "deviation_between_wheels_deg": _deg(one.between),
+        "deviation_within_wheels_deg": _deg(one.within),
+        "visible_bias_deg": _deg(one.visible),
+        "captures_needed": {"bias_deg": _deg(size_rad), "captures": one.captures_for(size_rad)},
+        "line": _line(one.line),
+    }
+
+
+def _line(line: Line | None) -> dict[str, Any] | None:
+    if line is None:
+        return None
+    return {
+        "intercept_deg": _deg(line.intercept),
+        "u_intercept_deg": _deg(line.u_intercept),
+        "slope": line.slope,
+        "u_slope": line.u_slope,
+        "chi_square": line.chi_square,
+        "degrees_of_freedom": line.freedom,
+        "probability": line.probability,
+    }
+
+
+def _limit(limit: Limit) -> dict[str, float | None]:
+    return {"value": _deg(limit.value), "low": _deg(limit.low), "high": _deg(limit.high)}
+
+
+def _deg(angle_rad: float | None) -> float | None:
+    """Degrees; null for no angle, and for one of no size."""
+    if angle_rad is None or not math.isfinite(angle_rad):
+        return None
+    return math.degrees(float(angle_rad))

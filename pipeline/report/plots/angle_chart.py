@@ -1,0 +1,71 @@
+"""Toe and camber on a scale of characters, for terminals."""
+
+from __future__ import annotations
+
+import math
+
+from ...measurement import Conformity, Measurement, Stated, Verdict, against, stated
+from ..format.language import Words
+from ..format.view import View
+from .angles import judged_by, names_shown, range_of, tick_text
+from .drawing import MINUS, cut
+
+WIDTH, MOST_NAME = 61, 16
+
+
+def angles_text(
+    measurement: Measurement, conformity: Conformity | None, words: Words, view: View
+) -> str:
+    """A line a wheel and angle: value, then U as a bar, [ and ] for limits, | for zero."""
+    found = against(stated(measurement), view.axis)
+    names = names_shown(measurement)
+    wide = max(len(cut(name, MOST_NAME)) for name in names)
+    parts = []
+    for kind in ("toe", "camber"):
+        rows = {q.subject: q for q in found if q.kind == kind and q.subject in names}
+        verdicts = judged_by(conformity, rows)
+        low, high, step = range_of([*rows.values()], [*verdicts.values()])
+        texts = {n: words.number(view.angle(rows[n].value, kind)) for n in names}
+        numbers = max(map(len, texts.values()))
+        ends = [words(f"plot.{kind}_{end}") for end in ("low", "high")]
+        parts.append(f"{words.known('quantity', kind)}  ({MINUS} {ends[0]}, + {ends[1]})")
+        for name in names:
+            bar = _line(rows[name], verdicts.get(name), low, high)
+            called, value = f"{cut(name, MOST_NAME):<{wide}}", f"{texts[name]:>{numbers}}"
+            parts.append(f"  {called}  {value}  {bar}".rstrip())
+        parts.append(" " * (wide + numbers + 6) + words.number(_scale(low, high, step)))
+    return "\n".join([*parts, words("plot.text_note"), ""])
+
+
+def _line(quantity: Stated, verdict: Verdict | None, low: float, high: float) -> str:
+    line = [" "] * WIDTH
+
+    def put(value: float, mark: str) -> None:
+        if math.isfinite(value):
+            line[_place(value, low, high)] = mark
+
+    put(0.0, "|")
+    ends = (quantity.value - quantity.expanded, quantity.value + quantity.expanded)
+    first, last = (_place(end, low, high) for end in ends)
+    line[first : last + 1] = "─" * (last + 1 - first)
+    if verdict is not None and verdict.zone is not None:
+        put(verdict.zone.lower, "[")
+        put(verdict.zone.upper, "]")
+    put(quantity.value, "●")
+    return "".join(line)
+
+
+def _scale(low: float, high: float, step: float) -> str:
+    line = [" "] * (WIDTH + 8)
+    for tick in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1):
+        text = tick_text(tick * step)
+        start = max(0, _place(tick * step, low, high) - len(text) // 2)
+        if "".join(line[max(0, start - 1) : start + len(text)]).strip():
+            continue
+        line[start : start + len(text)] = text
+    return "".join(line).rstrip()
+
+
+def _place(value: float, low: float, high: float) -> int:
+    share = (min(max(value, low), high) - low) / (high - low)
+    return round(share * (WIDTH - 1))

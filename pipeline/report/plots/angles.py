@@ -1,0 +1,138 @@
+"""Toe and camber of every wheel on a scale, with their uncertainty and their limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+from ...measurement import Conformity, Measurement, Stated, Verdict, Zone, against, stated
+from ...vehicle import Axis
+from ..format.language import Words
+from .drawing import (
+    GRID,
+    INK,
+    MINUS,
+    PALE,
+    Drawing,
+    Mark,
+    Path,
+    Text,
+    circle,
+    cut,
+    rectangle,
+)
+
+LABEL, PANEL, GAP, ROW, HEAD, FOOT = 96.0, 300.0, 34.0, 24.0, 66.0, 62.0
+MOST_ROWS = 48
+STEPS_MIN = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800)  # minutes of arc
+COLOURS = {"conform": "#00694d", "undecided": "#8a5a00", "not conform": "#b3261e", "": "#0072B2"}
+BAND, LIMIT = "#cfe9de", "#009E73"
+DECIDED = ("reference", "trial")
+
+
+def angles_drawing(
+    measurement: Measurement, conformity: Conformity | None, words: Words, axis: Axis
+) -> Drawing:
+    """A row a wheel or trial, a panel an angle: value, expanded uncertainty, limits."""
+    names = names_shown(measurement)
+    height = HEAD + ROW * len(names) + FOOT
+    title = words("plot.angles_title")
+    marks: list[Mark] = [Text(12, 22, title, 15, bold=True)]
+    found = against(stated(measurement), axis)
+    for index, name in enumerate(names):
+        marks.append(Text(LABEL - 10, HEAD + ROW * index + 16, cut(name, 11), 13, "end"))
+    for panel, kind in enumerate(("toe", "camber")):
+        rows = {q.subject: q for q in found if q.kind == kind and q.subject in names}
+        left = LABEL + panel * (PANEL + GAP)
+        marks += _panel(left, kind, names, rows, judged_by(conformity, rows), words)
+    note = "plot.angles_note" if conformity is None else "plot.angles_note_limits"
+    marks.append(Text(12, height - 10, words(note), 12, colour=PALE))
+    return Drawing(LABEL + 2 * PANEL + GAP + 30, height, title, marks)
+
+
+def names_shown(measurement: Measurement) -> list[str]:
+    """The reference wheels and trials that were measured, no more than fit."""
+    measured = [w.observation for w in measurement.wheels if w.angles is not None]
+    return [seen.name for seen in measured if seen.role in DECIDED][:MOST_ROWS]
+
+
+def _panel(
+    left: float,
+    kind: str,
+    names: Sequence[str],
+    rows: Mapping[str, Stated],
+    judged: Mapping[str, Verdict],
+    words: Words,
+) -> list[Mark]:
+    low, high, step = range_of([*rows.values()], [*judged.values()])
+    foot = HEAD + ROW * len(names)
+
+    def at(value: float) -> float:
+        return left + PANEL * (min(max(value, low), high) - low) / (high - low)
+
+    marks: list[Mark] = [Text(left, HEAD - 24, words.known("quantity", kind), 13, bold=True)]
+    hints = words(f"plot.{kind}_low"), words(f"plot.{kind}_high")
+    marks.append(Text(left, HEAD - 7, f"{MINUS} {hints[0]}", 11, colour=PALE))
+    marks.append(Text(left + PANEL, HEAD - 7, f"{hints[1]} +", 11, "end", colour=PALE))
+    zones = {i: judged[name].zone for i, name in enumerate(names) if name in judged}
+    for index, zone in zones.items():
+        if zone is not None:
+            low_x, high_x = at(zone.lower), at(zone.upper)
+            y = HEAD + ROW * index + 2
+            marks.append(rectangle(low_x, y, high_x - low_x, ROW - 4, BAND))
+    for tick in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1):
+        x = at(tick * step)
+        marks.append(Path([(x, HEAD), (x, foot)], INK if tick == 0 else GRID, 1.0))
+        marks.append(Text(x, foot + 16, words.number(tick_text(tick * step)), 12, "middle"))
+    for index, zone in zones.items():
+        marks += _limits(at, zone, HEAD + ROW * index)
+    for index, name in enumerate(names):
+        verdict = judged.get(name)
+        colour = COLOURS[verdict.decision if verdict else ""]
+        marks += _value(at, rows[name], HEAD + ROW * index + ROW / 2, colour)
+    return marks
+
+
+def judged_by(conformity: Conformity | None, rows: Mapping[str, Stated]) -> dict[str, Verdict]:
+    """The verdict on the quantity of each wheel in `rows`, where it is limited."""
+    verdicts = {(v.quantity.subject, v.quantity.name): v for v in
+                (conformity.verdicts if conformity else ())}  # fmt: skip
+    names = {name: (name, quantity.name.split(".")[-1]) for name, quantity in rows.items()}
+    return {name: verdicts[key] for name, key in names.items() if key in verdicts}
+
+
+def _limits(at: Callable[[float], float], zone: Zone | None, y: float) -> list[Mark]:
+    ends = [x for x in ((zone.lower, zone.upper) if zone else ()) if math.isfinite(x)]
+    return [Path([(at(x), y + 2), (at(x), y + ROW - 2)], LIMIT, 2.0) for x in ends]
+
+
+def _value(at: Callable[[float], float], quantity: Stated, y: float, colour: str) -> list[Mark]:
+    low, high = at(quantity.value - quantity.expanded), at(quantity.value + quantity.expanded)
+    ends = [(x, y - 5 * s) for x in (low, high) for s in (1, -1)]
+    return [
+        Path([(low, y), (high, y)], colour, 1.6),
+        Path(ends[:2], colour, 1.6),
+        Path(ends[2:], colour, 1.6),
+        circle(at(quantity.value), y, 3.2, colour),
+    ]
+
+
+def range_of(found: Sequence[Stated], verdicts: Sequence[Verdict]) -> tuple[float, float, float]:
+    """From where to where a panel reaches, and the step of its ticks, radians."""
+    ends = [0.0] + [q.value + s * q.expanded for q in found for s in (-1.0, 1.0)]
+    zones = [v.zone for v in verdicts if v.zone is not None]
+    ends += [x for zone in zones for x in (zone.lower, zone.upper) if math.isfinite(x)]
+    reach = max(max(ends) - min(ends), math.radians(0.2 / 60.0))
+    low, high = min(ends) - 0.05 * reach, max(ends) + 0.05 * reach
+    minutes = math.degrees(high - low) * 60.0
+    step = next((s for s in STEPS_MIN if minutes / s <= 6), STEPS_MIN[-1])
+    return low, high, math.radians(step / 60.0)
+
+
+def tick_text(angle_rad: float) -> str:
+    """A round angle as short as it can be: 0, +10', -1°30'."""
+    tenths = round(abs(math.degrees(angle_rad)) * 600)
+    sign = "" if tenths == 0 else MINUS if angle_rad < 0 else "+"
+    degrees, tenths = divmod(tenths, 600)
+    minutes = f"{tenths / 10:g}'" if tenths else ""
+    return f"{sign}{degrees}°{minutes}" if degrees else f"{sign}{minutes or '0'}"

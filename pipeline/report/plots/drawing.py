@@ -1,0 +1,205 @@
+"""Plots as a few kinds of marks, in pixels, y down: to SVG here, to PNG by drawing_png.py."""
+
+from __future__ import annotations
+
+import base64
+import struct
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+from xml.sax.saxutils import escape
+
+import numpy as np
+import numpy.typing as npt
+
+MINUS, SIGMA = "\N{MINUS SIGN}", "\N{GREEK SMALL LETTER SIGMA}"
+INK, PALE, GRID = "#222222", "#555555", "#d0d0d0"
+NO_BREAK = "\N{NO-BREAK SPACE}"
+FONT = "'Liberation Sans', Arial, Helvetica, sans-serif"
+Anchor = Literal["start", "middle", "end"]
+
+
+@dataclass(frozen=True)
+class Path:
+    """A line through points (N, 2), or with `fill` and `closed` an area; dash: on and off."""
+
+    points: npt.ArrayLike
+    stroke: str = "none"
+    width: float = 1.0
+    fill: str = "none"
+    closed: bool = False
+    dash: tuple[float, float] | None = None
+    opacity: float = 1.0
+
+
+@dataclass(frozen=True)
+class Dots:
+    """Points (N, 2) of one size."""
+
+    points: npt.ArrayLike
+    size: float
+    colour: str
+    opacity: float = 1.0
+
+
+@dataclass(frozen=True)
+class Text:
+    """One line of text from, about or up to (x, y) on its base line, turned clockwise."""
+
+    x: float
+    y: float
+    text: str
+    size: float = 13.0
+    anchor: Anchor = "start"
+    bold: bool = False
+    colour: str = INK
+    turn_deg: float = 0.0
+
+
+@dataclass(frozen=True)
+class Raster:
+    """Pixels (m, n) uint8 into a palette (k, 3) uint8 of RGB, about (x, y), turned clockwise."""
+
+    x: float
+    y: float
+    width: float
+    pixels: npt.NDArray[np.uint8]
+    palette: npt.NDArray[np.uint8]
+    turn_deg: float = 0.0
+
+    @property
+    def height(self) -> float:
+        """Of square pixels."""
+        rows, columns = self.pixels.shape
+        return self.width * float(rows / columns)
+
+
+Mark = Path | Dots | Text | Raster
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Marks from back to front; title: what it shows, for those who cannot see it."""
+
+    width: float
+    height: float
+    title: str
+    marks: Sequence[Mark]
+
+    @property
+    def svg(self) -> str:
+        """An SVG element, fit to stand in a page or alone."""
+        size = f'width="{self.width:g}" height="{self.height:g}"'
+        parts = [
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {self.width:g} '
+            f'{self.height:g}" {size} role="img" font-family="{FONT}">',
+            f"<title>{_plain(self.title)}</title>",
+            f'<rect {size} fill="#ffffff"/>',
+            *map(_svg, self.marks),
+        ]
+        return "\n".join([*parts, "</svg>\n"])
+
+
+def cut(name: str, most: int) -> str:
+    """A name that fits, with dots where it was cut."""
+    return name if len(name) <= most else f"{name[: most - 1]}\N{HORIZONTAL ELLIPSIS}"
+
+
+def rectangle(
+    x: float, y: float, width: float, height: float, fill: str, opacity: float = 1.0
+) -> Path:
+    """A filled rectangle."""
+    corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
+    return Path(corners, fill=fill, closed=True, opacity=opacity)
+
+
+def circle(x: float, y: float, radius: float, fill: str, stroke: str = "none") -> Path:
+    """A filled circle."""
+    angle = np.arange(32) * (np.pi / 16.0)
+    points = np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle)])
+    return Path(points, stroke=stroke, fill=fill, closed=True)
+
+
+def arrow(start: npt.ArrayLike, end: npt.ArrayLike, colour: str, width: float = 1.5) -> list[Mark]:
+    """A line with a filled tip."""
+    a, b = np.asarray(start, float), np.asarray(end, float)
+    along = (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
+    aside = np.array([-along[1], along[0]])
+    tip = 3.0 + 2.5 * width
+    base = b - tip * along
+    head = [b, base + 0.4 * tip * aside, base - 0.4 * tip * aside]
+    return [Path([a, base], colour, width), Path(np.stack(head), fill=colour, closed=True)]
+
+
+def _svg(mark: Mark) -> str:
+    if isinstance(mark, Text):
+        return _text(mark)
+    if isinstance(mark, Raster):
+        return _raster(mark)
+    if isinstance(mark, Dots):
+        places = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in np.asarray(mark.points, float))
+        return (
+            f'<path d="{places}" fill="none" stroke="{mark.colour}" stroke-width="{mark.size:g}" '
+            f'stroke-linecap="round"{_opacity(mark.opacity)}/>'
+        )
+    return _path(mark)
+
+
+def _path(mark: Path) -> str:
+    places = "L".join(f"{x:.2f} {y:.2f}" for x, y in np.asarray(mark.points, float))
+    style = f'fill="{mark.fill}"'
+    if mark.stroke != "none":
+        style += f' stroke="{mark.stroke}" stroke-width="{mark.width:g}"'
+    if mark.dash:
+        style += f' stroke-dasharray="{mark.dash[0]:g} {mark.dash[1]:g}"'
+    end = "Z" if mark.closed else ""
+    return f'<path d="M{places}{end}" {style}{_opacity(mark.opacity)}/>'
+
+
+def _text(mark: Text) -> str:
+    style = f'font-size="{mark.size:g}" fill="{mark.colour}"'
+    if mark.anchor != "start":
+        style += f' text-anchor="{mark.anchor}"'
+    if mark.bold:
+        style += ' font-weight="bold"'
+    if mark.turn_deg:
+        style += f' transform="rotate({mark.turn_deg:.2f} {mark.x:.2f} {mark.y:.2f})"'
+    return f'<text x="{mark.x:.2f}" y="{mark.y:.2f}" {style}>{_plain(mark.text)}</text>'
+
+
+def _raster(mark: Raster) -> str:
+    data = base64.b64encode(png_of(mark.pixels, mark.palette)).decode("ascii")
+    turn = f' transform="rotate({mark.turn_deg:.3f} {mark.x:.2f} {mark.y:.2f})"'
+    return (
+        f'<image x="{mark.x - mark.width / 2:.2f}" y="{mark.y - mark.height / 2:.2f}" '
+        f'width="{mark.width:.2f}" height="{mark.height:.2f}"{turn if mark.turn_deg else ""} '
+        f'href="data:image/png;base64,{data}"/>'
+    )
+
+
+def _plain(text: str) -> str:
+    """Escaped; without what XML cannot hold or what turns the direction of reading."""
+    return escape(
+        "".join(
+            c if c.isprintable() or c == NO_BREAK else "\N{REPLACEMENT CHARACTER}" for c in text
+        )
+    )
+
+
+def _opacity(opacity: float) -> str:
+    return "" if opacity == 1.0 else f' opacity="{opacity:g}"'
+
+
+def png_of(pixels: npt.NDArray[np.uint8], palette: npt.NDArray[np.uint8]) -> bytes:
+    """PNG of indexed colours. Source: W3C, Portable Network Graphics, third edition."""
+    height, width = pixels.shape
+    rows = np.zeros((height, width + 1), np.uint8)
+    rows[:, 1:] = pixels
+    header = struct.pack(">IIBBBBB", width, height, 8, 3, 0, 0, 0)
+    chunks = [(b"IHDR", header), (b"PLTE", palette.tobytes())]
+    chunks += [(b"IDAT", zlib.compress(rows.tobytes(), 9)), (b"IEND", b"")]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in chunks
+    )

@@ -1,0 +1,97 @@
+"""What the signs mean, drawn: toe and thrust angle from above, camber from behind."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..format.language import Words
+from .drawing import INK, PALE, Drawing, Mark, Path, Text, arrow
+
+WIDTH, HEIGHT = 760.0, 250.0
+EDGE, TYRE, ANGLE, LINE = "#37474f", "#dfe5ea", "#b3261e", "#0072B2"
+DRAWN_RAD = math.radians(14.0)
+
+
+def signs_drawing(words: Words) -> Drawing:
+    """Three sketches of what is positive."""
+    title = words("plot.signs_title")
+    marks: list[Mark] = []
+    for index, name in enumerate(("toe", "camber", "thrust")):
+        x = WIDTH * (2 * index + 1) / 6
+        marks.append(Text(x, 22, words(f"plot.signs_{name}"), 14, "middle", bold=True))
+        marks.append(Text(x, HEIGHT - 12, words(f"plot.signs_{name}_from"), 12, "middle",
+                          colour=PALE))  # fmt: skip
+    return Drawing(WIDTH, HEIGHT, title, [*marks, *_toe(words), *_camber(words), *_thrust(words)])
+
+
+def _plate(x: float, y: float, turn_rad: float, half: tuple[float, float]) -> list[Mark]:
+    """A wheel turned clockwise, with the straight line it is turned from."""
+    way = np.array([math.sin(turn_rad), -math.cos(turn_rad)])
+    aside = np.array([way[1], -way[0]])
+    middle = np.array([x, y])
+    corners = [middle + a * half[0] * way + b * half[1] * aside
+               for a, b in ((1, -1), (1, 1), (-1, 1), (-1, -1))]  # fmt: skip
+    reach = half[0] + 26.0
+    arc = [middle + reach * np.array([math.sin(t), -math.cos(t)])
+           for t in np.linspace(0.0, turn_rad, 9)]  # fmt: skip
+    return [
+        Path(corners, EDGE, 1.4, TYRE, closed=True),
+        Path([middle, middle - (0, reach + 8)], PALE, 1.0, dash=(4.0, 3.0)),
+        Path([middle, middle + (reach + 8) * way], INK, 1.2),
+        Path(arc[:-1], ANGLE, 1.6),
+        *arrow(arc[-2], arc[-1], ANGLE, 1.6),
+    ]
+
+
+def _toe(words: Words) -> list[Mark]:
+    x, y = WIDTH / 6, 145.0
+    marks: list[Mark] = [Path([(x - 62, y), (x + 62, y)], EDGE, 2.0)]
+    marks += _plate(x - 62, y, DRAWN_RAD, (38.0, 11.0)) + _plate(
+        x + 62, y, -DRAWN_RAD, (38.0, 11.0)
+    )
+    marks += [
+        *arrow((x, y - 14), (x, y - 56), PALE, 1.2),
+        Text(x, y - 62, words("scene.forward"), 11, "middle", colour=PALE),
+        Text(x - 62, y + 58, words("vehicle.left"), 12, "middle"),
+        Text(x + 62, y + 58, words("vehicle.right"), 12, "middle"),
+    ]
+    return marks
+
+
+def _camber(words: Words) -> list[Mark]:
+    x, y = WIDTH / 2, 145.0
+    marks: list[Mark] = [
+        Path([(x - 110, y + 44), (x + 110, y + 44)], PALE, 1.4),
+        Path([(x - 58, y), (x + 58, y)], EDGE, 2.0),
+    ]
+    marks += _plate(x - 58, y, -DRAWN_RAD, (42.0, 12.0)) + _plate(
+        x + 58, y, DRAWN_RAD, (42.0, 12.0)
+    )
+    marks += [
+        Text(x - 58, y + 62, words("vehicle.left"), 12, "middle"),
+        Text(x + 58, y + 62, words("vehicle.right"), 12, "middle"),
+        Text(x, y - 40, words("scene.up"), 11, "middle", colour=PALE),
+        *arrow((x, y - 8), (x, y - 34), PALE, 1.2),
+    ]
+    return marks
+
+
+def _thrust(words: Words) -> list[Mark]:
+    x, y, reach = WIDTH * 5 / 6, 190.0, 140.0
+    end = (x + reach * math.sin(DRAWN_RAD), y - reach * math.cos(DRAWN_RAD))
+    arc = [(x + 105 * math.sin(t), y - 105 * math.cos(t)) for t in np.linspace(0, DRAWN_RAD, 9)]
+    marks: list[Mark] = [
+        Path([(x - 52, y), (x + 52, y)], EDGE, 2.0),
+        Path([(x, y), (x, y - reach)], PALE, 1.0, dash=(4.0, 3.0)),
+        *arrow((x, y), end, LINE, 1.6),
+        Path(arc[:-1], ANGLE, 1.6),
+        *arrow(arc[-2], arc[-1], ANGLE, 1.6),
+        Text(x + 24, y - 62, words("scene.thrust_line"), 12, colour="#00528a"),
+        Text(x - 8, y - 90, words("plot.signs_axis"), 12, "end", colour=PALE),
+    ]
+    for side in (-52.0, 52.0):
+        way = [(x + side, y + 24), (x + side, y - 24)]
+        marks.append(Path(way, EDGE, 9.0))
+    return marks

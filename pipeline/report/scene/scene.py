@@ -1,0 +1,141 @@
+"""What the 3D view shows: wheels, axles, axes and some of the points, in the vehicle's frame.
+
+Right-handed, metres: x forward, y left, z up, from the middle of the rear axle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ...kinematics import measure_kingpins
+from ...measurement import Conformity, Measurement, WheelResult
+from ...vectors import Array
+from ...vehicle import VehicleFrame, deg_min_sec
+from ..format.language import Words, load_words
+from .points import cloud_tree
+from .points import to_view as to_view
+
+SCHEMA = "wheelplane/scene/1"
+SYMBOL_M = 0.1  # radius that stands for a plane of five points, whose plate is not known
+CORNERS = 64
+ARROW, OVERHANG = 0.2, 0.12  # of the wheelbase: the axes' arrows; lines beyond the axles
+KINGPIN_M = 0.35  # up and down from the height of the wheel's centre
+
+
+def scene(
+    measurement: Measurement,
+    conformity: Conformity | None = None,
+    words: Words | None = None,
+) -> dict[str, Any]:
+    """The scene as plain data; a wheel that was not measured has no place in it."""
+    words = words or load_words("en")
+    failed = _not_conform(conformity)
+    measured = [wheel for wheel in measurement.wheels if wheel.angles is not None]
+    return {
+        "schema": SCHEMA,
+        "wheels": [_wheel(wheel, measurement.frame, failed, words) for wheel in measured],
+        "lines": [
+            *_axes(measurement, words),
+            *_frame(measurement, words),
+            *_kingpins(measurement, words),
+        ],
+        "cloud": cloud_tree(measurement),
+    }
+
+
+def outlines(result: WheelResult) -> list[Array]:
+    """The target's edges (K, 3), scanner coordinates; of five points a circle for a symbol."""
+    evidence = result.observation.evidence
+    assert evidence is not None
+    assert result.normal is not None
+    centre = evidence.target.centre_m
+    if evidence.face is not None and evidence.plane is not None:
+        return [centre + edge @ evidence.plane.basis[:2] for edge in evidence.face.edges_m]
+    across = np.cross(result.normal, np.eye(3)[int(np.argmin(np.abs(result.normal)))])
+    across /= np.linalg.norm(across)
+    angle = np.arange(CORNERS)[:, None] * (2.0 * math.pi / CORNERS)
+    circle = np.cos(angle) * across + np.sin(angle) * np.cross(result.normal, across)
+    return [centre + SYMBOL_M * circle]
+
+
+def _not_conform(conformity: Conformity | None) -> set[str]:
+    verdicts = conformity.verdicts if conformity else ()
+    return {v.quantity.subject for v in verdicts if v.decision == "not conform"}
+
+
+def _wheel(
+    result: WheelResult, frame: VehicleFrame, failed: set[str], words: Words
+) -> dict[str, Any]:
+    seen, angles = result.observation, result.angles
+    assert angles is not None
+    assert result.normal is not None
+    role = "reference" if seen.role == "reference" else "trial"
+    normal = (frame.R_vehicle_scanner @ result.normal)[[1, 0, 2]]
+    toe, camber = (words.number(deg_min_sec(x)) for x in (angles.toe_rad, angles.camber_rad))
+    return {
+        "name": seen.name,
+        "role": seen.role,
+        "wheel": result.wheel,
+        "status": seen.status,
+        "centre": _rounded(to_view(frame, seen.fitted.centre_m)),
+        "normal": _rounded(normal, 9),
+        "outline": [_rounded(to_view(frame, edge)) for edge in outlines(result)],
+        "toe_text": words("scene.toe", angle=toe),
+        "camber_text": words("scene.camber", angle=camber),
+        "colour_class": "bad" if seen.name in failed else role,
+    }
+
+
+def _axes(measurement: Measurement, words: Words) -> list[dict[str, Any]]:
+    """Arrows from the origin."""
+    length = ARROW * measurement.frame.wheelbase_m
+    names = ("forward", "left", "up")
+    return [
+        _line(words(f"scene.{name}"), "axes", np.zeros(3), length * way)
+        for name, way in zip(names, np.eye(3), strict=True)
+    ]
+
+
+def _frame(measurement: Measurement, words: Words) -> list[dict[str, Any]]:
+    """The axles, and the two longitudinal lines that workshops know."""
+    frame = measurement.frame
+    RR, RL, FR, FL = (
+        to_view(frame, wheel.observation.fitted.centre_m) for wheel in measurement.wheels[:4]
+    )
+    over = OVERHANG * frame.wheelbase_m
+    turn = measurement.vehicle["thrust_angle"]
+    thrust = np.array([math.cos(turn), -math.sin(turn), 0.0])
+    ahead = (FR + FL) / 2.0
+    along = ahead / np.linalg.norm(ahead)
+    return [
+        _line(words("scene.rear_axle"), "frame", RR, RL),
+        _line(words("scene.front_axle"), "frame", FR, FL),
+        _line(words("scene.centreline"), "frame", -over * along, ahead + over * along),
+        _line(
+            words("scene.thrust_line"), "frame", -over * thrust, (frame.wheelbase_m + over) * thrust
+        ),
+    ]
+
+
+def _kingpins(measurement: Measurement, words: Words) -> list[dict[str, Any]]:
+    frame = measurement.frame
+    return [
+        _line(
+            words("scene.kingpin", wheel=found.wheel),
+            "kingpin",
+            *(to_view(frame, found.point_m + way * KINGPIN_M * found.axis) for way in (-1.0, 1.0)),
+        )
+        for found in measure_kingpins(measurement)
+        if found.axis is not None and found.point_m is not None
+    ]
+
+
+def _line(name: str, layer: str, start: Array, end: Array) -> dict[str, Any]:
+    return {"name": name, "layer": layer, "from": _rounded(start), "to": _rounded(end)}
+
+
+def _rounded(numbers: Array, decimals: int = 6) -> Any:
+    return (np.round(numbers, decimals) + 0.0).tolist()

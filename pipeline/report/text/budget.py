@@ -1,0 +1,66 @@
+"""The budget of uncertainty as a table: what each cause contributes to each angle."""
+
+from __future__ import annotations
+
+import math
+
+from ...measurement import Measurement, Stated, against, stated
+from ...vehicle import Axis
+from ..format.layout import aligned
+
+EXPLAINED = """\
+Budget of uncertainty: share of the variance by cause, percent. U: expanded uncertainty of 95 %.
+frame: of all that, what arrives through the four centres, on which the frame stands."""
+
+
+def budget_text(measurement: Measurement, axis: Axis = "rear-axle") -> str:
+    """A table with a line for each quantity against an axis, and one for the noise of each scan."""
+    causes = measurement.uncertainty.causes
+    rows: list[tuple[str, ...]] = [("", "u", "U", *causes, "frame")]
+    for quantity in against(stated(measurement), axis):
+        if quantity.kind != "camber_iso":
+            rows.append(_row(quantity))
+    parts = [EXPLAINED, aligned(rows, left=1)]
+    noise = _noise_rows(measurement)
+    if len(noise) > 1:
+        parts += ["", NOISE, aligned(noise, left=1)]
+    return "\n".join(parts)
+
+
+NOISE = """\
+Noise of each scan across its plane: sigma of a point, the part that is correlated and its length,
+points N and how many independent ones they are worth, and the tilt's u with and without that."""
+
+
+def _row(quantity: Stated) -> tuple[str, ...]:
+    u, expanded = (_size(x, quantity.unit) for x in (quantity.u, quantity.expanded))
+    shares = (f"{100.0 * share:.1f}" for share in (*quantity.shares, quantity.through_frame))
+    return (quantity.name.replace("_", " ").replace(".", " "), u, expanded, *shares)
+
+
+def _size(value: float, unit: str) -> str:
+    return f"{value * 1e3:.3f} mm" if unit == "m" else f'{math.degrees(value) * 3600:.1f}"'
+
+
+def _noise_rows(measurement: Measurement) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [
+        ("", "sigma", "correlated", "over", "N", "N effective", "u tilt", "if independent")
+    ]
+    for result in measurement.wheels:
+        plane = result.observation.evidence.plane if result.observation.evidence else None
+        if plane is None:
+            continue
+        seen = plane.correlated
+        rows.append(
+            (
+                result.observation.name,
+                f"{plane.sigma_m * 1e3:.3f} mm",
+                f"{seen.sigma_m * 1e3:.3f} mm" if seen.sigma_m > 0.0 else "none",
+                f"{seen.length_m * 1e3:.0f} mm" if seen.sigma_m > 0.0 else "-",
+                f"{plane.count}",
+                f"{plane.effective_count:.0f}",
+                _size(plane.tilt_rad, "rad"),
+                _size(plane.tilt_if_independent_rad, "rad"),
+            )
+        )
+    return rows

@@ -1,0 +1,140 @@
+"""A comparison of two methods over many captures, as text."""
+
+from __future__ import annotations
+
+import math
+
+from ...validation import EACH, Agreement, Limit, Row, Survey, nees, scores
+from ...vehicle import deg_min_sec
+from ..format.layout import aligned
+from .validation import degrees, seconds
+
+MOST_NOTES = 5
+SETTLED_RAD = math.radians(0.1)  # a bias of this size is settled, where no other is named
+
+
+def survey_text(survey: Survey) -> str:
+    """Rows, bias and limits of agreement, the line, and what more captures would settle."""
+    first, second = (m.label for m in (survey.found[0].first, survey.found[0].second))
+    parts = [
+        f"{survey.source}: {first} against {second}; difference = {first} less {second}",
+        f"{len(survey.found)} of {len(survey.rows)} captures compared.",
+        *_shared_notes(survey),
+        *_not_compared(survey),
+        "",
+        _captures(survey),
+        "",
+        *_verdict(survey),
+    ]
+    for one in survey.agreements:
+        parts += ["", *_agreement(one, survey.see_rad or SETTLED_RAD)]
+    parts += ["", scores_text(survey)]
+    return "\n".join(parts) + "\n"
+
+
+def scores_text(survey: Survey) -> str:
+    """Errors over all captures, and whether the stated uncertainties hold."""
+    rows: list[tuple[str, ...]] = [
+        ("", "angles", "bias", "rms", "worst", "inside 95 %", "its 95 % limits")
+    ]
+    for score in scores(survey.found):
+        limits = f"{score.low:.1%} - {score.high:.1%}"
+        share = f"{score.inside / score.count:.1%}"
+        sizes = (deg_min_sec(x) for x in (score.bias, score.rms, score.worst))
+        rows.append((score.kind, str(score.count), *sizes, share, limits))
+    whole = nees(survey.found)
+    title = "All differences, each against its own stated uncertainty"
+    return "\n".join(
+        [
+            title,
+            aligned(rows, left=1),
+            f"  Mean of d'V^-1 d an angle (NEES): {whole.mean:.3f}; right uncertainties give "
+            f"{whole.low:.3f} - {whole.high:.3f} in 95 %.",
+        ]
+    )
+
+
+def _shared_notes(survey: Survey) -> list[str]:
+    """Notes of the captures, each text once; where there are many, how many more."""
+    notes = list(dict.fromkeys(note for one in survey.found for note in one.notes))
+    more = len(notes) - MOST_NOTES
+    return notes[:MOST_NOTES] + ([f"... and {more} more notes in --json."] if more > 0 else [])
+
+
+def _not_compared(survey: Survey) -> list[str]:
+    """What could not be compared, and why: whole captures, and wheels of them."""
+    lines = [f"Not compared: {row.name}: {row.reason}" for row in survey.rows if row.found is None]
+    return lines + [
+        f"Not compared: {row.name}: {name}: {reason}"
+        for row in survey.rows
+        if row.found is not None
+        for name, reason in row.found.missing
+    ]
+
+
+def _captures(survey: Survey) -> str:
+    rows: list[tuple[str, ...]] = [("capture", "wheels", "chi-square", "of", "p", "verdict")]
+    rows += [_capture(row) for row in survey.rows]
+    return aligned(rows, left=1)
+
+
+def _capture(row: Row) -> tuple[str, ...]:
+    one = row.found
+    if one is None:
+        return (row.name, "-", "-", "-", "-", "not compared")
+    test = one.joint
+    return (
+        row.name,
+        str(len(one.names)),
+        f"{test.chi_square:.1f}",
+        str(test.count),
+        f"{test.probability:.3g}",
+        one.verdict,
+    )
+
+
+def _verdict(survey: Survey) -> list[str]:
+    count, probability = len(survey.found), survey.bias_probability
+    bias = "needs four captures" if probability is None else f"p = {probability:.3g}"
+    lines = [
+        f"Verdict: {survey.verdict}. Two tests, each at {1 - EACH:.2%}:",
+        f"  bias of toe and camber together (Hotelling's T2 of the captures' means): {bias};",
+        f"  captures that disagree alone: {survey.disagreeing} of {count}, 5 % are expected, "
+        f"as many or more by p = {survey.chance_of_disagreeing:.3g}.",
+    ]
+    if survey.see_rad is not None and survey.visible_rad > survey.see_rad:
+        lines.append(
+            f"A bias of {degrees(survey.see_rad)} would not be seen by so few captures: see below."
+        )
+    return lines
+
+
+def _agreement(one: Agreement, size_rad: float) -> list[str]:
+    rows: list[tuple[str, ...]] = [
+        ("", "value", "95 % limits", ""),
+        ("bias", *_limit(one.bias)),
+        ("lower limit of agreement", *_limit(one.lower)),
+        ("upper limit of agreement", *_limit(one.upper)),
+    ]
+    lines = [
+        f"{one.kind.capitalize()}, Bland-Altman: {len(one.first)} differences of {one.subjects} "
+        f"wheels, {one.units} independent captures or vehicles",
+        aligned(rows, left=1),
+        f"  Standard deviations: {seconds(one.total)} of a difference; {seconds(one.between)} "
+        f"between wheels, {seconds(one.within)} within (repeated measures)",
+        f"  These captures would see a bias of {degrees(one.visible)} (95 % confidence, 99 % "
+        f"power); one of {degrees(size_rad)} takes {one.captures_for(size_rad)} captures, "
+        "if they scatter as much as these can (95 %).",
+    ]
+    line = one.line
+    if line is not None:
+        lines.append(
+            f"  Line (York): second = {deg_min_sec(line.intercept)} (u {seconds(line.u_intercept)})"
+            f" + {line.slope:.5f} (u {line.u_slope:.5f}) x first; chi-square "
+            f"{line.chi_square:.1f} of {line.freedom}, p = {line.probability:.3g}"
+        )
+    return lines
+
+
+def _limit(limit: Limit) -> tuple[str, str, str]:
+    return deg_min_sec(limit.value), deg_min_sec(limit.low), deg_min_sec(limit.high)

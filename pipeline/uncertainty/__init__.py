@@ -1,0 +1,51 @@
+"""Uncertainty components, their propagation (JCGM 100) and its Monte Carlo check (JCGM 101)."""
+
+from .components import Cause, centre_cause, plane_cause
+from .distributions import (
+    as_many,
+    chi_square_beyond,
+    chi_square_limits,
+    coverage_factor,
+    f_beyond,
+    power_of_f,
+    power_of_t,
+    quantile,
+    share_limits,
+    tail,
+)
+from .monte_carlo import TOLERANCE, MonteCarlo, monte_carlo
+from .propagation import (
+    LEVEL,
+    AngleUncertainty,
+    Effect,
+    effective_freedom,
+    effects_of,
+    propagate,
+)
+from .type_b import with_type_b
+
+__all__ = [
+    "LEVEL",
+    "TOLERANCE",
+    "AngleUncertainty",
+    "Cause",
+    "Effect",
+    "MonteCarlo",
+    "as_many",
+    "centre_cause",
+    "chi_square_beyond",
+    "chi_square_limits",
+    "coverage_factor",
+    "effective_freedom",
+    "effects_of",
+    "f_beyond",
+    "monte_carlo",
+    "plane_cause",
+    "power_of_f",
+    "power_of_t",
+    "propagate",
+    "quantile",
+    "share_limits",
+    "tail",
+    "with_type_b",
+]

@@ -1,0 +1,103 @@
+"""All quantities once more, for many vehicles at a time, by other formulas.
+
+They share none with reference_frame.py, angles.py and vehicle.py, so that who compares both checks
+those as well as their slopes. Directions in the plane of left and forward are complex numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from ..vectors import Array, Mask
+from ..vehicle import VEHICLE, WHEEL
+
+ComplexArray = npt.NDArray[np.complex128]
+
+
+def other_quantities(normals: Array, centres: Array, wheels: Sequence[str]) -> Array:
+    """All quantities (T, Q) of normals and centres (T, W, 3), sign of the normals free.
+
+    The foot on the front axle's line, where it is perpendicular to the rear axle r, is the point
+    FR + a f with (FR + a f - c_R) . r = 0; up runs along foot x r.
+    """
+    r, f = centres[:, 1] - centres[:, 0], centres[:, 3] - centres[:, 2]
+    middle = (centres[:, 1] + centres[:, 0]) / 2.0
+    along = _dot(middle - centres[:, 2], r) / _dot(f, r)
+    foot = centres[:, 2] + along[:, None] * f - middle
+    up = np.cross(foot, r)
+    rear_track, front_track, wheelbase = (np.sqrt(_dot(x, x)) for x in (r, f, foot))
+    axes = np.stack([foot / wheelbase[:, None], r / rear_track[:, None], up], axis=2)
+    axes[:, :, 2] /= np.sqrt(_dot(up, up))[:, None]
+    left = np.array([wheel.endswith("L") for wheel in wheels])
+    found = _of_wheels(normals @ axes, left)
+    ahead, across, _ = np.moveaxis((centres[:, :4] - middle[:, None]) @ axes, 2, 0)
+    found |= _of_vehicle(ahead + 1j * across, found)
+    found |= _against_axes(ahead + 1j * across, found, left)
+    found |= {"rear_track": rear_track, "front_track": front_track, "wheelbase": wheelbase}
+    side_right, side_left = np.moveaxis(centres[:, 2:4] - centres[:, :2], 1, 0)
+    found["wheelbase_left"] = np.sqrt(_dot(side_left, side_left))
+    found["wheelbase_right"] = np.sqrt(_dot(side_right, side_right))
+    found["wheelbase_difference"] = found["wheelbase_left"] - found["wheelbase_right"]
+    names = [*(entry.name for entry in WHEEL), *(entry.name for entry in VEHICLE)]
+    return np.column_stack([found[name] for name in names])
+
+
+def _of_wheels(parts: Array, left: Mask) -> dict[str, Array]:
+    """Angles (T, W) of normals (T, W, 3) forward, left, up; their squares add up to 1 or nearly."""
+    facing = np.where((parts[:, :, 1] > 0.0) == left, 1.0, -1.0)
+    forward, out, up = parts[:, :, 0] * facing, np.abs(parts[:, :, 1]), parts[:, :, 2] * facing
+    whole = np.sqrt(out**2 + forward**2 + up**2)
+    return {
+        "toe": np.angle(out + 1j * forward),
+        "camber": -np.arcsin(up / whole),
+        "camber_iso": -np.angle(out + 1j * up),
+    }
+
+
+def _of_vehicle(places: ComplexArray, found: dict[str, Array]) -> dict[str, Array]:
+    """Of places (T, 4) ahead + i left: directions are complex units, and a sum of two bisects.
+
+    A wheel rolls along exp(-i toe) on the left, exp(+i toe) on the right.
+    """
+    toe, camber = found["toe"], found["camber"]
+    rolls = np.exp(np.array([1j, -1j, 1j, -1j]) * toe[:, :4])
+    thrust = rolls[:, 0] + rolls[:, 1]
+    side = (places[:, 2:] - places[:, :2]) / np.abs(places[:, 2:] - places[:, :2])
+    middles = places[:, 2:].sum(axis=1)
+    return {
+        "rear_total_toe": np.angle(rolls[:, 0] / rolls[:, 1]),
+        "front_total_toe": np.angle(rolls[:, 2] / rolls[:, 3]),
+        "rear_cross_camber": camber[:, 1] - camber[:, 0],
+        "front_cross_camber": camber[:, 3] - camber[:, 2],
+        "steer_ahead": np.angle(thrust / (rolls[:, 2] + rolls[:, 3])),
+        "thrust_angle": -np.angle(thrust),
+        "centreline_angle": -np.angle(middles),
+        "rear_squareness": np.angle(middles),
+        "side_bisector_angle": -np.angle(side.sum(axis=1)),
+    }
+
+
+def _against_axes(places: ComplexArray, found: dict[str, Array], left: Mask) -> dict[str, Array]:
+    """What is counted from an axis: all turned by it, so that it runs ahead."""
+    angles = {"thrust_line": found["thrust_angle"], "centreline": found["centreline_angle"]}
+    angles |= {"side_bisector": found["side_bisector_angle"], "": np.zeros(len(places))}
+    slope = np.tan(found["camber"])
+    for name, angle in angles.items():
+        suffix = f"_to_{name}" if name else ""
+        seen = places * np.exp(1j * angle)[:, None]
+        found[f"front_setback{suffix}"] = seen[:, 3].real - seen[:, 2].real
+        found[f"rear_setback{suffix}"] = seen[:, 1].real - seen[:, 0].real
+        found[f"axle_offset{suffix}"] = -seen[:, 2:].imag.mean(axis=1)
+        found[f"thrust_angle{suffix}"] = found["thrust_angle"] - angle
+        if name:
+            toe = found["toe"] + np.where(left, -1.0, 1.0) * angle[:, None]
+            found[f"toe{suffix}"] = toe
+            found[f"camber_iso{suffix}"] = np.arctan(slope / np.cos(toe))
+    return found
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.sum(a * b, axis=1))

@@ -1,0 +1,148 @@
+"""Causes of uncertainty, carried through the frame to every angle; this module owns the budget."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..vectors import Array
+from ..vehicle import VEHICLE, WHEEL, linearise
+from .components import UncertainTarget
+from .distributions import coverage_factor
+
+LEVEL = 0.95  # of the expanded uncertainties
+
+
+@dataclass(frozen=True)
+class AngleUncertainty:
+    """All Q quantities of W targets and their uncertainty: radians and metres, k = 1.
+
+    Quantities: of each entry of `definitions.WHEEL` those of all targets, toes first; then the
+    entries of `definitions.VEHICLE`. values: (Q,). covariance: (Q, Q). causes: names of the
+    budget's K lines. shares: (Q, K) variance by cause; they add up to the covariance's diagonal.
+    through_frame: (Q,) variance that arrives through the four centres. freedom: (Q,) effective
+    degrees of freedom.
+    """
+
+    values: Array
+    covariance: Array
+    causes: tuple[str, ...]
+    shares: Array
+    through_frame: Array
+    freedom: Array
+
+    @property
+    def standard(self) -> Array:
+        """(Q,) standard uncertainties."""
+        return np.asarray(np.sqrt(np.diag(self.covariance).clip(min=0.0)))
+
+    @property
+    def coverage_factor(self) -> Array:
+        """(Q,) k of the expanded uncertainty of 95 %: Student's t of the degrees of freedom."""
+        return coverage_factor(LEVEL, self.freedom)
+
+    @property
+    def toe_rad(self) -> Array:
+        """(W,)."""
+        return self._of_wheels(0)
+
+    @property
+    def camber_rad(self) -> Array:
+        """(W,)."""
+        return self._of_wheels(1)
+
+    @property
+    def camber_iso_rad(self) -> Array:
+        """(W,)."""
+        return self._of_wheels(2)
+
+    @property
+    def vehicle_standard(self) -> dict[str, float]:
+        """Standard uncertainties of the vehicle's quantities, by name."""
+        return _by_name(self.standard)
+
+    @property
+    def vehicle_values(self) -> dict[str, float]:
+        """The vehicle's quantities, by name."""
+        return _by_name(self.values)
+
+    def wheel_freedom(self, index: int) -> dict[str, float]:
+        """Degrees of freedom of one wheel's angles, by the names of WheelResult."""
+        names = ("freedom_toe", "freedom_camber", "freedom_camber_iso")
+        rows = self.freedom[: -len(VEHICLE)].reshape(len(WHEEL), -1)[: len(names), index]
+        return {name: float(freedom) for name, freedom in zip(names, rows, strict=True)}
+
+    def _of_wheels(self, kind: int) -> Array:
+        return np.asarray(self.standard[: -len(VEHICLE)].reshape(len(WHEEL), -1)[kind])
+
+
+def _by_name(numbers: Array) -> dict[str, float]:
+    of_vehicle = numbers[-len(VEHICLE) :].tolist()
+    return {entry.name: number for entry, number in zip(VEHICLE, of_vehicle, strict=True)}
+
+
+def propagate(targets: Sequence[UncertainTarget], wheels: Sequence[str]) -> AngleUncertainty:
+    """Uncertainty of all angles of W targets, of which the first four are RR, RL, FR, FL.
+
+    J Sigma J^T, cause by cause: Sigma is the sum over the causes of factor factor^T, where causes
+    that targets share act on all of them at once.
+    Source: JCGM 100 (GUM), 5.2 and G.4 (effective degrees of freedom).
+    """
+    centres = np.stack([target.centre_m for target in targets[:4]])
+    normals = np.stack([target.normal for target in targets])
+    linear = linearise(centres, normals, wheels)
+    J = linear.slopes
+    by_centres = J.reshape(len(J), -1, 6).copy()
+    by_centres[:, :, :3] = 0.0
+    effects = effects_of(targets)
+    names = tuple(dict.fromkeys(effect.name for effect in effects))
+    shares, through_frame = np.zeros((len(J), len(names))), np.zeros(len(J))
+    covariance = np.zeros((len(J), len(J)))
+    variances = []
+    for effect in effects:
+        moved = J @ effect.factor
+        variances.append(np.sum(moved**2, axis=1))
+        covariance += moved @ moved.T
+        shares[:, names.index(effect.name)] += variances[-1]
+        through_frame += np.sum((by_centres.reshape(len(J), -1) @ effect.factor) ** 2, axis=1)
+    freedom = effective_freedom(effects, variances, np.diag(covariance))
+    return AngleUncertainty(linear.values, covariance, names, shares, through_frame, freedom)
+
+
+def effective_freedom(effects: Sequence[Effect], variances: Sequence[Array], total: Array) -> Array:
+    """Welch and Satterthwaite: u^4 / sum of u_i^4 / nu_i over what was estimated apart."""
+    estimates: dict[object, tuple[Array, float]] = {}
+    for index, (effect, variance) in enumerate(zip(effects, variances, strict=True)):
+        key = effect.name if effect.pooled else index
+        before = estimates[key][0] if key in estimates else 0.0
+        estimates[key] = (before + variance, effect.freedom)
+    fourths = sum((v**2 / freedom for v, freedom in estimates.values()), np.zeros(len(total)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.where(fourths > 0.0, total**2 / fourths, math.inf))
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A cause as it acts on all W targets at once: factor (6 W, k)."""
+
+    name: str
+    factor: Array
+    freedom: float
+    pooled: bool
+
+
+def effects_of(targets: Sequence[UncertainTarget]) -> list[Effect]:
+    """One effect a cause, those that targets share brought together; in the order of the causes."""
+    found: dict[tuple[str, object], Effect] = {}
+    for index, target in enumerate(targets):
+        for cause in target.causes:
+            factor = np.zeros((6 * len(targets), cause.factor.shape[1]))
+            factor[6 * index : 6 * index + 6] = cause.factor
+            key = (cause.name, index if cause.shared is None else cause.shared)
+            if key in found:
+                factor += found[key].factor
+            found[key] = Effect(cause.name, factor, cause.freedom, cause.pooled)
+    return list(found.values())

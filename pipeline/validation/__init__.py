@@ -1,0 +1,40 @@
+"""Comparison of one method with another: one capture, an archive, coverage."""
+
+from .agreement import Agreement
+from .comparison import KINDS, Comparison, check_alike, compare
+from .coverage import nees, scores
+from .five_point import Estimator, FivePointOptions
+from .frame_effect import SHAPE
+from .request import Against, Part, Request, as_method, measured
+from .statistics.bland_altman import Limit
+from .statistics.joint_test import JointTest
+from .statistics.line_fit import Line
+from .study import EACH, Row, Survey, is_archive_of_captures, validate_archive
+from .validate_capture import validate_capture
+
+__all__ = [
+    "EACH",
+    "KINDS",
+    "SHAPE",
+    "Against",
+    "Agreement",
+    "Comparison",
+    "Estimator",
+    "FivePointOptions",
+    "JointTest",
+    "Limit",
+    "Line",
+    "Part",
+    "Request",
+    "Row",
+    "Survey",
+    "as_method",
+    "check_alike",
+    "compare",
+    "is_archive_of_captures",
+    "measured",
+    "nees",
+    "scores",
+    "validate_archive",
+    "validate_capture",
+]

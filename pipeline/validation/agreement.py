@@ -1,0 +1,151 @@
+"""Two methods over many captures: bias, limits of agreement, a line through both.
+
+A subject is one wheel of one vehicle; its repeated measures are captures of the vehicle and trials
+on the wheel. Differences scatter between subjects and within them. The bias is the mean over
+units, vehicles each, or captures where there is one vehicle only: units are independent, whatever
+their wheels have in common, such as the frame, so that Student's t is exact for its limits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..uncertainty import chi_square_limits, f_beyond, quantile
+from ..vectors import Array
+from .comparison import KINDS, Comparison
+from .statistics.bland_altman import Limit, components, limits_of_agreement
+from .statistics.line_fit import Line, fit_line
+from .statistics.power import CONFIDENCE, captures_needed, visible_alone
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """One kind of angle over all captures; radians.
+
+    first, second: (N,) pairs. deviation: of the units' mean differences, from which bias and its
+    limits come. within, between: standard deviations of the differences, their components; total:
+    of one difference. lower, upper: limits of agreement. visible: smallest bias that these captures
+    would show. line: of the second method on the first.
+    """
+
+    kind: str
+    first: Array
+    second: Array
+    subjects: int
+    units: int
+    bias: Limit
+    deviation: float
+    within: float
+    between: float
+    total: float
+    lower: Limit
+    upper: Limit
+    visible: float
+    line: Line | None
+
+    def captures_for(self, size_rad: float) -> int:
+        """Captures that would settle a bias of this size, by what their scatter is at most.
+
+        The upper 95 % limit of the deviation, so that a small pilot does not promise too much.
+        Source: Browne, Statistics in Medicine 14 (1995) 1933.
+        """
+        freedom = self.units - 1
+        least, _ = chi_square_limits(2.0 * CONFIDENCE - 1.0, freedom)
+        return captures_needed(size_rad, self.deviation * math.sqrt(freedom / least))
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """All pairs of one kind: first, second, their uncertainties; whose they are."""
+
+    first: Array
+    second: Array
+    u_first: Array
+    u_second: Array
+    both: Array
+    subject: list[Hashable]
+    unit: list[Hashable]
+
+
+def agreement(found: Sequence[Comparison], kind: str) -> Agreement | None:
+    """Of toes or cambers; None for fewer than two units."""
+    pairs = _pairs(found, kind)
+    difference = pairs.first - pairs.second
+    units = np.array(_means(difference, pairs.unit))
+    if len(units) < 2:
+        return None
+    deviation = float(units.std(ddof=1))
+    u = deviation / math.sqrt(len(units))
+    reach = quantile(0.5 + CONFIDENCE / 2.0, len(units) - 1) * u
+    bias = float(units.mean())
+    parts = components(difference, pairs.subject)
+    low, high = limits_of_agreement(bias, u, parts)
+    u_first, u_second = pairs.u_first, pairs.u_second
+    scale = np.maximum(u_first * u_second, 1e-300)
+    line = fit_line(pairs.first, pairs.second, u_first, u_second, pairs.both / scale)
+    return Agreement(
+        kind=kind,
+        first=pairs.first,
+        second=pairs.second,
+        subjects=parts.subjects,
+        units=len(units),
+        bias=Limit(bias, bias - reach, bias + reach),
+        deviation=deviation,
+        within=math.sqrt(parts.within),
+        between=math.sqrt(parts.between),
+        total=math.sqrt(parts.total),
+        lower=low,
+        upper=high,
+        visible=visible_alone(u, len(units) - 1),
+        line=line,
+    )
+
+
+def bias_probability(found: Sequence[Comparison]) -> float | None:
+    """Chance of mean toe and camber differences as large, where both methods are right.
+
+    Hotelling's T^2 of the units' means; None for fewer than four units.
+    Source: Hotelling, Annals of Mathematical Statistics 2 (1931) 360.
+    """
+    means = []
+    for kind in KINDS:
+        pairs = _pairs(found, kind)
+        means.append(_means(pairs.first - pairs.second, pairs.unit))
+    units = np.array(means).T
+    count = len(units)
+    if count < 4:
+        return None
+    S = np.cov(units.T)
+    bias = units.mean(axis=0)
+    square = count * float(bias @ np.linalg.pinv(S) @ bias)
+    return f_beyond(square * (count - 2) / (2.0 * (count - 1)), 2, count - 2)
+
+
+def _pairs(found: Sequence[Comparison], kind: str) -> _Pairs:
+    columns: list[list[Array]] = [[], [], [], [], []]
+    subject: list[Hashable] = []
+    unit: list[Hashable] = []
+    one_vehicle = len({comparison.vehicle for comparison in found}) < 2
+    for index, one in enumerate(found):
+        count = len(one.names)
+        rows = slice(count * KINDS.index(kind), count * (KINDS.index(kind) + 1))
+        u_first, u_second = one.u_first[rows], one.u_second[rows]
+        both = (u_first**2 + u_second**2 - one.spread.u[rows] ** 2) / 2.0
+        values = one.first.angles_rad[rows], one.second.angles_rad[rows], u_first, u_second, both
+        for column, value in zip(columns, values, strict=True):
+            column.append(value)
+        subject += [(one.vehicle, wheel) for wheel in one.wheels]
+        unit += [index if one_vehicle else one.vehicle] * count
+    first, second, u_first, u_second, both = (np.concatenate(column) for column in columns)
+    return _Pairs(first, second, u_first, u_second, both, subject, unit)
+
+
+def _means(values: Array, whose: Sequence[Hashable]) -> list[float]:
+    groups: dict[Hashable, list[float]] = {}
+    for value, key in zip(values, whose, strict=True):
+        groups.setdefault(key, []).append(float(value))
+    return [float(np.mean(group)) for group in groups.values()]

@@ -1,0 +1,67 @@
+"""How well stated uncertainties held, over many comparisons with what is true."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..uncertainty import chi_square_limits, share_limits
+from .comparison import KINDS, Comparison
+from .statistics.power import CONFIDENCE
+
+
+@dataclass(frozen=True)
+class Score:
+    """Errors of one kind of angle, radians; inside: of `count`, within their 95 % interval.
+
+    low, high: 95 % limits of the share inside, as if all were independent.
+    """
+
+    kind: str
+    count: int
+    bias: float
+    rms: float
+    worst: float
+    inside: int
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Nees:
+    """Mean normalised squared error over all angles, 1 where uncertainties are right.
+
+    d' V^-1 d of each capture, with what its angles have in common, summed, over the number of
+    angles. low, high: within which 95 % of right ones lie.
+    """
+
+    mean: float
+    low: float
+    high: float
+    count: int
+
+
+def scores(found: Sequence[Comparison]) -> tuple[Score, ...]:
+    """Of toes and of cambers."""
+    rows = []
+    for index, kind in enumerate(KINDS):
+        halves = [np.split(one.difference_rad, 2)[index] for one in found]
+        error = np.concatenate(halves)
+        ens = np.concatenate([np.split(one.en, 2)[index] for one in found])
+        inside = int(np.count_nonzero(np.abs(ens) <= 1.0))
+        worst = float(error[np.argmax(np.abs(error))])
+        rms = float(np.sqrt(np.mean(error**2)))
+        limits = share_limits(inside, len(error), CONFIDENCE)
+        rows.append(Score(kind, len(error), float(error.mean()), rms, worst, inside, *limits))
+    return tuple(rows)
+
+
+def nees(found: Sequence[Comparison]) -> Nees:
+    """Over all angles of all captures."""
+    count = sum(one.joint.count for one in found)
+    total = sum(one.joint.chi_square for one in found)
+    low, high = chi_square_limits(CONFIDENCE, count) if count else (0.0, 0.0)
+    scale = max(count, 1)
+    return Nees(total / scale, low / scale, high / scale, count)

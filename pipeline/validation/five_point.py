@@ -1,0 +1,171 @@
+"""A five-point file read as the second method: its blocks in the order of the scans, measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from ..centre import TargetFit
+from ..config import StationConfig
+from ..errors import InputError
+from ..five_point import FivePointFile, Station, fit_block, read_five_point
+from ..measure import measure_five_point
+from ..measurement import Measurement, WheelResult
+from ..uncertainty import Cause
+from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit, in_metres
+from ..vectors import Array
+from ..vehicle import REFERENCE_WHEELS
+
+Estimator = Literal["tls", "tcgc-2013"]
+
+
+@dataclass(frozen=True)
+class FivePointOptions:
+    """How the five-point files are written, and what is known of the instrument.
+
+    blocks: the scan of each block, by commas; None: in the order of the scans. place: of the total
+    station, in the files' coordinates and unit. aiming_m: of a point along each axis of the face.
+    """
+
+    length_unit: LengthUnit = "m"
+    coordinates: Coordinates = "cartesian"
+    angle_unit: AngleUnit | None = None
+    azimuth: Azimuth = "auto"
+    blocks: str | None = None
+    station: StationConfig | None = None
+    place: tuple[float, float, float] | None = None
+    aiming_m: float | None = None
+    method: Estimator = "tls"
+
+
+@dataclass(frozen=True)
+class FivePoints:
+    """The file, its blocks in the order of `scans`, and what they measure."""
+
+    file: FivePointFile
+    scans: tuple[str, ...]
+    measurement: Measurement
+
+    def name_of(self, result: WheelResult) -> str:
+        """The scan that shows what `result`, one of the measurement's, shows."""
+        index = next(i for i, wheel in enumerate(self.measurement.wheels) if wheel is result)
+        return self.scans[index]
+
+
+def measure_points(
+    path: Path, name: str, scans: Sequence[str], options: FivePointOptions
+) -> FivePoints:
+    """Read and measure the file at `path`, which messages call `name`. Raises InputError."""
+    matched: dict[str, int] = {}
+
+    def arrange(count: int) -> list[int]:
+        matched.update(match_blocks(scans, count, options.blocks, name))
+        return list(matched.values())
+
+    file = read_five_point(
+        path,
+        name=name,
+        length_unit=options.length_unit,
+        coordinates=options.coordinates,
+        angle_unit=options.angle_unit,
+        azimuth=options.azimuth,
+        arrange=arrange,
+    )
+    return FivePoints(file, tuple(matched), measure_five_point(file, station_of(options)))
+
+
+def station_of(options: FivePointOptions) -> Station | None:
+    """The total station and its place, in metres; None where none is named."""
+    if options.station is None:
+        if options.place is not None:
+            raise InputError("--total-station-at without --total-station: name it as well")
+        return None
+    if options.place is None and options.coordinates == "cartesian":
+        raise InputError(
+            "--total-station with cartesian coordinates: add --total-station-at X,Y,Z, where it "
+            "stood, since its errors depend on distance and direction"
+        )
+    stated = options.station
+    if options.aiming_m is not None:
+        stated = stated.model_copy(update={"aiming_sigma_m": options.aiming_m})
+    place = options.place or (0.0, 0.0, 0.0)
+    return Station(stated, np.array([in_metres(x, options.length_unit) for x in place]))
+
+
+def with_aiming(target: TargetFit, options: FivePointOptions) -> TargetFit:
+    """The target with its aiming, where no station states it."""
+    if options.station is not None or not options.aiming_m:
+        return target
+    across = np.eye(3) - np.outer(target.normal, target.normal)
+    factor = np.vstack([np.zeros((3, 3)), options.aiming_m / math.sqrt(5.0) * across])
+    return replace(target, causes=(*target.causes, Cause("aiming", factor)))
+
+
+def note_of_aiming(blocks_m: Array, options: FivePointOptions) -> tuple[str, ...]:
+    """A sentence where nothing is said of how well the points' places were aimed at."""
+    stated = options.station.aiming_sigma_m if options.station else 0.0
+    if options.aiming_m is not None or stated > 0.0:
+        return ()
+    seen = pentagon_scatter_m(blocks_m)
+    return (
+        "The mean of five points counts as the wheel's centre, as well as their noise lets it be "
+        f"known. Along the faces they lie {seen * 1e3:.2g} mm (each axis) off regular pentagons: "
+        f"if regular ones were aimed at by eye, say --aiming {seen * 1e3:.2g}.",
+    )
+
+
+def pentagon_scatter_m(blocks_m: Array) -> float:
+    """Scatter along each axis of the faces of blocks (M, 5, 3) about regular pentagons, metres.
+
+    A pentagon has a centre, a size and a turn, so 6 of 10 coordinates are left. As complex numbers,
+    in the order round the centre, its points are c + a w^k, w = exp(2 pi i / 5): two of the five
+    terms of a Fourier series; the other three are scatter.
+    """
+    left = 0.0
+    for block in blocks_m:
+        fit = fit_block(block)
+        uv = (block - fit.centre_m) @ fit.axes[1:].T
+        z = uv[:, 0] + 1j * uv[:, 1]
+        terms = np.fft.fft(z[np.argsort(np.angle(z))])
+        left += float(np.sum(np.abs(terms[2:]) ** 2)) / 5.0
+    return math.sqrt(left / (6.0 * len(blocks_m)))
+
+
+NONE = "-"  # a block that no scan shows
+
+
+def match_blocks(
+    scans: Sequence[str], blocks: int, mapping: str | None, source: str
+) -> dict[str, int]:
+    """The block (from 0) of each scan that has one; RR, RL, FR, FL first, as in `scans`.
+
+    scans: names of a capture's scans. blocks: how many the file holds. mapping: the scan's name of
+    each block, by commas, `-` for none; None: in the order of the scans, where the counts fit.
+    Raises InputError, which lists what each holds.
+    """
+    held = f"{source} holds {blocks} blocks, the capture {len(scans)} scans ({','.join(scans)})"
+    if mapping is None:
+        if blocks != len(scans):
+            raise InputError(f"{held}: name the scan of each block with --blocks, {NONE} for none")
+        return {scan: index for index, scan in enumerate(scans)}
+    named = [name.strip() for name in mapping.split(",")]
+    if len(named) != blocks:
+        raise InputError(f"--blocks names {len(named)}, but {held}: name one scan a block")
+    found: dict[str, int] = {}
+    for index, name in enumerate(named):
+        if name == NONE:
+            continue
+        if name not in scans:
+            raise InputError(f"--blocks names {name!r} for block {index + 1}, but {held}")
+        if name in found:
+            raise InputError(f"--blocks names {name!r} twice: name another, or {NONE}")
+        found[name] = index
+    lacking = [wheel for wheel in REFERENCE_WHEELS if wheel not in found]
+    if lacking:
+        raise InputError(f"--blocks lacks {lacking[0]}: the frame needs all four reference wheels")
+    return {scan: found[scan] for scan in scans if scan in found}

@@ -1,0 +1,78 @@
+"""What is to be compared with what, and what of a measurement can be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path, PurePath
+from typing import Literal
+
+import numpy as np
+
+from ..capture import Capture
+from ..measurement import Measurement, WheelResult
+from .comparison import Method
+from .five_point import FivePointOptions
+
+Against = Literal["five-point", "virtual", "truth"]
+DENSE = "dense scans"
+COMPARED = ("reference", "trial")
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to compare with, and how.
+
+    file: of the five points, from the capture's folder; with truth, None for the dense scans'.
+    radius_m: of the virtual pentagons. see_rad: an error that is to be seen.
+    """
+
+    against: Against
+    file: Path | None = None
+    points: FivePointOptions = field(default_factory=FivePointOptions)
+    radius_m: float | None = None
+    see_rad: float | None = None
+
+
+@dataclass(frozen=True)
+class Part:
+    """Wheels and trials that were measured, and name and reason of those that were not."""
+
+    results: tuple[WheelResult, ...]
+    missing: tuple[tuple[str, str], ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the measured ones."""
+        return tuple(result.observation.name for result in self.results)
+
+    @property
+    def wheels(self) -> tuple[str, ...]:
+        """RR, RL, FR or FL of each."""
+        return tuple(str(result.wheel) for result in self.results)
+
+
+def measured(measurement: Measurement) -> Part:
+    """What can be compared of it: reference wheels and trials."""
+    wheels = [w for w in measurement.wheels if w.observation.role in COMPARED]
+    lost = [w.observation for w in wheels if w.angles is None]
+    return Part(
+        tuple(w for w in wheels if w.angles is not None),
+        tuple((seen.name, f"{seen.status}: {seen.reason}") for seen in lost),
+    )
+
+
+def as_method(label: str, results: Sequence[WheelResult]) -> Method:
+    """The method that found these results, all of them measured."""
+    angles = [result.angles for result in results if result.angles is not None]
+    return Method(
+        label,
+        tuple(result.observation.fitted for result in results),
+        np.array([a.toe_rad for a in angles] + [a.camber_rad for a in angles]),
+    )
+
+
+def folder_of(capture: Capture) -> Path:
+    """Where the capture's files lie; of an archive, where it is unpacked."""
+    first = capture.cloud or capture.entries[0]
+    return first.path.parents[len(PurePath(first.file).parts) - 1]

@@ -1,0 +1,87 @@
+"""Limits of agreement of two methods with repeated measures, and their confidence limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...uncertainty import chi_square_limits
+from ...vectors import Array
+from .power import CONFIDENCE
+
+SPAN = 1.959963984540054  # standard deviations either way hold 95 % of a normal distribution
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A value with its 95 % confidence limits."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Components:
+    """Variances of differences: within and between subjects, and that of the subjects' means.
+
+    between: 0 where the means scatter less than `within` alone lets expect. harmonic: harmonic mean
+    of the measures a subject.
+    """
+
+    within: float
+    between: float
+    of_means: float
+    harmonic: float
+    subjects: int
+    count: int
+
+    @property
+    def total(self) -> float:
+        """Of a single difference."""
+        return self.between + self.within
+
+
+def components(difference: Array, subject: Sequence[Hashable]) -> Components:
+    """Of differences (N,) with repeated measures per subject, their true values free to vary.
+
+    Source: Bland and Altman, J. Biopharm. Stat. 17 (2007) 571, section 3; Zou (see below) for the
+    unweighted means.
+    """
+    groups: dict[Hashable, list[float]] = {}
+    for value, whose in zip(difference, subject, strict=True):
+        groups.setdefault(whose, []).append(float(value))
+    sets = [np.array(group) for group in groups.values()]
+    spare = len(difference) - len(sets)
+    inside = sum(float(np.sum((g - g.mean()) ** 2)) for g in sets)
+    within = inside / spare if spare else 0.0
+    of_means = float(np.var([g.mean() for g in sets], ddof=1)) if len(sets) > 1 else 0.0
+    harmonic = len(sets) / sum(1.0 / len(g) for g in sets)
+    between = max(0.0, of_means - within / harmonic)
+    return Components(within, between, of_means, harmonic, len(sets), len(difference))
+
+
+def limits_of_agreement(bias: float, u_bias: float, parts: Components) -> tuple[Limit, Limit]:
+    """Bias -+ 1.96 standard deviations of a difference, each with its confidence limits.
+
+    The method of variance estimates recovery: Zou, Stat. Methods Med. Res. 22 (2013) 630, eq. 5-7.
+    """
+    deviation = math.sqrt(parts.total)
+    below = above = 0.0
+    for variance, freedom in (
+        (parts.of_means, parts.subjects - 1),
+        ((1.0 - 1.0 / parts.harmonic) * parts.within, parts.count - parts.subjects),
+    ):
+        if freedom > 0:
+            least, most = chi_square_limits(CONFIDENCE, freedom)
+            below += (variance * (1.0 - freedom / most)) ** 2
+            above += (variance * (freedom / least - 1.0)) ** 2
+    small = math.sqrt(max(0.0, parts.total - math.sqrt(below)))
+    large = math.sqrt(parts.total + math.sqrt(above))
+    inner = math.hypot(SPAN * u_bias, SPAN * (deviation - small))
+    outer = math.hypot(SPAN * u_bias, SPAN * (large - deviation))
+    low, high = bias - SPAN * deviation, bias + SPAN * deviation
+    return Limit(low, low - outer, low + inner), Limit(high, high - inner, high + outer)

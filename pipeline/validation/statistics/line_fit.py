@@ -1,0 +1,69 @@
+"""The straight line through points that are uncertain in both coordinates."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...uncertainty import chi_square_beyond
+from ...vectors import Array
+
+ITERATIONS = 200
+SETTLED = 1e-14  # change of the slope
+
+
+@dataclass(frozen=True)
+class Line:
+    """y = intercept + slope x, standard uncertainties, and how well it fits.
+
+    covariance: of intercept and slope. chi_square: with `freedom` degrees; probability: of as much
+    or more.
+    """
+
+    intercept: float
+    slope: float
+    u_intercept: float
+    u_slope: float
+    covariance: float
+    chi_square: float
+    freedom: int
+    probability: float
+
+
+def fit_line(x: Array, y: Array, u_x: Array, u_y: Array, correlation: Array) -> Line | None:
+    """The line of greatest likelihood; None for fewer than three points, no spread or no error.
+
+    x, y, u_x, u_y, correlation: (N,); correlation is that of a point's two errors. With all equal
+    and none correlated it is the Deming regression.
+    Source: York, Evensen, Martinez and De Basabe Delgado, Am. J. Phys. 72 (2004) 367, section III.
+    """
+    if len(x) < 3 or not float(np.ptp(x)) > 0.0 or not np.all(u_x + u_y > 0.0):
+        return None
+    both = correlation * u_x * u_y
+    slope = float(np.polyfit(x - x.mean(), y - y.mean(), 1)[0])
+    for _ in range(ITERATIONS):
+        weight = 1.0 / (u_y**2 + slope**2 * u_x**2 - 2.0 * slope * both)
+        x_mean, y_mean = np.average(x, weights=weight), np.average(y, weights=weight)
+        U, V = x - x_mean, y - y_mean
+        beta = weight * (U * u_y**2 + slope * V * u_x**2 - (slope * U + V) * both)
+        before, slope = slope, float(np.sum(weight * beta * V) / np.sum(weight * beta * U))
+        if abs(slope - before) <= SETTLED * abs(slope):
+            break
+    adjusted = x_mean + beta
+    centre = float(np.average(adjusted, weights=weight))
+    variance = 1.0 / float(np.sum(weight * (adjusted - centre) ** 2))
+    intercept = float(y_mean - slope * x_mean)
+    square = float(np.sum(weight * (y - slope * x - intercept) ** 2))
+    freedom = len(x) - 2
+    return Line(
+        intercept=intercept,
+        slope=slope,
+        u_intercept=math.sqrt(1.0 / float(np.sum(weight)) + centre**2 * variance),
+        u_slope=math.sqrt(variance),
+        covariance=-centre * variance,
+        chi_square=square,
+        freedom=freedom,
+        probability=chi_square_beyond(square, freedom),
+    )

@@ -1,0 +1,53 @@
+"""The estimator of 2013 as a method: its angles, brought to our signs.
+
+It fits z = a x + b y + c in the vehicle frame; azimuth and elevation (down) are those of the normal
+that points to the left. On the left that normal is the outward one: toe = azimuth, camber =
+elevation. On the right it is the inward one: toe = -azimuth, camber = -elevation. The elevation's
+sign, which its tables drop, is that of the plane it fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..five_point import tcgc_2013
+from ..vectors import Array
+from .comparison import Method
+
+LABEL = "tcgc-2013"
+
+
+def by_old_estimator(method: Method, blocks_m: Array, wheels: Sequence[str]) -> tuple[Method, str]:
+    """The points of `method` by the estimator of 2013, and what its bias costs on them."""
+    angles = old_angles(blocks_m, wheels)
+    camber = slice(len(wheels), None)
+    excess = (np.abs(angles) - np.abs(method.angles_rad))[camber]
+    mean, worst = (
+        np.degrees(float(x)) * 60.0 for x in (excess.mean(), excess[np.argmax(np.abs(excess))])
+    )
+    said = (
+        f"{LABEL}: its signs are brought to ours; it states no uncertainty, so that of total least "
+        "squares of the same points counts. Its camber is larger than theirs, sign aside, by "
+        f"{mean:+.2f}' on average, {worst:+.2f}' at worst."
+    )
+    return replace(method, label=f"{method.label}, {LABEL}", angles_rad=angles), said
+
+
+def old_angles(blocks_m: Array, wheels: Sequence[str]) -> Array:
+    """Toes, then cambers, of blocks (M, 5, 3), the first four RR, RL, FR, FL: (2 M,), radians.
+
+    The printed report takes blocks 3 and 4 as the rear axle, so it is given the axles exchanged:
+    then its frame is ours, and only its regression differs.
+    """
+    order = [2, 3, 0, 1, *range(4, len(blocks_m))]
+    result = tcgc_2013(blocks_m[order], "report")
+    back = np.argsort(order)
+    coefficients = result.plane_coefficients[back]
+    side = np.where([wheel.endswith("L") for wheel in wheels], 1.0, -1.0)
+    # The normal (a, b, -1) turned to +x points down, the way of z, where a < 0.
+    down = np.where(coefficients[:, 0] < 0.0, 1.0, -1.0)
+    camber = side * down * result.camber_rad[back]
+    return np.concatenate([side * result.toe_rad[back], camber])

@@ -1,0 +1,134 @@
+"""The dense method against one that is trusted: five points, or five of its own, or the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..capture import Capture
+from ..config import Config
+from ..errors import InputError
+from ..measure import measure_capture
+from ..measurement import WheelResult
+from ..vehicle import REFERENCE_WHEELS
+from .comparison import Comparison, Method, check_alike, compare
+from .five_point import FivePoints, measure_points, note_of_aiming, with_aiming
+from .request import (
+    COMPARED,
+    DENSE,
+    Part,
+    Request,
+    as_method,
+    folder_of,
+    measured,
+)
+from .tcgc_2013 import LABEL as OLD
+from .tcgc_2013 import by_old_estimator
+from .truth import read_truth
+from .virtual_five_point import compare_virtual
+
+FIVE = "five points"
+Progress = Callable[[str], None]
+
+
+def validate_capture(
+    capture: Capture, config: Config, request: Request, progress: Progress = lambda _: None
+) -> Comparison:
+    """Compare on one capture. Raises InputError for what cannot be compared at all."""
+    found = _COMPARE[request.against](capture, config, request, progress)
+    return replace(found, see_rad=request.see_rad, vehicle=capture.vehicle or capture.source)
+
+
+def _with_five_points(
+    capture: Capture, config: Config, request: Request, progress: Progress
+) -> Comparison:
+    points = _points(capture, request)
+    dense = measure_capture(capture, config, progress)
+    part, results = _in_both(measured(dense), points)
+    first = as_method(DENSE, part.results)
+    second, notes = _second(points, results, request)
+    check_alike(first, second, points.file.source)
+    return compare(
+        capture.source,
+        part.names,
+        part.wheels,
+        first,
+        second,
+        part.missing,
+        (*dense.notes, *notes),
+        (dense.provenance, points.measurement.provenance),
+    )
+
+
+def _with_truth(
+    capture: Capture, config: Config, request: Request, progress: Progress
+) -> Comparison:
+    if request.file is None:
+        judged = measure_capture(capture, config, progress)
+        part = measured(judged)
+        names = part.names
+        first, notes = as_method(DENSE, part.results), judged.notes
+    else:
+        points = _points(capture, request)
+        judged = points.measurement
+        part = measured(judged)
+        names = tuple(points.name_of(result) for result in part.results)
+        first, notes = _second(points, part.results, request)
+    truth = read_truth(folder_of(capture) / "truth.json", f"{capture.source}: truth.json", names)
+    made = (judged.provenance,)
+    return compare(capture.source, names, part.wheels, first, truth, part.missing, notes, made)
+
+
+_COMPARE = {"five-point": _with_five_points, "truth": _with_truth, "virtual": compare_virtual}
+
+
+def _points(capture: Capture, request: Request) -> FivePoints:
+    """The five points, by their file's name from the capture's folder."""
+    assert request.file is not None
+    path = folder_of(capture) / request.file
+    whole = REFERENCE_WHEELS if capture.cloud else ()
+    scans = [*whole, *(entry.name for entry in capture.entries if entry.role in COMPARED)]
+    name = str(request.file) if request.file.is_absolute() else f"{capture.source}: {request.file}"
+    return measure_points(path, name, scans, request.points)
+
+
+def _in_both(part: Part, points: FivePoints) -> tuple[Part, list[WheelResult]]:
+    """What both measured, and the five points' results of it, in the order of the scans."""
+    by_name = {points.name_of(result): result for result in points.measurement.wheels}
+    missing = list(part.missing)
+    kept, results = [], []
+    for result in part.results:
+        name = result.observation.name
+        other = by_name.get(name)
+        if other is None:
+            missing.append((name, "no block of five points is named for it"))
+        elif other.angles is None:
+            missing.append((name, f"five points: {other.observation.reason}"))
+        elif other.wheel != result.wheel:
+            raise InputError(
+                f"{points.file.source}: the block for scan {name} lies at {other.wheel}, the scan "
+                f"at {result.wheel}: name what each block shows with --blocks"
+            )
+        else:
+            kept.append(result)
+            results.append(other)
+    return Part(tuple(kept), tuple(missing)), results
+
+
+def _second(
+    points: FivePoints, results: Sequence[WheelResult], request: Request
+) -> tuple[Method, tuple[str, ...]]:
+    """The five points as a method, and what is to be said of them."""
+    options = request.points
+    found = as_method(FIVE, results)
+    targets = tuple(with_aiming(target, options) for target in found.targets)
+    blocks = points.file.blocks_m
+    notes = (*points.file.notes, *note_of_aiming(blocks, options))
+    method = replace(found, targets=targets)
+    if options.method != OLD:
+        return method, notes
+    rows = [int(np.flatnonzero([r is w for w in points.measurement.wheels])[0]) for r in results]
+    old, said = by_old_estimator(method, blocks[rows], [str(r.wheel) for r in results])
+    return old, (*notes, said)

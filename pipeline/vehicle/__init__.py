@@ -1,0 +1,60 @@
+"""Vehicle frame, toe and camber, and every vehicle quantity and its derivatives; owns all signs."""
+
+from .angles import (
+    WheelAngles,
+    deg_min_sec,
+    nearest_wheel,
+    outward_normal,
+    wheel_angles,
+)
+from .autodiff import First, atan2, length, sin
+from .axes import AXES, Axis
+from .definitions import (
+    AGAINST_AN_AXIS,
+    OF_SECOND_ORDER,
+    VEHICLE,
+    WHEEL,
+    OfVehicle,
+    OfWheel,
+    Unit,
+    named,
+)
+from .frame import (
+    MAX_COORDINATE_M,
+    REFERENCE_WHEELS,
+    VehicleFrame,
+    build_reference_frame,
+    rotation_by_basis,
+)
+from .jacobian import FrameSlopes, frame_slopes, jacobian, linearise
+
+__all__ = [
+    "AGAINST_AN_AXIS",
+    "AXES",
+    "MAX_COORDINATE_M",
+    "OF_SECOND_ORDER",
+    "REFERENCE_WHEELS",
+    "VEHICLE",
+    "WHEEL",
+    "Axis",
+    "First",
+    "FrameSlopes",
+    "OfVehicle",
+    "OfWheel",
+    "Unit",
+    "VehicleFrame",
+    "WheelAngles",
+    "atan2",
+    "build_reference_frame",
+    "deg_min_sec",
+    "frame_slopes",
+    "jacobian",
+    "length",
+    "linearise",
+    "named",
+    "nearest_wheel",
+    "outward_normal",
+    "rotation_by_basis",
+    "sin",
+    "wheel_angles",
+]

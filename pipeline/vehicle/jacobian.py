@@ -1,0 +1,130 @@
+"""Values and derivatives of every angle and length by every normal and centre."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..vectors import Array
+from .angles import outward_normal
+from .autodiff import First
+from .axes import Place, Vehicle, Wheel
+from .definitions import VEHICLE, WHEEL
+from .frame import VehicleFrame, build_reference_frame
+
+
+@dataclass(frozen=True)
+class Linear:
+    """All Q quantities of W targets: those of WHEEL, each for all targets, then those of VEHICLE.
+
+    values: (Q,) radians and metres. slopes: (Q, 6 W) by each target's normal, then its centre.
+    """
+
+    values: Array
+    slopes: Array
+
+
+@dataclass(frozen=True)
+class FrameSlopes:
+    """Derivatives by the twelve coordinates of RR, RL, FR, FL.
+
+    left, forward, up: (3, 12). lengths: (3, 12) of rear track, front track and wheelbase.
+    """
+
+    left: Array
+    forward: Array
+    up: Array
+    lengths: Array
+
+
+def linearise(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Linear:
+    """Every quantity of W targets, of which the first four are RR, RL, FR, FL, with its slopes.
+
+    centres_m: (4, 3) of those; normals: (W, 3) unit, sign free; wheels: their names.
+    """
+    vehicle = _first_order(centres_m, normals, wheels)
+    rows = [entry.of(vehicle, i) for entry in WHEEL for i in range(len(normals))]
+    rows += [entry.of(vehicle) for entry in VEHICLE]
+    return Linear(np.array([row.value for row in rows]), np.stack([row.slope for row in rows]))
+
+
+def jacobian(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Array:
+    """The slopes alone."""
+    return linearise(centres_m, normals, wheels).slopes
+
+
+def _first_order(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Vehicle:
+    """Normals and centres in the vehicle frame, with their slopes by those of the scanner's."""
+    frame = build_reference_frame(centres_m)
+    centres = centres_m - centres_m[0]
+    slopes = frame_slopes(frame, centres)
+    columns = np.eye(6 * len(normals)).reshape(len(normals), 2, 3, -1)  # of each normal, centre
+    origin, d_origin = centres[:2].mean(axis=0), columns[:2, 1].mean(axis=0)
+    seen = []
+    for normal, wheel, own in zip(normals, wheels, columns[:, 0], strict=True):
+        n = outward_normal(frame, normal, wheel)
+        facing = 1.0 if n @ normal > 0.0 else -1.0
+        left, forward, up = _in_frame(frame, slopes, n, facing * own)
+        side = 1.0 if wheel.endswith("L") else -1.0
+        seen.append(Wheel(side, left * side, forward, up))
+    rear_right, rear_left, front_right, front_left = (
+        Place(*_in_frame(frame, slopes, centre - origin, own - d_origin))
+        for centre, own in zip(centres, columns[:4, 1], strict=True)
+    )
+    lengths = (frame.rear_track_m, frame.front_track_m, frame.wheelbase_m)
+    return Vehicle(
+        tuple(seen),
+        (rear_right, rear_left, front_right, front_left),
+        *(
+            First(length, _by_centres(slope, len(normals)))
+            for length, slope in zip(lengths, slopes.lengths, strict=True)
+        ),
+    )
+
+
+def _in_frame(
+    frame: VehicleFrame, slopes: FrameSlopes, vector: Array, moved: Array
+) -> tuple[First, First, First]:
+    """Parts of a vector (3,), with slopes (3, 6 W): d(x . a) = dx . a + x . da."""
+    count = moved.shape[1] // 6
+    axes = ((frame.left, slopes.left), (frame.forward, slopes.forward), (frame.up, slopes.up))
+    left, forward, up = (
+        First(float(vector @ axis), axis @ moved + _by_centres(vector @ turned, count))
+        for axis, turned in axes
+    )
+    return left, forward, up
+
+
+def _by_centres(slope: Array, count: int) -> Array:
+    """(6 W,) of a slope (12,) by the coordinates of the first four centres."""
+    whole = np.zeros((count, 6))
+    whole[:4, 3:] = slope.reshape(4, 3)
+    return whole.reshape(-1)
+
+
+def frame_slopes(frame: VehicleFrame, centres: Array) -> FrameSlopes:
+    """Derivatives of `build_reference_frame`; f = FL - FR, E from the origin to the front axle.
+
+    E = c_F - c_R + t f and u . E = 0 give dt = -(E . du + u . (dc_F - dc_R + t df)) / (u . f).
+    """
+    u, v, eye, none = frame.left, frame.forward, np.eye(3), np.zeros((3, 3))
+    d_rear = np.hstack([-eye, eye, none, none])
+    d_front = np.hstack([none, none, -eye, eye])
+    d_between = np.hstack([-eye, -eye, eye, eye]) / 2.0  # of c_F - c_R
+    f = centres[3] - centres[2]
+    between = (centres[2] + centres[3] - centres[0] - centres[1]) / 2.0
+    t = -(u @ between) / (u @ f)
+    du = _across(u) @ d_rear / frame.rear_track_m
+    fixed = d_between + t * d_front
+    E = frame.wheelbase_m * v
+    dE = fixed - np.outer(f, (E @ du + u @ fixed) / (u @ f))
+    dv = _across(v) @ dE / frame.wheelbase_m
+    dw = np.cross(dv, u, axisa=0).T + np.cross(v, du, axisb=0).T
+    u_F = f / frame.front_track_m
+    return FrameSlopes(du, dv, dw, np.stack([u @ d_rear, u_F @ d_front, v @ dE]))
+
+
+def _across(unit: Array) -> Array:
+    return np.asarray(np.eye(3) - np.outer(unit, unit))

@@ -1,0 +1,196 @@
+"""A folder of batch results, browsed: what is in it, what failed and why, what drifts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...batch.catalogue.catalogue import Catalogue, open_catalogue
+from ...batch.results.query import (
+    STATUSES,
+    Filter,
+    capture_of,
+    captures,
+    count,
+    failures,
+    quantities_of,
+    quantity_units,
+    wheels_of,
+)
+from ...batch.results.series import series
+from ...batch.results.trends import Drift, drifts
+from ...report.format.language import Words
+from ...report.format.writer import NONE, Table
+from ...vehicle import deg_min_sec
+from ..security import RefusedError
+from .panel import table_tree
+from .trend_plot import trend_drawing
+
+PAGE = 50
+DAYS = 365.25  # of a year
+CLASSES = {"ok": "", "part": "undecided"}
+Asked = Mapping[str, str]
+
+
+def answer(question: str, folder: Path, asked: Asked, words: Words) -> dict[str, Any]:
+    """What the page asks of the results in `folder`. Raises RefusedError, InputError."""
+    if question not in QUESTIONS:
+        raise RefusedError(404, "there is no such view of an archive")
+    with open_catalogue(str(folder)) as catalogue:
+        return QUESTIONS[question](catalogue, asked, words)
+
+
+def plot(folder: Path, quantity: str, words: Words) -> str:
+    """One quantity over time, as SVG."""
+    with open_catalogue(str(folder)) as catalogue:
+        found = series(catalogue, [quantity])
+        line = drifts(catalogue, [quantity])
+    if not found or not line or not math.isfinite(line[0].slope):
+        raise RefusedError(404, words("page.no_trend"))
+    return trend_drawing(found[0], line[0], quantity_name(quantity, words), words).svg
+
+
+def quantity_name(quantity: str, words: Words) -> str:
+    """What a quantity of the catalogue, such as `RR toe`, is called."""
+    wheel, _, kind = quantity.rpartition(" ")
+    return f"{wheel} {words.known('quantity', kind)}".strip()
+
+
+def _overview(catalogue: Catalogue, _: Asked, words: Words) -> dict[str, Any]:
+    """How many captures of each status; what can be chosen."""
+    of_status = {status: count(catalogue, Filter(status=(status,))) for status in STATUSES}
+    rows = catalogue.connection.execute(
+        "SELECT DISTINCT vehicle FROM captures WHERE vehicle <> '' ORDER BY vehicle LIMIT 1000"
+    )
+    return {
+        "total": sum(of_status.values()),
+        "statuses": [[s, words(f"page.{s}"), n] for s, n in of_status.items()],
+        "vehicles": [vehicle for (vehicle,) in rows],
+        "quantities": [[q, quantity_name(q, words)] for q in quantity_units(catalogue)],
+    }
+
+
+def _captures(catalogue: Catalogue, asked: Asked, words: Words) -> dict[str, Any]:
+    """A page of the captures that a filter leaves."""
+    which = _filter(asked)
+    offset = max(0, int(asked.get("offset", "0"))) if asked.get("offset", "0").isdigit() else 0
+    found = list(captures(catalogue, which, "name", PAGE, offset))
+    rows = [
+        [row.name, row.vehicle, row.date or NONE, words(f"page.{row.status}"), row.reason,
+         f"{row.wheels_ok}/{row.wheels}", words.count(row.points_total)]
+        for row in found
+    ]  # fmt: skip
+    head = ("name", "vehicle", "date", "status", "reason", "wheels", "points")
+    table = Table(
+        [words(f"page.{name}").lower() for name in head], rows, 5, words("page.captures"),
+        [CLASSES.get(row.status, "not-conform") for row in found],
+    )  # fmt: skip
+    keys = [row.key for row in found]
+    total = count(catalogue, which)
+    return {"table": table_tree(table), "keys": keys, "offset": offset, "total": total}
+
+
+def _capture(catalogue: Catalogue, asked: Asked, words: Words) -> dict[str, Any]:
+    """One capture: its wheels and its vehicle's quantities."""
+    found = capture_of(catalogue, asked.get("key", ""))
+    if found is None:
+        raise RefusedError(404, "there is no such capture in these results")
+    wheels = [
+        [w.name, w.wheel or NONE, words.known("status", w.status),
+         *_angle(w.toe_deg, w.u_toe_deg, words), *_angle(w.camber_deg, w.u_camber_deg, words)]
+        for w in wheels_of(catalogue, found.key)
+    ]  # fmt: skip
+    quantities = [
+        [words.known("quantity", q.kind), *_value(q.value, q.u, q.unit, words)]
+        for q in quantities_of(catalogue, found.key)
+    ]
+    toe, camber = (words.known("quantity", kind) for kind in ("toe", "camber"))
+    of_wheels = (words("page.name").lower(), words("results.wheel"), words("page.status").lower(),
+                 toe, "u", camber, "u")  # fmt: skip
+    of_vehicle = (words("page.quantity").lower(), words("vehicle.value"), "u")
+    return {
+        "name": found.name,
+        "facts": [[words("page.status"), words(f"page.{found.status}")]]
+        + [[words("page.reason"), found.reason]] * bool(found.reason)
+        + [[words("page.date"), found.date]] * bool(found.date),
+        "tables": [
+            table_tree(Table(head, rows, left))
+            for head, rows, left in ((of_wheels, wheels, 3), (of_vehicle, quantities, 1))
+            if rows
+        ],
+    }
+
+
+def _failures(catalogue: Catalogue, asked: Asked, words: Words) -> dict[str, Any]:
+    """What went wrong, the most frequent first."""
+    found = failures(catalogue, _filter(asked))
+    rows = [
+        [str(f.count), words(f"page.{f.status}"), f.stage, f.reason, ", ".join(f.examples)]
+        for f in found
+    ]
+    head = [
+        words(f"page.{name}").lower() for name in ("count", "status", "stage", "reason", "captures")
+    ]
+    return {"table": table_tree(Table(head, rows, 5, words("page.failures")))}
+
+
+def _trends(catalogue: Catalogue, asked: Asked, words: Words) -> dict[str, Any]:
+    """The drift of every quantity, the surest first."""
+    found = sorted(drifts(catalogue, None, _filter(asked)), key=lambda d: (bool(d.reason), d.p))
+    rows = [_drift_row(one, words) for one in found]
+    head = [words("page.quantity").lower(), words("page.count"), words("page.per_year"), "U",
+            words("page.chance"), words("page.verdict")]  # fmt: skip
+    classes = ["undecided" if one.significant else "" for one in found]
+    table = Table(head, rows, 1, words("page.trends"), classes)
+    return {"table": table_tree(table), "quantities": [one.quantity for one in found]}
+
+
+QUESTIONS: dict[str, Callable[[Catalogue, Asked, Words], dict[str, Any]]] = {
+    "overview": _overview,
+    "captures": _captures,
+    "capture": _capture,
+    "failures": _failures,
+    "trends": _trends,
+}
+
+
+def _filter(asked: Asked) -> Filter:
+    status = asked.get("status", "")
+    return Filter(
+        text=asked.get("text", "")[:200],
+        vehicle=asked.get("vehicle") or None,
+        status=(status,) if status in STATUSES else (),
+    )
+
+
+def _drift_row(one: Drift, words: Words) -> Sequence[str]:
+    name = quantity_name(one.quantity, words)
+    if one.reason:
+        return [name, str(one.n), NONE, NONE, NONE, words("page.no_trend")]
+    rate, width = (_rate(x * DAYS, one.unit, words) for x in (one.slope, one.expanded))
+    said = words("page.drifts" if one.significant else "page.no_drift")
+    return [name, str(one.n), rate, width[1:], words.number(f"{one.p:.3f}"), said]
+
+
+def _rate(per_year: float, unit: str, words: Words) -> str:
+    """With its sign; a drift that rounds to nothing has none."""
+    scale, decimals, mark = (1e3, 3, " mm") if unit == "m" else (3600.0, 1, '"')
+    return words.number(f"{round(per_year * scale, decimals) + 0.0:+.{decimals}f}{mark}")
+
+
+def _angle(value_deg: float | None, u_deg: float | None, words: Words) -> tuple[str, str]:
+    return _value(value_deg, u_deg, "deg", words)
+
+
+def _value(value: float | None, u: float | None, unit: str, words: Words) -> tuple[str, str]:
+    """deg-min-sec with seconds of arc, or metres with millimetres."""
+    if value is None:
+        return NONE, NONE
+    if unit == "m":
+        text, width = f"{value:.5f} m", NONE if u is None else f"{u * 1e3:.3f} mm"
+    else:
+        text = deg_min_sec(math.radians(value))
+        width = NONE if u is None else f'{u * 3600:.1f}"'
+    return words.number(text), words.number(width)

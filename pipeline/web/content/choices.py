@@ -1,0 +1,71 @@
+"""What the page lets a user choose, and what of a request's choices is believed."""
+
+from __future__ import annotations
+
+import math
+import mimetypes
+from typing import Any
+
+from ...config import config_folder
+from ..security import RefusedError
+
+UNITS = ("m", "mm", "in")
+ANGLE_UNITS = ("deg", "gon", "rad")
+SCALAR: dict[str, tuple[str, ...]] = {
+    "read_as": ("five-point", "cloud"),
+    "length_unit": UNITS,
+    "up": ("auto", "floor", "z"),
+    "coordinates": ("cartesian", "spherical"),
+    "angle_unit": ANGLE_UNITS,
+    "azimuth": ("auto", "clockwise", "counterclockwise"),
+}
+
+
+def known() -> dict[str, list[str]]:
+    """Targets, scanners and tolerances by their names."""
+    return {
+        kind: sorted(path.stem for path in (config_folder() / kind).glob("*.toml"))
+        for kind in ("targets", "scanners", "tolerances")
+    }
+
+
+def checked(given: Any) -> dict[str, Any]:
+    """The options of a measurement: known names and finite numbers, no path among them.
+
+    Raises RefusedError for any other.
+    """
+    if not isinstance(given, dict):
+        raise RefusedError(400, "the options are no table")
+    names = known()
+    allowed = SCALAR | {
+        "target": tuple(names["targets"]),
+        "scanner": tuple(names["scanners"]),
+        "station": tuple(names["scanners"]),
+        "tolerance": tuple(names["tolerances"]),
+    }
+    options: dict[str, Any] = {}
+    for key, value in given.items():
+        if value in (None, ""):
+            continue
+        if key in ("front", "front_point"):
+            options[key] = _vector(key, value)
+        elif key not in allowed or value not in allowed[key]:
+            raise RefusedError(400, f"{str(key)[:40]}: {str(value)[:60]!r} is not on offer")
+        else:
+            options[key] = value
+    return options
+
+
+def type_of(name: str) -> str:
+    """The media type of a file of ours."""
+    return mimetypes.guess_type(name)[0] or "application/octet-stream"
+
+
+def _vector(key: str, value: Any) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(part) for part in str(value).split(","))
+    except ValueError:
+        x = y = z = math.nan
+    if not all(map(math.isfinite, (x, y, z))):
+        raise RefusedError(400, f"{key}: three numbers X,Y,Z are needed, such as 1,0,0")
+    return x, y, z

@@ -1,0 +1,124 @@
+"""Two measurements of one vehicle, wheel by wheel: differences, what they are uncertain by."""
+
+from __future__ import annotations
+
+import json
+import math
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...measurement import Measurement
+from ...report.format.language import Words, load_words
+from ...report.format.writer import Table, size_text
+from ...report.text.validation import validation_text
+from ...validation import Comparison, Part, as_method, check_alike, measured
+from ...validation import compare as compare_methods
+from ...vehicle import REFERENCE_WHEELS, deg_min_sec
+from .panel import table_tree
+
+
+def compare(plan: dict[str, Any], say: Callable[[str, object], None]) -> None:
+    """Compare the measurements of two jobs, and write comparison.json."""
+    first, second = (load(Path(folder))[0] for folder in plan["folders"])
+    found = compare_measurements(first, second, plan["names"])
+    words = load_words(plan["language"])
+    tree = {
+        "verdict": found.verdict,
+        "table": table_tree(_angles(found, words, plan["names"])),
+        "lengths": table_tree(_lengths(first, second, words, plan["names"])),
+        "missing": [{"name": name, "reason": reason} for name, reason in found.missing],
+        "text": validation_text(found),
+    }
+    text = json.dumps(tree, ensure_ascii=False, allow_nan=False)
+    (Path(plan["out"]) / "comparison.json").write_text(text, encoding="utf-8")
+
+
+def load(folder: Path) -> Any:
+    """Measurement and verdict that a measuring process of ours left there."""
+    return pickle.loads((folder / "measurement.pickle").read_bytes())  # noqa: S301 - our own file
+
+
+def compare_measurements(
+    first: Measurement, second: Measurement, names: tuple[str, str]
+) -> Comparison:
+    """First less second on what both measured, as of methods that share no point.
+
+    Raises InputError where they cannot be of one vehicle.
+    """
+    parts = [measured(one) for one in (first, second)]
+    shared = [name for name in parts[0].names if name in parts[1].names]
+    lost = [wheel for wheel in REFERENCE_WHEELS if wheel not in shared]
+    if lost:
+        raise InputError(f"{lost[0]} was measured in one of the two only: compare whole vehicles")
+    kept = [_of(part, shared) for part in parts]
+    one, other = (as_method(name, p.results) for name, p in zip(names, kept, strict=True))
+    check_alike(one, other, names[1])
+    return compare_methods(
+        names[0],
+        shared,
+        kept[0].wheels,
+        one,
+        other,
+        missing=_missing(parts, shared, names),
+        notes=(*first.notes, *second.notes),
+        origins=(first.provenance, second.provenance),
+    )
+
+
+def _of(part: Part, names: list[str]) -> Part:
+    known = dict(zip(part.names, part.results, strict=True))
+    return Part(tuple(known[name] for name in names), ())
+
+
+def _missing(
+    parts: list[Part], shared: list[str], names: tuple[str, str]
+) -> tuple[tuple[str, str], ...]:
+    return tuple(
+        (name, f"only in {label}")
+        for part, label in zip(parts, names, strict=True)
+        for name in part.names
+        if name not in shared
+    )
+
+
+def _angles(found: Comparison, words: Words, names: tuple[str, str]) -> Table:
+    """Toe and camber of every wheel by both, the difference, and whether they agree."""
+    rows, classes = [], []
+    for i, angle in enumerate(np.ravel(found.difference_rad).tolist()):
+        kind, index = divmod(i, len(found.names))
+        values = (found.first.angles_rad[i], found.second.angles_rad[i], angle)
+        verdict = found.verdicts[i]
+        rows.append([
+            found.names[index], words.known("quantity", ("toe", "camber")[kind]),
+            *(words.number(deg_min_sec(float(value))) for value in values),
+            words.number(size_text(float(found.spread.expanded[i]), "rad")),
+            words.number(f"{found.en[i]:+.2f}"), words.known("page", f"verdict_{verdict}"),
+        ])  # fmt: skip
+        classes.append({"agree": "conform", "disagree": "not-conform"}.get(verdict, "undecided"))
+    head = (words("page.name").lower(), words("page.angle"), *names, words("page.difference"),
+            words("page.expanded"), words("page.en"), words("page.verdict"))  # fmt: skip
+    return Table(head, rows, 2, words("page.angles"), classes)
+
+
+def _lengths(
+    first: Measurement, second: Measurement, words: Words, names: tuple[str, str]
+) -> Table:
+    """Tracks and wheelbase of both, with the difference and its standard uncertainty."""
+    rows = []
+    for kind in ("rear_track", "front_track", "wheelbase"):
+        one, other = first.vehicle[kind], second.vehicle[kind]
+        u = math.hypot(*(m.uncertainty.vehicle_standard[kind] for m in (first, second)))
+        texts = (
+            f"{one:.5f} m",
+            f"{other:.5f} m",
+            f"{(one - other) * 1e3:+.3f} mm",
+            f"{u * 1e3:.3f} mm",
+        )
+        rows.append([words.known("quantity", kind), *map(words.number, texts)])
+    head = (words("page.quantity").lower(), *names, words("page.difference"), "u")
+    return Table(head, rows, 1, words("page.lengths"))

@@ -1,0 +1,129 @@
+"""A capture or a five-point file to all that the page shows of it, as files in the job's folder."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import pickle
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from ...capture import (
+    Capture,
+    Told,
+    files_of,
+    find_capture_file,
+    open_capture,
+    read_capture_file,
+)
+from ...config import Config, load_station, with_scanner
+from ...errors import InputError
+from ...five_point import Station, read_five_point
+from ...measure import measure_capture, measure_five_point
+from ...measurement import Conformity, Measurement, assess, load_tolerance
+from ...report.format.language import LANGUAGES, load_words
+from ...report.json.measurement import to_json
+from ...report.scene.scene import scene
+from .panel import drawings, panel
+from .points import write_points
+
+Say = Callable[[str, object], None]
+
+
+def measure(plan: dict[str, Any], say: Say) -> None:
+    """Measure what the plan names; results first, then the points of the 3D view.
+
+    The current folder becomes plan["base"], so that texts call files as the user does; all that
+    is read lies in plan["allowed"].
+    """
+    out, allowed = Path(plan["out"]), Path(plan["allowed"])
+    os.chdir(plan["base"])
+    source, options = Path(plan["source"]), plan["options"]
+    with ExitStack() as stack:
+        capture = None
+        if plan["kind"] == "five-point":
+            measurement = _five_point(source, options)
+        else:
+            capture = stack.enter_context(_opened(source, options, allowed))
+            measurement = measure_capture(capture, _config(capture, options), _steps(capture, say))
+        limits = load_tolerance(options["tolerance"]) if options.get("tolerance") else None
+        write_results(measurement, assess(measurement, limits) if limits else None, out)
+        say("ready", True)
+        if capture is not None:
+            say("progress", [capture.steps, capture.steps, "points"])
+            write_points(capture, measurement, out / "points.bin")
+
+
+def write_results(measurement: Measurement, judged: Conformity | None, out: Path) -> None:
+    """measurement.json; panel, scene and evidence in each language; all for later tasks."""
+    (out / "measurement.json").write_text(to_json(measurement, judged), encoding="utf-8")
+    for language in LANGUAGES:
+        words = load_words(language)
+        shown = panel(measurement, judged, words)
+        for wheel, result in zip(shown["wheels"], measurement.wheels, strict=True):
+            wheel["drawings"] = []
+            for drawing in drawings(measurement, result, words):
+                name = f"drawing-{language}-{len(list(out.glob('drawing-*')))}.svg"
+                (out / name).write_text(drawing.svg, encoding="utf-8")
+                wheel["drawings"].append({"file": name, "title": drawing.title})
+        _write_json(out / f"panel-{language}.json", shown)
+        _write_json(out / f"scene-{language}.json", scene(measurement, judged, words))
+    (out / "measurement.pickle").write_bytes(pickle.dumps((measurement, judged)))
+
+
+def check_inside(source: Path, allowed: Path) -> None:
+    """Raise InputError if the capture at `source` names files beyond the folder `allowed`."""
+    folder = source if source.is_dir() else source.parent
+    declared_in = find_capture_file(folder) if source.is_dir() else None
+    if declared_in is None:
+        return
+    _check_path(declared_in, declared_in.name, source, allowed)
+    for name in files_of(read_capture_file(declared_in, f"{source}: capture.toml")):
+        _check_path(folder / name, name, source, allowed)
+
+
+def _check_path(path: Path, name: str, source: Path, allowed: Path) -> None:
+    if not path.resolve().is_relative_to(allowed.resolve()):
+        raise InputError(
+            f"{source}: {name!r} lies outside the allowed folder: move it into the capture"
+        )
+
+
+@contextmanager
+def _opened(source: Path, options: dict[str, Any], allowed: Path) -> Iterator[Capture]:
+    check_inside(source, allowed)
+    keys = ("length_unit", "front", "front_point", "up")
+    told = Told(**{key: options[key] for key in keys if options.get(key) is not None})
+    with open_capture(source, options.get("target"), told) as capture:
+        for entry in (*capture.entries, *filter(None, [capture.cloud])):
+            if not entry.path.is_absolute():  # out of an archive, which was checked
+                _check_path(entry.path, entry.file, source, allowed)
+        yield capture
+
+
+def _steps(capture: Capture, say: Say) -> Callable[[str], None]:
+    done = itertools.count()
+    return lambda name: say("progress", [next(done), capture.steps, name])
+
+
+def _config(capture: Capture, options: dict[str, Any]) -> Config:
+    return with_scanner(Config(), options.get("scanner") or capture.scanner)
+
+
+def _five_point(source: Path, options: dict[str, Any]) -> Measurement:
+    keys = ("length_unit", "coordinates", "angle_unit", "azimuth")
+    given = {key: options[key] for key in keys if options.get(key) is not None}
+    points = read_five_point(source, **given)
+    station = None
+    if options.get("station") is not None:
+        import numpy as np
+
+        station = Station(load_station(options["station"]), np.zeros(3))
+    return measure_five_point(points, station)
+
+
+def _write_json(path: Path, tree: object) -> None:
+    path.write_text(json.dumps(tree, ensure_ascii=False, allow_nan=False), encoding="utf-8")

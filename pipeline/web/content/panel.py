@@ -1,0 +1,76 @@
+"""What the page shows of a measurement: its tables in every unit, each wheel's facts."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Any
+
+from ...measurement import Conformity, Measurement, WheelResult
+from ...report.format.language import Words
+from ...report.format.view import PAPER, AngleStyle, View
+from ...report.format.writer import Table, Writer
+from ...report.html.provenance import head_pairs, troubles, wheel_facts
+from ...report.html.results import axles_table, headline, joint, limits_table, wheels_table
+from ...report.html.vehicle import turned_tables, vehicle_table
+from ...report.plots.budget import wheel_budget
+from ...report.plots.drawing import Drawing
+from ...report.plots.histogram import histogram_drawing
+from ...report.plots.target_face import face_drawing
+from ...vehicle import AXES, Axis
+
+STYLES: tuple[AngleStyle, ...] = ("dms", "deg", "mm/m")  # mm at the rim needs the rim's diameter
+
+
+def panel(measurement: Measurement, conformity: Conformity | None, words: Words) -> dict[str, Any]:
+    """The panel in one language."""
+    plain = Writer(words, PAPER)
+    extra = [table for table, _ in turned_tables(measurement, plain)]
+    return {
+        "head": head_pairs(measurement, "", words),
+        "headline": dataclasses.asdict(headline(measurement, conformity, words)),
+        "joint": joint(conformity, plain) if conformity else "",
+        "limits": table_tree(limits_table(conformity, plain)) if conformity else None,
+        "tables": {
+            axis: {style: _tables(measurement, words, axis, style) for style in STYLES}
+            for axis in AXES
+        },
+        "axes": {axis: plain.axis(axis) for axis in AXES},
+        "extra": [table_tree(table) for table in extra],
+        "wheels": [
+            {"name": result.observation.name, "facts": wheel_facts(result, plain)}
+            for result in measurement.wheels
+        ],
+        "troubles": [dataclasses.asdict(trouble) for trouble in troubles(measurement, words)],
+        "notes": list(measurement.notes),
+    }
+
+
+def drawings(measurement: Measurement, result: WheelResult, words: Words) -> Iterator[Drawing]:
+    """What shows how well one wheel was measured: its face, its residuals, its budget."""
+    made = [
+        face_drawing(result, measurement.frame, words),
+        histogram_drawing(result, words),
+    ]
+    yield from (drawing for drawing in made if drawing is not None)
+    if result.angles is not None:
+        yield wheel_budget(measurement, result.observation.name, words, PAPER.axis)
+
+
+def _tables(
+    measurement: Measurement, words: Words, axis: Axis, style: AngleStyle
+) -> list[dict[str, Any]]:
+    writer = Writer(words, View(axis, style))
+    makers = (wheels_table, axles_table, vehicle_table)
+    return [table_tree(make(measurement, writer)) for make in makers]
+
+
+def table_tree(table: Table) -> dict[str, Any]:
+    """A table as plain data."""
+    return {
+        "caption": table.caption,
+        "head": list(table.head),
+        "rows": [list(row) for row in table.rows],
+        "left": table.left,
+        "classes": list(table.classes),
+    }

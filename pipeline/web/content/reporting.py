@@ -1,0 +1,43 @@
+"""A measurement's report in the format, language and view that the user chose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ...report.format.language import load_words
+from ...report.format.view import View
+from ...report.html.page import Dress, html_report
+from ...report.json.measurement import to_json
+from ...report.text.report import detailed_report
+from ...report.write import write_whole
+from .comparing import load
+
+TYPES = {
+    "html": "text/html; charset=utf-8",
+    "pdf": "application/pdf",
+    "txt": "text/plain; charset=utf-8",
+    "json": "application/json",
+}
+
+
+def report(plan: dict[str, Any], say: Callable[[str, object], None]) -> None:
+    """Write the report of the job in plan["out"] to plan["file"] there."""
+    out = Path(plan["out"])
+    measurement, judged = load(out)
+    view = View(plan["axis"], plan["style"])
+    dress = Dress(load_words(plan["language"]), view)
+    kind = plan["format"]
+    if kind == "txt":
+        content = detailed_report(measurement, judged, view).encode()
+    elif kind == "json":
+        content = to_json(measurement, judged, view.axis).encode()
+    elif kind == "html":
+        content = html_report(measurement, judged, dress).encode()
+    else:
+        from ...report.html.pdf import pdf_report
+
+        page = html_report(measurement, judged, dress, still=True)
+        content = pdf_report(page, "wheelplane")
+    write_whole(out / plan["file"], content)

@@ -1,0 +1,126 @@
+"""The folders that the page may read and save to, and no path beyond them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from ...capture import TABLES, is_capture
+from ...files import ARCHIVE_SUFFIXES
+from ...readers import READERS, scan_suffix
+from ..security import RefusedError
+
+MOST_LISTED = 2000
+TEXTS = (*TABLES, ".xyz")
+FIVE_POINT_BYTES = 200_000  # a text file up to this size is taken for five points a wheel
+LONGEST_NAME = 120
+
+
+@dataclass(frozen=True)
+class Item:
+    """A file or folder that the page offers.
+
+    kind: folder, capture, results, archive, cloud, or five-point.
+    """
+
+    name: str
+    kind: str
+    size: int
+
+
+@dataclass(frozen=True)
+class Folders:
+    """roots: the allowed folders, resolved."""
+
+    roots: tuple[Path, ...]
+
+    def place(self, root: int, relative: str) -> Path:
+        """The path below a root, with links followed. Raises RefusedError for any other."""
+        if not 0 <= root < len(self.roots):
+            raise RefusedError(404, f"folder {root} is not one of those that were allowed")
+        if "\0" in relative or "\\" in relative or len(relative) > 4000:
+            raise RefusedError(403, "the path holds characters that no path here has")
+        try:
+            found = (self.roots[root] / relative).resolve()
+        except (OSError, RuntimeError, ValueError):  # a loop of links
+            raise RefusedError(403, f"{relative[:100]}: the path cannot be followed") from None
+        if not found.is_relative_to(self.roots[root]):
+            raise RefusedError(403, f"{relative[:100]}: it lies outside the allowed folder")
+        return found
+
+    def existing(self, root: int, relative: str) -> Path:
+        """The same, of what is there."""
+        found = self.place(root, relative)
+        if not os.access(found, os.R_OK):
+            raise RefusedError(404, f"{relative[:100]}: there is no such file or folder here")
+        return found
+
+    def listing(self, root: int, relative: str) -> list[Item]:
+        """What of a folder can be opened: folders first, by name."""
+        folder = self.existing(root, relative)
+        if not folder.is_dir():
+            raise RefusedError(404, f"{relative[:100]}: it is not a folder")
+        items = [item for item in self._items(root, folder) if item is not None]
+        return sorted(items, key=lambda item: (item.kind != "folder", item.name.casefold()))
+
+    def free_name(self, root: int, relative: str, name: str) -> Path:
+        """Where a report called `name` goes. Raises RefusedError if the name is taken or odd."""
+        check_name(name)
+        path = self.place(root, relative) / name
+        if os.path.lexists(path):
+            raise RefusedError(409, f"{name}: a file of this name is there: choose another name")
+        return path
+
+    def _items(self, root: int, folder: Path) -> Iterator[Item | None]:
+        with os.scandir(folder) as entries:
+            for entry, _ in zip(entries, range(MOST_LISTED), strict=False):
+                if entry.name.startswith(".") or not entry.name.isprintable():
+                    continue
+                path = Path(entry.path)
+                if not entry.is_symlink() or self._leads_inside(root, path):
+                    yield _item(path)
+
+    def _leads_inside(self, root: int, link: Path) -> bool:
+        try:
+            return link.resolve().is_relative_to(self.roots[root])
+        except (OSError, RuntimeError):  # a loop of links
+            return False
+
+
+def kind_of_file(path: Path) -> str | None:
+    """What a file can be opened as, by its name and size; None for what cannot be opened."""
+    name = path.name.lower()
+    suffix = scan_suffix(name)
+    if name.endswith(ARCHIVE_SUFFIXES):
+        return "archive"
+    if suffix in TEXTS and path.stat().st_size <= FIVE_POINT_BYTES:
+        return "five-point"
+    return "cloud" if suffix in READERS else None
+
+
+def kind_of_folder(folder: Path) -> str:
+    """What a folder can be opened as: results, capture, or folder."""
+    if (folder / "measurements").is_dir():
+        return "results"
+    return "capture" if is_capture(folder) else "folder"
+
+
+def check_name(name: str) -> None:
+    """Raise RefusedError for what is no plain file name."""
+    plain = name == name.strip() and name.isprintable() and not set(name) & set('/\\<>:"|?*')
+    if not plain or not 0 < len(name) <= LONGEST_NAME or name.startswith("."):
+        raise RefusedError(
+            400, f"{name[:80]!r} cannot be a file's name: use letters, digits, blanks, - and _"
+        )
+
+
+def _item(path: Path) -> Item | None:
+    try:
+        if path.is_dir():
+            return Item(path.name, kind_of_folder(path), 0)
+        kind = kind_of_file(path) if path.is_file() else None
+        return Item(path.name, kind, path.stat().st_size) if kind else None
+    except OSError:
+        return None

@@ -1,0 +1,164 @@
+"""Work in processes of their own, bounded in time and memory, one after the other."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import shutil
+import signal
+import subprocess
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from ..security import RefusedError
+from ..settings import Settings
+from .process import (
+    FINISHED,
+    LONGEST_LINE,
+    SHOWN,
+    Job,
+    end,
+    fail,
+    hear,
+    kill,
+    send,
+    started,
+)
+
+
+class Jobs:
+    """All jobs of a server; closing it ends them."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._jobs: dict[str, Job] = {}
+        self._lock = threading.Lock()
+        self._pool = ThreadPoolExecutor(settings.workers, thread_name_prefix="job")
+        self._quick = ThreadPoolExecutor(2, thread_name_prefix="report")
+
+    def start(self, task: str, name: str, given: dict[str, Any], uses: tuple[Job, ...] = ()) -> Job:
+        """Queue a task. uses: jobs whose results it reads, a report's being its measurement.
+
+        given: what the child is told; the folder given["owned"] goes with the end of the job.
+        Raises RefusedError while too many wait, or if what it uses is no longer kept.
+        """
+        is_long = task == "measure"
+        with self._lock:
+            for used in uses:
+                self.found(used.id)
+            alike = [job for job in self._jobs.values() if (job.task == "measure") == is_long]
+            waiting = sum(job.state == "waiting" for job in alike)
+            if waiting >= self._settings.waiting:
+                raise RefusedError(503, f"{waiting} jobs are waiting: wait for one to end")
+            made = secrets.token_hex(12)
+            own = self._settings.scratch / f"job-{made}"
+            job = Job(made, task, name, uses[0].folder if task == "report" else own, uses)
+            job.folder.mkdir(exist_ok=True)
+            self._jobs[made] = job
+        (self._pool if is_long else self._quick).submit(self._run, job, given)
+        self._forget_old()
+        return job
+
+    def measured(self) -> list[Job]:
+        """Those whose angles are there, the latest first."""
+        with self._lock:
+            known = list(self._jobs.values())
+        return [job for job in known[::-1] if job.task == "measure" and job.state in SHOWN]
+
+    def found(self, name: str) -> Job:
+        """The job of that id. Raises RefusedError."""
+        job = self._jobs.get(name)
+        if job is None:
+            raise RefusedError(404, "this result is no longer kept: measure again")
+        return job
+
+    def shown(self, name: str) -> Job:
+        """The same, of a job whose results are there."""
+        job = self.found(name)
+        if job.state not in SHOWN:
+            raise RefusedError(409, f"{job.name}: there is no result yet")
+        return job
+
+    def cancel(self, job: Job) -> None:
+        """End it, whether it runs or waits."""
+        end(job, "cancelled")
+        kill(job)
+
+    def close(self) -> None:
+        """End all jobs; none begins any more."""
+        pools = (self._pool, self._quick)
+        for pool in pools:
+            pool.shutdown(wait=False, cancel_futures=True)
+        with self._lock:
+            known = list(self._jobs.values())
+        for job in known:
+            self.cancel(job)
+        for pool in pools:
+            pool.shutdown(wait=True)
+        for job in known:
+            job.finished.set()  # of those that never began, too
+
+    def _forget_old(self) -> None:
+        """Forget the reports that ended, and the oldest results, but none that a job reads."""
+        with self._lock:
+            ended = [job for job in self._jobs.values() if job.finished.is_set()]
+            for job in ended:
+                if job.task == "report":
+                    del self._jobs[job.id]
+            known = [job for job in self._jobs.values() if job.task != "report"]
+            read = {used.id for job in self._jobs.values() if job not in ended for used in job.uses}
+            free = [job for job in known if job in ended and job.id not in read]
+            for job in free[: max(0, len(known) - self._settings.jobs)]:
+                del self._jobs[job.id]
+                shutil.rmtree(job.folder, ignore_errors=True)
+
+    def _run(self, job: Job, given: dict[str, Any]) -> None:
+        try:
+            if job.state == "waiting":
+                self._work(job, given)
+        except OSError as error:
+            fail(job, f"the measuring process cannot be started ({error.strerror})")
+        finally:
+            for folder in (job.scratch, *filter(None, [given.get("owned")])):
+                shutil.rmtree(folder, ignore_errors=True)
+            job.finished.set()
+
+    def _work(self, job: Job, given: dict[str, Any]) -> None:
+        limits = {"memory_bytes": self._settings.memory_bytes, "parent": os.getpid()}
+        plan = {"task": job.task, "out": str(job.folder), **limits, **given}
+        with started(job) as process:
+            self._begin(job, process)
+            alarm = threading.Timer(self._settings.seconds, self._stop_late, [job])
+            alarm.daemon = True
+            alarm.start()
+            try:
+                assert process.stdin is not None
+                assert process.stdout is not None
+                send(process.stdin, json.dumps(plan))
+                while line := process.stdout.readline(LONGEST_LINE):
+                    hear(job, line)
+            finally:
+                alarm.cancel()
+                kill(job)
+        if job.state not in FINISHED:
+            code = process.returncode
+            how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+            fail(job, f"the measuring process ended early ({how}): measure fewer points at once")
+
+    def _begin(self, job: Job, process: subprocess.Popen[str]) -> None:
+        with job.lock:
+            job.process = process
+            if job.state == "waiting":
+                job.state = "running"
+                return
+        kill(job)  # cancelled in between
+
+    def _stop_late(self, job: Job) -> None:
+        fail(
+            job,
+            f"measuring took longer than {self._settings.seconds:g} s and was stopped: measure "
+            "fewer points at once, or start the page with a larger --time-limit",
+        )
+        kill(job)

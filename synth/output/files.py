@@ -1,0 +1,87 @@
+"""The files of a capture: their names and their bytes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..arrays import Array, Array32
+from ..parameters.plate_file import TargetFile
+from ..vehicle.vehicle import Wheel
+
+
+def scan_file(wheel: Wheel) -> str:
+    """Name of a wheel's, a trial's, or a turned wheel's scan."""
+    if wheel.role in ("sweep", "runout"):
+        return f"{wheel.name.lower().replace(' ', '-')}.ply"
+    return f"{wheel.name.lower()}.ply" if wheel.role == "reference" else f"trial-{wheel.name}.ply"
+
+
+def ply(points_m: Array, intensity: Array32) -> bytes:
+    """Points (N, 3) and intensity (N,) as binary little-endian PLY, double and float."""
+    return ply_header(len(points_m)) + ply_rows(points_m, intensity)
+
+
+def ply_header(count: int, comment: str = "") -> bytes:
+    """The head of such a file; comment: a line of it."""
+    said = f"comment {comment}\n" if comment else ""
+    return (
+        f"ply\nformat binary_little_endian 1.0\n{said}"
+        f"element vertex {count}\n"
+        "property double x\nproperty double y\nproperty double z\nproperty float intensity\n"
+        "end_header\n"
+    ).encode("ascii")
+
+
+def ply_rows(points_m: Array, intensity: Array32) -> bytes:
+    """What follows the head."""
+    rows = np.empty(
+        len(points_m), dtype=[("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("intensity", "<f4")]
+    )
+    rows["x"], rows["y"], rows["z"] = points_m.T
+    rows["intensity"] = intensity
+    return rows.tobytes()
+
+
+def five_point_text(rows_m: Array) -> str:
+    """Points (N, 3), one a line, in metres."""
+    return "".join(f"{x:.6f},{y:.6f},{z:.6f}\n" for x, y, z in rows_m)
+
+
+def capture_toml(
+    vehicle: str, target: TargetFile, wheels: Sequence[Wheel], more: Sequence[str] = ()
+) -> str:
+    """The text of capture.toml; lengths in metres. A JSON string is a TOML basic string.
+
+    more: lines that follow.
+    """
+    lines = [
+        f"vehicle = {json.dumps(vehicle, ensure_ascii=False)}",
+        'length_unit = "m"',
+        "",
+        "[target]",
+        *_target_lines(target),
+        "",
+        "[reference]",
+    ]
+    lines += [f'{w.name} = "{scan_file(w)}"' for w in wheels if w.role == "reference"]
+    for wheel in wheels:
+        if wheel.role == "trial":
+            lines += ["", "[[trial]]", f'name = "{wheel.name}"', f'file = "{scan_file(wheel)}"']
+            lines += [f'wheel = "{wheel.wheel}"']
+    return "\n".join([*lines, *more]) + "\n"
+
+
+def _target_lines(target: TargetFile) -> list[str]:
+    """What is stated of the target; of a disc not the thickness, which nothing asks for."""
+    left_out = {"thickness"} if target.shape == "disc" else set()
+    told = {k: v for k, v in target.stated.items() if k not in left_out and v != 0.0}
+    return [f"{key} = {_toml_value(value)}" for key, value in told.items()]
+
+
+def _toml_value(value: object) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{k} = {json.dumps(v)}" for k, v in value.items()) + " }"
+    return json.dumps(value)

@@ -1,0 +1,101 @@
+"""What is known of a made capture, as a record and as the text of truth.json."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..parameters.plate_file import TargetFile
+from ..vehicle.vehicle import FORWARD, LEFT, UP, Vehicle, Wheel
+
+SCHEMA = "wheelplane/truth/1"
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The vehicle, its wheels and trials in the order of the capture, and what was used.
+
+    used: the parameters as drawn and the places of the instruments; turning: kingpins, toe-out on
+    turns and run-outs, where there are any; both ready for JSON. target: where the turn of its
+    face, axes u and v, is to be told, and the ids of its markers.
+    """
+
+    seed: int
+    vehicle: Vehicle
+    wheels: tuple[Wheel, ...]
+    used: dict[str, Any]
+    turning: dict[str, Any] = field(default_factory=dict)
+    target: TargetFile | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of truth.json, in the coordinates of the capture."""
+        by_name = {wheel.name: wheel for wheel in self.wheels if wheel.role == "reference"}
+        toe = {name: _deg(wheel.toe_rad) for name, wheel in by_name.items()}
+        return {
+            "schema": SCHEMA,
+            "seed": self.seed,
+            "wheels": [
+                _wheel(self.vehicle, wheel) | _face(self.vehicle, wheel, self.target)
+                for wheel in self.wheels
+            ],
+            "frame": _frame(self.vehicle),
+            "vehicle": {
+                "rear_total_toe_deg": toe["RL"] + toe["RR"],
+                "front_total_toe_deg": toe["FL"] + toe["FR"],
+                "thrust_angle_deg": (toe["RL"] - toe["RR"]) / 2,
+            },
+            **self.turning,
+            "used": self.used,
+        }
+
+
+def site_point(vehicle: Vehicle, point_vehicle_m: Array) -> list[float]:
+    """A point (3,) of the vehicle in the coordinates of the capture."""
+    T = vehicle.T_site_vehicle
+    return [float(v) for v in T[:3, :3] @ point_vehicle_m + T[:3, 3]]
+
+
+def _wheel(vehicle: Vehicle, wheel: Wheel) -> dict[str, Any]:
+    iso = np.arctan(np.tan(wheel.camber_rad) / np.cos(wheel.toe_rad))
+    return {
+        "name": wheel.name,
+        "role": wheel.role,
+        "wheel": wheel.wheel,
+        "toe_deg": _deg(wheel.toe_rad),
+        "camber_deg": _deg(wheel.camber_rad),
+        "camber_iso_deg": _deg(float(iso)),
+        "centre_m": site_point(vehicle, wheel.centre_vehicle_m),
+        "normal": _site_way(vehicle, wheel.normal_vehicle),
+    }
+
+
+def _face(vehicle: Vehicle, wheel: Wheel, target: TargetFile | None) -> dict[str, Any]:
+    if target is None:
+        return {}
+    u, v = wheel.T_vehicle_target[:3, :2].T
+    ids = target.ids_of(wheel.wheel)
+    told: dict[str, Any] = {"u": _site_way(vehicle, u), "v": _site_way(vehicle, v)}
+    return told | ({"ids": list(ids)} if ids else {})
+
+
+def _frame(vehicle: Vehicle) -> dict[str, Any]:
+    return {
+        "origin_m": site_point(vehicle, np.zeros(3)),
+        "left": _site_way(vehicle, LEFT),
+        "forward": _site_way(vehicle, FORWARD),
+        "up": _site_way(vehicle, UP),
+        "rear_track_m": vehicle.axles.rear_track_m,
+        "front_track_m": vehicle.axles.front_track_m,
+        "wheelbase_m": vehicle.axles.wheelbase_m,
+    }
+
+
+def _site_way(vehicle: Vehicle, way_vehicle: Array) -> list[float]:
+    return [float(v) for v in vehicle.T_site_vehicle[:3, :3] @ way_vehicle]
+
+
+def _deg(angle_rad: float) -> float:
+    return float(np.degrees(angle_rad))

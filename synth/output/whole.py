@@ -1,0 +1,158 @@
+"""Write one cloud of a whole made vehicle in its bay, as several stations see it, and the truth."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..errors import SynthError
+from ..parameters.instruments import Instruments, draw_instruments
+from ..parameters.parameters import Panorama
+from ..scanner.lattice import Tried, draw_lattice, try_out
+from ..scanner.panorama import scan_rows
+from ..scanner.stations import Station
+from ..scene.site import Site, draw_site
+from ..vehicle.vehicle import WHEELS, draw_vehicle
+from .cloud_files import Cloud, PlyCloud
+from .e57 import E57Cloud
+from .files import five_point_text
+from .five_point import draw_place, measure_five
+from .folder import check_free, check_seed, new_folder, write_text
+from .truth import Truth, site_point
+
+FORMS = ("ply", "e57")
+
+
+def _silent(_: str) -> None:
+    """Say nothing."""
+
+
+def write_whole(
+    out: Path,
+    *,
+    seed: int,
+    vehicle: Path,
+    scanner: Path,
+    target: Path,
+    form: str = "ply",
+    points: int | None = None,
+    progress: Callable[[str], None] = _silent,
+) -> Truth:
+    """Write the folder `out`, all of it or nothing, and return what is true of it.
+
+    vehicle, scanner, target: parameter files; form: one of FORMS; points: how many the cloud has,
+    within a per cent or two, in place of the scanner file's. `progress` is told each station when
+    it is written. Vehicle, targets and five points are those of the wheel scans of the same seed.
+    The same arguments give the same bytes. Raises SynthError.
+    """
+    check_seed(seed)
+    _check(form, points)
+    check_free(out)
+    seeds = np.random.SeedSequence(seed).spawn(3 + len(WHEELS))
+    made, devices, survey, *draws = (np.random.default_rng(child) for child in seeds)
+    kit = draw_instruments(vehicle, scanner, target, devices)
+    car = draw_vehicle(kit.vehicle_recipe, made)
+    site = draw_site(car, kit, seed, points, draws)
+    with new_folder(out) as folder:
+        file = folder / f"vehicle.{form}"
+        with closing(E57Cloud(file, seed) if form == "e57" else PlyCloud(file)) as cloud:
+            scans = _write_scans(site, kit, seed, cloud, progress)
+        place = draw_place(car, kit.total_station, survey)
+        plates = [mounted.plate for mounted in site.mounted]
+        rows = measure_five(car, plates, kit.total_station, place, survey)
+        write_text(folder / "five-point.txt", five_point_text(rows))
+        wheels = tuple(mounted.wheel for mounted in site.mounted)
+        used = {"file": file.name, **_used(site, kit, scans, place)}
+        truth = Truth(seed, car, wheels, used, target=kit.target)
+        write_text(folder / "truth.json", json.dumps(truth.to_json(), indent=1) + "\n")
+        return truth
+
+
+def _check(form: str, points: int | None) -> None:
+    if form not in FORMS:
+        raise SynthError(f"form {form!r}: not known; give one of {', '.join(FORMS)}")
+    low, high = 10_000, 1_000_000_000
+    if points is not None and not low <= points <= high:
+        raise SynthError(f"--points {points}: give a number from {low} to {high}")
+
+
+def _write_scans(
+    site: Site, kit: Instruments, seed: int, cloud: Cloud, progress: Callable[[str], None]
+) -> list[dict[str, Any]]:
+    """Scan from every station; what was used for each."""
+    tried = [try_out(site.scene(s), site.panorama, site.middle_m(s)) for s in site.stations]
+    step = _step_rad(site.panorama, tried, kit.beam.dropout_fraction)
+    told, first = [], 0
+    for station, found in zip(site.stations, tried, strict=True):
+        cloud.begin(station)
+        scan = _write_station(site, kit, seed, station, found, step, cloud)
+        told.append(scan | {"rows": [first, first + scan["points"]]})
+        first += scan["points"]
+        progress(f"station {station.number}")
+    return told
+
+
+def _step_rad(panorama: Panorama, tried: Sequence[Tried], dropout: float) -> float:
+    """Between the beams, so that all stations together write as many points as are asked for."""
+    wide, high = panorama.window_deg, panorama.highest_deg - panorama.lowest_deg
+    returned = sum(one.share for one in tried) * (1.0 - dropout)
+    return float(np.sqrt(np.radians(wide) * np.radians(high) * returned / panorama.points))
+
+
+def _write_station(
+    site: Site,
+    kit: Instruments,
+    seed: int,
+    station: Station,
+    tried: Tried,
+    step_rad: float,
+    cloud: Cloud,
+) -> dict[str, Any]:
+    stream = (seed, station.number)
+    target_m = site.nearest_target_m(station)
+    grid = draw_lattice(site.panorama, site.middle_m(station), step_rad, stream)
+    on_plates = np.zeros(len(WHEELS) + 1, dtype=np.int64)
+    blocks = scan_rows(site.scene(station), grid, kit.beam, target_m, tried.nearest_m, stream)
+    for block in blocks:
+        cloud.add(block.points_station_m, block.intensity)
+        on_plates += np.bincount(block.plate + 1, minlength=len(on_plates))
+    return {
+        "station": station.number,
+        "station_m": station.position_site_m.tolist(),
+        "turn_deg": float(np.degrees(station.turn_rad)),
+        "step_rad": grid.step_rad,
+        "beams": grid.beams,
+        "points": int(on_plates.sum()),
+        "points_on_target": dict(zip(WHEELS, on_plates[1:].tolist(), strict=True)),
+    }
+
+
+def _used(
+    site: Site, kit: Instruments, scans: list[dict[str, Any]], place_vehicle_m: Array
+) -> dict[str, Any]:
+    car = site.vehicle
+    mounts = {
+        one.wheel.name: one.mount.told(kit.target)
+        | ({"occluded_fraction": hidden} if hidden else {})
+        for one, hidden in zip(site.mounted, site.hidden, strict=True)
+    }
+    return {
+        "target": kit.target.stated,
+        "axles": car.axles.model_dump(),
+        "placement": car.placement.model_dump(),
+        "body": car.body.model_dump(),
+        "panorama": site.panorama.model_dump(),
+        "beam": kit.beam.model_dump(exclude_unset=True),
+        "total_station": {
+            **kit.total_station.model_dump(),
+            "station_m": site_point(car, place_vehicle_m),
+        },
+        "mounts": {name: told for name, told in mounts.items() if told},
+        "scans": scans,
+    }

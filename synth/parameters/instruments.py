@@ -1,0 +1,42 @@
+"""What is the same for all scans of a capture: the parameter files, and the instruments drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .parameters import Beam, Grid, ScannerFile, TotalStation, VehicleFile
+from .plate_file import TargetFile
+from .recipe import Recipe, read_recipe
+from .target_file import read_target
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """What is the same for all scans of a capture."""
+
+    vehicle_recipe: Recipe
+    scanner_recipe: Recipe
+    target: TargetFile
+    grid: Grid
+    beam: Beam
+    total_station: TotalStation
+
+
+def draw_instruments(
+    vehicle: Path, scanner: Path, target: Path, rng: np.random.Generator
+) -> Instruments:
+    """Read the parameter files and draw grid, beam and total station. Raises SynthError."""
+    vehicle_recipe = read_recipe(vehicle, VehicleFile)
+    scanner_recipe = read_recipe(scanner, ScannerFile)
+    plate = read_target(target)
+    return Instruments(
+        vehicle_recipe,
+        scanner_recipe,
+        plate,
+        scanner_recipe.draw("grid", Grid, rng),
+        scanner_recipe.draw("beam", Beam, rng),
+        scanner_recipe.draw("total_station", TotalStation, rng),
+    )

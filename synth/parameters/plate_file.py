@@ -1,0 +1,127 @@
+"""Plates that a file of configs/targets/ describes: shape and sizes, lengths in metres.
+
+Axes of a face, seen from outside: u to the right, v up, turned with the wheel by its spin.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Literal
+
+from pydantic import Field, model_validator  # noqa: TID253  a class needs its base at once
+
+from .parameters import Section
+
+
+class TargetFile(Section):
+    """What every plate has.
+
+    flatness: the face lies between two planes that far apart, parallel to its mounting plane.
+    clamp_tilt_deg, clamp_shift: standard deviations, along each axis of the face, of how a mount
+    differs from the wheel's true plane and centre.
+    """
+
+    shape: str
+    thickness: float = Field(gt=0.0)
+    flatness: float = Field(0.0, ge=0.0, le=0.001)
+    clamp_tilt_deg: float = Field(0.0, ge=0.0, le=2.0)
+    clamp_shift: float = Field(0.0, ge=0.0, le=0.02)
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """What the file says, ready for JSON: shape, sizes of the face, the rest."""
+        told = self.model_dump(exclude_unset=True, mode="json")
+        rest = {key: told.pop(key) for key in TargetFile.model_fields if key in told}
+        return {"shape": rest.pop("shape"), **told, **rest}
+
+    @property
+    def radius_m(self) -> float:
+        """Of the smallest circle about the face."""
+        raise NotImplementedError
+
+    @property
+    def open_m(self) -> tuple[float, float]:
+        """Between which radii, about the centre, the back of the plate may be held."""
+        return 0.0, 0.055
+
+    def ids_of(self, wheel: str) -> tuple[int, ...]:
+        """The markers on a wheel's board, row by row."""
+        return ()
+
+
+class DiscFile(TargetFile):
+    """A disc."""
+
+    shape: Literal["disc"]
+    diameter: float = Field(gt=0.0)
+
+    @property
+    def radius_m(self) -> float:
+        """Of the smallest circle about the face."""
+        return self.diameter / 2
+
+
+class RingFile(TargetFile):
+    """A disc with a round hole in its middle."""
+
+    shape: Literal["ring"]
+    diameter: float = Field(gt=0.0)
+    hole_diameter: float = Field(gt=0.0)
+
+    @property
+    def radius_m(self) -> float:
+        """Of the smallest circle about the face."""
+        return self.diameter / 2
+
+    @property
+    def open_m(self) -> tuple[float, float]:
+        """Between which radii, about the centre, the back of the plate may be held."""
+        hole = self.hole_diameter / 2
+        return hole + 0.2 * (self.radius_m - hole), hole + 0.6 * (self.radius_m - hole)
+
+    @model_validator(mode="after")
+    def _fits(self) -> RingFile:
+        if self.hole_diameter >= self.diameter:
+            raise ValueError(f"hole_diameter {self.hole_diameter} is not below the diameter")
+        return self
+
+
+class RectangleFile(TargetFile):
+    """A rectangle, width along u and height along v."""
+
+    shape: Literal["rectangle"]
+    width: float = Field(gt=0.0)
+    height: float = Field(gt=0.0)
+
+    @property
+    def radius_m(self) -> float:
+        """Of the smallest circle about the face."""
+        return math.hypot(self.width, self.height) / 2
+
+
+class SquareFile(TargetFile):
+    """A square with four round holes at the corners of a square of hole_spacing."""
+
+    shape: Literal["square"]
+    side: float = Field(gt=0.0)
+    hole_diameter: float = Field(gt=0.0)
+    hole_spacing: float = Field(gt=0.0)
+
+    @property
+    def radius_m(self) -> float:
+        """Of the smallest circle about the face."""
+        return self.side / math.sqrt(2.0)
+
+    @property
+    def open_m(self) -> tuple[float, float]:
+        """Between which radii, about the centre, the back of the plate may be held."""
+        clear = self.hole_spacing / math.sqrt(2.0) - self.hole_diameter / 2
+        return 0.0, min(0.055, clear - 0.002)
+
+    @model_validator(mode="after")
+    def _fits(self) -> SquareFile:
+        if self.hole_spacing + self.hole_diameter >= self.side:
+            raise ValueError("the holes reach beyond the side; lessen hole_spacing")
+        if self.hole_spacing < self.hole_diameter + 0.005:
+            raise ValueError("the holes touch one another; widen hole_spacing")
+        return self

@@ -1,0 +1,22 @@
+"""Read a file of configs/targets/."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .pattern_file import PatternFile
+from .plate_file import DiscFile, RectangleFile, RingFile, SquareFile, TargetFile
+from .recipe import read_one_of
+
+SHAPES: dict[str, type[TargetFile]] = {
+    "disc": DiscFile,
+    "ring": RingFile,
+    "rectangle": RectangleFile,
+    "square": SquareFile,
+    "pattern": PatternFile,
+}
+
+
+def read_target(path: Path) -> TargetFile:
+    """The plate that a file describes. Raises SynthError."""
+    return read_one_of(path, "shape", SHAPES)

@@ -1,0 +1,172 @@
+"""A terrestrial laser scanner: beams on an angular grid, each with a spot and its errors.
+
+Station coordinates have the axes of the site and the origin in the scanner.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays import Array, Array32, Mask
+from ..errors import SynthError
+from ..parameters.parameters import Beam, Grid, Station
+from ..parameters.recipe import Recipe
+from ..scene.scene import Scene
+from ..vehicle.vehicle import Vehicle, Wheel
+from .echoes import Echoes
+from .noise import gaussian_field
+from .raycast import RayCaster
+from .spot import spot_echoes
+
+NEAREST_STRAY_M = 0.5
+TRIES = 1000
+MOST_BEAMS = 20_000_000
+
+
+@dataclass(frozen=True)
+class Stand:
+    """Where the scanner stands for one wheel, position_vehicle_m (3,)."""
+
+    position_vehicle_m: Array
+    distance_m: float
+    incidence_rad: float
+
+
+@dataclass(frozen=True)
+class Scan:
+    """One scan: points_station_m (N, 3), intensity (N,), and on which plate's face each point is.
+
+    plate (N,): number of the target on whose face the whole spot lies, else -1. `beams` were sent;
+    strays are in the points and on no plate.
+    """
+
+    points_station_m: Array
+    intensity: Array32
+    plate: npt.NDArray[np.int64]
+    beams: int
+
+    @property
+    def on_front(self) -> Mask:
+        """Whether each point is on a measured face, (N,)."""
+        return self.plate >= 0
+
+
+def draw_stand(vehicle: Vehicle, wheel: Wheel, recipe: Recipe, rng: np.random.Generator) -> Stand:
+    """A stand in any direction round the target's axis that keeps to the heights allowed."""
+    station = recipe.draw("station", Station, rng)
+    incidence = np.radians(station.incidence_deg)
+    axes = wheel.T_vehicle_target[:3, :3]
+    for turn in rng.uniform(0, 2 * np.pi, TRIES):
+        toward = axes @ [
+            np.sin(incidence) * np.cos(turn),
+            np.sin(incidence) * np.sin(turn),
+            np.cos(incidence),
+        ]
+        position = wheel.centre_vehicle_m + station.distance_m * toward
+        if station.height_min_m <= position[2] - vehicle.floor_m <= station.height_max_m:
+            return Stand(position, station.distance_m, float(incidence))
+    raise SynthError(
+        f"{recipe.source}: no stand {station.distance_m:.2f} m from target {wheel.name} at "
+        f"{station.incidence_deg:.1f} degrees is {station.height_min_m} to {station.height_max_m} "
+        "m above the floor; widen station.height_min_m and station.height_max_m"
+    )
+
+
+def scan(
+    scene: Scene, centre_station_m: Array, grid: Grid, beam: Beam, rng: np.random.Generator
+) -> Scan:
+    """One scan of the window round the target's centre (3,), as the scanner reports it.
+
+    The beam leaves in a direction jittered about the nominal one, which is what is reported.
+    """
+    step = grid.spacing_m / float(np.linalg.norm(centre_station_m))
+    azimuth, elevation = _window(centre_station_m, grid, step, rng)
+    jitter = rng.normal(0.0, 1.0, (2, *elevation.shape)) * beam.angle_sigma_urad * 1e-6
+    true = directions(azimuth + jitter[0] / np.cos(elevation), elevation + jitter[1])
+    caster = RayCaster(scene.vertices_m, scene.faces)
+    echoes = spot_echoes(scene, caster, true, step, beam.spot_radius_m)
+    nominal = directions(azimuth, elevation).reshape(-1, 3)
+    noise_m = _range_noise(echoes, elevation, grid, beam, rng)
+    return report(echoes, nominal, noise_m, beam, rng)
+
+
+def directions(azimuth_rad: Array, elevation_rad: Array) -> Array:
+    """Unit vectors (..., 3) of azimuth about z from x, and elevation above the level."""
+    level = np.cos(elevation_rad)
+    return np.stack(
+        [level * np.cos(azimuth_rad), level * np.sin(azimuth_rad), np.sin(elevation_rad)], axis=-1
+    )
+
+
+def range_sigma_m(sigma_m: float, cosine: Array) -> Array:
+    """Standard deviation of the range at incidences of this cosine; sigma_m at normal incidence.
+
+    sigma / max(cos(incidence), 0.2): the power that returns falls with the cosine
+    (Soudarissanane et al., ISPRS J. Photogramm. 66 (2011) 389-399). Across a plane that is
+    sigma_m itself at any incidence up to 78 degrees.
+    """
+    return sigma_m / np.maximum(cosine, 0.2)
+
+
+def _window(
+    centre_m: Array, grid: Grid, step_rad: float, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Azimuth and elevation, both (H, W), of a window of the grid, its phase drawn."""
+    x, y, z = centre_m
+    level_m = np.hypot(x, y)
+    half = grid.half_width_m
+    rows = int(np.arctan2(half, np.linalg.norm(centre_m)) / step_rad)
+    columns = int(np.arctan2(half, level_m) / step_rad)
+    if 4 * rows * columns > MOST_BEAMS:
+        raise SynthError(
+            f"grid: spacing_m {grid.spacing_m} and half_width_m {half} make "
+            f"{4e-6 * rows * columns:.0f} million beams, more than {MOST_BEAMS / 1e6:.0f}; "
+            "raise the spacing or narrow the window"
+        )
+    phase = rng.uniform(-0.5, 0.5, 2)
+    azimuth = np.arctan2(y, x) + (np.arange(-columns, columns + 1) + phase[0]) * step_rad
+    elevation = np.arctan2(z, level_m) + (np.arange(-rows, rows + 1) + phase[1]) * step_rad
+    wide, high = np.meshgrid(azimuth, elevation)
+    return wide, high
+
+
+def _range_noise(
+    echoes: Echoes, elevation: Array, grid: Grid, beam: Beam, rng: np.random.Generator
+) -> Array:
+    """Noise along the range, (H * W,): independent, and alike over the correlation length.
+
+    Columns of the grid stand closer than its rows by the cosine of the elevation.
+    """
+    noise_m = rng.normal(0.0, 1.0, elevation.size) * range_sigma_m(
+        beam.range_sigma_m, echoes.cosine
+    )
+    if beam.correlated_sigma_m > 0.0:
+        steps = beam.correlation_length_m / grid.spacing_m
+        level = float(np.cos(np.mean(elevation)))
+        alike = gaussian_field(elevation.shape, (steps, steps / level), rng).ravel()
+        noise_m += alike * range_sigma_m(beam.correlated_sigma_m, echoes.cosine)
+    return noise_m
+
+
+def report(
+    echoes: Echoes, nominal: Array, noise_m: Array, beam: Beam, rng: np.random.Generator
+) -> Scan:
+    """The scan of beams with unit vectors nominal (N, 3), as the scanner reports it.
+
+    Range noise, strays, drop-outs and intensity; beams without an echo are left out.
+    """
+    count = len(nominal)
+    true_m = echoes.range_m
+    range_m = true_m + noise_m
+    stray = rng.random(count) < beam.stray_fraction
+    anywhere_m = NEAREST_STRAY_M + rng.random(count) * (1.2 * true_m - NEAREST_STRAY_M)
+    range_m = np.where(stray, anywhere_m, range_m)
+    kept = (rng.random(count) >= beam.dropout_fraction) & ~np.isnan(true_m)
+    power = echoes.reflectance * echoes.cosine / np.maximum(range_m, NEAREST_STRAY_M) ** 2
+    speckle = 1 + beam.intensity_sigma * rng.normal(0.0, 1.0, count)
+    intensity = np.maximum(power * speckle, 0.0).astype(np.float32)
+    points = nominal[kept] * range_m[kept, None]
+    return Scan(points, intensity[kept], np.where(stray, -1, echoes.plate)[kept], count)

@@ -1,0 +1,108 @@
+"""What comes back along a beam that is not a line: the spot averages where it straddles an edge."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays import Array, Mask
+from ..scene.scene import Scene
+from .echoes import Echoes, trace
+from .raycast import RayCaster
+from .spot_average import average
+
+# How far, along a beam, the plane under one beam may miss what its neighbour meets.
+BEND_M = 0.0001
+
+
+def spot_echoes(
+    scene: Scene, caster: RayCaster, directions: Array, step_rad: float, radius_m: float
+) -> Echoes:
+    """Echoes of a grid of beams, directions (H, W, 3), whose spot has this radius.
+
+    A range is linear in the place across the beam on a plane, so the average over a symmetric
+    spot is the range of its centre; only beams near an edge need their sub-rays.
+    """
+    beams = directions.reshape(-1, 3)
+    centres = trace(scene, caster, 0.0, beams)
+    if radius_m == 0.0 or not np.any(centres.facet >= 0):
+        return centres
+    edge = near_edges(scene, centres, directions, step_rad, radius_m)
+    return with_spots(scene, caster, centres, beams, edge.ravel(), radius_m)
+
+
+def with_spots(
+    scene: Scene,
+    caster: RayCaster,
+    thin: Echoes,
+    beams: Array,
+    edge: Mask,
+    radius_m: float,
+    numbers: npt.NDArray[np.int64] | None = None,
+) -> Echoes:
+    """Echoes of beams (N, 3) of which those at an `edge` (N,) are averaged over their spots.
+
+    So is the reflectance of those on a print. thin: of their centres, changed in place; numbers:
+    see average().
+    """
+    printed = np.array([plate.pattern is not None for plate in scene.plates] + [False])
+    on_print = printed[thin.plate] & ~edge
+    for chosen, names in ((edge, vars(thin)), (on_print, ("reflectance",))):
+        if np.any(chosen):
+            own = None if numbers is None else numbers[chosen]
+            better = average(scene, caster, beams[chosen], radius_m, own)
+            for name in names:
+                getattr(thin, name)[chosen] = getattr(better, name)
+    return thin
+
+
+def near_edges(
+    scene: Scene,
+    centres: Echoes,
+    directions: Array,
+    step_rad: float,
+    radius_m: float,
+    reach: int | None = None,
+) -> Mask:
+    """Beams (H, W) of a grid whose spot may reach an edge, or past the window.
+
+    reach: how many steps a spot may reach, by default where these beams are the narrowest.
+
+    Between two neighbours lies an edge when they meet different surfaces, or when the plane of
+    the facet that one meets misses what the other meets by BEND_M along the beam. Elsewhere a
+    range bends by at most b = BEND_M over a step s, and its average over a spot of radius r is
+    off by r^2 / 8 * (d2/dx2 + d2/dy2) <= r^2 b / (2 s^2).
+    """
+    shape = directions.shape[:2]
+    if reach is None:
+        reach = spot_reach(float(np.nanmin(centres.range_m)), directions, step_rad, radius_m)
+    facet, range_m = centres.facet.reshape(shape), centres.range_m.reshape(shape)
+    surface = np.where(facet < 0, -1, scene.surface[facet])
+    normals, offsets_m = scene.normals[facet], scene.offsets_m[facet]
+    edge = np.zeros(shape, dtype=bool)
+    low_rows, high_rows = np.s_[:-1, :], np.s_[1:, :]
+    low_columns, high_columns = np.s_[:, :-1], np.s_[:, 1:]
+    for a, b in ((low_rows, high_rows), (low_columns, high_columns)):
+        change = surface[a] != surface[b]
+        for p, q in ((a, b), (b, a)):
+            cosine = np.einsum("ijk,ijk->ij", normals[p], directions[q])
+            miss_m = np.abs(offsets_m[p] - range_m[q] * cosine)
+            change |= miss_m > BEND_M * np.abs(cosine)
+        edge[a] |= change
+        edge[b] |= change
+    edge[[0, -1]] = edge[:, [0, -1]] = True
+    return _dilated(_dilated(edge, reach).T, reach).T
+
+
+def spot_reach(nearest_m: float, directions: Array, step_rad: float, radius_m: float) -> int:
+    """How many steps of a grid, directions (..., 3), a spot reaches where they are narrowest."""
+    level = float(np.sqrt(1 - np.max(directions[..., 2] ** 2)))
+    return int(np.ceil(radius_m / (nearest_m * step_rad * level)))
+
+
+def _dilated(mask: Mask, reach: int) -> Mask:
+    """True within `reach` rows of a True: a moving sum by differences of the running sum."""
+    padded = np.pad(mask, ((reach + 1, reach), (0, 0))).astype(np.int32)
+    running = np.cumsum(padded, axis=0)
+    grown: Mask = running[2 * reach + 1 :] > running[: -2 * reach - 1]
+    return grown

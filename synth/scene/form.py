@@ -1,0 +1,61 @@
+"""The form of a plate that is not quite flat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Array
+
+WAVES = 6
+WAVELENGTHS = (0.6, 2.4)  # of the plate's diameter
+RINGS, TURNS = 40, 120
+
+
+@dataclass(frozen=True)
+class Form:
+    """Height of a face over its mounting plane: a sum of plane waves.
+
+    wave: (K, 2) rad/m; phase: (K,); amplitude_m: (K,). No waves: a flat face.
+    """
+
+    wave: Array
+    phase: Array
+    amplitude_m: Array
+    lift_m: float
+
+    def height_m(self, uv_m: Array) -> Array:
+        """Height (...) at places uv_m (..., 2) of the face, positive outwards."""
+        return np.asarray(np.sin(uv_m @ self.wave.T + self.phase) @ self.amplitude_m + self.lift_m)
+
+
+FLAT = Form(np.zeros((0, 2)), np.zeros(0), np.zeros(0), 0.0)
+
+
+def draw_form(radius_m: float, flatness_m: float, rng: np.random.Generator) -> Form:
+    """A smooth random form between two planes `flatness_m` apart, parallel to the mounting plane.
+
+    Six waves of any direction and phase, normal amplitudes and lengths between 0.6 and 2.4
+    diameters. The plane that fits the face best is tilted about either axis by
+    0.51 * flatness / diameter rms: see tests/test_synth.py.
+    """
+    if flatness_m == 0.0:
+        return FLAT
+    turn, phase = rng.uniform(0.0, 2.0 * np.pi, (2, WAVES))
+    length_m = 2.0 * radius_m * rng.uniform(*WAVELENGTHS, WAVES)
+    wave = 2.0 * np.pi / length_m[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    raw = Form(wave, phase, rng.standard_normal(WAVES), 0.0)
+    height = raw.height_m(_places(radius_m))
+    low, high = float(height.min()), float(height.max())
+    scale = flatness_m / (high - low)
+    return Form(wave, phase, raw.amplitude_m * scale, -scale * (low + high) / 2.0)
+
+
+def _places(radius_m: float) -> Array:
+    """Places (N, 2) all over a disc, its rim included."""
+    reach = radius_m * np.arange(RINGS + 1) / RINGS
+    turn = 2.0 * np.pi * np.arange(TURNS) / TURNS
+    return np.stack(
+        [np.outer(reach, np.cos(turn)).ravel(), np.outer(reach, np.sin(turn)).ravel()], axis=1
+    )

@@ -1,0 +1,125 @@
+"""The plate that is clamped to the wheel: as made, and as it was clamped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Array
+from ..parameters.pattern_file import PatternFile
+from ..parameters.plate_file import RectangleFile, RingFile, SquareFile, TargetFile
+from ..vehicle.vehicle import Wheel, about
+from .form import FLAT, Form, draw_form
+from .solids import Solid, box, joined, punched, revolved
+
+# The polygon lies within radius * (1 - cos(pi / SECTIONS)) of its circle: 0.3 um at 125 mm.
+SECTIONS = 1440
+REFLECTANCE = 0.8
+
+
+@dataclass(frozen=True)
+class Mount:
+    """One clamping of one plate.
+
+    The wheel's true plane and centre are z = 0 and the origin of its target coordinates; so are
+    the mounting plane and centre of the plate in the plate's own. tilt_rad: about x and y;
+    shift_m: along x and y; form: of the face over the mounting plane; print_shift_m: of what is
+    printed, along x and y.
+    """
+
+    tilt_rad: tuple[float, float] = (0.0, 0.0)
+    shift_m: tuple[float, float] = (0.0, 0.0)
+    form: Form = FLAT
+    print_shift_m: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def T_target_plate(self) -> Array:
+        """Pose (4, 4) of the plate in the target coordinates of its wheel."""
+        angle = float(np.hypot(*self.tilt_rad))
+        pose = np.eye(4)
+        if angle > 0.0:
+            pose[:3, :3] = about(np.array([*self.tilt_rad, 0.0]) / angle, angle)
+        pose[:2, 3] = self.shift_m
+        return pose
+
+    def told(self, target: TargetFile) -> dict[str, Any]:
+        """What was drawn, where there was anything to draw; in target coordinates."""
+        drawn: dict[str, Any] = {}
+        if target.clamp_tilt_deg > 0.0:
+            drawn["clamp_tilt_deg"] = [float(np.degrees(tilt)) for tilt in self.tilt_rad]
+        if target.clamp_shift > 0.0:
+            drawn["clamp_shift_m"] = list(self.shift_m)
+        if self.print_shift_m != (0.0, 0.0):
+            drawn["print_shift_m"] = list(self.print_shift_m)
+        return drawn
+
+    def on(self, wheel: Wheel) -> Wheel:
+        """Where the plate is on this wheel, as if it were the wheel's true pose."""
+        return replace(wheel, T_vehicle_target=wheel.T_vehicle_target @ self.T_target_plate)
+
+
+def draw_mount(target: TargetFile, rng: np.random.Generator) -> Mount:
+    """How a plate came out and was clamped; what is perfect draws nothing."""
+    tilt_rad = shift_m = print_m = (0.0, 0.0)
+    if target.clamp_tilt_deg > 0.0:
+        tilt_rad = _pair(np.radians(target.clamp_tilt_deg), rng)
+    if target.clamp_shift > 0.0:
+        shift_m = _pair(target.clamp_shift, rng)
+    form = draw_form(target.radius_m, target.flatness, rng)
+    if isinstance(target, PatternFile) and target.print_shift > 0.0:
+        print_m = _pair(target.print_shift, rng)
+    return Mount(tilt_rad, shift_m, form, print_m)
+
+
+def _pair(sigma: float, rng: np.random.Generator) -> tuple[float, float]:
+    one, other = rng.normal(0.0, sigma, 2)
+    return float(one), float(other)
+
+
+def plate_solid(target: TargetFile) -> Solid:
+    """The target in its own coordinates: front face on z = 0 about the origin, body at z < 0.
+
+    The facets of the front face carry the plane z = 0 itself, and its flag.
+    """
+    solid = _body(target)
+    front = np.all(np.abs(solid.corners_m[:, :, 2]) < 1e-12, axis=1)
+    return solid.with_front(front)
+
+
+def _body(target: TargetFile) -> Solid:
+    match target:
+        case RingFile():
+            return _round(target.diameter / 2, target.thickness, target.hole_diameter / 2)
+        case SquareFile():
+            return _square(target)
+        case RectangleFile():
+            return _rectangle(target.width, target.height, target.thickness)
+        case PatternFile() if target.width is not None and target.height is not None:
+            return _rectangle(target.width, target.height, target.thickness)
+    return _round(target.radius_m, target.thickness)
+
+
+def _round(radius: float, thickness: float, hole: float = 0.0) -> Solid:
+    """A disc, or a ring about a hole of that radius."""
+    profile = [(hole, -thickness), (radius, -thickness), (radius, 0.0), (hole, 0.0)]
+    if hole > 0.0:
+        profile.append(profile[0])
+    return revolved(profile, SECTIONS, REFLECTANCE)
+
+
+def _rectangle(width: float, height: float, thickness: float) -> Solid:
+    low, high = (-width / 2, -height / 2, -thickness), (width / 2, height / 2, 0.0)
+    return box(low, high, REFLECTANCE)
+
+
+def _square(target: SquareFile) -> Solid:
+    """Four mirrored quarters, each with its hole, so that their edges meet point by point."""
+    half, middle = target.side / 2, target.hole_spacing / 2
+    quarter = punched(
+        half, middle, target.hole_diameter / 2, target.thickness, SECTIONS // 4, REFLECTANCE
+    )
+    mirrors = [np.diag([u, v, 1.0, 1.0]) for u in (1.0, -1.0) for v in (1.0, -1.0)]
+    whole, _ = joined([quarter.placed(mirror) for mirror in mirrors])
+    return replace(whole, reflectance=REFLECTANCE)

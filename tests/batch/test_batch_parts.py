@@ -1,0 +1,326 @@
+"""Parts of a batch: what is a capture, whose shard it is, who is to blame, what a day is called."""
+
+from __future__ import annotations
+
+import errno
+from pathlib import PurePosixPath
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.support.batches import five_points
+from tests.test_structure import LAYERS, graph, sources
+from wheelplane.batch.plan.discover import Found, discover
+from wheelplane.batch.plan.settings import Settings
+from wheelplane.batch.plan.shard import Shard, read_shard
+from wheelplane.batch.run.child import ChildError
+from wheelplane.batch.run.measure_one import (
+    STAGES,
+    TOOLS,
+    PassingError,
+    Subject,
+    Verdict,
+    measure_bytes,
+    passing,
+    stage_of,
+)
+from wheelplane.batch.run.tasks import MOST_TOGETHER, Run, tasks_of
+from wheelplane.batch.run.work import ArchiveError, Done, Request, Task
+from wheelplane.batch.storage.entry import Entry
+from wheelplane.batch.storage.scratch import PREFIX, scratch_folder
+from wheelplane.capture.open_capture import Told, open_capture
+from wheelplane.config import Config
+from wheelplane.errors import InputError
+from wheelplane.measure import measure_capture
+
+SINGLE = {
+    "a.zip": "zip",
+    "b.tar.gz": "tar",
+    "c.ply": "cloud",
+    "d.e57": "cloud",
+    "e.xyz.gz": "cloud",
+}
+SINGLE |= {"f.txt": "five-point", "g.csv": "five-point"}
+PASSED_OVER = ["README.txt", "photo.jpg", "truth.json", ".hidden.ply", "target.toml"]
+OF_WHEELS = ["rr.ply", "capture.toml", "FL.xyz"]
+FOLDERS = ["a", "b", "a b", "a-b", "z"]
+
+
+def found_in(names: list[str], spool) -> dict[str, tuple[str, set[str]]]:
+    entries = [Entry(name, 1, "1-1") for name in sorted(names)]
+    captures = list(discover(entries, spool, "archive"))
+    assert len({found.name for found in captures}) == len(captures)
+    return {f.name: (f.kind, {file.name for file in f.files}) for f in captures}
+
+
+def by_definition(names: list[str]) -> dict[str, tuple[str, set[str]]]:
+    """The same from the definition: the outermost folder with a wheel's file is one capture."""
+    paths = [PurePosixPath(name) for name in names]
+    marked = {path.parent for path in paths if path.name in OF_WHEELS}
+    found: dict[str, tuple[str, set[str]]] = {}
+    for path in paths:
+        above = [folder for folder in reversed(path.parents) if folder in marked]
+        hidden = any(part.startswith(".") for part in path.parts)
+        relevant = path.name in SINGLE or path.name in OF_WHEELS or path.suffix in (".toml", ".txt")
+        if hidden or not relevant:
+            continue
+        if above:
+            found.setdefault(str(above[0]), ("folder", set()))[1].add(str(path))
+        elif path.name in SINGLE:
+            found[str(path)] = (SINGLE[path.name], {str(path)})
+    for kind, files in found.values():
+        if kind == "folder":
+            files -= {name for name in files if "README" in name}
+    return found
+
+
+trees = st.lists(
+    st.builds(
+        lambda folders, file: "/".join([*folders, file]),
+        st.lists(st.sampled_from(FOLDERS), min_size=1, max_size=3),
+        st.sampled_from([*SINGLE, *PASSED_OVER, *OF_WHEELS]),
+    ),
+    unique=True,
+    max_size=25,
+)
+
+
+@given(names=trees)
+def test_captures_are_found_as_they_are_defined(names, tmp_path_factory):
+    spool = tmp_path_factory.mktemp("spool") / "captures"
+    assert found_in(names, spool) == by_definition(names)
+
+
+def test_an_archive_that_is_itself_a_capture_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"archive: holds rr\.ply, so it is itself a capture"):
+        found_in(["rr.ply", "x/a.zip"], tmp_path / "captures")
+
+
+@given(n=st.integers(1, 40), names=st.lists(st.text(max_size=8), max_size=20))
+def test_each_capture_is_of_one_shard(n, names):
+    shards = [read_shard(f"{k}/{n}") for k in range(1, n + 1)]
+    assert all(sum(shard.holds(name) for shard in shards) == 1 for name in names)
+
+
+def test_shards_are_about_equal():
+    n, count = 8, 8000
+    sizes = [sum(Shard(k, n).holds(f"car {i}") for i in range(count)) for k in range(1, n + 1)]
+    assert max(abs(size - count / n) for size in sizes) < 5.0 * (count / n) ** 0.5  # Poisson
+    assert min(sizes) > 0
+
+
+@pytest.mark.parametrize("text", ["", "3", "0/3", "4/3", "1/0", "a/b", "-1/2", "1/2/3"])
+def test_what_is_no_shard_is_said(text):
+    with pytest.raises(InputError, match="K from 1 to N"):
+        read_shard(text)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "name", "day"),
+    [
+        (r"\d{4}-\d\d-\d\d", "a/2026-11-20 car", "2026-11-20"),
+        (r"_(\d{8})_", "a_20261120_b", "2026-11-20"),
+        (r"(?P<d>\d\d)\.(?P<m>\d\d)\.(?P<y>\d{4})", "20.11.2026.zip", "2026-11-20"),
+        (r"(\d{4}-\d\d-\d\d)", "2026-13-40", None),
+        (r"(\d{4}-\d\d-\d\d)", "undated", None),
+        (r"(\d{4}-\d\d-\d\d)?", "undated", None),
+        (r"car(?P<y> \d{4})?(?P<m>-\d\d)?(?P<d>-\d\d)?", "car 2026", None),
+    ],
+)
+def test_the_day_is_read_from_the_name(pattern, name, day):
+    assert Settings(date_in_name=pattern).date_of(name) == day
+
+
+def test_settings_of_one_kind_do_not_concern_the_other():
+    plain, spherical = Settings(), Settings(coordinates="spherical", angle_unit="gon")
+    fronted = Settings(told=Told(front=(1.0, 0.0, 0.0), of_clouds=True))
+    assert plain.digest("folder") == spherical.digest("folder") != fronted.digest("folder")
+    assert plain.digest("five-point") == fronted.digest("five-point")
+    assert plain.digest("five-point") != spherical.digest("five-point")
+    assert len({plain.mark, spherical.mark, fronted.mark}) == 3
+
+
+def test_a_full_disk_and_too_little_memory_are_no_facts_of_a_capture(tmp_path, monkeypatch):
+    subject = Subject(five_points(tmp_path / "car.txt", 1), "car.txt", "five-point", Settings())
+    assert measure_bytes(subject).verdict == Verdict("ok")
+
+    def full(_):
+        try:
+            raise OSError(errno.ENOSPC, "No space left on device", "/tmp/x")
+        except OSError as error:
+            raise InputError("the archive cannot be unpacked") from error
+
+    def greedy(_):
+        try:
+            raise MemoryError
+        except MemoryError:
+            raise InputError("the cloud does not fit into memory") from None
+
+    def wrong(_):
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr("wheelplane.batch.run.measure_one._measure", full)
+    with pytest.raises(PassingError, match="No space left"):
+        measure_bytes(subject)
+    monkeypatch.setattr("wheelplane.batch.run.measure_one._measure", greedy)
+    with pytest.raises(MemoryError):
+        measure_bytes(subject)
+    monkeypatch.setattr("wheelplane.batch.run.measure_one._measure", wrong)
+    result = measure_bytes(subject)
+    assert result.verdict.status == "failed"
+    assert "a fault of the program (ZeroDivisionError" in result.verdict.reason
+    assert "Traceback" in result.log
+
+
+def test_passing_faults_are_seen_through_their_consequences():
+    assert passing(InputError("x")) is None
+    assert passing(OSError(errno.EIO, "bad sector")) is None
+    assert passing(OSError(errno.ENOSPC, "full")) is not None
+    assert stage_of(InputError("never raised")) == "read"
+
+
+def test_every_module_that_measures_has_a_stage_or_is_a_tool_of_several():
+    layers = LAYERS[: LAYERS.index("report") + 1]
+    links = graph(sources("pipeline"))
+    used, todo = set(), {"wheelplane.batch.run.measure_one"}
+    while todo:
+        used |= todo
+        todo = set().union(*(links[module] for module in todo)) - used
+    at_work = {module.split(".")[1] for module in used - {"pipeline"}} & set(layers)
+    assert len(at_work) > 60
+    named = " ".join([*STAGES.values(), TOOLS]).split()
+    assert len(set(named)) == len(named)
+    assert at_work <= set(named) <= set(layers)
+
+
+def raised_in(*modules: str) -> BaseException:
+    """A fault in the last of these modules, which called one another."""
+    call = None
+    for module in reversed(modules):
+        scope = {"__name__": f"wheelplane.{module}", "inner": call}
+        exec("def call(): inner() if inner else 1 / 0", scope)
+        call = scope["call"]
+    with pytest.raises(ZeroDivisionError) as caught:
+        call()
+    return caught.value
+
+
+@pytest.mark.parametrize(
+    ("modules", "stage"),
+    [
+        (("measure", "steering", "axle_frame"), "angles"),
+        (("measure", "toe_out"), "angles"),
+        (("measure", "face_map"), "plane"),
+        (("measure", "observe", "segment", "passes"), "segment"),
+        (("measure", "observe", "rim", "passes"), "centre"),
+        (("readers.ply",), "read"),
+    ],
+)
+def test_a_fault_is_of_the_stage_whose_code_or_tool_it_is_in(modules, stage):
+    assert stage_of(raised_in(*modules)) == stage
+
+
+def test_a_front_told_of_many_captures_passes_over_those_with_a_scan_a_wheel(tmp_path):
+    folder = tmp_path / "car"
+    folder.mkdir()
+    for wheel in ("rr", "rl", "fr", "fl"):
+        (folder / f"{wheel}.xyz").write_text("0 0 0\n")
+    told = Told(front=(1.0, 0.0, 0.0))
+    with (
+        pytest.raises(InputError, match="--front is of a cloud"),
+        open_capture(folder, "disc-250", told),
+    ):
+        pass
+    of_clouds = Told(front=(1.0, 0.0, 0.0), of_clouds=True)
+    with open_capture(folder, "disc-250", of_clouds) as capture:
+        assert capture.front is None
+        with pytest.raises(InputError, match=r"rr\.xyz"):
+            measure_capture(capture, Config())
+
+
+class Script:
+    """An engine that does what a script says: an outcome, or an error to raise, by name."""
+
+    slots = 1
+
+    def __init__(self, said) -> None:
+        self.said, self.tasks = {name: list(each) for name, each in said.items()}, []
+
+    def submit(self, task):
+        from concurrent.futures import Future
+
+        future: Future[list[Done]] = Future()
+        self.tasks.append(task)
+        for found in task.captures:
+            told = self.said.get(found.name)
+            if told and task.verdict is None:
+                future.set_exception(told.pop(0))
+                return future
+        verdict = task.verdict or Verdict("ok")
+        future.set_result([Done(f.name, "", verdict, None, ()) for f in task.captures])
+        return future
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+
+def outcomes(said, count=120, monkeypatch=None):
+    request = Request("a", "r", Settings())
+    small = [Found(f"c{k}", "five-point", (Entry(f"c{k}", 10, ""),)) for k in range(count)]
+    engine = Script(said)
+    run = Run(tasks_of(request, small), engine, lambda: None, lambda _: None)
+    found = {done.name: done.verdict for done in run.outcomes()}
+    assert len(found) == count
+    return found, engine
+
+
+def died(cause):
+    return ChildError(cause, f"it {cause}")
+
+
+def test_of_several_together_only_the_guilty_one_is_put_aside():
+    found, engine = outcomes({"c7": [died("crashed")] * 9})
+    assert {name for name, verdict in found.items() if verdict.status != "ok"} == {"c7"}
+    assert found["c7"] == Verdict("quarantined", "child", "it crashed")
+    alone = [task for task in engine.tasks if [f.name for f in task.captures] == ["c7"]]
+    assert len(alone) == 3  # twice measured, once written down
+    assert max(len(task.captures) for task in engine.tasks) == MOST_TOGETHER
+
+
+def test_who_is_killed_from_outside_is_not_blamed_at_once():
+    found, _ = outcomes({"c7": [died("killed")] * 4})
+    assert found["c7"].status == "ok"
+    found, _ = outcomes({"c7": [died("killed")] * 5})
+    assert found["c7"].status == "quarantined"
+    found, _ = outcomes({"c7": [died("crashed"), died("too long")]})
+    assert found["c7"].status == "ok"  # together, then alone
+
+
+def test_what_cannot_be_read_is_a_row_and_what_cannot_be_written_ends_the_run(monkeypatch):
+    monkeypatch.setattr("wheelplane.batch.run.tasks.FIRST_WAIT_S", 0.0)
+    found, _ = outcomes({"c7": [ArchiveError("c7 is gone")] * 9})
+    assert found["c7"] == Verdict("failed", "read", "its files cannot be read from the archive")
+    assert sum(verdict.status == "ok" for verdict in found.values()) == 119
+    with pytest.raises(InputError, match=r"disk full \(the run stops; the same command goes on"):
+        outcomes({f"c{k}": [PassingError("disk full")] * 9 for k in range(120)})
+    found, _ = outcomes({"c7": [PassingError("disk full")] * 3})
+    assert {verdict.status for verdict in found.values()} == {"ok"}
+
+
+def test_scratch_of_the_killed_is_cleared_and_that_of_the_living_is_not(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    (tmp_path / f"{PREFIX}left" / "capture").mkdir(parents=True)
+    with scratch_folder() as one, scratch_folder() as other:
+        assert not (tmp_path / f"{PREFIX}left").exists()
+        assert one.is_dir()
+        assert other.is_dir()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_small_captures_go_together_and_large_ones_alone():
+    sizes = [10] * 70 + [10**6] * 2 + [10]
+    captures = [Found(str(k), "five-point", (Entry(str(k), s, ""),)) for k, s in enumerate(sizes)]
+    tasks: list[Task] = list(tasks_of(Request("a", "r", Settings()), captures))
+    assert sorted(len(task.captures) for task in tasks) == [1, 1, 21, 50]
+    assert sorted(int(f.name) for task in tasks for f in task.captures) == list(range(73))

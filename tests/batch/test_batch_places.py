@@ -1,0 +1,202 @@
+"""The same catalogue from a Dask cluster and from faulty object storage; a folder under watch."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+
+import pytest
+
+from tests.support.batches import (
+    ROOT,
+    archive_of,
+    five_points,
+    kill,
+    left,
+    poisoned,
+    run,
+    start,
+    trees,
+)
+from tests.support.failing_proxy import FailingProxy
+from tests.support.object_server import object_server
+from wheelplane.batch.catalogue.catalogue import FILE, rebuild
+from wheelplane.batch.storage.store import open_store
+
+DASK = f"{sys.executable} -m distributed.cli.dask_{{}} --no-dashboard"
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """An archive of captures, some bad, and its results by one worker of this machine."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    archive = archive_of(folder / "archive", 20)
+    (archive / "bad.txt").write_text("no number\n")
+    assert run(archive, folder / "results", "--workers", "1").returncode == 1
+    return archive, left(folder / "results")
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    """The address of a scheduler with two workers, in three processes; and these."""
+    environment = os.environ | {
+        "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
+        **poisoned(tmp_path),
+    }
+    common = {"cwd": tmp_path, "env": environment | {"PYTHONPATH": f"{ROOT}:{ROOT}/tests/poison"}}
+    with ExitStack() as stack:
+        scheduler = subprocess.Popen(
+            [*DASK.format("scheduler").split(), "--host", "127.0.0.1", "--port", "0"],
+            stderr=subprocess.PIPE,
+            text=True,
+            **common,
+        )
+        stack.enter_context(scheduler)
+        stack.callback(scheduler.kill)
+        address = None
+        for line in scheduler.stderr:
+            found = re.search(r"tcp://127\.0\.0\.1:\d+", line)
+            if found:
+                address = found[0]
+                break
+        workers = []
+        for name in ("a", "b"):
+            worker = subprocess.Popen(
+                [*DASK.format("worker").split(), address, "--nthreads", "1", "--name", name],
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+                **common,
+            )
+            workers.append(worker)
+            stack.enter_context(worker)
+            stack.callback(os.killpg, worker.pid, signal.SIGKILL)
+        yield address, workers
+
+
+def test_a_cluster_gives_the_same_catalogue(undisturbed, cluster, tmp_path):
+    archive, expected = undisturbed
+    address, _ = cluster
+    done = run(archive, tmp_path / "results", "--scheduler", address)
+    assert done.returncode == 1, done.stderr
+    assert left(tmp_path / "results") == expected
+    more = shutil.copytree(archive, tmp_path / "archive")
+    five_points(more / "crash.txt", 1)
+    five_points(more / "hang.txt", 2)
+    options = ("--scheduler", address, "--resume", "--timeout", "3")
+    assert run(more, tmp_path / "results", *options).returncode == 1
+    found = trees(tmp_path / "results")
+    bad = {name for name, tree in found.items() if tree["batch"]["status"] == "quarantined"}
+    assert bad == {"crash.txt", "hang.txt"}
+    assert len(found) == 23
+
+
+def test_a_lost_worker_changes_nothing(cluster, tmp_path):
+    address, workers = cluster
+    archive, results = archive_of(tmp_path / "archive", 400), tmp_path / "results"
+    assert run(archive, tmp_path / "undisturbed", "--workers", "2").returncode == 0
+    with start(archive, results, "--scheduler", address) as runner:
+        while runner.poll() is None and not any(results.rglob("measurements/*/*.json")):
+            time.sleep(0.01)
+        assert runner.poll() is None
+        os.killpg(workers[0].pid, signal.SIGKILL)
+        _, told = runner.communicate(timeout=120)
+    assert runner.returncode == 0, told
+    assert left(results) == left(tmp_path / "undisturbed")
+
+
+def test_no_scheduler_is_one_line(undisturbed, tmp_path):
+    done = run(undisturbed[0], tmp_path / "results", "--scheduler", "tcp://127.0.0.1:1")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "no Dask scheduler answers" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.fixture(scope="module")
+def storage():
+    """The address of a server of object storage on this machine."""
+    with object_server() as address:
+        yield address
+
+
+def test_object_storage_that_fails_now_and_then_gives_the_same(
+    undisturbed, storage, tmp_path, monkeypatch
+):
+    import s3fs
+
+    archive, expected = undisturbed
+    for key, value in (
+        ("AWS_ACCESS_KEY_ID", "k"),
+        ("AWS_SECRET_ACCESS_KEY", "s"),
+        ("AWS_DEFAULT_REGION", "us-east-1"),
+        ("AWS_REQUEST_CHECKSUM_CALCULATION", "when_required"),
+    ):
+        monkeypatch.setenv(key, value)
+    files = s3fs.S3FileSystem(endpoint_url=storage, skip_instance_cache=True)
+    files.mkdir("cars")
+    files.put(str(archive), "cars/archive", recursive=True)
+    proxy = FailingProxy(storage, share=0.2, seed=1)
+    done = run("s3://cars/archive", "s3://cars/results", AWS_ENDPOINT_URL=proxy.address)
+    proxy.close()
+    assert done.returncode == 1, done.stderr
+    assert proxy.failed > 10
+    files.get("cars/results", str(tmp_path / "results"), recursive=True)
+    assert left(tmp_path / "results") == expected
+    again = run("s3://cars/archive", "s3://cars/results", AWS_ENDPOINT_URL=storage)
+    assert "21 captures: 21 done before, 0 to do" in again.stderr
+
+    # what was written went to segments as well, which spare a catalogue the reading
+    monkeypatch.setenv("AWS_ENDPOINT_URL", storage)
+    monkeypatch.setattr("wheelplane.batch.catalogue.segments.WORTH", 5)
+    results = open_store("s3://cars/results")
+    read, real = [], type(results).read
+    monkeypatch.setattr(
+        type(results), "read", lambda self, name: read.append(name) or real(self, name)
+    )
+    assert rebuild(results) == 21
+    assert [name for name in read if not name.startswith("segments/")] == []
+    assert 0 < len(read) < 21
+    assert real(results, FILE) == expected[FILE]
+
+
+def test_a_watched_folder_takes_what_is_complete_and_ends_with_ctrl_c(undisturbed, tmp_path):
+    archive = tmp_path / "archive"
+    archive.mkdir()
+    results = tmp_path / "results"
+    process = start(archive, results, "--watch", "--settle", "2", "--workers", "1")
+    try:
+        (archive / "car").mkdir()
+        for wheel in ("rr", "rl", "fr"):
+            (archive / "car" / f"{wheel}.xyz").write_text("0 0 0\n")
+        source = undisturbed[0] / "00" / "car-0000.txt"
+        growing = (archive / "grows.txt").open("w")
+        lines = source.read_text().splitlines(keepends=True)
+        for line in lines:
+            growing.write(line)
+            growing.flush()
+            time.sleep(0.15)
+            assert not list(results.glob("measurements/*/*.json"))
+        growing.close()
+        wait_for(lambda: len(list(results.glob("measurements/*/*.json"))) == 1)
+        assert trees(results)["grows.txt"]["batch"]["status"] == "ok"
+        (archive / "car" / "fl.xyz").write_text("0 0 0\n")
+        wait_for(lambda: len(list(results.glob("measurements/*/*.json"))) == 2)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+    finally:
+        kill(process.pid)
+    assert process.returncode == 1, err  # a cloud of one point is no car
+    assert "1 ok, 1 failed" in out
+    assert "Traceback" not in out + err
+
+
+def wait_for(condition) -> None:
+    end = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)

@@ -1,0 +1,391 @@
+"""The catalogue: an index of the results' JSONs, and of nothing else."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import random
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.batch.test_store import remote, server  # noqa: F401
+from tests.support.records import add, key_of, place, result, text
+from wheelplane.batch.catalogue import catalogue as catalogue_module
+from wheelplane.batch.catalogue import segments
+from wheelplane.batch.catalogue.catalogue import FILE, open_catalogue, rebuild, update
+from wheelplane.batch.catalogue.changes import GRAIN_NS
+from wheelplane.batch.catalogue.rows import read_record
+from wheelplane.batch.catalogue.segments import Segments
+from wheelplane.batch.results.query import capture_of, captures, count, quantities_of, wheels_of
+from wheelplane.batch.storage.entry import PARTIAL, Entry
+from wheelplane.batch.storage.store import open_store
+from wheelplane.errors import InputError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def some(n: int, start: int = 0) -> list[dict]:
+    """Results that differ in all that a catalogue holds."""
+    made = []
+    for i in range(start, start + n):
+        status = ("ok", "ok", "ok", "part", "failed")[i % 5]
+        told = {"date": f"2026-0{1 + i % 9}-11", "status": status, "vehicle": f"car {i % 3}"}
+        values = {} if status == "failed" else {"RR_toe": 0.01 * i, "rear_total_toe_deg": 0.1 * i}
+        why = {"stage": "plane", "reason": f"only {i} points"} if status == "failed" else {}
+        made.append(result(f"day {i % 4}/capture {i}", **told, **values, **why))
+    return made
+
+
+def shown(results: Path | str) -> list:
+    with open_catalogue(str(results)) as catalogue:
+        return list(captures(catalogue))
+
+
+def digest(folder: Path) -> str:
+    return hashlib.sha256((folder / FILE).read_bytes()).hexdigest()
+
+
+@pytest.fixture
+def store(tmp_path):
+    """A local store with forty results and no catalogue."""
+    store = open_store(str(tmp_path / "results"))
+    add(store, *some(40))
+    return store
+
+
+def test_every_field_of_a_json_is_found_again(tmp_path):
+    store = open_store(str(tmp_path))
+    tree = result(
+        "a/b", date="2026-11-20T12:00:00+02:00", RR_toe=(0.25, 0.004), wheelbase_left_m=(2.5, 1e-5)
+    )
+    add(store, tree)
+    with open_catalogue(str(tmp_path)) as catalogue:
+        (row,) = captures(catalogue)
+        assert (row.key, row.name, row.kind, row.vehicle) == (
+            key_of("a/b"),
+            "a/b",
+            "five-point",
+            "car",
+        )
+        assert (row.status, row.stage, row.reason) == ("ok", "", "")
+        assert row.date == "2026-11-20T12:00:00+02:00"
+        assert row.day == pytest.approx(20777 + 10 / 24, abs=1e-9)
+        assert row.wheels == row.wheels_ok == len(tree["wheels"]) > 4
+        assert row.points_total == sum(w["points_total"] for w in tree["wheels"])
+        assert row.version == tree["provenance"]["version"]
+        assert row == capture_of(catalogue, row.key)
+        assert capture_of(catalogue, "f" * 64) is capture_of(catalogue, "no key") is None
+        for wheel, told in zip(wheels_of(catalogue, row.key), tree["wheels"], strict=True):
+            for name in ("name", "role", "wheel", "status", "toe_deg", "camber_deg", "u_toe_deg"):
+                assert getattr(wheel, name) == told[name]
+            assert (wheel.u_camber_deg, wheel.plane_rms_m) == (
+                told["u_camber_deg"],
+                told["plane_rms_m"],
+            )
+            assert wheel.points_on_target == told["points_on_target"]
+        quantities = {q.kind: q for q in quantities_of(catalogue, row.key)}
+        assert (quantities["wheelbase_left"].value, quantities["wheelbase_left"].u) == (2.5, 1e-5)
+        assert quantities["wheelbase_left"].unit == "m"
+        assert quantities["wheelbase"].value == tree["frame"]["wheelbase_m"]
+        names = {key.rpartition("_")[0] for key in tree["vehicle"] if not key.startswith("u_")}
+        assert set(quantities) >= {n for n in names if f"u_{n}_deg" in tree["vehicle"]}
+
+
+def test_the_same_jsons_give_the_same_bytes_whatever_the_way_there(store, tmp_path):
+    rebuild(store)
+    told = digest(store.local)
+    trees = some(40)
+    for seed in range(3):
+        folder = tmp_path / f"other {seed}"
+        other = open_store(str(folder))
+        order = random.Random(seed).sample(trees, len(trees))
+        strangers = [tree | {"vehicle": {"oddity_m": 1.0}} for tree in some(7, start=100)]
+        add(other, *order[:11], *strangers)
+        update(other)
+        add(other, *order[11:12])
+        update(other)
+        add(other, {**order[12], "vehicle_name": "mistaken"}, *order[13:])
+        update(other)
+        assert digest(folder) != told
+        for tree in strangers:
+            other.remove(place(tree["batch"]["key"]))
+        add(other, order[12])
+        assert update(other) == len(strangers) + 1
+        assert digest(folder) == told
+        rebuild(other)
+        assert digest(folder) == told
+
+
+def test_an_update_reads_only_what_changed(store, monkeypatch):
+    rebuild(store)
+    read = []
+    real = catalogue_module.gathered
+    monkeypatch.setattr(
+        catalogue_module, "gathered", lambda s, c, p: read.extend(c.read) or real(s, c, p)
+    )
+    time.sleep(2 * GRAIN_NS * 1e-9)  # what was written just before is looked at once more
+    update(store)
+    read.clear()
+    assert (update(store), read) == (0, [])
+    new, changed = some(1, start=50)[0], some(40)[3] | {"vehicle_name": "another"}
+    add(store, new, changed)
+    gone = some(40)[8]["batch"]["key"]
+    store.remove(place(gone))
+    assert update(store) == 3
+    assert sorted(read) == sorted(tree["batch"]["key"] for tree in (new, changed))
+    rows = {row.key: row for row in shown(store.local)}
+    assert rows[changed["batch"]["key"]].vehicle == "another"
+    assert gone not in rows
+    assert len(rows) == 40
+
+
+def test_results_moved_in_with_their_old_dates_are_found(store, tmp_path):
+    rebuild(store)
+    other = open_store(str(tmp_path / "other"))
+    add(other, *some(30, start=200))
+    long_ago = time.time() - 1e6
+    for path in sorted((tmp_path / "other").rglob("*"), reverse=True):
+        os.utime(path, (long_ago, long_ago))
+    shutil.copytree(
+        tmp_path / "other" / "measurements", store.local / "measurements", dirs_exist_ok=True
+    )
+    assert len(shown(store.local)) == 70
+
+
+@pytest.mark.parametrize(
+    ("spoil", "reason"),
+    [
+        (lambda data: data[: len(data) // 2], "not JSON, or not whole"),
+        (lambda data: b"", "not JSON, or not whole"),
+        (lambda data: data[:-200] + b"\0" * 200, "zero byte"),
+        (lambda data: data.replace(b"five-point", b"five-\xff\xfeint", 1), "not UTF-8"),
+        (lambda data: data.replace(b'"toe_deg": ', b'"toe_deg": "high", "x": ', 1), "not a number"),
+        (lambda data: data.replace(b"measurement/1", b"measurement/9"), "schema"),
+        (lambda data: b"[1, 2]\n", "schema None"),
+        (lambda data: b'{"schema": "wheelplane/measurement/1"}', "no `wheels`"),
+        (lambda data: data.replace(b'"key": "', b'"key": "0'), "it holds the result"),
+        (lambda data: data.replace(b'"date": null', b'"date": "tomorrow"'), "not ISO 8601"),
+        (lambda data: data.replace(b'"wheels": [', b'"wheels": [7, '), "wheel is no object"),
+        (lambda data: data.replace(b'"capture": "', b'"capture": "\\udceb'), "not Unicode"),
+    ],
+)
+def test_a_damaged_json_is_reported_and_the_rest_is_there(store, spoil, reason):
+    key = key_of("bad")
+    store.write(place(key), spoil(text(result("bad"))))
+    assert rebuild(store) == 41
+    rows = shown(store.local)
+    (bad,) = [row for row in rows if row.status == "damaged"]
+    assert (bad.key, bad.stage) == (key, "catalogue")
+    assert reason in bad.reason
+    assert sum(row.status == "ok" for row in rows) == 24
+    store.write(place(key), text(result("bad")))
+    assert "damaged" not in {row.status for row in shown(store.local)}
+
+
+def test_what_is_no_result_is_left_alone(store):
+    before = len(shown(store.local))
+    for name in ("measurements/ab/notes.txt", f"measurements/00/{'f' * 64}.json", "measurements/x"):
+        store.write(name, b"{}")
+    assert len(shown(store.local)) == before
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda path: path.write_bytes(path.read_bytes()[:-4096]),
+        lambda path: path.write_bytes(b""),
+        lambda path: path.write_bytes(b"SQLite format 3\0" + b"junk" * 2000),
+        lambda path: path.write_bytes(flipped(path.read_bytes())),
+        lambda path: foreign(path),
+        lambda path: path.unlink(),
+    ],
+)
+def test_a_damaged_or_foreign_catalogue_is_rebuilt(store, spoil):
+    rebuild(store)
+    told = digest(store.local)
+    spoil(store.local / FILE)
+    assert len(shown(store.local)) == 40
+    assert digest(store.local) == told
+
+
+def flipped(data: bytes) -> bytes:
+    """One bit of one name changed, which SQLite itself would not notice."""
+    at = data.index(b"capture 7")
+    return data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]
+
+
+def foreign(path: Path) -> None:
+    path.unlink()
+    other = sqlite3.connect(path)
+    other.execute("CREATE TABLE captures(key)")
+    other.commit()
+    other.close()
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from wheelplane.batch import catalogue, schema
+from wheelplane.batch.store import open_store
+name = sys.argv[2]
+real = getattr(catalogue, name)
+def killed(*arguments):
+    if name == "put":
+        real(*arguments)
+    os.kill(os.getpid(), signal.SIGKILL)
+setattr(catalogue, name, killed)
+catalogue.update(open_store(sys.argv[1]))
+"""
+
+
+@pytest.mark.parametrize("moment", ["put", "seal", "_publish"])
+def test_a_catalogue_outlives_a_writer_killed_at_any_moment(store, moment):
+    rebuild(store)
+    told = digest(store.local)
+    add(store, *some(5, start=60))
+    run = subprocess.run(
+        [sys.executable, "-c", KILLED, str(store.local), moment], cwd=ROOT, check=False
+    )
+    assert run.returncode == -signal.SIGKILL
+    assert digest(store.local) == told
+    assert len(list((store.local / PARTIAL).iterdir())) > 1  # so it was at work
+    assert len(shown(store.local)) == 45
+    assert [e.name for e in store.list() if not e.name.startswith("measurements/")] == [FILE]
+
+
+WRITER = """
+import sys
+from wheelplane.batch.catalogue import update
+from wheelplane.batch.store import open_store
+from tests.test_catalogue import some
+from tests.records import add
+store = open_store(sys.argv[1])
+for i in range(30):
+    add(store, *some(2, start=1000 + 2 * i))
+    update(store)
+"""
+
+
+def test_readers_see_whole_catalogues_while_a_runner_writes(store):
+    rebuild(store)
+    writer = subprocess.Popen([sys.executable, "-c", WRITER, str(store.local)], cwd=ROOT)
+    seen = set()
+    while writer.poll() is None:
+        rows = shown(store.local)
+        assert len({row.key for row in rows}) == len(rows)
+        seen.add(len(rows))
+    assert writer.returncode == 0
+    assert len(shown(store.local)) == 100
+    assert min(seen) >= 40
+    assert len(seen) > 3  # so there was something to be seen
+
+
+def test_an_open_catalogue_stays_as_it_was(store):
+    with open_catalogue(str(store.local)) as catalogue:
+        add(store, *some(3, start=70))
+        update(store)
+        assert count(catalogue) == 40
+    assert len(shown(store.local)) == 43
+
+
+def test_a_folder_without_results_is_told_in_a_line(tmp_path):
+    with pytest.raises(InputError, match="holds no results: name the folder"):
+        open_catalogue(str(tmp_path))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_results_that_cannot_be_written_to_can_be_read(store, monkeypatch):
+    """As on a read-only disk; permissions do not stop root, who may run the tests."""
+    monkeypatch.setattr(catalogue_module, "_lock_file", lambda _: None)
+    assert len(shown(store.local)) == 40
+    assert not (store.local / FILE).exists()
+    with pytest.raises(InputError, match="cannot be written to"):
+        update(store)
+
+
+def test_progress_is_told(store):
+    told = []
+    rebuild(store, lambda done, total: told.append((done, total)))
+    assert told == [(i, 40) for i in range(1, 41)]
+
+
+def test_a_catalogue_in_object_storage(remote, tmp_path, monkeypatch):  # noqa: F811
+    trees = some(20)
+    with pytest.raises(InputError, match="holds no results"):
+        open_catalogue(remote.url)
+    add(remote, *trees)
+    assert len(shown(remote.url)) == 20
+    assert not remote.exists(FILE)  # a reader writes nothing
+    assert update(remote) == 20
+    read = []
+    monkeypatch.setattr(type(remote), "read", spied(type(remote).read, read))
+    assert (update(remote), read) == (0, [])
+    changed = trees[3] | {"vehicle_name": "another"}
+    add(remote, changed, *some(1, start=50))
+    remote.remove(place(trees[8]["batch"]["key"]))
+    assert update(remote) == 3
+    assert len(read) == 2
+    local = open_store(str(tmp_path / "copy"))
+    for entry in remote.list("measurements/"):
+        local.write(entry.name, remote.read(entry.name))
+    rebuild(local)
+    assert remote.read(FILE) == (tmp_path / "copy" / FILE).read_bytes()
+
+
+def spied(real, names: list[str]):
+    def read(self, name: str) -> bytes:
+        names.append(name)
+        return real(self, name)
+
+    return read
+
+
+def test_where_an_etag_is_no_md5_the_size_decides(remote, monkeypatch):  # noqa: F811
+    trees = some(6)
+    add(remote, *trees)
+    real = type(remote).list
+
+    def sealed(self, prefix=""):
+        for e in real(self, prefix):
+            yield Entry(e.name, e.size, hashlib.sha256(e.stamp.encode()).hexdigest()[:32])
+
+    monkeypatch.setattr(type(remote), "list", sealed)
+    assert update(remote) == 6
+    read = []
+    monkeypatch.setattr(type(remote), "read", spied(type(remote).read, read))
+    assert update(remote) == 0
+    assert len(read) == 1
+    add(remote, trees[0] | {"vehicle_name": "a longer name"})
+    assert update(remote) == 1
+
+
+def test_segments_spare_the_reading_and_change_nothing(remote, monkeypatch):  # noqa: F811
+    monkeypatch.setattr(segments, "WORTH", 5)
+    monkeypatch.setattr(segments, "RESULTS", 4)
+    trees = some(14)
+    add(remote, *trees)
+    rebuild(remote)
+    told = remote.read(FILE)
+    collected = Segments(remote)
+    for tree in trees[:11]:
+        collected.add(read_record(tree["batch"]["key"], text(tree)))
+    was_another = text(trees[12] | {"vehicle_name": "was another"})
+    collected.add(read_record(trees[12]["batch"]["key"], was_another))
+    collected.add(read_record(key_of("gone"), text(result("gone"))))
+    collected.flush()
+    assert len(list(remote.list("segments/"))) == 4
+    remote.write("segments/damaged.json.gz", b"junk")
+    remote.remove(FILE)
+    read = []
+    monkeypatch.setattr(type(remote), "read", spied(type(remote).read, read))
+    assert rebuild(remote) == 14
+    jsons = {name for name in read if name.startswith("measurements/")}
+    assert jsons == {place(trees[i]["batch"]["key"]) for i in (11, 12, 13)}
+    assert remote.read(FILE) == told

@@ -1,0 +1,486 @@
+"""What the results tell: lists, filters, statistics, drift, tables and SQL."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import math
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import duckdb
+import numpy as np
+import openpyxl
+import pytest
+from scipy import stats
+
+from tests.support.records import add, key_of, result
+from wheelplane.batch.catalogue.catalogue import open_catalogue
+from wheelplane.batch.catalogue.schema import number_of
+from wheelplane.batch.results import export
+from wheelplane.batch.results import series as series_module
+from wheelplane.batch.results.query import Filter, Range, captures, count, failures, quantity_units
+from wheelplane.batch.results.series import Series, series
+from wheelplane.batch.results.sql import ask
+from wheelplane.batch.results.trends import drift, drifts, summarised, summary, with_holm, worst
+from wheelplane.batch.storage.store import open_store
+from wheelplane.errors import InputError, MissingDependencyError
+
+ROOT = Path(__file__).resolve().parents[2]
+DAYS = [f"2026-{month:02d}-{day:02d}" for month in (9, 10) for day in (1, 6, 11, 16, 21, 26)]
+TRUE_TREND = 0.002  # degrees a day, of RR toe
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Twelve dated captures of two vehicles, with a drift and an outlier, and five failures."""
+    folder = tmp_path_factory.mktemp("results")
+    rng = np.random.default_rng(1)
+    trees = []
+    for i, day in enumerate(DAYS):
+        toe = 0.1 + TRUE_TREND * 5 * i + rng.normal(0.0, 0.003)
+        camber = -1.0 + rng.normal(0.0, 0.003) + (0.5 if i == 7 else 0.0)
+        trees.append(
+            result(
+                f"site/{i:02d}",
+                date=day,
+                vehicle=f"car {i % 2}",
+                status="part" if i == 4 else "ok",
+                stage="plane" if i == 4 else "",
+                reason="trial 3: too few points" if i == 4 else "",
+                RR_toe=toe,
+                RL_camber=camber,
+                wheelbase_left_m=(2.6 + 0.001 * i, 1e-5),
+            )
+        )
+    for i in range(4):
+        why = f"site/bad {i}/rr.ply: a target of {i}.5 mm is none: see to it"
+        trees.append(result(f"site/bad {i}", status="failed", stage="segment", reason=why))
+    trees.append(
+        result("=site/formula", status="quarantined", stage="child", reason="crashed\x1b[2J twice")
+    )
+    add(open_store(str(folder)), *trees)
+    return folder
+
+
+@pytest.fixture
+def catalogue(results):
+    with open_catalogue(str(results)) as opened:
+        yield opened
+
+
+def names(catalogue, **filters):
+    return [row.name for row in captures(catalogue, Filter(**filters))]
+
+
+def test_filters_hold_all_at_once(catalogue):
+    assert count(catalogue) == 17
+    assert names(catalogue, vehicle="car 1", status=("ok",)) == [
+        f"site/{i:02d}" for i in range(1, 12, 2)
+    ]
+    assert names(catalogue, text="bad") == [f"site/bad {i}" for i in range(4)]
+    assert names(catalogue, status=("failed", "part")) == ["site/04", *names(catalogue, text="bad")]
+    (toes,) = series(catalogue, ["RR toe"])
+    low, high = np.sort(toes.values)[[3, 8]]
+    within = set(toes.numbers[(toes.values >= low) & (toes.values <= high)].tolist())
+    expected = [
+        row.name
+        for row in captures(catalogue)
+        if number_of(row.key) in within and int(row.name[-2:]) >= 4  # 2.604 m and more
+    ]
+    spans = (Range("RR toe", low, high), Range("wheelbase_left", 2.6035))
+    assert names(catalogue, ranges=spans) == expected
+    assert 0 < len(expected) < len(within) == 6
+    trial = names(catalogue, ranges=(Range("1 camber", -90.0, 90.0),))
+    assert trial == [f"site/{i:02d}" for i in range(12)]
+
+
+def test_pages_join_to_the_whole_list_in_every_order(catalogue):
+    for order in ("name", "date", "vehicle", "status"):
+        whole = list(captures(catalogue, order=order))
+        pages = [
+            list(captures(catalogue, order=order, limit=5, offset=at)) for at in range(0, 20, 5)
+        ]
+        assert [row for page in pages for row in page] == whole
+        assert [len(page) for page in pages] == [5, 5, 5, 2]
+    dated = [row.day for row in captures(catalogue, Filter(status=("ok",)), order="date")]
+    assert dated == sorted(dated)
+
+
+def test_a_quantity_that_is_unknown_is_told_with_the_nearest(catalogue):
+    with pytest.raises(InputError, match=r"'RR tow'.*try 'RR toe'"):
+        count(catalogue, Filter(ranges=(Range("RR tow"),)))
+    with pytest.raises(InputError, match=r"'wheelbase_lefd'.*try 'wheelbase_left'"):
+        series(catalogue, ["wheelbase_lefd"])
+
+
+def test_failures_are_grouped_by_reason_and_not_by_its_numbers(catalogue):
+    groups = failures(catalogue)
+    assert [(g.count, g.status, g.stage) for g in groups] == [
+        (4, "failed", "segment"),
+        (1, "part", "plane"),
+        (1, "quarantined", "child"),
+    ]
+    assert groups[0].examples == ("site/bad 0", "site/bad 1", "site/bad 2")
+    assert groups[0].reason.startswith("site/bad 0/rr.ply: a target of 0.5 mm")
+    assert [g.count for g in failures(catalogue, Filter(text="bad"))] == [4]
+
+
+def made(values, u=0.0, day=None, quantity="RR toe"):
+    values = np.asarray(values, float)
+    day = np.arange(len(values), dtype=float) if day is None else np.asarray(day, float)
+    numbers = np.arange(len(values))
+    return Series(
+        quantity, "deg", numbers, day, values, np.broadcast_to(u, values.shape).astype(float)
+    )
+
+
+def test_statistics_agree_with_scipy():
+    values = np.random.default_rng(2).standard_t(3, 501) * 0.02 - 1.0
+    told = summarised(made(values, 0.003))
+    reference = stats.describe(values)
+    assert told.n == reference.nobs
+    assert (told.low, told.high) == reference.minmax
+    assert told.mean == pytest.approx(reference.mean, rel=1e-12)
+    assert told.sd == pytest.approx(math.sqrt(reference.variance), rel=1e-12)
+    mad = stats.median_abs_deviation(values, scale="normal")
+    assert told.robust_sd == pytest.approx(mad, rel=1e-9)
+    assert told.median == np.median(values)
+    assert told.u_rms == pytest.approx(0.003, rel=1e-12)
+    assert abs(told.robust_sd / told.sd - 1.0) > 0.1  # the tails tell one from the other
+
+
+def test_the_summary_has_every_quantity_of_the_captures_that_have_it(catalogue):
+    told = {row.quantity: row for row in summary(catalogue)}
+    assert list(told)[:8] == [
+        f"{w} {a}" for w in ("RR", "RL", "FR", "FL") for a in ("toe", "camber")
+    ]
+    assert set(told) == set(quantity_units(catalogue))
+    assert {row.n for row in told.values()} == {12}
+    left = told["wheelbase_left"]
+    assert (left.unit, left.low, left.high) == ("m", 2.6, 2.611)
+    assert left.sd == pytest.approx(0.001 * np.std(np.arange(12), ddof=1), rel=1e-9)
+    one_car = summary(catalogue, ["RR toe"], Filter(vehicle="car 0"))
+    assert [(row.quantity, row.n) for row in one_car] == [("RR toe", 6)]
+
+
+def test_without_stated_uncertainty_the_drift_is_scipys_regression():
+    rng = np.random.default_rng(3)
+    day = np.sort(rng.uniform(20000.0, 20300.0, 40))
+    values = 0.1 + 3e-5 * day + rng.normal(0.0, 0.02, 40)
+    told = drift(made(values, 0.0, day))
+    reference = stats.linregress(day - day.mean(), values)
+    assert told.slope == pytest.approx(reference.slope, rel=1e-9)
+    assert told.u_slope == pytest.approx(reference.stderr, rel=1e-6)
+    assert told.p == pytest.approx(reference.pvalue, rel=1e-5)
+    width = stats.t.ppf(0.975, 38) * reference.stderr
+    assert told.expanded == pytest.approx(width, rel=1e-6)
+    assert told.at_mean == pytest.approx(reference.intercept, rel=1e-9)
+
+
+def test_where_u_explains_the_scatter_the_drift_is_the_weighted_fit():
+    rng = np.random.default_rng(4)
+    day, u = np.arange(30.0), rng.uniform(0.01, 0.1, 30)
+    values = 1.0 + 0.002 * day + 0.5 * u * rng.normal(size=30)
+    told = drift(made(values, u, day))
+    slope, at_zero = np.polyfit(day, values, 1, w=1 / u)
+    covariance = np.polyfit(day, values, 1, w=1 / u, cov="unscaled")[1]
+    assert told.scatter == 0.0
+    assert told.slope == pytest.approx(slope, rel=1e-9)
+    assert told.u_slope == pytest.approx(math.sqrt(covariance[0, 0]), rel=1e-9)
+    assert told.at_mean == pytest.approx(at_zero + slope * told.mean_day, rel=1e-9)
+    assert abs(slope / np.polyfit(day, values, 1)[0] - 1.0) > 0.01  # weights matter here
+
+
+def test_the_scatter_solves_its_equation():
+    rng = np.random.default_rng(5)
+    u = rng.uniform(0.001, 0.05, 25)
+    values = rng.normal(0.0, 0.03, 25) + u * rng.normal(size=25)
+    told = drift(made(values, u))
+    variance = u**2 + told.scatter**2
+    residuals = values - told.at_mean - told.slope * (np.arange(25.0) - told.mean_day)
+    assert told.scatter > 0.01
+    assert float(residuals**2 @ (1 / variance)) == pytest.approx(23.0, rel=1e-8)
+
+
+@pytest.mark.parametrize(("n", "scatter"), [(8, 0.0), (8, 0.01), (40, 0.03)])
+def test_the_interval_holds_the_true_drift_as_often_as_it_says(n, scatter):
+    """Between binomial limits at 1 in 10,000; an interval of k = 1 would hold it in two thirds."""
+    rng = np.random.default_rng(6)
+    trials, slope = 1500, 0.001
+    held = 0
+    for _ in range(trials):
+        day = rng.uniform(0.0, 90.0, n)
+        u = rng.uniform(0.003, 0.02, n)
+        values = slope * day + rng.normal(0.0, np.hypot(u, scatter))
+        told = drift(made(values, u, day))
+        held += abs(told.slope - slope) <= told.expanded
+    low = stats.binom.ppf(0.5e-4, trials, 0.95)
+    high = stats.binom.ppf(1 - 0.5e-4, trials, 0.99 if scatter == 0.0 else 0.95)
+    # where u alone explains the scatter, Student's t of n - 2 is a little too wide
+    assert low <= held <= high
+
+
+def test_a_planted_drift_is_found_and_the_rest_is_not(catalogue):
+    told = {row.quantity: row for row in drifts(catalogue)}
+    assert told["RR toe"].significant
+    assert abs(told["RR toe"].slope - TRUE_TREND) <= told["RR toe"].expanded < TRUE_TREND / 2
+    assert told["wheelbase_left"].slope == pytest.approx(0.001 / 5, rel=0.05)
+    assert {name for name, row in told.items() if row.significant} == {"RR toe", "wheelbase_left"}
+    assert (told["RR toe"].first_day, told["RR toe"].last_day) == (20697.0, 20752.0)
+
+
+def test_too_little_for_a_drift_says_so():
+    assert drift(made([1.0, 2.0])).reason == "fewer than three dated values"
+    assert drift(made([1.0, 2.0, 3.0], day=[5, 5, 5])).reason == "all of one date"
+    assert drift(made([1.0, 2.0, 3.0], day=[1, 2, math.nan])).n == 2
+    flat = drift(made([1.0] * 5, 0.0))
+    assert (flat.slope, flat.significant) == (0.0, False)
+
+
+def test_holm_asks_more_of_one_among_many():
+    rng = np.random.default_rng(7)
+    noise = [made(rng.normal(size=10), 0.0, quantity=f"q{i}") for i in range(19)]
+    slight = next(
+        one
+        for one in (made(0.12 * np.arange(10) + rng.normal(size=10), 0.0) for _ in range(500))
+        if 0.02 < drift(one).p < 0.04
+    )
+    assert with_holm([drift(slight)])[0].significant
+    assert not with_holm([drift(slight), *map(drift, noise)])[0].significant
+    strong = made(10.0 * np.arange(10) + rng.normal(size=10), 0.0)
+    assert with_holm([drift(strong), *map(drift, noise)])[0].significant
+
+
+def test_the_outlier_is_the_worst(catalogue):
+    first, second = worst(catalogue, 2)
+    assert (first.name, first.quantity) == ("site/07", "RL camber")
+    assert first.key == key_of("site/07")
+    told = {row.quantity: row for row in summary(catalogue)}["RL camber"]
+    width = max(told.robust_sd, told.u_rms)
+    assert first.score == pytest.approx(abs(first.value - told.median) / width, rel=1e-12)
+    assert first.score > 10.0
+    assert second.score < first.score
+    assert worst(catalogue, 1, ["wheelbase_left"])[0].name in ("site/00", "site/11")
+
+
+def test_a_large_catalogue_in_blocks_is_the_same(catalogue, monkeypatch):
+    whole = summary(catalogue)
+    monkeypatch.setattr(series_module, "BLOCK", 5)
+    assert summary(catalogue) == whole
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "DELETE FROM captures",
+        "UPDATE captures SET name = 'x'",
+        "DROP TABLE captures",
+        "CREATE TABLE x(y)",
+        "CREATE TEMP TABLE x(y)",
+        "ATTACH '/tmp/elsewhere.sqlite' AS x",
+        "PRAGMA journal_mode = WAL",
+        "VACUUM",
+        "SELECT load_extension('x')",
+        "BEGIN",
+        "SELECT 1; SELECT 2",
+        "SELECT * FROM nothing",
+        "SELEC name",
+        "SELECT name FROM sqlite_dbpage",
+        "",
+        "SELECT 'a\0b'",
+    ],
+)
+def test_sql_that_does_not_read_is_refused_in_a_line(catalogue, results, statement):
+    before = hashlib.sha256((results / "catalogue.sqlite").read_bytes()).digest()
+    with pytest.raises(InputError, match="--sql: ") as told:
+        list(ask(catalogue, statement).rows)
+    assert "\n" not in str(told.value)
+    assert hashlib.sha256((results / "catalogue.sqlite").read_bytes()).digest() == before
+
+
+def test_sql_reads_the_tables_of_the_contract(catalogue):
+    question = """
+    SELECT c.name, w.toe_deg, q.value FROM captures AS c JOIN wheels AS w USING(key)
+    JOIN quantities AS q USING(key) WHERE w.name = 'RR' AND q.kind = 'wheelbase_left'
+    ORDER BY c.name LIMIT 2"""
+    answer = ask(catalogue, question)
+    assert answer.columns == ("name", "toe_deg", "value")
+    rows = list(answer.rows)
+    assert [(row[0], row[2]) for row in rows] == [("site/00", 2.6), ("site/01", 2.601)]
+    toes = series(catalogue, ["RR toe"])[0]
+    by_number = dict(zip(toes.numbers.tolist(), toes.values.tolist(), strict=True))
+    assert [row[1] for row in rows] == [
+        by_number[number_of(key_of(name))] for name in ("site/00", "site/01")
+    ]
+
+
+def run(*arguments) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "wheelplane", "results", *map(str, arguments)]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_the_list_has_signs_units_reasons_and_totals(results):
+    told = run(results)
+    assert (told.returncode, told.stderr) == (1, "")
+    lines = told.stdout.splitlines()
+    assert lines[0].split()[:5] == ["capture", "date", "vehicle", "status", "wheels"]
+    assert len(lines) == 1 + 17 + 3
+    by_name = {line.split("  ")[0]: line for line in lines}
+    assert "+00°06'" in by_name["site/00"]
+    assert "-00°5" in by_name["site/00"] or "-01°00'" in by_name["site/00"]
+    assert "segment: site/bad 0/rr.ply" in by_name["site/bad 0"]
+    assert "\x1b" not in told.stdout
+    assert "\\x1b[2J" in by_name["=site/formula"]
+    assert lines[-1] == "17 captures: 4 failed, 11 ok, 1 part, 1 quarantined."
+    assert "Toe-in and top-out are positive" in lines[-2]
+
+
+def test_exit_codes_and_filters_of_the_command(results):
+    ok = run(results, "--status", "ok", "--since", "2026-09-16", "--until", "2026-10-11")
+    assert ok.returncode == 0
+    named = [line.split()[0] for line in ok.stdout.splitlines() if line.startswith("site/")]
+    assert named == ["site/03", "site/05", "site/06", "site/07", "site/08"]
+    span = run(results, "--where", "RL camber", "-0.9..", "--json")
+    assert [c["name"] for c in json.loads(span.stdout)["captures"]] == ["site/07"]
+    nothing = run(results, "--vehicle", "none such")
+    assert (nothing.returncode, nothing.stdout.splitlines()[-1]) == (0, "0 captures.")
+    asked = ["--summary", "--drift", "--failures"]
+    alone = [run(results, one).stdout for one in asked]
+    assert run(results, *asked).stdout == "\n".join(alone)
+
+
+def test_captures_without_a_date_are_told_where_dates_are_asked_for(results, catalogue):
+    undated = sum(row.day is None for row in captures(catalogue))
+    told = run(results, "--since", "2000-01-01")
+    assert undated > 0
+    assert told.stderr.startswith(f"{undated} captures without a date are left out")
+    assert f"{17 - undated} captures" in told.stdout
+    assert run(results).stderr == ""
+
+
+def test_csv_is_printed_as_it_is_written(results, tmp_path):
+    run(results, "--csv", tmp_path / "table.csv")
+    assert run(results, "--csv", "-").stdout == (tmp_path / "table.csv").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--xlsx", "-"], "only --csv is printed"),
+        (["--csv", "-", "--json"], "printed alone"),
+        (["--csv", "-", "--summary"], "printed alone"),
+        (["--since", "yesterday"], "--since yesterday: is no date"),
+        (["--where", "RR toe", "1"], "write the range as MIN..MAX"),
+        (["--where", "RR toe", "2..1"], "write the range as MIN..MAX"),
+        (["--where", "RR tow", "1.."], "try 'RR toe'"),
+        (["--quantity", "x", "--drift"], "quantity 'x'"),
+        (["--summary", "--worst", "3", "--json"], "choose one"),
+        (["--sql", "SELECT 1", "--csv", "x.csv"], "stands alone"),
+        (["--sql", "SELECT 1", "--status", "ok"], "stands alone"),
+        (["--worst", "0"], "--worst"),
+        (["--sql", "DROP TABLE captures"], "only reading is allowed"),
+        (["--csv", "/nowhere/at/all.csv"], "/nowhere/at/all.csv: cannot be written"),
+        (["--status", "good"], "--status"),
+    ],
+)
+def test_a_bad_argument_is_one_line(results, arguments, text):
+    told = run(results, *arguments)
+    assert (told.returncode, told.stdout) == (2, "")
+    assert told.stderr.count("\n") == 1
+    assert text in told.stderr
+
+
+def test_no_results_is_one_line(tmp_path):
+    for where in (tmp_path, tmp_path / "nowhere", __file__):
+        told = run(where)
+        assert told.returncode == 2
+        assert told.stderr.startswith("wheelplane: ")
+        assert told.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("mode", ["--summary", "--drift", "--failures", "--worst=3"])
+def test_text_and_json_of_a_mode_tell_the_same(results, mode):
+    text, tree = run(results, mode).stdout, json.loads(run(results, mode, "--json").stdout)
+    (name,) = set(tree) - {"schema"}
+    assert name in mode
+    for row in tree[name]:
+        assert row.get("quantity", row.get("stage")) in text
+        if "unit" in row:
+            assert row["unit"] in ("deg", "m")
+    assert len(tree[name]) > 2
+
+
+def spreadsheet(results, tmp_path, kind):
+    path = tmp_path / f"table.{kind}"
+    told = run(results, f"--{kind}", path)
+    assert (told.returncode, told.stdout) == (1, "")
+    assert told.stderr == f"wrote {path} (17 captures)\n"
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    first = path.read_bytes()
+    assert run(results, f"--{kind}", path).returncode == 1
+    assert path.read_bytes() == first
+    return path
+
+
+def cells(path: Path) -> list[dict]:
+    """The rows of an exported file, by independent readers."""
+    if path.suffix == ".csv":
+        with path.open(newline="", encoding="utf-8") as stream:
+            return list(csv.DictReader(stream))
+    if path.suffix == ".xlsx":
+        head, *rows = openpyxl.load_workbook(path)["captures"].iter_rows()
+        assert {cell.data_type for row in rows for cell in row} <= {"s", "inlineStr", "n"}
+        names = [cell.value for cell in head]
+        return [dict(zip(names, (cell.value for cell in row), strict=True)) for row in rows]
+    found = duckdb.connect().execute("SELECT * FROM read_parquet(?)", [str(path)])
+    names = [column[0] for column in found.description]
+    return [dict(zip(names, row, strict=True)) for row in found.fetchall()]
+
+
+@pytest.mark.parametrize("kind", ["csv", "xlsx", "parquet"])
+def test_an_exported_table_holds_every_number(results, catalogue, tmp_path, kind):
+    rows = cells(spreadsheet(results, tmp_path, kind))
+    assert [str(row["name"]).lstrip("'") for row in rows] == [r.name for r in captures(catalogue)]
+    assert rows[0]["name"] == ("'=site/formula" if kind == "csv" else "=site/formula")
+    assert rows[0]["RR_toe_deg"] in (None, "")
+    toes = series(catalogue, ["RR toe", "wheelbase_left"])
+    keys = [number_of(row["key"]) for row in rows]
+    for one, column in zip(toes, ("RR_toe_deg", "wheelbase_left_m"), strict=True):
+        for number, value, u in zip(one.numbers, one.values, one.u, strict=True):
+            row = rows[keys.index(number)]
+            exact = 0.0 if kind != "xlsx" else 1e-14  # a workbook's numbers have 15 digits
+            assert float(row[column]) == pytest.approx(value, rel=exact, abs=0.0)
+            assert float(row[f"u_{column}"]) == pytest.approx(u, rel=exact, abs=0.0)
+
+
+def test_what_excel_does_not_take_is_told(monkeypatch, catalogue, tmp_path):
+    monkeypatch.setattr(export, "EXCEL_ROWS", 17)
+    with pytest.raises(InputError, match=r"17 captures are more than the 16.*--parquet"):
+        export.export(tmp_path / "t.xlsx", export.table(catalogue), export.write_xlsx)
+    assert list(tmp_path.iterdir()) == []
+    monkeypatch.setattr(export, "EXCEL_ROWS", 18)
+    export.export(tmp_path / "t.xlsx", export.table(catalogue), export.write_xlsx)
+    table = {"name": np.array(["\x07" + "x" * 40_000], object)}
+    export.export(tmp_path / "u.xlsx", table, export.write_xlsx)
+    cell = cells(tmp_path / "u.xlsx")[0]["name"]
+    assert len(cell) == export.EXCEL_CHARACTERS
+    assert cell.startswith("\\x07xx")
+    assert cell.endswith("x…")
+
+
+def test_a_missing_library_is_told_in_a_line(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "duckdb", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'wheelplane\[tables\]'"):
+        export.write_parquet(tmp_path / "t.parquet", {"name": np.array(["a"], object)})
+
+
+def test_a_workbook_names_no_time_of_day(results, tmp_path):
+    path = spreadsheet(results, tmp_path, "xlsx")
+    with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as book:
+        assert {info.date_time for info in book.infolist()} == {export.EPOCH}
+        assert b"2026" not in book.read("docProps/core.xml")

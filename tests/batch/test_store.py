@@ -1,0 +1,358 @@
+"""Files written whole, once and durably, in a folder and in object storage."""
+
+from __future__ import annotations
+
+import errno
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.support.object_server import object_server
+from wheelplane.batch.storage import local as store_local
+from wheelplane.batch.storage import remote as store_remote
+from wheelplane.batch.storage.entry import PARTIAL
+from wheelplane.batch.storage.store import open_store
+from wheelplane.errors import InputError, MissingDependencyError
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def server():
+    """The address of a server of object storage on this machine, with the bucket `cars`."""
+    with object_server() as address:
+        yield address
+
+
+@pytest.fixture
+def remote(server, monkeypatch):
+    """A RemoteStore on an empty bucket."""
+    monkeypatch.setenv("AWS_ENDPOINT_URL", server)
+    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+        monkeypatch.setenv(name, "made-up")
+    for name in ("AWS_REQUEST_CHECKSUM_CALCULATION", "AWS_RESPONSE_CHECKSUM_VALIDATION"):
+        monkeypatch.setenv(name, "when_required")
+    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+    monkeypatch.setattr(store_remote, "FIRST_WAIT_S", 1e-4)
+    store = store_remote.RemoteStore("s3://cars/results")
+    if not store._fs.exists("cars"):
+        store._fs.call_s3("create_bucket", Bucket="cars")
+    for path in store._fs.find("cars"):
+        store._fs.rm_file(path)
+    return store
+
+
+@pytest.fixture(params=["folder", "objects"])
+def store(request, tmp_path):
+    """Each kind of store, empty."""
+    if request.param == "folder":
+        return open_store(str(tmp_path / "results"))
+    return request.getfixturevalue("remote")
+
+
+def names(store, prefix=""):
+    return [entry.name for entry in store.list(prefix)]
+
+
+def test_what_is_written_is_read_listed_and_fetched(store, tmp_path):
+    assert names(store) == []
+    content = {"b.json": b"1", "a/x.json": b"22", "a.json": b"", "a/b/c d+é%41.json": b"\0" * 3000}
+    for name, data in content.items():
+        assert not store.exists(name)
+        assert store.write_new(name, data)
+        assert store.exists(name)
+    entries = list(store.list())
+    assert [entry.name for entry in entries] == sorted(content)
+    assert {entry.name: entry.size for entry in entries} == {n: len(d) for n, d in content.items()}
+    assert names(store, "a/") == sorted(n for n in content if n.startswith("a/"))
+    assert names(store, "a") == sorted(n for n in content if n.startswith("a"))
+    assert names(store, "none") == []
+    for name, data in content.items():
+        assert store.read(name) == data
+        assert store.fetch(name, tmp_path / "copies").read_bytes() == data
+    store.remove("b.json")
+    store.remove("b.json")
+    assert names(store) == sorted(set(content) - {"b.json"})
+
+
+def test_write_new_never_replaces_and_write_does(store):
+    assert store.write_new("a/x.json", b"first")
+    before = next(iter(store.list())).stamp
+    assert not store.write_new("a/x.json", b"second")
+    assert store.read("a/x.json") == b"first"
+    assert next(iter(store.list())).stamp == before
+    store.write("a/x.json", b"third")
+    assert store.read("a/x.json") == b"third"
+    assert next(iter(store.list())).stamp != before
+    assert store.exclusive
+
+
+def test_what_is_not_there_is_told_in_a_line(store, tmp_path):
+    for ask in (store.read, lambda name: store.fetch(name, tmp_path / "copies")):
+        with pytest.raises(InputError, match=r"none\.json.*not"):
+            ask("none.json")
+    assert not (tmp_path / "copies" / "none.json").exists()
+
+
+RACER = """
+import sys, time
+from wheelplane.batch.store import open_store
+store = open_store(sys.argv[1])
+print("ready", flush=True)
+start = float(sys.stdin.readline())
+won = []
+for i in range(300):
+    while time.time() < start + 0.004 * i:
+        pass  # so that all come to each name at once
+    if store.write_new(f"{i % 7}/{i}", sys.argv[2].encode() * 20000):
+        won.append(str(i))
+print(",".join(won))
+"""
+
+
+def race(url: str) -> list[set[str]]:
+    """What each of four processes, started at once, could write as the first."""
+    racers = [
+        subprocess.Popen(
+            [sys.executable, "-c", RACER, url, letter],
+            cwd=ROOT,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for letter in "abcd"
+    ]
+    for racer in racers:
+        assert racer.stdout.readline() == "ready\n"
+    start = time.time() + 0.1
+    for racer in racers:
+        racer.stdin.write(f"{start}\n")
+        racer.stdin.flush()
+    return [set(filter(None, racer.communicate()[0].strip().split(","))) for racer in racers]
+
+
+def test_of_racing_processes_exactly_one_writes_a_file(tmp_path):
+    won = race(str(tmp_path))
+    assert sorted(name for mine in won for name in mine) == sorted(map(str, range(300)))
+    assert sum(map(bool, won)) > 1  # so there was a race
+    for letter, mine in zip("abcd", won, strict=True):
+        for name in mine:
+            assert (tmp_path / f"{int(name) % 7}" / name).read_bytes() == letter.encode() * 20000
+    assert list((tmp_path / PARTIAL).iterdir()) == []
+
+
+def test_without_hard_links_still_only_one_writes(tmp_path, monkeypatch):
+    def no_links(*_: object) -> None:
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", no_links)
+    store = open_store(str(tmp_path))
+    assert store.write_new("a", b"1")
+    assert not store.write_new("a", b"2")
+    assert store.read("a") == b"1"
+    assert names(store) == ["a"]
+
+
+KILLED = """
+import os, signal, sys
+from wheelplane.batch.store import open_store
+os.link = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+open_store(sys.argv[1]).write_new("measurements/ab/abc.json", b"{}")
+"""
+
+
+def test_what_a_killed_process_left_is_no_result_and_goes_in_time(tmp_path):
+    run = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], cwd=ROOT, check=False)
+    assert run.returncode == -signal.SIGKILL
+    (left,) = (tmp_path / PARTIAL).iterdir()
+    assert names(open_store(str(tmp_path))) == []
+    assert open_store(str(tmp_path)).write_new("a", b"1")
+    assert left.exists()  # it could be another process's, at work
+    old = time.time() - store_local.STALE_S - 60
+    os.utime(left, (old, old))
+    assert open_store(str(tmp_path)).write_new("b", b"1")
+    assert not left.exists()
+    assert names(open_store(str(tmp_path))) == ["a", "b"]
+
+
+def test_a_write_that_fails_leaves_nothing(tmp_path, monkeypatch):
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    store = open_store(str(tmp_path))
+    with pytest.raises(InputError, match=r"a\.json: cannot be written \(No space left.*make room"):
+        store.write_new("a.json", b"1")
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+
+
+def test_content_and_name_are_synced_before_a_write_returns(tmp_path, monkeypatch):
+    synced = []
+    real = os.fsync
+    monkeypatch.setattr(
+        os,
+        "fsync",
+        lambda fd: synced.append(str(Path(f"/proc/self/fd/{fd}").readlink())) or real(fd),
+    )
+    open_store(str(tmp_path)).write_new("m/ab/x.json", b"1")
+    content = [i for i, path in enumerate(synced) if f"/{PARTIAL}/" in path]
+    assert len(content) == 1
+    assert synced[-1] == str(tmp_path / "m" / "ab")
+    assert {str(tmp_path), str(tmp_path / "m")} <= set(synced)
+    assert content[0] < len(synced) - 1
+
+
+def test_a_folder_with_odd_links_is_listed_once(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "x").write_bytes(b"1")
+    (tmp_path / "a" / "up").symlink_to(tmp_path)
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    (tmp_path / "gone").symlink_to(tmp_path / "nowhere")
+    entries = {entry.name: entry for entry in open_store(str(tmp_path)).list()}
+    assert sorted(entries) == ["a/x", "b/x", "gone"]
+    assert entries["gone"].stamp == "broken link"
+
+
+@pytest.mark.parametrize(
+    ("url", "error", "text"),
+    [
+        ("s3://no-such-bucket/x", InputError, "no such bucket"),
+        ("quux://a/b", InputError, "quux:// is unknown"),
+        ("az://a/b", MissingDependencyError, "pip install 'adlfs'"),
+        ("file://elsewhere/a", InputError, "host elsewhere"),
+    ],
+)
+def test_a_url_that_leads_nowhere_is_told_in_a_line(url, error, text, remote):
+    with pytest.raises(error, match=text) as told:
+        open_store(url)
+    assert "\n" not in str(told.value)
+
+
+def test_a_server_that_does_not_answer_is_told_in_a_line(remote, monkeypatch):
+    monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
+    with pytest.raises(InputError, match=r"after 3 tries.*address, credentials"):
+        open_store("s3://cars/results")
+
+
+def test_a_file_is_no_store(tmp_path):
+    (tmp_path / "f").write_bytes(b"")
+    with pytest.raises(InputError, match="is a file: name a folder"):
+        open_store(str(tmp_path / "f"))
+    assert open_store(f"file://{tmp_path}/new%20one").local == tmp_path / "new one"
+
+
+class Faulty:
+    """A file system whose requests fail at first, before they are done or after."""
+
+    def __init__(self, real, faults, done=False):
+        self.real, self.faults, self.done, self.calls = real, list(faults), done, 0
+
+    def __getattr__(self, name):
+        real = getattr(self.real, name)
+
+        def call(*arguments, **options):
+            self.calls += 1
+            if self.faults:
+                if self.done:
+                    real(*arguments, **options)
+                raise self.faults.pop(0)
+            return real(*arguments, **options)
+
+        return call
+
+
+def faulty(remote, faults, done=False):
+    remote._opened = os.getpid(), Faulty(remote._fs, faults, done)
+    return remote._opened[1]
+
+
+PASSING = [OSError(errno.EBUSY, "SlowDown"), TimeoutError("late"), ConnectionResetError("reset")]
+
+
+def test_passing_faults_of_object_storage_are_ridden_out(remote):
+    assert remote.write_new("a", b"1")
+    for ask in (
+        lambda: remote.read("a") == b"1",
+        lambda: names(remote) == ["a"],
+        lambda: remote.exists("a"),
+        lambda: remote.write("a", b"1") is None,
+        lambda: remote.write_new("b", b"1"),
+    ):
+        system = faulty(remote, PASSING)
+        assert ask()
+        assert system.calls == len(PASSING) + 1
+        remote._opened = None
+
+
+def test_a_fault_that_stays_is_one_line(remote):
+    assert remote.exclusive
+    system = faulty(remote, PASSING * 10)
+    with pytest.raises(InputError, match=f"results/a: .*after {store_remote.TRIES} tries"):
+        remote.write_new("a", b"1")
+    assert system.calls == store_remote.TRIES
+    system.faults = [PermissionError("Access Denied")]
+    with pytest.raises(InputError, match="Access Denied"):
+        remote.read("a")
+    assert system.calls == store_remote.TRIES + 1
+
+
+def test_a_put_whose_answer_was_lost_is_known_as_done(remote):
+    assert remote.exclusive
+    faulty(remote, PASSING[:1], done=True)
+    assert remote.write_new("a", b"mine")
+    faulty(remote, [])
+    assert not remote.write_new("a", b"mine")
+
+
+def test_a_server_that_ignores_the_condition_is_found_out(remote):
+    class Ignorant(Faulty):
+        def pipe_file(self, path, data, mode="overwrite"):
+            return self.real.pipe_file(path, data)
+
+    remote._opened = os.getpid(), Ignorant(remote._fs, [])
+    assert not remote.exclusive
+    assert remote.write_new("a", b"1")
+    assert not remote.write_new("a", b"2")
+    assert remote.read("a") == b"1"
+    assert names(remote) == ["a"]
+
+
+def test_a_store_goes_to_another_process(remote):
+    assert remote.write_new("a", b"1")
+    copy = pickle.loads(pickle.dumps(remote))
+    assert copy._opened is None
+    assert copy.read("a") == b"1"
+
+
+def test_more_objects_than_a_page_are_listed(remote):
+    real = remote._fs
+
+    class Paged(Faulty):
+        def call_s3(self, method, **options):
+            self.calls += 1
+            return real.call_s3(method, MaxKeys=2, **options)
+
+    for i in range(5):
+        real.pipe_file(f"cars/results/{i}", b"1")
+    real.pipe_file("cars/resultset", b"1")
+    remote._opened = os.getpid(), Paged(real, [])
+    assert names(remote) == list("01234")
+    assert remote._opened[1].calls == 3
+
+
+def test_another_kind_of_storage_by_fsspec(tmp_path):
+    store = open_store("memory://somewhere/deep")
+    assert names(store) == []
+    assert store.write_new("a/b", b"1")
+    assert not store.write_new("a/b", b"2")
+    store.write("c", b"22")
+    assert [(e.name, e.size) for e in store.list()] == [("a/b", 1), ("c", 2)]
+    assert store.fetch("a/b", tmp_path).read_bytes() == b"1"
+    store.remove("c")
+    assert names(store, "a/") == ["a/b"]

@@ -1,0 +1,165 @@
+"""The mixed range near a rim: against sums over the spot, and its slopes against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wheelplane.centre.edge.mixed_pixel import edge_profile
+
+# x/s, tau, B, s, T: incidence up to 60 degrees on the wall, plates of 3 to 20 mm.
+CASES = [
+    (tau, background, spot, thickness)
+    for tau in (0.0, 0.05, 0.3, 1.0, 1.7)
+    for background in (0.025, 0.08, 0.3)
+    for spot in (0.0005, 0.003)
+    for thickness in (0.003, 0.01, 0.02)
+]
+
+
+def step_profile(x, tau, background, thickness):
+    """Depth that a thin ray meets at x outside the rim: face, wall, background."""
+    width = thickness * tau
+    on_wall = x / tau if tau > 0 else np.zeros_like(x)
+    return np.where(x < 0, 0.0, np.where(x < width, on_wall, background))
+
+
+def mean_over_disc(x, tau, background, spot, thickness, count=20_000, echo=1.0):
+    """Mean depth over a disc: strips of its chord, each exactly as wide as it is counted."""
+    u = (np.arange(count) + 0.5) / count * 2.0 - 1.0
+    chord = np.sqrt(1.0 - u * u)
+    depth = step_profile(x + spot * u, tau, background, thickness)
+    weight = np.where(x + spot * u < thickness * tau, 1.0, echo) * chord
+    return float(np.sum(depth * weight) / np.sum(weight))
+
+
+def at(x, tau, background, spot, thickness, echo=1.0):
+    full = [np.full(np.shape(x), value, dtype=float) for value in (tau, background, spot)]
+    return edge_profile(np.asarray(x, dtype=float), *full, thickness, echo)
+
+
+def places(tau, spot, thickness):
+    """x across the rim and across the foot of the wall, away from the kinks at +-s of both."""
+    across = np.linspace(-1.3, 1.37, 17) * spot
+    return np.concatenate([across, thickness * tau + across])
+
+
+@pytest.mark.parametrize(("tau", "background", "spot", "thickness"), CASES)
+def test_depth_is_the_mean_of_the_step_over_the_spot(tau, background, spot, thickness):
+    x = places(tau, spot, thickness)
+    depth = at(x, tau, background, spot, thickness).depth_m
+    truth = [mean_over_disc(p, tau, background, spot, thickness) for p in x]
+    # One strip of the sum at each jump, B / count wide, and the profile's own table: 4,000 steps
+    # of 2/4000, integrated by trapezia, times s / w.
+    width = max(thickness * tau, 1e-3 * spot)
+    table = thickness * spot / width * 1e-6 if tau > 0 else 0.0
+    none = 1e-3 * background if tau == 0 else 0.0  # a wall of 1e-3 s stands for none
+    tolerance = background * 2.0 * 2.0 / 20_000 + table + none
+    np.testing.assert_allclose(depth, truth, rtol=0, atol=tolerance)
+    sharp = step_profile(x, tau, background, thickness)
+    assert np.abs(sharp - truth).max() > 20 * tolerance  # a thin ray is no such spot
+
+
+def test_far_inside_is_face_and_far_outside_is_background():
+    inside = at([-0.02, -0.004], 0.5, 0.1, 0.0015, 0.01)
+    outside = at([0.0066, 0.02], 0.5, 0.1, 0.0015, 0.01)
+    np.testing.assert_allclose(inside.depth_m, 0.0, atol=1e-15)
+    np.testing.assert_allclose(inside.background_share, 0.0, atol=1e-15)
+    np.testing.assert_allclose(outside.depth_m, 0.1, rtol=1e-6)
+    np.testing.assert_allclose(outside.background_share, 1.0, rtol=1e-12)
+
+
+def test_wall_alone_is_a_ramp_of_slope_one_over_tau():
+    x = np.linspace(0.002, 0.008, 7)
+    profile = at(x, 0.5, 0.1, 0.001, 0.02)
+    np.testing.assert_allclose(profile.depth_m, x / 0.5, rtol=1e-6)
+    np.testing.assert_allclose(profile.d_x, 1 / 0.5, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("tau", "background", "spot", "thickness"), CASES)
+def test_slopes_against_central_differences(tau, background, spot, thickness):
+    x = places(tau, spot, thickness)
+    profile = at(x, tau, background, spot, thickness)
+    h = 1e-3
+    # The chord has infinite slope at +-s: a difference over h there errs by up to sqrt(h).
+    kinks = np.array([-spot, spot, thickness * tau - spot, thickness * tau + spot])
+    clear = np.abs(x[:, None] - kinks).min(axis=1) > 0.06 * spot
+
+    def compare(slope, up, down, step):
+        difference = (up.depth_m - down.depth_m) / (2 * step)
+        largest = np.abs(difference[clear]).max()
+        assert largest > 0.0
+        np.testing.assert_allclose(slope[clear], difference[clear], rtol=0, atol=0.01 * largest)
+
+    step = h * spot
+    compare(
+        profile.d_x,
+        at(x + step, tau, background, spot, thickness),
+        at(x - step, tau, background, spot, thickness),
+        step,
+    )
+    compare(
+        profile.d_log_spot,
+        at(x, tau, background, spot * np.exp(h), thickness),
+        at(x, tau, background, spot * np.exp(-h), thickness),
+        h,
+    )
+    if tau > 0:
+        step = h * spot / thickness
+        compare(
+            profile.d_tau,
+            at(x, tau + step, background, spot, thickness),
+            at(x, tau - step, background, spot, thickness),
+            step,
+        )
+        step = h * spot / tau
+        compare(
+            profile.d_thickness,
+            at(x, tau, background, spot, thickness + step),
+            at(x, tau, background, spot, thickness - step),
+            step,
+        )
+
+
+def test_thickness_matters_not_where_the_wall_is_hidden():
+    x = places(0.0, 0.0015, 0.01)
+    thin, thick = (at(x, 0.0, 0.08, 0.0015, t) for t in (0.003, 0.02))
+    np.testing.assert_allclose(thin.depth_m, thick.depth_m, atol=2e-3 * 0.08)
+
+
+@pytest.mark.parametrize("echo", [0.1, 0.5, 3.0])
+@pytest.mark.parametrize("tau", [0.0, 0.05, 0.5])
+def test_each_part_of_the_spot_weighs_as_it_shines(tau, echo):
+    background, spot, thickness = 0.08, 0.0015, 0.01
+    x = places(tau, spot, thickness)
+    depth = at(x, tau, background, spot, thickness, echo).depth_m
+    truth = [mean_over_disc(p, tau, background, spot, thickness, echo=echo) for p in x]
+    # a wall of 1e-3 s stands for none; the slope by x grows with the contrast
+    tolerance = max(1.0 / echo, echo) * background * 1.2e-3
+    np.testing.assert_allclose(depth, truth, rtol=0, atol=tolerance)
+    alike = at(x, tau, background, spot, thickness).depth_m
+    assert np.abs(alike - truth).max() > 5 * tolerance
+
+
+@pytest.mark.parametrize("echo", [0.1, 3.0])
+def test_slopes_hold_for_an_echo_too(echo):
+    tau, background, spot, thickness = 0.3, 0.08, 0.0015, 0.01
+    x = np.array([-0.6, -0.2, 0.3, 0.7, 1.3, 1.7, 2.2, 2.7]) * spot  # clear of -1, 1 and 3
+    profile, h = at(x, tau, background, spot, thickness, echo), 1e-3
+    slopes = {
+        "d_x": (lambda d: at(x + d * spot, tau, background, spot, thickness, echo), spot),
+        "d_tau": (lambda d: at(x, tau + d * tau, background, spot, thickness, echo), tau),
+        "d_log_spot": (lambda d: at(x, tau, background, spot * np.exp(d), thickness, echo), 1.0),
+        "d_thickness": (
+            lambda d: at(x, tau, background, spot, thickness * (1 + d), echo),
+            thickness,
+        ),
+        "d_log_echo": (lambda d: at(x, tau, background, spot, thickness, echo * np.exp(d)), 1.0),
+    }
+    for name, (moved, unit) in slopes.items():
+        difference = (moved(h).depth_m - moved(-h).depth_m) / (2 * h * unit)
+        largest = np.abs(difference).max()
+        assert largest > 0.0, name
+        np.testing.assert_allclose(
+            getattr(profile, name), difference, rtol=0, atol=0.01 * largest, err_msg=name
+        )

@@ -1,0 +1,138 @@
+"""Edges of faces: distances whose slopes are their normals, and the rim's equations' slopes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wheelplane.centre.edge.beams import TURN, Prior, look_up
+from wheelplane.centre.edge.edge_residuals import Problem, equations
+from wheelplane.centre.outline_fit import place_circle
+from wheelplane.config import CentreConfig
+from wheelplane.targets.outline import Circle, Holes, Rectangle
+from wheelplane.vectors import turned
+
+OUTLINES = {
+    "circle": Circle(0.125, "a disc"),
+    "rectangle": Rectangle((0.18, 0.12), "a rectangle"),
+    "hub hole": Holes(np.array([[0.0, 0.0, 0.04]]), "a hole"),
+    "four holes": Holes(
+        np.array([[u, v, 0.025] for u in (-0.09, 0.09) for v in (-0.09, 0.09)]), "holes"
+    ),
+}
+STEP = 1e-6
+MISSED = {0: 0.01, 1: 0.01, 2: 0.05, 3: 0.05, 5: 0.05, 6: 0.1, 7: 1e-5, 8: 0.03}  # of the slopes
+
+
+def about(outline, count=400, seed=0):
+    """Places up to 10 mm off the outline, clear of where edges meet."""
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-0.2, 0.2, (40 * count, 2))
+    feet = outline.feet(q)
+    return q[(np.abs(feet.x_m) < 0.01) & feet.clear][:count]
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_normal_is_the_slope_of_the_distance_and_curve_that_of_the_normal(name):
+    outline = OUTLINES[name]
+    q = about(outline)
+    feet = outline.feet(q)
+    along = np.column_stack([-feet.normal[:, 1], feet.normal[:, 0]])
+    for axis in np.eye(2):
+        ahead, behind = outline.feet(q + STEP * axis), outline.feet(q - STEP * axis)
+        slope = (ahead.x_m - behind.x_m) / (2 * STEP)
+        np.testing.assert_allclose(slope, feet.normal @ axis, atol=1e-8)
+        bent = np.sum((ahead.normal - behind.normal) * along, axis=1) / (2 * STEP)
+        np.testing.assert_allclose(bent, feet.curve * (along @ axis), atol=1e-5)
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_the_distance_alone_is_that_of_the_feet(name):
+    outline = OUTLINES[name]
+    q = np.random.default_rng(1).uniform(-0.3, 0.3, (1000, 2))
+    told = outline.outside_m(*q.T)
+    np.testing.assert_allclose(told, outline.feet(q).x_m, rtol=1e-12, atol=1e-15)
+    if isinstance(outline, Circle):
+        np.testing.assert_allclose(told, np.hypot(*q.T) - outline.size_m, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_the_foot_lies_on_the_edge_whose_bend_and_support_are_told(name):
+    outline = OUTLINES[name]
+    q = about(outline)
+    feet = outline.feet(q)
+    foot = q - feet.x_m[:, None] * feet.normal
+    on_edge = outline.feet(foot)
+    np.testing.assert_allclose(on_edge.x_m, 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.sum(foot * feet.normal, axis=1), feet.support_m, atol=1e-12)
+    np.testing.assert_allclose(on_edge.curve, feet.bend, atol=1e-9)
+    np.testing.assert_allclose(on_edge.share, feet.share, atol=1e-9)
+    at = outline.normals(feet.share)
+    np.testing.assert_allclose(at, feet.normal, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_equal_shares_are_equal_lengths(name):
+    outline = OUTLINES[name]
+    rng = np.random.default_rng(2)
+    q = rng.uniform(-0.2, 0.2, (400_000, 2))
+    share = outline.feet(q).share[np.abs(outline.feet(q).x_m) < 0.001]
+    count = np.bincount((share * 4 * 6).astype(int), minlength=24)
+    assert abs(count - len(share) / 24).max() < 5 * np.sqrt(len(share) / 24)
+
+
+def problem_of(outline, state, rng):
+    """Points of a plate's edge as `state` has it, with their noise: half of them mixed."""
+    feet = about(outline, 3000, 5)
+    depth = np.where(outline.feet(feet).x_m < 0.0, 0.0, 0.08) + rng.normal(0, 0.0005, len(feet))
+    mixed = rng.random(len(feet)) < 0.3
+    depth[mixed] = rng.uniform(0.0, 0.08, np.count_nonzero(mixed))
+    seen = turned(feet, state[TURN]) * (1.0 + state[4] * depth)[:, None]
+    plane = state[:2] + seen + depth[:, None] * state[2:4]
+    prior = Prior.of(0.008, CentreConfig())
+    return Problem(plane, depth, prior, outline, 0.0008)
+
+
+@pytest.mark.parametrize("name", ["circle", "rectangle", "hub hole", "four holes"])
+@pytest.mark.parametrize("index", [0, 1, 2, 3, 5, 6, 7, 8])
+def test_slopes_of_the_equations_are_those_of_central_differences(name, index):
+    outline = OUTLINES[name]
+    rng = np.random.default_rng(3)
+    state = np.array([0.001, -0.002, 0.3, -0.2, 0.4, *np.log([0.0015, 0.008, 1.3]), 0.03])
+    problem = problem_of(outline, state, rng)
+    background = look_up(problem.beams(state), problem.depth, state)
+    here = equations(problem, background, state, True, False)
+    step = np.zeros(9)
+    step[index] = 1e-7
+    ahead = equations(problem, background, state + step, True, False)
+    behind = equations(problem, background, state - step, True, False)
+    same = len(ahead.residual_m) == len(behind.residual_m) == len(here.residual_m)
+    assert same  # no point crossed the band's limits
+    seen = -(ahead.residual_m - behind.residual_m) / 2e-7
+    told = here.slopes[:, index]
+    # Left out of the slopes: how the wall's bend, the fanning of the beams and the spot's slant go.
+    assert np.linalg.norm(seen - told) <= MISSED[index] * np.linalg.norm(seen) + 1e-6
+    moves = index != TURN or outline.turns
+    assert (np.linalg.norm(seen) > 0.01) == moves
+
+
+def half_disc(rng, count=600):
+    """Places on a disc of 0.125 m about (0.03, -0.01), of which a straight edge hides half."""
+    q = rng.uniform(-0.125, 0.125, (4 * count, 2))
+    return q[(np.hypot(*q.T) < 0.125) & (q @ [0.8, 0.6] > 0.01)] + [0.03, -0.01]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_half_hidden_disc_is_placed_by_its_round_side(seed):
+    face = half_disc(np.random.default_rng(seed))
+    assert np.linalg.norm(face.mean(axis=0) - [0.03, -0.01]) > 0.04  # the null answer
+    spacing = 0.25 / np.sqrt(2.0 * len(face) / (np.pi / 4.0))
+    for points in (face, np.vstack([face, [0.19, 0.02]])):  # a stray beyond
+        centre = place_circle(points, 0.125)
+        assert np.linalg.norm(centre - [0.03, -0.01]) < 0.8 * spacing
+
+
+def test_no_circle_is_placed_on_what_is_none():
+    rng = np.random.default_rng(1)
+    assert place_circle(rng.uniform(-0.125, 0.125, (500, 2)), 0.125) is None  # a square
+    assert place_circle(np.zeros((5, 2)), 0.125) is None

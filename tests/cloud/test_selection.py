@@ -1,0 +1,218 @@
+"""The passes over all points: both twins, any number of threads, any order of the points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.support.scenes import rotation
+from wheelplane.cloud import moments as slab_sums
+from wheelplane.cloud import selection as passes
+from wheelplane.cloud import threads as blocks
+from wheelplane.cloud import voxel_grid as cubes
+from wheelplane.cloud.moments import slab_moments, sums_by
+from wheelplane.cloud.selection import Slab, coordinate_hash, sample, surroundings
+from wheelplane.cloud.voxel_grid import cube_key, cube_moments, lowest, within_cubes
+
+CENTRE = np.array([10.2, -4.1, 2.3])
+NORMAL = np.array([2.0, -1.0, 2.0]) / 3.0
+COUNT = 3 * blocks.BLOCK_ROWS + 17
+EPS = np.finfo(float).eps
+
+
+@pytest.fixture(scope="module")
+def cloud():
+    """A cube of 2 m full of points, a tenth of them on a disc with noise."""
+    rng = np.random.default_rng(5)
+    cloud = CENTRE + rng.uniform(-1, 1, (COUNT, 3))
+    uv = rng.uniform(-0.3, 0.3, (COUNT // 10, 2))
+    disc = np.column_stack([uv, rng.normal(0, 1e-3, len(uv))])
+    R = rotation(rng)
+    R = np.column_stack([R[:, 0], R[:, 1], NORMAL])
+    R[:, 0] -= (R[:, 0] @ NORMAL) * NORMAL
+    R[:, 0] /= np.linalg.norm(R[:, 0])
+    R[:, 1] = np.cross(NORMAL, R[:, 0])
+    cloud[: len(disc)] = disc @ R.T + CENTRE
+    return cloud
+
+
+@pytest.fixture(params=["numpy", "compiled"])
+def twin(request, monkeypatch):
+    """Both ways, whatever the number of points."""
+    compile_from(monkeypatch, 0 if request.param == "compiled" else 10**12)
+    return request.param
+
+
+def compile_from(monkeypatch, rows):
+    for module, name in (
+        (passes, "COMPILED_ROWS"),
+        (cubes, "COMPILED_ROWS"),
+        (slab_sums, "COMPILED_FACE_ROWS"),
+    ):
+        monkeypatch.setattr(module, name, rows)
+
+
+def face_basis():
+    first = np.cross([0.0, 0.0, 1.0], NORMAL)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(NORMAL, first), NORMAL])
+
+
+def everything(cloud):
+    """What all passes say of a cloud."""
+    near = surroundings(cloud, CENTRE, NORMAL, Slab(0.4, 0.05), Slab(0.4, 0.3, 1.0, 0.6), 0.3)
+    inner = slab_moments(
+        near.face_m,
+        face_basis(),
+        1e-4,
+        (2e-3, 4e-3),
+        (0.3, 0.2, 0.25),
+        np.array([[0.1, 0, 0.05]]),
+        7,
+    )
+    held = cube_moments(cloud, lowest(cloud) - 0.01, 0.11)
+    rows = within_cubes(cloud, held, held.key[::5])
+    return [sample(cloud, 5000), near.face_m, near.around_m, inner.sums, inner.edge, held.key,
+            held.sums, rows]  # fmt: skip
+
+
+def test_threads_change_no_bit(cloud, twin, monkeypatch):
+    monkeypatch.setenv("WHEELPLANE_THREADS", "1")
+    one = everything(cloud)
+    for count in ("2", "3"):
+        monkeypatch.setenv("WHEELPLANE_THREADS", count)
+        for a, b in zip(one, everything(cloud), strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_twins_agree(cloud, monkeypatch):
+    answers = []
+    for rows in (0, 10**12):
+        compile_from(monkeypatch, rows)
+        answers.append(everything(cloud))
+    compiled, plain = answers
+    for k in (0, 1, 2, 5, 7):
+        np.testing.assert_array_equal(compiled[k], plain[k])
+    # Sums of N terms in another order: N eps of the largest.
+    np.testing.assert_allclose(compiled[3], plain[3], atol=1e4 * EPS * np.abs(plain[3]).max())
+    np.testing.assert_allclose(compiled[4], plain[4], atol=8 * EPS)
+    np.testing.assert_allclose(compiled[6], plain[6], atol=1e4 * EPS * np.abs(plain[6]).max())
+    assert plain[3].sum() > 100
+    assert len(plain[4]) > 10
+
+
+def test_order_of_the_points_does_not_matter(cloud, twin):
+    shuffled = np.random.default_rng(2).permutation(cloud)
+    np.testing.assert_array_equal(sample(cloud, 5000), sample(shuffled, 5000))
+    before, after = everything(cloud), everything(shuffled)
+    for k in (1, 2):
+        rows = [part[np.lexsort(part.T)] for part in (before[k], after[k])]
+        np.testing.assert_array_equal(*rows)
+    np.testing.assert_array_equal(before[5], after[5])
+    for k in (3, 6):
+        np.testing.assert_allclose(after[k], before[k], atol=1e4 * EPS * np.abs(before[k]).max())
+
+
+def test_sample_is_a_fair_share(cloud, twin):
+    drawn = sample(cloud, 20_000)
+    assert abs(len(drawn) - 20_000) < 5 * np.sqrt(20_000)
+    rows = {tuple(row) for row in cloud}
+    assert all(tuple(row) in rows for row in drawn)
+    # Uniform along each axis, and so is any part of it, for the order is that of the hash.
+    for part in (drawn, drawn[:2000]):
+        inside = np.mean(part[:, 0] < CENTRE[0])
+        assert abs(inside - 0.5) < 5 * 0.5 / np.sqrt(len(part))
+    drawn[:] = 0.0
+    assert cloud.any()
+
+
+def test_sample_of_few_is_all_of_them(cloud):
+    few = cloud[:100]
+    drawn = sample(few, 200)
+    np.testing.assert_array_equal(drawn[np.lexsort(drawn.T)], few[np.lexsort(few.T)])
+    assert len(sample(few[:0], 10)) == 0
+
+
+def test_hash_depends_on_every_coordinate():
+    points = np.array([[1.0, 2.0, 3.0], [2.0, 1.0, 3.0], [1.0, 3.0, 2.0], [1.0, 2.0, 3.000002]])
+    assert len(set(coordinate_hash(points).tolist())) == 4
+    single = np.random.default_rng(0).random((4000, 3)).astype(np.float32).astype(float)
+    share = coordinate_hash(single) / 2.0**64  # their last 29 bits are all zero
+    for bits in (1.0, 16.0, 256.0):
+        inside = np.mean((share * bits) % 1.0 < 0.5)
+        assert abs(inside - 0.5) < 5 * 0.5 / np.sqrt(4000)
+
+
+def test_rounding_hardly_ever_changes_the_sample(cloud):
+    drawn = {tuple(np.round(row, 9)) for row in sample(cloud, 5000)}
+    again = {tuple(np.round(row, 9)) for row in sample((cloud * 1e3) / 1e3, 5000)}
+    assert len(drawn & again) > 0.999 * len(drawn)
+
+
+def test_surroundings_are_what_one_line_says(cloud, twin):
+    offset = cloud - CENTRE
+    depth = np.abs(offset @ NORMAL)
+    aside = np.linalg.norm(np.cross(offset, NORMAL), axis=1)
+    on_face = (aside < 0.4) & (depth < 0.05)
+    around = (aside < np.minimum(0.4 + depth, 0.6)) & (depth < 0.3) & ~on_face
+    shine = np.arange(len(cloud), dtype=np.float32)
+    slabs = (Slab(0.4, 0.05), Slab(0.4, 0.3, 1.0, 0.6))
+    near = surroundings(cloud, CENTRE, NORMAL, *slabs, 1.0, shine)
+    np.testing.assert_array_equal(near.face_m, offset[on_face])
+    np.testing.assert_array_equal(near.intensity, shine[on_face])
+    np.testing.assert_array_equal(near.around_m, offset[around].astype(np.float32))
+    some = surroundings(cloud, CENTRE, NORMAL, *slabs, 0.25)
+    np.testing.assert_array_equal(some.face_m, offset[on_face])
+    assert some.intensity is None
+    expected = np.count_nonzero(around) / 4.0
+    assert abs(len(some.around_m) - expected) < 5 * np.sqrt(expected)
+
+
+def test_slab_sums_are_what_a_few_lines_say(cloud, twin):
+    near = surroundings(cloud, CENTRE, NORMAL, Slab(0.5, 0.05), Slab(0.5, 0.05), 0.0).face_m
+    hole = np.array([[0.1, 0.0, 0.05]])
+    held = slab_moments(near, face_basis(), 1e-4, (2e-3, 4e-3), (0.3, 0.2, 0.25), hole, 7)
+    uvw = near @ face_basis().T
+    u, v, w = uvw.T
+    inside = (np.hypot(u, v) < 0.3) & (np.abs(u) < 0.2) & (np.abs(v) < 0.25)
+    inside &= np.hypot(u - 0.1, v) > 0.05
+    off = np.abs(w - 1e-4)
+    np.testing.assert_allclose(held.edge, uvw[inside & (off >= 2e-3) & (off < 4e-3)], atol=8 * EPS)
+    sure = uvw[inside & (off < 2e-3)]
+    total = held.sums.sum(axis=0)
+    assert total[0] == len(sure)
+    expected = [*sure.sum(axis=0), *(sure[:, i] @ sure[:, j] for i, j in
+                ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)))]  # fmt: skip
+    np.testing.assert_allclose(total[1:], expected, atol=1e4 * EPS)
+    np.testing.assert_array_equal(np.bincount(held.cells(sure), minlength=49), held.sums[:, 0])
+    both = held.with_edge(np.ones(len(held.edge), dtype=bool))
+    assert both[:, 0].sum() == len(sure) + len(held.edge)
+
+
+def test_cubes_hold_every_point_once(cloud, twin):
+    held = cube_moments(cloud, lowest(cloud) - 0.01, 0.11)
+    assert np.all(np.diff(held.key) > 0)
+    assert held.sums[:, 0].sum() == len(cloud)
+    place = np.floor((cloud - held.low_m) / 0.11).astype(int)
+    here = np.nonzero((place == held.place[200]).all(axis=1))[0]
+    local = cloud[here] - held.middle_m[200]
+    np.testing.assert_allclose(
+        held.sums[200], sums_by(np.zeros(len(here), int), local, 1)[0], atol=1e4 * EPS
+    )
+    np.testing.assert_array_equal(within_cubes(cloud, held, held.key[200:201]), here)
+    np.testing.assert_array_equal(cube_key(held.place), held.key)
+    start, stop = held.between(CENTRE[0] - 0.2, CENTRE[0] + 0.2)
+    inside = np.abs(held.middle_m[:, 0] - CENTRE[0]) < 0.2
+    assert set(np.nonzero(inside)[0]) <= set(range(start, stop)) < set(range(len(held.key)))
+
+
+def test_a_full_table_grows(twin):
+    points = np.random.default_rng(1).uniform(0, 100, (40_000, 3))  # nearly a cube each
+    held = cube_moments(points, np.full(3, -1.0), 0.2)
+    assert len(held.key) > 39_000
+    assert held.sums[:, 0].sum() == len(points)
+
+
+def test_lowest_is_the_least(cloud):
+    np.testing.assert_array_equal(lowest(cloud), cloud.min(axis=0))
+    np.testing.assert_array_equal(lowest(cloud[:5]), cloud[:5].min(axis=0))

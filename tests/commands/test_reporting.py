@@ -1,0 +1,161 @@
+"""The options of `measure` and `five-point` that choose reports, language and plots."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support.reported import ANGLES, measured
+from wheelplane.cli import main
+from wheelplane.commands.options import dressed, plot_to, show_plot
+from wheelplane.config import Config, ReportConfig, load_config
+from wheelplane.errors import ConfigError
+from wheelplane.report.format.language import load_words
+from wheelplane.report.format.view import PAPER
+from wheelplane.report.html.page import Dress
+from wheelplane.report.write import Wanted, write_reports
+
+FIGURE_4 = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
+ALWAYS = {"measurement.json", "report.txt", "budget.svg"}
+PICTURES = {f"target-{name}.png" for name in ANGLES}
+
+
+@pytest.fixture
+def wheelplane(capsys, monkeypatch):
+    """Call the command in this process: exit code, standard output, standard error."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["wheelplane", *map(str, arguments)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        return (left.value.code, *capsys.readouterr())
+
+    return call
+
+
+@pytest.mark.parametrize(
+    ("wanted", "more"),
+    [
+        (Wanted(), {"report.html"} | PICTURES),
+        (Wanted(pictures=False), {"report.html"}),
+        (Wanted(html=False), PICTURES),
+        (Wanted(pictures=False, pdf=True), {"report.html", "report.pdf"}),
+    ],
+)
+def test_what_is_wanted_is_written(wanted, more, tmp_path):
+    written = write_reports(measured(1), tmp_path / "new" / "folder", wanted=wanted)
+    assert {path.name for path in written} == ALWAYS | more
+    assert all(path.stat().st_size > 1000 for path in written)
+
+
+def test_the_report_is_of_the_file_beside_it(tmp_path):
+    """Its number is the beginning of the digest of measurement.json, as any tool tells it."""
+    import hashlib
+
+    write_reports(measured(1), tmp_path, wanted=Wanted(pictures=False))
+    digest = hashlib.sha256((tmp_path / "measurement.json").read_bytes()).hexdigest()
+    assert digest in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_the_language_of_the_config_and_of_the_option():
+    config = ReportConfig(language="pt")
+    assert dressed(config, None, PAPER).words.language == "pt"
+    assert dressed(config, "en", PAPER).words.language == "en"
+    assert dressed(ReportConfig(), None, PAPER).words.language == "en"
+
+
+def test_who_issues_the_report_changes_no_result(tmp_path):
+    """The section is no part of the settings in effect."""
+    assert "report" not in measured(1).provenance.config
+    file = tmp_path / "lab.toml"
+    file.write_text(
+        '[report]\nlaboratory = "Lab 7"\nsignatures = ["Measured by"]\nlogo = "x.png"\n'
+    )
+    config = load_config(file)
+    assert config.report.signatures == ("Measured by",)
+    assert config.report.logo == str(tmp_path / "x.png")  # beside the config
+    assert config.model_copy(update={"report": ReportConfig()}) == Config()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('laboratry = "x"', "did you mean 'laboratory'"),
+        ("signatures = 3", "report.signatures"),
+        ('language = "xx"', "known are en, pt"),
+        ('logo = "no.png"', "no.png: cannot be read"),
+    ],
+)
+def test_a_mistake_in_the_section_ends_in_one_line(text, says, wheelplane, tmp_path):
+    (tmp_path / "lab.toml").write_text(f"[report]\n{text}\n")
+    code, out, err = wheelplane("five-point", FIGURE_4, "--config", tmp_path / "lab.toml")
+    assert (code, out) == (2, "")
+    assert err.count("\n") == 1
+    assert says in err
+
+
+def test_five_point_writes_page_pdf_and_plots(wheelplane, tmp_path):
+    page, pdf, plots = (tmp_path / name for name in ("r.html", "r.pdf", "plots"))
+    code, out, _ = wheelplane(
+        "five-point", FIGURE_4, "--html", page, "--pdf", pdf, "--plot", plots, "--language", "pt"
+    )
+    assert code == 0
+    assert [line for line in out.split("\n") if line.startswith("wrote ")] == [
+        f"wrote {path}" for path in (page, pdf, plots)
+    ]
+    assert '<html lang="pt">' in page.read_text(encoding="utf-8")
+    assert pdf.read_bytes().startswith(b"%PDF-")
+    names = {path.name for path in plots.iterdir()}
+    assert {"angles.svg", "angles.png", "angles.txt", "top.svg"} <= names
+    assert not [name for name in names if name.startswith(("residuals", "histogram"))]
+
+
+def test_a_plot_in_the_terminal_leaves_json_alone(wheelplane):
+    code, out, _ = wheelplane("five-point", FIGURE_4, "--plot", "-")
+    assert code == 0
+    assert out.count("●") == 2 * 8 + 1
+    code, out, _ = wheelplane("five-point", FIGURE_4, "--plot", "-", "--json")
+    assert code == 0
+    assert len(json.loads(out)["wheels"]) == 8
+
+
+def test_plots_go_where_they_are_told(tmp_path, capsys):
+    dress = Dress(load_words("en"), PAPER)
+    assert plot_to(None, measured(1), None, dress) == []
+    assert plot_to("-", measured(1), None, dress) == []
+    assert plot_to(str(tmp_path / "p"), measured(1), None, dress) == [tmp_path / "p"]
+    assert len(list((tmp_path / "p").iterdir())) == 1 + 2 * (4 + 2 * len(ANGLES))
+    show_plot(None, measured(1), None, dress)
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize("option", ["--html", "--pdf", "--plot"])
+def test_the_estimator_of_2013_keeps_its_printed_tables(option, wheelplane, tmp_path):
+    code, out, err = wheelplane(
+        "five-point", FIGURE_4, "--method", "tcgc-2013", option, tmp_path / "x"
+    )
+    assert (code, out) == (2, "")
+    assert "tcgc-2013" in err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_pdf_needs_a_folder(wheelplane, tmp_path):
+    code, out, err = wheelplane("measure", tmp_path, "--pdf")
+    assert (code, out) == (2, "")
+    assert "-o DIR" in err
+
+
+def test_an_unknown_language_is_refused(wheelplane):
+    code, _, err = wheelplane("five-point", FIGURE_4, "--language", "xx")
+    assert code == 2
+    assert "en" in err
+    assert "pt" in err
+
+
+def test_a_logo_that_is_no_picture_is_refused(tmp_path):
+    (tmp_path / "logo.txt").write_text("hello")
+    with pytest.raises(ConfigError, match="no PNG"):
+        dressed(ReportConfig(logo=str(tmp_path / "logo.txt")), None, PAPER)

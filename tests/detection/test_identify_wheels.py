@@ -1,0 +1,316 @@
+"""Which face is which wheel: the same in any coordinates and order, or refused with a list."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.support.scenes import rotation
+from wheelplane.capture.front import Front
+from wheelplane.detection.identify_wheels import find_axles, wheels_by_markers
+from wheelplane.detection.up_direction import stand_on_a_floor
+from wheelplane.detection.vehicles import Face
+from wheelplane.errors import InputError
+
+WHEELS = ("RR", "RL", "FR", "FL")
+RADIUS_M = 0.125
+UP = np.array([0.0, 0.0, 1.0])
+FORWARD = np.array([1.0, 0.0, 0.0])
+
+
+def turned(vector, degrees):
+    """About z."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ vector
+
+
+def car(rear=1.5, front=1.5, base=2.7, steered=0.0, camber=0.0, shift=0.0):
+    """RR, RL, FR, FL of a car, x forward, y left, z up; front wheels steered to the left, degrees.
+
+    shift: of the front axle to the left.
+    """
+    faces = []
+    for wheel in WHEELS:
+        side = 1.0 if wheel[1] == "L" else -1.0
+        place = np.array([0.0, side * rear / 2.0, 0.3])
+        if wheel[0] == "F":
+            place = np.array([base, side * front / 2.0 + shift, 0.3])
+        lean = np.radians(camber)
+        normal = np.array([0.0, side * np.cos(lean), -np.sin(lean)])
+        faces.append(Face(place, turned(normal, steered if wheel[0] == "F" else 0.0), 0.9))
+    return faces
+
+
+def moved(faces, R, shift):
+    return [Face(R @ face.centre_m + shift, R @ face.normal, face.match) for face in faces]
+
+
+def named(faces, up, front):
+    axles = find_axles(faces, RADIUS_M)
+    rear_m, front_m = axles.centres_m(faces).mean(axis=1)
+    return axles.named(faces, up, front.is_ahead(rear_m, front_m)), axles.left_out
+
+
+def towards(direction):
+    return Front("--front", tuple(direction))
+
+
+def refusal(faces):
+    with pytest.raises(InputError) as caught:
+        find_axles(faces, RADIUS_M)
+    return str(caught.value)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    tracks=st.tuples(st.floats(0.9, 2.5), st.floats(0.75, 1.33)),
+    base=st.floats(1.6, 6.9),
+    steered=st.floats(-40.0, 40.0),
+    camber=st.floats(-6.0, 6.0),
+    off=st.floats(-55.0, 55.0),
+)
+def test_names_are_the_same_under_any_motion_in_any_order(seed, tracks, base, steered, camber, off):
+    rear = tracks[0]
+    front = float(np.clip(rear * tracks[1], 0.85, 2.55))
+    rng = np.random.default_rng(seed)
+    R, shift = rotation(rng), rng.uniform(-1e5, 1e5, 3)
+    order = rng.permutation(4)
+    faces = moved(car(rear, front, base, steered, camber), R, shift)
+    shuffled = [faces[i] for i in order]
+    way = towards(R @ turned(FORWARD, off) * 10.0 ** rng.uniform(-200, 200))
+    by_name, left_out = named(shuffled, R @ UP, way)
+    assert {wheel: order[i] for wheel, i in by_name.items()} == dict(
+        zip(WHEELS, range(4), strict=True)
+    )
+    assert left_out == ()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_point_near_the_front_tells_the_same_as_a_direction(seed):
+    rng = np.random.default_rng(seed)
+    R, shift = rotation(rng), rng.uniform(-50, 50, 3)
+    faces = moved(car(), R, shift)
+    for x, expected in ((3.5, WHEELS), (2.2, WHEELS), (-0.8, ("FL", "FR", "RL", "RR"))):
+        point = R @ [x, 0.4, 0.9] + shift
+        by_name, _ = named(faces, R @ UP, Front("--front-point", None, tuple(point)))
+        assert [by_name[wheel] for wheel in expected] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_what_is_up_tells_the_mirror_image(axis):
+    """A mirrored car is a car: what is up in it, and what is front, says where its left is."""
+    mirror = np.eye(3)
+    mirror[axis, axis] = -1.0
+    faces = moved(car(steered=20.0), mirror, np.zeros(3))
+    by_name, _ = named(faces, mirror @ UP, towards(mirror @ FORWARD))
+    assert [by_name[wheel] for wheel in ("RL", "RR", "FL", "FR")] == [0, 1, 2, 3]
+    upside_down, _ = named(faces, -(mirror @ UP), towards(mirror @ FORWARD))
+    assert [upside_down[wheel] for wheel in WHEELS] == [0, 1, 2, 3]
+
+
+def test_only_the_front_that_is_told_decides_not_the_steering():
+    by_name, _ = named(car(steered=35.0), UP, towards(-FORWARD))
+    assert [by_name[wheel] for wheel in ("FL", "FR", "RL", "RR")] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("missing", range(4))
+def test_three_faces_are_listed_and_none_is_guessed(missing):
+    faces = [face for i, face in enumerate(car()) if i != missing]
+    text = refusal(faces)
+    assert text.startswith("3 faces of the target found, four are needed: face 1 at (")
+    for face in faces:
+        x, y, z = face.centre_m
+        assert f"({x:.3f}, {y:.3f}, {z:.3f}) m (match 0.90, " in text
+    assert "1.50 m from the next" in text
+    assert "check --target" in text
+    assert refusal([]).startswith("no face of the target found, four are needed: none")
+    assert refusal(faces[:1]).startswith("1 face of the target found")
+
+
+def test_a_target_that_is_shown_twice_is_not_measured():
+    ghost = car()[2]
+    faces = [*car(), Face(ghost.centre_m + 0.02 * UP, ghost.normal, 0.75)]
+    assert refusal(faces).startswith("faces 3 and 5 of the target lie 20 mm apart, so one target")
+
+
+@pytest.mark.parametrize("place", range(5))
+def test_a_face_that_overlaps_with_a_much_better_one_is_none(place):
+    """Two targets cannot overlap: what looks a little like one there, nearer out or in, is none."""
+    ghost = car()[2]
+    false = Face(ghost.centre_m + np.array([0.2, -0.1, 0.0]), ghost.normal, 0.7)
+    faces = car()
+    faces.insert(place, false)
+    by_name, left_out = named(faces, UP, towards(FORWARD))
+    assert left_out == (place,)
+    assert [faces[by_name[wheel]].match for wheel in WHEELS] == [0.9] * 4
+    far = Face(ghost.centre_m + np.array([0.3, -0.1, 0.0]), ghost.normal, 0.7)
+    assert "of which 2 sets" in refusal([*car(), far])
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        moved(car(), np.eye(3), np.array([0.0, 2.6, 0.0])),
+        moved(car(), np.eye(3), np.array([0.0, 4.0, 0.0])),
+        moved(car(), np.eye(3), np.array([7.0, 0.3, 0.0])),
+        moved(car(), np.diag([-1.0, -1.0, 1.0]), np.array([9.0, 6.0, 0.0])),
+    ],
+)
+def test_two_vehicles_are_refused(other):
+    text = refusal([*car(), *other])
+    assert text.startswith("8 faces of the target found, of which ")
+    assert "could be a vehicle's wheels" in text
+    assert "crop the cloud" in text
+    assert text.count("face ") == 8
+
+
+def test_three_axles_are_not_guessed_apart():
+    lorry = [*car(base=3.2), *(car(base=4.3)[2:])]
+    assert "of which 2 sets of four" in refusal(lorry)  # the hind axles stand too near to be two
+    told = refusal([*car(base=3.0), *(car(base=5.0)[2:])])
+    assert "of which 3 sets of four" in told
+    assert "axle by axle (faces 1, 2 and 3, 4; faces 1, 2 and 5, 6; faces 3, 4 and 5, 6)" in told
+
+
+def test_of_two_sets_the_one_that_stands_on_the_floor_is_the_vehicle():
+    up = np.array([0.1, 0.0, 0.7])
+    doors = [replace(face, centre_m=face.centre_m + up) for face in car()[:2]]
+    faces = [*car(), *doors]
+    assert "2 sets of four" in refusal(faces)
+    rng = np.random.default_rng(0)
+    floor = np.column_stack([rng.uniform(-3.0, 6.0, (200_000, 2)), np.zeros(200_000)])
+    axles = find_axles(faces, RADIUS_M, partial(stand_on_a_floor, floor))
+    assert {i for axle in axles.ends for i in axle} == {0, 1, 2, 3}
+    assert set(axles.left_out) == {4, 5}
+    above = floor + np.array([0.0, 0.0, 5.0])  # none stands on that, so nothing is told
+    with pytest.raises(InputError, match="2 sets of four"):
+        find_axles(faces, RADIUS_M, partial(stand_on_a_floor, above))
+
+
+@pytest.mark.parametrize(
+    "stray",
+    [
+        Face(np.array([1.3, 4.0, 0.3]), np.array([0.0, -1.0, 0.0]), 0.7),
+        Face(np.array([1.3, -0.8, 1.0]), np.array([0.0, -1.0, 0.0]), 0.7),
+        Face(np.array([-3.0, 0.7, 1.5]), np.array([1.0, 0.0, 0.0]), 0.7),
+    ],
+)
+@pytest.mark.parametrize("place", range(5))
+def test_a_face_that_makes_no_other_vehicle_is_left_out(stray, place):
+    faces = [*car(steered=10.0)]
+    faces.insert(place, stray)
+    by_name, left_out = named(faces, UP, towards(FORWARD))
+    assert left_out == (place,)
+    assert sorted(by_name.values()) == [i for i in range(5) if i != place]
+    assert [faces[by_name[wheel]].centre_m[0] for wheel in WHEELS] == [0.0, 0.0, 2.7, 2.7]
+
+
+def test_a_fifth_face_that_nearly_makes_another_vehicle_is_not_left_out():
+    """A rival need not keep the limits: 2.65 m is wider than any track, but not by much."""
+    fifth = Face(np.array([0.0, 1.9, 0.3]), np.array([0.0, 1.0, 0.0]), 0.7)
+    assert "of which" in refusal([*car(), fifth])
+    far = Face(np.array([0.0, 3.05, 0.3]), np.array([0.0, 1.0, 0.0]), 0.7)
+    assert find_axles([*car(), far], RADIUS_M).left_out == (4,)
+    weak = Face(fifth.centre_m, fifth.normal, 0.6)  # less than 0.7 of the others' 0.9
+    assert find_axles([*car(), weak], RADIUS_M).left_out == (4,)
+
+
+@pytest.mark.parametrize(
+    "faces",
+    [
+        car(rear=0.7, front=0.7),
+        car(rear=2.7, front=2.7),
+        car(base=1.4),
+        car(base=7.2),
+        car(rear=2.4, front=1.5),
+        car(shift=0.8),
+        [Face(f.centre_m, -f.normal, f.match) for f in car()],  # seen from between two vehicles
+        [Face(f.centre_m, turned(f.normal, 25.0), f.match) for f in car()],  # no axle is straight
+        moved(car()[:2], np.eye(3), np.zeros(3))
+        + moved(car()[2:], np.eye(3), np.array([0.0, 0.0, 0.0]))[:1]
+        + [Face(np.array([2.7, 0.75, 0.3]), np.array([1.0, 0.0, 0.0]), 0.9)],
+    ],
+)
+def test_four_faces_that_stand_as_no_vehicle_does_are_refused(faces):
+    text = refusal(faces)
+    assert text.startswith("4 faces of the target found, but no four stand as a vehicle's wheels")
+    assert text.count("face ") == 4
+
+
+def test_many_faces_are_listed_in_part():
+    rng = np.random.default_rng(0)
+    faces = [Face(rng.uniform(-20, 20, 3), rotation(rng)[0], 0.5) for _ in range(40)]
+    text = refusal(faces)
+    assert "32 more" in text
+    assert len(text) < 1200
+
+
+@pytest.mark.parametrize(
+    ("front", "says"),
+    [
+        (towards([0.0, 1.0, 0.0]), "it runs 90° off the line"),
+        (towards([0.0, 0.0, -1.0]), "it runs 90° off"),
+        (towards(turned(FORWARD, 65.0)), "it runs 65° off"),
+        (Front("--front-point", None, (1.35, 0.0, 0.5)), "it lies midway between the axles"),
+        (Front("--front-point", None, (1.6, 5.0, 0.5)), "midway"),
+        (Front("--front-point", None, (2700.0, 0.0, 0.0)), "2697.3 m from the nearer axle"),
+    ],
+)
+def test_a_front_that_tells_nothing_is_refused_with_what_would(front, says):
+    faces = car()
+    axles = find_axles(faces, RADIUS_M)
+    with pytest.raises(InputError) as caught:
+        front.is_ahead(*axles.centres_m(faces).mean(axis=1))
+    text = str(caught.value)
+    assert text.startswith(front.said)
+    assert says in text
+    if front.direction:
+        assert re.search(r"which is (-?)1\.000,0\.000,0\.000 or (-?)1\.000,0\.000,0\.000", text)
+
+
+def ways(faces):
+    axles = find_axles(faces, RADIUS_M)
+    return [axles.named(faces, UP, ahead) for ahead in (True, False)]
+
+
+@pytest.mark.parametrize(
+    "told", [{0: "RR"}, {3: "FL"}, {0: "RR", 2: "FR"}, dict(enumerate(WHEELS))]
+)
+def test_markers_tell_the_front(told):
+    faces = car()
+    by_name = wheels_by_markers(ways(faces), told, faces)
+    assert [by_name[wheel] for wheel in WHEELS] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("told", "says"),
+    [
+        ({}, "no board's markers tell its wheel, so the front is not told"),
+        (
+            {0: "RR", 1: "FR"},
+            "the markers tell of face 1 RR, face 2 FR, which contradicts where the faces stand",
+        ),
+        ({0: "RL", 1: "RR"}, "which contradicts"),
+        ({0: "FR"}, "which contradicts"),  # on the right, but the way round has FL there
+    ],
+)
+def test_markers_that_tell_nothing_or_contradict_are_refused(told, says):
+    faces = car()
+    with pytest.raises(InputError, match=re.escape(says)):
+        wheels_by_markers(ways(faces), told, faces)
+
+
+def test_markers_check_the_front_that_is_told():
+    faces = car()
+    told_way = ways(faces)[:1]
+    told = {index: wheel for wheel, index in ways(faces)[1].items()}
+    with pytest.raises(InputError, match="check which board is on which wheel, and --front"):
+        wheels_by_markers(told_way, told, faces)
+    assert wheels_by_markers(told_way, {}, faces) == told_way[0]

@@ -1,0 +1,211 @@
+"""`wheelplane inspect`: what it says of a file is true, and what is odd is told."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+import pytest
+
+from tests.support.scenes import WHEEL, make, rotation
+from wheelplane.cli import main
+from wheelplane.diagnostics.findings import oddities, spacing_m
+from wheelplane.diagnostics.survey import SAMPLE, survey_file
+from wheelplane.readers import read_scan
+
+ROOT = Path(__file__).resolve().parents[2]
+FORMATS = ROOT / "tests" / "data" / "formats"
+SITE = np.array([289_814.0, 4_320_978.0, 170.0])
+SAMPLES = sorted(p.name for p in FORMATS.iterdir() if p.suffix in (".ply", ".pcd", ".ptx", ".las"))
+
+
+@pytest.fixture
+def inspect(capsys, monkeypatch):
+    """Exit code, standard output and standard error of the command."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["wheelplane", "inspect", *map(str, arguments)])
+        with mock.patch.dict(os.environ), pytest.raises(SystemExit) as left:
+            main()
+        return left.value.code, *capsys.readouterr()
+
+    return call
+
+
+def ply(path, points, kind="double"):
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+    head += "".join(f"property {kind} {axis}\n" for axis in "xyz") + "end_header\n"
+    path.write_bytes(head.encode() + points.astype("<f8" if kind == "double" else "<f4").tobytes())
+    return path
+
+
+def raster(count, spacing, seed=0):
+    """A wavy square of count x count points, in the order of a scan, somewhere in space."""
+    rng = np.random.default_rng(seed)
+    u, v = np.meshgrid(np.arange(count) * spacing, np.arange(count) * spacing, indexing="ij")
+    w = 0.02 * np.sin(u * 40) + rng.normal(0, 1e-4, u.shape)
+    return np.stack([u, v, w], axis=-1).reshape(-1, 3) @ rotation(rng).T + rng.uniform(-3, 3, 3)
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_it_agrees_with_what_is_read(name, inspect):
+    code, out, err = inspect(FORMATS / name, "--json")
+    tree, scan = json.loads(out), read_scan(FORMATS / name)
+    assert (code, err) == (0, "")
+    assert tree["points"] == len(scan.points_m)
+    assert tree["missing_returns"] == scan.missing_returns
+    assert tree["low_m"] == scan.points_m.min(axis=0).tolist()
+    assert tree["high_m"] == scan.points_m.max(axis=0).tolist()
+    assert (tree["intensity"] is None) == (scan.intensity is None)
+    if scan.intensity is not None:
+        assert tree["intensity"] == [scan.intensity.min(), scan.intensity.max()]
+    assert [s["points"] for s in tree["scans"]] == [p.stop - p.start for p in scan.parts]
+    if scan.grid is not None:
+        assert tree["raster"] == (scan.grid.max(axis=0) + 1).tolist()
+
+
+def test_the_screen_of_the_posed_sample(inspect):
+    code, out, err = inspect(FORMATS / "multiple-and-transform.ptx")
+    assert (code, err) == (0, "")
+    for piece in (
+        "PTX, 557 bytes, coordinates taken as m",
+        "8 (0 missing returns besides)",
+        "636699.3800 to 637012.2400 m (312.9 m)",
+        "0.004395 to 0.034912",
+        "2 rows x 4 columns",
+        "1: 4 points, scanner at 600000.0000 800000.0000 400.0000 m",
+        "odd: the pose of scan 1 is no rotation: it stretches its axes by 1, 1, 2",
+    ):
+        assert piece in out
+    assert len(out.splitlines()) < 25
+    assert max(len(line.replace(str(FORMATS), "")) for line in out.splitlines()) <= 100
+
+
+@pytest.mark.parametrize("count", [60, 500, 900])
+@pytest.mark.parametrize("spacing", [0.0012, 0.03])
+def test_spacing_of_a_raster_is_found_from_a_sample(tmp_path, count, spacing):
+    survey = survey_file(ply(tmp_path / "a.ply", raster(count, spacing)), "m")
+    assert (survey.stride > 1) == (count**2 >= 2 * SAMPLE)
+    # The waves, of slope 0.8, stretch the surface by up to 1.3; thinning to every other point of a
+    # raster leaves more than a Poisson process would.
+    assert 0.9 < spacing_m(survey) / spacing < 1.6
+
+
+def test_a_sample_is_all_that_is_kept(tmp_path):
+    survey = survey_file(ply(tmp_path / "a.ply", raster(900, 0.001)), "m")
+    assert survey.points == 810_000
+    assert SAMPLE / 2 < len(survey.sample_m) < 2 * SAMPLE
+    assert len(survey.keys) < 2 * SAMPLE
+
+
+def told(folder, points, name="a.ply", unit="m", **options):
+    return " | ".join(oddities(survey_file(ply(folder / name, points, **options), unit)))
+
+
+def test_nothing_is_odd_about_an_ordinary_scan(tmp_path):
+    assert told(tmp_path, make(WHEEL).points_m) == ""
+    assert told(tmp_path, make(WHEEL).points_m + SITE) == ""
+    assert told(tmp_path, make(WHEEL).points_m, kind="float") == ""
+
+
+def test_what_is_odd_is_told(tmp_path):
+    points = make(WHEEL).points_m
+    site = points + SITE
+    assert "lie in steps of 500 mm" in told(tmp_path, site, kind="float")
+    assert "lie in steps of 1 mm" in told(tmp_path, np.round(points, 3))
+    assert "say --length-unit mm" in told(tmp_path, points * 1000)
+    assert "say --length-unit m" in told(tmp_path, points, unit="mm")
+    assert "5 points at 0 0 0" in told(tmp_path, np.vstack([points, np.zeros((5, 3))]))
+    assert f"{len(points)} points stand where another stands" in told(
+        tmp_path, np.vstack([points] * 2)
+    )
+    flat = points.copy()
+    flat[:, 2] = 0.25
+    assert "all points lie on one plane" in told(tmp_path, flat)
+    flat[:, 1] = 0.5
+    assert "all points lie on one line" in told(tmp_path, flat)
+    assert "all points stand at one place" in told(tmp_path, flat[:1].repeat(9, axis=0))
+
+
+def test_points_that_are_doubled_are_counted_in_a_large_cloud(tmp_path):
+    points = raster(600, 0.001)
+    text = told(tmp_path, np.vstack([points, points[:180_000]]))
+    count = int(text.split("about ")[1].split()[0])
+    assert abs(count - 180_000) < 6 * 5**0.5 * 180_000**0.5  # a fifth of them is looked at
+    assert "stand" not in told(tmp_path, raster(600, 0.001))
+
+
+def test_a_file_of_missing_returns_is_described(tmp_path, inspect):
+    file = ply(tmp_path / "a.ply", np.full((7, 3), np.nan))
+    code, out, _ = inspect(file)
+    assert code == 0
+    assert "0 (7 missing returns besides)" in out
+    assert "odd: it holds no point" in out
+    assert json.loads(inspect(file, "--json")[1])["low_m"] is None
+
+
+@pytest.mark.parametrize("data", [b"ply\n", b"", b"\0\1\2"])
+def test_what_is_refused_is_refused_in_one_line(tmp_path, inspect, data):
+    (tmp_path / "a.ply").write_bytes(data)
+    code, out, err = inspect(tmp_path / "a.ply")
+    assert (code, out) == (2, "")
+    assert err.startswith(f"wheelplane: {tmp_path / 'a.ply'}: ")
+    assert err.count("\n") == 1
+
+
+@pytest.fixture
+def capture(tmp_path):
+    folder = tmp_path / "capture"
+    folder.mkdir()
+    for index, wheel in enumerate(("rr", "rl", "fr", "fl")):
+        ply(folder / f"{wheel}.ply", raster(30 + index, 0.01, index) * 1000)
+    ply(folder / "trial-1.ply", np.vstack([raster(20, 0.01) * 1000, np.zeros((2, 3))]))
+    (folder / "capture.toml").write_text(
+        'length_unit = "mm"\n[reference]\nRR="rr.ply"\nRL="rl.ply"\nFR="fr.ply"\nFL="fl.ply"\n'
+        '[[trial]]\nname="1"\nfile="trial-1.ply"\n'
+    )
+    return folder
+
+
+def test_a_capture_is_listed_without_its_target(capture, inspect, tmp_path):
+    packed = tmp_path / "capture.zip"
+    with zipfile.ZipFile(packed, "w") as archive:
+        for file in capture.iterdir():
+            archive.write(file, f"in/{file.name}")
+    for source in (capture, packed):
+        code, out, err = inspect(source)
+        assert (code, err) == (0, "")
+        assert out.startswith(f"{source}: a capture of 5 scans, coordinates taken as mm")
+        assert "odd: 1: 2 points at 0 0 0" in out
+        tree = json.loads(inspect(source, "--json")[1])
+        assert [(e["name"], e["role"], e["points"]) for e in tree["entries"]] == [
+            *((w, "reference", (30 + i) ** 2) for i, w in enumerate(("RR", "RL", "FR", "FL"))),
+            ("1", "trial", 402),
+        ]
+        assert all(0.005 < e["spacing_m"] < 0.02 for e in tree["entries"])
+
+
+def test_a_zip_of_one_scan_is_that_scan(tmp_path, inspect):
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.write(FORMATS / "simple_text.ply", "a.ply")
+    code, out, _ = inspect(tmp_path / "a.zip", "--json")
+    assert code == 0
+    assert json.loads(out)["points"] == 3
+    code, _, err = inspect(tmp_path / "none.zip")
+    assert code == 2
+    assert "no such file" in err
+
+
+def test_progress_stays_out_of_a_pipe(tmp_path):
+    ply(tmp_path / "a.ply", raster(100, 0.01))
+    run = subprocess.run(
+        [sys.executable, "-m", "wheelplane", "inspect", str(tmp_path / "a.ply")],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert run.stderr == ""

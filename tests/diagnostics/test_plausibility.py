@@ -1,0 +1,157 @@
+"""Clouds that cannot be what they are said to be, and the many that can."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.scenes import WHEEL, make
+from wheelplane.diagnostics.plausibility import (
+    check_cloud,
+    check_vehicle_cloud,
+    check_wheel_scan,
+    float32_step,
+)
+from wheelplane.diagnostics.selftest import certified_folder
+from wheelplane.errors import InputError
+
+ROOT = Path(__file__).resolve().parents[2]
+DIAMETER = 0.25
+FACTOR = {"m": 1.0, "mm": 1e-3, "in": 0.0254}
+SITE = np.array([289_814.0, 4_320_978.0, 170.0])
+WHEEL_M = make(WHEEL).points_m
+
+
+def declared(points_m, told, true):
+    """What is read from a file in unit `true` when `told` is declared, both lengths in metres."""
+    return points_m / FACTOR[true] * FACTOR[told]
+
+
+@pytest.mark.parametrize("unit", FACTOR)
+@pytest.mark.parametrize("shift", [0.0, SITE])
+def test_a_wheel_is_believed_in_its_unit(unit, shift):
+    check_wheel_scan(WHEEL_M + shift, DIAMETER, unit, "rr")
+    check_cloud(WHEEL_M + shift, unit, "rr")
+
+
+@pytest.mark.parametrize(
+    ("told", "true"), [("m", "mm"), ("mm", "m"), ("in", "m"), ("in", "mm"), ("mm", "in")]
+)
+def test_a_wheel_in_the_wrong_unit_is_refused_with_the_right_one(told, true):
+    wrong = declared(WHEEL_M, told, true)
+    if told == "in" and true == "mm":  # 0.7 m read as 18 m: the target cannot be found, no more
+        check_wheel_scan(wrong, DIAMETER, told, "rr")
+        return
+    with pytest.raises(InputError) as caught:
+        check_wheel_scan(wrong, DIAMETER, told, "rr")
+    text = str(caught.value)
+    assert text.startswith("rr: the scan is ")
+    assert f"wide in {told}" in text
+    assert re.search(rf'say length_unit = "({true}|m)"$', text)
+
+
+def test_wide_scenes_that_hold_a_target_are_believed():
+    rng = np.random.default_rng(1)
+    around = rng.uniform(-800, 800, (20_000, 3))
+    check_wheel_scan(np.vstack([around, WHEEL_M]), DIAMETER, "m", "rr")
+    with pytest.raises(InputError, match="nowhere do 8 points"):
+        check_wheel_scan(around, DIAMETER, "m", "rr")
+
+
+@pytest.mark.parametrize(
+    ("size", "unit", "hint"),
+    [
+        (2_000.0, "m", None),
+        (19_000.0, "m", None),
+        (25_000.0, "m", "say --length-unit mm"),
+        (5e6, "m", "check the unit"),
+        (0.0015, "mm", None),
+        (0.0009, "mm", "if the file is in m, it is 900 mm wide: say --length-unit m"),
+        (0.0, "mm", None),
+    ],
+)
+def test_a_single_cloud_may_be_a_street_or_a_coin(size, unit, hint):
+    points = np.random.default_rng(2).uniform(0, 1, (500, 3)) * [size, size / 2, size / 3]
+    points[[0, -1]] = [[0, 0, 0], [size, 0, 0]]
+    if hint is None:
+        check_cloud(points, unit, "a.ply")
+    else:
+        with pytest.raises(InputError, match=re.escape(hint)):
+            check_cloud(points, unit, "a.ply")
+
+
+def single(points_m, unit):
+    """As a file in `unit` with float32 coordinates is read."""
+    return (points_m / FACTOR[unit]).astype(np.float32).astype(np.float64) * FACTOR[unit]
+
+
+@pytest.mark.parametrize("unit", FACTOR)
+def test_float32_at_a_site_is_named_as_the_cause(unit):
+    points = single(WHEEL_M + SITE, unit)
+    step, place = float32_step(points, unit)
+    gaps = np.diff(np.unique(points[:, 1]))
+    assert step == pytest.approx(gaps[gaps > 1e-6].min(), rel=1e-6)
+    assert place == pytest.approx(SITE[1], rel=1e-4)
+    with pytest.raises(InputError, match=r"float32, which at 43\d\d km .* in steps of [\d.]+ mm"):
+        check_wheel_scan(points, DIAMETER, unit, "rr")
+
+
+def test_doubles_and_near_float32_are_not_blamed():
+    for points in (WHEEL_M, WHEEL_M + SITE, np.round(WHEEL_M, 3) + SITE):
+        assert float32_step(points, "m") == (0.0, 0.0)
+    step, _ = float32_step(single(WHEEL_M, "m"), "m")
+    assert step < 1e-6
+    check_wheel_scan(single(WHEEL_M, "m"), DIAMETER, "m", "rr")
+
+
+def vehicle(size, strays=0):
+    """A cloud that long, half as wide, a quarter as high; strays lie 20 times as far."""
+    rng = np.random.default_rng(3)
+    points = rng.uniform(0, 1, (20_000, 3)) * [size, size / 2, size / 4]
+    points[:strays] *= 20.0
+    return points
+
+
+@pytest.mark.parametrize("unit", FACTOR)
+@pytest.mark.parametrize("size", [1.8, 5.0, 30.0, 95.0])
+@pytest.mark.parametrize("strays", [0, 40])
+def test_a_vehicle_is_believed_in_its_unit(strays, size, unit):
+    check_vehicle_cloud(vehicle(size, strays), DIAMETER, unit, "v")
+    check_vehicle_cloud(vehicle(size, strays) + SITE, DIAMETER, unit, "v")
+
+
+@pytest.mark.parametrize(
+    ("told", "true"),
+    [("m", "mm"), ("mm", "m"), ("in", "m"), ("m", "in"), ("in", "mm"), ("mm", "in")],
+)
+@pytest.mark.parametrize("size", [5.0, 25.0])
+def test_a_vehicle_in_the_wrong_unit_is_refused_with_the_right_one(size, told, true):
+    wrong = declared(vehicle(size), told, true)
+    with pytest.raises(InputError) as caught:
+        check_vehicle_cloud(wrong, DIAMETER, told, "v")
+    text = str(caught.value)
+    assert re.match(r"v: the cloud is [\d.]+ k?m?m wide in (m|mm|in), ", text)
+    mend = f'say --length-unit {true}, or length_unit = "{true}" in a capture.toml'
+    assert text.endswith(mend)
+
+
+def test_a_yard_or_a_toy_is_no_vehicle():
+    for size, says in ((130.0, "100 m at most: crop it, or"), (1.2, "at least 1.5 m")):
+        with pytest.raises(InputError, match=says):
+            check_vehicle_cloud(vehicle(size), DIAMETER, "m", "v")
+
+
+def test_float32_far_away_is_named_as_the_cause_for_a_vehicle_too():
+    with pytest.raises(InputError, match=r"v: its coordinates are float32"):
+        check_vehicle_cloud(single(vehicle(6.0) + SITE, "m"), DIAMETER, "m", "v")
+    check_vehicle_cloud(single(vehicle(6.0), "m"), DIAMETER, "m", "v")
+
+
+@pytest.mark.parametrize("file", sorted(certified_folder().rglob("*.ds")), ids=str)
+def test_certified_data_without_a_unit_are_believed(file):
+    numbers = np.array(file.read_text().split()[1:], float).reshape(-1, 3)
+    for unit in FACTOR:
+        check_cloud(numbers * FACTOR[unit], unit, file.name)

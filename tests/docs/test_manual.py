@@ -1,0 +1,487 @@
+"""The manual is true: its commands run and print what it shows, its links lead somewhere, and it
+names every option, status, note and field that the program has, and no other."""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import shlex
+from collections.abc import Iterator
+from contextlib import closing
+from functools import cache, partial
+from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import click
+import pytest
+
+from tests.support.manual_blocks import (
+    ENDLESS,
+    OTHERS,
+    Command,
+    File,
+    alike,
+    blocks,
+    differs,
+    folder,
+    run,
+)
+from tests.support.manual_reference import NAME, chapter, commands
+from wheelplane.batch.catalogue.schema import create
+from wheelplane.batch.run.measure_one import STAGES
+from wheelplane.config import config_file
+from wheelplane.manual.build import chapter_files, pages
+from wheelplane.manual.markdown import render
+from wheelplane_synth.output.archive import write_capture
+
+ROOT = Path(__file__).resolve().parents[2]
+CHAPTERS = {path.name: path.read_text(encoding="utf-8") for path in chapter_files()}
+TROUBLES = CHAPTERS["16-troubleshooting.md"]
+# Run, and compared with what is shown, by tests/test_readme.py.
+DEMO = "wheelplane demo"
+FOREIGN = ("--nworkers", "--nthreads", "--array", "--cpus-per-task", "--mem")  # of Dask and Slurm
+
+
+@pytest.fixture(scope="module")
+def scratch(tmp_path_factory):
+    """Where a reader works: the demo's capture is there, with fewer points."""
+    path = tmp_path_factory.mktemp("reader")
+    coarse = next(one for one in blocks() if isinstance(one, File) and one.name == "coarse.toml")
+    (path / "coarse.toml").write_text(coarse.text)
+    write_capture(
+        path / "demo-output" / "capture",
+        seed=1,
+        vehicle=config_file("vehicles", "saloon"),
+        scanner=path / "coarse.toml",
+        target=config_file("targets", "disc-250"),
+        trials=0,
+    )
+    return path
+
+
+def test_every_command_runs_and_prints_what_is_shown(scratch, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(scratch / "cache"))
+    monkeypatch.setattr("webbrowser.open", lambda url: True)
+    faults = []
+    with folder(scratch):
+        for one in blocks():
+            if isinstance(one, File):
+                Path(one.name).parent.mkdir(parents=True, exist_ok=True)
+                Path(one.name).write_text(one.text, encoding="utf-8")
+            elif one.line == DEMO:
+                faults += told(one, differs(one.shown or "", demo_of_the_readme()))
+            elif ENDLESS.match(one.line):
+                faults += told(one, unparsed(one.line))
+            elif not one.line.startswith(OTHERS):
+                code, printed = run(one.line)
+                if code != one.code:
+                    faults += told(one, f"exit code {code}, {one.code} is said: {printed[-300:]}")
+                elif one.shown is not None:
+                    faults += told(one, differs(one.shown, printed))
+    assert not faults, "\n".join(faults)
+
+
+def told(one: Command, fault: str) -> list[str]:
+    return [f"{one.where}: {one.line}: {fault}"] if fault else []
+
+
+def demo_of_the_readme() -> str:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    return re.search(r"^```text\n(Making a vehicle .*?)^```$", text, re.MULTILINE | re.DOTALL)[1]
+
+
+def unparsed(line: str) -> str:
+    """What click says against a command line; empty where it takes it."""
+    words = shlex.split(line)
+    path = max((p for p in commands() if line.startswith(p)), key=len)
+    try:
+        commands()[path].make_context(path, words[len(path.split()) :])
+    except click.UsageError as error:
+        return error.format_message()
+    return ""
+
+
+def test_commands_for_other_machines_are_ones():
+    """In the blocks that are not run here: jobs of a cluster."""
+    jobs = re.findall(r"^```(?:bash|yaml)\n(.*?)^```", "\n".join(CHAPTERS.values()), re.M | re.S)
+    lines = re.findall(r"^\s*(wheelplane .+)$", "\n".join(jobs), re.MULTILINE)
+    assert len(lines) == len(jobs) == 3
+    for line in lines:
+        assert not unparsed(re.sub(r"\$\(\(.*?\)\)", "1", line)), line
+
+
+def test_what_is_shown_is_compared_word_for_word_and_number_for_number():
+    printed = 'a table\n  RR  +00°10\'00.0"  12.0"\n  RL  -00°10\'00.0"  12.0"\nthe end\n'
+    assert not differs(printed, printed)
+    assert not differs("...\nthe end\n", printed)
+    assert not differs("a table\n...\n", printed)
+    assert not differs('a table\n...\n  RL  -00°10\'01.0"  12.1"\n...\n', printed)
+    assert differs("a table\n", printed)
+    assert differs("...\nan end\n", printed)
+    assert differs(printed.replace("-00°10'00.0", "+00°10'00.0"), printed)
+    assert differs(printed.replace("-00°10'00.0", "-00°10'04.0"), printed)
+    assert differs(printed.replace("12.0", "13.0"), printed)
+    assert differs("...\nthe end\na table\n...\n", printed)
+    assert alike("  0.005 mm", "  0.004 mm")
+    assert not alike("1 mm", "2 mm")
+
+
+def test_the_chapter_of_commands_is_what_click_says():
+    mend = "run: .venv/bin/python -m tests.support.manual_reference"
+    assert CHAPTERS[NAME] == chapter(), mend
+
+
+def test_every_option_that_is_named_exists():
+    known = {"--help", "--version", *FOREIGN}
+    for command in commands().values():
+        for option in command.params:
+            known |= {*option.opts, *option.secondary_opts}
+    for name, text in CHAPTERS.items():
+        plain = "\n".join(x for x in text.split("\n") if not x.startswith(OTHERS))
+        for option in re.findall(r"(?<![\w-])--[a-z][a-z0-9-]+", plain):
+            assert option in known, f"{name}: {option}"
+
+
+class Page(HTMLParser):
+    """What a page holds: anchors, links, files that it loads, and what its policy forbids."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.anchors: set[str] = set()
+        self.links: list[str] = []
+        self.loads: list[str] = []
+        self.faults: list[str] = []
+        self.open_script = False
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        known = dict(attrs)
+        if "id" in known:
+            if known["id"] in self.anchors:
+                self.faults.append(f"the id {known['id']} stands twice")
+            self.anchors.add(str(known["id"]))
+        if tag == "a":
+            self.links.append(str(known["href"]))
+        self.loads += [str(known[k]) for k in ("src",) if k in known]
+        if tag == "link":
+            self.loads.append(str(known["href"]))
+        self.faults += [f"<{tag} {k}>" for k in known if k == "style" or k.startswith("on")]
+        self.faults += [tag] * (tag == "style")
+        self.open_script = tag == "script" and "src" not in known
+
+    def handle_data(self, data: str) -> None:
+        if self.open_script and data.strip():
+            self.faults.append("a script inside the page")
+
+    def handle_endtag(self, tag: str) -> None:
+        self.open_script = False
+
+
+@cache
+def parsed() -> dict[str, Page]:
+    return {n: Page(b.decode()) for n, b in pages().items() if n.endswith(".html")}
+
+
+def test_every_link_anchor_and_picture_leads_somewhere():
+    made, faults = pages(), []
+    for name, page in parsed().items():
+        for link in page.links:
+            target, _, anchor = link.partition("#")
+            target = target or name
+            if link.startswith(("http:", "https:")):
+                faults.append(f"{name}: {link} leaves the manual")
+            elif target not in made:
+                faults.append(f"{name}: {link}: no such page")
+            elif anchor and anchor not in parsed()[target].anchors:
+                faults.append(f"{name}: {link}: no such anchor")
+        faults += [f"{name}: {path} is not there" for path in page.loads if path not in made]
+    assert not faults, "\n".join(faults)
+    assert sum(len(page.links) for page in parsed().values()) > 20 * len(parsed())
+
+
+def test_pages_are_the_same_every_time_and_need_nothing_inline_or_from_elsewhere():
+    made = pages()
+    assert made == pages()
+    assert next(iter(made)) == "index.html"
+    for name, page in parsed().items():
+        assert not page.faults, f"{name}: {page.faults}"
+        assert "manual.css" in page.loads
+    for name, content in made.items():
+        if name.endswith((".css", ".js", ".html")):
+            text = content.decode().replace("http://www.w3.org/2000/svg", "")
+            assert not re.search(r"(?:src|href|url|import|fetch)\W{0,3}(?:https?:)?//", text), name
+
+
+def test_all_drawings_are_shown_and_have_a_title():
+    shown = {x for text in CHAPTERS.values() for x in re.findall(r"\]\((drawings/\S+)\)", text)}
+    there = {f"drawings/{p.name}" for p in (ROOT / "pipeline/manual/drawings").glob("*.svg")}
+    assert shown == there
+    assert all("<title>" in (ROOT / "pipeline/manual" / name).read_text() for name in there)
+
+
+def test_markdown_gives_anchors_links_captions_and_no_html_of_the_text():
+    made = render("# A b!\n[x](03-y.md#z) <b>\n\n```toml f.toml\n<a>\n```\n## `c-d`\ntext", str)
+    assert 'id="a-b"' in made.html
+    assert 'href="y.html#z"' in made.html
+    assert "&lt;b&gt;" in made.html
+    assert "<figcaption>f.toml</figcaption>" in made.html
+    assert [s.anchor for s in made.sections] == ["a-b", "c-d"]
+    assert made.sections[1].text == "text"
+    with pytest.raises(AssertionError, match="two headings"):
+        render("# A\n## B\n## B\n", str)
+
+
+CHROMIUM = Path("/usr/bin/chromium")
+POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'"
+
+
+class UnderThePolicy(SimpleHTTPRequestHandler):
+    """Serves the manual as the local page does: nothing inline, nothing from elsewhere."""
+
+    def end_headers(self) -> None:
+        self.send_header("Content-Security-Policy", POLICY)
+        super().end_headers()
+
+    def log_message(self, *args: object) -> None:
+        pass
+
+
+@pytest.mark.skipif(not CHROMIUM.is_file(), reason="no browser")
+def test_a_browser_shows_it_from_a_folder_and_under_the_policy_and_finds_words(tmp_path):
+    sync_api = pytest.importorskip("playwright.sync_api")
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    run(f"wheelplane manual --no-browser -o {tmp_path}")
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(UnderThePolicy, directory=str(tmp_path)))
+    Thread(target=server.serve_forever, daemon=True).start()
+    places = (tmp_path.as_uri(), f"http://127.0.0.1:{server.server_port}")
+    try:
+        with sync_api.sync_playwright() as playwright:
+            browser = playwright.chromium.launch(
+                executable_path=str(CHROMIUM),
+                args=["--no-sandbox", "--disable-gpu", "--disable-background-networking"],
+            )
+            for place in places:
+                check_in_browser(browser.new_page(), place)
+            for scheme in ("light", "dark"):
+                page = browser.new_page(color_scheme=scheme)
+                for name in ("conventions", "troubleshooting"):
+                    page.goto(f"{tmp_path.as_uri()}/{name}.html")
+                    assert axe.run(page).response["violations"] == [], f"{name}, {scheme}"
+            browser.close()
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def check_in_browser(page: Any, place: str) -> None:
+    complaints: list[str] = []
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(f"{place}/conventions.html")
+    # the drawings follow the page's colours, so its style sheet acts on them
+    colour = page.locator("text.f-warm").first.evaluate("e => getComputedStyle(e).fill")
+    assert colour == "rgb(184, 64, 12)"
+    page.fill("#query", "ambiguous target")
+    first = page.locator("#found a").first
+    assert "ambiguous-target" in first.inner_text()
+    first.click()
+    page.wait_for_url("**/troubleshooting.html#ambiguous-target")
+    assert page.locator("#ambiguous-target").is_visible()
+    page.fill("#query", "xyzzy")
+    assert page.locator("#found").inner_text() == "nothing found"
+    assert complaints == []
+
+
+def test_the_command_writes_the_pages_and_opens_the_first(tmp_path, monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or True)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    code, printed = run("wheelplane manual")
+    first = next(tmp_path.rglob("index.html"))
+    assert code == 0
+    assert opened == [first.as_uri()]
+    assert str(first) in printed
+    assert {p.name: p.read_bytes() for p in first.parent.iterdir()} == pages()
+    code, _ = run(f"wheelplane manual --no-browser -o {tmp_path / 'there'}")
+    assert code == 0
+    assert len(opened) == 1
+    assert (tmp_path / "there" / "index.html").is_file()
+    (tmp_path / "file").touch()
+    code, printed = run(f"wheelplane manual --no-browser -o {tmp_path / 'file'}")
+    assert code == 2
+    assert printed.count("\n") == 1
+    assert "-o" in printed
+
+
+def sources() -> Iterator[tuple[Path, ast.Module]]:
+    for path in sorted((ROOT / "pipeline").rglob("*.py")):
+        yield path, ast.parse(path.read_text(encoding="utf-8"))
+
+
+def constants(node: ast.AST) -> list[str]:
+    return [
+        n.value for n in ast.walk(node) if isinstance(n, ast.Constant) and isinstance(n.value, str)
+    ]
+
+
+def statuses_of_the_code() -> set[str]:
+    """First arguments of NotMeasuredError, values of `status`, and types called Status, Verdict."""
+    found = set()
+    for _, tree in sources():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("NotMeasuredError"):
+                found |= {a.value for a in node.args[:1] if isinstance(a, ast.Constant)}
+            elif isinstance(node, ast.keyword) and node.arg == "status":
+                found |= set(constants(node.value) if isinstance(node.value, ast.Constant) else [])
+            elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+                if re.search(r"Status$|^Verdict$|^Decision$|^STATUSES$", node.targets[0].id):
+                    found |= set(constants(node.value))
+            elif isinstance(node, ast.AnnAssign) and ast.unparse(node.target) == "status":
+                found |= set(constants(node.annotation))
+                found |= set(constants(node.value) if isinstance(node.value, ast.Constant) else [])
+    return {text for text in found if re.fullmatch(r"[a-z][a-z -]*[a-z]", text)}
+
+
+def test_every_status_has_its_entry_and_every_entry_is_a_status():
+    known = statuses_of_the_code()
+    assert {"no-target", "no-wheel", "moved", "not-reached", "cannot tell", "smaller"} <= known
+    entries = re.findall(r"^### `([^`]+)`", TROUBLES, re.MULTILINE)
+    assert len(entries) == len(set(entries))
+    assert set(entries) == known
+    for entry, text in zip(entries, re.split(r"^### `.*$", TROUBLES, flags=re.M)[1:], strict=True):
+        assert "**Means:**" in text or entry == "ok", entry
+        wrong = re.split(r"^##", text, flags=re.M)[0]
+        if entry not in {"ok", "agree", "conform", "as-predicted", "not conform", "cannot tell"}:
+            assert "**Do:**" in wrong, entry
+
+
+def test_every_stage_of_a_batch_has_its_row():
+    rows = re.findall(r"^\| `([a-z]+)` \|", TROUBLES.split("| stage |")[1].split("\n\n")[0], re.M)
+    assert rows == [*STAGES, "child"]
+
+
+def test_every_column_of_the_catalogue_is_told(tmp_path):
+    rows = CHAPTERS["14-results.md"].split("| table |")[1].split("\n")
+    told = {re.findall(r"`(\w+)`", row)[0]: re.findall(r"`(\w+)`", row)[1:] for row in rows[2:-1]}
+    with closing(create(tmp_path / "catalogue.sqlite")) as catalogue:
+        for table in ("captures", "wheels", "quantities"):
+            columns = [row[1] for row in catalogue.execute(f"PRAGMA table_info({table})")]
+            assert told[table] == [name for name in columns if name != "id"], table
+
+
+# Where notes are made: module, and functions (all functions of oddities.py).
+NOTES = {
+    "align.py": ("_upside_down", "_far_from_their_wheel"),
+    "observe_cloud.py": ("_left_out",),
+    "measurement.py": ("said",),
+    "stated_causes.py": ("noisy",),
+    "five_point_file.py": ("_note_if_upside_down", "_note_of_sense"),
+    "validate_five.py": ("note_of_aiming",),
+    "validate_old.py": ("by_old_estimator",),
+    "plausible.py": ("float32_fact",),
+    "e57_scans.py": ("_part",),
+    "oddities.py": ("oddities", "_few_points", "_size", "_steps", "_duplicates", "_origin", "_flat",
+                    "_pose"),
+}  # fmt: skip
+SENTENCE = 24  # characters of a note, at least; shorter strings are parts of one
+
+
+def strings(node: ast.AST) -> Iterator[str]:
+    """Every string below a node; of an f-string what is fixed, joined."""
+    if isinstance(node, ast.JoinedStr):
+        yield "".join(constants_of(node))
+    elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+        yield node.value
+    else:
+        for child in ast.iter_child_nodes(node):
+            yield from strings(child)
+
+
+def constants_of(text: ast.JoinedStr) -> list[str]:
+    return [part.value for part in text.values if isinstance(part, ast.Constant)]
+
+
+def notes_of_the_code() -> dict[str, list[str]]:
+    """What each function of NOTES may say."""
+    return {
+        f"{path.name}:{node.name}": [
+            x for x in strings(node) if x != ast.get_docstring(node, False)
+        ]
+        for path, tree in sources()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and node.name in NOTES.get(path.name, ())
+    }
+
+
+def test_every_note_has_its_entry_and_every_entry_is_a_note():
+    made = notes_of_the_code()
+    assert len(made) == sum(map(len, NOTES.values()))
+    entries = re.findall(r'^### "(.+)"$', TROUBLES, re.MULTILINE)
+    everything = " ".join(" ".join(texts) for texts in made.values())
+    for entry in entries:
+        assert entry in everything, f"no note says {entry!r}"
+    for function, texts in made.items():
+        for text in texts:
+            if len(text) >= SENTENCE:
+                assert any(entry in text for entry in entries), f"{function}: {text!r}"
+
+
+def test_notes_are_made_nowhere_else():
+    """A new function of notes is to be entered in NOTES, and in the manual."""
+    for path, tree in sources():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef) and re.match(
+                r"_?note_|_?noisy|_?oddit", node.name
+            ):
+                assert node.name in NOTES.get(path.name, ()), f"{path.name}: {node.name}"
+
+
+def keys(tree: object) -> set[str]:
+    if isinstance(tree, dict):
+        return set(tree).union(*map(keys, tree.values()))
+    return set().union(*map(keys, tree)) if isinstance(tree, list) else set()
+
+
+def explained(key: str, said: set[str]) -> bool:
+    """Whether a field, or what u_ and expanded_ stand before, is in the tables of fields."""
+    bare = re.sub(r"^(u|expanded)_", "", key)
+    return bool({key, bare} & said)
+
+
+def test_every_field_of_a_measurement_is_explained(scratch):
+    text = CHAPTERS["08-json.md"]
+    said = {w for row in re.findall(r"^\|(.*)\|$", text, re.M) for w in re.findall(r"`(\w+)`", row)}
+    capture = scratch / "demo-output" / "capture"
+    code, printed = run(f"wheelplane measure {capture} --tolerance example --json")
+    assert code in (0, 1)
+    tree = json.loads(printed)
+    for free in ("inputs", "config"):  # by the names of files and settings
+        tree["provenance"][free] = None
+    for entry in tree["uncertainty"]:
+        entry["share_of_variance"] = None
+    tree["axes"] = list(tree["axes"].values())
+    missing = sorted(key for key in keys(tree) if not explained(key, said))
+    assert not missing
+    assert len(keys(tree)) > 100
+
+
+def test_every_field_of_a_turned_measurement_is_explained():
+    """Sweeps, run-outs, repeats and Monte Carlo, by the keys that their writers write."""
+    text = CHAPTERS["08-json.md"]
+    said = {w for row in re.findall(r"^\|(.*)\|$", text, re.M) for w in re.findall(r"`(\w+)`", row)}
+    for name in ("report/turned_json.py", "report/uncertainty_json.py", "batch/measured.py"):
+        tree = ast.parse((ROOT / "pipeline" / name).read_text(encoding="utf-8"))
+        written = {
+            key.value
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Dict)
+            for key in node.keys
+            if isinstance(key, ast.Constant) and isinstance(key.value, str)
+        }
+        written -= {"rad", "m", "allow_nan", "ensure_ascii", "separators"}  # no fields
+        missing = sorted(key for key in written if not explained(key, said))
+        assert not missing, name

@@ -1,0 +1,234 @@
+"""Run-out: the axle by rigid-body truth, what of it depends on the told turns, and what moved."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.spatial.transform import Rotation
+
+from tests.support.turning import CENTRE_M, NORMAL_RAD, WHEELS, Scene, facing, rolled
+from wheelplane.kinematics.runout import measure_runouts
+from wheelplane.report.text.runout import runout_text
+from wheelplane.uncertainty.components import clamp_cause, form_cause
+
+TOE, CAMBER = 0.003, -0.012  # of `rolled`
+WOBBLE = np.radians([0.3, 0.4])  # half a degree
+OFF = (0.0018, 0.0011)
+HALF = np.array([0.0, np.pi])
+QUARTERS = np.radians([0.0, 90.0, 180.0, 270.0])
+
+
+def one(scene, wheel="FL", turns=HALF, **more):
+    more = {"wobble": WOBBLE, "eccentric_m": OFF} | more
+    (found,) = measure_runouts(rolled(scene, wheel, turns, **more).measure())
+    return found
+
+
+@pytest.mark.parametrize("wheel", WHEELS)
+@pytest.mark.parametrize("turns", [HALF, QUARTERS, np.radians([10.0, 100.0, 250.0])])
+def test_exact_scans_give_the_axle_that_was_set(wheel, turns):
+    found = one(Scene(1, noise=0.0).references(), wheel, turns)
+    assert (found.status, found.freedom) == ("ok", 5 * len(turns) - 9)
+    assert found.angles.toe.value == pytest.approx(TOE, abs=1e-9)
+    assert found.angles.camber.value == pytest.approx(CAMBER, abs=1e-9)
+    assert found.wobble.value == pytest.approx(np.radians(0.5), abs=1e-8)
+    assert found.eccentricity.value == pytest.approx(np.hypot(*OFF), abs=1e-9)
+    assert np.tan(found.wobble_clock_rad) == pytest.approx(0.75, rel=0.02)
+    assert np.tan(found.eccentricity_clock_rad) == pytest.approx(18 / 11, rel=0.02)
+    np.testing.assert_allclose(found.turns_rad, turns, atol=1e-7)
+    # a plate left as it is would be half a degree off
+    assert np.hypot(found.angles.toe.u, found.angles.camber.u) < 0.02 * found.wobble.value
+
+
+def test_the_axle_is_in_the_scanners_coordinates_and_turns_with_them():
+    turn = Rotation.from_rotvec([0.4, -1.1, 0.7])
+    plain = one(Scene(2, noise=0.0).references())
+    moved = one(Scene(2, noise=0.0, turned=turn).references())
+    np.testing.assert_allclose(moved.axis, turn.apply(plain.axis), atol=1e-9)
+    assert moved.angles.toe.u == pytest.approx(plain.angles.toe.u, rel=1e-6)
+    assert moved.wobble_clock_rad == pytest.approx(plain.wobble_clock_rad, abs=1e-7)
+
+
+def scores(count, turns, told=None, u_turn=0.002, spread=0.0, **more):
+    """Errors of toe, camber, wobble and eccentricity over u; errors of toe; chances."""
+    rows, errors, chances = [], [], []
+    for i in range(count):
+        jitter = spread * np.random.default_rng([i, 9]).normal(size=len(turns))
+        found = one(
+            Scene(100 + i).references(), "FL" if i % 2 else "RR", turns + jitter,
+            told=turns, u_turn=u_turn, **more,
+        )  # fmt: skip
+        true = (TOE, CAMBER, np.radians(0.5), np.hypot(*OFF))
+        known = (found.angles.toe, found.angles.camber, found.wobble, found.eccentricity)
+        rows.append([(k.value - t) / k.u for k, t in zip(known, true, strict=True)])
+        errors.append(found.angles.toe.value - TOE)
+        chances.append(found.probability)
+    return np.array(rows), np.array(errors), np.array(chances)
+
+
+@pytest.mark.parametrize(
+    ("turns", "spread"), [(HALF, 0.0175), (QUARTERS, 0.0175), (QUARTERS, 0.1), (HALF, 0.002)]
+)
+def test_errors_are_as_large_as_stated_and_the_fit_as_good(turns, spread):
+    """With turns that are off by what is stated of them."""
+    rows, _, chances = scores(80, turns, u_turn=spread, spread=spread)
+    low, high = stats.chi2.ppf([0.0005, 0.9995], len(rows)) / len(rows)
+    means = np.mean(rows**2, axis=0)
+    assert np.all((low < means) & (means < high))
+    assert stats.kstest(chances, "uniform").pvalue > 1e-3
+
+
+def test_two_positions_halve_the_variance_and_four_quarter_it():
+    base = np.hypot(NORMAL_RAD / np.sqrt(2), np.sqrt(2) * CENTRE_M / 1.5)
+    two = one(Scene(3, noise=0.0).references(), u_turn=1e-4)
+    four = one(Scene(3, noise=0.0).references(), turns=QUARTERS, u_turn=1e-4)
+    assert two.angles.toe.u == pytest.approx(base, rel=0.02)
+    finer = np.hypot(NORMAL_RAD / 2.0, np.sqrt(2) * CENTRE_M / 1.5)
+    assert four.angles.toe.u == pytest.approx(finer, rel=0.02)
+
+
+def test_a_turn_known_badly_costs_two_positions_more_than_four():
+    """Two: half the wobble times the uncertainty of the half turn; four tell their turns."""
+    loose = np.radians(3.0)
+    two, sure = (one(Scene(4, noise=0.0).references(), u_turn=u).angles for u in (loose, 1e-4))
+    cost = two.toe.u**2 + two.camber.u**2 - sure.toe.u**2 - sure.camber.u**2
+    expected = (np.radians(0.5) * np.sqrt(2) * loose / 2.0) ** 2
+    assert cost == pytest.approx(expected, rel=0.05)
+    four = one(Scene(4, noise=0.0).references(), turns=QUARTERS, u_turn=loose).angles
+    assert four.toe.u < 0.5 * max(two.toe.u, two.camber.u)
+    told = QUARTERS + np.array([0.0, 0.1, -0.08, 0.05])
+    found = one(Scene(4, noise=0.0).references(), turns=QUARTERS, told=told, u_turn=0.1)
+    spread = np.ptp(np.array(found.turns_rad) - QUARTERS)
+    assert spread < 0.05 * np.ptp(told - QUARTERS)  # the turns were found, not believed
+
+
+def test_what_sits_with_the_plate_cancels():
+    plain = one(Scene(5, noise=0.0).references(), u_turn=1e-4)
+    loose = rolled(Scene(5, noise=0.0).references(), "FL", HALF, wobble=WOBBLE, u_turn=1e-4)
+    for i, seen in enumerate(loose.seen[4:], 4):
+        n = seen.fitted.normal
+        extra = (form_cause(1e-3, 0.125, n), clamp_cause(0.01, 0.003, n))
+        target = replace(seen.fitted, causes=(*seen.fitted.causes, *extra))
+        loose.seen[i] = replace(seen, evidence=replace(seen.evidence, target=target))
+    (found,) = measure_runouts(loose.measure())
+    assert found.angles.toe.u == pytest.approx(plain.angles.toe.u, rel=1e-3)
+
+
+@pytest.mark.parametrize("moves", [(0.0, 5e-4, 0.0), (0.0, -5e-4, 0.0)])
+def test_a_vehicle_that_moves_along_the_axle_is_told(moves):
+    still = one(Scene(6).references(), moves=[(0, 0, 0), (0, 0, 0)])
+    assert still.status == "ok"
+    found = one(Scene(6).references(), moves=[(0, 0, 0), moves])
+    assert found.status == "moved"
+    assert "vehicle moved" in found.reason
+
+
+def test_a_vehicle_that_moves_across_the_axle():
+    """By three positions or more it shows; two take it for eccentricity, up to what is possible."""
+    shift = (0.002, 0.0, 0.0)
+    four = one(Scene(7).references(), turns=QUARTERS, moves=[(0, 0, 0)] * 3 + [shift])
+    assert four.status == "moved"
+    across = np.cross([0.0, 0.0, 1.0], facing("FL", TOE, CAMBER))
+    far = one(Scene(7).references(), moves=[(0, 0, 0), 0.06 * across])
+    assert far.status == "moved"
+    assert "from the axle" in far.reason
+
+
+def test_turns_told_backwards_are_told():
+    found = one(Scene(8).references(), turns=QUARTERS, told=-QUARTERS)
+    assert found.status == "moved"
+    assert "change its signs" in found.reason
+    wrong = one(Scene(8).references(), turns=QUARTERS, told=QUARTERS[[0, 2, 1, 3]])
+    assert "change its signs" not in wrong.reason
+
+
+def test_too_little_turn_is_said_never_a_wild_number():
+    for turns in (np.radians([0.0, 5.0]), np.radians([0.0, 360.0])):
+        scene = Scene(9).references()
+        found = one(scene, turns=turns)
+        assert (found.status, found.angles) == ("turn-too-small", None)
+        assert found.reason in runout_text(scene.measure())
+
+
+def all_round(seed, noise, eccentric, wheels=WHEELS):
+    """Every wheel turned, its reference scan the first of its run-out."""
+    scene, turns = Scene(seed, noise=noise), Scene(seed, noise=noise)
+    for wheel, off in zip(WHEELS, eccentric, strict=True):
+        rolled(turns, wheel, HALF, wobble=WOBBLE, eccentric_m=off, u_turn=1e-3)
+    for wheel in WHEELS:
+        first = next(s for s in turns.seen if s.wheel == wheel)
+        seen = replace(first, name=wheel, role="reference", source=f"{wheel}.ply", turn=None)
+        scene.seen.append(seen)
+    scene.seen += [
+        replace(s, source=f"{s.wheel}.ply") if s.name.endswith("turn 0") else s
+        for s in turns.seen
+        if s.wheel in wheels
+    ]
+    return scene
+
+
+ECCENTRIC = ((0.002, 0.001), (-0.001, 0.002), (0.0, -0.002), (0.002, -0.001))
+
+
+def test_plates_off_centre_turn_the_frame_and_axles_set_it_right():
+    result = all_round(10, 0.0, ECCENTRIC).measure()
+    found = measure_runouts(result)
+    assert [runout.frame for runout in found] == ["axle centres"] * 4
+    for runout in found:
+        assert runout.with_reference
+        assert runout.on_axles.toe.value == pytest.approx(TOE, abs=2e-7)
+        assert runout.on_axles.camber.value == pytest.approx(CAMBER, abs=2e-7)
+        # two scans a wheel: normals and centres both halve their variance
+        spread = np.hypot(NORMAL_RAD, np.sqrt(2) * CENTRE_M / 1.5) / np.sqrt(2)
+        assert runout.on_axles.toe.u == pytest.approx(spread, rel=0.02)
+        assert runout.on_axles.camber.u == pytest.approx(spread, rel=0.02)
+    worst = max(abs(runout.angles.toe.value - TOE) for runout in found)
+    assert worst > 1e-3  # 3 mm over the track
+    # the contract's own angles are still those of the plates
+    assert abs(result.wheels[0].angles.toe_rad - TOE) > 0.5 * WOBBLE[0]
+
+
+def test_errors_in_the_frame_of_the_axles_are_as_large_as_stated():
+    rows = []
+    for seed in range(40):
+        for runout in measure_runouts(all_round(200 + seed, 1.0, ECCENTRIC).measure()):
+            if runout.on_axles is not None:
+                known = runout.on_axles
+                rows.append([(known.toe.value - TOE) / known.toe.u,
+                             (known.camber.value - CAMBER) / known.camber.u])  # fmt: skip
+    count = len(rows) / 2  # wheels share the frame
+    low, high = stats.chi2.ppf([0.0005, 0.9995], count) / count
+    means = np.mean(np.square(rows), axis=0)
+    assert np.all((low < means) & (means < high))
+
+
+def test_one_wheel_that_moved_leaves_the_frame_of_the_plates():
+    scene = all_round(11, 1.0, ECCENTRIC)
+    last = scene.seen[-1]
+    n = last.fitted.normal
+    target = replace(last.fitted, centre_m=last.fitted.centre_m + 1e-3 * n)
+    scene.seen[-1] = replace(last, evidence=replace(last.evidence, target=target))
+    found = measure_runouts(scene.measure())
+    assert found[-1].status == "moved"
+    assert [runout.on_axles for runout in found] == [None] * 4
+    assert {runout.frame for runout in found} == {"plate centres"}
+
+
+def test_a_plate_that_shows_its_turn_tells_it():
+    """What a badly told turn costs two positions is gone; turns of another period are told."""
+    loose, scene = np.radians(3.0), {"noise": 0.0, "u_turn": 7.5e-5}
+    told = HALF + np.array([0.0, 0.05])
+    found = one(Scene(4, **scene).references(), u_turn=loose, told=told)
+    sure = one(Scene(4, noise=0.0).references(), u_turn=1e-4)
+    assert (found.status, found.freedom) == ("ok", 5 * 2 - 9 + 1)
+    assert found.angles.toe.value == pytest.approx(TOE, abs=1e-8)
+    assert np.diff(found.turns_rad) == pytest.approx(np.pi, abs=1e-4)
+    assert found.angles.toe.u == pytest.approx(sure.angles.toe.u, rel=0.01)
+    assert found.angles.camber.u == pytest.approx(sure.angles.camber.u, rel=0.01)
+    disc = one(Scene(4, noise=0.0).references(), u_turn=loose, told=told)
+    assert abs(disc.angles.toe.value - TOE) + abs(disc.angles.camber.value - CAMBER) > 1e-4
+    wrong = one(Scene(4, **scene).references(), told=HALF + np.array([0.0, np.radians(30.0)]))
+    assert (wrong.status, "angle_deg is wrong" in wrong.reason) == ("moved", True)
+    slipped = one(Scene(4, **scene).references(), told=HALF + np.array([0.0, 0.1]))
+    assert slipped.status == "moved"

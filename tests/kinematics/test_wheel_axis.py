@@ -1,0 +1,120 @@
+"""The frame through the axles: what a plate's place on its wheel adds to a sweep, and its end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tests.support.turning import (
+    PLACES,
+    WHEELS,
+    Scene,
+    across_axle,
+    facing,
+    leaning,
+    rolled,
+    side,
+    swept,
+)
+from wheelplane.kinematics.steering_axis import measure_kingpins
+from wheelplane.kinematics.toe_out_on_turns import measure_toe_out
+from wheelplane.report.json.measurement import to_tree
+from wheelplane.report.text.steering import steering_text
+
+HALF = np.array([0.0, np.pi])
+SWEEP = np.radians([-22.0, -20.0, -10.0, 0.0, 10.0, 20.0, 22.0])
+CASTER, INCLINATION = np.radians(4.3), np.radians(12.4)
+TOE, CAMBER = 0.003, -0.012
+ECCENTRIC = {
+    "RR": (0.002, 0.001),
+    "RL": (-0.001, 0.002),
+    "FR": (0.0, -0.002),
+    "FL": (0.002, -0.001),
+}
+WOBBLE = {"RR": (0.004, 0.002), "RL": (0.001, -0.005), "FR": (-0.008, 0.003), "FL": (0.006, 0.004)}
+SQUARE = ON_AXLE = dict.fromkeys(WHEELS, (0.0, 0.0))
+
+
+def car(seed, noise, turned=WHEELS, wobble=WOBBLE, eccentric=ECCENTRIC, rolled_on=0.0):
+    """A car whose wheels were turned, then swept from lock to lock, under plates clamped askew.
+
+    rolled_on: by how much the front wheels rolled on between run-out and sweep, radians.
+    """
+    scene = Scene(seed, noise=noise)
+    for wheel in WHEELS:
+        fore, top = across_axle(wheel, TOE, CAMBER)
+        centre = PLACES[wheel] + eccentric[wheel][0] * fore + eccentric[wheel][1] * top
+        normal = leaning(wheel, TOE, CAMBER, wobble[wheel]).apply(facing(wheel, TOE, CAMBER))
+        scene.look(wheel, "reference", wheel, centre, normal)
+    for wheel in turned:
+        rolled(scene, wheel, HALF, toe=TOE, camber=CAMBER, wobble=wobble[wheel],
+               eccentric_m=eccentric[wheel], u_turn=1e-3, with_reference=True)  # fmt: skip
+    for wheel in ("FR", "FL"):
+        way = np.array([[np.cos(rolled_on), np.sin(rolled_on)],
+                        [-np.sin(rolled_on), np.cos(rolled_on)]])  # fmt: skip
+        plate = leaning(wheel, TOE, CAMBER, way @ wobble[wheel])
+        steers = SWEEP + 0.4 * SWEEP**2 * (SWEEP * side(wheel) < 0) * side(wheel)
+        swept(scene, wheel, CASTER, INCLINATION, steers, toe=TOE, camber=CAMBER, plate=plate,
+              positions=[f"p{i}" for i in range(len(SWEEP))])  # fmt: skip
+    return scene.measure()
+
+
+def test_the_kingpin_counts_from_the_axles_where_run_outs_show_them():
+    for found in measure_kingpins(car(1, 0.0)):
+        assert (found.status, found.frame) == ("ok", "axle centres")
+        assert found.caster.value == pytest.approx(CASTER, abs=2e-7)
+        assert found.inclination.value == pytest.approx(INCLINATION, abs=2e-7)
+        assert found.inwards.value == pytest.approx(0.12, abs=2e-7)
+        assert found.ahead.value == pytest.approx(-0.02, abs=2e-7)
+
+
+@pytest.mark.parametrize("turned", [(), ("RL",)])
+def test_plates_that_no_run_out_compensates_are_named(turned):
+    result = car(1, 0.0, turned=turned)
+    found = measure_kingpins(result)
+    frame = "axle and plate centres" if turned else "plate centres"
+    assert [kingpin.frame for kingpin in found] == [frame] * 2
+    assert to_tree(result)["steering"]["kingpins"][0]["frame"] == frame
+    assert "plates as clamped" in steering_text(result)
+    worst = max(abs(kingpin.inclination.value - INCLINATION) for kingpin in found)
+    assert worst > 0.5e-3 / 1.5  # millimetres over the track
+
+
+def test_the_lean_of_the_plates_leaves_toe_out_alone():
+    plain = measure_toe_out(car(2, 0.0, wobble=SQUARE, eccentric=ON_AXLE))
+    for found, true in zip(measure_toe_out(car(2, 0.0)), plain, strict=True):
+        assert (found.status, found.of) == ("ok", "axles")
+        assert found.difference.value == pytest.approx(true.difference.value, abs=2e-7)
+    for found, true in zip(measure_toe_out(car(2, 0.0, turned=())), plain, strict=True):
+        assert found.of == "plates"
+        assert abs(found.difference.value - true.difference.value) > 5e-4  # some of the lean
+
+
+def test_a_wheel_that_rolled_on_is_not_taken_for_its_reference():
+    assert [found.of for found in measure_toe_out(car(3, 1.0))] == ["axles"] * 2
+    on = measure_toe_out(car(3, 1.0, rolled_on=np.radians(40.0)))
+    assert [found.of for found in on] == ["plates"] * 2
+
+
+def test_errors_are_as_large_as_stated():
+    rows = {"inclination": [], "caster": [], "toe-out": []}
+    true = measure_toe_out(car(0, 0.0))[0].difference.value
+    for seed in range(60):
+        result = car(100 + seed, 1.0)
+        (found, _) = measure_kingpins(result)
+        rows["inclination"].append((found.inclination.value - INCLINATION) / found.inclination.u)
+        rows["caster"].append((found.caster.value - CASTER) / found.caster.u)
+        left = measure_toe_out(result)[0]
+        noise = np.sqrt(left.difference.u**2 - left.u_interpolation_rad**2)
+        rows["toe-out"].append((left.difference.value - true) / noise)
+    for errors in rows.values():
+        low, high = stats.chi2.ppf([1e-4, 1 - 1e-4], len(errors))
+        assert low < np.sum(np.square(errors)) < high
+
+
+def test_axles_of_two_scans_tell_the_frame_better_than_plates_of_one():
+    by_plates, by_axles = (car(5, 0.0, turned=turned) for turned in ((), WHEELS))
+    for one, two in zip(measure_kingpins(by_plates), measure_kingpins(by_axles), strict=True):
+        assert two.caster.u < one.caster.u
+        assert two.inclination.u < one.inclination.u

@@ -1,0 +1,109 @@
+"""The map of a face and the histogram of its residuals, against what was made."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.support.printing import setup_of
+from tests.support.reported import PLAIN, evidence_of, margin_m
+from tests.support.scenes import make
+from wheelplane.measurement.residual_map import BINS, CELLS, SIGMAS
+from wheelplane.targets.registry import load_target
+
+SHAPES = ["disc-250", "ring-300", "rectangle-360x240", "square-300", "pattern-aruco"]
+EDGE_M = 0.001  # of an outline's place: the centre to 0.1 mm, the turn to 0.5 mrad at 0.2 m
+
+
+def made(shape, seed=1, **changes):
+    target = load_target(shape)
+    cloud = make(setup_of(target, PLAIN).but(**changes), seed)
+    return cloud, target, evidence_of(cloud, target, seed)
+
+
+def in_map(cloud, evidence, points_m):
+    """Points (N, 3) of the cloud along the map's u, v and the plane's normal, from its centre."""
+    return (points_m - evidence.target.centre_m) @ evidence.plane.basis.T
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_edges_are_those_of_the_plate(shape):
+    """In the plate's true axes: on its rim, on its half widths, on its holes."""
+    cloud, target, evidence = made(shape)
+    basis, centre = evidence.plane.basis, evidence.target.centre_m
+    edges = [cloud.in_target(centre + edge @ basis[:2])[:, :2] for edge in evidence.face.edges_m]
+    outer, *holes = edges
+    if target.turn_period_rad:
+        half = np.array(target.region.half_m)
+        turned = np.abs(outer)
+        swapped = target.turn_period_rad < 2.0  # a square's axes are told but for a right angle
+        fits = [np.abs(turned - h).max() for h in ((half, half[::-1]) if swapped else (half,))]
+        assert min(fits) < EDGE_M
+    else:
+        reach = np.linalg.norm(outer, axis=1)
+        np.testing.assert_allclose(reach, target.region.radius_m, atol=EDGE_M)
+    assert len(holes) == len(target.region.holes_m)
+    true = target.region.holes_m[:, :2]
+    for hole in holes:
+        middle = hole.mean(axis=0)
+        nearest = np.argmin(np.linalg.norm(true - middle, axis=1))
+        assert np.linalg.norm(true[nearest] - middle) < EDGE_M
+        reach = np.linalg.norm(hole - middle, axis=1)
+        np.testing.assert_allclose(reach, target.region.holes_m[nearest, 2], atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_face_is_told_from_what_lies_beside_it(shape):
+    cloud, target, evidence = made(shape)
+    local = cloud.in_target(cloud.points_m)
+    told = evidence.face.on_face(in_map(cloud, evidence, cloud.points_m))
+    inside = target.region.shrunk(0.004).holds(local[:, :2]) & (np.abs(local[:, 2]) < 0.004)
+    outside = ~target.region.shrunk(-0.004).holds(local[:, :2]) | (np.abs(local[:, 2]) > 0.03)
+    assert np.count_nonzero(inside) > 3000
+    assert told[inside].all()
+    assert not told[outside].any()
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_histogram_counts_the_points_clear_of_the_edges(shape):
+    """Of normal noise: mean 0 and deviation sigma within 5 of their own deviations.
+
+    A cell of the map is 1.25 r/120, 1.6 mm at most, so that points that near to the margin may be
+    on either side of it.
+    """
+    cloud, target, evidence = made(shape)
+    face, n = evidence.face, evidence.face.counts.sum()
+    local = cloud.in_target(cloud.points_m)
+    flat = np.abs(local[:, 2]) < 0.006
+    most, least = (
+        np.count_nonzero(target.region.shrunk(margin_m() + off).holds(local[:, :2]) & flat)
+        for off in (-0.003, 0.003)
+    )
+    assert least <= n <= most
+    assert face.span_m == pytest.approx(SIGMAS * evidence.plane.sigma_m)
+    middles = ((np.arange(BINS) + 0.5) / BINS * 2.0 - 1.0) * face.span_m
+    mean = np.average(middles, weights=face.counts)
+    deviation = np.sqrt(np.average((middles - mean) ** 2, weights=face.counts))
+    sigma, bin_m = PLAIN.noise_m, 2.0 * face.span_m / BINS
+    assert abs(mean) < 5.0 * sigma / np.sqrt(n) + 1e-5
+    # noise runs along the beam, at up to 20 degrees to the normal
+    low, high = sigma * np.cos(np.radians(22.0)), np.hypot(sigma, bin_m)
+    assert low * (1 - 5 / np.sqrt(2 * n)) < deviation < high * (1 + 5 / np.sqrt(2 * n))
+
+
+def test_what_stands_out_towards_the_scanner_is_positive_and_in_its_place():
+    """A bump of 1.5 mm: there in the map, and in the bins of the histogram beyond one sigma."""
+    cloud, target, _ = made("disc-250", noise_m=0.0003)
+    local = cloud.in_target(cloud.points_m)
+    bump = (np.hypot(local[:, 0] - 0.05, local[:, 1]) < 0.02) & cloud.on_face
+    assert np.count_nonzero(bump) > 100
+    cloud.points_m[bump] += 0.0015 * cloud.normal
+    evidence = evidence_of(cloud, target, 1)
+    place = in_map(cloud, evidence, cloud.points_m[bump].mean(axis=0)[None])[0]
+    face = evidence.face
+    column = int((place[0] + face.half_width_m) * CELLS / (2 * face.half_width_m))
+    row = int((-place[1] + face.half_width_m) * CELLS / (2 * face.half_width_m))
+    near = face.residual_m[row - 5 : row + 6, column - 5 : column + 6]
+    assert np.nanmean(near) == pytest.approx(0.0015, abs=0.0003)
+    across = face.residual_m[CELLS - row - 6 : CELLS - row + 5, CELLS - column - 6 : CELLS - column]
+    assert abs(np.nanmean(across)) < 0.0003

@@ -1,0 +1,184 @@
+"""What is particular to text and NPY: delimiters, names, comments; shapes, dtypes, pickles."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wheelplane.errors import InputError
+from wheelplane.readers import read_scan
+
+
+def read(folder, name, data):
+    path = folder / name
+    path.write_bytes(data)
+    return read_scan(path, name=name)
+
+
+def refuse(folder, name, data, pattern):
+    with pytest.raises(InputError, match=pattern) as caught:
+        read(folder, name, data)
+    assert str(caught.value).startswith(f"{name}: ")
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@given(
+    rows=st.lists(st.tuples(*[st.floats(-1e10, 1e10)] * 3), min_size=1),  # no site is larger
+    delimiter=st.sampled_from([",", ", ", ";", " ; ", "\t", " ", "   "]),
+    end=st.sampled_from(["\n", "\r\n", "\r"]),
+)
+def test_any_delimiter_and_line_end_keeps_every_digit(tmp_path_factory, rows, delimiter, end):
+    text = "".join(delimiter.join(map(repr, row)) + end for row in rows)
+    scan = read(tmp_path_factory.mktemp("text"), "rr.txt", text.encode())
+    assert scan.points_m.tobytes() == np.array(rows).tobytes()
+    assert scan.intensity is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# made by hand\n\n1 2 3 9\n// between\n4 5 6 9 # behind\n",
+        "// made by hand\n1;2;3;9\n4;5;6;9 // behind\n\n",
+        "2\n1 2 3 9\n4 5 6 9\n",
+        "Intensity,Z,nx,Y,X\n9,3,0,2,1\n9,6,0,5,4\n",
+        '"x" "y" "z" "reflectance"\n1 2 3 9\n4 5 6 9\n',
+        "\ufeff2\r\n\r\nX\tY\tZ\tINTENSITY\r\n1\t2\t3\t9\r\n4\t5\t6\t9\r\n",
+        "# caf\u00e9\n  1   2 3 9  \n+4. 5e0 60E-1 9.\n",
+    ],
+)
+def test_comments_counts_and_names(tmp_path, text):
+    scan = read(tmp_path, "rr.txt", text.encode())
+    assert scan.points_m.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert scan.intensity.tolist() == [9, 9]
+
+
+@pytest.mark.parametrize("delimiter", [";", "; ", "\t", " ", "   "])
+@pytest.mark.parametrize("ahead", ["", "# v1.2\n", "X{0}Y{0}Z\n", "3\n"])
+def test_a_comma_is_decimal_where_something_else_separates(tmp_path, delimiter, ahead):
+    rows = [(1.0, 2.5, -3.125), (1e7 + 1 / 3, -0.1, 5e-5), (4.0, 5.0, 6.0)]
+    cells = [
+        [f"{value:g}" if value == int(value) else repr(value) for value in row] for row in rows
+    ]
+    text = "".join(delimiter.join(row).replace(".", ",") + "\n" for row in cells)
+    scan = read(tmp_path, "rr.txt", (ahead.format(delimiter) + text).encode())
+    assert scan.points_m.tolist() == [list(row) for row in rows]
+
+
+def test_where_only_commas_stand_they_separate(tmp_path):
+    scan = read(tmp_path, "rr.csv", b"1,5,2,5\n3,5,4,5\n")
+    assert scan.points_m.tolist() == [[1, 5, 2], [3, 5, 4]]
+    assert scan.intensity.tolist() == [5, 5]
+
+
+def test_a_fifth_column_leaves_no_intensity(tmp_path):
+    assert read(tmp_path, "rr.xyz", b"1 2 3 4 5\n").intensity is None
+    assert read(tmp_path, "rr.xyz", b"x y z u v\n1 2 3 4 5\n").intensity is None
+
+
+@pytest.mark.parametrize(
+    ("text", "pattern"),
+    [
+        ("1 2 3\n4 5\n", "line 2 has 2 columns instead of 3: '4 5'"),
+        ("# a\n\n1 2 3\n4 5 6 7\n", "line 4 has 4 columns instead of 3"),
+        ("1,2,3\n4 5 6\n", "line 2 has 1 columns"),
+        ("1 2 3\n4,5,6\n", "line 2 has 1 columns"),
+        ("1,2,3\n4,,6\n", "line 2 holds '', which is not a number: '4,,6'"),
+        ("1 2 3\n4 5 6x\n", "line 2 holds '6x', which is not a number: '4 5 6x'"),
+        ("1 2 3\n4 5 0x10\n", "line 2 holds '0x10'"),
+        ("1 2 3\n4 5 1_0\n", "line 2 holds '1_0'"),
+        ("1 2 3\nx y z\n", "line 2 holds 'x'"),
+        ("1,5;2,5;3.5\n", "line 1 holds '1,5'"),
+        ("1,5;2,5;3,5\n1.5;2;3\n", "line 2 has decimal points, those above it have commas"),
+        ("1.5;2;3\n1,5;2;3\n", "line 2 holds '1,5'"),
+        ("1,000,000;2;3\n", "line 1 holds '1,000,000'"),
+        ("1,5,2,5\n1,5,2\n", "line 2 has 3 columns instead of 4"),
+        ("1 2\n3 4\n", "line 1 has 2 columns, a point needs 3: '1 2'"),
+        ("a b c\n1 2 3\n", "x is missing among the columns a, b, c"),
+        ("x x y z\n1 2 3 4\n", "x is there 2 times"),
+        ("x,y,z\n1,2,3,4\n", "3 columns are named .* line 2 has 4"),
+        ("3\n1 2 3\n4 5 6\n", "declares 3 points, the file holds 2: the copy is incomplete"),
+        ("1\n1 2 3\n4 5 6\n", "declares 1 points, the file holds 2"),
+        ("0\n1 2 3\n", "declares 0 points, the file holds 1"),
+        ("1000000000000\n1 2 3\n", "declares 1000000000000 points, the file holds 1"),
+        ("# nothing\n\n", "0 points"),
+        ("x y z\n", "0 points"),
+        ("5\n", "declares 5 points, the file holds 0"),
+        ("1.25 2.25 3.25\n" * 6 + "4.25 5.25 6.2", "ends in the middle of a number"),
+        ("1 2 1e400\n", "point 1 has an infinite coordinate"),
+    ],
+)
+def test_text_that_is_refused(tmp_path, text, pattern):
+    refuse(tmp_path, "rr.txt", text.encode(), pattern)
+
+
+def test_a_bad_line_far_down_is_named(tmp_path):
+    good = "1.5 2.5 3.5\n" * 100_000
+    refuse(
+        tmp_path, "rr.xyz", (good + "1.5 2.5 oops\n" + good).encode(), "line 100001 holds 'oops'"
+    )
+
+
+@pytest.mark.parametrize("kind", ["f2", "f4", "f8", "g", "i1", "u2", "i4", "u8"])
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("fortran", [False, True])
+@pytest.mark.parametrize("columns", [3, 4])
+def test_npy_of_any_number(tmp_path, kind, order, fortran, columns):
+    table = np.arange(5 * columns).reshape(5, columns)
+    path = tmp_path / "rr.npy"
+    np.save(path, table.astype(order + kind, order="F" if fortran else "C"))
+    scan = read_scan(path)
+    assert scan.points_m.tolist() == table[:, :3].tolist()
+    assert (scan.intensity is None) == (columns == 3)
+    assert scan.points_m.flags.c_contiguous
+
+
+@pytest.mark.parametrize(
+    ("array", "pattern"),
+    [
+        (np.zeros((5, 2)), r"shape '\(5, 2\)'"),
+        (np.zeros(9), "shape"),
+        (np.zeros((3, 3, 3)), "shape"),
+        (np.zeros((0, 3)), "0 points"),
+        (np.zeros((5, 3), complex), "type '<c16'"),
+        (np.zeros((5, 3), bool), "type"),
+        (np.zeros(5, [("x", "f8"), ("y", "f8")]), "type"),
+        (np.zeros((1, 3), object), "type '|O'"),
+    ],
+)
+def test_npy_that_is_refused(tmp_path, array, pattern):
+    path = tmp_path / "rr.npy"
+    np.save(path, array)
+    refuse(tmp_path, "rr.npy", path.read_bytes(), pattern)
+
+
+def test_an_object_array_is_never_unpickled(tmp_path):
+    class Trap:
+        def __reduce__(self):
+            return (pytest.fail, ("unpickled",))
+
+    header = b"{'descr': '|O', 'fortran_order': False, 'shape': (1, 3), }\n"
+    prefix = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little")
+    refuse(tmp_path, "rr.npy", prefix + header + pickle.dumps(Trap()), "type")
+
+
+@pytest.mark.parametrize("rows", [4, 6, 10**12])
+def test_an_npy_header_that_lies_is_refused(tmp_path, rows):
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({rows}, 3), }}\n".encode()
+    for version, width in ((1, 2), (2, 4)):
+        prefix = b"\x93NUMPY" + bytes([version, 0]) + len(header).to_bytes(width, "little")
+        refuse(tmp_path, "rr.npy", prefix + header + bytes(5 * 24), f"declares {rows} points")
+    refuse(tmp_path, "rr.npy", b"\x93NUMPY\x03\x00" + bytes(40), "version 3.0")
+
+
+def test_the_last_line_may_lack_its_end(tmp_path):
+    for text in (
+        "1 2 3\n4 5 6",
+        "x,y,z\n1.5,2.5,3.25\n4.5,5.5,6.125",
+        "1.25 2.25 3.25\n" * 5 + "1 2 3.75",
+    ):
+        path = tmp_path / "rr.csv"
+        path.write_text(text)
+        last = [float(field) for field in text.replace(",", " ").split()[-3:]]
+        assert read_scan(path).points_m[-1].tolist() == last

@@ -1,0 +1,259 @@
+"""Plots: every mark where its number says, as SVG, as PNG and as text."""
+
+from __future__ import annotations
+
+import math
+import re
+import zlib
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.support.reported import ANGLES, TURNS, lost, measured, off_m, renamed, scan
+from wheelplane.measurement.conformity import assess
+from wheelplane.measurement.tolerance import Tolerance
+from wheelplane.report.format.language import load_words
+from wheelplane.report.format.view import PAPER
+from wheelplane.report.plots.angle_chart import angles_text
+from wheelplane.report.plots.angles import angles_drawing, tick_text
+from wheelplane.report.plots.budget import wheel_budget
+from wheelplane.report.plots.drawing import Drawing, Path, Raster, Text, png_of
+from wheelplane.report.plots.drawing_png import ZOOM, drawing_png
+from wheelplane.report.plots.files import file_name, plot_files
+from wheelplane.report.plots.histogram import histogram_drawing
+from wheelplane.report.plots.target_face import OUTLINE, SIDE, coarseness, face_drawing
+from wheelplane.report.plots.top_view import factor, top_drawing
+
+EN = load_words("en")
+LIMITS = Tolerance.model_validate(
+    {axle: {"toe": {"lower_deg": -0.5, "upper_deg": 0.5}} for axle in ("front", "rear")}
+)
+
+
+def wheel(name):
+    return next(w for w in measured(1).wheels if w.observation.name == name)
+
+
+def outlines(drawing):
+    return [np.asarray(m.points) for m in drawing.marks if getattr(m, "stroke", "") == OUTLINE]
+
+
+def decoded(png: bytes) -> np.ndarray:
+    return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
+
+
+# --- the picture of a face ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ANGLES)
+def test_the_outline_is_the_boards_turned_as_it_stands(name):
+    """Up is up: a board turned by t on the wheel shows a corner t from where it is at no turn.
+
+    Seen from outside. The plane's axes come from a coarse look; that they are turned away shows.
+    """
+    result, face = wheel(name), wheel(name).observation.evidence.face
+    square, *holes = outlines(face_drawing(result, measured(1).frame, EN))
+    assert len(holes) == 4
+    scale = SIDE / (2.0 * face.half_width_m)
+    middle = square.mean(axis=0)
+    edges = np.linalg.norm(np.diff(np.vstack([square, square[:1]]), axis=0), axis=1)
+    np.testing.assert_allclose(edges, 0.3 * scale, rtol=1e-6)
+    corner = (square[2] - middle) * [1.0, -1.0]  # y upwards
+    turn = math.atan2(corner[1], corner[0]) - TURNS[name]
+    quarter = math.pi / 2.0
+    off = (turn - math.pi / 4.0) - quarter * round((turn - math.pi / 4.0) / quarter)
+    assert abs(off) < 0.003  # u of the turn is 0.3 mrad; leaving it out fails by 0.1 and more
+
+
+def test_the_raster_lies_under_the_outline():
+    """Where the board has holes, the picture shows what lies behind; on the board it does not."""
+    result = wheel("FR")
+    drawing = face_drawing(result, measured(1).frame, EN)
+    image = decoded(drawing_png(drawing)).astype(int)
+    square, *holes = (edge * ZOOM for edge in outlines(drawing))
+    grey = np.abs(image - 205).max(axis=2) < 4
+    for hole in holes:
+        x, y = hole.mean(axis=0).astype(int)
+        assert grey[y - 8 : y + 9, x - 8 : x + 9].mean() > 0.5
+    middle = square.mean(axis=0).astype(int)
+    x, y = middle + np.array([60, 60])
+    assert grey[y - 20 : y + 21, x - 20 : x + 21].mean() < 0.02
+
+
+def test_what_stands_out_is_red_and_what_lies_deep_is_blue():
+    result = wheel("RR")
+    evidence = result.observation.evidence
+    for sign, colour in ((1.0, 0), (-1.0, 2)):
+        residual = np.full_like(evidence.face.residual_m, sign * 1.0)
+        face = replace(evidence.face, residual_m=residual)
+        seen = replace(result.observation, evidence=replace(evidence, face=face))
+        drawing = face_drawing(replace(result, observation=seen), measured(1).frame, EN)
+        raster = next(m for m in drawing.marks if isinstance(m, Raster))
+        n = len(raster.pixels)
+        assert raster.palette[raster.pixels[n // 2, n // 2]][colour] == 255
+        assert raster.palette[raster.pixels[n // 2, n // 2]].sum() == 255
+
+
+def test_no_face_no_picture():
+    trial = lost().wheels[-1]
+    assert face_drawing(trial, lost().frame, EN) is None
+    assert histogram_drawing(trial, EN) is None
+
+
+def test_pictures_get_coarser_the_more_there_are():
+    sizes = [pictures * (240 // coarseness(pictures)) ** 2 for pictures in (1, 40, 41, 200, 1000)]
+    assert coarseness(40) == 1
+    assert max(sizes) <= 40 * 240**2
+    assert [coarseness(n) for n in (1, 41, 200, 1000)] == sorted({1, 2, 3, 6})
+
+
+# --- scales -------------------------------------------------------------------------------------
+
+
+def test_dots_and_limits_stand_at_their_values():
+    """Toe -0.5 and +0.5 degrees set the scale; every dot by its share of the way between."""
+    judged = assess(measured(1), LIMITS)
+    drawing = angles_drawing(measured(1), judged, EN, "rear-axle")
+    paths = [m for m in drawing.marks if isinstance(m, Path)]
+    limits = sorted({round(p.points[0][0], 3) for p in paths if p.stroke == "#009E73"})
+    assert len(limits) == 2
+    dots = [np.asarray(p.points).mean(axis=0) for p in paths if p.closed and len(p.points) == 32]
+    toes = dots[: len(ANGLES)]
+    for dot, result in zip(toes, measured(1).wheels, strict=True):
+        share = (math.degrees(result.angles.toe_rad) + 0.5) / 1.0
+        assert dot[0] == pytest.approx(limits[0] + share * (limits[1] - limits[0]), abs=0.05)
+    assert len(dots) == 2 * len(ANGLES)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "text"),
+    [
+        (0, "0"),
+        (1, "+1°"),
+        (-1.5, "\N{MINUS SIGN}1°30'"),
+        (1 / 60, "+1'"),
+        (-0.005, "\N{MINUS SIGN}0.3'"),
+    ],
+)
+def test_ticks_are_short(degrees, text):
+    assert tick_text(math.radians(degrees)) == text
+
+
+def test_the_text_plot_shows_value_interval_and_limits():
+    text = angles_text(measured(1), assess(measured(1), LIMITS), EN, PAPER)
+    rows = [line for line in text.split("\n") if "●" in line][: len(ANGLES)]
+    start = min(row.index("[") for row in rows)
+    wide = rows[0].index("]") - start
+    for row, result in zip(rows, measured(1).wheels, strict=True):
+        share = (math.degrees(result.angles.toe_rad) + 0.5) / 1.0
+        assert abs(row.index("●") - start - share * wide) <= 1.0
+        assert row.split()[0] == result.observation.name
+
+
+def test_the_top_view_turns_wheels_by_their_toe():
+    """Times a round factor, to the same sense as seen from above; left toe-in is clockwise."""
+    drawing = top_drawing(measured(1), EN, PAPER)
+    told = next(m.text for m in drawing.marks if isinstance(m, Text) and "times" in m.text)
+    times = int(re.search(r"(\d+) times", told)[1])
+    tyres = [np.asarray(m.points) for m in drawing.marks if getattr(m, "fill", "") == "#dfe5ea"][:4]
+    for corners, name in zip(tyres, ("RR", "RL", "FR", "FL"), strict=True):
+        way = corners[0] + corners[1] - corners[2] - corners[3]  # to the front
+        clockwise = math.atan2(way[0], -way[1])
+        side = 1.0 if name[1] == "L" else -1.0
+        assert clockwise == pytest.approx(side * times * wheel(name).angles.toe_rad, abs=1e-9)
+
+
+def test_the_factor_is_round_and_keeps_angles_small():
+    for degrees in (0.001, 0.03, 0.4, 2.0, 9.0, 40.0):
+        k = factor([math.radians(degrees), 0.0])
+        assert k in (1, 2, 5, 10, 20, 50, 100, 200)
+        assert k == 1 or k * degrees <= 14.0
+        assert k == 200 or 2.5 * k * degrees > 14.0
+
+
+def test_budget_bars_are_as_long_as_their_shares():
+    drawing = wheel_budget(measured(1), "FL", EN, "rear-axle")
+    bars = [np.asarray(m.points) for m in drawing.marks
+            if isinstance(m, Path) and m.fill != "none"]  # fmt: skip
+    rows: dict[float, float] = {}
+    for bar in bars:
+        low, high = bar.min(axis=0), bar.max(axis=0)
+        if high[1] - low[1] == pytest.approx(16.0):
+            rows[low[1]] = rows.get(low[1], 0.0) + high[0] - low[0]
+    assert len(rows) == 2
+    for length in rows.values():
+        assert length == pytest.approx(420.0)
+
+
+# --- files --------------------------------------------------------------------------------------
+
+
+def test_all_plots_as_svg_and_png_the_same_every_time():
+    files = plot_files(measured(1), None, EN, PAPER)
+    stems = {"angles", "top", "frame", "budget"}
+    stems |= {f"{kind}-{name}" for kind in ("residuals", "histogram") for name in ANGLES}
+    assert set(files) == {f"{s}.{end}" for s in stems for end in ("svg", "png")} | {"angles.txt"}
+    for name, content in files.items():
+        if name.endswith("svg"):
+            root = ElementTree.fromstring(content)
+            assert root.find("{http://www.w3.org/2000/svg}title").text
+            assert b"nan" not in content
+        elif name.endswith("png"):
+            image = decoded(content)
+            svg = ElementTree.fromstring(files[name.replace("png", "svg")])
+            assert image.shape[1] == round(ZOOM * float(svg.get("width")))
+            assert 0.002 < np.mean(image.min(axis=2) < 200) < 0.9
+    assert plot_files(measured(1), None, EN, PAPER) == files
+
+
+def test_names_of_files_are_safe_and_keep_apart():
+    taken: list[str] = []
+    for name in ("a/b", "a b", "A/B", "x" * 300, "x" * 301, "../..", ""):
+        taken.append(file_name(f"residuals-{name}", "svg", taken))
+    assert len({name.casefold() for name in taken}) == len(taken)
+    assert all(re.fullmatch(r"[\w-]+\.svg", name) and len(name) < 70 for name in taken)
+
+
+def test_names_are_inert_in_svg():
+    files = plot_files(renamed("x", "y", "<b>&\x07\u202e"), None, EN, PAPER)
+    for name, content in files.items():
+        if name.endswith("svg"):
+            ElementTree.fromstring(content)
+            assert b"<b>" not in content
+            assert "\u202e" not in content.decode()
+
+
+def test_png_of_few_colours_comes_back():
+    rng = np.random.default_rng(0)
+    palette = rng.integers(0, 256, (35, 3)).astype(np.uint8)
+    pixels = rng.integers(0, 35, (31, 47)).astype(np.uint8)
+    made = png_of(pixels, palette)
+    np.testing.assert_array_equal(decoded(made), palette[pixels])
+    assert zlib.crc32(made) == zlib.crc32(png_of(pixels, palette))
+
+
+def test_a_drawing_is_the_same_in_both_forms():
+    """A square and a dashed line land where they are told, twice as large in the PNG.
+
+    Its dashes have round ends, so that they are longer by half the line's width at either.
+    """
+    square = Path([(10, 20), (50, 20), (50, 60), (10, 60)], fill="#ff0000", closed=True)
+    line = Path([(5, 90), (95, 90)], stroke="#0000ff", width=2.0, dash=(10.0, 10.0))
+    image = decoded(drawing_png(Drawing(100, 100, "x", [square, line])))
+    red = np.argwhere((image == [255, 0, 0]).all(axis=2))
+    np.testing.assert_allclose(red.min(axis=0), [40, 20], atol=1)
+    np.testing.assert_allclose(red.max(axis=0), [120, 100], atol=1)
+    row = (image[180] == [0, 0, 255]).all(axis=1)
+    assert 0.5 <= row[10:190].mean() <= 0.7
+    assert np.count_nonzero(np.diff(row.astype(int)) == 1) == 5
+
+
+def test_the_true_board_lies_in_its_scan():
+    """What the other tests lean on: the plate's points are flat in its own axes."""
+    seen = scan("FL", 0)
+    local = off_m(seen.cloud.points_m[seen.cloud.on_face], seen)
+    assert np.abs(local[:, 2]).max() < 0.006
+    assert np.abs(local[:, :2]).max() < 0.151

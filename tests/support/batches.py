@@ -1,0 +1,107 @@
+"""Archives of small captures, runs of `wheelplane batch` on them, and what they leave."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+PAPER = ROOT / "tests" / "data" / "paper" / "figure-4.txt"
+BATCH = [sys.executable, "-m", "wheelplane", "batch"]
+
+
+def five_points(path: Path, seed: int, planes: int = 4) -> Path:
+    """A file of five points a plane: the paper's, moved at random by half a millimetre."""
+    rows = [line.replace(",", " ").split() for line in PAPER.read_text().split("\n") if line]
+    points = np.array(rows, dtype=float)[: 5 * planes]
+    points += np.random.default_rng(seed).normal(0.0, 0.0005, points.shape)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("".join("{:.4f} {:.4f} {:.4f}\n".format(*row) for row in points))
+    return path
+
+
+def archive_of(folder: Path, count: int, first: int = 0) -> Path:
+    """A folder of so many five-point files, ten a sub-folder."""
+    for k in range(first, first + count):
+        five_points(folder / f"{k // 10:02d}" / f"car-{k:04d}.txt", k)
+    settle(folder)
+    return folder
+
+
+def settle(folder: Path) -> None:
+    """Make all files an hour old, so that their times are believed."""
+    then = time.time() - 3600.0
+    for path in folder.rglob("*"):
+        os.utime(path, (then, then))
+
+
+def start(
+    archive: Path | str, results: Path | str, *options: str, **environment: str
+) -> subprocess.Popen[str]:
+    """A run in a process group of its own."""
+    return subprocess.Popen(
+        [*BATCH, str(archive), "-o", str(results), *options],
+        cwd=ROOT,
+        env=os.environ | environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def run(
+    archive: Path | str, results: Path | str, *options: str, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """A run to its end."""
+    process = start(archive, results, *options, **environment)
+    out, err = process.communicate(timeout=300)
+    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+
+def poisoned(marks: Path) -> dict[str, str]:
+    """The environment in which captures of certain names kill their child."""
+    return {"PYTHONPATH": str(ROOT / "tests" / "poison"), "POISON_MARKS": str(marks)}
+
+
+def left(results: Path) -> dict[str, bytes]:
+    """All that is meant to last: the JSONs and the catalogue."""
+    files = [*(results / "measurements").rglob("*.json"), results / "catalogue.sqlite"]
+    return {str(path.relative_to(results)): path.read_bytes() for path in files}
+
+
+def trees(results: Path) -> dict[str, dict]:
+    """The JSONs by the names of their captures."""
+    found = [json.loads(path.read_bytes()) for path in (results / "measurements").rglob("*.json")]
+    assert len({tree["capture"] for tree in found}) == len(found)
+    return {tree["capture"]: tree for tree in found}
+
+
+def descendants(pid: int) -> list[int]:
+    """Processes that a process started, and those that they did."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = path.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[1]) == pid:
+            child = int(path.parent.name)
+            found += [child, *descendants(child)]
+    return found
+
+
+def kill(pid: int) -> None:
+    """SIGKILL, to whom is still there."""
+    try:
+        os.kill(pid, signal.SIGKILL)
+    except ProcessLookupError:
+        return

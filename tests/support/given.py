@@ -1,0 +1,19 @@
+"""Causes of uncertainty with given covariances, for tests that need no scan."""
+
+import numpy as np
+
+from wheelplane.uncertainty.components import Cause
+
+
+def root(covariance):
+    values, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(values.clip(min=0.0))
+
+
+def causes(centre_m2, normal):
+    """Of a covariance (3, 3) of the centre and one (3, 3) of the normal, independent."""
+    none = np.zeros((3, 3))
+    return (
+        Cause("plane noise", np.vstack([root(normal), none])),
+        Cause("centre noise", np.vstack([none, root(centre_m2)])),
+    )

@@ -1,0 +1,64 @@
+"""What the tests of made scans share: parameter files, changed copies, and bounds."""
+
+from __future__ import annotations
+
+import copy
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+from scipy import stats
+
+from wheelplane_synth.output.archive import write_capture
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+SALOON = CONFIGS / "vehicles" / "saloon.toml"
+DEFAULT = CONFIGS / "scanners" / "default.toml"
+IDEAL = CONFIGS / "scanners" / "ideal.toml"
+DISC = CONFIGS / "targets" / "disc-250.toml"
+RADIUS_M = 0.125
+
+
+def changed(path: Path, folder: Path, values: dict[str, object]) -> Path:
+    """A copy of a parameter file with some of its values changed, or added."""
+    tree = copy.deepcopy(tomllib.loads(path.read_text()))
+    for key, value in values.items():
+        table, _, name = key.rpartition(".")
+        (tree[table] if table else tree)[name] = value
+    tables = {k: v for k, v in tree.items() if isinstance(v, dict)}
+    lines = [f"{k} = {json.dumps(v)}" for k, v in tree.items() if k not in tables]
+    for table, content in tables.items():
+        lines += [f"[{table}]", *(f"{k} = {json.dumps(v)}" for k, v in content.items())]
+    copied = folder / f"{len(list(folder.iterdir()))}-{path.name}"
+    copied.write_text("\n".join(lines) + "\n")
+    return copied
+
+
+def write_small_capture(folder: Path, trials: int = 1, seed: int = 1) -> Path:
+    """A capture of coarse scans, which are measured in a second."""
+    text = DEFAULT.read_text()
+    coarse = folder.parent / "coarse.toml"
+    coarse.write_text(text.replace("0.0009", "0.004"))
+    write_capture(
+        folder,
+        seed=seed,
+        vehicle=SALOON,
+        scanner=coarse,
+        target=DISC,
+        trials=trials,
+    )
+    return folder
+
+
+def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    header, _, body = path.read_bytes().partition(b"end_header\n")
+    assert b"format binary_little_endian 1.0" in header
+    rows = np.frombuffer(body, dtype=[("p", "<f8", 3), ("i", "<f4")])
+    assert f"element vertex {len(rows)}\n".encode() in header
+    return rows["p"], rows["i"]
+
+
+def chi_square_bounds(count: int) -> tuple[float, float]:
+    low, high = stats.chi2.ppf([1e-6, 1 - 1e-6], count)
+    return low, high

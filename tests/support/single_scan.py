@@ -1,0 +1,31 @@
+"""One scan through the stages, without a capture around it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from wheelplane.detection.find_target import find_target
+from wheelplane.measure import fit_target
+from wheelplane.uncertainty.type_b import with_type_b
+
+
+def measure_scan(scan, target, config):
+    """Plane and centre of the one target that a scan shows."""
+    patch = find_target(scan.points_m, target, config.segment, config.seed, scan.intensity)
+    return fit_target(patch, target, config)
+
+
+def with_stated(fitted, plane, target, instrument):
+    """The fitted target with the type B components that target and instrument state."""
+    sight_m = fitted.sight_m(plane, instrument.distance_m)
+    stated = with_type_b(fitted.causes, fitted.normal, sight_m, target, instrument)
+    return replace(fitted, causes=stated)
+
+
+def u_turn_rad(fitted):
+    """Standard uncertainty of the in-plane rotation; None where the target shows none."""
+    if fitted.turn is None:
+        return None
+    turns = [cause.turn for cause in fitted.causes if cause.turn is not None]
+    return math.sqrt(sum(float(turn @ turn) for turn in turns))

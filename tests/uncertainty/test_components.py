@@ -1,0 +1,214 @@
+"""Causes of uncertainty: each builder against the errors that its story makes, drawn."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.support.scenes import rotation
+from tests.support.single_scan import with_stated
+from wheelplane.config import InstrumentConfig
+from wheelplane.measurement.observe import noisy
+from wheelplane.plane.least_squares import total_least_squares
+from wheelplane.targets.plates import DiscTarget
+from wheelplane.uncertainty.components import (
+    centre_cause,
+    clamp_cause,
+    form_cause,
+    plane_cause,
+    pointing_cause,
+    range_bias_cause,
+    registration_cause,
+)
+
+DRAWS = 4000
+# A variance from n draws is known to sqrt(2/n); 4.5 of them.
+LIMIT = 4.5 * math.sqrt(2 / DRAWS)
+
+
+def face(seed, count=400, radius=0.12):
+    """Points (N, 3) of a half-hidden disc, its basis (normal last) and the disc's centre."""
+    rng = np.random.default_rng(seed)
+    uv = rng.uniform(-radius, radius, (4 * count, 2))
+    uv = uv[(np.hypot(*uv.T) < radius) & (uv[:, 0] > -0.02)][:count]
+    R = rotation(rng)
+    centre = rng.uniform(-3, 3, 3)
+    return centre + np.column_stack([uv, np.zeros(len(uv))]) @ R, R, centre
+
+
+def assert_same(drawn, covariance):
+    """Sample covariance (K, 6) against the stated one, relative to its own deviations."""
+    scale = np.sqrt(np.diag(covariance))
+    used = scale > 1e-9 * scale.max()
+    sample = drawn.T @ drawn / len(drawn)
+    assert used.sum() >= 3
+    ratio = (sample - covariance)[np.ix_(used, used)] / np.outer(scale[used], scale[used])
+    assert np.abs(ratio).max() < LIMIT
+    assert np.abs((sample - 4 * covariance)[used, used] / scale[used] ** 2).max() > LIMIT
+
+
+def test_plane_noise_moves_normal_and_centre_together():
+    points, R, centre = face(1)
+    sigma, rng = 1e-3, np.random.default_rng(2)
+    plane = total_least_squares(points)
+    basis = plane.basis if plane.normal @ R[2] > 0 else -plane.basis
+    centroid = plane.centroid_m
+    drawn = []
+    for _ in range(DRAWS):
+        moved = points + sigma * rng.standard_normal((len(points), 1)) * R[2]
+        fit = total_least_squares(moved)
+        normal = fit.normal * np.sign(fit.normal @ R[2])
+        height = (fit.centroid_m - centre) @ normal / (normal @ R[2])
+        drawn.append(np.concatenate([normal - R[2], height * R[2]]))
+    covariance = sigma**2 * np.diag([1 / len(points), *(1 / plane.scatter_m2[:2])])
+    cause = plane_cause("plane noise", covariance, basis, centre - centroid)
+    assert_same(np.array(drawn), cause.covariance)
+    cross = cause.covariance[:3, 3:]  # the lever of the hidden half ties the two together
+    assert np.abs(cross).max() > 0.2 * np.sqrt(
+        np.trace(cause.covariance[:3, :3]) * np.trace(cause.covariance[3:, 3:])
+    )
+
+
+def test_centre_lies_in_its_plane():
+    _, R, _ = face(3)
+    covariance = np.array([[4e-8, 1e-8], [1e-8, 1e-8]])
+    cause = centre_cause("centre noise", covariance, R)
+    np.testing.assert_allclose(
+        R @ cause.covariance[3:, 3:] @ R.T, np.pad(covariance, (0, 1)), atol=1e-20
+    )
+    assert not cause.covariance[:3].any()
+    singular = centre_cause("centre noise", np.diag([1e-8, 0.0]), R)
+    assert singular.covariance[3:, 3:] @ R[0] == pytest.approx(1e-8 * R[0], abs=1e-20)
+
+
+def test_flatness_is_a_tilt_anywhere_up_to_the_whole_over_the_diameter():
+    _, R, _ = face(4)
+    flatness, radius = 5e-5, 0.125
+    rng = np.random.default_rng(5)
+    size = flatness / (2 * radius) * np.sqrt(rng.random(DRAWS))
+    turn = rng.uniform(0, 2 * np.pi, DRAWS)
+    height = flatness / 10 * rng.standard_normal(DRAWS)
+    tilts = (size * np.cos(turn))[:, None] * R[0] + (size * np.sin(turn))[:, None] * R[1]
+    assert_same(
+        np.hstack([tilts, height[:, None] * R[2]]), form_cause(flatness, radius, R[2]).covariance
+    )
+
+
+def test_clamp_tilts_and_shifts_in_the_plane():
+    _, R, _ = face(6)
+    rng = np.random.default_rng(7)
+    tilt, shift = rng.standard_normal((2, DRAWS, 2))
+    drawn = np.hstack([2e-4 * tilt @ R[:2], 1e-4 * shift @ R[:2]])
+    assert_same(drawn, clamp_cause(2e-4, 1e-4, R[2]).covariance)
+
+
+def scanned_again(points, centre, scanner, move):
+    """Change of normal and centre (6,) when `move` takes the points, seen from the scanner."""
+    before, after = total_least_squares(points), total_least_squares(move(points))
+    normal = before.normal * np.sign(before.normal @ after.normal)
+    flat = move(np.vstack([centre]))[0]
+    return np.concatenate([after.normal - normal, flat - centre]), normal
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_range_bias_by_moving_every_point_along_its_beam(seed):
+    rng = np.random.default_rng(seed + 20)
+    turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    ring = 0.1 * np.column_stack([np.cos(turn), np.sin(turn)])
+    R, centre = rotation(rng), rng.uniform(-3, 3, 3)
+    points = np.vstack([centre + ring @ R[:2], centre + 0.5 * ring @ R[:2]])
+    scanner = centre + 2.0 * (R[2] + rng.uniform(-0.6, 0.6, 2) @ R[:2])
+    bias = 1e-4
+
+    def move(p):
+        away = p - scanner
+        return p + bias * away / np.linalg.norm(away, axis=1)[:, None]
+
+    change, normal = scanned_again(points, centre, scanner, move)
+    cause = range_bias_cause(bias, centre - scanner, normal)
+    # To first order in target over distance, 0.1/2, of a tilt b/D.
+    np.testing.assert_allclose(cause.factor[:3, 0], change[:3], atol=0.05 * bias / 2.0)
+    np.testing.assert_allclose(cause.factor[3:, 0], change[3:], atol=1e-3 * bias)
+    assert np.linalg.norm(change[:3]) > 0.1 * bias / 2.0
+    assert cause.shared == "scanner"
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_pointing_turns_the_scan_about_the_scanner(axis):
+    points, R, centre = face(30)
+    scanner = centre + 2.0 * R[2] + 0.4 * R[0]
+    angle = 1e-5
+    turn = np.zeros(3)
+    turn[axis] = angle
+
+    def move(p):
+        return p + np.cross(turn, p - scanner)
+
+    change, normal = scanned_again(points, centre, scanner, move)
+    cause = pointing_cause(angle, centre - scanner, normal)
+    np.testing.assert_allclose(cause.factor[:, axis], change, atol=1e-4 * angle)
+    assert np.linalg.norm(change) > angle
+
+
+def test_registration_shifts_all_alike():
+    cause = registration_cause(2e-4)
+    np.testing.assert_array_equal(cause.covariance, np.diag([0, 0, 0, *[4e-8] * 3]))
+
+
+PLATE = DiscTarget(shape="disc", diameter=0.25)
+STATED = PLATE.model_copy(update={"flatness": 5e-5, "clamp_tilt_deg": 0.01, "clamp_shift": 1e-4})
+
+
+@pytest.fixture(scope="module")
+def evidence():
+    from tests.support.scenes import Setup, make
+    from tests.support.single_scan import measure_scan
+    from wheelplane.config import Config
+    from wheelplane.readers import Scan
+
+    cloud = make(Setup(spacing_m=0.003), 4)
+    return cloud, measure_scan(Scan(cloud.points_m, None, "memory", 0), PLATE, Config())
+
+
+def test_what_is_stated_enters_and_what_is_not_does_not(evidence):
+    _, found = evidence
+    names = [cause.name for cause in found.target.causes]
+    assert names == ["plane noise", "centre noise", "centre model"]
+    instrument = InstrumentConfig(range_bias_m=1e-3, pointing_urad=20.0, registration_m=1e-4)
+    more = with_stated(found.target, found.plane, STATED, instrument)
+    assert [cause.name for cause in more.causes[3:]] == [
+        "flatness",
+        "clamp",
+        "range bias",
+        "pointing",
+        "registration",
+    ]
+    added = more.covariance - found.target.covariance
+    assert np.linalg.eigvalsh(added).min() > -1e-18
+    assert np.trace(added[:3, :3]) > 0.0
+    plain = PLATE.model_copy(update={"flatness": 5e-5})
+    again = with_stated(more, found.plane, plain, InstrumentConfig())
+    assert [cause.name for cause in again.causes].count("flatness") == 1
+
+
+def test_the_line_of_sight_comes_from_the_rim(evidence):
+    cloud, found = evidence
+    instrument = InstrumentConfig(range_bias_m=1e-3)
+    more = with_stated(found.target, found.plane, PLATE, instrument)
+    beam = more.causes[-1].factor[3:, 0] / 1e-3
+    away = cloud.centre_m - cloud.viewpoint_m
+    true = away / np.linalg.norm(away)
+    assert np.linalg.norm(np.cross(beam, true)) < 0.02
+    assert beam @ true > 0.0
+    assert np.linalg.norm(np.cross(cloud.normal, true)) > 0.2  # the normal itself would not do
+
+
+def test_a_scan_noisier_than_its_scanner_is_told(evidence):
+    _, found = evidence
+    seen = type("Seen", (), {"evidence": found, "name": "RR"})()
+    sigma = found.plane.sigma_m
+    (note,) = noisy([seen], InstrumentConfig(range_sigma_m=sigma / 3))
+    assert "RR" in note
+    assert "3.0 times" in note
+    assert not list(noisy([seen], InstrumentConfig(range_sigma_m=sigma)))
+    assert not list(noisy([seen], InstrumentConfig()))

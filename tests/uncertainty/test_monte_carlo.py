@@ -1,0 +1,79 @@
+"""The Monte Carlo check: other formulas, the same answers; a disagreement is seen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.support.given import causes
+from tests.uncertainty.test_propagation import WHEELS, car, values
+from wheelplane.uncertainty.components import Cause
+from wheelplane.uncertainty.monte_carlo import BLOCK, TOLERANCE, monte_carlo
+from wheelplane.uncertainty.propagation import propagate
+
+
+def drawn(targets, trials=30_000, seed=0, known=None):
+    return monte_carlo(targets, WHEELS, known or propagate(targets, WHEELS), trials, seed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_without_uncertainty_it_gives_the_angles_themselves(seed):
+    targets = [replace(t, causes=()) for t in car(seed)]
+    still = [replace(t, causes=(Cause("none", np.zeros((6, 1))),)) for t in targets]
+    result = drawn(still, 20_000)
+    np.testing.assert_allclose(result.mean, values(targets), rtol=0, atol=1e-14)
+    assert result.status == "not-converged" or not result.standard.any()
+
+
+SCENES = 50
+
+
+def test_formula_and_trials_agree_within_five_percent():
+    worst = 0.0
+    for seed in range(SCENES):
+        targets = car(seed, 10 ** np.random.default_rng(seed).uniform(-5, -3.3))
+        result = drawn(targets, 60_000, seed)
+        worst = max(worst, float(np.abs(result.standard / result.formula - 1.0).max()))
+    # Both are right to 1/sqrt(2 * 60,000) = 0.3 %; 4.5 of it over 1,200 quantities is 1.3 %.
+    assert worst < 0.05
+    assert worst < 4.8 / np.sqrt(2 * 60_000)
+
+
+def test_it_stops_when_the_ends_stand_still():
+    result = drawn(car(1), 2_000_000)
+    assert result.status == "agree"
+    assert 5 * BLOCK < result.trials < 1_000_000
+    assert np.all(result.apart <= result.tolerance)
+    half = (result.high - result.low) / 2
+    np.testing.assert_allclose(half, 1.96 * result.formula, rtol=2 * TOLERANCE / 1.96)
+    assert drawn(car(1), 20_000).status == "not-converged"
+    assert drawn(car(1), 20_000).trials == 2 * BLOCK
+
+
+def test_the_same_seed_gives_the_same_trials_and_another_does_not():
+    first, again, other = (drawn(car(2), 20_000, seed) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first.standard, again.standard)
+    assert np.all(first.standard != other.standard)
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.1, 2.0])
+def test_a_wrong_formula_is_found_out(factor):
+    targets = car(3)
+    known = propagate(targets, WHEELS)
+    wrong = replace(known, covariance=known.covariance * factor**2)
+    assert drawn(targets, 1_000_000, known=wrong).status == "disagree"
+
+
+def test_far_from_linear_is_found_out():
+    """Centres a tenth of the track wrong: the frame's axes are no longer linear in them."""
+    targets = car(4)
+    wild = [replace(t, causes=causes(0.2**2 * np.eye(3), np.zeros((3, 3)))) for t in targets]
+    assert drawn(wild, 1_000_000).status == "disagree"
+
+
+def test_shared_causes_are_drawn_together():
+    shift = np.vstack([np.zeros((3, 3)), 1e-3 * np.eye(3)])
+    together = [replace(t, causes=(Cause("shift", shift, shared="s"),)) for t in car(5)]
+    assert drawn(together, 20_000).standard.max() < 1e-12
+    apart = [replace(t, causes=(Cause("shift", shift),)) for t in together]
+    assert drawn(apart, 20_000).standard.min() > 1e-6

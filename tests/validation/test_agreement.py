@@ -1,0 +1,214 @@
+"""Many captures: bias and limits of agreement, the line, and what more captures would settle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import optimize, stats
+
+from tests.support.validation_cars import Car
+from wheelplane.validation.agreement import agreement, bias_probability
+from wheelplane.validation.coverage import nees, scores
+from wheelplane.validation.statistics.bland_altman import SPAN, components, limits_of_agreement
+from wheelplane.validation.statistics.line_fit import fit_line
+
+RUNS = 1500
+
+
+def inside(hits, runs=RUNS, share=0.95):
+    low, high = stats.binom.ppf([0.0005, 0.9995], runs, share)
+    return low <= hits <= high
+
+
+def test_york_finds_pearsons_line():
+    """Pearson's points with York's weights; the numbers of York et al. (2004), table II."""
+    x = np.array([0, 0.9, 1.8, 2.6, 3.3, 4.4, 5.2, 6.1, 6.5, 7.4])
+    y = np.array([5.9, 5.4, 4.4, 4.6, 3.5, 3.7, 2.8, 2.8, 2.4, 1.5])
+    w_x = np.array([1000, 1000, 500, 800, 200, 80, 60, 20, 1.8, 1])
+    w_y = np.array([1, 1.8, 4, 8, 20, 20, 70, 70, 100, 500])
+    line = fit_line(x, y, w_x**-0.5, w_y**-0.5, np.zeros(10))
+    assert line.slope == pytest.approx(-0.480533407, abs=1e-8)
+    assert line.intercept == pytest.approx(5.47991022, abs=1e-7)
+    assert line.u_slope == pytest.approx(0.0579850, abs=1e-6)
+    assert line.u_intercept == pytest.approx(0.2949707, abs=1e-6)
+    assert line.chi_square == pytest.approx(11.8663532, abs=1e-6)
+    found = optimize.minimize(
+        lambda p: np.sum((y - p[1] - p[0] * x) ** 2 / (1 / w_y + p[0] ** 2 / w_x)), [-0.5, 5.0]
+    )
+    assert found.x == pytest.approx([line.slope, line.intercept], abs=1e-4)
+
+
+def test_equal_errors_give_the_deming_line():
+    rng = np.random.default_rng(0)
+    true = rng.uniform(-2, 2, 50)
+    x, y = true + 0.3 * rng.standard_normal((2, 50))
+    same = np.full(50, 0.3)
+    s_xx, s_yy, s_xy = np.var(x), np.var(y), np.cov(x, y, ddof=0)[0, 1]
+    deming = (s_yy - s_xx + np.hypot(s_yy - s_xx, 2 * s_xy)) / (2 * s_xy)
+    assert fit_line(x, y, same, same, np.zeros(50)).slope == pytest.approx(deming, rel=1e-9)
+
+
+def test_correlated_errors_are_no_trouble_to_the_line():
+    """Errors in common move points along the line of equality: the slope's u must know it."""
+    rng = np.random.default_rng(1)
+    scores_, plain = [], []
+    for _ in range(300):
+        true = rng.uniform(-2, 2, 30)
+        common, own = 0.2 * rng.standard_normal(30), 0.05 * rng.standard_normal(30)
+        x, y = true + common, true + common + own
+        u_x, u_y = np.full(30, 0.2), np.full(30, np.hypot(0.2, 0.05))
+        line = fit_line(x, y, u_x, u_y, np.full(30, 0.2 / np.hypot(0.2, 0.05)))
+        scores_.append((line.slope - 1) / line.u_slope)
+        line = fit_line(x, y, u_x, u_y, np.zeros(30))
+        plain.append((line.slope - 1) / line.u_slope)
+    low, high = stats.chi2.ppf([0.0005, 0.9995], 300) / 300
+    assert low < np.mean(np.square(scores_)) < high
+    assert not low < np.mean(np.square(plain)) < high
+
+
+def test_no_line_where_there_is_none():
+    one = np.ones(3)
+    assert fit_line(one, one, one, one, 0 * one) is None
+    assert fit_line(np.arange(3.0), one, 0 * one, 0 * one, 0 * one) is None
+    assert fit_line(one[:2], one[:2], one[:2], one[:2], one[:2]) is None
+
+
+@pytest.mark.parametrize(
+    ("subjects", "repeats", "between"), [(12, 1, 1.0), (40, 1, 1.0), (25, 3, 1.0), (25, 4, 3.0)]
+)
+def test_limits_of_agreement_keep_their_confidence(subjects, repeats, between):
+    rng = np.random.default_rng(2)
+    reach = SPAN * np.hypot(between, 1.0)
+    whose = np.repeat(np.arange(subjects), repeats)
+    hits, blind = np.zeros(2), 0
+    for _ in range(RUNS):
+        own = between * rng.standard_normal((subjects, 1))
+        difference = (own + rng.standard_normal((subjects, repeats))).ravel()
+        u = np.std(difference.reshape(subjects, -1).mean(axis=1), ddof=1) / np.sqrt(subjects)
+        low, high = limits_of_agreement(difference.mean(), u, components(difference, whose))
+        hits += [low.low <= -reach <= low.high, high.low <= reach <= high.high]
+        each = components(difference, np.arange(len(difference)))
+        u = np.std(difference, ddof=1) / np.sqrt(len(difference))
+        _, high = limits_of_agreement(difference.mean(), u, each)
+        blind += high.low <= reach <= high.high
+    # Zou's method is itself approximate: 94 to 97 % are his figures for such samples
+    assert all(0.93 * RUNS < h < 0.98 * RUNS for h in hits)
+    if between == 3.0:
+        assert blind < 0.85 * RUNS  # as if repeats of a wheel were wheels
+
+
+def test_limits_of_single_measures_are_near_the_exact_ones():
+    """Carkeet, Optom. Vis. Sci. 92 (2015) e71: mean +- t' s/sqrt n, t' noncentral."""
+    for count in (20, 60):
+        difference = stats.norm.ppf((np.arange(count) + 0.5) / count)
+        s = difference.std(ddof=1)
+        low, high = limits_of_agreement(
+            0.0, s / np.sqrt(count), components(difference, range(count))
+        )
+        ends = s / np.sqrt(count) * stats.nct.ppf([0.025, 0.975], count - 1, SPAN * np.sqrt(count))
+        assert [high.low, high.high] == pytest.approx(ends, rel=0.04 if count == 20 else 0.015)
+        assert [low.low, low.high] == pytest.approx(-ends[::-1], rel=0.04 if count == 20 else 0.015)
+
+
+def test_components_are_those_of_the_analysis_of_variance():
+    difference = np.array([1.0, 3.0, 10.0, 12.0, 5.0, 9.0])
+    parts = components(difference, [0, 0, 1, 1, 2, 2])
+    assert parts.within == pytest.approx((2 + 2 + 8) / 3)
+    assert parts.between == pytest.approx(np.var([2, 11, 7], ddof=1) - parts.within / 2)
+    assert components(np.array([1.0, -1.0, 1.0, -1.0]), [0, 0, 1, 1]).between == 0.0
+
+
+@dataclass(frozen=True)
+class Both:
+    """A comparison by its numbers: toe and camber differences of a vehicle's four wheels."""
+
+    vehicle: str
+    difference: np.ndarray
+
+    names = wheels = ("RR", "RL", "FR", "FL")
+    u_first = np.full(8, 0.1)
+    u_second = np.full(8, 1.0)
+    spread = SimpleNamespace(u=np.hypot(u_first, u_second))
+
+    @property
+    def first(self):
+        return SimpleNamespace(angles_rad=np.arange(8.0) * 7 % 5 + self.difference)
+
+    @property
+    def second(self):
+        return SimpleNamespace(angles_rad=np.arange(8.0) * 7 % 5)
+
+
+def archive(rng, count, bias=(0.0, 0.0), frame=1.0, own=1.0, vehicles=True):
+    """Captures whose wheels share an error of the frame and one of the vehicle."""
+    found = []
+    for index in range(count):
+        yaw, whole = frame * rng.standard_normal(), own * rng.standard_normal()
+        values = rng.standard_normal(8) + np.tile([yaw, -yaw], 4) + whole
+        values += np.repeat(bias, 4)
+        found.append(Both(str(index) if vehicles else "one", values))
+    return found
+
+
+@pytest.mark.parametrize("vehicles", [True, False])
+def test_bias_keeps_its_confidence_whatever_wheels_share(vehicles):
+    rng = np.random.default_rng(3)
+    runs, hits, joint, naive = 400, 0, 0, 0
+    for _ in range(runs):
+        found = archive(rng, 8, vehicles=vehicles)
+        one = agreement(found, "toe")
+        assert one.units == 8
+        assert one.subjects == (32 if vehicles else 4)
+        hits += one.bias.low <= 0.0 <= one.bias.high
+        joint += bias_probability(found) >= 0.05
+        difference = one.first - one.second
+        naive += abs(difference.mean()) <= 2.04 * difference.std(ddof=1) / np.sqrt(32)
+    assert inside(hits, runs)
+    assert inside(joint, runs)
+    assert not inside(naive, runs)  # as if 32 wheels were 32 captures
+
+
+def test_a_bias_of_the_visible_size_is_seen_in_99_percent():
+    rng = np.random.default_rng(4)
+    deviation = np.sqrt(1.0 / 4 + 1.0)  # of a vehicle's mean: four wheels, and what they share
+    pilot = agreement(archive(rng, 200), "toe")
+    assert pilot.deviation == pytest.approx(deviation, rel=4.5 / np.sqrt(2 * 200))
+    count = pilot.captures_for(1.0)
+    most = pilot.deviation * np.sqrt(199 / stats.chi2.ppf(0.05, 199))
+    enough, fewer = (
+        stats.nct.sf(stats.t.ppf(0.975, n - 1), n - 1, np.sqrt(n) / most) >= 0.99
+        for n in (count, count - 1)
+    )
+    assert enough
+    assert not fewer
+    seen = 0
+    for _ in range(300):
+        one = agreement(archive(rng, count, bias=(1.0, 0.0)), "toe")
+        seen += one.bias.low > 0.0
+    assert seen >= stats.binom.ppf(0.0005, 300, 0.985)
+
+
+def test_one_capture_tells_nothing_of_many():
+    rng = np.random.default_rng(5)
+    assert agreement(archive(rng, 1), "toe") is None
+    assert bias_probability(archive(rng, 3)) is None
+
+
+def test_scores_count_what_lies_inside():
+    found = [Car(seed).compare() for seed in range(60)]
+    for score in scores(found):
+        assert score.count == 240
+        low, high = stats.beta.ppf(0.025, score.inside, 240 - score.inside + 1), stats.beta.ppf(
+            0.975, score.inside + 1, 240 - score.inside)  # fmt: skip
+        assert (score.low, score.high) == pytest.approx((low, high))
+        assert inside(score.inside, 240)
+        assert abs(score.bias) < score.rms < abs(score.worst)
+    whole = nees(found)
+    assert whole.count == 480
+    assert (whole.low, whole.high) == pytest.approx(stats.chi2.ppf([0.025, 0.975], 480) / 480)
+    low, high = stats.chi2.ppf([0.0005, 0.9995], 480) / 480
+    assert low < whole.mean < high
+    assert nees([Car(seed).compare(scale=0.7) for seed in range(60)]).mean > high

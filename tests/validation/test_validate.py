@@ -1,0 +1,412 @@
+"""`wheelplane validate`: from files to verdicts, exit codes and reports."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tests.support.scenes import rotation
+from tests.support.validation_cars import TM30, Car, write_capture
+from wheelplane.capture.open_capture import open_capture
+from wheelplane.cli import cli
+from wheelplane.config import Config
+from wheelplane.errors import ConfigError, InputError, WheelplaneError
+from wheelplane.five_point.file import read_five_point
+from wheelplane.report.plots.validation import ticks
+from wheelplane.report.text.validation import validation_text
+from wheelplane.validation.five_point import (
+    FivePointOptions,
+    match_blocks,
+    pentagon_scatter_m,
+    station_of,
+)
+from wheelplane.validation.request import Request
+from wheelplane.validation.study import EACH, Row, Survey, is_archive_of_captures, validate_archive
+from wheelplane.validation.truth import read_truth
+from wheelplane.validation.validate_capture import validate_capture
+
+FILE = Path("five-point.txt")
+FINE = TM30.model_copy(update={"range_sigma_m": 5e-5, "aiming_sigma_m": 0.0})
+SCANS = ["RR", "RL", "FR", "FL", "1", "2"]
+
+
+def run(*arguments):
+    done = CliRunner().invoke(cli, [str(a) for a in arguments], standalone_mode=False)
+    if done.exception is not None and not isinstance(done.exception, WheelplaneError):
+        raise done.exception
+    return done
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A capture of four wheels and a trial, five-point.txt by a good station, the truth."""
+    folder = tmp_path_factory.mktemp("made") / "capture"
+    car, place = write_capture(folder, 3, FINE)
+    return folder, car, place
+
+
+def compared(folder, *, blocks=None, file=FILE, **options):
+    request = Request("five-point", file, FivePointOptions(blocks=blocks, **options))
+    with open_capture(folder) as capture:
+        return validate_capture(capture, Config(), request)
+
+
+@pytest.fixture(scope="module")
+def found(made):
+    return compared(made[0])
+
+
+def test_differences_are_those_of_the_errors(made, found):
+    folder, car, _ = made
+    with open_capture(folder) as capture:
+        dense = validate_capture(capture, Config(), Request("truth"))
+        five = validate_capture(capture, Config(), Request("truth", FILE))
+    np.testing.assert_allclose(
+        found.difference_rad, dense.difference_rad - five.difference_rad, atol=1e-12
+    )
+    assert found.names == ("RR", "RL", "FR", "FL", "1")
+    assert found.wheels == ("RR", "RL", "FR", "FL", "RR")
+    np.testing.assert_allclose(found.spread.u**2, found.u_first**2 + found.u_second**2, rtol=1e-9)
+    for one in (dense, five, found):  # all are right
+        assert one.joint.probability > 1e-3
+        assert one.joint.count == 10
+    assert not np.any(dense.u_second)
+    np.testing.assert_allclose(dense.second.angles_rad[:4], [w.toe_rad for w in car.drawn[:4]])
+
+
+def test_five_points_in_any_coordinates_and_unit(made, found, tmp_path):
+    folder, *_ = made
+    capture = shutil.copytree(folder, tmp_path / "capture")
+    rows = np.loadtxt(folder / FILE, delimiter=",")
+    moved = (rows - rows.mean(axis=0)) @ rotation(np.random.default_rng(0)).T + [9.0, -4.0, 2.0]
+    np.savetxt(capture / FILE, moved * 1000.0, delimiter=",", fmt="%.6f")
+    other = compared(capture, length_unit="mm")
+    assert other.joint.probability == pytest.approx(found.joint.probability, abs=1e-3)
+    # the file in metres keeps six decimals: 0.3 um on 88 mm
+    np.testing.assert_allclose(other.difference_rad, found.difference_rad, atol=2e-5)
+    with pytest.raises(InputError, match="check the length unit"):
+        compared(capture)
+
+
+def test_blocks_go_by_order_or_by_name(made, found, tmp_path):
+    folder, *_ = made
+    capture = shutil.copytree(folder, tmp_path / "capture")
+    blocks = np.loadtxt(folder / FILE, delimiter=",").reshape(-1, 5, 3)
+    stray = blocks[:1] + 50.0
+    order = np.concatenate([blocks[[4, 2, 3]], stray, blocks[[1, 0]]])
+    np.savetxt(capture / FILE, order.reshape(-1, 3), delimiter=",", fmt="%.6f")
+    other = compared(capture, blocks="1, FR,FL,-,RL,RR")
+    np.testing.assert_allclose(other.difference_rad, found.difference_rad, atol=1e-12)
+    with pytest.raises(InputError, match=r"holds 6 blocks.*5 scans \(RR,RL,FR,FL,1\)"):
+        compared(capture)
+    far = compared(capture, blocks="-,FR,FL,1,RL,RR")
+    assert far.missing[0][0] == "1"
+    assert "name its wheel" in far.missing[0][1]
+    lost = compared(capture, blocks="-,FR,FL,-,RL,RR")
+    assert lost.missing == (("1", "no block of five points is named for it"),)
+    assert lost.names == ("RR", "RL", "FR", "FL")
+    order[1] = order[1, 0]
+    np.savetxt(capture / FILE, order.reshape(-1, 3), delimiter=",", fmt="%.6f")
+    with pytest.raises(InputError, match="lines 6-10: block 2"):
+        compared(capture, blocks="1,FR,FL,-,RL,RR")
+
+
+@pytest.mark.parametrize(
+    ("count", "mapping", "said"),
+    [
+        (5, None, "five.txt holds 5 blocks, the capture 6 scans"),
+        (7, None, "name the scan of each block with --blocks"),
+        (6, "RR,RL,FR,FL,1", "--blocks names 5, but five.txt holds 6"),
+        (6, "RR,RL,FR,FL,1,3", "names '3' for block 6"),
+        (6, "RR,RL,FR,FL,1,1", "names '1' twice"),
+        (6, "RR,RL,FR,-,1,2", "lacks FL"),
+    ],
+)
+def test_blocks_that_do_not_fit_are_refused(count, mapping, said):
+    with pytest.raises(InputError, match=said) as error:
+        match_blocks(SCANS, count, mapping, "five.txt")
+    assert "\n" not in str(error.value)
+
+
+def test_blocks_that_fit_are_matched():
+    assert match_blocks(SCANS, 6, None, "") == {name: i for i, name in enumerate(SCANS)}
+    mapped = match_blocks(SCANS, 7, "2,RL,RR,-,FL,FR,1", "")
+    assert list(mapped.items()) == [("RR", 2), ("RL", 1), ("FR", 5), ("FL", 4), ("1", 6), ("2", 0)]
+
+
+def test_a_trial_at_another_wheel_is_refused(made, tmp_path):
+    folder, *_ = made
+    capture = shutil.copytree(folder, tmp_path / "capture")
+    blocks = np.loadtxt(folder / FILE, delimiter=",").reshape(-1, 5, 3)
+    blocks[4] = blocks[1] + 1e-3
+    np.savetxt(capture / FILE, blocks.reshape(-1, 3), delimiter=",", fmt="%.6f")
+    with pytest.raises(InputError, match="scan 1 lies at RL, the scan at RR"):
+        compared(capture)
+
+
+def test_aiming_is_asked_for_and_counts(made):
+    folder, *_ = made
+    told = compared(folder, aiming_m=0.002)
+    silent = compared(folder)
+    assert any("--aiming" in note for note in silent.notes)
+    assert not any("--aiming" in note for note in told.notes)
+    # 2 mm a point, 0.9 mm the mean, on both centres of an axle 1.5 m apart
+    extra = told.u_second[0] ** 2 - silent.u_second[0] ** 2
+    assert np.sqrt(extra) == pytest.approx(np.sqrt(2 / 5) * 0.002 / 1.5, rel=0.05)
+    assert told.shape_spread.u[4] > 3 * silent.shape_spread.u[4]
+
+
+def test_an_agreement_over_centres_that_contradict_is_told_with_a_but(found, monkeypatch):
+    assert found.verdict == "agree"
+    assert "contradict each other" not in validation_text(found)
+    bent = found.shape + 8.0 * found.shape_spread.u
+    monkeypatch.setitem(found.__dict__, "shape", bent)
+    assert found.verdict == "agree"
+    assert "centres contradict each other" in validation_text(found)
+
+
+def test_scatter_about_regular_pentagons_is_what_they_were_aimed_with():
+    blocks = [Car(seed).blocks(TM30)[0] for seed in range(40)]
+    seen = pentagon_scatter_m(np.concatenate(blocks))
+    assert seen == pytest.approx(0.0021, rel=0.1)  # 2 mm and what range noise adds
+    still = TM30.model_copy(update={"aiming_sigma_m": 0.0, "range_sigma_m": 0.0,
+                                    "range_sigma_ppm": 0.0, "angle_sigma_arcsec": 0.0})  # fmt: skip
+    assert pentagon_scatter_m(Car(1).blocks(still)[0]) < 1e-7
+
+
+def test_virtual_points_are_compared_by_what_they_add(made):
+    folder, *_ = made
+    with open_capture(folder) as capture:
+        one = validate_capture(capture, Config(), Request("virtual"))
+        again = validate_capture(capture, Config(), Request("virtual"))
+        wide = validate_capture(capture, Config(), Request("virtual", radius_m=0.11))
+    np.testing.assert_array_equal(one.difference_rad, again.difference_rad)
+    assert 1e-3 < one.joint.probability < 1.0
+    # 0.8 mm on a ring of 88 mm, less what all points have
+    alone = 8e-4 / (0.088 * np.sqrt(2.5))
+    np.testing.assert_allclose(one.planes.u, alone, rtol=0.1)
+    np.testing.assert_allclose(wide.planes.u, alone * 0.088 / 0.11, rtol=0.1)
+    np.testing.assert_allclose(one.u_second**2, one.u_first**2 + one.spread.u**2, rtol=1e-9)
+
+
+def test_the_old_estimator_is_named_and_its_bias_told(made):
+    folder, *_ = made
+    old = compared(folder, method="tcgc-2013")
+    new = compared(folder)
+    assert old.second.label == "five points, tcgc-2013"
+    assert any("Its camber is larger" in note for note in old.notes)
+    assert np.abs(old.second.angles_rad - new.second.angles_rad).max() < 1e-3
+    assert np.any(old.second.angles_rad != new.second.angles_rad)
+
+
+def test_reports_say_units_signs_and_verdict(made, tmp_path):
+    folder, *_ = made
+    done = run("validate", folder, "--five-point", folder / FILE, "-o", tmp_path / "out")
+    text = done.stdout
+    assert done.return_value == (0 if "Verdict: agree" in text else 1)
+    assert "Toe-in and top-out are positive" in text
+    assert "dense scans less five points" in text
+    files = sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert files == ["differences.svg", "validation.json", "validation.txt"]
+    picture = (tmp_path / "out" / "differences.svg").read_text(encoding="utf-8")
+    ElementTree.fromstring(picture)
+    assert "toe-in" in picture
+    assert "/ °" in picture
+    assert (tmp_path / "out" / "validation.txt").read_text(encoding="utf-8") in text
+    again = run("validate", folder, "--five-point", folder / FILE, "--json").stdout
+    assert (tmp_path / "out" / "validation.json").read_text(encoding="utf-8") == again
+    tree = json.loads(again)
+    assert tree["schema"] == "wheelplane/validation/1"
+    row = tree["angles"][0]
+    assert row["difference_deg"] == pytest.approx(row["first_deg"] - row["second_deg"])
+    assert row["en"] == pytest.approx(row["difference_deg"] / row["expanded_95_deg"])
+    assert row["difference_deg"] == pytest.approx(row["by_frame_deg"] + row["by_plane_deg"])
+
+
+def test_an_error_that_would_not_be_seen_is_no_agreement(found):
+    blind = replace(found, see_rad=found.visible_in_one_rad / 2)
+    clear = replace(found, see_rad=found.visible_in_one_rad * 2)
+    assert (blind.verdict, clear.verdict) == ("cannot tell", "agree")
+    assert "would not be seen" in validation_text(blind)
+    assert "would not be seen" not in validation_text(clear)
+    moved = replace(found.first, angles_rad=found.first.angles_rad + 0.1)
+    assert replace(blind, first=moved).verdict == "disagree"
+    assert {*replace(blind, first=moved).verdicts} == {"disagree"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((), "nothing is named to compare with"),
+        (("--virtual", "--truth"), "one at a time"),
+        (("--virtual", "--aiming", "2"), "none is read"),
+        (("--truth", "--method", "tcgc-2013"), "none is read"),
+        (("--truth", "--radius", "80"), "--radius without --virtual"),
+        (("--five-point", "nowhere.txt"), "no such file"),
+        (("--total-station-at", "1,2,3", "--five-point", FILE), "name it as well"),
+        (("--total-station", "leica-tm30", "--five-point", FILE), "--total-station-at X,Y,Z"),
+        (("--total-station", "leica-tm30", "--total-station-at", "1,2"), "three numbers"),
+    ],
+)
+def test_what_cannot_be_compared_is_one_line(made, arguments, said):
+    folder, *_ = made
+    arguments = [folder / a if a == FILE else a for a in arguments]
+    done = run("validate", folder, *arguments)
+    assert isinstance(done.exception, WheelplaneError)
+    assert said in str(done.exception)
+    assert "\n" not in str(done.exception)
+
+
+def test_a_stated_station_goes_before_the_scatter(made):
+    folder, _, place = made
+    with pytest.raises(ConfigError, match="name another scanner"):
+        run_checked(folder, "default", place)
+    found = run_checked(folder, "leica-tm30", place)
+    # the TM30 states 2 mm to any surface
+    assert found["angles"][0]["u_second_deg"] > 0.2
+    options = FivePointOptions(coordinates="spherical", angle_unit="gon")
+    assert station_of(options) is None
+
+
+def run_checked(folder, station, place):
+    at = ",".join(f"{x:.3f}" for x in place)
+    done = run("validate", folder, "--five-point", folder / FILE, "--total-station", station,
+               "--total-station-at", at, "--json")  # fmt: skip
+    if done.exception:
+        raise done.exception
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def archive(made, tmp_path_factory):
+    """Four captures, one without a scan, one whose trial shows nothing, one with no points."""
+    folder = tmp_path_factory.mktemp("archive")
+    for index in range(2):
+        write_capture(folder / f"c{index}", 20 + index, FINE, trials=1)
+    broken = shutil.copytree(made[0], folder / "broken")
+    (broken / "fl.ply").unlink()
+    lame = shutil.copytree(made[0], folder / "lame")
+    (lame / "trial-1.ply").write_bytes(scan_of_nothing())
+    shutil.make_archive(str(folder / "packed"), "zip", made[0])
+    bare = shutil.copytree(made[0], folder / "without")
+    (bare / FILE).unlink()
+    (folder / "notes.txt").write_text("not a capture")
+    return folder
+
+
+def scan_of_nothing():
+    from wheelplane_synth.output.files import ply
+
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (4000, 3))
+    return ply(points, np.ones(len(points), np.float32))
+
+
+def test_a_broken_capture_is_a_row_with_its_reason(archive, tmp_path):
+    done = run("validate", archive, "-o", tmp_path)
+    assert done.return_value == 1
+    tree = json.loads((tmp_path / "validation.json").read_text(encoding="utf-8"))
+    rows = {row["name"]: row for row in tree["captures"]}
+    assert list(rows) == ["broken", "c0", "c1", "lame", "packed.zip", "without"]
+    assert "fl.ply is missing" in rows["broken"]["reason"]
+    assert "no such file" in rows["without"]["reason"]
+    assert rows["lame"]["missing"][0]["name"] == "1"
+    assert [len(rows[name]["angles"]) for name in ("c0", "lame", "packed.zip")] == [10, 8, 10]
+    assert tree["compared"] == 4
+    assert "Not compared: broken" in done.stdout
+    for kind in ("toe", "camber"):
+        for plot in ("bland-altman", "line"):
+            picture = (tmp_path / f"{plot}-{kind}.svg").read_text(encoding="utf-8")
+            ElementTree.fromstring(picture)
+            assert picture.count("<circle") == 19
+            assert "positive)" in picture
+    bias = tree["agreement"]["toe"]["bias_deg"]
+    assert bias["low"] < bias["value"] < bias["high"]
+    assert tree["agreement"]["toe"]["captures_needed"]["bias_deg"] == pytest.approx(0.1)
+
+
+def test_an_archive_against_the_truth(archive):
+    done = run("validate", archive, "--truth", "--json")
+    tree = json.loads(done.stdout)
+    assert {row["name"] for row in tree["captures"] if row["reason"]} == {"broken"}
+    score = tree["scores"]["toe"]
+    assert abs(score["bias_deg"]) <= score["rms_deg"] <= abs(score["worst_deg"]) < 0.05
+    assert tree["captures"][1]["second"] == "truth"
+    five = json.loads(run("validate", archive, "--truth", "--five-point", FILE, "--json").stdout)
+    assert five["captures"][1]["first"] == "five points"
+
+
+def test_what_is_an_archive(archive, made, tmp_path):
+    assert is_archive_of_captures(archive)
+    assert not is_archive_of_captures(made[0])
+    assert not is_archive_of_captures(archive / "packed.zip")
+    for wrong in (tmp_path, archive / "broken" / ".."):
+        request = Request("five-point", Path("absent.txt"))
+        with pytest.raises(InputError, match=r"neither a capture|none of its 6"):
+            validate_archive(wrong, None, Config(), None, request)
+
+
+def survey(errors, count=30, see=None):
+    found = [
+        replace(Car(seed).compare(station=FINE, toe_error=errors(seed)), vehicle=str(seed))
+        for seed in range(count)
+    ]
+    return Survey("", tuple(Row(one.vehicle, one) for one in found), see)
+
+
+def test_the_verdict_of_many_is_of_bias_and_of_single_captures():
+    right = survey(lambda _: np.zeros(4))
+    assert right.verdict == "agree"
+    assert right.complete
+    biased = survey(lambda _: np.full(4, np.radians(0.02)))
+    assert biased.verdict == "disagree"
+    assert biased.bias_probability < EACH
+    scattered = survey(lambda seed: np.eye(4)[seed % 4] * np.radians(0.15) * (-1) ** seed)
+    assert scattered.verdict == "disagree"
+    assert scattered.chance_of_disagreeing < EACH
+    blind = replace(right, see_rad=right.visible_rad / 2)
+    assert (blind.verdict, replace(right, rows=right.rows[:3]).verdict) == ("cannot tell",) * 2
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t: "{", "not a truth file"),
+        (lambda t: t.replace('"RL"', '"RX"'), "KeyError"),
+        (lambda t: t.replace('"toe_deg": ', '"toe_deg": true, "x": '), "finite number"),
+        (lambda t: "[]", "not a truth file"),
+        (lambda t: "[" * 100000, "not a truth file"),
+        (None, "no such file"),
+    ],
+)
+def test_a_truth_that_is_none_is_refused(made, tmp_path, change, said):
+    path = tmp_path / "truth.json"
+    if change is not None:
+        path.write_text(change((made[0] / "truth.json").read_text()))
+    with pytest.raises(InputError, match=said) as error:
+        read_truth(path, "truth.json", ["RR", "RL", "FR", "FL"])
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_arranged_by_nothing_is_as_it_stands(made):
+    path = made[0] / FILE
+    plain = read_five_point(path)
+    turned = read_five_point(path, arrange=lambda count: [0, 1, 2, 3])
+    np.testing.assert_array_equal(turned.blocks_m, plain.blocks_m[:4])
+
+
+@pytest.mark.parametrize("size", [1e-7, 0.013, 1.0, 7.3, 4e5])
+def test_ticks_are_round_and_few(size):
+    found = ticks(-0.3 * size, size)
+    assert 4 <= len(found) <= 10
+    assert found[0] >= -0.3 * size
+    assert found[-1] <= size
+    step = found[1] - found[0]
+    leading = step / 10 ** np.floor(np.log10(step) + 1e-9)
+    assert np.min(np.abs(leading - np.array([1, 2, 2.5, 5, 10]))) < 1e-6

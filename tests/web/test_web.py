@@ -1,0 +1,432 @@
+"""What the page's server does for a page of ours: measure, show, compare, save, browse."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import struct
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.made import write_small_capture
+from tests.support.web_site import PAPER, Site, write_results
+from wheelplane.batch.results.query import STATUSES
+from wheelplane.errors import InputError
+from wheelplane.report.format.language import LANGUAGES, load_words
+from wheelplane.vehicle.angles import deg_min_sec
+from wheelplane.web.files.excerpt import failure
+
+WEB = Path(__file__).resolve().parents[2] / "pipeline" / "web"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    place = tmp_path_factory.mktemp("site")
+    made = Site(place)
+    made.copy(PAPER, "figure-4.txt")
+    write_small_capture(made.allowed / "capture")
+    (made.allowed / "plain").mkdir()
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def five(site):
+    return finished(site.measure({"root": 0, "path": "figure-4.txt"}))
+
+
+@pytest.fixture(scope="module")
+def dense(site):
+    return finished(site.measure({"root": 0, "path": "capture"}))
+
+
+def finished(told):
+    assert told["state"] == "done", told
+    return told["id"]
+
+
+def file_of(site, job, name):
+    answer = site.get(f"/api/jobs/{job}/{name}")
+    assert answer.status_code == 200, answer.text
+    return answer
+
+
+# What can be opened
+
+
+def test_the_folder_shows_what_can_be_opened(site):
+    items = site.get("/api/files/0/").json["items"]
+    kinds = {item["name"]: item["kind"] for item in items}
+    assert kinds["capture"] == "capture"
+    assert kinds["figure-4.txt"] == "five-point"
+    assert kinds["plain"] == "folder"
+    inside = {i["name"]: i["kind"] for i in site.get("/api/files/0/capture").json["items"]}
+    assert inside["rr.ply"] == "cloud"
+    assert "truth.json" not in inside
+
+
+# Measuring
+
+
+def test_a_capture_is_measured_as_the_command_measures_it(site, dense):
+    tree = file_of(site, dense, "measurement.json").json
+    truth = json.loads((site.allowed / "capture" / "truth.json").read_text())
+    wheels = {wheel["name"]: wheel for wheel in truth["wheels"]}
+    assert len(tree["wheels"]) == 5
+    for wheel in tree["wheels"]:
+        for angle in ("toe", "camber"):
+            error = wheel[f"{angle}_deg"] - wheels[wheel["name"]][f"{angle}_deg"]
+            assert abs(error) < 5.0 * wheel[f"u_{angle}_deg"]
+    assert tree["capture"] == "capture"  # no path of this machine
+
+
+def test_an_allowed_folder_that_is_a_capture_is_measured_by_its_own_name(tmp_path):
+    (tmp_path / "allowed").mkdir()
+    site = Site(tmp_path)
+    for name in ("RR", "RL", "FR"):
+        (site.allowed / f"{name}.ply").touch()
+    (site.allowed / "capture.toml").write_text(
+        '[reference]\nRR = "RR.ply"\nRL = "RL.ply"\nFR = "FR.ply"\nFL = "../FL.ply"\n'
+    )
+    told = site.measure({"root": 0, "path": ""})
+    assert told["name"] == "allowed"
+    assert told["failure"]["text"].startswith("allowed: '../FL.ply' lies outside")
+    site.close()
+
+
+def test_the_panel_says_the_same_in_every_unit_and_language(site, five):
+    tree = file_of(site, five, "measurement.json").json
+    for language in LANGUAGES:
+        panel = file_of(site, five, f"panel-{language}.json").json
+        words = load_words(language)
+        wheels = panel["tables"]["rear-axle"]["dms"][0]
+        toe = wheels["head"].index(words("quantity.toe"))
+        degrees = panel["tables"]["rear-axle"]["deg"][0]
+        for i, wheel in enumerate(tree["wheels"]):
+            said = words.number(deg_min_sec(np.radians(wheel["toe_deg"])))
+            assert wheels["rows"][i][toe] == said
+            assert float(degrees["rows"][i][toe].strip("°").replace(",", ".")) == pytest.approx(
+                wheel["toe_deg"], abs=6e-6
+            )
+        assert panel["tables"]["thrust-line"]["dms"][0]["rows"] != wheels["rows"]
+
+
+def test_each_wheel_has_its_evidence(site, dense, five):
+    panel = file_of(site, dense, "panel-en.json").json
+    for wheel in panel["wheels"]:
+        assert len(wheel["facts"]) > 5
+        for drawing in wheel["drawings"]:
+            answer = file_of(site, dense, drawing["file"])
+            assert answer.content_type.startswith("image/svg+xml")
+            assert "default-src 'none'" in answer.headers["Content-Security-Policy"]
+    assert [len(wheel["drawings"]) for wheel in panel["wheels"]] == [3] * 5
+    of_five = file_of(site, five, "panel-en.json").json["wheels"]
+    assert [len(wheel["drawings"]) for wheel in of_five] == [1] * 8
+
+
+def test_an_upload_of_several_files_is_a_capture(site):
+    capture = site.allowed / "capture"
+    upload = site.post("/api/uploads", {}).json["upload"]
+    for path in capture.iterdir():
+        if path.suffix in (".ply", ".toml"):
+            answer = site.put(f"/api/uploads/{upload}/dropped/{path.name}", path.read_bytes())
+            assert answer.status_code == 200
+    told = site.measure({"upload": upload})
+    job = finished(told)
+    assert told["name"] == "dropped"
+    assert site.app.config["state"].jobs.found(job).finished.wait(20)
+    assert list((site.allowed.parent / "scratch").glob("upload-*")) == []  # nothing is left of it
+    names = [wheel["name"] for wheel in file_of(site, job, "measurement.json").json["wheels"]]
+    assert names == ["RR", "RL", "FR", "FL", "1"]
+
+
+def test_a_zip_is_a_capture(site):
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for path in (site.allowed / "capture").iterdir():
+            archive.write(path, f"car/{path.name}")
+    told = site.measure({"upload": site.send(car__zip=out.getvalue())})
+    assert finished(told)
+    assert told["name"] == "car.zip"
+
+
+def test_progress_is_told_and_cancelling_ends_the_work(site):
+    job = site.post("/api/measure", {"root": 0, "path": "capture"}).json
+    assert job["state"] in ("waiting", "running")
+    assert site.post(f"/api/jobs/{job['id']}/cancel", {}).status_code == 200
+    assert site.ended(job["id"])["state"] == "cancelled"
+    assert site.get(f"/api/jobs/{job['id']}/measurement.json").status_code == 409
+    process = site.app.config["state"].jobs.found(job["id"]).process
+    assert process is None or process.wait(10) is not None
+
+
+def test_limits_are_judged(site):
+    given = {"root": 0, "path": "figure-4.txt", "options": {"tolerance": "example"}}
+    panel = file_of(site, finished(site.measure(given)), "panel-en.json").json
+    assert panel["headline"]["kind"] in ("conform", "not-conform", "undecided")
+    assert panel["limits"]["rows"]
+
+
+def test_what_was_measured_is_remembered_and_no_more_than_is_kept(tmp_path):
+    site = Site(tmp_path, jobs=2)
+    try:
+        site.copy(PAPER, "figure-4.txt")
+        made = [finished(site.measure({"root": 0, "path": "figure-4.txt"})) for _ in range(4)]
+        site.measure({"root": 0, "path": "figure-4.txt", "options": {"read_as": "cloud"}})  # fails
+        kept = [job["id"] for job in site.get("/api/jobs").json["jobs"]]
+        assert kept == made[-1:]  # and the failed one, of which there is nothing to look at
+        assert site.get(f"/api/jobs/{made[0]}").status_code == 404
+        assert len(list((tmp_path / "scratch").glob("job-*"))) == 2
+    finally:
+        site.close()
+
+
+# Errors at their line
+
+
+def test_a_structure_error_shows_the_lines_of_the_file(site):
+    rows = PAPER.read_text().splitlines()
+    rows[16] = "1.0 2.0 x<i>3</i>"
+    (site.allowed / "bad.txt").write_text("\n".join(rows))
+    told = site.measure({"root": 0, "path": "bad.txt"})["failure"]
+    assert "line 17" in told["text"]
+    assert told["text"].startswith("bad.txt: ")
+    assert (told["file"], told["first"], told["last"]) == ("bad.txt", 17, 17)
+    assert [number for number, _ in told["lines"]] == list(range(14, 21))
+    assert dict(told["lines"])[17] == "1.0 2.0 x<i>3</i>"
+
+
+def test_a_mistake_in_capture_toml_shows_its_line(site):
+    folder = site.allowed / "mistaken"
+    folder.mkdir()
+    (folder / "capture.toml").write_text('vehicle = "x"\ntarget = disc\n')
+    told = site.measure({"root": 0, "path": "mistaken"})["failure"]
+    assert (told["file"], told["first"]) == ("capture.toml", 2)
+
+
+def test_excerpts_hold_text_only(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_bytes(b"one\n" + b"x" * 100_000 + b"\n\x1b[31mred\xff\n")
+    told = failure("a.txt: line 3: wrong", path)
+    assert [number for number, _ in told["lines"]] == [1, 2, 3]
+    assert all(text.isprintable() and len(text) <= 160 for _, text in told["lines"])
+    path.write_bytes(b"\0\n\n\n")
+    assert "lines" not in failure("a.txt: line 3: wrong", path)
+    assert "lines" not in failure("a.txt: line 99: beyond", path)
+    assert "lines" not in failure("no place named", path)
+    assert "lines" not in failure("line 1", tmp_path / "gone.txt")
+
+
+# Points
+
+
+def blocks_of(data):
+    """Head and [(group, xyz, shade)] of a file of points, read by its description."""
+    head, _, rest = data.partition(b"\n")
+    blocks = []
+    while rest:
+        group, count = struct.unpack("<II", rest[:8])
+        xyz = np.frombuffer(rest[8 : 8 + 6 * count], "<i2").reshape(-1, 3)
+        blocks.append((group, xyz, np.frombuffer(rest[8 + 6 * count : 8 + 7 * count], np.uint8)))
+        rest = rest[8 + 7 * count :]
+    return json.loads(head), blocks
+
+
+def test_points_lie_where_the_wheels_are(site, dense):
+    head, blocks = blocks_of(file_of(site, dense, "points.bin").data)
+    scene = file_of(site, dense, "scene-en.json").json
+    assert head["groups"] == ["RR", "RL", "FR", "FL", "1"]
+    assert sum(len(xyz) for _, xyz, _ in blocks) == head["count"]
+    wheels = {wheel["name"]: wheel for wheel in scene["wheels"]}
+    for group, name in enumerate(head["groups"]):
+        xyz = np.concatenate([xyz for g, xyz, _ in blocks if g == group])
+        shade = np.concatenate([shade for g, _, shade in blocks if g == group])
+        places = np.array(head["origin"]) + head["step_m"] * xyz[shade == 1].astype(float)
+        off = (places - wheels[name]["centre"]) @ wheels[name]["normal"]
+        apart = np.linalg.norm(places - wheels[name]["centre"], axis=1)
+        assert len(places) > 300
+        assert np.abs(off).max() < 0.02  # of the plate, not the tyre behind it
+        assert 0.1 < apart.max() < 0.135  # the disc's radius is 0.125 m
+
+
+def test_any_prefix_of_the_points_is_a_fair_sample(site, dense):
+    _, blocks = blocks_of(file_of(site, dense, "points.bin").data)
+    for group in range(5):
+        xyz = np.concatenate([xyz for g, xyz, _ in blocks if g == group]).astype(float)
+        n = len(xyz) // 4
+        for axis in range(3):
+            whole, part = xyz[:, axis], xyz[:n, axis]
+            # Kolmogorov-Smirnov at 1e-6 for a sample of n from N without replacement
+            steps = np.sort(whole)
+            share = np.searchsorted(np.sort(part), steps, side="right") / n
+            distance = np.abs(share - np.arange(1, len(steps) + 1) / len(steps)).max()
+            assert distance < np.sqrt(-np.log(1e-6 / 2) / 2 / n)
+            first_rows = np.searchsorted(steps[:n], steps, side="right") / n
+            worst = np.abs(first_rows - np.arange(1, len(steps) + 1) / len(steps)).max()
+            assert worst > np.sqrt(-np.log(1e-6 / 2) / 2 / n)  # what a sorted file would give
+
+
+# Reports
+
+
+@pytest.mark.parametrize(
+    ("kind", "begins"),
+    [("html", b"<!DOCTYPE html>"), ("txt", b"wheelplane "), ("json", b"{"), ("pdf", b"%PDF-")],
+)
+def test_a_report_is_saved_under_the_users_name(site, five, kind, begins):
+    if kind == "pdf":
+        pytest.importorskip("weasyprint", exc_type=ImportError)
+    name = f"Wagen 3 é.{kind}"
+    given = {"format": kind, "root": 0, "name": name, "language": "pt", "axis": "thrust-line"}
+    answer = site.post(f"/api/jobs/{five}/save", given)
+    assert answer.status_code == 200, answer.json
+    place = site.allowed / name
+    assert answer.json["saved"] == str(place)
+    assert place.read_bytes()[: len(begins)].lower() == begins.lower()
+    assert site.post(f"/api/jobs/{five}/save", given).status_code == 409  # nothing is overwritten
+    place.unlink()
+
+
+def test_a_report_can_be_shown_and_downloaded(site, five):
+    shown = site.get(f"/api/jobs/{five}/report.html?language=en")
+    assert "sandbox" in shown.headers["Content-Security-Policy"]
+    assert shown.data != site.get(f"/api/jobs/{five}/report.html?language=pt").data
+    loaded = site.get(f"/api/jobs/{five}/report.txt?download&name=a.txt")
+    assert loaded.headers["Content-Disposition"] == "attachment; filename=a.txt"
+    for wrong in (
+        "report.exe",
+        "report.html?language=xx",
+        "report.txt?axis=x",
+        "report.txt?style=mm",
+    ):
+        assert site.get(f"/api/jobs/{five}/{wrong}").status_code == 400, wrong
+
+
+# Comparing
+
+
+def compared(site, first, second):
+    answer = site.post("/api/compare", {"first": first, "second": second})
+    told = site.ended(answer.json["id"])
+    return told, site.get(f"/api/jobs/{told['id']}/comparison.json").json
+
+
+def test_a_capture_agrees_with_its_five_points(site, dense):
+    (site.allowed / "survey.txt").write_bytes(
+        (site.allowed / "capture" / "five-point.txt").read_bytes()
+    )
+    five = finished(site.measure({"root": 0, "path": "survey.txt"}))
+    told, found = compared(site, dense, five)
+    assert told["state"] == "done"
+    assert found["verdict"] == "agree"
+    assert {row[0] for row in found["table"]["rows"]} == {"RR", "RL", "FR", "FL", "1"}
+    dense_tree, five_tree = (file_of(site, job, "measurement.json").json for job in (dense, five))
+    for row in found["table"]["rows"]:
+        angles = [next(w for w in tree["wheels"] if w["name"] == row[0])[f"{row[1]}_deg"]
+                  for tree in (dense_tree, five_tree)]  # fmt: skip
+        assert row[4] == deg_min_sec(np.radians(angles[0] - angles[1]))
+
+
+def test_another_alignment_of_the_wheels_disagrees(site, dense):
+    other = site.allowed / "turned"
+    other.mkdir()
+    capture = site.allowed / "capture"
+    for path in capture.iterdir():
+        name = {"rr.ply": "trial-1.ply", "trial-1.ply": "rr.ply"}.get(path.name, path.name)
+        (other / name).write_bytes(path.read_bytes())
+    told, found = compared(site, dense, finished(site.measure({"root": 0, "path": "turned"})))
+    assert told["state"] == "done"
+    assert found["verdict"] == "disagree"
+    assert {row[0] for row in found["table"]["rows"] if row[-1] == "disagree"} >= {"RR", "1"}
+
+
+def test_two_cars_are_not_compared(site, dense, five):
+    told, _ = compared(site, dense, five)
+    assert told["state"] == "failed"
+    assert "check the length units" in told["failure"]["text"]
+    answer = site.post("/api/compare", {"first": dense, "second": "gone"})
+    assert answer.status_code == 404
+
+
+# The archive
+
+
+@pytest.fixture(scope="module")
+def results(site, five):
+    tree = file_of(site, five, "measurement.json").json
+    return write_results(site.allowed / "results", tree)
+
+
+def test_an_archive_is_browsed(site, results):
+    assert "results" in {i["kind"] for i in site.get("/api/files/0/").json["items"]}
+    told = site.get("/api/archive/overview/0/results").json
+    assert told["total"] == 12
+    assert [n for status, _, n in told["statuses"] if status == "failed"] == [1]
+    assert told["vehicles"] == ["AA-00", "AA-01", "AA-02"]
+    page = site.get("/api/archive/captures/0/results?status=ok&text=car-0").json
+    assert page["total"] == 10
+    assert [row[0] for row in page["table"]["rows"]][:2] == ["2026/car-00", "2026/car-01"]
+    one = site.get(f"/api/archive/capture/0/results?key={page['keys'][3]}").json
+    assert one["name"] == "2026/car-03"
+    assert one["tables"][0]["rows"][0][0] == "RR"
+    failed = site.get("/api/archive/failures/0/results").json["table"]["rows"]
+    assert failed[0][:3] == ["1", "failed", "read"]
+    assert "<b>copy it again</b>" in failed[0][3]  # text, which the page never takes for HTML
+
+
+def test_a_drift_is_shown(site, results):
+    told = site.get("/api/archive/trends/0/results").json
+    assert told["quantities"][0] == "RR toe"
+    # 0.01 degrees a month over eleven months
+    row = told["table"]["rows"][0]
+    assert float(row[2].rstrip('"')) == pytest.approx(0.12 * 3600, rel=0.03)
+    assert site.get("/api/archive-plot/0/results?quantity=RR%20toe").data.startswith(b"<svg")
+    assert site.get("/api/archive-plot/0/results?quantity=nothing").status_code in (400, 404)
+    assert site.get("/api/archive/nothing/0/results").status_code == 404
+    assert site.get("/api/archive/overview/0/plain").status_code == 404
+
+
+def test_results_behind_a_link_to_elsewhere_are_refused(site, results, tmp_path):
+    write_results(tmp_path / "other", {"wheels": [{"toe_deg": 0.0}]}, 1)
+    lure = site.allowed / "lure"
+    lure.mkdir()
+    (lure / "measurements").symlink_to(tmp_path / "other" / "measurements")
+    assert site.get("/api/archive/overview/0/lure").status_code == 403
+
+
+# Words
+
+
+def test_every_text_of_the_page_is_there_in_every_language():
+    english, *others = (load_words(language).section("page") for language in LANGUAGES)
+    for other in others:
+        assert set(other) == set(english)
+        for name, text in other.items():
+            assert re.findall(r"\{\w+\}", text) == re.findall(r"\{\w+\}", english[name]), name
+
+
+# Names that are made of parts, or that the program gives to what has a status.
+BUILT = ("format_", "kind_", "option_", "verdict_", "read_as_", "coordinates_")
+STATED = {*STATUSES, "agree", "disagree", "cannot_tell"}
+
+
+def test_every_text_that_the_page_asks_for_is_there_and_none_besides():
+    sources = [*WEB.glob("static/*.js"), *WEB.glob("*.py"), *WEB.glob("templates/*.html")]
+    code = "\n".join(path.read_text() for path in sources)
+    asked = set(re.findall(r"""\bt\("(\w+)\"|["']page\.(\w+)["']""", code))
+    asked = {one or other for one, other in asked} - set(BUILT) - {"html"}
+    known = set(load_words("en").section("page"))
+    assert len(asked) > 50
+    assert asked - known == set()
+    quoted = set(re.findall(r'"(\w+)"', code))
+    assert {name for name in known - asked - quoted - STATED if not name.startswith(BUILT)} == set()
+
+
+def test_an_unknown_language_is_told(site):
+    assert site.post("/api/language/xx", {}).status_code == 400
+    with pytest.raises(InputError):
+        load_words("xx")

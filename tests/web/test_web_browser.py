@@ -1,0 +1,576 @@
+"""The page in a real browser: every path of a user, by mouse and by keyboard.
+
+Of every page: no error on the console, no request beyond 127.0.0.1, and no fault that axe finds.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from werkzeug.serving import make_server
+
+from tests.support.made import write_small_capture
+from tests.support.web_site import PAPER, write_results
+from wheelplane.web.app import create_app
+from wheelplane.web.security import Guard
+from wheelplane.web.server import free_port
+from wheelplane.web.settings import Settings
+
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+]
+WCAG = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]
+TARGET_PX = 24  # WCAG 2.2, 2.5.8
+TIMEOUT_MS = 60_000
+SMALL = {"width": 1000, "height": 700}
+
+pytestmark = pytest.mark.skipif(
+    not CHROMIUM.exists(), reason=f"there is no {CHROMIUM}, the browser that these tests drive"
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """What the page may open: a capture, five points, results of a batch, and hostile names."""
+    place = tmp_path_factory.mktemp("allowed")
+    write_small_capture(place / "capture")
+    (place / "coarse.toml").unlink()
+    (place / "figure-4.txt").write_bytes(PAPER.read_bytes())
+    (place / "survey.txt").write_bytes((place / "capture" / "five-point.txt").read_bytes())
+    rows = PAPER.read_text().splitlines()
+    rows[16] = "1.0 2.0 <img src=x onerror=alert(1)>"
+    (place / "bad.txt").write_text("\n".join(rows))
+    (place / "<img src=x onerror=alert(1)>.txt").write_bytes(PAPER.read_bytes())
+    return place
+
+
+@contextmanager
+def serving(folder, scratch):
+    """The address of a page that may open this folder."""
+    with free_port("127.0.0.1", 0) as listening:
+        port = listening.getsockname()[1]
+        settings = Settings(folders=(folder,), scratch=scratch)
+        app = create_app(settings, Guard(port))
+        server = make_server("127.0.0.1", port, app, threaded=True, fd=listening.fileno())
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{port}/"
+        server.shutdown()
+        thread.join()
+        server.server_close()
+        app.config["state"].jobs.close()
+
+
+@pytest.fixture(scope="module")
+def address(folder, tmp_path_factory):
+    with serving(folder, tmp_path_factory.mktemp("scratch")) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        opened = driver.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
+        yield opened
+        opened.close()
+
+
+class Visit:
+    """A tab, and what went wrong in it."""
+
+    def __init__(self, browser, address, **options):
+        self.context = browser.new_context(**{"locale": "en-GB", "viewport": SMALL} | options)
+        self.context.set_default_timeout(TIMEOUT_MS)
+        self.faults, self.address = [], address
+        self.refusal = None  # status of an answer that a test provokes
+        self.context.on("page", self._watch)
+        self.context.on("request", self._request)
+        self.page = self.context.new_page()
+
+    def _watch(self, page):
+        page.on("console", self._console)
+        page.on("pageerror", lambda error: self.faults.append(f"error: {error}"))
+        page.on("dialog", lambda dialog: self.faults.append(f"dialog: {dialog.message}"))
+
+    def _console(self, message):
+        is_expected = self.refusal is not None and f"status of {self.refusal}" in message.text
+        if message.type in ("error", "warning") and not is_expected:
+            self.faults.append(f"{message.type}: {message.text}")
+
+    def _request(self, request):
+        if not request.url.startswith((self.address, "blob:", "data:")):
+            self.faults.append(f"request to {request.url}")
+
+    def open(self, hash_=""):
+        self.page.goto(self.address + hash_)
+        return self.page
+
+    def measure(self, name):
+        """Choose what is called so, measured before or not, and wait for its angles."""
+        self.page.wait_for_selector("#browser .items")
+        before = self.page.locator("#before button", has_text=name)
+        chosen = before if before.count() else self.page.locator("#browser button", has_text=name)
+        chosen.first.click()
+        self.page.wait_for_selector("#result:not([hidden]) table.angles")
+        return self.page
+
+    def check_with_axe(self):
+        from axe_playwright_python.sync_playwright import Axe
+
+        options = {"runOnly": {"type": "tag", "values": WCAG}}
+        found = Axe().run(self.page, options=options).response["violations"]
+        told = [(fault["id"], [node["html"][:200] for node in fault["nodes"]]) for fault in found]
+        assert told == [], json.dumps(told, indent=1)
+
+
+def until(page, expression):
+    """Wait for it to hold; the page's own policy forbids the browser's way, which is eval."""
+    for _ in range(TIMEOUT_MS // 50):
+        if page.evaluate(expression):
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"never so: {expression}")
+
+
+@pytest.fixture
+def visit(browser, address, request):
+    made = Visit(browser, address, **getattr(request, "param", {}))
+    yield made
+    made.context.close()
+    assert made.faults == []
+
+
+def test_the_watch_sees_errors_and_foreign_requests(browser, address):
+    """So that the absence of faults elsewhere means something."""
+    visit = Visit(browser, address)
+    page = visit.open()
+    page.evaluate("fetch('http://127.0.0.2:9/').catch(() => 0)")
+    page.evaluate("setTimeout(() => { throw new Error('made') })")
+    page.evaluate("console.error('told')")
+    page.wait_for_timeout(300)
+    text = "\n".join(visit.faults)
+    for part in ("error: made", "error: told", "Content Security Policy"):
+        assert part in text
+    visit.context.close()
+
+
+@pytest.mark.parametrize(
+    "visit",
+    [{"viewport": {"width": 1280, "height": 800}}, {"viewport": {"width": 820, "height": 1180}}],
+    indirect=True,
+)
+def test_load_look_and_save(visit, folder):
+    page = visit.open()
+    page.wait_for_selector(".items")
+    visit.check_with_axe()
+    visit.measure("capture")
+    assert page.locator("#steps [aria-current]").inner_text().split() == ["2", "Look"]
+    rows = page.locator("table.angles tbody tr")
+    assert rows.count() == 5
+    assert rows.nth(0).inner_text().startswith("RR")
+    assert "°" in rows.nth(0).inner_text()
+
+    until(page, "/^[0-9,]+ points$/.test(document.querySelector('.look .small').textContent)")
+    rows.nth(2).locator("button").click()
+    assert page.locator(".evidence h2").inner_text() == "Evidence of FR"
+    until(page, "[...document.querySelectorAll('.evidence img')].every(i => i.complete)")
+    assert page.evaluate("document.querySelectorAll('.evidence img').length") == 3
+    assert page.evaluate(
+        "[...document.querySelectorAll('.evidence img')].every(i => i.naturalWidth)"
+    )
+    visit.check_with_axe()
+
+    page.select_option("select[name=style]", "deg")
+    assert page.locator("table.angles tbody tr").nth(0).inner_text().count("°") == 7
+    page.select_option("select[name=axis]", "thrust-line")
+
+    name = f"report {page.viewport_size['width']}"
+    page.fill(".save input[name=name]", name)
+    page.get_by_role("button", name="Save in this folder").click()
+    page.wait_for_selector(".status.good")
+    saved = (folder / f"{name}.html").read_text()
+    assert "Wheelplane3D" in saved
+    visit.refusal = 409
+    page.get_by_role("button", name="Save in this folder").click()
+    page.wait_for_selector(".status.bad")
+    assert "choose another name" in page.locator(".save + .status").inner_text()
+    assert page.locator("#steps [aria-current]").inner_text().split() == ["3", "Save"]
+
+
+def test_the_report_opens_and_downloads(visit):
+    page = visit.open()
+    visit.measure("figure-4.txt")
+    with visit.context.expect_page() as opened:
+        page.get_by_role("button", name="Open the report").click()
+    report = opened.value
+    report.wait_for_selector("canvas")
+    report.close()
+    page.select_option(".save select[name=format]", "txt")
+    with page.expect_download() as loaded:
+        page.get_by_role("button", name="Save by the browser").click()
+    assert loaded.value.suggested_filename == "figure-4.txt"
+    assert Path(loaded.value.path()).read_bytes().startswith(b"wheelplane ")
+
+
+def test_the_picture_answers_mouse_keys_and_wheel(visit):
+    page = visit.open()
+    visit.measure("figure-4.txt")
+    canvas = page.locator(".w3d canvas")
+    before = canvas.screenshot()
+    page.get_by_role("button", name="above").click()
+    page.wait_for_timeout(700)
+    above = canvas.screenshot()
+    assert above != before
+    canvas.focus()
+    for key in ("ArrowLeft", "ArrowUp", "+", "-", "+"):
+        page.keyboard.press(key)
+    page.wait_for_timeout(300)
+    turned = canvas.screenshot()
+    assert turned != above
+    box = canvas.bounding_box()
+    page.mouse.move(box["x"] + 200, box["y"] + 200)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 300, box["y"] + 240, steps=4)
+    page.mouse.up()
+    page.wait_for_timeout(300)
+    assert canvas.screenshot() != turned
+    canvas.focus()
+    page.keyboard.press("Home")
+    page.wait_for_timeout(700)
+    page.get_by_label("labels").uncheck()
+    assert page.locator(".w3d-label:visible").count() == 0
+    page.get_by_label("labels").check()
+    page.locator("button.w3d-label", has_text="FL").click()
+    assert page.locator(".evidence h2").inner_text() == "Evidence of FL"
+    assert page.locator("table.angles tr.chosen").inner_text().startswith("FL")
+
+
+def crowd():
+    """A scene of twenty scans of four wheels, as of wheels that were steered and turned."""
+    corners = {"RR": (0, -0.8), "RL": (0, 0.8), "FR": (2.7, -0.8), "FL": (2.7, 0.8)}
+    scans = [(wheel, wheel, "reference") for wheel in corners]
+    scans += [(f"{wheel} steered {i}", wheel, "trial") for wheel in ("FR", "FL") for i in range(5)]
+    scans += [(str(i), "RL", "trial") for i in range(6)]
+    wheels = []
+    for i, (name, wheel, role) in enumerate(scans):
+        x, y = corners[wheel]
+        told = {"name": name, "role": role, "wheel": wheel, "status": "ok", "colour_class": role}
+        told |= {"centre": [x, y + 1e-4 * i, 0.3], "normal": [0, 1 if y > 0 else -1, 0]}
+        wheels.append(
+            told | {"outline": [], "toe_text": "+0° 10' 0\"", "camber_text": "-0° 30' 0\""}
+        )
+    ends = {"forward": [0.5, 0, 0], "left": [0, 0.5, 0], "up": [0, 0, 0.5]}
+    axes = [{"name": n, "layer": "axes", "from": [0, 0, 0], "to": to} for n, to in ends.items()]
+    return {"schema": "wheelplane/scene/1", "wheels": wheels, "lines": axes, "cloud": None}
+
+
+BOXES = """() => {
+  const box = ({ left, top, right, bottom }) => [left, top, right, bottom];
+  const all = (name) => [...document.querySelectorAll(`#crowd ${name}`)];
+  return Object.fromEntries(["button.w3d-label", "span.w3d-label", ".w3d-bar", ".w3d"]
+    .map((name) => [name, all(name).filter((one) => !one.hidden)
+      .map((one) => box(one.getBoundingClientRect()))]));
+}"""
+
+
+@pytest.mark.parametrize(
+    "visit", [{"viewport": SMALL}, {"viewport": {"width": 480, "height": 900}}], indirect=True
+)
+def test_labels_of_many_scans_leave_one_another_room(visit):
+    page = visit.open()
+    page.wait_for_selector(".items")
+    mount = """scene => {
+      const place = Object.assign(document.createElement("div"), { id: "crowd" });
+      place.style.height = "480px";
+      document.querySelector("main").prepend(place);
+      window.crowd = Wheelplane3D.mount(place, scene);
+    }"""
+    page.evaluate(mount, crowd())
+    acts = ["look('iso')", "mark('FL steered 2')", "look('left')", "look('front')", "mark('RR')"]
+    for act in acts:
+        page.evaluate(f"window.crowd.{act}")
+        page.wait_for_timeout(700)
+        found = page.evaluate(BOXES)
+        buttons, (whole,) = found["button.w3d-label"], found[".w3d"]
+        assert len(buttons) == 20 or page.viewport_size != SMALL
+        assert len(buttons) >= 10
+        taken = [*buttons, *found["span.w3d-label"], *found[".w3d-bar"]]
+        for i, one in enumerate(taken):
+            for other in taken[:i]:
+                covers = [min(one[a + 2], other[a + 2]) > max(one[a], other[a]) for a in (0, 1)]
+                assert not all(covers), (act, one, other)
+        for left, top, right, bottom in buttons:
+            assert min(right - left, bottom - top) >= TARGET_PX
+            assert left >= whole[0]
+            assert top >= whole[1]
+            assert right <= whole[2]
+            assert bottom <= whole[3]
+        visit.check_with_axe()
+
+
+def test_a_wheel_is_chosen_in_the_picture(visit):
+    """A click at the middle of the picture, once the view faces that wheel."""
+    page = visit.open()
+    visit.measure("figure-4.txt")
+    page.locator("table.angles tbody tr").nth(1).locator("button").click()
+    page.locator(".evidence button", has_text="3D view").click()
+    page.wait_for_timeout(800)
+    page.locator("table.angles tbody tr").nth(0).locator("button").click()
+    page.get_by_label("labels").uncheck()
+    box = page.locator(".w3d canvas").bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 + 25)
+    chosen = page.locator(".evidence h2").inner_text().removeprefix("Evidence of ")
+    assert chosen in ("RL", "1", "2")  # the trials stand on RL
+
+
+def test_a_structure_error_is_shown_at_its_line(visit):
+    page = visit.open()
+    page.locator("#browser button", has_text="bad.txt").click()
+    page.wait_for_selector("#trouble:not([hidden])")
+    text = page.locator("#trouble").inner_text()
+    assert "line 17" in text
+    assert page.locator("#trouble tr.wrong").inner_text() == (
+        "17\t1.0 2.0 <img src=x onerror=alert(1)>"
+    )
+    assert page.evaluate("document.activeElement.id") == "trouble"
+    assert page.locator("#load").is_visible()  # to try again at once
+    visit.check_with_axe()
+
+
+def test_names_that_hold_script_stay_text(visit):
+    page = visit.open()
+    visit.measure("<img src=x")
+    assert page.locator("#result-title").inner_text() == "<img src=x onerror=alert(1)>.txt"
+    assert page.locator("#result img[src=x]").count() == 0
+    with visit.context.expect_page() as opened:
+        page.get_by_role("button", name="Open the report").click()
+    opened.value.wait_for_selector("canvas")
+    opened.value.close()
+
+
+def test_files_are_chosen_or_dropped(visit, folder):
+    page = visit.open()
+    page.set_input_files("#files", str(PAPER))
+    page.wait_for_selector("#result:not([hidden])")
+    assert page.locator("table.angles tbody tr").count() == 8
+    page.get_by_role("button", name="Measure another").click()
+    scans = [p for p in (folder / "capture").iterdir() if p.suffix in (".ply", ".toml")]
+    files = [[path.name, path.read_bytes().hex()] for path in scans]
+    page.evaluate(
+        """files => {
+          const held = new DataTransfer();
+          for (const [name, hex] of files) {
+            const bytes = Uint8Array.from(hex.match(/../g) ?? [], (pair) => parseInt(pair, 16));
+            held.items.add(new File([bytes], name));
+          }
+          for (const type of ["dragover", "drop"])
+            window.dispatchEvent(new DragEvent(type, { dataTransfer: held, cancelable: true }));
+        }""",
+        files,
+    )
+    page.wait_for_selector("#result:not([hidden])")
+    assert page.locator("table.angles tbody tr").count() == 5
+    page.get_by_role("button", name="Measure another").click()
+    page.set_input_files("#files", {"name": "a.exe", "mimeType": "x/y", "buffer": b"MZ"})
+    page.wait_for_selector("#trouble:not([hidden])")
+
+
+SLOW_START = """const own = fetch;
+window.fetch = async (...given) => {
+  if (given[0] === "/api/measure") await new Promise((resolve) => setTimeout(resolve, 700));
+  return own(...given);
+};"""
+
+
+@pytest.mark.parametrize("script", ["", SLOW_START], ids=["running", "not yet begun"])
+def test_measuring_can_be_cancelled(visit, script):
+    visit.context.add_init_script(script)
+    page = visit.open()
+    page.locator("#browser button", has_text="capture").first.click()
+    page.get_by_role("button", name="Cancel").click()
+    page.wait_for_selector("#trouble:not([hidden])")
+    assert "Cancelled" in page.locator("#trouble").inner_text()
+
+
+def test_a_capture_is_compared_with_its_five_points(visit):
+    page = visit.open()
+    visit.measure("capture")
+    page.get_by_role("button", name="Measure another").click()
+    visit.measure("survey.txt")
+    page.locator("nav a", has_text="Compare").click()
+    page.get_by_role("button", name="Compare").click()
+    page.wait_for_selector("#compare .verdict")
+    assert page.locator("#compare .verdict").inner_text() == "They agree within their uncertainties"
+    assert page.locator("table.compared tbody tr").count() == 10
+    visit.check_with_axe()
+
+
+def test_an_archive_is_browsed(visit, folder):
+    page = visit.open()
+    visit.measure("figure-4.txt")
+    job = page.evaluate("performance.getEntriesByType('resource').map(e => e.name)")
+    panel = next(name for name in job if "/panel-en.json" in name)
+    record = panel.replace("panel-en.json", "measurement.json")
+    tree = page.evaluate("address => fetch(address).then((answer) => answer.json())", record)
+    write_results(folder / "results", tree)
+    page.locator("nav a", has_text="Archive").click()
+    page.locator("#archive .items button", has_text="results").click()
+    page.wait_for_selector("#archive table")
+    assert page.locator("#archive tbody tr").count() == 12
+    visit.check_with_axe()
+    page.fill("#archive input[name=text]", "car-03")
+    page.get_by_role("button", name="Show").click()
+    until(page, "document.querySelectorAll('#archive tbody tr').length === 1")
+    page.get_by_role("button", name="2026/car-03").click()
+    page.wait_for_selector("#archive h2")
+    page.fill("#archive input[name=text]", "")
+    page.get_by_role("button", name="Show").click()
+    page.get_by_role("button", name="Failures").click()
+    until(page, "document.querySelector('#archive table').innerText.includes('<b>')")
+    page.get_by_role("button", name="Trends").click()
+    page.get_by_role("button", name="RR toe").click()
+    until(page, "document.querySelector('img.trend')?.naturalWidth > 0")
+    visit.check_with_axe()
+
+
+def test_a_folder_that_is_allowed_is_itself_opened(browser, folder, tmp_path):
+    with serving(folder / "capture", tmp_path) as address:
+        visit = Visit(browser, address)
+        page = visit.open("#open=0/")
+        page.wait_for_selector("#result:not([hidden]) table.angles")
+        assert page.locator("#result-title").inner_text() == "capture"
+        tree = page.evaluate("fetch('/api/jobs').then(a => a.json())")["jobs"][0]
+        assert tree["name"] == "capture"
+        record = f"/api/jobs/{tree['id']}/measurement.json"
+        results = write_results(
+            tmp_path / "results", page.evaluate(f"fetch('{record}').then(a => a.json())")
+        )
+        visit.context.close()
+    assert visit.faults == []
+    with serving(results, tmp_path) as address:
+        visit = Visit(browser, address)
+        page = visit.open("#archive=0/")
+        page.wait_for_selector("#archive table")
+        assert page.locator("#archive tbody tr").count() == 12
+        visit.context.close()
+    assert visit.faults == []
+
+
+def test_while_too_many_wait_the_page_asks_again(visit):
+    visit.refusal, asked = 503, []
+
+    def refuse_once(route):
+        asked.append(route.request.post_data)
+        if len(asked) > 1:
+            route.continue_()
+        else:
+            route.fulfill(status=503, json={"error": "2 jobs are waiting: wait for one to end"})
+
+    visit.context.route("**/api/measure", refuse_once)
+    page = visit.open()
+    visit.measure("figure-4.txt")
+    assert page.locator("#trouble").is_hidden()
+    assert asked == asked[:1] * 2
+
+
+def test_angles_whose_points_are_lost_are_shown_with_the_reason(visit):
+    told = []
+
+    def lose_points(route):
+        answer = route.fetch()
+        job = answer.json()
+        if job["state"] == "done":
+            told.append(job)
+            job |= {"state": "ready"} if len(told) == 1 else {"note": "rr.ply: it is gone"}
+        route.fulfill(response=answer, json=job)
+
+    visit.context.route("**/api/jobs/*", lose_points)
+    page = visit.open()
+    page.wait_for_selector("#browser .items")
+    page.locator("#browser button", has_text="capture").first.click()
+    until(
+        page, "document.querySelector('.look .small')?.textContent.includes('rr.ply: it is gone')"
+    )
+    assert page.locator("table.angles tbody tr").count() == 5
+    assert " points. The rest" in page.locator(".look .small").inner_text()
+
+
+def test_the_manual_opens(visit):
+    page = visit.open()
+    with visit.context.expect_page() as opened:
+        page.locator("nav a", has_text="Manual").click()
+    manual = opened.value
+    manual.wait_for_selector("h1")
+    assert manual.url == f"{visit.address}manual/"
+    manual.close()
+
+
+def test_the_language_is_switched_and_kept(visit):
+    page = visit.open()
+    visit.measure("figure-4.txt")
+    page.select_option("#language", "pt")
+    page.wait_for_selector("text=Carregar")
+    page.wait_for_selector("#result:not([hidden])")  # which stays
+    assert page.evaluate("document.documentElement.lang") == "pt"
+    assert "sopé" in page.locator("table.angles thead").inner_text()
+    assert "sopé" in page.locator(".w3d-labels").inner_text()
+    visit.check_with_axe()
+
+
+def test_everything_is_reached_by_keyboard(visit):
+    page = visit.open()
+    page.wait_for_selector(".items")
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.className") == "skip"
+    seen = set()
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        told = page.evaluate("document.activeElement.innerText || document.activeElement.id")
+        seen.add(told.split("\n")[0])
+        if told.startswith("figure-4.txt"):
+            page.keyboard.press("Enter")
+            break
+    assert {"Measure", "Compare", "Archive", "Manual", "Choose files …"} <= seen
+    page.wait_for_selector("#result:not([hidden])")
+    assert page.evaluate("document.activeElement.id") == "result-title"
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.innerText") == "FR":
+            break
+    outline = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
+    assert outline == "solid"  # where one is can be seen
+    page.keyboard.press("Enter")
+    assert page.locator(".evidence h2").inner_text() == "Evidence of FR"
+
+
+def test_a_server_that_is_gone_is_told(browser, address):
+    visit = Visit(browser, address)
+    page = visit.open()
+    page.wait_for_selector(".items")
+    visit.context.set_offline(True)
+    page.locator("#browser button", has_text="figure-4.txt").click()
+    page.wait_for_selector("#trouble:not([hidden])")
+    assert "no longer answers" in page.locator("#trouble").inner_text()
+    visit.context.close()
+
+
+def test_without_webgl_a_sentence_stands_in_its_place(browser, address):
+    visit = Visit(browser, address)
+    visit.context.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+    page = visit.open()
+    visit.measure("figure-4.txt")
+    assert "needs WebGL" in page.locator(".stage").inner_text()
+    page.locator("table.angles tbody tr").nth(0).locator("button").click()
+    assert page.locator(".evidence h2").inner_text() == "Evidence of RR"
+    visit.context.close()
+    assert visit.faults == []

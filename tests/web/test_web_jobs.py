@@ -1,0 +1,184 @@
+"""Jobs of the page's server: what they do to one another, how many wait, and how they end."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from tests.support.web_site import PAPER, Site
+from wheelplane.web.jobs import process
+from wheelplane.web.security import RefusedError
+
+# In place of the measuring process: it does plan["do"], or makes a report that says nothing.
+STAND_IN = """
+import json, os, pathlib, sys, time
+plan = json.load(sys.stdin)
+out, unpacked = pathlib.Path(plan["out"]), pathlib.Path(os.environ["TMPDIR"], "rr.ply")
+unpacked.write_text("a scan")
+def say(**told): print(json.dumps(told), flush=True)
+def wait(name):
+    while not (out / name).exists(): time.sleep(0.01)
+if plan["task"] == "report" and "do" not in plan:
+    (out / plan["file"]).write_text("a report")
+exec(plan.get("do", "say(done=True)"))
+"""
+READY = "(out / 'measurement.json').write_text('{}'); say(ready=True); "
+HANG = "wait('never')"
+
+
+@pytest.fixture(autouse=True)
+def stand_in(monkeypatch):
+    real = subprocess.Popen
+    begin = lambda _, **rest: real([sys.executable, "-c", STAND_IN], **rest)  # noqa: E731
+    monkeypatch.setattr(process.subprocess, "Popen", begin)
+
+
+@pytest.fixture
+def site(tmp_path):
+    made = Site(tmp_path, workers=1, waiting=2, jobs=2)
+    made.copy(PAPER, "figure-4.txt")
+    yield made
+    made.close()
+
+
+def jobs_of(site):
+    return site.app.config["state"].jobs
+
+
+def begun(site, do, task="measure", state="running", **rest):
+    """A job that does this, once it is in that state."""
+    job = jobs_of(site).start(task, "car", {"do": do}, **rest)
+    until(lambda: job.state == state)
+    return job
+
+
+def ended(site, do, **rest):
+    job = jobs_of(site).start("measure", "car", {"do": do}, **rest)
+    assert job.finished.wait(60)
+    return job
+
+
+def until(holds):
+    for _ in range(6000):
+        if holds():
+            return
+        time.sleep(0.01)
+    raise AssertionError("never so")
+
+
+def test_a_report_leaves_alone_what_its_measurement_has_unpacked(site):
+    gone = "say(failure={'text': 'the scan is gone'})"
+    job = begun(site, f"{READY}wait('go'); {gone} if not unpacked.exists() else say(done=True)",
+                state="ready")  # fmt: skip
+    assert site.get(f"/api/jobs/{job.id}/report.txt").text == "a report"
+    (job.folder / "go").touch()
+    told = site.ended(job.id)
+    assert (told["state"], told["note"]) == ("done", "")
+    assert job.finished.wait(60)
+    assert list(site.allowed.parent.rglob("rr.ply")) == []  # none is left behind
+
+
+@pytest.mark.parametrize(
+    ("end", "said"),
+    [
+        ("say(failure={'text': 'rr.ply: it is gone'})", "rr.ply: it is gone"),
+        ("os._exit(3)", "exit code 3"),
+        ("os.kill(os.getpid(), 9)", "SIGKILL"),
+    ],
+)
+def test_angles_that_are_ready_outlive_a_failure_of_the_points(site, end, said):
+    job = ended(site, READY + end)
+    told = site.get(f"/api/jobs/{job.id}").json
+    assert told["state"] == "done"
+    assert said in told["note"]
+    assert told["failure"] is None
+    assert site.get(f"/api/jobs/{job.id}/measurement.json").status_code == 200
+    assert ended(site, end).state == "failed"  # which without angles it stays
+
+
+def test_angles_that_are_ready_outlive_a_late_cancel(site):
+    job = begun(site, READY + HANG, state="ready")
+    assert site.post(f"/api/jobs/{job.id}/cancel", {}).status_code == 200
+    assert site.ended(job.id)["state"] == "done"
+    assert job.process.wait(60) == -signal.SIGKILL
+
+
+def test_closing_ends_reports_too(site):
+    measured = ended(site, READY + "say(done=True)")
+    report = begun(site, "time.sleep(30)", "report", uses=(measured,))
+    site.close()
+    assert report.process.returncode == -signal.SIGKILL
+    assert report.state == "cancelled"
+    assert report.finished.is_set()
+
+
+def test_reports_wait_in_a_line_of_their_own_which_is_bounded_too(site):
+    measured = ended(site, READY + "say(done=True)")
+    for _ in range(2):
+        begun(site, HANG, "report", uses=(measured,))
+    begun(site, HANG)
+    for task, uses in (("report", (measured,)), ("measure", ())):
+        for _ in range(2):
+            begun(site, HANG, task, "waiting", uses=uses)
+        with pytest.raises(RefusedError, match="2 jobs are waiting"):
+            jobs_of(site).start(task, "car", {}, uses=uses)
+
+
+def test_what_a_job_reads_is_kept_until_it_ends(site):
+    first, second = (ended(site, READY + "say(done=True)") for _ in range(2))
+    comparing = begun(site, "wait('go'); say(done=True)", "compare", uses=(first, second))
+    for _ in range(3):
+        ended(site, READY + "say(done=True)")
+    assert first.folder.is_dir()
+    assert second.folder.is_dir()
+    (comparing.folder / "go").touch()
+    assert comparing.finished.wait(60)
+    ended(site, READY + "say(done=True)")
+    until(lambda: len(list((site.allowed.parent / "scratch").glob("job-*"))) == 2)
+    assert not first.folder.exists()
+    with pytest.raises(RefusedError, match="no longer kept"):
+        jobs_of(site).start("report", "late", {}, uses=(first,))
+
+
+def test_reports_push_no_measurement_out(site):
+    kept = [ended(site, READY + "say(done=True)") for _ in range(2)]
+    for language in ("en", "pt"):
+        for axis in ("rear-axle", "thrust-line"):
+            address = f"/api/jobs/{kept[0].id}/report.txt?language={language}&axis={axis}"
+            assert site.get(address).status_code == 200
+    assert jobs_of(site).measured() == kept[::-1]
+    assert all(job.folder.is_dir() for job in kept)
+
+
+def test_a_report_that_takes_too_long_is_stopped(site, monkeypatch):
+    monkeypatch.setattr("wheelplane.web.jobs.saving.REPORT_SECONDS", 0.1)
+    measured = ended(site, READY + "say(done=True)")
+    made, start = [], jobs_of(site).start
+
+    def start_slow(task, name, given, **rest):
+        made.append(start(task, name, given | {"do": HANG}, **rest))
+        return made[-1]
+
+    monkeypatch.setattr(jobs_of(site), "start", start_slow)
+    answer = site.get(f"/api/jobs/{measured.id}/report.txt")
+    assert answer.status_code == 500
+    assert "in time" in answer.json["error"]
+    assert made[0].finished.wait(60)
+    assert made[0].state == "cancelled"
+
+
+def test_an_upload_that_is_refused_for_now_is_kept(site):
+    upload = site.send(figure__txt=PAPER.read_bytes())
+    hung = [begun(site, HANG), *(begun(site, HANG, state="waiting") for _ in range(2))]
+    for _ in range(2):
+        assert site.post("/api/measure", {"upload": upload}).status_code == 503
+    for job in hung:
+        jobs_of(site).cancel(job)
+    job = site.post("/api/measure", {"upload": upload})
+    assert job.status_code == 200
+    assert site.ended(job.json["id"])["state"] == "done"
+    assert site.post("/api/measure", {"upload": upload}).status_code == 404  # it is taken

@@ -1,0 +1,561 @@
+"""Attacks on the page, each refused, beside what a page of ours may do."""
+
+from __future__ import annotations
+
+import io
+import tarfile
+import zipfile
+from contextlib import nullcontext
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+from tests.support.web_site import HERE, PAPER, Site
+from wheelplane.errors import InputError
+from wheelplane.web.content.measuring import check_inside
+from wheelplane.web.files.folders import Folders
+from wheelplane.web.security import KEY_HEADER, RefusedError, guard_for, is_loopback
+from wheelplane.web.server import address_of
+
+SECRET = "the secret of another folder"
+DISC = {"options": {"target": "disc-250"}}
+
+
+@pytest.fixture
+def site(tmp_path):
+    made = Site(tmp_path)
+    made.copy(PAPER, "figure-4.txt")
+    (tmp_path / "secret.txt").write_text(SECRET)
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """A site that has measured the paper's file, and the job."""
+    made = Site(tmp_path_factory.mktemp("measured"))
+    made.copy(PAPER, "figure-4.txt")
+    yield made, made.measure({"root": 0, "path": "figure-4.txt"})["id"]
+    made.close()
+
+
+# Hosts, origins, keys
+
+
+@pytest.mark.parametrize(
+    ("headers", "code"),
+    [
+        ({}, 200),
+        ({"Host": "localhost:8765"}, 200),
+        ({"Host": "127.0.0.1:8766"}, 421),
+        ({"Host": "127.0.0.1"}, 421),
+        ({"Host": "evil.example:8765"}, 421),
+        ({"Host": "127.0.0.1.evil.example:8765"}, 421),
+        ({"Host": "evil.example"}, 421),
+        ({"Host": "192.168.1.7:8765"}, 421),
+        ({"Host": ""}, 421),
+        ({"Origin": f"http://{HERE}"}, 200),
+        ({"Origin": "http://evil.example"}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Origin": "http://127.0.0.1:1234"}, 403),
+        ({"Origin": f"https://{HERE}"}, 403),
+        ({"Sec-Fetch-Site": "same-origin"}, 200),
+        ({"Sec-Fetch-Site": "none"}, 200),
+        ({"Sec-Fetch-Site": "cross-site"}, 403),
+        ({"Sec-Fetch-Site": "same-site"}, 403),
+    ],
+)
+@pytest.mark.parametrize("path", ["/", "/static/page.css", "/api/files/0/"])
+def test_only_this_server_by_its_own_name_and_from_its_own_page(site, path, headers, code):
+    assert site.get(path, headers=headers).status_code == code
+
+
+def test_a_request_without_the_cookie_learns_nothing(site):
+    site.client.delete_cookie(site.guard.cookie, domain="127.0.0.1")
+    assert site.get("/").status_code == 200
+    site.client.delete_cookie(site.guard.cookie, domain="127.0.0.1")  # which `/` just gave
+    for path in (
+        "/api/files/0/",
+        "/api/folders",
+        "/api/jobs/x",
+        "/manual/",
+        "/static/../api/folders",
+    ):
+        assert site.get(path).status_code in (403, 404), path
+    assert "figure-4" not in site.get("/api/files/0/").text
+
+
+def test_the_cookie_is_strict_and_hidden_from_scripts(site):
+    told = site.get("/").headers["Set-Cookie"]
+    assert "SameSite=Strict" in told
+    assert "HttpOnly" in told
+
+
+def test_pages_at_two_ports_of_a_machine_leave_each_other_alone(tmp_path):
+    sites = [Site(tmp_path / str(port), port=port) for port in (8765, 8766)]
+    told = [site.get("/").headers["Set-Cookie"].split(";")[0] for site in sites]
+    names = [cookie.partition("=")[0] for cookie in told]
+    kept = dict(zip(names, told, strict=True))  # as a browser keeps them: one of a name for a host
+    for site in sites:
+        bare = site.app.test_client(use_cookies=False)
+        headers = {"Host": f"127.0.0.1:{site.guard.port}", "Cookie": "; ".join(kept.values())}
+        assert bare.get("/api/folders", headers=headers).status_code == 200
+        site.close()
+
+
+@pytest.mark.parametrize("key", [None, "", "x", "ключ"])
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [
+        ("POST", "/api/uploads"),
+        ("POST", "/api/measure"),
+        ("POST", "/api/language/pt"),
+        ("PUT", "/api/uploads/x/rr.ply"),
+        ("DELETE", "/api/jobs/x"),
+    ],
+)
+def test_what_changes_something_needs_the_key_of_the_page(site, method, path, key):
+    header = None if key is None else key.encode().decode("latin-1")
+    answer = site.ask(method, path, headers={KEY_HEADER: header}, json={})
+    assert answer.status_code == 403
+    assert "key" in answer.json["error"]
+
+
+def test_a_form_of_another_site_is_refused_even_with_the_cookie(site):
+    headers = {KEY_HEADER: None, "Origin": "http://evil.example"}
+    form = site.ask("POST", "/api/measure", headers=headers, data={"path": "figure-4.txt"})
+    assert form.status_code == 403
+
+
+def test_every_answer_forbids_foreign_content(site):
+    for path in ("/", "/static/page.css", "/viewer.js", "/api/files/0/", "/nothing", "/manual/"):
+        headers = site.get(path).headers
+        policy = headers["Content-Security-Policy"]
+        assert "default-src 'none'" in policy
+        assert "unsafe" not in policy
+        assert "http" not in policy
+        assert "frame-ancestors 'none'" in policy
+        assert headers["X-Content-Type-Options"] == "nosniff"
+        assert "Access-Control-Allow-Origin" not in headers
+
+
+def test_the_page_holds_no_inline_script_or_style(site):
+    text = site.get("/").text
+    assert "<style" not in text
+    assert " style=" not in text
+    assert " onclick" not in text
+    scripts = text.split("<script")[1:]
+    assert scripts
+    assert all("src=" in s.split(">")[0] or "application/json" in s.split(">")[0] for s in scripts)
+
+
+def test_open_to_the_network_the_page_asks_for_its_token(tmp_path):
+    site = Site(tmp_path, token="long-and-random")
+    try:
+        site.client.delete_cookie(site.guard.cookie, domain="127.0.0.1")
+        for path in ("/", "/?token=", "/?token=wrong", "/api/folders?token=long-and-random"):
+            answer = site.get(path)
+            assert answer.status_code == 403, path
+            assert "Set-Cookie" not in answer.headers
+        assert site.get("/?token=long-and-random").status_code == 302
+        assert site.get("/").status_code == 200
+        assert site.get("/api/folders").status_code == 200
+    finally:
+        site.close()
+
+
+def test_only_loopback_does_without_a_token():
+    assert is_loopback("127.0.0.1")
+    assert is_loopback("::1")
+    assert is_loopback("localhost")
+    for host in ("0.0.0.0", "::", "192.168.1.7", "workshop.example", "127.0.0.1.example"):
+        assert not is_loopback(host), host
+        assert len(guard_for(host, 1).token) >= 32, host
+    assert guard_for("127.0.0.1", 1).token is None
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["127.0.0.1", "127.0.0.2", "localhost", "::1", "0:0:0:0:0:0:0:1", "192.168.1.7", "Car-1"],
+)
+def test_the_address_that_is_printed_is_answered(host):
+    guard = guard_for(host, 8765)
+    called = urlsplit(address_of(host, guard)).netloc
+    guard.check("GET", "/", {"Host": called}, "")
+    guard.check("GET", "/", {"Host": called, "Origin": f"http://{called}"}, "")
+    with pytest.raises(RefusedError):
+        guard.check("GET", "/", {"Host": f"x{called}"}, "")
+
+
+def test_no_name_of_another_machine_leads_to_a_server_open_to_the_network():
+    guard = guard_for("0.0.0.0", 8765)
+    for host in ("192.168.1.7:8765", "[fe80::1]:8765", "localhost:8765"):
+        guard.check("GET", "/", {"Host": host}, "")
+    for host in ("evil.example:8765", "192.168.1.7:80", "192.168.1.7.evil.example:8765"):
+        with pytest.raises(RefusedError):
+            guard.check("GET", "/", {"Host": host}, "")
+
+
+# Paths
+
+
+ESCAPES = [
+    "..",
+    "../secret.txt",
+    "../../etc/passwd",
+    "sub/../../secret.txt",
+    "/etc/passwd",
+    "//etc/passwd",
+    "..\\secret.txt",
+    "%2e%2e/secret.txt",
+    "%2e%2e%2fsecret.txt",
+    "..%2fsecret.txt",
+    "%252e%252e%252fsecret.txt",
+    "....//secret.txt",
+    "./.././secret.txt",
+    "figure-4.txt/../../secret.txt",
+    "figure-4.txt\0",
+    "link.txt",
+    "linked",
+    "linked/secret.txt",
+    "loop",
+    "a" * 5000,
+]
+
+
+@pytest.fixture
+def escapes(site, tmp_path):
+    """The site with links out of its folder, and one that leads round."""
+    (site.allowed / "sub").mkdir()
+    (site.allowed / "link.txt").symlink_to(tmp_path / "secret.txt")
+    (site.allowed / "linked").symlink_to(tmp_path)
+    (site.allowed / "loop").symlink_to(site.allowed / "loop")
+    return site
+
+
+@pytest.mark.parametrize("path", ESCAPES)
+def test_no_path_leaves_the_allowed_folder(escapes, path):
+    answer = escapes.post("/api/measure", {"root": 0, "path": path})
+    assert answer.status_code in (400, 403, 404)
+    for address in (f"/api/files/0/{path}", f"/api/archive/overview/0/{path}"):
+        answer = escapes.get(address, follow_redirects=True)
+        assert answer.status_code in (400, 403, 404), address
+        assert SECRET not in answer.text
+
+
+def test_what_lies_inside_is_found(escapes):
+    folders = Folders((escapes.allowed.resolve(),))
+    assert folders.existing(0, "sub/../figure-4.txt") == escapes.allowed / "figure-4.txt"
+    names = [item.name for item in folders.listing(0, "")]
+    assert names == ["sub", "figure-4.txt"]
+
+
+@pytest.mark.parametrize("root", [-1, 1, 99, "0", None, [0], 0.0])
+def test_no_other_root(site, root):
+    answer = site.post("/api/measure", {"root": root, "path": "figure-4.txt"})
+    assert answer.status_code == 404
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        'RR = "../../secret.txt"',
+        'RR = "/etc/passwd"',
+        'RR = "link.ply"',
+        'RR = "linked/secret.txt"',
+    ],
+)
+def test_a_capture_names_nothing_beyond_the_allowed_folder(site, tmp_path, line):
+    capture = site.allowed / "capture"
+    capture.mkdir()
+    (capture / "link.ply").symlink_to(tmp_path / "secret.txt")
+    (capture / "linked").symlink_to(tmp_path)
+    others = "\n".join(f'{wheel} = "../figure-4.txt"' for wheel in ("RL", "FR", "FL"))
+    (capture / "capture.toml").write_text(f'target = "disc-250"\n[reference]\n{line}\n{others}\n')
+    told = site.measure({"root": 0, "path": "capture"})
+    assert told["state"] == "failed"
+    assert "outside the allowed folder" in told["failure"]["text"]
+    assert SECRET not in str(told)
+
+
+@pytest.mark.parametrize("key", ["target", "scanner", "cloud"])
+def test_nor_do_its_settings(tmp_path, monkeypatch, key):
+    capture = tmp_path / "allowed" / "capture"
+    capture.mkdir(parents=True)
+    (tmp_path / "secret.toml").write_text("secret = 1")
+    (capture / "capture.toml").write_text(f'{key} = "../../secret.toml"\n')
+    monkeypatch.chdir(tmp_path / "allowed")
+    with pytest.raises(InputError, match="outside the allowed folder"):
+        check_inside(Path("capture"), tmp_path / "allowed")
+    (capture / "capture.toml").write_text(f'{key} = "../own.toml"\n')
+    check_inside(Path("capture"), tmp_path / "allowed")
+
+
+@pytest.mark.parametrize("kind", ["trial", "sweep", "runout"])
+def test_nor_do_its_further_scans(tmp_path, kind):
+    more = {"sweep": 'wheel = "FL"\n', "runout": 'wheel = "FL"\nangle_deg = 0\n'}.get(kind, "")
+    wheels = "\n".join(f'{wheel} = "{wheel}.ply"' for wheel in ("RR", "RL", "FR", "FL"))
+    for file, refused in (("../../secret.ply", True), ("../own.ply", False)):
+        capture = tmp_path / "allowed" / "capture"
+        capture.mkdir(parents=True, exist_ok=True)
+        text = f'[reference]\n{wheels}\n[[{kind}]]\nname = "1"\nfile = "{file}"\n{more}'
+        (capture / "capture.toml").write_text(text)
+        context = pytest.raises(InputError, match="outside") if refused else nullcontext()
+        with context:
+            check_inside(capture, tmp_path / "allowed")
+
+
+def test_nor_does_whatever_else_a_capture_may_come_to_name(tmp_path, monkeypatch):
+    monkeypatch.setattr("wheelplane.web.content.measuring.files_of", lambda _: ["../new.kind"])
+    (tmp_path / "capture.toml").write_text('cloud = "all.ply"\n')
+    with pytest.raises(InputError, match="outside the allowed folder"):
+        check_inside(tmp_path, tmp_path)
+
+
+def test_scans_by_their_names_may_be_no_links_to_elsewhere(site, tmp_path):
+    capture = site.allowed / "capture"
+    capture.mkdir()
+    for wheel in ("rr", "rl", "fr", "fl"):
+        (capture / f"{wheel}.xyz").symlink_to(tmp_path / "secret.txt")
+    told = site.measure({"root": 0, "path": "capture", **DISC})
+    assert "outside the allowed folder" in told["failure"]["text"]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"target": "/etc/passwd"},
+        {"target": "../secret.toml"},
+        {"scanner": "secret.toml"},
+        {"tolerance": "../example"},
+        {"unknown": "1"},
+        {"front": "1,2"},
+        {"front": "nan,0,0"},
+        {"length_unit": ["m"]},
+        "text",
+    ],
+)
+def test_options_are_known_names_and_numbers(site, options):
+    given = {"root": 0, "path": "figure-4.txt", "options": options}
+    assert site.post("/api/measure", given).status_code == 400
+
+
+# Uploads
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../rr.ply",
+        "a/../../rr.ply",
+        "..%2f..%2frr.ply",
+        "/etc/rr.ply",
+        ".hidden.ply",
+        "a\\b.ply",
+        "rr.ply%00.txt",
+        "<img src=x onerror=alert(1)>.ply",
+        "a:b.ply",
+        "\u202egpj.ply",
+        "new%0aline.ply",
+        "a/b/c/d/e.ply",
+        "x" * 200 + ".ply",
+    ],
+)
+def test_uploaded_names_are_plain(site, name):
+    upload = site.send()
+    answer = site.put(f"/api/uploads/{upload}/{name}", b"1 2 3")
+    assert answer.status_code in (400, 404, 308)
+    scratch = site.allowed.parent / "scratch"
+    assert [p for p in scratch.rglob("*") if p.is_file()] == []
+
+
+@pytest.mark.parametrize("name", ["run.sh", "page.html", "a.svg", "a.ply.exe", "capture.json", "x"])
+def test_uploads_of_other_kinds_are_refused(site, name):
+    assert site.put(f"/api/uploads/{site.send()}/{name}", b"1").status_code == 415
+
+
+def test_uploads_are_limited_in_size_and_number(tmp_path):
+    site = Site(tmp_path, upload_bytes=1000, upload_files=3)
+    try:
+        assert site.put(f"/api/uploads/{site.send()}/rr.ply", bytes(1001)).status_code == 413
+        upload = site.send(rr__ply=bytes(600))
+        assert site.put(f"/api/uploads/{upload}/rl.ply", bytes(600)).status_code == 413
+        assert site.put(f"/api/uploads/{upload}/rr.ply", b"1").status_code == 409
+        assert site.put(f"/api/uploads/{upload}/RR.ply", b"1").status_code == 409
+        assert site.put(f"/api/uploads/{upload}/rr.ply/a.ply", b"1").status_code == 409
+        assert site.put(f"/api/uploads/{upload}/fr.ply", None).status_code == 411
+        full = site.send(a__ply=b"1", b__ply=b"1", c__ply=b"1")
+        assert site.put(f"/api/uploads/{full}/d.ply", b"1").status_code == 413
+        assert site.put("/api/uploads/none/d.ply", b"1").status_code == 404
+    finally:
+        site.close()
+
+
+def test_an_upload_that_breaks_off_leaves_nothing(site):
+    upload = site.send()
+    for name in ("rr.ply", "rr.ply/folder/a.ply"):
+        with pytest.raises(RefusedError, match="broke off 91 bytes before its end"):
+            site.app.config["state"].uploads.add(upload, name, io.BytesIO(b"only this"), 100)
+    scratch = site.allowed.parent / "scratch"
+    assert [p for p in scratch.rglob("*") if p.is_file()] == []
+    assert site.put(f"/api/uploads/{upload}/rr.ply", b"1").status_code == 200
+
+
+def test_what_was_not_stored_counts_for_nothing(tmp_path):
+    site = Site(tmp_path, upload_bytes=100, upload_files=1)
+    upload, uploads = site.send(), site.app.config["state"].uploads
+    for said, declared in (("broke off", 100), ("larger than", 101), ("size is not told", None)):
+        with pytest.raises(RefusedError, match=said):
+            uploads.add(upload, "rr.ply", io.BytesIO(b"only this"), declared)
+    assert site.post("/api/measure", {"upload": upload}).status_code == 400  # it holds no file
+    assert site.put(f"/api/uploads/{upload}/rr.ply", bytes(100)).status_code == 200
+    site.close()
+
+
+def test_other_requests_are_small(site):
+    answer = site.post("/api/measure", {"root": 0, "path": "x" * 200_000})
+    assert answer.status_code in (400, 413)
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"[]", b'"text"', b"{", b"\xff\xfe", b'{"upload": 3}', b'{"root": {}}', b"null"]
+)
+def test_malformed_requests_are_told_as_such(site, data):
+    for path in ("/api/measure", "/api/compare"):
+        answer = site.ask("POST", path, data=data, content_type="application/json")
+        assert answer.status_code in (400, 404), path
+        assert answer.json["error"]
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("junk.ply", b"\x00\xff" * 500),
+        ("short.ply", b"ply\nformat binary_little_endian 1.0\nelement vertex 1000000\n"),
+        ("junk.e57", b"ASTM-E57" + bytes(4000)),
+        ("junk.zip", b"PK\x03\x04" + bytes(200)),
+        ("junk.tar.gz", b"\x1f\x8b" + bytes(200)),
+        ("huge.npy", b"\x93NUMPY\x01\x00v\x00{'descr': '<f8', 'fortran_order': False, "
+         b"'shape': (900000000000, 3), }" + b" " * 40 + b"\n"),
+    ],
+)  # fmt: skip
+def test_malformed_files_end_in_one_line(site, name, data):
+    upload = site.send(**{name.replace(".", "__"): data})
+    told = site.measure({"upload": upload, **DISC})
+    assert told["state"] == "failed"
+    text = told["failure"]["text"]
+    assert name in text
+    assert "\n" not in text
+    assert "fault" not in text
+    assert str(site.allowed.parent) not in text
+
+
+def zip_of(members: dict[str, bytes]) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+        for name, data in members.items():
+            archive.writestr(name, data)
+    return out.getvalue()
+
+
+def test_a_zip_bomb_is_refused_before_it_is_unpacked(site):
+    bomb = zip_of({f"{wheel}.xyz": b"0 0 0\n" * (50 << 20) for wheel in ("rr",)})
+    # Many members that share one body: 1.5 GB declared in a small file.
+    bomb = declared_larger(bomb, 1 << 31)
+    told = site.measure({"upload": site.send(bomb__zip=bomb), **DISC})
+    assert told["state"] == "failed"
+    assert "unpacks to" in told["failure"]["text"] or "unpacked" in told["failure"]["text"]
+    assert stored(site) < 10 << 20
+
+
+def declared_larger(data: bytes, size: int) -> bytes:
+    """The zip with a larger unpacked size in its directory."""
+    at = data.rindex(b"PK\x01\x02") + 24
+    return data[:at] + size.to_bytes(4, "little") + data[at + 4 :]
+
+
+def stored(site: Site) -> int:
+    scratch = site.allowed.parent / "scratch"
+    return sum(path.stat().st_size for path in scratch.rglob("*") if path.is_file())
+
+
+def test_an_archive_whose_members_point_outside_is_refused(site):
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w") as archive:
+        info = tarfile.TarInfo("../../escaped.ply")
+        info.size = 3
+        archive.addfile(info, io.BytesIO(b"ply"))
+    for name, data in (("evil.tar", out.getvalue()), ("evil.zip", zip_of({"../x.ply": b"ply"}))):
+        told = site.measure({"upload": site.send(**{name.replace(".", "__"): data})})
+        assert "points outside" in told["failure"]["text"], name
+
+
+def test_what_takes_too_long_is_stopped(tmp_path):
+    site = Site(tmp_path, seconds=0.05)
+    try:
+        site.copy(PAPER, "figure-4.txt")
+        told = site.measure({"root": 0, "path": "figure-4.txt"})
+        assert told["state"] == "failed"
+        assert "longer than 0.05 s" in told["failure"]["text"]
+        assert "--time-limit" in told["failure"]["text"]
+    finally:
+        site.close()
+
+
+def test_what_takes_too_much_memory_is_told_so(tmp_path):
+    site = Site(tmp_path, memory_bytes=100 << 20)
+    try:
+        out = io.BytesIO()
+        np.save(out, np.zeros((5_000_000, 3), np.float32))
+        told = site.measure({"upload": site.send(a__npy=out.getvalue())} | DISC)
+        assert told["state"] == "failed"
+        assert "memory" in told["failure"]["text"]
+    finally:
+        site.close()
+
+
+# Names that hold script
+
+
+def test_scripts_in_names_stay_text(tmp_path):
+    site = Site(tmp_path)
+    name = "<script>alert(1)<script>.txt"
+    (site.allowed / name).write_bytes(PAPER.read_bytes())
+    try:
+        told = site.measure({"root": 0, "path": name})
+        assert told["state"] == "done"
+        report = site.get(f"/api/jobs/{told['id']}/report.html")
+        assert report.status_code == 200
+        assert "<script>alert" not in report.text
+        policy = report.headers["Content-Security-Policy"]
+        assert policy.startswith("sandbox ")
+        assert "allow-same-origin" not in policy
+        assert "connect-src" not in policy  # so default-src 'none' holds
+        assert site.get("/").text.count("alert(1)") == 0
+    finally:
+        site.close()
+
+
+def test_reports_are_saved_under_plain_names_only(measured):
+    site, job = measured
+    for name in ("../x.txt", "a/b.txt", "", " ", ".x", "a\0.txt", "con:.txt", "x" * 200):
+        given = {"format": "txt", "root": 0, "name": name}
+        answer = site.post(f"/api/jobs/{job}/save", given)
+        assert answer.status_code in (400, 403), name
+    answer = site.post(f"/api/jobs/{job}/save", {"format": "txt", "root": 1, "name": "a.txt"})
+    assert answer.status_code == 404
+    answer = site.post(
+        f"/api/jobs/{job}/save", {"format": "txt", "root": 0, "path": "..", "name": "a.txt"}
+    )
+    assert answer.status_code == 403
+
+
+def test_of_a_job_only_its_results_are_given_out(measured):
+    site, job = measured
+    assert site.get(f"/api/jobs/{job}/measurement.json").status_code == 200
+    hidden = "measurement.pickle", "log.txt", "..%2f..%2fsecret.txt", "panel-..%2flog.txt", ".."
+    for file in hidden:
+        assert site.get(f"/api/jobs/{job}/{file}").status_code == 404, file
+    assert site.get("/api/jobs/../measurement.json").status_code == 404
