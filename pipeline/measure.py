@@ -19,10 +19,10 @@ from .measurement import (
     Observation,
     Provenance,
     align,
-    face_map,
     noisy,
     observe_cloud,
     observe_entry,
+    residual_map,
 )
 from .plane import Patch, fit_plane
 from .targets import Target
@@ -34,9 +34,9 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     plane = fit_plane(patch, target, config.plane)
     fitted = locate_centre(patch, plane, target, config.centre)
     sight_m = fitted.sight_m(plane, config.instrument.distance_m)
-    stated = with_type_b(fitted.causes, fitted.normal, sight_m, target, config.instrument)
-    fitted = replace(fitted, causes=stated)
-    seen = face_map(patch, plane, fitted, target, config.plane.edge_margin_m)
+    stated = with_type_b(fitted.components, fitted.normal, sight_m, target, config.instrument)
+    fitted = replace(fitted, components=stated)
+    seen = residual_map(patch, plane, fitted, target, config.plane.edge_margin_m)
     return Evidence(fitted, plane, seen)
 
 

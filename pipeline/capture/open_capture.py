@@ -56,7 +56,7 @@ class Capture:
 
 
 @dataclass(frozen=True)
-class Told:
+class CaptureOptions:
     """What options tell of a capture; each goes before what its capture.toml says.
 
     front, front_point, up: of one cloud of the vehicle, in its file's coordinates and unit.
@@ -70,7 +70,7 @@ class Told:
     of_clouds: bool = False
 
 
-NOTHING_TOLD = Told()
+NOTHING_TOLD = CaptureOptions()
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class _Opened:
 
 @contextmanager
 def open_capture(
-    source: Path, target: str | Target | None = None, told: Told = NOTHING_TOLD
+    source: Path, target: str | Target | None = None, told: CaptureOptions = NOTHING_TOLD
 ) -> Iterator[Capture]:
     """Open the capture at `source`; `target`, or its name, goes before the capture's own.
 
@@ -134,7 +134,7 @@ def _opened(source: Path, length_unit: LengthUnit | None = None) -> Iterator[_Op
         yield _Opened(declared, where, folder, scans_of(declared, folder, where, packed=packed))
 
 
-def _front(found: _Opened, told: Told, source: Path) -> Front | None:
+def _front(found: _Opened, told: CaptureOptions, source: Path) -> Front | None:
     """The front as the options tell it, else as capture.toml does."""
     declared = found.declared
     options = ("--front", told.front), ("--front-point", told.front_point), ("--up", told.up)

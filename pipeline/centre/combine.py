@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import NotMeasuredError
 from ..uncertainty import f_beyond
 from ..vectors import Array
-from .in_plane_rotation import PlaneTurn, combined_turn
+from .in_plane_rotation import PlaneTurn, combined_rotation
 
 Method = Literal["rim", "outline", "hole", "holes", "pattern", "combined", "points"]
 DISAGREE = 1e-4  # chance of a difference as large, below which two centres disagree
@@ -32,7 +32,7 @@ class Estimate:
     noise_m2: Array
     model_m2: Array
     by_plane: Array
-    freedom: float
+    dof: float
     turn: PlaneTurn | None = None
 
     @property
@@ -53,8 +53,8 @@ def check_agreement(estimates: Sequence[Estimate], plane_covariance: Array) -> N
             lean = one.by_plane - other.by_plane
             joint = one.covariance_m2 + other.covariance_m2 + lean @ plane_covariance @ lean.T
             square = float(apart @ np.linalg.solve(joint, apart))
-            freedom = min(one.freedom, other.freedom)
-            if f_beyond(square / 2.0, 2, freedom) < DISAGREE:
+            dof = min(one.dof, other.dof)
+            if f_beyond(square / 2.0, 2, dof) < DISAGREE:
                 u = math.sqrt(float(apart @ joint @ apart)) / max(float(np.hypot(*apart)), 1e-12)
                 raise NotMeasuredError(
                     "centres-disagree",
@@ -74,13 +74,13 @@ def combined(estimates: Sequence[Estimate]) -> Estimate:
     parts = list(zip(weights, estimates, strict=True))
     noises = [w @ e.noise_m2 @ w.T for w, e in parts]
     shares = [float(np.trace(noise)) for noise in noises]
-    unsure = sum(s * s / e.freedom for s, e in zip(shares, estimates, strict=True))
+    unsure = sum(s * s / e.dof for s, e in zip(shares, estimates, strict=True))
     return Estimate(
         method="combined",
         centre_m=np.asarray(sum((w @ e.centre_m for w, e in parts), np.zeros(2))),
         noise_m2=np.asarray(sum(noises, np.zeros((2, 2)))),
         model_m2=np.asarray(sum((w @ e.model_m2 @ w.T for w, e in parts), np.zeros((2, 2)))),
         by_plane=np.asarray(sum((w @ e.by_plane for w, e in parts), np.zeros((2, 3)))),
-        freedom=sum(shares) ** 2 / unsure if unsure > 0.0 else math.inf,
-        turn=combined_turn([e.turn for e in estimates], weights),
+        dof=sum(shares) ** 2 / unsure if unsure > 0.0 else math.inf,
+        turn=combined_rotation([e.turn for e in estimates], weights),
     )

@@ -15,10 +15,10 @@ from ..targets import Holes, Outline
 from ..vectors import Array
 from .combine import Estimate, Method
 from .edge.beam_direction import STEEPEST
-from .edge.fit_edge import Behind, RimFit, aimed, fit_rim, look_behind
+from .edge.fit_edge import Behind, EdgeFit, aimed, fit_edge, look_behind
 from .in_plane_rotation import PlaneTurn
 from .outline_fit import OutlineFit, check_outline, fit_outline, place_circle
-from .target_view import Seen
+from .target_view import TargetView
 
 OUTLINE_EDGE_M = 5e-4  # what an outline without background may be shifted by the spot (k = 1)
 # The same where a background takes the spot, but the plate's wall gives it back on a side unknown.
@@ -32,7 +32,7 @@ MISFIT = (0.06, 0.09)  # of the points unexplained: where doubt begins, and is c
 MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # what a bent wall leaves unexplained, per metre of bend
 # What straight edges by mixed ranges and by points may differ; and when the plate is another.
 APART_M, WORST_APART_M = 3.0 * OUTLINE_EDGE_M, 5.0 * OUTLINE_EDGE_M
-MAX_ECHO = 50.0  # a background that many times brighter, or darker, than the plate is no answer
+MAX_RATIO = 50.0  # a background that many times brighter, or darker, than the plate is no answer
 CELL = 2.0  # of the spacing: in which points on and off the face are counted
 MANY_OFF = 0.05  # off the face, of those on it: below, no other surface is as near as that
 SOUGHT = 1.5  # of its size, about where the raster put a face, in which its points are
@@ -40,15 +40,15 @@ GENTLE = 1.0  # slope, below which what matters lies within face_view.GENTLE_SLO
 
 
 @dataclass(frozen=True)
-class EdgeFit:
+class EdgeCentre:
     """A centre from one outline, the turn of the target's axes, the rim's fit if there is one."""
 
     estimate: Estimate
     turn_rad: float
-    rim: RimFit | None
+    edge_fit: EdgeFit | None
 
 
-def centre_by_rim(seen: Seen, outline: Outline) -> EdgeFit:
+def centre_by_edge(seen: TargetView, outline: Outline) -> EdgeCentre:
     """By the outer edge. Raises NotMeasuredError 'no-outline' or 'wrong-outline'."""
     start = np.zeros(2), 0.0
     if outline.turns:
@@ -68,7 +68,7 @@ def centre_by_rim(seen: Seen, outline: Outline) -> EdgeFit:
     return found
 
 
-def centre_by_holes(seen: Seen, holes: Holes, outer: EdgeFit) -> EdgeFit | None:
+def centre_by_holes(seen: TargetView, holes: Holes, outer: EdgeCentre) -> EdgeCentre | None:
     """By the edges of holes, from where the outer edge places them; None where they are hidden."""
     start = outer.estimate.centre_m, outer.turn_rad
     try:
@@ -80,23 +80,23 @@ def centre_by_holes(seen: Seen, holes: Holes, outer: EdgeFit) -> EdgeFit | None:
 
 
 def _by_edge(
-    seen: Seen,
+    seen: TargetView,
     outline: Outline,
     start: tuple[Array, float],
     method: Method,
-    beside: EdgeFit | None,
-) -> EdgeFit | None:
+    beside: EdgeCentre | None,
+) -> EdgeCentre | None:
     """None where less than a quarter of the edge is seen. beside: another edge of the plate."""
     plane, config = seen.plane, seen.config
     near = seen.near(outline, start)
     face = _face(seen, near)
-    told = beside.rim if beside else None
+    told = beside.edge_fit if beside else None
     state = told.state if told else _aimed(seen, near, outline, start)
-    rim = None if beside and not told else _rim(seen, outline, start, near, told or state)
-    model = None if rim is None else _model_variance(rim, face, outline, config)
-    if rim is not None and model is not None and _is_lost(rim, model):
-        rim = None
-    if rim is None or model is None:
+    edge_fit = None if beside and not told else _rim(seen, outline, start, near, told or state)
+    model = None if edge_fit is None else _model_variance(edge_fit, face, outline, config)
+    if edge_fit is not None and model is not None and _is_lost(edge_fit, model):
+        edge_fit = None
+    if edge_fit is None or model is None:
         fitted = fit_outline(face, outline, start)
         behind = look_behind(near, outline, config, start, state)
         grazing_m = _grazing(behind, config)
@@ -109,23 +109,33 @@ def _by_edge(
             noise_m2=fitted.covariance_m2,
             model_m2=edge_m**2 * np.eye(2) + U_SHORT**2 * np.outer(grazing_m, grazing_m),
             by_plane=np.zeros((2, 3)),
-            freedom=math.inf,
+            dof=math.inf,
             turn=_turn(seen, outline, fitted, edge_m**2, np.zeros(3)),
         )
     else:
-        centre, turn = rim.centre_m, rim.turn_rad
-        shown = _turn(seen, outline, rim, model, rim.turn_by_plane)
+        centre, turn = edge_fit.centre_m, edge_fit.turn_rad
+        shown = _turn(seen, outline, edge_fit, model, edge_fit.turn_by_plane)
         estimate = Estimate(
-            method, centre, rim.covariance_m2, model * np.eye(2), rim.by_plane, rim.freedom, shown
+            method,
+            centre,
+            edge_fit.covariance_m2,
+            model * np.eye(2),
+            edge_fit.by_plane,
+            edge_fit.dof,
+            shown,
         )
-    slope = 1.0 if rim is None else float(np.hypot(*rim.beam))
+    slope = 1.0 if edge_fit is None else float(np.hypot(*edge_fit.beam))
     if not check_outline(face, outline, centre, turn, seen.spacing_m, plane.sigma_m * slope):
         return None
-    return EdgeFit(estimate, turn, rim)
+    return EdgeCentre(estimate, turn, edge_fit)
 
 
 def _turn(
-    seen: Seen, outline: Outline, fitted: RimFit | OutlineFit, model_m2: float, by_plane: Array
+    seen: TargetView,
+    outline: Outline,
+    fitted: EdgeFit | OutlineFit,
+    model_m2: float,
+    by_plane: Array,
 ) -> PlaneTurn | None:
     """The target's turn, where the edges show it.
 
@@ -146,41 +156,43 @@ def _turn(
     )
 
 
-def _is_lost(rim: RimFit, model_m2: float) -> bool:
+def _is_lost(edge_fit: EdgeFit, model_m2: float) -> bool:
     """Whether a rim's fit knows its place worse than the outermost points would."""
-    return float(np.trace(rim.covariance_m2)) / 2.0 + model_m2 > LOST_M**2
+    return float(np.trace(edge_fit.covariance_m2)) / 2.0 + model_m2 > LOST_M**2
 
 
-def _aimed(seen: Seen, near: Array, outline: Outline, start: tuple[Array, float]) -> Array | None:
+def _aimed(
+    seen: TargetView, near: Array, outline: Outline, start: tuple[Array, float]
+) -> Array | None:
     return aimed(near, outline, seen.target.thickness, seen.config, start, seen.station)
 
 
 def _rim(
-    seen: Seen,
+    seen: TargetView,
     outline: Outline,
     start: tuple[Array, float],
     near: Array,
-    begin: RimFit | Array | None,
-) -> RimFit | None:
+    begin: EdgeFit | Array | None,
+) -> EdgeFit | None:
     """By mixed ranges; again with what lies farther aside, where the beams are steep.
 
     near: points (N, 3) about the outline. begin: as in `fit_rim`; None: sought among more points.
     """
     fit = partial(
-        fit_rim,
+        fit_edge,
         outline=outline,
         thickness_m=seen.target.thickness,
         sigma_m=seen.plane.sigma_m,
         config=seen.config,
     )
-    rim = None if begin is None else fit(near, begin=begin)
-    if rim is not None and float(np.hypot(*rim.beam)) < GENTLE:
-        return rim
+    edge_fit = None if begin is None else fit(near, begin=begin)
+    if edge_fit is not None and float(np.hypot(*edge_fit.beam)) < GENTLE:
+        return edge_fit
     near = seen.near(outline, start, STEEPEST)
-    if not isinstance(begin, RimFit):
-        begin = _aimed(seen, near, outline, start) if rim is None else rim.state
+    if not isinstance(begin, EdgeFit):
+        begin = _aimed(seen, near, outline, start) if edge_fit is None else edge_fit.state
     found = None if begin is None else fit(near, begin=begin)
-    return found or rim
+    return found or edge_fit
 
 
 def _grazing(behind: Behind, config: CentreConfig) -> Array:
@@ -194,13 +206,13 @@ def _grazing(behind: Behind, config: CentreConfig) -> Array:
     return np.asarray(config.spot_radius_m * behind.beam)
 
 
-def _placed(seen: Seen, outline: Outline) -> Array | None:
+def _placed(seen: TargetView, outline: Outline) -> Array | None:
     """Where a round face lies whose edge is not where the raster put it: a half hidden one."""
     uvw, _ = seen.on_face(SOUGHT * outline.size_m)
     return place_circle(uvw[:, :2], outline.size_m)
 
 
-def _face(seen: Seen, near: Array) -> Array:
+def _face(seen: TargetView, near: Array) -> Array:
     """Those of the points near an outline that lie on the face: (N, 2).
 
     Where those just off it are many more, a surface behind reaches the face by its noise.
@@ -215,7 +227,9 @@ def _face(seen: Seen, near: Array) -> Array:
     return face[~outnumbered(face, off, CELL * seen.spacing_m)]
 
 
-def _model_variance(rim: RimFit, face: Array, outline: Outline, config: CentreConfig) -> float:
+def _model_variance(
+    edge_fit: EdgeFit, face: Array, outline: Outline, config: CentreConfig
+) -> float:
     """What the model of the rim may be wrong by, m^2.
 
     It grows as the beams graze the face, at first by the cube of the tangent where they see the
@@ -223,17 +237,20 @@ def _model_variance(rim: RimFit, face: Array, outline: Outline, config: CentreCo
     did not stand still, needs an absurd brightness, or leaves many points unexplained, as of a
     scan from two places, is off by what the outline says.
     """
-    square = float(rim.beam @ rim.beam)
+    square = float(edge_fit.beam @ edge_fit.beam)
     spread: float = (config.model_uncertainty_m * (1.0 + 2.0 * square)) ** 2
-    spread += (WALL_SHARE * rim.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
-    bend = rim.thickness_m**2 * square / (8.0 * outline.size_m)  # of the wall, along a beam
-    beyond = rim.misfit - MISFIT[0] - MISFIT_BY_BEND * max(bend - MIN_BEND_M, 0.0)
+    spread += (WALL_SHARE * edge_fit.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
+    bend = edge_fit.thickness_m**2 * square / (8.0 * outline.size_m)  # of the wall, along a beam
+    beyond = edge_fit.misfit - MISFIT[0] - MISFIT_BY_BEND * max(bend - MIN_BEND_M, 0.0)
     doubt = min(max(beyond / (MISFIT[1] - MISFIT[0]), 0.0), 1.0)
-    if not rim.settled or not 1.0 / MAX_ECHO < rim.echo < MAX_ECHO:
+    if not edge_fit.settled or not 1.0 / MAX_RATIO < edge_fit.reflectance_ratio < MAX_RATIO:
         doubt = 1.0
     if doubt == 0.0 and not outline.turns:
         return spread
-    apart = fit_outline(face, outline, (rim.centre_m, rim.turn_rad)).centre_m - rim.centre_m
+    apart = (
+        fit_outline(face, outline, (edge_fit.centre_m, edge_fit.turn_rad)).centre_m
+        - edge_fit.centre_m
+    )
     far = float(apart @ apart)
     if outline.turns:
         if far > WORST_APART_M**2:

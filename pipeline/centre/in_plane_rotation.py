@@ -41,14 +41,14 @@ class PlaneTurn:
         none = np.zeros((2, 1))
         return np.block([[centre_m2, none], [none.T, np.array([[self.model_rad2]])]])
 
-    def in_scan(self, basis: Array) -> FaceTurn:
+    def in_scan(self, basis: Array) -> InPlaneRotation:
         """The axis as it lies in the scan, by the plane's axes (3, 3)."""
         c, s = math.cos(self.angle_rad), math.sin(self.angle_rad)
-        return FaceTurn(self.mark, c * basis[0] + s * basis[1], self.period_rad)
+        return InPlaneRotation(self.mark, c * basis[0] + s * basis[1], self.period_rad)
 
 
 @dataclass(frozen=True)
-class FaceTurn:
+class InPlaneRotation:
     """A target's axis u in the scan (3,), unit, as good as any that a turn by period_rad makes.
 
     mark: what shows it; the print's axis may lie turned on a board against the edges'.
@@ -59,7 +59,9 @@ class FaceTurn:
     period_rad: float
 
 
-def combined_turn(turns: Sequence[PlaneTurn | None], weights: Sequence[Array]) -> PlaneTurn | None:
+def combined_rotation(
+    turns: Sequence[PlaneTurn | None], weights: Sequence[Array]
+) -> PlaneTurn | None:
     """Of the print where it is seen, else of all edges, weighted by their inverse variances.
 
     weights: (2, 2) that the centre of each way has in the common centre.

@@ -10,15 +10,15 @@ import numpy as np
 from ..config import CentreConfig
 from ..plane import Patch, PlaneFit
 from ..targets import PatternTarget, Target, holes_of, outer_edge
-from ..uncertainty import Cause, centre_cause, plane_cause
+from ..uncertainty import UncertaintyComponent, centre_component, plane_component
 from ..vectors import Array
 from ..vectors import turned as turned_by
 from .combine import Estimate, Method, check_agreement, combined
-from .edge.fit_edge import RimFit
-from .edge_centre import EdgeFit, centre_by_holes, centre_by_rim
-from .in_plane_rotation import FaceTurn, PlaneTurn
-from .pattern.fit_pattern import Lit, PatternFit, find_pattern
-from .target_view import Seen
+from .edge.fit_edge import EdgeFit
+from .edge_centre import EdgeCentre, centre_by_edge, centre_by_holes
+from .in_plane_rotation import InPlaneRotation, PlaneTurn
+from .pattern.fit_pattern import IntensityPoints, PatternFit, find_pattern
+from .target_view import TargetView
 
 
 @dataclass(frozen=True)
@@ -44,31 +44,33 @@ class TargetFit:
 
     centre_m: Array
     normal: Array
-    causes: tuple[Cause, ...]
+    components: tuple[UncertaintyComponent, ...]
     plane_rms_m: float
     points_on_target: int
     method: Method
-    rim: RimFit | None = None
+    edge_fit: EdgeFit | None = None
     others: tuple[OtherCentre, ...] = ()
     marker_ids: tuple[int, ...] = ()
     wheel: str | None = None
-    turn: FaceTurn | None = None
+    turn: InPlaneRotation | None = None
 
     def sight_m(self, plane: PlaneFit, distance_m: float) -> Array:
         """Return the vector from the scanner to the centre (3,), as the mixed pixels tell it.
 
         Without them: along the normal of `plane`, from the stated distance.
         """
-        if self.rim is None:
+        if self.edge_fit is None:
             return -distance_m * plane.normal
-        away = self.rim.beam @ plane.basis[:2] - plane.normal
-        inverse = max(self.rim.inverse_distance, 1.0 / (10.0 * distance_m))
+        away = self.edge_fit.beam @ plane.basis[:2] - plane.normal
+        inverse = max(self.edge_fit.inverse_distance, 1.0 / (10.0 * distance_m))
         return np.asarray(away / inverse)
 
     @property
     def covariance(self) -> Array:
         """(6, 6) of the normal (rad), then the centre (m), by all causes."""
-        return np.asarray(sum((cause.covariance for cause in self.causes), np.zeros((6, 6))))
+        return np.asarray(
+            sum((component.covariance for component in self.components), np.zeros((6, 6)))
+        )
 
     @property
     def normal_covariance(self) -> Array:
@@ -89,18 +91,20 @@ def locate_centre(patch: Patch, plane: PlaneFit, target: Target, config: CentreC
     weighted by their uncertainties. Raises NotMeasuredError 'no-outline', 'wrong-outline' or
     'centres-disagree'.
     """
-    seen = Seen(patch, plane, target, config)
-    outer = centre_by_rim(seen, outer_edge(target.region, target.words))
+    seen = TargetView(patch, plane, target, config)
+    outer = centre_by_edge(seen, outer_edge(target.region, target.words))
     holes = holes_of(target.region, f"the holes of {target.words}")
     inner = centre_by_holes(seen, holes, outer) if holes else None
     printed = _printed(seen, target, outer)
     estimates = [edge.estimate for edge in (outer, inner) if edge]
     if printed is not None and isinstance(target, PatternTarget):
-        estimates.append(_by_pattern(printed, target, outer.rim))
+        estimates.append(_by_pattern(printed, target, outer.edge_fit))
     check_agreement(estimates, _at(plane, seen.to_scanner(outer.estimate.centre_m)))
-    fitted = _fit(seen, combined(estimates), outer.rim)
+    fitted = _fit(seen, combined(estimates), outer.edge_fit)
     others = (
-        [_fit(seen, estimate, outer.rim) for estimate in estimates] if len(estimates) > 1 else []
+        [_fit(seen, estimate, outer.edge_fit) for estimate in estimates]
+        if len(estimates) > 1
+        else []
     )
     return replace(
         fitted,
@@ -110,58 +114,60 @@ def locate_centre(patch: Patch, plane: PlaneFit, target: Target, config: CentreC
     )
 
 
-def _printed(seen: Seen, target: Target, outer: EdgeFit) -> PatternFit | None:
+def _printed(seen: TargetView, target: Target, outer: EdgeCentre) -> PatternFit | None:
     """The pattern on the face, where there is one, and the scan has intensities that show it."""
     intensity = seen.patch.face_intensity
     if not isinstance(target, PatternTarget) or intensity is None:
         return None
-    rim = outer.rim
+    edge_fit = outer.edge_fit
     uvw, kept = seen.on_face(target.radius_m)
-    beam = np.zeros(2) if rim is None else rim.beam
-    inverse = 0.0 if rim is None else rim.inverse_distance
+    beam = np.zeros(2) if edge_fit is None else edge_fit.beam
+    inverse = 0.0 if edge_fit is None else edge_fit.inverse_distance
     c, depth = outer.estimate.centre_m, -uvw[:, 2:]
-    feet = c + (uvw[:, :2] - c - depth * beam) / (1.0 + inverse * depth)
-    spot = seen.config.spot_radius_m if rim is None else rim.spot_m
-    lit = Lit(feet, intensity[kept].astype(np.float64), beam, spot)
-    return find_pattern(lit, target, (c, outer.turn_rad), side_known=rim is not None)
+    closest = c + (uvw[:, :2] - c - depth * beam) / (1.0 + inverse * depth)
+    spot = seen.config.spot_radius_m if edge_fit is None else edge_fit.spot_m
+    intensity_points = IntensityPoints(closest, intensity[kept].astype(np.float64), beam, spot)
+    return find_pattern(
+        intensity_points, target, (c, outer.turn_rad), side_known=edge_fit is not None
+    )
 
 
-def _by_pattern(printed: PatternFit, target: PatternTarget, rim: RimFit | None) -> Estimate:
+def _by_pattern(printed: PatternFit, target: PatternTarget, edge_fit: EdgeFit | None) -> Estimate:
     """Its features are seen along the beams, where these are known: h higher, h g nearer."""
     by_plane = np.zeros((2, 3))
-    if rim is not None:
-        by_plane = -np.outer(rim.beam, [1.0, *target.offset])
+    if edge_fit is not None:
+        by_plane = -np.outer(edge_fit.beam, [1.0, *target.offset])
     return Estimate(
         method="pattern",
         centre_m=printed.centre_m,
         noise_m2=printed.covariance_m2,
         model_m2=target.print_shift**2 * np.eye(2),
         by_plane=by_plane,
-        freedom=printed.freedom,
+        dof=printed.dof,
         turn=PlaneTurn(
             mark="print",
             angle_rad=printed.turn_rad,
             period_rad=target.print_period_rad,
             noise=printed.turn_noise,
             model_rad2=0.0,
-            by_plane=_sheared(printed, target, rim),
+            by_plane=_sheared(printed, target, edge_fit),
         ),
     )
 
 
-def _sheared(printed: PatternFit, target: PatternTarget, rim: RimFit | None) -> Array:
+def _sheared(printed: PatternFit, target: PatternTarget, edge_fit: EdgeFit | None) -> Array:
     """How the print's turn goes with the plane's height and slopes (3,), seen along beams h.
 
     A slope g takes places q by -h (g.q), which turns them by -sum (q x h)(g.q) / sum q.q.
     """
-    if rim is None:
+    if edge_fit is None:
         return np.zeros(3)
     q = turned_by(target.places_m - target.places_m.mean(axis=0), printed.turn_rad)
-    across = q[:, 0] * rim.beam[1] - q[:, 1] * rim.beam[0]
+    across = q[:, 0] * edge_fit.beam[1] - q[:, 1] * edge_fit.beam[0]
     return np.array([0.0, *(-(across @ q) / np.sum(q * q))])
 
 
-def _fit(seen: Seen, estimate: Estimate, rim: RimFit | None) -> TargetFit:
+def _fit(seen: TargetView, estimate: Estimate, edge_fit: EdgeFit | None) -> TargetFit:
     """A target by one estimate of its centre, with the causes of its uncertainty."""
     plane, turn = seen.plane, estimate.turn
     centre_m = seen.to_scanner(estimate.centre_m)
@@ -171,30 +177,32 @@ def _fit(seen: Seen, estimate: Estimate, rim: RimFit | None) -> TargetFit:
     return TargetFit(
         centre_m=centre_m,
         normal=plane.normal,
-        causes=(
-            *_plane_causes(plane, centre_m - plane.centroid_m, estimate),
-            centre_cause("centre noise", noise, plane.basis, estimate.freedom),
-            centre_cause("centre model", model, plane.basis),
+        components=(
+            *_plane_components(plane, centre_m - plane.centroid_m, estimate),
+            centre_component("centre noise", noise, plane.basis, estimate.dof),
+            centre_component("centre model", model, plane.basis),
         ),
         plane_rms_m=plane.rms_m,
         points_on_target=plane.count,
         method=estimate.method,
-        rim=rim,
+        edge_fit=edge_fit,
         turn=turn.in_scan(plane.basis) if turn else None,
     )
 
 
-def _plane_causes(plane: PlaneFit, lever_m: Array, estimate: Estimate) -> list[Cause]:
+def _plane_components(
+    plane: PlaneFit, lever_m: Array, estimate: Estimate
+) -> list[UncertaintyComponent]:
     """Of the plane's own scatter: independent noise, correlated noise, waves of the face."""
     seen = plane.correlated
     by_plane = estimate.by_plane
     turned = None if estimate.turn is None else estimate.turn.by_plane
     return [
-        plane_cause(name, covariance, plane.basis, lever_m, by_plane, freedom, turned)
-        for name, covariance, freedom in (
+        plane_component(name, covariance, plane.basis, lever_m, by_plane, dof, turned)
+        for name, covariance, dof in (
             ("plane noise", plane.noise_covariance, math.inf),
-            ("correlated noise", seen.covariance, seen.freedom),
-            ("flatness", seen.form_covariance, seen.freedom),
+            ("correlated noise", seen.covariance, seen.dof),
+            ("flatness", seen.form_covariance, seen.dof),
         )
         if covariance.any() or name == "plane noise"
     ]

@@ -97,9 +97,9 @@ def check_outline(
     noise_m: of a point along the plane. Sectors whose points stop well inside are hidden, and tell
     nothing; few of the others may reach beyond the outline, or stop short of it.
     """
-    feet = outline.feet(turned(face - centre, -turn_rad))
+    closest = outline.closest(turned(face - centre, -turn_rad))
     outermost = np.full(SECTORS, -np.inf)
-    np.maximum.at(outermost, sector(feet.share, SECTORS), feet.x_m)
+    np.maximum.at(outermost, sector(closest.share, SECTORS), closest.x_m)
     seen = outermost > -0.08 * outline.size_m
     if np.count_nonzero(seen) < SECTORS // 4:
         return False
@@ -125,12 +125,12 @@ def _outermost(
     face: Array, outline: Outline, centre: Array, turn: float, count: int, wide: float
 ) -> Array:
     """The point of each of `count` sectors that is farthest out, near the edge: (K, 2)."""
-    feet = outline.feet(turned(face - centre, -turn))
-    part = sector(feet.share, count)
-    near = (feet.x_m < 0.05 * wide * outline.size_m) & feet.clear
-    order = np.lexsort((np.where(near, feet.x_m, -np.inf), part))
+    closest = outline.closest(turned(face - centre, -turn))
+    part = sector(closest.share, count)
+    near = (closest.x_m < 0.05 * wide * outline.size_m) & closest.clear
+    order = np.lexsort((np.where(near, closest.x_m, -np.inf), part))
     last = order[np.diff(part[order], append=count) > 0]
-    kept = near[last] & (np.abs(feet.x_m[last]) < 0.08 * wide * outline.size_m)
+    kept = near[last] & (np.abs(closest.x_m[last]) < 0.08 * wide * outline.size_m)
     return np.asarray(face[last[kept]])
 
 
@@ -143,10 +143,10 @@ def _through(edge: Array, outline: Outline, centre: Array, turn: float) -> Outli
     state = np.array([*centre, turn, 0.0])
     for _ in range(MAX_STEPS):
         q = turned(edge - state[:2], -state[2])
-        feet = outline.feet(q)
-        excess = feet.x_m - state[3]
-        by_turn = feet.normal[:, 0] * q[:, 1] - feet.normal[:, 1] * q[:, 0]
-        slopes = np.column_stack([turned(feet.normal, state[2]), -by_turn, np.ones(len(q))])
+        closest = outline.closest(q)
+        excess = closest.x_m - state[3]
+        by_turn = closest.normal[:, 0] * q[:, 1] - closest.normal[:, 1] * q[:, 0]
+        slopes = np.column_stack([turned(closest.normal, state[2]), -by_turn, np.ones(len(q))])
         weight = _tukey(excess)
         information = (slopes.T * weight) @ slopes + prior
         _check_directions(information[:2, :2], outline)

@@ -19,7 +19,7 @@ BEYOND_M = 0.03  # outside an edge, what may matter to it
 
 
 @dataclass(frozen=True)
-class Seen:
+class TargetView:
     """What a scan shows of a target, and the plane fitted to it."""
 
     patch: Patch

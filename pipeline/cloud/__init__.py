@@ -10,23 +10,23 @@ from .selection import (
     surroundings,
     within_slab,
 )
-from .voxel_grid import Cubes, cube_key, cube_moments, lowest, within_cubes
+from .voxel_grid import VoxelGrid, lowest, voxel_key, voxel_moments, within_voxels
 
 __all__ = [
     "CloudSample",
-    "Cubes",
     "Slab",
     "SlabMoments",
+    "VoxelGrid",
     "by_wheel",
     "cloud_sample",
-    "cube_key",
-    "cube_moments",
     "gather_ball",
     "lowest",
     "random_rows",
     "sample",
     "slab_moments",
     "surroundings",
-    "within_cubes",
+    "voxel_key",
+    "voxel_moments",
     "within_slab",
+    "within_voxels",
 ]

@@ -156,7 +156,7 @@ def slab_moments(
 
 
 @_compiled
-def cube_moments(points: Any, low: Any, edge: float, keys: Any, sums: Any) -> int:
+def voxel_moments(points: Any, low: Any, edge: float, keys: Any, sums: Any) -> int:
     """Sums (capacity, 10) of points (N, 3) by cubes, in a hash table; cubes used, -1 if full.
 
     keys: (capacity,) int64, -1 where free; the capacity is a power of two.
@@ -188,7 +188,7 @@ def cube_moments(points: Any, low: Any, edge: float, keys: Any, sums: Any) -> in
 
 
 @_compiled
-def in_cubes(points: Any, low: Any, edge: float, keys: Any, table: Any, marked: Any) -> int:
+def in_voxels(points: Any, low: Any, edge: float, keys: Any, table: Any, marked: Any) -> int:
     """Mark points (N, 3) that lie in cubes of a hash table; how many. table: (capacity,) int64."""
     mask = len(table) - 1
     per_edge = 1.0 / edge

@@ -12,12 +12,12 @@ from .moments import SUMS, sums_by
 from .selection import COMPILED_ROWS, HALF, MIX, machine_for
 from .threads import over_blocks
 
-CUBE_BITS = 21
+VOXEL_BITS = 21
 _WIDE = 64
 
 
 @dataclass(frozen=True)
-class Cubes:
+class VoxelGrid:
     """Sums of a cloud by cubes of one edge: those that hold points, in the order of their keys.
 
     low_m: (3,) the corner of cube 0, 0, 0. key: (C,) of `cube_key`. sums: (C, 10) about the middle
@@ -32,9 +32,9 @@ class Cubes:
     @cached_property
     def place(self) -> Rows:
         """Column, row and level (C, 3) of each cube."""
-        mask = (1 << CUBE_BITS) - 1
+        mask = (1 << VOXEL_BITS) - 1
         return np.stack(
-            [self.key >> (2 * CUBE_BITS), self.key >> CUBE_BITS & mask, self.key & mask], 1
+            [self.key >> (2 * VOXEL_BITS), self.key >> VOXEL_BITS & mask, self.key & mask], 1
         )
 
     @cached_property
@@ -45,8 +45,8 @@ class Cubes:
     def between(self, low_m: float, high_m: float) -> tuple[int, int]:
         """Rows start, stop of all cubes whose x may lie between; they are in the order of x."""
         column = (np.array([low_m, high_m + self.edge_m]) - self.low_m[0]) / self.edge_m
-        wanted = np.clip(np.floor(column), 0.0, 1 << CUBE_BITS).astype(np.int64)
-        start, stop = np.searchsorted(self.key, wanted << (2 * CUBE_BITS))
+        wanted = np.clip(np.floor(column), 0.0, 1 << VOXEL_BITS).astype(np.int64)
+        start, stop = np.searchsorted(self.key, wanted << (2 * VOXEL_BITS))
         return int(start), int(stop)
 
 
@@ -65,12 +65,12 @@ def lowest(points_m: Array) -> Array:
     return np.asarray(np.min(over_blocks(of, len(points_m)), axis=0))
 
 
-def cube_key(place: Rows) -> Rows:
+def voxel_key(place: Rows) -> Rows:
     """One number (N,) for the cube at place (N, 3)."""
-    return np.asarray(place[:, 0] << (2 * CUBE_BITS) | place[:, 1] << CUBE_BITS | place[:, 2])
+    return np.asarray(place[:, 0] << (2 * VOXEL_BITS) | place[:, 1] << VOXEL_BITS | place[:, 2])
 
 
-def cube_moments(points_m: Array, low_m: Array, edge_m: float) -> Cubes:
+def voxel_moments(points_m: Array, low_m: Array, edge_m: float) -> VoxelGrid:
     """Sums of points_m (N, 3), all above low_m, over the cubes of edge_m that hold any."""
     machine = machine_for(len(points_m), COMPILED_ROWS)
     share = -(-len(points_m) // 2) if machine is not None else len(points_m)
@@ -80,12 +80,12 @@ def cube_moments(points_m: Array, low_m: Array, edge_m: float) -> Cubes:
         if machine is None:
             place = ((part - low_m) * (1.0 / edge_m)).astype(np.int64)
             local = (part - low_m) - (place + 0.5) * edge_m
-            keys, group = np.unique(cube_key(place), return_inverse=True)
+            keys, group = np.unique(voxel_key(place), return_inverse=True)
             return keys, sums_by(group, local, len(keys))
         capacity = 1 << int(np.clip((len(part) // 16).bit_length(), 14, 21))
         while True:
             table, sums = np.full(capacity, -1, np.int64), np.zeros((capacity, SUMS))
-            if machine.cube_moments(part, low_m, edge_m, table, sums) >= 0:
+            if machine.voxel_moments(part, low_m, edge_m, table, sums) >= 0:
                 break
             capacity *= 4
         used = np.nonzero(table >= 0)[0]
@@ -98,10 +98,10 @@ def cube_moments(points_m: Array, low_m: Array, edge_m: float) -> Cubes:
     for part in parts:
         total[group[start : start + len(part[0])]] += part[1]
         start += len(part[0])
-    return Cubes(low_m, edge_m, keys, total)
+    return VoxelGrid(low_m, edge_m, keys, total)
 
 
-def within_cubes(points_m: Array, cubes: Cubes, keys: Rows) -> Rows:
+def within_voxels(points_m: Array, voxels: VoxelGrid, keys: Rows) -> Rows:
     """Rows of points_m (N, 3) that lie in the cubes of these keys (K,)."""
     machine = machine_for(len(points_m), COMPILED_ROWS)
     keys = np.unique(keys)
@@ -111,10 +111,10 @@ def within_cubes(points_m: Array, cubes: Cubes, keys: Rows) -> Rows:
         part = points_m[block]
         if machine is not None:
             marked = np.empty(len(part), np.bool_)
-            machine.in_cubes(part, cubes.low_m, cubes.edge_m, keys, table, marked)
+            machine.in_voxels(part, voxels.low_m, voxels.edge_m, keys, table, marked)
             return np.asarray(np.nonzero(marked)[0] + block.start)
-        place = ((part - cubes.low_m) * (1.0 / cubes.edge_m)).astype(np.int64)
-        return np.asarray(np.nonzero(np.isin(cube_key(place), keys))[0] + block.start)
+        place = ((part - voxels.low_m) * (1.0 / voxels.edge_m)).astype(np.int64)
+        return np.asarray(np.nonzero(np.isin(voxel_key(place), keys))[0] + block.start)
 
     found = over_blocks(find, len(points_m))
     return np.concatenate(found) if found else np.zeros(0, np.int64)

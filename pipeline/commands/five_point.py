@@ -20,16 +20,13 @@ from ..report.write import html_bytes, pdf_bytes, write_whole
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vehicle import Axis
 from .options import (
-    dressed,
     language_and_plot,
     monte_carlo_option,
-    plot_to,
     read_station,
-    show,
-    show_plot,
     tolerance_option,
     view_options,
 )
+from .reporting import dressed, plot_to, show, show_plot
 
 
 @click.command("five-point")

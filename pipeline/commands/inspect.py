@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from ..capture import ScanEntry, open_entries
-from ..diagnostics import Survey, length, oddities, spacing_m, survey_file
+from ..diagnostics import ScanSummary, findings, length, spacing_m, summarise_scan
 from ..errors import WheelplaneError
 from ..files import ARCHIVE_SUFFIXES
 from ..report.format.layout import aligned
@@ -52,7 +52,7 @@ def inspect(file: Path, length_unit: str | None, as_json: bool) -> int:
     return 0
 
 
-def _show(name: str, survey: Survey, as_json: bool) -> int:
+def _show(name: str, survey: ScanSummary, as_json: bool) -> int:
     """Print what one file holds."""
     click.echo(json.dumps(_tree(name, survey), indent=1) if as_json else _text(name, survey))
     return 0
@@ -69,12 +69,12 @@ def _is_capture(file: Path) -> bool:
         return False
 
 
-def _look(path: Path, unit: str, name: str) -> Survey:
+def _look(path: Path, unit: str, name: str) -> ScanSummary:
     with Reading(name) as progress:
-        return survey_file(path, unit, name, progress)
+        return summarise_scan(path, unit, name, progress)
 
 
-def _tree(name: str, survey: Survey) -> dict[str, object]:
+def _tree(name: str, survey: ScanSummary) -> dict[str, object]:
     there = survey.points > 0
     return {
         "file": name,
@@ -82,7 +82,7 @@ def _tree(name: str, survey: Survey) -> dict[str, object]:
         "file_bytes": survey.file_bytes,
         "length_unit": survey.length_unit,
         "points": survey.points,
-        "missing_returns": survey.missing_returns,
+        "missing_returns": survey.invalid_points,
         "low_m": survey.low_m.tolist() if there else None,
         "high_m": survey.high_m.tolist() if there else None,
         "spacing_m": spacing_m(survey),
@@ -92,17 +92,17 @@ def _tree(name: str, survey: Survey) -> dict[str, object]:
             {
                 "name": scan.name,
                 "points": scan.points,
-                "missing_returns": scan.missing_returns,
+                "missing_returns": scan.invalid_points,
                 "T_file_scan": None if scan.T_file_scan is None else scan.T_file_scan.tolist(),
             }
             for scan in survey.scans
         ],
-        "odd": oddities(survey),
+        "odd": findings(survey),
     }
 
 
-def _text(name: str, survey: Survey) -> str:
-    rows = [("points", f"{survey.points} ({survey.missing_returns} missing returns besides)")]
+def _text(name: str, survey: ScanSummary) -> str:
+    rows = [("points", f"{survey.points} ({survey.invalid_points} missing returns besides)")]
     if survey.points:
         corners = zip("xyz", survey.low_m, survey.high_m, strict=True)
         rows += [(axis, f"{a:.4f} to {b:.4f} m ({length(b - a)})") for axis, a, b in corners]
@@ -116,18 +116,18 @@ def _text(name: str, survey: Survey) -> str:
     rows.append(("raster", f"{raster[0]} rows x {raster[1]} columns" if raster else none))
     rows.append(("scans", _scans(survey)))
     parts = [f"{name}: {_kind(survey)}", aligned(rows, left=2)]
-    parts += [f"  odd: {text}" for text in oddities(survey)]
+    parts += [f"  odd: {text}" for text in findings(survey)]
     return "\n".join(parts)
 
 
-def _kind(survey: Survey) -> str:
+def _kind(survey: ScanSummary) -> str:
     return (
         f"{survey.format.upper()}, {survey.file_bytes} bytes, "
         f"coordinates taken as {survey.length_unit}"
     )
 
 
-def _scans(survey: Survey) -> str:
+def _scans(survey: ScanSummary) -> str:
     """One line a scan: its name, its points, where its scanner stood."""
     if not survey.scans:
         return "one, its pose not told"
@@ -144,7 +144,7 @@ def _scans(survey: Survey) -> str:
     return "\n".join(lines)
 
 
-def _capture_text(file: Path, unit: str, looked: list[tuple[ScanEntry, Survey]]) -> str:
+def _capture_text(file: Path, unit: str, looked: list[tuple[ScanEntry, ScanSummary]]) -> str:
     table: list[tuple[str, ...]] = [
         ("name", "role", "file", "format", "points", "missing", "size / m", "spacing / mm")
     ]
@@ -159,11 +159,11 @@ def _capture_text(file: Path, unit: str, looked: list[tuple[ScanEntry, Survey]])
                 entry.file,
                 survey.format.upper(),
                 str(survey.points),
-                str(survey.missing_returns),
+                str(survey.invalid_points),
                 " x ".join(f"{side:.3f}" for side in sides) or "-",
                 f"{spacing * 1e3:.2f}" if spacing is not None else "-",
             )
         )
-        odd += [f"  odd: {entry.name}: {text}" for text in oddities(survey)]
+        odd += [f"  odd: {entry.name}: {text}" for text in findings(survey)]
     head = f"{file}: a capture of {len(looked)} scans, coordinates taken as {unit}"
     return "\n".join([head, aligned(table, left=4), *odd])

@@ -14,22 +14,19 @@ from ..measure import measure_capture
 from ..measurement import assess, check_by_monte_carlo, conforms, load_tolerance
 from ..report.format.view import AngleStyle, read_view
 from ..report.json.measurement import to_json
-from ..report.write import Wanted, write_reports
+from ..report.write import ReportFiles, write_reports
 from ..units import LENGTH_UNITS, LengthUnit
 from ..vehicle import Axis
 from .options import (
-    dressed,
     language_and_plot,
     monte_carlo_option,
-    plot_to,
-    show,
-    show_plot,
     told,
     tolerance_option,
     view_options,
     whole_vehicle_options,
 )
 from .progress import Progress
+from .reporting import dressed, plot_to, show, show_plot
 
 
 @click.command()
@@ -118,7 +115,7 @@ def measure(
     if trials:
         measurement = check_by_monte_carlo(measurement, trials, settings.seed)
     judged = assess(measurement, limits) if limits else None
-    wanted = Wanted(pictures, html, pdf)
+    wanted = ReportFiles(pictures, html, pdf)
     written = write_reports(measurement, output, judged, dress, wanted) if output else []
     written += plot_to(plot, measurement, judged, dress)
     if as_json:

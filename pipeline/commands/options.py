@@ -1,32 +1,23 @@
-"""What `measure` and `five-point` share: the options that check and judge, and the screen."""
+"""Options that several commands share, and the values that they stand for."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import click
-import numpy as np
 
-from ..capture import Told, Upright
-from ..config import ReportConfig, load_station
+from ..capture import CaptureOptions, Upright
+from ..config import load_station
 from ..errors import InputError
-from ..five_point import Station
-from ..measurement import Conformity, Measurement
-from ..report.format.laboratory import read_laboratory
-from ..report.format.language import LANGUAGES, load_words
-from ..report.format.view import ANGLE_STYLES, View
-from ..report.html.page import Dress
-from ..report.plots.angle_chart import angles_text
-from ..report.plots.files import plot_files
-from ..report.text.conformity import conformity_text
-from ..report.text.report import extra_parts, summary_table
-from ..report.text.vehicle import vehicle_lines
-from ..report.write import write_files
+from ..report.format.language import LANGUAGES
+from ..report.format.view import ANGLE_STYLES
 from ..units import Coordinates, LengthUnit, in_metres
 from ..vehicle import AXES
+
+if TYPE_CHECKING:
+    from ..five_point import Station
 
 monte_carlo_option = click.option(
     "--monte-carlo",
@@ -42,17 +33,6 @@ tolerance_option = click.option(
 )
 
 
-def show(measurement: Measurement, view: View, judged: Conformity | None) -> None:
-    """Print the tables of a measurement, and its verdict where it was judged."""
-    click.echo(summary_table(measurement, view))
-    click.echo()
-    click.echo(vehicle_lines(measurement, view))
-    for part in extra_parts(measurement, view):
-        click.echo(f"\n{part}")
-    if judged:
-        click.echo(f"\n{conformity_text(judged)}")
-
-
 def three_numbers(option: str, text: str) -> tuple[float, float, float]:
     """X,Y,Z of an option. Raises InputError that names it."""
     try:
@@ -64,7 +44,6 @@ def three_numbers(option: str, text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-SCREEN = "-"
 plot_option = click.option(
     "--plot",
     metavar="DIR|-",
@@ -82,29 +61,6 @@ def language_and_plot(command: Callable[..., Any]) -> Callable[..., Any]:
     return plot_option(language_option(command))
 
 
-def dressed(config: ReportConfig, language: str | None, view: View) -> Dress:
-    """The look of the reports. Raises ConfigError, InputError."""
-    return Dress(load_words(language or config.language), view, read_laboratory(config))
-
-
-def plot_to(
-    plot: str | None, measurement: Measurement, judged: Conformity | None, dress: Dress
-) -> list[Path]:
-    """Write the plots; their folder, where one is named."""
-    if plot is None or plot == SCREEN:
-        return []
-    write_files(Path(plot), plot_files(measurement, judged, dress.words, dress.view))
-    return [Path(plot)]
-
-
-def show_plot(
-    plot: str | None, measurement: Measurement, judged: Conformity | None, dress: Dress
-) -> None:
-    """The angles on the terminal, where that is asked for."""
-    if plot == SCREEN:
-        click.echo(f"\n{angles_text(measurement, judged, dress.words, dress.view)}", nl=False)
-
-
 def read_station(
     option: str, name: str | None, place: str | None, coordinates: Coordinates, unit: LengthUnit
 ) -> Station | None:
@@ -119,6 +75,10 @@ def read_station(
             f"{option} with cartesian coordinates: add --station X,Y,Z, where the total station "
             "stood, since its errors depend on the distance and the direction"
         )
+    import numpy as np
+
+    from ..five_point import Station
+
     stood = three_numbers("--station", place or "0,0,0")
     return Station(stated, np.array([in_metres(x, unit) for x in stood]))
 
@@ -179,9 +139,9 @@ def whole_vehicle_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def told(
     front: str | None, front_point: str | None, up: Upright | None, unit: LengthUnit | None = None
-) -> Told:
+) -> CaptureOptions:
     """What the options tell. Raises InputError that names the one which is no three numbers."""
-    return Told(
+    return CaptureOptions(
         length_unit=unit,
         front=None if front is None else three_numbers("--front", front),
         front_point=None if front_point is None else three_numbers("--front-point", front_point),

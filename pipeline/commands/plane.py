@@ -61,12 +61,12 @@ def plane(
         tree = {
             "planes": [_tree(found) for found in planes],
             "points_total": len(scan.points_m),
-            "missing_returns": scan.missing_returns,
+            "missing_returns": scan.invalid_points,
             "notes": notes,
         }
         click.echo(json.dumps(tree, indent=1))
         return 0
-    dropped = f" ({scan.missing_returns} missing returns dropped)" if scan.missing_returns else ""
+    dropped = f" ({scan.invalid_points} missing returns dropped)" if scan.invalid_points else ""
     click.echo(f"{file}: {len(scan.points_m)} points{dropped}")
     for note in notes:
         click.echo(f"note: {note}")

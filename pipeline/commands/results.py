@@ -45,7 +45,7 @@ PIPE = Path("-")
 
 
 @dataclass(frozen=True)
-class Asked:
+class Query:
     """Which captures, which quantities, and how to tell it."""
 
     which: Filter
@@ -155,7 +155,7 @@ def results(
         tuple(_range(*span) for span in spans),
         gone,
     )
-    asked = Asked(which, quantities or None, View(angles=angles), limit, as_json)
+    asked = Query(which, quantities or None, View(angles=angles), limit, as_json)
     files = {"csv": csv_file, "xlsx": xlsx_file, "parquet": parquet_file}
     if sql is not None and (modes or any(files.values()) or quantities or limit or which != ALL):
         raise click.UsageError("--sql stands alone: write what is wanted into the SELECT")
@@ -181,7 +181,7 @@ def results(
         return int(set(listing.by_status(catalogue, which)) - {"ok"} != set())
 
 
-def _tell(catalogue: Catalogue, asked: Asked, mode: str, worst: int) -> None:
+def _tell(catalogue: Catalogue, asked: Query, mode: str, worst: int) -> None:
     """Print what was asked, as text or JSON."""
     which, quantities, view = asked.which, asked.quantities, asked.view
     if mode == "summary":
@@ -203,7 +203,7 @@ def _tell(catalogue: Catalogue, asked: Asked, mode: str, worst: int) -> None:
         click.echo(listing.totals(listing.by_status(catalogue, which), gone))
 
 
-def _print(name: str, found: tuple[Any, ...], text: Callable[..., str], asked: Asked) -> None:
+def _print(name: str, found: tuple[Any, ...], text: Callable[..., str], asked: Query) -> None:
     if asked.as_json:
         rows = [listing.plain(row) for row in found]
         click.echo(json.dumps({"schema": SCHEMA, name: rows}, indent=1, ensure_ascii=False))
@@ -211,7 +211,7 @@ def _print(name: str, found: tuple[Any, ...], text: Callable[..., str], asked: A
         click.echo(text(found, asked.view))
 
 
-def _print_captures(catalogue: Catalogue, asked: Asked) -> None:
+def _print_captures(catalogue: Catalogue, asked: Query) -> None:
     """A list as it comes, so that a million captures need no memory."""
     click.echo(f'{{"schema": "{SCHEMA}", "captures": [', nl=False)
     between = "\n"

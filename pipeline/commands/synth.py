@@ -81,7 +81,11 @@ def synth(
     files = (vehicle, scanner, target)
     asked = {"form": whole, "points": None if points is None else round(points)}
     made = _make(
-        lambda: importlib.import_module("wheelplane_synth.output.whole").write_whole, out, seed, files, asked
+        lambda: importlib.import_module("wheelplane_synth.output.whole").write_whole,
+        out,
+        seed,
+        files,
+        asked,
     )
     count = sum(scan["points"] for scan in made.used["scans"])
     click.echo(f"wrote {out}: vehicle.{whole}, {count} points, five-point.txt, truth.json")

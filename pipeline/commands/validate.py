@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from ..capture import Told, Upright, open_capture
+from ..capture import CaptureOptions, Upright, open_capture
 from ..config import Config, load_config, load_station, with_scanner
 from ..errors import InputError
 from ..report.json.validation import validation_json
@@ -16,10 +16,10 @@ from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..validation import (
     Against,
     Comparison,
+    ComparisonStudy,
     Estimator,
     FivePointOptions,
     Request,
-    Survey,
     is_archive_of_captures,
     validate_archive,
     validate_capture,
@@ -157,7 +157,7 @@ def validate(
     )
     said = told(front, front_point, up)
     _check_used(request, said, many)
-    found: Comparison | Survey
+    found: Comparison | ComparisonStudy
     if many:
         with Progress(sum(1 for _ in capture.iterdir()), "comparing") as progress:
             found = validate_archive(capture, target, settings, scanner, request, progress)
@@ -178,7 +178,7 @@ def validate(
 def _one(
     source: Path,
     target: str | None,
-    said: Told,
+    said: CaptureOptions,
     settings: Config,
     scanner: str | None,
     request: Request,
@@ -200,9 +200,9 @@ def _against(file: Path | None, virtual: bool, truth: bool, many: bool) -> Again
     return "virtual" if virtual else "five-point"
 
 
-def _check_used(request: Request, said: Told, many: bool) -> None:
+def _check_used(request: Request, said: CaptureOptions, many: bool) -> None:
     """Raise InputError for options that the comparison would leave unread."""
-    if many and said != Told():
+    if many and said != CaptureOptions():
         raise InputError(
             "--front, --front-point and --up with a folder of captures: each is told by its own "
             "capture.toml, as front, front_point and up: leave them out"

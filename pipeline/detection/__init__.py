@@ -2,19 +2,19 @@
 
 from .candidates import FACE_BAND
 from .find_target import find_target
-from .find_targets import find_faces
+from .find_targets import find_targets
 from .identify_wheels import find_axles, placed, wheels_by_markers
 from .template_match import OFF_PLANE, outnumbered
 from .up_direction import find_up, stand_on_a_floor
-from .vehicles import Face
+from .vehicles import FoundTarget
 
 __all__ = [
     "FACE_BAND",
     "OFF_PLANE",
-    "Face",
+    "FoundTarget",
     "find_axles",
-    "find_faces",
     "find_target",
+    "find_targets",
     "find_up",
     "outnumbered",
     "placed",

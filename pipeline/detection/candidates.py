@@ -9,7 +9,7 @@ import numpy as np
 from ..cloud import gather_ball
 from ..config import SegmentConfig
 from ..errors import NotMeasuredError
-from ..plane import RansacOptions, Trim, converge, first_sigma, ransac
+from ..plane import Clipping, RansacOptions, converge, first_sigma, ransac
 from ..targets import Target
 from ..vectors import Array, Mask, plane_basis
 from . import template_match as raster
@@ -51,7 +51,7 @@ class Candidate:
         return np.asarray(self.basis[2])
 
 
-def judge(
+def score_candidate(
     points_m: Array, point: Array, normal: Array, target: Target, limit_m: float
 ) -> Candidate:
     """Fit the plane about `point`, place the target on it, and judge the outline.
@@ -68,13 +68,13 @@ def judge(
     inner = inner[:: max(1, len(inner) // FITTED_POINTS)]
     try:
         sigma = first_sigma(inner[:, 2], WIDEST_BAND * radius)
-        start = Trim(np.eye(3), np.zeros(3), sigma, cap=WIDEST_BAND * radius)
-        trim, moments, _ = converge(inner, start, 1e-6 * radius)
+        start = Clipping(np.eye(3), np.zeros(3), sigma, cap=WIDEST_BAND * radius)
+        clipping, moments, _ = converge(inner, start, 1e-6 * radius)
     except NotMeasuredError:
         return nothing
-    if _is_curved((inner - moments.centroid_m) @ moments.basis.T, trim.sigma, radius):
+    if _is_curved((inner - moments.centroid_m) @ moments.basis.T, clipping.sigma, radius):
         return nothing
-    normal, sigma = moments.normal @ axes, trim.sigma
+    normal, sigma = moments.normal @ axes, clipping.sigma
     centre = normal * ((moments.centroid_m @ axes) @ normal)
     band = float(np.clip(FACE_SIGMAS * sigma, FACE_BAND * radius, WIDEST_BAND * radius))
     placed, basis = _place(near - centre, normal, target, max(3.0 * sigma, THIN * radius))
@@ -94,7 +94,7 @@ def _place(
     depth, uv = np.abs(near @ normal), near @ basis[:2].T
     off = uv[(depth >= limit_m) & (depth < raster.OFF_PLANE * limit_m)]
     region, period = target.region, target.turn_period_rad
-    placed = raster.match_face(uv[depth < limit_m], region, period, target.radius_m, off)
+    placed = raster.match_template(uv[depth < limit_m], region, period, target.radius_m, off)
     return placed, basis
 
 
@@ -136,7 +136,7 @@ def ransac_candidates(
         if result is None or result.score < config.min_support:
             break
         point = result.model[:3]
-        candidate = judge(points_m, point, result.model[3:], target, limit)
+        candidate = score_candidate(points_m, point, result.model[3:], target, limit)
         found.append(candidate)
         points_m = points_m[~_surface(points_m, point, candidate, target.radius_m)]
     return found

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..cloud import Cubes, Slab, cube_moments, lowest, sample, surroundings
+from ..cloud import Slab, VoxelGrid, lowest, sample, surroundings, voxel_moments
 from ..config import SegmentConfig
 from ..errors import NotMeasuredError
 from ..plane import Patch
@@ -22,8 +22,8 @@ from .candidates import (
     MIN_POINTS,
     REACH,
     Candidate,
-    judge,
     ransac_candidates,
+    score_candidate,
     threshold_m,
 )
 from .cut_patch import cut_patch
@@ -75,23 +75,23 @@ def find_candidates(
     return found
 
 
-def cubes_of(points_m: Array, target: Target) -> Cubes:
+def voxels_of(points_m: Array, target: Target) -> VoxelGrid:
     """Sums of points_m (N, 3) over cubes of a size that the target's face fills many of."""
     edge = EDGE_OF_RADIUS * target.radius_m
-    return cube_moments(points_m, lowest(points_m) - edge, edge)
+    return voxel_moments(points_m, lowest(points_m) - edge, edge)
 
 
 def _candidates(points: Array, target: Target, config: SegmentConfig, seed: int) -> list[Candidate]:
     """Planes that may be the face, best match first."""
     limit = threshold_m(target, config)
-    surfels = find_surfels(cubes_of(points, target), limit)
+    surfels = find_surfels(voxels_of(points, target), limit)
     found: list[Candidate] = []
     best = 0.0
     for places in _more_and_more(surfels, target, limit):
         for place in places[:MOST_LOOKED_AT]:
             if best > SURE and place.score < RIVAL_SCORE:
                 break
-            found.append(judge(points, place.centre_m, place.normal, target, limit))
+            found.append(score_candidate(points, place.centre_m, place.normal, target, limit))
             best = max(best, found[-1].match)
         if best > SURE:
             break
@@ -114,7 +114,7 @@ def _look_closer(
     """The candidates, those likely ones of few points judged again by all points of the scan."""
     bar = LIKELY * max(config.min_match, found[0].match)
     again = [
-        _judge_again(points_m, candidate, target, config)
+        _score_again(points_m, candidate, target, config)
         if candidate.match > bar and candidate.points < SPARSE
         else candidate
         for candidate in found
@@ -122,21 +122,21 @@ def _look_closer(
     return sorted(again, key=lambda candidate: -candidate.match)
 
 
-def _judge_again(
+def _score_again(
     points_m: Array, place: Candidate | Hypothesis, target: Target, config: SegmentConfig
 ) -> Candidate:
     """The candidate at a place by all of points_m (N, 3) about it."""
     ball = Slab(REACH * target.radius_m, REACH * target.radius_m)
     near = surroundings(points_m, place.centre_m, place.normal, ball, ball, 0.0).face_m
-    return judged(near, place, target, config)
+    return scored_again(near, place, target, config)
 
 
-def judged(
+def scored_again(
     near: Array, place: Candidate | Hypothesis, target: Target, config: SegmentConfig
 ) -> Candidate:
     """The candidate at a place by points near (N, 3) relative to it."""
     near = sample(near, config.subset_points)
-    found = judge(near, np.zeros(3), place.normal, target, threshold_m(target, config))
+    found = score_candidate(near, np.zeros(3), place.normal, target, threshold_m(target, config))
     return replace(found, centre_m=found.centre_m + place.centre_m)
 
 

@@ -7,17 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..cloud import Cubes, Slab, within_cubes
+from ..cloud import Slab, VoxelGrid, within_voxels
 from ..config import SegmentConfig
 from ..plane import Patch
 from ..targets import Target
 from ..vectors import Array, Array32, Rows
 from .candidates import REACH, Candidate, threshold_m
 from .cut_patch import around_slab, cut_patch
-from .find_target import LIKELY, SURE, cubes_of, judged
+from .find_target import LIKELY, SURE, scored_again, voxels_of
 from .hypotheses import Hypothesis, hypotheses, joined
 from .surfels import find_surfels
-from .vehicles import RIVAL, Face, vehicles
+from .vehicles import RIVAL, FoundTarget, vehicles
 
 WHEELS = 4  # of a vehicle: where so many sure faces stand as one, no half hidden one is missing
 FIFTH_SCORE = 0.8  # and only a place as clear as theirs could be another
@@ -27,7 +27,7 @@ ROUGHER = 3.0  # times the noise of sure faces
 BESIDE, ROUGHER_BESIDE = 3.0, 1.4  # radii from a better face, and times its noise
 
 
-def find_faces(
+def find_targets(
     points_m: Array,
     target: Target,
     config: SegmentConfig,
@@ -41,17 +41,17 @@ def find_faces(
     taken from the one that has most points on it, since every scan has its own place and noise.
     stations_m: (3,) each, where the parts were scanned from, None where that is not known.
     """
-    cubes = cubes_of(points_m, target)
-    surfels = find_surfels(cubes, threshold_m(target, config))
+    voxels = voxels_of(points_m, target)
+    surfels = find_surfels(voxels, threshold_m(target, config))
     places = hypotheses(surfels, target)[:MOST_IN_CLOUD]
-    looked_at = _look(points_m, cubes, places, target, config)
+    looked_at = _look(points_m, voxels, places, target, config)
     if not _are_a_vehicle(_sure(looked_at, target, config)):
         places = joined(places, surfels, target, threshold_m(target, config))
-        looked_at += _look(points_m, cubes, places, target, config)
+        looked_at += _look(points_m, voxels, places, target, config)
     found = _faces(looked_at, target, config)
     slab = around_slab(target)
-    regions = [_cubes_within(cubes, c.centre_m, c.normal, slab) for c in found]
-    rows = _rows(points_m, cubes, regions)
+    regions = [_voxels_within(voxels, c.centre_m, c.normal, slab) for c in found]
+    rows = _rows(points_m, voxels, regions)
     near, shine = points_m[rows], None if intensity is None else intensity[rows]
     bounds = np.searchsorted(rows, np.array(parts or [(0, len(points_m))]))
     patches = []
@@ -72,36 +72,36 @@ def find_faces(
 
 def _look(
     points_m: Array,
-    cubes: Cubes,
+    voxels: VoxelGrid,
     places: list[Hypothesis],
     target: Target,
     config: SegmentConfig,
 ) -> list[Candidate]:
     """The candidates at places of a cloud, until a vehicle's faces are sure and no rival left."""
     ball = Slab(REACH * target.radius_m, REACH * target.radius_m)
-    balls = [_cubes_within(cubes, place.centre_m, place.normal, ball) for place in places]
-    near = np.ascontiguousarray(points_m[_rows(points_m, cubes, balls)].T)
+    balls = [_voxels_within(voxels, place.centre_m, place.normal, ball) for place in places]
+    near = np.ascontiguousarray(points_m[_rows(points_m, voxels, balls)].T)
     found: list[Candidate] = []
     is_whole = False
     for place in places:
         if place.score < FIFTH_SCORE and is_whole:
             break
-        found.append(_judge_in_cloud(near, place, target, config))
+        found.append(_score_in_cloud(near, place, target, config))
         if found[-1].match > SURE:
             is_whole = _are_a_vehicle(_sure(found, target, config))
     return found
 
 
-def _judge_in_cloud(
+def _score_in_cloud(
     columns_m: Array, place: Candidate | Hypothesis, target: Target, config: SegmentConfig
 ) -> Candidate:
     """The candidate at a place by the points columns_m (3, N), and again where that has put it."""
     reach = REACH * target.radius_m
-    found = judged(_ball(columns_m, place.centre_m, reach), place, target, config)
+    found = scored_again(_ball(columns_m, place.centre_m, reach), place, target, config)
     moved = float(np.linalg.norm(found.centre_m - place.centre_m))
     if found.match < LIKELY * config.face_match or moved < MOVED * target.radius_m:
         return found
-    again = judged(_ball(columns_m, found.centre_m, reach), found, target, config)
+    again = scored_again(_ball(columns_m, found.centre_m, reach), found, target, config)
     return max(found, again, key=lambda candidate: candidate.match)
 
 
@@ -143,7 +143,9 @@ def _are_a_vehicle(found: list[Candidate]) -> bool:
     """
     if len(found) < WHEELS:
         return False
-    faces = [Face(c.centre_m, sign * c.normal, c.match) for c in found for sign in (1.0, -1.0)]
+    faces = [
+        FoundTarget(c.centre_m, sign * c.normal, c.match) for c in found for sign in (1.0, -1.0)
+    ]
     return bool(vehicles(faces, range(len(faces)), RIVAL))
 
 
@@ -172,16 +174,16 @@ def _apart_m(one: Candidate, other: Candidate) -> float:
     return float(np.linalg.norm(one.centre_m - other.centre_m))
 
 
-def _rows(points_m: Array, cubes: Cubes, chosen: Sequence[Rows]) -> Rows:
+def _rows(points_m: Array, voxels: VoxelGrid, chosen: Sequence[Rows]) -> Rows:
     """Rows of points_m (N, 3) in any of the cubes chosen, each (K,) rows of the cubes."""
     if not chosen:
         return np.zeros(0, np.int64)
-    return within_cubes(points_m, cubes, cubes.key[np.unique(np.concatenate(chosen))])
+    return within_voxels(points_m, voxels, voxels.key[np.unique(np.concatenate(chosen))])
 
 
-def _cubes_within(cubes: Cubes, centre_m: Array, normal: Array, slab: Slab) -> Rows:
+def _voxels_within(voxels: VoxelGrid, centre_m: Array, normal: Array, slab: Slab) -> Rows:
     """Cubes that may hold points of a slab about a centre, along a normal."""
-    half = 0.9 * cubes.edge_m  # half the diagonal of a cube
+    half = 0.9 * voxels.edge_m  # half the diagonal of a cube
     wider = Slab(
         slab.reach_m + half * (1.0 + slab.slope),
         slab.depth_m + half,
@@ -189,8 +191,8 @@ def _cubes_within(cubes: Cubes, centre_m: Array, normal: Array, slab: Slab) -> R
         slab.most_m + half,
     )
     furthest = wider.depth_m + min(wider.reach_m + wider.slope * wider.depth_m, wider.most_m)
-    start, stop = cubes.between(centre_m[0] - furthest, centre_m[0] + furthest)
-    offset = cubes.middle_m[start:stop] - centre_m
+    start, stop = voxels.between(centre_m[0] - furthest, centre_m[0] + furthest)
+    offset = voxels.middle_m[start:stop] - centre_m
     depth = np.abs(offset @ normal)
     square = np.einsum("ij,ij->i", offset, offset) - depth * depth
     return start + np.nonzero(wider.holds(square, depth))[0]

@@ -38,7 +38,7 @@ def hypotheses(surfels: Surfels, target: Target, floor: float = MIN_SCORE) -> li
     above the lowest, surfaces of two levels are left whole.
     """
     area_m2 = target.region.area_m2
-    whole = area_m2 / surfels.cubes.edge_m**2
+    whole = area_m2 / surfels.voxels.edge_m**2
     least = max(MIN_SURFELS, int(0.7 * floor * whole))
     order = np.argsort(surfels.surface, kind="stable")
     size = np.bincount(surfels.surface)
@@ -116,7 +116,7 @@ def _on_surface(
     normal = normal * np.where(normal @ basis[2] < 0.0, -1.0, 1.0)[:, None]
     middle = np.median(centroid, axis=0)
     uv = (centroid - middle) @ basis[:2].T
-    edge = surfels.cubes.edge_m
+    edge = surfels.voxels.edge_m
     found = []
     for place, score in raster.peaks(
         uv, edge, target.region, target.turn_period_rad, target.radius_m, floor

@@ -21,7 +21,7 @@ from .vehicles import (
     TRACK_M,
     WHEELBASE_M,
     Ends,
-    Face,
+    FoundTarget,
     distance_m,
     vehicles,
 )
@@ -41,11 +41,13 @@ class Axles:
     ends: tuple[Ends, Ends]
     left_out: tuple[int, ...]
 
-    def centres_m(self, faces: Sequence[Face]) -> Array:
+    def centres_m(self, faces: Sequence[FoundTarget]) -> Array:
         """(2, 2, 3): axle, end, coordinate."""
         return _centres_m(faces, self.ends)
 
-    def named(self, faces: Sequence[Face], up: Array, second_is_front: bool) -> dict[str, int]:
+    def named(
+        self, faces: Sequence[FoundTarget], up: Array, second_is_front: bool
+    ) -> dict[str, int]:
         """The face of each of RR, RL, FR, FL, for an up direction (3,)."""
         rear, front = self.ends if second_is_front else self.ends[::-1]
         middles = self.centres_m(faces).mean(axis=1)
@@ -63,7 +65,7 @@ class Axles:
 
 
 def find_axles(
-    faces: Sequence[Face], radius_m: float, stand: Callable[[Array], bool] | None = None
+    faces: Sequence[FoundTarget], radius_m: float, stand: Callable[[Array], bool] | None = None
 ) -> Axles:
     """The two axles of the one vehicle that the faces make; radius_m: of the target.
 
@@ -101,7 +103,7 @@ def find_axles(
 
 
 def wheels_by_markers(
-    ways: Sequence[Mapping[str, int]], told: Mapping[int, str], faces: Sequence[Face]
+    ways: Sequence[Mapping[str, int]], told: Mapping[int, str], faces: Sequence[FoundTarget]
 ) -> Mapping[str, int]:
     """That of the `ways` to name the faces which agrees with the wheels that markers tell.
 
@@ -117,7 +119,7 @@ def wheels_by_markers(
     raise InputError(f"{read}, {fact}: {listed(faces)}: {mend}")
 
 
-def listed(faces: Sequence[Face]) -> str:
+def listed(faces: Sequence[FoundTarget]) -> str:
     """Where each face lies, how well it matches, and how far it is from the next."""
     words = []
     for index, face in enumerate(faces[:MOST_LISTED]):
@@ -128,17 +130,19 @@ def listed(faces: Sequence[Face]) -> str:
     return "; ".join([*words, *more]) or "none"
 
 
-def placed(face: Face) -> str:
+def placed(face: FoundTarget) -> str:
     """Where a face lies, and how well it matches."""
     place = ", ".join(f"{x:.3f}" for x in face.centre_m + 0.0)
     return f"at ({place}) m (match {face.match:.2f})"
 
 
-def _centres_m(faces: Sequence[Face], ends: tuple[Ends, Ends]) -> Array:
+def _centres_m(faces: Sequence[FoundTarget], ends: tuple[Ends, Ends]) -> Array:
     return np.array([[faces[i].centre_m for i in axle] for axle in ends])
 
 
-def _clearest(found: list[tuple[Ends, Ends]], faces: Sequence[Face]) -> list[tuple[Ends, Ends]]:
+def _clearest(
+    found: list[tuple[Ends, Ends]], faces: Sequence[FoundTarget]
+) -> list[tuple[Ends, Ends]]:
     """The fours whose weakest face matches as well as that of the best four, or nearly."""
     weakest = [min(faces[i].match for axle in ends for i in axle) for ends in found]
     bar = MUCH_WORSE * max(weakest, default=0.0)
@@ -152,7 +156,7 @@ def _sets(found: Sequence[tuple[Ends, Ends]]) -> str:
     return "; ".join([*told[:MOST_LISTED], *more])
 
 
-def _uncovered(faces: Sequence[Face], radius_m: float) -> list[int]:
+def _uncovered(faces: Sequence[FoundTarget], radius_m: float) -> list[int]:
     """The faces but those that overlap with a much better one: two targets cannot."""
     return [
         i
@@ -165,7 +169,7 @@ def _uncovered(faces: Sequence[Face], radius_m: float) -> list[int]:
 
 
 def _check_apart(
-    faces: Sequence[Face], among: Sequence[int], wheels: set[int], radius_m: float
+    faces: Sequence[FoundTarget], among: Sequence[int], wheels: set[int], radius_m: float
 ) -> None:
     """Raise InputError where a face that may be a wheel's overlaps with one as good."""
     for i, j in combinations(among, 2):

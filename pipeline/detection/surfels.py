@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..cloud import Cubes, cube_key
+from ..cloud import VoxelGrid, voxel_key
 from ..vectors import Array, Rows
 
-MIN_IN_CUBE = 5  # points, to tell a plane from a handful
+MIN_IN_VOXEL = 5  # points, to tell a plane from a handful
 TURN, MOST_TURN = np.radians([5.0, 20.0])  # between neighbours of one surface, and with noise
 _HALF_OF_NEIGHBOURS = tuple(
     (i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)
@@ -25,7 +25,7 @@ class Surfels:
     its largest component positive. surface: (S,) number of the surface, from 0. count: (S,) points.
     """
 
-    cubes: Cubes
+    voxels: VoxelGrid
     row: Rows
     centroid_m: Array
     normal: Array
@@ -34,30 +34,30 @@ class Surfels:
 
     def between(self, low_m: float, high_m: float) -> slice:
         """Rows of all surfels whose x may lie between; they are in the order of x."""
-        return slice(*np.searchsorted(self.row, [*self.cubes.between(low_m, high_m)]).tolist())
+        return slice(*np.searchsorted(self.row, [*self.voxels.between(low_m, high_m)]).tolist())
 
 
-def find_surfels(cubes: Cubes, thickness_m: float) -> Surfels:
+def find_surfels(voxels: VoxelGrid, thickness_m: float) -> Surfels:
     """The cubes whose points lie within thickness_m (rms) of a plane, joined to surfaces.
 
     Two neighbours are of one surface where their normals are alike, so is their noise, and the
     middle of each lies on the other's plane. A cube across a step of a few sigma is as flat as
     that, but rougher than its neighbours.
     """
-    row = np.nonzero(cubes.sums[:, 0] >= MIN_IN_CUBE)[0]
-    centroid, normal, spread = planes_of(cubes.sums[row])
-    flat = (spread[:, 0] < thickness_m) & (spread[:, 1] > 0.1 * cubes.edge_m)
+    row = np.nonzero(voxels.sums[:, 0] >= MIN_IN_VOXEL)[0]
+    centroid, normal, spread = planes_of(voxels.sums[row])
+    flat = (spread[:, 0] < thickness_m) & (spread[:, 1] > 0.1 * voxels.edge_m)
     flat &= spread[:, 0] < 0.5 * spread[:, 1]
     row, centroid, normal = row[flat], centroid[flat], normal[flat]
-    centroid = centroid + cubes.middle_m[row]
-    pairs = _neighbours(cubes.place[row])
+    centroid = centroid + voxels.middle_m[row]
+    pairs = _neighbours(voxels.place[row])
     one, other = pairs.T
-    freedom = cubes.sums[row, 0] - 3.0
-    sigma = spread[flat, 0] * np.sqrt((freedom + 3.0) / freedom)
+    dof = voxels.sums[row, 0] - 3.0
+    sigma = spread[flat, 0] * np.sqrt((dof + 3.0) / dof)
     noise, floor = _local_noise(sigma, pairs), 0.05 * thickness_m
-    smooth = sigma < (1.6 + 1.5 / np.sqrt(freedom)) * noise + floor
+    smooth = sigma < (1.6 + 1.5 / np.sqrt(dof)) * noise + floor
     limit = 2.5 * np.minimum(noise[one], noise[other]) + 3.0 * floor
-    slope = noise * np.sqrt(12.0 / cubes.sums[row, 0]) / cubes.edge_m
+    slope = noise * np.sqrt(12.0 / voxels.sums[row, 0]) / voxels.edge_m
     turn = np.minimum(TURN + 2.5 * np.hypot(slope[one], slope[other]), MOST_TURN)
     joined = np.abs(np.einsum("ij,ij->i", normal[one], normal[other])) > np.cos(turn)
     joined &= smooth[one] & smooth[other]
@@ -65,7 +65,7 @@ def find_surfels(cubes: Cubes, thickness_m: float) -> Surfels:
     for axis in (normal[one], normal[other]):
         joined &= np.abs(np.einsum("ij,ij->i", apart, axis)) < limit
     return Surfels(
-        cubes, row, centroid, normal, _surfaces(len(row), pairs[joined]), cubes.sums[row, 0]
+        voxels, row, centroid, normal, _surfaces(len(row), pairs[joined]), voxels.sums[row, 0]
     )
 
 
@@ -122,9 +122,9 @@ def planes_of(sums: Array) -> tuple[Array, Array, Array]:
 
 def _neighbours(place: Rows) -> Rows:
     """Pairs (P, 2) of rows of place (S, 3), sorted by key, whose cubes touch."""
-    key = cube_key(place)
+    key = voxel_key(place)
     pairs = []
-    for step in np.array(_HALF_OF_NEIGHBOURS) @ cube_key(np.eye(3, dtype=np.int64)):
+    for step in np.array(_HALF_OF_NEIGHBOURS) @ voxel_key(np.eye(3, dtype=np.int64)):
         wanted = key + step
         found = np.searchsorted(key, wanted).clip(0, max(len(key) - 1, 0))
         there = np.nonzero(key[found] == wanted)[0] if len(key) else found[:0]

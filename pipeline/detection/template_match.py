@@ -41,7 +41,7 @@ class Placement:
     cell_m: float
 
 
-def match_face(
+def match_template(
     uv_m: Array, region: Region, period_rad: float, radius_m: float, off_m: Array = NO_POINTS
 ) -> Placement:
     """Place a face on the points uv_m (N, 2) of a plane, to about half a cell.

@@ -23,7 +23,7 @@ RIVAL = 1.25  # all limits that much wider: another set of four that keeps these
 
 
 @dataclass(frozen=True)
-class Face:
+class FoundTarget:
     """A face of the cloud. centre_m: (3,). normal: (3,) unit, away from the plate's back."""
 
     centre_m: Array
@@ -31,7 +31,9 @@ class Face:
     match: float
 
 
-def vehicles(faces: Sequence[Face], among: Sequence[int], slack: float) -> list[tuple[Ends, Ends]]:
+def vehicles(
+    faces: Sequence[FoundTarget], among: Sequence[int], slack: float
+) -> list[tuple[Ends, Ends]]:
     """Every two axles that stand as a vehicle's do, all limits `slack` times as wide.
 
     among: the indices of the faces that may be wheels.
@@ -51,14 +53,14 @@ def vehicles(faces: Sequence[Face], among: Sequence[int], slack: float) -> list[
     ]
 
 
-def _steered_deg(faces: Sequence[Face], ends: Ends) -> float:
+def _steered_deg(faces: Sequence[FoundTarget], ends: Ends) -> float:
     """How far the outward normals of an axle's ends are off the axle, at most."""
     one, other = (faces[i] for i in ends)
     out = (one.centre_m - other.centre_m) / distance_m(one, other)
     return max(_angle_deg(one.normal, out), _angle_deg(other.normal, -out))
 
 
-def _stand_square(faces: Sequence[Face], ends: tuple[Ends, Ends], slack: float) -> bool:
+def _stand_square(faces: Sequence[FoundTarget], ends: tuple[Ends, Ends], slack: float) -> bool:
     """Whether two axles stand behind each other, alike, and at least one of them straight."""
     centres = np.array([[faces[i].centre_m for i in axle] for axle in ends])
     across = centres[:, 0] - centres[:, 1]
@@ -77,7 +79,7 @@ def _within(size: float, limits: tuple[float, float], slack: float) -> bool:
     return limits[0] / slack <= size <= limits[1] * slack
 
 
-def distance_m(one: Face, other: Face) -> float:
+def distance_m(one: FoundTarget, other: FoundTarget) -> float:
     """Between the faces' centres."""
     return float(np.linalg.norm(one.centre_m - other.centre_m))
 

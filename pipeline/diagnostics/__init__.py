@@ -1,6 +1,6 @@
 """Contents and findings of a scan file, plausibility checks, self-test on certified data."""
 
-from .findings import oddities, spacing_m
+from .findings import findings, spacing_m
 from .plausibility import (
     check_cloud,
     check_vehicle_cloud,
@@ -10,22 +10,22 @@ from .plausibility import (
     length,
 )
 from .selftest import BOUND, Check, Figure, digest, run_selftest
-from .survey import Survey, survey_file
+from .survey import ScanSummary, summarise_scan
 
 __all__ = [
     "BOUND",
     "Check",
     "Figure",
-    "Survey",
+    "ScanSummary",
     "check_cloud",
     "check_vehicle_cloud",
     "check_wheel_scan",
     "digest",
+    "findings",
     "float32_fact",
     "float32_step",
     "length",
-    "oddities",
     "run_selftest",
     "spacing_m",
-    "survey_file",
+    "summarise_scan",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 from ..units import in_metres
 from ..vectors import Array
 from .plausibility import better_unit, float32_fact, float32_step, length
-from .survey import Survey
+from .survey import ScanSummary
 
 USUAL_SIZES_M = (0.05, 500.0)
 COARSE_STEP_M = 0.5e-3
@@ -19,7 +19,7 @@ QUERIES = 200
 DECIMALS = (0, 1, 2, 3)
 
 
-def spacing_m(survey: Survey) -> float | None:
+def spacing_m(survey: ScanSummary) -> float | None:
     """Typical distance of neighbours on the scanned surfaces, from the sample.
 
     Points thinned at random lie as a Poisson process of density d on a surface, whose median
@@ -41,7 +41,7 @@ def spacing_m(survey: Survey) -> float | None:
     return median / math.sqrt(math.log(2.0) / math.pi) / math.sqrt(survey.points / len(sample))
 
 
-def oddities(survey: Survey) -> list[str]:
+def findings(survey: ScanSummary) -> list[str]:
     """One sentence for each thing that is unusual."""
     if not survey.points:
         return [f"it holds no point ({survey.declared} rows, all missing returns)"]
@@ -59,17 +59,17 @@ def oddities(survey: Survey) -> list[str]:
     return [text for text in found if text]
 
 
-def _few_points(survey: Survey) -> str:
-    rows = survey.points + survey.missing_returns
+def _few_points(survey: ScanSummary) -> str:
+    rows = survey.points + survey.invalid_points
     return f"it ends after {rows} of {survey.declared} rows" if _is_short(survey, rows) else ""
 
 
-def _is_short(survey: Survey, rows: int) -> bool:
+def _is_short(survey: ScanSummary, rows: int) -> bool:
     # A text's rows are bounded by its lines, of which some are a header or blank.
     return rows < survey.declared and survey.format not in ("xyz", "csv", "txt", "pts")
 
 
-def _size(survey: Survey) -> str:
+def _size(survey: ScanSummary) -> str:
     size = float((survey.high_m - survey.low_m).max())
     if size == 0.0 or USUAL_SIZES_M[0] <= size <= USUAL_SIZES_M[1]:
         return ""
@@ -77,7 +77,7 @@ def _size(survey: Survey) -> str:
     return f"it is {length(size)} wide: {hint}"
 
 
-def _steps(survey: Survey) -> str:
+def _steps(survey: ScanSummary) -> str:
     step, place = float32_step(survey.sample_m, survey.length_unit)
     if step >= COARSE_STEP_M:
         return float32_fact(step, place)
@@ -90,7 +90,7 @@ def _steps(survey: Survey) -> str:
     return ""
 
 
-def _duplicates(survey: Survey) -> str:
+def _duplicates(survey: ScanSummary) -> str:
     keys = len(survey.keys)
     repeated = keys - len(np.unique(survey.keys))
     if not repeated:
@@ -99,7 +99,7 @@ def _duplicates(survey: Survey) -> str:
     return f"{about}{repeated * survey.stride} points stand where another stands"
 
 
-def _origin(survey: Survey) -> str:
+def _origin(survey: ScanSummary) -> str:
     if not survey.at_origin:
         return ""
     return f"{survey.at_origin} points at 0 0 0, perhaps beams without a return"

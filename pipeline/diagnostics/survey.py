@@ -19,7 +19,7 @@ _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np
 
 
 @dataclass
-class ScanTally:
+class PointCounts:
     """One scan of the file. T_file_scan: (4, 4) in metres, None where the file states none.
 
     note: what its reader had to settle.
@@ -29,11 +29,11 @@ class ScanTally:
     T_file_scan: Array | None
     note: str = ""
     points: int = 0
-    missing_returns: int = 0
+    invalid_points: int = 0
 
 
 @dataclass
-class Survey:
+class ScanSummary:
     """What passed by. low_m, high_m: (3,) corners of the box; intensity: its range.
 
     raster: rows and columns. sample_m: (S, 3) one point of each run of `stride` rows.
@@ -47,34 +47,35 @@ class Survey:
     stride: int
     declared: int
     points: int = 0
-    missing_returns: int = 0
+    invalid_points: int = 0
     at_origin: int = 0
     low_m: Array = field(default_factory=lambda: np.full(3, np.inf))
     high_m: Array = field(default_factory=lambda: np.full(3, -np.inf))
     intensity: tuple[float, float] | None = None
     raster: tuple[int, int] | None = None
-    scans: list[ScanTally] = field(default_factory=list)
+    scans: list[PointCounts] = field(default_factory=list)
     sample_m: Array = field(default_factory=lambda: np.empty((0, 3)))
     keys: npt.NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, np.uint64))
 
 
-def survey_file(
+def summarise_scan(
     path: Path, length_unit: str, name: str | None = None, progress: Progress = silent
-) -> Survey:
+) -> ScanSummary:
     """Look at every point of a scan file once.
 
     Raises InputError, one line, for what `read_scan` refuses; a file without points is described.
     """
     rng = np.random.default_rng(_SEED)
     with open_cloud(path, length_unit, name) as (cloud, source):
-        survey = Survey(
+        survey = ScanSummary(
             format=source.path.suffix.lower().removeprefix("."),
             file_bytes=path.stat().st_size,
             length_unit=length_unit,
             stride=max(1, cloud.rows // SAMPLE),
             declared=cloud.rows,
             scans=[
-                ScanTally(p.name, _metres(p.T_file_scan, length_unit), p.note) for p in cloud.parts
+                PointCounts(p.name, _metres(p.T_file_scan, length_unit), p.note)
+                for p in cloud.parts
             ],
         )
         placer = Placer(cloud, source, length_unit)
@@ -93,23 +94,23 @@ def survey_file(
     return survey
 
 
-def _place(placer: Placer, block: Block, cloud: RawCloud, survey: Survey) -> PointRows:
+def _place(placer: Placer, block: Block, cloud: RawCloud, survey: ScanSummary) -> PointRows:
     """The block's points in metres, added to the tallies."""
     room = PointRows.room(len(block.xyz[0]), cloud)
     kept = placer.place(block, room)
     missing = len(room.points) - kept
     survey.points += kept
-    survey.missing_returns += missing
+    survey.invalid_points += missing
     if survey.scans:
         survey.scans[block.part].points += kept
-        survey.scans[block.part].missing_returns += missing
+        survey.scans[block.part].invalid_points += missing
     rows = room.part(0, kept)
     if kept:
         _stretch(survey, rows)
     return rows
 
 
-def _stretch(survey: Survey, rows: PointRows) -> None:
+def _stretch(survey: ScanSummary, rows: PointRows) -> None:
     survey.low_m = np.minimum(survey.low_m, rows.points.min(axis=0))
     survey.high_m = np.maximum(survey.high_m, rows.points.max(axis=0))
     survey.at_origin += int((rows.points == 0.0).all(axis=1).sum())

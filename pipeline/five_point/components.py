@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..config import StationConfig
-from ..uncertainty import Cause, chi_square_beyond
+from ..uncertainty import UncertaintyComponent, chi_square_beyond
 from ..vectors import Array
 from .fit_block import BlockFit
 
@@ -29,22 +29,24 @@ class PooledNoise:
     """Noise along each axis of every point, from the residuals of all blocks together."""
 
     sigma_m: float
-    freedom: int
+    dof: int
 
 
-def point_causes(
+def point_components(
     points_m: Array, fit: BlockFit, noise: PooledNoise, station: Station | None
-) -> tuple[Cause, ...]:
+) -> tuple[UncertaintyComponent, ...]:
     """Of one block (5, 3): by what the station states, or by the residuals where none is given.
 
     With a station, `noise` is what its statement leaves unexplained (see unexplained_noise).
     """
-    causes = [] if station is None else _station_causes(points_m, fit, station)
+    components = [] if station is None else _station_components(points_m, fit, station)
     if noise.sigma_m > 0.0:
         name = "point noise" if station is None else "unexplained scatter"
         moved = noise.sigma_m * np.tile(np.eye(3), (5, 1, 1))
-        causes.append(Cause(name, _carry(points_m, fit, moved), noise.freedom, pooled=True))
-    return tuple(causes)
+        components.append(
+            UncertaintyComponent(name, _carry(points_m, fit, moved), noise.dof, pooled=True)
+        )
+    return tuple(components)
 
 
 def unexplained_noise(
@@ -58,28 +60,27 @@ def unexplained_noise(
     ]
     expected = float(np.mean(stated))
     square = noise.sigma_m**2
-    if (
-        expected > 0.0
-        and chi_square_beyond(noise.freedom * square / expected, noise.freedom) >= DOUBT
-    ):
-        return PooledNoise(0.0, noise.freedom)
-    return PooledNoise(math.sqrt(max(square - expected, 0.0)), noise.freedom)
+    if expected > 0.0 and chi_square_beyond(noise.dof * square / expected, noise.dof) >= DOUBT:
+        return PooledNoise(0.0, noise.dof)
+    return PooledNoise(math.sqrt(max(square - expected, 0.0)), noise.dof)
 
 
-def _station_causes(points_m: Array, fit: BlockFit, station: Station) -> list[Cause]:
+def _station_components(
+    points_m: Array, fit: BlockFit, station: Station
+) -> list[UncertaintyComponent]:
     range_noise, angle_noise = _noise_directions(points_m, station)
     sight = _sight(points_m, station)
     bias = station.stated.range_bias_m * sight[:, :, None]
     aiming = np.zeros((6, 2))
     # A mark aimed at beside its place still lies on the plane: only the centre moves.
     aiming[3:] = station.stated.aiming_sigma_m / math.sqrt(5.0) * fit.axes[1:].T
-    causes = [
-        Cause("range noise", _carry(points_m, fit, range_noise)),
-        Cause("angle noise", _carry(points_m, fit, angle_noise)),
-        Cause("aiming", aiming),
-        Cause("range bias", _carry_together(points_m, fit, bias), shared="station"),
+    components = [
+        UncertaintyComponent("range noise", _carry(points_m, fit, range_noise)),
+        UncertaintyComponent("angle noise", _carry(points_m, fit, angle_noise)),
+        UncertaintyComponent("aiming", aiming),
+        UncertaintyComponent("range bias", _carry_together(points_m, fit, bias), shared="station"),
     ]
-    return [cause for cause in causes if cause.factor.any()]
+    return [component for component in components if component.factor.any()]
 
 
 def _noise_directions(points_m: Array, station: Station) -> tuple[Array, Array]:

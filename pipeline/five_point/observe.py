@@ -8,7 +8,7 @@ from ..centre import TargetFit
 from ..measurement import Evidence, Observation
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
-from .components import PooledNoise, Station, point_causes, unexplained_noise
+from .components import PooledNoise, Station, point_components, unexplained_noise
 from .file import FivePointFile
 from .fit_block import fit_block
 
@@ -16,9 +16,9 @@ from .fit_block import fit_block
 def pooled_noise(blocks_m: Array, station: Station | None) -> PooledNoise:
     """Noise across the planes from all blocks (M, 5, 3), less what the station states of itself."""
     fits = [fit_block(block) for block in blocks_m]
-    freedom = 2 * len(fits)
-    square = sum(5.0 * fit.rms_m**2 for fit in fits) / freedom
-    noise = PooledNoise(float(np.sqrt(square)), freedom)
+    dof = 2 * len(fits)
+    square = sum(5.0 * fit.rms_m**2 for fit in fits) / dof
+    noise = PooledNoise(float(np.sqrt(square)), dof)
     return noise if station is None else unexplained_noise(noise, blocks_m, fits, station)
 
 
@@ -30,7 +30,7 @@ def observe_block(
     target = TargetFit(
         centre_m=fit.centre_m,
         normal=fit.normal,
-        causes=point_causes(file.blocks_m[index], fit, noise, station),
+        components=point_components(file.blocks_m[index], fit, noise, station),
         plane_rms_m=fit.rms_m,
         points_on_target=5,
         method="points",
@@ -44,6 +44,6 @@ def observe_block(
         source=file.source,
         sha256=file.sha256,
         points_total=5,
-        missing_returns=0,
+        invalid_points=0,
         evidence=Evidence(target),
     )

@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import NotMeasuredError
 from ..uncertainty import chi_square_beyond
 from ..vectors import Array
-from .plate_pose import Places, State, across, residual, start, whitening
+from .plate_pose import Poses, State, across, residual, start, whitening
 
 STEPS = 50
 SETTLED = 1e-6  # of what is seen, in standard uncertainties
@@ -45,11 +45,11 @@ class OneAxis:
     d_centre: Array
     d_turns: Array
     chi_square: float
-    freedom: int
+    dof: int
     probability: float
 
 
-def fit_one_axis(seen: Places, turns_rad: Array, u_turns_rad: Array, start_axis: Array) -> OneAxis:
+def fit_one_axis(seen: Poses, turns_rad: Array, u_turns_rad: Array, start_axis: Array) -> OneAxis:
     """Fit the axis by generalised least squares to what is seen of n places.
 
     turns_rad: (n,) about start_axis (3,), near the truth, known with u_turns_rad (n,), inf where
@@ -82,9 +82,9 @@ def fit_one_axis(seen: Places, turns_rad: Array, u_turns_rad: Array, start_axis:
     by_seen = inverse[:, : len(L)] @ np.linalg.solve(L, B)
     told = inverse[:, len(L) :] @ by_turns
     gain = np.hstack([by_seen[:, : 6 * count], told, by_seen[:, 6 * count :]])
-    freedom = len(whole) - weighed.shape[1]
+    dof = len(whole) - weighed.shape[1]
     chi_square = float(whole @ whole)
-    return _result(state, seen.centres_m.mean(axis=0), gain, chi_square, freedom)
+    return _result(state, seen.centres_m.mean(axis=0), gain, chi_square, dof)
 
 
 def _of_turns(slopes: Array, u_turns: Array) -> Array:
@@ -106,7 +106,7 @@ def _inverse(weighed: Array) -> Array:
     return np.asarray((vt.T / s) @ u.T / scale[:, None])
 
 
-def _result(state: State, middle: Array, gain: Array, chi_square: float, freedom: int) -> OneAxis:
+def _result(state: State, middle: Array, gain: Array, chi_square: float, dof: int) -> OneAxis:
     """The fit with its point moved along the axis to be level with the centre."""
     a, arm = state.axis, state.centre - state.point
     d_axis, d_centre = across(a).T @ gain[:2], gain[6:9]
@@ -125,6 +125,6 @@ def _result(state: State, middle: Array, gain: Array, chi_square: float, freedom
         d_centre=d_centre,
         d_turns=gain[9 : 9 + len(state.turns)],
         chi_square=chi_square,
-        freedom=freedom,
-        probability=chi_square_beyond(chi_square, freedom) if freedom > 0 else 1.0,
+        dof=dof,
+        probability=chi_square_beyond(chi_square, dof) if dof > 0 else 1.0,
     )

@@ -17,7 +17,7 @@ DOUBTFUL = 0.25  # of the period: a face farther from where it should be may be 
 
 
 @dataclass(frozen=True)
-class Places:
+class Poses:
     """What is seen of a plate in n places.
 
     normals: (n, 3) unit, all to the same side. centres_m: (n, 3). covariance: (6 n + k, 6 n + k) of
@@ -66,7 +66,7 @@ class State:
         )
 
 
-def start(seen: Places, turns: Array, axis: Array) -> tuple[State, Places]:
+def start(seen: Poses, turns: Array, axis: Array) -> tuple[State, Poses]:
     """First values: the plate turned back by the turns; the point by linear least squares.
 
     The faces that are seen come back as those, among equals, that lie nearest to the first one's.
@@ -86,7 +86,7 @@ def start(seen: Places, turns: Array, axis: Array) -> tuple[State, Places]:
     return state, replace(seen, faces=_nearest(seen, state))
 
 
-def residual(state: State, seen: Places, sides: Array) -> tuple[Array, Array]:
+def residual(state: State, seen: Poses, sides: Array) -> tuple[Array, Array]:
     """Seen less expected (5 n + k,), and the slopes of the expected (5 n + k, 9 + n).
 
     Unknowns: axis (2) and point (2) across it, normal (2) across itself, centre (3), turns (n);
@@ -95,7 +95,7 @@ def residual(state: State, seen: Places, sides: Array) -> tuple[Array, Array]:
     """
     a, arm, count = state.axis, state.centre - state.point, len(sides)
     centres = seen.centres_m - seen.centres_m.mean(axis=0)
-    lean = np.cross(a, across(a))  # (2, 3): w of the axis' two parts, so that w x a is the part
+    tilt = np.cross(a, across(a))  # (2, 3): w of the axis' two parts, so that w x a is the part
     left, slopes = [], np.zeros((count, 5, 9 + count))
     for i, (turn, T) in enumerate(zip(state.turns, sides, strict=True)):
         R = turn_about(a, turn)
@@ -103,7 +103,7 @@ def residual(state: State, seen: Places, sides: Array) -> tuple[Array, Array]:
         left.append(np.concatenate([T @ (seen.normals[i] - n), centres[i] - state.point - c]))
         for vector, turned, rows, place in ((state.normal, n, slice(2), T),
                                             (arm, c, slice(2, 5), np.eye(3))):  # fmt: skip
-            moved = np.cross(lean, turned) - np.cross(lean, vector) @ R.T
+            moved = np.cross(tilt, turned) - np.cross(tilt, vector) @ R.T
             slopes[i, rows, :2] = place @ moved.T
             slopes[i, rows, 9 + i] = place @ np.cross(a, turned)
         slopes[i, 2:, 2:4] = (np.eye(3) - R) @ across(a).T
@@ -112,12 +112,12 @@ def residual(state: State, seen: Places, sides: Array) -> tuple[Array, Array]:
     whole = slopes.reshape(-1, slopes.shape[2])
     if state.face is None:
         return np.concatenate(left), whole
-    turns, by_turns = _of_faces(state, state.face, seen, lean)
+    turns, by_turns = _of_faces(state, state.face, seen, tilt)
     whole = np.hstack([whole, np.zeros((len(whole), 1))])
     return np.concatenate([*left, turns]), np.vstack([whole, by_turns])
 
 
-def whitening(sides: Array, seen: Places) -> tuple[Array, Array]:
+def whitening(sides: Array, seen: Poses) -> tuple[Array, Array]:
     """Root L of the covariance of what `residual` sees, and that by what is seen of the places.
 
     Of each place two parts of the normal along `sides` (2, 3), three of the centre; then the turns.
@@ -151,7 +151,7 @@ def turn_about(axis: Array, angle_rad: float) -> Array:
     return whole
 
 
-def _of_faces(state: State, face: Array, seen: Places, lean: Array) -> tuple[Array, Array]:
+def _of_faces(state: State, face: Array, seen: Poses, tilt: Array) -> tuple[Array, Array]:
     """Turns about the normals, seen less expected (k,), and the slopes of the expected.
 
     An axis e of the face lies at atan2(v.e, u.e) from the seen u, with v = n x u; where its normal
@@ -165,14 +165,14 @@ def _of_faces(state: State, face: Array, seen: Places, lean: Array) -> tuple[Arr
         x, y = u @ e, v @ e
         left[row] = -np.arctan2(y, x)
         by_e = (x * v - y * u) / (x * x + y * y)
-        slopes[row, :2] = (np.cross(lean, e) - np.cross(lean, face) @ R.T) @ by_e
+        slopes[row, :2] = (np.cross(tilt, e) - np.cross(tilt, face) @ R.T) @ by_e
         slopes[row, 4:6] = -(by_e @ R @ state.normal) * (across(state.normal) @ face)
         slopes[row, 9 + i] = by_e @ np.cross(state.axis, e)
         slopes[row, 9 + count] = by_e @ R @ np.cross(state.normal, face)
     return left, slopes
 
 
-def _nearest(seen: Places, state: State) -> Array:
+def _nearest(seen: Poses, state: State) -> Array:
     """Of the turns a face may have been seen at, those nearest to the expected: axes (k, 3)."""
     assert state.face is not None
     off, _ = _of_faces(state, state.face, seen, np.zeros((2, 3)))

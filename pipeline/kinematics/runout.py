@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 from ..measurement import Measurement
 from ..vectors import Array
-from ..vehicle import First, atan2, length
+from ..vehicle import Dual, atan2, length
 from .axis_fit import OneAxis
-from .steering_axis import measure_kingpins
-from .sweep import Estimate, Turned, turned
+from .steering_axis import measure_steering_axes
+from .sweep import Estimate, SweepScans, turned
 from .wheel_axis import (
     Axle,
     AxleStatus,
@@ -71,7 +71,7 @@ class Runout:
     axis: Array | None = None
     centre_m: Array | None = None
     chi_square: float = 0.0
-    freedom: int = 0
+    dof: int = 0
     probability: float = 1.0
 
     @property
@@ -91,11 +91,11 @@ def all_turned(measurement: Measurement) -> bool:
     """Whether every sweep and run-out gave its axis."""
     if not measurement.has_turned:
         return True
-    swept = all(kingpin.status == "ok" for kingpin in measure_kingpins(measurement))
+    swept = all(kingpin.status == "ok" for kingpin in measure_steering_axes(measurement))
     return swept and all(runout.status == "ok" for runout in measure_runouts(measurement))
 
 
-def _runout(axle: Axle, scans: Turned, best: Framed) -> Runout:
+def _runout(axle: Axle, scans: SweepScans, best: Framed) -> Runout:
     names = tuple(scans.scans[i].observation.name for i in axle.members)
     fit = axle.fit
     if fit is None:
@@ -104,7 +104,7 @@ def _runout(axle: Axle, scans: Turned, best: Framed) -> Runout:
     compensated = through != "plate centres"
     own = scans.inputs_of(axle.members)
     off, d_off, along = _off_axis(fit, own)
-    lean = scans.in_frame(off, d_off)
+    tilt = scans.in_frame(off, d_off)
     aside = scans.in_frame(fit.centre_m - fit.point_m, (fit.d_centre - fit.d_point) @ own)
     return Runout(
         wheel=axle.wheel,
@@ -115,29 +115,29 @@ def _runout(axle: Axle, scans: Turned, best: Framed) -> Runout:
         angles=_angles(scans, fit, axle),
         on_axles=_angles(best.scans, fit, axle) if compensated else None,
         frame=through,
-        wobble=scans.estimate(atan2(size(lean), along)),
-        wobble_clock_rad=math.atan2(lean[1].value, lean[2].value),
+        wobble=scans.estimate(atan2(size(tilt), along)),
+        wobble_clock_rad=math.atan2(tilt[1].value, tilt[2].value),
         eccentricity=axle.eccentricity,
         eccentricity_clock_rad=math.atan2(aside[1].value, aside[2].value),
         turns_rad=tuple((fit.turns_rad * outward_sense(axle.wheel)).tolist()),
         axis=fit.axis,
         centre_m=fit.point_m,
         chi_square=fit.chi_square,
-        freedom=fit.freedom,
+        dof=fit.dof,
         probability=fit.probability,
     )
 
 
-def _off_axis(fit: OneAxis, own: Array) -> tuple[Array, Array, First]:
+def _off_axis(fit: OneAxis, own: Array) -> tuple[Array, Array, Dual]:
     """What of the plate's normal lies across the axle (3,), its slopes (3, K), what lies along."""
     cosine = float(fit.normal @ fit.axis)
     d_cosine = fit.axis @ fit.d_normal + fit.normal @ fit.d_axis
     off = fit.normal - cosine * fit.axis
     d_off = fit.d_normal - fit.axis[:, None] * d_cosine - cosine * fit.d_axis
-    return off, d_off @ own, First(cosine, d_cosine @ own)
+    return off, d_off @ own, Dual(cosine, d_cosine @ own)
 
 
-def _angles(scans: Turned, fit: OneAxis, axle: Axle) -> AxleAngles:
+def _angles(scans: SweepScans, fit: OneAxis, axle: Axle) -> AxleAngles:
     own = scans.inputs_of(axle.members)
     left, forward, up = scans.in_frame(fit.axis, fit.d_axis @ own)
     outward = left * outward_sense(axle.wheel)

@@ -22,9 +22,9 @@ from ..centre import Mark
 from ..errors import NotMeasuredError
 from ..measurement import Measurement
 from ..vectors import Array
-from ..vehicle import REFERENCE_WHEELS, First, atan2, length, sin
+from ..vehicle import REFERENCE_WHEELS, Dual, atan2, length, sin
 from .axis_fit import OneAxis
-from .sweep import DOUBT, Estimate, Turned
+from .sweep import DOUBT, Estimate, SweepScans
 from .wheel_axis import Framed, FrameThrough, framed, outward_sense
 
 STEERED = ("FR", "FL")
@@ -36,7 +36,7 @@ SweepStatus = Literal["ok", "too-few-positions", "range-too-small", "no-axis", "
 
 
 @dataclass(frozen=True)
-class Kingpin:
+class SteeringAxis:
     """What the sweep of one wheel says of its kingpin; None where it says too little.
 
     scans: names of those that were measured. sweep_rad: largest less smallest toe. frame: through
@@ -63,34 +63,34 @@ class Kingpin:
     axis: Array | None = None
     point_m: Array | None = None
     chi_square: float = 0.0
-    freedom: int = 0
+    dof: int = 0
     probability: float = 1.0
     with_turn: int = 0
     mark: Mark | None = None
 
 
-def measure_kingpins(measurement: Measurement) -> tuple[Kingpin, ...]:
+def measure_steering_axes(measurement: Measurement) -> tuple[SteeringAxis, ...]:
     """The kingpin of each wheel that was swept, FR before FL."""
     swept = {w.wheel for w in measurement.wheels if w.observation.role == "sweep"}
     best = framed(measurement)
     return tuple(_kingpin(wheel, best) for wheel in STEERED if wheel in swept)
 
 
-def toe_and_camber(scans: Turned, wheel: str, way: Array, moved: Array) -> tuple[First, First]:
+def toe_and_camber(scans: SweepScans, wheel: str, way: Array, moved: Array) -> tuple[Dual, Dual]:
     """Of an outward way (3,), slopes (3, K), of that wheel; as in `angles.py`, radians."""
     left, forward, up = scans.in_frame(way, moved)
     outward = left * outward_sense(wheel)
     return atan2(forward, outward), -atan2(up, length(outward, forward))
 
 
-def _kingpin(wheel: str, best: Framed) -> Kingpin:
+def _kingpin(wheel: str, best: Framed) -> SteeringAxis:
     scans = best.scans
     members = scans.of_wheel(wheel, "sweep")
     names = tuple(scans.scans[i].observation.name for i in members)
     toe = [_of_plate(scans, i)[0].value for i in members]
     sweep_rad = max(toe) - min(toe) if toe else 0.0
     swept = f"{math.degrees(sweep_rad):.1f}°"
-    none = Kingpin(wheel, names, sweep_rad, best.through)
+    none = SteeringAxis(wheel, names, sweep_rad, best.through)
     if len(members) < LEAST_POSITIONS:
         reason = f"{len(members)} positions were measured, {LEAST_POSITIONS} or more are needed"
         return replace(none, status="too-few-positions", reason=reason)
@@ -103,13 +103,13 @@ def _kingpin(wheel: str, best: Framed) -> Kingpin:
         two = error.status == "not-one-axis"
         why: SweepStatus = "not-one-axis" if two else "no-axis"
         return replace(none, status=why, reason=str(error))
-    caster, inclination = _leans(scans, fit, wheel)
+    caster, inclination = _tilts(scans, fit, wheel)
     point, inwards, ahead = _beside_the_centre(scans, fit, wheel)
     status, reason = _judge(fit, caster, inclination, swept)
     if status == "not-one-axis":
         reason += _slipped(scans, members)
     faces = scans.faces_of(members)
-    return Kingpin(
+    return SteeringAxis(
         wheel=wheel,
         scans=names,
         sweep_rad=sweep_rad,
@@ -124,21 +124,21 @@ def _kingpin(wheel: str, best: Framed) -> Kingpin:
         axis=fit.axis,
         point_m=point,
         chi_square=fit.chi_square,
-        freedom=fit.freedom,
+        dof=fit.dof,
         probability=fit.probability,
         with_turn=len(faces),
         mark=scans.mark_of(faces),
     )
 
 
-def _of_plate(scans: Turned, index: int) -> tuple[First, First]:
+def _of_plate(scans: SweepScans, index: int) -> tuple[Dual, Dual]:
     """Toe and camber of one scan's plate."""
     scan = scans.scans[index]
     assert scan.normal is not None
     return toe_and_camber(scans, str(scan.wheel), scan.normal, scans.columns(index)[0])
 
 
-def _fit(scans: Turned, members: list[int]) -> OneAxis:
+def _fit(scans: SweepScans, members: list[int]) -> OneAxis:
     """The axis, from the direction in which normals and centres differ least."""
     fitted = [scans.scans[i].observation.fitted for i in members]
     normals = np.stack([scans.scans[i].normal for i in members])  # type: ignore[misc]
@@ -157,14 +157,16 @@ def _fit(scans: Turned, members: list[int]) -> OneAxis:
     return scans.fit(members, turns, unknown, axis)
 
 
-def _leans(scans: Turned, fit: OneAxis, wheel: str) -> tuple[Estimate, Estimate]:
+def _tilts(scans: SweepScans, fit: OneAxis, wheel: str) -> tuple[Estimate, Estimate]:
     own = scans.inputs_of(scans.of_wheel(wheel, "sweep"))
     left, forward, up = scans.in_frame(fit.axis, fit.d_axis @ own)
     outward = left * outward_sense(wheel)
     return scans.estimate(-atan2(forward, up)), scans.estimate(-atan2(outward, up))
 
 
-def _beside_the_centre(scans: Turned, fit: OneAxis, wheel: str) -> tuple[Array, Estimate, Estimate]:
+def _beside_the_centre(
+    scans: SweepScans, fit: OneAxis, wheel: str
+) -> tuple[Array, Estimate, Estimate]:
     """Where the axis passes the height of the reference centre: the place, inwards, ahead."""
     index = REFERENCE_WHEELS.index(wheel)
     centre = scans.reference_centres_m[index]
@@ -178,7 +180,7 @@ def _beside_the_centre(scans: Turned, fit: OneAxis, wheel: str) -> tuple[Array, 
     return point, scans.estimate(left * -outward_sense(wheel)), scans.estimate(ahead)
 
 
-def _by_camber(scans: Turned, members: list[int]) -> Estimate:
+def _by_camber(scans: SweepScans, members: list[int]) -> Estimate:
     """Camber change over the difference of the sines: camber = const - caster * sin(toe).
 
     Source: the workshop formula, which leaves out what the inclination adds at unequal angles.
@@ -199,13 +201,13 @@ def _judge(
             )
     if fit.probability < DOUBT:
         return "not-one-axis", (
-            f"the scans do not turn about one axis (chi2/nu = {fit.chi_square / fit.freedom:.1f}): "
+            f"the scans do not turn about one axis (chi2/nu = {fit.chi_square / fit.dof:.1f}): "
             "the wheel rolled, the body moved, or the plate slipped"
         )
     return "ok", ""
 
 
-def _slipped(scans: Turned, members: list[int]) -> str:
+def _slipped(scans: SweepScans, members: list[int]) -> str:
     """What else is to be said where the normals and centres alone do turn about one axis."""
     if not scans.faces_of(members):
         return ""
@@ -220,6 +222,6 @@ def _if_known(angle: Estimate) -> Estimate | None:
     return angle if angle.u <= MOST_U_RAD else None
 
 
-def _over(top: First, bottom: First) -> First:
+def _over(top: Dual, bottom: Dual) -> Dual:
     ratio = top.value / bottom.value
-    return First(ratio, (top.slope - ratio * bottom.slope) / bottom.value)
+    return Dual(ratio, (top.slope - ratio * bottom.slope) / bottom.value)

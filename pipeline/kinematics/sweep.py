@@ -16,11 +16,11 @@ import numpy as np
 from ..capture import Role
 from ..centre import Mark, TargetFit
 from ..measurement import OF_PLATE, Measurement, WheelResult
-from ..uncertainty import LEVEL, Effect, coverage_factor, effective_freedom, effects_of
+from ..uncertainty import LEVEL, Effect, coverage_factor, effective_dof, effects_of
 from ..vectors import Array
-from ..vehicle import First, FrameSlopes, VehicleFrame, build_reference_frame, frame_slopes
+from ..vehicle import Dual, FrameSlopes, VehicleFrame, build_reference_frame, frame_slopes
 from .axis_fit import OneAxis, fit_one_axis
-from .plate_pose import Places
+from .plate_pose import Poses
 
 DOUBT = 1e-3  # chance of a fit below which the scans are said not to turn about one axis
 
@@ -34,16 +34,16 @@ class Estimate:
 
     value: float
     u: float
-    freedom: float = math.inf
+    dof: float = math.inf
 
     @property
     def expanded(self) -> float:
         """K u, k by Student's t of the degrees of freedom."""
-        return float(coverage_factor(LEVEL, np.array([self.freedom]))[0]) * self.u
+        return float(coverage_factor(LEVEL, np.array([self.dof]))[0]) * self.u
 
 
 @dataclass(frozen=True)
-class Turned:
+class SweepScans:
     """All measured scans of sweeps and run-outs, and what moves them.
 
     reference_centres_m: (4, 3), on which the frame stands; d_centres: (12, K) of them by the
@@ -94,13 +94,13 @@ class Turned:
             faces[row, column] = _facing(self.scans[i])
         return np.vstack([*own, turns, faces])
 
-    def without_faces(self) -> Turned:
+    def without_faces(self) -> SweepScans:
         """The same scans, their turns about the normals left out of what is fitted."""
         told = 6 * (4 + len(self.scans)) + len(self.scans)
         cut = [replace(effect, factor=effect.factor[:told]) for effect in self.effects]
         return replace(self, faces=(), d_centres=self.d_centres[:, :told], effects=tuple(cut))
 
-    def in_frame(self, vector: Array, moved: Array) -> tuple[First, First, First]:
+    def in_frame(self, vector: Array, moved: Array) -> tuple[Dual, Dual, Dual]:
         """Parts of a vector (3,), slopes (3, K), to the left, forward and up."""
         axes = (
             (self.frame.left, self.slopes.left),
@@ -108,17 +108,17 @@ class Turned:
             (self.frame.up, self.slopes.up),
         )
         left, forward, up = (
-            First(float(vector @ axis), axis @ moved + (vector @ turned) @ self.d_centres)
+            Dual(float(vector @ axis), axis @ moved + (vector @ turned) @ self.d_centres)
             for axis, turned in axes
         )
         return left, forward, up
 
-    def estimate(self, number: First) -> Estimate:
+    def estimate(self, number: Dual) -> Estimate:
         """Its uncertainty by all causes (JCGM 100, 5.2 and G.4)."""
         shares = [np.atleast_1d(np.sum((number.slope @ e.factor) ** 2)) for e in self.effects]
         total = np.sum(np.stack(shares), axis=0)
-        freedom = effective_freedom(self.effects, shares, total)
-        return Estimate(number.value, math.sqrt(float(total[0])), float(freedom[0]))
+        dof = effective_dof(self.effects, shares, total)
+        return Estimate(number.value, math.sqrt(float(total[0])), float(dof[0]))
 
     def fit(self, members: Sequence[int], turns_rad: Array, u_turns: Array, axis: Array) -> OneAxis:
         """The axis about which the scans at those places turned; see `fit_one_axis`."""
@@ -128,7 +128,7 @@ class Turned:
         factors = [own @ effect.factor for effect in self.effects if effect.name != "turn"]
         mine = self.faces_of(members)
         turns = [self.scans[i].observation.fitted.turn for i in mine]
-        seen = Places(
+        seen = Poses(
             normals=np.stack([scan.normal for scan in scans if scan.normal is not None]),
             centres_m=np.stack([scan.observation.fitted.centre_m for scan in scans]),
             covariance=np.asarray(sum(factor @ factor.T for factor in factors)),
@@ -142,7 +142,7 @@ class Turned:
         """Those of the scans whose turn about the normal is seen."""
         return [i for i in members if i in self.faces]
 
-    def on_centres(self, centres_m: Array, d_centres: Array) -> Turned:
+    def on_centres(self, centres_m: Array, d_centres: Array) -> SweepScans:
         """The same scans in the frame of other centres (4, 3), with their slopes (12, K)."""
         frame = build_reference_frame(centres_m)
         return replace(
@@ -159,7 +159,7 @@ class Turned:
         return next((turn.mark for turn in turns if turn is not None), None)
 
 
-def turned(measurement: Measurement) -> Turned:
+def turned(measurement: Measurement) -> SweepScans:
     """Its turned scans; the first four wheels of a measurement are the frame's."""
     scans = tuple(
         wheel
@@ -183,7 +183,7 @@ def turned(measurement: Measurement) -> Turned:
     effects = [_widened(effect, len(scans), len(faces)) for effect in effects_of(targets)]
     size = d_centres.shape[1]
     effects += [_of_turn(u, i, len(scans), size) for i, u in enumerate(u_turns) if math.isfinite(u)]
-    return Turned(
+    return SweepScans(
         measurement.frame, slopes, centres, d_centres, scans, tuple(effects), u_turns, faces
     )
 
@@ -214,13 +214,13 @@ def _faces(scans: Sequence[WheelResult]) -> tuple[int, ...]:
 
 def _turn_alone(target: TargetFit) -> TargetFit:
     """In place of a target its turn, as the first of six numbers, moved by the same causes."""
-    causes = []
-    for cause in target.causes:
-        if cause.turn is not None:
-            factor = np.zeros((6, len(cause.turn)))
-            factor[0] = cause.turn
-            causes.append(replace(cause, factor=factor))
-    return replace(target, causes=tuple(causes))
+    components = []
+    for component in target.components:
+        if component.turn is not None:
+            factor = np.zeros((6, len(component.turn)))
+            factor[0] = component.turn
+            components.append(replace(component, factor=factor))
+    return replace(target, components=tuple(components))
 
 
 def _without_plate(target: TargetFit) -> TargetFit:
@@ -228,17 +228,17 @@ def _without_plate(target: TargetFit) -> TargetFit:
 
     Waves that a scan's residuals show stay: each scan estimates them for itself.
     """
-    left = [c for c in target.causes if c.name not in OF_PLATE or math.isfinite(c.freedom)]
-    return replace(target, causes=tuple(left))
+    left = [c for c in target.components if c.name not in OF_PLATE or math.isfinite(c.dof)]
+    return replace(target, components=tuple(left))
 
 
 def _of_scan(target: TargetFit, source: str) -> TargetFit:
     """One scan that stands for a reference wheel and in a sweep errs in both alike."""
     return replace(
         target,
-        causes=tuple(
-            replace(cause, shared=f"scan {source}") if cause.shared is None else cause
-            for cause in target.causes
+        components=tuple(
+            replace(component, shared=f"scan {source}") if component.shared is None else component
+            for component in target.components
         ),
     )
 

@@ -17,10 +17,10 @@ import numpy as np
 
 from ..measurement import Measurement
 from ..vectors import Array
-from ..vehicle import First
+from ..vehicle import Dual
 from .plate_pose import turn_about
-from .steering_axis import STEERED, measure_kingpins, toe_and_camber
-from .sweep import Estimate, Turned
+from .steering_axis import STEERED, measure_steering_axes, toe_and_camber
+from .sweep import Estimate, SweepScans
 from .wheel_axis import Framed, framed
 
 INNER_RAD = math.radians(20.0)
@@ -52,24 +52,24 @@ class ToeOut:
 def measure_toe_out(measurement: Measurement) -> tuple[ToeOut, ...]:
     """Left turn, then right; none without a position of the steering that both wheels share."""
     best = framed(measurement)
-    leans = {}
-    for kingpin in measure_kingpins(measurement):
-        lean = None if kingpin.axis is None else _lean(best, kingpin.wheel, kingpin.axis)
-        if lean is not None:
-            leans[kingpin.wheel] = lean
-    if len(leans) < len(STEERED):
-        leans = {}  # half of the difference compensated would be worse than neither
-    pairs = _pairs(best.scans, leans)
+    tilts = {}
+    for kingpin in measure_steering_axes(measurement):
+        tilt = None if kingpin.axis is None else _tilt(best, kingpin.wheel, kingpin.axis)
+        if tilt is not None:
+            tilts[kingpin.wheel] = tilt
+    if len(tilts) < len(STEERED):
+        tilts = {}  # half of the difference compensated would be worse than neither
+    pairs = _pairs(best.scans, tilts)
     if not pairs:
         return ()
     left = [(-toe_left, -(toe_left + toe_right)) for toe_right, toe_left in pairs]
     right = [(-toe_right, -(toe_left + toe_right)) for toe_right, toe_left in pairs]
     turns = _of_turn(best.scans, "left", left), _of_turn(best.scans, "right", right)
-    return tuple(replace(turn, of="axles" if leans else "plates") for turn in turns)
+    return tuple(replace(turn, of="axles" if tilts else "plates") for turn in turns)
 
 
 @dataclass(frozen=True)
-class _Lean:
+class _Tilt:
     """What takes a plate's normal to its axle: (3,) at the reference's normal (3,), and slopes."""
 
     kingpin: Array
@@ -86,7 +86,7 @@ class _Lean:
         return normal + T @ self.off, moved + T @ self.moved
 
 
-def _lean(best: Framed, wheel: str, kingpin: Array) -> _Lean | None:
+def _tilt(best: Framed, wheel: str, kingpin: Array) -> _Tilt | None:
     """None where no run-out shows it, or where the plate lay otherwise in the sweep."""
     axle, scans = best.axle_of(wheel), best.scans
     if axle is None or axle.fit is None or axle.reference is None:
@@ -97,12 +97,12 @@ def _lean(best: Framed, wheel: str, kingpin: Array) -> _Lean | None:
         normal = scans.scans[i].normal
         assert normal is not None
         apart = scans.estimate(
-            First(float(kingpin @ (normal - at)), kingpin @ (scans.columns(i)[0] - by_at))
+            Dual(float(kingpin @ (normal - at)), kingpin @ (scans.columns(i)[0] - by_at))
         )
         if abs(apart.value) > MOST_APART * apart.u:
             return None
     moved = axle.fit.d_axis @ scans.inputs_of(axle.members) - by_at
-    return _Lean(kingpin, at, axle.fit.axis - at, moved)
+    return _Tilt(kingpin, at, axle.fit.axis - at, moved)
 
 
 def _turn(axis: Array, start: Array, end: Array) -> float:
@@ -111,23 +111,23 @@ def _turn(axis: Array, start: Array, end: Array) -> float:
     return float(np.arctan2(axis @ np.cross(across, end), across @ end))
 
 
-def _pairs(scans: Turned, leans: Mapping[str, _Lean]) -> list[tuple[First, First]]:
+def _pairs(scans: SweepScans, tilts: Mapping[str, _Tilt]) -> list[tuple[Dual, Dual]]:
     """Toe of FR and of FL at every position that both have."""
-    toes: dict[str, dict[str, First]] = {wheel: {} for wheel in STEERED}
+    toes: dict[str, dict[str, Dual]] = {wheel: {} for wheel in STEERED}
     for wheel in STEERED:
         for i in scans.of_wheel(wheel, "sweep"):
             turn, normal = scans.scans[i].observation.turn, scans.scans[i].normal
             if turn is None or turn.position is None or normal is None:
                 continue
             way, moved = normal, scans.columns(i)[0]
-            if wheel in leans:
-                way, moved = leans[wheel].axle(way, moved)
+            if wheel in tilts:
+                way, moved = tilts[wheel].axle(way, moved)
             toes[wheel][turn.position] = toe_and_camber(scans, wheel, way, moved)[0]
     return [(toe, toes["FL"][place]) for place, toe in toes["FR"].items() if place in toes["FL"]]
 
 
 def _of_turn(
-    scans: Turned, turn: Literal["left", "right"], curve: list[tuple[First, First]]
+    scans: SweepScans, turn: Literal["left", "right"], curve: list[tuple[Dual, Dual]]
 ) -> ToeOut:
     """From the inner wheel's angle and the difference at every position."""
     if len(curve) < LEAST_PAIRS:
@@ -145,13 +145,13 @@ def _of_turn(
     curved, straight = _at_inner(nearest), _at_inner(nearest[:2])
     known = scans.estimate(curved)
     u_curve = abs(curved.value - straight.value) / 2.0
-    difference = Estimate(known.value, math.hypot(known.u, u_curve), known.freedom)
+    difference = Estimate(known.value, math.hypot(known.u, u_curve), known.dof)
     return ToeOut(turn, "ok", "", difference, u_curve)
 
 
-def _merged(curve: list[tuple[First, First]]) -> list[tuple[First, First]]:
+def _merged(curve: list[tuple[Dual, Dual]]) -> list[tuple[Dual, Dual]]:
     """The mean of those that stand together: a curve through noise must not be steep."""
-    groups: list[list[tuple[First, First]]] = []
+    groups: list[list[tuple[Dual, Dual]]] = []
     for pair in sorted(curve, key=lambda pair: pair[0].value):
         if groups and pair[0].value - groups[-1][0][0].value < TOGETHER_RAD:
             groups[-1].append(pair)
@@ -160,14 +160,14 @@ def _merged(curve: list[tuple[First, First]]) -> list[tuple[First, First]]:
     return [(_mean([x for x, _ in group]), _mean([y for _, y in group])) for group in groups]
 
 
-def _mean(numbers: list[First]) -> First:
+def _mean(numbers: list[Dual]) -> Dual:
     whole = numbers[0]
     for number in numbers[1:]:
         whole = whole + number
     return whole / len(numbers)
 
 
-def _at_inner(pairs: list[tuple[First, First]]) -> First:
+def _at_inner(pairs: list[tuple[Dual, Dual]]) -> Dual:
     """The polynomial through all pairs at 20 degrees, with its slopes by both of each pair.
 
     Source: Lagrange's form; an error of an abscissa acts by the polynomial's own slope there.
@@ -183,4 +183,4 @@ def _at_inner(pairs: list[tuple[First, First]]) -> First:
          for w, rise, (inner, d) in zip(at, rises, pairs, strict=True)),
         np.zeros_like(pairs[0][0].slope),
     )  # fmt: skip
-    return First(float(at @ y), slope)
+    return Dual(float(at @ y), slope)

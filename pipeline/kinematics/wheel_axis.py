@@ -16,9 +16,9 @@ import numpy as np
 from ..errors import NotMeasuredError
 from ..measurement import Measurement
 from ..vectors import Array
-from ..vehicle import REFERENCE_WHEELS, First, length
+from ..vehicle import REFERENCE_WHEELS, Dual, length
 from .axis_fit import OneAxis
-from .sweep import DOUBT, Estimate, Turned, turned
+from .sweep import DOUBT, Estimate, SweepScans, turned
 
 LEAST_TURN = 0.25  # |1 - exp(i turn)|, some 14 degrees, of the two places that differ most
 MOST_ECCENTRIC_M = 0.02  # no plate is clamped so far off; the wheel itself moved
@@ -53,7 +53,7 @@ class Axle:
 class Framed:
     """Turned scans in the frame that serves best; `through` says on which centres it stands."""
 
-    scans: Turned
+    scans: SweepScans
     through: FrameThrough
     axles: tuple[Axle, ...]
 
@@ -62,7 +62,7 @@ class Framed:
         return next((a for a in self.axles if a.wheel == wheel and a.serves), None)
 
 
-def fit_axles(scans: Turned, measurement: Measurement) -> tuple[Axle, ...]:
+def fit_axles(scans: SweepScans, measurement: Measurement) -> tuple[Axle, ...]:
     """The axle of each wheel that has a run-out, in the order RR, RL, FR, FL."""
     scanned = {w.wheel for w in measurement.wheels if w.observation.role == "runout"}
     sources = [wheel.observation.source for wheel in measurement.wheels[:4]]
@@ -73,7 +73,7 @@ def fit_axles(scans: Turned, measurement: Measurement) -> tuple[Axle, ...]:
     )
 
 
-def on_axles(scans: Turned, axles: Sequence[Axle]) -> Framed:
+def on_axles(scans: SweepScans, axles: Sequence[Axle]) -> Framed:
     """The scans in the frame of the axles' centres, of every wheel whose reference scan turned.
 
     In that of the plates' where one of these is not ok: nobody would look for half a frame.
@@ -103,12 +103,12 @@ def outward_sense(wheel: str) -> float:
     return 1.0 if wheel.endswith("L") else -1.0
 
 
-def size(parts: tuple[First, First, First]) -> First:
+def size(parts: tuple[Dual, Dual, Dual]) -> Dual:
     """Length of a vector; one of no length at all has the slope of its first part."""
     return length(*parts) if any(part.value for part in parts) else parts[0]
 
 
-def _axle(wheel: str, scans: Turned, reference: str) -> Axle:
+def _axle(wheel: str, scans: SweepScans, reference: str) -> Axle:
     members = scans.of_wheel(wheel, "runout")
     same = (i for i in members if scans.scans[i].observation.source == reference)
     axle = Axle(wheel, tuple(members), next(same, None))
@@ -132,25 +132,25 @@ def _axle(wheel: str, scans: Turned, reference: str) -> Axle:
     return replace(axle, status=status, reason=reason, fit=fit, eccentricity=eccentricity)
 
 
-def _told(scans: Turned, members: list[int], wheel: str) -> Array:
+def _told(scans: SweepScans, members: list[int], wheel: str) -> Array:
     """Turns about the outward axle, right-handed: on the left, a wheel that rolls forwards."""
     turns = [scans.scans[i].observation.turn for i in members]
     return np.array([t.angle_rad or 0.0 for t in turns if t is not None]) * outward_sense(wheel)
 
 
-def _fit(scans: Turned, members: list[int], turns: Array) -> OneAxis:
+def _fit(scans: SweepScans, members: list[int], turns: Array) -> OneAxis:
     normals = [scans.scans[i].normal for i in members]
     middle = np.sum([normal for normal in normals if normal is not None], axis=0)
     return scans.fit(members, turns, scans.u_turns_rad[members], middle)
 
 
 def _judge(
-    scans: Turned, members: list[int], turns: Array, fit: OneAxis, eccentricity: Estimate
+    scans: SweepScans, members: list[int], turns: Array, fit: OneAxis, eccentricity: Estimate
 ) -> tuple[AxleStatus, str]:
     if fit.probability < DOUBT:
         return "moved", (
             f"the scans do not turn about one axle as told (chi2/nu = "
-            f"{fit.chi_square / fit.freedom:.1f}): {_mend(scans, members, turns)}"
+            f"{fit.chi_square / fit.dof:.1f}): {_mend(scans, members, turns)}"
         )
     if eccentricity.value > MOST_ECCENTRIC_M:
         return "moved", (
@@ -160,7 +160,7 @@ def _judge(
     return "ok", ""
 
 
-def _mend(scans: Turned, members: list[int], turns: Array) -> str:
+def _mend(scans: SweepScans, members: list[int], turns: Array) -> str:
     """What to look at; the turns told backwards are tried, and said, never taken."""
     try:
         backwards = _fit(scans, members, -turns).probability >= DOUBT

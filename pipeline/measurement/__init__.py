@@ -14,15 +14,14 @@ from .records import (
     WheelResult,
 )
 from .repeatability import OF_PLATE, PooledAngle, Repeats, pool_repeats
-from .residual_map import CELLS, FaceMap, face_map
-from .tolerance import Zone, load_tolerance
+from .residual_map import CELLS, ResidualMap, residual_map
+from .tolerance import ToleranceInterval, load_tolerance
 
 __all__ = [
     "CELLS",
     "OF_PLATE",
     "Conformity",
     "Evidence",
-    "FaceMap",
     "Fit",
     "Measurement",
     "Naming",
@@ -30,22 +29,23 @@ __all__ = [
     "PooledAngle",
     "Provenance",
     "Repeats",
+    "ResidualMap",
     "Stated",
+    "ToleranceInterval",
     "Unit",
     "Verdict",
     "WheelResult",
-    "Zone",
     "against",
     "align",
     "assess",
     "by_name",
     "check_by_monte_carlo",
     "conforms",
-    "face_map",
     "load_tolerance",
     "noisy",
     "observe_cloud",
     "observe_entry",
     "pool_repeats",
+    "residual_map",
     "stated",
 ]

@@ -24,7 +24,7 @@ from ..uncertainty import quantile, tail
 from ..vehicle import REFERENCE_WHEELS
 from .quantities import Stated, by_name
 from .records import Measurement, WheelResult
-from .tolerance import Tolerance, Zone
+from .tolerance import Tolerance, ToleranceInterval
 
 Decision = Literal["conform", "undecided", "not conform"]
 Unit = Literal["rad", "m"]
@@ -46,7 +46,7 @@ class Quantity:
     value: float | None
     u: float | None
     reason: str = ""
-    freedom: float = math.inf
+    dof: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Verdict:
     """
 
     quantity: Quantity
-    zone: Zone | None
+    interval: ToleranceInterval | None
     decision: Decision
     guard_band: float | None = None
     probability: float | None = None
@@ -68,7 +68,7 @@ class Verdict:
     reason: str = ""
 
 
-Limited = tuple[Quantity, Zone | None]
+Limited = tuple[Quantity, ToleranceInterval | None]
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,9 @@ def assess(measurement: Measurement, tolerance: Tolerance) -> Conformity:
     """Judge every quantity of the measurement that the tolerance limits, each on its own."""
     known = by_name(measurement)
     limited = [*_of_wheels(measurement, tolerance, known), *_of_vehicle(tolerance, known)]
-    return Conformity(tolerance, tuple(judge(what, zone, tolerance) for what, zone in limited))
+    return Conformity(
+        tolerance, tuple(decide(what, interval, tolerance) for what, interval in limited)
+    )
 
 
 def conforms(conformity: Conformity | None) -> bool:
@@ -113,9 +115,9 @@ def _of_wheels(
         role = result.observation.role
         if role in ("sweep", "runout") or (role == "trial" and not tolerance.trials):
             continue
-        zones = anywhere if result.wheel is None else tolerance.of_wheel(result.wheel)
-        for name, zone in zones.items():
-            yield _of_wheel(result, name, known), zone
+        intervals = anywhere if result.wheel is None else tolerance.of_wheel(result.wheel)
+        for name, interval in intervals.items():
+            yield _of_wheel(result, name, known), interval
 
 
 def _of_wheel(result: WheelResult, name: str, known: Mapping[str, Stated]) -> Quantity:
@@ -124,75 +126,77 @@ def _of_wheel(result: WheelResult, name: str, known: Mapping[str, Stated]) -> Qu
         reason = f"not measured, {seen.status}: {seen.reason}"
         return Quantity(name, seen.name, result.wheel, "rad", None, None, reason)
     what = known[f"{seen.name}.{name}"]
-    return Quantity(name, seen.name, result.wheel, "rad", what.value, what.u, freedom=what.freedom)
+    return Quantity(name, seen.name, result.wheel, "rad", what.value, what.u, dof=what.dof)
 
 
 def _of_vehicle(tolerance: Tolerance, known: Mapping[str, Stated]) -> Iterator[Limited]:
-    for name, zone in tolerance.of_vehicle().items():
+    for name, interval in tolerance.of_vehicle().items():
         what = known[name]
-        unit, value, u, freedom = what.unit, what.value, what.u, what.freedom
-        yield Quantity(name, "vehicle", None, unit, value, u, freedom=freedom), zone
+        unit, value, u, dof = what.unit, what.value, what.u, what.dof
+        yield Quantity(name, "vehicle", None, unit, value, u, dof=dof), interval
 
 
-def judge(quantity: Quantity, zone: Zone | None, tolerance: Tolerance) -> Verdict:
+def decide(quantity: Quantity, interval: ToleranceInterval | None, tolerance: Tolerance) -> Verdict:
     """Decide on one quantity by the tolerance's rule; what has no finite value is undecided."""
     y, u = quantity.value, quantity.u
-    if zone is None or y is None or u is None or not (math.isfinite(y) and math.isfinite(u)):
+    if interval is None or y is None or u is None or not (math.isfinite(y) and math.isfinite(u)):
         reason = quantity.reason or "its value or its uncertainty is not known"
-        return Verdict(quantity, zone, "undecided", reason=reason)
-    freedom = quantity.freedom
-    g, reach = guard_band(u, zone, tolerance, freedom), _one_sided(tolerance, freedom) * u
-    inside, outside = probabilities(y, u, zone, freedom)
-    if g is not None and zone.lower + g <= y <= zone.upper - g:
-        return Verdict(quantity, zone, "conform", g, inside, outside)
-    if y <= zone.lower - reach or y >= zone.upper + reach:
-        return Verdict(quantity, zone, "not conform", g, inside, inside)
-    side = "lower" if y - zone.lower < zone.upper - y else "upper"
+        return Verdict(quantity, interval, "undecided", reason=reason)
+    dof = quantity.dof
+    g, reach = guard_band(u, interval, tolerance, dof), _one_sided(tolerance, dof) * u
+    inside, outside = probabilities(y, u, interval, dof)
+    if g is not None and interval.lower + g <= y <= interval.upper - g:
+        return Verdict(quantity, interval, "conform", g, inside, outside)
+    if y <= interval.lower - reach or y >= interval.upper + reach:
+        return Verdict(quantity, interval, "not conform", g, inside, inside)
+    side = "lower" if y - interval.lower < interval.upper - y else "upper"
     reason = f"nearer to the {side} limit than its uncertainty allows"
     if g is None:
-        needed = _text(zone.width / (2.0 * _two_sided(tolerance, freedom)), quantity.unit)
+        needed = _text(interval.width / (2.0 * _two_sided(tolerance, dof)), quantity.unit)
         reason = f"undecidable, u is too large for this tolerance: it takes u of {needed} or less"
-    return Verdict(quantity, zone, "undecided", g, inside, reason=reason)
+    return Verdict(quantity, interval, "undecided", g, inside, reason=reason)
 
 
-def probabilities(y: float, u: float, zone: Zone, freedom: float = math.inf) -> tuple[float, float]:
+def probabilities(
+    y: float, u: float, interval: ToleranceInterval, dof: float = math.inf
+) -> tuple[float, float]:
     """Give p that the true value lies in the zone, and 1 - p, each precise where it is tiny."""
     if u == 0.0:
-        inside = float(zone.lower <= y <= zone.upper)
+        inside = float(interval.lower <= y <= interval.upper)
         return inside, 1.0 - inside
-    below, above = (zone.lower - y) / u, (y - zone.upper) / u
-    inside = tail(max(below, above), freedom) - tail(-min(below, above), freedom)
-    return inside, tail(-below, freedom) + tail(-above, freedom)
+    below, above = (interval.lower - y) / u, (y - interval.upper) / u
+    inside = tail(max(below, above), dof) - tail(-min(below, above), dof)
+    return inside, tail(-below, dof) + tail(-above, dof)
 
 
 def guard_band(
-    u: float, zone: Zone, tolerance: Tolerance, freedom: float = math.inf
+    u: float, interval: ToleranceInterval, tolerance: Tolerance, dof: float = math.inf
 ) -> float | None:
     """Least distance from both limits at which p >= confidence; None where none suffices.
 
     Between k u, for the tail beyond the near limit, and the two-sided k u, reached in the middle.
     """
-    if u == 0.0 or tolerance.rule == "simple" or math.isinf(zone.width):
-        return _one_sided(tolerance, freedom) * u
-    low, high = _one_sided(tolerance, freedom), _two_sided(tolerance, freedom)
-    width = zone.width / u
+    if u == 0.0 or tolerance.rule == "simple" or math.isinf(interval.width):
+        return _one_sided(tolerance, dof) * u
+    low, high = _one_sided(tolerance, dof), _two_sided(tolerance, dof)
+    width = interval.width / u
     if width < 2.0 * high:
         return None
     for _ in range(BISECTIONS):
         middle = (low + high) / 2.0
-        if tail(middle, freedom) + tail(width - middle, freedom) > 1.0 - tolerance.confidence:
+        if tail(middle, dof) + tail(width - middle, dof) > 1.0 - tolerance.confidence:
             low = middle
         else:
             high = middle
     return high * u
 
 
-def _one_sided(tolerance: Tolerance, freedom: float) -> float:
-    return quantile(tolerance.confidence, freedom) if tolerance.rule == "guarded" else 0.0
+def _one_sided(tolerance: Tolerance, dof: float) -> float:
+    return quantile(tolerance.confidence, dof) if tolerance.rule == "guarded" else 0.0
 
 
-def _two_sided(tolerance: Tolerance, freedom: float) -> float:
-    return quantile((1.0 + tolerance.confidence) / 2.0, freedom)
+def _two_sided(tolerance: Tolerance, dof: float) -> float:
+    return quantile((1.0 + tolerance.confidence) / 2.0, dof)
 
 
 def _text(value: float, unit: Unit) -> str:

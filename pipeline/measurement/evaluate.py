@@ -52,7 +52,7 @@ def align(
             u_toe_rad=float(uncertainty.toe_rad[index]),
             u_camber_rad=float(uncertainty.camber_rad[index]),
             u_camber_iso_rad=float(uncertainty.camber_iso_rad[index]),
-            **uncertainty.wheel_freedom(index),
+            **uncertainty.wheel_dof(index),
         )
         for index, (seen, wheel, angle) in enumerate(zip(measured, wheels, angles, strict=True))
     }

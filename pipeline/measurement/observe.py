@@ -76,7 +76,7 @@ def _find(
         source=entry.file,
         sha256=sha256(entry.path),
         points_total=len(scan.points_m),
-        missing_returns=scan.missing_returns,
+        invalid_points=scan.invalid_points,
         repeats=entry.repeats,
         turn=entry.turn,
         cloud=cloud_sample(scan.points_m),

@@ -13,9 +13,9 @@ from ..capture import Capture, ScanEntry
 from ..cloud import by_wheel, sample
 from ..config import Config
 from ..detection import (
-    Face,
+    FoundTarget,
     find_axles,
-    find_faces,
+    find_targets,
     find_up,
     placed,
     stand_on_a_floor,
@@ -46,15 +46,15 @@ class Found:
     scans: tuple[str, ...]
     sample_m: Array
     points: int
-    missing_returns: int
+    invalid_points: int
 
     @property
-    def faces(self) -> tuple[Face, ...]:
+    def faces(self) -> tuple[FoundTarget, ...]:
         """The patches as the naming of wheels sees them."""
-        return tuple(Face(p.origin_m, p.basis[2], p.match) for p in self.patches)
+        return tuple(FoundTarget(p.origin_m, p.basis[2], p.match) for p in self.patches)
 
 
-def faces_of_cloud(
+def targets_of_cloud(
     cloud: ScanEntry,
     source: str,
     capture: Capture,
@@ -73,7 +73,9 @@ def faces_of_cloud(
     parts = scan.parts or (Part("", 0, len(scan.points_m), None),)
     rows, stations = [(p.start, p.stop) for p in parts], [p.station_m for p in parts]
     try:
-        patches = find_faces(scan.points_m, target, config.segment, scan.intensity, rows, stations)
+        patches = find_targets(
+            scan.points_m, target, config.segment, scan.intensity, rows, stations
+        )
     except NotMeasuredError as error:
         raise InputError(f"{source}: {error}: check the file, and --target") from error
     return Found(
@@ -81,7 +83,7 @@ def faces_of_cloud(
         scans=tuple(parts[patch.part].name if len(parts) > 1 else "" for patch in patches),
         sample_m=sample(scan.points_m, SAMPLE),
         points=len(scan.points_m),
-        missing_returns=scan.missing_returns,
+        invalid_points=scan.invalid_points,
     )
 
 
@@ -99,7 +101,7 @@ def observe_cloud(
     source = capture.called(cloud)
     with ThreadPoolExecutor(1) as beside:
         digest = beside.submit(sha256, cloud.path)
-        found = faces_of_cloud(cloud, source, capture, config, progress)
+        found = targets_of_cloud(cloud, source, capture, config, progress)
     try:
         ways, naming = _ways(found, capture)
         evidence: dict[int, Evidence] = {}
@@ -120,7 +122,7 @@ def observe_cloud(
             source=": ".join(filter(None, (cloud.file, found.scans[named[wheel]]))),
             sha256=digest.result(),
             points_total=found.points,
-            missing_returns=found.missing_returns,
+            invalid_points=found.invalid_points,
             evidence=evidence[named[wheel]],
             cloud=shown,
         )
@@ -155,7 +157,7 @@ def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Nami
     return both, Naming("the markers of the boards", up.by, found.points, notes)
 
 
-def _left_out(faces: Sequence[Face]) -> tuple[str, ...]:
+def _left_out(faces: Sequence[FoundTarget]) -> tuple[str, ...]:
     """A sentence on the faces that are no wheel's."""
     if not faces:
         return ()

@@ -32,9 +32,9 @@ class Stated:
     unit: Unit
     value: float
     u: float
-    freedom: float
+    dof: float
     coverage_factor: float
-    shares: Array
+    contributions: Array
     through_frame: float
 
     @property
@@ -48,9 +48,9 @@ def stated(measurement: Measurement) -> list[Stated]:
     known = measurement.uncertainty
     total = np.diag(known.covariance)
     whole = np.where(total > 0.0, total, math.inf)
-    shares = known.shares / whole[:, None]
+    contributions = known.contributions / whole[:, None]
     through_frame = (known.through_frame / whole).tolist()
-    values, freedom = known.values.tolist(), known.freedom.tolist()
+    values, dof = known.values.tolist(), known.dof.tolist()
     standard, factor = known.standard.tolist(), known.coverage_factor.tolist()
     wheels = [w.observation.name for w in measurement.wheels if w.angles is not None]
     of_wheels = [
@@ -64,9 +64,9 @@ def stated(measurement: Measurement) -> list[Stated]:
             *names,
             value=values[i],
             u=standard[i],
-            freedom=freedom[i],
+            dof=dof[i],
             coverage_factor=factor[i],
-            shares=shares[i],
+            contributions=contributions[i],
             through_frame=through_frame[i],
         )
         for i, names in enumerate([*of_wheels, *of_vehicle])

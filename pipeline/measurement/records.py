@@ -13,7 +13,7 @@ from ..plane import PlaneFit
 from ..uncertainty import AngleUncertainty, MonteCarlo
 from ..vectors import Array
 from ..vehicle import VehicleFrame, WheelAngles
-from .residual_map import FaceMap
+from .residual_map import ResidualMap
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Evidence:
 
     target: TargetFit
     plane: PlaneFit | None = None
-    face: FaceMap | None = None
+    face: ResidualMap | None = None
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Observation:
     source: str
     sha256: str
     points_total: int
-    missing_returns: int
+    invalid_points: int
     repeats: str | None = None
     evidence: Evidence | None = None
     status: str = "ok"
@@ -71,9 +71,9 @@ class WheelResult:
     u_toe_rad: float | None = None
     u_camber_rad: float | None = None
     u_camber_iso_rad: float | None = None
-    freedom_toe: float = math.inf
-    freedom_camber: float = math.inf
-    freedom_camber_iso: float = math.inf
+    dof_toe: float = math.inf
+    dof_camber: float = math.inf
+    dof_camber_iso: float = math.inf
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ class PooledAngle:
     pooled: float
     u: float
     chi_square: float
-    freedom: int
+    dof: int
     probability: float
     drift: float | None
     u_drift: float | None
@@ -62,13 +62,15 @@ def _share(seen: Observation, plate: str) -> Observation:
     if seen.evidence is None:
         return seen
     target = seen.evidence.target
-    causes = tuple(
-        replace(cause, shared=f"plate of {plate}")
-        if cause.name in OF_PLATE and math.isinf(cause.freedom)
-        else cause
-        for cause in target.causes
+    components = tuple(
+        replace(component, shared=f"plate of {plate}")
+        if component.name in OF_PLATE and math.isinf(component.dof)
+        else component
+        for component in target.components
     )
-    return replace(seen, evidence=replace(seen.evidence, target=replace(target, causes=causes)))
+    return replace(
+        seen, evidence=replace(seen.evidence, target=replace(target, components=components))
+    )
 
 
 def pool_repeats(measurement: Measurement) -> tuple[Repeats, ...]:
@@ -102,8 +104,8 @@ def pool(kind: str, values: Array, covariance: Array) -> PooledAngle:
     count = len(values)
     start = values[0]
     mean, u_mean, left = _fit(np.ones((count, 1)), values - start, covariance)
-    freedom = count - 1
-    above = chi_square_beyond(left, freedom)
+    dof = count - 1
+    above = chi_square_beyond(left, dof)
     drift = u_drift = None
     if count > 2:
         order = np.arange(count) - (count - 1) / 2.0
@@ -122,7 +124,7 @@ def pool(kind: str, values: Array, covariance: Array) -> PooledAngle:
         pooled=float(start + mean[0]),
         u=float(u_mean[0]),
         chi_square=left,
-        freedom=freedom,
+        dof=dof,
         probability=above,
         drift=drift,
         u_drift=u_drift,

@@ -21,7 +21,7 @@ BINS, SIGMAS = 60, 5.0  # of the histogram, from -SIGMAS to +SIGMAS of the plane
 
 
 @dataclass(frozen=True)
-class FaceMap:
+class ResidualMap:
     """Square raster of the plane about the target's centre, along the plane's axes u and v.
 
     residual_m: (240, 240) float32, mean distance of the face's points from the plane, positive
@@ -62,9 +62,9 @@ class FaceMap:
         return np.asarray(flat & self.region.holds(turned(uvw_m[:, :2], -self.turn_rad)))
 
 
-def face_map(
+def residual_map(
     patch: Patch, plane: PlaneFit, fitted: TargetFit, target: Target, margin_m: float
-) -> FaceMap:
+) -> ResidualMap:
     """Map of the points of `patch` about the centre of `fitted`, on the fitted plane.
 
     margin_m: from the edges, within which points are not counted.
@@ -86,7 +86,7 @@ def face_map(
     clear = target.region.shrunk(margin_m).holds(turned(_cell_centres(half), -turn_rad))
     span_m = SIGMAS * max(plane.sigma_m, 1e-9)
     shape = (CELLS, CELLS)
-    return FaceMap(
+    return ResidualMap(
         residual_m=mean.astype(np.float32).reshape(shape),
         behind=((others > 0) & (count == 0)).reshape(shape),
         half_width_m=half,

@@ -16,7 +16,7 @@ Rule = Literal["guarded", "simple"]
 
 
 @dataclass(frozen=True)
-class Zone:
+class ToleranceInterval:
     """From lower to upper, both included, radians or metres; -inf or inf where there is no limit.
 
     Raises ValueError where nothing lies within, or everything does.
@@ -44,15 +44,15 @@ class AngleLimits(Section):
     tolerance_deg: float | None = Field(None, gt=0.0, le=90.0)
 
     @model_validator(mode="after")
-    def _make_a_zone(self) -> Self:
+    def _make_an_interval(self) -> Self:
         _check_limits(self, "deg")
         return self
 
     @property
-    def zone(self) -> Zone:
+    def interval(self) -> ToleranceInterval:
         """The same in radians."""
         lower, upper = _limits(self, "deg")
-        return Zone(math.radians(lower), math.radians(upper))
+        return ToleranceInterval(math.radians(lower), math.radians(upper))
 
 
 class LengthLimits(Section):
@@ -64,14 +64,14 @@ class LengthLimits(Section):
     tolerance_m: float | None = Field(None, gt=0.0)
 
     @model_validator(mode="after")
-    def _make_a_zone(self) -> Self:
+    def _make_an_interval(self) -> Self:
         _check_limits(self, "m")
         return self
 
     @property
-    def zone(self) -> Zone:
+    def interval(self) -> ToleranceInterval:
         """The same as a zone."""
-        return Zone(*_limits(self, "m"))
+        return ToleranceInterval(*_limits(self, "m"))
 
 
 class OffsetLimits(LengthLimits):
@@ -123,14 +123,14 @@ class Tolerance(Section):
         """Standard uncertainties of a guard band at a single limit; 0 by the simple rule."""
         return NormalDist().inv_cdf(self.confidence) if self.rule == "guarded" else 0.0
 
-    def of_wheel(self, wheel: str) -> dict[str, Zone]:
+    def of_wheel(self, wheel: str) -> dict[str, ToleranceInterval]:
         """Zones of a wheel's angles, radians: its own table stands before that of its axle."""
         own, axle = getattr(self, wheel), self.rear if wheel.startswith("R") else self.front
-        return _zones(axle) | _zones(own)
+        return _intervals(axle) | _intervals(own)
 
-    def of_vehicle(self) -> dict[str, Zone]:
+    def of_vehicle(self) -> dict[str, ToleranceInterval]:
         """Zones of the vehicle's angles (radians) and lengths (metres)."""
-        return _zones(self.vehicle)
+        return _intervals(self.vehicle)
 
 
 def load_tolerance(name: str) -> Tolerance:
@@ -138,8 +138,8 @@ def load_tolerance(name: str) -> Tolerance:
     return parse_section(Tolerance, read_toml(config_file("tolerances", name)), name)
 
 
-def _zones(limits: Section) -> dict[str, Zone]:
-    return {name: given.zone for name, given in limits if given is not None}
+def _intervals(limits: Section) -> dict[str, ToleranceInterval]:
+    return {name: given.interval for name, given in limits if given is not None}
 
 
 def _limits(given: AngleLimits | LengthLimits, unit: str) -> tuple[float, float]:

@@ -5,14 +5,14 @@ from .fit_plane import PlaneFit, fit_plane
 from .least_squares import total_least_squares
 from .patch import Patch
 from .ransac import RansacOptions, ransac
-from .sigma_clipping import Trim, converge, first_sigma
+from .sigma_clipping import Clipping, converge, first_sigma
 
 __all__ = [
+    "Clipping",
     "CloudPlane",
     "Patch",
     "PlaneFit",
     "RansacOptions",
-    "Trim",
     "converge",
     "find_planes",
     "first_sigma",

@@ -39,7 +39,7 @@ class CorrelatedNoise:
     length_m: float
     covariance: Array
     form_covariance: Array
-    freedom: float
+    dof: float
     white_sigma_m: float
 
 
@@ -97,7 +97,7 @@ def correlated_noise(
         length_m=math.exp(float(belief @ [math.log(field.length_m) for field in fields])),
         covariance=noise,
         form_covariance=form,
-        freedom=float(belief @ [fit.freedom for fit in fits]),
+        dof=float(belief @ [fit.dof for fit in fits]),
         white_sigma_m=white,
     )
 
@@ -136,7 +136,7 @@ class _Maximum:
 
     variance: float
     gain: float
-    freedom: float
+    dof: float
 
 
 @dataclass(frozen=True)
@@ -181,8 +181,8 @@ class _Field:
         variance = scale * math.exp(0.5 * (low + high))
         share = values * variance
         gain = 0.5 * float(np.sum(square * share / (1.0 + share) - np.log1p(share)))
-        freedom = float(np.sum((share / (1.0 + share)) ** 2))
-        return _Maximum(variance, max(gain, 0.0), max(freedom, 1.0))
+        dof = float(np.sum((share / (1.0 + share)) ** 2))
+        return _Maximum(variance, max(gain, 0.0), max(dof, 1.0))
 
 
 def _averaged_kernel(cells: Cells, length_m: float) -> Array:

@@ -13,7 +13,7 @@ from ..errors import InputError, NotMeasuredError
 from ..vectors import Array
 from .least_squares import PlaneMoments, total_least_squares
 from .ransac import RansacOptions, ransac
-from .sigma_clipping import Trim, converge
+from .sigma_clipping import Clipping, converge
 
 SCORED_POINTS = 2000
 LOOKED_AT_POINTS = 50_000
@@ -90,13 +90,13 @@ def _next_plane(
     if result is None or result.score < MIN_SCORE:
         return None
     scale, _ = problem.best_scale(result.model)
-    start = Trim(_basis(result.model[3:]), result.model[:3], scale / 2.0, cap=1.5 * scale)
+    start = Clipping(_basis(result.model[3:]), result.model[:3], scale / 2.0, cap=1.5 * scale)
     try:
         look, _, _ = converge(random_rows(points, LOOKED_AT_POINTS, rng), start, resolution)
-        trim, moments, _ = converge(points, look, resolution)
+        clipping, moments, _ = converge(points, look, resolution)
     except NotMeasuredError:
         return None
-    limit = trim.limit(resolution)
+    limit = clipping.limit(resolution)
     return (moments, limit) if _stands_out(points, moments, limit) else None
 
 

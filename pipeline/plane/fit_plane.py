@@ -9,7 +9,7 @@ import numpy as np
 from ..config import PlaneConfig
 from ..targets import Target
 from ..vectors import Array
-from .clipped_plane import TrimSlab, settle
+from .clipped_plane import ClipSlab, settle
 from .correlated_noise import (
     CorrelatedNoise,
     cells_across,
@@ -96,7 +96,7 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
     across = cells_across(len(patch.face_m))
     resolution = 16.0 * np.finfo(float).eps
     resolution *= float(np.abs(patch.origin_m).max() + target.radius_m)
-    slab = TrimSlab(patch.basis, 0.0, patch.sigma_m, resolution)
+    slab = ClipSlab(patch.basis, 0.0, patch.sigma_m, resolution)
     iterations = 0
     while True:
         held = slab.sums(patch.face_m, region, across)

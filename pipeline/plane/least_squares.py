@@ -59,12 +59,12 @@ def total_least_squares(points_m: Array, keep: Mask | None = None) -> PlaneMomen
     for local in _chunks(points_m, keep, origin):
         turned = (local - mean) @ basis.T
         along += turned.T @ turned
-    basis, across = _leant(basis, along)
+    basis, across = _tilted(basis, along)
     scatter_m2 = np.array([*values[:0:-1].clip(min=0.0), across])
     return PlaneMoments(origin + mean, basis, scatter_m2, count)
 
 
-def _leant(basis: Array, along: Array) -> tuple[Array, float]:
+def _tilted(basis: Array, along: Array) -> tuple[Array, float]:
     """The basis with its normal leant by the cross moments left in `along` (3, 3), the scatter.
 
     Also the scatter across the leant plane: S33 - t . (S13, S23), with t = S_i3 / (S_ii - S33).

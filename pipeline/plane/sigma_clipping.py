@@ -17,7 +17,7 @@ TRIMMED_AT_3 = 0.98658
 
 
 @dataclass(frozen=True)
-class Trim:
+class Clipping:
     """A plane through `point` and the noise across it, by which points are kept or left.
 
     basis: (3, 3), the normal last. cap: no point further away is ever kept, metres.
@@ -42,8 +42,8 @@ def first_sigma(depth: Array, band: float) -> float:
 
 
 def converge(
-    points: Array, trim: Trim, resolution: float, max_iterations: int = 50
-) -> tuple[Trim, PlaneMoments, int]:
+    points: Array, clipping: Clipping, resolution: float, max_iterations: int = 50
+) -> tuple[Clipping, PlaneMoments, int]:
     """Fit points (N, 3), trim at 3 sigma, fit again, until the same points are kept twice.
 
     resolution: of the coordinates, metres. Raises NotMeasuredError 'too-few-points'.
@@ -51,8 +51,8 @@ def converge(
     kept = np.zeros(0, dtype=bool)
     iterations = 0
     while iterations < max_iterations:
-        residual = (points - trim.point) @ trim.basis[2]
-        keep = np.abs(residual) < trim.limit(resolution)
+        residual = (points - clipping.point) @ clipping.basis[2]
+        keep = np.abs(residual) < clipping.limit(resolution)
         if np.array_equal(keep, kept):
             break
         kept = keep
@@ -62,6 +62,6 @@ def converge(
         if moments.scatter_m2[1] <= 100.0 * resolution**2:
             raise NotMeasuredError("too-few-points", "the points on the face span no plane")
         spread = float(np.sqrt(moments.scatter_m2[2] / (moments.count - 3))) / TRIMMED_AT_3
-        trim = Trim(moments.basis, moments.centroid_m, spread, trim.cap)
+        clipping = Clipping(moments.basis, moments.centroid_m, spread, clipping.cap)
         iterations += 1
-    return trim, moments, iterations
+    return clipping, moments, iterations

@@ -160,7 +160,7 @@ def gather(cloud: RawCloud, source: Source, length_unit: str, progress: Progress
         points_m=rows.points,
         intensity=rows.intensity,
         source=source.name,
-        missing_returns=placer.seen - kept,
+        invalid_points=placer.seen - kept,
         grid=rows.grid,
         parts=_parts(cloud, held, length_unit),
     )

@@ -45,6 +45,6 @@ class Scan:
     points_m: Array
     intensity: Array32 | None
     source: str
-    missing_returns: int
+    invalid_points: int
     grid: npt.NDArray[np.int32] | None = None
     parts: tuple[Part, ...] = ()

@@ -11,10 +11,10 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..measurement import Conformity, Measurement
-from ..validation import Comparison, Survey
-from .format.language import load_words
+from ..validation import Comparison, ComparisonStudy
+from .format.language import load_translations
 from .format.view import PAPER
-from .html.page import Dress, html_report
+from .html.page import ReportOptions, html_report
 from .html.pdf import pdf_report
 from .json.measurement import to_json
 from .json.validation import validation_json
@@ -28,7 +28,7 @@ from .text.validation_study import survey_text
 
 
 @dataclass(frozen=True)
-class Wanted:
+class ReportFiles:
     """Which reports to write beside measurement.json, report.txt and budget.svg."""
 
     pictures: bool = True
@@ -36,18 +36,18 @@ class Wanted:
     pdf: bool = False
 
 
-EVERYDAY = Wanted()
+EVERYDAY = ReportFiles()
 
 
 def write_reports(
     measurement: Measurement,
     folder: Path,
     conformity: Conformity | None = None,
-    dress: Dress | None = None,
-    wanted: Wanted = EVERYDAY,
+    dress: ReportOptions | None = None,
+    wanted: ReportFiles = EVERYDAY,
 ) -> list[Path]:
     """measurement.json and what is wanted beside it, into `folder`."""
-    dress = dress or Dress(load_words("en"), PAPER)
+    dress = dress or ReportOptions(load_translations("en"), PAPER)
     view = dress.view
     files = {
         "measurement.json": to_json(measurement, conformity, view.axis).encode(),
@@ -65,12 +65,16 @@ def write_reports(
     return write_files(folder, files)
 
 
-def html_bytes(measurement: Measurement, conformity: Conformity | None, dress: Dress) -> bytes:
+def html_bytes(
+    measurement: Measurement, conformity: Conformity | None, dress: ReportOptions
+) -> bytes:
     """The page."""
     return html_report(measurement, conformity, dress).encode()
 
 
-def pdf_bytes(measurement: Measurement, conformity: Conformity | None, dress: Dress) -> bytes:
+def pdf_bytes(
+    measurement: Measurement, conformity: Conformity | None, dress: ReportOptions
+) -> bytes:
     """The same, printed. Raises MissingDependencyError."""
     page = html_report(measurement, conformity, dress, still=True)
     return pdf_report(page, hashlib.sha256(page.encode()).hexdigest()[:32])
@@ -110,13 +114,13 @@ def _umask() -> int:
     return mask
 
 
-def validation_report(found: Comparison | Survey) -> str:
+def validation_report(found: Comparison | ComparisonStudy) -> str:
     """The text, of one capture or of many; printable whatever a path holds."""
     text = validation_text(found) if isinstance(found, Comparison) else survey_text(found)
     return text.encode(errors="backslashreplace").decode()
 
 
-def write_validation(found: Comparison | Survey, folder: Path) -> list[Path]:
+def write_validation(found: Comparison | ComparisonStudy, folder: Path) -> list[Path]:
     """Each file whole or not at all."""
     files = {"validation.json": validation_json(found), "validation.txt": validation_report(found)}
     if isinstance(found, Comparison):

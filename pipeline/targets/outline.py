@@ -15,7 +15,7 @@ CORNER_M = 0.01  # of a straight edge at each end, left out: there two edges mix
 
 
 @dataclass(frozen=True)
-class Feet:
+class ClosestPoints:
     """Places in a target's axes against the nearest edge of an outline; (N,) each, normal (N, 2).
 
     x_m: outside the plate, positive in a hole too. normal: unit, away from the plate. support_m:
@@ -52,7 +52,7 @@ class Outline(Protocol):
     def words(self) -> str:
         """What messages call it."""
 
-    def feet(self, q_m: Array) -> Feet:
+    def closest(self, q_m: Array) -> ClosestPoints:
         """Of the places q_m (N, 2)."""
         ...
 
@@ -74,12 +74,12 @@ class Circle:
     turns: bool = False
     axis_share: float = 2.0 / 3.0
 
-    def feet(self, q_m: Array) -> Feet:
+    def closest(self, q_m: Array) -> ClosestPoints:
         """Of the places q_m (N, 2)."""
         outside = self.outside_m(*q_m.T)
         far = np.maximum(outside + self.size_m, 1e-9)
         same = np.ones(len(q_m))
-        return Feet(
+        return ClosestPoints(
             x_m=outside,
             normal=q_m / far[:, None],
             support_m=self.size_m * same,
@@ -116,7 +116,7 @@ class Rectangle:
         """The two shorter edges alone tell of the place along the longer ones."""
         return min(self.half_m) / sum(self.half_m)
 
-    def feet(self, q_m: Array) -> Feet:
+    def closest(self, q_m: Array) -> ClosestPoints:
         """Of the places q_m (N, 2)."""
         half = np.array(self.half_m)
         outside = np.abs(q_m) - half
@@ -129,7 +129,7 @@ class Rectangle:
         length = half[1 - axis]
         place = np.clip(along / length, -1.0, 1.0) * length + length
         before = np.where(axis == 0, 0.0, 2.0 * half[1]) + (sign < 0.0) * 2.0 * half.sum()
-        return Feet(
+        return ClosestPoints(
             x_m=outside[rows, axis],
             normal=normal,
             support_m=half[axis],
@@ -168,7 +168,7 @@ class Holes:
         """Whether a turn about the target's centre moves a hole."""
         return bool(np.any(self.holes_m[:, :2]))
 
-    def feet(self, q_m: Array) -> Feet:
+    def closest(self, q_m: Array) -> ClosestPoints:
         """Of the places q_m (N, 2)."""
         apart = q_m[:, None, :] - self.holes_m[:, :2]
         reach = np.hypot(apart[..., 0], apart[..., 1])
@@ -178,7 +178,7 @@ class Holes:
         away = apart[rows, nearest]
         hole, normal = self.holes_m[nearest], -away / far[:, None]
         radius = hole[:, 2]
-        return Feet(
+        return ClosestPoints(
             x_m=radius - far,
             normal=normal,
             support_m=np.sum(normal * hole[:, :2], axis=1) - radius,

@@ -1,6 +1,6 @@
 """Uncertainty components, their propagation (JCGM 100) and its Monte Carlo check (JCGM 101)."""
 
-from .components import Cause, centre_cause, plane_cause
+from .components import UncertaintyComponent, centre_component, plane_component
 from .distributions import (
     as_many,
     chi_square_beyond,
@@ -18,7 +18,7 @@ from .propagation import (
     LEVEL,
     AngleUncertainty,
     Effect,
-    effective_freedom,
+    effective_dof,
     effects_of,
     propagate,
 )
@@ -28,19 +28,19 @@ __all__ = [
     "LEVEL",
     "TOLERANCE",
     "AngleUncertainty",
-    "Cause",
     "Effect",
     "MonteCarlo",
+    "UncertaintyComponent",
     "as_many",
-    "centre_cause",
+    "centre_component",
     "chi_square_beyond",
     "chi_square_limits",
     "coverage_factor",
-    "effective_freedom",
+    "effective_dof",
     "effects_of",
     "f_beyond",
     "monte_carlo",
-    "plane_cause",
+    "plane_component",
     "power_of_f",
     "power_of_t",
     "propagate",

@@ -17,7 +17,7 @@ from ..vectors import Array
 
 
 @dataclass(frozen=True)
-class Cause:
+class UncertaintyComponent:
     """One line of the budget, for one target.
 
     factor: (6, k); k independent unit variables act through its columns, so that its covariance is
@@ -29,7 +29,7 @@ class Cause:
 
     name: str
     factor: Array
-    freedom: float = math.inf
+    dof: float = math.inf
     shared: str | None = None
     pooled: bool = False
     turn: Array | None = None
@@ -51,18 +51,18 @@ class UncertainTarget(Protocol):
     @property
     def normal(self) -> Array: ...  # noqa: D102
     @property
-    def causes(self) -> tuple[Cause, ...]: ...  # noqa: D102
+    def components(self) -> tuple[UncertaintyComponent, ...]: ...  # noqa: D102
 
 
-def plane_cause(
+def plane_component(
     name: str,
     covariance: Array,
     basis: Array,
     lever_m: Array,
     by_plane: Array | None = None,
-    freedom: float = math.inf,
+    dof: float = math.inf,
     turn_by_plane: Array | None = None,
-) -> Cause:
+) -> UncertaintyComponent:
     """Of a fitted plane.
 
     covariance: (3, 3) of its height (m) at the centroid and its slopes along basis[0], basis[1].
@@ -76,20 +76,24 @@ def plane_cause(
     if by_plane is not None:
         moved += basis[:2].T @ by_plane @ at_centre
     turn = None if turn_by_plane is None else turn_by_plane @ at_centre
-    return Cause(name, np.vstack([-basis[:2].T @ at_centre[1:], moved]), freedom, turn=turn)
+    return UncertaintyComponent(
+        name, np.vstack([-basis[:2].T @ at_centre[1:], moved]), dof, turn=turn
+    )
 
 
-def centre_cause(name: str, covariance: Array, basis: Array, freedom: float = math.inf) -> Cause:
+def centre_component(
+    name: str, covariance: Array, basis: Array, dof: float = math.inf
+) -> UncertaintyComponent:
     """Of a centre's place in its plane, along basis[0] and basis[1]: covariance (2, 2), m^2.
 
     Of place and turn (3, 3) where the face shows its turn about the normal, rad.
     """
     root = _root(covariance)
     factor = np.vstack([np.zeros((3, len(root))), basis[:2].T @ root[:2]])
-    return Cause(name, factor, freedom, turn=root[2] if len(root) > 2 else None)
+    return UncertaintyComponent(name, factor, dof, turn=root[2] if len(root) > 2 else None)
 
 
-def form_cause(flatness_m: float, radius_m: float, normal: Array) -> Cause:
+def flatness_component(flatness_m: float, radius_m: float, normal: Array) -> UncertaintyComponent:
     """Of a face that lies between two planes flatness_m apart, its form unknown.
 
     Its least-squares plane may lean by any tilt up to flatness/diameter, all alike, which is half
@@ -99,18 +103,18 @@ def form_cause(flatness_m: float, radius_m: float, normal: Array) -> Cause:
     factor = np.zeros((6, 4))
     factor[:3, :3] = tilt * _across(normal)
     factor[3:, 3] = height * normal
-    return Cause("flatness", factor)
+    return UncertaintyComponent("flatness", factor)
 
 
-def clamp_cause(tilt_rad: float, shift_m: float, normal: Array) -> Cause:
+def mounting_component(tilt_rad: float, shift_m: float, normal: Array) -> UncertaintyComponent:
     """Of taking the target off and putting it on again; standard deviations per axis."""
     factor = np.zeros((6, 6))
     factor[:3, :3] = tilt_rad * _across(normal)
     factor[3:, 3:] = shift_m * _across(normal)
-    return Cause("clamp", factor)
+    return UncertaintyComponent("clamp", factor)
 
 
-def range_bias_cause(bias_m: float, sight_m: Array, normal: Array) -> Cause:
+def range_bias_component(bias_m: float, sight_m: Array, normal: Array) -> UncertaintyComponent:
     """Of a range that is longer by the same for all points of all scans.
 
     sight_m: (3,) from the scanner to the centre. Points move along their beams d; these fan out, so
@@ -119,19 +123,21 @@ def range_bias_cause(bias_m: float, sight_m: Array, normal: Array) -> Cause:
     distance = float(np.linalg.norm(sight_m))
     d = sight_m / distance
     tilt = (normal @ d) * (_across(normal) @ d) / distance
-    return Cause("range bias", bias_m * np.concatenate([tilt, d])[:, None], shared="scanner")
+    return UncertaintyComponent(
+        "range bias", bias_m * np.concatenate([tilt, d])[:, None], shared="scanner"
+    )
 
 
-def pointing_cause(angle_rad: float, sight_m: Array, normal: Array) -> Cause:
+def pointing_component(angle_rad: float, sight_m: Array, normal: Array) -> UncertaintyComponent:
     """Of a scan that is turned about the scanner, by angle_rad about each axis (k = 1)."""
     turns = angle_rad * np.eye(3)
     moved = np.vstack([np.cross(turns, normal).T, np.cross(turns, sight_m).T])
-    return Cause("pointing", moved, turn=turns @ normal)
+    return UncertaintyComponent("pointing", moved, turn=turns @ normal)
 
 
-def registration_cause(shift_m: float) -> Cause:
+def registration_component(shift_m: float) -> UncertaintyComponent:
     """Of a scan that is shifted against the others, by shift_m along each axis (k = 1)."""
-    return Cause("registration", np.vstack([np.zeros((3, 3)), shift_m * np.eye(3)]))
+    return UncertaintyComponent("registration", np.vstack([np.zeros((3, 3)), shift_m * np.eye(3)]))
 
 
 def _across(normal: Array) -> Array:

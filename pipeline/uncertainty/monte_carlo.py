@@ -16,7 +16,7 @@ import numpy as np
 from ..vectors import Array
 from .components import UncertainTarget
 from .distributions import coverage_factor
-from .monte_carlo_model import other_quantities
+from .monte_carlo_model import independent_quantities
 from .propagation import LEVEL, AngleUncertainty, effects_of
 
 BLOCK = 10_000  # trials; JCGM 101 asks for at least that many at a time
@@ -60,7 +60,7 @@ def monte_carlo(
     max_trials: at least two blocks are drawn. Source: JCGM 101, 7.9 (adaptive procedure), 8
     (comparison with the formula); causes are drawn normal, as the formula takes them.
     """
-    base = other_quantities(*_inputs(targets), wheels)[0]
+    base = independent_quantities(*_inputs(targets), wheels)[0]
     effects = effects_of(targets)
     rng = np.random.default_rng(seed)
     tolerance = TOLERANCE * known.standard
@@ -73,7 +73,7 @@ def monte_carlo(
     ):
         moved = sum(rng.standard_normal((BLOCK, e.factor.shape[1])) @ e.factor.T for e in effects)
         moved = np.reshape(moved, (BLOCK, len(targets), 6))
-        block = other_quantities(*_inputs(targets, moved), wheels) - base
+        block = independent_quantities(*_inputs(targets, moved), wheels) - base
         blocks.append(block)
         results.append(np.stack([block.mean(axis=0), block.std(axis=0, ddof=1), *_ends(block)]))
         if len(blocks) > 2:

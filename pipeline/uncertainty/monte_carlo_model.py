@@ -17,7 +17,7 @@ from ..vehicle import VEHICLE, WHEEL
 ComplexArray = npt.NDArray[np.complex128]
 
 
-def other_quantities(normals: Array, centres: Array, wheels: Sequence[str]) -> Array:
+def independent_quantities(normals: Array, centres: Array, wheels: Sequence[str]) -> Array:
     """All quantities (T, Q) of normals and centres (T, W, 3), sign of the normals free.
 
     The foot on the front axle's line, where it is perpendicular to the rear axle r, is the point

@@ -29,10 +29,10 @@ class AngleUncertainty:
 
     values: Array
     covariance: Array
-    causes: tuple[str, ...]
-    shares: Array
+    components: tuple[str, ...]
+    contributions: Array
     through_frame: Array
-    freedom: Array
+    dof: Array
 
     @property
     def standard(self) -> Array:
@@ -42,7 +42,7 @@ class AngleUncertainty:
     @property
     def coverage_factor(self) -> Array:
         """(Q,) k of the expanded uncertainty of 95 %: Student's t of the degrees of freedom."""
-        return coverage_factor(LEVEL, self.freedom)
+        return coverage_factor(LEVEL, self.dof)
 
     @property
     def toe_rad(self) -> Array:
@@ -69,11 +69,11 @@ class AngleUncertainty:
         """The vehicle's quantities, by name."""
         return _by_name(self.values)
 
-    def wheel_freedom(self, index: int) -> dict[str, float]:
+    def wheel_dof(self, index: int) -> dict[str, float]:
         """Degrees of freedom of one wheel's angles, by the names of WheelResult."""
-        names = ("freedom_toe", "freedom_camber", "freedom_camber_iso")
-        rows = self.freedom[: -len(VEHICLE)].reshape(len(WHEEL), -1)[: len(names), index]
-        return {name: float(freedom) for name, freedom in zip(names, rows, strict=True)}
+        names = ("dof_toe", "dof_camber", "dof_camber_iso")
+        rows = self.dof[: -len(VEHICLE)].reshape(len(WHEEL), -1)[: len(names), index]
+        return {name: float(dof) for name, dof in zip(names, rows, strict=True)}
 
     def _of_wheels(self, kind: int) -> Array:
         return np.asarray(self.standard[: -len(VEHICLE)].reshape(len(WHEEL), -1)[kind])
@@ -99,27 +99,27 @@ def propagate(targets: Sequence[UncertainTarget], wheels: Sequence[str]) -> Angl
     by_centres[:, :, :3] = 0.0
     effects = effects_of(targets)
     names = tuple(dict.fromkeys(effect.name for effect in effects))
-    shares, through_frame = np.zeros((len(J), len(names))), np.zeros(len(J))
+    contributions, through_frame = np.zeros((len(J), len(names))), np.zeros(len(J))
     covariance = np.zeros((len(J), len(J)))
     variances = []
     for effect in effects:
         moved = J @ effect.factor
         variances.append(np.sum(moved**2, axis=1))
         covariance += moved @ moved.T
-        shares[:, names.index(effect.name)] += variances[-1]
+        contributions[:, names.index(effect.name)] += variances[-1]
         through_frame += np.sum((by_centres.reshape(len(J), -1) @ effect.factor) ** 2, axis=1)
-    freedom = effective_freedom(effects, variances, np.diag(covariance))
-    return AngleUncertainty(linear.values, covariance, names, shares, through_frame, freedom)
+    dof = effective_dof(effects, variances, np.diag(covariance))
+    return AngleUncertainty(linear.values, covariance, names, contributions, through_frame, dof)
 
 
-def effective_freedom(effects: Sequence[Effect], variances: Sequence[Array], total: Array) -> Array:
+def effective_dof(effects: Sequence[Effect], variances: Sequence[Array], total: Array) -> Array:
     """Welch and Satterthwaite: u^4 / sum of u_i^4 / nu_i over what was estimated apart."""
     estimates: dict[object, tuple[Array, float]] = {}
     for index, (effect, variance) in enumerate(zip(effects, variances, strict=True)):
         key = effect.name if effect.pooled else index
         before = estimates[key][0] if key in estimates else 0.0
-        estimates[key] = (before + variance, effect.freedom)
-    fourths = sum((v**2 / freedom for v, freedom in estimates.values()), np.zeros(len(total)))
+        estimates[key] = (before + variance, effect.dof)
+    fourths = sum((v**2 / dof for v, dof in estimates.values()), np.zeros(len(total)))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(fourths > 0.0, total**2 / fourths, math.inf))
 
@@ -130,7 +130,7 @@ class Effect:
 
     name: str
     factor: Array
-    freedom: float
+    dof: float
     pooled: bool
 
 
@@ -138,11 +138,11 @@ def effects_of(targets: Sequence[UncertainTarget]) -> list[Effect]:
     """One effect a cause, those that targets share brought together; in the order of the causes."""
     found: dict[tuple[str, object], Effect] = {}
     for index, target in enumerate(targets):
-        for cause in target.causes:
-            factor = np.zeros((6 * len(targets), cause.factor.shape[1]))
-            factor[6 * index : 6 * index + 6] = cause.factor
-            key = (cause.name, index if cause.shared is None else cause.shared)
+        for component in target.components:
+            factor = np.zeros((6 * len(targets), component.factor.shape[1]))
+            factor[6 * index : 6 * index + 6] = component.factor
+            key = (component.name, index if component.shared is None else component.shared)
             if key in found:
                 factor += found[key].factor
-            found[key] = Effect(cause.name, factor, cause.freedom, cause.pooled)
+            found[key] = Effect(component.name, factor, component.dof, component.pooled)
     return list(found.values())

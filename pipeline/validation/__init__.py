@@ -9,7 +9,7 @@ from .request import Against, Part, Request, as_method, measured
 from .statistics.bland_altman import Limit
 from .statistics.joint_test import JointTest
 from .statistics.line_fit import Line
-from .study import EACH, Row, Survey, is_archive_of_captures, validate_archive
+from .study import EACH, ComparisonStudy, Row, is_archive_of_captures, validate_archive
 from .validate_capture import validate_capture
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "Against",
     "Agreement",
     "Comparison",
+    "ComparisonStudy",
     "Estimator",
     "FivePointOptions",
     "JointTest",
@@ -27,7 +28,6 @@ __all__ = [
     "Part",
     "Request",
     "Row",
-    "Survey",
     "as_method",
     "check_alike",
     "compare",

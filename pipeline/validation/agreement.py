@@ -53,9 +53,9 @@ class Agreement:
         The upper 95 % limit of the deviation, so that a small pilot does not promise too much.
         Source: Browne, Statistics in Medicine 14 (1995) 1933.
         """
-        freedom = self.units - 1
-        least, _ = chi_square_limits(2.0 * CONFIDENCE - 1.0, freedom)
-        return captures_needed(size_rad, self.deviation * math.sqrt(freedom / least))
+        dof = self.units - 1
+        least, _ = chi_square_limits(2.0 * CONFIDENCE - 1.0, dof)
+        return captures_needed(size_rad, self.deviation * math.sqrt(dof / least))
 
 
 @dataclass(frozen=True)

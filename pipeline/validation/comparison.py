@@ -176,8 +176,7 @@ def added(deltas: Sequence[TargetFit]) -> tuple[Source, ...]:
 def _placed(targets: Sequence[TargetFit], before: int, after: int) -> list[Source]:
     pad = ((before, after), (0, 0))
     return [
-        Source(np.pad(source.factor, pad), source.freedom)
-        for source in sources_of(effects_of(targets))
+        Source(np.pad(source.factor, pad), source.dof) for source in sources_of(effects_of(targets))
     ]
 
 

@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..five_point import FivePointFile, Station, fit_block, read_five_point
 from ..measure import measure_five_point
 from ..measurement import Measurement, WheelResult
-from ..uncertainty import Cause
+from ..uncertainty import UncertaintyComponent
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit, in_metres
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
@@ -103,7 +103,7 @@ def with_aiming(target: TargetFit, options: FivePointOptions) -> TargetFit:
         return target
     across = np.eye(3) - np.outer(target.normal, target.normal)
     factor = np.vstack([np.zeros((3, 3)), options.aiming_m / math.sqrt(5.0) * across])
-    return replace(target, causes=(*target.causes, Cause("aiming", factor)))
+    return replace(target, components=(*target.components, UncertaintyComponent("aiming", factor)))
 
 
 def note_of_aiming(blocks_m: Array, options: FivePointOptions) -> tuple[str, ...]:

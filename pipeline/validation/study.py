@@ -32,7 +32,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Survey:
+class ComparisonStudy:
     """All captures of an archive, in the order of their names."""
 
     source: str
@@ -111,7 +111,7 @@ def validate_archive(
     scanner: str | None,
     request: Request,
     progress: Callable[[str], None] = lambda _: None,
-) -> Survey:
+) -> ComparisonStudy:
     """Every capture below `source`: its folders, zips and tars, by name.
 
     A cloud that lies bare among them is a row that says so: it may show a vehicle or a wheel.
@@ -132,7 +132,7 @@ def validate_archive(
             f"{source}: none of its {len(rows)} captures could be compared; the first: "
             f"{rows[0].reason}"
         )
-    return Survey(str(source), tuple(rows), request.see_rad)
+    return ComparisonStudy(str(source), tuple(rows), request.see_rad)
 
 
 def _may_be_capture(path: Path) -> bool:

@@ -38,7 +38,7 @@ def _target(wheel: dict[str, Any]) -> TargetFit:
     return TargetFit(
         centre_m=_three(wheel["centre_m"]),
         normal=_three(wheel["normal"]),
-        causes=(),
+        components=(),
         plane_rms_m=0.0,
         points_on_target=0,
         method="points",

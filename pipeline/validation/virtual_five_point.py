@@ -30,7 +30,7 @@ from ..measure import fit_target, measure_capture, measure_five_point
 from ..measurement import Evidence, WheelResult
 from ..plane import Patch, PlaneFit
 from ..targets import Target
-from ..uncertainty import Cause, plane_cause
+from ..uncertainty import UncertaintyComponent, plane_component
 from ..vectors import Array
 from .comparison import Comparison, added
 from .request import DENSE, Part, Request, as_method, measured
@@ -55,7 +55,7 @@ class Picked:
     points_m: Array
     uv_m: Array
     missed_m: Array
-    causes: tuple[Cause, ...]
+    components: tuple[UncertaintyComponent, ...]
 
 
 def pick_five(
@@ -81,7 +81,7 @@ def pick_five(
         points_m=face[rows] + patch.origin_m,
         uv_m=uv,
         missed_m=missed,
-        causes=added_causes(uv, uvw[:, :2], plane, fitted, target.flatness),
+        components=added_components(uv, uvw[:, :2], plane, fitted, target.flatness),
     )
 
 
@@ -92,13 +92,13 @@ def aimed(picks: list[Picked], fitted: list[TargetFit]) -> list[TargetFit]:
     sigma/sqrt(5), in the plane. Sigma is that of all misses together.
     """
     sigma = math.sqrt(float(np.mean(np.square([pick.missed_m for pick in picks]))))
-    freedom = 10 * len(picks)
+    dof = 10 * len(picks)
     deltas = []
     for pick, target in zip(picks, fitted, strict=True):
         across = np.eye(3) - np.outer(target.normal, target.normal)
         factor = np.vstack([np.zeros((3, 3)), sigma / math.sqrt(5.0) * across])
-        causes = (*pick.causes, Cause("aiming", factor, freedom, pooled=True))
-        deltas.append(replace(target, causes=causes))
+        components = (*pick.components, UncertaintyComponent("aiming", factor, dof, pooled=True))
+        deltas.append(replace(target, components=components))
     return deltas
 
 
@@ -121,9 +121,9 @@ def _nearest(
     )
 
 
-def added_causes(
+def added_components(
     five: Array, face: Array, plane: PlaneFit, fitted: TargetFit, flatness_m: float
-) -> tuple[Cause, ...]:
+) -> tuple[UncertaintyComponent, ...]:
     """What the plane of five points adds to that of all; five (5, 2), face (N, 2) about the centre.
 
     Height at the centre and two slopes; all stand in the basis of the plane.
@@ -134,17 +134,19 @@ def added_causes(
     to_centre[0, 1:] = plane.basis[:2] @ lever
     of_all = to_centre @ plane.noise_covariance @ to_centre.T
     white = float(plane.noise_covariance[0, 0]) * plane.count
-    causes = [plane_cause("points less cloud", white * A5 @ A5.T - of_all, plane.basis, none)]
+    components = [
+        plane_component("points less cloud", white * A5 @ A5.T - of_all, plane.basis, none)
+    ]
     seen, stated = plane.correlated, (flatness_m**2 / 12.0) * A5 @ A5.T
     if seen.sigma_m > 0.0:
         sample = random_rows(face, SAMPLE, np.random.default_rng(0))
         weights = np.hstack([A5, -_fit(sample)])
         field = seen.sigma_m**2 * weights @ _kernel(np.vstack([five, sample]), seen.length_m)
         name, covariance = "correlated noise", field @ weights.T
-        causes.append(plane_cause(name, covariance, plane.basis, none, freedom=seen.freedom))
+        components.append(plane_component(name, covariance, plane.basis, none, dof=seen.dof))
     if flatness_m > 0.0:
-        causes.append(plane_cause("flatness", stated, plane.basis, none))
-    return tuple(causes)
+        components.append(plane_component("flatness", stated, plane.basis, none))
+    return tuple(components)
 
 
 def _fit(uv: Array) -> Array:

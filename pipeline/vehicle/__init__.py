@@ -7,7 +7,7 @@ from .angles import (
     outward_normal,
     wheel_angles,
 )
-from .autodiff import First, atan2, length, sin
+from .autodiff import Dual, atan2, length, sin
 from .axes import AXES, Axis
 from .definitions import (
     AGAINST_AN_AXIS,
@@ -37,7 +37,7 @@ __all__ = [
     "VEHICLE",
     "WHEEL",
     "Axis",
-    "First",
+    "Dual",
     "FrameSlopes",
     "OfVehicle",
     "OfWheel",

@@ -21,7 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from .autodiff import First, atan2, constant, cos, length, sin
+from .autodiff import Dual, atan2, constant, cos, length, sin
 
 Axis = Literal["rear-axle", "centreline", "thrust-line", "side-bisector"]
 AXES: tuple[Axis, ...] = ("rear-axle", "centreline", "thrust-line", "side-bisector")
@@ -33,18 +33,18 @@ class Wheel:
     """Parts of a wheel's outward unit normal; side: +1 on the left, -1 on the right."""
 
     side: float
-    outward: First
-    forward: First
-    up: First
+    outward: Dual
+    forward: Dual
+    up: Dual
 
 
 @dataclass(frozen=True)
 class Place:
     """A wheel centre in the vehicle frame, metres from the middle of the rear axle."""
 
-    left: First
-    forward: First
-    up: First
+    left: Dual
+    forward: Dual
+    up: Dual
 
 
 @dataclass(frozen=True)
@@ -53,21 +53,21 @@ class Vehicle:
 
     wheels: tuple[Wheel, ...]
     places: tuple[Place, Place, Place, Place]
-    rear_track: First
-    front_track: First
-    wheelbase: First
+    rear_track: Dual
+    front_track: Dual
+    wheelbase: Dual
 
-    def toe(self, index: int, axis: Axis = "rear-axle") -> First:
+    def toe(self, index: int, axis: Axis = "rear-axle") -> Dual:
         """Of one wheel against an axis, > 0 is toe-in."""
         wheel = self.wheels[index]
         return atan2(wheel.forward, wheel.outward) - self.axis(axis) * wheel.side
 
-    def camber(self, index: int) -> First:
+    def camber(self, index: int) -> Dual:
         """Elevation, > 0 is top out; no turn about up changes it."""
         wheel = self.wheels[index]
         return -atan2(wheel.up, length(wheel.outward, wheel.forward))
 
-    def camber_iso(self, index: int, axis: Axis = "rear-axle") -> First:
+    def camber_iso(self, index: int, axis: Axis = "rear-axle") -> Dual:
         """Projected on the plane across an axis."""
         wheel = self.wheels[index]
         if axis == "rear-axle":
@@ -75,7 +75,7 @@ class Vehicle:
         level = length(wheel.outward, wheel.forward)
         return -atan2(wheel.up, level * cos(self.toe(index, axis)))
 
-    def axis(self, axis: Axis) -> First:
+    def axis(self, axis: Axis) -> Dual:
         """Its angle to the paper's axis, > 0 to the right."""
         if axis == "centreline":
             middle = (self.places[FL].left + self.places[FR].left) / 2.0
@@ -87,30 +87,30 @@ class Vehicle:
             return (self._side(RL, FL) + self._side(RR, FR)) / 2.0
         return constant(0.0, len(self.wheelbase.slope))
 
-    def _side(self, rear: int, front: int) -> First:
+    def _side(self, rear: int, front: int) -> Dual:
         back, head = self.places[rear], self.places[front]
         return atan2(back.left - head.left, head.forward - back.forward)
 
-    def distance(self, one: int, other: int) -> First:
+    def distance(self, one: int, other: int) -> Dual:
         """Between two wheel centres."""
         a, b = self.places[one], self.places[other]
         return length(a.left - b.left, a.forward - b.forward, a.up - b.up)
 
-    def thrust_angle(self, axis: Axis) -> First:
+    def thrust_angle(self, axis: Axis) -> Dual:
         """Of the thrust line to an axis, > 0 to the right."""
         return self.axis("thrust-line") - self.axis(axis)
 
-    def steer_ahead(self) -> First:
+    def steer_ahead(self) -> Dual:
         """Where the front wheels point between them, against the thrust line; > 0 to the right."""
         return (self.toe(FL, "thrust-line") - self.toe(FR, "thrust-line")) / 2.0
 
-    def setback(self, left: int, right: int, axis: Axis) -> First:
+    def setback(self, left: int, right: int, axis: Axis) -> Dual:
         """How far the right wheel's centre stands behind the left one's, along an axis."""
         a, b = self.places[left], self.places[right]
         turn = self.axis(axis)
         return (a.forward - b.forward) * cos(turn) - (a.left - b.left) * sin(turn)
 
-    def axle_offset(self, axis: Axis) -> First:
+    def axle_offset(self, axis: Axis) -> Dual:
         """Of the front axle's middle to the right of an axis through the rear axle's middle."""
         a, b = self.places[FL], self.places[FR]
         turn = self.axis(axis)

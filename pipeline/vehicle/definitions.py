@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
-from .autodiff import First
+from .autodiff import Dual
 from .axes import AXES, FL, FR, RL, RR, Axis, Vehicle
 
 Unit = Literal["rad", "m"]
@@ -26,7 +26,7 @@ class OfWheel:
     """
 
     kind: str
-    of: Callable[[Vehicle, int], First]
+    of: Callable[[Vehicle, int], Dual]
     axis: Axis | None = None
 
     @property
@@ -41,7 +41,7 @@ class OfVehicle:
 
     kind: str
     unit: Unit
-    of: Callable[[Vehicle], First]
+    of: Callable[[Vehicle], Dual]
     signed: bool = True
     axis: Axis | None = None
 
@@ -61,7 +61,7 @@ WHEEL = (
         for axis in AXES[1:]
     ),
 )
-AGAINST_AN_AXIS: dict[str, tuple[Unit, Callable[..., First]]] = {
+AGAINST_AN_AXIS: dict[str, tuple[Unit, Callable[..., Dual]]] = {
     "thrust_angle": ("rad", Vehicle.thrust_angle),
     "front_setback": ("m", partial(Vehicle.setback, left=FL, right=FR)),
     "rear_setback": ("m", partial(Vehicle.setback, left=RL, right=RR)),

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..vectors import Array
 from .angles import outward_normal
-from .autodiff import First
+from .autodiff import Dual
 from .axes import Place, Vehicle, Wheel
 from .definitions import VEHICLE, WHEEL
 from .frame import VehicleFrame, build_reference_frame
@@ -78,7 +78,7 @@ def _first_order(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Veh
         tuple(seen),
         (rear_right, rear_left, front_right, front_left),
         *(
-            First(length, _by_centres(slope, len(normals)))
+            Dual(length, _by_centres(slope, len(normals)))
             for length, slope in zip(lengths, slopes.lengths, strict=True)
         ),
     )
@@ -86,12 +86,12 @@ def _first_order(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Veh
 
 def _in_frame(
     frame: VehicleFrame, slopes: FrameSlopes, vector: Array, moved: Array
-) -> tuple[First, First, First]:
+) -> tuple[Dual, Dual, Dual]:
     """Parts of a vector (3,), with slopes (3, 6 W): d(x . a) = dx . a + x . da."""
     count = moved.shape[1] // 6
     axes = ((frame.left, slopes.left), (frame.forward, slopes.forward), (frame.up, slopes.up))
     left, forward, up = (
-        First(float(vector @ axis), axis @ moved + _by_centres(vector @ turned, count))
+        Dual(float(vector @ axis), axis @ moved + _by_centres(vector @ turned, count))
         for axis, turned in axes
     )
     return left, forward, up

@@ -8,7 +8,7 @@ from typing import Any
 from flask import Flask, Response, redirect, render_template, request
 
 from .. import __version__
-from ..report.format.language import LANGUAGES, load_words
+from ..report.format.language import LANGUAGES, load_translations
 from .content import choices
 from .files.uploads import SENT_SUFFIXES
 from .security import RefusedError
@@ -39,7 +39,7 @@ def add_front(app: Flask, state: State) -> None:
 
     @app.post("/api/language/<name>")
     def choose_language(name: str) -> Response:
-        answer = Response(load_words(name).language)
+        answer = Response(load_translations(name).language)
         answer.set_cookie(LANGUAGE_COOKIE, name, samesite="Strict", max_age=YEAR_S)
         return answer
 
@@ -65,7 +65,7 @@ def language() -> str:
 
 
 def _page(state: State) -> str:
-    words = load_words(language())
+    words = load_translations(language())
     told = {
         "words": words.section("page"),
         "viewer": words.section("viewer"),
@@ -77,7 +77,7 @@ def _page(state: State) -> str:
         words=words,
         told=told,
         key=state.guard.key,
-        languages=[load_words(name) for name in LANGUAGES],
+        languages=[load_translations(name) for name in LANGUAGES],
         choices=choices.known(),
         version=__version__,
     )

@@ -10,7 +10,7 @@ from typing import Any
 
 from flask import Flask, Response, g, jsonify, request
 
-from ..report.format.language import load_words
+from ..report.format.language import load_translations
 from .content import archive, choices
 from .content.reporting import TYPES
 from .files.folders import kind_of_file
@@ -160,13 +160,13 @@ def add_archive(app: Flask, state: State) -> None:
     def ask(question: str, root: int, relative: str = "") -> Response:
         folder = _results(state, root, relative)
         asked = request.args.to_dict()
-        return jsonify(archive.answer(question, folder, asked, load_words(language())))
+        return jsonify(archive.answer(question, folder, asked, load_translations(language())))
 
     @app.get("/api/archive-plot/<int:root>/")
     @app.get("/api/archive-plot/<int:root>/<path:relative>")
     def plot(root: int, relative: str = "") -> Response:
         folder = _results(state, root, relative)
-        svg = archive.plot(folder, request.args.get("quantity", ""), load_words(language()))
+        svg = archive.plot(folder, request.args.get("quantity", ""), load_translations(language()))
         return Response(svg, mimetype="image/svg+xml")
 
 

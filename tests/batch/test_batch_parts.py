@@ -10,26 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.batches import five_points
-from tests.test_structure import LAYERS, graph, sources
+from tests.test_structure import ROOMS, sources
 from wheelplane.batch.plan.discover import Found, discover
 from wheelplane.batch.plan.settings import Settings
 from wheelplane.batch.plan.shard import Shard, read_shard
 from wheelplane.batch.run.child import ChildError
-from wheelplane.batch.run.measure_one import (
-    STAGES,
-    TOOLS,
-    PassingError,
-    Subject,
-    Verdict,
-    measure_bytes,
-    passing,
-    stage_of,
-)
+from wheelplane.batch.run.measure_one import PassingError, Subject, Verdict, measure_bytes
+from wheelplane.batch.run.stages import STAGES, passing, stage_of
 from wheelplane.batch.run.tasks import MOST_TOGETHER, Run, tasks_of
 from wheelplane.batch.run.work import ArchiveError, Done, Request, Task
 from wheelplane.batch.storage.entry import Entry
 from wheelplane.batch.storage.scratch import PREFIX, scratch_folder
-from wheelplane.capture.open_capture import Told, open_capture
+from wheelplane.capture.open_capture import CaptureOptions, open_capture
 from wheelplane.config import Config
 from wheelplane.errors import InputError
 from wheelplane.measure import measure_capture
@@ -134,7 +126,7 @@ def test_the_day_is_read_from_the_name(pattern, name, day):
 
 def test_settings_of_one_kind_do_not_concern_the_other():
     plain, spherical = Settings(), Settings(coordinates="spherical", angle_unit="gon")
-    fronted = Settings(told=Told(front=(1.0, 0.0, 0.0), of_clouds=True))
+    fronted = Settings(told=CaptureOptions(front=(1.0, 0.0, 0.0), of_clouds=True))
     assert plain.digest("folder") == spherical.digest("folder") != fronted.digest("folder")
     assert plain.digest("five-point") == fronted.digest("five-point")
     assert plain.digest("five-point") != spherical.digest("five-point")
@@ -180,18 +172,14 @@ def test_passing_faults_are_seen_through_their_consequences():
     assert stage_of(InputError("never raised")) == "read"
 
 
-def test_every_module_that_measures_has_a_stage_or_is_a_tool_of_several():
-    layers = LAYERS[: LAYERS.index("report") + 1]
-    links = graph(sources("pipeline"))
-    used, todo = set(), {"wheelplane.batch.run.measure_one"}
-    while todo:
-        used |= todo
-        todo = set().union(*(links[module] for module in todo)) - used
-    at_work = {module.split(".")[1] for module in used - {"pipeline"}} & set(layers)
-    assert len(at_work) > 60
-    named = " ".join([*STAGES.values(), TOOLS]).split()
-    assert len(set(named)) == len(named)
-    assert at_work <= set(named) <= set(layers)
+def test_every_room_of_a_stage_is_there_and_only_tools_have_none():
+    named = {room for rooms in STAGES.values() for room in rooms.split()}
+    modules = {name.partition(".")[2] for name in sources("pipeline")}
+    assert named <= modules | {name.rpartition(".")[0] for name in modules}
+    tools = {"errors", "vectors", "units", "config", "cloud", "targets"}
+    measuring = set(ROOMS[: ROOMS.index("measure") + 1])
+    assert measuring - tools <= named
+    assert not tools & named
 
 
 def raised_in(*modules: str) -> BaseException:
@@ -209,12 +197,12 @@ def raised_in(*modules: str) -> BaseException:
 @pytest.mark.parametrize(
     ("modules", "stage"),
     [
-        (("measure", "steering", "axle_frame"), "angles"),
-        (("measure", "toe_out"), "angles"),
-        (("measure", "face_map"), "plane"),
-        (("measure", "observe", "segment", "passes"), "segment"),
-        (("measure", "observe", "rim", "passes"), "centre"),
-        (("readers.ply",), "read"),
+        (("measure", "kinematics.steering_axis", "kinematics.wheel_axis"), "angles"),
+        (("measure", "kinematics.toe_out_on_turns"), "angles"),
+        (("measure", "measurement.residual_map"), "plane"),
+        (("measure", "measurement.observe", "detection.find_target", "cloud.selection"), "segment"),
+        (("measure", "measurement.observe", "centre.edge.fit_edge", "cloud.selection"), "centre"),
+        (("readers.formats.ply",), "read"),
     ],
 )
 def test_a_fault_is_of_the_stage_whose_code_or_tool_it_is_in(modules, stage):
@@ -226,13 +214,13 @@ def test_a_front_told_of_many_captures_passes_over_those_with_a_scan_a_wheel(tmp
     folder.mkdir()
     for wheel in ("rr", "rl", "fr", "fl"):
         (folder / f"{wheel}.xyz").write_text("0 0 0\n")
-    told = Told(front=(1.0, 0.0, 0.0))
+    told = CaptureOptions(front=(1.0, 0.0, 0.0))
     with (
         pytest.raises(InputError, match="--front is of a cloud"),
         open_capture(folder, "disc-250", told),
     ):
         pass
-    of_clouds = Told(front=(1.0, 0.0, 0.0), of_clouds=True)
+    of_clouds = CaptureOptions(front=(1.0, 0.0, 0.0), of_clouds=True)
     with open_capture(folder, "disc-250", of_clouds) as capture:
         assert capture.front is None
         with pytest.raises(InputError, match=r"rr\.xyz"):

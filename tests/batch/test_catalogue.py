@@ -232,8 +232,8 @@ def foreign(path: Path) -> None:
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from wheelplane.batch import catalogue, schema
-from wheelplane.batch.store import open_store
+from wheelplane.batch.catalogue import catalogue
+from wheelplane.batch.storage.store import open_store
 name = sys.argv[2]
 real = getattr(catalogue, name)
 def killed(*arguments):
@@ -262,10 +262,10 @@ def test_a_catalogue_outlives_a_writer_killed_at_any_moment(store, moment):
 
 WRITER = """
 import sys
-from wheelplane.batch.catalogue import update
-from wheelplane.batch.store import open_store
-from tests.test_catalogue import some
-from tests.records import add
+from wheelplane.batch.catalogue.catalogue import update
+from wheelplane.batch.storage.store import open_store
+from tests.batch.test_catalogue import some
+from tests.support.records import add
 store = open_store(sys.argv[1])
 for i in range(30):
     add(store, *some(2, start=1000 + 2 * i))

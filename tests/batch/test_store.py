@@ -102,7 +102,7 @@ def test_what_is_not_there_is_told_in_a_line(store, tmp_path):
 
 RACER = """
 import sys, time
-from wheelplane.batch.store import open_store
+from wheelplane.batch.storage.store import open_store
 store = open_store(sys.argv[1])
 print("ready", flush=True)
 start = float(sys.stdin.readline())
@@ -161,7 +161,7 @@ def test_without_hard_links_still_only_one_writes(tmp_path, monkeypatch):
 
 KILLED = """
 import os, signal, sys
-from wheelplane.batch.store import open_store
+from wheelplane.batch.storage.store import open_store
 os.link = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
 open_store(sys.argv[1]).write_new("measurements/ab/abc.json", b"{}")
 """

@@ -29,7 +29,7 @@ from tests.support.vehicle_scenes import RADIUS_M, Scene, TrueFace, hard_wheel, 
 from wheelplane.centre.locate_centre import locate_centre  # noqa: E402
 from wheelplane.config import Config  # noqa: E402
 from wheelplane.detection.find_target import find_target  # noqa: E402
-from wheelplane.detection.find_targets import find_faces  # noqa: E402
+from wheelplane.detection.find_targets import find_targets  # noqa: E402
 from wheelplane.detection.identify_wheels import find_axles  # noqa: E402
 from wheelplane.detection.vehicles import Face  # noqa: E402
 from wheelplane.errors import InputError, NotMeasuredError  # noqa: E402
@@ -84,7 +84,7 @@ def measured(patch: Patch) -> Found:
 
 def find_on_vehicle(scene: Scene) -> list[Found]:
     """The faces that stand as a vehicle's wheels; all of them, with a status, where none do."""
-    patches = find_faces(
+    patches = find_targets(
         scene.points_m, DISC, CONFIG.segment, parts=scene.parts, stations_m=scene.stations_m
     )
     faces = [Face(patch.origin_m, patch.basis[2], patch.match) for patch in patches]

@@ -74,14 +74,14 @@ class Scores:
 
     error: np.ndarray
     u: np.ndarray
-    freedom: np.ndarray
+    dof: np.ndarray
     unit: str = ""
     scale: float = 1.0
 
     @classmethod
     def of(cls, said: list[Stated], true: list[float]) -> Scores:
         """One row, of quantities of one unit."""
-        rows = [[q.value - t, q.u, q.freedom] for q, t in zip(said, true, strict=True)]
+        rows = [[q.value - t, q.u, q.dof] for q, t in zip(said, true, strict=True)]
         unit = ('"', ARCSEC) if said[0].unit == "rad" else ("mm", 1e3)
         return cls(*np.array(rows).T[:, None, :], *unit)
 
@@ -94,13 +94,13 @@ class Scores:
 
     def times(self, factor: float) -> Scores:
         """The same errors with another uncertainty."""
-        return Scores(self.error, self.u * factor, self.freedom, self.unit, self.scale)
+        return Scores(self.error, self.u * factor, self.dof, self.unit, self.scale)
 
     @property
     def normal(self) -> np.ndarray:
         """error/u, brought from Student's distribution to the normal one, (M, K)."""
         t = np.abs(self.error / self.u)
-        return np.sign(self.error) * stats.norm.isf(stats.t.sf(t, self.freedom).clip(1e-300))
+        return np.sign(self.error) * stats.norm.isf(stats.t.sf(t, self.dof).clip(1e-300))
 
     @property
     def inside(self) -> float:
@@ -195,7 +195,7 @@ def centres(measurement: Measurement, truth: dict) -> dict[str, Scores]:
     for wheel, true in zip(measurement.wheels, truth["wheels"], strict=True):
         fitted = wheel.observation.fitted
         error = axes @ (fitted.centre_m - true["centre_m"])
-        parts = [(axes @ c.covariance[3:, 3:] @ axes.T, c.freedom) for c in fitted.causes]
+        parts = [(axes @ c.covariance[3:, 3:] @ axes.T, c.dof) for c in fitted.components]
         whiten = np.linalg.inv(np.linalg.cholesky(axes @ fitted.centre_covariance_m2 @ axes.T))
         along.append(_components(error, parts))
         white.append(_components(whiten @ error, [(whiten @ c @ whiten.T, f) for c, f in parts]))
@@ -212,7 +212,7 @@ def _components(error: np.ndarray, parts: list[tuple[np.ndarray, float]]) -> np.
     """(3, 3): error, u and effective degrees of freedom (JCGM 100, G.4) of each component."""
     variances = np.array([np.diag(covariance) for covariance, _ in parts])
     total = variances.sum(axis=0)
-    fourths = (variances**2 / np.array([[freedom] for _, freedom in parts])).sum(axis=0)
+    fourths = (variances**2 / np.array([[dof] for _, dof in parts])).sum(axis=0)
     with np.errstate(divide="ignore"):
         return np.array([error, np.sqrt(total), total**2 / fourths])
 

@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np
 
-from tests.support.vehicle_scenes import RADIUS_M, FaceCloud, face_cloud
+from tests.support.vehicle_scenes import RADIUS_M, VehicleCloud, face_cloud
 from wheelplane.centre.locate_centre import locate_centre
 from wheelplane.config import Config
 from wheelplane.detection.find_target import find_target
@@ -132,7 +132,7 @@ def compare_speed(count: int, runs: int) -> None:
     )
 
 
-def _error(normal: np.ndarray, cloud: FaceCloud) -> str:
+def _error(normal: np.ndarray, cloud: VehicleCloud) -> str:
     normal = normal / np.linalg.norm(normal)
     return f'{off_rad(normal, cloud.normal) * ARCSEC:.1f}"'
 

@@ -26,7 +26,7 @@ from tests.support.turning import Scene, rolled, swept
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.config import Config, config_file
 from wheelplane.kinematics.runout import measure_runouts
-from wheelplane.kinematics.steering_axis import measure_kingpins
+from wheelplane.kinematics.steering_axis import measure_steering_axes
 from wheelplane.kinematics.sweep import DOUBT
 from wheelplane.kinematics.toe_out_on_turns import measure_toe_out
 from wheelplane.measure import measure_capture
@@ -57,14 +57,14 @@ def drawn_sweep(
 
 def _of_kingpins(measurement: Measurement, truth: dict[str, np.ndarray]) -> list[Row]:
     rows: list[Row] = []
-    for found in measure_kingpins(measurement):
+    for found in measure_steering_axes(measurement):
         for what, angle, true in zip(
             ("caster", "inclination"), (found.caster, found.inclination), truth[found.wheel],
             strict=True,
         ):  # fmt: skip
             error = np.nan if angle is None else angle.value - true
-            u, freedom = (np.nan, np.inf) if angle is None else (angle.u, angle.freedom)
-            rows.append((what, error, u, freedom, found.probability))
+            u, dof = (np.nan, np.inf) if angle is None else (angle.u, angle.dof)
+            rows.append((what, error, u, dof, found.probability))
     return rows
 
 
@@ -111,7 +111,7 @@ def _of_runouts(measurement: Measurement, truth: dict[str, dict[str, float]]) ->
             for what in ("toe", "camber"):
                 angle = getattr(angles, what)
                 error = angle.value - truth[found.wheel][what]
-                rows.append((f"{what}, frame of the {frame}", error, angle.u, angle.freedom,
+                rows.append((f"{what}, frame of the {frame}", error, angle.u, angle.dof,
                              found.probability))  # fmt: skip
         plate = measurement.wheels[("RR", "RL", "FR", "FL").index(found.wheel)]
         assert plate.angles is not None
@@ -176,8 +176,8 @@ def table(rows: list[Row], unit: str) -> str:
              "| inside 95 % | mean (error/u)^2 | doubted |",
              "|---|---|---|---|---|---|---|---|---|---|"]  # fmt: skip
     for what in dict.fromkeys(row[0] for row in rows):
-        error, u, freedom, chance = np.array([row[1:] for row in rows if row[0] == what]).T
-        k = stats.t.ppf(0.975, freedom)
+        error, u, dof, chance = np.array([row[1:] for row in rows if row[0] == what]).T
+        k = stats.t.ppf(0.975, dof)
         size = np.abs(error) * SCALE[unit]
         lines.append(
             f"| {what} | {len(error)} | {np.sqrt(np.mean(size**2)):.2f}{unit} "

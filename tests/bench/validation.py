@@ -28,7 +28,7 @@ from wheelplane.capture.open_capture import open_capture  # noqa: E402
 from wheelplane.config import Config  # noqa: E402
 from wheelplane.validation.five_point import FivePointOptions  # noqa: E402
 from wheelplane.validation.request import Request  # noqa: E402
-from wheelplane.validation.study import Row, Survey  # noqa: E402
+from wheelplane.validation.study import ComparisonStudy, Row  # noqa: E402
 from wheelplane.validation.validate_capture import validate_capture  # noqa: E402
 from wheelplane_synth.parameters.parameters import TotalStation  # noqa: E402
 
@@ -102,10 +102,10 @@ def of_archives(count: int, repeats: int, seed: int) -> None:
         print(f"{text}limits of toe's bias leave out 0 in {share(seen, repeats)}", flush=True)
 
 
-def survey(count: int, seed: object, error: np.ndarray | None) -> Survey:
+def survey(count: int, seed: object, error: np.ndarray | None) -> ComparisonStudy:
     """An archive of that many captures."""
     found = cars(count, np.random.default_rng(seed).integers(2**40), TM30, toe_error=error)
-    return Survey("", tuple(Row(one.vehicle, one) for one in found), None)
+    return ComparisonStudy("", tuple(Row(one.vehicle, one) for one in found), None)
 
 
 def of_scans(count: int, seed: int) -> None:

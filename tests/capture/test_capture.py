@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from wheelplane.capture.front import Front
-from wheelplane.capture.open_capture import NOTHING_TOLD, Capture, Told, open_capture
+from wheelplane.capture.open_capture import NOTHING_TOLD, Capture, CaptureOptions, open_capture
 from wheelplane.errors import ConfigError, InputError, WheelplaneError
 
 WHEELS = ("RR", "RL", "FR", "FL")
@@ -319,7 +319,9 @@ CLOUD = 'cloud = "vehicle.e57"\n'
 FRONT = "front = [0, -2, 0.5]\n"
 
 
-def whole(source: Path, target: str | None = "disc-250", told: Told = NOTHING_TOLD) -> Capture:
+def whole(
+    source: Path, target: str | None = "disc-250", told: CaptureOptions = NOTHING_TOLD
+) -> Capture:
     """The capture at `source`, which is one cloud that holds its own name."""
     with open_capture(source, target, told) as capture:
         assert capture.entries == ()
@@ -382,7 +384,7 @@ def test_a_point_near_the_front_is_in_the_unit_of_the_file(unit, tmp_path):
     toml = f'length_unit = "{unit}"\nfront_point = {list(point)}\n' + DISC
     by_file = whole(fill(tmp_path / "c", toml, ("vehicle.ply",)), None)
     bare = tmp_path / "c" / "vehicle.ply"
-    by_option = whole(bare, "disc-250", Told(length_unit=unit, front_point=point))
+    by_option = whole(bare, "disc-250", CaptureOptions(length_unit=unit, front_point=point))
     for capture in (by_file, by_option):
         assert capture.length_unit == unit
         assert capture.front is not None
@@ -393,11 +395,11 @@ def test_a_point_near_the_front_is_in_the_unit_of_the_file(unit, tmp_path):
 def test_options_go_before_the_file(tmp_path):
     toml = DISC + 'length_unit = "in"\nup = "z"\n' + FRONT
     source = fill(tmp_path, toml, ("vehicle.ply",))
-    told = Told(length_unit="mm", front_point=(1000.0, 0.0, 0.0), up="floor")
+    told = CaptureOptions(length_unit="mm", front_point=(1000.0, 0.0, 0.0), up="floor")
     capture = whole(source, None, told)
     assert (capture.length_unit, capture.up) == ("mm", "floor")
     assert capture.front == Front("--front-point 1000,0,0", None, (1.0, 0.0, 0.0))
-    assert whole(source, None, Told(front=(1.0, 0.0, 0.0))).front == Front(
+    assert whole(source, None, CaptureOptions(front=(1.0, 0.0, 0.0))).front == Front(
         "--front 1,0,0", (1.0, 0.0, 0.0)
     )
 
@@ -447,9 +449,9 @@ def test_files_that_leave_a_doubt_which_is_the_cloud_are_refused(files, says, tm
 @pytest.mark.parametrize(
     ("told", "option"),
     [
-        (Told(front=(1.0, 0.0, 0.0)), "--front "),
-        (Told(front_point=(1.0, 0.0, 0.0)), "--front-point "),
-        (Told(up="z"), "--up "),
+        (CaptureOptions(front=(1.0, 0.0, 0.0)), "--front "),
+        (CaptureOptions(front_point=(1.0, 0.0, 0.0)), "--front-point "),
+        (CaptureOptions(up="z"), "--up "),
     ],
 )
 def test_what_tells_the_front_is_refused_where_each_wheel_has_its_scan(told, option, tmp_path):
@@ -475,7 +477,7 @@ def test_the_cloud_of_an_archive_lies_in_it_and_is_no_archive(name, says, tmp_pa
 
 def test_both_ways_to_tell_the_front_are_one_too_many(tmp_path):
     source = fill(tmp_path, None, ("vehicle.ply",))
-    told = Told(front=(1.0, 0.0, 0.0), front_point=(1.0, 0.0, 0.0))
+    told = CaptureOptions(front=(1.0, 0.0, 0.0), front_point=(1.0, 0.0, 0.0))
     with (
         pytest.raises(InputError, match=r"^--front and --front-point: both.*leave out one$"),
         open_capture(source, "disc-250", told),

@@ -13,12 +13,12 @@ from tests.support.plates import fit, patch_of
 from tests.support.printing import setup_of
 from tests.support.scenes import Setup, make
 from tests.support.single_scan import u_turn_rad
-from wheelplane.centre.in_plane_rotation import PlaneTurn, combined_turn
+from wheelplane.centre.in_plane_rotation import PlaneTurn, combined_rotation
 from wheelplane.centre.locate_centre import locate_centre
 from wheelplane.config import CentreConfig, PlaneConfig
 from wheelplane.plane.fit_plane import fit_plane
 from wheelplane.targets.registry import load_target
-from wheelplane.uncertainty.components import pointing_cause
+from wheelplane.uncertainty.components import pointing_component
 
 PLAIN = Setup(spacing_m=0.0022, half_width_m=0.24, pairs=12)
 PERIODS = {
@@ -60,8 +60,8 @@ def test_round_plates_show_none(name):
     fitted = fit(cloud, target, 1)
     assert fitted.turn is None
     assert u_turn_rad(fitted) is None
-    assert all(cause.turn is None for cause in fitted.causes)
-    assert all(cause.factor.shape[1] in (2, 3) for cause in fitted.causes)
+    assert all(component.turn is None for component in fitted.components)
+    assert all(component.factor.shape[1] in (2, 3) for component in fitted.components)
 
 
 def test_errors_are_no_larger_than_stated():
@@ -71,7 +71,7 @@ def test_errors_are_no_larger_than_stated():
         cloud, target = made("rectangle-360x240", seed)
         fitted = fit(cloud, target, seed)
         square.append((off(cloud, fitted) / u_turn_rad(fitted)) ** 2)
-        of_noise.append(off(cloud, fitted) ** 2 / fitted.rim.turn_noise[2])
+        of_noise.append(off(cloud, fitted) ** 2 / fitted.edge_fit.turn_noise[2])
     low, high = stats.chi2.ppf([0.0005, 0.9995], len(square)) / len(square)
     assert low / 4.0 < np.mean(square) < high
     assert low < np.mean(of_noise) < high
@@ -106,10 +106,10 @@ def test_a_leaning_plane_turns_a_face_that_is_seen_aslant(name, slope):
     lean = np.array([0.0, *slope])
     known = replace(plane, correlated=replace(plane.correlated, covariance=np.outer(lean, lean)))
     before = locate_centre(patch, known, target, CentreConfig())
-    (cause,) = (c for c in before.causes if c.name == "correlated noise")
+    (component,) = (c for c in before.components if c.name == "correlated noise")
     b = plane.basis
-    column = int(np.argmax(np.linalg.norm(cause.factor[:3], axis=0)))
-    sign = np.sign(-(lean[1:] @ b[:2]) @ cause.factor[:3, column])
+    column = int(np.argmax(np.linalg.norm(component.factor[:3], axis=0)))
+    sign = np.sign(-(lean[1:] @ b[:2]) @ component.factor[:3, column])
     u, v = b[0] + slope[0] * b[2], b[1] + slope[1] * b[2]
     normal = np.cross(u, v) / np.linalg.norm(np.cross(u, v))
     leant = np.stack([u / np.linalg.norm(u), np.cross(normal, u / np.linalg.norm(u)), normal])
@@ -117,17 +117,17 @@ def test_a_leaning_plane_turns_a_face_that_is_seen_aslant(name, slope):
     angle = [np.arctan2(basis[1] @ f.turn.axis, basis[0] @ f.turn.axis)
              for basis, f in ((b, before), (leant, after))]  # fmt: skip
     moved = angle[1] - angle[0]
-    assert moved == pytest.approx(sign * cause.turn[column], abs=0.02 * 1e-3)
+    assert moved == pytest.approx(sign * component.turn[column], abs=0.02 * 1e-3)
     assert np.abs(moved) > 0.1 * 1e-3  # none at all, and the other way, fail
 
 
 def test_a_scan_that_is_turned_turns_the_face():
     n = np.array([0.36, 0.48, 0.8])
     u = np.cross(n, [0.0, 0.0, 1.0]) / np.linalg.norm(np.cross(n, [0.0, 0.0, 1.0]))
-    cause = pointing_cause(1e-6, 8.0 * n, n)
+    component = pointing_component(1e-6, 8.0 * n, n)
     for axis in range(3):
         moved = Rotation.from_rotvec(1e-6 * np.eye(3)[axis]).apply(u)
-        assert cause.turn[axis] == pytest.approx(np.cross(n, u) @ moved, abs=1e-11)
+        assert component.turn[axis] == pytest.approx(np.cross(n, u) @ moved, abs=1e-11)
 
 
 def turn_of(mark, angle, variance, with_centre=(0.0, 0.0)):
@@ -137,9 +137,9 @@ def turn_of(mark, angle, variance, with_centre=(0.0, 0.0)):
 def test_edges_count_by_their_variances_and_not_beside_a_print():
     half = 0.5 * np.eye(2)
     a, b = turn_of("edges", 0.1, 1.0, (0.2, 0.4)), turn_of("edges", 0.4, 2.0)
-    both = combined_turn([a, b, None], [half, half, half])
+    both = combined_rotation([a, b, None], [half, half, half])
     assert both.angle_rad == pytest.approx(0.2)
     assert both.noise == pytest.approx([2 / 3 * 0.5 * 0.2, 2 / 3 * 0.5 * 0.4, 2 / 3])
-    printed = combined_turn([a, turn_of("print", 0.3, 9.0)], [half, half])
+    printed = combined_rotation([a, turn_of("print", 0.3, 9.0)], [half, half])
     assert (printed.mark, printed.angle_rad) == ("print", pytest.approx(0.3))
-    assert combined_turn([None], [half]) is None
+    assert combined_rotation([None], [half]) is None

@@ -161,17 +161,17 @@ def test_across_the_plane_the_centre_lies_on_it():
 def test_thickness_and_spot_come_out_as_they_were_put_in():
     cloud, fitted = measured(PLAIN.but(thickness_m=0.02, spot_m=0.0025, incidence_deg=25.0), 4)
     unknown = fit(cloud.points_m, DiscTarget(shape="disc", diameter=0.25))
-    for rim in (fitted.rim, unknown.rim):
-        assert rim.spot_m == pytest.approx(0.0025, rel=0.1)
-        assert rim.thickness_m == pytest.approx(0.02, rel=0.1)
+    for edge_fit in (fitted.edge_fit, unknown.edge_fit):
+        assert edge_fit.spot_m == pytest.approx(0.0025, rel=0.1)
+        assert edge_fit.thickness_m == pytest.approx(0.02, rel=0.1)
     assert np.linalg.norm(error(cloud, unknown)) < 1.2e-4
 
 
 def test_beams_are_found_from_the_points():
     cloud, fitted = measured(PLAIN.but(incidence_deg=20.0, azimuth_deg=70.0), 5)
     local = cloud.in_target(cloud.viewpoint_m)
-    assert np.linalg.norm(fitted.rim.beam) == pytest.approx(np.tan(np.radians(20.0)), abs=0.01)
-    assert fitted.rim.inverse_distance == pytest.approx(1.0 / local[2], abs=0.05)
+    assert np.linalg.norm(fitted.edge_fit.beam) == pytest.approx(np.tan(np.radians(20.0)), abs=0.01)
+    assert fitted.edge_fit.inverse_distance == pytest.approx(1.0 / local[2], abs=0.05)
 
 
 NO_BACKGROUND = PLAIN.but(background_m=None, pairs=8)

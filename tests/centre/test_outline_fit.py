@@ -28,22 +28,22 @@ def about(outline, count=400, seed=0):
     """Places up to 10 mm off the outline, clear of where edges meet."""
     rng = np.random.default_rng(seed)
     q = rng.uniform(-0.2, 0.2, (40 * count, 2))
-    feet = outline.feet(q)
-    return q[(np.abs(feet.x_m) < 0.01) & feet.clear][:count]
+    closest = outline.closest(q)
+    return q[(np.abs(closest.x_m) < 0.01) & closest.clear][:count]
 
 
 @pytest.mark.parametrize("name", OUTLINES)
 def test_normal_is_the_slope_of_the_distance_and_curve_that_of_the_normal(name):
     outline = OUTLINES[name]
     q = about(outline)
-    feet = outline.feet(q)
-    along = np.column_stack([-feet.normal[:, 1], feet.normal[:, 0]])
+    closest = outline.closest(q)
+    along = np.column_stack([-closest.normal[:, 1], closest.normal[:, 0]])
     for axis in np.eye(2):
-        ahead, behind = outline.feet(q + STEP * axis), outline.feet(q - STEP * axis)
+        ahead, behind = outline.closest(q + STEP * axis), outline.closest(q - STEP * axis)
         slope = (ahead.x_m - behind.x_m) / (2 * STEP)
-        np.testing.assert_allclose(slope, feet.normal @ axis, atol=1e-8)
+        np.testing.assert_allclose(slope, closest.normal @ axis, atol=1e-8)
         bent = np.sum((ahead.normal - behind.normal) * along, axis=1) / (2 * STEP)
-        np.testing.assert_allclose(bent, feet.curve * (along @ axis), atol=1e-5)
+        np.testing.assert_allclose(bent, closest.curve * (along @ axis), atol=1e-5)
 
 
 @pytest.mark.parametrize("name", OUTLINES)
@@ -51,7 +51,7 @@ def test_the_distance_alone_is_that_of_the_feet(name):
     outline = OUTLINES[name]
     q = np.random.default_rng(1).uniform(-0.3, 0.3, (1000, 2))
     told = outline.outside_m(*q.T)
-    np.testing.assert_allclose(told, outline.feet(q).x_m, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(told, outline.closest(q).x_m, rtol=1e-12, atol=1e-15)
     if isinstance(outline, Circle):
         np.testing.assert_allclose(told, np.hypot(*q.T) - outline.size_m, rtol=1e-12, atol=1e-15)
 
@@ -60,15 +60,15 @@ def test_the_distance_alone_is_that_of_the_feet(name):
 def test_the_foot_lies_on_the_edge_whose_bend_and_support_are_told(name):
     outline = OUTLINES[name]
     q = about(outline)
-    feet = outline.feet(q)
-    foot = q - feet.x_m[:, None] * feet.normal
-    on_edge = outline.feet(foot)
+    closest = outline.closest(q)
+    foot = q - closest.x_m[:, None] * closest.normal
+    on_edge = outline.closest(foot)
     np.testing.assert_allclose(on_edge.x_m, 0.0, atol=1e-12)
-    np.testing.assert_allclose(np.sum(foot * feet.normal, axis=1), feet.support_m, atol=1e-12)
-    np.testing.assert_allclose(on_edge.curve, feet.bend, atol=1e-9)
-    np.testing.assert_allclose(on_edge.share, feet.share, atol=1e-9)
-    at = outline.normals(feet.share)
-    np.testing.assert_allclose(at, feet.normal, atol=1e-9)
+    np.testing.assert_allclose(np.sum(foot * closest.normal, axis=1), closest.support_m, atol=1e-12)
+    np.testing.assert_allclose(on_edge.curve, closest.bend, atol=1e-9)
+    np.testing.assert_allclose(on_edge.share, closest.share, atol=1e-9)
+    at = outline.normals(closest.share)
+    np.testing.assert_allclose(at, closest.normal, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", OUTLINES)
@@ -76,18 +76,20 @@ def test_equal_shares_are_equal_lengths(name):
     outline = OUTLINES[name]
     rng = np.random.default_rng(2)
     q = rng.uniform(-0.2, 0.2, (400_000, 2))
-    share = outline.feet(q).share[np.abs(outline.feet(q).x_m) < 0.001]
+    share = outline.closest(q).share[np.abs(outline.closest(q).x_m) < 0.001]
     count = np.bincount((share * 4 * 6).astype(int), minlength=24)
     assert abs(count - len(share) / 24).max() < 5 * np.sqrt(len(share) / 24)
 
 
 def problem_of(outline, state, rng):
     """Points of a plate's edge as `state` has it, with their noise: half of them mixed."""
-    feet = about(outline, 3000, 5)
-    depth = np.where(outline.feet(feet).x_m < 0.0, 0.0, 0.08) + rng.normal(0, 0.0005, len(feet))
-    mixed = rng.random(len(feet)) < 0.3
+    closest = about(outline, 3000, 5)
+    depth = np.where(outline.closest(closest).x_m < 0.0, 0.0, 0.08) + rng.normal(
+        0, 0.0005, len(closest)
+    )
+    mixed = rng.random(len(closest)) < 0.3
     depth[mixed] = rng.uniform(0.0, 0.08, np.count_nonzero(mixed))
-    seen = turned(feet, state[TURN]) * (1.0 + state[4] * depth)[:, None]
+    seen = turned(closest, state[TURN]) * (1.0 + state[4] * depth)[:, None]
     plane = state[:2] + seen + depth[:, None] * state[2:4]
     prior = Prior.of(0.008, CentreConfig())
     return Problem(plane, depth, prior, outline, 0.0008)

@@ -12,7 +12,7 @@ from tests.support.plates import found, in_target
 from tests.support.printing import brightness, setup_of
 from tests.support.scenes import Setup, make
 from wheelplane.centre.pattern.detect import find_circles, find_corners, find_markers
-from wheelplane.centre.pattern.image import face_image
+from wheelplane.centre.pattern.image import target_image
 from wheelplane.centre.pattern.pose import rigid
 from wheelplane.errors import NotMeasuredError
 from wheelplane.targets.registry import load_target, parse_target
@@ -162,7 +162,7 @@ def test_picture_lies_as_the_plane_does():
     uv = rng.uniform(-0.1, 0.1, (40_000, 2))
     place = np.array([0.05, 0.03])
     intensity = (np.hypot(*(uv - place).T) < 0.01).astype(float)
-    image = face_image(uv, intensity, 0.001)
+    image = target_image(uv, intensity, 0.001)
     row, column = np.nonzero(image.grey > 128)
     assert column.mean() > image.grey.shape[1] / 2
     assert row.mean() < image.grey.shape[0] / 2

@@ -282,7 +282,7 @@ def test_steep_beams_use_what_lies_far_aside_where_it_was_kept(monkeypatch):
     wide = found(cloud, DISC)
     monkeypatch.setattr("wheelplane.detection.cut_patch.BEAM_SLOPE", 1.2)
     narrow = found(cloud, DISC)
-    assert wide.fitted.rim.covered > 1.2 * narrow.fitted.rim.covered
+    assert wide.fitted.edge_fit.covered > 1.2 * narrow.fitted.edge_fit.covered
     for result in (narrow, wide):
         assert np.linalg.norm(result.error_m) < 3.72 * result.u_m
 

@@ -9,10 +9,10 @@ from tests.support.scenes import rotation
 from wheelplane.cloud import moments as slab_sums
 from wheelplane.cloud import selection as passes
 from wheelplane.cloud import threads as blocks
-from wheelplane.cloud import voxel_grid as cubes
+from wheelplane.cloud import voxel_grid as voxels
 from wheelplane.cloud.moments import slab_moments, sums_by
 from wheelplane.cloud.selection import Slab, coordinate_hash, sample, surroundings
-from wheelplane.cloud.voxel_grid import cube_key, cube_moments, lowest, within_cubes
+from wheelplane.cloud.voxel_grid import lowest, voxel_key, voxel_moments, within_voxels
 
 CENTRE = np.array([10.2, -4.1, 2.3])
 NORMAL = np.array([2.0, -1.0, 2.0]) / 3.0
@@ -46,7 +46,7 @@ def twin(request, monkeypatch):
 def compile_from(monkeypatch, rows):
     for module, name in (
         (passes, "COMPILED_ROWS"),
-        (cubes, "COMPILED_ROWS"),
+        (voxels, "COMPILED_ROWS"),
         (slab_sums, "COMPILED_FACE_ROWS"),
     ):
         monkeypatch.setattr(module, name, rows)
@@ -70,8 +70,8 @@ def everything(cloud):
         np.array([[0.1, 0, 0.05]]),
         7,
     )
-    held = cube_moments(cloud, lowest(cloud) - 0.01, 0.11)
-    rows = within_cubes(cloud, held, held.key[::5])
+    held = voxel_moments(cloud, lowest(cloud) - 0.01, 0.11)
+    rows = within_voxels(cloud, held, held.key[::5])
     return [sample(cloud, 5000), near.face_m, near.around_m, inner.sums, inner.edge, held.key,
             held.sums, rows]  # fmt: skip
 
@@ -190,7 +190,7 @@ def test_slab_sums_are_what_a_few_lines_say(cloud, twin):
 
 
 def test_cubes_hold_every_point_once(cloud, twin):
-    held = cube_moments(cloud, lowest(cloud) - 0.01, 0.11)
+    held = voxel_moments(cloud, lowest(cloud) - 0.01, 0.11)
     assert np.all(np.diff(held.key) > 0)
     assert held.sums[:, 0].sum() == len(cloud)
     place = np.floor((cloud - held.low_m) / 0.11).astype(int)
@@ -199,8 +199,8 @@ def test_cubes_hold_every_point_once(cloud, twin):
     np.testing.assert_allclose(
         held.sums[200], sums_by(np.zeros(len(here), int), local, 1)[0], atol=1e4 * EPS
     )
-    np.testing.assert_array_equal(within_cubes(cloud, held, held.key[200:201]), here)
-    np.testing.assert_array_equal(cube_key(held.place), held.key)
+    np.testing.assert_array_equal(within_voxels(cloud, held, held.key[200:201]), here)
+    np.testing.assert_array_equal(voxel_key(held.place), held.key)
     start, stop = held.between(CENTRE[0] - 0.2, CENTRE[0] + 0.2)
     inside = np.abs(held.middle_m[:, 0] - CENTRE[0]) < 0.2
     assert set(np.nonzero(inside)[0]) <= set(range(start, stop)) < set(range(len(held.key)))
@@ -208,7 +208,7 @@ def test_cubes_hold_every_point_once(cloud, twin):
 
 def test_a_full_table_grows(twin):
     points = np.random.default_rng(1).uniform(0, 100, (40_000, 3))  # nearly a cube each
-    held = cube_moments(points, np.full(3, -1.0), 0.2)
+    held = voxel_moments(points, np.full(3, -1.0), 0.2)
     assert len(held.key) > 39_000
     assert held.sums[:, 0].sum() == len(points)
 

@@ -101,10 +101,10 @@ def test_a_long_read_shows_its_share_on_a_terminal_alone(terminal, monkeypatch, 
     if not terminal:
         assert err == ""
         return
-    shares = [int(part.split(" %")[0]) for part in err.split("a.ply: ")[1:]]
-    assert shares == sorted(set(shares))
-    assert shares[-1] == 100
-    assert shares[0] > 2  # nothing in the first second
+    contributions = [int(part.split(" %")[0]) for part in err.split("a.ply: ")[1:]]
+    assert contributions == sorted(set(contributions))
+    assert contributions[-1] == 100
+    assert contributions[0] > 2  # nothing in the first second
     assert err.endswith("\r\x1b[K")
 
 

@@ -13,10 +13,10 @@ from wheelplane.cli import main
 from wheelplane.commands.options import dressed, plot_to, show_plot
 from wheelplane.config import Config, ReportConfig, load_config
 from wheelplane.errors import ConfigError
-from wheelplane.report.format.language import load_words
+from wheelplane.report.format.language import load_translations
 from wheelplane.report.format.view import PAPER
-from wheelplane.report.html.page import Dress
-from wheelplane.report.write import Wanted, write_reports
+from wheelplane.report.html.page import ReportOptions
+from wheelplane.report.write import ReportFiles, write_reports
 
 FIGURE_4 = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
 ALWAYS = {"measurement.json", "report.txt", "budget.svg"}
@@ -39,10 +39,10 @@ def wheelplane(capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("wanted", "more"),
     [
-        (Wanted(), {"report.html"} | PICTURES),
-        (Wanted(pictures=False), {"report.html"}),
-        (Wanted(html=False), PICTURES),
-        (Wanted(pictures=False, pdf=True), {"report.html", "report.pdf"}),
+        (ReportFiles(), {"report.html"} | PICTURES),
+        (ReportFiles(pictures=False), {"report.html"}),
+        (ReportFiles(html=False), PICTURES),
+        (ReportFiles(pictures=False, pdf=True), {"report.html", "report.pdf"}),
     ],
 )
 def test_what_is_wanted_is_written(wanted, more, tmp_path):
@@ -55,7 +55,7 @@ def test_the_report_is_of_the_file_beside_it(tmp_path):
     """Its number is the beginning of the digest of measurement.json, as any tool tells it."""
     import hashlib
 
-    write_reports(measured(1), tmp_path, wanted=Wanted(pictures=False))
+    write_reports(measured(1), tmp_path, wanted=ReportFiles(pictures=False))
     digest = hashlib.sha256((tmp_path / "measurement.json").read_bytes()).hexdigest()
     assert digest in (tmp_path / "report.html").read_text(encoding="utf-8")
 
@@ -123,7 +123,7 @@ def test_a_plot_in_the_terminal_leaves_json_alone(wheelplane):
 
 
 def test_plots_go_where_they_are_told(tmp_path, capsys):
-    dress = Dress(load_words("en"), PAPER)
+    dress = ReportOptions(load_translations("en"), PAPER)
     assert plot_to(None, measured(1), None, dress) == []
     assert plot_to("-", measured(1), None, dress) == []
     assert plot_to(str(tmp_path / "p"), measured(1), None, dress) == [tmp_path / "p"]

@@ -15,14 +15,14 @@ from tests.bench.detection import (
     Found,
     find_on_vehicle,
     find_on_wheel,
-    judge,
     measured,
+    score_candidate,
 )
 from tests.support.scenes import WHEEL, make, rotation
 from tests.support.vehicle_scenes import RADIUS_M, face_cloud, hard_wheel, vehicle_scene
 from wheelplane.config import Config
 from wheelplane.detection.find_target import find_target
-from wheelplane.detection.find_targets import find_faces
+from wheelplane.detection.find_targets import find_targets
 from wheelplane.errors import NotMeasuredError
 
 SEGMENT = Config().segment
@@ -38,26 +38,26 @@ drawn = cache(vehicle_scene)
 @cache
 def patches(number):
     scene = drawn(number)
-    return find_faces(scene.points_m, DISC, SEGMENT, parts=scene.parts)
+    return find_targets(scene.points_m, DISC, SEGMENT, parts=scene.parts)
 
 
 @pytest.mark.parametrize("number", VEHICLES)
 def test_four_faces_of_a_car(number):
     scene = drawn(number)
-    assert judge(scene.faces, [measured(patch) for patch in patches(number)]).faults == ()
+    assert score_candidate(scene.faces, [measured(patch) for patch in patches(number)]).faults == ()
 
 
 @pytest.mark.parametrize("number", HARDER)
 def test_the_wheels_of_a_car(number):
     scene = vehicle_scene(number)
-    assert judge(scene.faces, find_on_vehicle(scene)).faults == ()
+    assert score_candidate(scene.faces, find_on_vehicle(scene)).faults == ()
 
 
 @pytest.mark.parametrize("number", WHEELS)
 def test_the_face_of_a_wheel(number):
     scene = hard_wheel(number)
     assert len(scene.faces) == 1
-    assert judge(scene.faces, find_on_wheel(scene)).faults == ()
+    assert score_candidate(scene.faces, find_on_wheel(scene)).faults == ()
 
 
 def test_a_face_is_taken_from_the_scan_that_shows_it_best():
@@ -92,7 +92,7 @@ def test_faces_stay_with_the_cloud_turned_shifted_and_in_any_order():
             for face in scene.faces
         ),
     )
-    assert judge(moved.faces, find_on_vehicle(moved)).faults == ()
+    assert score_candidate(moved.faces, find_on_vehicle(moved)).faults == ()
 
 
 def test_two_equal_plates_side_by_side():
@@ -102,7 +102,7 @@ def test_two_equal_plates_side_by_side():
     with pytest.raises(NotMeasuredError) as caught:
         find_target(points, DISC, SEGMENT, 0)
     assert caught.value.status == "ambiguous-target"
-    patches = find_faces(points, DISC, SEGMENT)
+    patches = find_targets(points, DISC, SEGMENT)
     centres = sorted((patch.origin_m - cloud.centre_m) @ beside for patch in patches)
     assert centres == pytest.approx([0.0, beside @ beside], abs=NEAR_M)
 
@@ -119,8 +119,8 @@ def test_twins_in_a_wheels_scan_are_ambiguous(number):
 def test_no_face_where_there_is_none():
     scene = hard_wheel(58)
     assert scene.note.startswith("none")
-    found = [measured(patch) for patch in find_faces(scene.points_m, DISC, SEGMENT)]
-    assert judge((), [*found, *find_on_wheel(scene)]).wrong == 0
+    found = [measured(patch) for patch in find_targets(scene.points_m, DISC, SEGMENT)]
+    assert score_candidate((), [*found, *find_on_wheel(scene)]).wrong == 0
 
 
 def found_at(face, off_m=0.0, off_rad=0.0):
@@ -133,16 +133,19 @@ def found_at(face, off_m=0.0, off_rad=0.0):
 def test_the_judge_sees_what_is_wrong():
     faces = drawn(12).faces
     right = [found_at(face, 0.9 * NEAR_M, 0.9 * NEAR_RAD) for face in faces]
-    assert judge(faces, right).faults == ()
+    assert score_candidate(faces, right).faults == ()
     first, *others = right
     for item in (found_at(faces[0], 1.1 * NEAR_M), found_at(faces[0], 0.0, 1.1 * NEAR_RAD)):
-        assert (judge(faces, [item, *others]).right, judge(faces, [item, *others]).wrong) == (3, 1)
+        assert (
+            score_candidate(faces, [item, *others]).right,
+            score_candidate(faces, [item, *others]).wrong,
+        ) == (3, 1)
     away = replace(first, normal=-first.normal)
-    assert judge(faces, [away, *others]).wrong == 1
-    assert judge(faces, others).right == 3
-    assert judge(faces, [*right, first]).wrong == 1
-    assert judge(faces, []).right == 0
-    assert judge(faces, [replace(first, status="no-outline"), *others]).wrong == 0
+    assert score_candidate(faces, [away, *others]).wrong == 1
+    assert score_candidate(faces, others).right == 3
+    assert score_candidate(faces, [*right, first]).wrong == 1
+    assert score_candidate(faces, []).right == 0
+    assert score_candidate(faces, [replace(first, status="no-outline"), *others]).wrong == 0
 
 
 @pytest.mark.parametrize("number", VEHICLES)

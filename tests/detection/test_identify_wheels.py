@@ -15,7 +15,7 @@ from tests.support.scenes import rotation
 from wheelplane.capture.front import Front
 from wheelplane.detection.identify_wheels import find_axles, wheels_by_markers
 from wheelplane.detection.up_direction import stand_on_a_floor
-from wheelplane.detection.vehicles import Face
+from wheelplane.detection.vehicles import FoundTarget
 from wheelplane.errors import InputError
 
 WHEELS = ("RR", "RL", "FR", "FL")
@@ -43,12 +43,12 @@ def car(rear=1.5, front=1.5, base=2.7, steered=0.0, camber=0.0, shift=0.0):
             place = np.array([base, side * front / 2.0 + shift, 0.3])
         lean = np.radians(camber)
         normal = np.array([0.0, side * np.cos(lean), -np.sin(lean)])
-        faces.append(Face(place, turned(normal, steered if wheel[0] == "F" else 0.0), 0.9))
+        faces.append(FoundTarget(place, turned(normal, steered if wheel[0] == "F" else 0.0), 0.9))
     return faces
 
 
 def moved(faces, R, shift):
-    return [Face(R @ face.centre_m + shift, R @ face.normal, face.match) for face in faces]
+    return [FoundTarget(R @ face.centre_m + shift, R @ face.normal, face.match) for face in faces]
 
 
 def named(faces, up, front):
@@ -136,7 +136,7 @@ def test_three_faces_are_listed_and_none_is_guessed(missing):
 
 def test_a_target_that_is_shown_twice_is_not_measured():
     ghost = car()[2]
-    faces = [*car(), Face(ghost.centre_m + 0.02 * UP, ghost.normal, 0.75)]
+    faces = [*car(), FoundTarget(ghost.centre_m + 0.02 * UP, ghost.normal, 0.75)]
     assert refusal(faces).startswith("faces 3 and 5 of the target lie 20 mm apart, so one target")
 
 
@@ -144,13 +144,13 @@ def test_a_target_that_is_shown_twice_is_not_measured():
 def test_a_face_that_overlaps_with_a_much_better_one_is_none(place):
     """Two targets cannot overlap: what looks a little like one there, nearer out or in, is none."""
     ghost = car()[2]
-    false = Face(ghost.centre_m + np.array([0.2, -0.1, 0.0]), ghost.normal, 0.7)
+    false = FoundTarget(ghost.centre_m + np.array([0.2, -0.1, 0.0]), ghost.normal, 0.7)
     faces = car()
     faces.insert(place, false)
     by_name, left_out = named(faces, UP, towards(FORWARD))
     assert left_out == (place,)
     assert [faces[by_name[wheel]].match for wheel in WHEELS] == [0.9] * 4
-    far = Face(ghost.centre_m + np.array([0.3, -0.1, 0.0]), ghost.normal, 0.7)
+    far = FoundTarget(ghost.centre_m + np.array([0.3, -0.1, 0.0]), ghost.normal, 0.7)
     assert "of which 2 sets" in refusal([*car(), far])
 
 
@@ -197,9 +197,9 @@ def test_of_two_sets_the_one_that_stands_on_the_floor_is_the_vehicle():
 @pytest.mark.parametrize(
     "stray",
     [
-        Face(np.array([1.3, 4.0, 0.3]), np.array([0.0, -1.0, 0.0]), 0.7),
-        Face(np.array([1.3, -0.8, 1.0]), np.array([0.0, -1.0, 0.0]), 0.7),
-        Face(np.array([-3.0, 0.7, 1.5]), np.array([1.0, 0.0, 0.0]), 0.7),
+        FoundTarget(np.array([1.3, 4.0, 0.3]), np.array([0.0, -1.0, 0.0]), 0.7),
+        FoundTarget(np.array([1.3, -0.8, 1.0]), np.array([0.0, -1.0, 0.0]), 0.7),
+        FoundTarget(np.array([-3.0, 0.7, 1.5]), np.array([1.0, 0.0, 0.0]), 0.7),
     ],
 )
 @pytest.mark.parametrize("place", range(5))
@@ -214,11 +214,11 @@ def test_a_face_that_makes_no_other_vehicle_is_left_out(stray, place):
 
 def test_a_fifth_face_that_nearly_makes_another_vehicle_is_not_left_out():
     """A rival need not keep the limits: 2.65 m is wider than any track, but not by much."""
-    fifth = Face(np.array([0.0, 1.9, 0.3]), np.array([0.0, 1.0, 0.0]), 0.7)
+    fifth = FoundTarget(np.array([0.0, 1.9, 0.3]), np.array([0.0, 1.0, 0.0]), 0.7)
     assert "of which" in refusal([*car(), fifth])
-    far = Face(np.array([0.0, 3.05, 0.3]), np.array([0.0, 1.0, 0.0]), 0.7)
+    far = FoundTarget(np.array([0.0, 3.05, 0.3]), np.array([0.0, 1.0, 0.0]), 0.7)
     assert find_axles([*car(), far], RADIUS_M).left_out == (4,)
-    weak = Face(fifth.centre_m, fifth.normal, 0.6)  # less than 0.7 of the others' 0.9
+    weak = FoundTarget(fifth.centre_m, fifth.normal, 0.6)  # less than 0.7 of the others' 0.9
     assert find_axles([*car(), weak], RADIUS_M).left_out == (4,)
 
 
@@ -231,11 +231,15 @@ def test_a_fifth_face_that_nearly_makes_another_vehicle_is_not_left_out():
         car(base=7.2),
         car(rear=2.4, front=1.5),
         car(shift=0.8),
-        [Face(f.centre_m, -f.normal, f.match) for f in car()],  # seen from between two vehicles
-        [Face(f.centre_m, turned(f.normal, 25.0), f.match) for f in car()],  # no axle is straight
+        [
+            FoundTarget(f.centre_m, -f.normal, f.match) for f in car()
+        ],  # seen from between two vehicles
+        [
+            FoundTarget(f.centre_m, turned(f.normal, 25.0), f.match) for f in car()
+        ],  # no axle is straight
         moved(car()[:2], np.eye(3), np.zeros(3))
         + moved(car()[2:], np.eye(3), np.array([0.0, 0.0, 0.0]))[:1]
-        + [Face(np.array([2.7, 0.75, 0.3]), np.array([1.0, 0.0, 0.0]), 0.9)],
+        + [FoundTarget(np.array([2.7, 0.75, 0.3]), np.array([1.0, 0.0, 0.0]), 0.9)],
     ],
 )
 def test_four_faces_that_stand_as_no_vehicle_does_are_refused(faces):
@@ -246,7 +250,7 @@ def test_four_faces_that_stand_as_no_vehicle_does_are_refused(faces):
 
 def test_many_faces_are_listed_in_part():
     rng = np.random.default_rng(0)
-    faces = [Face(rng.uniform(-20, 20, 3), rotation(rng)[0], 0.5) for _ in range(40)]
+    faces = [FoundTarget(rng.uniform(-20, 20, 3), rotation(rng)[0], 0.5) for _ in range(40)]
     text = refusal(faces)
     assert "32 more" in text
     assert len(text) < 1200

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wheelplane.detection.template_match import match_face, peaks
+from wheelplane.detection.template_match import match_template, peaks
 from wheelplane.targets.plates import ANY_WIDTH, NO_HOLES, Region, rectangle
 
 DISC = Region(0.125, ANY_WIDTH, NO_HOLES)
@@ -25,7 +25,7 @@ def points(region, turn, centre, seed, count=40_000):
 
 def place(uv, shape):
     region, period = SHAPES[shape]
-    return match_face(uv, region, period, region.radius_m)
+    return match_template(uv, region, period, region.radius_m)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -62,11 +62,11 @@ def test_what_reaches_the_plane_by_its_noise_alone_is_not_of_the_face(shape, beh
     face = face if "step" in behind else face[face[:, 0] < 0.02]
     leaks = rng.random(len(wall)) < 0.15
     near = np.concatenate([face, wall[leaks]])
-    alone = match_face(face, region, period, region.radius_m)
-    found = match_face(near, region, period, region.radius_m, wall[~leaks])
+    alone = match_template(face, region, period, region.radius_m)
+    found = match_template(near, region, period, region.radius_m, wall[~leaks])
     assert found.match > 0.9 * alone.match
     assert np.hypot(*(found.centre_m - alone.centre_m)) < 2.0 * found.cell_m
-    assert match_face(near, region, period, region.radius_m).match < 0.5 * alone.match
+    assert match_template(near, region, period, region.radius_m).match < 0.5 * alone.match
 
 
 @pytest.mark.parametrize("shape", SHAPES)

@@ -15,8 +15,8 @@ import pytest
 
 from tests.support.scenes import WHEEL, make, rotation
 from wheelplane.cli import main
-from wheelplane.diagnostics.findings import oddities, spacing_m
-from wheelplane.diagnostics.survey import SAMPLE, survey_file
+from wheelplane.diagnostics.findings import findings, spacing_m
+from wheelplane.diagnostics.survey import SAMPLE, summarise_scan
 from wheelplane.readers import read_scan
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,7 +59,7 @@ def test_it_agrees_with_what_is_read(name, inspect):
     tree, scan = json.loads(out), read_scan(FORMATS / name)
     assert (code, err) == (0, "")
     assert tree["points"] == len(scan.points_m)
-    assert tree["missing_returns"] == scan.missing_returns
+    assert tree["missing_returns"] == scan.invalid_points
     assert tree["low_m"] == scan.points_m.min(axis=0).tolist()
     assert tree["high_m"] == scan.points_m.max(axis=0).tolist()
     assert (tree["intensity"] is None) == (scan.intensity is None)
@@ -90,7 +90,7 @@ def test_the_screen_of_the_posed_sample(inspect):
 @pytest.mark.parametrize("count", [60, 500, 900])
 @pytest.mark.parametrize("spacing", [0.0012, 0.03])
 def test_spacing_of_a_raster_is_found_from_a_sample(tmp_path, count, spacing):
-    survey = survey_file(ply(tmp_path / "a.ply", raster(count, spacing)), "m")
+    survey = summarise_scan(ply(tmp_path / "a.ply", raster(count, spacing)), "m")
     assert (survey.stride > 1) == (count**2 >= 2 * SAMPLE)
     # The waves, of slope 0.8, stretch the surface by up to 1.3; thinning to every other point of a
     # raster leaves more than a Poisson process would.
@@ -98,14 +98,14 @@ def test_spacing_of_a_raster_is_found_from_a_sample(tmp_path, count, spacing):
 
 
 def test_a_sample_is_all_that_is_kept(tmp_path):
-    survey = survey_file(ply(tmp_path / "a.ply", raster(900, 0.001)), "m")
+    survey = summarise_scan(ply(tmp_path / "a.ply", raster(900, 0.001)), "m")
     assert survey.points == 810_000
     assert SAMPLE / 2 < len(survey.sample_m) < 2 * SAMPLE
     assert len(survey.keys) < 2 * SAMPLE
 
 
 def told(folder, points, name="a.ply", unit="m", **options):
-    return " | ".join(oddities(survey_file(ply(folder / name, points, **options), unit)))
+    return " | ".join(findings(summarise_scan(ply(folder / name, points, **options), unit)))
 
 
 def test_nothing_is_odd_about_an_ordinary_scan(tmp_path):

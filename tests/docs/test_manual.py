@@ -32,7 +32,7 @@ from tests.support.manual_blocks import (
 )
 from tests.support.manual_reference import NAME, chapter, commands
 from wheelplane.batch.catalogue.schema import create
-from wheelplane.batch.run.measure_one import STAGES
+from wheelplane.batch.run.stages import STAGES
 from wheelplane.config import config_file
 from wheelplane.manual.build import chapter_files, pages
 from wheelplane.manual.markdown import render
@@ -375,16 +375,16 @@ def test_every_column_of_the_catalogue_is_told(tmp_path):
 
 # Where notes are made: module, and functions (all functions of oddities.py).
 NOTES = {
-    "align.py": ("_upside_down", "_far_from_their_wheel"),
-    "observe_cloud.py": ("_left_out",),
-    "measurement.py": ("said",),
-    "stated_causes.py": ("noisy",),
-    "five_point_file.py": ("_note_if_upside_down", "_note_of_sense"),
-    "validate_five.py": ("note_of_aiming",),
-    "validate_old.py": ("by_old_estimator",),
-    "plausible.py": ("float32_fact",),
-    "e57_scans.py": ("_part",),
-    "oddities.py": ("oddities", "_few_points", "_size", "_steps", "_duplicates", "_origin", "_flat",
+    "evaluate.py": ("_upside_down", "_far_from_their_wheel"),
+    "observe_vehicle.py": ("_left_out",),
+    "records.py": ("said",),
+    "observe.py": ("noisy",),
+    "file.py": ("_note_if_upside_down", "_note_of_sense"),
+    "five_point.py": ("note_of_aiming",),
+    "tcgc_2013.py": ("by_old_estimator",),
+    "plausibility.py": ("float32_fact",),
+    "scans.py": ("_part",),
+    "findings.py": ("findings", "_few_points", "_size", "_steps", "_duplicates", "_origin", "_flat",
                     "_pose"),
 }  # fmt: skip
 SENTENCE = 24  # characters of a note, at least; shorter strings are parts of one
@@ -435,7 +435,7 @@ def test_notes_are_made_nowhere_else():
     for path, tree in sources():
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef) and re.match(
-                r"_?note_|_?noisy|_?oddit", node.name
+                r"_?note_|_?noisy|_?finding", node.name
             ):
                 assert node.name in NOTES.get(path.name, ()), f"{path.name}: {node.name}"
 
@@ -473,7 +473,11 @@ def test_every_field_of_a_turned_measurement_is_explained():
     """Sweeps, run-outs, repeats and Monte Carlo, by the keys that their writers write."""
     text = CHAPTERS["08-json.md"]
     said = {w for row in re.findall(r"^\|(.*)\|$", text, re.M) for w in re.findall(r"`(\w+)`", row)}
-    for name in ("report/turned_json.py", "report/uncertainty_json.py", "batch/measured.py"):
+    for name in (
+        "report/json/kinematics.py",
+        "report/json/uncertainty.py",
+        "batch/run/measure_one.py",
+    ):
         tree = ast.parse((ROOT / "pipeline" / name).read_text(encoding="utf-8"))
         written = {
             key.value

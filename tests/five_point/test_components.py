@@ -120,14 +120,18 @@ def lines(stated):
 
 
 def test_each_statement_is_a_line_of_the_budget():
-    assert lines(STATED).causes == ("range noise", "angle noise", "aiming", "range bias")
+    assert lines(STATED).components == ("range noise", "angle noise", "aiming", "range bias")
     bare = StationConfig(range_sigma_m=6e-4, angle_sigma_arcsec=0.0)
-    assert lines(bare).causes == ("range noise",)
+    assert lines(bare).components == ("range noise",)
     double = STATED.model_copy(update={"aiming_sigma_m": 1e-3})
-    index = lines(STATED).causes.index("aiming")
-    np.testing.assert_allclose(lines(double).shares[:, index], 4 * lines(STATED).shares[:, index])
-    assert lines(STATED).shares[:, index].max() > 0.0
-    assert lines(STATED).shares[12, index] < 1e-3 * lines(STATED).shares[0, index]  # total toe
+    index = lines(STATED).components.index("aiming")
+    np.testing.assert_allclose(
+        lines(double).contributions[:, index], 4 * lines(STATED).contributions[:, index]
+    )
+    assert lines(STATED).contributions[:, index].max() > 0.0
+    assert (
+        lines(STATED).contributions[12, index] < 1e-3 * lines(STATED).contributions[0, index]
+    )  # total toe
 
 
 def test_scatter_beyond_the_instrument_is_not_hidden():
@@ -141,11 +145,11 @@ def test_scatter_beyond_the_instrument_is_not_hidden():
     assert np.count_nonzero(honest) <= stats.binom.ppf(0.999, 40, 0.01)
     assert np.all(boasting > 2e-4)
     station = Station(better, place)
-    assert "unexplained scatter" in measure_five_point(file(blocks), station).uncertainty.causes
+    assert "unexplained scatter" in measure_five_point(file(blocks), station).uncertainty.components
 
 
 def test_without_a_station_the_residuals_count_with_their_degrees_of_freedom():
-    inside, freedom = [], None
+    inside, dof = [], None
     for seed in range(200):
         toe, _, centres, normals, place, rng = vehicle(seed)
         noise = 5e-4 * rng.standard_normal((4, 5, 3))
@@ -154,11 +158,11 @@ def test_without_a_station_the_residuals_count_with_their_degrees_of_freedom():
         blocks = observed(centres, normals, place, exact, rng) + noise
         known = measure_five_point(file(blocks))
         error = np.array([w.angles.toe_rad for w in known.wheels]) - toe
-        freedom = known.uncertainty.freedom[:4]
+        dof = known.uncertainty.dof[:4]
         inside += list(
             np.abs(error) < known.uncertainty.coverage_factor[:4] * known.uncertainty.toe_rad
         )
-    np.testing.assert_allclose(freedom, 8.0, rtol=1e-9)  # five points less three, four times
+    np.testing.assert_allclose(dof, 8.0, rtol=1e-9)  # five points less three, four times
     assert abs(np.mean(inside) - 0.95) < 4 * np.sqrt(0.95 * 0.05 / 400)  # wheels share one sigma
     assert stats.t.ppf(0.975, 8) > 2.3
 

@@ -14,8 +14,8 @@ from tests.fuzzing.e57 import HELD, PAGE
 from tests.fuzzing.mutations import Mutant
 from tests.fuzzing.samples import capture_files, scans
 from wheelplane.capture.open_capture import open_capture
-from wheelplane.diagnostics.findings import oddities
-from wheelplane.diagnostics.survey import survey_file
+from wheelplane.diagnostics.findings import findings
+from wheelplane.diagnostics.survey import summarise_scan
 from wheelplane.errors import WheelplaneError
 from wheelplane.five_point.file import read_five_point
 from wheelplane.readers import Scan, read_scan
@@ -51,9 +51,9 @@ def _scan(path: Path, mutant: Mutant) -> None:
         _inspect(path, 0, 0)
         raise
     _check_scan(scan)
-    _inspect(path, len(scan.points_m), scan.missing_returns)
+    _inspect(path, len(scan.points_m), scan.invalid_points)
     declared = count_declared(mutant)
-    seen = len(scan.points_m) + scan.missing_returns
+    seen = len(scan.points_m) + scan.invalid_points
     if declared is not None and declared != seen:
         raise BrokenLawError(f"silent loss: {declared} points declared, {seen} accounted for")
 
@@ -61,14 +61,14 @@ def _scan(path: Path, mutant: Mutant) -> None:
 def _inspect(path: Path, points: int, missing: int) -> None:
     """`inspect` sees what is read, and refuses what is refused, or sees no points there."""
     try:
-        survey = survey_file(path, "m")
-        oddities(survey)
+        survey = summarise_scan(path, "m")
+        findings(survey)
     except WheelplaneError as error:
         _check_line(str(error), path.name)
         if points:
             raise BrokenLawError(f"inspect refuses what is read: {error}") from error
         return
-    if survey.points != points or (points and survey.missing_returns != missing):
+    if survey.points != points or (points and survey.invalid_points != missing):
         raise BrokenLawError(f"inspect sees {survey.points} points, {points} are read")
 
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from tests.support.turning import CENTRE_M, NORMAL_RAD, WHEELS, Scene, facing, rolled
 from wheelplane.kinematics.runout import measure_runouts
 from wheelplane.report.text.runout import runout_text
-from wheelplane.uncertainty.components import clamp_cause, form_cause
+from wheelplane.uncertainty.components import flatness_component, mounting_component
 
 TOE, CAMBER = 0.003, -0.012  # of `rolled`
 WOBBLE = np.radians([0.3, 0.4])  # half a degree
@@ -29,7 +29,7 @@ def one(scene, wheel="FL", turns=HALF, **more):
 @pytest.mark.parametrize("turns", [HALF, QUARTERS, np.radians([10.0, 100.0, 250.0])])
 def test_exact_scans_give_the_axle_that_was_set(wheel, turns):
     found = one(Scene(1, noise=0.0).references(), wheel, turns)
-    assert (found.status, found.freedom) == ("ok", 5 * len(turns) - 9)
+    assert (found.status, found.dof) == ("ok", 5 * len(turns) - 9)
     assert found.angles.toe.value == pytest.approx(TOE, abs=1e-9)
     assert found.angles.camber.value == pytest.approx(CAMBER, abs=1e-9)
     assert found.wobble.value == pytest.approx(np.radians(0.5), abs=1e-8)
@@ -108,8 +108,8 @@ def test_what_sits_with_the_plate_cancels():
     loose = rolled(Scene(5, noise=0.0).references(), "FL", HALF, wobble=WOBBLE, u_turn=1e-4)
     for i, seen in enumerate(loose.seen[4:], 4):
         n = seen.fitted.normal
-        extra = (form_cause(1e-3, 0.125, n), clamp_cause(0.01, 0.003, n))
-        target = replace(seen.fitted, causes=(*seen.fitted.causes, *extra))
+        extra = (flatness_component(1e-3, 0.125, n), mounting_component(0.01, 0.003, n))
+        target = replace(seen.fitted, components=(*seen.fitted.components, *extra))
         loose.seen[i] = replace(seen, evidence=replace(seen.evidence, target=target))
     (found,) = measure_runouts(loose.measure())
     assert found.angles.toe.u == pytest.approx(plain.angles.toe.u, rel=1e-3)
@@ -221,7 +221,7 @@ def test_a_plate_that_shows_its_turn_tells_it():
     told = HALF + np.array([0.0, 0.05])
     found = one(Scene(4, **scene).references(), u_turn=loose, told=told)
     sure = one(Scene(4, noise=0.0).references(), u_turn=1e-4)
-    assert (found.status, found.freedom) == ("ok", 5 * 2 - 9 + 1)
+    assert (found.status, found.dof) == ("ok", 5 * 2 - 9 + 1)
     assert found.angles.toe.value == pytest.approx(TOE, abs=1e-8)
     assert np.diff(found.turns_rad) == pytest.approx(np.pi, abs=1e-4)
     assert found.angles.toe.u == pytest.approx(sure.angles.toe.u, rel=0.01)

@@ -17,7 +17,7 @@ from tests.support.turning import (
     side,
     swept,
 )
-from wheelplane.kinematics.steering_axis import measure_kingpins
+from wheelplane.kinematics.steering_axis import measure_steering_axes
 from wheelplane.kinematics.toe_out_on_turns import measure_toe_out
 from wheelplane.report.json.measurement import to_tree
 from wheelplane.report.text.steering import steering_text
@@ -61,7 +61,7 @@ def car(seed, noise, turned=WHEELS, wobble=WOBBLE, eccentric=ECCENTRIC, rolled_o
 
 
 def test_the_kingpin_counts_from_the_axles_where_run_outs_show_them():
-    for found in measure_kingpins(car(1, 0.0)):
+    for found in measure_steering_axes(car(1, 0.0)):
         assert (found.status, found.frame) == ("ok", "axle centres")
         assert found.caster.value == pytest.approx(CASTER, abs=2e-7)
         assert found.inclination.value == pytest.approx(INCLINATION, abs=2e-7)
@@ -72,7 +72,7 @@ def test_the_kingpin_counts_from_the_axles_where_run_outs_show_them():
 @pytest.mark.parametrize("turned", [(), ("RL",)])
 def test_plates_that_no_run_out_compensates_are_named(turned):
     result = car(1, 0.0, turned=turned)
-    found = measure_kingpins(result)
+    found = measure_steering_axes(result)
     frame = "axle and plate centres" if turned else "plate centres"
     assert [kingpin.frame for kingpin in found] == [frame] * 2
     assert to_tree(result)["steering"]["kingpins"][0]["frame"] == frame
@@ -102,7 +102,7 @@ def test_errors_are_as_large_as_stated():
     true = measure_toe_out(car(0, 0.0))[0].difference.value
     for seed in range(60):
         result = car(100 + seed, 1.0)
-        (found, _) = measure_kingpins(result)
+        (found, _) = measure_steering_axes(result)
         rows["inclination"].append((found.inclination.value - INCLINATION) / found.inclination.u)
         rows["caster"].append((found.caster.value - CASTER) / found.caster.u)
         left = measure_toe_out(result)[0]
@@ -115,6 +115,8 @@ def test_errors_are_as_large_as_stated():
 
 def test_axles_of_two_scans_tell_the_frame_better_than_plates_of_one():
     by_plates, by_axles = (car(5, 0.0, turned=turned) for turned in ((), WHEELS))
-    for one, two in zip(measure_kingpins(by_plates), measure_kingpins(by_axles), strict=True):
+    for one, two in zip(
+        measure_steering_axes(by_plates), measure_steering_axes(by_axles), strict=True
+    ):
         assert two.caster.u < one.caster.u
         assert two.inclination.u < one.inclination.u

@@ -28,16 +28,16 @@ from wheelplane.measurement.conformity import (
     Verdict,
     assess,
     conforms,
+    decide,
     guard_band,
-    judge,
     probabilities,
 )
 from wheelplane.measurement.records import Measurement, WheelResult
-from wheelplane.measurement.tolerance import Tolerance, Zone, load_tolerance
+from wheelplane.measurement.tolerance import Tolerance, ToleranceInterval, load_tolerance
 from wheelplane.report.json.conformity import conformity_tree
 from wheelplane.report.json.measurement import to_tree
 from wheelplane.report.text.conformity import conformity_text
-from wheelplane.uncertainty.components import Cause
+from wheelplane.uncertainty.components import UncertaintyComponent
 from wheelplane.uncertainty.propagation import propagate
 
 FIGURE_4 = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
@@ -46,11 +46,11 @@ GUARDED = Tolerance.model_validate(ANYTHING)
 SIMPLE = Tolerance.model_validate({"rule": "simple", **ANYTHING})
 K = float(stats.norm.ppf(0.95))
 K_TWO_SIDED = float(stats.norm.ppf(0.975))
-ZONES = {
-    "upper": Zone(-math.inf, 3.0),
-    "lower": Zone(-1.0, math.inf),
-    "wide": Zone(-20.0, 30.0),
-    "narrow": Zone(-2.1, 2.1),  # the guard bands leave 0.6 u
+INTERVALS = {
+    "upper": ToleranceInterval(-math.inf, 3.0),
+    "lower": ToleranceInterval(-1.0, math.inf),
+    "wide": ToleranceInterval(-20.0, 30.0),
+    "narrow": ToleranceInterval(-2.1, 2.1),  # the guard bands leave 0.6 u
 }
 
 
@@ -58,8 +58,10 @@ def quantity(value: float | None, u: float | None = 1.0) -> Quantity:
     return Quantity("toe", "RR", "RR", "rad", value, u, "" if value is not None else "no-plane")
 
 
-def decide(value: float, zone: Zone, u: float = 1.0, tolerance: Tolerance = GUARDED) -> str:
-    return judge(quantity(value, u), zone, tolerance).decision
+def decision_of(
+    value: float, interval: ToleranceInterval, u: float = 1.0, tolerance: Tolerance = GUARDED
+) -> str:
+    return decide(quantity(value, u), interval, tolerance).decision
 
 
 # --- the probability ----------------------------------------------------------------------------
@@ -72,40 +74,44 @@ def test_probability_against_scipy(seed):
         u, lower = 10.0 ** rng.uniform(-6, 2), rng.normal()
         upper = lower + u * 10.0 ** rng.uniform(-2, 2)
         y = rng.uniform(lower - 12 * u, upper + 12 * u)
-        for zone in (Zone(lower, upper), Zone(lower, math.inf), Zone(-math.inf, upper)):
-            inside, outside = probabilities(y, u, zone)
-            below, above = stats.norm.cdf(zone.lower, y, u), stats.norm.sf(zone.upper, y, u)
+        for interval in (
+            ToleranceInterval(lower, upper),
+            ToleranceInterval(lower, math.inf),
+            ToleranceInterval(-math.inf, upper),
+        ):
+            inside, outside = probabilities(y, u, interval)
+            below, above = stats.norm.cdf(interval.lower, y, u), stats.norm.sf(interval.upper, y, u)
             assert outside == pytest.approx(below + above, rel=1e-9, abs=1e-300)
             # from the side where the difference of two small numbers keeps its digits
             tails = (
-                (below, stats.norm.cdf(zone.upper, y, u))
-                if y > (lower + upper) / 2 and math.isfinite(zone.width)
-                else (stats.norm.sf(zone.upper, y, u), stats.norm.sf(zone.lower, y, u))
-                if math.isfinite(zone.lower)
-                else (0.0, stats.norm.cdf(zone.upper, y, u))
+                (below, stats.norm.cdf(interval.upper, y, u))
+                if y > (lower + upper) / 2 and math.isfinite(interval.width)
+                else (stats.norm.sf(interval.upper, y, u), stats.norm.sf(interval.lower, y, u))
+                if math.isfinite(interval.lower)
+                else (0.0, stats.norm.cdf(interval.upper, y, u))
             )
             assert inside == pytest.approx(tails[1] - tails[0], rel=1e-7, abs=1e-300)
             assert inside + outside == pytest.approx(1.0, abs=1e-14)
 
 
-@pytest.mark.parametrize("zone", ZONES.values(), ids=ZONES)
+@pytest.mark.parametrize("interval", INTERVALS.values(), ids=INTERVALS)
 @pytest.mark.parametrize("y", [-1.5, 0.3, 2.9])
-def test_probability_against_draws(y, zone):
+def test_probability_against_draws(y, interval):
     draws, u = 40_000, 1.3
     true = np.random.default_rng(8).normal(y, u, draws)
-    share = np.mean((true >= zone.lower) & (true <= zone.upper))
-    p = probabilities(y, u, zone)[0]
+    share = np.mean((true >= interval.lower) & (true <= interval.upper))
+    p = probabilities(y, u, interval)[0]
     assert abs(share - p) <= 4.5 * math.sqrt(p * (1 - p) / draws) + 1 / draws
-    wrong = probabilities(y, 2 * u, zone)[0]
-    if zone.width < 10:
+    wrong = probabilities(y, 2 * u, interval)[0]
+    if interval.width < 10:
         assert abs(share - wrong) > 4.5 * math.sqrt(p * (1 - p) / draws)
 
 
 def test_a_tiny_risk_keeps_its_digits():
-    inside, outside = probabilities(0.0, 1.0, Zone(-30.0, math.inf))
+    inside, outside = probabilities(0.0, 1.0, ToleranceInterval(-30.0, math.inf))
     assert inside == 1.0
     assert outside == pytest.approx(stats.norm.sf(30.0), rel=1e-9, abs=0.0)
-    inside, outside = probabilities(31.0, 1.0, Zone(0.0, 1.0))
+    inside, outside = probabilities(31.0, 1.0, ToleranceInterval(0.0, 1.0))
     assert outside == 1.0
     assert inside == pytest.approx(stats.norm.sf(30.0), rel=1e-9, abs=0.0)
 
@@ -115,69 +121,73 @@ def test_a_tiny_risk_keeps_its_digits():
 
 @pytest.mark.parametrize("confidence", [0.9, 0.95, 0.99])
 @pytest.mark.parametrize("u", [1e-5, 1.0])
-@pytest.mark.parametrize("zone", [Zone(-math.inf, 3.0), Zone(-40.0, 3.0)])
-def test_boundaries_stand_a_guard_band_from_the_limit(zone, u, confidence):
+@pytest.mark.parametrize(
+    "interval", [ToleranceInterval(-math.inf, 3.0), ToleranceInterval(-40.0, 3.0)]
+)
+def test_boundaries_stand_a_guard_band_from_the_limit(interval, u, confidence):
     tolerance = Tolerance.model_validate({"confidence": confidence, **ANYTHING})
-    g = guard_band(u, zone, tolerance)
+    g = guard_band(u, interval, tolerance)
     assert g == pytest.approx(stats.norm.ppf(confidence) * u, rel=1e-9, abs=0.0)
     step = 1e-9 * u
     for y, decision in (
-        (zone.upper - g, "conform"),
-        (zone.upper - g + step, "undecided"),
-        (zone.upper, "undecided"),
-        (zone.upper + g - step, "undecided"),
-        (zone.upper + g + step, "not conform"),
+        (interval.upper - g, "conform"),
+        (interval.upper - g + step, "undecided"),
+        (interval.upper, "undecided"),
+        (interval.upper + g - step, "undecided"),
+        (interval.upper + g + step, "not conform"),
     ):
-        assert decide(y, zone, u, tolerance) == decision
-        mirrored = Zone(-zone.upper, -zone.lower)
-        assert decide(-y, mirrored, u, tolerance) == decision
+        assert decision_of(y, interval, u, tolerance) == decision
+        mirrored = ToleranceInterval(-interval.upper, -interval.lower)
+        assert decision_of(-y, mirrored, u, tolerance) == decision
 
 
 @pytest.mark.parametrize("width", [2.0 * K_TWO_SIDED + 1e-6, 4.0, 4.2, 5.0, 8.0])
 def test_near_limits_need_a_wider_guard_band(width):
     """Both tails count: at the edge of acceptance p is the confidence, by scipy."""
-    zone = Zone(0.0, width)
-    g = guard_band(1.0, zone, GUARDED)
+    interval = ToleranceInterval(0.0, width)
+    g = guard_band(1.0, interval, GUARDED)
     assert K < g < K_TWO_SIDED
     p = stats.norm.cdf(width, g) - stats.norm.cdf(0.0, g)
     assert p == pytest.approx(0.95, abs=1e-9)
     if width < 5.0:  # where the band of a single limit would accept at a risk above 5 %
         assert stats.norm.cdf(width, K) - stats.norm.cdf(0.0, K) < 0.9495
-    assert decide(g, zone) == decide(width - g, zone) == "conform"
-    assert decide(g - 1e-9, zone) == decide(width - g + 1e-9, zone) == "undecided"
+    assert decision_of(g, interval) == decision_of(width - g, interval) == "conform"
+    assert decision_of(g - 1e-9, interval) == decision_of(width - g + 1e-9, interval) == "undecided"
 
 
 def test_a_tolerance_that_the_uncertainty_eats_says_what_u_it_takes():
     width = math.radians(0.1)
-    zone, u = Zone(0.0, width), width / (2.0 * K_TWO_SIDED) * (1 + 1e-6)
+    interval, u = ToleranceInterval(0.0, width), width / (2.0 * K_TWO_SIDED) * (1 + 1e-6)
     for y in np.linspace(-K * u, width + K * u, 41)[1:-1]:
-        verdict = judge(quantity(float(y), u), zone, GUARDED)
+        verdict = decide(quantity(float(y), u), interval, GUARDED)
         assert verdict.decision == "undecided"
         assert verdict.guard_band is None
         needed = re.fullmatch(r"undecidable, .* it takes u of (\S+)\" or less", verdict.reason)[1]
         assert float(needed) == pytest.approx(360.0 / (2.0 * K_TWO_SIDED), rel=5e-3)
-    assert decide(width / 2, zone, u * (1 - 2e-6)) == "conform"
-    assert decide(width + 1.001 * K * u, zone, u) == "not conform"  # that it can still tell
+    assert decision_of(width / 2, interval, u * (1 - 2e-6)) == "conform"
+    assert (
+        decision_of(width + 1.001 * K * u, interval, u) == "not conform"
+    )  # that it can still tell
 
 
 @pytest.mark.parametrize(
     ("y", "decision"), [(2.5, "conform"), (3.5, "not conform"), (-19.0, "conform")]
 )
 def test_half_the_uncertainty_decides(y, decision):
-    zone = Zone(-20.0, 3.0)
-    u = 1.5 * min(abs(y - zone.lower), abs(y - zone.upper)) / K
-    assert decide(y, zone, u) == "undecided"
-    assert decide(y, zone, u / 2) == decision
+    interval = ToleranceInterval(-20.0, 3.0)
+    u = 1.5 * min(abs(y - interval.lower), abs(y - interval.upper)) / K
+    assert decision_of(y, interval, u) == "undecided"
+    assert decision_of(y, interval, u / 2) == decision
 
 
 @pytest.mark.parametrize("scale", [2.0**-12, 2.0**7])
-@pytest.mark.parametrize("zone", ZONES.values(), ids=ZONES)
-def test_unit_and_sense_of_the_scale_do_not_matter(zone, scale):
+@pytest.mark.parametrize("interval", INTERVALS.values(), ids=INTERVALS)
+def test_unit_and_sense_of_the_scale_do_not_matter(interval, scale):
     for y in np.random.default_rng(2).uniform(-6, 6, 60).tolist():
-        verdict = judge(quantity(y), zone, GUARDED)
-        scaled = Zone(zone.lower * scale, zone.upper * scale)
-        other = judge(quantity(y * scale, scale), scaled, GUARDED)
-        turned = judge(quantity(-y), Zone(-zone.upper, -zone.lower), GUARDED)
+        verdict = decide(quantity(y), interval, GUARDED)
+        scaled = ToleranceInterval(interval.lower * scale, interval.upper * scale)
+        other = decide(quantity(y * scale, scale), scaled, GUARDED)
+        turned = decide(quantity(-y), ToleranceInterval(-interval.upper, -interval.lower), GUARDED)
         for same in (other, turned):
             assert same.decision == verdict.decision
             assert same.probability == pytest.approx(verdict.probability, rel=1e-9, abs=0.0)
@@ -191,8 +201,8 @@ def test_conform_is_what_reaches_the_confidence():
     rng = np.random.default_rng(3)
     seen = set()
     for _ in range(3000):
-        zone = Zone(0.0, rng.uniform(0.1, 12.0))
-        verdict = judge(quantity(rng.uniform(-4.0, zone.upper + 4.0)), zone, GUARDED)
+        interval = ToleranceInterval(0.0, rng.uniform(0.1, 12.0))
+        verdict = decide(quantity(rng.uniform(-4.0, interval.upper + 4.0)), interval, GUARDED)
         assert (verdict.decision == "conform") == (verdict.probability >= 0.95)
         if verdict.decision == "not conform":
             assert verdict.probability <= 0.05
@@ -206,25 +216,27 @@ ITEMS = 20_000
 AT_MOST = int(stats.binom.ppf(1 - 1e-6, ITEMS, 0.05))
 
 
-def decisions(true: float, zone: Zone, tolerance: Tolerance, seed: int = 5) -> dict[str, int]:
+def decisions(
+    true: float, interval: ToleranceInterval, tolerance: Tolerance, seed: int = 5
+) -> dict[str, int]:
     values = true + np.random.default_rng(seed).standard_normal(ITEMS)
-    told = [decide(y, zone, 1.0, tolerance) for y in values.tolist()]
+    told = [decision_of(y, interval, 1.0, tolerance) for y in values.tolist()]
     return {name: told.count(name) for name in ("conform", "undecided", "not conform")}
 
 
-@pytest.mark.parametrize("name", ZONES)
+@pytest.mark.parametrize("name", INTERVALS)
 def test_at_a_limit_no_more_than_one_in_twenty_is_decided_wrongly(name):
     """True values just beyond, and just within: the worst case. It fails without guard band."""
-    zone = ZONES[name]
-    limit = zone.upper if math.isfinite(zone.upper) else zone.lower
-    told = decisions(limit, zone, GUARDED)
+    interval = INTERVALS[name]
+    limit = interval.upper if math.isfinite(interval.upper) else interval.lower
+    told = decisions(limit, interval, GUARDED)
     assert told["conform"] <= AT_MOST
     assert told["not conform"] <= AT_MOST
     if name != "narrow":  # and the bands are no wider than that takes
         least = int(stats.binom.ppf(1e-6, ITEMS, 0.05))
         assert told["conform"] >= least
         assert told["not conform"] >= least
-    without = decisions(limit, zone, SIMPLE)
+    without = decisions(limit, interval, SIMPLE)
     assert without["conform"] > 5 * AT_MOST
     assert without["not conform"] > 5 * AT_MOST
     assert without["undecided"] == 0
@@ -233,7 +245,7 @@ def test_at_a_limit_no_more_than_one_in_twenty_is_decided_wrongly(name):
 @pytest.mark.parametrize("width", [0.2, 1.0, 3.0])
 def test_where_nothing_can_conform_wrong_rejection_stays_rare(width):
     """Two limits nearer than u are each judged alone: 5 % and what lies beyond the other one."""
-    told = decisions(width, Zone(0.0, width), GUARDED)
+    told = decisions(width, ToleranceInterval(0.0, width), GUARDED)
     share = 0.05 + float(stats.norm.sf(K + width))
     assert told["conform"] == 0
     assert stats.binom.ppf(1e-6, ITEMS, share) <= told["not conform"]
@@ -243,12 +255,13 @@ def test_where_nothing_can_conform_wrong_rejection_stays_rare(width):
 @pytest.mark.parametrize("tolerance", [GUARDED, SIMPLE], ids=["guarded", "simple"])
 def test_the_risks_that_are_told_are_those_that_come_true(tolerance):
     """Nothing is known beforehand: true values are as likely anywhere, far beyond the zone."""
-    rng, zone = np.random.default_rng(6), Zone(0.0, 5.0)
+    rng, interval = np.random.default_rng(6), ToleranceInterval(0.0, 5.0)
     true = rng.uniform(-12.0, 17.0, ITEMS)
     verdicts = [
-        judge(quantity(y), zone, tolerance) for y in (true + rng.standard_normal(ITEMS)).tolist()
+        decide(quantity(y), interval, tolerance)
+        for y in (true + rng.standard_normal(ITEMS)).tolist()
     ]
-    good = (true >= zone.lower) & (true <= zone.upper)
+    good = (true >= interval.lower) & (true <= interval.upper)
     for decision, wrong in (("conform", ~good), ("not conform", good)):
         chosen = np.array([verdict.decision == decision for verdict in verdicts])
         risks = np.array([v.risk for v in verdicts if v.decision == decision])
@@ -259,21 +272,21 @@ def test_the_risks_that_are_told_are_those_that_come_true(tolerance):
         assert risks.max() <= (0.05 + 1e-12 if tolerance is GUARDED else 0.5 + 1e-12)
 
 
-@pytest.mark.parametrize("freedom", [4, 16])
-def test_few_degrees_of_freedom_widen_the_guard_band(freedom):
+@pytest.mark.parametrize("dof", [4, 16])
+def test_few_degrees_of_freedom_widen_the_guard_band(dof):
     """True values at the limit, u estimated from `freedom` residuals: 5 % are accepted wrongly."""
-    rng, zone = np.random.default_rng(7), Zone(-math.inf, 0.0)
+    rng, interval = np.random.default_rng(7), ToleranceInterval(-math.inf, 0.0)
     y = rng.standard_normal(ITEMS)
-    u = np.sqrt(rng.chisquare(freedom, ITEMS) / freedom)
+    u = np.sqrt(rng.chisquare(dof, ITEMS) / dof)
     most = stats.binom.ppf(1 - 1e-6, ITEMS, 0.05)
     accepted = {}
-    for told in (freedom, math.inf):
-        seen = [replace(quantity(*pair), freedom=told) for pair in zip(y, u, strict=True)]
-        accepted[told] = sum(judge(q, zone, GUARDED).decision == "conform" for q in seen)
-    assert stats.binom.ppf(1e-6, ITEMS, 0.05) <= accepted[freedom] <= most
+    for told in (dof, math.inf):
+        seen = [replace(quantity(*pair), dof=told) for pair in zip(y, u, strict=True)]
+        accepted[told] = sum(decide(q, interval, GUARDED).decision == "conform" for q in seen)
+    assert stats.binom.ppf(1e-6, ITEMS, 0.05) <= accepted[dof] <= most
     assert accepted[math.inf] > most
-    verdict = judge(replace(quantity(-1.3), freedom=freedom), zone, GUARDED)
-    assert verdict.probability == pytest.approx(stats.t.cdf(1.3, freedom), rel=1e-12)
+    verdict = decide(replace(quantity(-1.3), dof=dof), interval, GUARDED)
+    assert verdict.probability == pytest.approx(stats.t.cdf(1.3, dof), rel=1e-12)
 
 
 # --- what is degenerate -------------------------------------------------------------------------
@@ -281,17 +294,17 @@ def test_few_degrees_of_freedom_widen_the_guard_band(freedom):
 
 @pytest.mark.parametrize("tolerance", [GUARDED, SIMPLE], ids=["guarded", "simple"])
 def test_without_uncertainty_the_value_decides(tolerance):
-    zone = Zone(-1.0, 2.0)
+    interval = ToleranceInterval(-1.0, 2.0)
     for y, decision, p in (
         (-1.0, "conform", 1.0),
         (2.0, "conform", 1.0),
         (math.nextafter(2.0, 3.0), "not conform", 0.0),
         (-9.0, "not conform", 0.0),
     ):
-        verdict = judge(quantity(y, 0.0), zone, tolerance)
+        verdict = decide(quantity(y, 0.0), interval, tolerance)
         assert (verdict.decision, verdict.probability, verdict.risk) == (decision, p, 0.0)
     for u in (5e-324, 1e-300, 1e300):  # no overflow, no nan
-        assert 0.0 <= judge(quantity(0.5, u), zone, tolerance).probability <= 1.0
+        assert 0.0 <= decide(quantity(0.5, u), interval, tolerance).probability <= 1.0
 
 
 @pytest.mark.parametrize(
@@ -299,17 +312,19 @@ def test_without_uncertainty_the_value_decides(tolerance):
 )
 @pytest.mark.parametrize("tolerance", [GUARDED, SIMPLE], ids=["guarded", "simple"])
 def test_what_is_not_known_is_undecided_and_says_why(value, u, tolerance):
-    verdict = judge(quantity(value, u), Zone(0.0, 1.0), tolerance)
+    verdict = decide(quantity(value, u), ToleranceInterval(0.0, 1.0), tolerance)
     assert verdict.decision == "undecided"
     assert verdict.probability is verdict.risk is verdict.guard_band is None
     assert verdict.reason == ("no-plane" if value is None else verdict.reason) != ""
 
 
 def test_the_simple_rule_states_the_risk_that_it_shares():
-    verdict = judge(quantity(3.0), ZONES["upper"], SIMPLE)
+    verdict = decide(quantity(3.0), INTERVALS["upper"], SIMPLE)
     assert (verdict.decision, verdict.guard_band) == ("conform", 0.0)
     assert verdict.risk == pytest.approx(0.5)
-    assert decide(math.nextafter(3.0, 4.0), ZONES["upper"], tolerance=SIMPLE) == "not conform"
+    assert (
+        decision_of(math.nextafter(3.0, 4.0), INTERVALS["upper"], tolerance=SIMPLE) == "not conform"
+    )
 
 
 @pytest.mark.parametrize(
@@ -318,14 +333,14 @@ def test_the_simple_rule_states_the_risk_that_it_shares():
 )
 def test_a_zone_holds_something_but_not_everything(lower, upper):
     with pytest.raises(ValueError, match="no tolerance lies"):
-        Zone(lower, upper)
+        ToleranceInterval(lower, upper)
 
 
 # --- several quantities -------------------------------------------------------------------------
 
 
 def verdict(decision: str, probability: float | None) -> Verdict:
-    return Verdict(quantity(0.0), ZONES["wide"], decision, 0.0, probability)
+    return Verdict(quantity(0.0), INTERVALS["wide"], decision, 0.0, probability)
 
 
 def test_the_worst_decides_and_only_conform_conforms():
@@ -349,7 +364,9 @@ def test_joint_probability_lies_within_its_bounds(correlation):
     shared = np.array([[1.0, correlation], [correlation, 1.0]])
     true = np.random.default_rng(4).multivariate_normal(np.zeros(2), shared, draws)
     joint = np.mean(np.all(true <= limits, axis=1))
-    each = [probabilities(0.0, 1.0, Zone(-math.inf, limit))[0] for limit in limits.tolist()]
+    each = [
+        probabilities(0.0, 1.0, ToleranceInterval(-math.inf, limit))[0] for limit in limits.tolist()
+    ]
     low, high = Conformity(GUARDED, tuple(verdict("conform", p) for p in each)).joint_probability
     slack = 4.5 * 0.5 / math.sqrt(draws)
     assert low - slack <= joint <= high + slack
@@ -416,8 +433,8 @@ def test_every_quantity_is_judged_by_its_own_value_uncertainty_and_limits(measur
 
 def loose_centre(target: TargetFit) -> TargetFit:
     """The target with its centre known to 5 mm an axis."""
-    loose = Cause("loose", np.vstack([np.zeros((3, 3)), 5e-3 * np.eye(3)]))
-    return replace(target, causes=(*target.causes, loose))
+    loose = UncertaintyComponent("loose", np.vstack([np.zeros((3, 3)), 5e-3 * np.eye(3)]))
+    return replace(target, components=(*target.components, loose))
 
 
 @pytest.mark.parametrize(("name", "rows"), [(CROSS[0], (1, 0)), (CROSS[1], (3, 2))])
@@ -539,8 +556,8 @@ def test_nominal_and_tolerance_are_lower_and_upper(tmp_path):
     )
     assert mine.of_wheel("RL")["toe"].lower == pytest.approx(math.radians(-0.2), rel=1e-14)
     assert mine.of_wheel("RL")["toe"].upper == pytest.approx(math.radians(0.4), rel=1e-14)
-    assert mine.of_wheel("FR") == {"toe": Zone(math.radians(-0.2), math.inf)}
-    assert mine.of_vehicle() == {"wheelbase": Zone(-math.inf, 3.0)}
+    assert mine.of_wheel("FR") == {"toe": ToleranceInterval(math.radians(-0.2), math.inf)}
+    assert mine.of_vehicle() == {"wheelbase": ToleranceInterval(-math.inf, 3.0)}
     assert (mine.rule, mine.confidence, mine.trials) == ("guarded", 0.95, True)
     assert mine.coverage_factor == pytest.approx(K, rel=1e-12)
 

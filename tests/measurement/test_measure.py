@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.support.given import causes
+from tests.support.given import components
 from tests.support.scenes import Setup, make, rotation
 from tests.support.single_scan import measure_scan
 from wheelplane.centre.locate_centre import TargetFit
@@ -94,7 +94,7 @@ def observation(name, target=None, wheel="own", status="ok"):
         source=f"{name}.ply",
         sha256="",
         points_total=1,
-        missing_returns=0,
+        invalid_points=0,
         evidence=None if target is None else Evidence(target),
         status=status,
     )
@@ -121,7 +121,7 @@ def exact(truth, seed, shift=0.0):
     centres, t = placed(truth.centres, seed, shift)
     normals, _ = placed(truth.normals, seed)
     return [
-        TargetFit(c + t, n, causes(1e-10 * np.eye(3), 1e-12 * np.eye(3)), 0.0, 1, "rim")
+        TargetFit(c + t, n, components(1e-10 * np.eye(3), 1e-12 * np.eye(3)), 0.0, 1, "rim")
         for c, n in zip(centres, normals, strict=True)
     ]
 
@@ -182,7 +182,7 @@ def test_centres_by_the_mean_of_the_points_would_not_do():
                 target = TargetFit(
                     evidence.plane.centroid_m,
                     target.normal,
-                    target.causes,
+                    target.components,
                     target.plane_rms_m,
                     target.points_on_target,
                     target.method,

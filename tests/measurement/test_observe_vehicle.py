@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from tests.support.native_files import E57Scan, pose, write_e57, xyz
 from tests.support.scenes import rotation
 from tests.support.validation_cars import write_capture
-from wheelplane.capture.open_capture import NOTHING_TOLD, Told, open_capture
+from wheelplane.capture.open_capture import NOTHING_TOLD, CaptureOptions, open_capture
 from wheelplane.cli import cli
 from wheelplane.config import Config
 from wheelplane.errors import InputError, NotMeasuredError, WheelplaneError
@@ -110,7 +110,7 @@ def vehicle(bay, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def whole(bay, vehicle):
-    return measured(vehicle, Told(front=tuple(bay.forward)))
+    return measured(vehicle, CaptureOptions(front=tuple(bay.forward)))
 
 
 def angles(measurement):
@@ -156,7 +156,7 @@ def test_a_cloud_measures_as_the_scans_it_is_made_of(bay, single, whole):
 def test_in_any_order_of_points_and_at_any_place(bay, whole, tmp_path):
     rng = np.random.default_rng(0)
     points = rng.permutation(bay.cloud + rng.uniform(-500.0, 500.0, 3))
-    found = measured(write(tmp_path / "any.ply", points), Told(front=tuple(bay.forward)))
+    found = measured(write(tmp_path / "any.ply", points), CaptureOptions(front=tuple(bay.forward)))
     np.testing.assert_allclose(angles(found), angles(whole), rtol=0, atol=SAME_RAD)
 
 
@@ -165,14 +165,14 @@ def test_in_coordinates_turned_anyhow(seed, bay, whole, tmp_path):
     """Points are counted in, and cells of the edges, along axes that turn: within u it is alike."""
     R = rotation(np.random.default_rng(seed))
     source = write(tmp_path / "any.ply", bay.cloud @ R.T)
-    found = measured(source, Told(front=tuple(R @ bay.forward), up="floor"))
+    found = measured(source, CaptureOptions(front=tuple(R @ bay.forward), up="floor"))
     assert names(found) == REFERENCE_WHEELS
     u = [[wheel.u_toe_rad, wheel.u_camber_rad] for wheel in whole.wheels]
     assert np.all(np.abs(angles(found) - angles(whole)) < u)
 
 
 def test_the_other_end_as_front_names_all_wheels_anew(bay, vehicle, whole):
-    turned = measured(vehicle, Told(front=tuple(-bay.forward)))
+    turned = measured(vehicle, CaptureOptions(front=tuple(-bay.forward)))
     centres = {w.observation.name: w.observation.fitted.centre_m for w in whole.wheels}
     for result, was in zip(turned.wheels, ("FL", "FR", "RL", "RR"), strict=True):
         np.testing.assert_allclose(result.observation.fitted.centre_m, centres[was], atol=1e-9)
@@ -198,7 +198,7 @@ def test_an_e57_of_posed_scans_says_which_scan_shows_which_wheel(bay, whole, tmp
     rear, front = np.concatenate(bay.scans[:2]), np.concatenate([*bay.scans[2:], bay.floor])
     scans = [posed(rear, "Scan 1", 0), posed(np.zeros((0, 3)), "empty", 1)]
     path = write_e57(tmp_path / "v.e57", *scans, posed(front, "Scan 2", 2))
-    found = measured(path, Told(front=tuple(bay.forward)))
+    found = measured(path, CaptureOptions(front=tuple(bay.forward)))
     # Each face has its background from its own scan; the floor is in one of them alone.
     u = np.array([[w.u_toe_rad, w.u_camber_rad] for w in whole.wheels])
     assert np.all(np.abs(angles(found) - angles(whole)) < ALIKE_U * u)
@@ -210,7 +210,7 @@ def test_an_e57_of_posed_scans_says_which_scan_shows_which_wheel(bay, whole, tmp
 
 @pytest.mark.parametrize("kind", ["gz", "zip", "folder", "toml"])
 def test_packed_or_in_a_folder_or_declared_it_is_the_same(kind, bay, vehicle, whole, tmp_path):
-    told, target = Told(front=tuple(bay.forward)), "disc-250"
+    told, target = CaptureOptions(front=tuple(bay.forward)), "disc-250"
     source = tmp_path / f"vehicle.ply.{kind}"
     if kind == "gz":
         source.write_bytes(gzip.compress(vehicle.read_bytes(), 1))
@@ -264,7 +264,7 @@ def test_like_targets_elsewhere_are_told_and_left_out(bay, whole, tmp_path):
     aside = bay.scans[3] + 4.0 * bay.left
     found = measured(
         write(tmp_path / "v.ply", np.concatenate([bay.cloud, aside])),
-        Told(front=tuple(bay.forward)),
+        CaptureOptions(front=tuple(bay.forward)),
     )
     np.testing.assert_allclose(angles(found), angles(whole), rtol=0, atol=SAME_RAD)
     place = whole.wheels[3].observation.fitted.centre_m + 4.0 * bay.left
@@ -290,13 +290,13 @@ def test_the_cloud_is_let_go_before_the_fits(bay, vehicle, monkeypatch):
         return fit_target(patch, target, config)
 
     monkeypatch.setattr(cloud_faces, "read_scan", watched)
-    measured(vehicle, Told(front=tuple(bay.forward)), fit=fit)
+    measured(vehicle, CaptureOptions(front=tuple(bay.forward)), fit=fit)
     assert len(held) == 1
 
 
 def test_progress_is_told_as_often_as_it_says(bay, vehicle):
     told = []
-    with open_capture(vehicle, "disc-250", Told(front=tuple(bay.forward))) as capture:
+    with open_capture(vehicle, "disc-250", CaptureOptions(front=tuple(bay.forward))) as capture:
         measure_capture(capture, Config(), told.append)
         assert len(told) == capture.steps
     works = ["reading", "searching", *REFERENCE_WHEELS]
@@ -312,7 +312,7 @@ def test_a_face_that_cannot_be_fitted_is_named_with_its_place(bay, vehicle, whol
         return fit_target(patch, target, config)
 
     with pytest.raises(InputError) as caught:
-        measured(vehicle, Told(front=tuple(bay.forward)), fit=fit)
+        measured(vehicle, CaptureOptions(front=tuple(bay.forward)), fit=fit)
     text = str(caught.value)
     assert text.startswith(f"{vehicle}: the target of FR, at (")
     assert "was not measured (wrong-outline): its outline is bent: " in text
@@ -341,7 +341,7 @@ def test_markers_tell_the_front(told, bay, vehicle, whole, monkeypatch):
 
 def test_markers_that_contradict_the_front_stop_it(bay, vehicle):
     told = {"FL": "FL", "RL": "RL"}
-    way = Told(front=tuple(-bay.forward))
+    way = CaptureOptions(front=tuple(-bay.forward))
     with pytest.raises(InputError, match=r"vehicle\.ply: the markers tell of .* which contradicts"):
         measured(vehicle, way, fit=with_markers(bay, told))
 

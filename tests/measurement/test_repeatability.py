@@ -12,7 +12,7 @@ from wheelplane.errors import InputError
 from wheelplane.measurement.evaluate import align
 from wheelplane.measurement.records import Evidence, Observation, Provenance
 from wheelplane.measurement.repeatability import pool, pool_repeats
-from wheelplane.uncertainty.components import clamp_cause, form_cause
+from wheelplane.uncertainty.components import flatness_component, mounting_component
 
 NOWHERE = Provenance("test", None, "0", {}, {}, 0)
 
@@ -53,7 +53,7 @@ def test_scatter_is_judged_by_its_chance():
     for status in ("larger", "smaller"):
         wrong = sum(found.status == status for found in honest)
         assert wrong <= stats.binom.ppf(0.999, len(honest), 0.01)
-    assert np.mean([found.chi_square / found.freedom for found in honest]) == pytest.approx(
+    assert np.mean([found.chi_square / found.dof for found in honest]) == pytest.approx(
         1.0, abs=4.5 * np.sqrt(2 / 5 / len(honest))
     )
     assert np.mean([found.status == "larger" for found in drawn(4.0)]) > 0.9
@@ -74,8 +74,11 @@ def measurement(plate=True, moved=(0.0, 0.0)):
     targets = car(11)
     rear = targets[0]
     if plate:
-        extra = (form_cause(1e-3, 0.125, rear.normal), clamp_cause(1e-3, 0.0, rear.normal))
-        rear = replace(rear, causes=(*rear.causes, *extra))
+        extra = (
+            flatness_component(1e-3, 0.125, rear.normal),
+            mounting_component(1e-3, 0.0, rear.normal),
+        )
+        rear = replace(rear, components=(*rear.components, *extra))
     axis = np.cross(rear.normal, [0.3, 0.5, 0.8])
     again = [
         replace(rear, normal=(n := rear.normal + turn * axis) / np.linalg.norm(n)) for turn in moved

@@ -31,8 +31,8 @@ from tests.support.native_files import (
     xml_of,
     xyz,
 )
-from wheelplane.diagnostics.findings import oddities
-from wheelplane.diagnostics.survey import survey_file
+from wheelplane.diagnostics.findings import findings
+from wheelplane.diagnostics.survey import summarise_scan
 from wheelplane.errors import InputError, MissingDependencyError
 from wheelplane.readers import read_scan
 from wheelplane.readers.e57 import pages as e57_pages
@@ -82,7 +82,7 @@ def test_doubles_at_1e7_m_survive_bit_for_bit(tmp_path):
     assert scan.points_m.flags.c_contiguous
     assert scan.intensity is None
     assert scan.grid is None
-    assert scan.missing_returns == 0
+    assert scan.invalid_points == 0
     assert [(part.name, part.start, part.stop) for part in scan.parts] == [("scan", 0, COUNT)]
     assert scan.parts[0].T_file_scan is None
 
@@ -152,7 +152,7 @@ def test_invalid_states_are_missing_returns(tmp_path, system):
     flags = {f"{system}InvalidState": (Integer(0, 2), state), "intensity": (Double(), state + 5)}
     scan = read(tmp_path, E57Scan(columns | flags))
     valid = state == 0
-    assert scan.missing_returns == np.count_nonzero(~valid)
+    assert scan.invalid_points == np.count_nonzero(~valid)
     assert len(scan.points_m) == np.count_nonzero(valid)
     assert scan.intensity.tolist() == [5.0] * np.count_nonzero(valid)
     if system == "cartesian":
@@ -166,7 +166,7 @@ def test_nan_is_a_missing_return(tmp_path):
     points = cloud()
     points[3:9, 1] = np.nan
     scan = read(tmp_path, E57Scan(xyz(points)))
-    assert scan.missing_returns == 6
+    assert scan.invalid_points == 6
     assert scan.points_m.tobytes() == np.delete(points, np.s_[3:9], axis=0).tobytes()
 
 
@@ -242,7 +242,7 @@ def test_a_pose_is_applied_once(tmp_path, told, turn, shift):
 )
 def test_what_had_to_be_settled_is_told(tmp_path, told, note):
     path = write_e57(tmp_path / "a.e57", E57Scan(xyz(cloud()), pose=told))
-    found = [text for text in oddities(survey_file(path, "m")) if "pose" in text]
+    found = [text for text in findings(summarise_scan(path, "m")) if "pose" in text]
     assert found == ([f"scan scan: {note}"] if note else [])
 
 
@@ -279,7 +279,7 @@ def test_several_scans_keep_their_names_poses_and_places(tmp_path):
     np.testing.assert_allclose(lengths, np.abs(d[:, 0]), atol=1e-13)
     assert scan.intensity[:40].tolist() == list(range(40))
     assert np.isnan(scan.intensity[40:]).all()
-    assert survey_file(tmp_path / "rr.e57", "m").intensity == (0.0, 39.0)
+    assert summarise_scan(tmp_path / "rr.e57", "m").intensity == (0.0, 39.0)
     assert scan.grid[:40].tolist() == [[i, i] for i in range(40)]
     assert (scan.grid[40:] == -1).all()
 
@@ -542,7 +542,7 @@ def test_damaged_bytes_end_in_points_or_in_one_line(tmp_path):
         except InputError as error:
             one_line(error)
         else:
-            assert len(scan.points_m) + scan.missing_returns == 2 * COUNT
+            assert len(scan.points_m) + scan.invalid_points == 2 * COUNT
 
 
 def test_without_its_library_it_says_what_to_install(tmp_path, monkeypatch):

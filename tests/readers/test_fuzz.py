@@ -57,7 +57,7 @@ def test_all_formats_hold_the_same_points(name, tmp_path):
     path = tmp_path / name
     path.write_bytes(scans()[name])
     scan = read_scan(path)
-    assert len(scan.points_m) + scan.missing_returns == ROWS
+    assert len(scan.points_m) + scan.invalid_points == ROWS
     if name not in ("posed.ptx", "posed.e57"):
         reference = tmp_path / "blanks.xyz"
         reference.write_bytes(scans()["blanks.xyz"])
@@ -128,7 +128,7 @@ def panic():
 
 FAULTS = {
     "silent loss": lambda: replace(GOOD, points_m=GOOD.points_m[1:]),
-    "points invented": lambda: replace(GOOD, missing_returns=1),
+    "points invented": lambda: replace(GOOD, invalid_points=1),
     "not finite": lambda: replace(GOOD, points_m=GOOD.points_m * np.nan),
     "single precision": lambda: replace(GOOD, points_m=GOOD.points_m.astype(np.float32)),
     "no points": lambda: replace(GOOD, points_m=np.empty((0, 3))),
@@ -289,7 +289,7 @@ def test_any_structure_is_read_exactly_and_any_lie_refused(suffix, folder, data)
     path.write_bytes(written.data)
     scan = read_scan(path)
     np.testing.assert_array_equal(scan.points_m, written.points)
-    assert scan.missing_returns == written.missing
+    assert scan.invalid_points == written.missing
     for lie in written.lies:
         path.write_bytes(lie)
         with pytest.raises(InputError) as caught:

@@ -79,7 +79,7 @@ def test_every_point_format_keeps_every_bit(tmp_path, suffix, point_format, vers
     points, intensity = expected()
     assert scan.points_m.tobytes() == points.tobytes()
     assert scan.intensity.tolist() == intensity.tolist()
-    assert scan.missing_returns == 0
+    assert scan.invalid_points == 0
     assert scan.grid is None
     assert scan.points_m.tobytes() == np.ascontiguousarray(laspy.read(path).xyz).tobytes()
 
@@ -321,7 +321,7 @@ def test_damaged_bytes_end_in_points_or_in_one_line(tmp_path, suffix):
         else:
             assert np.isfinite(scan.points_m).all()
             legacy = struct.unpack_from("<I", broken, 107)[0]
-            assert len(scan.points_m) + scan.missing_returns == legacy
+            assert len(scan.points_m) + scan.invalid_points == legacy
 
 
 def test_without_its_library_laz_says_what_to_install_and_las_is_read(monkeypatch):

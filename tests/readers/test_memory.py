@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.readers.test_readers import WRITERS
-from wheelplane.diagnostics.survey import survey_file
+from wheelplane.diagnostics.survey import summarise_scan
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
 from wheelplane.readers.memory import available_bytes
@@ -46,7 +46,7 @@ def test_looking_at_a_cloud_keeps_a_sample_only(tmp_path):
     rows = np.random.default_rng(1).normal(size=(1_000_000, 3))
     path.write_bytes((HEAD.format(len(rows)) + "end_header\n").encode() + rows.tobytes())
     tracemalloc.start()
-    survey_file(path, "m")
+    summarise_scan(path, "m")
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 0.75 * rows.nbytes

@@ -125,7 +125,7 @@ def test_organized_clouds_older_headers_and_comments(tmp_path):
     body = b"1 2 3\nnan nan nan\n# between\n\n4 5 6\n7 8 9\n"
     scan = read(tmp_path, b"# first\n\n" + head("ascii # last", 2, 2, 4) + body)
     assert scan.points_m.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
-    assert scan.missing_returns == 1
+    assert scan.invalid_points == 1
     old = b"# .PCD v.5\nCOLUMNS x y z\nPOINTS 2\nDATA ascii\n1 2 3\n4 5 6\n"
     assert read(tmp_path, old).points_m.tolist() == [[1, 2, 3], [4, 5, 6]]
     no_points = head("ascii", VERSION=".6", POINTS=None) + b"1 2 3\n4 5 6\n"

@@ -146,7 +146,7 @@ def test_beams_without_return_are_counted_and_the_raster_kept(tmp_path):
     scan = read(
         tmp_path, "rr.ptx", ptx([(columns, rows, pose(4), full), (1, 1, IDENTITY, full[~gone][:1])])
     )
-    assert scan.missing_returns == gone.sum() > 0
+    assert scan.invalid_points == gone.sum() > 0
     assert len(scan.points_m) == (~gone).sum() + 1
     column, row = np.divmod(np.arange(columns * rows), rows)  # written column by column
     assert scan.grid.dtype == np.int32

@@ -175,7 +175,7 @@ def test_doubles_at_1e7_m_survive_bit_for_bit(tmp_path, name):
     assert scan.points_m.tobytes() == expected[:, :3].tobytes()
     assert scan.intensity.dtype == np.float32
     assert scan.intensity.tolist() == expected[:, 3].tolist()
-    assert scan.missing_returns == 0
+    assert scan.invalid_points == 0
 
 
 @each_counted
@@ -251,7 +251,7 @@ def test_missing_returns_are_dropped_and_counted(tmp_path, name):
     assert scan.points_m.tolist() == [list(row[:3]) for row in FAR[:3]]
     assert scan.intensity.tolist() == [row[3] for row in FAR[:3]]
     assert scan.points_m.flags.c_contiguous
-    assert scan.missing_returns == 3
+    assert scan.invalid_points == 3
     refuse(tmp_path, name, WRITERS[name]([hole, hole]), "2 points all are missing returns")
 
 
@@ -289,7 +289,7 @@ def test_damaged_bytes_never_escape_as_another_error(tmp_path, name):
             assert_one_line(error, name)
         else:
             assert np.isfinite(scan.points_m).all()
-            assert scan.missing_returns + len(scan.points_m) > 0
+            assert scan.invalid_points + len(scan.points_m) > 0
 
 
 @each
@@ -299,7 +299,7 @@ def test_many_blocks_are_one_cloud(tmp_path, name):
     expected[[0, 40_000, 70_000], 1] = np.nan
     scan = read_bytes(tmp_path, name, WRITERS[name](expected.tolist()))
     there = expected[~np.isnan(expected[:, 1])]
-    assert scan.missing_returns == 3
+    assert scan.invalid_points == 3
     assert scan.points_m.tobytes() == there[:, :3].tobytes()
     assert scan.intensity.tolist() == there[:, 3].tolist()
 

@@ -203,9 +203,9 @@ PARENT = """
 import sys, time
 from contextlib import ExitStack
 from pathlib import Path
-from wheelplane.readers.child import run_child
-from wheelplane.readers.child_process import Job
-from wheelplane.readers.raw import Source
+from wheelplane.readers.sandbox.client import run_child
+from wheelplane.readers.sandbox.process import Job
+from wheelplane.readers.source import Source
 script, scan = map(Path, sys.argv[1:])
 with ExitStack() as stack:
     source = Source.open(scan, "rr.laz", stack)

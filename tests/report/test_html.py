@@ -24,9 +24,9 @@ from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.evaluate import check_by_monte_carlo
 from wheelplane.measurement.tolerance import Tolerance
 from wheelplane.report.format.laboratory import Laboratory, read_laboratory
-from wheelplane.report.format.language import FOLDER, LANGUAGES, load_words
+from wheelplane.report.format.language import FOLDER, LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER, View
-from wheelplane.report.html.page import Dress, html_report
+from wheelplane.report.html.page import ReportOptions, html_report
 from wheelplane.report.html.provenance import trouble
 from wheelplane.report.json.measurement import to_json
 from wheelplane.vehicle.angles import deg_min_sec
@@ -35,8 +35,8 @@ ROOT = Path(__file__).parents[2]
 FIGURE_4 = ROOT / "tests" / "data" / "paper" / "figure-4.txt"
 VOID = {"meta", "img", "br", "link", "input", "path", "rect", "image"}
 BAD = '</script><script>alert("1")</script><img src=x onerror=alert(2)>{{ 7*7 }}\u202e\x07&'
-EN, PT = load_words("en"), load_words("pt")
-PLAIN = {words.language: Dress(words, PAPER) for words in (EN, PT)}
+EN, PT = load_translations("en"), load_translations("pt")
+PLAIN = {words.language: ReportOptions(words, PAPER) for words in (EN, PT)}
 
 
 class Page(HTMLParser):
@@ -171,7 +171,7 @@ def test_the_verdict_comes_first_then_the_tables():
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_every_value_stands_in_the_table(language):
     """Deg-min-sec with sign, the decimal sign of the language, u and U beside."""
-    words = load_words(language)
+    words = load_translations(language)
     read = told(measured(1), language=language).words
     for result in measured(1).wheels:
         for angle, u in (
@@ -195,7 +195,7 @@ def test_every_value_stands_in_the_table(language):
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_the_verdict_is_said_in_a_word(low, high, key, language):
     """The trial's camber is -20 mrad, -1.14592 degrees, its u some 0.006."""
-    words = load_words(language)
+    words = load_translations(language)
     read = told(measured(1), assess(measured(1), limits(low, high)), language)
     assert read.inside("p")[0].strip() == words(f"verdict.{key}")
     assert words(f"verdict.{key}_says") in read.words
@@ -211,7 +211,7 @@ def test_no_tolerance_no_verdict():
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_what_was_not_measured_is_explained(language):
-    words = load_words(language)
+    words = load_translations(language)
     read = told(lost(), assess(lost(), limits(-5.0, 5.0)), language).words
     for key in ("no_target", "no_target_means", "no_target_do"):
         assert words(f"status.{key}") in read
@@ -236,7 +236,7 @@ def statuses() -> set[str]:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_every_status_is_explained_in_every_language(language):
-    words = load_words(language)
+    words = load_translations(language)
     assert len(statuses()) > 12
     for status in statuses():
         explained = trouble("RR", status, "", words)
@@ -261,7 +261,7 @@ def test_the_number_is_that_of_the_record():
 
 def test_another_view_of_the_angles():
     view = View("thrust-line", "deg")
-    read = Page(html_report(measured(1), None, Dress(EN, view), still=True)).words
+    read = Page(html_report(measured(1), None, ReportOptions(EN, view), still=True)).words
     trial = measured(1).wheels[-1].angles.camber_rad
     assert f"{np.degrees(trial):+.5f}°" in read
     assert EN("axis.thrust_line") in read
@@ -327,7 +327,7 @@ def test_a_logo_that_cannot_be_used(content, says, tmp_path):
 def test_all_languages_have_the_same_texts_with_the_same_parts():
     parts = {
         language: {key: set(re.findall(r"{(\w+)}", text)) for key, text in words.texts.items()}
-        for language, words in ((name, load_words(name)) for name in LANGUAGES)
+        for language, words in ((name, load_translations(name)) for name in LANGUAGES)
     }
     assert len(parts["en"]) > 300
     for language in LANGUAGES:
@@ -393,7 +393,7 @@ def test_nothing_is_left_untranslated():
 
 def test_a_language_that_is_not_there():
     with pytest.raises(InputError, match="known are en, pt"):
-        load_words("xx")
+        load_translations("xx")
 
 
 def test_a_language_is_one_file():

@@ -14,9 +14,9 @@ import pytest
 from tests.support.reported import measured
 from wheelplane.errors import MissingDependencyError
 from wheelplane.report.format.laboratory import Laboratory
-from wheelplane.report.format.language import load_words
+from wheelplane.report.format.language import load_translations
 from wheelplane.report.format.view import PAPER
-from wheelplane.report.html.page import Dress, html_report
+from wheelplane.report.html.page import ReportOptions, html_report
 from wheelplane.report.html.pdf import pdf_report
 from wheelplane.report.write import pdf_bytes
 from wheelplane.vehicle.angles import deg_min_sec
@@ -27,15 +27,15 @@ LABORATORY = Laboratory("Laboratório 7", ("Rua das Rodas 12",), "", ("Medido po
 @pytest.fixture(scope="module")
 def made() -> bytes:
     pytest.importorskip("weasyprint")
-    return pdf_bytes(measured(1), None, Dress(load_words("pt"), PAPER, LABORATORY))
+    return pdf_bytes(measured(1), None, ReportOptions(load_translations("pt"), PAPER, LABORATORY))
 
 
 def test_same_measurement_same_bytes(made):
-    again = pdf_bytes(measured(1), None, Dress(load_words("pt"), PAPER, LABORATORY))
+    again = pdf_bytes(measured(1), None, ReportOptions(load_translations("pt"), PAPER, LABORATORY))
     assert again == made
     assert made.startswith(b"%PDF-")
     assert b"/CreationDate" not in made
-    dress = Dress(load_words("en"), PAPER, replace(LABORATORY, name="Laboratory 7"))
+    dress = ReportOptions(load_translations("en"), PAPER, replace(LABORATORY, name="Laboratory 7"))
     assert pdf_bytes(measured(1), None, dress) != made
 
 
@@ -49,7 +49,7 @@ def test_it_holds_what_the_page_holds(made, tmp_path):
         check=True,
     )
     pages, text = run.stdout.count("\f"), " ".join(run.stdout.split())
-    words = load_words("pt")
+    words = load_translations("pt")
     for result in measured(1).wheels:
         assert deg_min_sec(result.angles.toe_rad).replace(".", ",") in text
     for said in ("Laboratório 7", "Rua das Rodas 12", "Medido por", words("section.signatures"),
@@ -76,7 +76,7 @@ def test_nothing_is_fetched(caplog, tmp_path):
 
 def test_without_weasyprint_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "weasyprint", None)
-    page = html_report(measured(1), None, Dress(load_words("en"), PAPER), still=True)
+    page = html_report(measured(1), None, ReportOptions(load_translations("en"), PAPER), still=True)
     with pytest.raises(MissingDependencyError, match=r"pip install 'wheelplane\[pdf\]'") as refused:
         pdf_report(page, "x")
     assert "\n" not in str(refused.value)

@@ -15,7 +15,7 @@ import pytest
 from tests.support.reported import ANGLES, TURNS, lost, measured, off_m, renamed, scan
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.tolerance import Tolerance
-from wheelplane.report.format.language import load_words
+from wheelplane.report.format.language import load_translations
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.plots.angle_chart import angles_text
 from wheelplane.report.plots.angles import angles_drawing, tick_text
@@ -27,7 +27,7 @@ from wheelplane.report.plots.histogram import histogram_drawing
 from wheelplane.report.plots.target_face import OUTLINE, SIDE, coarseness, face_drawing
 from wheelplane.report.plots.top_view import factor, top_drawing
 
-EN = load_words("en")
+EN = load_translations("en")
 LIMITS = Tolerance.model_validate(
     {axle: {"toe": {"lower_deg": -0.5, "upper_deg": 0.5}} for axle in ("front", "rear")}
 )

@@ -10,9 +10,9 @@ import pytest
 from tests.support.reported import lost
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.tolerance import Tolerance
-from wheelplane.report.format.language import load_words
+from wheelplane.report.format.language import load_translations
 from wheelplane.report.format.view import PAPER
-from wheelplane.report.html.page import VIEWER, Dress, html_report
+from wheelplane.report.html.page import VIEWER, ReportOptions, html_report
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
@@ -38,7 +38,7 @@ def file(tmp_path_factory) -> Path:
     zone = {"camber": {"lower_deg": -5.0, "upper_deg": 5.0}}
     judged = assess(lost(), Tolerance.model_validate({"front": zone, "rear": zone}))
     path = tmp_path_factory.mktemp("page") / "report.html"
-    text = html_report(lost(), judged, Dress(load_words("pt"), PAPER))
+    text = html_report(lost(), judged, ReportOptions(load_translations("pt"), PAPER))
     path.write_text(text, encoding="utf-8")
     return path
 

@@ -16,7 +16,7 @@ from wheelplane.five_point.file import read_five_point
 from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.tolerance import Tolerance
-from wheelplane.report.format.language import load_words
+from wheelplane.report.format.language import load_translations
 from wheelplane.report.scene.scene import SYMBOL_M, scene
 
 FIGURE_4 = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
@@ -161,7 +161,7 @@ def test_five_points_show_circles_and_no_cloud():
 
 
 def test_the_words_are_those_of_the_language():
-    shown = scene(measured(1), words=load_words("pt"))
+    shown = scene(measured(1), words=load_translations("pt"))
     assert {line["name"] for line in shown["lines"]} >= {
         "eixo traseiro",
         "linha de impulso",

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wheelplane.uncertainty.components import Cause
+from wheelplane.uncertainty.components import UncertaintyComponent
 
 
 def root(covariance):
@@ -10,10 +10,10 @@ def root(covariance):
     return vectors * np.sqrt(values.clip(min=0.0))
 
 
-def causes(centre_m2, normal):
+def components(centre_m2, normal):
     """Of a covariance (3, 3) of the centre and one (3, 3) of the normal, independent."""
     none = np.zeros((3, 3))
     return (
-        Cause("plane noise", np.vstack([root(normal), none])),
-        Cause("centre noise", np.vstack([none, root(centre_m2)])),
+        UncertaintyComponent("plane noise", np.vstack([root(normal), none])),
+        UncertaintyComponent("centre noise", np.vstack([none, root(centre_m2)])),
     )

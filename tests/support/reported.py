@@ -20,7 +20,7 @@ from wheelplane.cloud.preview import cloud_sample
 from wheelplane.config import CentreConfig, Config, PlaneConfig
 from wheelplane.measurement.evaluate import align
 from wheelplane.measurement.records import Evidence, Measurement, Observation, Provenance
-from wheelplane.measurement.residual_map import face_map
+from wheelplane.measurement.residual_map import residual_map
 from wheelplane.plane.fit_plane import fit_plane
 from wheelplane.targets.registry import Target, load_target
 
@@ -36,7 +36,7 @@ MADE = Provenance(
 
 
 @dataclass(frozen=True)
-class Seen:
+class TargetView:
     """One scan: what was made, where its board truly lies in the vehicle, what is reported."""
 
     cloud: Cloud
@@ -55,7 +55,7 @@ def board(name: str, wheel: str, turn: float) -> np.ndarray:
 
 
 @cache
-def scan(name: str, site: int, shape: str = "square-300") -> Seen:
+def scan(name: str, site: int, shape: str = "square-300") -> TargetView:
     """The board of a wheel, or of trial "1" on RR, in a vehicle that stands anywhere."""
     wheel = name if name in WHEELS else "RR"
     target = load_target(shape)
@@ -72,7 +72,7 @@ def scan(name: str, site: int, shape: str = "square-300") -> Seen:
         name, role, wheel, source, "sha256:0", len(cloud.points_m), 0,
         evidence=evidence, cloud=cloud_sample(cloud.points_m),
     )  # fmt: skip
-    return Seen(cloud, R, centre, observation)
+    return TargetView(cloud, R, centre, observation)
 
 
 def site_of(site: int) -> tuple[np.ndarray, np.ndarray]:
@@ -87,7 +87,7 @@ def evidence_of(cloud: Cloud, target: Target, seed: int = 0) -> Evidence:
     patch = patch_of(cloud, target, seed)
     plane = fit_plane(patch, target, PlaneConfig())
     fitted = locate_centre(patch, plane, target, CentreConfig())
-    return Evidence(fitted, plane, face_map(patch, plane, fitted, target, margin_m()))
+    return Evidence(fitted, plane, residual_map(patch, plane, fitted, target, margin_m()))
 
 
 def margin_m() -> float:
@@ -121,7 +121,7 @@ def many(count: int) -> Measurement:
     return align([*seen, *more], MADE)
 
 
-def off_m(points_m: np.ndarray, seen: Seen) -> np.ndarray:
+def off_m(points_m: np.ndarray, seen: TargetView) -> np.ndarray:
     """Points (N, 3) of the vehicle in the board's own axes."""
     return (points_m - seen.centre_m) @ seen.R_vehicle_board
 

@@ -105,7 +105,7 @@ class Cone:
 
 
 @dataclass(frozen=True)
-class Face:
+class FoundTarget:
     """The plate's face: the disc w = 0 of `radius`, with the heights of its form.
 
     The form is microns high over decimetres, so the ray meets it where it meets w = 0.
@@ -158,7 +158,7 @@ class HoleWall:
         return np.where((run > 0.0) & (w <= 0.0) & (w >= -self.thickness), run, np.inf)
 
 
-Piece = Sheet | Wall | Cone | Face | HoledFace | HoleWall
+Piece = Sheet | Wall | Cone | FoundTarget | HoledFace | HoleWall
 
 
 @dataclass(frozen=True)
@@ -323,7 +323,7 @@ def _grid(setup: Setup, scanner: Array, rng: np.random.Generator) -> tuple[Array
 def _pieces(setup: Setup, rng: np.random.Generator) -> list[Piece]:
     face: Piece = Sheet((0, 0, 0), outer=setup.radius_m)
     if setup.flatness_m:
-        face = Face(setup.radius_m, draw_form(setup.radius_m, setup.flatness_m, rng))
+        face = FoundTarget(setup.radius_m, draw_form(setup.radius_m, setup.flatness_m, rng))
     pieces: list[Piece] = [face, Wall(setup.radius_m, setup.thickness_m)]
     if setup.half_m is not None:
         face = Sheet((0, 0, 0), half=setup.half_m)

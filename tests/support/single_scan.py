@@ -19,13 +19,13 @@ def measure_scan(scan, target, config):
 def with_stated(fitted, plane, target, instrument):
     """The fitted target with the type B components that target and instrument state."""
     sight_m = fitted.sight_m(plane, instrument.distance_m)
-    stated = with_type_b(fitted.causes, fitted.normal, sight_m, target, instrument)
-    return replace(fitted, causes=stated)
+    stated = with_type_b(fitted.components, fitted.normal, sight_m, target, instrument)
+    return replace(fitted, components=stated)
 
 
 def u_turn_rad(fitted):
     """Standard uncertainty of the in-plane rotation; None where the target shows none."""
     if fitted.turn is None:
         return None
-    turns = [cause.turn for cause in fitted.causes if cause.turn is not None]
+    turns = [component.turn for component in fitted.components if component.turn is not None]
     return math.sqrt(sum(float(turn @ turn) for turn in turns))

@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 
 from tests.support.given import root
 from wheelplane.capture.entry import Turn
-from wheelplane.centre.in_plane_rotation import FaceTurn
+from wheelplane.centre.in_plane_rotation import InPlaneRotation
 from wheelplane.centre.locate_centre import TargetFit
 from wheelplane.measurement.evaluate import align
 from wheelplane.measurement.records import Evidence, Measurement, Observation, Provenance
-from wheelplane.uncertainty.components import Cause
+from wheelplane.uncertainty.components import UncertaintyComponent
 
 NOWHERE = Provenance("test", None, "0", {}, {}, 0)
 WHEELS = ("RR", "RL", "FR", "FL")
@@ -45,7 +45,7 @@ class Scene:
     normal_rad: float = NORMAL_RAD
     centre_m: float = CENTRE_M
     noise: float = 1.0  # times the errors that are stated
-    extra: tuple[Cause, ...] = ()  # of each target beside
+    extra: tuple[UncertaintyComponent, ...] = ()  # of each target beside
     mirrored: bool = False
     turned: Rotation | None = None
     u_turn: float | None = None  # of a face about its normal, where plates show it
@@ -94,15 +94,19 @@ class Scene:
         flip = np.array([1.0, -1.0, 1.0]) if self.mirrored else np.ones(3)
         n, c = self.R.apply(normal * flip), self.R.apply(centre * flip) + self.shift
         across = np.eye(3) - np.outer(n, n)
-        causes = (
-            Cause("plane noise", np.vstack([self.normal_rad * root(across), np.zeros((3, 3))])),
-            Cause("centre noise", np.vstack([np.zeros((3, 3)), self.centre_m * np.eye(3)])),
+        components = (
+            UncertaintyComponent(
+                "plane noise", np.vstack([self.normal_rad * root(across), np.zeros((3, 3))])
+            ),
+            UncertaintyComponent(
+                "centre noise", np.vstack([np.zeros((3, 3)), self.centre_m * np.eye(3)])
+            ),
             *self.extra,
         )
-        moved = sum(e.factor @ self.rng.normal(size=e.factor.shape[1]) for e in causes)
+        moved = sum(e.factor @ self.rng.normal(size=e.factor.shape[1]) for e in components)
         n, c = n + self.noise * moved[:3], c + self.noise * moved[3:]
         sign = self.rng.choice([-1.0, 1.0])
-        return TargetFit(c, sign * n / np.linalg.norm(n), causes, 8e-4, 1000, "rim")
+        return TargetFit(c, sign * n / np.linalg.norm(n), components, 8e-4, 1000, "rim")
 
     def _with_face(self, centre: np.ndarray, normal: np.ndarray, face: np.ndarray) -> TargetFit:
         """Seen with its turn: what moves plane and centre may turn it too."""
@@ -113,22 +117,26 @@ class Scene:
         across = np.eye(3) - np.outer(n, n)
         place = np.hstack([self.centre_m * np.eye(3), np.zeros((3, 1))])
         turn = float(self.u_turn or 0.0) * np.array([r, 0.0, 0.0, np.sqrt(1.0 - r * r)])
-        causes = (
-            Cause("plane noise", np.vstack([self.normal_rad * root(across), np.zeros((3, 3))])),
-            Cause("centre noise", np.vstack([np.zeros((3, 4)), place]), turn=sign * turn),
+        components = (
+            UncertaintyComponent(
+                "plane noise", np.vstack([self.normal_rad * root(across), np.zeros((3, 3))])
+            ),
+            UncertaintyComponent(
+                "centre noise", np.vstack([np.zeros((3, 4)), place]), turn=sign * turn
+            ),
             *self.extra,
         )
-        drawn = [self.rng.normal(size=e.factor.shape[1]) for e in causes]
-        moved = self.noise * sum(e.factor @ d for e, d in zip(causes, drawn, strict=True))
+        drawn = [self.rng.normal(size=e.factor.shape[1]) for e in components]
+        moved = self.noise * sum(e.factor @ d for e, d in zip(components, drawn, strict=True))
         about = self.noise * sum(
-            sign * e.turn @ d for e, d in zip(causes, drawn, strict=True) if e.turn is not None
+            sign * e.turn @ d for e, d in zip(components, drawn, strict=True) if e.turn is not None
         )
         u = Rotation.from_rotvec(np.cross(n, moved[:3]) + about * n).apply(u)
         n = (n + moved[:3]) / np.linalg.norm(n + moved[:3])
         periods = self.rng.integers(round(2.0 * np.pi / self.period))
         u = Rotation.from_rotvec(periods * self.period * n).apply(u - n * (n @ u))
-        seen = FaceTurn("edges", u / np.linalg.norm(u), self.period)
-        return TargetFit(c + moved[3:], sign * n, causes, 8e-4, 1000, "rim", turn=seen)
+        seen = InPlaneRotation("edges", u / np.linalg.norm(u), self.period)
+        return TargetFit(c + moved[3:], sign * n, components, 8e-4, 1000, "rim", turn=seen)
 
 
 def kingpin(wheel: str, caster: float, inclination: float) -> np.ndarray:

@@ -15,7 +15,7 @@ from wheelplane.config import StationConfig, config_file
 from wheelplane.five_point.components import Station
 from wheelplane.five_point.file import FivePointFile
 from wheelplane.measure import measure_five_point
-from wheelplane.uncertainty.components import Cause
+from wheelplane.uncertainty.components import UncertaintyComponent
 from wheelplane.validation.comparison import Method, compare
 from wheelplane.validation.five_point import FivePointOptions, with_aiming
 from wheelplane.validation.frame_effect import angles_in
@@ -86,7 +86,9 @@ class Car:
             factor[3:, 3:] = centre * np.eye(3)
             lean = factor @ self.rng.standard_normal(6)
             seen = (n + lean[:3]) / np.linalg.norm(n + lean[:3])
-            targets.append(TargetFit(c + lean[3:], seen, (Cause("plane", factor),), 0, 1, "rim"))
+            targets.append(
+                TargetFit(c + lean[3:], seen, (UncertaintyComponent("plane", factor),), 0, 1, "rim")
+            )
         frame = build_reference_frame(np.stack([t.centre_m for t in targets[:4]]))
         angles = angles_in(frame, np.stack([t.normal for t in targets]), self.wheels)
         if toe_error is not None:

@@ -365,7 +365,7 @@ def _in_steps(points_m: Array, viewpoint_m: Array, step_m: float) -> Array:
 
 
 @dataclass(frozen=True)
-class FaceCloud:
+class VehicleCloud:
     """points_m (N, 3); on_face (N,); the face's true centre (3,) and unit normal."""
 
     points_m: Array
@@ -376,7 +376,7 @@ class FaceCloud:
 
 def face_cloud(
     count: int, number: int = 0, share: float = 0.35, noise_m: float = 8e-4
-) -> FaceCloud:
+) -> VehicleCloud:
     """`count` points drawn evenly over a target's face (`share` of them), a tyre, a body panel, a
     rim, the floor and strays (1 %), in any order, with noise across each surface.
 
@@ -396,7 +396,7 @@ def face_cloud(
         order = rng.permutation(len(local))
         points[rows] = local[order] @ R.T + shift
         on_face[rows] = order < sizes[0]
-    return FaceCloud(points, on_face, shift, R[:, 2])
+    return VehicleCloud(points, on_face, shift, R[:, 2])
 
 
 def _ring(inner: float, outer: float, depth: float, count: int, rng: np.random.Generator) -> Array:

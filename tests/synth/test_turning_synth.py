@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.config import Config
 from wheelplane.kinematics.runout import all_turned, measure_runouts
-from wheelplane.kinematics.steering_axis import measure_kingpins
+from wheelplane.kinematics.steering_axis import measure_steering_axes
 from wheelplane.kinematics.toe_out_on_turns import measure_toe_out
 from wheelplane.measure import measure_capture
 from wheelplane_synth.errors import SynthError
@@ -123,7 +123,7 @@ def test_from_files_to_axes(capture):
             true = np.radians(wheels[found.wheel][f"{name}_deg"])
             assert abs(angle.value - true) < 4.5 * angle.u
             assert angle.u < 0.05 * found.wobble.value
-    for found, pin in zip(measure_kingpins(measurement), told["kingpins"], strict=True):
+    for found, pin in zip(measure_steering_axes(measurement), told["kingpins"], strict=True):
         assert found.frame == "axle centres"
         for angle, name in ((found.caster, "caster"), (found.inclination, "inclination")):
             assert abs(angle.value - np.radians(pin[f"{name}_deg"])) < 4.5 * angle.u

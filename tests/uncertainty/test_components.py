@@ -12,13 +12,13 @@ from wheelplane.measurement.observe import noisy
 from wheelplane.plane.least_squares import total_least_squares
 from wheelplane.targets.plates import DiscTarget
 from wheelplane.uncertainty.components import (
-    centre_cause,
-    clamp_cause,
-    form_cause,
-    plane_cause,
-    pointing_cause,
-    range_bias_cause,
-    registration_cause,
+    centre_component,
+    flatness_component,
+    mounting_component,
+    plane_component,
+    pointing_component,
+    range_bias_component,
+    registration_component,
 )
 
 DRAWS = 4000
@@ -61,23 +61,23 @@ def test_plane_noise_moves_normal_and_centre_together():
         height = (fit.centroid_m - centre) @ normal / (normal @ R[2])
         drawn.append(np.concatenate([normal - R[2], height * R[2]]))
     covariance = sigma**2 * np.diag([1 / len(points), *(1 / plane.scatter_m2[:2])])
-    cause = plane_cause("plane noise", covariance, basis, centre - centroid)
-    assert_same(np.array(drawn), cause.covariance)
-    cross = cause.covariance[:3, 3:]  # the lever of the hidden half ties the two together
+    component = plane_component("plane noise", covariance, basis, centre - centroid)
+    assert_same(np.array(drawn), component.covariance)
+    cross = component.covariance[:3, 3:]  # the lever of the hidden half ties the two together
     assert np.abs(cross).max() > 0.2 * np.sqrt(
-        np.trace(cause.covariance[:3, :3]) * np.trace(cause.covariance[3:, 3:])
+        np.trace(component.covariance[:3, :3]) * np.trace(component.covariance[3:, 3:])
     )
 
 
 def test_centre_lies_in_its_plane():
     _, R, _ = face(3)
     covariance = np.array([[4e-8, 1e-8], [1e-8, 1e-8]])
-    cause = centre_cause("centre noise", covariance, R)
+    component = centre_component("centre noise", covariance, R)
     np.testing.assert_allclose(
-        R @ cause.covariance[3:, 3:] @ R.T, np.pad(covariance, (0, 1)), atol=1e-20
+        R @ component.covariance[3:, 3:] @ R.T, np.pad(covariance, (0, 1)), atol=1e-20
     )
-    assert not cause.covariance[:3].any()
-    singular = centre_cause("centre noise", np.diag([1e-8, 0.0]), R)
+    assert not component.covariance[:3].any()
+    singular = centre_component("centre noise", np.diag([1e-8, 0.0]), R)
     assert singular.covariance[3:, 3:] @ R[0] == pytest.approx(1e-8 * R[0], abs=1e-20)
 
 
@@ -90,7 +90,8 @@ def test_flatness_is_a_tilt_anywhere_up_to_the_whole_over_the_diameter():
     height = flatness / 10 * rng.standard_normal(DRAWS)
     tilts = (size * np.cos(turn))[:, None] * R[0] + (size * np.sin(turn))[:, None] * R[1]
     assert_same(
-        np.hstack([tilts, height[:, None] * R[2]]), form_cause(flatness, radius, R[2]).covariance
+        np.hstack([tilts, height[:, None] * R[2]]),
+        flatness_component(flatness, radius, R[2]).covariance,
     )
 
 
@@ -99,7 +100,7 @@ def test_clamp_tilts_and_shifts_in_the_plane():
     rng = np.random.default_rng(7)
     tilt, shift = rng.standard_normal((2, DRAWS, 2))
     drawn = np.hstack([2e-4 * tilt @ R[:2], 1e-4 * shift @ R[:2]])
-    assert_same(drawn, clamp_cause(2e-4, 1e-4, R[2]).covariance)
+    assert_same(drawn, mounting_component(2e-4, 1e-4, R[2]).covariance)
 
 
 def scanned_again(points, centre, scanner, move):
@@ -125,12 +126,12 @@ def test_range_bias_by_moving_every_point_along_its_beam(seed):
         return p + bias * away / np.linalg.norm(away, axis=1)[:, None]
 
     change, normal = scanned_again(points, centre, scanner, move)
-    cause = range_bias_cause(bias, centre - scanner, normal)
+    component = range_bias_component(bias, centre - scanner, normal)
     # To first order in target over distance, 0.1/2, of a tilt b/D.
-    np.testing.assert_allclose(cause.factor[:3, 0], change[:3], atol=0.05 * bias / 2.0)
-    np.testing.assert_allclose(cause.factor[3:, 0], change[3:], atol=1e-3 * bias)
+    np.testing.assert_allclose(component.factor[:3, 0], change[:3], atol=0.05 * bias / 2.0)
+    np.testing.assert_allclose(component.factor[3:, 0], change[3:], atol=1e-3 * bias)
     assert np.linalg.norm(change[:3]) > 0.1 * bias / 2.0
-    assert cause.shared == "scanner"
+    assert component.shared == "scanner"
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -145,14 +146,14 @@ def test_pointing_turns_the_scan_about_the_scanner(axis):
         return p + np.cross(turn, p - scanner)
 
     change, normal = scanned_again(points, centre, scanner, move)
-    cause = pointing_cause(angle, centre - scanner, normal)
-    np.testing.assert_allclose(cause.factor[:, axis], change, atol=1e-4 * angle)
+    component = pointing_component(angle, centre - scanner, normal)
+    np.testing.assert_allclose(component.factor[:, axis], change, atol=1e-4 * angle)
     assert np.linalg.norm(change) > angle
 
 
 def test_registration_shifts_all_alike():
-    cause = registration_cause(2e-4)
-    np.testing.assert_array_equal(cause.covariance, np.diag([0, 0, 0, *[4e-8] * 3]))
+    component = registration_component(2e-4)
+    np.testing.assert_array_equal(component.covariance, np.diag([0, 0, 0, *[4e-8] * 3]))
 
 
 PLATE = DiscTarget(shape="disc", diameter=0.25)
@@ -172,11 +173,11 @@ def evidence():
 
 def test_what_is_stated_enters_and_what_is_not_does_not(evidence):
     _, found = evidence
-    names = [cause.name for cause in found.target.causes]
+    names = [component.name for component in found.target.components]
     assert names == ["plane noise", "centre noise", "centre model"]
     instrument = InstrumentConfig(range_bias_m=1e-3, pointing_urad=20.0, registration_m=1e-4)
     more = with_stated(found.target, found.plane, STATED, instrument)
-    assert [cause.name for cause in more.causes[3:]] == [
+    assert [component.name for component in more.components[3:]] == [
         "flatness",
         "clamp",
         "range bias",
@@ -188,14 +189,14 @@ def test_what_is_stated_enters_and_what_is_not_does_not(evidence):
     assert np.trace(added[:3, :3]) > 0.0
     plain = PLATE.model_copy(update={"flatness": 5e-5})
     again = with_stated(more, found.plane, plain, InstrumentConfig())
-    assert [cause.name for cause in again.causes].count("flatness") == 1
+    assert [component.name for component in again.components].count("flatness") == 1
 
 
 def test_the_line_of_sight_comes_from_the_rim(evidence):
     cloud, found = evidence
     instrument = InstrumentConfig(range_bias_m=1e-3)
     more = with_stated(found.target, found.plane, PLATE, instrument)
-    beam = more.causes[-1].factor[3:, 0] / 1e-3
+    beam = more.components[-1].factor[3:, 0] / 1e-3
     away = cloud.centre_m - cloud.viewpoint_m
     true = away / np.linalg.norm(away)
     assert np.linalg.norm(np.cross(beam, true)) < 0.02

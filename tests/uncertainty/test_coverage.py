@@ -64,14 +64,14 @@ def test_else_they_are_not_much_too_small_nor_too_large(mode):
 def test_the_judge_knows_right_from_wrong():
     """Of errors drawn as stated, with few degrees of freedom, and of those that share a part."""
     rng = np.random.default_rng(0)
-    freedom = np.full((2000, 4), 8.0)
+    dof = np.full((2000, 4), 8.0)
     u = np.sqrt(rng.chisquare(8.0, (2000, 4)) / 8.0)
-    one = Scores(rng.standard_normal((2000, 4)), u, freedom)
+    one = Scores(rng.standard_normal((2000, 4)), u, dof)
     low, high = one.nees_bounds(TRUST)
     assert low < one.nees < high
     assert abs(one.inside - 0.95) < 4 * np.sqrt(0.95 * 0.05 / 8000)
     normal = Scores(one.error, one.u, np.full((2000, 4), np.inf))
     assert normal.nees > normal.nees_bounds(TRUST)[1]
-    shared = Scores(np.tile(rng.standard_normal((2000, 1)), 4), np.ones((2000, 4)), freedom)
+    shared = Scores(np.tile(rng.standard_normal((2000, 1)), 4), np.ones((2000, 4)), dof)
     assert shared.independent == pytest.approx(2000, rel=0.01)
     assert one.independent == pytest.approx(8000, rel=0.03)

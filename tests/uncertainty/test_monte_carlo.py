@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.support.given import causes
+from tests.support.given import components
 from tests.uncertainty.test_propagation import WHEELS, car, values
-from wheelplane.uncertainty.components import Cause
+from wheelplane.uncertainty.components import UncertaintyComponent
 from wheelplane.uncertainty.monte_carlo import BLOCK, TOLERANCE, monte_carlo
 from wheelplane.uncertainty.propagation import propagate
 
@@ -18,8 +18,10 @@ def drawn(targets, trials=30_000, seed=0, known=None):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_without_uncertainty_it_gives_the_angles_themselves(seed):
-    targets = [replace(t, causes=()) for t in car(seed)]
-    still = [replace(t, causes=(Cause("none", np.zeros((6, 1))),)) for t in targets]
+    targets = [replace(t, components=()) for t in car(seed)]
+    still = [
+        replace(t, components=(UncertaintyComponent("none", np.zeros((6, 1))),)) for t in targets
+    ]
     result = drawn(still, 20_000)
     np.testing.assert_allclose(result.mean, values(targets), rtol=0, atol=1e-14)
     assert result.status == "not-converged" or not result.standard.any()
@@ -67,13 +69,17 @@ def test_a_wrong_formula_is_found_out(factor):
 def test_far_from_linear_is_found_out():
     """Centres a tenth of the track wrong: the frame's axes are no longer linear in them."""
     targets = car(4)
-    wild = [replace(t, causes=causes(0.2**2 * np.eye(3), np.zeros((3, 3)))) for t in targets]
+    wild = [
+        replace(t, components=components(0.2**2 * np.eye(3), np.zeros((3, 3)))) for t in targets
+    ]
     assert drawn(wild, 1_000_000).status == "disagree"
 
 
 def test_shared_causes_are_drawn_together():
     shift = np.vstack([np.zeros((3, 3)), 1e-3 * np.eye(3)])
-    together = [replace(t, causes=(Cause("shift", shift, shared="s"),)) for t in car(5)]
+    together = [
+        replace(t, components=(UncertaintyComponent("shift", shift, shared="s"),)) for t in car(5)
+    ]
     assert drawn(together, 20_000).standard.max() < 1e-12
-    apart = [replace(t, causes=(Cause("shift", shift),)) for t in together]
+    apart = [replace(t, components=(UncertaintyComponent("shift", shift),)) for t in together]
     assert drawn(apart, 20_000).standard.min() > 1e-6

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.support.given import causes
+from tests.support.given import components
 from tests.support.plain_geometry import all_plain
 from tests.support.scenes import rotation
 from wheelplane.centre.locate_centre import TargetFit
-from wheelplane.uncertainty.components import Cause
+from wheelplane.uncertainty.components import UncertaintyComponent
 from wheelplane.uncertainty.propagation import propagate
 from wheelplane.vehicle.definitions import VEHICLE, WHEEL
 from wheelplane.vehicle.frame import REFERENCE_WHEELS
@@ -55,7 +55,9 @@ def car(seed, centre_m=1e-4, normal_rad=20 * ARCSEC):
             TargetFit(
                 centre_m=R @ place + t,
                 normal=normal * rng.choice([-1, 1]),
-                causes=causes(spread(rng, centre_m), across @ spread(rng, normal_rad) @ across),
+                components=components(
+                    spread(rng, centre_m), across @ spread(rng, normal_rad) @ across
+                ),
                 plane_rms_m=8e-4,
                 points_on_target=1000,
                 method="rim",
@@ -112,7 +114,9 @@ def test_formula_and_monte_carlo_agree(seed, centre_m, normal_rad):
         wrong = [
             replace(
                 t,
-                causes=causes(t.centre_covariance_m2 * factor**2, t.normal_covariance * factor**2),
+                components=components(
+                    t.centre_covariance_m2 * factor**2, t.normal_covariance * factor**2
+                ),
             )
             for t in targets
         ]
@@ -121,10 +125,10 @@ def test_formula_and_monte_carlo_agree(seed, centre_m, normal_rad):
 
 def test_zero_input_gives_zero_and_each_part_counts():
     targets = car(3)
-    np.testing.assert_array_equal(stated([replace(t, causes=()) for t in targets]), 0.0)
+    np.testing.assert_array_equal(stated([replace(t, components=()) for t in targets]), 0.0)
     whole = stated(targets) ** 2
-    centres = stated([replace(t, causes=t.causes[1:]) for t in targets]) ** 2
-    normals = stated([replace(t, causes=t.causes[:1]) for t in targets]) ** 2
+    centres = stated([replace(t, components=t.components[1:]) for t in targets]) ** 2
+    normals = stated([replace(t, components=t.components[:1]) for t in targets]) ** 2
     np.testing.assert_allclose(centres + normals, whole, rtol=1e-9)
     assert np.all(normals[BY_CENTRES] == 0.0)
     assert np.all(normals[~BY_CENTRES] > 0.0)
@@ -142,7 +146,7 @@ def test_turned_and_shifted_it_stays(seed, shift):
             t,
             centre_m=R @ t.centre_m + shift,
             normal=R @ t.normal,
-            causes=causes(R @ t.centre_covariance_m2 @ R.T, R @ t.normal_covariance @ R.T),
+            components=components(R @ t.centre_covariance_m2 @ R.T, R @ t.normal_covariance @ R.T),
         )
         for t in targets
     ]
@@ -164,7 +168,7 @@ def test_centres_alone_by_hand():
         TargetFit(
             p,
             np.array([0.0, np.sign(p[1]), 0.0]),
-            causes(s**2 * np.eye(3), np.zeros((3, 3))),
+            components(s**2 * np.eye(3), np.zeros((3, 3))),
             0.0,
             1,
             "rim",
@@ -235,9 +239,11 @@ def test_covariance_is_whole_and_its_budget_adds_up():
     difference = (known.covariance - wanted) / np.outer(scale, scale)
     assert np.abs(difference).max() < 1e-6
     assert np.abs(wanted / np.outer(scale, scale) - np.diag(np.ones(len(scale)))).max() > 0.3
-    np.testing.assert_allclose(known.shares.sum(axis=1), np.diag(known.covariance), rtol=1e-12)
-    assert known.causes == ("plane noise", "centre noise")
-    np.testing.assert_allclose(known.through_frame, known.shares[:, 1], rtol=1e-12)
+    np.testing.assert_allclose(
+        known.contributions.sum(axis=1), np.diag(known.covariance), rtol=1e-12
+    )
+    assert known.components == ("plane noise", "centre noise")
+    np.testing.assert_allclose(known.through_frame, known.contributions[:, 1], rtol=1e-12)
 
 
 def test_total_toe_sees_less_of_the_frame_than_its_toes():
@@ -260,22 +266,29 @@ def test_total_toe_sees_less_of_the_frame_than_its_toes():
 def test_what_targets_share_acts_on_all_at_once():
     """The same shift of all four centres moves no angle; four apart do."""
     shift = np.vstack([np.zeros((3, 3)), 1e-3 * np.eye(3)])
-    together = [replace(t, causes=(Cause("shift", shift, shared="s"),)) for t in car(9)]
-    apart = [replace(t, causes=(Cause("shift", shift),)) for t in together]
+    together = [
+        replace(t, components=(UncertaintyComponent("shift", shift, shared="s"),)) for t in car(9)
+    ]
+    apart = [replace(t, components=(UncertaintyComponent("shift", shift),)) for t in together]
     assert stated(together).max() < 1e-12
     assert stated(apart).min() > 1e-6  # rear toe to the thrust line is half a total: 9e-6
 
 
 def test_degrees_of_freedom_by_welch_and_satterthwaite():
     targets = car(10)
-    noisy = [replace(t, causes=(replace(t.causes[0], freedom=8.0), t.causes[1])) for t in targets]
+    noisy = [
+        replace(t, components=(replace(t.components[0], dof=8.0), t.components[1])) for t in targets
+    ]
     known = propagate(noisy, WHEELS)
-    own = known.shares[0, 0] / known.shares[0].sum()
-    assert known.freedom[0] == pytest.approx(8.0 / own**2, rel=1e-9)  # one plane of 8 degrees
+    own = known.contributions[0, 0] / known.contributions[0].sum()
+    assert known.dof[0] == pytest.approx(8.0 / own**2, rel=1e-9)  # one plane of 8 degrees
     total = NAMES.index("rear_total_toe")
-    assert 8.0 < known.freedom[total] <= 16.0  # two planes, of 8 degrees each
-    pooled = [replace(t, causes=(replace(t.causes[0], pooled=True), t.causes[1])) for t in noisy]
-    assert propagate(pooled, WHEELS).freedom[total] == pytest.approx(8.0, rel=1e-3)
-    assert np.all(np.isinf(propagate(targets, WHEELS).freedom))
-    np.testing.assert_allclose(known.coverage_factor, stats.t.ppf(0.975, known.freedom), rtol=1e-9)
+    assert 8.0 < known.dof[total] <= 16.0  # two planes, of 8 degrees each
+    pooled = [
+        replace(t, components=(replace(t.components[0], pooled=True), t.components[1]))
+        for t in noisy
+    ]
+    assert propagate(pooled, WHEELS).dof[total] == pytest.approx(8.0, rel=1e-3)
+    assert np.all(np.isinf(propagate(targets, WHEELS).dof))
+    np.testing.assert_allclose(known.coverage_factor, stats.t.ppf(0.975, known.dof), rtol=1e-9)
     assert propagate(targets, WHEELS).coverage_factor == pytest.approx(stats.norm.ppf(0.975))

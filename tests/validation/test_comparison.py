@@ -52,7 +52,7 @@ def test_a_scale_that_was_estimated_is_allowed_for():
         test = Spread.of(np.eye(8), [source]).test(root @ rng.normal(size=8))
         values.append(test.probability)
         known.append(stats.chi2.sf(test.chi_square, 8))
-        assert test.freedom == pytest.approx(6.0)
+        assert test.dof == pytest.approx(6.0)
     assert stats.kstest(values, "uniform").pvalue > 1e-3
     assert stats.kstest(known, "uniform").pvalue < 1e-9
 
@@ -60,29 +60,29 @@ def test_a_scale_that_was_estimated_is_allowed_for():
 def test_several_estimated_scales_keep_the_level():
     rng = np.random.default_rng(1)
     roots = [rng.normal(size=(8, k)) * s for k, s in ((6, 0.7), (20, 1.0), (10, 1.0))]
-    freedoms = (np.inf, 8.0, 30.0)
+    dofs = (np.inf, 8.0, 30.0)
     wrong = 0
     for _ in range(2000):
         difference = sum(r @ rng.normal(size=r.shape[1]) for r in roots)
-        scales = [1.0 if np.isinf(f) else np.sqrt(rng.chisquare(f) / f) for f in freedoms]
-        sources = [Source(r * s, f) for r, s, f in zip(roots, scales, freedoms, strict=True)]
+        scales = [1.0 if np.isinf(f) else np.sqrt(rng.chisquare(f) / f) for f in dofs]
+        sources = [Source(r * s, f) for r, s, f in zip(roots, scales, dofs, strict=True)]
         wrong += not Spread.of(np.eye(8), sources).test(difference).agrees
     # the match is of the first order in 1/nu: 5 % may come out as 7
     assert stats.binom.ppf(0.001, 2000, 0.05) <= wrong <= stats.binom.ppf(0.999, 2000, 0.07)
 
 
-@pytest.mark.parametrize(("freedom", "share"), [(np.inf, 1.0), (7.0, 1.0)])
-def test_an_error_of_the_smallest_visible_size_is_seen_in_99_percent(freedom, share):
+@pytest.mark.parametrize(("dof", "share"), [(np.inf, 1.0), (7.0, 1.0)])
+def test_an_error_of_the_smallest_visible_size_is_seen_in_99_percent(dof, share):
     rng = np.random.default_rng(2)
     root = rng.normal(size=(6, 6))
     runs, alone, joint = 3000, 0, 0
-    exact = Spread.of(np.eye(6), [Source(root, freedom)])
+    exact = Spread.of(np.eye(6), [Source(root, dof)])
     one = np.eye(6)[:, :1]
     size = exact.visible_jointly(one)
-    single = visible_alone(float(exact.u[0]), freedom)
+    single = visible_alone(float(exact.u[0]), dof)
     for _ in range(runs):
-        scale = 1.0 if np.isinf(freedom) else np.sqrt(rng.chisquare(freedom) / freedom)
-        spread = Spread.of(np.eye(6), [Source(root * scale, freedom)])
+        scale = 1.0 if np.isinf(dof) else np.sqrt(rng.chisquare(dof) / dof)
+        spread = Spread.of(np.eye(6), [Source(root * scale, dof)])
         noise = root @ rng.normal(size=6)
         joint += not spread.test(noise + size * one[:, 0]).agrees
         alone += noise[0] + single > spread.expanded[0]
@@ -134,7 +134,7 @@ def turned(method, R, shift):
             t,
             centre_m=R @ t.centre_m + shift,
             normal=-R @ t.normal,
-            causes=tuple(replace(c, factor=flip(lift @ c.factor)) for c in t.causes),
+            components=tuple(replace(c, factor=flip(lift @ c.factor)) for c in t.components),
         )
         for t in method.targets
     )
@@ -232,7 +232,7 @@ def test_uncertainties_of_the_parts_are_those_of_draws():
 def moved(method, wheels, rng):
     targets = []
     for t in method.targets:
-        step = sum(c.factor @ rng.standard_normal(c.factor.shape[1]) for c in t.causes)
+        step = sum(c.factor @ rng.standard_normal(c.factor.shape[1]) for c in t.components)
         targets.append(replace(t, normal=t.normal + step[:3], centre_m=t.centre_m + step[3:]))
     return leant(replace(method, targets=tuple(targets)), wheels)
 

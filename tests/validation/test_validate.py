@@ -28,7 +28,13 @@ from wheelplane.validation.five_point import (
     station_of,
 )
 from wheelplane.validation.request import Request
-from wheelplane.validation.study import EACH, Row, Survey, is_archive_of_captures, validate_archive
+from wheelplane.validation.study import (
+    EACH,
+    ComparisonStudy,
+    Row,
+    is_archive_of_captures,
+    validate_archive,
+)
 from wheelplane.validation.truth import read_truth
 from wheelplane.validation.validate_capture import validate_capture
 
@@ -357,7 +363,7 @@ def survey(errors, count=30, see=None):
         replace(Car(seed).compare(station=FINE, toe_error=errors(seed)), vehicle=str(seed))
         for seed in range(count)
     ]
-    return Survey("", tuple(Row(one.vehicle, one) for one in found), see)
+    return ComparisonStudy("", tuple(Row(one.vehicle, one) for one in found), see)
 
 
 def test_the_verdict_of_many_is_of_bias_and_of_single_captures():

@@ -16,7 +16,7 @@ from wheelplane.measure import fit_target
 from wheelplane.plane.correlated_noise import CorrelatedNoise
 from wheelplane.plane.fit_plane import PlaneFit
 from wheelplane.targets.plates import DiscTarget
-from wheelplane.validation.virtual_five_point import added_causes, aimed, pick_five
+from wheelplane.validation.virtual_five_point import added_components, aimed, pick_five
 
 DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)
 SIGMA = 8e-4
@@ -47,9 +47,9 @@ def plane_of(uv, correlated=0.0, length=0.0):
     return fit, SimpleNamespace(centre_m=centre)
 
 
-def of_plane(causes):
+def of_plane(components):
     """Covariance (3, 3): normal's two slopes, then the height; the causes' own axes are x, y, z."""
-    whole = sum(cause.covariance for cause in causes)
+    whole = sum(component.covariance for component in components)
     return whole[np.ix_([0, 1, 5], [0, 1, 5])]
 
 
@@ -63,8 +63,8 @@ def chi(values, covariance):
     return np.einsum("ri,ij,rj->r", values, np.linalg.inv(covariance), values)
 
 
-def is_chi_square(values, freedom=3):
-    return stats.kstest(values, stats.chi2(freedom).cdf).pvalue > 1e-3
+def is_chi_square(values, dof=3):
+    return stats.kstest(values, stats.chi2(dof).cdf).pvalue > 1e-3
 
 
 def test_the_difference_has_less_variance_and_a_plain_sum_is_wrong():
@@ -72,7 +72,7 @@ def test_the_difference_has_less_variance_and_a_plain_sum_is_wrong():
     uv = face(14)
     plane, fitted = plane_of(uv)
     local = uv @ plane.basis[:2, :2].T
-    stated = of_plane(added_causes(local[:5], local, plane, fitted, 0.0))
+    stated = of_plane(added_components(local[:5], local, plane, fitted, 0.0))
     heights = SIGMA * np.random.default_rng(1).standard_normal((4000, len(uv)))
     five, everything = fits(heights[:, :5], uv[:5]), fits(heights, uv)
     difference = five - everything
@@ -93,21 +93,21 @@ def test_correlated_noise_takes_its_kernel():
     length = 0.03
     plane, fitted = plane_of(uv, correlated=SIGMA, length=length)
     local = uv @ plane.basis[:2, :2].T
-    causes = added_causes(local[:5], local, plane, fitted, 0.0)
+    components = added_components(local[:5], local, plane, fitted, 0.0)
     apart = np.sum((uv[:, None] - uv[None]) ** 2, axis=2)
     K = SIGMA**2 * np.exp(-apart / (2 * length**2)) + 1e-15 * np.eye(len(uv))
     rng = np.random.default_rng(3)
     field = rng.standard_normal((4000, len(uv))) @ np.linalg.cholesky(K).T
     heights = field + plane._white_variance**0.5 * rng.standard_normal((4000, len(uv)))
     difference = fits(heights[:, :5], uv[:5]) - fits(heights, uv)
-    assert is_chi_square(chi(difference, of_plane(causes)))
-    assert not is_chi_square(chi(difference, of_plane(causes[:1])))
+    assert is_chi_square(chi(difference, of_plane(components)))
+    assert not is_chi_square(chi(difference, of_plane(components[:1])))
 
 
 def test_waves_of_the_face_count_where_they_are_stated():
     uv = face()
     plane, fitted = plane_of(uv)
-    flat, wavy = (added_causes(uv[:5], uv, plane, fitted, f) for f in (0.0, 1e-3))
+    flat, wavy = (added_components(uv[:5], uv, plane, fitted, f) for f in (0.0, 1e-3))
     assert [c.name for c in wavy] == [*(c.name for c in flat), "flatness"]
     height = wavy[-1].covariance[5, 5]
     assert height == pytest.approx(1e-6 / 12 / 5, rel=1e-3)  # five heights, each within 1 mm

@@ -505,7 +505,7 @@ def test_every_quantity_can_be_judged(measured):
             (verdict,) = assess(measured, table).verdicts
             assert verdict.decision == decision
             assert (verdict.quantity.value, verdict.quantity.u) == (told.value, told.u)
-            assert verdict.quantity.freedom == told.freedom
+            assert verdict.quantity.dof == told.dof
 
 
 def test_limits_of_setback_have_a_side(measured, mirrored):

@@ -16,7 +16,7 @@ from tests.support.made import write_small_capture
 from tests.support.web_site import PAPER, Site, write_results
 from wheelplane.batch.results.query import STATUSES
 from wheelplane.errors import InputError
-from wheelplane.report.format.language import LANGUAGES, load_words
+from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.vehicle.angles import deg_min_sec
 from wheelplane.web.files.excerpt import failure
 
@@ -102,7 +102,7 @@ def test_the_panel_says_the_same_in_every_unit_and_language(site, five):
     tree = file_of(site, five, "measurement.json").json
     for language in LANGUAGES:
         panel = file_of(site, five, f"panel-{language}.json").json
-        words = load_words(language)
+        words = load_translations(language)
         wheels = panel["tables"]["rear-axle"]["dms"][0]
         toe = wheels["head"].index(words("quantity.toe"))
         degrees = panel["tables"]["rear-axle"]["deg"][0]
@@ -402,7 +402,7 @@ def test_results_behind_a_link_to_elsewhere_are_refused(site, results, tmp_path)
 
 
 def test_every_text_of_the_page_is_there_in_every_language():
-    english, *others = (load_words(language).section("page") for language in LANGUAGES)
+    english, *others = (load_translations(language).section("page") for language in LANGUAGES)
     for other in others:
         assert set(other) == set(english)
         for name, text in other.items():
@@ -415,11 +415,11 @@ STATED = {*STATUSES, "agree", "disagree", "cannot_tell"}
 
 
 def test_every_text_that_the_page_asks_for_is_there_and_none_besides():
-    sources = [*WEB.glob("static/*.js"), *WEB.glob("*.py"), *WEB.glob("templates/*.html")]
+    sources = [*WEB.glob("static/*.js"), *WEB.rglob("*.py"), *WEB.glob("templates/*.html")]
     code = "\n".join(path.read_text() for path in sources)
     asked = set(re.findall(r"""\bt\("(\w+)\"|["']page\.(\w+)["']""", code))
     asked = {one or other for one, other in asked} - set(BUILT) - {"html"}
-    known = set(load_words("en").section("page"))
+    known = set(load_translations("en").section("page"))
     assert len(asked) > 50
     assert asked - known == set()
     quoted = set(re.findall(r'"(\w+)"', code))
@@ -429,4 +429,4 @@ def test_every_text_that_the_page_asks_for_is_there_and_none_besides():
 def test_an_unknown_language_is_told(site):
     assert site.post("/api/language/xx", {}).status_code == 400
     with pytest.raises(InputError):
-        load_words("xx")
+        load_translations("xx")

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from ... import __version__
-from ...capture import Told
+from ...capture import CaptureOptions
 from ...config import Config
 from ...errors import InputError
 from ...five_point import Station
@@ -19,7 +19,7 @@ from ...targets import Target
 from ...units import AngleUnit, Azimuth, Coordinates
 from .discover import Kind
 
-DEFAULT, OF_CLOUDS = Config(), Told(of_clouds=True)
+DEFAULT, OF_CLOUDS = Config(), CaptureOptions(of_clouds=True)
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Settings:
     config: Config = DEFAULT
     scanner: str | None = None
     target: Target | None = None
-    told: Told = OF_CLOUDS
+    told: CaptureOptions = OF_CLOUDS
     coordinates: Coordinates = "cartesian"
     angle_unit: AngleUnit | None = None
     azimuth: Azimuth = "auto"

@@ -183,14 +183,14 @@ def _sum(a: Array, b: Array) -> float:
 
 def _scatter(day: Array, y: Array, variance: Array) -> float:
     """Variance between captures, by Newton's method on 1/Q, nearly linear in it; 0 at least."""
-    scatter2, freedom = 0.0, len(day) - 2
+    scatter2, dof = 0.0, len(day) - 2
     for _ in range(100):
         *_, weights, residuals = _line(day, y, variance + scatter2)
         squares = weights * residuals**2
         q = float(squares.sum())
         if q == 0.0:
             return 0.0
-        step = (q / freedom - 1.0) * q / _sum(weights, squares)
+        step = (q / dof - 1.0) * q / _sum(weights, squares)
         after = max(0.0, scatter2 + step)
         if abs(after - scatter2) <= 1e-10 * after:
             return after

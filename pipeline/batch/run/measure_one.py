@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import re
 import tempfile
@@ -15,7 +14,7 @@ from typing import Any
 from ... import __version__
 from ...capture import open_capture
 from ...config import with_scanner
-from ...errors import NotMeasuredError, WheelplaneError
+from ...errors import WheelplaneError
 from ...five_point import read_five_point
 from ...kinematics import all_turned
 from ...measure import measure_capture, measure_five_point
@@ -24,6 +23,7 @@ from ...report.json.measurement import SCHEMA, to_tree
 from ..plan.discover import Kind
 from ..plan.settings import Settings
 from ..storage.entry import legible
+from .stages import causes, passing, stage_of
 
 
 @dataclass(frozen=True)
@@ -159,62 +159,3 @@ def _without_paths(text: str, subject: Subject, written: Callable[[str], str] = 
     for path in (str(subject.source), str(WheelplaneError(str(subject.source)))):
         text = text.replace(written(path), written(subject.name))
     return re.sub(re.escape(tempfile.gettempdir()) + r"/wheelplane-\w+/(capture/)?", "", text)
-
-
-# Stage of each room; the longest name counts. What fails in a room without a row (cloud, targets)
-# is of the stage that called it.
-STAGES = {
-    "discover": "capture",
-    "read": "files readers diagnostics five_point.file",
-    "segment": "detection",
-    "plane": "plane five_point measurement.residual_map",
-    "centre": "centre kinematics.plate_pose",
-    "identify": "capture.front detection.identify_wheels detection.up_direction detection.vehicles "
-    "measurement.observe measurement.observe_vehicle",
-    "frame": "vehicle.frame measurement.evaluate",
-    "angles": "vehicle uncertainty kinematics measurement measure report",
-}
-STAGE_OF = {room: stage for stage, rooms in STAGES.items() for room in rooms.split()}
-# Of the machine, not of the capture: elsewhere, or a little later, it may well be measured.
-PASSING = {
-    errno.ENOSPC,
-    errno.EDQUOT,
-    errno.EMFILE,
-    errno.ENFILE,
-    errno.ENOMEM,
-    errno.EAGAIN,
-    errno.EROFS,
-    errno.ESTALE,
-    errno.ETIMEDOUT,
-}
-
-
-def stage_of(error: BaseException) -> str:
-    """The stage whose code raised the error, or the first cause of it."""
-    for cause in reversed(causes(error)):
-        frames = [frame for frame, _ in traceback.walk_tb(cause.__traceback__)]
-        for frame in reversed(frames):
-            module = frame.f_globals.get("__name__", "").partition(".")[2]
-            if module == "measurement.observe" and isinstance(cause, NotMeasuredError):
-                return "segment"  # which observe.py held back until the scan was let go
-            while module:
-                if module in STAGE_OF:
-                    return STAGE_OF[module]
-                module = module.rpartition(".")[0]
-    return "read"
-
-
-def causes(error: BaseException) -> list[BaseException]:
-    """The error, what it arose from, what that arose from, and so on."""
-    chain = [error]
-    while (before := chain[-1].__cause__ or chain[-1].__context__) is not None:
-        chain.append(before)
-    return chain
-
-
-def passing(error: BaseException) -> OSError | None:
-    """The fault of the machine that an error arose from; None where the capture is to blame."""
-    for one in causes(error):
-        if isinstance(one, OSError) and one.errno in PASSING:
-            return one
-    return None

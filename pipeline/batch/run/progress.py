@@ -117,7 +117,7 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-class Teller(Protocol):
+class ProgressListener(Protocol):
     """Who is told how a run goes."""
 
     def planned(self, known: int, todo: int) -> None:
@@ -131,7 +131,7 @@ class Teller(Protocol):
 
 
 @dataclass
-class Tally:
+class RunCounts:
     """What a run found and did.
 
     known: captures that were done before. done: those that were not, by what became of them.

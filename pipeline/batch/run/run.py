@@ -16,7 +16,7 @@ from ..plan.shard import ALL, Shard
 from ..storage.entry import Entry
 from ..storage.store import Store, open_store
 from .ledger import Ledger
-from .progress import Tally, Teller
+from .progress import ProgressListener, RunCounts
 from .tasks import Engine, Run, tasks_of
 from .work import Request
 
@@ -32,10 +32,10 @@ class Batch:
         request: Request,
         engine: Engine,
         scratch: Path,
-        teller: Teller,
+        teller: ProgressListener,
         shard: Shard = ALL,
     ) -> None:
-        self.request, self.shard, self.tally = request, shard, Tally()
+        self.request, self.shard, self.tally = request, shard, RunCounts()
         self._engine, self._scratch, self._teller = engine, scratch, teller
         self._archive, self._results = open_store(request.archive), open_store(request.results)
         mark = request.settings.mark
@@ -51,7 +51,7 @@ class Batch:
         """Whether there is any result by now, of whichever run."""
         return holds_results(self._results)
 
-    def run(self, limit: int | None = None) -> Tally:
+    def run(self, limit: int | None = None) -> RunCounts:
         """Measure what is new or changed, at most `limit` captures, and renew the catalogue.
 
         Raises InputError where storage or machine fail, and KeyboardInterrupt; what was done by

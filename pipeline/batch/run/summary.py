@@ -7,13 +7,13 @@ from collections import Counter
 from ..catalogue.catalogue import Catalogue
 from ..plan.shard import ALL, Shard
 from ..results.query import STATUSES, Filter, count, failures
-from .progress import Tally
+from .progress import RunCounts
 
 WORST, REASON_LENGTH = 5, 140
 
 
 def summary(
-    tally: Tally, catalogue: Catalogue | None, results: str, shard: Shard = ALL
+    tally: RunCounts, catalogue: Catalogue | None, results: str, shard: Shard = ALL
 ) -> tuple[str, bool]:
     """The text, and whether all captures were measured whole.
 

@@ -55,7 +55,7 @@ def mixed_share(beams: Beams, depth: Array, background: Background) -> float:
 
 # A state is (9,): centre u v, beam u v, 1/distance, log spot, log thickness, log echo, turn.
 CENTRE, BEAM, INVERSE = slice(0, 2), slice(2, 4), 4
-SPOT, THICKNESS, ECHO, TURN = 5, 6, 7, 8
+SPOT, THICKNESS, RATIO, TURN = 5, 6, 7, 8
 HELD_BEAM, HELD_THICKNESS = 0.05, 0.03  # of a fit that ran away from them (k = 1)
 TURN_RAD = 0.1  # what the segmentation's axes may be turned against the target's (k = 1)
 MIN_DEPTH_M = 0.006  # what lies nearer behind the face is not taken for background
@@ -120,10 +120,10 @@ def carry(plane: Array, depth: Array, state: Array, outline: Outline) -> Beams:
     """
     shrink = 1.0 / (1.0 + state[INVERSE] * depth)
     q = (plane - state[CENTRE] - depth[:, None] * state[BEAM]) * shrink[:, None]
-    feet = outline.feet(turned(q, -state[TURN]))
-    rho = turned(feet.normal, state[TURN])
+    closest = outline.closest(turned(q, -state[TURN]))
+    rho = turned(closest.normal, state[TURN])
     outward = rho @ state[BEAM]
     aside = state[BEAM] @ state[BEAM] - outward**2
-    bent = np.exp(state[THICKNESS]) * aside * feet.bend / 2.0
-    tau = -outward - state[INVERSE] * feet.support_m - bent
-    return Beams(feet.x_m, rho, tau, shrink, q, feet.curve, feet.share, feet.clear)
+    bent = np.exp(state[THICKNESS]) * aside * closest.bend / 2.0
+    tau = -outward - state[INVERSE] * closest.support_m - bent
+    return Beams(closest.x_m, rho, tau, shrink, q, closest.curve, closest.share, closest.clear)

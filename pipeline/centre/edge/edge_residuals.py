@@ -8,7 +8,7 @@ import numpy as np
 
 from ...targets import Outline, sector
 from ...vectors import Array
-from .beams import BEAM, ECHO, SPOT, THICKNESS, Background, Beams, Prior, carry
+from .beams import BEAM, RATIO, SPOT, THICKNESS, Background, Beams, Prior, carry
 from .mixed_pixel import EdgeProfile, edge_profile
 
 INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the edge the profile is compared
@@ -74,7 +74,7 @@ def equations(
         background.depth_m[part],
         spot,
         float(np.exp(state[THICKNESS])),
-        float(np.exp(state[ECHO])),
+        float(np.exp(state[RATIO])),
     )
     residual = z - profile.depth_m
     rough = profile.background_share * (
@@ -82,7 +82,7 @@ def equations(
     )
     variance = (sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2 + rough**2
     weight, change = _robust(residual**2 / variance, settled)
-    light = profile.background_share * float(np.exp(state[ECHO]))
+    light = profile.background_share * float(np.exp(state[RATIO]))
     light /= 1.0 - profile.background_share + light  # of what returns, that of the background
     return Equations(
         q_m=beams.q_m,
@@ -159,7 +159,7 @@ def _slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> A
             -d_x * depth * beams.shrink * support - facing * (support - beams.x_m),
             profile.d_log_spot,
             profile.d_thickness * np.exp(state[THICKNESS]),
-            profile.d_log_echo,
+            profile.d_log_ratio,
             -d_x * np.sum(rho * J_q, axis=1) + facing * tau_by_turn,
         ]
     )

@@ -26,8 +26,8 @@ from .beam_direction import (
 from .beams import (
     BEAM,
     CENTRE,
-    ECHO,
     INVERSE,
+    RATIO,
     RING_M,
     SPOT,
     THICKNESS,
@@ -48,7 +48,7 @@ RIDGE = 0.3  # of log spot, thickness, echo: how far the consistent answer may l
 
 
 @dataclass(frozen=True)
-class RimFit:
+class EdgeFit:
     """Centre of an outline in the plane and what came with it.
 
     centre_m: (2,). turn_rad: of the target's axes against the plane's; turn_noise: (3,) its
@@ -68,12 +68,12 @@ class RimFit:
     turn_rad: float
     covariance_m2: Array
     by_plane: Array
-    freedom: float
+    dof: float
     beam: Array
     inverse_distance: float
     spot_m: float
     thickness_m: float
-    echo: float
+    reflectance_ratio: float
     covered: float
     misfit: float
     points: int
@@ -85,18 +85,18 @@ class RimFit:
     @property
     def state(self) -> Array:
         """As rim_beams has it, (9,)."""
-        logs = np.log([self.spot_m, self.thickness_m, self.echo])
+        logs = np.log([self.spot_m, self.thickness_m, self.reflectance_ratio])
         return np.array([*self.centre_m, *self.beam, self.inverse_distance, *logs, self.turn_rad])
 
 
-def fit_rim(
+def fit_edge(
     uvw_m: Array,
     outline: Outline,
     thickness_m: float | None,
     sigma_m: float,
     config: CentreConfig,
-    begin: Array | RimFit,
-) -> RimFit | None:
+    begin: Array | EdgeFit,
+) -> EdgeFit | None:
     """Place of an outline in plane coordinates uvw_m (N, 3), w towards the scanner.
 
     thickness_m: of the plate, where known. begin: the state (9,) to start from, as `aimed` gives
@@ -104,7 +104,7 @@ def fit_rim(
     None where less than a quarter of the edge has a background to compare with, or the scanner has
     left out the mixed ranges.
     """
-    if isinstance(begin, RimFit):
+    if isinstance(begin, EdgeFit):
         prior = Prior.beside(begin.state)
         state = prior.mean
     else:
@@ -239,20 +239,20 @@ def _converge(problem: Problem, state: Array, most: int, consistent: bool) -> _C
     return _Converged(state, background, linear, iteration, last_m)
 
 
-def _record(found: _Converged, problem: Problem, covered: float) -> RimFit:
+def _record(found: _Converged, problem: Problem, covered: float) -> EdgeFit:
     state = found.state
-    covariance, by_plane, freedom = spread(found.equations, problem.outline, problem.prior)
-    return RimFit(
+    covariance, by_plane, dof = spread(found.equations, problem.outline, problem.prior)
+    return EdgeFit(
         centre_m=state[CENTRE],
         turn_rad=float(state[TURN]),
         covariance_m2=covariance[CENTRE, CENTRE],
         by_plane=by_plane[CENTRE],
-        freedom=freedom,
+        dof=dof,
         beam=state[BEAM],
         inverse_distance=float(state[INVERSE]),
         spot_m=float(np.exp(state[SPOT])),
         thickness_m=float(np.exp(state[THICKNESS])),
-        echo=float(np.exp(state[ECHO])),
+        reflectance_ratio=float(np.exp(state[RATIO])),
         covered=covered,
         misfit=float(np.mean(found.equations.weight <= 0.0)),
         points=len(found.equations.residual_m),

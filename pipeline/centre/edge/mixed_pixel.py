@@ -33,12 +33,17 @@ class EdgeProfile:
     d_tau: Array
     d_log_spot: Array
     d_thickness: Array
-    d_log_echo: Array
+    d_log_ratio: Array
     background_share: Array
 
 
 def edge_profile(
-    x_m: Array, tau: Array, background_m: Array, spot_m: Array, thickness_m: float, echo: float
+    x_m: Array,
+    tau: Array,
+    background_m: Array,
+    spot_m: Array,
+    thickness_m: float,
+    reflectance_ratio: float,
 ) -> EdgeProfile:
     """Depth behind the face that a beam at x_m (N,) returns; all arrays (N,), metres.
 
@@ -52,10 +57,12 @@ def edge_profile(
     a, b = x_m / spot_m, (x_m - width) / spot_m
     Fa, Fb, k = spot_share(a), spot_share(b), chord(b) / spot_m
     mean_F = (_integral(a) - _integral(b)) * spot_m / width  # of F over the wall
-    light = 1.0 - Fb + echo * Fb
-    depth = (thickness_m * (mean_F - Fb) + echo * background_m * Fb) / light
+    light = 1.0 - Fb + reflectance_ratio * Fb
+    depth = (thickness_m * (mean_F - Fb) + reflectance_ratio * background_m * Fb) / light
     # The slope of depth by F(b), all else equal; F(b) falls by k for each metre of width.
-    by_share = (echo * background_m - thickness_m + (1.0 - echo) * depth) / light
+    by_share = (
+        reflectance_ratio * background_m - thickness_m + (1.0 - reflectance_ratio) * depth
+    ) / light
     by_mean = thickness_m / light
     d_width = by_mean * (Fb - mean_F) / width - by_share * k
     on_wall = width > 1e-3 * spot_m
@@ -67,7 +74,7 @@ def edge_profile(
         d_log_spot=by_mean * (mean_F - (a * Fa - b * Fb) * spot_m / width)
         - by_share * k * b * spot_m,
         d_thickness=(mean_F - Fb) / light + d_width * tau,
-        d_log_echo=echo * Fb * (background_m - depth) / light,
+        d_log_ratio=reflectance_ratio * Fb * (background_m - depth) / light,
         background_share=Fb,
     )
 

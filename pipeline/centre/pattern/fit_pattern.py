@@ -9,7 +9,7 @@ import numpy as np
 from ...targets import PatternTarget
 from ...vectors import Array, turned
 from .detect import marker_bits
-from .image import face_image
+from .image import target_image
 from .pose import Pose, first_pose, marker_corners, rigid
 from .refine import Shade, crossing, place_feature, round_spot
 
@@ -32,7 +32,7 @@ class PatternFit:
     centre_m: Array
     turn_rad: float
     covariance_m2: Array
-    freedom: float
+    dof: float
     rms_m: float
     features: int
     printed: int
@@ -53,7 +53,7 @@ class PatternFit:
 
 
 @dataclass(frozen=True)
-class Lit:
+class IntensityPoints:
     """Points of a face: uv_m (N, 2) where their beams met the plane, intensity (N,).
 
     beam: (2,) in-plane run of the beams per depth, zeros where it is not known. spot_m: radius of
@@ -65,10 +65,10 @@ class Lit:
     beam: Array
     spot_m: float
 
-    def mirrored(self) -> Lit:
+    def mirrored(self) -> IntensityPoints:
         """The same with the axis v turned over."""
         over = np.array([1.0, -1.0])
-        return Lit(self.uv_m * over, self.intensity, self.beam * over, self.spot_m)
+        return IntensityPoints(self.uv_m * over, self.intensity, self.beam * over, self.spot_m)
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class _Feature:
 
 
 def find_pattern(
-    face: Lit, target: PatternTarget, near: tuple[Array, float], side_known: bool
+    face: IntensityPoints, target: PatternTarget, near: tuple[Array, float], side_known: bool
 ) -> PatternFit | None:
     """The pattern on a face whose outline has the centre and turn `near`; None where not found.
 
@@ -97,10 +97,12 @@ def find_pattern(
     return found[int(np.argmin(apart))]
 
 
-def fit_pattern(face: Lit, target: PatternTarget, near: tuple[Array, float]) -> PatternFit | None:
+def fit_pattern(
+    face: IntensityPoints, target: PatternTarget, near: tuple[Array, float]
+) -> PatternFit | None:
     """The same where the plane's axes are those of the face as it is seen."""
     finest = _module_m(target) / PIXELS_OF_FEATURE
-    pose = first_pose(face_image(face.uv_m, face.intensity, finest), target, near)
+    pose = first_pose(target_image(face.uv_m, face.intensity, finest), target, near)
     if pose is None:
         return None
     fitted = None
@@ -144,7 +146,7 @@ def _features(target: PatternTarget, pose: Pose) -> list[_Feature]:
     return [_Feature(place, window, shade) for place in corners]
 
 
-def _seen(face: Lit, feature: _Feature, pose: Pose) -> Array | None:
+def _seen(face: IntensityPoints, feature: _Feature, pose: Pose) -> Array | None:
     """Where the feature is in the plane (2,), if the points show it."""
     expected = pose.places(feature.place_m[None])[0]
     q = face.uv_m - expected
@@ -178,18 +180,18 @@ def _laid(
             return None
         keep = again
     count = int(np.count_nonzero(keep))
-    freedom = 2.0 * count - 3.0
+    dof = 2.0 * count - 3.0
     square = float(np.sum(residual[keep] ** 2))
     q = turned(local[keep], turn)
     slopes = np.zeros((2 * count, 3))
     slopes[:count, 0] = slopes[count:, 1] = 1.0
     slopes[:count, 2], slopes[count:, 2] = -q[:, 1], q[:, 0]
-    covariance = square / freedom * np.linalg.inv(slopes.T @ slopes)
+    covariance = square / dof * np.linalg.inv(slopes.T @ slopes)
     return PatternFit(
         centre_m=centre,
         turn_rad=turn,
         covariance_m2=np.asarray(covariance[:2, :2]),
-        freedom=freedom,
+        dof=dof,
         rms_m=float(np.sqrt(square / (2.0 * count))),
         features=count,
         printed=printed,

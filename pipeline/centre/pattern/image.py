@@ -15,7 +15,7 @@ FILL_ROUNDS = 4
 
 
 @dataclass(frozen=True)
-class FaceImage:
+class TargetImage:
     """Grey picture as seen from the scanner, u to the right and v up.
 
     grey: (H, W) uint8. pixel_m: edge of a pixel. left_m, top_m: where its upper left corner lies.
@@ -32,7 +32,7 @@ class FaceImage:
         return np.asarray(corner + (pixels + 0.5) * self.pixel_m * np.array([1.0, -1.0]))
 
 
-def face_image(uv_m: Array, intensity: Array, finest_m: float) -> FaceImage:
+def target_image(uv_m: Array, intensity: Array, finest_m: float) -> TargetImage:
     """Mean intensity (N,) of the points uv_m (N, 2) in pixels of about two points each.
 
     finest_m: the smallest pixel that is of use. What no point fell in is filled from around it.
@@ -49,7 +49,7 @@ def face_image(uv_m: Array, intensity: Array, finest_m: float) -> FaceImage:
     mean = _filled(total.reshape(rows, columns), count.astype(np.float64))
     black, white = np.quantile(intensity, GREY_LIMITS)
     grey = np.clip((mean - black) / max(float(white - black), 1e-12), 0.0, 1.0) * 255.0
-    return FaceImage(np.round(grey).astype(np.uint8), pixel, float(left), float(top))
+    return TargetImage(np.round(grey).astype(np.uint8), pixel, float(left), float(top))
 
 
 def _filled(total: Array, count: Array) -> Array:

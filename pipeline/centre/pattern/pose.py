@@ -9,7 +9,7 @@ import numpy as np
 from ...targets import PatternTarget
 from ...vectors import Array, turned
 from .detect import Markers, find_circles, find_corners, find_markers
-from .image import FaceImage
+from .image import TargetImage
 
 NEAR_OF_PITCH = 0.3  # how far a feature may lie from where it is expected
 FOUND_SHARE = 0.3  # of the features, at least, that must be found
@@ -46,7 +46,7 @@ def rigid(local_m: Array, seen_m: Array) -> tuple[Array, float]:
     return np.asarray(b - turned(a[None], turn)[0]), turn
 
 
-def first_pose(image: FaceImage, target: PatternTarget, near: tuple[Array, float]) -> Pose | None:
+def first_pose(image: TargetImage, target: PatternTarget, near: tuple[Array, float]) -> Pose | None:
     """Pose of the pattern in the picture, from the centre and turn that the outline has.
 
     None where it is not found.
@@ -69,7 +69,7 @@ def marker_corners(target: PatternTarget, index: int) -> Array:
     return np.asarray(target.places_m[index] + turned(half, np.radians(target.turn_deg)))
 
 
-def _of_markers(markers: Markers, image: FaceImage, target: PatternTarget) -> Pose | None:
+def _of_markers(markers: Markers, image: TargetImage, target: PatternTarget) -> Pose | None:
     """The set of ids of which most are seen, and the pose that its markers' corners give."""
     seen = {int(m): image.places_m(c) for m, c in zip(markers.ids, markers.corners, strict=True)}
     sets = target.id_sets

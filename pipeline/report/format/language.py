@@ -18,7 +18,7 @@ POINT = re.compile(r"(?<=\d)\.(?=\d)")
 
 
 @dataclass(frozen=True)
-class Words:
+class Translations:
     """All texts of a language by section and key, such as `scene.forward`."""
 
     language: str
@@ -48,12 +48,12 @@ class Words:
 
 
 @cache
-def load_words(language: str) -> Words:
+def load_translations(language: str) -> Translations:
     """The words of one of LANGUAGES. Raises InputError that lists them."""
     if language not in LANGUAGES:
         raise InputError(f"language {language!r}: known are {', '.join(LANGUAGES)}")
     table = tomllib.loads((FOLDER / f"{language}.toml").read_text(encoding="utf-8"))
-    return Words(language, dict(_flat(table)))
+    return Translations(language, dict(_flat(table)))
 
 
 def _flat(table: Mapping[str, Any], before: str = "") -> list[tuple[str, str]]:

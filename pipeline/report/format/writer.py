@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from ...kinematics import Estimate
 from ...measurement import Stated
 from ...vehicle import Axis, Unit, deg_min_sec
-from .language import Words
+from .language import Translations
 from .view import Sort, View
 
 SORTS: dict[str, Sort] = {
@@ -39,7 +39,7 @@ class Table:
 class Writer:
     """Words and view of one report."""
 
-    words: Words
+    words: Translations
     view: View
 
     def value(self, quantity: Stated) -> str:

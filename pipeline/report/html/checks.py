@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...measurement import Measurement, PooledAngle, pool_repeats
 from ...uncertainty import TOLERANCE, MonteCarlo
-from ..format.language import Words
+from ..format.language import Translations
 from ..format.writer import Table, Writer
 
 
@@ -26,13 +26,13 @@ def _pooled(angle: PooledAngle, writer: Writer) -> list[str]:
     words = writer.words
     return [
         writer.plain(angle.pooled, "rad"), writer.size(angle.u, "rad"),
-        words.number(f"{angle.chi_square / angle.freedom:.2f}"), writer.share(angle.probability),
+        words.number(f"{angle.chi_square / angle.dof:.2f}"), writer.share(angle.probability),
         writer.size(angle.drift, "rad"), writer.size(angle.u_drift, "rad"),
         words.known("checks", angle.status),
     ]  # fmt: skip
 
 
-def monte_carlo_words(drawn: MonteCarlo, words: Words) -> str:
+def monte_carlo_words(drawn: MonteCarlo, words: Translations) -> str:
     """What random trials say of the formula's uncertainties."""
     said = words.known("checks", drawn.status, tolerance=f"{TOLERANCE:.0%}".replace("%", " %"))
     return f"{words('checks.trials', trials=str(drawn.trials))} {said}"

@@ -10,7 +10,7 @@ from typing import Any
 from ...measurement import Conformity, Measurement
 from ...vehicle import AXES
 from ..format.laboratory import NOBODY, Laboratory
-from ..format.language import Words
+from ..format.language import Translations
 from ..format.view import View
 from ..format.writer import Writer
 from ..json.measurement import to_json
@@ -34,16 +34,19 @@ NUMBER_DIGITS = 12  # of the record's digest, which make the report's number
 
 
 @dataclass(frozen=True)
-class Dress:
+class ReportOptions:
     """How a report looks: its language, who issues it, and the view of the angles."""
 
-    words: Words
+    words: Translations
     view: View
     laboratory: Laboratory = NOBODY
 
 
 def html_report(
-    measurement: Measurement, conformity: Conformity | None, dress: Dress, still: bool = False
+    measurement: Measurement,
+    conformity: Conformity | None,
+    dress: ReportOptions,
+    still: bool = False,
 ) -> str:
     """The page; still: without the 3D view, for print. Same measurement, same text."""
     page = _page(measurement, conformity, dress)
@@ -79,7 +82,9 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() or c in PLAIN else repr(c)[1:-1] for c in text)
 
 
-def _page(measurement: Measurement, conformity: Conformity | None, dress: Dress) -> dict[str, Any]:
+def _page(
+    measurement: Measurement, conformity: Conformity | None, dress: ReportOptions
+) -> dict[str, Any]:
     words, view = dress.words, dress.view
     writer = Writer(words, view)
     record = to_json(measurement, conformity, view.axis).encode()
@@ -134,7 +139,7 @@ def _page(measurement: Measurement, conformity: Conformity | None, dress: Dress)
     } | _said(measurement, dress, five_point)
 
 
-def _said(measurement: Measurement, dress: Dress, five_point: bool) -> dict[str, Any]:
+def _said(measurement: Measurement, dress: ReportOptions, five_point: bool) -> dict[str, Any]:
     """Sentences on axis, units, signs and method, and the sections that there are."""
     words, view = dress.words, dress.view
     axis = words.known("axis", view.axis)
@@ -154,7 +159,7 @@ def _said(measurement: Measurement, dress: Dress, five_point: bool) -> dict[str,
     }
 
 
-def _still_note(shown: dict[str, Any], five_point: bool, words: Words) -> str:
+def _still_note(shown: dict[str, Any], five_point: bool, words: Translations) -> str:
     if five_point:
         return words("frame.five", diameter=f"{2e3 * SYMBOL_M:g} mm")
     count = min(shown["cloud"]["count"], MOST_DOTS) if shown["cloud"] else 0

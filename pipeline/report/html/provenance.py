@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ...kinematics import measure_kingpins, measure_runouts, measure_toe_out
+from ...kinematics import measure_runouts, measure_steering_axes, measure_toe_out
 from ...measurement import Conformity, Measurement, WheelResult
-from ..format.language import Words
+from ..format.language import Translations
 from ..format.writer import NONE, Table, Writer
 from ..json.conformity import tolerance_tree
 
@@ -30,7 +30,7 @@ class Trouble:
     todo: str
 
 
-def head_pairs(measurement: Measurement, number: str, words: Words) -> Pairs:
+def head_pairs(measurement: Measurement, number: str, words: Translations) -> Pairs:
     """What was measured, from what, and the report's number."""
     made = measurement.provenance
     target = made.config.get("target")
@@ -45,7 +45,7 @@ def head_pairs(measurement: Measurement, number: str, words: Words) -> Pairs:
     return [(name, value) for name, value in pairs if value]
 
 
-def _scans(measurement: Measurement, words: Words) -> str:
+def _scans(measurement: Measurement, words: Translations) -> str:
     made, wheels = measurement.provenance, measurement.wheels
     if is_five_point(measurement):
         return words("head.scans_five", planes=len(wheels))
@@ -60,7 +60,7 @@ def is_five_point(measurement: Measurement) -> bool:
     return measurement.wheels[0].observation.fitted.method == "points"
 
 
-def _compact(target: Mapping[str, Any], words: Words) -> str:
+def _compact(target: Mapping[str, Any], words: Translations) -> str:
     """Shape and sizes of a target, in mm."""
     shape = words.known("target", str(target.get("shape")))
     lengths = ((key, target[key]) for key in SIZES if isinstance(target.get(key), float))
@@ -104,11 +104,11 @@ def wheel_facts(result: WheelResult, writer: Writer) -> Pairs:
     return pairs
 
 
-def troubles(measurement: Measurement, words: Words) -> list[Trouble]:
+def troubles(measurement: Measurement, words: Translations) -> list[Trouble]:
     """Everything that has another status than ok, wheels first."""
     seen = [w.observation for w in measurement.wheels]
     found = [(s.name, s.status, s.reason) for s in seen]
-    kingpins = measure_kingpins(measurement)
+    kingpins = measure_steering_axes(measurement)
     found += [(words("scene.kingpin", wheel=k.wheel), k.status, k.reason) for k in kingpins]
     turns = measure_toe_out(measurement) if kingpins else ()
     found += [(f"{words('turned.turn')} {words(f'turned.turn_{t.turn}')}", t.status, t.reason)
@@ -118,7 +118,7 @@ def troubles(measurement: Measurement, words: Words) -> list[Trouble]:
     return [trouble(*one, words) for one in found if one[1] != "ok"]
 
 
-def trouble(name: str, status: str, said: str, words: Words) -> Trouble:
+def trouble(name: str, status: str, said: str, words: Translations) -> Trouble:
     """A status in plain words."""
     key = status.replace("-", "_")
     means, todo = (
@@ -144,7 +144,7 @@ def centres_table(measurement: Measurement, writer: Writer) -> Table:
     return Table(head, rows, 2, words("frame.numbers"))
 
 
-def inputs_table(measurement: Measurement, words: Words) -> Table:
+def inputs_table(measurement: Measurement, words: Translations) -> Table:
     """Every input file with its digest."""
     rows = [[name, digest.removeprefix("sha256:")] for name, digest in
             measurement.provenance.inputs.items()]  # fmt: skip

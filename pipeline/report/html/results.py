@@ -14,7 +14,7 @@ from ...measurement import (
     against,
     stated,
 )
-from ..format.language import Words
+from ..format.language import Translations
 from ..format.writer import NONE, Table, Writer
 
 SIGNS = {"conform": "✓", "not conform": "✗", "undecided": "?"}
@@ -31,7 +31,9 @@ class Headline:
     says: tuple[str, ...]
 
 
-def headline(measurement: Measurement, conformity: Conformity | None, words: Words) -> Headline:
+def headline(
+    measurement: Measurement, conformity: Conformity | None, words: Translations
+) -> Headline:
     """The verdict in words, with its rule, and what was not measured."""
     missing = [w.observation.name for w in measurement.wheels if w.angles is None]
     left = (words("verdict.incomplete", names=", ".join(missing)),) if missing else ()
@@ -116,9 +118,13 @@ def limits_table(conformity: Conformity, writer: Writer) -> Table:
     )  # fmt: skip
     rows, kinds = [], []
     for verdict in conformity.verdicts:
-        what, zone = verdict.quantity, verdict.zone
+        what, interval = verdict.quantity, verdict.interval
         key = verdict.decision.replace(" ", "_")
-        limits = [writer.limit(x, what.unit) for x in (zone.lower, zone.upper)] if zone else [NONE]
+        limits = (
+            [writer.limit(x, what.unit) for x in (interval.lower, interval.upper)]
+            if interval
+            else [NONE]
+        )
         name = "" if what.subject == "vehicle" else what.subject
         if what.wheel not in (None, what.subject):
             name += f" ({what.wheel})"
@@ -144,20 +150,20 @@ def joint(conformity: Conformity, writer: Writer) -> str:
 
 def _why(verdict: Verdict, writer: Writer) -> str:
     """Why a quantity is undecided, in the report's language."""
-    what, zone, words = verdict.quantity, verdict.zone, writer.words
+    what, interval, words = verdict.quantity, verdict.interval, writer.words
     if verdict.decision != "undecided":
         return ""
     if what.reason:
         return words("verdict.not_measured")
-    if zone is None or what.value is None or what.u is None:
+    if interval is None or what.value is None or what.u is None:
         return words("verdict.unknown")
     if verdict.guard_band is None:
         return words("verdict.undecidable")
-    lower = what.value - zone.lower < zone.upper - what.value
+    lower = what.value - interval.lower < interval.upper - what.value
     return words("verdict.near_lower" if lower else "verdict.near_upper")
 
 
-def factor_words(measurement: Measurement, words: Words) -> str:
+def factor_words(measurement: Measurement, words: Translations) -> str:
     """The coverage factor of what is reported, or from where to where it goes."""
     factors = [q.coverage_factor for q in stated(measurement)]
     low, high = (words.number(f"{k:.2f}") for k in (min(factors), max(factors)))

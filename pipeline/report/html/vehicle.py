@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from ...kinematics import (
-    Kingpin,
     Runout,
+    SteeringAxis,
     ToeOut,
-    measure_kingpins,
     measure_runouts,
+    measure_steering_axes,
     measure_toe_out,
 )
 from ...measurement import Measurement, Stated, against, by_name, stated
@@ -81,7 +81,7 @@ def axes_table(measurement: Measurement, writer: Writer) -> Table:
 def turned_tables(measurement: Measurement, writer: Writer) -> list[tuple[Table, str]]:
     """Kingpins, toe-out on turns and run-outs, each with its note; none without such scans."""
     words = writer.words
-    kingpins, runouts = measure_kingpins(measurement), measure_runouts(measurement)
+    kingpins, runouts = measure_steering_axes(measurement), measure_runouts(measurement)
     tables = []
     if kingpins:
         tables.append((_kingpins_table(kingpins, writer), words("turned.kingpin_note")))
@@ -93,7 +93,7 @@ def turned_tables(measurement: Measurement, writer: Writer) -> list[tuple[Table,
     return tables
 
 
-def _kingpins_table(kingpins: Sequence[Kingpin], writer: Writer) -> Table:
+def _kingpins_table(kingpins: Sequence[SteeringAxis], writer: Writer) -> Table:
     words = writer.words
     head = (words("results.wheel"), words("status.status"), words("turned.scans"),
             words("turned.swept"), words("turned.caster"), "u", "U", words("turned.inclination"),
@@ -122,7 +122,7 @@ def _runouts_table(runouts: Sequence[Runout], writer: Writer) -> Table:
     return Table(head, rows, 2, words("turned.runouts"))
 
 
-def _kingpin(found: Kingpin, writer: Writer) -> list[str]:
+def _kingpin(found: SteeringAxis, writer: Writer) -> list[str]:
     swept = writer.words.number(f"{math.degrees(found.sweep_rad):.1f}°")
     return [
         found.wheel, writer.status(found.status), str(len(found.scans)), swept,

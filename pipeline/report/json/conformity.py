@@ -36,9 +36,9 @@ def tolerance_tree(conformity: Conformity | None) -> dict[str, Any]:
 
 
 def _verdict(verdict: Verdict) -> dict[str, Any]:
-    what, zone, unit = verdict.quantity, verdict.zone, verdict.quantity.unit
+    what, interval, unit = verdict.quantity, verdict.interval, verdict.quantity.unit
     suffix = "deg" if unit == "rad" else "m"
-    limits = (None, None) if zone is None else (zone.lower, zone.upper)
+    limits = (None, None) if interval is None else (interval.lower, interval.upper)
     numbers = {
         "value": what.value,
         "u": what.u,

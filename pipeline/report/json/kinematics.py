@@ -7,10 +7,10 @@ from typing import Any
 
 from ...kinematics import (
     Estimate,
-    Kingpin,
     Runout,
-    measure_kingpins,
+    SteeringAxis,
     measure_runouts,
+    measure_steering_axes,
     measure_toe_out,
 )
 from ...measurement import Measurement
@@ -22,7 +22,7 @@ def turned_tree(measurement: Measurement) -> dict[str, Any]:
         return {"steering": {"kingpins": [], "toe_out_on_turns": []}, "runouts": []}
     return {
         "steering": {
-            "kingpins": [_kingpin(found) for found in measure_kingpins(measurement)],
+            "kingpins": [_kingpin(found) for found in measure_steering_axes(measurement)],
             "toe_out_on_turns": [
                 {
                     "turn": found.turn,
@@ -42,7 +42,7 @@ def turned_tree(measurement: Measurement) -> dict[str, Any]:
     }
 
 
-def _kingpin(found: Kingpin) -> dict[str, Any]:
+def _kingpin(found: SteeringAxis) -> dict[str, Any]:
     return {
         "wheel": found.wheel,
         "scans": list(found.scans),
@@ -87,12 +87,12 @@ def _runout(found: Runout) -> dict[str, Any]:
     }
 
 
-def _fit(found: Kingpin | Runout) -> dict[str, Any]:
-    if not found.freedom:
+def _fit(found: SteeringAxis | Runout) -> dict[str, Any]:
+    if not found.dof:
         return {"chi_square": None, "freedom": None, "probability": None}
     return {
         "chi_square": found.chi_square,
-        "freedom": found.freedom,
+        "freedom": found.dof,
         "probability": found.probability,
     }
 

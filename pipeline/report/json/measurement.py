@@ -119,7 +119,7 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
         "correlation_length_m": plane.correlated.length_m if plane else None,
         "u_plane_deg": _degrees(plane.tilt_rad if plane else None),
         "u_plane_if_independent_deg": _degrees(plane.tilt_if_independent_rad if plane else None),
-        "missing_returns": seen.missing_returns,
+        "missing_returns": seen.invalid_points,
         "file": seen.source,
         "centre_method": fitted.method if fitted else None,
         "centres": [_other(other) for other in fitted.others] if fitted else [],

@@ -24,9 +24,9 @@ def uncertainty_tree(measurement: Measurement) -> dict[str, Any]:
     related = [found[i] for i in rows]
     scale = np.array([IN_REPORT[quantity.unit][0] for quantity in related])
     matrix = measurement.uncertainty.covariance[np.ix_(rows, rows)] * np.outer(scale, scale)
-    causes = measurement.uncertainty.causes
+    components = measurement.uncertainty.components
     return {
-        "uncertainty": [_entry(quantity, causes) for quantity in found],
+        "uncertainty": [_entry(quantity, components) for quantity in found],
         "covariance": {
             "quantities": [quantity.name for quantity in related],
             "units": [IN_REPORT[quantity.unit][1] for quantity in related],
@@ -35,17 +35,17 @@ def uncertainty_tree(measurement: Measurement) -> dict[str, Any]:
     }
 
 
-def _entry(quantity: Stated, causes: tuple[str, ...]) -> dict[str, Any]:
+def _entry(quantity: Stated, components: tuple[str, ...]) -> dict[str, Any]:
     scale, unit = IN_REPORT[quantity.unit]
     return {
         "quantity": quantity.name,
         "unit": unit,
         "value": quantity.value * scale,
         "u": quantity.u * scale,
-        "degrees_of_freedom": quantity.freedom if math.isfinite(quantity.freedom) else None,
+        "degrees_of_freedom": quantity.dof if math.isfinite(quantity.dof) else None,
         "coverage_factor_95": quantity.coverage_factor,
         "expanded_95": quantity.expanded * scale,
-        "share_of_variance": dict(zip(causes, quantity.shares.tolist(), strict=True)),
+        "share_of_variance": dict(zip(components, quantity.contributions.tolist(), strict=True)),
         "share_through_frame": quantity.through_frame,
     }
 
@@ -97,7 +97,7 @@ def _pooled(angle: PooledAngle) -> dict[str, Any]:
         "pooled_deg": math.degrees(angle.pooled),
         "u_deg": math.degrees(angle.u),
         "chi_square": angle.chi_square,
-        "degrees_of_freedom": angle.freedom,
+        "degrees_of_freedom": angle.dof,
         "probability": angle.probability,
         "drift_deg_per_scan": None if drift is None else math.degrees(drift),
         "u_drift_deg_per_scan": None if u_drift is None else math.degrees(u_drift),

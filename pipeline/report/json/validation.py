@@ -12,10 +12,10 @@ from ...validation import (
     SHAPE,
     Agreement,
     Comparison,
+    ComparisonStudy,
     JointTest,
     Limit,
     Line,
-    Survey,
     nees,
     scores,
 )
@@ -24,7 +24,7 @@ from ..text.validation_study import SETTLED_RAD
 SCHEMA = "wheelplane/validation/1"
 
 
-def validation_json(found: Comparison | Survey) -> str:
+def validation_json(found: Comparison | ComparisonStudy) -> str:
     """Text of validation.json; the same comparison gives the same bytes."""
     tree = comparison_tree(found) if isinstance(found, Comparison) else survey_tree(found)
     tree = {"schema": SCHEMA, "version": __version__, **tree}
@@ -57,7 +57,7 @@ def comparison_tree(found: Comparison) -> dict[str, Any]:
     }
 
 
-def survey_tree(survey: Survey) -> dict[str, Any]:
+def survey_tree(survey: ComparisonStudy) -> dict[str, Any]:
     """Of many captures."""
     whole, size = nees(survey.found), survey.see_rad or SETTLED_RAD
     return {
@@ -91,7 +91,7 @@ def survey_tree(survey: Survey) -> dict[str, Any]:
 
 def _angle(found: Comparison, i: int) -> dict[str, Any]:
     kind, index = divmod(i, len(found.names))
-    freedom = float(found.spread.freedom[i])
+    dof = float(found.spread.dof[i])
     return {
         "name": found.names[index],
         "wheel": found.wheels[index],
@@ -102,7 +102,7 @@ def _angle(found: Comparison, i: int) -> dict[str, Any]:
         "u_second_deg": _deg(found.u_second[i]),
         "difference_deg": _deg(found.difference_rad[i]),
         "u_deg": _deg(found.spread.u[i]),
-        "degrees_of_freedom": freedom if math.isfinite(freedom) else None,
+        "degrees_of_freedom": dof if math.isfinite(dof) else None,
         "expanded_95_deg": _deg(found.spread.expanded[i]),
         "en": float(found.en[i]) if math.isfinite(found.en[i]) else None,
         "visible_deg": _deg(found.visible_rad[i]),
@@ -132,7 +132,7 @@ def _test(test: JointTest) -> dict[str, Any]:
     return {
         "chi_square": test.chi_square,
         "values": test.count,
-        "degrees_of_freedom_of_u": test.freedom if math.isfinite(test.freedom) else None,
+        "degrees_of_freedom_of_u": test.dof if math.isfinite(test.dof) else None,
         "probability": test.probability,
     }
 
@@ -163,7 +163,7 @@ def _line(line: Line | None) -> dict[str, Any] | None:
         "slope": line.slope,
         "u_slope": line.u_slope,
         "chi_square": line.chi_square,
-        "degrees_of_freedom": line.freedom,
+        "degrees_of_freedom": line.dof,
         "probability": line.probability,
     }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from ...measurement import Conformity, Measurement, Stated, Verdict, against, stated
-from ..format.language import Words
+from ..format.language import Translations
 from ..format.view import View
 from .angles import judged_by, names_shown, range_of, tick_text
 from .drawing import MINUS, cut
@@ -14,7 +14,7 @@ WIDTH, MOST_NAME = 61, 16
 
 
 def angles_text(
-    measurement: Measurement, conformity: Conformity | None, words: Words, view: View
+    measurement: Measurement, conformity: Conformity | None, words: Translations, view: View
 ) -> str:
     """A line a wheel and angle: value, then U as a bar, [ and ] for limits, | for zero."""
     found = against(stated(measurement), view.axis)
@@ -48,9 +48,9 @@ def _line(quantity: Stated, verdict: Verdict | None, low: float, high: float) ->
     ends = (quantity.value - quantity.expanded, quantity.value + quantity.expanded)
     first, last = (_place(end, low, high) for end in ends)
     line[first : last + 1] = "─" * (last + 1 - first)
-    if verdict is not None and verdict.zone is not None:
-        put(verdict.zone.lower, "[")
-        put(verdict.zone.upper, "]")
+    if verdict is not None and verdict.interval is not None:
+        put(verdict.interval.lower, "[")
+        put(verdict.interval.upper, "]")
     put(quantity.value, "●")
     return "".join(line)
 

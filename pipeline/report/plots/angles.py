@@ -5,9 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from ...measurement import Conformity, Measurement, Stated, Verdict, Zone, against, stated
+from ...measurement import (
+    Conformity,
+    Measurement,
+    Stated,
+    ToleranceInterval,
+    Verdict,
+    against,
+    stated,
+)
 from ...vehicle import Axis
-from ..format.language import Words
+from ..format.language import Translations
 from .drawing import (
     GRID,
     INK,
@@ -31,7 +39,7 @@ DECIDED = ("reference", "trial")
 
 
 def angles_drawing(
-    measurement: Measurement, conformity: Conformity | None, words: Words, axis: Axis
+    measurement: Measurement, conformity: Conformity | None, words: Translations, axis: Axis
 ) -> Drawing:
     """A row a wheel or trial, a panel an angle: value, expanded uncertainty, limits."""
     names = names_shown(measurement)
@@ -62,7 +70,7 @@ def _panel(
     names: Sequence[str],
     rows: Mapping[str, Stated],
     judged: Mapping[str, Verdict],
-    words: Words,
+    words: Translations,
 ) -> list[Mark]:
     low, high, step = range_of([*rows.values()], [*judged.values()])
     foot = HEAD + ROW * len(names)
@@ -74,18 +82,18 @@ def _panel(
     hints = words(f"plot.{kind}_low"), words(f"plot.{kind}_high")
     marks.append(Text(left, HEAD - 7, f"{MINUS} {hints[0]}", 11, colour=PALE))
     marks.append(Text(left + PANEL, HEAD - 7, f"{hints[1]} +", 11, "end", colour=PALE))
-    zones = {i: judged[name].zone for i, name in enumerate(names) if name in judged}
-    for index, zone in zones.items():
-        if zone is not None:
-            low_x, high_x = at(zone.lower), at(zone.upper)
+    intervals = {i: judged[name].interval for i, name in enumerate(names) if name in judged}
+    for index, interval in intervals.items():
+        if interval is not None:
+            low_x, high_x = at(interval.lower), at(interval.upper)
             y = HEAD + ROW * index + 2
             marks.append(rectangle(low_x, y, high_x - low_x, ROW - 4, BAND))
     for tick in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1):
         x = at(tick * step)
         marks.append(Path([(x, HEAD), (x, foot)], INK if tick == 0 else GRID, 1.0))
         marks.append(Text(x, foot + 16, words.number(tick_text(tick * step)), 12, "middle"))
-    for index, zone in zones.items():
-        marks += _limits(at, zone, HEAD + ROW * index)
+    for index, interval in intervals.items():
+        marks += _limits(at, interval, HEAD + ROW * index)
     for index, name in enumerate(names):
         verdict = judged.get(name)
         colour = COLOURS[verdict.decision if verdict else ""]
@@ -101,8 +109,10 @@ def judged_by(conformity: Conformity | None, rows: Mapping[str, Stated]) -> dict
     return {name: verdicts[key] for name, key in names.items() if key in verdicts}
 
 
-def _limits(at: Callable[[float], float], zone: Zone | None, y: float) -> list[Mark]:
-    ends = [x for x in ((zone.lower, zone.upper) if zone else ()) if math.isfinite(x)]
+def _limits(
+    at: Callable[[float], float], interval: ToleranceInterval | None, y: float
+) -> list[Mark]:
+    ends = [x for x in ((interval.lower, interval.upper) if interval else ()) if math.isfinite(x)]
     return [Path([(at(x), y + 2), (at(x), y + ROW - 2)], LIMIT, 2.0) for x in ends]
 
 
@@ -120,8 +130,10 @@ def _value(at: Callable[[float], float], quantity: Stated, y: float, colour: str
 def range_of(found: Sequence[Stated], verdicts: Sequence[Verdict]) -> tuple[float, float, float]:
     """From where to where a panel reaches, and the step of its ticks, radians."""
     ends = [0.0] + [q.value + s * q.expanded for q in found for s in (-1.0, 1.0)]
-    zones = [v.zone for v in verdicts if v.zone is not None]
-    ends += [x for zone in zones for x in (zone.lower, zone.upper) if math.isfinite(x)]
+    intervals = [v.interval for v in verdicts if v.interval is not None]
+    ends += [
+        x for interval in intervals for x in (interval.lower, interval.upper) if math.isfinite(x)
+    ]
     reach = max(max(ends) - min(ends), math.radians(0.2 / 60.0))
     low, high = min(ends) - 0.05 * reach, max(ends) + 0.05 * reach
     minutes = math.degrees(high - low) * 60.0

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from ...measurement import Measurement, Stated, against, stated
 from ...vehicle import REFERENCE_WHEELS, Axis
-from ..format.language import Words, load_words
+from ..format.language import Translations, load_translations
 from ..format.writer import size_text
 from .drawing import GRID, PALE, Drawing, Mark, Path, Text, cut, rectangle
 
@@ -35,71 +35,81 @@ COLUMNS, LEGEND = 4, 186.0
 
 def budget_svg(measurement: Measurement, axis: Axis = "rear-axle") -> str:
     """SVG of all quantities against an axis, in English; same measurement, same bytes."""
-    return budget_drawing(measurement, load_words("en"), axis).svg
+    return budget_drawing(measurement, load_translations("en"), axis).svg
 
 
-def budget_drawing(measurement: Measurement, words: Words, axis: Axis = "rear-axle") -> Drawing:
+def budget_drawing(
+    measurement: Measurement, words: Translations, axis: Axis = "rear-axle"
+) -> Drawing:
     """All quantities against an axis, without ISO camber."""
     found = [q for q in against(stated(measurement), axis) if q.kind != "camber_iso"]
-    return bars_drawing(found, measurement.uncertainty.causes, words, words("plot.budget_title"))
+    return bars_drawing(
+        found, measurement.uncertainty.components, words, words("plot.budget_title")
+    )
 
 
-def vehicle_budget(measurement: Measurement, words: Words, axis: Axis) -> Drawing:
+def vehicle_budget(measurement: Measurement, words: Translations, axis: Axis) -> Drawing:
     """The same of the reference wheels and the vehicle alone."""
     found = [q for q in against(stated(measurement), axis) if q.kind != "camber_iso"]
     found = [q for q in found if q.subject in (*REFERENCE_WHEELS, "vehicle")]
-    return bars_drawing(found, measurement.uncertainty.causes, words, words("plot.budget_title"))
+    return bars_drawing(
+        found, measurement.uncertainty.components, words, words("plot.budget_title")
+    )
 
 
-def wheel_budget(measurement: Measurement, name: str, words: Words, axis: Axis) -> Drawing:
+def wheel_budget(measurement: Measurement, name: str, words: Translations, axis: Axis) -> Drawing:
     """Toe and camber of one wheel."""
     kinds = ("toe", "camber")
     found = [q for q in against(stated(measurement), axis) if q.subject == name and q.kind in kinds]
     title = words("plot.budget_of", name=cut(name, 40))
-    return bars_drawing(found, measurement.uncertainty.causes, words, title, alone=True)
+    return bars_drawing(found, measurement.uncertainty.components, words, title, alone=True)
 
 
 def bars_drawing(
-    found: Sequence[Stated], causes: tuple[str, ...], words: Words, title: str, alone: bool = False
+    found: Sequence[Stated],
+    components: tuple[str, ...],
+    words: Translations,
+    title: str,
+    alone: bool = False,
 ) -> Drawing:
     """A bar a quantity; alone: they are of one wheel, which the title names."""
-    legend_rows = math.ceil(len(causes) / COLUMNS)
+    legend_rows = math.ceil(len(components) / COLUMNS)
     top = HEAD + 20 * legend_rows + 14
     foot = top + ROW * len(found)
     marks: list[Mark] = [
         Text(12, 22, title, 15, bold=True),
         Text(12, 42, words("plot.budget_note"), 12, colour=PALE),
-        *_legend(causes, words),
+        *_legend(components, words),
     ]
     for percent in (0, 25, 50, 75, 100):
         x = LABEL + BAR * percent / 100
         marks.append(Path([(x, top - 4), (x, foot)], GRID))
         marks.append(Text(x, foot + 17, f"{percent} %", 12, "middle"))
     for index, quantity in enumerate(found):
-        marks += _bar(quantity, causes, top + ROW * index, words, alone)
+        marks += _bar(quantity, components, top + ROW * index, words, alone)
     marks.append(Text(LABEL + BAR + 12, top - 8, "u;  U (95 %)", 12, colour=PALE))
     return Drawing(LABEL + BAR + VALUE, foot + 30, title, marks)
 
 
-def _legend(causes: tuple[str, ...], words: Words) -> list[Mark]:
+def _legend(components: tuple[str, ...], words: Translations) -> list[Mark]:
     marks: list[Mark] = []
-    for index, cause in enumerate(causes):
+    for index, component in enumerate(components):
         x, y = 12 + LEGEND * (index % COLUMNS), HEAD + 20 * (index // COLUMNS)
-        marks.append(rectangle(x, y - 10, 12, 12, COLOURS.get(cause, OTHER)))
-        marks.append(Text(x + 18, y, words.known("cause", cause), 12))
+        marks.append(rectangle(x, y - 10, 12, 12, COLOURS.get(component, OTHER)))
+        marks.append(Text(x + 18, y, words.known("cause", component), 12))
     return marks
 
 
 def _bar(
-    quantity: Stated, causes: tuple[str, ...], y: float, words: Words, alone: bool
+    quantity: Stated, components: tuple[str, ...], y: float, words: Translations, alone: bool
 ) -> list[Mark]:
     of = "" if alone or quantity.subject == "vehicle" else f"{cut(quantity.subject, 14)}  "
     label = of + words.known("quantity", quantity.kind)
     marks: list[Mark] = [Text(LABEL - 8, y + 15, label, 12, "end")]
     x = LABEL
-    for cause, share in zip(causes, quantity.shares.tolist(), strict=True):
+    for component, share in zip(components, quantity.contributions.tolist(), strict=True):
         if share > 0.0:
-            marks.append(rectangle(x, y + 3, BAR * share, ROW - 8, COLOURS.get(cause, OTHER)))
+            marks.append(rectangle(x, y + 3, BAR * share, ROW - 8, COLOURS.get(component, OTHER)))
         x += BAR * share
     framed = LABEL + BAR * (1.0 - quantity.through_frame)
     if framed < x:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from ...measurement import Conformity, Measurement
-from ..format.language import Words
+from ..format.language import Translations
 from ..format.view import View
 from ..scene.scene import scene
 from .angle_chart import angles_text
@@ -20,7 +20,7 @@ from .top_view import top_drawing
 
 
 def plot_files(
-    measurement: Measurement, conformity: Conformity | None, words: Words, view: View
+    measurement: Measurement, conformity: Conformity | None, words: Translations, view: View
 ) -> dict[str, bytes]:
     """Name and content of each file; same measurement, same bytes."""
     files = {"angles.txt": angles_text(measurement, conformity, words, view).encode()}
@@ -32,7 +32,7 @@ def plot_files(
 
 
 def _drawings(
-    measurement: Measurement, conformity: Conformity | None, words: Words, view: View
+    measurement: Measurement, conformity: Conformity | None, words: Translations, view: View
 ) -> Iterator[tuple[str, Drawing]]:
     yield "angles", angles_drawing(measurement, conformity, words, view.axis)
     yield "top", top_drawing(measurement, words, view)

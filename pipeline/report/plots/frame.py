@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...vectors import Array
-from ..format.language import Words
+from ..format.language import Translations
 from .drawing import Dots, Drawing, Mark, Path, Text, arrow
 
 WIDTH, HEIGHT, MARGIN = 760.0, 430.0, 42.0
@@ -20,7 +20,7 @@ LINES = {"frame": "#444444", "axes": "#009E73", "kingpin": "#8a5a00"}
 NORMAL_M = 0.3
 
 
-def frame_drawing(scene: dict[str, Any], words: Words) -> Drawing:
+def frame_drawing(scene: dict[str, Any], words: Translations) -> Drawing:
     """The scene by parallel projection."""
     project = _fitted(scene)
     cloud = _points(scene["cloud"])

@@ -7,14 +7,14 @@ import math
 import numpy as np
 
 from ...measurement import WheelResult
-from ..format.language import Words
+from ..format.language import Translations
 from .drawing import INK, PALE, SIGMA, Drawing, Mark, Path, Text
 
 WIDTH, HEIGHT, HEAD, FOOT, LEFT = 360.0, 398.0, 44.0, 62.0, 24.0
 BAR, LIMIT, LIMIT_INK = "#56B4E9", "#D55E00", "#9c4400"
 
 
-def histogram_drawing(result: WheelResult, words: Words) -> Drawing | None:
+def histogram_drawing(result: WheelResult, words: Translations) -> Drawing | None:
     """Distances of the face's points from its plane, beside the normal curve of its noise."""
     evidence = result.observation.evidence
     if evidence is None or evidence.face is None or evidence.plane is None:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..format.language import Words
+from ..format.language import Translations
 from .drawing import INK, PALE, Drawing, Mark, Path, Text, arrow
 
 WIDTH, HEIGHT = 760.0, 250.0
@@ -14,7 +14,7 @@ EDGE, TYRE, ANGLE, LINE = "#37474f", "#dfe5ea", "#b3261e", "#0072B2"
 DRAWN_RAD = math.radians(14.0)
 
 
-def signs_drawing(words: Words) -> Drawing:
+def signs_drawing(words: Translations) -> Drawing:
     """Three sketches of what is positive."""
     title = words("plot.signs_title")
     marks: list[Mark] = []
@@ -45,7 +45,7 @@ def _plate(x: float, y: float, turn_rad: float, half: tuple[float, float]) -> li
     ]
 
 
-def _toe(words: Words) -> list[Mark]:
+def _toe(words: Translations) -> list[Mark]:
     x, y = WIDTH / 6, 145.0
     marks: list[Mark] = [Path([(x - 62, y), (x + 62, y)], EDGE, 2.0)]
     marks += _plate(x - 62, y, DRAWN_RAD, (38.0, 11.0)) + _plate(
@@ -60,7 +60,7 @@ def _toe(words: Words) -> list[Mark]:
     return marks
 
 
-def _camber(words: Words) -> list[Mark]:
+def _camber(words: Translations) -> list[Mark]:
     x, y = WIDTH / 2, 145.0
     marks: list[Mark] = [
         Path([(x - 110, y + 44), (x + 110, y + 44)], PALE, 1.4),
@@ -78,7 +78,7 @@ def _camber(words: Words) -> list[Mark]:
     return marks
 
 
-def _thrust(words: Words) -> list[Mark]:
+def _thrust(words: Translations) -> list[Mark]:
     x, y, reach = WIDTH * 5 / 6, 190.0, 140.0
     end = (x + reach * math.sin(DRAWN_RAD), y - reach * math.cos(DRAWN_RAD))
     arc = [(x + 105 * math.sin(t), y - 105 * math.cos(t)) for t in np.linspace(0, DRAWN_RAD, 9)]

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...measurement import CELLS, FaceMap, WheelResult
+from ...measurement import CELLS, ResidualMap, WheelResult
 from ...plane import PlaneFit
 from ...vectors import Array, turned
 from ...vehicle import VehicleFrame
-from ..format.language import Words, load_words
+from ..format.language import Translations, load_translations
 from .drawing import (
     GRID,
     MINUS,
@@ -38,12 +38,12 @@ OUTLINE, BAR, BAR_HEIGHT = "#006400", 165.0, 15.0
 
 def face_png(result: WheelResult, frame: VehicleFrame) -> bytes | None:
     """PNG of one wheel's target, or None where no scan was fitted."""
-    drawing = face_drawing(result, frame, load_words("en"))
+    drawing = face_drawing(result, frame, load_translations("en"))
     return None if drawing is None else drawing_png(drawing)
 
 
 def face_drawing(
-    result: WheelResult, frame: VehicleFrame, words: Words, coarser: int = 1
+    result: WheelResult, frame: VehicleFrame, words: Translations, coarser: int = 1
 ) -> Drawing | None:
     """The face as the scanner saw it, the vehicle's up upwards; None where no scan was fitted.
 
@@ -79,7 +79,7 @@ def _to_upright(plane: PlaneFit, frame: VehicleFrame) -> float:
     return math.pi / 2.0 - math.atan2(across, along)
 
 
-def _pixels(face: FaceMap, full_m: float, coarser: int) -> npt.NDArray[np.uint8]:
+def _pixels(face: ResidualMap, full_m: float, coarser: int) -> npt.NDArray[np.uint8]:
     """Places in the palette: from full blue (behind) over white to full red (before).
 
     Coarser still where the face has fewer points than the map has cells on it.
@@ -112,7 +112,7 @@ def _palette() -> npt.NDArray[np.uint8]:
     return np.vstack([colours, [[255.0] * 3, [205.0] * 3]]).astype(np.uint8)
 
 
-def _outline(face: FaceMap, turn: float, middle: tuple[float, float]) -> list[Mark]:
+def _outline(face: ResidualMap, turn: float, middle: tuple[float, float]) -> list[Mark]:
     """The edges of the known size about the fitted centre, and a cross at it."""
     scale = SIDE / (2.0 * face.half_width_m)
     flip = np.array([scale, -scale])
@@ -125,7 +125,9 @@ def _outline(face: FaceMap, turn: float, middle: tuple[float, float]) -> list[Ma
     return marks
 
 
-def _directions(plane: PlaneFit, frame: VehicleFrame, turn: float, words: Words) -> list[Mark]:
+def _directions(
+    plane: PlaneFit, frame: VehicleFrame, turn: float, words: Translations
+) -> list[Mark]:
     """Arrows to the vehicle's up and front."""
     ahead: Array = turned((plane.basis[:2] @ frame.forward)[None], turn)[0]
     x, y = (LEFT + SIDE - 4, HEAD + 24) if ahead[0] < 0 else (LEFT + 4, HEAD + 24)
@@ -139,7 +141,7 @@ def _directions(plane: PlaneFit, frame: VehicleFrame, turn: float, words: Words)
     ]
 
 
-def _scale(face: FaceMap, words: Words) -> list[Mark]:
+def _scale(face: ResidualMap, words: Translations) -> list[Mark]:
     """A length to read sizes by."""
     length_m = next(x for x in (0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.0) if x < face.half_width_m)
     pixels = SIDE * length_m / (2.0 * face.half_width_m)
@@ -149,7 +151,7 @@ def _scale(face: FaceMap, words: Words) -> list[Mark]:
     return [Path(line, PALE, 1.2), Text(LEFT + pixels / 2, y + 15, text, 11, "middle", colour=PALE)]
 
 
-def _legend(full_m: float, words: Words) -> list[Mark]:
+def _legend(full_m: float, words: Translations) -> list[Mark]:
     """The colours, and what they mean."""
     x, y = LEFT + SIDE - BAR, HEAD + SIDE + 8
     shades = np.tile(np.arange(WHITE, dtype=np.uint8), (3, 1))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...measurement import Measurement, Stated, against, stated
 from ...vectors import Array
-from ..format.language import Words
+from ..format.language import Translations
 from ..format.view import View
 from .drawing import GRID, INK, PALE, Anchor, Drawing, Mark, Path, Text, arrow
 
@@ -23,7 +23,7 @@ WHEELS = ("RR", "RL", "FR", "FL")
 Known = Mapping[tuple[str, str], Stated]
 
 
-def top_drawing(measurement: Measurement, words: Words, view: View) -> Drawing:
+def top_drawing(measurement: Measurement, words: Translations, view: View) -> Drawing:
     """Wheels where they stand, turned by their toe from above, and by their camber from behind."""
     known = {(q.subject, q.kind): q for q in against(stated(measurement), view.axis)}
     title = words("plot.top_title")
@@ -41,7 +41,9 @@ def factor(angles_rad: list[float]) -> int:
     return next((k for k in FACTORS if k * largest <= MOST_DEG), 1)
 
 
-def _from_above(measurement: Measurement, known: Known, words: Words, view: View) -> list[Mark]:
+def _from_above(
+    measurement: Measurement, known: Known, words: Translations, view: View
+) -> list[Mark]:
     frame = measurement.frame
     places = {w.observation.name: frame.to_vehicle(w.observation.fitted.centre_m) for w in
               measurement.wheels[:4]}  # fmt: skip
@@ -108,7 +110,7 @@ def _tyre(middle: Array, scale: float, turn_rad: float) -> list[Mark]:
     ]
 
 
-def _label(wheel: str, middle: Array, known: Known, words: Words, view: View) -> list[Mark]:
+def _label(wheel: str, middle: Array, known: Known, words: Translations, view: View) -> list[Mark]:
     side: Anchor = "end" if wheel.endswith("L") else "start"
     x = middle[0] + (-24.0 if side == "end" else 24.0)
     toe = words.number(view.angle(known[wheel, "toe"].value, "toe"))
@@ -118,10 +120,10 @@ def _label(wheel: str, middle: Array, known: Known, words: Words, view: View) ->
     ]
 
 
-def _from_behind(known: Known, words: Words, view: View) -> list[Mark]:
+def _from_behind(known: Known, words: Translations, view: View) -> list[Mark]:
     """Both axles from behind, the left wheel on the left."""
-    leans = {wheel: known[wheel, "camber"].value for wheel in WHEELS}
-    k = factor([*leans.values()])
+    tilts = {wheel: known[wheel, "camber"].value for wheel in WHEELS}
+    k = factor([*tilts.values()])
     marks: list[Mark] = [Text(SPLIT + 12, 42, words("plot.top_behind", factor=str(k)), 12,
                               colour=PALE)]  # fmt: skip
     middle = (SPLIT + WIDTH) / 2.0
@@ -131,8 +133,8 @@ def _from_behind(known: Known, words: Words, view: View) -> list[Mark]:
         marks.append(Path([(middle - 120, y + 56), (middle + 120, y + 56)], PALE, 1.4))
         marks.append(Path([(middle - 84, y), (middle + 84, y)], EDGE, 2.0))
         for wheel, x, side in ((left, middle - 84, -1.0), (right, middle + 84, 1.0)):
-            marks += _upright(np.array([x, y]), side * k * leans[wheel])
-            value = words.number(view.angle(leans[wheel], "camber"))
+            marks += _upright(np.array([x, y]), side * k * tilts[wheel])
+            value = words.number(view.angle(tilts[wheel], "camber"))
             marks.append(Text(x, y + 74, wheel, 14, "middle", bold=True))
             marks.append(Text(x, y + 90, value, 12, "middle"))
     return marks

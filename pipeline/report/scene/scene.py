@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ...kinematics import measure_kingpins
+from ...kinematics import measure_steering_axes
 from ...measurement import Conformity, Measurement, WheelResult
 from ...vectors import Array
 from ...vehicle import VehicleFrame, deg_min_sec
-from ..format.language import Words, load_words
+from ..format.language import Translations, load_translations
 from .points import cloud_tree
 from .points import to_view as to_view
 
@@ -28,10 +28,10 @@ KINGPIN_M = 0.35  # up and down from the height of the wheel's centre
 def scene(
     measurement: Measurement,
     conformity: Conformity | None = None,
-    words: Words | None = None,
+    words: Translations | None = None,
 ) -> dict[str, Any]:
     """The scene as plain data; a wheel that was not measured has no place in it."""
-    words = words or load_words("en")
+    words = words or load_translations("en")
     failed = _not_conform(conformity)
     measured = [wheel for wheel in measurement.wheels if wheel.angles is not None]
     return {
@@ -67,7 +67,7 @@ def _not_conform(conformity: Conformity | None) -> set[str]:
 
 
 def _wheel(
-    result: WheelResult, frame: VehicleFrame, failed: set[str], words: Words
+    result: WheelResult, frame: VehicleFrame, failed: set[str], words: Translations
 ) -> dict[str, Any]:
     seen, angles = result.observation, result.angles
     assert angles is not None
@@ -89,7 +89,7 @@ def _wheel(
     }
 
 
-def _axes(measurement: Measurement, words: Words) -> list[dict[str, Any]]:
+def _axes(measurement: Measurement, words: Translations) -> list[dict[str, Any]]:
     """Arrows from the origin."""
     length = ARROW * measurement.frame.wheelbase_m
     names = ("forward", "left", "up")
@@ -99,7 +99,7 @@ def _axes(measurement: Measurement, words: Words) -> list[dict[str, Any]]:
     ]
 
 
-def _frame(measurement: Measurement, words: Words) -> list[dict[str, Any]]:
+def _frame(measurement: Measurement, words: Translations) -> list[dict[str, Any]]:
     """The axles, and the two longitudinal lines that workshops know."""
     frame = measurement.frame
     RR, RL, FR, FL = (
@@ -120,7 +120,7 @@ def _frame(measurement: Measurement, words: Words) -> list[dict[str, Any]]:
     ]
 
 
-def _kingpins(measurement: Measurement, words: Words) -> list[dict[str, Any]]:
+def _kingpins(measurement: Measurement, words: Translations) -> list[dict[str, Any]]:
     frame = measurement.frame
     return [
         _line(
@@ -128,7 +128,7 @@ def _kingpins(measurement: Measurement, words: Words) -> list[dict[str, Any]]:
             "kingpin",
             *(to_view(frame, found.point_m + way * KINGPIN_M * found.axis) for way in (-1.0, 1.0)),
         )
-        for found in measure_kingpins(measurement)
+        for found in measure_steering_axes(measurement)
         if found.axis is not None and found.point_m is not None
     ]
 

@@ -15,8 +15,8 @@ frame: of all that, what arrives through the four centres, on which the frame st
 
 def budget_text(measurement: Measurement, axis: Axis = "rear-axle") -> str:
     """A table with a line for each quantity against an axis, and one for the noise of each scan."""
-    causes = measurement.uncertainty.causes
-    rows: list[tuple[str, ...]] = [("", "u", "U", *causes, "frame")]
+    components = measurement.uncertainty.components
+    rows: list[tuple[str, ...]] = [("", "u", "U", *components, "frame")]
     for quantity in against(stated(measurement), axis):
         if quantity.kind != "camber_iso":
             rows.append(_row(quantity))
@@ -34,8 +34,10 @@ points N and how many independent ones they are worth, and the tilt's u with and
 
 def _row(quantity: Stated) -> tuple[str, ...]:
     u, expanded = (_size(x, quantity.unit) for x in (quantity.u, quantity.expanded))
-    shares = (f"{100.0 * share:.1f}" for share in (*quantity.shares, quantity.through_frame))
-    return (quantity.name.replace("_", " ").replace(".", " "), u, expanded, *shares)
+    contributions = (
+        f"{100.0 * share:.1f}" for share in (*quantity.contributions, quantity.through_frame)
+    )
+    return (quantity.name.replace("_", " ").replace(".", " "), u, expanded, *contributions)
 
 
 def _size(value: float, unit: str) -> str:

@@ -47,14 +47,14 @@ def _rule(conformity: Conformity) -> str:
 
 
 def _row(verdict: Verdict) -> tuple[str, ...]:
-    what, zone, unit = verdict.quantity, verdict.zone, verdict.quantity.unit
+    what, interval, unit = verdict.quantity, verdict.interval, verdict.quantity.unit
     return (
         verdict.decision,
         _subject(verdict),
         what.name.replace("_", " "),
         _value(what.value, unit),
-        _value(zone.lower if zone else None, unit),
-        _value(zone.upper if zone else None, unit),
+        _value(interval.lower if interval else None, unit),
+        _value(interval.upper if interval else None, unit),
         _width(what.u, unit),
         _width(verdict.guard_band, unit),
         "-" if verdict.probability is None else _share(verdict.probability),

@@ -33,7 +33,7 @@ def _cells(angle: PooledAngle) -> tuple[str, ...]:
         angle.kind,
         deg_min_sec(angle.pooled),
         _seconds(angle.u),
-        f"{angle.chi_square / angle.freedom:.2f}",
+        f"{angle.chi_square / angle.dof:.2f}",
         f"{100.0 * angle.probability:.1f} %",
         "-" if angle.drift is None else _seconds(angle.drift, "+"),
         "-" if angle.u_drift is None else _seconds(angle.u_drift),

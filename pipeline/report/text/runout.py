@@ -35,7 +35,7 @@ def _axles(runouts: tuple[Runout, ...]) -> str:
     for found in runouts:
         angles = found.compensated
         kinds = (angles.toe, angles.camber) if angles else (None, None)
-        left = f"{found.chi_square / found.freedom:.2f}" if found.freedom else "-"
+        left = f"{found.chi_square / found.dof:.2f}" if found.dof else "-"
         cells = [cell for known in kinds for cell in angle(known)[:2]]
         rows.append(
             (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ...kinematics import Estimate, Kingpin, ToeOut, measure_kingpins, measure_toe_out
+from ...kinematics import Estimate, SteeringAxis, ToeOut, measure_steering_axes, measure_toe_out
 from ...measurement import Measurement
 from ...vehicle import deg_min_sec
 from ..format.layout import aligned
@@ -40,7 +40,7 @@ OF = {
 
 def steering_text(measurement: Measurement) -> str:
     """The sweep's tables; empty without a sweep."""
-    kingpins = measure_kingpins(measurement)
+    kingpins = measure_steering_axes(measurement)
     if not kingpins:
         return ""
     frame = FRAMES[kingpins[0].frame]
@@ -54,7 +54,7 @@ def steering_text(measurement: Measurement) -> str:
     return "\n".join(parts)
 
 
-def _turns_seen(kingpins: tuple[Kingpin, ...]) -> list[str]:
+def _turns_seen(kingpins: tuple[SteeringAxis, ...]) -> list[str]:
     """One line a mark by which turns were seen; none for discs."""
     seen = [kingpin for kingpin in kingpins if kingpin.with_turn]
     return [
@@ -65,12 +65,12 @@ def _turns_seen(kingpins: tuple[Kingpin, ...]) -> list[str]:
     ]  # fmt: skip
 
 
-def _angles(kingpins: tuple[Kingpin, ...]) -> str:
+def _angles(kingpins: tuple[SteeringAxis, ...]) -> str:
     header = ("wheel", "scans", "swept", "caster", "u", "U", "inclination", "u", "U", "by camber",
               "chi2/nu", "")  # fmt: skip
     rows: list[tuple[str, ...]] = [header]
     for found in kingpins:
-        left = f"{found.chi_square / found.freedom:.2f}" if found.freedom else "-"
+        left = f"{found.chi_square / found.dof:.2f}" if found.dof else "-"
         rows.append(
             (
                 found.wheel,
@@ -86,7 +86,7 @@ def _angles(kingpins: tuple[Kingpin, ...]) -> str:
     return aligned(rows, left=1)
 
 
-def _places(kingpins: list[Kingpin]) -> str:
+def _places(kingpins: list[SteeringAxis]) -> str:
     rows: list[tuple[str, ...]] = [("wheel", "inwards", "u", "ahead", "u")]
     rows += [(found.wheel, *length(found.inwards), *length(found.ahead)) for found in kingpins]
     return aligned(rows, left=1)

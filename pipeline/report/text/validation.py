@@ -46,10 +46,9 @@ def missing_lines(found: Comparison) -> list[str]:
 
 def said(test: JointTest) -> str:
     """A joint test in a few words."""
-    freedom = "" if test.freedom > 1e4 else f", u known to {test.freedom:.0f} degrees of freedom"
+    dof = "" if test.dof > 1e4 else f", u known to {test.dof:.0f} degrees of freedom"
     return (
-        f"chi-square {test.chi_square:.1f} for {test.count} values, "
-        f"p = {test.probability:.3g}{freedom}"
+        f"chi-square {test.chi_square:.1f} for {test.count} values, p = {test.probability:.3g}{dof}"
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ...validation import EACH, Agreement, Limit, Row, Survey, nees, scores
+from ...validation import EACH, Agreement, ComparisonStudy, Limit, Row, nees, scores
 from ...vehicle import deg_min_sec
 from ..format.layout import aligned
 from .validation import degrees, seconds
@@ -13,7 +13,7 @@ MOST_NOTES = 5
 SETTLED_RAD = math.radians(0.1)  # a bias of this size is settled, where no other is named
 
 
-def survey_text(survey: Survey) -> str:
+def survey_text(survey: ComparisonStudy) -> str:
     """Rows, bias and limits of agreement, the line, and what more captures would settle."""
     first, second = (m.label for m in (survey.found[0].first, survey.found[0].second))
     parts = [
@@ -32,7 +32,7 @@ def survey_text(survey: Survey) -> str:
     return "\n".join(parts) + "\n"
 
 
-def scores_text(survey: Survey) -> str:
+def scores_text(survey: ComparisonStudy) -> str:
     """Errors over all captures, and whether the stated uncertainties hold."""
     rows: list[tuple[str, ...]] = [
         ("", "angles", "bias", "rms", "worst", "inside 95 %", "its 95 % limits")
@@ -54,14 +54,14 @@ def scores_text(survey: Survey) -> str:
     )
 
 
-def _shared_notes(survey: Survey) -> list[str]:
+def _shared_notes(survey: ComparisonStudy) -> list[str]:
     """Notes of the captures, each text once; where there are many, how many more."""
     notes = list(dict.fromkeys(note for one in survey.found for note in one.notes))
     more = len(notes) - MOST_NOTES
     return notes[:MOST_NOTES] + ([f"... and {more} more notes in --json."] if more > 0 else [])
 
 
-def _not_compared(survey: Survey) -> list[str]:
+def _not_compared(survey: ComparisonStudy) -> list[str]:
     """What could not be compared, and why: whole captures, and wheels of them."""
     lines = [f"Not compared: {row.name}: {row.reason}" for row in survey.rows if row.found is None]
     return lines + [
@@ -72,7 +72,7 @@ def _not_compared(survey: Survey) -> list[str]:
     ]
 
 
-def _captures(survey: Survey) -> str:
+def _captures(survey: ComparisonStudy) -> str:
     rows: list[tuple[str, ...]] = [("capture", "wheels", "chi-square", "of", "p", "verdict")]
     rows += [_capture(row) for row in survey.rows]
     return aligned(rows, left=1)
@@ -93,7 +93,7 @@ def _capture(row: Row) -> tuple[str, ...]:
     )
 
 
-def _verdict(survey: Survey) -> list[str]:
+def _verdict(survey: ComparisonStudy) -> list[str]:
     count, probability = len(survey.found), survey.bias_probability
     bias = "needs four captures" if probability is None else f"p = {probability:.3g}"
     lines = [
@@ -131,7 +131,7 @@ def _agreement(one: Agreement, size_rad: float) -> list[str]:
         lines.append(
             f"  Line (York): second = {deg_min_sec(line.intercept)} (u {seconds(line.u_intercept)})"
             f" + {line.slope:.5f} (u {line.u_slope:.5f}) x first; chi-square "
-            f"{line.chi_square:.1f} of {line.freedom}, p = {line.probability:.3g}"
+            f"{line.chi_square:.1f} of {line.dof}, p = {line.probability:.3g}"
         )
     return lines
 

@@ -71,14 +71,14 @@ def limits_of_agreement(bias: float, u_bias: float, parts: Components) -> tuple[
     """
     deviation = math.sqrt(parts.total)
     below = above = 0.0
-    for variance, freedom in (
+    for variance, dof in (
         (parts.of_means, parts.subjects - 1),
         ((1.0 - 1.0 / parts.harmonic) * parts.within, parts.count - parts.subjects),
     ):
-        if freedom > 0:
-            least, most = chi_square_limits(CONFIDENCE, freedom)
-            below += (variance * (1.0 - freedom / most)) ** 2
-            above += (variance * (freedom / least - 1.0)) ** 2
+        if dof > 0:
+            least, most = chi_square_limits(CONFIDENCE, dof)
+            below += (variance * (1.0 - dof / most)) ** 2
+            above += (variance * (dof / least - 1.0)) ** 2
     small = math.sqrt(max(0.0, parts.total - math.sqrt(below)))
     large = math.sqrt(parts.total + math.sqrt(above))
     inner = math.hypot(SPAN * u_bias, SPAN * (deviation - small))

@@ -23,7 +23,7 @@ class Source:
     """
 
     factor: Array
-    freedom: float
+    dof: float
 
 
 def sources_of(effects: Sequence[Effect]) -> list[Source]:
@@ -31,9 +31,9 @@ def sources_of(effects: Sequence[Effect]) -> list[Source]:
     groups: dict[object, list[Effect]] = {}
     for index, effect in enumerate(effects):
         key: object = effect.name if effect.pooled else index
-        groups.setdefault(None if math.isinf(effect.freedom) else key, []).append(effect)
+        groups.setdefault(None if math.isinf(effect.dof) else key, []).append(effect)
     return [
-        Source(np.hstack([effect.factor for effect in group]), group[0].freedom)
+        Source(np.hstack([effect.factor for effect in group]), group[0].dof)
         for group in groups.values()
     ]
 
@@ -48,7 +48,7 @@ class JointTest:
 
     chi_square: float
     count: int
-    freedom: float
+    dof: float
     probability: float
 
     @property
@@ -62,14 +62,14 @@ class Spread:
     """Covariance (q, q) of q differences, and its parts by source with their freedom."""
 
     parts: tuple[Array, ...]
-    freedoms: tuple[float, ...]
+    dofs: tuple[float, ...]
 
     @classmethod
     def of(cls, slopes: Array, sources: Sequence[Source]) -> Spread:
         """Of what has the derivatives `slopes` (q, k) by the inputs that the sources move."""
         moved = [slopes @ source.factor for source in sources]
         parts = tuple(m @ m.T for m in moved) or (np.zeros((len(slopes), len(slopes))),)
-        return cls(parts, tuple(source.freedom for source in sources) or (math.inf,))
+        return cls(parts, tuple(source.dof for source in sources) or (math.inf,))
 
     @property
     def covariance(self) -> Array:
@@ -82,10 +82,10 @@ class Spread:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property
-    def freedom(self) -> Array:
+    def dof(self) -> Array:
         """(q,) effective degrees of freedom: Welch and Satterthwaite (JCGM 100, G.4)."""
         fourths = sum(
-            (np.diag(part) ** 2 / f for part, f in zip(self.parts, self.freedoms, strict=True)),
+            (np.diag(part) ** 2 / f for part, f in zip(self.parts, self.dofs, strict=True)),
             np.zeros(len(self.parts[0])),
         )
         total = np.diag(self.covariance) ** 2
@@ -94,12 +94,12 @@ class Spread:
     @property
     def expanded(self) -> Array:
         """(q,) half widths of the 95 % intervals."""
-        return coverage_factor(CONFIDENCE, self.freedom) * self.u
+        return coverage_factor(CONFIDENCE, self.dof) * self.u
 
     @property
     def visible(self) -> Array:
         """(q,) smallest error of each that its own test would see."""
-        return np.array([visible_alone(u, f) for u, f in zip(self.u, self.freedom, strict=True)])
+        return np.array([visible_alone(u, f) for u, f in zip(self.u, self.dof, strict=True)])
 
     def test(self, difference: Array) -> JointTest:
         """Of all q differences together.
@@ -112,15 +112,15 @@ class Spread:
         whiten = self._whiten()
         count = len(whiten)
         square = float(np.sum((whiten @ difference) ** 2))
-        freedom = self._joint_freedom(whiten)
-        beyond = f_beyond(square / count, count, freedom) if count else 1.0
-        return JointTest(square, count, freedom, beyond)
+        dof = self._joint_dof(whiten)
+        beyond = f_beyond(square / count, count, dof) if count else 1.0
+        return JointTest(square, count, dof, beyond)
 
     def visible_jointly(self, patterns: Array) -> float:
         """Smallest size at which the joint test sees an error of any of the patterns (q, r)."""
         whiten = self._whiten()
         gain = float(np.sum((whiten @ patterns) ** 2, axis=0).min())
-        return visible_jointly(gain, len(whiten), self._joint_freedom(whiten))
+        return visible_jointly(gain, len(whiten), self._joint_dof(whiten))
 
     def _whiten(self) -> Array:
         """(p, q): brings the differences to unit covariance, where they have any."""
@@ -129,9 +129,9 @@ class Spread:
         there = values > RANK * max(float(values.max(initial=0.0)), 1e-300)
         return np.asarray((vectors[:, there] / np.sqrt(values[there])).T / scale)
 
-    def _joint_freedom(self, whiten: Array) -> float:
+    def _joint_dof(self, whiten: Array) -> float:
         count, total = len(whiten), 0.0
-        for part, freedom in zip(self.parts, self.freedoms, strict=True):
+        for part, dof in zip(self.parts, self.dofs, strict=True):
             share = whiten @ part @ whiten.T
-            total += (float(np.sum(share**2)) + float(np.trace(share)) ** 2) / freedom
+            total += (float(np.sum(share**2)) + float(np.trace(share)) ** 2) / dof
         return (count + count**2) / total if total > 0.0 else math.inf

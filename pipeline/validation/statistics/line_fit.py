@@ -28,7 +28,7 @@ class Line:
     u_slope: float
     covariance: float
     chi_square: float
-    freedom: int
+    dof: int
     probability: float
 
 
@@ -56,7 +56,7 @@ def fit_line(x: Array, y: Array, u_x: Array, u_y: Array, correlation: Array) -> 
     variance = 1.0 / float(np.sum(weight * (adjusted - centre) ** 2))
     intercept = float(y_mean - slope * x_mean)
     square = float(np.sum(weight * (y - slope * x - intercept) ** 2))
-    freedom = len(x) - 2
+    dof = len(x) - 2
     return Line(
         intercept=intercept,
         slope=slope,
@@ -64,6 +64,6 @@ def fit_line(x: Array, y: Array, u_x: Array, u_y: Array, correlation: Array) -> 
         u_slope=math.sqrt(variance),
         covariance=-centre * variance,
         chi_square=square,
-        freedom=freedom,
-        probability=chi_square_beyond(square, freedom),
+        dof=dof,
+        probability=chi_square_beyond(square, dof),
     )

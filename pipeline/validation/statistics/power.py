@@ -15,23 +15,23 @@ MOST_CAPTURES = 10_000_000
 BISECTIONS = 60
 
 
-def visible_alone(u: float, freedom: float = math.inf) -> float:
+def visible_alone(u: float, dof: float = math.inf) -> float:
     """Smallest error of one value with standard uncertainty u that Student's test of it sees.
 
     4.286 u where u is known: the quantiles of confidence and power added.
     Source: the noncentral t; Johnson, Kotz and Balakrishnan, Continuous Univariate Distributions.
     """
-    return u * _least(lambda shift: power_of_t(shift, CONFIDENCE, freedom))
+    return u * _least(lambda shift: power_of_t(shift, CONFIDENCE, dof))
 
 
-def visible_jointly(gain: float, count: int, freedom: float = math.inf) -> float:
+def visible_jointly(gain: float, count: int, dof: float = math.inf) -> float:
     """Smallest size of an error that the joint test of `count` values sees.
 
     gain: g' V^-1 g of the pattern g of an error of size 1.
     """
     if not gain > 0.0:
         return math.inf
-    noncentrality = _least(lambda square: power_of_f(square, CONFIDENCE, count, freedom))
+    noncentrality = _least(lambda square: power_of_f(square, CONFIDENCE, count, dof))
     return math.sqrt(noncentrality / gain)
 
 

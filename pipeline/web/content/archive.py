@@ -21,7 +21,7 @@ from ...batch.results.query import (
 )
 from ...batch.results.series import series
 from ...batch.results.trends import Drift, drifts
-from ...report.format.language import Words
+from ...report.format.language import Translations
 from ...report.format.writer import NONE, Table
 from ...vehicle import deg_min_sec
 from ..security import RefusedError
@@ -31,10 +31,10 @@ from .trend_plot import trend_drawing
 PAGE = 50
 DAYS = 365.25  # of a year
 CLASSES = {"ok": "", "part": "undecided"}
-Asked = Mapping[str, str]
+Query = Mapping[str, str]
 
 
-def answer(question: str, folder: Path, asked: Asked, words: Words) -> dict[str, Any]:
+def answer(question: str, folder: Path, asked: Query, words: Translations) -> dict[str, Any]:
     """What the page asks of the results in `folder`. Raises RefusedError, InputError."""
     if question not in QUESTIONS:
         raise RefusedError(404, "there is no such view of an archive")
@@ -42,7 +42,7 @@ def answer(question: str, folder: Path, asked: Asked, words: Words) -> dict[str,
         return QUESTIONS[question](catalogue, asked, words)
 
 
-def plot(folder: Path, quantity: str, words: Words) -> str:
+def plot(folder: Path, quantity: str, words: Translations) -> str:
     """One quantity over time, as SVG."""
     with open_catalogue(str(folder)) as catalogue:
         found = series(catalogue, [quantity])
@@ -52,13 +52,13 @@ def plot(folder: Path, quantity: str, words: Words) -> str:
     return trend_drawing(found[0], line[0], quantity_name(quantity, words), words).svg
 
 
-def quantity_name(quantity: str, words: Words) -> str:
+def quantity_name(quantity: str, words: Translations) -> str:
     """What a quantity of the catalogue, such as `RR toe`, is called."""
     wheel, _, kind = quantity.rpartition(" ")
     return f"{wheel} {words.known('quantity', kind)}".strip()
 
 
-def _overview(catalogue: Catalogue, _: Asked, words: Words) -> dict[str, Any]:
+def _overview(catalogue: Catalogue, _: Query, words: Translations) -> dict[str, Any]:
     """How many captures of each status; what can be chosen."""
     of_status = {status: count(catalogue, Filter(status=(status,))) for status in STATUSES}
     rows = catalogue.connection.execute(
@@ -72,7 +72,7 @@ def _overview(catalogue: Catalogue, _: Asked, words: Words) -> dict[str, Any]:
     }
 
 
-def _captures(catalogue: Catalogue, asked: Asked, words: Words) -> dict[str, Any]:
+def _captures(catalogue: Catalogue, asked: Query, words: Translations) -> dict[str, Any]:
     """A page of the captures that a filter leaves."""
     which = _filter(asked)
     offset = max(0, int(asked.get("offset", "0"))) if asked.get("offset", "0").isdigit() else 0
@@ -92,7 +92,7 @@ def _captures(catalogue: Catalogue, asked: Asked, words: Words) -> dict[str, Any
     return {"table": table_tree(table), "keys": keys, "offset": offset, "total": total}
 
 
-def _capture(catalogue: Catalogue, asked: Asked, words: Words) -> dict[str, Any]:
+def _capture(catalogue: Catalogue, asked: Query, words: Translations) -> dict[str, Any]:
     """One capture: its wheels and its vehicle's quantities."""
     found = capture_of(catalogue, asked.get("key", ""))
     if found is None:
@@ -123,7 +123,7 @@ def _capture(catalogue: Catalogue, asked: Asked, words: Words) -> dict[str, Any]
     }
 
 
-def _failures(catalogue: Catalogue, asked: Asked, words: Words) -> dict[str, Any]:
+def _failures(catalogue: Catalogue, asked: Query, words: Translations) -> dict[str, Any]:
     """What went wrong, the most frequent first."""
     found = failures(catalogue, _filter(asked))
     rows = [
@@ -136,7 +136,7 @@ def _failures(catalogue: Catalogue, asked: Asked, words: Words) -> dict[str, Any
     return {"table": table_tree(Table(head, rows, 5, words("page.failures")))}
 
 
-def _trends(catalogue: Catalogue, asked: Asked, words: Words) -> dict[str, Any]:
+def _trends(catalogue: Catalogue, asked: Query, words: Translations) -> dict[str, Any]:
     """The drift of every quantity, the surest first."""
     found = sorted(drifts(catalogue, None, _filter(asked)), key=lambda d: (bool(d.reason), d.p))
     rows = [_drift_row(one, words) for one in found]
@@ -147,7 +147,7 @@ def _trends(catalogue: Catalogue, asked: Asked, words: Words) -> dict[str, Any]:
     return {"table": table_tree(table), "quantities": [one.quantity for one in found]}
 
 
-QUESTIONS: dict[str, Callable[[Catalogue, Asked, Words], dict[str, Any]]] = {
+QUESTIONS: dict[str, Callable[[Catalogue, Query, Translations], dict[str, Any]]] = {
     "overview": _overview,
     "captures": _captures,
     "capture": _capture,
@@ -156,7 +156,7 @@ QUESTIONS: dict[str, Callable[[Catalogue, Asked, Words], dict[str, Any]]] = {
 }
 
 
-def _filter(asked: Asked) -> Filter:
+def _filter(asked: Query) -> Filter:
     status = asked.get("status", "")
     return Filter(
         text=asked.get("text", "")[:200],
@@ -165,7 +165,7 @@ def _filter(asked: Asked) -> Filter:
     )
 
 
-def _drift_row(one: Drift, words: Words) -> Sequence[str]:
+def _drift_row(one: Drift, words: Translations) -> Sequence[str]:
     name = quantity_name(one.quantity, words)
     if one.reason:
         return [name, str(one.n), NONE, NONE, NONE, words("page.no_trend")]
@@ -174,17 +174,17 @@ def _drift_row(one: Drift, words: Words) -> Sequence[str]:
     return [name, str(one.n), rate, width[1:], words.number(f"{one.p:.3f}"), said]
 
 
-def _rate(per_year: float, unit: str, words: Words) -> str:
+def _rate(per_year: float, unit: str, words: Translations) -> str:
     """With its sign; a drift that rounds to nothing has none."""
     scale, decimals, mark = (1e3, 3, " mm") if unit == "m" else (3600.0, 1, '"')
     return words.number(f"{round(per_year * scale, decimals) + 0.0:+.{decimals}f}{mark}")
 
 
-def _angle(value_deg: float | None, u_deg: float | None, words: Words) -> tuple[str, str]:
+def _angle(value_deg: float | None, u_deg: float | None, words: Translations) -> tuple[str, str]:
     return _value(value_deg, u_deg, "deg", words)
 
 
-def _value(value: float | None, u: float | None, unit: str, words: Words) -> tuple[str, str]:
+def _value(value: float | None, u: float | None, unit: str, words: Translations) -> tuple[str, str]:
     """deg-min-sec with seconds of arc, or metres with millimetres."""
     if value is None:
         return NONE, NONE

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...measurement import Measurement
-from ...report.format.language import Words, load_words
+from ...report.format.language import Translations, load_translations
 from ...report.format.writer import Table, size_text
 from ...report.text.validation import validation_text
 from ...validation import Comparison, Part, as_method, check_alike, measured
@@ -26,7 +26,7 @@ def compare(plan: dict[str, Any], say: Callable[[str, object], None]) -> None:
     """Compare the measurements of two jobs, and write comparison.json."""
     first, second = (load(Path(folder))[0] for folder in plan["folders"])
     found = compare_measurements(first, second, plan["names"])
-    words = load_words(plan["language"])
+    words = load_translations(plan["language"])
     tree = {
         "verdict": found.verdict,
         "table": table_tree(_angles(found, words, plan["names"])),
@@ -86,7 +86,7 @@ def _missing(
     )
 
 
-def _angles(found: Comparison, words: Words, names: tuple[str, str]) -> Table:
+def _angles(found: Comparison, words: Translations, names: tuple[str, str]) -> Table:
     """Toe and camber of every wheel by both, the difference, and whether they agree."""
     rows, classes = [], []
     for i, angle in enumerate(np.ravel(found.difference_rad).tolist()):
@@ -106,7 +106,7 @@ def _angles(found: Comparison, words: Words, names: tuple[str, str]) -> Table:
 
 
 def _lengths(
-    first: Measurement, second: Measurement, words: Words, names: tuple[str, str]
+    first: Measurement, second: Measurement, words: Translations, names: tuple[str, str]
 ) -> Table:
     """Tracks and wheelbase of both, with the difference and its standard uncertainty."""
     rows = []

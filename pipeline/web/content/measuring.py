@@ -13,7 +13,7 @@ from typing import Any
 
 from ...capture import (
     Capture,
-    Told,
+    CaptureOptions,
     files_of,
     find_capture_file,
     open_capture,
@@ -24,7 +24,7 @@ from ...errors import InputError
 from ...five_point import Station, read_five_point
 from ...measure import measure_capture, measure_five_point
 from ...measurement import Conformity, Measurement, assess, load_tolerance
-from ...report.format.language import LANGUAGES, load_words
+from ...report.format.language import LANGUAGES, load_translations
 from ...report.json.measurement import to_json
 from ...report.scene.scene import scene
 from .panel import drawings, panel
@@ -61,7 +61,7 @@ def write_results(measurement: Measurement, judged: Conformity | None, out: Path
     """measurement.json; panel, scene and evidence in each language; all for later tasks."""
     (out / "measurement.json").write_text(to_json(measurement, judged), encoding="utf-8")
     for language in LANGUAGES:
-        words = load_words(language)
+        words = load_translations(language)
         shown = panel(measurement, judged, words)
         for wheel, result in zip(shown["wheels"], measurement.wheels, strict=True):
             wheel["drawings"] = []
@@ -96,7 +96,7 @@ def _check_path(path: Path, name: str, source: Path, allowed: Path) -> None:
 def _opened(source: Path, options: dict[str, Any], allowed: Path) -> Iterator[Capture]:
     check_inside(source, allowed)
     keys = ("length_unit", "front", "front_point", "up")
-    told = Told(**{key: options[key] for key in keys if options.get(key) is not None})
+    told = CaptureOptions(**{key: options[key] for key in keys if options.get(key) is not None})
     with open_capture(source, options.get("target"), told) as capture:
         for entry in (*capture.entries, *filter(None, [capture.cloud])):
             if not entry.path.is_absolute():  # out of an archive, which was checked

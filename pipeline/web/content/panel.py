@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...measurement import Conformity, Measurement, WheelResult
-from ...report.format.language import Words
+from ...report.format.language import Translations
 from ...report.format.view import PAPER, AngleStyle, View
 from ...report.format.writer import Table, Writer
 from ...report.html.provenance import head_pairs, troubles, wheel_facts
@@ -22,7 +22,9 @@ from ...vehicle import AXES, Axis
 STYLES: tuple[AngleStyle, ...] = ("dms", "deg", "mm/m")  # mm at the rim needs the rim's diameter
 
 
-def panel(measurement: Measurement, conformity: Conformity | None, words: Words) -> dict[str, Any]:
+def panel(
+    measurement: Measurement, conformity: Conformity | None, words: Translations
+) -> dict[str, Any]:
     """The panel in one language."""
     plain = Writer(words, PAPER)
     extra = [table for table, _ in turned_tables(measurement, plain)]
@@ -46,7 +48,9 @@ def panel(measurement: Measurement, conformity: Conformity | None, words: Words)
     }
 
 
-def drawings(measurement: Measurement, result: WheelResult, words: Words) -> Iterator[Drawing]:
+def drawings(
+    measurement: Measurement, result: WheelResult, words: Translations
+) -> Iterator[Drawing]:
     """What shows how well one wheel was measured: its face, its residuals, its budget."""
     made = [
         face_drawing(result, measurement.frame, words),
@@ -58,7 +62,7 @@ def drawings(measurement: Measurement, result: WheelResult, words: Words) -> Ite
 
 
 def _tables(
-    measurement: Measurement, words: Words, axis: Axis, style: AngleStyle
+    measurement: Measurement, words: Translations, axis: Axis, style: AngleStyle
 ) -> list[dict[str, Any]]:
     writer = Writer(words, View(axis, style))
     makers = (wheels_table, axles_table, vehicle_table)

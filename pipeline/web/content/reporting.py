@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ...report.format.language import load_words
+from ...report.format.language import load_translations
 from ...report.format.view import View
-from ...report.html.page import Dress, html_report
+from ...report.html.page import ReportOptions, html_report
 from ...report.json.measurement import to_json
 from ...report.text.report import detailed_report
 from ...report.write import write_whole
@@ -27,7 +27,7 @@ def report(plan: dict[str, Any], say: Callable[[str, object], None]) -> None:
     out = Path(plan["out"])
     measurement, judged = load(out)
     view = View(plan["axis"], plan["style"])
-    dress = Dress(load_words(plan["language"]), view)
+    dress = ReportOptions(load_translations(plan["language"]), view)
     kind = plan["format"]
     if kind == "txt":
         content = detailed_report(measurement, judged, view).encode()

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...batch.results.series import Series
 from ...batch.results.trends import Drift
-from ...report.format.language import Words
+from ...report.format.language import Translations
 from ...report.plots.drawing import GRID, PALE, Dots, Drawing, Mark, Path, Text
 from ...report.plots.validation import ticks
 
@@ -17,7 +17,7 @@ MOST_DOTS = 4000
 SCALES = {"deg": (60.0, "'"), "m": (1000.0, "mm")}  # minutes of arc; millimetres
 
 
-def trend_drawing(one: Series, line: Drift, name: str, words: Words) -> Drawing:
+def trend_drawing(one: Series, line: Drift, name: str, words: Translations) -> Drawing:
     """Values as dots, twice their u as bars where few, the line of the drift through them."""
     scale, unit = SCALES[one.unit]
     known = np.flatnonzero(np.isfinite(one.day))

@@ -1,0 +1,58 @@
+"""Results on the screen and in files, as the options of `measure` and `five-point` ask."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ..config import ReportConfig
+from ..measurement import Conformity, Measurement
+from ..report.format.laboratory import read_laboratory
+from ..report.format.language import load_translations
+from ..report.format.view import View
+from ..report.html.page import ReportOptions
+from ..report.plots.angle_chart import angles_text
+from ..report.plots.files import plot_files
+from ..report.text.conformity import conformity_text
+from ..report.text.report import extra_parts, summary_table
+from ..report.text.vehicle import vehicle_lines
+from ..report.write import write_files
+
+SCREEN = "-"  # of --plot
+
+
+def show(measurement: Measurement, view: View, judged: Conformity | None) -> None:
+    """Print the tables of a measurement, and its verdict where it was judged."""
+    click.echo(summary_table(measurement, view))
+    click.echo()
+    click.echo(vehicle_lines(measurement, view))
+    for part in extra_parts(measurement, view):
+        click.echo(f"\n{part}")
+    if judged:
+        click.echo(f"\n{conformity_text(judged)}")
+
+
+def dressed(config: ReportConfig, language: str | None, view: View) -> ReportOptions:
+    """The look of the reports. Raises ConfigError, InputError."""
+    return ReportOptions(
+        load_translations(language or config.language), view, read_laboratory(config)
+    )
+
+
+def plot_to(
+    plot: str | None, measurement: Measurement, judged: Conformity | None, dress: ReportOptions
+) -> list[Path]:
+    """Write the plots; their folder, where one is named."""
+    if plot is None or plot == SCREEN:
+        return []
+    write_files(Path(plot), plot_files(measurement, judged, dress.words, dress.view))
+    return [Path(plot)]
+
+
+def show_plot(
+    plot: str | None, measurement: Measurement, judged: Conformity | None, dress: ReportOptions
+) -> None:
+    """The angles on the terminal, where that is asked for."""
+    if plot == SCREEN:
+        click.echo(f"\n{angles_text(measurement, judged, dress.words, dress.view)}", nl=False)
