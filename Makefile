@@ -1,24 +1,26 @@
-# make demo: a vehicle with known angles, scanned, measured, beside its truth.
-# make test: all tests. Both make .venv first, from the locked versions.
+# Everything runs in .venv, made from the locked versions by the first target that needs it.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 LOCK := .ci/requirements.lock
 
-.PHONY: demo test check bench fuzz lock clean
+.PHONY: demo test test-all check bench fuzz lock clean help
 
-demo: $(VENV)/ready
+demo: $(VENV)/ready  ## a synthetic vehicle, scanned, measured, beside its true angles
 	$(BIN)/wheelplane demo demo-output
 
-test: $(VENV)/ready
+test: $(VENV)/ready  ## the tests, but for those marked slow
+	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+test-all: $(VENV)/ready  ## all tests, as CI runs them
 	$(BIN)/python -m pytest -n 2
 
-check: $(VENV)/ready
+check: $(VENV)/ready  ## ruff and mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: $(VENV)/ready
+bench: $(VENV)/ready  ## the README's figures of accuracy and speed
 	$(BIN)/python tests/bench/accuracy.py
 	$(BIN)/python tests/bench/speed.py
 	$(BIN)/python tests/bench/reading.py
@@ -26,7 +28,7 @@ bench: $(VENV)/ready
 	$(BIN)/python tests/bench/detection.py
 	$(BIN)/python tests/bench/shapes.py
 
-fuzz: $(VENV)/ready
+fuzz: $(VENV)/ready  ## 20,000 damaged files through every reader
 	$(BIN)/python tests/bench/fuzz.py --mutants 20000 --seed 0
 
 $(VENV)/ready: pyproject.toml $(LOCK)
@@ -37,10 +39,12 @@ $(VENV)/ready: pyproject.toml $(LOCK)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
-# Pins every dependency, for all systems and Pythons that pyproject.toml allows. Needs uv.
-lock:
+lock:  ## pin every dependency, for all systems and Pythons of pyproject.toml (needs uv)
 	uv pip compile --universal --extra dev --generate-hashes --no-header --upgrade -q \
 		pyproject.toml -o $(LOCK)
 
-clean:
+clean:  ## remove .venv and the demo's output
 	rm -rf $(VENV) demo-output
+
+help:  ## this list
+	@awk -F ':.*##' '/^[a-z-]+:.*##/ { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
