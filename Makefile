@@ -21,15 +21,15 @@ check: $(VENV)/ready  ## ruff and mypy
 	$(BIN)/mypy
 
 bench: $(VENV)/ready  ## the README's figures of accuracy and speed
-	$(BIN)/python tests/bench/accuracy.py
-	$(BIN)/python tests/bench/speed.py
-	$(BIN)/python tests/bench/reading.py
-	$(BIN)/python tests/bench/segmentation.py
-	$(BIN)/python tests/bench/detection.py
-	$(BIN)/python tests/bench/shapes.py
+	$(BIN)/python -m tests.bench.accuracy
+	$(BIN)/python -m tests.bench.speed
+	$(BIN)/python -m tests.bench.reading
+	$(BIN)/python -m tests.bench.segmentation
+	$(BIN)/python -m tests.bench.detection
+	$(BIN)/python -m tests.bench.shapes
 
 fuzz: $(VENV)/ready  ## 20,000 damaged files through every reader
-	$(BIN)/python tests/bench/fuzz.py --mutants 20000 --seed 0
+	$(BIN)/python -m tests.bench.fuzz --mutants 20000 --seed 0
 
 $(VENV)/ready: pyproject.toml $(LOCK)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -1,6 +1,6 @@
-"""Error of toe, camber and centres over made vehicles, against their truth.
+"""Error of toe, camber and centres of synthetic vehicles, against their truth.
 
-.venv/bin/python tests/bench/accuracy.py [--vehicles 50] [--scanner default]
+.venv/bin/python -m tests.bench.accuracy [--vehicles 50] [--scanner default]
 """
 
 from __future__ import annotations

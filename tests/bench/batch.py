@@ -1,7 +1,7 @@
 """`wheelplane batch`: throughput by workers, cost of the runner, memory, and tiny captures.
 
-    .venv/bin/python tests/bench/batch.py scans [--captures 200] [--repeats 3]
-    .venv/bin/python tests/bench/batch.py tiny [--captures 100000]
+    .venv/bin/python -m tests.bench.batch scans [--captures 200] [--repeats 3]
+    .venv/bin/python -m tests.bench.batch tiny [--captures 100000]
 
 Whole processes in turn; the best of the repeats counts, since other load only ever adds.
 """
@@ -23,9 +23,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
 
-from tests.support.batches import BATCH, descendants, five_points, settle, trees  # noqa: E402
+from tests.support.batches import BATCH, descendants, five_points, settle, trees
 
 SPACING_M = 0.00161  # gives scans of 200,000 points
 PLAIN = """

@@ -1,8 +1,8 @@
-"""A catalogue of many results: how long it takes to make, to bring up to date and to ask.
+"""Time to build, update and query a catalogue of many results.
 
-    .venv/bin/python tests/bench/catalogue.py [--count 100000] [--folder DIR] [--keep]
+    .venv/bin/python -m tests.bench.catalogue [--count 100000] [--folder DIR] [--keep]
 
-The results are those of one made capture of six scans, each with other numbers, written as
+The results are those of one synthetic capture of six scans with varied numbers, written as
 `batch` writes them (some 90 kB each). Commands are whole processes; wall time and peak memory as
 the system accounts them.
 """

@@ -1,41 +1,38 @@
-"""Four faces on a car, one on a wheel, in hard scenes: how many are found right, and what is not.
+"""Rate of targets found in hard scenes: four on a vehicle, one on a wheel; and the failures.
 
-    .venv/bin/python tests/bench/detection.py [--scenes 200] [--wheels 200] [--first 0]
+    .venv/bin/python -m tests.bench.detection [--scenes 200] [--wheels 200] [--first 0]
 
-Scenes of tests/vehicle_scenes.py, replayed by their number. A face is right within 2 % of its
-radius and 0.5 degrees of the truth, after plane and centre are fitted. One that could not be
-measured has a status, as has a vehicle whose wheels cannot be told from what was found; one that is
-wrong without a status is the worst that can happen.
+Scenes of tests/support/vehicle_scenes.py, replayed by their number. A target is found correctly
+within 2 % of its radius and 0.5 degrees of the truth, after plane and centre are fitted. One that
+could not be measured has a status, as has a vehicle whose wheels cannot be identified; one that is
+wrong without a status is the worst outcome.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # as the command sets them
     os.environ[variable] = "1"
-sys.path.insert(0, str(Path(__file__).parents[2]))
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-from tests.support.vehicle_scenes import RADIUS_M, Scene, TrueFace, hard_wheel, vehicle_scene  # noqa: E402
-from wheelplane.centre.locate_centre import locate_centre  # noqa: E402
-from wheelplane.config import Config  # noqa: E402
-from wheelplane.detection.find_target import find_target  # noqa: E402
-from wheelplane.detection.find_targets import find_targets  # noqa: E402
-from wheelplane.detection.identify_wheels import find_axles  # noqa: E402
-from wheelplane.detection.vehicles import Face  # noqa: E402
-from wheelplane.errors import InputError, NotMeasuredError  # noqa: E402
-from wheelplane.plane.fit_plane import fit_plane  # noqa: E402
-from wheelplane.plane.patch import Patch  # noqa: E402
-from wheelplane.targets.plates import DiscTarget  # noqa: E402
+from tests.support.vehicle_scenes import RADIUS_M, Scene, TrueFace, hard_wheel, vehicle_scene
+from wheelplane.centre.locate_centre import locate_centre
+from wheelplane.config import Config
+from wheelplane.detection.find_target import find_target
+from wheelplane.detection.find_targets import find_targets
+from wheelplane.detection.identify_wheels import find_axles
+from wheelplane.detection.vehicles import FoundTarget
+from wheelplane.errors import InputError, NotMeasuredError
+from wheelplane.plane.fit_plane import fit_plane
+from wheelplane.plane.patch import Patch
+from wheelplane.targets.plates import DiscTarget
 
 CONFIG = Config()
 DISC = DiscTarget(shape="disc", diameter=2.0 * RADIUS_M)
@@ -87,7 +84,7 @@ def find_on_vehicle(scene: Scene) -> list[Found]:
     patches = find_targets(
         scene.points_m, DISC, CONFIG.segment, parts=scene.parts, stations_m=scene.stations_m
     )
-    faces = [Face(patch.origin_m, patch.basis[2], patch.match) for patch in patches]
+    faces = [FoundTarget(patch.origin_m, patch.basis[2], patch.match) for patch in patches]
     try:
         axles = find_axles(faces, RADIUS_M)
     except InputError as error:

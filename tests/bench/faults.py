@@ -1,6 +1,6 @@
-"""What kills a batch, twenty times over; at the end the catalogue of an undisturbed run, to a byte.
+"""Kills, full disks and failing storage in a batch; the catalogue must equal an undisturbed run's.
 
-    .venv/bin/python tests/bench/faults.py [--captures 3000] [--kills 20] [--seed 1]
+    .venv/bin/python -m tests.bench.faults [--captures 3000] [--kills 20] [--seed 1]
 
 The full disk is a small file system in memory, which only root can mount.
 """
@@ -11,15 +11,13 @@ import argparse
 import os
 import random
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
 
-from tests.support.batches import (  # noqa: E402
+from tests.support.batches import (
     archive_of,
     descendants,
     five_points,
@@ -30,8 +28,8 @@ from tests.support.batches import (  # noqa: E402
     settle,
     start,
 )
-from tests.support.failing_proxy import FailingProxy  # noqa: E402
-from tests.support.object_server import object_server  # noqa: E402
+from tests.support.failing_proxy import FailingProxy
+from tests.support.object_server import object_server
 
 KEYS = {
     "AWS_ACCESS_KEY_ID": "k",

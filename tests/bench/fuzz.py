@@ -1,6 +1,6 @@
 """Damaged files by the thousand: each must end in a reading or in one clear line.
 
-    .venv/bin/python tests/bench/fuzz.py --mutants 20000 --seed 0 [--only I] [--keep DIR]
+    .venv/bin/python -m tests.bench.fuzz --mutants 20000 --seed 0 [--only I] [--keep DIR]
 
 Within 10 s and 2 GiB each; no crash, hang, traceback, warning, word on a stream, nor silent loss.
 They are read in a child process, so that a crash is told from a refusal and a hang is ended. What

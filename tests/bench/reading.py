@@ -1,10 +1,10 @@
 """Reading speed, side by side: each format with the project's reader and with the fastest known.
 
-    .venv/bin/python tests/bench/reading.py [--runs 7] [--scale 1.0] [--only ply,text] [--cpu]
+    .venv/bin/python -m tests.bench.reading [--runs 7] [--scale 1.0] [--only ply,text] [--cpu]
 
 Both readers in one process, in turn, A B A B ..., after one run of each to warm up. The ratio is of
-the least times, which other work on the machine disturbs least; a limit that is missed is said, and
-ends the command with 1. --cpu counts processor time, children's too, where the machine is busy.
+the least times, which other work on the machine disturbs least; a missed limit is printed and gives
+exit code 1. --cpu counts processor time, that of children too, where the machine is busy.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What a scan's settings make of uncertainty and error: tables of the manual on scanning.
+"""Effect of scan settings on uncertainty and error: the tables of the manual's chapter on scanning.
 
-.venv/bin/python tests/bench/scanning.py [--vehicles 6] [--only NAME]
+.venv/bin/python -m tests.bench.scanning [--vehicles 6] [--only NAME]
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The plane of a target out of a cloud in memory: time, error and memory beside other ways.
+"""Plane of a target in a cloud in memory: time, error and memory, beside other programs.
 
-    .venv/bin/python tests/bench/segmentation.py [--points 1000000 5000000] [--runs 7]
-    .venv/bin/python tests/bench/segmentation.py --growth [--largest 100000000] [--svg growth.svg]
+    .venv/bin/python -m tests.bench.segmentation [--points 1000000 5000000] [--runs 7]
+    .venv/bin/python -m tests.bench.segmentation --growth [--largest 100000000] [--svg growth.svg]
 
 35 % of the points lie on the target, the others on rim, tyre, body panel and floor, 1 % anywhere.
 One process, warm, the ways in turn (A B A B ...); median and spread. Open3D gets 1,000 iterations,
@@ -26,7 +26,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command does; Open3D's own threads are left to it
-sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import numpy as np
 

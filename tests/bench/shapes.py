@@ -1,6 +1,6 @@
-"""Error of the centre in its plane, by shape of the target: whole, and with 40 % hidden.
+"""Error of the centre in its plane, by shape of the target: unobstructed, and 40 % occluded.
 
-.venv/bin/python tests/bench/shapes.py [--seeds 100] [--target disc-250 ...]
+.venv/bin/python -m tests.bench.shapes [--seeds 100] [--target disc-250 ...]
 Noise 0.8 mm, 15 degrees of incidence, a point every 1.8 mm.
 """
 

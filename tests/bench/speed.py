@@ -1,6 +1,6 @@
 """`wheelplane measure` beside Open3D's reader and segment_plane, on the same eight scans.
 
-    .venv/bin/python tests/bench/speed.py [--runs 5] [--folder DIR]
+    .venv/bin/python -m tests.bench.speed [--runs 5] [--folder DIR]
 
 Whole processes in turn, A B A B ...; wall time and peak memory as the system accounts them.
 """

@@ -1,13 +1,13 @@
 """Errors and coverage of steering sweeps and run-outs.
 
-.venv/bin/python tests/bench/turning.py sweep [--cars 2000] [--positions 9] [--target square-300]
-.venv/bin/python tests/bench/turning.py runout [--cars 2000] [--positions 2]
-.venv/bin/python tests/bench/turning.py scans [--kind sweep|runout|both] [--cars 10] [--positions 3]
+.venv/bin/python -m tests.bench.turning sweep [--cars 2000] [--positions 9] [--target square-300]
+.venv/bin/python -m tests.bench.turning runout [--cars 2000] [--positions 2]
+.venv/bin/python -m tests.bench.turning scans [--kind sweep|runout|both] [--cars 10] [--positions 3]
 
-`sweep` and `runout` draw normals, centres and turns about the normal from the covariances of a scan
-of the default scanner, which shows no turn of disc-250;
-`scans` makes whole captures with that scanner and measures them: a sweep under plates square on
-their axles, run-outs, or both, the sweep then under plates that sit askew.
+`sweep` and `runout` draw normals, centres and in-plane rotations from the covariances of a scan
+of the default scanner, which shows no rotation of disc-250;
+`scans` makes whole captures with that scanner and measures them: a sweep with targets square on
+their axles, run-outs, or both, the sweep then with misaligned targets.
 """
 
 from __future__ import annotations

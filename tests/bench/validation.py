@@ -1,12 +1,12 @@
-"""Whether 'agree' and 'disagree' come as often as they should, and which errors are seen.
+"""Rates of 'agree' and 'disagree' against their nominal values, and detectable errors.
 
 .venv/bin/python -m tests.bench.validation [--vehicles 200] [--repeats 200] [--scanned 0] [--seed 0]
 
 Vehicles are drawn from configs/vehicles/saloon.toml. The five points are observed by the
-generator's total station (synth/five_point.py) at the noise named; the dense method gives the truth
+generator's total station (synth/output/five_point.py) at the noise named; the dense method gives the truth
 with errors drawn as it states them: 10" of every plane, 0.04 mm of every centre, as
 `tests.bench.intervals` finds them for disc-250. --scanned makes that many vehicles whose wheels are
-scanned (tests/scenes.py), and goes from files to verdicts, five points and virtual ones.
+scanned (tests/support/scenes.py), and goes from files to verdicts, five points and virtual ones.
 """
 
 from __future__ import annotations

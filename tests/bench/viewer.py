@@ -1,4 +1,4 @@
-"""How fast the 3D view is with many points, drawn by the processor alone (SwiftShader).
+"""Speed of the 3D view with many points, rendered in software (SwiftShader).
 
     python -m tests.bench.viewer [POINTS] [--budget N]
 
