@@ -22,9 +22,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-
 from tests.support.batches import BATCH, descendants, five_points, settle, trees
+
+ROOT = Path(__file__).resolve().parents[2]
 
 SPACING_M = 0.00161  # gives scans of 200,000 points
 PLAIN = """

@@ -17,8 +17,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # as the command sets them
-    os.environ[variable] = "1"
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the command
 
 import numpy as np
 

@@ -15,8 +15,6 @@ import tempfile
 import time
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-
 from tests.support.batches import (
     archive_of,
     descendants,
@@ -30,6 +28,8 @@ from tests.support.batches import (
 )
 from tests.support.failing_proxy import FailingProxy
 from tests.support.object_server import object_server
+
+ROOT = Path(__file__).resolve().parents[2]
 
 KEYS = {
     "AWS_ACCESS_KEY_ID": "k",

@@ -3,9 +3,9 @@
 .venv/bin/python -m tests.bench.intervals [--vehicles 1000] [--mode all] [--jobs 2] [--seed 0]
 
 Each vehicle is drawn from configs/vehicles/saloon.toml; each wheel is scanned in closed form
-(tests/support/scenes.py): a 250 mm disc before a tilted background, 7,400 beams on it 2.5 mm apart with
-0.8 mm of noise, and a spot of 1.5 mm with mixed pixels at every edge, so that the whole program
-runs as on a real scan, from files to angles, in a sixth of a second a wheel.
+(tests/support/scenes.py): a 250 mm disc before a tilted background, 7,400 beams
+on it 2.5 mm apart with 0.8 mm of noise, and a 1.5 mm spot with mixed pixels at every edge, so that
+the whole program runs as on a real scan, from files to angles, in a sixth of a second a wheel.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 .venv/bin/python -m tests.bench.validation [--vehicles 200] [--repeats 200] [--scanned 0] [--seed 0]
 
 Vehicles are drawn from configs/vehicles/saloon.toml. The five points are observed by the
-generator's total station (synth/output/five_point.py) at the noise named; the dense method gives the truth
-with errors drawn as it states them: 10" of every plane, 0.04 mm of every centre, as
+generator's total station (synth/output/five_point.py) at the noise named; the dense method gives
+the truth with errors drawn as it states them: 10" of every plane, 0.04 mm of every centre, as
 `tests.bench.intervals` finds them for disc-250. --scanned makes that many vehicles whose wheels are
 scanned (tests/support/scenes.py), and goes from files to verdicts, five points and virtual ones.
 """
