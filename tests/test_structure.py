@@ -220,7 +220,7 @@ def test_rooms_import_in_one_direction_and_by_their_doors():
     [
         ("vectors", "from .detection import find_target"),
         ("plane.ransac", "from ..centre import locate_centre"),
-        ("plane.ransac", "from ..targets.outline import holes_of"),
+        ("plane.ransac", "from ..targets.outline import Circle"),
         ("readers.formats.ply", "from ...capture import Capture"),
         ("vehicle.angles", "def f():\n    from ..measure import fit_target"),
         ("measure", "from .report.text.report import summary_table"),

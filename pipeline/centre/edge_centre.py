@@ -51,19 +51,20 @@ class EdgeCentre:
 def centre_by_edge(seen: TargetView, outline: Outline) -> EdgeCentre:
     """By the outer edge. Raises NotMeasuredError 'no-outline' or 'wrong-outline'."""
     start = np.zeros(2), 0.0
-    if outline.turns:
+    if outline.shows_rotation:
         first = fit_outline(_face(seen, seen.near(outline, start)), outline)
         start = first.centre_m, first.turn_rad
     try:
         found = _by_edge(seen, outline, start, "rim", None)
     except NotMeasuredError as error:
-        other = None if outline.turns or error.status != "no-outline" else _placed(seen, outline)
+        hidden = error.status == "no-outline" and not outline.shows_rotation
+        other = _placed(seen, outline) if hidden else None
         if other is None:
             raise
         found = _by_edge(seen, outline, (other, 0.0), "rim", None)
     if found is None:
         raise NotMeasuredError(
-            "no-outline", f"less than a quarter of the edge of {outline.words} is seen"
+            "no-outline", f"less than a quarter of the edge of {outline.description} is seen"
         )
     return found
 
@@ -72,7 +73,7 @@ def centre_by_holes(seen: TargetView, holes: Holes, outer: EdgeCentre) -> EdgeCe
     """By the edges of holes, from where the outer edge places them; None where they are hidden."""
     start = outer.estimate.centre_m, outer.turn_rad
     try:
-        return _by_edge(seen, holes, start, "holes" if holes.turns else "hole", outer)
+        return _by_edge(seen, holes, start, "holes" if holes.shows_rotation else "hole", outer)
     except NotMeasuredError as error:
         if error.status == "no-outline":
             return None
@@ -142,16 +143,14 @@ def _turn(
     What the model may be wrong by, spread over the edges as noise that moves the centre as far,
     turns them by its part over sqrt(2) of the rms lever of the edges' places.
     """
-    if not outline.turns:
+    if not outline.shows_rotation:
         return None
-    half = np.array(seen.target.region.half_m)
-    lever_m2 = float(np.sum(half**3) / (3.0 * np.sum(half)))
     return PlaneTurn(
         mark="edges",
         angle_rad=fitted.turn_rad,
         period_rad=seen.target.turn_period_rad,
         noise=fitted.turn_noise,
-        model_rad2=model_m2 / (2.0 * lever_m2),
+        model_rad2=model_m2 / (2.0 * seen.target.region.lever_m2),
         by_plane=by_plane,
     )
 
@@ -245,19 +244,19 @@ def _model_variance(
     doubt = min(max(beyond / (MISFIT[1] - MISFIT[0]), 0.0), 1.0)
     if not edge_fit.settled or not 1.0 / MAX_RATIO < edge_fit.reflectance_ratio < MAX_RATIO:
         doubt = 1.0
-    if doubt == 0.0 and not outline.turns:
+    if doubt == 0.0 and not outline.shows_rotation:
         return spread
     apart = (
         fit_outline(face, outline, (edge_fit.centre_m, edge_fit.turn_rad)).centre_m
         - edge_fit.centre_m
     )
     far = float(apart @ apart)
-    if outline.turns:
+    if outline.shows_rotation:
         if far > WORST_APART_M**2:
             raise NotMeasuredError(
                 "wrong-outline",
                 f"the edges by their mixed ranges and by the face's points have centres "
-                f"{math.sqrt(far) * 1e3:.1f} mm apart: the plate is not {outline.words}",
+                f"{math.sqrt(far) * 1e3:.1f} mm apart: the plate is not {outline.description}",
             )
         spread += max(far - APART_M**2, 0.0)
     return spread + doubt * (UNSETTLED_M**2 + far)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..config import CentreConfig
 from ..plane import Patch, PlaneFit
-from ..targets import PatternTarget, Target, holes_of, outer_edge
+from ..targets import PatternTarget, Target
 from ..uncertainty import UncertaintyComponent, centre_component, plane_component
 from ..vectors import Array
 from ..vectors import turned as turned_by
@@ -92,9 +92,8 @@ def locate_centre(patch: Patch, plane: PlaneFit, target: Target, config: CentreC
     'centres-disagree'.
     """
     seen = TargetView(patch, plane, target, config)
-    outer = centre_by_edge(seen, outer_edge(target.region, target.words))
-    holes = holes_of(target.region, f"the holes of {target.words}")
-    inner = centre_by_holes(seen, holes, outer) if holes else None
+    outer = centre_by_edge(seen, target.edge)
+    inner = centre_by_holes(seen, target.holes, outer) if target.holes else None
     printed = _printed(seen, target, outer)
     estimates = [edge.estimate for edge in (outer, inner) if edge]
     if printed is not None and isinstance(target, PatternTarget):

@@ -45,11 +45,12 @@ def fit_outline(
     centre, turn = start
     count = int(np.clip(len(face) // 40, 24, 180))
     for look in range(MAX_LOOKS):
-        wide = 2.0 if outline.turns and look < 3 else 1.0
+        wide = 2.0 if outline.shows_rotation and look < 3 else 1.0
         edge = _outermost(face, outline, centre, turn, count, wide)
         if len(edge) < 8:
             raise NotMeasuredError(
-                "no-outline", f"less than a third of the edge of {outline.words} is in the scan"
+                "no-outline",
+                f"less than a third of the edge of {outline.description} is in the scan",
             )
         fitted = _through(edge, outline, centre, turn)
         moved = fitted.centre_m - centre
@@ -109,14 +110,14 @@ def check_outline(
         raise NotMeasuredError(
             "wrong-outline",
             f"the face reaches {np.quantile(excess, 0.75) * 1e3:.1f} mm beyond the edge of "
-            f"{outline.words} on {over:.0%} of it",
+            f"{outline.description} on {over:.0%} of it",
         )
     short = excess < -(SHORT_M + 1.5 * spacing_m)
     if float(np.mean(short)) > MAX_SHORT:
         raise NotMeasuredError(
             "wrong-outline",
             f"the face ends {-float(np.median(excess[short])) * 1e3:.1f} mm inside the edge of "
-            f"{outline.words} on {np.mean(short):.0%} of it",
+            f"{outline.description} on {np.mean(short):.0%} of it",
         )
     return True
 
@@ -164,7 +165,9 @@ def _check_directions(information: Array, outline: Outline) -> None:
     """Raise NotMeasuredError 'no-outline' where the edges that are seen tell of one axis alone."""
     values = np.linalg.eigvalsh(information)
     if values[0] < MIN_DIRECTIONS * values[1]:
-        raise NotMeasuredError("no-outline", f"only parallel edges of {outline.words} are seen")
+        raise NotMeasuredError(
+            "no-outline", f"only parallel edges of {outline.description} are seen"
+        )
 
 
 def _tukey(excess: Array) -> Array:

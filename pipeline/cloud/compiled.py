@@ -116,7 +116,8 @@ def slab_moments(
     basis: Any,
     height: float,
     limits: Any,
-    region: Any,
+    radius: float,
+    sides: Any,
     holes: Any,
     grid: Any,
     sums: Any,
@@ -124,7 +125,7 @@ def slab_moments(
 ) -> int:
     """Sums of the points surely near a plane by cells; those that may be near into edge (N, 3).
 
-    region: radius, half widths. grid: cells across, and a cell's side. sums (cells, 10).
+    sides: rows (a, b, c): a u + b v < c. grid: cells across, and a cell's side. sums (cells, 10).
     """
     found = 0
     across = int(grid[0])
@@ -134,11 +135,12 @@ def slab_moments(
         u = basis[0, 0] * x + basis[0, 1] * y + basis[0, 2] * z
         v = basis[1, 0] * x + basis[1, 1] * y + basis[1, 2] * z
         off = abs(w - height)
-        if off >= limits[1] or u * u + v * v >= region[0] * region[0]:
-            continue
-        if abs(u) >= region[1] or abs(v) >= region[2]:
+        if off >= limits[1] or u * u + v * v >= radius * radius:
             continue
         hidden = False
+        for k in range(len(sides)):
+            if sides[k, 0] * u + sides[k, 1] * v >= sides[k, 2]:
+                hidden = True
         for k in range(len(holes)):
             du, dv = u - holes[k, 0], v - holes[k, 1]
             if du * du + dv * dv <= holes[k, 2] * holes[k, 2]:

@@ -62,37 +62,37 @@ def slab_moments(
     basis: Array,
     height_m: float,
     limits_m: tuple[float, float],
-    region: tuple[float, float, float],
-    holes_m: Array,
+    bounds_m: tuple[float, Array, Array],
     across: int,
 ) -> SlabMoments:
     """Points (N, 3) about a plane w = height_m, by one pass.
 
     basis: (3, 3) rows u, v, w. limits_m: of the distance along w, within the first of which a point
-    is surely near, beyond the second surely not. region: radius and half widths within which, and
-    holes_m (K, 3) outside which, u and v must lie. across: cells of the raster's side.
+    is surely near, beyond the second surely not. bounds_m: of u and v: the radius within which,
+    the straight sides (K, 3), a u + b v < c, within which, and the holes (L, 3), u, v and radius,
+    outside which they must lie. across: cells of the raster's side.
     """
-    reach = min(region[0], float(np.hypot(*region[1:])))
-    side = 2.0 * reach / across
+    radius, sides_m, holes_m = bounds_m
+    side = 2.0 * radius / across
     machine = machine_for(len(points_m), COMPILED_FACE_ROWS)
 
     def add(block: slice) -> tuple[Array, Array]:
         part = points_m[block]
         if machine is not None:
             sums, edge = np.zeros((across * across, SUMS)), np.empty((len(part), 3))
-            arrays = [np.array(values) for values in (limits_m, region)]
-            grid = np.array([across, side])
-            found = machine.slab_moments(part, basis, height_m, *arrays, holes_m, grid, sums, edge)
+            limits, grid = np.array(limits_m), np.array([across, side])
+            found = machine.slab_moments(
+                part, basis, height_m, limits, radius, sides_m, holes_m, grid, sums, edge
+            )
             return sums, edge[:found].copy()
         uvw = basis @ part.T
         u, v, w = uvw
         off = np.abs(w - height_m)
-        inside = (off < limits_m[1]) & (u * u + v * v < region[0] ** 2)
-        for axis, half in ((u, region[1]), (v, region[2])):
-            if half < np.inf:
-                inside &= np.abs(axis) < half
-        for a, b, radius in holes_m:
-            inside &= (u - a) ** 2 + (v - b) ** 2 > radius**2
+        inside = (off < limits_m[1]) & (u * u + v * v < radius**2)
+        for a, b, limit in sides_m:
+            inside &= a * u + b * v < limit
+        for a, b, hole in holes_m:
+            inside &= (u - a) ** 2 + (v - b) ** 2 > hole**2
         surely = inside & (off < limits_m[0])
         sure = np.compress(surely, uvw, axis=1)
         held = SlabMoments(np.zeros((across * across, SUMS)), sure[:, :0].T, across, side)

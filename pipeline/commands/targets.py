@@ -9,7 +9,7 @@ import click
 from ..config import config_folder
 from ..errors import InputError
 from ..report.format.layout import aligned
-from ..targets import ANY_WIDTH, PatternTarget, Target, load_target
+from ..targets import PatternTarget, Target, load_target
 
 
 @click.command()
@@ -47,13 +47,14 @@ def as_table(loaded: dict[str, Target]) -> str:
     """A line each: shape, size, what is in it, thickness."""
     rows = [("name", "shape", "face", "holes or print", "thickness")]
     for name, target in loaded.items():
-        rows.append((name, target.shape, _face(target), _inside(target), _mm(target.thickness)))
+        size = target.edge.size_text
+        rows.append((name, target.shape, size, _inside(target), _mm(target.thickness)))
     return aligned(rows, left=4)
 
 
 def in_full(name: str, target: Target) -> str:
     """Every value of a target, lengths in mm."""
-    rows = [(name, target.words)]
+    rows = [(name, target.description)]
     for key, value in target.model_dump().items():
         if key in target.lengths:
             rows.append((key, "-" if value is None else _lengths(value)))
@@ -66,13 +67,6 @@ def in_full(name: str, target: Target) -> str:
         else:
             rows.append((key, str(value)))
     return aligned(rows, left=2)
-
-
-def _face(target: Target) -> str:
-    region = target.region
-    if region.half_m == ANY_WIDTH:
-        return f"{region.radius_m * 2e3:g} mm across"
-    return f"{region.half_m[0] * 2e3:g} x {region.half_m[1] * 2e3:g} mm"
 
 
 def _inside(target: Target) -> str:

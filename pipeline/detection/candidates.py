@@ -63,7 +63,7 @@ def score_candidate(
     near = gather_ball(points_m, point, REACH * radius)
     axes = plane_basis(normal)
     nothing = Candidate(point, axes, 0.0, 0.0, FACE_BAND * radius, 0)
-    inner = gather_ball(near, np.zeros(3), INNER * min(radius, *target.region.half_m)) @ axes.T
+    inner = gather_ball(near, np.zeros(3), INNER * target.edge.size_m) @ axes.T
     inner = inner[np.abs(inner[:, 2]) < FIRST_LIMITS * limit_m]
     inner = inner[:: max(1, len(inner) // FITTED_POINTS)]
     try:

@@ -146,7 +146,7 @@ def _check_best(found: Sequence[Candidate], target: Target, config: SegmentConfi
     if best.match < config.min_match:
         raise NotMeasuredError(
             "no-target",
-            f"no plane of those found ({len(found)}) has the outline of {target.words} "
+            f"no plane of those found ({len(found)}) has the outline of {target.description} "
             f"(best match {best.match:.2f}, {config.min_match} needed)",
         )
     for other in found[1:]:

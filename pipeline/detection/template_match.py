@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..targets import NO_HOLES, Region
+from ..targets import Region
 from ..vectors import Array, Array32, Mask
 
 Image = Array32
@@ -156,7 +156,7 @@ def _best_turn(
         ring = _ring(uv, region, radius_m, 1.5 * cell)
         kernel = _share(region.holds(uv)) - _share(ring)
         if len(turns) > 1:
-            inner, outer = _bands(uv, _filled(region), radius_m, cell)
+            inner, outer = _bands(uv, region.filled, radius_m, cell)
             kernel = kernel + _share(inner) - _share(outer)
         scores.append(_correlated(occupied, kernel))
     best = int(np.argmax([score.max() for score in scores]))
@@ -181,7 +181,7 @@ def _template_grid(radius_m: float, cell: float, turn: float) -> Array:
 def _ring(uv: Array, region: Region, radius_m: float, gap: float) -> Mask:
     """Which of uv (N, 2) lie around the face, beyond a gap, within RING_REACH."""
     around = np.hypot(uv[:, 0], uv[:, 1]) <= RING_REACH * radius_m
-    return np.asarray(around & ~_filled(region).shrunk(-gap).holds(uv))
+    return np.asarray(around & ~region.filled.shrunk(-gap).holds(uv))
 
 
 def _bands(uv: Array, outline: Region, radius_m: float, cell: float) -> tuple[Mask, Mask]:
@@ -216,10 +216,6 @@ def _grid(shape: tuple[int, int], middle: Array, turn: float) -> Array:
     return np.stack([cos * column + sin * row, cos * row - sin * column], axis=1)
 
 
-def _filled(region: Region) -> Region:
-    return Region(region.radius_m, region.half_m, NO_HOLES)
-
-
 def _plateau_centre(score: Image) -> Array:
     """Where the peak's top lies, (2,) column, row: the mean of its cells, weighted by height."""
     peak = np.unravel_index(np.argmax(score), score.shape)
@@ -247,7 +243,7 @@ def _outline_match(
     sector %= SECTORS
     filled = occupied.ravel()
     shares = []
-    for ring in _bands(uv, _filled(region), radius_m, cell):
+    for ring in _bands(uv, region.filled, radius_m, cell):
         cells = np.maximum(np.bincount(sector[ring], minlength=SECTORS), 1)
         shares.append(np.bincount(sector[ring], filled[ring], minlength=SECTORS) / cells)
     ends = float(np.clip(shares[0] - shares[1], 0.0, None).mean())

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ..centre import TargetFit
 from ..detection import FACE_BAND
 from ..plane import Patch, PlaneFit
-from ..targets import ANY_WIDTH, Region, Target
+from ..targets import Region, Target
 from ..vectors import Array, Array32, Mask, turned
 
 REACH = 1.25  # of the radius: half the map's edge
@@ -47,14 +47,7 @@ class ResidualMap:
     @property
     def edges_m(self) -> tuple[Array, ...]:
         """Polygons (K, 2) along u and v from the centre: the outer edge, then those of holes."""
-        outer = [(0.0, 0.0, self.radius_m)] if self.region.half_m == ANY_WIDTH else []
-        corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-        plates = [] if outer else [corners * self.region.half_m]
-        round_ones = [*outer, *self.region.holes_m.tolist()]
-        angle = np.arange(CORNERS) * (2.0 * np.pi / CORNERS)
-        circle = np.column_stack([np.cos(angle), np.sin(angle)])
-        polygons = [*plates, *(np.array([u, v]) + r * circle for u, v, r in round_ones)]
-        return tuple(turned(polygon, self.turn_rad) for polygon in polygons)
+        return tuple(turned(p, self.turn_rad) for p in self.region.polygons_m(CORNERS))
 
     def on_face(self, uvw_m: Array) -> Mask:
         """Which of uvw_m (N, 3), from the centre along u, v and the normal, lie on the face."""

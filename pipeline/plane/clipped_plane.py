@@ -40,10 +40,7 @@ class ClipSlab:
     def sums(self, points_m: Array, region: Region, across: int) -> SlabMoments:
         """One pass over points_m (N, 3): sums of those surely kept, and those near the limit."""
         limits = ((1.0 - MARGIN) * self.limit_m, (1.0 + MARGIN) * self.limit_m)
-        outline = (region.radius_m, *region.half_m)
-        return slab_moments(
-            points_m, self.basis, self.height_m, limits, outline, region.holes_m, across
-        )
+        return slab_moments(points_m, self.basis, self.height_m, limits, region.bounds_m, across)
 
     def is_near(self, plane: ClippedPlane, radius_m: float) -> bool:
         """Whether the plane keeps what this one surely kept, wherever on the face."""

@@ -10,7 +10,9 @@ import numpy as np
 from pydantic import Field, model_validator  # noqa: TID253 - a target is a pydantic model
 
 from ..vectors import Array
-from .plates import ANY_WIDTH, NO_HOLES, Plate, Region, rectangle
+from .outline import Circle, rectangle
+from .plates import Plate
+from .region import Region
 
 Wheel = Literal["RR", "RL", "FR", "FL"]
 Dictionary = Literal[
@@ -117,14 +119,14 @@ class PatternTarget(Plate):
     def region(self) -> Region:
         """The face."""
         if self.diameter is not None:
-            return Region(self.diameter / 2.0, ANY_WIDTH, NO_HOLES)
+            return Region(Circle(self.diameter / 2.0))
         assert self.width is not None
         assert self.height is not None
-        return rectangle(self.width, self.height)
+        return Region(rectangle(self.width, self.height))
 
     @property
-    def words(self) -> str:
-        """Shape and size as messages tell them."""
+    def description(self) -> str:
+        """Shape and size, as in messages."""
         if self.diameter is not None:
             return f"a round board of {self.diameter * 1e3:.0f} mm"
         half = self.region.half_m

@@ -1,93 +1,69 @@
-"""Plates that are known by their outline: disc, ring, rectangle, square with four holes."""
+"""Targets that are known by their outline: disc, ring, rectangle, square with four holes.
+
+A new shape is one class here, of its sizes, `region` and `description`, and one row of `SHAPES`.
+"""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator  # noqa: TID253 - a target is a pydantic model
 
 from ..config import Section
-from ..vectors import Array, Mask
+from .outline import Circle, Holes, OuterEdge, rectangle
+from .region import Region
 
-NO_HOLES = np.zeros((0, 3))
-ANY_WIDTH = (math.inf, math.inf)
-WEB_M = 0.01  # of plate, at least, between a hole and any other edge
-
-
-@dataclass(frozen=True)
-class Region:
-    """A face in its target's axes: what lies within `radius_m` of the origin, within the half
-    widths `half_m` along u and v, and outside the holes, rows (u, v, radius) of (K, 3).
-    """
-
-    radius_m: float
-    half_m: tuple[float, float]
-    holes_m: Array
-
-    @property
-    def area_m2(self) -> float:
-        """Of the face."""
-        whole = math.pi * self.radius_m**2
-        if self.half_m != ANY_WIDTH:
-            whole = 4.0 * self.half_m[0] * self.half_m[1]
-        return whole - math.pi * float(np.sum(self.holes_m[:, 2] ** 2))
-
-    def shrunk(self, margin_m: float) -> Region:
-        """The region less a margin along all its edges, those of the holes too."""
-        holes = self.holes_m + np.array([0.0, 0.0, margin_m])
-        half = (self.half_m[0] - margin_m, self.half_m[1] - margin_m)
-        return Region(self.radius_m - margin_m, half, holes)
-
-    def holds(self, uv_m: Array) -> Mask:
-        """Which of uv_m (N, 2) lie in it: (N,)."""
-        u, v = uv_m[:, 0], uv_m[:, 1]
-        inside = u * u + v * v < self.radius_m**2
-        inside &= (np.abs(u) < self.half_m[0]) & (np.abs(v) < self.half_m[1])
-        for a, b, radius in self.holes_m:
-            inside &= (u - a) ** 2 + (v - b) ** 2 > radius**2
-        return np.asarray(inside)
+WEB_M = 0.01  # of material, at least, between a hole and any other edge
 
 
 class Plate(Section):
-    """What is known of every plate, metres: its `thickness`, where it is told.
+    """Properties of every flat target, lengths in metres; `thickness` where it is known.
 
-    flatness: the face lies between two planes that far apart, metres. clamp_tilt_deg, clamp_shift:
-    standard deviations per axis of taking it off and putting it on again, degrees and metres.
+    flatness: the front face lies between two planes that far apart, metres. clamp_tilt_deg,
+    clamp_shift: mounting repeatability, standard deviations per axis, degrees and metres.
     """
 
     thickness: float | None = Field(None, ge=0.0, lt=0.2)
     flatness: float = Field(0.0, ge=0.0, lt=0.01)
     clamp_tilt_deg: float = Field(0.0, ge=0.0, lt=5.0)
     clamp_shift: float = Field(0.0, ge=0.0, lt=0.05)
+    shape: str
 
     lengths: ClassVar[tuple[str, ...]] = ("thickness", "flatness", "clamp_shift")
-    size: ClassVar[tuple[str, ...]] = ()  # the lengths by which the unit of all is judged
+    size: ClassVar[tuple[str, ...]] = ()  # the lengths from which the unit of all is inferred
 
     @property
     def region(self) -> Region:
-        """The face."""
+        """The front face in the target's axes, its centre at the origin."""
         raise NotImplementedError
 
     @property
+    def description(self) -> str:
+        """Shape and size, as in messages."""
+        raise NotImplementedError
+
+    @property
+    def edge(self) -> OuterEdge:
+        """The outer edge."""
+        return replace(self.region.edge, description=self.description)
+
+    @property
+    def holes(self) -> Holes | None:
+        """The edges of the holes, if there are any."""
+        holes_m = self.region.holes_m
+        return Holes(holes_m, f"the holes of {self.description}") if len(holes_m) else None
+
+    @property
     def radius_m(self) -> float:
-        """Of the smallest circle about the face, metres."""
+        """Radius of the smallest circle about the target, metres."""
         return self.region.radius_m
 
     @property
     def turn_period_rad(self) -> float:
-        """The turn about its centre that leaves the face as it is; 0 where every turn does."""
-        half = self.region.half_m
-        if half == ANY_WIDTH:
-            return 0.0
-        return math.pi / 2.0 if half[0] == half[1] else math.pi
-
-    @property
-    def words(self) -> str:
-        """Shape and size as messages tell them."""
-        raise NotImplementedError
+        """The smallest in-plane rotation that leaves the outline as it is; 0 where any does."""
+        return self.region.period_rad
 
 
 class DiscTarget(Plate):
@@ -101,12 +77,12 @@ class DiscTarget(Plate):
 
     @property
     def region(self) -> Region:
-        """The face."""
-        return Region(self.diameter / 2.0, ANY_WIDTH, NO_HOLES)
+        """The front face."""
+        return Region(Circle(self.diameter / 2.0))
 
     @property
-    def words(self) -> str:
-        """Shape and size as messages tell them."""
+    def description(self) -> str:
+        """Shape and size, as in messages."""
         return f"a disc of {self.diameter * 1e3:.0f} mm"
 
 
@@ -131,13 +107,12 @@ class RingTarget(Plate):
 
     @property
     def region(self) -> Region:
-        """The face."""
-        hole = np.array([[0.0, 0.0, self.hole_diameter / 2.0]])
-        return Region(self.diameter / 2.0, ANY_WIDTH, hole)
+        """The front face."""
+        return Region(Circle(self.diameter / 2.0), np.array([[0.0, 0.0, self.hole_diameter / 2.0]]))
 
     @property
-    def words(self) -> str:
-        """Shape and size as messages tell them."""
+    def description(self) -> str:
+        """Shape and size, as in messages."""
         return f"a ring of {self.diameter * 1e3:.0f} mm"
 
 
@@ -153,12 +128,12 @@ class RectangleTarget(Plate):
 
     @property
     def region(self) -> Region:
-        """The face."""
-        return rectangle(self.width, self.height)
+        """The front face."""
+        return Region(rectangle(self.width, self.height))
 
     @property
-    def words(self) -> str:
-        """Shape and size as messages tell them."""
+    def description(self) -> str:
+        """Shape and size, as in messages."""
         return f"a rectangle of {self.width * 1e3:.0f} x {self.height * 1e3:.0f} mm"
 
 
@@ -187,18 +162,12 @@ class SquareTarget(Plate):
 
     @property
     def region(self) -> Region:
-        """The face."""
+        """The front face."""
         a, radius = self.hole_spacing / 2.0, self.hole_diameter / 2.0
         holes = np.array([[u, v, radius] for u in (-a, a) for v in (-a, a)])
-        return rectangle(self.side, self.side, holes)
+        return Region(rectangle(self.side, self.side), holes)
 
     @property
-    def words(self) -> str:
-        """Shape and size as messages tell them."""
+    def description(self) -> str:
+        """Shape and size, as in messages."""
         return f"a square of {self.side * 1e3:.0f} mm"
-
-
-def rectangle(width: float, height: float, holes_m: Array = NO_HOLES) -> Region:
-    """A rectangular face."""
-    half = (width / 2.0, height / 2.0)
-    return Region(math.hypot(*half), half, holes_m)

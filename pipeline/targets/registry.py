@@ -7,15 +7,13 @@ import difflib
 from ..config import config_file, parse_section, read_toml
 from ..errors import ConfigError
 from .pattern_board import PatternTarget as PatternTarget
-from .plates import ANY_WIDTH as ANY_WIDTH
-from .plates import NO_HOLES as NO_HOLES
 from .plates import DiscTarget as DiscTarget
+from .plates import Plate
 from .plates import RectangleTarget as RectangleTarget
-from .plates import Region as Region
 from .plates import RingTarget as RingTarget
 from .plates import SquareTarget as SquareTarget
 
-Target = DiscTarget | RingTarget | RectangleTarget | SquareTarget | PatternTarget
+Target = Plate
 SHAPES: dict[str, type[Target]] = {
     "disc": DiscTarget,
     "ring": RingTarget,

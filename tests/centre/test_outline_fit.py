@@ -9,12 +9,12 @@ from wheelplane.centre.edge.beams import TURN, Prior, look_up
 from wheelplane.centre.edge.edge_residuals import Problem, equations
 from wheelplane.centre.outline_fit import place_circle
 from wheelplane.config import CentreConfig
-from wheelplane.targets.outline import Circle, Holes, Rectangle
+from wheelplane.targets.outline import Circle, Holes, rectangle
 from wheelplane.vectors import turned
 
 OUTLINES = {
     "circle": Circle(0.125, "a disc"),
-    "rectangle": Rectangle((0.18, 0.12), "a rectangle"),
+    "rectangle": rectangle(0.36, 0.24),
     "hub hole": Holes(np.array([[0.0, 0.0, 0.04]]), "a hole"),
     "four holes": Holes(
         np.array([[u, v, 0.025] for u in (-0.09, 0.09) for v in (-0.09, 0.09)]), "holes"
@@ -114,7 +114,7 @@ def test_slopes_of_the_equations_are_those_of_central_differences(name, index):
     told = here.slopes[:, index]
     # Left out of the slopes: how the wall's bend, the fanning of the beams and the spot's slant go.
     assert np.linalg.norm(seen - told) <= MISSED[index] * np.linalg.norm(seen) + 1e-6
-    moves = index != TURN or outline.turns
+    moves = index != TURN or outline.shows_rotation
     assert (np.linalg.norm(seen) > 0.01) == moves
 
 

@@ -52,6 +52,9 @@ def compile_from(monkeypatch, rows):
         monkeypatch.setattr(module, name, rows)
 
 
+SIDES = np.array([[1, 0, 0.2], [-1, 0, 0.2], [0, 1, 0.25], [0, -1, 0.25]])
+
+
 def face_basis():
     first = np.cross([0.0, 0.0, 1.0], NORMAL)
     first /= np.linalg.norm(first)
@@ -66,8 +69,7 @@ def everything(cloud):
         face_basis(),
         1e-4,
         (2e-3, 4e-3),
-        (0.3, 0.2, 0.25),
-        np.array([[0.1, 0, 0.05]]),
+        (0.3, SIDES, np.array([[0.1, 0, 0.05]])),
         7,
     )
     held = voxel_moments(cloud, lowest(cloud) - 0.01, 0.11)
@@ -171,7 +173,7 @@ def test_surroundings_are_what_one_line_says(cloud, twin):
 def test_slab_sums_are_what_a_few_lines_say(cloud, twin):
     near = surroundings(cloud, CENTRE, NORMAL, Slab(0.5, 0.05), Slab(0.5, 0.05), 0.0).face_m
     hole = np.array([[0.1, 0.0, 0.05]])
-    held = slab_moments(near, face_basis(), 1e-4, (2e-3, 4e-3), (0.3, 0.2, 0.25), hole, 7)
+    held = slab_moments(near, face_basis(), 1e-4, (2e-3, 4e-3), (0.3, SIDES, hole), 7)
     uvw = near @ face_basis().T
     u, v, w = uvw.T
     inside = (np.hypot(u, v) < 0.3) & (np.abs(u) < 0.2) & (np.abs(v) < 0.25)

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from wheelplane.detection.template_match import match_template, peaks
-from wheelplane.targets.plates import ANY_WIDTH, NO_HOLES, Region, rectangle
+from wheelplane.targets.outline import Circle, rectangle
+from wheelplane.targets.region import Region
 
-DISC = Region(0.125, ANY_WIDTH, NO_HOLES)
-PLATE = rectangle(0.3, 0.2)
-SQUARE = rectangle(0.25, 0.25)
+DISC = Region(Circle(0.125))
+PLATE = Region(rectangle(0.3, 0.2))
+SQUARE = Region(rectangle(0.25, 0.25))
 SHAPES = {"disc": (DISC, 0.0), "rectangle": (PLATE, np.pi), "square": (SQUARE, np.pi / 2)}
 
 
@@ -79,7 +80,7 @@ def test_part_of_a_larger_surface_is_no_face(shape, width):
 def test_disc_of_another_size_matches_less():
     whole = place(points(DISC, 0.0, np.zeros(2), 0), "disc").match
     for ratio in (0.8, 1.25):
-        other = Region(ratio * 0.125, ANY_WIDTH, NO_HOLES)
+        other = Region(Circle(ratio * 0.125))
         assert place(points(other, 0.0, np.zeros(2), 0), "disc").match < 0.5 * whole
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from tests.support.scenes import Setup
 from wheelplane.targets.pattern_board import PatternTarget
-from wheelplane.targets.plates import ANY_WIDTH
 from wheelplane.targets.registry import Target
 
 Array = np.ndarray
@@ -22,7 +21,7 @@ def setup_of(target: Target, base: Setup) -> Setup:
         thickness_m=target.thickness,
         radius_m=region.radius_m,
         holes=tuple(tuple(hole) for hole in region.holes_m),
-        half_m=None if region.half_m == ANY_WIDTH else region.half_m,
+        half_m=region.half_m if region.edge.shows_rotation else None,
     )
     if isinstance(target, PatternTarget):
         return base.but(printed=brightness(target))

@@ -32,7 +32,9 @@ def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Ar
     None where the background is seen beside less than a quarter of the edge, or where no direction
     explains it: then it was seen from two places, or hangs in the air.
     """
-    solve = _by_consensus if outline.turns else _by_all  # straight edges are hidden as a whole
+    solve = (
+        _by_consensus if outline.shows_rotation else _by_all
+    )  # straight edges are hidden as a whole
     found = _refined(plane, depth, state, outline, solve)
     if found is not None and seen_through(plane, depth, found, outline) < MAX_THROUGH:
         return found

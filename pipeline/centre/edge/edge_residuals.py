@@ -123,7 +123,7 @@ def spread(linear: Equations, outline: Outline, prior: Prior) -> tuple[Array, Ar
     by_plane = inverse @ ((slopes.T * linear.change) @ lift)
     part = sector(linear.share, SECTORS)
     total = np.stack([np.bincount(part, column, SECTORS) for column in score.T], axis=1)
-    taken = 3.0 if outline.turns else 2.0  # by the centre and the turn
+    taken = 3.0 if outline.shows_rotation else 2.0  # by the centre and the turn
     free = max(float(np.count_nonzero(np.bincount(part, minlength=SECTORS))) - taken, 1.0)
     squares = total.T @ total * ((free + taken) / free)
     return inverse @ (squares + known) @ inverse, by_plane, outline.axis_share * free

@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from ...centre import marker_modules
-from ...targets import ANY_WIDTH, PatternTarget, Target
+from ...targets import PatternTarget, Target
 from ...vectors import Array, turned
 
 MARGIN_MM = 48.0  # about the plate, for sizes and the title
@@ -17,10 +17,10 @@ THIN, LETTERS = 0.6, 7.0  # mm
 
 def target_svg(name: str, target: Target) -> str:
     """SVG in millimetres, as the scanner sees the face: u to the right, v up."""
-    half = _half_mm(target)
+    half = np.array(target.edge.half_m) * 1e3
     low = -half - MARGIN_MM
     width, height = (2.0 * (half + MARGIN_MM)).tolist()
-    title = f"{name}: {target.words}"
+    title = f"{name}: {target.description}"
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}mm" height="{height:g}mm" '
         f'viewBox="{low[0]:g} {low[1]:g} {width:g} {height:g}" font-family="sans-serif" '
@@ -36,19 +36,17 @@ def target_svg(name: str, target: Target) -> str:
     return "\n".join([*parts, "</svg>\n"])
 
 
-def _half_mm(target: Target) -> Array:
-    region = target.region
-    wide = region.half_m if region.half_m != ANY_WIDTH else (region.radius_m, region.radius_m)
-    return np.array(wide) * 1e3
-
-
 def _plate(target: Target, half: Array) -> list[str]:
     """The face and its holes."""
     line = f'stroke="{INK}" stroke-width="{2 * THIN:g}"'
-    if target.region.half_m == ANY_WIDTH:
-        parts = [f'<circle r="{half[0]:g}" fill="{PLATE}" {line}/>']
+    corners = target.edge.corners_m * 1e3
+    a, b = half.tolist()
+    if len(corners) == 0:
+        parts = [f'<circle r="{a:g}" fill="{PLATE}" {line}/>']
+    elif not np.array_equal(np.abs(corners), np.tile(half, (len(corners), 1))):
+        points = " ".join(f"{u:g},{-v:g}" for u, v in corners)
+        parts = [f'<polygon points="{points}" fill="{PLATE}" {line}/>']
     else:
-        a, b = half.tolist()
         parts = [
             f'<rect x="{-a:g}" y="{-b:g}" width="{2 * a:g}" height="{2 * b:g}" '
             f'fill="{PLATE}" {line}/>'
@@ -119,7 +117,7 @@ def _axes(half: Array) -> list[str]:
 def _sizes(target: Target, half: Array) -> list[str]:
     """Arrows with sizes beside the plate, and what else is told, below it."""
     a, b = half.tolist()
-    round_one = target.region.half_m == ANY_WIDTH
+    round_one = not target.edge.shows_rotation
     sign = "⌀ " if round_one else ""
     parts = [*_arrow((-a, b + 12), (a, b + 12), f"{sign}{2 * a:g} mm")]
     if not round_one:
