@@ -11,6 +11,7 @@ from .capture import Capture
 from .centre import locate_centre
 from .config import Config
 from .five_point import FivePointFile, Station, observe_block, pooled_noise
+from .kinematics import solve
 from .measurement import (
     Evidence,
     Fit,
@@ -56,7 +57,8 @@ def measure_capture(
     """
     observations, naming = observe_capture(capture, config, fit, progress)
     made = provenance_of_capture(capture, config, observations, naming)
-    return align(observations, made, [*made.said, *noisy(observations, config.instrument)])
+    notes = [*made.said, *noisy(observations, config.instrument)]
+    return solve(align(observations, made, notes))
 
 
 def measure_five_point(file: FivePointFile, station: Station | None = None) -> Measurement:

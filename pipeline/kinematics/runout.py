@@ -12,87 +12,21 @@ from the top, > 0 forwards, where the told turn is 0. Toe and camber as in `angl
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from ..measurement import Measurement
+from ..measurement import AxleAngles, FrameThrough, Runout
 from ..vectors import Array
 from ..vehicle import Dual, atan2, length
 from .axis_fit import OneAxis
-from .steering_axis import measure_steering_axes
-from .sweep import Estimate, SweepScans, turned
-from .wheel_axis import (
-    Axle,
-    AxleStatus,
-    Framed,
-    FrameThrough,
-    fit_axles,
-    on_axles,
-    outward_sense,
-    size,
-)
+from .sweep import SweepScans
+from .wheel_axis import Axle, Framed, outward_sense, size
 
 
-@dataclass(frozen=True)
-class AxleAngles:
-    """Toe, camber and ISO camber of an axle."""
+def runouts_of(best: Framed, scans: SweepScans) -> tuple[Runout, ...]:
+    """Return the run-out of each wheel that was turned about its axle, in the order of the axles.
 
-    toe: Estimate
-    camber: Estimate
-    camber_iso: Estimate
-
-
-@dataclass(frozen=True)
-class Runout:
-    """The axle of one wheel; None where the scans say too little.
-
-    scans: names of those that were measured. with_reference: the wheel's reference scan is one of
-    them, so that the axle is that of the reference. angles: in the frame of the plates' centres;
-    on_axles: in that of the axles' centres, of every wheel whose reference scan is one of its
-    run-out's; None where one of those is not ok. frame: on which the compensated angles stand.
-    wobble: between the plate's normal and the axle, and eccentricity of its centre, each with its
-    clock angle. turns_rad: as fitted, in the order of the scans. axis: (3,) unit, outward, and
-    centre_m: (3,) of the axle, level with the plate's centre, scanner coordinates. chi_square: of
-    what one axis leaves, with `freedom` degrees; probability: of as much or more.
+    best: the scans in the frame that serves best; scans: the same in the frame of the targets.
     """
-
-    wheel: str
-    scans: tuple[str, ...]
-    status: AxleStatus = "ok"
-    reason: str = ""
-    with_reference: bool = False
-    angles: AxleAngles | None = None
-    on_axles: AxleAngles | None = None
-    frame: FrameThrough = "plate centres"
-    wobble: Estimate | None = None
-    wobble_clock_rad: float = 0.0
-    eccentricity: Estimate | None = None
-    eccentricity_clock_rad: float = 0.0
-    turns_rad: tuple[float, ...] = ()
-    axis: Array | None = None
-    centre_m: Array | None = None
-    chi_square: float = 0.0
-    dof: int = 0
-    probability: float = 1.0
-
-    @property
-    def compensated(self) -> AxleAngles | None:
-        """The angles to use: in the frame of the axles where it is known."""
-        return self.on_axles or self.angles
-
-
-def measure_runouts(measurement: Measurement) -> tuple[Runout, ...]:
-    """The run-out of each wheel that was turned, in the order RR, RL, FR, FL."""
-    scans = turned(measurement)
-    best = on_axles(scans, fit_axles(scans, measurement))
     return tuple(_runout(axle, scans, best) for axle in best.axles)
-
-
-def all_turned(measurement: Measurement) -> bool:
-    """Whether every sweep and run-out gave its axis."""
-    if not measurement.has_turned:
-        return True
-    swept = all(kingpin.status == "ok" for kingpin in measure_steering_axes(measurement))
-    return swept and all(runout.status == "ok" for runout in measure_runouts(measurement))
 
 
 def _runout(axle: Axle, scans: SweepScans, best: Framed) -> Runout:
@@ -115,10 +49,10 @@ def _runout(axle: Axle, scans: SweepScans, best: Framed) -> Runout:
         angles=_angles(scans, fit, axle),
         on_axles=_angles(best.scans, fit, axle) if compensated else None,
         frame=through,
-        wobble=scans.estimate(atan2(size(tilt), along)),
-        wobble_clock_rad=math.atan2(tilt[1].value, tilt[2].value),
-        eccentricity=axle.eccentricity,
-        eccentricity_clock_rad=math.atan2(aside[1].value, aside[2].value),
+        axial_runout=scans.estimate(atan2(size(tilt), along)),
+        axial_clock_rad=math.atan2(tilt[1].value, tilt[2].value),
+        radial_runout=axle.eccentricity,
+        radial_clock_rad=math.atan2(aside[1].value, aside[2].value),
         turns_rad=tuple((fit.turns_rad * outward_sense(axle.wheel)).tolist()),
         axis=fit.axis,
         centre_m=fit.point_m,

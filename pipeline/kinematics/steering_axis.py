@@ -13,66 +13,27 @@ plane across, atan2(-a.outward, a.up); a is the axis' unit vector that points up
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 
-from ..centre import Mark
 from ..errors import NotMeasuredError
-from ..measurement import Measurement
+from ..measurement import Estimate, Measurement, SteeringAxis, SweepStatus
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS, Dual, atan2, length, sin
 from .axis_fit import OneAxis
-from .sweep import DOUBT, Estimate, SweepScans
-from .wheel_axis import Framed, FrameThrough, framed, outward_sense
+from .sweep import DOUBT, SweepScans
+from .wheel_axis import Framed, outward_sense
 
 STEERED = ("FR", "FL")
 LEAST_POSITIONS = 3  # two normals lie on a cone about any axis between them
 LEAST_SWEEP_RAD = math.radians(2.0)
 MOST_U_RAD = math.radians(1.0)  # an angle less certain is not given
 
-SweepStatus = Literal["ok", "too-few-positions", "range-too-small", "no-axis", "not-one-axis"]
 
-
-@dataclass(frozen=True)
-class SteeringAxis:
-    """What the sweep of one wheel says of its kingpin; None where it says too little.
-
-    scans: names of those that were measured. sweep_rad: largest less smallest toe. frame: through
-    which centres the frame stands from which all is counted.
-    caster_by_camber: from the camber of the two outermost scans alone, for comparison. axis: (3,)
-    unit, upwards, and point_m: (3,) of it at the height of the wheel's reference centre, scanner
-    coordinates.
-    inwards, ahead: of that point from this centre, metres. chi_square: of what one axis leaves,
-    with `freedom` degrees; probability: of as much or more. with_turn: how many of the scans show
-    the plate's turn about its own normal, by `mark`, which then counts.
-    """
-
-    wheel: str
-    scans: tuple[str, ...]
-    sweep_rad: float
-    frame: FrameThrough
-    status: SweepStatus = "ok"
-    reason: str = ""
-    caster: Estimate | None = None
-    inclination: Estimate | None = None
-    caster_by_camber: Estimate | None = None
-    inwards: Estimate | None = None
-    ahead: Estimate | None = None
-    axis: Array | None = None
-    point_m: Array | None = None
-    chi_square: float = 0.0
-    dof: int = 0
-    probability: float = 1.0
-    with_turn: int = 0
-    mark: Mark | None = None
-
-
-def measure_steering_axes(measurement: Measurement) -> tuple[SteeringAxis, ...]:
-    """The kingpin of each wheel that was swept, FR before FL."""
+def fit_steering_axes(best: Framed, measurement: Measurement) -> tuple[SteeringAxis, ...]:
+    """Fit the steering axis of each wheel that was swept, FR before FL."""
     swept = {w.wheel for w in measurement.wheels if w.observation.role == "sweep"}
-    best = framed(measurement)
     return tuple(_kingpin(wheel, best) for wheel in STEERED if wheel in swept)
 
 
@@ -119,14 +80,14 @@ def _kingpin(wheel: str, best: Framed) -> SteeringAxis:
         caster=_if_known(caster),
         inclination=_if_known(inclination),
         caster_by_camber=_by_camber(scans, members),
-        inwards=inwards,
-        ahead=ahead,
+        lateral_offset=inwards,
+        longitudinal_offset=ahead,
         axis=fit.axis,
         point_m=point,
         chi_square=fit.chi_square,
         dof=fit.dof,
         probability=fit.probability,
-        with_turn=len(faces),
+        with_rotation=len(faces),
         mark=scans.mark_of(faces),
     )
 

@@ -15,31 +15,14 @@ import numpy as np
 
 from ..capture import Role
 from ..centre import Mark, TargetFit
-from ..measurement import OF_PLATE, Measurement, WheelResult
-from ..uncertainty import LEVEL, Effect, coverage_factor, effective_dof, effects_of
+from ..measurement import OF_PLATE, Estimate, Measurement, WheelResult
+from ..uncertainty import Effect, effective_dof, effects_of
 from ..vectors import Array
 from ..vehicle import Dual, FrameSlopes, VehicleFrame, build_reference_frame, frame_slopes
 from .axis_fit import OneAxis, fit_one_axis
 from .plate_pose import Poses
 
 DOUBT = 1e-3  # chance of a fit below which the scans are said not to turn about one axis
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A value with its standard uncertainty and degrees of freedom; radians or metres.
-
-    expanded: half width of the 95 % interval.
-    """
-
-    value: float
-    u: float
-    dof: float = math.inf
-
-    @property
-    def expanded(self) -> float:
-        """K u, k by Student's t of the degrees of freedom."""
-        return float(coverage_factor(LEVEL, np.array([self.dof]))[0]) * self.u
 
 
 @dataclass(frozen=True)

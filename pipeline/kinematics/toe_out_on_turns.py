@@ -9,19 +9,19 @@ it; where a run-out shows the lean, the angles are the axles'.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from ..measurement import Measurement
+from ..measurement import Estimate, SteeringAxis, ToeOut
 from ..vectors import Array
 from ..vehicle import Dual
 from .plate_pose import turn_about
-from .steering_axis import STEERED, measure_steering_axes, toe_and_camber
-from .sweep import Estimate, SweepScans
-from .wheel_axis import Framed, framed
+from .steering_axis import STEERED, toe_and_camber
+from .sweep import SweepScans
+from .wheel_axis import Framed
 
 INNER_RAD = math.radians(20.0)
 BEYOND_RAD = math.radians(1.0)  # how far outside the positions it is still worked out
@@ -30,30 +30,14 @@ TOGETHER_RAD = math.radians(2.0)  # positions that count as one place
 
 MOST_APART = 4.5  # u, by which a plate may lie off where the kingpin takes it from its reference
 
-ToeOutStatus = Literal["ok", "too-few-pairs", "not-reached"]
 
+def toe_out_of(best: Framed, steering_axes: Sequence[SteeringAxis]) -> tuple[ToeOut, ...]:
+    """Return toe-out on the left turn, then on the right; none where both wheels share no position.
 
-@dataclass(frozen=True)
-class ToeOut:
-    """Of one turn: 'left', whose inner wheel is FL, or 'right'; None where it was not reached.
-
-    difference: inner less outer angle. u_interpolation_rad: what of its u is the curve between the
-    positions. of: what the angles are of.
+    steering_axes: of the same scans.
     """
-
-    turn: Literal["left", "right"]
-    status: ToeOutStatus = "ok"
-    reason: str = ""
-    difference: Estimate | None = None
-    u_interpolation_rad: float = 0.0
-    of: Literal["axles", "plates"] = "plates"
-
-
-def measure_toe_out(measurement: Measurement) -> tuple[ToeOut, ...]:
-    """Left turn, then right; none without a position of the steering that both wheels share."""
-    best = framed(measurement)
     tilts = {}
-    for kingpin in measure_steering_axes(measurement):
+    for kingpin in steering_axes:
         tilt = None if kingpin.axis is None else _tilt(best, kingpin.wheel, kingpin.axis)
         if tilt is not None:
             tilts[kingpin.wheel] = tilt

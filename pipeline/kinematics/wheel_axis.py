@@ -9,22 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from ..errors import NotMeasuredError
-from ..measurement import Measurement
+from ..measurement import AxleStatus, Estimate, FrameThrough, Measurement
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS, Dual, length
 from .axis_fit import OneAxis
-from .sweep import DOUBT, Estimate, SweepScans, turned
+from .sweep import DOUBT, SweepScans
 
 LEAST_TURN = 0.25  # |1 - exp(i turn)|, some 14 degrees, of the two places that differ most
 MOST_ECCENTRIC_M = 0.02  # no plate is clamped so far off; the wheel itself moved
-
-AxleStatus = Literal["ok", "too-few-positions", "turn-too-small", "no-axis", "moved"]
-FrameThrough = Literal["axle centres", "axle and plate centres", "plate centres"]
 
 
 @dataclass(frozen=True)
@@ -90,12 +86,6 @@ def on_axles(scans: SweepScans, axles: Sequence[Axle]) -> Framed:
     whole = len(serving) == len(REFERENCE_WHEELS)
     through: FrameThrough = "axle centres" if whole else "axle and plate centres"
     return Framed(scans.on_centres(centres, moved), through, tuple(axles))
-
-
-def framed(measurement: Measurement) -> Framed:
-    """The turned scans, in the frame of the axles where it is known, else of the plates."""
-    scans = turned(measurement)
-    return on_axles(scans, fit_axles(scans, measurement))
 
 
 def outward_sense(wheel: str) -> float:

@@ -6,11 +6,19 @@ from .observe import Fit, noisy, observe_entry
 from .observe_vehicle import observe_cloud
 from .quantities import Stated, against, by_name, stated
 from .records import (
+    AxleAngles,
+    AxleStatus,
+    Estimate,
     Evidence,
+    FrameThrough,
     Measurement,
     Naming,
     Observation,
     Provenance,
+    Runout,
+    SteeringAxis,
+    SweepStatus,
+    ToeOut,
     WheelResult,
 )
 from .repeatability import OF_PLATE, PooledAngle, Repeats, pool_repeats
@@ -20,9 +28,13 @@ from .tolerance import ToleranceInterval, load_tolerance
 __all__ = [
     "CELLS",
     "OF_PLATE",
+    "AxleAngles",
+    "AxleStatus",
     "Conformity",
+    "Estimate",
     "Evidence",
     "Fit",
+    "FrameThrough",
     "Measurement",
     "Naming",
     "Observation",
@@ -30,7 +42,11 @@ __all__ = [
     "Provenance",
     "Repeats",
     "ResidualMap",
+    "Runout",
     "Stated",
+    "SteeringAxis",
+    "SweepStatus",
+    "ToeOut",
     "ToleranceInterval",
     "Unit",
     "Verdict",

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
 
 from ..capture import Role, Turn
-from ..centre import TargetFit
+from ..centre import Mark, TargetFit
 from ..cloud import CloudSample
 from ..plane import PlaneFit
-from ..uncertainty import AngleUncertainty, MonteCarlo
+from ..uncertainty import LEVEL, AngleUncertainty, MonteCarlo, coverage_factor
 from ..vectors import Array
 from ..vehicle import VehicleFrame, WheelAngles
 from .residual_map import ResidualMap
+
+SweepStatus = Literal["ok", "too-few-positions", "range-too-small", "no-axis", "not-one-axis"]
+AxleStatus = Literal["ok", "too-few-positions", "turn-too-small", "no-axis", "moved"]
+ToeOutStatus = Literal["ok", "too-few-pairs", "not-reached"]
+FrameThrough = Literal["axle centres", "axle and plate centres", "plate centres"]
 
 
 @dataclass(frozen=True)
@@ -116,8 +123,124 @@ class Provenance:
 
 
 @dataclass(frozen=True)
+class Estimate:
+    """A value with its standard uncertainty and degrees of freedom; radians or metres."""
+
+    value: float
+    u: float
+    dof: float = math.inf
+
+    @property
+    def expanded(self) -> float:
+        """Expanded uncertainty k u, half the 95 % interval, k by Student's t."""
+        return float(coverage_factor(LEVEL, np.array([self.dof]))[0]) * self.u
+
+
+@dataclass(frozen=True)
+class SteeringAxis:
+    """The steering axis of one front wheel, by its sweep; None where the scans show too little.
+
+    scans: names of the measured ones. sweep_rad: largest less smallest toe. frame: the centres that
+    define the frame of all values. inclination: steering axis inclination (SAI). caster_by_camber:
+    from the camber of the two outermost scans alone, for comparison. axis: (3,) unit, upwards, and
+    point_m: (3,) on it at the height of the wheel's reference centre, scanner coordinates.
+    lateral_offset, longitudinal_offset: of that point from this centre, metres, > 0 inwards and
+    forwards. chi_square: of the residuals, with `dof` degrees of freedom; probability: of as much
+    or more. with_rotation: the number of scans that show the target's in-plane rotation, by `mark`.
+    """
+
+    wheel: str
+    scans: tuple[str, ...]
+    sweep_rad: float
+    frame: FrameThrough
+    status: SweepStatus = "ok"
+    reason: str = ""
+    caster: Estimate | None = None
+    inclination: Estimate | None = None
+    caster_by_camber: Estimate | None = None
+    lateral_offset: Estimate | None = None
+    longitudinal_offset: Estimate | None = None
+    axis: Array | None = None
+    point_m: Array | None = None
+    chi_square: float = 0.0
+    dof: int = 0
+    probability: float = 1.0
+    with_rotation: int = 0
+    mark: Mark | None = None
+
+
+@dataclass(frozen=True)
+class AxleAngles:
+    """Toe, camber and ISO camber of an axle."""
+
+    toe: Estimate
+    camber: Estimate
+    camber_iso: Estimate
+
+
+@dataclass(frozen=True)
+class Runout:
+    """The axle of one wheel, by its run-out scans; None where these show too little.
+
+    scans: names of the measured ones. with_reference: the wheel's reference scan is one of them, so
+    that the axle is that of the reference. angles: in the frame of the targets' centres; on_axles:
+    in that of the axles' centres, of every wheel whose reference scan is one of its run-out's; None
+    where one of those is not ok. frame: of the compensated angles. axial_runout: angle between the
+    target's normal and the axle; radial_runout: distance of its centre from the axle (half the
+    total indicator reading); each with its clock angle. turns_rad: of the wheel as fitted, in the
+    order of the scans. axis: (3,) unit, outward, and centre_m: (3,) of the axle, level with the
+    target's centre, scanner coordinates. chi_square: of the residuals, with `dof` degrees of
+    freedom; probability: of as much or more.
+    """
+
+    wheel: str
+    scans: tuple[str, ...]
+    status: AxleStatus = "ok"
+    reason: str = ""
+    with_reference: bool = False
+    angles: AxleAngles | None = None
+    on_axles: AxleAngles | None = None
+    frame: FrameThrough = "plate centres"
+    axial_runout: Estimate | None = None
+    axial_clock_rad: float = 0.0
+    radial_runout: Estimate | None = None
+    radial_clock_rad: float = 0.0
+    turns_rad: tuple[float, ...] = ()
+    axis: Array | None = None
+    centre_m: Array | None = None
+    chi_square: float = 0.0
+    dof: int = 0
+    probability: float = 1.0
+
+    @property
+    def compensated(self) -> AxleAngles | None:
+        """The angles to use: in the frame of the axles where it is known."""
+        return self.on_axles or self.angles
+
+
+@dataclass(frozen=True)
+class ToeOut:
+    """Toe-out on a left turn, whose inner wheel is FL, or on a right turn.
+
+    difference: inner less outer angle, None where it was not reached. u_interpolation_rad: the part
+    of its u that is due to the curve between the positions. of: whose angles these are.
+    """
+
+    turn: Literal["left", "right"]
+    status: ToeOutStatus = "ok"
+    reason: str = ""
+    difference: Estimate | None = None
+    u_interpolation_rad: float = 0.0
+    of: Literal["axles", "plates"] = "plates"
+
+
+@dataclass(frozen=True)
 class Measurement:
-    """All wheels in the capture's order, the frame, all quantities, and how they came."""
+    """All wheels in the capture's order, the frame, all quantities, and their provenance.
+
+    steering_axes: FR before FL, and toe_out: left turn, then right, of steering sweeps; runouts: in
+    the order RR, RL, FR, FL. Empty without such scans; `kinematics.solve` adds them.
+    """
 
     wheels: tuple[WheelResult, ...]
     frame: VehicleFrame
@@ -125,6 +248,9 @@ class Measurement:
     provenance: Provenance
     notes: tuple[str, ...] = ()
     monte_carlo: MonteCarlo | None = None
+    steering_axes: tuple[SteeringAxis, ...] = ()
+    runouts: tuple[Runout, ...] = ()
+    toe_out: tuple[ToeOut, ...] = ()
 
     @property
     def vehicle(self) -> dict[str, float]:
@@ -132,11 +258,9 @@ class Measurement:
         return self.uncertainty.vehicle_values
 
     @property
-    def has_turned(self) -> bool:
-        """Whether any of its scans is of a sweep or a run-out."""
-        return any(wheel.observation.turn is not None for wheel in self.wheels)
-
-    @property
     def complete(self) -> bool:
-        """Whether every wheel and trial was measured."""
-        return all(wheel.angles is not None for wheel in self.wheels)
+        """Whether every wheel and trial, every steering axis and run-out was measured."""
+        statuses: list[str] = [axis.status for axis in self.steering_axes]
+        statuses += [axle.status for axle in self.runouts]
+        measured = all(wheel.angles is not None for wheel in self.wheels)
+        return measured and all(status == "ok" for status in statuses)

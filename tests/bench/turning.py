@@ -25,10 +25,7 @@ from scipy import stats
 from tests.support.turning import Scene, rolled, swept
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.config import Config, config_file
-from wheelplane.kinematics.runout import measure_runouts
-from wheelplane.kinematics.steering_axis import measure_steering_axes
 from wheelplane.kinematics.sweep import DOUBT
-from wheelplane.kinematics.toe_out_on_turns import measure_toe_out
 from wheelplane.measure import measure_capture
 from wheelplane.measurement.records import Measurement
 from wheelplane_synth.output.archive import write_capture
@@ -57,7 +54,7 @@ def drawn_sweep(
 
 def _of_kingpins(measurement: Measurement, truth: dict[str, np.ndarray]) -> list[Row]:
     rows: list[Row] = []
-    for found in measure_steering_axes(measurement):
+    for found in measurement.steering_axes:
         for what, angle, true in zip(
             ("caster", "inclination"), (found.caster, found.inclination), truth[found.wheel],
             strict=True,
@@ -101,7 +98,7 @@ def drawn_runout(seed: int, positions: int, turn_deg: float) -> list[Row]:
 
 def _of_runouts(measurement: Measurement, truth: dict[str, dict[str, float]]) -> list[Row]:
     rows: list[Row] = []
-    for found in measure_runouts(measurement):
+    for found in measurement.runouts:
         if found.angles is None or found.on_axles is None:
             rows.append(
                 (f"not measured: {found.status}", np.nan, np.nan, np.inf, found.probability)
@@ -151,7 +148,7 @@ def scanned(
         k["wheel"]: np.radians([k["caster_deg"], k["inclination_deg"]]) for k in told["kingpins"]
     }
     rows += _of_kingpins(measurement, truth)
-    for found, true in zip(measure_toe_out(measurement), told["toe_out_on_turns"], strict=True):
+    for found, true in zip(measurement.toe_out, told["toe_out_on_turns"], strict=True):
         if found.difference is not None:
             error = found.difference.value - np.radians(true["difference_deg"])
             rows.append(("toe-out on turns", error, found.difference.u, np.inf, 0.5))
@@ -161,7 +158,7 @@ def scanned(
 def _add_axles(rows: list[Row], measurement: Measurement, told: dict) -> None:
     """The axle's direction against the truth, whatever the frame: toe and camber apart."""
     true = {w["name"]: np.array(w["normal"]) for w in told["wheels"] if w["role"] == "reference"}
-    for found in measure_runouts(measurement):
+    for found in measurement.runouts:
         if found.axis is not None and found.angles is not None:
             off = found.axis - true[found.wheel]
             for what, way in (("toe", "forward"), ("camber", "up")):

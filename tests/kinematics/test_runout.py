@@ -8,7 +8,6 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from tests.support.turning import CENTRE_M, NORMAL_RAD, WHEELS, Scene, facing, rolled
-from wheelplane.kinematics.runout import measure_runouts
 from wheelplane.report.text.runout import runout_text
 from wheelplane.uncertainty.components import flatness_component, mounting_component
 
@@ -21,7 +20,7 @@ QUARTERS = np.radians([0.0, 90.0, 180.0, 270.0])
 
 def one(scene, wheel="FL", turns=HALF, **more):
     more = {"wobble": WOBBLE, "eccentric_m": OFF} | more
-    (found,) = measure_runouts(rolled(scene, wheel, turns, **more).measure())
+    (found,) = rolled(scene, wheel, turns, **more).measure().runouts
     return found
 
 
@@ -32,13 +31,13 @@ def test_exact_scans_give_the_axle_that_was_set(wheel, turns):
     assert (found.status, found.dof) == ("ok", 5 * len(turns) - 9)
     assert found.angles.toe.value == pytest.approx(TOE, abs=1e-9)
     assert found.angles.camber.value == pytest.approx(CAMBER, abs=1e-9)
-    assert found.wobble.value == pytest.approx(np.radians(0.5), abs=1e-8)
-    assert found.eccentricity.value == pytest.approx(np.hypot(*OFF), abs=1e-9)
-    assert np.tan(found.wobble_clock_rad) == pytest.approx(0.75, rel=0.02)
-    assert np.tan(found.eccentricity_clock_rad) == pytest.approx(18 / 11, rel=0.02)
+    assert found.axial_runout.value == pytest.approx(np.radians(0.5), abs=1e-8)
+    assert found.radial_runout.value == pytest.approx(np.hypot(*OFF), abs=1e-9)
+    assert np.tan(found.axial_clock_rad) == pytest.approx(0.75, rel=0.02)
+    assert np.tan(found.radial_clock_rad) == pytest.approx(18 / 11, rel=0.02)
     np.testing.assert_allclose(found.turns_rad, turns, atol=1e-7)
     # a plate left as it is would be half a degree off
-    assert np.hypot(found.angles.toe.u, found.angles.camber.u) < 0.02 * found.wobble.value
+    assert np.hypot(found.angles.toe.u, found.angles.camber.u) < 0.02 * found.axial_runout.value
 
 
 def test_the_axle_is_in_the_scanners_coordinates_and_turns_with_them():
@@ -47,7 +46,7 @@ def test_the_axle_is_in_the_scanners_coordinates_and_turns_with_them():
     moved = one(Scene(2, noise=0.0, turned=turn).references())
     np.testing.assert_allclose(moved.axis, turn.apply(plain.axis), atol=1e-9)
     assert moved.angles.toe.u == pytest.approx(plain.angles.toe.u, rel=1e-6)
-    assert moved.wobble_clock_rad == pytest.approx(plain.wobble_clock_rad, abs=1e-7)
+    assert moved.axial_clock_rad == pytest.approx(plain.axial_clock_rad, abs=1e-7)
 
 
 def scores(count, turns, told=None, u_turn=0.002, spread=0.0, **more):
@@ -60,7 +59,7 @@ def scores(count, turns, told=None, u_turn=0.002, spread=0.0, **more):
             told=turns, u_turn=u_turn, **more,
         )  # fmt: skip
         true = (TOE, CAMBER, np.radians(0.5), np.hypot(*OFF))
-        known = (found.angles.toe, found.angles.camber, found.wobble, found.eccentricity)
+        known = (found.angles.toe, found.angles.camber, found.axial_runout, found.radial_runout)
         rows.append([(k.value - t) / k.u for k, t in zip(known, true, strict=True)])
         errors.append(found.angles.toe.value - TOE)
         chances.append(found.probability)
@@ -111,7 +110,7 @@ def test_what_sits_with_the_plate_cancels():
         extra = (flatness_component(1e-3, 0.125, n), mounting_component(0.01, 0.003, n))
         target = replace(seen.fitted, components=(*seen.fitted.components, *extra))
         loose.seen[i] = replace(seen, evidence=replace(seen.evidence, target=target))
-    (found,) = measure_runouts(loose.measure())
+    (found,) = loose.measure().runouts
     assert found.angles.toe.u == pytest.approx(plain.angles.toe.u, rel=1e-3)
 
 
@@ -173,7 +172,7 @@ ECCENTRIC = ((0.002, 0.001), (-0.001, 0.002), (0.0, -0.002), (0.002, -0.001))
 
 def test_plates_off_centre_turn_the_frame_and_axles_set_it_right():
     result = all_round(10, 0.0, ECCENTRIC).measure()
-    found = measure_runouts(result)
+    found = result.runouts
     assert [runout.frame for runout in found] == ["axle centres"] * 4
     for runout in found:
         assert runout.with_reference
@@ -192,7 +191,7 @@ def test_plates_off_centre_turn_the_frame_and_axles_set_it_right():
 def test_errors_in_the_frame_of_the_axles_are_as_large_as_stated():
     rows = []
     for seed in range(40):
-        for runout in measure_runouts(all_round(200 + seed, 1.0, ECCENTRIC).measure()):
+        for runout in all_round(200 + seed, 1.0, ECCENTRIC).measure().runouts:
             if runout.on_axles is not None:
                 known = runout.on_axles
                 rows.append([(known.toe.value - TOE) / known.toe.u,
@@ -209,7 +208,7 @@ def test_one_wheel_that_moved_leaves_the_frame_of_the_plates():
     n = last.fitted.normal
     target = replace(last.fitted, centre_m=last.fitted.centre_m + 1e-3 * n)
     scene.seen[-1] = replace(last, evidence=replace(last.evidence, target=target))
-    found = measure_runouts(scene.measure())
+    found = scene.measure().runouts
     assert found[-1].status == "moved"
     assert [runout.on_axles for runout in found] == [None] * 4
     assert {runout.frame for runout in found} == {"plate centres"}

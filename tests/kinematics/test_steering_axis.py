@@ -21,8 +21,6 @@ from tests.support.turning import (
 )
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.errors import InputError
-from wheelplane.kinematics.steering_axis import measure_steering_axes
-from wheelplane.kinematics.toe_out_on_turns import measure_toe_out
 from wheelplane.report.json.measurement import to_json
 from wheelplane.report.text.steering import steering_text
 from wheelplane.uncertainty.components import flatness_component, mounting_component
@@ -34,7 +32,7 @@ CASTER, INCLINATION = np.radians(4.3), np.radians(12.4)
 
 def one(scene, wheel="FL", steers=SWEEP, **more):
     swept(scene, wheel, CASTER, INCLINATION, steers, **more)
-    (found,) = measure_steering_axes(scene.measure())
+    (found,) = scene.measure().steering_axes
     return found
 
 
@@ -53,14 +51,14 @@ def test_exact_scans_give_the_axis_that_was_set(wheel, mirrored):
             replace(s, name=named.get(s.name, s.name), wheel=named[s.wheel]) for s in scene.seen
         ]
         scene.seen[:4] = [scene.seen[i] for i in (1, 0, 3, 2)]
-        (found,) = measure_steering_axes(scene.measure())
+        (found,) = scene.measure().steering_axes
     else:
         found = one(scene.references(), wheel)
     assert (found.wheel, found.status, found.dof) == (wheel, "ok", 12)
     assert found.caster.value == pytest.approx(CASTER, abs=1e-9)
     assert found.inclination.value == pytest.approx(INCLINATION, abs=1e-9)
-    assert found.inwards.value == pytest.approx(0.12, abs=1e-9)
-    assert found.ahead.value == pytest.approx(-0.02, abs=1e-9)
+    assert found.lateral_offset.value == pytest.approx(0.12, abs=1e-9)
+    assert found.longitudinal_offset.value == pytest.approx(-0.02, abs=1e-9)
     assert found.chi_square < 1e-9
 
 
@@ -81,9 +79,9 @@ def test_the_axis_is_in_the_scanners_coordinates_and_turns_with_them():
 def test_order_of_the_scans_tells_nothing():
     scene = Scene(4).references()
     swept(scene, "FL", CASTER, INCLINATION, SWEEP)
-    (plain,) = measure_steering_axes(scene.measure())
+    (plain,) = scene.measure().steering_axes
     scene.seen[4:] = scene.seen[:3:-1]
-    (turned,) = measure_steering_axes(scene.measure())
+    (turned,) = scene.measure().steering_axes
     for name in ("caster", "inclination"):
         assert getattr(plain, name).value == pytest.approx(getattr(turned, name).value, abs=1e-10)
         assert getattr(plain, name).u == pytest.approx(getattr(turned, name).u, rel=1e-6)
@@ -99,8 +97,8 @@ def drawn(count, seed, **more):
             [
                 (found.caster.value - CASTER) / found.caster.u,
                 (found.inclination.value - INCLINATION) / found.inclination.u,
-                (found.inwards.value - 0.12) / found.inwards.u,
-                (found.ahead.value + 0.02) / found.ahead.u,
+                (found.lateral_offset.value - 0.12) / found.lateral_offset.u,
+                (found.longitudinal_offset.value + 0.02) / found.longitudinal_offset.u,
             ]
         )
         chances.append(found.probability)
@@ -144,7 +142,7 @@ def test_what_sits_with_the_plate_cancels():
         )
         more = replace(target, components=(*target.components, *extra))
         loose.seen[i] = replace(seen, evidence=replace(seen.evidence, target=more))
-    (found,) = measure_steering_axes(loose.measure())
+    (found,) = loose.measure().steering_axes
     # the form lifts the reference centres by flatness/sqrt(12), which turns the frame about up only
     assert found.caster.u == pytest.approx(plain.caster.u, rel=0.05)
     assert found.inclination.u == pytest.approx(plain.inclination.u, rel=0.2)
@@ -156,7 +154,7 @@ def test_a_reference_scan_serves_as_a_position_and_errs_in_both_alike():
     scene.references({"FL": (toe, camber)})
     swept(scene, "FL", CASTER, INCLINATION, [-0.35, 0.35])
     scene.look("FL again", "sweep", "FL", PLACES["FL"], facing("FL", toe, camber), source="FL.ply")
-    (found,) = measure_steering_axes(scene.measure())
+    (found,) = scene.measure().steering_axes
     assert found.scans == ("FL 0", "FL 1", "FL again")
     assert found.caster.value == pytest.approx(CASTER, abs=1e-9)
 
@@ -168,7 +166,7 @@ def test_a_plate_that_moves_on_the_wheel_is_told():
     n = moved.fitted.normal + 10 * NORMAL_RAD * np.cross(moved.fitted.normal, [0.3, 0.5, 0.8])
     target = replace(moved.fitted, normal=n / np.linalg.norm(n))
     scene.seen[5] = replace(moved, evidence=replace(moved.evidence, target=target))
-    (found,) = measure_steering_axes(scene.measure())
+    (found,) = scene.measure().steering_axes
     assert found.status == "not-one-axis"
     assert found.caster is not None
     assert one(Scene(8).references()).status == "ok"
@@ -186,7 +184,7 @@ def test_a_wheel_that_rolls_is_seen_by_a_plate_that_wobbles_alone():
             point = centre - [0.02, 0.12, 0.0]
             normal = R.apply(Rotation.from_rotvec(roll * axle).apply(plate))
             scene.look(f"{i}", "sweep", "FL", point + R.apply(centre - point), normal)
-        (found,) = measure_steering_axes(scene.measure())
+        (found,) = scene.measure().steering_axes
         assert found.status == status
 
 
@@ -220,7 +218,7 @@ def test_toe_out_on_turns():
                 f"{wheel} {i}", "sweep", wheel, np.array(PLACES[wheel]),
                 facing(wheel, -side(wheel) * steer, 0.0), replace(TURN, position=f"p{i}"),
             )  # fmt: skip
-    left, right = measure_toe_out(scene.measure())
+    left, right = scene.measure().toe_out
     for found in (left, right):
         true = 0.4 * np.radians(20.0) ** 2
         assert found.status == "ok"
@@ -242,7 +240,7 @@ def test_u_of_toe_out_counts_both_wheels():
                 facing(wheel, -side(wheel) * own, 0.0), replace(TURN, position=f"p{i}"),
             )  # fmt: skip
     slope = 1.0 - 0.8 * np.radians(20.0)
-    for found in measure_toe_out(scene.measure()):
+    for found in scene.measure().toe_out:
         assert found.u_interpolation_rad < 1e-9
         assert found.difference.u == pytest.approx(NORMAL_RAD * np.hypot(1.0, slope), rel=0.01)
 
@@ -251,10 +249,10 @@ def test_toe_out_that_was_not_reached_is_said():
     scene = Scene(12).references()
     for wheel in ("FR", "FL"):
         swept(scene, wheel, CASTER, INCLINATION, SWEEP * 0.7, positions="abcde")
-    assert [f.status for f in measure_toe_out(scene.measure())] == ["not-reached"] * 2
+    assert [f.status for f in scene.measure().toe_out] == ["not-reached"] * 2
     alone = Scene(12).references()
     swept(alone, "FL", CASTER, INCLINATION, SWEEP, positions="abcde")
-    assert measure_toe_out(alone.measure()) == ()
+    assert alone.measure().toe_out == ()
 
 
 def test_json_holds_all_with_units():
@@ -280,10 +278,10 @@ def test_exact_turns_about_the_normal_give_the_axis_too(wheel, period):
     """Whichever of the equal turns each scan reports; they add one equation each, less one."""
     found = one(Scene(1, noise=0.0, period=period, **SQUARE).references(), wheel)
     assert (found.status, found.dof) == ("ok", 12 + len(SWEEP) - 1)
-    assert found.with_turn == len(SWEEP)
+    assert found.with_rotation == len(SWEEP)
     assert found.caster.value == pytest.approx(CASTER, abs=1e-9)
     assert found.inclination.value == pytest.approx(INCLINATION, abs=1e-9)
-    assert found.inwards.value == pytest.approx(0.12, abs=1e-9)
+    assert found.lateral_offset.value == pytest.approx(0.12, abs=1e-9)
     assert found.chi_square < 1e-9
 
 
@@ -312,7 +310,7 @@ def test_errors_with_turns_are_as_large_as_stated_and_the_fit_as_good(with_centr
     for i in range(100):
         scene = Scene(2000 + i, with_centre=with_centre, **SQUARE).references()
         found = one(scene, "FL" if i % 2 else "FR", steers=ENDS)
-        known = (found.caster, found.inclination, found.inwards, found.ahead)
+        known = (found.caster, found.inclination, found.lateral_offset, found.longitudinal_offset)
         true = (CASTER, INCLINATION, 0.12, -0.02)
         scores.append([(k.value - t) / k.u for k, t in zip(known, true, strict=True)])
         errors.append(found.inclination.value - INCLINATION)
@@ -337,7 +335,7 @@ def test_turns_move_with_the_scanners_coordinates_and_in_a_mirror():
         replace(s, name=other.get(s.name, s.name), wheel=other[s.wheel]) for s in scene.seen
     ]
     scene.seen[:4] = [scene.seen[i] for i in (1, 0, 3, 2)]
-    (found,) = measure_steering_axes(scene.measure())
+    (found,) = scene.measure().steering_axes
     assert (found.wheel, found.status) == ("FL", "ok")
     assert found.inclination.value == pytest.approx(INCLINATION, abs=1e-9)
     assert found.inclination.u == pytest.approx(plain.inclination.u, rel=0.05)
@@ -346,14 +344,14 @@ def test_turns_move_with_the_scanners_coordinates_and_in_a_mirror():
 def test_which_of_the_equal_turns_is_reported_changes_nothing():
     """But the second order of the normals' errors."""
     scene = swept(Scene(21, **SQUARE).references(), "FL", CASTER, INCLINATION, SWEEP)
-    (plain,) = measure_steering_axes(scene.measure())
+    (plain,) = scene.measure().steering_axes
     for i, quarters in ((4, 1), (5, 3), (7, 2)):
         target = scene.seen[i].fitted
         R = Rotation.from_rotvec(quarters * np.pi / 2.0 * target.normal)
         jumped = replace(target, turn=replace(target.turn, axis=R.apply(target.turn.axis)))
         scene.seen[i] = replace(scene.seen[i], evidence=replace(scene.seen[i].evidence,
                                                                 target=jumped))  # fmt: skip
-    (again,) = measure_steering_axes(scene.measure())
+    (again,) = scene.measure().steering_axes
     for name in ("caster", "inclination"):
         assert getattr(again, name).value == pytest.approx(
             getattr(plain, name).value, abs=(3.0 * NORMAL_RAD) ** 2
@@ -383,8 +381,8 @@ def test_a_scan_without_a_turn_serves_among_those_with():
     every = one(Scene(23, noise=0.0, **SQUARE).references())
     some = one(Scene(23, noise=0.0, **SQUARE).references(), slips=[0.0, None, None, 0.0, 0.0])
     alone = one(Scene(23, noise=0.0, **SQUARE).references(), slips=[0.0, *none[1:]])
-    assert (some.with_turn, some.dof) == (3, 12 + 3 - 1)
-    assert (alone.with_turn, alone.dof) == (0, 12)
+    assert (some.with_rotation, some.dof) == (3, 12 + 3 - 1)
+    assert (alone.with_rotation, alone.dof) == (0, 12)
     assert every.inclination.u < some.inclination.u < 0.5 * disc.inclination.u
     assert alone.inclination.u == disc.inclination.u
     for found in (some, alone):
@@ -400,8 +398,8 @@ def test_a_print_may_lie_turned_on_its_board():
         mine = replace(target.turn, axis=R.apply(target.turn.axis), mark="print")
         scene.seen[i] = replace(scene.seen[i], evidence=replace(
             scene.seen[i].evidence, target=replace(target, turn=mine)))  # fmt: skip
-    (found,) = measure_steering_axes(scene.measure())
-    assert (found.status, found.with_turn, found.mark) == ("ok", 3, "edges")
+    (found,) = scene.measure().steering_axes
+    assert (found.status, found.with_rotation, found.mark) == ("ok", 3, "edges")
     assert found.inclination.value == pytest.approx(INCLINATION, abs=1e-9)
 
 

@@ -17,8 +17,6 @@ from tests.support.turning import (
     side,
     swept,
 )
-from wheelplane.kinematics.steering_axis import measure_steering_axes
-from wheelplane.kinematics.toe_out_on_turns import measure_toe_out
 from wheelplane.report.json.measurement import to_tree
 from wheelplane.report.text.steering import steering_text
 
@@ -61,18 +59,18 @@ def car(seed, noise, turned=WHEELS, wobble=WOBBLE, eccentric=ECCENTRIC, rolled_o
 
 
 def test_the_kingpin_counts_from_the_axles_where_run_outs_show_them():
-    for found in measure_steering_axes(car(1, 0.0)):
+    for found in car(1, 0.0).steering_axes:
         assert (found.status, found.frame) == ("ok", "axle centres")
         assert found.caster.value == pytest.approx(CASTER, abs=2e-7)
         assert found.inclination.value == pytest.approx(INCLINATION, abs=2e-7)
-        assert found.inwards.value == pytest.approx(0.12, abs=2e-7)
-        assert found.ahead.value == pytest.approx(-0.02, abs=2e-7)
+        assert found.lateral_offset.value == pytest.approx(0.12, abs=2e-7)
+        assert found.longitudinal_offset.value == pytest.approx(-0.02, abs=2e-7)
 
 
 @pytest.mark.parametrize("turned", [(), ("RL",)])
 def test_plates_that_no_run_out_compensates_are_named(turned):
     result = car(1, 0.0, turned=turned)
-    found = measure_steering_axes(result)
+    found = result.steering_axes
     frame = "axle and plate centres" if turned else "plate centres"
     assert [kingpin.frame for kingpin in found] == [frame] * 2
     assert to_tree(result)["steering"]["kingpins"][0]["frame"] == frame
@@ -82,30 +80,30 @@ def test_plates_that_no_run_out_compensates_are_named(turned):
 
 
 def test_the_lean_of_the_plates_leaves_toe_out_alone():
-    plain = measure_toe_out(car(2, 0.0, wobble=SQUARE, eccentric=ON_AXLE))
-    for found, true in zip(measure_toe_out(car(2, 0.0)), plain, strict=True):
+    plain = car(2, 0.0, wobble=SQUARE, eccentric=ON_AXLE).toe_out
+    for found, true in zip(car(2, 0.0).toe_out, plain, strict=True):
         assert (found.status, found.of) == ("ok", "axles")
         assert found.difference.value == pytest.approx(true.difference.value, abs=2e-7)
-    for found, true in zip(measure_toe_out(car(2, 0.0, turned=())), plain, strict=True):
+    for found, true in zip(car(2, 0.0, turned=()).toe_out, plain, strict=True):
         assert found.of == "plates"
         assert abs(found.difference.value - true.difference.value) > 5e-4  # some of the lean
 
 
 def test_a_wheel_that_rolled_on_is_not_taken_for_its_reference():
-    assert [found.of for found in measure_toe_out(car(3, 1.0))] == ["axles"] * 2
-    on = measure_toe_out(car(3, 1.0, rolled_on=np.radians(40.0)))
+    assert [found.of for found in car(3, 1.0).toe_out] == ["axles"] * 2
+    on = car(3, 1.0, rolled_on=np.radians(40.0)).toe_out
     assert [found.of for found in on] == ["plates"] * 2
 
 
 def test_errors_are_as_large_as_stated():
     rows = {"inclination": [], "caster": [], "toe-out": []}
-    true = measure_toe_out(car(0, 0.0))[0].difference.value
+    true = car(0, 0.0).toe_out[0].difference.value
     for seed in range(60):
         result = car(100 + seed, 1.0)
-        (found, _) = measure_steering_axes(result)
+        (found, _) = result.steering_axes
         rows["inclination"].append((found.inclination.value - INCLINATION) / found.inclination.u)
         rows["caster"].append((found.caster.value - CASTER) / found.caster.u)
-        left = measure_toe_out(result)[0]
+        left = result.toe_out[0]
         noise = np.sqrt(left.difference.u**2 - left.u_interpolation_rad**2)
         rows["toe-out"].append((left.difference.value - true) / noise)
     for errors in rows.values():
@@ -115,8 +113,6 @@ def test_errors_are_as_large_as_stated():
 
 def test_axles_of_two_scans_tell_the_frame_better_than_plates_of_one():
     by_plates, by_axles = (car(5, 0.0, turned=turned) for turned in ((), WHEELS))
-    for one, two in zip(
-        measure_steering_axes(by_plates), measure_steering_axes(by_axles), strict=True
-    ):
+    for one, two in zip(by_plates.steering_axes, by_axles.steering_axes, strict=True):
         assert two.caster.u < one.caster.u
         assert two.inclination.u < one.inclination.u

@@ -15,6 +15,7 @@ from tests.support.given import root
 from wheelplane.capture.entry import Turn
 from wheelplane.centre.in_plane_rotation import InPlaneRotation
 from wheelplane.centre.locate_centre import TargetFit
+from wheelplane.kinematics.solve import solve
 from wheelplane.measurement.evaluate import align
 from wheelplane.measurement.records import Evidence, Measurement, Observation, Provenance
 from wheelplane.uncertainty.components import UncertaintyComponent
@@ -88,7 +89,7 @@ class Scene:
         return self
 
     def measure(self) -> Measurement:
-        return align(self.seen, NOWHERE)
+        return solve(align(self.seen, NOWHERE))
 
     def _target(self, centre: np.ndarray, normal: np.ndarray) -> TargetFit:
         flip = np.array([1.0, -1.0, 1.0]) if self.mirrored else np.ones(3)

@@ -9,9 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.config import Config
-from wheelplane.kinematics.runout import all_turned, measure_runouts
-from wheelplane.kinematics.steering_axis import measure_steering_axes
-from wheelplane.kinematics.toe_out_on_turns import measure_toe_out
 from wheelplane.measure import measure_capture
 from wheelplane_synth.errors import SynthError
 from wheelplane_synth.output.archive import write_capture
@@ -116,22 +113,22 @@ def test_from_files_to_axes(capture):
     with open_capture(capture) as opened:
         measurement = measure_capture(opened, Config())
     wheels = {wheel["name"]: wheel for wheel in told["wheels"]}
-    runouts = measure_runouts(measurement)
+    runouts = measurement.runouts
     for found in runouts:
         assert found.frame == "axle centres"
         for angle, name in ((found.on_axles.toe, "toe"), (found.on_axles.camber, "camber")):
             true = np.radians(wheels[found.wheel][f"{name}_deg"])
             assert abs(angle.value - true) < 4.5 * angle.u
-            assert angle.u < 0.05 * found.wobble.value
-    for found, pin in zip(measure_steering_axes(measurement), told["kingpins"], strict=True):
+            assert angle.u < 0.05 * found.axial_runout.value
+    for found, pin in zip(measurement.steering_axes, told["kingpins"], strict=True):
         assert found.frame == "axle centres"
         for angle, name in ((found.caster, "caster"), (found.inclination, "inclination")):
             assert abs(angle.value - np.radians(pin[f"{name}_deg"])) < 4.5 * angle.u
-    for found, turn in zip(measure_toe_out(measurement), told["toe_out_on_turns"], strict=True):
+    for found, turn in zip(measurement.toe_out, told["toe_out_on_turns"], strict=True):
         assert found.of == "axles"
         off = found.difference.value - np.radians(turn["difference_deg"])
         assert abs(off) < 4.5 * found.difference.u < 0.7 * np.radians(0.5)  # of the plates' lean
-    assert all_turned(measurement)
+    assert measurement.complete
 
 
 def test_wrong_recipes_are_refused(tmp_path):

@@ -16,7 +16,6 @@ from ...capture import open_capture
 from ...config import with_scanner
 from ...errors import WheelplaneError
 from ...five_point import read_five_point
-from ...kinematics import all_turned
 from ...measure import measure_capture, measure_five_point
 from ...measurement import Measurement
 from ...report.json.measurement import SCHEMA, to_tree
@@ -70,8 +69,7 @@ def measure_bytes(subject: Subject) -> Result:
     """
     try:
         measurement = _measure(subject)
-        whole = measurement.complete and all_turned(measurement)
-        verdict = Verdict("ok" if whole else "part")
+        verdict = Verdict("ok" if measurement.complete else "part")
         tree = to_tree(measurement)
         tree["batch"] = _batch(subject, verdict, tree["date"])
         return Result(_bytes(tree, subject), verdict)

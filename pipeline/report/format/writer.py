@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ...kinematics import Estimate
-from ...measurement import Stated
+from ...measurement import Estimate, Stated
 from ...vehicle import Axis, Unit, deg_min_sec
 from .language import Translations
 from .view import Sort, View

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ...kinematics import measure_runouts, measure_steering_axes, measure_toe_out
 from ...measurement import Conformity, Measurement, WheelResult
 from ..format.language import Translations
 from ..format.writer import NONE, Table, Writer
@@ -108,13 +107,12 @@ def troubles(measurement: Measurement, words: Translations) -> list[Trouble]:
     """Everything that has another status than ok, wheels first."""
     seen = [w.observation for w in measurement.wheels]
     found = [(s.name, s.status, s.reason) for s in seen]
-    kingpins = measure_steering_axes(measurement)
-    found += [(words("scene.kingpin", wheel=k.wheel), k.status, k.reason) for k in kingpins]
-    turns = measure_toe_out(measurement) if kingpins else ()
+    found += [(words("scene.kingpin", wheel=k.wheel), k.status, k.reason)
+              for k in measurement.steering_axes]  # fmt: skip
     found += [(f"{words('turned.turn')} {words(f'turned.turn_{t.turn}')}", t.status, t.reason)
-              for t in turns]  # fmt: skip
+              for t in measurement.toe_out]  # fmt: skip
     found += [(f"{words.known('role', 'runout')} {r.wheel}", r.status, r.reason)
-              for r in measure_runouts(measurement)]  # fmt: skip
+              for r in measurement.runouts]  # fmt: skip
     return [trouble(*one, words) for one in found if one[1] != "ok"]
 
 

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from ...kinematics import (
+from ...measurement import (
+    Measurement,
     Runout,
+    Stated,
     SteeringAxis,
     ToeOut,
-    measure_runouts,
-    measure_steering_axes,
-    measure_toe_out,
+    against,
+    by_name,
+    stated,
 )
-from ...measurement import Measurement, Stated, against, by_name, stated
 from ...vehicle import AXES, named
 from ..format.writer import NONE, Table, Writer
 
@@ -81,11 +82,10 @@ def axes_table(measurement: Measurement, writer: Writer) -> Table:
 def turned_tables(measurement: Measurement, writer: Writer) -> list[tuple[Table, str]]:
     """Kingpins, toe-out on turns and run-outs, each with its note; none without such scans."""
     words = writer.words
-    kingpins, runouts = measure_steering_axes(measurement), measure_runouts(measurement)
+    kingpins, runouts, turns = measurement.steering_axes, measurement.runouts, measurement.toe_out
     tables = []
     if kingpins:
         tables.append((_kingpins_table(kingpins, writer), words("turned.kingpin_note")))
-    turns = measure_toe_out(measurement) if kingpins else ()
     if turns:
         tables.append((_turns_table(turns, writer), ""))
     if runouts:
@@ -127,7 +127,7 @@ def _kingpin(found: SteeringAxis, writer: Writer) -> list[str]:
     return [
         found.wheel, writer.status(found.status), str(len(found.scans)), swept,
         *writer.estimate(found.caster), *writer.estimate(found.inclination),
-        *writer.length(found.inwards), *writer.length(found.ahead),
+        *writer.length(found.lateral_offset), *writer.length(found.longitudinal_offset),
     ]  # fmt: skip
 
 
@@ -137,6 +137,6 @@ def _runout(found: Runout, writer: Writer) -> list[str]:
         found.wheel, writer.status(found.status), str(len(found.scans)),
         *writer.estimate(angles.toe if angles else None),
         *writer.estimate(angles.camber if angles else None),
-        *writer.estimate(found.wobble)[:2], *writer.length(found.eccentricity),
+        *writer.estimate(found.axial_runout)[:2], *writer.length(found.radial_runout),
         writer.words.known("through", found.frame) if angles else NONE,
     ]  # fmt: skip

@@ -5,24 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ...kinematics import (
-    Estimate,
-    Runout,
-    SteeringAxis,
-    measure_runouts,
-    measure_steering_axes,
-    measure_toe_out,
-)
-from ...measurement import Measurement
+from ...measurement import Estimate, Measurement, Runout, SteeringAxis
 
 
 def turned_tree(measurement: Measurement) -> dict[str, Any]:
     """`steering`: kingpins and toe-out on turns; `runouts`: one a wheel; empty without scans."""
-    if not measurement.has_turned:
-        return {"steering": {"kingpins": [], "toe_out_on_turns": []}, "runouts": []}
     return {
         "steering": {
-            "kingpins": [_kingpin(found) for found in measure_steering_axes(measurement)],
+            "kingpins": [_kingpin(found) for found in measurement.steering_axes],
             "toe_out_on_turns": [
                 {
                     "turn": found.turn,
@@ -35,10 +25,10 @@ def turned_tree(measurement: Measurement) -> dict[str, Any]:
                     if found.difference
                     else None,
                 }
-                for found in measure_toe_out(measurement)
+                for found in measurement.toe_out
             ],
         },
-        "runouts": [_runout(found) for found in measure_runouts(measurement)],
+        "runouts": [_runout(found) for found in measurement.runouts],
     }
 
 
@@ -53,9 +43,9 @@ def _kingpin(found: SteeringAxis) -> dict[str, Any]:
         **_angle("caster", found.caster),
         **_angle("inclination", found.inclination),
         **_angle("caster_by_camber", found.caster_by_camber),
-        **_length("inwards", found.inwards),
-        **_length("ahead", found.ahead),
-        "scans_with_turn": found.with_turn,
+        **_length("inwards", found.lateral_offset),
+        **_length("ahead", found.longitudinal_offset),
+        "scans_with_turn": found.with_rotation,
         "turn_by": found.mark,
         "axis": None if found.axis is None else found.axis.tolist(),
         "point_m": None if found.point_m is None else found.point_m.tolist(),
@@ -74,11 +64,11 @@ def _runout(found: Runout) -> dict[str, Any]:
         **_angle("toe", angles.toe if angles else None),
         **_angle("camber", angles.camber if angles else None),
         **_angle("camber_iso", angles.camber_iso if angles else None),
-        **_angle("wobble", found.wobble),
-        "wobble_clock_deg": math.degrees(found.wobble_clock_rad) if found.wobble else None,
-        **_length("eccentricity", found.eccentricity),
-        "eccentricity_clock_deg": math.degrees(found.eccentricity_clock_rad)
-        if found.eccentricity
+        **_angle("wobble", found.axial_runout),
+        "wobble_clock_deg": math.degrees(found.axial_clock_rad) if found.axial_runout else None,
+        **_length("eccentricity", found.radial_runout),
+        "eccentricity_clock_deg": math.degrees(found.radial_clock_rad)
+        if found.radial_runout
         else None,
         "turns_deg": [math.degrees(turn) for turn in found.turns_rad],
         "axis": None if found.axis is None else found.axis.tolist(),

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ...kinematics import measure_steering_axes
 from ...measurement import Conformity, Measurement, WheelResult
 from ...vectors import Array
 from ...vehicle import VehicleFrame, deg_min_sec
@@ -128,7 +127,7 @@ def _kingpins(measurement: Measurement, words: Translations) -> list[dict[str, A
             "kingpin",
             *(to_view(frame, found.point_m + way * KINGPIN_M * found.axis) for way in (-1.0, 1.0)),
         )
-        for found in measure_steering_axes(measurement)
+        for found in measurement.steering_axes
         if found.axis is not None and found.point_m is not None
     ]
 

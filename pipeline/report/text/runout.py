@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ...kinematics import Runout, measure_runouts
-from ...measurement import Measurement
+from ...measurement import Measurement, Runout
 from ..format.layout import aligned
 from .steering import angle, length, seconds, verdict
 
@@ -21,11 +20,11 @@ angle from the top, + forwards, where the told turn is 0."""
 
 def runout_text(measurement: Measurement) -> str:
     """The run-outs' tables; empty without any."""
-    runouts = measure_runouts(measurement)
+    runouts = measurement.runouts
     if not runouts:
         return ""
     parts = [EXPLAINED, _axles(runouts)]
-    known = [runout for runout in runouts if runout.wobble is not None]
+    known = [runout for runout in runouts if runout.axial_runout is not None]
     return "\n".join([*parts, PLATES, _plates(known)] if known else parts)
 
 
@@ -54,15 +53,15 @@ def _axles(runouts: tuple[Runout, ...]) -> str:
 def _plates(runouts: list[Runout]) -> str:
     rows: list[tuple[str, ...]] = [("wheel", "wobble", "u", "clock", "eccentricity", "u", "clock")]
     for found in runouts:
-        wobble = found.wobble
+        wobble = found.axial_runout
         rows.append(
             (
                 found.wheel,
                 "-" if wobble is None else f"{math.degrees(wobble.value):.4f}°",
                 "-" if wobble is None else seconds(wobble.u),
-                f"{math.degrees(found.wobble_clock_rad):+.1f}°",
-                *length(found.eccentricity),
-                f"{math.degrees(found.eccentricity_clock_rad):+.1f}°",
+                f"{math.degrees(found.axial_clock_rad):+.1f}°",
+                *length(found.radial_runout),
+                f"{math.degrees(found.radial_clock_rad):+.1f}°",
             )
         )
     return aligned(rows, left=1)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ...kinematics import Estimate, SteeringAxis, ToeOut, measure_steering_axes, measure_toe_out
-from ...measurement import Measurement
+from ...measurement import Estimate, Measurement, SteeringAxis, ToeOut
 from ...vehicle import deg_min_sec
 from ..format.layout import aligned
 
@@ -40,15 +39,15 @@ OF = {
 
 def steering_text(measurement: Measurement) -> str:
     """The sweep's tables; empty without a sweep."""
-    kingpins = measure_steering_axes(measurement)
+    kingpins = measurement.steering_axes
     if not kingpins:
         return ""
     frame = FRAMES[kingpins[0].frame]
     parts = [EXPLAINED, frame, *_turns_seen(kingpins), _angles(kingpins)]
-    placed = [kingpin for kingpin in kingpins if kingpin.inwards is not None]
+    placed = [kingpin for kingpin in kingpins if kingpin.lateral_offset is not None]
     if placed:
         parts += [PLACE, _places(placed)]
-    turns = measure_toe_out(measurement)
+    turns = measurement.toe_out
     if turns:
         parts += [TURNS.format(of=OF[turns[0].of]), _turns(turns)]
     return "\n".join(parts)
@@ -56,10 +55,10 @@ def steering_text(measurement: Measurement) -> str:
 
 def _turns_seen(kingpins: tuple[SteeringAxis, ...]) -> list[str]:
     """One line a mark by which turns were seen; none for discs."""
-    seen = [kingpin for kingpin in kingpins if kingpin.with_turn]
+    seen = [kingpin for kingpin in kingpins if kingpin.with_rotation]
     return [
         TURN.format(mark=mark, wheels=", ".join(
-            f"{k.wheel} ({k.with_turn} of {len(k.scans)} scans)" for k in seen if k.mark == mark
+            f"{k.wheel} ({k.with_rotation} of {len(k.scans)} scans)" for k in seen if k.mark == mark
         ))
         for mark in dict.fromkeys(kingpin.mark for kingpin in seen)
     ]  # fmt: skip
@@ -88,7 +87,10 @@ def _angles(kingpins: tuple[SteeringAxis, ...]) -> str:
 
 def _places(kingpins: list[SteeringAxis]) -> str:
     rows: list[tuple[str, ...]] = [("wheel", "inwards", "u", "ahead", "u")]
-    rows += [(found.wheel, *length(found.inwards), *length(found.ahead)) for found in kingpins]
+    rows += [
+        (found.wheel, *length(found.lateral_offset), *length(found.longitudinal_offset))
+        for found in kingpins
+    ]
     return aligned(rows, left=1)
 
 

@@ -1,0 +1,30 @@
+"""All that scans of wheels in several positions give, solved once for a measurement."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..measurement import Measurement
+from .runout import runouts_of
+from .steering_axis import fit_steering_axes
+from .sweep import turned
+from .toe_out_on_turns import toe_out_of
+from .wheel_axis import fit_axles, on_axles
+
+
+def solve(measurement: Measurement) -> Measurement:
+    """Return the measurement with its steering axes, run-outs and toe-out on turns.
+
+    The same measurement where none of its scans is of a sweep or a run-out.
+    """
+    if not any(wheel.observation.role in ("sweep", "runout") for wheel in measurement.wheels):
+        return measurement
+    scans = turned(measurement)
+    best = on_axles(scans, fit_axles(scans, measurement))
+    steering_axes = fit_steering_axes(best, measurement)
+    return replace(
+        measurement,
+        steering_axes=steering_axes,
+        runouts=runouts_of(best, scans),
+        toe_out=toe_out_of(best, steering_axes),
+    )
