@@ -2,12 +2,14 @@
 
 from .in_plane_rotation import Mark
 from .locate_centre import OtherCentre, TargetFit, locate_centre
+from .outline_fit import fit_edge_points
 from .pattern.detect import marker_modules
 
 __all__ = [
     "Mark",
     "OtherCentre",
     "TargetFit",
+    "fit_edge_points",
     "locate_centre",
     "marker_modules",
 ]

@@ -26,12 +26,14 @@ class OutlineFit:
     """An outline through the outermost points of a face: centre_m (2,), covariance_m2 (2, 2).
 
     turn_noise: (3,) covariances of the turn with the centre, and its variance.
+    growth_m: how much farther out than the outline its points lie, all round.
     """
 
     centre_m: Array
     turn_rad: float
     covariance_m2: Array
     turn_noise: Array
+    growth_m: float
 
 
 def fit_outline(
@@ -52,7 +54,7 @@ def fit_outline(
                 "no-outline",
                 f"less than a third of the edge of {outline.description} is in the scan",
             )
-        fitted = _through(edge, outline, centre, turn)
+        fitted = fit_edge_points(edge, outline, centre, turn)
         moved = fitted.centre_m - centre
         centre, turn = fitted.centre_m, fitted.turn_rad
         if float(np.abs(moved).max()) < STILL_M:
@@ -135,8 +137,8 @@ def _outermost(
     return np.asarray(face[last[kept]])
 
 
-def _through(edge: Array, outline: Outline, centre: Array, turn: float) -> OutlineFit:
-    """The outline of least weighted squares about places on its edge (K, 2), all grown alike.
+def fit_edge_points(edge: Array, outline: Outline, centre: Array, turn: float) -> OutlineFit:
+    """Fit the outline of least weighted squares to points on its edge (K, 2), all grown alike.
 
     x = growth, d x = -n . dc - n . J q dphi, with J a quarter turn; Gauss-Newton.
     """
@@ -158,7 +160,8 @@ def _through(edge: Array, outline: Outline, centre: Array, turn: float) -> Outli
         if float(np.abs(step).max()) < 1e-15:
             break
     covariance: Array = np.linalg.inv(information).astype(np.float64)
-    return OutlineFit(state[:2], float(state[2]), covariance[:2, :2], covariance[2, :3])
+    turn_noise = covariance[2, :3]
+    return OutlineFit(state[:2], float(state[2]), covariance[:2, :2], turn_noise, float(state[3]))
 
 
 def _check_directions(information: Array, outline: Outline) -> None:

@@ -1,4 +1,4 @@
-"""`wheelplane selftest`: the fits on certified data, as a table that a laboratory can file."""
+"""Command `wheelplane selftest`: fits of certified data, as a table that a laboratory can file."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ from ..report.write import write_whole
 LIBRARIES = ("numpy", "scipy", "opencv-python-headless", "trimesh", "pye57", "laspy", "lazrs")
 HEADINGS = {
     "plane": f"Least-squares planes of NIST, bound {BOUND:g} degrees and {BOUND:g} units",
-    "circle": f"Circles of NIST (plane, projection, geometric circle), bound {BOUND:g} likewise",
+    "clipped-plane": "Same planes, sigma-clipped fit of scans with nothing clipped, same bounds",
+    "circle": "Circles of NIST (clipped plane, projection, edge of given diameter), same bounds",
     "scene": "Plane of a real scene of PCL, (a, b, c)/d and points within 0.03 m",
 }
 
 
 @click.command()
 @click.option(
-    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE", help="Write it to FILE."
+    "-o", "--output", type=click.Path(path_type=Path), metavar="FILE", help="File to write to."
 )
-@click.option("--json", "as_json", is_flag=True, help="As JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Report as JSON.")
 def selftest(output: Path | None, as_json: bool) -> int:
     """Fit certified planes and circles, and compare with their certified answers.
 
@@ -46,9 +47,9 @@ def selftest(output: Path | None, as_json: bool) -> int:
 
 
 def to_text(checks: tuple[Check, ...]) -> str:
-    """What was run on what, a table for each kind of data, and the verdict as the last line."""
+    """Return the conditions, a table for each kind of check, and the verdict as the last line."""
     lines = [f"wheelplane {__version__} selftest", ""]
-    lines.append(aligned([(name, str(said)) for name, said in conditions().items()], left=2))
+    lines.append(aligned(list(conditions().items()), left=2))
     for kind, heading in HEADINGS.items():
         alike = [check for check in checks if check.kind == kind]
         rows: list[tuple[str, ...]] = [("data", "points", *map(_title, alike[0].figures), "result")]
@@ -60,7 +61,7 @@ def to_text(checks: tuple[Check, ...]) -> str:
 
 
 def to_json(checks: tuple[Check, ...]) -> str:
-    """The same for programs."""
+    """Return the report for programs."""
     tree = {
         "schema": "wheelplane/selftest/1",
         "version": __version__,
@@ -82,13 +83,13 @@ def to_json(checks: tuple[Check, ...]) -> str:
 
 
 def _tree(figure: Figure) -> dict[str, object]:
-    """JSON has no NaN: null."""
+    """Return the figure's fields; JSON has no NaN, so null stands for it."""
     value = figure.value if math.isfinite(figure.value) else None
     return vars(figure) | {"value": value, "passed": figure.passed}
 
 
 def conditions() -> dict[str, str]:
-    """What the figures rest on: data, arithmetic, libraries."""
+    """Return what the figures depend on: data, arithmetic, libraries."""
     blas = np.__config__.CONFIG["Build Dependencies"]["blas"]
     return {
         "data": digest(),
@@ -108,7 +109,7 @@ def _version(name: str) -> str:
 
 
 def verdict(checks: tuple[Check, ...]) -> str:
-    """How many passed."""
+    """Return how many checks passed, as a sentence."""
     return f"selftest: {sum(check.passed for check in checks)} of {len(checks)} passed"
 
 

@@ -1,5 +1,6 @@
 """Plane fits: least squares, sigma clipping, RANSAC, and correlated noise."""
 
+from .clipped_plane import ClippedFit, ClipSlab, fit_clipped_plane
 from .find_planes import CloudPlane, find_planes, plane_of_all
 from .fit_plane import PlaneFit, fit_plane
 from .least_squares import total_least_squares
@@ -8,6 +9,8 @@ from .ransac import RansacOptions, ransac
 from .sigma_clipping import Clipping, converge, first_sigma
 
 __all__ = [
+    "ClipSlab",
+    "ClippedFit",
     "Clipping",
     "CloudPlane",
     "Patch",
@@ -16,6 +19,7 @@ __all__ = [
     "converge",
     "find_planes",
     "first_sigma",
+    "fit_clipped_plane",
     "fit_plane",
     "plane_of_all",
     "ransac",

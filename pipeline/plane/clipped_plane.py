@@ -1,7 +1,7 @@
-"""A plane and the noise across it by sums of points: trimmed at three sigma until it stands still.
+"""Sigma-clipped plane of total least squares and the noise across it, from sums of points.
 
-One pass over the points sums those that are surely within, by cells, and keeps aside the few near
-the limit; what follows, until the same points are kept twice, needs the sums and those few alone.
+One pass over the points sums those surely within three sigma, by cells of a raster, and sets aside
+the few near the limit. The iterations to convergence need the sums and those few points alone.
 """
 
 from __future__ import annotations
@@ -14,17 +14,18 @@ from ..cloud import SlabMoments, slab_moments
 from ..errors import NotMeasuredError
 from ..targets import Region
 from ..vectors import Array
-from .sigma_clipping import TRIMMED_AT_3
+from .sigma_clipping import CLIPPED_SIGMA_RATIO
 
-MARGIN = 0.15  # of the limit: how far its place may move before the points are summed again
-MAX_TILT = 1e-3  # of the plane against the axes of its sums, above which they are summed again
+MARGIN = 0.15  # of the limit: how far the plane may move before the points are summed again
+MAX_TILT = 1e-3  # of the plane to the axes of its sums, above which the points are summed again
 
 
 @dataclass(frozen=True)
 class ClipSlab:
-    """Where points are summed: about the plane w = height_m in axes basis (3, 3).
+    """Slab in which points are summed, about the plane w = height_m in the axes basis (3, 3).
 
-    sigma_m: noise, at three of which points are left out. resolution_m: of the coordinates.
+    sigma_m: noise across the plane; points beyond three sigma are clipped. resolution_m: of the
+    coordinates; no point within it is clipped.
     """
 
     basis: Array
@@ -38,19 +39,19 @@ class ClipSlab:
         return max(3.0 * self.sigma_m, self.resolution_m)
 
     def sums(self, points_m: Array, region: Region, across: int) -> SlabMoments:
-        """One pass over points_m (N, 3): sums of those surely kept, and those near the limit."""
+        """Sum the points_m (N, 3) that are surely kept; set aside those near the limit."""
         limits = ((1.0 - MARGIN) * self.limit_m, (1.0 + MARGIN) * self.limit_m)
         return slab_moments(points_m, self.basis, self.height_m, limits, region.bounds_m, across)
 
     def is_near(self, plane: ClippedPlane, radius_m: float) -> bool:
-        """Whether the plane keeps what this one surely kept, wherever on the face."""
+        """Return whether the plane keeps all points surely kept here, within radius_m."""
         tilt = float(np.hypot(*plane.tilt))
         moved = abs(float(plane.centroid_m[2]) - self.height_m) + tilt * radius_m
         moved += abs(3.0 * plane.sigma_m - 3.0 * self.sigma_m)
         return tilt < MAX_TILT and moved < MARGIN * self.limit_m
 
     def moved_to(self, plane: ClippedPlane) -> ClipSlab:
-        """The slab about another plane."""
+        """Return the slab about another plane, given in the axes of this one."""
         basis = plane.basis(self.basis)
         height = float(plane.centroid_m @ self.basis @ basis[2])
         return ClipSlab(basis, height, plane.sigma_m, self.resolution_m)
@@ -58,9 +59,9 @@ class ClipSlab:
 
 @dataclass(frozen=True)
 class ClippedPlane:
-    """A plane of total least squares in the axes of its slab: w - w0 = lean . (u - u0, v - v0).
+    """Plane of total least squares in the axes of its slab: w - w0 = tilt . (u - u0, v - v0).
 
-    sums: (cells, 10) of its points. centroid_m: (3,). lean: (2,). scatter_m2: (2, 2) along u, v.
+    sums: (cells, 10) of its points. centroid_m: (3,). tilt: (2,). scatter_m2: (2, 2) along u, v.
     square_m2: sum of the squared distances.
     """
 
@@ -73,9 +74,9 @@ class ClippedPlane:
 
     @classmethod
     def of(cls, sums: Array) -> ClippedPlane:
-        """By the sums; square = (S_ww - 2 t.s + t.S t) / (1 + t.t), t = (S - square)^-1 s.
+        """Fit the plane to the sums: square = (S_ww - 2 t.s + t.S t) / (1 + t.t).
 
-        Raises NotMeasuredError.
+        The tilt is t = (S - square)^-1 s. Raises NotMeasuredError 'too-few-points'.
         """
         total = sums.sum(axis=0)
         count = int(total[0])
@@ -87,7 +88,7 @@ class ClippedPlane:
         scatter -= count * np.outer(mean, mean)
         across, along, square = scatter[:2, :2], scatter[:2, 2], 0.0
         if not np.linalg.eigvalsh(across)[0] > max(scatter[2, 2], 0.0):
-            raise NotMeasuredError("too-few-points", "the points on the face span no plane")
+            raise NotMeasuredError("too-few-points", "the points on the target span no plane")
         for _ in range(4):
             tilt = np.linalg.solve(across - square * np.eye(2), along)
             square = scatter[2, 2] - 2.0 * tilt @ along + tilt @ across @ tilt
@@ -96,17 +97,17 @@ class ClippedPlane:
 
     @property
     def sigma_m(self) -> float:
-        """Noise across the plane, corrected for the trimming."""
-        return float(np.sqrt(self.square_m2 / (self.count - 3))) / TRIMMED_AT_3
+        """Noise across the plane, corrected for the clipping."""
+        return float(np.sqrt(self.square_m2 / (self.count - 3))) / CLIPPED_SIGMA_RATIO
 
     def distance_m(self, uvw_m: Array) -> Array:
-        """Of uvw_m (N, 3) from the plane, with sign."""
+        """Return the signed distance (N,) of uvw_m (N, 3) from the plane."""
         across = (uvw_m[:, :2] - self.centroid_m[:2]) @ self.tilt
         height = uvw_m[:, 2] - self.centroid_m[2] - across
         return np.asarray(height / np.sqrt(1.0 + self.tilt @ self.tilt))
 
     def basis(self, axes: Array) -> Array:
-        """Rows (3, 3): the axes u and v laid into the plane, then its normal."""
+        """Return rows (3, 3): the axes u and v projected into the plane, then its normal."""
         normal = axes[2] - self.tilt @ axes[:2]
         normal /= np.linalg.norm(normal)
         first = axes[0] - (axes[0] @ normal) * normal
@@ -114,9 +115,9 @@ class ClippedPlane:
         return np.stack([first, np.cross(normal, first), normal])
 
     def residual_sums(self) -> Array:
-        """The sums (cells, 10) about the centroid, with distances from the plane for w.
+        """Return the sums (cells, 10) about the centroid, with distances from the plane for w.
 
-        Of the mixed ones only w w is filled in.
+        Of the second moments only w w is filled in.
         """
         n = self.sums[:, :1]
         mean = self.centroid_m
@@ -136,15 +137,69 @@ class ClippedPlane:
         return out
 
 
-def settle(held: SlabMoments, slab: ClipSlab, max_iterations: int) -> tuple[ClippedPlane, int]:
-    """The plane that keeps the points it is fitted to, and how many steps led there."""
-    keep = np.abs(held.edge[:, 2] - slab.height_m) < slab.limit_m
+@dataclass(frozen=True)
+class ClippedFit:
+    """Converged plane, in the axes of its slab.
+
+    side_m: of the raster's cells of plane.sums. iterations: fits until the same points were kept.
+    """
+
+    plane: ClippedPlane
+    slab: ClipSlab
+    side_m: float
+    iterations: int
+
+    @property
+    def centroid_m(self) -> Array:
+        """Centroid (3,) in the axes of the points."""
+        return np.asarray(self.plane.centroid_m @ self.slab.basis)
+
+    @property
+    def basis(self) -> Array:
+        """Rows (3, 3): the slab's first axes u and v projected into the plane, then its normal."""
+        return self.plane.basis(self.slab.basis)
+
+    @property
+    def normal(self) -> Array:
+        """Unit normal (3,), on the side of the slab's."""
+        return np.asarray(self.basis[2])
+
+
+def fit_clipped_plane(
+    points_m: Array,
+    region: Region,
+    slab: ClipSlab,
+    radius_m: float,
+    across: int,
+    max_iterations: int,
+) -> ClippedFit:
+    """Fit the plane of the points_m (N, 3) within the region, clipped at three sigma.
+
+    slab: where to start; its axes u, v are those of the region, its origin that of the points.
+    The points are summed again while the plane leaves the slab somewhere within radius_m.
+    across: cells of the raster's side. Raises NotMeasuredError 'too-few-points'.
+    """
+    iterations = 0
+    while True:
+        moments = slab.sums(points_m, region, across)
+        plane, steps = _converge(moments, slab, max_iterations)
+        iterations += steps
+        if iterations >= max_iterations or slab.is_near(plane, radius_m):
+            return ClippedFit(plane, slab, moments.side_m, iterations)
+        slab = slab.moved_to(plane)
+
+
+def _converge(
+    moments: SlabMoments, slab: ClipSlab, max_iterations: int
+) -> tuple[ClippedPlane, int]:
+    """Fit, clip and fit again until the same points are kept; also return the number of fits."""
+    keep = np.abs(moments.edge[:, 2] - slab.height_m) < slab.limit_m
     steps = 0
     while steps < max_iterations:
         steps += 1
-        plane = ClippedPlane.of(held.with_edge(keep))
+        plane = ClippedPlane.of(moments.with_edge(keep))
         limit = max(3.0 * plane.sigma_m, slab.resolution_m)
-        before, keep = keep, np.abs(plane.distance_m(held.edge)) < limit
+        before, keep = keep, np.abs(plane.distance_m(moments.edge)) < limit
         if np.array_equal(before, keep):
             break
     return plane, steps

@@ -1,4 +1,4 @@
-"""The plane of a target's face, by total least squares over all its points within three sigma."""
+"""Plane of the target, by total least squares over all its points within three sigma."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ..config import PlaneConfig
 from ..targets import Target
 from ..vectors import Array
-from .clipped_plane import ClipSlab, settle
+from .clipped_plane import ClipSlab, fit_clipped_plane
 from .correlated_noise import (
     CorrelatedNoise,
     cells_across,
@@ -17,19 +17,18 @@ from .correlated_noise import (
     correlated_noise,
 )
 from .patch import Patch
-from .sigma_clipping import TRIMMED_AT_3
+from .sigma_clipping import CLIPPED_SIGMA_RATIO
 
 
 @dataclass(frozen=True)
 class PlaneFit:
-    """A fitted plane and the evidence for it.
+    """Fitted plane and the evidence for it.
 
-    centroid_m: (3,) scanner frame. basis: (3, 3) rows: the patch's axes u and v laid into the
-    plane, then the unit normal that points to the scanner. sigma_m: noise across the plane,
-    corrected for the trimming; rms_m: root mean square of the residuals of the points used.
-    scatter_m2: (2, 2) in-plane scatter along u and v. count: points used. iterations: until the set
-    of points stood still. correlated: what the residuals say of noise that is alike from point to
-    point.
+    centroid_m: (3,) scanner frame. basis: (3, 3) rows: the patch's axes u and v projected into the
+    plane, then the unit normal towards the scanner. sigma_m: noise across the plane, corrected for
+    the clipping; rms_m: root mean square of the residuals of the points used. scatter_m2: (2, 2)
+    in-plane scatter along u and v. count: points used. iterations: until the set of points
+    converged. correlated: noise correlated from point to point, from the residuals.
     """
 
     centroid_m: Array
@@ -48,73 +47,67 @@ class PlaneFit:
 
     @property
     def noise_covariance(self) -> Array:
-        """(3, 3) by independent noise: of the height (m) at the centroid and the two slopes."""
+        """Covariance (3, 3) of the height (m) at the centroid and two slopes, independent noise."""
         covariance = np.diag([1.0 / self.count, 0.0, 0.0])
         covariance[1:, 1:] = np.linalg.inv(self.scatter_m2)
         return self._white_variance * covariance
 
     @property
     def normal_covariance(self) -> Array:
-        """(3, 3), rad^2, by all noise, independent and correlated."""
+        """Covariance (3, 3) of the normal, rad^2, by all noise, independent and correlated."""
         slopes = (self.noise_covariance + self.correlated.covariance)[1:, 1:]
         return np.asarray(self.basis[:2].T @ slopes @ self.basis[:2])
 
     @property
     def tilt_if_independent_rad(self) -> float:
-        """What the usual formula would claim: root mean square over the two tilts, k = 1."""
+        """Standard uncertainty of the tilt if all noise were independent, rms over two axes."""
         return float(self.sigma_m * np.sqrt(np.trace(np.linalg.inv(self.scatter_m2)) / 2.0))
 
     @property
     def tilt_rad(self) -> float:
-        """Standard uncertainty of the tilt by all noise, root mean square over two axes."""
+        """Standard uncertainty of the tilt by all noise, rms over two axes."""
         return float(np.sqrt(np.trace(self.normal_covariance) / 2.0))
 
     @property
     def effective_count(self) -> float:
-        """Independent points of the same noise that would give the same uncertainty of the tilt."""
+        """Number of points of independent noise that give the same uncertainty of the tilt."""
         if not self.tilt_rad > 0.0:
             return float(self.count)
         return self.count * min(1.0, (self.tilt_if_independent_rad / self.tilt_rad) ** 2)
 
     @property
     def _white_variance(self) -> float:
-        """Of the noise that is independent; all of it where no correlation was seen."""
+        """Variance of the independent noise: of all noise where no correlation was found."""
         if not self.correlated.sigma_m > 0.0:
             return self.sigma_m**2
-        return min(self.sigma_m, self.correlated.white_sigma_m / TRIMMED_AT_3) ** 2
+        return min(self.sigma_m, self.correlated.white_sigma_m / CLIPPED_SIGMA_RATIO) ** 2
 
 
 def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
-    """Plane of the target's face in `patch`, from the points clear of its edges.
+    """Fit the plane of the target in `patch` to the points clear of its edges.
 
-    Total least squares over points within 3 sigma, sigma estimated from themselves, until the set
-    stands still; at 3 sigma one step leaves 2.7 % of the error, so few steps suffice. Points nearer
-    to an edge than the margin are left out: the laser spot mixes plate and background there.
-    Raises NotMeasuredError 'too-few-points'.
+    Total least squares over points within 3 sigma, sigma estimated from the points themselves,
+    until the set of points converges; at 3 sigma one step leaves 2.7 % of the error, so few steps
+    suffice. Points nearer to an edge than the margin are left out: there the laser spot mixes
+    target and background. Raises NotMeasuredError 'too-few-points'.
     """
     region = target.region.shrunk(config.edge_margin_m)
     across = cells_across(len(patch.face_m))
     resolution = 16.0 * np.finfo(float).eps
     resolution *= float(np.abs(patch.origin_m).max() + target.radius_m)
     slab = ClipSlab(patch.basis, 0.0, patch.sigma_m, resolution)
-    iterations = 0
-    while True:
-        held = slab.sums(patch.face_m, region, across)
-        plane, steps = settle(held, slab, config.max_iterations)
-        iterations += steps
-        if iterations >= config.max_iterations or slab.is_near(plane, target.radius_m):
-            break
-        slab = slab.moved_to(plane)
-    basis = plane.basis(slab.basis)
+    radius, most = target.radius_m, config.max_iterations
+    fit = fit_clipped_plane(patch.face_m, region, slab, radius, across, most)
+    plane = fit.plane
     rms = float(np.sqrt(plane.square_m2 / plane.count))
-    cells = cells_of(plane.residual_sums(), across, held.side_m)
+    cells = cells_of(plane.residual_sums(), across, fit.side_m)
     return PlaneFit(
-        centroid_m=patch.origin_m + plane.centroid_m @ slab.basis,
-        basis=basis,
+        centroid_m=patch.origin_m + fit.centroid_m,
+        basis=fit.basis,
         sigma_m=plane.sigma_m,
         rms_m=rms,
         scatter_m2=plane.scatter_m2,
         count=plane.count,
-        iterations=iterations,
-        correlated=correlated_noise(cells, target.radius_m, rms, resolution),
+        iterations=fit.iterations,
+        correlated=correlated_noise(cells, radius, rms, resolution),
     )

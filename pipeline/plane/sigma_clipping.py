@@ -1,4 +1,4 @@
-"""A plane and the noise across it, found together: fit, trim at three sigma, fit again."""
+"""Sigma clipping: plane and noise found together by fitting, clipping at three sigma, refitting."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from ..errors import NotMeasuredError
 from ..vectors import Array
 from .least_squares import PlaneMoments, total_least_squares
 
-# Standard deviation of a normal variable cut at 3 sigma, over sigma: with k = 3,
-# sqrt(1 - 2 k phi(k)/(2 Phi(k) - 1)).
-TRIMMED_AT_3 = 0.98658
+# Standard deviation of a normal variable clipped at k = 3 sigma, over sigma:
+# sqrt(1 - 2 k phi(k) / (2 Phi(k) - 1)).
+CLIPPED_SIGMA_RATIO = 0.98658
 
 
 @dataclass(frozen=True)
 class Clipping:
-    """A plane through `point` and the noise across it, by which points are kept or left.
+    """Plane through `point` and the noise across it, which decide the points that are kept.
 
-    basis: (3, 3), the normal last. cap: no point further away is ever kept, metres.
+    basis: (3, 3), the normal last. cap: distance beyond which no point is kept, metres.
     """
 
     basis: Array
@@ -29,24 +29,28 @@ class Clipping:
     cap: float = math.inf
 
     def limit(self, resolution: float, sigmas: float = 3.0) -> float:
-        """Distance within which points are kept: `sigmas` of noise, at least the resolution."""
+        """Return the distance within which points are kept, at least the resolution, metres."""
         return max(min(sigmas * self.sigma, self.cap), resolution)
 
 
 def first_sigma(depth: Array, band: float) -> float:
-    """Noise about the plane, from the median absolute deviation of the depths (N,) within band."""
+    """Estimate the noise from the median absolute deviation of the depths (N,) within band.
+
+    Raises NotMeasuredError 'too-few-points'.
+    """
     near = depth[np.abs(depth) < band]
     if len(near) < 10:
-        raise NotMeasuredError("too-few-points", f"{len(near)} points on the face, 10 needed")
+        raise NotMeasuredError("too-few-points", f"{len(near)} points on the target, 10 needed")
     return float(1.4826 * np.median(np.abs(near - np.median(near))))
 
 
 def converge(
     points: Array, clipping: Clipping, resolution: float, max_iterations: int = 50
 ) -> tuple[Clipping, PlaneMoments, int]:
-    """Fit points (N, 3), trim at 3 sigma, fit again, until the same points are kept twice.
+    """Fit points (N, 3), clip at 3 sigma and fit again until the same points are kept twice.
 
-    resolution: of the coordinates, metres. Raises NotMeasuredError 'too-few-points'.
+    resolution: of the coordinates, metres. Also return the moments of the last fit and the number
+    of fits. Raises NotMeasuredError 'too-few-points'.
     """
     kept = np.zeros(0, dtype=bool)
     iterations = 0
@@ -60,8 +64,8 @@ def converge(
             raise NotMeasuredError("too-few-points", "fewer than 4 points agree on a plane")
         moments = total_least_squares(points, keep)
         if moments.scatter_m2[1] <= 100.0 * resolution**2:
-            raise NotMeasuredError("too-few-points", "the points on the face span no plane")
-        spread = float(np.sqrt(moments.scatter_m2[2] / (moments.count - 3))) / TRIMMED_AT_3
+            raise NotMeasuredError("too-few-points", "the points on the target span no plane")
+        spread = float(np.sqrt(moments.scatter_m2[2] / (moments.count - 3))) / CLIPPED_SIGMA_RATIO
         clipping = Clipping(moments.basis, moments.centroid_m, spread, clipping.cap)
         iterations += 1
     return clipping, moments, iterations
