@@ -1,4 +1,4 @@
-"""The user manual: chapters in Markdown, drawings in SVG, made into pages that need no network."""
+"""User manual: Markdown chapters and SVG drawings, built into pages that need no network."""
 
 from .build import pages
 

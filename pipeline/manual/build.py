@@ -1,4 +1,4 @@
-"""Chapters, drawings and a template to the manual's pages: path -> bytes, always the same."""
+"""Builder of the manual's pages from chapters, drawings and a template."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PIECES = ("manual.css", "search.js", "icon.svg")
 
 @dataclass(frozen=True)
 class Chapter:
-    """One page: its path, its title, and what it holds."""
+    """One page of the manual: path, title and content."""
 
     page: str
     title: str
@@ -23,25 +23,25 @@ class Chapter:
 
 
 def pages() -> dict[str, bytes]:
-    """All files of the manual by their paths, `index.html` first; they refer to each other alone.
+    """Return all files of the manual by path, `index.html` first; the same bytes every time.
 
-    They need no network, no inline script and no inline style, and work from a folder as well as
-    below any address.
+    The files refer only to each other. They need no network, no inline script and no inline style,
+    and work from a folder and at any address.
     """
     chapters = [_chapter(path) for path in chapter_files()]
-    made = {chapter.page: _page(chapter, chapters) for chapter in chapters}
-    made |= {name: (HERE / "pieces" / name).read_bytes() for name in PIECES}
-    made["search-index.js"] = _index(chapters)
-    return made | {path.name: path.read_bytes() for path in pictures()}
+    files = {chapter.page: _page(chapter, chapters) for chapter in chapters}
+    files |= {name: (HERE / "pieces" / name).read_bytes() for name in PIECES}
+    files["search-index.js"] = _index(chapters)
+    return files | {path.name: path.read_bytes() for path in pictures()}
 
 
 def chapter_files() -> list[Path]:
-    """The chapters, in the order of their numbers."""
+    """Return the chapters in the order of their numbers."""
     return sorted(HERE.glob("[0-9][0-9]-*.md"))
 
 
 def pictures() -> list[Path]:
-    """Pictures that pages show as files of their own."""
+    """Return the pictures that the pages load as separate files."""
     return sorted(HERE.glob("*.png"))
 
 
@@ -51,7 +51,7 @@ def _chapter(path: Path) -> Chapter:
 
 
 def _drawing(source: str) -> str:
-    """A drawing as it goes into a page."""
+    """Return a drawing as inline SVG."""
     return (HERE / source).read_text(encoding="utf-8").strip()
 
 
@@ -63,20 +63,20 @@ def _page(chapter: Chapter, chapters: list[Chapter]) -> bytes:
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, keep_trailing_newline=True,
     )  # fmt: skip
-    place = chapters.index(chapter)
+    number = chapters.index(chapter)
     text = environment.get_template("page.html").render(
         version=__version__,
         chapter=chapter,
         chapters=chapters,
         parts=[section for section in chapter.content.sections if section.level == 2],
-        before=chapters[place - 1] if place else None,
-        after=chapters[place + 1] if place + 1 < len(chapters) else None,
+        before=chapters[number - 1] if number else None,
+        after=chapters[number + 1] if number + 1 < len(chapters) else None,
     )
     return text.encode()
 
 
 def _index(chapters: list[Chapter]) -> bytes:
-    """What the search looks through: a row (page, anchor, chapter, title, text) a section."""
+    """Return the search index: one row (page, anchor, chapter, title, text) per section."""
     rows = [
         [chapter.page, section.anchor, chapter.title, section.title, section.text]
         for chapter in chapters

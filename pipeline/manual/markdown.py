@@ -1,4 +1,4 @@
-"""Markdown to HTML: headings with anchors, captions of files, drawings inside the page."""
+"""Renderer of Markdown to HTML with anchors on headings, file captions and inline drawings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SECTIONS = ("h1", "h2", "h3")
 
 @dataclass(frozen=True)
 class Section:
-    """A heading of a chapter and the plain text below it, which the search looks through."""
+    """A heading of a chapter and the plain text below it, for the search."""
 
     level: int
     anchor: str
@@ -31,17 +31,17 @@ class Rendered:
 
 
 def render(text: str, drawing: Callable[[str], str]) -> Rendered:
-    """Markdown (CommonMark and tables, no HTML) as HTML.
+    """Render Markdown (CommonMark and tables, no HTML) as HTML.
 
-    A link to `NN-name.md` becomes one to `name.html`; an image `drawings/NAME.svg` becomes the
-    drawing itself, as `drawing` gives it by its path. The words after a fence's language are the
-    caption of the block: the name of a file.
+    A link to `NN-name.md` becomes a link to `name.html`. An image `drawings/NAME.svg` is replaced
+    by `drawing` of its path. The text after a fence's language is the caption of the block: the
+    name of a file.
     """
     from markdown_it import MarkdownIt
     from markdown_it.renderer import RendererHTML
 
     class Renderer(RendererHTML):
-        """The rules in which our pages differ from plain HTML."""
+        """Rules that differ from the default renderer's."""
 
         def fence(self, tokens: Sequence[Any], i: int, options: Any, env: Any) -> str:
             return _block(tokens[i].info, tokens[i].content)
@@ -53,10 +53,10 @@ def render(text: str, drawing: Callable[[str], str]) -> Rendered:
             return "</table></div>\n"
 
         def image(self, tokens: Sequence[Any], i: int, options: Any, env: Any) -> str:
-            source, said = str(tokens[i].attrs["src"]), escape(tokens[i].content)
+            source, caption = str(tokens[i].attrs["src"]), escape(tokens[i].content)
             if not source.endswith(".svg"):
-                return f'<img src="{escape(source)}" alt="{said}">'
-            return f'<span class="drawing">{drawing(source)}<span>{said}</span></span>'
+                return f'<img src="{escape(source)}" alt="{caption}">'
+            return f'<span class="drawing">{drawing(source)}<span>{caption}</span></span>'
 
     parser = MarkdownIt("commonmark", {"html": False}, renderer_cls=Renderer).enable("table")
     tokens = parser.parse(text)
@@ -66,13 +66,13 @@ def render(text: str, drawing: Callable[[str], str]) -> Rendered:
 
 
 def slug(title: str) -> str:
-    """The anchor of a heading: its letters and digits, hyphens between."""
+    """Return the anchor of a heading: its letters and digits, joined by hyphens."""
     plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode().lower()
     return re.sub(r"[^a-z0-9]+", "-", plain).strip("-")
 
 
 def page_of(file: str) -> str:
-    """The page of a chapter's file: `03-targets.md` is `targets.html`."""
+    """Return the page of a chapter's file: `targets.html` for `03-targets.md`."""
     return re.sub(r"^\d+-", "", file.removesuffix(".md")) + ".html"
 
 
@@ -84,7 +84,7 @@ def _block(info: str, content: str) -> str:
 
 
 def _link(tokens: Sequence[Any]) -> None:
-    """Chapters' files to their pages, in all links."""
+    """Replace chapter files by their pages in all links."""
     for token in tokens:
         for child in token.children or ():
             target = str(child.attrs.get("href", ""))
@@ -94,7 +94,7 @@ def _link(tokens: Sequence[Any]) -> None:
 
 
 def _anchor(tokens: Sequence[Any]) -> tuple[Section, ...]:
-    """Give every heading its anchor, none twice; the sections that they open."""
+    """Set the anchor of every heading, each once; return the sections that they begin."""
     sections: list[Section] = []
     seen: set[str] = set()
     words: list[str] = []

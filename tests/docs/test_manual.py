@@ -1,5 +1,5 @@
-"""The manual is true: its commands run and print what it shows, its links lead somewhere, and it
-names every option, status, note and field that the program has, and no other."""
+"""Tests of the manual: commands run and print what it shows, links resolve, and it covers exactly
+the options, statuses, notes and fields of the program."""
 
 from __future__ import annotations
 
@@ -28,74 +28,71 @@ from tests.support.manual_blocks import (
     blocks,
     differs,
     folder,
+    prepare,
     run,
 )
+from tests.support.manual_output import updated
 from tests.support.manual_reference import NAME, chapter, commands
 from wheelplane.batch.catalogue.schema import create
 from wheelplane.batch.run.stages import STAGES
-from wheelplane.config import config_file
 from wheelplane.manual.build import chapter_files, pages
 from wheelplane.manual.markdown import render
-from wheelplane_synth.output.archive import write_capture
 
 ROOT = Path(__file__).resolve().parents[2]
 CHAPTERS = {path.name: path.read_text(encoding="utf-8") for path in chapter_files()}
 TROUBLES = CHAPTERS["16-troubleshooting.md"]
-# Run, and compared with what is shown, by tests/test_readme.py.
+# Run, and compared with the shown output, by test_readme.py.
 DEMO = "wheelplane demo"
-FOREIGN = ("--nworkers", "--nthreads", "--array", "--cpus-per-task", "--mem")  # of Dask and Slurm
+FOREIGN = (
+    "--nworkers",
+    "--nthreads",
+    "--array",
+    "--cpus-per-task",
+    "--mem",
+)  # options of Dask and Slurm
 
 
 @pytest.fixture(scope="module")
 def scratch(tmp_path_factory):
-    """Where a reader works: the demo's capture is there, with fewer points."""
+    """Return a reader's folder with the demo's capture, with fewer points."""
     path = tmp_path_factory.mktemp("reader")
-    coarse = next(one for one in blocks() if isinstance(one, File) and one.name == "coarse.toml")
-    (path / "coarse.toml").write_text(coarse.text)
-    write_capture(
-        path / "demo-output" / "capture",
-        seed=1,
-        vehicle=config_file("vehicles", "saloon"),
-        scanner=path / "coarse.toml",
-        target=config_file("targets", "disc-250"),
-        trials=0,
-    )
+    prepare(path)
     return path
 
 
-def test_every_command_runs_and_prints_what_is_shown(scratch, monkeypatch):
+def test_every_command_runs_and_prints_the_shown_output(scratch, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(scratch / "cache"))
     monkeypatch.setattr("webbrowser.open", lambda url: True)
     faults = []
     with folder(scratch):
         for one in blocks():
             if isinstance(one, File):
-                Path(one.name).parent.mkdir(parents=True, exist_ok=True)
-                Path(one.name).write_text(one.text, encoding="utf-8")
+                one.write()
             elif one.line == DEMO:
-                faults += told(one, differs(one.shown or "", demo_of_the_readme()))
+                faults += located(one, differs(one.shown or "", demo_in_readme()))
             elif ENDLESS.match(one.line):
-                faults += told(one, unparsed(one.line))
+                faults += located(one, usage_error(one.line))
             elif not one.line.startswith(OTHERS):
                 code, printed = run(one.line)
                 if code != one.code:
-                    faults += told(one, f"exit code {code}, {one.code} is said: {printed[-300:]}")
+                    message = f"exit code {code}, expected {one.code}: {printed[-300:]}"
+                    faults += located(one, message)
                 elif one.shown is not None:
-                    faults += told(one, differs(one.shown, printed))
+                    faults += located(one, differs(one.shown, printed))
     assert not faults, "\n".join(faults)
 
 
-def told(one: Command, fault: str) -> list[str]:
+def located(one: Command, fault: str) -> list[str]:
     return [f"{one.where}: {one.line}: {fault}"] if fault else []
 
 
-def demo_of_the_readme() -> str:
+def demo_in_readme() -> str:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     return re.search(r"^```text\n(Making a vehicle .*?)^```$", text, re.MULTILINE | re.DOTALL)[1]
 
 
-def unparsed(line: str) -> str:
-    """What click says against a command line; empty where it takes it."""
+def usage_error(line: str) -> str:
+    """Return click's usage error for a command line; empty if there is none."""
     words = shlex.split(line)
     path = max((p for p in commands() if line.startswith(p)), key=len)
     try:
@@ -105,16 +102,16 @@ def unparsed(line: str) -> str:
     return ""
 
 
-def test_commands_for_other_machines_are_ones():
-    """In the blocks that are not run here: jobs of a cluster."""
+def test_commands_of_cluster_jobs_are_valid():
+    """Check the command lines of the blocks that are not run here."""
     jobs = re.findall(r"^```(?:bash|yaml)\n(.*?)^```", "\n".join(CHAPTERS.values()), re.M | re.S)
     lines = re.findall(r"^\s*(wheelplane .+)$", "\n".join(jobs), re.MULTILINE)
     assert len(lines) == len(jobs) == 3
     for line in lines:
-        assert not unparsed(re.sub(r"\$\(\(.*?\)\)", "1", line)), line
+        assert not usage_error(re.sub(r"\$\(\(.*?\)\)", "1", line)), line
 
 
-def test_what_is_shown_is_compared_word_for_word_and_number_for_number():
+def test_comparison_finds_changed_words_and_numbers():
     printed = 'a table\n  RR  +00°10\'00.0"  12.0"\n  RL  -00°10\'00.0"  12.0"\nthe end\n'
     assert not differs(printed, printed)
     assert not differs("...\nthe end\n", printed)
@@ -130,12 +127,22 @@ def test_what_is_shown_is_compared_word_for_word_and_number_for_number():
     assert not alike("1 mm", "2 mm")
 
 
-def test_the_chapter_of_commands_is_what_click_says():
-    mend = "run: .venv/bin/python -m tests.support.manual_reference"
-    assert CHAPTERS[NAME] == chapter(), mend
+def test_rewriting_printed_output_keeps_elisions_and_unchanged_lines():
+    old = "a table\n...\n  RR  12.0\n  made from x\n...\nend\n"
+    new = "A table\nmore\n  RR   12.0\n  synthetic, from x\n  rest\nend\n"
+    assert updated(old, new) == "A table\n...\n  RR   12.0\n  synthetic, from x\n...\nend\n"
+    assert updated(old, "a table\n  RR  12.01\n  made from x\nend\n") == old
+    assert updated("a\n...\n", "b\nc\n") == "b\n...\n"
+    for shown in (old, "...\nend\n", "a table\n...\n", new):
+        assert not differs(updated(shown, new), new)
 
 
-def test_every_option_that_is_named_exists():
+def test_chapter_of_commands_matches_click():
+    remedy = "run: .venv/bin/python -m tests.support.manual_reference"
+    assert CHAPTERS[NAME] == chapter(), remedy
+
+
+def test_every_named_option_exists():
     known = {"--help", "--version", *FOREIGN}
     for command in commands().values():
         for option in command.params:
@@ -147,7 +154,7 @@ def test_every_option_that_is_named_exists():
 
 
 class Page(HTMLParser):
-    """What a page holds: anchors, links, files that it loads, and what its policy forbids."""
+    """Parser of a page: anchors, links, loaded files, and violations of the policy."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -162,7 +169,7 @@ class Page(HTMLParser):
         known = dict(attrs)
         if "id" in known:
             if known["id"] in self.anchors:
-                self.faults.append(f"the id {known['id']} stands twice")
+                self.faults.append(f"duplicate id {known['id']}")
             self.anchors.add(str(known["id"]))
         if tag == "a":
             self.links.append(str(known["href"]))
@@ -175,7 +182,7 @@ class Page(HTMLParser):
 
     def handle_data(self, data: str) -> None:
         if self.open_script and data.strip():
-            self.faults.append("a script inside the page")
+            self.faults.append("inline script")
 
     def handle_endtag(self, tag: str) -> None:
         self.open_script = False
@@ -186,51 +193,51 @@ def parsed() -> dict[str, Page]:
     return {n: Page(b.decode()) for n, b in pages().items() if n.endswith(".html")}
 
 
-def test_every_link_anchor_and_picture_leads_somewhere():
-    made, faults = pages(), []
+def test_every_link_anchor_and_picture_resolves():
+    files, faults = pages(), []
     for name, page in parsed().items():
         for link in page.links:
             target, _, anchor = link.partition("#")
             target = target or name
             if link.startswith(("http:", "https:")):
                 faults.append(f"{name}: {link} leaves the manual")
-            elif target not in made:
+            elif target not in files:
                 faults.append(f"{name}: {link}: no such page")
             elif anchor and anchor not in parsed()[target].anchors:
                 faults.append(f"{name}: {link}: no such anchor")
-        faults += [f"{name}: {path} is not there" for path in page.loads if path not in made]
+        faults += [f"{name}: {path} is missing" for path in page.loads if path not in files]
     assert not faults, "\n".join(faults)
     assert sum(len(page.links) for page in parsed().values()) > 20 * len(parsed())
 
 
-def test_pages_are_the_same_every_time_and_need_nothing_inline_or_from_elsewhere():
-    made = pages()
-    assert made == pages()
-    assert next(iter(made)) == "index.html"
+def test_pages_are_reproducible_and_self_contained():
+    files = pages()
+    assert files == pages()
+    assert next(iter(files)) == "index.html"
     for name, page in parsed().items():
         assert not page.faults, f"{name}: {page.faults}"
         assert "manual.css" in page.loads
-    for name, content in made.items():
+    for name, content in files.items():
         if name.endswith((".css", ".js", ".html")):
             text = content.decode().replace("http://www.w3.org/2000/svg", "")
             assert not re.search(r"(?:src|href|url|import|fetch)\W{0,3}(?:https?:)?//", text), name
 
 
-def test_all_drawings_are_shown_and_have_a_title():
+def test_every_drawing_is_shown_and_has_a_title():
     shown = {x for text in CHAPTERS.values() for x in re.findall(r"\]\((drawings/\S+)\)", text)}
-    there = {f"drawings/{p.name}" for p in (ROOT / "pipeline/manual/drawings").glob("*.svg")}
-    assert shown == there
-    assert all("<title>" in (ROOT / "pipeline/manual" / name).read_text() for name in there)
+    existing = {f"drawings/{p.name}" for p in (ROOT / "pipeline/manual/drawings").glob("*.svg")}
+    assert shown == existing
+    assert all("<title>" in (ROOT / "pipeline/manual" / name).read_text() for name in existing)
 
 
-def test_markdown_gives_anchors_links_captions_and_no_html_of_the_text():
-    made = render("# A b!\n[x](03-y.md#z) <b>\n\n```toml f.toml\n<a>\n```\n## `c-d`\ntext", str)
-    assert 'id="a-b"' in made.html
-    assert 'href="y.html#z"' in made.html
-    assert "&lt;b&gt;" in made.html
-    assert "<figcaption>f.toml</figcaption>" in made.html
-    assert [s.anchor for s in made.sections] == ["a-b", "c-d"]
-    assert made.sections[1].text == "text"
+def test_markdown_renders_anchors_links_captions_and_escapes_html():
+    page = render("# A b!\n[x](03-y.md#z) <b>\n\n```toml f.toml\n<a>\n```\n## `c-d`\ntext", str)
+    assert 'id="a-b"' in page.html
+    assert 'href="y.html#z"' in page.html
+    assert "&lt;b&gt;" in page.html
+    assert "<figcaption>f.toml</figcaption>" in page.html
+    assert [s.anchor for s in page.sections] == ["a-b", "c-d"]
+    assert page.sections[1].text == "text"
     with pytest.raises(AssertionError, match="two headings"):
         render("# A\n## B\n## B\n", str)
 
@@ -239,8 +246,8 @@ CHROMIUM = Path("/usr/bin/chromium")
 POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'"
 
 
-class UnderThePolicy(SimpleHTTPRequestHandler):
-    """Serves the manual as the local page does: nothing inline, nothing from elsewhere."""
+class PolicyHandler(SimpleHTTPRequestHandler):
+    """Server of the manual with the content security policy of the local page."""
 
     def end_headers(self) -> None:
         self.send_header("Content-Security-Policy", POLICY)
@@ -251,21 +258,21 @@ class UnderThePolicy(SimpleHTTPRequestHandler):
 
 
 @pytest.mark.skipif(not CHROMIUM.is_file(), reason="no browser")
-def test_a_browser_shows_it_from_a_folder_and_under_the_policy_and_finds_words(tmp_path):
+def test_browser_shows_and_searches_it_from_a_folder_and_under_the_policy(tmp_path):
     sync_api = pytest.importorskip("playwright.sync_api")
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     run(f"wheelplane manual --no-browser -o {tmp_path}")
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(UnderThePolicy, directory=str(tmp_path)))
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(PolicyHandler, directory=str(tmp_path)))
     Thread(target=server.serve_forever, daemon=True).start()
-    places = (tmp_path.as_uri(), f"http://127.0.0.1:{server.server_port}")
+    addresses = (tmp_path.as_uri(), f"http://127.0.0.1:{server.server_port}")
     try:
         with sync_api.sync_playwright() as playwright:
             browser = playwright.chromium.launch(
                 executable_path=str(CHROMIUM),
                 args=["--no-sandbox", "--disable-gpu", "--disable-background-networking"],
             )
-            for place in places:
-                check_in_browser(browser.new_page(), place)
+            for address in addresses:
+                check_in_browser(browser.new_page(), address)
             for scheme in ("light", "dark"):
                 page = browser.new_page(color_scheme=scheme)
                 for name in ("conventions", "troubleshooting"):
@@ -277,12 +284,12 @@ def test_a_browser_shows_it_from_a_folder_and_under_the_policy_and_finds_words(t
         server.server_close()
 
 
-def check_in_browser(page: Any, place: str) -> None:
+def check_in_browser(page: Any, address: str) -> None:
     complaints: list[str] = []
     page.on("console", lambda message: complaints.append(message.text))
     page.on("pageerror", lambda error: complaints.append(str(error)))
-    page.goto(f"{place}/conventions.html")
-    # the drawings follow the page's colours, so its style sheet acts on them
+    page.goto(f"{address}/conventions.html")
+    # the style sheet of the page applies to the inline drawings
     colour = page.locator("text.f-warm").first.evaluate("e => getComputedStyle(e).fill")
     assert colour == "rgb(184, 64, 12)"
     page.fill("#query", "ambiguous target")
@@ -296,7 +303,7 @@ def check_in_browser(page: Any, place: str) -> None:
     assert complaints == []
 
 
-def test_the_command_writes_the_pages_and_opens_the_first(tmp_path, monkeypatch):
+def test_manual_command_writes_the_pages_and_opens_the_first(tmp_path, monkeypatch):
     opened = []
     monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or True)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -329,7 +336,7 @@ def constants(node: ast.AST) -> list[str]:
 
 
 def statuses_of_the_code() -> set[str]:
-    """First arguments of NotMeasuredError, values of `status`, and types called Status, Verdict."""
+    """Collect first arguments of NotMeasuredError, values of `status`, and types like Status."""
     found = set()
     for _, tree in sources():
         for node in ast.walk(tree):
@@ -346,7 +353,7 @@ def statuses_of_the_code() -> set[str]:
     return {text for text in found if re.fullmatch(r"[a-z][a-z -]*[a-z]", text)}
 
 
-def test_every_status_has_its_entry_and_every_entry_is_a_status():
+def test_entries_of_statuses_match_the_code():
     known = statuses_of_the_code()
     assert {"no-target", "no-wheel", "moved", "not-reached", "cannot tell", "smaller"} <= known
     entries = re.findall(r"^### `([^`]+)`", TROUBLES, re.MULTILINE)
@@ -359,21 +366,21 @@ def test_every_status_has_its_entry_and_every_entry_is_a_status():
             assert "**Do:**" in wrong, entry
 
 
-def test_every_stage_of_a_batch_has_its_row():
+def test_every_stage_of_a_batch_has_a_row():
     rows = re.findall(r"^\| `([a-z]+)` \|", TROUBLES.split("| stage |")[1].split("\n\n")[0], re.M)
     assert rows == [*STAGES, "child"]
 
 
-def test_every_column_of_the_catalogue_is_told(tmp_path):
+def test_every_column_of_the_catalogue_is_listed(tmp_path):
     rows = CHAPTERS["14-results.md"].split("| table |")[1].split("\n")
-    told = {re.findall(r"`(\w+)`", row)[0]: re.findall(r"`(\w+)`", row)[1:] for row in rows[2:-1]}
+    listed = {re.findall(r"`(\w+)`", row)[0]: re.findall(r"`(\w+)`", row)[1:] for row in rows[2:-1]}
     with closing(create(tmp_path / "catalogue.sqlite")) as catalogue:
         for table in ("captures", "wheels", "quantities"):
             columns = [row[1] for row in catalogue.execute(f"PRAGMA table_info({table})")]
-            assert told[table] == [name for name in columns if name != "id"], table
+            assert listed[table] == [name for name in columns if name != "id"], table
 
 
-# Where notes are made: module, and functions (all functions of oddities.py).
+# Modules and functions that write notes.
 NOTES = {
     "evaluate.py": ("_upside_down", "_far_from_their_wheel"),
     "observe_vehicle.py": ("_left_out",),
@@ -387,11 +394,11 @@ NOTES = {
     "findings.py": ("findings", "_few_points", "_size", "_steps", "_duplicates", "_origin", "_flat",
                     "_pose"),
 }  # fmt: skip
-SENTENCE = 24  # characters of a note, at least; shorter strings are parts of one
+SENTENCE = 24  # characters; shorter strings are parts of a note
 
 
 def strings(node: ast.AST) -> Iterator[str]:
-    """Every string below a node; of an f-string what is fixed, joined."""
+    """Yield every string below a node; for an f-string its fixed parts, joined."""
     if isinstance(node, ast.JoinedStr):
         yield "".join(constants_of(node))
     elif isinstance(node, ast.Constant) and isinstance(node.value, str):
@@ -406,7 +413,7 @@ def constants_of(text: ast.JoinedStr) -> list[str]:
 
 
 def notes_of_the_code() -> dict[str, list[str]]:
-    """What each function of NOTES may say."""
+    """Return the strings of each function of NOTES."""
     return {
         f"{path.name}:{node.name}": [
             x for x in strings(node) if x != ast.get_docstring(node, False)
@@ -417,21 +424,21 @@ def notes_of_the_code() -> dict[str, list[str]]:
     }
 
 
-def test_every_note_has_its_entry_and_every_entry_is_a_note():
-    made = notes_of_the_code()
-    assert len(made) == sum(map(len, NOTES.values()))
+def test_entries_of_notes_match_the_code():
+    notes = notes_of_the_code()
+    assert len(notes) == sum(map(len, NOTES.values()))
     entries = re.findall(r'^### "(.+)"$', TROUBLES, re.MULTILINE)
-    everything = " ".join(" ".join(texts) for texts in made.values())
+    everything = " ".join(" ".join(texts) for texts in notes.values())
     for entry in entries:
-        assert entry in everything, f"no note says {entry!r}"
-    for function, texts in made.items():
+        assert entry in everything, f"no note contains {entry!r}"
+    for function, texts in notes.items():
         for text in texts:
             if len(text) >= SENTENCE:
                 assert any(entry in text for entry in entries), f"{function}: {text!r}"
 
 
-def test_notes_are_made_nowhere_else():
-    """A new function of notes is to be entered in NOTES, and in the manual."""
+def test_notes_are_written_nowhere_else():
+    """Require that each function that writes notes is in NOTES, and so in the manual."""
     for path, tree in sources():
         for node in ast.walk(tree):
             if isinstance(node, ast.FunctionDef) and re.match(
@@ -446,33 +453,36 @@ def keys(tree: object) -> set[str]:
     return set().union(*map(keys, tree)) if isinstance(tree, list) else set()
 
 
-def explained(key: str, said: set[str]) -> bool:
-    """Whether a field, or what u_ and expanded_ stand before, is in the tables of fields."""
+def fields_in_tables(text: str) -> set[str]:
+    rows = re.findall(r"^\|(.*)\|$", text, re.M)
+    return {field for row in rows for field in re.findall(r"`(\w+)`", row)}
+
+
+def explained(key: str, fields: set[str]) -> bool:
+    """Return whether a field, or the one that u_ or expanded_ refers to, is in the tables."""
     bare = re.sub(r"^(u|expanded)_", "", key)
-    return bool({key, bare} & said)
+    return bool({key, bare} & fields)
 
 
 def test_every_field_of_a_measurement_is_explained(scratch):
-    text = CHAPTERS["08-json.md"]
-    said = {w for row in re.findall(r"^\|(.*)\|$", text, re.M) for w in re.findall(r"`(\w+)`", row)}
+    fields = fields_in_tables(CHAPTERS["08-json.md"])
     capture = scratch / "demo-output" / "capture"
     code, printed = run(f"wheelplane measure {capture} --tolerance example --json")
     assert code in (0, 1)
     tree = json.loads(printed)
-    for free in ("inputs", "config"):  # by the names of files and settings
+    for free in ("inputs", "config"):  # keys are names of files and settings
         tree["provenance"][free] = None
     for entry in tree["uncertainty"]:
         entry["share_of_variance"] = None
     tree["axes"] = list(tree["axes"].values())
-    missing = sorted(key for key in keys(tree) if not explained(key, said))
+    missing = sorted(key for key in keys(tree) if not explained(key, fields))
     assert not missing
     assert len(keys(tree)) > 100
 
 
-def test_every_field_of_a_turned_measurement_is_explained():
-    """Sweeps, run-outs, repeats and Monte Carlo, by the keys that their writers write."""
-    text = CHAPTERS["08-json.md"]
-    said = {w for row in re.findall(r"^\|(.*)\|$", text, re.M) for w in re.findall(r"`(\w+)`", row)}
+def test_every_field_of_sweeps_run_outs_repeats_and_monte_carlo_is_explained():
+    """Check the dictionary keys in the modules that write them."""
+    fields = fields_in_tables(CHAPTERS["08-json.md"])
     for name in (
         "report/json/kinematics.py",
         "report/json/uncertainty.py",
@@ -486,6 +496,6 @@ def test_every_field_of_a_turned_measurement_is_explained():
             for key in node.keys
             if isinstance(key, ast.Constant) and isinstance(key.value, str)
         }
-        written -= {"rad", "m", "allow_nan", "ensure_ascii", "separators"}  # no fields
-        missing = sorted(key for key in written if not explained(key, said))
+        written -= {"rad", "m", "allow_nan", "ensure_ascii", "separators"}  # not fields
+        missing = sorted(key for key in written if not explained(key, fields))
         assert not missing, name

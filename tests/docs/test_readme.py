@@ -1,4 +1,4 @@
-"""The README shows what its commands print."""
+"""Tests of the README: commands run and print what it shows."""
 
 import re
 import subprocess
@@ -29,30 +29,30 @@ def block(start: str) -> list[str]:
     return found[1].strip("\n").split("\n")
 
 
-def test_the_five_points_of_the_paper_are_shown_as_printed():
+def test_five_points_of_the_paper_print_the_shown_output():
     shown = block(r"\$ wheelplane five-point tests/data/paper/figure-4.txt\n")
     printed = run("five-point", "tests/data/paper/figure-4.txt").strip("\n").split("\n")
     assert [line.rstrip() for line in shown] == [line.rstrip() for line in printed]
 
 
-def test_the_demo_is_shown_as_printed(tmp_path):
+def test_demo_prints_the_shown_output(tmp_path):
     shown = block("Making a vehicle")
     printed = run("demo", str(tmp_path)).strip("\n").split("\n")
     rows = [line.split() for line in printed if "°" in line]
     shown_rows = [line.split() for line in shown if "°" in line]
     assert len(rows) == len(shown_rows) == 12
     for row, shown_row in zip(rows, shown_rows, strict=True):
-        assert row[:3] + row[4:5] == shown_row[:3] + shown_row[4:5]  # names and the truth
+        assert row[:3] + row[4:5] == shown_row[:3] + shown_row[4:5]  # names and true values
         error, u = (float(text.rstrip('"')) for text in row[5:])
         shown_error = float(shown_row[5].rstrip('"'))
         assert abs(error) < 4.5 * u < 4.5 * 20
-        # another processor may round a ray at an edge otherwise, no more than that
+        # margin for rounding of a ray at an edge on another processor
         assert error == pytest.approx(shown_error, abs=2.0)
     names = [line.rsplit("/", 1)[-1] for line in printed if line.startswith("wrote ")]
     assert names == [line.rsplit("/", 1)[-1] for line in shown if line.startswith("wrote ")]
 
 
-def test_the_capture_file_is_one(tmp_path):
+def test_shown_capture_file_is_valid(tmp_path):
     text = 'length_unit = "m"' + "\n".join(block('length_unit = "m"'))
     (tmp_path / "capture.toml").write_text(text, encoding="utf-8")
     for file in [*tomllib.loads(text)["reference"].values(), "trial-1.ply"]:
@@ -62,7 +62,7 @@ def test_the_capture_file_is_one(tmp_path):
         assert capture.target.diameter == 0.25
 
 
-def test_every_command_of_the_readme_is_one():
+def test_every_named_command_exists():
     known = run("--help")
     for name in set(re.findall(r"`?wheelplane ([a-z][a-z-]+)", README)):
         assert re.search(rf"^  {name} ", known, re.MULTILINE), name

@@ -1,4 +1,4 @@
-"""The blocks of the manual: files that it shows, commands to run, and what they print."""
+"""The blocks of the manual: files to write, commands to run, and their printed output."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from pathlib import Path
 import pytest
 
 from wheelplane.cli import main
+from wheelplane.config import config_file
 from wheelplane.manual.build import chapter_files
+from wheelplane_synth.output.archive import write_capture
 
 FENCE = re.compile(r"^```(\w+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+PROMPT = re.compile(r"^\$ ([^\n]*)\n(.*?)(?=^\$ |\Z)", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"\s*# exit code (\d)$")
-# Not run here: installers, other programs, and the repository's own tools.
+# Not run: installers, other programs, and the repository's own tools.
 OTHERS = ("pip ", "make ", ".venv/bin/python ")
-# Servers and watchers never end by themselves: only their arguments are checked.
+# Servers and watchers do not end: only their arguments are checked.
 ENDLESS = re.compile(r"wheelplane view|.* --watch")
 PROGRESS = re.compile(r"^\d+ of \d+, .*\n", re.MULTILINE)  # shown where a batch takes its time
 NUMBER = re.compile(r"""[+-]?\d+°\d+'\d+(?:\.\d+)?"|[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?""")
@@ -30,25 +33,45 @@ NUMBER = re.compile(r"""[+-]?\d+°\d+'\d+(?:\.\d+)?"|[+-]?\d+(?:\.\d+)?(?:[eE][+
 
 @dataclass(frozen=True)
 class Command:
-    """A command of the manual; shown: what it is said to print, None where nothing is said."""
+    """A command of the manual, with the output that the manual shows, or None."""
 
     where: str
     line: str
     code: int
     shown: str | None
+    span: tuple[int, int] = (0, 0)  # of the shown output, in the text of the chapter
 
 
 @dataclass(frozen=True)
 class File:
-    """A file that the manual tells to write."""
+    """A file that the reader writes."""
 
     where: str
     name: str
     text: str
 
+    def write(self) -> None:
+        """Write it below the current folder."""
+        Path(self.name).parent.mkdir(parents=True, exist_ok=True)
+        Path(self.name).write_text(self.text, encoding="utf-8")
+
+
+def prepare(path: Path) -> None:
+    """Write to a reader's folder the capture that `wheelplane demo` leaves, with fewer points."""
+    coarse = next(one for one in blocks() if isinstance(one, File) and one.name == "coarse.toml")
+    (path / "coarse.toml").write_text(coarse.text)
+    write_capture(
+        path / "demo-output" / "capture",
+        seed=1,
+        vehicle=config_file("vehicles", "saloon"),
+        scanner=path / "coarse.toml",
+        target=config_file("targets", "disc-250"),
+        trials=0,
+    )
+
 
 def blocks() -> Iterator[Command | File]:
-    """All of the manual, in the order in which a reader meets them."""
+    """Yield the blocks of all chapters in the order of reading."""
     for path in chapter_files():
         text = path.read_text(encoding="utf-8")
         for found in FENCE.finditer(text):
@@ -58,11 +81,11 @@ def blocks() -> Iterator[Command | File]:
             if name:
                 yield File(where, name, body)
             elif language == "sh":
-                yield from (_command(where, one, None) for one in _lines(body))
+                yield from (_command(where, one) for one in _lines(body))
             elif language == "console":
-                for part in re.split(r"^\$ ", body, flags=re.MULTILINE)[1:]:
-                    first, _, shown = part.partition("\n")
-                    yield _command(where, first, shown)
+                for part in PROMPT.finditer(body):
+                    start, end = (found.start(3) + at for at in part.span(2))
+                    yield _command(where, part[1], part[2], (start, end))
 
 
 def _lines(body: str) -> list[str]:
@@ -70,15 +93,17 @@ def _lines(body: str) -> list[str]:
     return [line for line in whole if line.strip() and not line.startswith("#")]
 
 
-def _command(where: str, line: str, shown: str | None) -> Command:
+def _command(
+    where: str, line: str, shown: str | None = None, span: tuple[int, int] = (0, 0)
+) -> Command:
     found = CODE.search(line)
-    return Command(where, CODE.sub("", line), int(found[1]) if found else 0, shown)
+    return Command(where, CODE.sub("", line), int(found[1]) if found else 0, shown, span)
 
 
 def run(line: str) -> tuple[int, str]:
-    """Exit code, and what it prints to both outputs, of `wheelplane ...`.
+    """Run `wheelplane ...`; return its exit code and what it prints to stdout and stderr.
 
-    In this process; a batch, which has children and signals of its own, in another.
+    A batch, which has child processes and signals of its own, runs in a process of its own.
     """
     if line.startswith("wheelplane batch"):
         command = [sys.executable, "-m", "wheelplane", *shlex.split(line)[1:]]
@@ -99,7 +124,7 @@ def run(line: str) -> tuple[int, str]:
 
 @contextlib.contextmanager
 def folder(path: Path) -> Iterator[None]:
-    """Work in a folder for a while."""
+    """Change the current folder for the duration of a block."""
     before = Path.cwd()
     os.chdir(path)
     try:
@@ -109,10 +134,10 @@ def folder(path: Path) -> Iterator[None]:
 
 
 def differs(shown: str, printed: str) -> str:
-    """Where what is shown is not what is printed; empty where it is.
+    """Describe the first difference between shown and printed output; empty where none.
 
-    `...` on a line of its own stands for any lines. Words must be the same, numbers within what
-    another processor's rounding of a ray at an edge may move: 3 seconds of arc, else 5 % or 0.05.
+    `...` on a line of its own stands for any lines. Words must be the same; numbers may differ by
+    what another processor's rounding of a ray at an edge moves: 3 seconds of arc, else 5 % or 0.05.
     """
     rest = printed.rstrip("\n").split("\n")
     pieces = re.split(r"^\.\.\.\n", shown.rstrip("\n") + "\n", flags=re.MULTILINE)
@@ -140,7 +165,7 @@ def _first_difference(wanted: list[str], rest: list[str]) -> str:
 
 
 def alike(line: str, other: str) -> bool:
-    """Whether two lines have the same words, and numbers that are near to each other."""
+    """Return whether two lines have the same words and nearly the same numbers."""
     if NUMBER.sub("#", line).split() != NUMBER.sub("#", other).split():
         return False
     pairs = zip(NUMBER.findall(line), NUMBER.findall(other), strict=True)

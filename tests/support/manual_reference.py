@@ -1,4 +1,4 @@
-"""The manual's chapter of all commands, as click knows them.
+"""Generator of the manual's chapter of all commands, from click.
 
 .venv/bin/python -m tests.support.manual_reference    writes pipeline/manual/18-commands.md
 """
@@ -17,25 +17,25 @@ NAME = "18-commands.md"
 HEAD = """\
 # All commands
 
-Every command with all of its options, as `--help` tells them. `wheelplane --help` lists the
-commands, `wheelplane --version` tells the version; exit codes stand in
+Every command with all of its options, as printed by `--help`. `wheelplane --help` lists the
+commands, `wheelplane --version` prints the version. For exit codes see
 [Troubleshooting](16-troubleshooting.md#exit-codes).
 """
 
 
 def chapter() -> str:
-    """Its text."""
+    """Return the text of the chapter."""
     context = click.Context(cli, info_name="wheelplane")
     parts = [HEAD]
     for name in cli.list_commands(context):
         command = cli.get_command(context, name)
         assert command is not None
-        parts += _told(command, click.Context(command, context, info_name=name))
+        parts += _section(command, click.Context(command, context, info_name=name))
     return "\n".join(parts)
 
 
 def commands() -> dict[str, click.Command]:
-    """By its words, such as `wheelplane measure`."""
+    """Return all commands by their full names, such as `wheelplane measure`."""
     context = click.Context(cli, info_name="wheelplane")
     found: dict[str, click.Command] = {}
     for name in cli.list_commands(context):
@@ -53,7 +53,7 @@ def _below(command: click.Command, path: str) -> dict[str, click.Command]:
     return found
 
 
-def _told(command: click.Command, context: click.Context) -> list[str]:
+def _section(command: click.Command, context: click.Context) -> list[str]:
     usage = context.command_path + " " + " ".join(command.collect_usage_pieces(context))
     parts = [f"## {context.command_path}\n", f"```text\n{usage}\n```\n", *_paragraphs(command.help)]
     rows = [_row(one, context) for one in command.params if isinstance(one, click.Option)]
@@ -63,7 +63,7 @@ def _told(command: click.Command, context: click.Context) -> list[str]:
         for name in command.list_commands(context):
             inner = command.get_command(context, name)
             assert inner is not None
-            parts += _told(inner, click.Context(inner, context, info_name=name))
+            parts += _section(inner, click.Context(inner, context, info_name=name))
     return parts
 
 
@@ -85,17 +85,17 @@ def _row(option: click.Option, context: click.Context) -> str:
     value = "" if option.is_flag or option.count else f" {metavar}"
     words = [plain(option.help or "")]
     extra = option.get_help_extra(context)
-    told = [text for text in (extra.get("default"), extra.get("range")) if text]
+    bounds = [text for text in (extra.get("default"), extra.get("range")) if text]
     if extra.get("default"):
-        told[0] = f"default: {told[0]}"
-    if told:
-        words.append(f"({', '.join(told)})")
+        bounds[0] = f"default: {bounds[0]}"
+    if bounds:
+        words.append(f"({', '.join(bounds)})")
     shown = f"{names}{value}".replace("|", "\\|")
     return f"| `{shown}` | {' '.join(filter(None, words))} |"
 
 
 def plain(text: str) -> str:
-    """Text in which nothing but a code span is marked."""
+    """Escape all Markdown markup except code spans."""
     parts = text.split("`")
     parts[::2] = [re.sub(r"([*_<\[\]|])", r"\\\1", part) for part in parts[::2]]
     return "`".join(parts)

@@ -1,4 +1,4 @@
-// Looks for all words of the query in the sections of the manual; titles before text.
+// Finds the sections that contain all words of the query; matches in titles rank first.
 "use strict";
 (() => {
   const most = 12, box = document.getElementById("search");
