@@ -27,21 +27,35 @@ MOST_SHOWN = 3
 
 @click.command()
 @click.argument("archive")
-@click.option("-o", "--output", "results", required=True, metavar="RESULTS", help="Where to.")
 @click.option(
-    "--resume", is_flag=True, help="Go on in RESULTS that were begun otherwise, without asking."
+    "-o",
+    "--output",
+    "results",
+    required=True,
+    metavar="RESULTS",
+    help="Folder or URL for the results.",
+)
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="Measure all anew, without asking, in RESULTS created with other settings.",
 )
 @click.option("--retry", is_flag=True, help="Measure again what failed before.")
-@click.option("--limit", type=click.IntRange(min=1), metavar="N", help="At most N captures now.")
-@click.option("--shard", metavar="K/N", help="Only part K of N, from 1, as array jobs need it.")
-@click.option("--watch", is_flag=True, help="Wait for more to come into ARCHIVE, until Ctrl-C.")
+@click.option(
+    "--limit",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Number of captures to measure now, at most.",
+)
+@click.option("--shard", metavar="K/N", help="Part K of N, from 1, for array jobs.")
+@click.option("--watch", is_flag=True, help="Wait for new captures in ARCHIVE until Ctrl-C.")
 @click.option(
     "--settle",
     type=click.FloatRange(min=0.1),
     default=10.0,
     show_default=True,
     metavar="SECONDS",
-    help="With --watch: files that did not change for so long are complete.",
+    help="Time without change after which files are complete, with --watch.",
 )
 @work_options
 @measuring_options
@@ -52,9 +66,9 @@ def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
     five-point files (.txt, .csv), at any depth. RESULTS, a folder or URL, gets one JSON for each,
     measured or failed, and catalogue.sqlite, which `wheelplane results RESULTS` reads.
 
-    The same command once more, also after a kill, does what is new, changed or not yet done, and
-    that alone. In RESULTS that were begun with another archive, settings or version it asks first,
-    for then all captures are measured anew; --resume says yes.
+    The same command again, also after a kill, measures only captures that are new, changed or not
+    yet done. If RESULTS were created with another archive, settings or version, it asks first,
+    since all captures are then measured anew; --resume answers yes.
 
     Exits with 1 when a capture failed, or was measured in part.
     """
@@ -93,12 +107,12 @@ def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
         text, fine = summary(work.tally, whole, results, shard)
     click.echo(text)
     if interrupted:
-        raise InputError("interrupted: the same command goes on where it was stopped")
+        raise InputError("interrupted: run the same command to go on")
     return 0 if fine else 1
 
 
 def _begin(request: Request, resume: bool, watch: bool) -> None:
-    """See that the results were begun by an equal request, or begin them."""
+    """Check that an equal request created the results folder, or create it."""
     from ..batch.run.begun import begin, differences
     from ..batch.storage.store import open_store
 
@@ -109,13 +123,13 @@ def _begin(request: Request, resume: bool, watch: bool) -> None:
         raise InputError(f"{request.archive}: --watch needs a folder of this machine")
     if archive.url == results.url:
         raise InputError(
-            f"{request.results}: is the archive itself: name another place for results"
+            f"{request.results}: is the archive itself: name another folder for the results"
         )
     others = differences(results, request)
     if others and not resume:
         shown = "; ".join(others[:MOST_SHOWN]) + "; ..." * (len(others) > MOST_SHOWN)
-        fact = f"{request.results}: was begun otherwise: {shown}"
+        fact = f"{request.results}: was created with other settings: {shown}"
         if not sys.stdin.isatty():
-            raise InputError(f"{fact}: --resume measures all anew; or name another place")
+            raise InputError(f"{fact}: add --resume to measure all anew, or name another folder")
         click.confirm(f"{fact}\nMeasure all captures anew?", abort=True)
     begin(results, request)

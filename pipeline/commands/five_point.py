@@ -20,13 +20,15 @@ from ..report.write import html_bytes, pdf_bytes, write_whole
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vehicle import Axis
 from .options import (
+    five_point_options,
+    five_point_unit_option,
     language_and_plot,
     monte_carlo_option,
     read_station,
     tolerance_option,
     view_options,
 )
-from .reporting import dressed, plot_to, show, show_plot
+from .reporting import plot_to, report_options, show, show_plot
 
 
 @click.command("five-point")
@@ -36,35 +38,19 @@ from .reporting import dressed, plot_to, show, show_plot
     "--output",
     type=click.Path(path_type=Path),
     metavar="REPORT",
-    help="Write the detailed report to this text file.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print the measurement as JSON, only.")
-@click.option("--length-unit", type=click.Choice(["m", "mm", "in"]), default="m", show_default=True)
-@click.option(
-    "--coordinates",
-    type=click.Choice(["cartesian", "spherical"]),
-    default="cartesian",
-    show_default=True,
-    help="Rows x y z, or range azimuth zenith of a total station.",
+    help="Text file for the detailed report.",
 )
 @click.option(
-    "--angle-unit",
-    type=click.Choice(["deg", "gon", "rad"]),
-    help="Of azimuth and zenith; needed with spherical coordinates.",
+    "--json", "as_json", is_flag=True, help="Print the measurement as JSON and nothing else."
 )
-@click.option(
-    "--azimuth",
-    type=click.Choice(["auto", "clockwise", "counterclockwise"]),
-    default="auto",
-    show_default=True,
-    help="How azimuths run, seen from above; auto: as leaves the vehicle upright.",
-)
+@five_point_unit_option
+@five_point_options("--scanner", former_position="--station")
 @click.option(
     "--method",
     type=click.Choice(["tls", "tcgc-2013"]),
     default="tls",
     show_default=True,
-    help="Total least squares, or the estimator of the software of 2013.",
+    help="Estimator: total least squares, or that of the software of 2013.",
 )
 @click.option(
     "--print",
@@ -72,27 +58,19 @@ from .reporting import dressed, plot_to, show, show_plot
     type=click.Choice(["report", "matrix"]),
     default="report",
     show_default=True,
-    help="With tcgc-2013: which of the paper's two tables.",
+    help="Table of the paper to print, with tcgc-2013.",
 )
 @click.option(
-    "--scanner",
-    metavar="NAME|FILE",
-    help="The total station, whose uncertainty is carried to the angles, such as leica-tm30.",
+    "--html", type=click.Path(path_type=Path), metavar="FILE", help="HTML file for the report."
 )
 @click.option(
-    "--station",
-    metavar="X,Y,Z",
-    help="Where it stood, in the file's coordinates and unit; the origin for spherical ones.",
+    "--pdf", type=click.Path(path_type=Path), metavar="FILE", help="PDF file for the report."
 )
-@click.option(
-    "--html", type=click.Path(path_type=Path), metavar="FILE", help="The report as a page."
-)
-@click.option("--pdf", type=click.Path(path_type=Path), metavar="FILE", help="The same as PDF.")
 @click.option(
     "--config",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Whose table [report] names who issues the report (TOML).",
+    help="Configuration file (TOML) whose table [report] names the laboratory.",
 )
 @language_and_plot
 @monte_carlo_option
@@ -108,9 +86,9 @@ def five_point(
     azimuth: Azimuth,
     method: str,
     table: Literal["report", "matrix"],
-    scanner: str | None,
-    station: str | None,
-    trials: int | None,
+    total_station: str | None,
+    total_station_position: str | None,
+    max_draws: int | None,
     tolerance: str | None,
     html: Path | None,
     pdf: Path | None,
@@ -124,10 +102,10 @@ def five_point(
     """Measure FILE: five points x y z a plane, blocks RR, RL, FR, FL, then the trials.
 
     Rows of three numbers, separated by commas or blanks, no header. With --tolerance, exits with 1
-    unless all that it limits is shown to conform: undecided is 1 too.
+    unless every quantity that it limits is conforming; undecided is 1 too.
     """
     view = read_view(axis, angles, rim)
-    dress = dressed(load_config(config).report, language, view)
+    options = report_options(load_config(config).report, language, view)
     limits = None if tolerance is None else load_tolerance(tolerance)
     points = read_five_point(
         file,
@@ -139,58 +117,58 @@ def five_point(
     if method == "tcgc-2013":
         if as_json:
             raise InputError(
-                "--json with --method tcgc-2013: that estimator is kept to reproduce the printed "
-                "tables, whose signs are not ours: leave out one of the two"
+                "--json with --method tcgc-2013: that estimator reproduces the printed tables, "
+                "whose signs are not those of the JSON: leave out one of the two"
             )
-        if scanner or station or trials:
+        if total_station or total_station_position or max_draws:
             raise InputError(
-                "--scanner, --station and --monte-carlo with --method tcgc-2013: that estimator "
-                "states no uncertainty: leave it, or them, out"
+                "--total-station and --monte-carlo with --method tcgc-2013: that estimator "
+                "states no uncertainty: leave them out"
             )
         if limits:
             raise InputError(
-                "--tolerance with --method tcgc-2013: that estimator states no uncertainty to "
-                "judge by: leave out one of the two"
+                "--tolerance with --method tcgc-2013: that estimator states no uncertainty, on "
+                "which conformity depends: leave out one of the two"
             )
         if view != PAPER:
             raise InputError(
-                "--axis and --angles with --method tcgc-2013: its tables are kept as they were "
-                "printed: leave it, or them, out"
+                "--axis and --angles with --method tcgc-2013: its tables are reproduced as they "
+                "were printed: leave them out"
             )
         if html or pdf or plot:
             raise InputError(
-                "--html, --pdf and --plot with --method tcgc-2013: its tables are kept as they "
-                "were printed: leave it, or them, out"
+                "--html, --pdf and --plot with --method tcgc-2013: its tables are reproduced as "
+                "they were printed: leave them out"
             )
         text = tcgc_2013_text(tcgc_2013(points.blocks_m, table))
         if output:
             write_whole(output, text.encode())
         click.echo(text, nl=False)
         return 0
-    surveyed = read_station("--scanner", scanner, station, coordinates, length_unit)
-    measurement = measure_five_point(points, surveyed)
-    if trials:
-        measurement = check_by_monte_carlo(measurement, trials, 0)
-    judged = assess(measurement, limits) if limits else None
-    code = 0 if measurement.complete and conforms(judged) else 1
+    station = read_station(total_station, total_station_position, coordinates, length_unit)
+    measurement = measure_five_point(points, station)
+    if max_draws:
+        measurement = check_by_monte_carlo(measurement, max_draws, 0)
+    conformity = assess(measurement, limits) if limits else None
+    code = 0 if measurement.complete and conforms(conformity) else 1
     written = []
     if output:
-        written.append(write_whole(output, detailed_report(measurement, judged, view).encode()))
+        written.append(write_whole(output, detailed_report(measurement, conformity, view).encode()))
     if html:
-        written.append(write_whole(html, html_bytes(measurement, judged, dress)))
+        written.append(write_whole(html, html_bytes(measurement, conformity, options)))
     if pdf:
-        written.append(write_whole(pdf, pdf_bytes(measurement, judged, dress)))
-    written += plot_to(plot, measurement, judged, dress)
+        written.append(write_whole(pdf, pdf_bytes(measurement, conformity, options)))
+    written += plot_to(plot, measurement, conformity, options)
     if as_json:
-        click.echo(to_json(measurement, judged, view.axis), nl=False)
+        click.echo(to_json(measurement, conformity, view.axis), nl=False)
         return code
     planes = len(points.blocks_m)
     click.echo(f"{points.source}: {5 * planes} points read, {planes} planes of five")
     for note in points.notes:
         click.echo(note)
     click.echo()
-    show(measurement, view, judged)
-    show_plot(plot, measurement, judged, dress)
+    show(measurement, view, conformity)
+    show_plot(plot, measurement, conformity, options)
     for path in written:
         click.echo(f"wrote {path}")
     return code

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 import click
@@ -13,28 +14,178 @@ from ..config import load_station
 from ..errors import InputError
 from ..report.format.language import LANGUAGES
 from ..report.format.view import ANGLE_STYLES
-from ..units import Coordinates, LengthUnit, in_metres
+from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates, LengthUnit, in_metres
 from ..vehicle import AXES
 
 if TYPE_CHECKING:
     from ..five_point import Station
 
+Command = Callable[..., Any]
+
+
+class RenamedOption(click.Option):
+    """Option that accepts its former name as well, which help does not show."""
+
+    def __init__(self, *args: Any, former: str, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.former = former
+
+    def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
+        """Register both names; the former one has a destination of its own."""
+        super().add_to_parser(parser, ctx)
+        parser.add_option(obj=self, opts=[self.former], dest=self.former, action="store")
+
+    def handle_parse_result(
+        self, ctx: click.Context, opts: Mapping[str, Any], args: list[str]
+    ) -> tuple[Any, list[str]]:
+        """Take the value from either name. Raises UsageError where both are given."""
+        if self.former in opts:
+            if self.name in opts:
+                raise click.UsageError(
+                    f"{self.former} is the former name of {self.opts[0]}: give {self.opts[0]} only",
+                    ctx,
+                )
+            opts = {**opts, str(self.name): opts[self.former]}
+        return super().handle_parse_result(ctx, opts, args)
+
+
+def option(name: str, *declarations: str, former: str | None = None, **settings: Any) -> Command:
+    """Return click's decorator of an option, with the former name of it where it has one."""
+    if former is None:
+        return click.option(name, *declarations, **settings)
+    return click.option(name, *declarations, cls=RenamedOption, former=former, **settings)
+
+
+def added(options: Sequence[Command], command: Command) -> Command:
+    """Add options to a command, in the order in which help shows them."""
+    for one in reversed(options):
+        command = one(command)
+    return command
+
+
+target_option = click.option(
+    "--target",
+    metavar="NAME|FILE",
+    help="Target on the wheels, by name (see `targets`) or file (TOML), such as disc-250.",
+)
+scanner_option = click.option(
+    "--scanner",
+    metavar="NAME|FILE",
+    help="Scanner file (TOML) with its stated uncertainty.",
+)
+config_option = click.option(
+    "--config",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Configuration file (TOML): settings other than the defaults, and who issues the report.",
+)
+length_unit_option = click.option(
+    "--length-unit",
+    type=click.Choice(LENGTH_UNITS),
+    help="Length unit of the coordinates; by default that of capture.toml, or m.",
+)
 monte_carlo_option = click.option(
     "--monte-carlo",
-    "trials",
+    "max_draws",
     type=click.IntRange(min=20_000),
     metavar="N",
-    help="Check the uncertainties by at most N random trials (JCGM 101); 500000 settle them.",
+    help="Number of Monte Carlo draws, at most, to check the uncertainties with (JCGM 101); "
+    "500000 are enough.",
 )
 tolerance_option = click.option(
     "--tolerance",
     metavar="NAME|FILE",
-    help="Limits to judge by (TOML); `example` shows how they are written.",
+    help="Tolerance file (TOML) to assess conformity with; `example` shows its format.",
+)
+plot_option = click.option(
+    "--plot",
+    metavar="DIR|-",
+    help="Folder for all plots as SVG and PNG; - draws the angles in the terminal.",
+)
+language_option = click.option(
+    "--language",
+    type=click.Choice(LANGUAGES),
+    help="Language of the page, the PDF and the plots; by default that of the configuration, "
+    "or en.",
 )
 
 
+def language_and_plot(command: Command) -> Command:
+    """Add --plot and --language to a command."""
+    return added((plot_option, language_option), command)
+
+
+VIEW_OPTIONS = (
+    click.option(
+        "--axis",
+        type=click.Choice(AXES),
+        default="rear-axle",
+        show_default=True,
+        help="Longitudinal axis to which toe, setback and offset in the text refer.",
+    ),
+    click.option(
+        "--angles",
+        type=click.Choice(ANGLE_STYLES),
+        default="dms",
+        show_default=True,
+        help="Angle format of the text: deg-min-sec, degrees, mm/m, or toe in mm at the rim.",
+    ),
+    click.option(
+        "--rim",
+        metavar="DIAMETER",
+        help="Diameter of the wheel's rim for --angles mm, such as 16in or 406mm.",
+    ),
+)
+
+
+def view_options(command: Command) -> Command:
+    """Add --axis, --angles and --rim to a command; `report.view.read_view` reads them."""
+    return added(VIEW_OPTIONS, command)
+
+
+WHOLE_VEHICLE_OPTIONS = (
+    click.option(
+        "--front",
+        metavar="X,Y,Z",
+        help="Whole-vehicle scan: a direction that points roughly forward.",
+    ),
+    click.option(
+        "--front-point",
+        metavar="X,Y,Z",
+        help="Whole-vehicle scan: instead, a point near the front, in the scan's coordinates "
+        "and unit.",
+    ),
+    click.option(
+        "--up",
+        type=click.Choice(get_args(Upright)),
+        help="Whole-vehicle scan: source of the up direction; auto, the default, takes the floor "
+        "and z, which must agree.",
+    ),
+)
+
+
+def whole_vehicle_options(command: Command) -> Command:
+    """Add --front, --front-point and --up to a command; `capture_options` reads them."""
+    return added(WHOLE_VEHICLE_OPTIONS, command)
+
+
+def capture_options(
+    front: str | None, front_point: str | None, up: Upright | None, unit: LengthUnit | None = None
+) -> CaptureOptions:
+    """Return the command line's overrides of capture.toml.
+
+    Raises InputError that names the option which is not three numbers.
+    """
+    return CaptureOptions(
+        length_unit=unit,
+        front=None if front is None else three_numbers("--front", front),
+        front_point=None if front_point is None else three_numbers("--front-point", front_point),
+        up=up,
+    )
+
+
 def three_numbers(option: str, text: str) -> tuple[float, float, float]:
-    """X,Y,Z of an option. Raises InputError that names it."""
+    """Parse X,Y,Z of an option. Raises InputError that names it."""
     try:
         x, y, z = (float(part) for part in text.split(","))
     except ValueError:
@@ -44,106 +195,84 @@ def three_numbers(option: str, text: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-plot_option = click.option(
-    "--plot",
-    metavar="DIR|-",
-    help="Write all plots here as SVG and PNG; - draws the angles in the terminal.",
-)
-language_option = click.option(
-    "--language",
-    type=click.Choice(LANGUAGES),
-    help="Of the page, the PDF and the plots; else what the config says, or en.",
+five_point_unit_option = click.option(
+    "--length-unit",
+    type=click.Choice(LENGTH_UNITS),
+    default="m",
+    show_default=True,
+    help="Length unit of the five-point file.",
 )
 
 
-def language_and_plot(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add --plot and --language to a command."""
-    return plot_option(language_option(command))
+def five_point_options(
+    former_station: str | None = None, *, former_position: str
+) -> Callable[[Command], Command]:
+    """Add the options of a five-point file, and of the total station that observed it.
+
+    former_station, former_position: the command's earlier names of the last two options.
+    """
+    options = (
+        click.option(
+            "--coordinates",
+            type=click.Choice(get_args(Coordinates)),
+            default="cartesian",
+            show_default=True,
+            help="Coordinates in the five-point file: x y z, or range azimuth zenith of a total "
+            "station.",
+        ),
+        click.option(
+            "--angle-unit",
+            type=click.Choice(get_args(AngleUnit)),
+            help="Unit of azimuth and zenith; required with spherical coordinates.",
+        ),
+        click.option(
+            "--azimuth",
+            type=click.Choice(get_args(Azimuth)),
+            default="auto",
+            show_default=True,
+            help="Sense of the azimuths, seen from above; auto: the one that leaves the vehicle "
+            "upright.",
+        ),
+        option(
+            "--total-station",
+            former=former_station,
+            metavar="NAME|FILE",
+            help="Total station, by name or file (TOML), whose stated uncertainty is used, such as "
+            "leica-tm30.",
+        ),
+        option(
+            "--total-station-position",
+            former=former_position,
+            metavar="X,Y,Z",
+            help="Position of the total station, in the five-point file's coordinates and unit; "
+            "the origin for spherical ones.",
+        ),
+    )
+    return lambda command: added(options, command)
 
 
 def read_station(
-    option: str, name: str | None, place: str | None, coordinates: Coordinates, unit: LengthUnit
+    name: str | None, position: str | None, coordinates: Coordinates, unit: LengthUnit
 ) -> Station | None:
-    """The total station that `option` names, at the --station `place`; None where none is named."""
+    """Return the total station of --total-station at its position; None where none is named.
+
+    Raises InputError, ConfigError.
+    """
     if name is None:
-        if place is not None:
-            raise InputError(f"--station without {option}: name the total station as well")
+        if position is not None:
+            raise InputError(
+                "--total-station-position without --total-station: name the total station as well"
+            )
         return None
     stated = load_station(name)
-    if place is None and coordinates == "cartesian":
+    if position is None and coordinates == "cartesian":
         raise InputError(
-            f"{option} with cartesian coordinates: add --station X,Y,Z, where the total station "
-            "stood, since its errors depend on the distance and the direction"
+            "--total-station with cartesian coordinates: add --total-station-position X,Y,Z, "
+            "since its errors depend on distance and direction"
         )
     import numpy as np
 
     from ..five_point import Station
 
-    stood = three_numbers("--station", place or "0,0,0")
-    return Station(stated, np.array([in_metres(x, unit) for x in stood]))
-
-
-VIEW_OPTIONS = (
-    click.option(
-        "--axis",
-        type=click.Choice(AXES),
-        default="rear-axle",
-        show_default=True,
-        help="Longitudinal axis that toe, setback and offset of the text are counted from.",
-    ),
-    click.option(
-        "--angles",
-        type=click.Choice(ANGLE_STYLES),
-        default="dms",
-        show_default=True,
-        help="Angles of the text: deg-min-sec, degrees, mm/m, or toe in mm at the rim.",
-    ),
-    click.option(
-        "--rim", metavar="DIAMETER", help="With --angles mm: the rim's, such as 16in or 406mm."
-    ),
-)
-
-
-def view_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add --axis, --angles and --rim to a command; `report.view.read_view` reads them."""
-    for option in reversed(VIEW_OPTIONS):
-        command = option(command)
-    return command
-
-
-CLOUD_OPTIONS = (
-    click.option(
-        "--front",
-        metavar="X,Y,Z",
-        help="Of one cloud of the whole vehicle: a direction that points roughly forward.",
-    ),
-    click.option(
-        "--front-point",
-        metavar="X,Y,Z",
-        help="Instead: a point near the front, in the cloud's coordinates and unit.",
-    ),
-    click.option(
-        "--up",
-        type=click.Choice(get_args(Upright)),
-        help="What tells up in it; auto, the default: floor and z, which must not disagree.",
-    ),
-)
-
-
-def whole_vehicle_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add --front, --front-point and --up to a command; `told` reads them."""
-    for option in reversed(CLOUD_OPTIONS):
-        command = option(command)
-    return command
-
-
-def told(
-    front: str | None, front_point: str | None, up: Upright | None, unit: LengthUnit | None = None
-) -> CaptureOptions:
-    """What the options tell. Raises InputError that names the one which is no three numbers."""
-    return CaptureOptions(
-        length_unit=unit,
-        front=None if front is None else three_numbers("--front", front),
-        front_point=None if front_point is None else three_numbers("--front-point", front_point),
-        up=up,
-    )
+    at = three_numbers("--total-station-position", position or "0,0,0")
+    return Station(stated, np.array([in_metres(x, unit) for x in at]))

@@ -11,7 +11,7 @@ import click
 
 
 class _Line:
-    """One line on the terminal that is written over itself, and gone at the end."""
+    """One line on the terminal, overwritten in place and erased at the end."""
 
     def __init__(self) -> None:
         self._shown = sys.stderr.isatty()
@@ -36,20 +36,20 @@ class _Line:
 
 
 class Progress(_Line):
-    """Called with the name of what is being worked on."""
+    """Progress through a known number of items; called with the name of each."""
 
     def __init__(self, total: int, doing: str = "measuring") -> None:
         super().__init__()
         self._total, self._doing, self._done = total, doing, 0
 
     def __call__(self, name: str) -> None:
-        """Show that `name` is next."""
+        """Show `name` and its number."""
         self._done += 1
         self._write(f"{self._doing} {name} ({min(self._done, self._total)}/{self._total})")
 
 
 class Reading(_Line):
-    """Called with the rows read and their number; shows the share of a long read."""
+    """Percentage of a long read; called with the rows read and their total."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -57,7 +57,7 @@ class Reading(_Line):
         self._started = time.monotonic()
 
     def __call__(self, done: int, total: int) -> None:
-        """Show how far it is, after the first second and at each percent."""
+        """Show the percentage at each step, from the second second on."""
         percent = 100 * done // max(1, total)
         if percent != self._percent and time.monotonic() - self._started > 1.0:
             self._percent = percent

@@ -1,4 +1,4 @@
-"""Results on the screen and in files, as the options of `measure` and `five-point` ask."""
+"""Results on the screen and in files, by the options of `measure` and `five-point`."""
 
 from __future__ import annotations
 
@@ -22,37 +22,45 @@ from ..report.write import write_files
 SCREEN = "-"  # of --plot
 
 
-def show(measurement: Measurement, view: View, judged: Conformity | None) -> None:
-    """Print the tables of a measurement, and its verdict where it was judged."""
+def show(measurement: Measurement, view: View, conformity: Conformity | None) -> None:
+    """Print the tables of a measurement, and its conformity where a tolerance is given."""
     click.echo(summary_table(measurement, view))
     click.echo()
     click.echo(vehicle_lines(measurement, view))
     for part in extra_parts(measurement, view):
         click.echo(f"\n{part}")
-    if judged:
-        click.echo(f"\n{conformity_text(judged)}")
+    if conformity:
+        click.echo(f"\n{conformity_text(conformity)}")
 
 
-def dressed(config: ReportConfig, language: str | None, view: View) -> ReportOptions:
-    """The look of the reports. Raises ConfigError, InputError."""
+def report_options(config: ReportConfig, language: str | None, view: View) -> ReportOptions:
+    """Return language, view and laboratory of the reports. Raises ConfigError, InputError."""
     return ReportOptions(
         load_translations(language or config.language), view, read_laboratory(config)
     )
 
 
 def plot_to(
-    plot: str | None, measurement: Measurement, judged: Conformity | None, dress: ReportOptions
+    plot: str | None,
+    measurement: Measurement,
+    conformity: Conformity | None,
+    options: ReportOptions,
 ) -> list[Path]:
-    """Write the plots; their folder, where one is named."""
+    """Write the plots where --plot names a folder; return that folder."""
     if plot is None or plot == SCREEN:
         return []
-    write_files(Path(plot), plot_files(measurement, judged, dress.words, dress.view))
+    write_files(Path(plot), plot_files(measurement, conformity, options.words, options.view))
     return [Path(plot)]
 
 
 def show_plot(
-    plot: str | None, measurement: Measurement, judged: Conformity | None, dress: ReportOptions
+    plot: str | None,
+    measurement: Measurement,
+    conformity: Conformity | None,
+    options: ReportOptions,
 ) -> None:
-    """The angles on the terminal, where that is asked for."""
+    """Draw the angles in the terminal where --plot is -."""
     if plot == SCREEN:
-        click.echo(f"\n{angles_text(measurement, judged, dress.words, dress.view)}", nl=False)
+        click.echo(
+            f"\n{angles_text(measurement, conformity, options.words, options.view)}", nl=False
+        )

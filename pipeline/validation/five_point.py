@@ -11,13 +11,12 @@ from typing import Literal
 import numpy as np
 
 from ..centre import TargetFit
-from ..config import StationConfig
 from ..errors import InputError
 from ..five_point import FivePointFile, Station, fit_block, read_five_point
 from ..measure import measure_five_point
 from ..measurement import Measurement, WheelResult
 from ..uncertainty import UncertaintyComponent
-from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit, in_metres
+from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
 
@@ -26,10 +25,10 @@ Estimator = Literal["tls", "tcgc-2013"]
 
 @dataclass(frozen=True)
 class FivePointOptions:
-    """How the five-point files are written, and what is known of the instrument.
+    """Conventions of the five-point files, and what is known of the instrument.
 
-    blocks: the scan of each block, by commas; None: in the order of the scans. place: of the total
-    station, in the files' coordinates and unit. aiming_m: of a point along each axis of the face.
+    blocks: name of the scan of each block, by commas; None: in the order of the scans. aiming_m:
+    standard uncertainty of aiming at a point, along each axis of the target.
     """
 
     length_unit: LengthUnit = "m"
@@ -37,8 +36,7 @@ class FivePointOptions:
     angle_unit: AngleUnit | None = None
     azimuth: Azimuth = "auto"
     blocks: str | None = None
-    station: StationConfig | None = None
-    place: tuple[float, float, float] | None = None
+    station: Station | None = None
     aiming_m: float | None = None
     method: Estimator = "tls"
 
@@ -76,25 +74,15 @@ def measure_points(
         azimuth=options.azimuth,
         arrange=arrange,
     )
-    return FivePoints(file, tuple(matched), measure_five_point(file, station_of(options)))
+    return FivePoints(file, tuple(matched), measure_five_point(file, _aiming_station(options)))
 
 
-def station_of(options: FivePointOptions) -> Station | None:
-    """The total station and its place, in metres; None where none is named."""
-    if options.station is None:
-        if options.place is not None:
-            raise InputError("--total-station-at without --total-station: name it as well")
-        return None
-    if options.place is None and options.coordinates == "cartesian":
-        raise InputError(
-            "--total-station with cartesian coordinates: add --total-station-at X,Y,Z, where it "
-            "stood, since its errors depend on distance and direction"
-        )
-    stated = options.station
-    if options.aiming_m is not None:
-        stated = stated.model_copy(update={"aiming_sigma_m": options.aiming_m})
-    place = options.place or (0.0, 0.0, 0.0)
-    return Station(stated, np.array([in_metres(x, options.length_unit) for x in place]))
+def _aiming_station(options: FivePointOptions) -> Station | None:
+    """Return the total station, with the stated aiming in place of its file's."""
+    if options.station is None or options.aiming_m is None:
+        return options.station
+    stated = options.station.stated.model_copy(update={"aiming_sigma_m": options.aiming_m})
+    return replace(options.station, stated=stated)
 
 
 def with_aiming(target: TargetFit, options: FivePointOptions) -> TargetFit:
@@ -108,7 +96,7 @@ def with_aiming(target: TargetFit, options: FivePointOptions) -> TargetFit:
 
 def note_of_aiming(blocks_m: Array, options: FivePointOptions) -> tuple[str, ...]:
     """A sentence where nothing is said of how well the points' places were aimed at."""
-    stated = options.station.aiming_sigma_m if options.station else 0.0
+    stated = options.station.stated.aiming_sigma_m if options.station else 0.0
     if options.aiming_m is not None or stated > 0.0:
         return ()
     seen = pentagon_scatter_m(blocks_m)

@@ -26,6 +26,7 @@ from scipy import stats  # noqa: E402
 from tests.support.validation_cars import TM30, Car, stated, write_capture  # noqa: E402
 from wheelplane.capture.open_capture import open_capture  # noqa: E402
 from wheelplane.config import Config  # noqa: E402
+from wheelplane.five_point import Station  # noqa: E402
 from wheelplane.validation.five_point import FivePointOptions  # noqa: E402
 from wheelplane.validation.request import Request  # noqa: E402
 from wheelplane.validation.study import ComparisonStudy, Row  # noqa: E402
@@ -124,7 +125,7 @@ def of_scans(count: int, seed: int) -> None:
         with tempfile.TemporaryDirectory() as scratch:
             folder = Path(scratch) / "capture"
             _, place = write_capture(folder, seed * 100_000 + index, TM30, trials=0)
-            known = FivePointOptions(station=stated(TM30), place=tuple(place))
+            known = FivePointOptions(station=Station(stated(TM30), place))
             for name, request in requests.items():
                 asked = request or Request("five-point", Path("five-point.txt"), known)
                 with open_capture(folder) as capture:

@@ -10,7 +10,7 @@ import pytest
 
 from tests.support.reported import ANGLES, measured
 from wheelplane.cli import main
-from wheelplane.commands.options import dressed, plot_to, show_plot
+from wheelplane.commands.reporting import plot_to, report_options, show_plot
 from wheelplane.config import Config, ReportConfig, load_config
 from wheelplane.errors import ConfigError
 from wheelplane.report.format.language import load_translations
@@ -62,9 +62,9 @@ def test_the_report_is_of_the_file_beside_it(tmp_path):
 
 def test_the_language_of_the_config_and_of_the_option():
     config = ReportConfig(language="pt")
-    assert dressed(config, None, PAPER).words.language == "pt"
-    assert dressed(config, "en", PAPER).words.language == "en"
-    assert dressed(ReportConfig(), None, PAPER).words.language == "en"
+    assert report_options(config, None, PAPER).words.language == "pt"
+    assert report_options(config, "en", PAPER).words.language == "en"
+    assert report_options(ReportConfig(), None, PAPER).words.language == "en"
 
 
 def test_who_issues_the_report_changes_no_result(tmp_path):
@@ -158,4 +158,4 @@ def test_an_unknown_language_is_refused(wheelplane):
 def test_a_logo_that_is_no_picture_is_refused(tmp_path):
     (tmp_path / "logo.txt").write_text("hello")
     with pytest.raises(ConfigError, match="no PNG"):
-        dressed(ReportConfig(logo=str(tmp_path / "logo.txt")), None, PAPER)
+        report_options(ReportConfig(logo=str(tmp_path / "logo.txt")), None, PAPER)

@@ -176,12 +176,13 @@ def test_command_names_what_is_missing(tmp_path):
     def run(*options):
         return CliRunner().invoke(cli, ["five-point", str(path), *options])
 
-    done = run("--scanner", "leica-tm30", "--station", there, "--json")
+    done = run("--total-station", "leica-tm30", "--total-station-position", there, "--json")
+    assert run("--scanner", "leica-tm30", "--station", there, "--json").output == done.output
     assert done.exit_code == 0
     assert '"station"' in done.output
     for options, said in (
-        (["--scanner", "leica-tm30"], "--station X,Y,Z"),
-        (["--station", there], "--scanner"),
+        (["--scanner", "leica-tm30"], "--total-station-position X,Y,Z"),
+        (["--station", there], "--total-station"),
         (["--scanner", "leica-tm30", "--station", "1,2"], "three numbers"),
         (["--scanner", "default", "--station", there], "instrument"),
         (["--method", "tcgc-2013", "--scanner", "leica-tm30"], "tcgc-2013"),
