@@ -1,4 +1,4 @@
-"""`python -m wheelplane`: the command, where no script is installed."""
+"""Command line as `python -m wheelplane`, where no script is installed."""
 
 from .cli import main
 

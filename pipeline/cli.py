@@ -1,4 +1,4 @@
-"""The command `wheelplane`; each sub-command is imported when it is called."""
+"""Command `wheelplane`; a subcommand is imported when it is called."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from . import __version__
 from .errors import WheelplaneError
 
 COMMANDS = {
-    "batch": ("commands.batch:batch", "Every capture of an archive, and a catalogue."),
-    "demo": ("commands.demo:demo", "Make a vehicle with known angles, and measure it."),
-    "five-point": ("commands.five_point:five_point", "Angles from five points a wheel."),
-    "inspect": ("commands.inspect:inspect", "What is in a scan file or a capture."),
-    "manual": ("commands.manual:manual", "The user manual, in the browser."),
-    "measure": ("commands.measure:measure", "Angles from laser scans of the wheels."),
-    "plane": ("commands.plane:plane", "The planes of a single point cloud."),
-    "results": ("commands.results:results", "What a batch measured: lists, statistics."),
-    "selftest": ("commands.selftest:selftest", "Fit certified data; a table to file."),
-    "synth": ("commands.synth:synth", "Make a capture of a vehicle with known angles."),
-    "targets": ("commands.targets:targets", "List the known targets."),
-    "validate": ("commands.validate:validate", "Dense scans against five points."),
-    "view": ("commands.view:view", "The page: load, see the angles, save the report."),
+    "batch": ("commands.batch:batch", "Measure every capture of an archive; a catalogue."),
+    "demo": ("commands.demo:demo", "Measure a synthetic vehicle with known angles."),
+    "five-point": ("commands.five_point:five_point", "Measure five points a wheel."),
+    "inspect": ("commands.inspect:inspect", "Summarise a scan file or a capture."),
+    "manual": ("commands.manual:manual", "Open the user manual in the browser."),
+    "measure": ("commands.measure:measure", "Measure laser scans of the wheels."),
+    "plane": ("commands.plane:plane", "Find the planes of a point cloud."),
+    "results": ("commands.results:results", "List and summarise the results of a batch."),
+    "selftest": ("commands.selftest:selftest", "Fit certified data; a table for the records."),
+    "synth": ("commands.synth:synth", "Make a synthetic capture with known angles."),
+    "targets": ("commands.targets:targets", "List and draw the known targets."),
+    "validate": ("commands.validate:validate", "Compare dense scans with five points."),
+    "view": ("commands.view:view", "Open the web page: load, measure, save reports."),
 }
 
 
 class LazyGroup(click.Group):
-    """A group that knows its commands' names and imports only the one that is called."""
+    """Group of commands that imports only the one that is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Names, in the order of the table."""
+        """Return the commands' names in the order of the table."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command, imported; None for a name that is not in the table."""
+        """Import and return a command; None for a name that is not in the table."""
         if cmd_name not in COMMANDS:
             return None
         module, name = COMMANDS[cmd_name][0].split(":")
@@ -53,10 +53,10 @@ class LazyGroup(click.Group):
 HELP = """Toe and camber of a vehicle's wheels from dense laser scans of targets clamped to them.
 
 \b
-wheelplane demo DIR              a made vehicle, its scans, its angles beside the truth
+wheelplane demo DIR              a synthetic vehicle, measured, beside its true angles
 wheelplane measure CAPTURE       a folder, zip or tar with one scan a wheel
-wheelplane five-point FILE       the same from five surveyed points a wheel
-wheelplane validate CAPTURE      one against the other, and whether they agree
+wheelplane five-point FILE       five surveyed points a wheel
+wheelplane validate CAPTURE      the two methods compared
 """
 
 
@@ -64,23 +64,23 @@ wheelplane validate CAPTURE      one against the other, and whether they agree
     cls=LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"]},
     help=HELP,
-    epilog="Exit codes: 0 measured; 1 measured in part, or not shown to conform; "
+    epilog="Exit codes: 0 measured; 1 measured in part, or not shown to be conforming; "
     "2 unusable input or arguments.",
 )
 @click.version_option(__version__, prog_name="wheelplane")
 def cli() -> None:
-    """Group of the commands in the table above."""
+    """Hold the commands of the table above."""
 
 
 def main() -> None:
-    """Run the command; every error that the user can mend is one line and exit code 2."""
+    """Run the command; every error that a user can fix is one line and exit code 2."""
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ[variable] = "1"  # same bytes at any number of cores
+        os.environ[variable] = "1"  # same bytes with any number of cores
     try:
         code = cli.main(prog_name="wheelplane", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
-        code = _fail("no command is given")
+        code = _fail("no command given")
     except WheelplaneError as error:
         code = _fail(str(error))
     except click.UsageError as error:
@@ -96,7 +96,9 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 2
     except OSError as error:
-        code = _fail(f"{error.filename or 'input or output'}: {error.strerror}: check it")
+        code = _fail(
+            f"{error.filename or 'input or output'}: {error.strerror}: check path and permissions"
+        )
     sys.exit(code if isinstance(code, int) else 0)
 
 

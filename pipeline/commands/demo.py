@@ -1,4 +1,4 @@
-"""`wheelplane demo`: a made vehicle, measured, beside its truth."""
+"""`wheelplane demo`: a synthetic vehicle, measured, and compared with its truth."""
 
 from __future__ import annotations
 
@@ -23,13 +23,19 @@ from .synth import make_capture
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path), default="demo-output")
-@click.option("--seed", type=click.IntRange(min=0), default=1, show_default=True)
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=1,
+    show_default=True,
+    help="Seed of the synthetic vehicle and its scans.",
+)
 def demo(folder: Path, seed: int) -> int:
-    """Make a vehicle with known angles, scan it, measure it, and show both, in FOLDER."""
+    """Make a synthetic vehicle in FOLDER, scan and measure it, and show both sets of angles."""
     capture, results = folder / "capture", folder / "results"
     mark = folder / ".demo"
     if mark.is_file():
-        shutil.rmtree(capture, ignore_errors=True)  # an earlier demo's
+        shutil.rmtree(capture, ignore_errors=True)  # of an earlier demo
     click.echo(f"Making a vehicle (seed {seed}) and scanning its wheels into {capture} ...")
     make_capture(capture, seed, "saloon", "default", "disc-250", trials=2)
     mark.touch()
@@ -38,18 +44,20 @@ def demo(folder: Path, seed: int) -> int:
         measurement = measure_capture(opened, Config(), progress)
     written = write_reports(measurement, results)
     click.echo(compared(measurement, capture / "truth.json"))
-    click.echo("\nToe-in and top-out are positive. u: standard uncertainty (k = 1).")
+    click.echo(
+        "\nToe-in and camber with the top outward are positive. u: standard uncertainty (k = 1)."
+    )
     for path in written:
         click.echo(f"wrote {path}")
     return 0 if measurement.complete else 1
 
 
 def compared(measurement: Measurement, truth: Path) -> str:
-    """Table of measured angles, truth, error and uncertainty, wheel by wheel."""
+    """Return a table of measured angles, truth, error and uncertainty, wheel by wheel."""
     try:
         wheels = {wheel["name"]: wheel for wheel in json.loads(truth.read_text())["wheels"]}
     except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{truth}: not a truth file ({error}): make the capture anew") from error
+        raise InputError(f"{truth}: not a truth file ({error}): run the demo again") from error
     rows: list[tuple[str, ...]] = [("name", "wheel", "angle", "measured", "truth", "error", "u")]
     for result in measurement.wheels:
         if result.angles is None:
@@ -58,9 +66,9 @@ def compared(measurement: Measurement, truth: Path) -> str:
         for angle in ("toe", "camber"):
             value = getattr(result.angles, f"{angle}_rad")
             true = math.radians(wheels[name][f"{angle}_deg"])
-            off = f'{math.degrees(value - true) * 3600:+.1f}"'
+            error = f'{math.degrees(value - true) * 3600:+.1f}"'
             u = f'{math.degrees(getattr(result, f"u_{angle}_rad")) * 3600:.1f}"'
             rows.append(
-                (name, result.wheel or "", angle, deg_min_sec(value), deg_min_sec(true), off, u)
+                (name, result.wheel or "", angle, deg_min_sec(value), deg_min_sec(true), error, u)
             )
     return aligned(rows, left=3)

@@ -1,4 +1,4 @@
-"""`wheelplane inspect`: what is in a scan file or a capture."""
+"""`wheelplane inspect`: contents of a scan file or a capture."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..diagnostics import ScanSummary, findings, length, spacing_m, summarise_sc
 from ..errors import WheelplaneError
 from ..files import ARCHIVE_SUFFIXES
 from ..report.format.layout import aligned
-from ..units import LENGTH_UNITS
+from .options import length_unit_option
 from .progress import Reading
 
 SHOWN_SCANS = 8
@@ -21,45 +21,43 @@ SHOWN_SCANS = 8
 
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--length-unit",
-    type=click.Choice(LENGTH_UNITS),
-    help="Of the coordinates; else what capture.toml says, or m.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print the same as JSON and nothing else.")
+@length_unit_option
+@click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
 def inspect(file: Path, length_unit: str | None, as_json: bool) -> int:
-    """Say what is in FILE: a scan, or a capture as a folder, zip or tar.
+    """Summarise FILE: a scan, or a capture as a folder, zip or tar.
 
-    Every point passes by once; none but a sample is kept in memory.
+    Reads every point once and keeps only a sample in memory.
     """
     if not file.is_dir() and not (file.is_file() and _is_capture(file)):
-        return _show(str(file), _look(file, length_unit or "m", str(file)), as_json)
+        return _show(str(file), _summary(file, length_unit or "m", str(file)), as_json)
     with open_entries(file) as (unit, entries):
         unit = length_unit or unit
-        looked = [(entry, _look(entry.path, unit, f"{file}: {entry.file}")) for entry in entries]
-    first, survey = looked[0]
+        summaries = [
+            (entry, _summary(entry.path, unit, f"{file}: {entry.file}")) for entry in entries
+        ]
+    first, summary = summaries[0]
     if first.role == "vehicle":
-        return _show(f"{file}: {first.file}", survey, as_json)
+        return _show(f"{file}: {first.file}", summary, as_json)
     tree = {
         "capture": str(file),
         "length_unit": unit,
         "entries": [
             {"name": entry.name, "role": entry.role, "wheel": entry.wheel, **_tree(entry.file, s)}
-            for entry, s in looked
+            for entry, s in summaries
         ],
     }
-    click.echo(json.dumps(tree, indent=1) if as_json else _capture_text(file, unit, looked))
+    click.echo(json.dumps(tree, indent=1) if as_json else _capture_text(file, unit, summaries))
     return 0
 
 
-def _show(name: str, survey: ScanSummary, as_json: bool) -> int:
-    """Print what one file holds."""
-    click.echo(json.dumps(_tree(name, survey), indent=1) if as_json else _text(name, survey))
+def _show(name: str, summary: ScanSummary, as_json: bool) -> int:
+    """Print the summary of one file."""
+    click.echo(json.dumps(_tree(name, summary), indent=1) if as_json else _text(name, summary))
     return 0
 
 
 def _is_capture(file: Path) -> bool:
-    """Whether an archive holds a capture rather than one scan."""
+    """Return whether an archive holds a capture rather than one scan."""
     if not file.name.lower().endswith(ARCHIVE_SUFFIXES):
         return False
     try:
@@ -69,25 +67,25 @@ def _is_capture(file: Path) -> bool:
         return False
 
 
-def _look(path: Path, unit: str, name: str) -> ScanSummary:
+def _summary(path: Path, unit: str, name: str) -> ScanSummary:
     with Reading(name) as progress:
         return summarise_scan(path, unit, name, progress)
 
 
-def _tree(name: str, survey: ScanSummary) -> dict[str, object]:
-    there = survey.points > 0
+def _tree(name: str, summary: ScanSummary) -> dict[str, object]:
+    there = summary.points > 0
     return {
         "file": name,
-        "format": survey.format,
-        "file_bytes": survey.file_bytes,
-        "length_unit": survey.length_unit,
-        "points": survey.points,
-        "missing_returns": survey.invalid_points,
-        "low_m": survey.low_m.tolist() if there else None,
-        "high_m": survey.high_m.tolist() if there else None,
-        "spacing_m": spacing_m(survey),
-        "intensity": list(survey.intensity) if survey.intensity else None,
-        "raster": list(survey.raster) if survey.raster else None,
+        "format": summary.format,
+        "file_bytes": summary.file_bytes,
+        "length_unit": summary.length_unit,
+        "points": summary.points,
+        "missing_returns": summary.invalid_points,
+        "low_m": summary.low_m.tolist() if there else None,
+        "high_m": summary.high_m.tolist() if there else None,
+        "spacing_m": spacing_m(summary),
+        "intensity": list(summary.intensity) if summary.intensity else None,
+        "raster": list(summary.raster) if summary.raster else None,
         "scans": [
             {
                 "name": scan.name,
@@ -95,75 +93,75 @@ def _tree(name: str, survey: ScanSummary) -> dict[str, object]:
                 "missing_returns": scan.invalid_points,
                 "T_file_scan": None if scan.T_file_scan is None else scan.T_file_scan.tolist(),
             }
-            for scan in survey.scans
+            for scan in summary.scans
         ],
-        "odd": findings(survey),
+        "odd": findings(summary),
     }
 
 
-def _text(name: str, survey: ScanSummary) -> str:
-    rows = [("points", f"{survey.points} ({survey.invalid_points} missing returns besides)")]
-    if survey.points:
-        corners = zip("xyz", survey.low_m, survey.high_m, strict=True)
+def _text(name: str, summary: ScanSummary) -> str:
+    rows = [("points", f"{summary.points} ({summary.invalid_points} invalid points besides)")]
+    if summary.points:
+        corners = zip("xyz", summary.low_m, summary.high_m, strict=True)
         rows += [(axis, f"{a:.4f} to {b:.4f} m ({length(b - a)})") for axis, a, b in corners]
-    spacing = spacing_m(survey)
+    spacing = spacing_m(summary)
     if spacing is not None:
         rows.append(("spacing", f"about {length(spacing)}"))
     none = "none"
-    low_high = survey.intensity
+    low_high = summary.intensity
     rows.append(("intensity", f"{low_high[0]:g} to {low_high[1]:g}" if low_high else none))
-    raster = survey.raster
+    raster = summary.raster
     rows.append(("raster", f"{raster[0]} rows x {raster[1]} columns" if raster else none))
-    rows.append(("scans", _scans(survey)))
-    parts = [f"{name}: {_kind(survey)}", aligned(rows, left=2)]
-    parts += [f"  odd: {text}" for text in findings(survey)]
+    rows.append(("scans", _scans(summary)))
+    parts = [f"{name}: {_kind(summary)}", aligned(rows, left=2)]
+    parts += [f"  warning: {text}" for text in findings(summary)]
     return "\n".join(parts)
 
 
-def _kind(survey: ScanSummary) -> str:
+def _kind(summary: ScanSummary) -> str:
     return (
-        f"{survey.format.upper()}, {survey.file_bytes} bytes, "
-        f"coordinates taken as {survey.length_unit}"
+        f"{summary.format.upper()}, {summary.file_bytes} bytes, "
+        f"coordinates taken as {summary.length_unit}"
     )
 
 
-def _scans(survey: ScanSummary) -> str:
-    """One line a scan: its name, its points, where its scanner stood."""
-    if not survey.scans:
-        return "one, its pose not told"
-    lines = [f"{len(survey.scans)}"]
-    for scan in survey.scans[:SHOWN_SCANS]:
+def _scans(summary: ScanSummary) -> str:
+    """Return one line a scan: its name, its points, the position of its scanner."""
+    if not summary.scans:
+        return "one, without a pose"
+    lines = [f"{len(summary.scans)}"]
+    for scan in summary.scans[:SHOWN_SCANS]:
         T = scan.T_file_scan
-        place = "pose not told"
+        pose = "no pose"
         if T is not None:
-            turned = "turned" if not np.array_equal(T[:3, :3], np.eye(3)) else "not turned"
-            place = f"scanner at {' '.join(f'{x:.4f}' for x in T[:3, 3])} m, {turned}"
-        lines.append(f"    {scan.name}: {scan.points} points, {place}")
-    if len(survey.scans) > SHOWN_SCANS:
-        lines.append(f"    and {len(survey.scans) - SHOWN_SCANS} more (--json lists all)")
+            rotated = "rotated" if not np.array_equal(T[:3, :3], np.eye(3)) else "not rotated"
+            pose = f"scanner at {' '.join(f'{x:.4f}' for x in T[:3, 3])} m, {rotated}"
+        lines.append(f"    {scan.name}: {scan.points} points, {pose}")
+    if len(summary.scans) > SHOWN_SCANS:
+        lines.append(f"    and {len(summary.scans) - SHOWN_SCANS} more (--json lists all)")
     return "\n".join(lines)
 
 
-def _capture_text(file: Path, unit: str, looked: list[tuple[ScanEntry, ScanSummary]]) -> str:
+def _capture_text(file: Path, unit: str, summaries: list[tuple[ScanEntry, ScanSummary]]) -> str:
     table: list[tuple[str, ...]] = [
-        ("name", "role", "file", "format", "points", "missing", "size / m", "spacing / mm")
+        ("name", "role", "file", "format", "points", "invalid", "size / m", "spacing / mm")
     ]
     odd = []
-    for entry, survey in looked:
-        sides = (survey.high_m - survey.low_m).tolist() if survey.points else []
-        spacing = spacing_m(survey)
+    for entry, summary in summaries:
+        sides = (summary.high_m - summary.low_m).tolist() if summary.points else []
+        spacing = spacing_m(summary)
         table.append(
             (
                 entry.name,
                 entry.role,
                 entry.file,
-                survey.format.upper(),
-                str(survey.points),
-                str(survey.invalid_points),
+                summary.format.upper(),
+                str(summary.points),
+                str(summary.invalid_points),
                 " x ".join(f"{side:.3f}" for side in sides) or "-",
                 f"{spacing * 1e3:.2f}" if spacing is not None else "-",
             )
         )
-        odd += [f"  odd: {entry.name}: {text}" for text in findings(survey)]
-    head = f"{file}: a capture of {len(looked)} scans, coordinates taken as {unit}"
+        odd += [f"  warning: {entry.name}: {text}" for text in findings(summary)]
+    head = f"{file}: a capture of {len(summaries)} scans, coordinates taken as {unit}"
     return "\n".join([head, aligned(table, left=4), *odd])

@@ -15,21 +15,39 @@ from ..report.format.layout import aligned, number
 from ..units import LENGTH_UNITS
 from .progress import Reading
 
-TOLD_STEP_M = 0.5e-3
+NOTED_STEP_M = 0.5e-3
 
 
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--max-planes", type=click.IntRange(min=1), default=5, show_default=True)
-@click.option("--length-unit", type=click.Choice(LENGTH_UNITS), default="m", show_default=True)
-@click.option("--all-points", is_flag=True, help="One plane through all points, none left out.")
+@click.option(
+    "--max-planes",
+    type=click.IntRange(min=1),
+    default=5,
+    show_default=True,
+    help="Number of planes to find, at most.",
+)
+@click.option(
+    "--length-unit",
+    type=click.Choice(LENGTH_UNITS),
+    default="m",
+    show_default=True,
+    help="Length unit of the coordinates.",
+)
+@click.option("--all-points", is_flag=True, help="Fit one plane to all points, leaving none out.")
 @click.option(
     "--sample",
     type=click.IntRange(1, 10**8),
     metavar="N",
-    help="Of a mesh (.stl, .obj): N points of its surface instead of its vertices.",
+    help="Number of points to sample on a mesh (.stl, .obj), instead of its vertices.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Seed of the random search.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the planes as JSON and nothing else.")
 def plane(
     file: Path,
@@ -42,7 +60,7 @@ def plane(
 ) -> int:
     """Find the planes of the point cloud FILE, largest first.
 
-    How far from a plane a point may lie is found from the points themselves.
+    The distance within which points belong to a plane is estimated from the points themselves.
     """
     with Reading(str(file)) as progress:
         scan = read_scan(file, length_unit, sample=sample, progress=progress)
@@ -53,9 +71,9 @@ def plane(
         else:
             planes = find_planes(scan.points_m, max_planes, seed)
     except NotMeasuredError as error:
-        raise InputError(f"{file}: {error}: {_mend(file, scan, length_unit, sample)}") from error
+        raise InputError(f"{file}: {error}: {_advice(file, scan, length_unit, sample)}") from error
     except InputError as error:
-        raise InputError(f"{file}: {error}: scan more") from error
+        raise InputError(f"{file}: {error}: use a scan with more points") from error
     notes = _notes(scan, length_unit)
     if as_json:
         tree = {
@@ -66,7 +84,7 @@ def plane(
         }
         click.echo(json.dumps(tree, indent=1))
         return 0
-    dropped = f" ({scan.invalid_points} missing returns dropped)" if scan.invalid_points else ""
+    dropped = f" ({scan.invalid_points} invalid points dropped)" if scan.invalid_points else ""
     click.echo(f"{file}: {len(scan.points_m)} points{dropped}")
     for note in notes:
         click.echo(f"note: {note}")
@@ -81,8 +99,8 @@ def plane(
     return 0
 
 
-def _mend(file: Path, scan: Scan, length_unit: str, sample: int | None) -> str:
-    """What may help where no plane was found."""
+def _advice(file: Path, scan: Scan, length_unit: str, sample: int | None) -> str:
+    """Return what to do where no plane was found."""
     notes = _notes(scan, length_unit)
     if notes:
         return f"{notes[0]}; export it as double, or with an offset"
@@ -92,8 +110,8 @@ def _mend(file: Path, scan: Scan, length_unit: str, sample: int | None) -> str:
 
 
 def _notes(scan: Scan, length_unit: str) -> list[str]:
-    step, place = float32_step(scan.points_m, length_unit)
-    return [float32_fact(step, place)] if step >= TOLD_STEP_M else []
+    step, position = float32_step(scan.points_m, length_unit)
+    return [float32_fact(step, position)] if step >= NOTED_STEP_M else []
 
 
 def _tree(found: CloudPlane) -> dict[str, object]:

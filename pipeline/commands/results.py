@@ -1,4 +1,4 @@
-"""`wheelplane results`: what a folder of results holds, in lists, statistics, tables and SQL."""
+"""`wheelplane results`: lists, statistics, tables and SQL of a folder of results."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ PIPE = Path("-")
 
 @dataclass(frozen=True)
 class Query:
-    """Which captures, which quantities, and how to tell it."""
+    """Selection of captures and quantities, and the form of the answer."""
 
     which: Filter
     quantities: tuple[str, ...] | None
@@ -68,19 +68,26 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
 
 @click.command(
     help=HELP,
-    epilog="Exit codes: 0 all captures that were asked about are measured in full; 1 some are not; "
+    epilog="Exit codes: 0 all selected captures are measured in full; 1 some are not; "
     "2 unusable results or arguments. --sql: 0 or 2.",
 )
 @click.argument("results")
-@click.option("--name", "text", default="", metavar="TEXT", help="Captures with this in the name.")
-@click.option("--vehicle", metavar="NAME", help="Captures of this vehicle.")
-@click.option("--since", metavar="DATE", help="Captures of this day (ISO 8601) or later.")
-@click.option("--until", metavar="DATE", help="Captures of this day or earlier.")
-@click.option("--status", multiple=True, type=click.Choice(STATUSES), help="May be repeated.")
+@click.option(
+    "--name", "text", default="", metavar="TEXT", help="Text that the captures' names contain."
+)
+@click.option("--vehicle", metavar="NAME", help="Vehicle of the captures.")
+@click.option("--since", metavar="DATE", help="First date of the captures (ISO 8601).")
+@click.option("--until", metavar="DATE", help="Last date of the captures.")
+@click.option(
+    "--status",
+    multiple=True,
+    type=click.Choice(STATUSES),
+    help="Status of the captures. May be repeated.",
+)
 @click.option(
     "--gone/--no-gone",
     default=None,
-    help="Captures that were no longer, or still, in the archive at the last run of `batch`.",
+    help="Select captures that were no longer, or still, in the archive at the last `batch` run.",
 )
 @click.option(
     "--where",
@@ -88,36 +95,45 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     multiple=True,
     nargs=2,
     metavar="QUANTITY MIN..MAX",
-    help="Captures whose 'RR toe', '1 camber', wheelbase ... lies there, in degrees or metres; "
+    help="Quantity ('RR toe', '1 camber', wheelbase ...) and its range, in degrees or metres; "
     "either end may be left out. May be repeated.",
 )
-@click.option("--summary", is_flag=True, help="Statistics of each quantity.")
-@click.option("--drift", is_flag=True, help="Slope over time of each quantity.")
-@click.option("--failures", "failing", is_flag=True, help="What was not measured, and why.")
-@click.option("--worst", type=click.IntRange(1), metavar="N", help="The N that stand out most.")
-@click.option("--sql", metavar="SELECT", help="Ask the tables captures, wheels and quantities.")
+@click.option("--summary", is_flag=True, help="Print statistics of each quantity.")
+@click.option("--drift", is_flag=True, help="Print the slope over time of each quantity.")
+@click.option("--failures", "failing", is_flag=True, help="List what was not measured, and why.")
+@click.option(
+    "--worst",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Number of outliers to list, largest first.",
+)
+@click.option(
+    "--sql", metavar="SELECT", help="SQL query of the tables captures, wheels and quantities."
+)
 @click.option(
     "--quantity",
     "quantities",
     multiple=True,
     metavar="NAME",
-    help="Only this, with --summary, --drift and --worst. May be repeated.",
+    help="Quantity for --summary, --drift and --worst; all by default. May be repeated.",
 )
-@click.option("--limit", type=click.IntRange(1), metavar="N", help="List no more than N captures.")
+@click.option(
+    "--limit", type=click.IntRange(1), metavar="N", help="Number of captures to list, at most."
+)
 @click.option(
     "--angles",
     type=click.Choice(["dms", "deg", "mm/m"]),
     default="dms",
     show_default=True,
-    help="Angles of the text: deg-min-sec, degrees; toe in mm/m.",
+    help="Angle format of the text: deg-min-sec, degrees; toe in mm/m.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, only.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
 @click.option(
-    "--csv", "csv_file", type=FILE, help="Write the captures and all numbers as CSV; - prints."
+    "--csv", "csv_file", type=FILE, help="CSV file for the captures and all numbers; - prints it."
 )
-@click.option("--xlsx", "xlsx_file", type=FILE, help="The same for Excel.")
-@click.option("--parquet", "parquet_file", type=FILE, help="The same as Parquet.")
-@click.option("--rebuild", "anew", is_flag=True, help="Make the catalogue anew from the JSONs.")
+@click.option("--xlsx", "xlsx_file", type=FILE, help="Excel file for the same table.")
+@click.option("--parquet", "parquet_file", type=FILE, help="Parquet file for the same table.")
+@click.option("--rebuild", "anew", is_flag=True, help="Rebuild the catalogue from the JSON files.")
 def results(
     results: str,
     text: str,
@@ -141,11 +157,13 @@ def results(
     parquet_file: Path | None,
     anew: bool,
 ) -> int:
-    """Ask the catalogue of RESULTS."""
-    told = {"summary": summary, "drift": drift, "failures": failing, "worst": worst is not None}
-    modes = [mode for mode, wanted in told.items() if wanted]
+    """Query the catalogue of RESULTS."""
+    given = {"summary": summary, "drift": drift, "failures": failing, "worst": worst is not None}
+    modes = [mode for mode, chosen in given.items() if chosen]
     if as_json and len(modes) > 1:
-        raise click.UsageError("--json: of --summary, --drift, --failures, --worst choose one")
+        raise click.UsageError(
+            "--json with several lists: choose one of --summary, --drift, --failures, --worst"
+        )
     which = Filter(
         text,
         vehicle,
@@ -155,14 +173,14 @@ def results(
         tuple(_range(*span) for span in spans),
         gone,
     )
-    asked = Query(which, quantities or None, View(angles=angles), limit, as_json)
+    query = Query(which, quantities or None, View(angles=angles), limit, as_json)
     files = {"csv": csv_file, "xlsx": xlsx_file, "parquet": parquet_file}
     if sql is not None and (modes or any(files.values()) or quantities or limit or which != ALL):
-        raise click.UsageError("--sql stands alone: write what is wanted into the SELECT")
+        raise click.UsageError("--sql stands alone: write the selection into the SELECT")
     if PIPE in (xlsx_file, parquet_file):
-        raise InputError("--xlsx -, --parquet -: only --csv is printed: name a file")
+        raise InputError("--xlsx -, --parquet -: only --csv is printed: give a file")
     if csv_file == PIPE and (modes or as_json):
-        raise click.UsageError("--csv - is printed alone: name a file")
+        raise click.UsageError("--csv - is printed alone: give a file")
     with Reading("the results") as progress:
         if anew:
             rebuild(open_store(results), progress)
@@ -176,46 +194,46 @@ def results(
         for number, mode in enumerate(modes or ([] if written else ["list"])):
             if number:
                 click.echo()
-            _tell(catalogue, asked, mode, worst or 0)
-        _tell_undated(catalogue, which)
+            _list(catalogue, query, mode, worst or 0)
+        _note_undated(catalogue, which)
         return int(set(listing.by_status(catalogue, which)) - {"ok"} != set())
 
 
-def _tell(catalogue: Catalogue, asked: Query, mode: str, worst: int) -> None:
-    """Print what was asked, as text or JSON."""
-    which, quantities, view = asked.which, asked.quantities, asked.view
+def _list(catalogue: Catalogue, query: Query, mode: str, worst: int) -> None:
+    """Print one list or table, as text or JSON."""
+    which, quantities, view = query.which, query.quantities, query.view
     if mode == "summary":
-        _print("summary", trends.summary(catalogue, quantities, which), listing.summary_text, asked)
+        _print("summary", trends.summary(catalogue, quantities, which), listing.summary_text, query)
     elif mode == "drift":
-        _print("drift", trends.drifts(catalogue, quantities, which), listing.drift_text, asked)
+        _print("drift", trends.drifts(catalogue, quantities, which), listing.drift_text, query)
     elif mode == "worst":
         found = trends.worst(catalogue, worst, quantities, which)
-        _print("worst", found, listing.worst_text, asked)
+        _print("worst", found, listing.worst_text, query)
     elif mode == "failures":
-        _print("failures", failures(catalogue, which), listing.failures_text, asked)
-    elif asked.as_json:
-        _print_captures(catalogue, asked)
+        _print("failures", failures(catalogue, which), listing.failures_text, query)
+    elif query.as_json:
+        _print_captures(catalogue, query)
     else:
-        for line in listing.capture_table(catalogue, which, view, asked.limit):
+        for line in listing.capture_table(catalogue, which, view, query.limit):
             click.echo(line)
         click.echo(f"\n{listing.SIGNS} {listing.K1}, the largest of the capture's angles.")
         gone = 0 if which.gone is False else count(catalogue, replace(which, gone=True))
         click.echo(listing.totals(listing.by_status(catalogue, which), gone))
 
 
-def _print(name: str, found: tuple[Any, ...], text: Callable[..., str], asked: Query) -> None:
-    if asked.as_json:
+def _print(name: str, found: tuple[Any, ...], text: Callable[..., str], query: Query) -> None:
+    if query.as_json:
         rows = [listing.plain(row) for row in found]
         click.echo(json.dumps({"schema": SCHEMA, name: rows}, indent=1, ensure_ascii=False))
     else:
-        click.echo(text(found, asked.view))
+        click.echo(text(found, query.view))
 
 
-def _print_captures(catalogue: Catalogue, asked: Query) -> None:
-    """A list as it comes, so that a million captures need no memory."""
+def _print_captures(catalogue: Catalogue, query: Query) -> None:
+    """Print the captures one by one, so that a million of them need no memory."""
     click.echo(f'{{"schema": "{SCHEMA}", "captures": [', nl=False)
     between = "\n"
-    for row in captures(catalogue, asked.which, limit=asked.limit):
+    for row in captures(catalogue, query.which, limit=query.limit):
         tree = listing.plain(row) | {
             "wheels": [listing.plain(wheel) for wheel in wheels_of(catalogue, row.key)],
             "quantities": [listing.plain(q) for q in quantities_of(catalogue, row.key)],
@@ -226,7 +244,7 @@ def _print_captures(catalogue: Catalogue, asked: Query) -> None:
 
 
 def _answer(catalogue: Catalogue, question: str, as_json: bool) -> int:
-    """Print the answer to SQL as CSV, or as JSON."""
+    """Print the answer to an SQL query as CSV or JSON."""
     answer = ask(catalogue, question)
     if as_json:
         rows = [[f"{x!r}" if isinstance(x, bytes) else x for x in row] for row in answer.rows]
@@ -240,20 +258,20 @@ def _answer(catalogue: Catalogue, question: str, as_json: bool) -> int:
 
 
 def _export(catalogue: Catalogue, which: Filter, files: dict[str, Path | None]) -> bool:
-    """Write the tables that are asked for; whether any is."""
-    wanted = {kind: path for kind, path in files.items() if path is not None}
-    columns = export.table(catalogue, which) if wanted else {}
-    for kind, path in wanted.items():
+    """Write the tables that the options name; return whether there were any."""
+    named = {kind: path for kind, path in files.items() if path is not None}
+    columns = export.table(catalogue, which) if named else {}
+    for kind, path in named.items():
         if path == PIPE:
             click.echo(export.as_csv(columns), nl=False)
             continue
         export.export(path, columns, WRITERS[kind])
         click.echo(f"wrote {path} ({len(columns['key']):,} captures)", err=True)
-    return bool(wanted)
+    return bool(named)
 
 
-def _tell_undated(catalogue: Catalogue, which: Filter) -> None:
-    """Say of how many captures no date is known, where dates were asked for."""
+def _note_undated(catalogue: Catalogue, which: Filter) -> None:
+    """Note how many captures have no date, where --since or --until selects by date."""
     if which.since_day is None and which.until_day is None:
         return
     anytime = replace(which, since_day=None, until_day=None)
@@ -264,16 +282,16 @@ def _tell_undated(catalogue: Catalogue, which: Filter) -> None:
             if undated == 1
             else (f"{undated} captures without a date are")
         )
-        mend = "tell it in capture.toml, or by batch --date-in-name"
-        click.echo(f"{captures_are} left out: {mend}", err=True)
+        advice = "give it in capture.toml, or by batch --date-in-name"
+        click.echo(f"{captures_are} left out: {advice}", err=True)
 
 
 def _day(option: str, text: str, end: bool) -> float:
-    """Days since 1970-01-01, UTC where no zone is given; of `end`, just after what it names."""
+    """Return days since 1970-01-01 (UTC unless a zone is given); with `end`, of its last moment."""
     try:
         moment = datetime.fromisoformat(text)
     except ValueError as error:
-        raise InputError(f"{option} {text}: is no date: write it as 2026-11-20") from error
+        raise InputError(f"{option} {text}: is not a date: write it as 2026-11-20") from error
     zoned = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
     whole_day = len(text) <= len(date.min.isoformat())
     after = timedelta(days=1) if whole_day else timedelta(microseconds=1)

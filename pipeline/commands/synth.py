@@ -1,4 +1,4 @@
-"""`wheelplane synth`: a capture of a made vehicle with known angles."""
+"""`wheelplane synth`: a capture of a synthetic vehicle with known angles."""
 
 from __future__ import annotations
 
@@ -21,16 +21,34 @@ from .progress import Progress
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
-    help="The same seed gives the same bytes.",
+    help="Seed; the same one gives the same bytes.",
 )
-@click.option("--vehicle", default="saloon", show_default=True, metavar="NAME|FILE")
-@click.option("--scanner", default="default", show_default=True, metavar="NAME|FILE")
-@click.option("--target", default="disc-250", show_default=True, metavar="NAME|FILE")
+@click.option(
+    "--vehicle",
+    default="saloon",
+    show_default=True,
+    metavar="NAME|FILE",
+    help="Vehicle, by name or file (TOML).",
+)
+@click.option(
+    "--scanner",
+    default="default",
+    show_default=True,
+    metavar="NAME|FILE",
+    help="Scanner, by name or file (TOML).",
+)
+@click.option(
+    "--target",
+    default="disc-250",
+    show_default=True,
+    metavar="NAME|FILE",
+    help="Target on the wheels, by name or file (TOML).",
+)
 @click.option(
     "--trials",
     type=click.IntRange(min=0),
     default=None,
-    help="Further scans of the wheels, each with angles of its own.  [default: 2]",
+    help="Number of further scans of the wheels, each with angles of its own.  [default: 2]",
 )
 @click.option(
     "--whole",
@@ -38,16 +56,16 @@ from .progress import Progress
     is_flag=False,
     flag_value="ply",
     default=None,
-    help="One cloud of the whole vehicle in its bay instead: vehicle.ply, or vehicle.e57 with one "
-    "posed scan a station. After OUT; alone it is ply.",
+    help="Format of a whole-vehicle scan in a bay, made instead: vehicle.ply, or vehicle.e57 with "
+    "one posed scan a station. Give it after OUT; without a value it is ply.",
 )
 @click.option(
     "--points",
     type=click.FloatRange(1e4, 1e9),
     default=None,
     metavar="N",
-    help="About how many points the whole vehicle's cloud has, for instance 20e6; else as the "
-    "scanner file's [panorama] has it.",
+    help="Number of points of the whole-vehicle scan, approximately, such as 20e6; by default "
+    "that of [panorama] in the scanner file.",
 )
 def synth(
     out: Path,
@@ -61,9 +79,10 @@ def synth(
 ) -> int:
     """Make a vehicle, scan its wheels, and write capture, five-point file and truth.json to OUT.
 
-    With --whole the scanner goes round the vehicle, and all it sees is one cloud: the car and its
-    targets, floor, walls, a lift, a workbench, people. truth.json then says where the stations
-    were, which rows are whose, and in `frame` which way is forward in the cloud's coordinates.
+    With --whole the scanner is moved round the vehicle, and all that it sees is one point cloud:
+    the car and its targets, floor, walls, a lift, a workbench, people. truth.json then holds the
+    positions of the stations, the rows of each object, and, in `frame`, which way is forward in the
+    cloud's coordinates.
 
     \b
     wheelplane synth car --seed 7
@@ -72,20 +91,22 @@ def synth(
     """  # noqa: D301 - click's mark for lines as they stand is a backspace
     if whole is None:
         if points is not None:
-            raise click.UsageError("--points is of a whole vehicle's cloud; add --whole")
+            raise click.UsageError("--points without --whole: add --whole, or leave --points out")
         scans = make_capture(out, seed, vehicle, scanner, target, 2 if trials is None else trials)
         click.echo(f"wrote {out}: {scans} scans, five-point.txt, capture.toml, truth.json")
         return 0
     if trials is not None:
-        raise click.UsageError("--trials are scans of single wheels; leave --whole or --trials out")
+        raise click.UsageError(
+            "--trials with --whole: trials are scans of single wheels: leave one of them out"
+        )
     files = (vehicle, scanner, target)
-    asked = {"form": whole, "points": None if points is None else round(points)}
+    settings = {"form": whole, "points": None if points is None else round(points)}
     made = _make(
         lambda: importlib.import_module("wheelplane_synth.output.whole").write_whole,
         out,
         seed,
         files,
-        asked,
+        settings,
     )
     count = sum(scan["points"] for scan in made.used["scans"])
     click.echo(f"wrote {out}: vehicle.{whole}, {count} points, five-point.txt, truth.json")
@@ -93,14 +114,14 @@ def synth(
 
 
 def make_capture(out: Path, seed: int, vehicle: str, scanner: str, target: str, trials: int) -> int:
-    """A capture of single wheels; how many scans."""
-    files, asked = (vehicle, scanner, target), {"trials": trials}
+    """Write a capture of single wheels; return the number of scans."""
+    files, settings = (vehicle, scanner, target), {"trials": trials}
     made = _make(
         lambda: importlib.import_module("wheelplane_synth.output.archive").write_capture,
         out,
         seed,
         files,
-        asked,
+        settings,
     )
     return len(made.wheels)
 
@@ -110,16 +131,16 @@ def _make(
     out: Path,
     seed: int,
     files: tuple[str, str, str],
-    asked: dict[str, Any],
+    settings: dict[str, Any],
 ) -> Any:
-    """Call synth, a package of its own that shares no formula with this one; its truth.
+    """Call the generator, a package that shares no formula with this one; return the truth.
 
     files: names of vehicle, scanner and target.
     """
     errors = importlib.import_module("wheelplane_synth.errors")
     vehicle, scanner, target = files
     try:
-        with Progress(4 + asked.get("trials", 0), "scanned") as progress:
+        with Progress(4 + settings.get("trials", 0), "scanned") as progress:
             return writer()(
                 out,
                 seed=seed,
@@ -127,11 +148,11 @@ def _make(
                 scanner=config_file("scanners", scanner),
                 target=config_file("targets", target),
                 progress=progress,
-                **asked,
+                **settings,
             )
     except errors.SynthError as error:
         raise InputError(str(error)) from error
     except ImportError as error:
         raise MissingDependencyError(
-            f"the generator does not load ({error}): pip install trimesh open3d libusb-package"
+            f"the generator cannot be imported ({error}): pip install trimesh open3d libusb-package"
         ) from error

@@ -1,4 +1,4 @@
-"""`wheelplane targets`: the known targets, their sizes, and drawings of them."""
+"""`wheelplane targets`: known targets, their dimensions, and drawings of them."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from ..targets import PatternTarget, Target, load_target
     "--output",
     "folder",
     type=click.Path(path_type=Path),
-    help="Draw each, to scale, as an SVG file in this folder.",
+    help="Folder for drawings to scale (SVG), one a target.",
 )
 def targets(name: str | None, folder: Path | None) -> int:
     """List the targets that --target knows by name; a TOML file describes any other.
 
-    NAME, of a known target or of a TOML file, tells all of that one.
+    NAME, a known target or a TOML file, shows every value of that target.
     """
     names = [name] if name else known_targets()
     loaded = {one: load_target(one) for one in names}
@@ -39,13 +39,13 @@ def targets(name: str | None, folder: Path | None) -> int:
 
 
 def known_targets() -> list[str]:
-    """Names of the targets that are shipped."""
+    """Return the names of the targets that are shipped."""
     return sorted(path.stem for path in (config_folder() / "targets").glob("*.toml"))
 
 
 def as_table(loaded: dict[str, Target]) -> str:
-    """A line each: shape, size, what is in it, thickness."""
-    rows = [("name", "shape", "face", "holes or print", "thickness")]
+    """Return a table of the targets: shape, size, holes or print, thickness."""
+    rows = [("name", "shape", "size", "holes or print", "thickness")]
     for name, target in loaded.items():
         size = target.edge.size_text
         rows.append((name, target.shape, size, _inside(target), _mm(target.thickness)))
@@ -53,7 +53,7 @@ def as_table(loaded: dict[str, Target]) -> str:
 
 
 def in_full(name: str, target: Target) -> str:
-    """Every value of a target, lengths in mm."""
+    """Return every value of a target, lengths in mm."""
     rows = [(name, target.description)]
     for key, value in target.model_dump().items():
         if key in target.lengths:
@@ -87,7 +87,7 @@ def _mm(length_m: float | None) -> str:
 
 
 def _drawn(loaded: dict[str, Target], folder: Path) -> list[Path]:
-    """The files of the drawings; raises InputError where they cannot be written."""
+    """Draw the targets; return the files. Raises InputError where they cannot be written."""
     from ..report.plots.target import target_svg
 
     paths = []
@@ -99,6 +99,6 @@ def _drawn(loaded: dict[str, Target], folder: Path) -> list[Path]:
             paths.append(path)
     except OSError as error:
         raise InputError(
-            f"{folder}: cannot be written: {error.strerror}: name another folder with -o"
+            f"{folder}: cannot be written ({error.strerror}): give another folder with -o"
         ) from error
     return paths

@@ -1,4 +1,4 @@
-"""`wheelplane view`: the local page."""
+"""`wheelplane view`: the local web page."""
 
 from __future__ import annotations
 
@@ -21,29 +21,36 @@ PORT = 8765
     type=click.Path(path_type=Path),
     multiple=True,
     metavar="DIR",
-    help="A folder that the page may read, and save reports to; several times for several. "
-    "Without it and SOURCE, the current one.",
+    help="Folder that the page may read from and save reports to; may be repeated. By default, "
+    "without SOURCE, the current folder.",
 )
-@click.option("--port", type=click.IntRange(0, 65535), default=PORT, show_default=True)
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=PORT,
+    show_default=True,
+    help="TCP port to serve at; 0 takes a free one.",
+)
 @click.option(
     "--host",
     default="127.0.0.1",
     show_default=True,
     metavar="ADDRESS",
-    help="Address to serve at. Any but a loopback one opens the page to the network, to whoever "
-    "has the token in the address that is printed; it travels unencrypted.",
+    help="Address to serve at. Any but a loopback address opens the page to the network: to "
+    "anyone with the token in the printed address, unencrypted.",
 )
 @click.option("--no-browser", is_flag=True, help="Do not open a browser.")
 @click.option(
-    "--upload-limit", type=click.FloatRange(0.001, 64), default=2, show_default=True, metavar="GB"
-)
+    "--upload-limit", type=click.FloatRange(0.001, 64), default=2, show_default=True, metavar="GB",
+    help="Size limit of one upload.",
+)  # fmt: skip
 @click.option(
     "--memory-limit", type=click.FloatRange(0.5, 1024), default=8, show_default=True, metavar="GB",
-    help="Of one measurement.",
+    help="Memory limit of one measurement.",
 )  # fmt: skip
 @click.option(
     "--time-limit", type=click.FloatRange(1, 86400), default=900, show_default=True, metavar="S",
-    help="Of one measurement.",
+    help="Time limit of one measurement.",
 )  # fmt: skip
 def view(
     source: Path | None,
@@ -59,8 +66,8 @@ def view(
     report.
 
     SOURCE, a capture, a five-point file or a folder of results, is opened at once. The page is
-    served to this machine alone, and shows nothing but what is dropped on it or lies in the
-    folders allowed: SOURCE itself, or the folder of a file, is one of them.
+    served to this machine only, and shows only files that are dropped on it or lie in the allowed
+    folders; SOURCE itself, or the folder of a file, is one of them.
     """
     from ..web.server import serve
 
@@ -82,19 +89,19 @@ def view(
 
 
 def opened(source: Path, folders: tuple[Path, ...]) -> tuple[tuple[Path, ...], str]:
-    """The folders allowed with `source`, and how the page's address says what to open.
+    """Return the allowed folders with `source`, and the part of the address that opens it.
 
-    A source outside `folders` adds itself, or of a file the folder that holds it: nothing above.
+    A folder outside `folders` is added itself, a file outside them adds its own folder.
     """
     from ..web.files.folders import kind_of_folder
 
-    place = source.resolve()
-    own = place if place.is_dir() else place.parent
-    root = next((f for f in folders if place.is_relative_to(f.resolve())), own)
+    path = source.resolve()
+    own = path if path.is_dir() else path.parent
+    root = next((f for f in folders if path.is_relative_to(f.resolve())), own)
     allowed = folders if root in folders else (own, *folders)
-    kind = kind_of_folder(place) if place.is_dir() else "file"
-    if kind == "folder":  # of captures, perhaps: it is there to choose from
+    kind = kind_of_folder(path) if path.is_dir() else "file"
+    if kind == "folder":  # of captures, perhaps: the user chooses one on the page
         return allowed, ""
-    path = place.relative_to(root.resolve()).as_posix()
+    relative = path.relative_to(root.resolve()).as_posix()
     view = "archive" if kind == "results" else "open"
-    return allowed, f"#{view}={allowed.index(root)}/{quote('' if path == '.' else path)}"
+    return allowed, f"#{view}={allowed.index(root)}/{quote('' if relative == '.' else relative)}"

@@ -374,7 +374,7 @@ def test_csv_is_printed_as_it_is_written(results, tmp_path):
         (["--xlsx", "-"], "only --csv is printed"),
         (["--csv", "-", "--json"], "printed alone"),
         (["--csv", "-", "--summary"], "printed alone"),
-        (["--since", "yesterday"], "--since yesterday: is no date"),
+        (["--since", "yesterday"], "--since yesterday: is not a date"),
         (["--where", "RR toe", "1"], "write the range as MIN..MAX"),
         (["--where", "RR toe", "2..1"], "write the range as MIN..MAX"),
         (["--where", "RR tow", "1.."], "try 'RR toe'"),

@@ -892,7 +892,7 @@ def test_plane_tells_missing_returns(wheelplane, tmp_path):
     assert (whole["missing_returns"], found["missing_returns"]) == (0, 7)
     assert found["planes"] == whole["planes"]
     assert found["points_total"] == len(points)
-    assert "7 missing returns" in wheelplane("plane", tmp_path / "holes.npy").out
+    assert "7 invalid points" in wheelplane("plane", tmp_path / "holes.npy").out
 
 
 def test_targets_lists_what_target_takes(capture, wheelplane):

@@ -114,5 +114,5 @@ def test_a_station_that_is_not_complete_is_refused(station, position, error, mes
 
 @pytest.mark.parametrize("text", ["", "1,2", "1,2,3,4", "1,2,x", "1,2,nan", "1,2,inf", "1 2 3"])
 def test_what_is_not_three_finite_numbers_is_refused(text):
-    with pytest.raises(InputError, match="--front .*three numbers"):
+    with pytest.raises(InputError, match=r"--front .*three numbers"):
         three_numbers("--front", text)

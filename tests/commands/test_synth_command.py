@@ -42,8 +42,8 @@ def test_an_e57_is_asked_for_by_name(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "fact"),
     [
-        (("--points", "2e4"), "--points is of a whole vehicle's cloud; add --whole"),
-        (("--whole", "--trials", "2"), "leave --whole or --trials out"),
+        (("--points", "2e4"), "--points without --whole"),
+        (("--whole", "--trials", "2"), "--trials with --whole"),
         (("--whole", "pcd"), "'pcd' is not one of 'ply', 'e57'"),
         (("--whole", "--points", "5"), "'--points'"),
         (("--whole", "--vehicle", "saloon-turning"), "a whole vehicle stands still"),

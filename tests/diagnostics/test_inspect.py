@@ -75,12 +75,12 @@ def test_the_screen_of_the_posed_sample(inspect):
     assert (code, err) == (0, "")
     for piece in (
         "PTX, 557 bytes, coordinates taken as m",
-        "8 (0 missing returns besides)",
+        "8 (0 invalid points besides)",
         "636699.3800 to 637012.2400 m (312.9 m)",
         "0.004395 to 0.034912",
         "2 rows x 4 columns",
         "1: 4 points, scanner at 600000.0000 800000.0000 400.0000 m",
-        "odd: the pose of scan 1 is no rotation: it stretches its axes by 1, 1, 2",
+        "warning: the pose of scan 1 is no rotation: it stretches its axes by 1, 1, 2",
     ):
         assert piece in out
     assert len(out.splitlines()) < 25
@@ -145,8 +145,8 @@ def test_a_file_of_missing_returns_is_described(tmp_path, inspect):
     file = ply(tmp_path / "a.ply", np.full((7, 3), np.nan))
     code, out, _ = inspect(file)
     assert code == 0
-    assert "0 (7 missing returns besides)" in out
-    assert "odd: it holds no point" in out
+    assert "0 (7 invalid points besides)" in out
+    assert "warning: it holds no point" in out
     assert json.loads(inspect(file, "--json")[1])["low_m"] is None
 
 
@@ -182,7 +182,7 @@ def test_a_capture_is_listed_without_its_target(capture, inspect, tmp_path):
         code, out, err = inspect(source)
         assert (code, err) == (0, "")
         assert out.startswith(f"{source}: a capture of 5 scans, coordinates taken as mm")
-        assert "odd: 1: 2 points at 0 0 0" in out
+        assert "warning: 1: 2 points at 0 0 0" in out
         tree = json.loads(inspect(source, "--json")[1])
         assert [(e["name"], e["role"], e["points"]) for e in tree["entries"]] == [
             *((w, "reference", (30 + i) ** 2) for i, w in enumerate(("RR", "RL", "FR", "FL"))),
