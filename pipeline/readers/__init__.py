@@ -1,4 +1,4 @@
-"""Point-cloud files to scans."""
+"""Readers of point-cloud files: PLY, PCD, PTX, PTS, E57, LAS, LAZ, text, NumPy and meshes."""
 
 from .gather import Placer, PointRows, Progress, silent
 from .packed import scan_suffix

@@ -1,4 +1,4 @@
-"""The sentences that several families of readers say about a file they refuse."""
+"""Error messages that several readers share: the file, the fact, and what to do."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from ..errors import InputError
 from .source import Source
 
 
-def fault(source: Source, fact: str, mend: str = "export the scan again") -> InputError:
-    """One line: the file, the fact, the mend."""
-    return InputError(f"{source.name}: {fact}: {mend}")
+def fault(source: Source, fact: str, action: str = "export the scan again") -> InputError:
+    """Return the error of one line: the file, the fact, what to do."""
+    return InputError(f"{source.name}: {fact}: {action}")
 
 
 def too_many(source: Source, most: int, noun: str) -> InputError:
-    """A small file that would take long: each of these costs time of its own."""
+    """Return the error for a small file that takes long to read: too many lines, blocks ..."""
     return fault(source, f"it has more than {most} {noun}", "split it or export it again")
 
 
 def too_short(source: Source, declared: int, held: int, noun: str = "points") -> InputError:
-    """The file ends before what its header declares."""
+    """Return the error for a file that ends before all that its header declares."""
     return InputError(
         f"{source.name}: the header declares {declared} {noun}, the file holds {held}: "
         "the copy is incomplete; copy it again"
@@ -25,7 +25,7 @@ def too_short(source: Source, declared: int, held: int, noun: str = "points") ->
 
 
 def too_long(source: Source, declared: int, extra: str, noun: str = "points") -> InputError:
-    """The file goes on after what its header declares."""
+    """Return the error for a file that continues after all that its header declares."""
     return InputError(
         f"{source.name}: the header declares {declared} {noun}, but {extra} follow that it does "
         "not explain: the count is wrong; export the scan again"

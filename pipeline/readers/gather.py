@@ -1,4 +1,4 @@
-"""Blocks of raw columns to one scan: what is common to all formats."""
+"""Assembly of blocks of raw columns into one scan, common to all formats."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MAX_COORDINATE_M = 1e10  # float64 still resolves 2 um here
 
 @dataclass(frozen=True)
 class PointRows:
-    """Room for points: views into the arrays of a scan, or of one that is only looked at."""
+    """Preallocated arrays for points, intensity and grid, or views into them."""
 
     points: Array
     intensity: Array32 | None
@@ -30,12 +30,12 @@ class PointRows:
 
     @staticmethod
     def row_bytes(cloud: RawCloud) -> int:
-        """What a row of the cloud takes."""
+        """Return the bytes of memory that a row of the cloud takes."""
         return 24 + 4 * cloud.has_intensity + 8 * cloud.has_grid
 
     @classmethod
     def room(cls, rows: int, cloud: RawCloud) -> PointRows:
-        """Room for that many rows of what the cloud holds."""
+        """Allocate `rows` rows of the columns that the cloud holds."""
         return cls(
             np.empty((rows, 3)),
             np.empty(rows, np.float32) if cloud.has_intensity else None,
@@ -43,7 +43,7 @@ class PointRows:
         )
 
     def part(self, start: int, stop: int) -> PointRows:
-        """PointRows start:stop, as views."""
+        """Return rows start:stop as views."""
         return PointRows(
             self.points[start:stop],
             None if self.intensity is None else self.intensity[start:stop],
@@ -52,7 +52,7 @@ class PointRows:
 
 
 class Placer:
-    """Puts blocks of a cloud, one after the other, into rows of points in metres."""
+    """Writer of the successive blocks of a cloud into rows of points in metres."""
 
     def __init__(self, cloud: RawCloud, source: Source, length_unit: str) -> None:
         self._source, self._unit = source, length_unit
@@ -60,17 +60,17 @@ class Placer:
         self.seen = 0
 
     def place(self, block: Block, rows: PointRows) -> int:
-        """Fill the first rows with the points of the block that are there; their number.
+        """Fill the first rows with the valid points of the block and return their number.
 
         Raises InputError for an infinite coordinate, and for one beyond any site.
         """
         count = _fill(rows, block)
         pose = self._poses[block.part] if self._poses else None
-        if block.missing is None and pose is None and _is_usual(rows.points[:count]):
+        if block.invalid is None and pose is None and _is_usual(rows.points[:count]):
             kept = count
             to_metres(rows.points[:kept], self._unit)
         else:
-            kept = self._drop_missing(block, rows, count)
+            kept = self._drop_invalid(block, rows, count)
             if pose is not None:
                 apply_pose(rows.points[:kept], pose)
             to_metres(rows.points[:kept], self._unit)
@@ -78,26 +78,26 @@ class Placer:
         self.seen += count
         return kept
 
-    def _drop_missing(self, block: Block, rows: PointRows, count: int) -> int:
-        present = self._present(rows.points[:count])
-        if block.missing is not None and block.missing.any():
-            present = ~block.missing if present is None else present & ~block.missing
-        if present is None:
+    def _drop_invalid(self, block: Block, rows: PointRows, count: int) -> int:
+        valid = self._valid(rows.points[:count])
+        if block.invalid is not None and block.invalid.any():
+            valid = ~block.invalid if valid is None else valid & ~block.invalid
+        if valid is None:
             return count
-        kept = int(present.sum())
+        kept = int(valid.sum())
         for column in (rows.points, rows.intensity, rows.grid):
             if column is not None:
-                column[:kept] = column[:count][present]
+                column[:kept] = column[:count][valid]
         return kept
 
-    def _present(self, points: Array) -> Mask | None:
-        """Which rows hold a return; None when all do."""
+    def _valid(self, points: Array) -> Mask | None:
+        """Return the mask of the rows that hold a point; None when all do."""
         if np.isfinite(points.sum()):
             return None
         infinite = np.flatnonzero(np.isinf(points))
         if len(infinite):
-            place = self.seen + infinite[0] // 3 + 1
-            raise fault(self._source, f"point {place} has an infinite coordinate")
+            number = self.seen + infinite[0] // 3 + 1
+            raise fault(self._source, f"point {number} has an infinite coordinate")
         return np.asarray(~np.isnan(points).any(axis=1))
 
     def _check_size(self, points: Array) -> None:
@@ -110,7 +110,7 @@ class Placer:
 
 
 def _is_usual(points: Array) -> bool:
-    """Whether all coordinates are finite and of a site, in any unit; a NaN fails both tests."""
+    """Return whether all coordinates are finite and within any site; a NaN fails both tests."""
     return not len(points) or bool(
         points.max() < MAX_COORDINATE_M and points.min() > -MAX_COORDINATE_M
     )
@@ -128,13 +128,13 @@ def _fill(rows: PointRows, block: Block) -> int:
 
 
 def silent(_done: int, _total: int) -> None:
-    """No progress."""
+    """Ignore progress."""
 
 
 def gather(cloud: RawCloud, source: Source, length_unit: str, progress: Progress = silent) -> Scan:
-    """Fill the arrays block by block, drop missing returns, apply the poses, scale to metres.
+    """Fill the arrays block by block, drop invalid points, apply the poses, scale to metres.
 
-    progress: called with the rows read and their number. Raises InputError for an infinite
+    progress: called with the number of rows read and the total. Raises InputError for an infinite
     coordinate, and when no point is left.
     """
     if cloud.rows == 0:
@@ -148,13 +148,13 @@ def gather(cloud: RawCloud, source: Source, length_unit: str, progress: Progress
         for block in cloud.blocks:
             if placer.seen + len(block.xyz[0]) > cloud.rows:
                 raise fault(source, f"it holds more than the {cloud.rows} points it declares")
-            there = placer.place(block, all_rows.part(kept, cloud.rows))
-            kept += there
+            placed = placer.place(block, all_rows.part(kept, cloud.rows))
+            kept += placed
             if held:
-                held[block.part] += there
+                held[block.part] += placed
             progress(placer.seen, cloud.rows)
     if kept == 0:
-        raise fault(source, f"of its {placer.seen} points all are missing returns")
+        raise fault(source, f"all its {placer.seen} points are invalid (no return)")
     rows = all_rows.part(0, kept)
     return Scan(
         points_m=rows.points,
@@ -183,9 +183,9 @@ def _pose_m(T: Array | None, length_unit: str) -> Array | None:
 
 
 def checked_pose(part: RawPart, source: Source) -> Array | None:
-    """The part's (4, 4), or None where it changes nothing.
+    """Return the part's pose (4, 4), or None where it is the identity.
 
-    Raises InputError for what no pose of a scanner is: not finite, flat, mirrored, or projective.
+    Raises InputError for no pose of a scanner: not finite, singular, mirrored or projective.
     """
     T = part.T_file_scan
     if T is None or np.array_equal(T, np.eye(4)):
@@ -193,15 +193,15 @@ def checked_pose(part: RawPart, source: Source) -> Array | None:
     with np.errstate(all="ignore"):
         proper = np.isfinite(T).all() and np.linalg.det(T[:3, :3]) > 0.0
     if not (proper and np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0])):
-        raise fault(source, f"the pose of its scan {part.name} is not a rotation and a shift")
+        raise fault(source, f"the pose of its scan {part.name} is not a rotation and a translation")
     return T
 
 
 def apply_pose(points: Array, T: Array) -> None:
-    """Turn points (N, 3) to R points + t, in place.
+    """Transform points (N, 3) to R p + t, in place.
 
-    About the first point, so that large coordinates never meet a rotation: R (p - c) + (R c + t),
-    the last term in extended precision.
+    Rotates about the first point c, so that large coordinates are never multiplied by R:
+    R (p - c) + (R c + t), the last term in extended precision.
     """
     if not len(points):
         return

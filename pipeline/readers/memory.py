@@ -1,4 +1,4 @@
-"""Whether a cloud fits into memory, asked before anything is allocated."""
+"""Check that a cloud fits into memory, before anything is allocated."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _RESERVE = 64 << 20  # for the rest of the program
 
 
 def check_memory(rows: int, row_bytes: int, source: Source) -> None:
-    """Raise InputError when `rows` of that many bytes each do not fit."""
+    """Raise InputError when `rows` rows of `row_bytes` bytes do not fit into free memory."""
     needed, free = rows * row_bytes, available_bytes() - _RESERVE
     if needed > free:
         raise fault(
@@ -24,12 +24,12 @@ def check_memory(rows: int, row_bytes: int, source: Source) -> None:
 
 
 def available_bytes() -> int:
-    """What this process may still allocate: free memory, within its own limit."""
+    """Return the bytes this process may still allocate: free memory, within its own limit."""
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     pages = int(Path("/proc/self/statm").read_text().split()[0])
-    mine = limit - pages * resource.getpagesize() if limit != resource.RLIM_INFINITY else None
+    own = limit - pages * resource.getpagesize() if limit != resource.RLIM_INFINITY else None
     for line in Path("/proc/meminfo").read_text().splitlines():
         if line.startswith("MemAvailable:"):
             machine = int(line.split()[1]) << 10
-            return machine if mine is None else min(machine, mine)
-    return 1 << 62 if mine is None else mine
+            return machine if own is None else min(machine, own)
+    return 1 << 62 if own is None else own

@@ -1,4 +1,4 @@
-"""A scan file that is compressed, or stands alone in a zip or tar: unpacked to a temporary file."""
+"""Unpacking of a scan that is compressed, or the only one in a zip or tar, to a temporary file."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from ..files import ARCHIVE_SUFFIXES, COMPRESSED_SUFFIXES, Member, inflate, open
 
 
 def unpacked(path: Path, name: str, known: Container[str], stack: ExitStack) -> tuple[Path, str]:
-    """The plain scan file and its name; the given ones where nothing is packed.
+    """Return the plain scan file and its name; the given ones if the file is not packed.
 
-    known: suffixes of scans. The temporary files go with `stack`.
+    known: suffixes of scans. The temporary files are deleted when `stack` closes.
     Raises InputError for an archive that is damaged, too large, or does not hold exactly one scan.
     """
     lower = path.name.lower()
@@ -33,7 +33,7 @@ def unpacked(path: Path, name: str, known: Container[str], stack: ExitStack) -> 
 
 
 def scan_suffix(name: str) -> str:
-    """The suffix that tells a scan's format, without that of a compression."""
+    """Return the suffix of the scan's format, below that of a compression."""
     path = PurePosixPath(name.lower())
     return PurePosixPath(path.stem).suffix if path.suffix in COMPRESSED_SUFFIXES else path.suffix
 
@@ -53,5 +53,5 @@ def _only_scan(members: tuple[Member, ...], name: str, known: Container[str]) ->
     if len(scans) != 1:
         held = ", ".join(member.name for member in scans)[:120]
         fact = f"it holds {len(scans)} scans ({held})" if scans else "it holds no scan"
-        raise InputError(f"{name}: {fact}, one is needed: unpack it, and name one scan")
+        raise InputError(f"{name}: {fact}, one is needed: unpack it and give one scan")
     return scans[0]

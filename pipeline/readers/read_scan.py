@@ -1,4 +1,4 @@
-"""Read a point-cloud file: one row of READERS a format."""
+"""Point-cloud files to scans: one row of READERS per format."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from .source import RawCloud, Source
 
 @dataclass(frozen=True)
 class Family:
-    """A reader, what the first bytes of its files may look like, and how a mesh is sampled."""
+    """Reader of a format, the signatures its files may begin with, and the sampler of a mesh."""
 
     read: Callable[[Source], RawCloud]
     signatures: tuple[str, ...]
@@ -64,12 +64,12 @@ def read_scan(
     sample: int | None = None,
     progress: Progress = silent,
 ) -> Scan:
-    """Read a point cloud, whole or not at all; compressed, or alone in a zip or tar, too.
+    """Read a point cloud, plain, compressed, or the only one in a zip or tar; whole or not at all.
 
     length_unit: of the file's coordinates, "m", "mm" or "in"; never guessed.
-    name: how the user calls the file; the path when not given.
+    name: the file in messages; the path by default.
     sample: of a mesh, this many points of its surface instead of its vertices.
-    progress: called with the rows read so far and their number.
+    progress: called with the number of rows read so far and the total.
     Raises InputError, one line, when the file is not exactly what it declares.
     """
     with open_cloud(path, length_unit, name, sample) as (cloud, source):
@@ -80,7 +80,7 @@ def read_scan(
 def open_cloud(
     path: Path, length_unit: str = "m", name: str | None = None, sample: int | None = None
 ) -> Iterator[tuple[RawCloud, Source]]:
-    """The header of a cloud, believed, and its blocks to be drawn; what goes wrong, in one line."""
+    """Open a cloud with its checked header, its blocks still to be read; errors are one line."""
     name = " ".join((name or str(path)).splitlines())
     if length_unit not in LENGTH_UNITS:
         known = ", ".join(LENGTH_UNITS)

@@ -1,4 +1,4 @@
-"""The record that every reader makes."""
+"""Scan: the record that every reader returns."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Part:
 
     @property
     def station_m(self) -> Array | None:
-        """Where the scanner stood (3,), in the file's coordinates, if the file states a pose."""
+        """Position of the scanner (3,) in the file's coordinates, if the file states a pose."""
         return None if self.T_file_scan is None else self.T_file_scan[:3, 3]
 
 
@@ -36,10 +36,9 @@ class Scan:
     points_m: (N, 3) float64, C order, finite, metres.
     intensity: (N,) float32 or None, the file's own scale.
     source: the file, as the user named it.
-    missing_returns: rows of the file without a return (NaN, or as the format says) that were
-    dropped.
+    invalid_points: rows without a return (NaN, or as the format marks them) that were dropped.
     grid: (N, 2) int32 or None, row and column of the scanner's raster.
-    parts: the scans of the file, in its order; empty when its format knows none.
+    parts: the scans of the file, in its order; empty when the format has no parts.
     """
 
     points_m: Array

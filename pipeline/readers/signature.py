@@ -1,4 +1,4 @@
-"""What a file looks like from its first bytes, whatever its suffix says."""
+"""Format of a file by its first bytes, whatever its suffix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the door and the families of readers hand to each other."""
+"""Records passed between read_scan, the readers and gather: source, blocks, raw cloud, layout."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ INTENSITY_NAMES = ("intensity", "scalar_intensity", "reflectance", "scalar_refle
 
 @dataclass(frozen=True)
 class Source:
-    """An open scan file, its size in bytes, and the name the user knows it by.
+    """An open scan file, its size in bytes, and its name in messages.
 
     text: the same file as lines, from wherever `stream` stands when it is first read.
     path: for libraries that open files themselves; messages use `name`.
-    stack: closed when the scan was read; for what a reader must keep until then.
+    stack: closed when the scan has been read; holds what a reader must keep open until then.
     """
 
     stream: BufferedReader
@@ -41,25 +41,25 @@ class Source:
         return cls(cast(BufferedReader, text.buffer), text, path.stat().st_size, name, path, stack)
 
     def remaining(self) -> int:
-        """Bytes from the current position to the end."""
+        """Return the bytes from the current position to the end."""
         return self.size - self.stream.tell()
 
 
 @dataclass(frozen=True)
 class Block:
-    """Some successive points of one scan: columns of one length, the file's own unit.
+    """Successive points of one scan: columns of one length, in the file's own unit.
 
-    xyz: of any real dtype, before the scan's pose is applied; NaN where nothing returned.
+    xyz: of any real dtype, before the scan's pose is applied; NaN where there is no return.
     grid: row and column of the scanner's raster, any integer dtype.
-    missing: bool, where the format says in its own way that nothing returned.
-    part: which of the cloud's parts the points belong to; never less than the block's before.
+    invalid: bool, True where the format marks a point as invalid (no return).
+    part: index of the cloud's part that the points belong to; it never decreases.
     The columns may look into a buffer that the next block overwrites.
     """
 
     xyz: tuple[Column, Column, Column]
     intensity: Column | None = None
     grid: tuple[Column, Column] | None = None
-    missing: Mask | None = None
+    invalid: Mask | None = None
     part: int = 0
 
 
@@ -69,7 +69,7 @@ class RawPart:
 
     T_file_scan: (4, 4) float64, applied to column vectors in the file's unit, once, by `gather`;
     None when the file states no pose and its coordinates stand as they are.
-    note: what the reader had to settle, as a sentence.
+    note: an assumption that the reader made about the pose, as a sentence.
     """
 
     name: str
@@ -79,9 +79,9 @@ class RawPart:
 
 @dataclass(frozen=True)
 class RawCloud:
-    """A file whose header was believed: at most `rows` points, to be drawn block by block.
+    """A file with its checked header: at most `rows` points, to be read block by block.
 
-    rows: counts missing returns that have a row. parts: empty when the format knows no scans.
+    rows: includes invalid points. parts: empty when the format has no parts.
     """
 
     rows: int
@@ -93,13 +93,13 @@ class RawCloud:
 
 @dataclass(frozen=True)
 class Layout:
-    """Which of the file's columns are x, y, z and, if any, the intensity."""
+    """Indices of the file's columns x, y, z and, if any, the intensity."""
 
     xyz: tuple[int, int, int]
     intensity: int | None
 
     def block(self, table: Array) -> Block:
-        """A table (N, columns) as a block."""
+        """Return a table (N, columns) as a block."""
         x, y, z = (table[:, column] for column in self.xyz)
         return Block((x, y, z), None if self.intensity is None else table[:, self.intensity])
 
@@ -107,7 +107,7 @@ class Layout:
 def find_layout(names: Sequence[str]) -> Layout:
     """Find x, y, z and the intensity by name, in either case.
 
-    Raises ValueError with the fact when a coordinate is missing or there twice.
+    Raises ValueError when a coordinate is missing or occurs twice.
     """
     lower = [name.lower() for name in names]
     for axis in "xyz":
@@ -119,7 +119,7 @@ def find_layout(names: Sequence[str]) -> Layout:
 
 
 def shown(text: str | bytes) -> str:
-    """A piece of the file as it may stand in a one-line message."""
+    """Return a piece of the file, quoted and cut to 60 characters, for a one-line message."""
     piece = text.decode("latin-1") if isinstance(text, bytes) else text
     piece = piece.strip()
     return repr(piece if len(piece) <= 60 else piece[:57] + "...")

@@ -205,7 +205,7 @@ def test_a_count_that_lies_is_refused(tmp_path, suffix, told):
         ({100: ("<I", 2**32 - 1)}, "record 1 of 4294967295 in its header reaches beyond it"),
         ({104: ("<B", 11)}, "points of the format 11"),
         ({104: ("<B", 63)}, "points of the format 63"),
-        ({104: ("<B", 0x83)}, "it is compressed, and has 0 records that say how"),
+        ({104: ("<B", 0x83)}, "it is compressed, and has 0 LASzip records"),
         ({105: ("<H", 33)}, "points of the format 3 in 33 bytes"),
         ({105: ("<H", 0)}, "points of the format 3 in 0 bytes"),
         ({105: ("<H", 35)}, "declares 300 points, the file holds 291"),

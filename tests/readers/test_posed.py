@@ -142,7 +142,7 @@ def test_beams_without_return_are_counted_and_the_raster_kept(tmp_path):
     full = table(2, columns * rows)
     gone = np.random.default_rng(3).random(len(full)) < 0.4
     full[gone] = [0.0, 0.0, 0.0, 0.5]
-    full[~gone, 1] = 0.0  # a coordinate of nought is no missing return
+    full[~gone, 1] = 0.0  # one coordinate of 0 is no invalid point
     scan = read(
         tmp_path, "rr.ptx", ptx([(columns, rows, pose(4), full), (1, 1, IDENTITY, full[~gone][:1])])
     )
@@ -199,7 +199,7 @@ GOOD = ptx([(2, 2, IDENTITY, table(7, 4)), (2, 2, IDENTITY, table(8, 4))])
         (1, b"3", "line 17 is not the number of columns"),
         (1, b"1000000000", "line 1 is not the number of columns"),
         (2, b"100000000", "declares 2 x 100000000 points, the file holds 18 of them"),
-        (4, b"1 0", "line 4 is not the scanner's place"),
+        (4, b"1 0", "line 4 is not the scanner's position"),
         (7, b"1 0 0", "line 7 is not a row of its 4x4"),
         (7, b"1 0 0 x", "line 7 is not a row of its 4x4"),
         (7, b"-1 0 0 0", "the pose of its scan 1 is not a rotation"),

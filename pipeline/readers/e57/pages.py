@@ -1,4 +1,4 @@
-"""The outer layer of an E57 file: a header, and pages that each end with a checksum.
+"""Outer layer of an E57 file: a header, and pages that each end with a checksum.
 
 Format: ASTM E2807-11, 6.1 to 6.3. Physical offsets count the checksums, logical ones do not.
 """
@@ -25,22 +25,22 @@ _CASTAGNOLI = 0x82F63B78  # the polynomial of CRC-32C, reflected
 
 @dataclass(frozen=True)
 class Pages:
-    """The payload of the pages of an E57 file."""
+    """Payload of the pages of an E57 file."""
 
     source: Source
 
     @property
     def size(self) -> int:
-        """Logical bytes."""
+        """Number of logical bytes."""
         return self.source.size // PAGE * PAYLOAD
 
     def logical(self, physical: int) -> int:
-        """The logical offset of a physical one; -1 for one in a checksum or beyond the file."""
+        """Return the logical offset of a physical one; -1 in a checksum or beyond the file."""
         page, within = divmod(physical, PAGE)
         return page * PAYLOAD + within if within < PAYLOAD and physical < self.source.size else -1
 
     def read(self, at: int, count: int, *, checked: bool) -> bytes:
-        """Logical bytes at:at+count, which the caller knows to be there.
+        """Return the logical bytes at:at+count; the caller has checked that they exist.
 
         checked: raise InputError unless the checksums of their pages match.
         """
@@ -60,7 +60,7 @@ class Pages:
 
 
 def checksums(payloads: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint32]:
-    """CRC-32C (RFC 3720, B.4) of each row, all rows at once."""
+    """Compute CRC-32C (RFC 3720, B.4) of each row, all rows at once."""
     table = _table()
     crc = np.full(len(payloads), 0xFFFFFFFF, np.uint32)
     for column in payloads.T:
@@ -79,7 +79,7 @@ def _table() -> npt.NDArray[np.uint32]:
 
 
 def read_xml(pages: Pages) -> bytes:
-    """The XML section, which says what is where.
+    """Read the XML section, which describes the scans.
 
     Raises InputError when the header does not fit the file's size.
     """

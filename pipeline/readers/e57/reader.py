@@ -1,6 +1,6 @@
-"""E57: scans with their poses.
+"""E57 reader: scans with their poses.
 
-Format: ASTM E2807-11. Decoded by libE57Format (pye57) in a child; what it is handed was checked.
+Format: ASTM E2807-11. The file is checked, then libE57Format (pye57) decodes it in a child.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from .xml import parse_xml
 
 SLOT_ROWS = 1 << 14
 VALUE_BYTES = 8
-WORKING_BYTES = 64 << 20  # of libE57Format, for a file of few words
+WORKING_BYTES = 64 << 20  # of libE57Format, for a file with a short XML
 BYTES_PER_XML_BYTE = 20
 INVALID = {CARTESIAN: "cartesianInvalidState", SPHERICAL: "sphericalInvalidState"}
 INTENSITY = "intensity"
 GRID = ("rowIndex", "columnIndex")
-LARGEST_PLACE = 2**31
+LARGEST_INDEX = 2**31
 
 
 def read_e57(source: Source) -> RawCloud:
-    """All scans, in the file's order; points whose state is invalid are missing returns.
+    """Read all scans, in the file's order; points whose state is invalid are dropped.
 
-    A scan without intensity, or without rows and columns, beside one that has them gets NaN, or -1.
+    Where only some scans have intensity, or rows and columns, the others get NaN, or -1.
     """
     library = find_library("pye57", "E57", "e57", source)
     pages = Pages(source)
@@ -53,7 +53,7 @@ def _system(scan: E57Scan) -> tuple[str, str, str]:
 
 
 def _columns(scan: E57Scan) -> dict[str, str]:
-    """The fields to decode, and the struct format of each."""
+    """Return the fields to decode, and the struct format of each."""
     if not scan.rows:
         return {}
     system = _system(scan)
@@ -84,9 +84,9 @@ def _blocks(
         yield _block(table, filled.part, _system(scans[filled.part]))
 
 
-def _check_grid(places: list[Column], source: Source) -> None:
-    for place in places:
-        beyond = place[(place >= LARGEST_PLACE) | (place <= -LARGEST_PLACE)]
+def _check_grid(indices: list[Column], source: Source) -> None:
+    for index in indices:
+        beyond = index[(index >= LARGEST_INDEX) | (index <= -LARGEST_INDEX)]
         if len(beyond):
             raise fault(source, f"a point lies in row or column {beyond[0]}")
 
@@ -94,19 +94,19 @@ def _check_grid(places: list[Column], source: Source) -> None:
 def _block(table: dict[str, Column], part: int, system: tuple[str, str, str]) -> Block:
     first, second, third = (table[name] for name in system)
     invalid = table.get(INVALID[system])
-    no_shade, no_place = (np.broadcast_to(value, len(first)) for value in (np.nan, -1))
+    no_intensity, no_index = (np.broadcast_to(value, len(first)) for value in (np.nan, -1))
     return Block(
         xyz=_to_cartesian(first, second, third) if system == SPHERICAL else (first, second, third),
-        intensity=table.get(INTENSITY, no_shade),
-        grid=(table.get(GRID[0], no_place), table.get(GRID[1], no_place)),
-        missing=None if invalid is None else invalid != 0,
+        intensity=table.get(INTENSITY, no_intensity),
+        grid=(table.get(GRID[0], no_index), table.get(GRID[1], no_index)),
+        invalid=None if invalid is None else invalid != 0,
         part=part,
     )
 
 
 def _to_cartesian(
-    reach: Column, azimuth: Column, elevation: Column
+    distance: Column, azimuth: Column, elevation: Column
 ) -> tuple[Column, Column, Column]:
-    """Azimuth from x towards y, elevation from the xy plane towards z, both in radians (8.4.4)."""
-    level = reach * np.cos(elevation)
-    return level * np.cos(azimuth), level * np.sin(azimuth), reach * np.sin(elevation)
+    """Convert to x, y, z: azimuth from x towards y, elevation from the xy plane, rad (8.4.4)."""
+    horizontal = distance * np.cos(elevation)
+    return horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), distance * np.sin(elevation)

@@ -1,4 +1,4 @@
-"""What the XML of an E57 file says of its scans: fields, number of points, pose.
+"""Scans of an E57 file as its XML declares them: fields, number of points, pose.
 
 Format: ASTM E2807-11, 8.4.3 (data3D), 8.4.4 (points), 5.3 and table 9 (fields and their packing).
 """
@@ -25,7 +25,7 @@ INT64 = range(-(2**63), 2**63)
 
 @dataclass(frozen=True)
 class Field:
-    """A field of every point: bits is what a point takes in the file, 0 for a constant."""
+    """A field of every point; bits: what a point takes in the file, 0 for a constant."""
 
     name: str
     kind: str
@@ -43,14 +43,14 @@ class E57Scan:
     fields: tuple[Field, ...]
 
     def has(self, *names: str) -> bool:
-        """Whether all these fields are there, as numbers."""
+        """Return whether the scan has all these fields, as numbers."""
         return set(names) <= {field.name for field in self.fields if field.kind != STRING}
 
 
 def find_scans(root: Element, source: Source) -> tuple[E57Scan, ...]:
-    """The scans, those without a point too.
+    """Return the scans, including those without points.
 
-    Raises InputError when there is none, or when one does not say what its points are.
+    Raises InputError when there is none, or when one does not declare its points.
     """
     if root.name != "e57Root":
         raise fault(source, f"its XML begins with {shown(root.name)}, not with e57Root")
@@ -108,7 +108,7 @@ def _integer(element: Element, attribute: str, default: int | None) -> int:
 
 
 def _field(element: Element) -> Field:
-    """A field and its packing: floats whole, integers in as many bits as their range needs."""
+    """Return a field and its packing: floats whole, integers in the bits their range needs."""
     kind = element.attributes.get("type", "")
     if kind == FLOAT:
         single = element.attributes.get("precision", "double") == "single"
@@ -125,10 +125,11 @@ def _field(element: Element) -> Field:
 
 
 def _part(name: str, pose: Element | None) -> RawPart:
-    """The scan's pose, from a unit quaternion and a translation.
+    """Return the scan with its pose, from a unit quaternion and a translation.
 
-    A part that is not there, or the quaternion 0 0 0 0, moves nothing: until 2022 libE57Format and
-    pye57 wrote that quaternion by default, and CloudCompare reads it so. Others are normalised.
+    A missing translation is zero; a missing rotation, or the quaternion 0 0 0 0, is the identity:
+    until 2022 libE57Format and pye57 wrote it by default, and CloudCompare reads it so. Other
+    quaternions are normalised.
     """
     if pose is None:
         return RawPart(name)
@@ -138,9 +139,9 @@ def _part(name: str, pose: Element | None) -> RawPart:
     norm = math.hypot(*quaternion)
     note = ""
     if pose.find("rotation") is None:
-        note = "its pose has no rotation: nothing is turned"
+        note = "its pose has no rotation: taken as the identity"
     elif norm == 0.0:
-        note = "the quaternion of its pose is 0 0 0 0: nothing is turned"
+        note = "the quaternion of its pose is 0 0 0 0: taken as the identity"
     else:
         T[:3, :3] = _rotation(*(part / norm for part in quaternion))
         if abs(norm - 1.0) > UNIT:

@@ -1,6 +1,6 @@
-"""The binary section of one scan in an E57 file: do its packets hold the declared points?
+"""Check that the packets of each scan in an E57 file hold the declared points.
 
-Format: ASTM E2807-11, 9.3. Packets of at most 64 kB carry a piece of one stream a field.
+Format: ASTM E2807-11, 9.3. Packets of at most 64 kB carry a piece of one stream per field.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def _check_streams(pages: Pages, scan: E57Scan, first: int, end: int) -> None:
     streams = [0] * len(scan.fields)
     for lengths in _packets(pages, scan, first, end):
         streams = [held + more for held, more in zip(streams, lengths, strict=True)]
-    # Constants take no bytes, so that nothing but the file's size bounds their number.
+    # Constants take no bytes: only the file's size bounds their number.
     held = [
         8 * stream // field.bits if field.bits else pages.size
         for field, stream in zip(scan.fields, streams, strict=True)
@@ -48,7 +48,7 @@ def _check_streams(pages: Pages, scan: E57Scan, first: int, end: int) -> None:
 
 
 def _exceeds(field: Field, stream: int, rows: int) -> bool:
-    """Whether a stream has room for a point more, beyond what fills a writer's last register."""
+    """Return whether a stream holds a further point, beyond a writer's last register."""
     if not field.bits or field.kind == STRING:
         return False
     slack = REGISTER_BITS if field.kind in INTEGERS else 0
@@ -56,7 +56,7 @@ def _exceeds(field: Field, stream: int, rows: int) -> bool:
 
 
 def _packets(pages: Pages, scan: E57Scan, at: int, end: int) -> Iterator[list[int]]:
-    """The bytes of each stream in each data packet."""
+    """Yield the bytes of each stream in each data packet."""
     source = pages.source
     left = SMALLEST_NUMBER + (end - at) // LEAST_MEAN_BYTES
     head = struct.Struct(f"<BBHH{len(scan.fields)}H")
@@ -70,14 +70,14 @@ def _packets(pages: Pages, scan: E57Scan, at: int, end: int) -> Iterator[list[in
             known = kind in (INDEX_PACKET, EMPTY_PACKET)
         left -= 1
         if not known or size % 4 or size > end - at or left < 0:
-            raise fault(source, f"the packet at logical byte {at} is none of its points", DAMAGED)
+            raise fault(source, f"the packet at logical byte {at} is not of its points", DAMAGED)
         if kind == DATA_PACKET:
             yield held
         at += size
 
 
 def _extent(pages: Pages, scan: E57Scan) -> tuple[int, int]:
-    """Logical offsets of the first packet and of the end of the section."""
+    """Return the logical offsets of the first packet and of the end of the section."""
     source, at = pages.source, pages.logical(scan.points_at)
     fact = f"the points of its scan {scan.part.name} are not within it"
     if scan.points_at < 0 or at < 0 or at + _SECTION.size > pages.size:

@@ -1,4 +1,4 @@
-"""The XML of an E57 file as a tree, without anything that could grow while it is read."""
+"""Parser of the XML of an E57 file, within limits of depth and size, without entities."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAX_ELEMENTS = 400_000
 
 @dataclass
 class Element:
-    """An element; its name is without the namespace where that is the standard's own."""
+    """An XML element; its name is without the namespace where that is the standard's own."""
 
     name: str
     attributes: dict[str, str]
@@ -25,31 +25,31 @@ class Element:
 
     @property
     def text(self) -> str:
-        """What stands in it, apart from its children."""
+        """Text of the element, without that of its children."""
         return "".join(self.pieces)
 
     def find(self, *names: str) -> Element | None:
-        """The first descendant by a path of names."""
+        """Return the first descendant by a path of names."""
         if not names:
             return self
         child = next((child for child in self.children if child.name == names[0]), None)
         return child and child.find(*names[1:])
 
     def each(self, *names: str) -> Iterator[Element]:
-        """The children of the descendant by a path of names."""
+        """Iterate over the children of the descendant by a path of names."""
         found = self.find(*names)
         return iter(found.children if found else ())
 
 
 class _RefusedError(Exception):
-    """What this project does not read of XML, though expat would."""
+    """XML that expat would accept and this reader refuses."""
 
 
 def parse_xml(text: bytes, source: Source) -> Element:
-    """The root element.
+    """Return the root element.
 
-    Raises InputError for what is no XML, declares a document type or an entity, or nests or
-    branches beyond any scan file.
+    Raises InputError for invalid XML, for a document type or an entity, and for more depth or
+    elements than any scan file has.
     """
     root = Element("", {})
     open_elements, count = [root], 0

@@ -1,1 +1,1 @@
-"""TODO."""
+"""One module per file format, and the line and record parsers that they share."""

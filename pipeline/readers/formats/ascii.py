@@ -1,4 +1,4 @@
-"""Tables of numbers in text, every line accounted for."""
+"""Parser of tables of numbers in text, which accounts for every line."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ _COMMA_NUMBER = re.compile(
 
 
 def has_decimal_comma(line: str, delimiter: str | None) -> bool:
-    """Whether the commas of a data line can only be decimal ones: never between fields.
+    """Return whether the commas of a data line can only be decimal commas.
 
-    Where nothing but commas separates, they separate: `1,5,2,5` is four numbers.
+    Commas that are the only separators do separate: `1,5,2,5` is four numbers.
     """
     fields = content(line).split(delimiter)
     return (
@@ -37,7 +37,7 @@ def has_decimal_comma(line: str, delimiter: str | None) -> bool:
 
 
 def content(line: str) -> str:
-    """A line without its comment and the blanks around it."""
+    """Return a line without its comment and surrounding blanks."""
     return line.partition("#")[0].partition("//")[0].strip()
 
 
@@ -49,11 +49,11 @@ def table_blocks(
     line: int,
     limit: int | None = None,
 ) -> Iterator[Table]:
-    """Rows of `columns` numbers until the end, or until there are `limit` of them.
+    """Yield tables of rows of `columns` numbers until the end, or until `limit` rows.
 
-    lines: the next one being number `line` of the file.
+    lines: the next one is line number `line` of the file.
     delimiter: None for runs of blanks. Comments and blank lines are not rows.
-    Raises InputError that names the first line that is not such a row.
+    Raises InputError that names the first line that is no such row.
     """
     left, comma = limit, None
     with _memory_file() as memory:
@@ -70,7 +70,7 @@ def table_blocks(
 
 @contextmanager
 def _memory_file() -> Iterator[int]:
-    """A file in memory, by its descriptor."""
+    """Open a file in memory, by its descriptor."""
     descriptor = os.memfd_create("table")
     try:
         yield descriptor
@@ -79,7 +79,7 @@ def _memory_file() -> Iterator[int]:
 
 
 def _decimal_mark(piece: str, delimiter: str | None) -> bool | None:
-    """Whether the numbers have decimal commas; None when no number tells."""
+    """Return whether the numbers have decimal commas; None if all are integers."""
     if delimiter == ",":
         return False
     for line in io.StringIO(piece):
@@ -95,10 +95,10 @@ def _decimal_mark(piece: str, delimiter: str | None) -> bool | None:
 def _parse_fast(
     piece: str, columns: int, delimiter: str | None, comma: bool, memory: int
 ) -> Table | None:
-    """Read with the C parser of numpy; None when it does not find a table of the right width.
+    """Parse with numpy's C parser; None when it finds no table of the right width.
 
-    The piece goes through a file: from a path numpy reads in blocks, 1.15 times as fast as from
-    anything else, which it reads line by line.
+    The piece goes through a file: numpy reads a path in blocks, 1.15 times as fast as other
+    sources, which it reads line by line.
     """
     if not content(piece[: piece.find("\n")]) and not any(map(content, io.StringIO(piece))):
         return np.empty((0, columns))
@@ -124,7 +124,7 @@ def _parse_slowly(
     line: int,
     comma: bool,
 ) -> Table:
-    """Line by line, to name the first one that is wrong; also where '//' comments are read."""
+    """Parse line by line, to name the first wrong line and to handle '//' comments."""
     rows = []
     for number, text in enumerate(io.StringIO(piece), start=line):
         data = content(text)
@@ -133,7 +133,7 @@ def _parse_slowly(
         fields = [field.strip() for field in data.split(delimiter)]
         if len(fields) != columns:
             fact = f"line {number} has {len(fields)} columns instead of {columns}: {shown(data)}"
-            raise fault(source, fact, "mend the line or export again")
+            raise fault(source, fact, "correct the line or export again")
         if comma and "." in data:
             fact = f"line {number} has decimal points, those above it have commas: {shown(data)}"
             raise fault(source, fact, "export again")
@@ -142,6 +142,6 @@ def _parse_slowly(
         for field in fields:
             if not is_number(field):
                 fact = f"line {number} holds {shown(field)}, which is not a number: {shown(data)}"
-                raise fault(source, fact, "mend the line or export again")
+                raise fault(source, fact, "correct the line or export again")
         rows.append([float(field) for field in fields])
     return np.array(rows, dtype=np.float64).reshape(len(rows), columns)

@@ -1,4 +1,4 @@
-"""Fixed-size binary records, read in chunks that stay in the cache."""
+"""Reader of fixed-size binary records, in chunks that stay in the cache."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def record_blocks(
     itemsize: int,
     layout: Layout,
 ) -> Iterator[Block]:
-    """`count` records of `itemsize` bytes from the current position.
+    """Yield blocks of `count` records of `itemsize` bytes from the current position.
 
-    formats, offsets: numpy scalar type and byte offset of each column that `layout` names.
-    The caller has checked that the file holds them.
+    formats, offsets: numpy scalar type and byte offset of each column that `layout` refers to.
+    The caller has checked that the file holds the records.
     """
     rows = max(1, CHUNK_BYTES // itemsize)
     buffer = bytearray(rows * itemsize)
@@ -36,12 +36,14 @@ def record_blocks(
         wanted = min(rows, count - done)
         read_exactly(source, memoryview(buffer)[: wanted * itemsize])
         x, y, z = (columns[column][:wanted] for column in layout.xyz)
-        shade = None if layout.intensity is None else columns[layout.intensity][:wanted]
-        yield Block((x, y, z), shade)
+        intensity = None if layout.intensity is None else columns[layout.intensity][:wanted]
+        yield Block((x, y, z), intensity)
         done += wanted
 
 
 def read_exactly(source: Source, into: memoryview) -> None:
-    """Fill the buffer, or say that the file shrank since its size was checked."""
+    """Fill the buffer. Raises InputError if the file shrank since its size was checked."""
     if source.stream.readinto(into) != len(into):
-        raise fault(source, "the file was cut while it was read", "wait for its writer, then retry")
+        raise fault(
+            source, "the file was cut while it was read", "wait until it is written, then retry"
+        )

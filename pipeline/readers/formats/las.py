@@ -1,7 +1,7 @@
-"""LAS and LAZ: integer coordinates with a scale and an offset.
+"""LAS and LAZ reader: integer coordinates with a scale and an offset.
 
-Format: ASPRS LAS 1.0 to 1.4 (R15). LAS is read as the plain records that it is; LAZ is
-decompressed by laz-rs in a child. Points flagged synthetic or withheld are points like all.
+Format: ASPRS LAS 1.0 to 1.4 (R15). LAS is read as plain records; LAZ is decompressed by laz-rs in
+a child. Points flagged synthetic or withheld are kept.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..sandbox.process import DAMAGED, Job
 from ..source import Block, Layout, RawCloud, Source
 from .binary import record_blocks
 
-# X, Y, Z and the intensity stand first in every point format.
+# X, Y, Z and the intensity come first in every point format.
 FORMATS, OFFSETS = ["<i4", "<i4", "<i4", "<u2"], [0, 4, 8, 12]
 LAYOUT = Layout((0, 1, 2), 3)
 SLOT_BYTES = 8 << 20
@@ -34,7 +34,7 @@ _CHUNKS = struct.Struct("<II")  # version of the table, chunks
 
 
 def read_las(source: Source) -> RawCloud:
-    """X, Y, Z and the intensity of a LAS or LAZ file of any point format."""
+    """Read X, Y, Z and the intensity of a LAS or LAZ file of any point format."""
     header = read_header(source)
     if header.compressed:
         library = find_library("lazrs", "LAZ", "las", source)
@@ -97,7 +97,7 @@ def _records(header: LasHeader, job: Job, source: Source) -> Iterator[Block]:
 
 
 def _chunk_points(header: LasHeader, source: Source) -> int:
-    """The points of a chunk, from a record whose items make up the point."""
+    """Return the points of a chunk, from the LASzip record, whose items must make up a point."""
     record = header.laszip
     if len(record) >= _LASZIP.size:
         compressor, coder, points, items = _LASZIP.unpack_from(record)
@@ -106,14 +106,14 @@ def _chunk_points(header: LasHeader, source: Source) -> int:
             sizes = [size for _, size, _ in _ITEM.iter_unpack(listed)]
             if sum(sizes) == header.point_bytes:
                 return int(points)
-    raise fault(source, "its record on the compression does not fit its points")
+    raise fault(source, "its LASzip record does not fit its points")
 
 
 def _check_chunks(header: LasHeader, source: Source, chunk_points: int) -> None:
-    """The table of chunks lies after them, and its chunks hold the declared points."""
+    """Check the table of chunks, which follows them: they hold the declared points."""
     first = header.points_at + 8
     table_at = _int_at(source, header.points_at, first)
-    if table_at == -1:  # written to a pipe: the place stands at the end of the file
+    if table_at == -1:  # written to a pipe: the offset is at the end of the file
         table_at = _int_at(source, source.size - 8, source.size)
     if not first <= table_at <= source.size - _CHUNKS.size:
         raise fault(source, f"its table of chunks should be at byte {table_at}", DAMAGED)
@@ -155,11 +155,11 @@ _LONG_RECORD = struct.Struct("<2x16sHQ32x")
 
 @dataclass(frozen=True)
 class LasHeader:
-    """What is needed of a header to find the points.
+    """The part of a header that is needed to find the points.
 
-    points_at, end: bytes of the file between which they lie.
+    points_at, end: bytes of the file between which the points lie.
     coordinate = scale * integer + shift, in the file's unit.
-    laszip: the record that says how they are compressed, b"" when they are not.
+    laszip: the record that describes the compression, b"" for LAS.
     """
 
     count: int
@@ -174,7 +174,7 @@ class LasHeader:
 
 
 def read_header(source: Source) -> LasHeader:
-    """The header of a LAS or LAZ file.
+    """Read the header of a LAS or LAZ file.
 
     Raises InputError when it contradicts itself or the size of the file.
     """
@@ -186,8 +186,8 @@ def read_header(source: Source) -> LasHeader:
         raise fault(source, f"LAS version {major}.{minor} is not 1.0 to 1.4", "export LAS 1.4")
     header_bytes, points_at, records, kind, point_bytes, count = _FRONT.unpack_from(head, 94)
     if header_bytes < HEADER_BYTES[minor] or not header_bytes <= points_at <= source.size:
-        places = f"the header takes {header_bytes} bytes, its points begin at {points_at}"
-        raise fault(source, f"{places}, the file has {source.size}", INCOMPLETE)
+        fact = f"the header takes {header_bytes} bytes, its points begin at {points_at}"
+        raise fault(source, f"{fact}, the file has {source.size}", INCOMPLETE)
     point_format = kind & ~COMPRESSED
     if point_format >= len(POINT_BYTES) or point_bytes < POINT_BYTES[point_format]:
         raise fault(source, f"it has points of the format {point_format} in {point_bytes} bytes")
@@ -209,7 +209,7 @@ def read_header(source: Source) -> LasHeader:
     ]
     compressed = kind & COMPRESSED != 0
     if compressed and len(laszip) != 1:
-        raise fault(source, f"it is compressed, and has {len(laszip)} records that say how")
+        raise fault(source, f"it is compressed, and has {len(laszip)} LASzip records")
     return LasHeader(
         count,
         point_format,
@@ -224,14 +224,14 @@ def read_header(source: Source) -> LasHeader:
 
 
 def _one_count(source: Source, legacy: int, count: int) -> int:
-    """Version 1.4 states the count twice; the older field is 0 where it cannot hold it."""
+    """Return the count, stated twice since version 1.4; the older field may be 0."""
     if legacy not in (0, count):
         raise fault(source, f"the header declares {count} points, and {legacy} for old readers")
     return count
 
 
 def _end_of_points(source: Source, points_at: int, long_at: int, records: int) -> int:
-    """Where the extended records, which stand after the points, begin; they must all be there."""
+    """Return where the extended records begin, after the points; check that all are there."""
     if not records:
         return source.size
     at = long_at

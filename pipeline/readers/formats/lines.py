@@ -1,4 +1,4 @@
-"""The lines of a text file, in pieces that numpy parses fast; LF, CR or both end a line."""
+"""Lines of a text file, in pieces that numpy parses fast; LF, CR or both end a line."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NUMBER = re.compile(
 
 
 class Lines:
-    """Reads on from where `text` stands; `first` comes before it; `edit` is applied to pieces."""
+    """Lines of `text` from its position, after the line `first`; `edit` is applied to pieces."""
 
     def __init__(
         self, text: TextIO, first: str = "", edit: Callable[[str], str] | None = None
@@ -31,11 +31,11 @@ class Lines:
         self._left: int | None = None
 
     def end_after(self, count: int | None) -> None:
-        """Let the text seem to end after that many more lines; None for its own end."""
+        """Set the end after `count` more lines; None for the end of the text."""
         self._left = count
 
     def piece(self, most: int | None = None) -> str:
-        """Some whole lines, at most that many; an empty string at the end."""
+        """Return some whole lines, at most `most`; an empty string at the end."""
         if self._left is not None:
             most = self._left if most is None else min(most, self._left)
         piece = self._cut(self._ahead or self._text.read(_PIECE), most)
@@ -44,20 +44,20 @@ class Lines:
         return piece if self._edit is None else self._edit(piece)
 
     def skip(self, lines: int) -> None:
-        """Pass that many lines, or all that are left."""
+        """Skip that many lines, or all that are left."""
         while lines and (piece := self.piece(lines)):
             lines -= count_of_lines(piece)
 
     def skip_rows(self, rows: int) -> int:
-        """Pass that many lines that are not blank; the number of lines passed."""
-        passed = 0
+        """Skip that many non-blank lines; return the number of lines skipped."""
+        skipped = 0
         while rows and (piece := self.piece(rows)):
-            passed += count_of_lines(piece)
+            skipped += count_of_lines(piece)
             rows -= rows_of(piece)
-        return passed
+        return skipped
 
     def rows_left(self) -> int:
-        """Pass all lines; how many are not blank."""
+        """Skip all lines; return how many are not blank."""
         return sum(rows_of(piece) for piece in iter(self.piece, ""))
 
     def _cut(self, piece: str, most: int | None) -> str:
@@ -76,35 +76,35 @@ class Lines:
 
 
 def pass_lines(stream: BufferedReader, count: int) -> int:
-    """Read past at most `count` lines that end with LF; how many there were."""
+    """Read past at most `count` lines that end with LF; return how many there were."""
     return sum(1 for _ in islice(stream, count))
 
 
 def count_of_lines(piece: str) -> int:
-    """Lines of a piece, the last one with or without its end."""
+    """Count the lines of a piece, the last one with or without its end."""
     return _line_feeds(piece.encode("utf-8", "replace")) + (piece[-1:] not in ("", "\n"))
 
 
 def _line_feeds(data: bytes) -> int:
-    """As `data.count`, three times as fast for short lines."""
+    """Count the line feeds, three times as fast as `data.count` for short lines."""
     return int(np.count_nonzero(np.frombuffer(data, np.uint8) == _LF))
 
 
 def rows_of(piece: str) -> int:
-    """Lines of a piece that are not blank."""
+    """Count the lines of a piece that are not blank."""
     return sum(not line.isspace() for line in piece.splitlines(keepends=True))
 
 
 def is_number(text: str) -> bool:
-    """Whether the text is one number, nan and inf included."""
+    """Return whether the text is one number, nan and inf included."""
     return _NUMBER.fullmatch(text) is not None
 
 
 def count_lines(source: Source) -> int:
-    """Lines from here to the end, at most; a line end is LF, CR or both; the stream is put back.
+    """Count the lines from here to the end, an upper bound; the stream keeps its position.
 
-    The last line may lack its end. Raises InputError where it then is evidently cut: its last
-    number has fewer decimals than those above it, which all have as many.
+    A line ends with LF, CR or both; the last may lack its end. Raises InputError if it is then
+    evidently cut: its last number has fewer decimals than those above it, which all have as many.
     """
     start, lines, last = source.stream.tell(), 0, b""
     while chunk := source.stream.read(_PIECE):
@@ -126,7 +126,7 @@ def count_lines(source: Source) -> int:
 
 
 def _is_cut(tail: bytes) -> bool:
-    """Whether the last number is shorter than those above it, or has none above it to compare."""
+    """Return whether the last number is shorter than those above it, or the only one."""
     rows = [row.split() for row in re.sub(rb"[,;]", b" ", tail).splitlines()]
     last = [row[-1].decode("latin-1") for row in rows if row and not row[0].startswith(b"#")]
     decimals = [len(number.partition(".")[2]) for number in last if is_number(number)]

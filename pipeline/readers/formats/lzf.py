@@ -1,4 +1,4 @@
-"""LZF decompression, as PCD's binary_compressed data use it.
+"""LZF decompression, for PCD's binary_compressed data.
 
 Format: Marc Lehmann's liblzf. A control byte below 32 is followed by that many + 1 literal bytes;
 any other refers back: 3 bits of length (7: one more byte follows), 13 bits of distance.
@@ -35,16 +35,16 @@ def decompress(packed: bytes, size: int) -> bytearray:
             if length == 9:
                 at += 1
                 length += packed[at]
-            made = len(out)
-            start = made - ((control & 31) << 8) - packed[at + 1] - 1
+            written = len(out)
+            start = written - ((control & 31) << 8) - packed[at + 1] - 1
             at += 2
-            if start < 0 or made > size:
+            if start < 0 or written > size:
                 raise ValueError("a back reference leaves the data")
-            if start + length <= made:
+            if start + length <= written:
                 out += out[start : start + length]
             else:
                 # The copy runs into what it writes: the piece repeats.
-                out += (out[start:] * (length // (made - start) + 1))[:length]
+                out += (out[start:] * (length // (written - start) + 1))[:length]
             full_runs = 0
     except IndexError:
         raise ValueError("a back reference is cut") from None
@@ -54,7 +54,7 @@ def decompress(packed: bytes, size: int) -> bytearray:
 
 
 def _copy_full_runs(packed: bytes, at: int, out: bytearray) -> int:
-    """Append the literal runs of 32 bytes that follow each other; where they end."""
+    """Append successive literal runs of 32 bytes; return the position behind them."""
     step = 64
     while runs := min(step, (len(packed) - at) // 33):
         table = np.frombuffer(packed, np.uint8, runs * 33, at).reshape(runs, 33)

@@ -1,4 +1,4 @@
-"""STL and OBJ: the vertices of a mesh as points, or points sampled on its surface by area."""
+"""STL and OBJ reader: the vertices of a mesh, or points sampled on its surface by area."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from .ascii import table_blocks
 from .lines import Lines
 
 _STL_HEAD, _STL_TRIANGLE = 84, 50
-_PARSED_PER_BYTE = 12  # what trimesh takes to read text, measured
-_SAMPLED_BYTES = 200  # what trimesh takes for a point
+_PARSED_PER_BYTE = 12  # bytes of memory that trimesh takes per byte of text, measured
+_SAMPLED_BYTES = 200  # that trimesh takes per sampled point
 _VERTEX = ("v ", "v\t")
 _SEED = 0
 
 
 def read_obj(source: Source) -> RawCloud:
-    """Every `v` line, used by a face or not."""
+    """Read every `v` line, used by a face or not."""
     count, first = 0, ""
     for line in source.text:
         if line.startswith(_VERTEX):
@@ -49,19 +49,19 @@ def _vertex_lines(columns: int, source: Source) -> Iterator[Block]:
 
 
 def _only_vertices(piece: str) -> str:
-    """The numbers of `v` lines; all else becomes a blank line, so that lines keep their number."""
+    """Return the numbers of `v` lines, other lines blank, so that lines keep their number."""
     return "".join(line[1:] if line[:2] in ("v ", "v\t") else "\n" for line in io.StringIO(piece))
 
 
 def read_stl(source: Source) -> RawCloud:
-    """The corners of the triangles, each once."""
+    """Read the corners of the triangles, each once."""
     corners = _triangles(source).reshape(-1, 3)
     _, first = np.unique(corners, axis=0, return_index=True)
     return _cloud(corners[np.sort(first)])
 
 
 def sample_stl(source: Source, count: int) -> RawCloud:
-    """`count` points on the surface."""
+    """Sample `count` points on the surface."""
     import trimesh
 
     triangles = _triangles(source)
@@ -71,12 +71,12 @@ def sample_stl(source: Source, count: int) -> RawCloud:
 
 
 def sample_obj(source: Source, count: int) -> RawCloud:
-    """`count` points on the surface."""
+    """Sample `count` points on the surface."""
     return _sampled(_load(source, "obj"), count, source)
 
 
 def _triangles(source: Source) -> Array:
-    """Corners (T, 3, 3) of an STL file whose length is as it must be."""
+    """Read the corners (T, 3, 3) of an STL file, whose length is checked."""
     import trimesh
 
     declared = _declared_triangles(source)
@@ -92,7 +92,7 @@ def _triangles(source: Source) -> Array:
 
 
 def _declared_triangles(source: Source) -> int:
-    """As many as a binary header says, or as text has; the stream is put back to the start."""
+    """Return the number that a binary header declares, or that text holds; rewind the stream."""
     head = source.stream.read(_STL_HEAD)
     source.stream.seek(0)
     if head.lstrip()[:5].lower() == b"solid" and b"\0" not in head:
@@ -148,7 +148,7 @@ def _sampled(mesh: Any, count: int, source: Source) -> RawCloud:
     with _silence():
         area = float(getattr(mesh, "area", 0.0))
         if not (isinstance(mesh, trimesh.Trimesh) and 0.0 < area < np.inf):
-            raise fault(source, "it has no faces to sample", "read its vertices, without sampling")
+            raise fault(source, "it has no faces to sample", "read its vertices, without --sample")
         points, _ = trimesh.sample.sample_surface(mesh, count, seed=_SEED)
     return _cloud(np.asarray(points, dtype=np.float64))
 

@@ -1,4 +1,4 @@
-"""NPY arrays (N, 3) or (N, 4).
+"""NPY reader: arrays (N, 3) or (N, 4).
 
 Format: numpy.lib.format, versions 1.0 and 2.0 (3.0 is for structured arrays only).
 """
@@ -26,7 +26,7 @@ _LONGEST_HEADER = 1 << 16
 
 @dataclass(frozen=True)
 class Header:
-    """What an NPY header declares; the array's bytes follow."""
+    """An NPY header; the array's bytes follow it."""
 
     dtype: np.dtype[Any]
     fortran_order: bool
@@ -34,11 +34,11 @@ class Header:
 
 
 def read_npy(source: Source) -> RawCloud:
-    """Rows x y z, or x y z intensity, of any real dtype, byte order and memory order."""
+    """Read rows x y z, or x y z intensity, of any real dtype, byte order and memory order."""
     header = read_header(source)
     if len(header.shape) != 2 or header.shape[1] not in (3, 4):
-        mend = "save rows of x y z or of x y z intensity"
-        raise fault(source, f"the array has the shape {shown(str(header.shape))}", mend)
+        action = "save rows of x y z or of x y z intensity"
+        raise fault(source, f"the array has the shape {shown(str(header.shape))}", action)
     check_size(source, header)
     rows, columns = header.shape
     layout = Layout((0, 1, 2), 3 if columns == 4 else None)
@@ -64,7 +64,7 @@ def check_size(source: Source, header: Header) -> None:
 
 
 def read_header(source: Source) -> Header:
-    """Read up to the array. Raises InputError for one that is not of plain numbers."""
+    """Read up to the array. Raises InputError for an array that is not of plain numbers."""
     prefix = source.stream.read(8)
     form = _LENGTH_FORMATS.get(prefix[6:8])
     if len(prefix) == 8 and form is None:
@@ -103,7 +103,7 @@ def _checked(source: Source, descr: object, shape: object, fortran_order: object
 
 
 def _column_blocks(source: Source, header: Header) -> Iterator[Block]:
-    """Blocks of an array that stores one column after the other."""
+    """Yield the blocks of an array that stores one column after the other."""
     start, itemsize = source.stream.tell(), header.dtype.itemsize
     rows, count = header.shape
     step = CHUNK_BYTES // itemsize

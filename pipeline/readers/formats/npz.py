@@ -1,4 +1,4 @@
-"""NPZ: one array of points in a zip of NPY arrays, and perhaps its intensities."""
+"""NPZ reader: one array of points in a zip of NPY arrays, and optionally its intensities."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _INTENSITY = "intensity"
 
 
 def read_npz(source: Source) -> RawCloud:
-    """The array called points or xyz, or the only one, and the one called intensity."""
+    """Read the array called points or xyz, or the only one, and the one called intensity."""
     folder = Path(source.stack.enter_context(tempfile.TemporaryDirectory(prefix="wheelplane-")))
     with open_archive(source.path, source.name, folder) as archive:
         members = {member.name.removesuffix(".npy"): member for member in archive.members}
-        shade = members.pop(_INTENSITY, None)
+        intensity = members.pop(_INTENSITY, None)
         points = _choose(members, source)
-        archive.unpack(folder, (points,) if shade is None else (points, shade))
+        archive.unpack(folder, (points,) if intensity is None else (points, intensity))
     cloud = read_npy(_opened(folder, points, source))
-    if shade is None:
+    if intensity is None:
         return cloud
     if cloud.has_intensity:
         raise fault(source, "it holds an intensity twice", "save x y z and intensity once")
-    shades = _vector(_opened(folder, shade, source), cloud.rows)
-    return replace(cloud, has_intensity=True, blocks=_with_intensity(cloud, shades))
+    values = _vector(_opened(folder, intensity, source), cloud.rows)
+    return replace(cloud, has_intensity=True, blocks=_with_intensity(cloud, values))
 
 
 def _choose(members: dict[str, Member], source: Source) -> Member:
@@ -50,7 +50,7 @@ def _opened(folder: Path, member: Member, source: Source) -> Source:
 
 
 def _vector(source: Source, rows: int) -> Column:
-    """An array (rows,), mapped into memory rather than read."""
+    """Map an array (rows,) into memory."""
     header = read_header(source)
     if header.shape != (rows,):
         fact = f"it has the shape {header.shape}, the points are {rows}"
@@ -60,9 +60,9 @@ def _vector(source: Source, rows: int) -> Column:
     return np.memmap(source.path, header.dtype, "r", offset, (rows,)) if rows else np.empty(0)
 
 
-def _with_intensity(cloud: RawCloud, shades: Column) -> Iterator[Block]:
+def _with_intensity(cloud: RawCloud, values: Column) -> Iterator[Block]:
     done = 0
     for block in cloud.blocks:
         count = len(block.xyz[0])
-        yield replace(block, intensity=shades[done : done + count])
+        yield replace(block, intensity=values[done : done + count])
         done += count

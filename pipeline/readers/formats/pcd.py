@@ -1,4 +1,4 @@
-"""PCD: ascii, binary and binary_compressed."""
+"""PCD reader: ascii, binary and binary_compressed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _PAGES = (4096, 16384, 65536)
 
 
 def read_pcd(source: Source) -> RawCloud:
-    """The declared points, with the field `intensity` if there is one."""
+    """Read the declared points, with the field `intensity` if there is one."""
     header = read_header(source)
     blocks = {"ascii": _ascii, "binary": _binary, "binary_compressed": _compressed}[
         header.encoding
@@ -67,7 +67,7 @@ def _binary(header: PcdHeader, source: Source) -> Iterator[Block]:
 
 
 def _compressed(header: PcdHeader, source: Source) -> Iterator[Block]:
-    """Field after field, all points of each, packed as one piece behind its two sizes."""
+    """Return the block: one packed piece behind its two sizes, field after field."""
     incomplete = "the copy is incomplete; copy it again"
     sizes = source.stream.read(8)
     if len(sizes) < 8:
@@ -101,12 +101,12 @@ def _compressed_blocks(
         for field, start in zip(header.fields, starts[:-1], strict=True)
     ]
     x, y, z = (columns[index] for index in header.layout.xyz)
-    shade = None if header.layout.intensity is None else columns[header.layout.intensity]
-    yield Block((x, y, z), shade)
+    intensity = None if header.layout.intensity is None else columns[header.layout.intensity]
+    yield Block((x, y, z), intensity)
 
 
 def _check_end(header: PcdHeader, source: Source, size: int) -> None:
-    """Nothing may follow `size` bytes from here but the zeros of PCL's last page."""
+    """Raise InputError if more follows `size` bytes from here than the zeros of PCL's last page."""
     start = source.stream.tell()
     extra = source.size - start - size
     # In compressed files the two sizes, 8 bytes, are part of the data.
@@ -140,7 +140,7 @@ class PcdField:
 
 @dataclass(frozen=True)
 class PcdHeader:
-    """points: declared; lines: of the header; layout: indices into `fields`."""
+    """A PCD header. points: declared; lines: of the header; layout: indices into `fields`."""
 
     fields: tuple[PcdField, ...]
     points: int
@@ -212,7 +212,7 @@ def _field(name: str, size: str, kind: str, count: str, source: Source) -> PcdFi
 
 
 def _points(entries: dict[str, list[str]], source: Source) -> int:
-    """POINTS, or WIDTH x HEIGHT, or both when they agree."""
+    """Return POINTS, or WIDTH x HEIGHT; both must agree."""
     found = {
         key: _whole(" ".join(entries[key]), key, source)
         for key in ("WIDTH", "HEIGHT", "POINTS")

@@ -1,4 +1,4 @@
-"""PLY: ascii and binary, the vertices of a cloud or of a mesh."""
+"""PLY reader, ascii and binary: the vertices of a cloud or of a mesh."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from .lines import Lines, count_lines
 
 
 def read_ply(source: Source) -> RawCloud:
-    """The vertices; other elements are only checked to be there."""
+    """Read the vertices; other elements are only checked for completeness."""
     header = read_header(source)
     vertex = header.vertex
     if vertex.has_list:
-        mend = "export it without list properties of vertex"
-        raise fault(source, "its vertices have a list property", mend)
+        action = "export it without list properties of vertex"
+        raise fault(source, "its vertices have a list property", action)
     try:
         layout = find_layout([prop.name for prop in vertex.properties])
     except ValueError as error:
@@ -95,7 +95,7 @@ _MOST_LINES = 5000
 
 @dataclass(frozen=True)
 class PlyProperty:
-    """form: numpy scalar type without byte order; count_form: that of a list's length, or None."""
+    """A property: numpy scalar type without byte order, and that of a list's length, or None."""
 
     name: str
     form: str
@@ -109,7 +109,7 @@ class PlyProperty:
 
 @dataclass(frozen=True)
 class PlyElement:
-    """`count` records of the same properties."""
+    """An element: `count` records of the same properties."""
 
     name: str
     count: int
@@ -117,7 +117,7 @@ class PlyElement:
 
     @property
     def has_list(self) -> bool:
-        """Whether its records differ in length."""
+        """True if its records may differ in length."""
         return any(prop.count_form for prop in self.properties)
 
     @property
@@ -128,7 +128,7 @@ class PlyElement:
 
 @dataclass(frozen=True)
 class PlyHeader:
-    """order: "<" or ">", "" for ascii; lines: of the header, end_header included."""
+    """A PLY header. order: "<" or ">", "" for ascii; lines: of the header, end_header included."""
 
     order: str
     before: list[PlyElement]
@@ -169,8 +169,8 @@ def read_header(source: Source) -> PlyHeader:
 def _split(order: str, elements: list[PlyElement], lines: int, source: Source) -> PlyHeader:
     at = next((i for i, element in enumerate(elements) if element.name == "vertex"), None)
     if at is None:
-        mend = "export a point cloud"
-        raise fault(source, "the PLY header declares no vertex element", mend)
+        action = "export a point cloud"
+        raise fault(source, "the PLY header declares no vertex element", action)
     return PlyHeader(order, elements[:at], elements[at], elements[at + 1 :], lines)
 
 
@@ -227,7 +227,7 @@ def skip_elements(source: Source, elements: list[PlyElement], order: str) -> Non
     """Move the stream behind the elements. Raises InputError when the file ends within them."""
     for element in elements:
         start = source.stream.tell()
-        # A list takes at least its own length's bytes: a lying count fails here, at once.
+        # A list takes at least the bytes of its length: a wrong count fails here, at once.
         shortest = sum(int((prop.count_form or prop.form)[1]) for prop in element.properties)
         end = start + element.count * shortest
         if element.has_list and element.count and end <= source.size:
@@ -239,7 +239,7 @@ def skip_elements(source: Source, elements: list[PlyElement], order: str) -> Non
 
 
 def _list_end(source: Source, element: PlyElement, order: str, start: int) -> int:
-    """Where the records end, beyond the file's size when they do not fit into it."""
+    """Return where the records end, beyond the file's size when they do not fit into it."""
     steps = [
         _Step(
             prop.size, struct.Struct(order + _STRUCT[prop.count_form]) if prop.count_form else None
@@ -274,7 +274,7 @@ def _next_record(data: mmap.mmap, steps: list[_Step], at: int) -> int:
 def _regular(
     data: mmap.mmap, element: PlyElement, steps: list[_Step], start: int, size: int
 ) -> bool:
-    """Whether all records have the lengths of the first, as in a mesh of triangles only."""
+    """Return whether all records are as long as the first, as in a mesh of triangles only."""
     at = start
     for step in steps:
         if step.counter is not None:

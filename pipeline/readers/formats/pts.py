@@ -1,6 +1,6 @@
-"""PTS: blocks of rows x y z [intensity] [red green blue], each below its count, or one without.
+"""PTS reader: blocks of rows x y z [intensity] [red green blue], each after its count.
 
-Intensities are kept as they stand; Leica's run from -2048 to 2047.
+A single block may lack its count. Intensities are kept as they are; Leica's run from -2048 to 2047.
 Format: the text that Leica Cyclone exports; all blocks are in one frame.
 """
 
@@ -15,7 +15,7 @@ from ..source import Block, Layout, RawCloud, RawPart, Source, shown
 from .ascii import table_blocks
 from .lines import Lines, count_lines, pass_lines
 
-# Columns of a row: x y z, with an intensity, with a colour, with both, and a normal besides.
+# Columns of a row: x y z, then an intensity, a colour, both, or both and a normal.
 _LAYOUTS = {
     count: Layout((0, 1, 2), 3 if count in (4, 7, 10) else None) for count in (3, 4, 6, 7, 10)
 }
@@ -25,7 +25,7 @@ _MOST_BLOCKS = 10_000
 
 @dataclass(frozen=True)
 class _Run:
-    """Rows of one block, at most where it has no count; line: of the file, where they begin."""
+    """Rows of one block, an upper bound if it has no count; line: number of its first row."""
 
     rows: int
     line: int
@@ -33,7 +33,7 @@ class _Run:
 
 
 def read_pts(source: Source) -> RawCloud:
-    """All blocks; they are parts without a pose where there are several."""
+    """Read all blocks; several blocks are parts without a pose."""
     lines = count_lines(source)
     runs, first = _index(source, lines)
     columns = len(first.split())
@@ -48,7 +48,7 @@ def read_pts(source: Source) -> RawCloud:
 
 
 def _index(source: Source, lines: int) -> tuple[list[_Run], bytes]:
-    """Where the blocks are, and the first row of numbers."""
+    """Return the position of each block, and the first row of numbers."""
     stream, line = source.stream, 0
     runs: list[_Run] = []
     first = b""

@@ -1,6 +1,6 @@
-"""PTX: posed scans, each a whole raster of rows x y z intensity [red green blue].
+"""PTX reader: posed scans, each a whole raster of rows x y z intensity [red green blue].
 
-Ten lines stand before each raster: its columns and rows, where the scanner stood and its axes (4
+Ten lines precede each raster: its columns and rows, the position of the scanner and its axes (4
 lines), and a 4x4 whose *rows* act on row vectors (x y z 1); only the 4x4 is applied. The raster is
 written column by column; `0 0 0` is a beam without a return.
 Format: http://paulbourke.net/dataformats/ptx/
@@ -30,7 +30,7 @@ _MOST_SCANS = 10_000
 
 @dataclass(frozen=True)
 class _Raster:
-    """columns, rows: of the raster; line: the number in the file of its first row of numbers."""
+    """One raster: its columns and rows, its pose, and the line number of its first row."""
 
     columns: int
     rows: int
@@ -39,12 +39,12 @@ class _Raster:
 
     @property
     def points(self) -> int:
-        """Beams of the raster, with or without a return."""
+        """Number of beams of the raster, with or without a return."""
         return self.columns * self.rows
 
 
 def read_ptx(source: Source) -> RawCloud:
-    """All rasters of the file, each a part with its pose."""
+    """Read all rasters of the file, each a part with its pose."""
     lines = count_lines(source)
     rasters, fields = _index(source, lines)
     source.stream.seek(0)
@@ -54,7 +54,7 @@ def read_ptx(source: Source) -> RawCloud:
 
 
 def _index(source: Source, lines: int) -> tuple[list[_Raster], int]:
-    """The headers, and the number of columns of the first row; the stream ends at its end."""
+    """Return the headers, and the number of columns of the first row; read to the end."""
     rasters: list[_Raster] = []
     fields = line = 0
     while True:
@@ -83,7 +83,7 @@ def _index(source: Source, lines: int) -> tuple[list[_Raster], int]:
 
 
 def _fields(source: Source, start: int, line: int) -> int:
-    """Columns of the row that begins at byte `start`; the stream is put back."""
+    """Count the columns of the row at byte `start`; the stream keeps its position."""
     end = source.stream.tell()
     source.stream.seek(start)
     row = source.stream.readline(_LONGEST_LINE)
@@ -111,7 +111,7 @@ def _raster(head: list[bytes], line: int, source: Source) -> _Raster:
 def _strange(head: list[bytes], at: int, line: int, source: Source) -> InputError:
     if at >= len(head):
         return fault(source, "the file ends within the header of a scan", "copy it again")
-    what = ("the number of columns", "the number of rows", *("the scanner's place",) * 4)
+    what = ("the number of columns", "the number of rows", *("the scanner's position or axis",) * 4)
     meant = what[at] if at < len(what) else "a row of its 4x4"
     return fault(source, f"line {line + at} is not {meant} of a PTX scan: {shown(head[at])}")
 
@@ -125,9 +125,9 @@ def _blocks(rasters: list[_Raster], fields: int, source: Source) -> Iterator[Blo
         lines.end_after(raster.points)
         for table in table_blocks(lines, fields, None, source, raster.line):
             column, row = np.divmod(np.arange(done, done + len(table)), raster.rows)
-            missing = (table[:, :3] == 0.0).all(axis=1)
+            invalid = (table[:, :3] == 0.0).all(axis=1)
             block = layout.block(table)
-            yield Block(block.xyz, block.intensity, (row, column), missing, part)
+            yield Block(block.xyz, block.intensity, (row, column), invalid, part)
             done += len(table)
         if done < raster.points:
             fact = f"scan {part + 1} has {raster.points - done} blank lines among its rows"

@@ -1,7 +1,7 @@
-"""XYZ, CSV and TXT: a point a line.
+"""XYZ, CSV and TXT reader: one point per line.
 
 Columns are separated by commas, semicolons, tabs or blanks. A comma is a decimal comma where
-something else separates (`1,5;2,5;3,5`), and separates where nothing else does (`1,5,2,5`). A first
+there is another separator (`1,5;2,5;3,5`), else it separates (`1,5,2,5`). A first
 line may hold the number of points, the next one the names of the columns; '#' and '//' begin
 comments.
 """
@@ -23,7 +23,7 @@ _MOST_LINES_BEFORE = 100_000
 
 @dataclass(frozen=True)
 class _Preamble:
-    """What stands before the rows.
+    """The lines before the rows.
 
     first: the first data line; line: its number in the file; declared: the count, if given.
     """
@@ -37,7 +37,7 @@ class _Preamble:
 
 
 def read_text(source: Source) -> RawCloud:
-    """Three or more columns of numbers: x y z and perhaps an intensity, or as they are named."""
+    """Read three or more columns: x y z and optionally an intensity, or as the header says."""
     if source.stream.read(3) != codecs.BOM_UTF8:
         source.stream.seek(0)
     lines = count_lines(source)
@@ -67,7 +67,7 @@ def _read_preamble(source: Source) -> _Preamble:
 
 
 def _delimiter(data: str) -> str | None:
-    """What separates the fields of a data line; None for blanks."""
+    """Return the separator of the fields of a data line; None for blanks."""
     for mark in ";\t":
         if mark in data:
             return mark

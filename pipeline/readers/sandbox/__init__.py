@@ -1,1 +1,1 @@
-"""TODO."""
+"""Native decoders in a child process with bounds on memory and time: client, process, worker."""

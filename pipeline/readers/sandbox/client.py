@@ -1,7 +1,7 @@
-"""Native libraries on untrusted files: in a process of its own, with bounds on memory and time.
+"""Decoding of untrusted files by native libraries, in a child with bounds on memory and time.
 
 The child decodes into shared memory, slot after slot; a pipe carries only short messages of fixed
-size, which are believed no more than the file is. Whatever ends the child ends as one InputError.
+size, which are checked as the file is. Whatever ends the child becomes one InputError.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ IDLE_S, IDLE_BYTES_PER_S = 7.0, 20e6
 
 @dataclass(frozen=True)
 class Filled:
-    """Decoded rows of one part, in memory that the next but one overwrites."""
+    """Decoded rows of one part; the memory is overwritten after the next one."""
 
     part: int
     rows: int
@@ -32,9 +32,9 @@ class Filled:
 
 
 def find_library(package: str, what: str, extra: str, source: Source) -> str:
-    """The folder that holds the package; nothing of it is imported.
+    """Return the folder that holds the package, without importing it.
 
-    Raises MissingDependencyError, with what to install, when it is not there.
+    Raises MissingDependencyError, with what to install, when it is not installed.
     """
     try:
         spec = importlib.util.find_spec(package)
@@ -61,15 +61,15 @@ def run_child(job: Job, source: Source) -> Iterator[Filled]:
 
 def _draw(job: Job, source: Source) -> Generator[Filled]:
     with started(job, source) as child:
-        child.hear(READY, START_S)
+        child.receive(READY, START_S)
         due = list(job.rows)
         part = 0
         for serial in count():
-            kind, at, rows = child.hear(BLOCK + DONE, IDLE_S + source.size / IDLE_BYTES_PER_S)
+            kind, at, rows = child.receive(BLOCK + DONE, IDLE_S + source.size / IDLE_BYTES_PER_S)
             if kind == DONE:
                 break
             if not (part <= at < len(due) and 0 < rows <= job.slot_rows):
-                raise child.unintelligible()
+                raise child.protocol_error()
             part = at
             due[part] -= rows
             if due[part] < 0:

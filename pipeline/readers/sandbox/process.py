@@ -1,6 +1,6 @@
-"""One child process: how it is started, what it says, and what its end means.
+"""The child process: its start, its messages, and the error that its end stands for.
 
-`child_main.py` is the other side.
+`worker.py` is the other side.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..source import Source, shown
 from .worker import ERROR, MEMORY, MESSAGE
 
 SCRIPT = Path(__file__).with_name("worker.py")
-SLOTS = 3  # one is filled, one is read, one lies ready
+SLOTS = 3  # one is filled, one is read, one is ready
 ENDING_S = 2.0
 LONGEST_TEXT = 400
 DAMAGED = "the file is damaged; copy or export it again"
@@ -33,12 +33,12 @@ DAMAGED = "the file is damaged; copy or export it again"
 
 @dataclass(frozen=True)
 class Job:
-    """What a child decodes, and what it may take.
+    """Task of a child, and its limits.
 
-    task: a key of `child_main.TASKS`. plan: its arguments, as JSON can hold them.
+    task: a key of `worker.TASKS`. plan: its arguments, ready for JSON.
     library: the folder that its library is imported from.
     rows: points of each part; the child must deliver exactly these, part after part.
-    slot_rows, slot_bytes: what it decodes at a time. memory_bytes: beyond its start.
+    slot_rows, slot_bytes: what it decodes at a time. memory_bytes: beyond those at its start.
     """
 
     task: str
@@ -53,16 +53,16 @@ class Job:
 
 @dataclass(frozen=True)
 class Child:
-    """A child that runs, the pipe it speaks into, and the slots it fills."""
+    """A running child, the pipe of its messages, and the slots it fills."""
 
     process: subprocess.Popen[bytes]
-    heard: int
+    inbox: int
     memory: memoryview
     source: Source
 
-    def hear(self, expected: bytes, patience_s: float) -> tuple[bytes, int, int]:
-        """The next message, of an expected kind; otherwise raise what it means."""
-        deadline = time.monotonic() + patience_s
+    def receive(self, expected: bytes, timeout_s: float) -> tuple[bytes, int, int]:
+        """Return the next message of an expected kind; otherwise raise the error it stands for."""
+        deadline = time.monotonic() + timeout_s
         kind, part, rows = MESSAGE.unpack(self._read(MESSAGE.size, deadline))
         if kind == MEMORY:
             fact = "decoding it takes more memory than its points can need"
@@ -70,39 +70,39 @@ class Child:
         if kind == ERROR and rows <= LONGEST_TEXT:
             raise self._error(self._read(rows, deadline).decode(errors="replace"))
         if kind not in expected:
-            raise self.unintelligible()
+            raise self.protocol_error()
         return kind, part, rows
 
     def release(self) -> None:
-        """Tell the child that its oldest slot is free; one that has ended needs no telling."""
+        """Free the oldest slot of the child, if it still runs."""
         try:
             os.write(self.process.stdin.fileno(), b".")  # type: ignore[union-attr]
         except BrokenPipeError:
             return
 
-    def unintelligible(self) -> InputError:
-        """The child no longer speaks the protocol: its memory was overwritten."""
-        return fault(self.source, "it makes the library that reads it run wild", DAMAGED)
+    def protocol_error(self) -> InputError:
+        """Return the error for a child that breaks the protocol: its memory was overwritten."""
+        return fault(self.source, "it corrupts the memory of the library that reads it", DAMAGED)
 
     def _error(self, text: str) -> InputError | MissingDependencyError:
         first = text.partition("\n")[0]
         if first.startswith(("ImportError", "ModuleNotFoundError")):
             return MissingDependencyError(
                 f"{self.source.name}: the library that reads it does not load ({shown(first)}): "
-                "install wheelplane[all] anew"
+                "install wheelplane[all] again"
             )
-        words = first.partition(": ")[2] or first
-        return fault(self.source, f"it cannot be decoded ({shown(words)})", DAMAGED)
+        message = first.partition(": ")[2] or first
+        return fault(self.source, f"it cannot be decoded ({shown(message)})", DAMAGED)
 
     def _read(self, size: int, deadline: float) -> bytes:
         data = b""
         poll = select.poll()
-        poll.register(self.heard, select.POLLIN)
+        poll.register(self.inbox, select.POLLIN)
         while len(data) < size:
             left_s = deadline - time.monotonic()
             if not poll.poll(max(0.0, left_s) * 1000.0):
                 raise fault(self.source, "decoding it makes no progress", DAMAGED)
-            more = os.read(self.heard, size - len(data))
+            more = os.read(self.inbox, size - len(data))
             if not more:
                 raise self._ended()
             data += more
@@ -112,14 +112,14 @@ class Child:
         try:
             code = self.process.wait(ENDING_S)
         except subprocess.TimeoutExpired:
-            return self.unintelligible()
+            return self.protocol_error()
         how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
         return fault(self.source, f"it crashes the library that reads it ({how})", DAMAGED)
 
 
 @contextmanager
 def started(job: Job, source: Source) -> Iterator[Child]:
-    """The child at work on the job; killed, and waited for, at the end."""
+    """Run a child on the job; kill it and wait for it at the end."""
     plan = json.dumps(
         {
             "task": job.task,
@@ -135,24 +135,24 @@ def started(job: Job, source: Source) -> Iterator[Child]:
         os.ftruncate(memory, max(SLOTS * job.slot_bytes, len(plan)))
         area = mmap.mmap(memory, 0)  # unmapped with the last view of it
         area[: len(plan)] = plan
-        heard, said = os.pipe()
-        _kept(stack, heard)
-        arguments = [str(n) for n in (os.getpid(), memory, said, len(plan))]
+        inbox, outbox = os.pipe()
+        _kept(stack, inbox)
+        arguments = [str(n) for n in (os.getpid(), memory, outbox, len(plan))]
         try:
             process = subprocess.Popen(  # noqa: S603 - this interpreter, a script of this package
                 [sys.executable, "-P", "-S", str(job.script), *arguments],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
-                pass_fds=(memory, said),
-                process_group=0,  # Ctrl-C is the parent's to answer
+                pass_fds=(memory, outbox),
+                process_group=0,  # the parent handles Ctrl-C
                 bufsize=0,
             )
         finally:
-            os.close(said)
+            os.close(outbox)
         stack.enter_context(process)
         stack.callback(process.kill)
-        yield Child(process, heard, memoryview(area), source)
+        yield Child(process, inbox, memoryview(area), source)
 
 
 def _kept(stack: ExitStack, descriptor: int) -> int:

@@ -1,7 +1,7 @@
-"""The child's side of `child.py`: a script that decodes one file into shared memory.
+"""The script of the child process: it decodes one file into shared memory.
 
 It is run by its path and imports one native library and little of the standard library (no
-pathlib), nothing of the project and no numpy, so that it is ready in some 0.03 s.
+pathlib), nothing of the project and no numpy, so that it is ready in about 0.03 s.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ PR_SET_PDEATHSIG = 1
 
 
 class Slots:
-    """The shared memory, filled slot after slot; a byte from the parent frees the oldest."""
+    """Shared memory, filled slot after slot; a byte from the parent frees the oldest."""
 
-    def __init__(self, area: mmap.mmap, count: int, size: int, said: int) -> None:
+    def __init__(self, area: mmap.mmap, count: int, size: int, outbox: int) -> None:
         view = memoryview(area)
         self._slots = [view[i * size : (i + 1) * size] for i in range(count)]
-        self._said = said
+        self._outbox = outbox
         self._filled = 0
 
     def next(self) -> memoryview:
-        """The slot to fill, once it is free."""
+        """Return the slot to fill, once it is free."""
         if self._filled >= len(self._slots) and not os.read(0, 1):
             os._exit(0)  # the parent is gone
         return self._slots[self._filled % len(self._slots)]
@@ -42,15 +42,15 @@ class Slots:
     def filled(self, part: int, rows: int) -> None:
         """Hand the slot to the parent."""
         self._filled += 1
-        self.say(BLOCK, part, rows)
+        self.send(BLOCK, part, rows)
 
-    def say(self, kind: bytes, part: int = 0, rows: int = 0, text: bytes = b"") -> None:
-        """One message, whole: it is shorter than a pipe writes at once."""
-        os.write(self._said, MESSAGE.pack(kind, part, rows) + text)
+    def send(self, kind: bytes, part: int = 0, rows: int = 0, text: bytes = b"") -> None:
+        """Send one message; it is shorter than a pipe writes at once."""
+        os.write(self._outbox, MESSAGE.pack(kind, part, rows) + text)
 
 
 def load_e57() -> ModuleType:
-    """pye57's binding, without the package's own modules: they import numpy, which takes 0.1 s."""
+    """Import pye57's binding without the package's modules, which import numpy (0.1 s)."""
     spec = importlib.util.find_spec("pye57")
     if spec is None:
         raise ImportError("no pye57")
@@ -59,13 +59,13 @@ def load_e57() -> ModuleType:
 
 
 def fill_e57(libe57: ModuleType, plan: SimpleNamespace, slots: Slots) -> None:
-    """Each scan's fields as columns of 8 bytes a value, column after column in the slot."""
+    """Decode each scan's fields as columns of 8 bytes a value, column after column in the slot."""
     image = libe57.ImageFile(os.fsencode(plan.path), "r")
     scans, rows = image.root()["data3D"], plan.slot_rows
     for part, fields in enumerate(plan.scans):
         if not fields:
             continue
-        # A reader keeps to the buffers that it was made with, so that they cannot be the slots.
+        # A reader keeps the buffers that it was created with, so they cannot be the slots.
         columns = memoryview(bytearray(len(fields) * rows * 8))
         buffers = libe57.VectorSourceDestBuffer()
         for i, (field, form) in enumerate(fields):
@@ -79,12 +79,12 @@ def fill_e57(libe57: ModuleType, plan: SimpleNamespace, slots: Slots) -> None:
 
 
 def load_laz() -> ModuleType:
-    """The binding of laz-rs."""
+    """Import the binding of laz-rs."""
     return importlib.import_module("lazrs")
 
 
 def fill_laz(lazrs: ModuleType, plan: SimpleNamespace, slots: Slots) -> None:
-    """Whole point records, as LAS would hold them."""
+    """Decode whole point records, as LAS holds them."""
     selection = lazrs.DecompressionSelection(
         lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL
         | lazrs.SELECTIVE_DECOMPRESS_Z
@@ -111,7 +111,7 @@ TASKS: dict[str, tuple[Load, Fill]] = {
 
 
 def confine(memory_bytes: int) -> None:
-    """No core file, and so much memory beyond what interpreter and library hold by now."""
+    """Allow no core file, and only `memory_bytes` beyond what the process holds now."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with open("/proc/self/statm") as pages:  # noqa: PTH123
         held = int(pages.read().split()[5]) * resource.getpagesize()
@@ -125,25 +125,25 @@ def die_with(parent: int) -> None:
         os._exit(0)
 
 
-def main(parent: int, memory: int, said: int, plan_bytes: int) -> None:
-    """Do what the plan says, and say how it ended."""
+def main(parent: int, memory: int, outbox: int, plan_bytes: int) -> None:
+    """Run the task of the plan, and report how it ended."""
     die_with(parent)
     area = mmap.mmap(memory, 0)
     job = json.loads(area[:plan_bytes], object_hook=lambda table: SimpleNamespace(**table))
-    slots = Slots(area, job.slots, job.slot_bytes, said)
+    slots = Slots(area, job.slots, job.slot_bytes, outbox)
     sys.path.append(job.library)
     load, fill = TASKS[job.task]
     try:
         library = load()
         confine(job.memory_bytes)
-        slots.say(READY)
+        slots.send(READY)
         fill(library, job.plan, slots)
-        slots.say(DONE)
+        slots.send(DONE)
     except MemoryError:
-        slots.say(MEMORY)
+        slots.send(MEMORY)
     except BaseException as error:  # a Rust panic is no Exception
         text = f"{type(error).__name__}: {error}".encode(errors="replace")[:400]
-        slots.say(ERROR, rows=len(text), text=text)
+        slots.send(ERROR, rows=len(text), text=text)
     os._exit(0)
 
 
