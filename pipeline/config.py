@@ -1,4 +1,4 @@
-"""What can be set, and to what: one frozen model a stage; defaults here and nowhere else."""
+"""Configuration: one frozen model per stage; defaults are here and nowhere else."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pydantic import (  # noqa: TID253 - the models need it to exist; nothing el
 from .errors import ConfigError
 
 T = TypeVar("T", bound="Section")
-MOST_FAULTS = 6  # of a file, told in one line; the rest are counted
+MOST_FAULTS = 6  # named in one line; the others are counted
 TABLE_FAULTS = ("model_type", "dict_type")
 
 
@@ -28,7 +28,7 @@ class Section(BaseModel):
 
 
 class SegmentConfig(Section):
-    """Finding the target's face (segment.py)."""
+    """Detection of the target (detection/)."""
 
     subset_points: int = Field(40_000, ge=1000)
     search_points: int = Field(10_000, ge=500)
@@ -43,14 +43,14 @@ class SegmentConfig(Section):
 
 
 class PlaneConfig(Section):
-    """Fitting the plane (fit_plane.py)."""
+    """Fit of the plane (plane/)."""
 
     edge_margin_m: float = Field(0.005, ge=0.0)
     max_iterations: int = Field(50, ge=1)
 
 
 class CentreConfig(Section):
-    """Locating the centre (locate_centre.py)."""
+    """Location of the centre (centre/)."""
 
     max_points: int = Field(60_000, ge=1000)
     spot_radius_m: float = Field(0.0015, gt=0.0)
@@ -59,11 +59,11 @@ class CentreConfig(Section):
 
 
 class InstrumentConfig(Section):
-    """What is known of the scanner beside its scatter: standard uncertainties, type B (causes.py).
+    """Scanner: standard uncertainties of type B (uncertainty/type_b.py).
 
-    A scanner's file holds them in its table [instrument]. range_sigma_m: the noise of one range, by
-    which that of the scans is judged. spot_radius_m: goes before that of [centre]. distance_m: to
-    the target, where a scan does not tell.
+    A scanner's file states them in its table [instrument]. range_sigma_m: noise of one range, with
+    which that of the scans is compared. spot_radius_m: overrides that of [centre]. distance_m: from
+    scanner to target, for scans that do not state the scanner's position.
     """
 
     range_sigma_m: float | None = Field(None, gt=0.0)
@@ -75,10 +75,10 @@ class InstrumentConfig(Section):
 
 
 class StationConfig(Section):
-    """What is known of a total station: standard uncertainties of one point (point_causes.py).
+    """Total station: standard uncertainties of one point (five_point/components.py).
 
     range: range_sigma_m + range_sigma_ppm * 1e-6 * distance. angle: of azimuth and zenith, on the
-    arc. aiming: along each axis of the target's face, where a mark is aimed at by eye.
+    arc. aiming: along each axis of the target's face, for a mark that is sighted by eye.
     """
 
     range_sigma_m: float = Field(ge=0.0)
@@ -89,10 +89,10 @@ class StationConfig(Section):
 
 
 class ReportConfig(Section):
-    """Who issues the report, and in which language (report/laboratory.py); changes no result.
+    """Laboratory that issues the report, and the language (report/format/); changes no result.
 
-    address: lines. logo: a picture's path, from the config's folder. signatures: of each line to be
-    signed, whose it is.
+    address: lines. logo: path of a picture, relative to the config's folder. signatures: the name
+    below each line to be signed.
     """
 
     laboratory: str = ""
@@ -114,16 +114,16 @@ class Config(Section):
 
 
 def config_folder() -> Path:
-    """Folder of the shipped configuration: in an installed package, or beside it in a checkout."""
+    """Return the folder of the shipped configuration: in the package, or in the checkout."""
     here = Path(__file__).resolve().parent
     installed = here / "configs"
     return installed if installed.is_dir() else here.parent / "configs"
 
 
 def config_file(kind: str, name: str) -> Path:
-    """Path of the `kind` (targets, scanners, tolerances) called `name`, or of the TOML file `name`.
+    """Return the path of the `kind` (targets, scanners ...) called `name`, or of that TOML file.
 
-    Raises ConfigError that lists what is known.
+    Raises ConfigError that lists the known names.
     """
     if name.endswith(".toml"):
         path = Path(name)
@@ -140,7 +140,7 @@ def config_file(kind: str, name: str) -> Path:
 
 
 def load_config(path: Path | None) -> Config:
-    """Effective configuration: the defaults, overridden by the TOML file at `path`."""
+    """Return the effective configuration: the defaults, overridden by the TOML file at `path`."""
     if path is None:
         return Config()
     config = parse_section(Config, read_toml(path), str(path))
@@ -151,7 +151,7 @@ def load_config(path: Path | None) -> Config:
 
 
 def with_scanner(config: Config, name: str | None) -> Config:
-    """The configuration with what the laser scanner's file, by name or path, states of it."""
+    """Return the configuration with the laser scanner's file, by name or path, applied."""
     if name is None:
         return config
     stated = _instrument(InstrumentConfig, "laser-scanner", name)
@@ -162,7 +162,7 @@ def with_scanner(config: Config, name: str | None) -> Config:
 
 
 def load_station(name: str) -> StationConfig:
-    """Total station by name (`leica-tm30`) or TOML file: its table [instrument]."""
+    """Load a total station by name (`leica-tm30`) or TOML file: its table [instrument]."""
     return _instrument(StationConfig, "total-station", name)
 
 
@@ -173,35 +173,35 @@ def _instrument(model: type[T], kind: str, name: str) -> T:
     if table.get("kind") != kind:
         raise ConfigError(
             f"{name}: [instrument] kind is {table.get('kind')!r}, {kind!r} is needed here: "
-            "name another scanner, or mend its kind"
+            "name another scanner, or correct its kind"
         )
     stated = {key: value for key, value in table.items() if key != "kind"}
     return parse_section(model, stated, f"{name}: [instrument]")
 
 
 def read_toml(path: Path) -> dict[str, object]:
-    """Parsed TOML file; ConfigError names the file and what is wrong."""
+    """Parse a TOML file. Raises ConfigError that names the file and the error."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # editors write a mark
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors write a BOM
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}: check the path") from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: not UTF-8 text ({error}): save it as UTF-8") from error
     except RecursionError as error:
-        raise ConfigError(f"{path}: not valid TOML: brackets nest too deep") from error
+        raise ConfigError(f"{path}: not valid TOML: brackets are nested too deep") from error
     except ValueError as error:  # of tomllib, and of int for 4300 digits
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
 
 
 def parse_section(model: type[T], table: dict[str, object], where: str) -> T:
-    """`table` as `model`; ConfigError tells the first mistakes in a line, with the nearest keys."""
+    """Validate `table` as `model`. Raises ConfigError: the first mistakes, with nearest keys."""
     try:
         return model.model_validate(table)
     except ValidationError as error:
         found = error.errors()
         faults = "; ".join(_fault(model, fault) for fault in found[:MOST_FAULTS])
         if len(found) > MOST_FAULTS:
-            faults += f"; and {len(found) - MOST_FAULTS} mistakes more"
+            faults += f"; and {len(found) - MOST_FAULTS} more mistakes"
         raise ConfigError(f"{where}: {faults}") from error
 
 
@@ -211,12 +211,12 @@ def _fault(model: type[BaseModel], fault: object) -> str:
     name = ".".join(path)
     if fault["type"] == "missing":
         return f"{name!r} is missing: add it"
-    if fault["type"] == "value_error":  # of a model's own check, which names fact and mend
-        said = str(fault["msg"]).removeprefix("Value error, ")
-        return f"{name}: {said}" if name else said
+    if fault["type"] == "value_error":  # of a model's own check: the fact, and what to do
+        message = str(fault["msg"]).removeprefix("Value error, ")
+        return f"{name}: {message}" if name else message
     if fault["type"] != "extra_forbidden":
-        said = "a table is needed" if fault["type"] in TABLE_FAULTS else str(fault["msg"])
-        return f"{name}: {said[0].lower()}{said[1:]}, got {_short(fault['input'])}"
+        message = "a table is needed" if fault["type"] in TABLE_FAULTS else str(fault["msg"])
+        return f"{name}: {message[0].lower()}{message[1:]}, got {_short(fault['input'])}"
     for part in path[:-1]:
         inner = model.model_fields[part].annotation if part in model.model_fields else None
         for kind in (inner, *get_args(inner)):  # a section, or a tuple of sections

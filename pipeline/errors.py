@@ -1,11 +1,11 @@
-"""What the program says when it cannot go on: one family, one line each."""
+"""Exceptions of the program: one family, each with a message of one line."""
 
 
 class WheelplaneError(Exception):
-    """Any reason to stop that the user can mend.
+    """Any error that the user can correct.
 
-    The text is one line that names the file or option, the fact with its number, and the mend.
-    What a file wrote into it cannot steer the terminal: it is printable.
+    The text is one line: the file or option, the fact with its number, and what to do. It is made
+    printable, so that text from a file cannot control the terminal.
     """
 
     def __init__(self, text: str) -> None:
@@ -27,7 +27,7 @@ class MissingDependencyError(WheelplaneError):
 class NotMeasuredError(WheelplaneError):
     """A scan that was read but whose target could not be measured.
 
-    `status` is the short name that stands in the result; the text says why.
+    status: its short name in the result; the text is the reason.
     """
 
     def __init__(self, status: str, reason: str) -> None:

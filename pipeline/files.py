@@ -1,4 +1,4 @@
-"""Archives and compressed files, unpacked within limits and never outside their folder."""
+"""Digest of a file; archives and compressed files, unpacked within limits."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _DECOMPRESSORS: dict[bytes, Callable[[Path], BufferedIOBase]] = {
     b"BZh": bz2.BZ2File,
     b"\xfd7zXZ\x00": lzma.LZMAFile,
 }
-# What zipfile, tarfile and their decompressors raise for damaged and for locked archives.
+# Raised by zipfile, tarfile and their decompressors for damaged and for locked archives.
 _FAULTS = (
     zipfile.BadZipFile,
     tarfile.TarError,
@@ -59,7 +59,7 @@ class Member:
 
 
 class Archive:
-    """An open zip or tar, whose members were all found to be harmless."""
+    """An open zip or tar whose members have been checked."""
 
     def __init__(self, opened: zipfile.ZipFile | tarfile.TarFile, name: str) -> None:
         self._opened, self._name = opened, name
@@ -74,9 +74,9 @@ class Archive:
             self.members = tuple(Member(member.name, member.size) for member in files)
 
     def unpack(self, folder: Path, members: tuple[Member, ...] | None = None) -> None:
-        """Write the members, or all, below `folder`; links and devices are left out."""
+        """Unpack `members`, or all, below `folder`, without links and devices."""
         names = [member.name for member in (self.members if members is None else members)]
-        with _told(self._name):
+        with archive_errors(self._name):
             if isinstance(self._opened, zipfile.ZipFile):
                 self._opened.extractall(folder, names)  # noqa: S202 - members were checked
             else:
@@ -86,8 +86,8 @@ class Archive:
 
 
 def is_archive(path: Path, name: str) -> bool:
-    """Whether the file is a zip or a tar, compressed or not."""
-    with _told(name):
+    """Return whether the file is a zip or a tar, compressed or not."""
+    with archive_errors(name):
         return zipfile.is_zipfile(path) or tarfile.is_tarfile(path)
 
 
@@ -99,7 +99,7 @@ def open_archive(path: Path, name: str, scratch: Path) -> Iterator[Archive]:
     unpacks to more than the limits.
     """
     with ExitStack() as stack:
-        with _told(name):
+        with archive_errors(name):
             if zipfile.is_zipfile(path):
                 archive = Archive(stack.enter_context(zipfile.ZipFile(path)), name)
             else:
@@ -113,10 +113,10 @@ def inflate(path: Path, target: Path, name: str) -> None:
     """Write the contents of a gzip, bzip2 or xz file to `target`."""
     opener = _decompressor(path)
     if opener is None:
-        raise InputError(f"{name}: it is not compressed, as its suffix says: rename it")
+        raise InputError(f"{name}: it is not compressed, though its suffix says so: rename it")
     limit = _limit(path.stat().st_size)
     room = shutil.disk_usage(target.parent).free
-    with _told(name), opener(path) as packed, target.open("wb") as plain:
+    with archive_errors(name), opener(path) as packed, target.open("wb") as plain:
         written = 0
         while chunk := packed.read(_CHUNK):
             written += len(chunk)
@@ -125,13 +125,14 @@ def inflate(path: Path, target: Path, name: str) -> None:
 
 
 @contextmanager
-def _told(name: str) -> Iterator[None]:
+def archive_errors(name: str) -> Iterator[None]:
+    """Turn the errors of archive libraries into one InputError."""
     try:
         yield
     except _FAULTS as error:
         fact = " ".join(str(error)[:100].split()) or type(error).__name__
         raise InputError(
-            f"{name}: the archive cannot be unpacked ({fact}): pack or copy it anew"
+            f"{name}: the archive cannot be unpacked ({fact}): pack or copy it again"
         ) from error
 
 
@@ -144,7 +145,7 @@ def _decompressor(path: Path) -> Callable[[Path], BufferedIOBase] | None:
 
 
 def _plain(path: Path, name: str, scratch: Path) -> Path:
-    """The tar itself, unpacked first where it is compressed, so that its size is bounded."""
+    """Return the tar itself, unpacked within the limits if it is compressed."""
     if _decompressor(path) is None:
         return path
     plain = scratch / "plain.tar"
@@ -153,11 +154,11 @@ def _plain(path: Path, name: str, scratch: Path) -> Path:
 
 
 def _check_end(tar: tarfile.TarFile) -> None:
-    """Refuse what tarfile takes for the end, unless zeros stand there: a damaged header."""
+    """Reject a tar whose end-of-archive marker is not a zero block: a damaged header."""
     assert tar.fileobj is not None
     tar.fileobj.seek(tar.offset)
     if tar.fileobj.read(_TAR_BLOCK) != bytes(_TAR_BLOCK):
-        raise tarfile.ReadError("it breaks off, or the header of a member is damaged")
+        raise tarfile.ReadError("it is cut, or the header of a member is damaged")
 
 
 def _check_members(members: tuple[Member, ...], packed: int, name: str, scratch: Path) -> None:
@@ -169,28 +170,28 @@ def _check_members(members: tuple[Member, ...], packed: int, name: str, scratch:
         path = PurePosixPath(member.name.replace("\\", "/"))
         if path.is_absolute() or ".." in path.parts or not path.parts:
             raise InputError(
-                f"{name}: its member {member.name[:100]!r} points outside: pack it anew"
+                f"{name}: its member {member.name[:100]!r} points outside: pack it again"
             )
     room = shutil.disk_usage(scratch).free
     _check_size(name, sum(member.size for member in members), _limit(packed), room)
 
 
 def _limit(packed: int) -> int:
-    """Bytes that a file of `packed` bytes may unpack to."""
+    """Return the bytes that a file of `packed` bytes may unpack to."""
     return min(MAX_UNPACKED_BYTES, max(FREE_BYTES, MAX_RATIO * packed))
 
 
 def _check_size(name: str, size: int, limit: int, room: int, more: str = "") -> None:
-    """Raise InputError for what is larger than it may be, or than the disk has room for."""
-    told = f"{name}: unpacks to {more}{size / 2**30:.3g} GiB"
+    """Raise InputError for a size above the limit, or above the free space of the disk."""
+    fact = f"{name}: unpacks to {more}{size / 2**30:.3g} GiB"
     if size > limit:
-        raise InputError(f"{told}, {limit / 2**30:.3g} GiB at most: unpack it by hand")
+        raise InputError(f"{fact}, {limit / 2**30:.3g} GiB at most: unpack it by hand")
     if size > room:
         full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        raise InputError(f"{told}, {room / 2**30:.3g} GiB are free: make room in TMPDIR") from full
+        raise InputError(f"{fact}, {room / 2**30:.3g} GiB are free: make room in TMPDIR") from full
 
 
 def sha256(path: Path) -> str:
-    """Digest of a file's bytes as `sha256:` and 64 hexadecimal digits."""
+    """Return the digest of a file's bytes as `sha256:` and 64 hexadecimal digits."""
     with path.open("rb") as stream:
         return f"sha256:{hashlib.file_digest(stream, 'sha256').hexdigest()}"

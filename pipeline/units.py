@@ -1,4 +1,4 @@
-"""Units and coordinate conventions that a user may declare; metres and radians inside."""
+"""Units and coordinate conventions that a user may declare; the program uses metres and radians."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Literal
 
 from .vectors import Array
 
-# A unit is `factor` metres or a `divisor`-th of one: 0.001 is no binary fraction, so that a product
-# with it would round twice where a division rounds once.
+# A unit is `factor` metres, or 1/`divisor` of a metre: 0.001 is no binary fraction, so a product
+# with it rounds twice where a division rounds once.
 _FACTOR = {"m": 1.0, "in": 0.0254}
 _DIVISOR = {"mm": 1000.0}
 
@@ -27,5 +27,5 @@ def to_metres(lengths: Array, unit: str) -> None:
 
 
 def in_metres(length: float, unit: str) -> float:
-    """One length in metres."""
+    """Return one length in metres."""
     return length / _DIVISOR[unit] if unit in _DIVISOR else length * _FACTOR[unit]

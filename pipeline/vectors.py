@@ -1,4 +1,4 @@
-"""The plane of least squares through points, and small passes over them."""
+"""Array types and small vector functions that all rooms use."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ CHUNK_ROWS = 32_768  # three float64 columns of it stay in a second-level cache
 
 
 def cross(a: Array, b: Array) -> Array:
-    """The cross product of two vectors (3,), to the bit as np.cross has it, in a tenth of its time.
+    """Return the cross product of two vectors (3,), bit for bit that of np.cross.
 
-    np.cross takes vectors of any shape along any axis, and some 15 us to find out.
+    It takes a tenth of the time: np.cross handles any shape and axis, which costs some 15 us.
     """
     (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
 def plane_basis(normal: Array) -> Array:
-    """Rows of a right-handed basis (3, 3) whose third row is the unit normal (3,)."""
+    """Return a right-handed basis (3, 3), as rows, whose third row is the unit normal (3,)."""
     axis = np.zeros(3)
     axis[np.argmin(np.abs(normal))] = 1.0
     first = cross(axis, normal)
@@ -34,6 +34,6 @@ def plane_basis(normal: Array) -> Array:
 
 
 def turned(vectors: Array, turn_rad: float) -> Array:
-    """Vectors (N, 2) turned from u towards v."""
+    """Rotate vectors (N, 2) by `turn_rad` from u towards v."""
     c, s = np.cos(turn_rad), np.sin(turn_rad)
     return np.asarray(vectors @ np.array([[c, s], [-s, c]]))

@@ -1,4 +1,4 @@
-"""capture.toml, file names and archives to a capture: which scan shows which wheel."""
+"""Captures: capture.toml, file names and archives, and which scan shows which wheel."""
 
 from .declaration import Upright, files_of, find_capture_file, read_capture_file
 from .entry import Role, ScanEntry, Turn

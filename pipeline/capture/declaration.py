@@ -1,4 +1,4 @@
-"""capture.toml: what a capture declares of itself, checked as far as the file alone allows."""
+"""Model of capture.toml, checked as far as the file alone allows."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Vector = tuple[float, float, float]
 
 
 class Trial(Section):
-    """One more scan of a wheel; repeats: of what it shows with nothing moved."""
+    """A further scan of a wheel; repeats: the wheel or trial scanned again with nothing moved."""
 
     name: str = Field(min_length=1)
     file: str = Field(min_length=1)
@@ -37,7 +37,7 @@ class Sweep(Section):
 
 
 class Runout(Section):
-    """A scan of a lifted wheel, turned about its axle by angle_deg."""
+    """A scan of a lifted wheel, rotated about its axle by angle_deg."""
 
     name: str = Field(min_length=1)
     file: str = Field(min_length=1)
@@ -47,10 +47,10 @@ class Runout(Section):
 
 
 class CaptureFile(Section):
-    """All that capture.toml may hold: [reference] with one scan a wheel, or `cloud` for them all.
+    """capture.toml: [reference] with one scan per wheel, or `cloud` for one scan of all wheels.
 
-    front, front_point, up: of a cloud, whose wheels are named from its geometry. date: the day, or
-    the moment, of the scans, as TOML writes it: date = 2026-11-20.
+    front, front_point, up: of a cloud, whose wheels are identified by geometry. date: the day or
+    time of the scans, as TOML writes it: date = 2026-11-20.
     """
 
     vehicle: str | None = None
@@ -69,7 +69,7 @@ class CaptureFile(Section):
 
 
 def files_of(declared: CaptureFile) -> list[str]:
-    """All files that a capture declares, as it names them: its scans, its target, its scanner."""
+    """Return the files that a capture declares, by its names: scans, target, scanner."""
     more: tuple[Trial | Sweep | Runout, ...] = (*declared.trial, *declared.sweep, *declared.runout)
     scans = [declared.cloud, *(declared.reference or {}).values(), *(scan.file for scan in more)]
     named = [n for n in (declared.target, declared.scanner) if str(n).endswith(".toml")]
@@ -77,14 +77,14 @@ def files_of(declared: CaptureFile) -> list[str]:
 
 
 def find_capture_file(folder: Path) -> Path | None:
-    """The capture.toml of a folder, in any case of letters."""
+    """Return the capture.toml of a folder, in upper or lower case."""
     return next((p for p in folder.iterdir() if p.name.lower() == "capture.toml"), None)
 
 
 def read_capture_file(path: Path, where: str) -> CaptureFile:
-    """What the file at `path`, which messages call `where`, declares.
+    """Read the capture.toml at `path`; messages name it `where`.
 
-    Raises ConfigError or InputError for what it cannot mean, alone or together.
+    Raises ConfigError or InputError for entries that are wrong or contradict each other.
     """
     try:
         table = read_toml(path)
@@ -102,8 +102,8 @@ def _check_cloud(declared: CaptureFile, where: str) -> None:
     for table in ("trial", "sweep", "runout"):
         if getattr(declared, table):
             raise InputError(
-                f"{where}: [[{table}]] without [reference]: a cloud of the whole vehicle stands "
-                f"alone: give each wheel its scan in [reference], or leave out [[{table}]]"
+                f"{where}: [[{table}]] without [reference]: a cloud of the whole vehicle has "
+                f"no others: give each wheel its scan in [reference], or leave out [[{table}]]"
             )
 
 
@@ -124,5 +124,5 @@ def _check_reference(declared: CaptureFile, reference: dict[str, str], where: st
     for key in ("front", "front_point", "up"):
         if key in declared.model_fields_set:
             raise InputError(
-                f"{where}: {key} beside [reference], which names the wheels already: leave it out"
+                f"{where}: {key} with [reference], which names the wheels already: leave it out"
             )

@@ -1,4 +1,4 @@
-"""What a capture declares, as scans whose files are there and whose names are told apart."""
+"""Declared scans to entries: their files exist, and their names are unique."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from ..vehicle import REFERENCE_WHEELS
 from .declaration import CaptureFile, Runout, Sweep, Trial
 from .entry import ScanEntry, Turn
 from .file_names import check_plain, only_cloud
-from .folder import is_there
+from .folder import check_path
 
 
 def scans_of(
     declared: CaptureFile, folder: Path, where: str, *, packed: bool
 ) -> tuple[ScanEntry, ...]:
-    """RR, RL, FR, FL, the trials, the sweeps, the run-outs; or the one cloud of all wheels.
+    """Return RR, RL, FR, FL, the trials, the sweeps, the run-outs; or the one cloud of all wheels.
 
-    packed: the folder came out of an archive. Raises InputError for names that stand twice, and for
-    files that are missing, or outside the archive.
+    packed: the folder came out of an archive. Raises InputError for duplicate names, and for files
+    that are missing or outside the archive.
     """
     if declared.reference is None:
         cloud = declared.cloud or only_cloud(folder, where)
@@ -36,61 +36,61 @@ def scans_of(
     entries += _of_sweeps(declared.sweep, where) + _of_runouts(declared.runout, where)
     _check_names(entries, where)
     if packed:
-        told = [name for name in (declared.target, declared.scanner) if isinstance(name, str)]
-        _check_inside(folder, [*(entry.file for entry in entries), *told], where)
+        named = [name for name in (declared.target, declared.scanner) if isinstance(name, str)]
+        _check_inside(folder, [*(entry.file for entry in entries), *named], where)
     return tuple(replace(entry, path=_existing(folder, entry.file, where)) for entry in entries)
 
 
 def _of_trial(trial: Trial, trials: tuple[Trial, ...], where: str) -> ScanEntry:
-    """The entry of a trial; what it repeats is a reference wheel or a trial that repeats none."""
-    told = f"{where}: trial {trial.name!r} repeats {trial.repeats!r}"
+    """Return the entry of a trial; check that what it repeats is itself no repeat."""
+    fact = f"{where}: trial {trial.name!r} repeats {trial.repeats!r}"
     of = trial.repeats
     if of is None or of in REFERENCE_WHEELS:
         if of is not None and trial.wheel not in (None, of):
-            raise InputError(f"{told}, but its wheel is {trial.wheel}: leave its wheel out")
+            raise InputError(f"{fact}, but its wheel is {trial.wheel}: leave its wheel out")
         return ScanEntry(trial.name, "trial", of or trial.wheel, trial.file, Path(), of)
     first = next((other for other in trials if other.name == of and other is not trial), None)
     if first is None or first.repeats is not None:
-        raise InputError(f"{told}: name a reference wheel, or a trial that repeats no other")
+        raise InputError(f"{fact}: name a reference wheel, or a trial that repeats no other")
     if trial.wheel is not None and trial.wheel != first.wheel:
-        raise InputError(f"{told}, whose wheel is {first.wheel}: leave its wheel out")
+        raise InputError(f"{fact}, whose wheel is {first.wheel}: leave its wheel out")
     return ScanEntry(trial.name, "trial", first.wheel, trial.file, Path(), of)
 
 
 def _of_sweeps(sweeps: tuple[Sweep, ...], where: str) -> list[ScanEntry]:
-    """The scans of the sweeps, of front wheels, each at one position of the steering."""
+    """Return the entries of the sweeps: front wheels, each at one position of the steering."""
     entries, seen = [], set()
     for scan in sweeps:
-        told = f"{where}: sweep {scan.name!r}"
+        scan_name = f"{where}: sweep {scan.name!r}"
         if scan.wheel.startswith("R"):
-            raise InputError(f"{told} is of {scan.wheel}, which does not steer: name FR or FL")
+            raise InputError(f"{scan_name} is of {scan.wheel}, which does not steer: name FR or FL")
         if scan.position is not None and (scan.wheel, scan.position) in seen:
             raise InputError(
-                f"{told}: {scan.wheel} has another scan at position {scan.position!r}: "
+                f"{scan_name}: {scan.wheel} has another scan at position {scan.position!r}: "
                 "give each its own, the same for FR and FL"
             )
         seen.add((scan.wheel, scan.position))
-        turn = Turn(position=scan.position)
-        entries.append(ScanEntry(scan.name, "sweep", scan.wheel, scan.file, Path(), turn=turn))
+        pose = Turn(position=scan.position)
+        entries.append(ScanEntry(scan.name, "sweep", scan.wheel, scan.file, Path(), turn=pose))
     return entries
 
 
 def _of_runouts(runouts: tuple[Runout, ...], where: str) -> list[ScanEntry]:
-    """The scans of the run-outs, two or more a wheel."""
+    """Return the entries of the run-outs, two or more per wheel."""
     entries = []
     for scan in runouts:
         if sum(other.wheel == scan.wheel for other in runouts) < 2:
             raise InputError(
                 f"{where}: runout {scan.name!r} is the only one of {scan.wheel}: add a scan with "
-                "the wheel turned about its axle, best by 180 degrees"
+                "the wheel rotated about its axle, best by 180 degrees"
             )
-        turn = Turn(None, math.radians(scan.angle_deg), math.radians(scan.u_angle_deg))
-        entries.append(ScanEntry(scan.name, "runout", scan.wheel, scan.file, Path(), turn=turn))
+        pose = Turn(None, math.radians(scan.angle_deg), math.radians(scan.u_angle_deg))
+        entries.append(ScanEntry(scan.name, "runout", scan.wheel, scan.file, Path(), turn=pose))
     return entries
 
 
-def _is_once_more(entry: ScanEntry, value: str, entries: list[ScanEntry]) -> bool:
-    """Whether a reference wheel's scan serves as one of its sweep or run-out too."""
+def _is_reference_scan(entry: ScanEntry, value: str, entries: list[ScanEntry]) -> bool:
+    """Return whether a reference wheel's scan is also one of its sweep or run-out."""
     return entry.role in ("sweep", "runout") and any(
         other.role == "reference"
         and other.wheel == entry.wheel
@@ -100,27 +100,27 @@ def _is_once_more(entry: ScanEntry, value: str, entries: list[ScanEntry]) -> boo
 
 
 def _check_names(entries: list[ScanEntry], where: str) -> None:
-    for what in ("name", "file"):
+    for kind in ("name", "file"):
         seen: set[object] = set()
         for entry in entries:
-            value = getattr(entry, what)
+            value = getattr(entry, kind)
             check_plain(value, where)
             key: object = value
-            if what == "file":
+            if kind == "file":
                 value = key = posixpath.normpath(value)
-                if _is_once_more(entry, value, entries):
+                if _is_reference_scan(entry, value, entries):
                     key = (value, entry.role)
             if key in seen:
                 raise InputError(
-                    f"{where}: the {what} {value!r} stands twice: give each scan its own"
+                    f"{where}: the {kind} {value!r} occurs twice: give each scan its own"
                 )
             seen.add(key)
 
 
 def _check_inside(folder: Path, files: list[str], where: str) -> None:
-    """What an archive names must lie in it, and be no further archive.
+    """Raise InputError for a file outside the archive, and for an archive in it.
 
-    A folder's capture.toml may name files elsewhere: whoever gives a folder can read them anyway.
+    A folder's capture.toml may name files elsewhere: its owner can read them anyway.
     """
     for file in files:
         if not (folder / file).resolve().is_relative_to(folder.resolve()):
@@ -131,6 +131,6 @@ def _check_inside(folder: Path, files: list[str], where: str) -> None:
 
 def _existing(folder: Path, file: str, where: str) -> Path:
     path = folder / file
-    if not is_there(Path(where), path.is_file):
-        raise InputError(f"{where}: the scan {file} is missing: add it, or mend its name")
+    if not check_path(Path(where), path.is_file):
+        raise InputError(f"{where}: the scan {file} is missing: add it, or correct its name")
     return path

@@ -1,4 +1,4 @@
-"""One scan of a capture: what it is called, which wheel it shows, where its file lies."""
+"""Record of one scan of a capture: its name, its role, its wheel, its file."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ Role = Literal["reference", "trial", "sweep", "runout", "vehicle"]
 
 @dataclass(frozen=True)
 class Turn:
-    """Where a wheel stood in a scan of a sweep or a run-out.
+    """Stated position of a wheel in a scan of a sweep or a run-out.
 
-    position: of the steering wheel, named alike for both front wheels; None where not told.
-    angle_rad: about the axle, as the wheel rolls forwards, u_rad: its standard uncertainty; None in
-    a sweep, whose angles are measured.
+    position: of the steering wheel, the same name for both front wheels; None if not stated.
+    angle_rad: rotation about the axle, > 0 as the wheel rolls forwards, u_rad: its standard
+    uncertainty; None in a sweep, whose angles are measured.
     """
 
     position: str | None = None
@@ -25,10 +25,10 @@ class Turn:
 
 @dataclass(frozen=True)
 class ScanEntry:
-    """One scan: its name in the result, its role, its wheel where named, its file.
+    """One scan: its name in the result, its role, its wheel if named, its file.
 
-    repeats: the reference wheel or trial that it shows once more, with nothing moved. turn: of a
-    scan of a sweep or a run-out. The role 'vehicle' is that of a cloud which shows all wheels.
+    repeats: the reference wheel or trial that it shows again, with nothing moved. turn: position of
+    the wheel in a sweep or a run-out. The role 'vehicle' is that of a cloud of all wheels.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Without capture.toml: what the names of a folder's files say."""
+"""Capture without capture.toml: wheels and trials by the names of the files."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ TABLES = (".csv", ".txt")  # may be tables of anything
 
 
 def by_file_names(folder: Path, source: Path) -> CaptureFile:
-    """rr.* rl.* fr.* fl.* are the wheels, trial-NAME.* the trials; else one cloud shows them all.
+    """Declare rr.* rl.* fr.* fl.* as the wheels, trial-NAME.* as trials; else one cloud of all.
 
-    Raises InputError, which begins with `source`, where neither can be told.
+    Raises InputError, which begins with `source`, if the files are neither.
     """
     files = _files(folder)
     if not _has_wheels(folder) and clouds_of(folder):
         return CaptureFile(cloud=only_cloud(folder, str(source)))
     reference = {}
     for wheel in REFERENCE_WHEELS:
-        mine = [name for name in files if _stem(name).upper() == wheel]
-        if len(mine) != 1:
-            found = " and ".join(mine) if mine else "none"
+        scans = [name for name in files if _stem(name).upper() == wheel]
+        if len(scans) != 1:
+            found = " and ".join(scans) if scans else "none"
             raise InputError(
                 f"{source}: one scan {wheel.lower()}.* is needed, found {found}: "
                 "add or remove files, or write a capture.toml"
             )
-        reference[wheel] = mine[0]
+        reference[wheel] = scans[0]
     trials = [name for name in files if re.match(r"trial-.+\..+", name, re.IGNORECASE)]
     for name in (*reference.values(), *trials):
         check_plain(name, str(source))  # a name may hold bytes that are no text
@@ -43,7 +43,7 @@ def by_file_names(folder: Path, source: Path) -> CaptureFile:
 
 
 def filled_by_names(declared: CaptureFile, folder: Path, source: Path) -> CaptureFile:
-    """With the wheels and trials that the names of files say, where it names no scan itself."""
+    """Add the wheels and trials by file names to a declaration that names no scan."""
     if declared.reference is not None or declared.cloud is not None or not _has_wheels(folder):
         return declared
     named = by_file_names(folder, source)
@@ -51,18 +51,18 @@ def filled_by_names(declared: CaptureFile, folder: Path, source: Path) -> Captur
 
 
 def is_capture(folder: Path) -> bool:
-    """Whether a folder has a capture.toml, or a file that is called as a wheel."""
+    """Return whether a folder has a capture.toml, or a file named as a wheel."""
     stems = {name.split(".")[0].upper() for name in _files(folder)}
     return find_capture_file(folder) is not None or bool(stems & set(REFERENCE_WHEELS))
 
 
 def clouds_of(folder: Path) -> list[str]:
-    """The files of a folder that can be nothing but point clouds, by their suffix."""
+    """Return the files of a folder that can only be point clouds, by their suffix."""
     return [name for name in _files(folder) if scan_suffix(name) in set(READERS) - set(TABLES)]
 
 
 def only_cloud(folder: Path, where: str) -> str:
-    """The one cloud of a folder. Raises InputError where it holds none, or several."""
+    """Return the only cloud of a folder. Raises InputError if it holds none or several."""
     found = clouds_of(folder)
     if len(found) != 1:
         held = f"{len(found)} ({', '.join(found)[:120]})" if found else "none"
@@ -76,7 +76,7 @@ def only_cloud(folder: Path, where: str) -> str:
 
 
 def check_plain(name: str, where: str) -> None:
-    """Raise InputError for a name that does not print."""
+    """Raise InputError for a name that is not printable."""
     if not name.isprintable():
         raise InputError(f"{where}: the name {name!r} is not plain text: rename it")
 
@@ -90,6 +90,6 @@ def _files(folder: Path) -> list[str]:
 
 
 def _stem(file: str) -> str:
-    """The name without the format's suffix, and without that of a compression."""
+    """Return the name without the suffixes of the format and of a compression."""
     path = Path(file)
     return Path(path.stem).stem if path.suffix.lower() in COMPRESSED_SUFFIXES else path.stem

@@ -1,4 +1,4 @@
-"""Where the files of a capture lie: its folder, an archive that is unpacked, or one cloud."""
+"""Location of the files of a capture: its folder, an archive that is unpacked, or one cloud."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from ..vehicle import REFERENCE_WHEELS
 
 @contextmanager
 def capture_folder(source: Path) -> Iterator[Path]:
-    """The folder of a capture, out of its archive where it lies in one; or a cloud itself."""
-    if is_there(source, source.is_dir):
+    """Yield the folder of a capture, unpacked if it is an archive; or the cloud itself."""
+    if check_path(source, source.is_dir):
         yield source
     elif not source.exists():
         raise InputError(f"{source}: no such file or folder: check the path")
@@ -41,8 +41,8 @@ def capture_folder(source: Path) -> Iterator[Path]:
         )
 
 
-def is_there(source: Path, test: Callable[[], bool]) -> bool:
-    """What `test` says of `source`; InputError where the system will not even look."""
+def check_path(source: Path, test: Callable[[], bool]) -> bool:
+    """Return `test()` of `source`. Raises InputError if the system cannot look it up."""
     try:
         return test()
     except OSError as error:  # a name too long, a folder that may not be entered
@@ -50,6 +50,6 @@ def is_there(source: Path, test: Callable[[], bool]) -> bool:
 
 
 def _top(folder: Path) -> Path:
-    """The archive's own folder, where it holds nothing but one."""
+    """Return the archive's only folder, if it holds nothing else."""
     inside = [p for p in folder.iterdir() if p.name != "__MACOSX" and not p.name.startswith(".")]
     return inside[0] if len(inside) == 1 and inside[0].is_dir() else folder

@@ -142,7 +142,7 @@ def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Nami
     notes = _left_out([faces[i] for i in axles.left_out])
     if capture.front is not None:
         ahead = capture.front.is_ahead(first_m, second_m)
-        naming = Naming(capture.front.said, up.by, found.points, notes)
+        naming = Naming(capture.front.note, up.by, found.points, notes)
         return [axles.named(faces, up.direction, ahead)], naming
     if not names_wheels(capture.target):
         along = (second_m - first_m) / np.linalg.norm(second_m - first_m)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from wheelplane.capture.front import Front
-from wheelplane.capture.open_capture import NOTHING_TOLD, Capture, CaptureOptions, open_capture
+from wheelplane.capture.open_capture import NO_OPTIONS, Capture, CaptureOptions, open_capture
 from wheelplane.errors import ConfigError, InputError, WheelplaneError
 
 WHEELS = ("RR", "RL", "FR", "FL")
@@ -185,7 +185,7 @@ def test_a_target_is_written_in_metres_or_in_the_unit_of_the_capture(
 
 def test_a_diameter_that_can_be_meant_in_two_units_is_not_guessed(tmp_path):
     source = fill(tmp_path, 'length_unit = "in"\n' + TABLE.format(1.2) + REFERENCE)
-    assert "1.2 can be meant in m or in in" in refusal(source)
+    assert "1.2 may be in m or in in" in refusal(source)
 
 
 def test_the_option_goes_before_the_file_and_a_file_is_sought_beside_capture_toml(tmp_path):
@@ -220,9 +220,9 @@ LONG = "a" * 300
         (DISC + REFERENCE + TRIAL + 'wheell = "RR"\n', ["wheell", "did you mean 'wheel'?"]),
         (DISC + REFERENCE + '[[trial]]\nname = "1"\n', ["'trial.0.file' is missing"]),
         (DISC + REFERENCE + TRIAL.replace('"1"', '""'), ["trial.0.name"]),
-        (DISC + REFERENCE + TRIAL.replace('"1"', '"RR"'), ["name 'RR' stands twice"]),
-        (DISC + REFERENCE + TRIAL.replace("rr2", "rr"), ["file 'rr.ply' stands twice"]),
-        (DISC + REFERENCE + TRIAL.replace("rr2", "./x/../rr"), ["file 'rr.ply' stands twice"]),
+        (DISC + REFERENCE + TRIAL.replace('"1"', '"RR"'), ["name 'RR' occurs twice"]),
+        (DISC + REFERENCE + TRIAL.replace("rr2", "rr"), ["file 'rr.ply' occurs twice"]),
+        (DISC + REFERENCE + TRIAL.replace("rr2", "./x/../rr"), ["file 'rr.ply' occurs twice"]),
         (DISC + REFERENCE + TRIAL.replace('"1"', '"a\\nb"'), ["'a\\nb' is not plain text"]),
         (DISC + REFERENCE + TRIAL, ["the scan rr2.ply is missing"]),
         (DISC + REFERENCE.replace("rr.ply", ""), ["is missing"]),
@@ -269,7 +269,7 @@ def test_a_switch_is_no_size_in_any_unit(tmp_path):
         (("rr.ply", "rl.ply", "fr.ply"), "fl.* is needed, found none"),
         (("rr.ply", "rr.pcd", "rl.ply", "fr.ply", "fl.ply"), "found rr.pcd and rr.ply"),
         (("rr.ply", "RR.PLY", "rl.ply", "fr.ply", "fl.ply"), "found RR.PLY and rr.ply"),
-        (("rr.ply", "rl.ply", "fr.ply", "fl.ply", "trial-1.ply", "trial-1.npy"), "'1' stands"),
+        (("rr.ply", "rl.ply", "fr.ply", "fl.ply", "trial-1.ply", "trial-1.npy"), "'1' occurs"),
         (("notes.txt",), "rr.* is needed, found none"),
     ],
 )  # fmt: skip
@@ -320,7 +320,7 @@ FRONT = "front = [0, -2, 0.5]\n"
 
 
 def whole(
-    source: Path, target: str | None = "disc-250", told: CaptureOptions = NOTHING_TOLD
+    source: Path, target: str | None = "disc-250", told: CaptureOptions = NO_OPTIONS
 ) -> Capture:
     """The capture at `source`, which is one cloud that holds its own name."""
     with open_capture(source, target, told) as capture:
@@ -412,8 +412,8 @@ def test_options_go_before_the_file(tmp_path):
         (DISC + TRIAL.replace("trial", "sweep") + 'wheel = "FR"\n' + CLOUD, ["unknown key"]),
         (DISC + CLOUD.replace("vehicle", "missing"), ["the scan missing.e57 is missing"]),
         (DISC + CLOUD.replace("vehicle.e57", ""), ["cloud", "at least 1 character"]),
-        (DISC + FRONT + REFERENCE, ["front beside [reference]", "leave it out"]),
-        (DISC + 'up = "auto"\n' + REFERENCE, ["up beside [reference]"]),
+        (DISC + FRONT + REFERENCE, ["front with [reference]", "leave it out"]),
+        (DISC + 'up = "auto"\n' + REFERENCE, ["up with [reference]"]),
         (DISC + CLOUD + FRONT + "front_point = [0, 0, 0]\n", ["front and front_point", "leave"]),
         (DISC + CLOUD + "front = [0, 0, 0.0]\n", ["front 0,0,0: has no length"]),
         (DISC + CLOUD + "front = [1, 2]\n", ["front.2"]),
@@ -459,7 +459,7 @@ def test_what_tells_the_front_is_refused_where_each_wheel_has_its_scan(told, opt
     with pytest.raises(InputError) as caught, open_capture(source, "disc-250", told):
         pass
     text = str(caught.value)
-    assert text.startswith(f"{source}: {option}is of a cloud that shows the whole vehicle")
+    assert text.startswith(f"{source}: {option}is for a cloud of the whole vehicle")
     assert "leave it out" in text
 
 

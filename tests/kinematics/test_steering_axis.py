@@ -460,20 +460,20 @@ def test_capture_names_sweeps_and_run_outs(tmp_path):
     ("extra", "said"),
     [
         (entry("sweep", wheel="RL", name="a", file="b.xyz"), "RL, which does not steer"),
-        (entry("sweep", wheel="FL", name="a", file="fr.xyz"), "'fr.xyz' stands twice"),
+        (entry("sweep", wheel="FL", name="a", file="fr.xyz"), "'fr.xyz' occurs twice"),
         (
             entry("sweep", wheel="FL", name="a", file="b.xyz", position="1")
             + entry("sweep", wheel="FL", name="b", file="c.xyz", position="1"),
             "another scan at position '1'",
         ),
-        (entry("sweep", wheel="FL", name="FL", file="b.xyz"), "'FL' stands twice"),
+        (entry("sweep", wheel="FL", name="FL", file="b.xyz"), "'FL' occurs twice"),
         (entry("sweep", wheel="FL", name="a", file="b.xyz", angle=2), "unknown key"),
         (entry("runout", wheel="FL", name="a", file="b.xyz", angle_deg=0), "the only one of FL"),
         (entry("runout", wheel="FL", name="a", file="b.xyz"), "'runout.0.angle_deg' is missing"),
         (
             entry("runout", wheel="FL", name="a", file="b.xyz", angle_deg=0)
             + entry("runout", wheel="FL", name="b", file="b.xyz", angle_deg=180),
-            "'b.xyz' stands twice",
+            "'b.xyz' occurs twice",
         ),
     ],
 )

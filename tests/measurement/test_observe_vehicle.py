@@ -396,7 +396,7 @@ def test_front_by_a_point_in_the_unit_of_the_file(bay, whole, tmp_path):
         (("--front", "1,0,nan"), "--front 1,0,nan: three numbers"),
         (("--front", "0,0,0"), "--front 0,0,0: has no length"),
         (("--front-point", "1;0;0"), "--front-point 1;0;0: three numbers"),
-        (("--front", "1,0,0", "--front-point", "1,0,0"), "both tell the front"),
+        (("--front", "1,0,0", "--front-point", "1,0,0"), "both give the front"),
     ],
 )
 @pytest.mark.parametrize("command", [("measure",), ("validate", "--virtual")])
@@ -408,7 +408,7 @@ def test_a_front_across_the_car_is_refused(bay, vehicle):
     way = ",".join(f"{x:.3f}" for x in bay.left)
     text = refused("measure", vehicle, "--target", "disc-250", "--front", way)
     assert text.startswith(f"{vehicle}: --front ")
-    assert "it runs 90° off the line through the middles of the axles" in text
+    assert "it runs 90° off the line through the centres of the axles" in text
 
 
 def test_two_vehicles_in_one_cloud_are_refused(bay, tmp_path):
