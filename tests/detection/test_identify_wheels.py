@@ -273,7 +273,7 @@ def test_a_front_that_tells_nothing_is_refused_with_what_would(front, says):
     with pytest.raises(InputError) as caught:
         front.is_ahead(*axles.centres_m(faces).mean(axis=1))
     text = str(caught.value)
-    assert text.startswith(front.said)
+    assert text.startswith(front.note)
     assert says in text
     if front.direction:
         assert re.search(r"which is (-?)1\.000,0\.000,0\.000 or (-?)1\.000,0\.000,0\.000", text)

@@ -465,7 +465,7 @@ def test_a_file_that_is_no_cloud_is_refused_as_everywhere(bay, tmp_path):
 def test_front_is_refused_where_each_wheel_has_its_scan(bay):
     for command in (("measure",), ("validate", "--virtual")):
         text = refused(command[0], bay.folder, *command[1:], "--front", bay.front)
-        assert text.startswith(f"{bay.folder}: --front is of a cloud that shows the whole vehicle")
+        assert text.startswith(f"{bay.folder}: --front is for a cloud of the whole vehicle")
 
 
 def test_z_down_is_told_from_the_floor(bay, tmp_path):
