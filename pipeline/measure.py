@@ -102,5 +102,5 @@ def provenance_of_five_point(
     inputs = {seen.source: seen.sha256 for seen in observations}
     used: dict[str, Any] = {"method": "total-least-squares"}
     if station is not None:
-        used |= {"station": station.stated.model_dump(), "place_m": station.place_m.tolist()}
+        used |= {"station": station.stated.model_dump(), "place_m": station.position_m.tolist()}
     return Provenance(file.source, None, __version__, inputs, used, 0)

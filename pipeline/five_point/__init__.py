@@ -1,4 +1,4 @@
-"""Files of five points a wheel: their fit, their uncertainty, and the estimator of 2013."""
+"""Files of five points per wheel: their fit, their uncertainty, and the estimator of 2013."""
 
 from .components import Station
 from .file import FivePointFile, read_five_point

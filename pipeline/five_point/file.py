@@ -1,4 +1,4 @@
-"""The paper's input: a text file of five points a plane, read strictly."""
+"""Reader of the paper's input: a text file of five points per plane, checked strictly."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FULL_TURN = {"deg": 360.0, "gon": 400.0, "rad": 2 * math.pi}
 COLUMNS = {"cartesian": "x y z", "spherical": "range azimuth zenith"}
 ORDER = ", ".join(REFERENCE_WHEELS)
 MAX_FILE_BYTES = 16 * 2**20
-# No ramp leans a vehicle by 60 degrees.
+# cos 60 degrees: no ramp tilts a vehicle so far.
 MIN_UPRIGHT_COSINE = 0.5
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -33,7 +33,7 @@ class FivePointFile:
     """The blocks of one file: RR, RL, FR, FL, then the trials.
 
     blocks_m: (M, 5, 3) in file coordinates, metres. source: the file, as the user named it.
-    notes: what the reading decided or noticed, one sentence each.
+    notes: assumptions and warnings of the reader, one sentence each.
     """
 
     blocks_m: Array
@@ -52,14 +52,14 @@ def read_five_point(
     azimuth: Azimuth = "auto",
     arrange: Callable[[int], Sequence[int]] | None = None,
 ) -> FivePointFile:
-    """Read rows x y z, or range azimuth zenith of a total station, five rows a plane.
+    """Read rows x y z, or range azimuth zenith of a total station, five rows per plane.
 
-    name: what the messages call the file. azimuth: the sense in which spherical rows count it,
-    clockwise from y or counterclockwise from x; "auto" takes the one that leaves the car upright.
-    arrange: gives the blocks wanted, RR, RL, FR, FL first, by their places in the file (from 0),
-    when it is told their number; None for all as they stand.
-    Raises InputError, one line that names file and line, for anything but rows of three finite
-    numbers, in fives, four blocks or more, each a plane, the first four a frame.
+    name: the file in messages. azimuth: its sense in spherical rows, clockwise from y or
+    counterclockwise from x; "auto" takes the one that leaves the vehicle upright.
+    arrange: maps the number of blocks to the indices of the wanted ones (from 0), RR, RL, FR, FL
+    first; None for all in their order.
+    Raises InputError, one line that names file and line, unless all rows are three finite numbers,
+    in four or more blocks of five, each a plane, the first four a frame.
     Source: the paper, section 1, point 1, and section 2.
     """
     source = name or str(path)
@@ -121,20 +121,20 @@ def _read_text(path: Path, source: str) -> str:
         raise InputError(f"{source}: cannot be read ({reason}): check the path") from None
     if len(data) > MAX_FILE_BYTES:
         raise InputError(
-            f"{source}: is larger than {MAX_FILE_BYTES} bytes, so no file of five points a plane: "
-            "measure a cloud with `wheelplane measure`"
+            f"{source}: is larger than {MAX_FILE_BYTES} bytes, so no file of five points per "
+            "plane: measure a cloud with `wheelplane measure`"
         )
-    mend = "save the points as plain text (UTF-8), x y z a row"
+    action = "save the points as plain text (UTF-8), x y z per row"
     if b"\0" in data:
         line = data.count(b"\n", 0, data.index(b"\0")) + 1
-        raise InputError(f"{source}: line {line}: a zero byte, so not plain text: {mend}")
+        raise InputError(f"{source}: line {line}: a zero byte, so not plain text: {action}")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         byte = data[error.start]
         raise InputError(
-            f"{source}: line {line}: byte 0x{byte:02x} is not UTF-8 text: {mend}"
+            f"{source}: line {line}: byte 0x{byte:02x} is not UTF-8 text: {action}"
         ) from None
     return text.replace("\r\n", "\n").replace("\r", "\n").rstrip(" \t\n")
 
@@ -142,7 +142,7 @@ def _read_text(path: Path, source: str) -> str:
 def _parse(text: str, columns: str, source: str) -> Array:
     if not text:
         raise InputError(
-            f"{source}: is empty: give five rows {columns} a plane, four planes or more"
+            f"{source}: is empty: give five rows {columns} per plane, four planes or more"
         )
     rows = []
     for line, row in enumerate(text.split("\n"), start=1):
@@ -169,9 +169,10 @@ def _parse_row(row: str, columns: str) -> list[float]:
                 "without header, comment or unit"
             )
     if len(fields) != 3:
-        mend = "complete the row" if len(fields) < 3 else f"keep {columns}, with decimal points"
+        action = "complete the row" if len(fields) < 3 else f"keep {columns}, with decimal points"
         plural = "" if len(fields) == 1 else "s"
-        raise InputError(f"{len(fields)} number{plural} where 3 are needed ({columns}): {mend}")
+        fact = f"{len(fields)} number{plural} where 3 are needed ({columns})"
+        raise InputError(f"{fact}: {action}")
     values = [float(field) for field in fields]
     if not all(map(math.isfinite, values)):
         raise InputError("a number beyond 1.8e308: measure the point again")
@@ -195,14 +196,15 @@ def _check_count(rows: int, source: str) -> None:
 def _check_size(points_m: Array, source: str) -> None:
     beyond = np.flatnonzero(np.abs(points_m).max(axis=1) > MAX_COORDINATE_M)
     if beyond.size:
+        largest_m = np.abs(points_m[beyond[0]]).max()
         raise InputError(
-            f"{source}: line {beyond[0] + 1}: a point {np.abs(points_m[beyond[0]]).max():.3g} m "
-            f"away, where {MAX_COORDINATE_M:g} m is the most: check the row and --length-unit"
+            f"{source}: line {beyond[0] + 1}: a coordinate of {largest_m:.3g} m is beyond "
+            f"{MAX_COORDINATE_M:g} m: check the row and --length-unit"
         )
 
 
 def _clockwise(polar: Array, angle_unit: str, source: str) -> Array:
-    """Turn rows range (m), azimuth, zenith into x y z, azimuth counted clockwise from y."""
+    """Convert rows range (m), azimuth, zenith to x y z, azimuth counted clockwise from y."""
     turn = FULL_TURN[angle_unit]
     for line, (range_m, azimuth, zenith) in enumerate(polar, start=1):
         fault = None
@@ -231,9 +233,9 @@ def _clockwise(polar: Array, angle_unit: str, source: str) -> Array:
 
 
 def _up_z(blocks_m: Array, order: Sequence[int], source: str) -> float:
-    """Return up . z of the vehicle, after refusing blocks without plane or frame."""
+    """Return up . z of the vehicle. Raises InputError for blocks without plane or frame."""
     centres = []
-    for block, points_m in zip((place + 1 for place in order), blocks_m, strict=True):
+    for block, points_m in zip((index + 1 for index in order), blocks_m, strict=True):
         try:
             centres.append(fit_block(points_m).centre_m)
         except InputError as error:
@@ -255,9 +257,9 @@ def _note_if_upside_down(up_z: float) -> tuple[str, ...]:
 
 
 def _upright_sense(up_z: float, azimuth: str, source: str) -> str:
-    """Return the sense of the azimuth that leaves the vehicle upright; up_z is for clockwise.
+    """Return the sense of azimuth that leaves the vehicle upright; up_z is for clockwise.
 
-    The senses mirror each other in x = y, and up, a cross product, turns over with the mirror.
+    The two senses are mirror images in x = y, and up, a cross product, changes sign with them.
     """
     if abs(up_z) < MIN_UPRIGHT_COSINE:
         raise InputError(

@@ -1,4 +1,4 @@
-"""The plane through the five points of one block."""
+"""Fit of the plane through the five points of one block."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ def fit_block(points_m: npt.ArrayLike) -> BlockFit:
     return _fitted(points.tobytes())
 
 
-@lru_cache(maxsize=64)  # of one file, whose blocks are fitted to check them, and then again
+@lru_cache(maxsize=64)  # blocks are fitted when the file is checked, and again
 def _fitted(data: bytes) -> BlockFit:
-    """The fit of points (5, 3), bytes of float64; it is shared, so that nothing may change it."""
+    """Fit points (5, 3), bytes of float64; the result is shared, so its arrays are read-only."""
     plane = total_least_squares(np.frombuffer(data).reshape(5, 3))
     length_m, width_m = np.sqrt(plane.scatter_m2[:2] / 5)
     if length_m < MIN_LENGTH_M:

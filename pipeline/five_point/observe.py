@@ -1,4 +1,4 @@
-"""Observations of five points: each block's plane and centre, with the pooled noise of all."""
+"""Observations from five points: plane and centre of each block, with the pooled noise of all."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .fit_block import fit_block
 
 
 def pooled_noise(blocks_m: Array, station: Station | None) -> PooledNoise:
-    """Noise across the planes from all blocks (M, 5, 3), less what the station states of itself."""
+    """Return the noise across the planes of all blocks (M, 5, 3), less the station's stated one."""
     fits = [fit_block(block) for block in blocks_m]
     dof = 2 * len(fits)
     square = sum(5.0 * fit.rms_m**2 for fit in fits) / dof
@@ -25,7 +25,7 @@ def pooled_noise(blocks_m: Array, station: Station | None) -> PooledNoise:
 def observe_block(
     file: FivePointFile, index: int, noise: PooledNoise, station: Station | None
 ) -> Observation:
-    """Block `index` of the paper's file."""
+    """Return the observation of block `index` of the paper's file."""
     fit = fit_block(file.blocks_m[index])
     target = TargetFit(
         centre_m=fit.centre_m,

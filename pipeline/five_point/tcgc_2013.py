@@ -1,7 +1,7 @@
 """The estimator of the paper's software of 2013, kept to reproduce its two printed tables.
 
-For measuring use `five_point` and `angles`: here the wheel plane is regressed along z, on which it
-nearly stands, so |camber| comes out too large by about sigma^2/(camber var z).
+For measuring use `five-point` with its default method: here z is regressed on x and y, while the
+plane of a wheel is nearly vertical, so |camber| is too large by about sigma^2/(camber var z).
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ _REFERENCE_BLOCKS = {"report": [2, 3, 0, 1], "matrix": [0, 1, 2, 3]}
 
 @dataclass(frozen=True)
 class Tcgc2013Result:
-    """What the software of 2013 computed, for M blocks.
+    """Result of the software of 2013, for M blocks.
 
     toe_rad: (M,) raw azimuth of the normal that points to +x. camber_rad: (M,) absolute elevation.
     frame: in file coordinates; its left, forward and -up are the paper's u_R, v and w.
-    R_applied: (3, 3), what turned the points: R_paper_file, or its transpose in "matrix".
+    R_applied: (3, 3), applied to the points: R_paper_file, or its transpose in "matrix".
     centres_vehicle_m: (M, 3), and plane_coefficients: (M, 3) a, b, c (m) of z = a x + b y + c, both
-    in the coordinates so reached.
+    in the coordinates after that rotation.
     """
 
     variant: Variant
@@ -48,7 +48,7 @@ def tcgc_2013(blocks_m: npt.ArrayLike, variant: Variant = "report") -> Tcgc2013R
     blocks_m: (M, 5, 3) in file coordinates, metres, M >= 4.
     variant: "report" takes blocks 3 and 4 as the rear axle and 1 and 2 as the front one; "matrix"
     keeps the order of the text and applies the transposed rotation.
-    Raises InputError where the centres make no frame, or x and y of a block no regression.
+    Raises InputError if the centres define no frame, or x and y of a block no regression.
     Source: the paper, its printed report and its matrix (1).
     """
     if variant not in _REFERENCE_BLOCKS:
@@ -61,8 +61,8 @@ def tcgc_2013(blocks_m: npt.ArrayLike, variant: Variant = "report") -> Tcgc2013R
     frame = build_reference_frame(local.mean(axis=1)[_REFERENCE_BLOCKS[variant]])
     R_paper_file = rotation_by_basis(frame)
     R_applied = R_paper_file if variant == "report" else R_paper_file.T
-    moved = (local - frame.origin_m) @ R_applied.T
-    planes = np.array([_regress_z(points, block) for block, points in enumerate(moved, start=1)])
+    rotated = (local - frame.origin_m) @ R_applied.T
+    planes = np.array([_regress_z(points, block) for block, points in enumerate(rotated, start=1)])
     toe_rad, elevation_rad = _azimuth_and_elevation(planes)
     return Tcgc2013Result(
         variant=variant,
@@ -70,7 +70,7 @@ def tcgc_2013(blocks_m: npt.ArrayLike, variant: Variant = "report") -> Tcgc2013R
         camber_rad=np.abs(elevation_rad),
         frame=replace(frame, origin_m=frame.origin_m + base),
         R_applied=R_applied,
-        centres_vehicle_m=moved.mean(axis=1),
+        centres_vehicle_m=rotated.mean(axis=1),
         plane_coefficients=planes,
     )
 
@@ -89,7 +89,7 @@ def _regress_z(points: Array, block: int) -> Array:
 
 
 def _azimuth_and_elevation(planes: Array) -> tuple[Array, Array]:
-    """Give Matlab's `cart2sph` of the normals (a, b, -1), turned to +x, radians."""
+    """Return Matlab's `cart2sph` of the normals (a, b, -1), oriented to +x, radians."""
     normals = np.column_stack([planes[:, :2], np.full(len(planes), -1.0)])
     x, y, z = (normals * np.where(normals[:, :1] < 0, -1.0, 1.0)).T
     return np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))

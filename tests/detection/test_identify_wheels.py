@@ -276,7 +276,7 @@ def test_a_front_that_tells_nothing_is_refused_with_what_would(front, says):
     assert text.startswith(front.note)
     assert says in text
     if front.direction:
-        assert re.search(r"which is (-?)1\.000,0\.000,0\.000 or (-?)1\.000,0\.000,0\.000", text)
+        assert re.search(r"axles, (-?)1\.000,0\.000,0\.000 or (-?)1\.000,0\.000,0\.000", text)
 
 
 def ways(faces):

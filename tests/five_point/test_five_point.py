@@ -305,7 +305,7 @@ BAD = {
     "nan": (edited(8, "nan,97.8,51.1"), "line 8: nan where a finite number is needed"),
     "inf": (edited(9, "95.2,-Inf,51.1"), "line 9: -Inf where a finite number is needed"),
     "overflow": (edited(9, "95.2,1e999,51.1"), "line 9: a number beyond 1.8e308"),
-    "far": (edited(9, "95.2,1e200,51.1"), "line 9: a point 1e+200 m away"),
+    "far": (edited(9, "95.2,1e200,51.1"), "line 9: a coordinate of 1e+200 m"),
     "two commas": (edited(10, "95.2,,97.8,51.1"), "line 10: nothing before or after a comma"),
     "end comma": (edited(10, "95.2,97.8,51.1,"), "line 10: nothing before or after a comma"),
     "blank line": (edited(11, ""), "line 11: a blank line between rows: remove it"),

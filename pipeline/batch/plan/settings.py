@@ -54,7 +54,7 @@ class Settings:
                 "angle_unit": self.angle_unit,
                 "azimuth": self.azimuth,
                 "station": None if station is None else station.stated.model_dump(),
-                "place_m": None if station is None else station.place_m.tolist(),
+                "place_m": None if station is None else station.position_m.tolist(),
             }
         return stated | {
             "config": self.config.model_dump(exclude={"report"}),
