@@ -19,7 +19,7 @@ from ..plane import (
     total_least_squares,
 )
 from ..readers import read_scan
-from ..targets import ANY_WIDTH, NO_HOLES, Region, outer_edge
+from ..targets import Circle, Region
 from ..vectors import Array, plane_basis
 
 PLANES = tuple(f"pla{number}" for number in range(1, 31))
@@ -96,7 +96,7 @@ def clipped_plane(points: Array) -> FittedPlane:
     first, _, normal = total_least_squares(local).basis
     normal = normal + START_TILT * first
     slab = ClipSlab(plane_basis(normal / np.linalg.norm(normal)), 0.0, 0.0, 2.0 * reach)
-    region = Region(2.0 * reach, ANY_WIDTH, NO_HOLES)
+    region = Region(Circle(2.0 * reach))
     fit = fit_clipped_plane(local, region, slab, reach, across=1, max_iterations=20)
     return FittedPlane(fit.normal, points[0] + fit.centroid_m)
 
@@ -181,8 +181,7 @@ def _circle_figures(points: Array, certified: Array, plane: FittedPlane) -> tupl
     basis = plane_basis(plane.normal)
     edge_m = CIRCLE_UNIT_M * ((points - plane.centroid_m) @ basis[:2].T)
     radius_m = CIRCLE_UNIT_M * float(certified[6]) / 2.0
-    outline = outer_edge(Region(radius_m, ANY_WIDTH, NO_HOLES), "a circle")
-    circle = fit_edge_points(edge_m, outline, np.zeros(2), 0.0)
+    circle = fit_edge_points(edge_m, Circle(radius_m), np.zeros(2), 0.0)
     centre = plane.centroid_m + circle.centre_m / CIRCLE_UNIT_M @ basis[:2]
     growth = circle.growth_m / CIRCLE_UNIT_M
     return (

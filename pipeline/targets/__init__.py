@@ -1,11 +1,12 @@
 """Target shapes and printed boards that can be clamped to a wheel."""
 
-from .outline import Holes, OuterEdge, Outline, sector
+from .outline import Circle, Holes, OuterEdge, Outline, sector
 from .pattern_board import PatternTarget
 from .region import Region
 from .registry import Target, load_target, parse_target, scaled, size_of
 
 __all__ = [
+    "Circle",
     "Holes",
     "OuterEdge",
     "Outline",
