@@ -437,6 +437,15 @@ def test_entries_of_notes_match_the_code():
                 assert any(entry in text for entry in entries), f"{function}: {text!r}"
 
 
+def test_quoted_lines_of_exit_code_2_are_in_the_code():
+    everything = "\n".join(text for _, tree in sources() for text in strings(tree))
+    rows = TROUBLES.split("| the line says |")[1].split("\n\n")[0].split("\n")[2:]
+    for row in rows:
+        for quote in re.findall(r"`([^`]+)`", row.split("|")[1]):
+            for part in quote.split("..."):
+                assert part.strip() in everything, f"no message contains {quote!r}"
+
+
 def test_notes_are_written_nowhere_else():
     """Require that each function that writes notes is in NOTES, and so in the manual."""
     for path, tree in sources():
