@@ -1,4 +1,4 @@
-"""The whole story: from scans, or from five points a wheel, to angles with their uncertainty."""
+"""From scans, or from five points a wheel, to angles with their uncertainty: the whole story."""
 
 from __future__ import annotations
 
@@ -30,41 +30,54 @@ from .targets import Target
 from .uncertainty import with_type_b
 
 
-def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
-    """Plane and centre of the target in `patch`. Raises NotMeasuredError."""
-    plane = fit_plane(patch, target, config.plane)
-    fitted = locate_centre(patch, plane, target, config.centre)
-    sight_m = fitted.sight_m(plane, config.instrument.distance_m)
-    stated = with_type_b(fitted.components, fitted.normal, sight_m, target, config.instrument)
-    fitted = replace(fitted, components=stated)
-    seen = residual_map(patch, plane, fitted, target, config.plane.edge_margin_m)
-    return Evidence(fitted, plane, seen)
-
-
 def measure_capture(
     capture: Capture,
     config: Config,
     progress: Callable[[str], None] = lambda _: None,
-    fit: Callable[[Patch, Target, Config], Evidence] = fit_target,
+    fit: Fit | None = None,
 ) -> Measurement:
-    """Toe, camber and the vehicle's quantities of a capture: scans of its wheels, or one of all.
+    """Measure toe, camber and the vehicle's quantities from a capture of scans.
 
-    fit: fits the target that a scan shows; one that also looks at its points may stand in.
+    fit: measures the target in a scan; `fit_target`, or one that calls it and looks at the points.
 
     Raises InputError for a scan that cannot be read, for wheels that cannot be told apart, and for
     a reference wheel whose target cannot be measured; a trial that cannot be measured stays in the
     result with its status.
     """
-    observations, naming = observe_capture(capture, config, fit, progress)
-    made = provenance_of_capture(capture, config, observations, naming)
-    notes = [*made.said, *noisy(observations, config.instrument)]
-    return solve(align(observations, made, notes))
+    observations, naming = observe_capture(capture, config, fit or fit_target, progress)
+    origin = provenance_of_capture(capture, config, observations, naming)
+    notes = [*origin.notes, *noisy(observations, config.instrument)]
+    return solve(align(observations, origin, notes))
+
+
+def observe_capture(
+    capture: Capture, config: Config, fit: Fit, progress: Callable[[str], None]
+) -> tuple[list[Observation], Naming | None]:
+    """Observe every target, those of RR, RL, FR, FL first; return how a cloud's wheels were named.
+
+    A capture is scans of single wheels, whose names say which, or one scan of the whole vehicle.
+    """
+    if capture.cloud is not None:
+        return observe_cloud(capture.cloud, capture, config, fit, progress)
+    entries = [observe_entry(entry, capture, config, fit, progress) for entry in capture.entries]
+    return entries, None
+
+
+def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
+    """Fit plane and centre of the target in `patch`. Raises NotMeasuredError."""
+    plane = fit_plane(patch, target, config.plane)
+    fitted = locate_centre(patch, plane, target, config.centre)
+    sight_m = fitted.sight_m(plane, config.instrument.distance_m)
+    components = with_type_b(fitted.components, fitted.normal, sight_m, target, config.instrument)
+    fitted = replace(fitted, components=components)
+    residuals = residual_map(patch, plane, fitted, target, config.plane.edge_margin_m)
+    return Evidence(fitted, plane, residuals)
 
 
 def measure_five_point(file: FivePointFile, station: Station | None = None) -> Measurement:
-    """The same from the paper's five points a plane, by total least squares.
+    """Measure the same quantities from five points a plane, by total least squares.
 
-    station: whose own uncertainty counts; without it, the scatter of the points alone.
+    station: total station whose stated uncertainty is used; without it, the points' scatter.
     """
     noise = pooled_noise(file.blocks_m, station)
     blocks = range(len(file.blocks_m))
@@ -72,24 +85,14 @@ def measure_five_point(file: FivePointFile, station: Station | None = None) -> M
     return align(observations, provenance_of_five_point(file, observations, station), file.notes)
 
 
-def observe_capture(
-    capture: Capture, config: Config, fit: Fit, progress: Callable[[str], None]
-) -> tuple[list[Observation], Naming | None]:
-    """What each scan shows, RR, RL, FR, FL first; and how the wheels of one cloud were named."""
-    if capture.cloud is not None:
-        return observe_cloud(capture.cloud, capture, config, fit, progress)
-    entries = [observe_entry(entry, capture, config, fit, progress) for entry in capture.entries]
-    return entries, None
-
-
 def provenance_of_capture(
     capture: Capture, config: Config, observations: Sequence[Observation], naming: Naming | None
 ) -> Provenance:
-    """Return where the measurement of a capture of scans comes from."""
+    """Return the inputs and settings of a measurement from scans."""
     used = config.model_dump(exclude={"seed", "report"})
     used |= {"target": capture.target.model_dump(), "length_unit": capture.length_unit}
-    inputs = {seen.source: seen.sha256 for seen in observations}
-    if capture.cloud is not None:  # whose observations name its single scans besides
+    inputs = {observation.source: observation.sha256 for observation in observations}
+    if capture.cloud is not None:  # its observations name the single scans of the file as well
         inputs = {capture.cloud.file: observations[0].sha256}
     origin = (capture.source, capture.vehicle, __version__, inputs, used, config.seed)
     return Provenance(*origin, naming, capture.date)
@@ -98,8 +101,8 @@ def provenance_of_capture(
 def provenance_of_five_point(
     file: FivePointFile, observations: Sequence[Observation], station: Station | None
 ) -> Provenance:
-    """Return where the measurement of the paper's file comes from, and `station` where known."""
-    inputs = {seen.source: seen.sha256 for seen in observations}
+    """Return the input and the method of a measurement from five points a plane."""
+    inputs = {observation.source: observation.sha256 for observation in observations}
     used: dict[str, Any] = {"method": "total-least-squares"}
     if station is not None:
         used |= {"station": station.stated.model_dump(), "place_m": station.position_m.tolist()}

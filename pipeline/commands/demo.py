@@ -66,9 +66,17 @@ def compared(measurement: Measurement, truth: Path) -> str:
         for angle in ("toe", "camber"):
             value = getattr(result.angles, f"{angle}_rad")
             true = math.radians(wheels[name][f"{angle}_deg"])
-            off = f'{math.degrees(value - true) * 3600:+.1f}"'
+            difference = f'{math.degrees(value - true) * 3600:+.1f}"'
             u = f'{math.degrees(getattr(result, f"u_{angle}_rad")) * 3600:.1f}"'
             rows.append(
-                (name, result.wheel or "", angle, deg_min_sec(value), deg_min_sec(true), off, u)
+                (
+                    name,
+                    result.wheel or "",
+                    angle,
+                    deg_min_sec(value),
+                    deg_min_sec(true),
+                    difference,
+                    u,
+                )
             )
     return aligned(rows, left=3)

@@ -1,15 +1,15 @@
-"""A measurement against a tolerance: conform, not conform or undecided, and at what risk.
+"""Conformity with a tolerance: conforming, nonconforming or undecided, and the risk of error.
 
-A result y with standard uncertainty u stands for a true value distributed as N(y, u^2): normal, and
-nothing known of the vehicle beforehand. Where u has few degrees of freedom, Student's t takes the
-place of the normal.
+Given a result y with standard uncertainty u, the true value is distributed as N(y, u^2): a normal
+distribution, without prior knowledge of the vehicle. Where u has few degrees of freedom, Student's
+t distribution replaces the normal.
 - probability of conformity p = Phi((upper - y)/u) - Phi((lower - y)/u);
-- conform: p >= confidence, so y keeps a guard band g from each limit; g = k u with
-  k = Phi^-1(confidence) where the other limit is far, more where it is within some 6 u, and no y
-  is conform where the limits are nearer than 2 Phi^-1((1 + confidence)/2) u;
-- not conform: y is beyond one limit by k u or more, so that limit is exceeded with at least this
-  confidence; else undecided. The simple rule: k = g = 0, so nothing that was measured is undecided.
-- specific consumer's risk, of a conform verdict: 1 - p; producer's, of a not conform one: p.
+- conforming: p >= confidence, so y keeps a guard band g from each limit; g = k u with
+  k = Phi^-1(confidence) where the other limit is far, more where it is within some 6 u; no y is
+  conforming where the limits are closer than 2 Phi^-1((1 + confidence)/2) u;
+- nonconforming: y is beyond one limit by k u or more, so that limit is exceeded with at least this
+  confidence; else undecided. Simple rule: k = g = 0, so nothing that was measured is undecided;
+- specific consumer's risk of a conforming verdict: 1 - p; producer's of a nonconforming one: p.
 Source: JCGM 106:2012, clauses 7 to 9; ISO 14253-1:2017, whose default confidence is 95 %.
 """
 
@@ -33,10 +33,10 @@ BISECTIONS = 60  # of an interval of 0.3 u: below the rounding of float64
 
 @dataclass(frozen=True)
 class Quantity:
-    """One measured quantity: value and standard uncertainty in its unit, None where unmeasured.
+    """Measured quantity: value and standard uncertainty in its unit, None where unmeasured.
 
-    subject: name of the wheel or trial, or "vehicle". reason: why it was not measured. freedom:
-    degrees of freedom of u.
+    subject: name of the wheel or trial, or "vehicle". reason: why it was not measured. dof: degrees
+    of freedom of u.
     """
 
     name: str
@@ -51,12 +51,12 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is decided of one quantity; None where that does not apply or cannot be said.
+    """Decision on one quantity; fields that do not apply or cannot be computed are None.
 
-    zone: of its limits; None of a trial that was not measured and belongs to no wheel.
-    guard_band: inwards from each limit, in the quantity's unit; None where no value is conform.
-    probability: of conformity. risk: of this verdict being wrong: the specific consumer's of a
-    conform, the specific producer's of a not conform one. reason: of an undecided one.
+    interval: of its limits; None for a trial that was not measured and belongs to no wheel.
+    guard_band: inwards from each limit, in the quantity's unit; None where no value is conforming.
+    probability: of conformity. risk: of a wrong verdict: the specific consumer's of a conforming,
+    the specific producer's of a nonconforming one. reason: of an undecided one.
     """
 
     quantity: Quantity
@@ -73,28 +73,28 @@ Limited = tuple[Quantity, ToleranceInterval | None]
 
 @dataclass(frozen=True)
 class Conformity:
-    """All verdicts by one tolerance, wheels in the measurement's order, then the vehicle."""
+    """Verdicts by one tolerance, wheels in the measurement's order, then the vehicle."""
 
     tolerance: Tolerance
     verdicts: tuple[Verdict, ...]
 
     @property
     def decision(self) -> Decision:
-        """The worst of all: not conform, undecided, conform."""
+        """Worst of all verdicts: "not conform", "undecided", "conform" in this order."""
         found = {verdict.decision for verdict in self.verdicts}
         worst: tuple[Decision, ...] = ("not conform", "undecided")
         return next((decision for decision in worst if decision in found), "conform")
 
     @property
     def joint_probability(self) -> tuple[float, float]:
-        """Bounds of the probability that all conform, however they are correlated (Bonferroni)."""
+        """Bounds of the probability that all are conforming, for any correlation (Bonferroni)."""
         each = [verdict.probability for verdict in self.verdicts]
         missed = math.fsum(1.0 if p is None else 1.0 - p for p in each)
         return max(0.0, 1.0 - missed), min((p for p in each if p is not None), default=1.0)
 
 
 def assess(measurement: Measurement, tolerance: Tolerance) -> Conformity:
-    """Judge every quantity of the measurement that the tolerance limits, each on its own."""
+    """Assess every quantity that the tolerance limits, each on its own."""
     known = by_name(measurement)
     limited = [*_of_wheels(measurement, tolerance, known), *_of_vehicle(tolerance, known)]
     return Conformity(
@@ -103,7 +103,7 @@ def assess(measurement: Measurement, tolerance: Tolerance) -> Conformity:
 
 
 def conforms(conformity: Conformity | None) -> bool:
-    """Whether all was shown to conform, or no tolerance was given."""
+    """Return whether every limited quantity is conforming; True without a tolerance."""
     return conformity is None or conformity.decision == "conform"
 
 
@@ -121,12 +121,12 @@ def _of_wheels(
 
 
 def _of_wheel(result: WheelResult, name: str, known: Mapping[str, Stated]) -> Quantity:
-    seen = result.observation
+    observation = result.observation
     if result.angles is None:
-        reason = f"not measured, {seen.status}: {seen.reason}"
-        return Quantity(name, seen.name, result.wheel, "rad", None, None, reason)
-    what = known[f"{seen.name}.{name}"]
-    return Quantity(name, seen.name, result.wheel, "rad", what.value, what.u, dof=what.dof)
+        reason = f"not measured, {observation.status}: {observation.reason}"
+        return Quantity(name, observation.name, result.wheel, "rad", None, None, reason)
+    what = known[f"{observation.name}.{name}"]
+    return Quantity(name, observation.name, result.wheel, "rad", what.value, what.u, dof=what.dof)
 
 
 def _of_vehicle(tolerance: Tolerance, known: Mapping[str, Stated]) -> Iterator[Limited]:
@@ -137,30 +137,30 @@ def _of_vehicle(tolerance: Tolerance, known: Mapping[str, Stated]) -> Iterator[L
 
 
 def decide(quantity: Quantity, interval: ToleranceInterval | None, tolerance: Tolerance) -> Verdict:
-    """Decide on one quantity by the tolerance's rule; what has no finite value is undecided."""
+    """Decide on one quantity by the tolerance's rule; undecided without a finite value."""
     y, u = quantity.value, quantity.u
     if interval is None or y is None or u is None or not (math.isfinite(y) and math.isfinite(u)):
         reason = quantity.reason or "its value or its uncertainty is not known"
         return Verdict(quantity, interval, "undecided", reason=reason)
     dof = quantity.dof
-    g, reach = guard_band(u, interval, tolerance, dof), _one_sided(tolerance, dof) * u
+    g, outer = guard_band(u, interval, tolerance, dof), _one_sided(tolerance, dof) * u
     inside, outside = probabilities(y, u, interval, dof)
     if g is not None and interval.lower + g <= y <= interval.upper - g:
         return Verdict(quantity, interval, "conform", g, inside, outside)
-    if y <= interval.lower - reach or y >= interval.upper + reach:
+    if y <= interval.lower - outer or y >= interval.upper + outer:
         return Verdict(quantity, interval, "not conform", g, inside, inside)
     side = "lower" if y - interval.lower < interval.upper - y else "upper"
     reason = f"nearer to the {side} limit than its uncertainty allows"
     if g is None:
         needed = _text(interval.width / (2.0 * _two_sided(tolerance, dof)), quantity.unit)
-        reason = f"undecidable, u is too large for this tolerance: it takes u of {needed} or less"
+        reason = f"u is too large for this tolerance: it must be {needed} or less"
     return Verdict(quantity, interval, "undecided", g, inside, reason=reason)
 
 
 def probabilities(
     y: float, u: float, interval: ToleranceInterval, dof: float = math.inf
 ) -> tuple[float, float]:
-    """Give p that the true value lies in the zone, and 1 - p, each precise where it is tiny."""
+    """Return the probability p of conformity, and 1 - p, each precise where it is tiny."""
     if u == 0.0:
         inside = float(interval.lower <= y <= interval.upper)
         return inside, 1.0 - inside
@@ -172,7 +172,7 @@ def probabilities(
 def guard_band(
     u: float, interval: ToleranceInterval, tolerance: Tolerance, dof: float = math.inf
 ) -> float | None:
-    """Least distance from both limits at which p >= confidence; None where none suffices.
+    """Return the least distance from both limits at which p >= confidence; None if there is none.
 
     Between k u, for the tail beyond the near limit, and the two-sided k u, reached in the middle.
     """

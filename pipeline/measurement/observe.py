@@ -1,4 +1,4 @@
-"""One scan, or one block of five points, to what it shows, or why it shows nothing."""
+"""Observation of the target in the scan of a single wheel, or why there is none."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ..readers import read_scan
 from ..targets import Target
 from .records import Evidence, Observation
 
-NOISY = 1.5  # times the stated noise of a range
+NOISY = 1.5  # times the stated range noise
 
 Fit = Callable[[Patch, Target, Config], Evidence]
 
@@ -31,17 +31,17 @@ def observe_entry(
 ) -> Observation:
     """Read a scan and measure its target.
 
-    Raises InputError when the file is unreadable, or the target of a reference wheel, on which the
-    frame stands, was not measured.
+    Raises InputError when the file is unreadable, or when the target of a reference wheel, which
+    the frame needs, was not measured.
     """
     progress(entry.file)
     source = f"{capture.source}: {entry.file}"
-    seen, patch = _find(entry, source, capture, config)
+    observation, patch = _find(entry, source, capture, config)
     try:
         if isinstance(patch, NotMeasuredError):
             raise patch
         evidence = fit_target(patch, capture.target, config)
-        return replace(seen, evidence=evidence, wheel=_wheel_of(entry, evidence, source))
+        return replace(observation, evidence=evidence, wheel=_wheel_of(entry, evidence, source))
     except NotMeasuredError as error:
         if entry.role == "reference":
             raise InputError(
@@ -49,27 +49,30 @@ def observe_entry(
                 f"({error.status}): {error}: scan this wheel again, or check "
                 "--target and length_unit"
             ) from error
-        return replace(seen, status=error.status, reason=str(error))
+        return replace(observation, status=error.status, reason=str(error))
 
 
 def _wheel_of(entry: ScanEntry, evidence: Evidence, source: str) -> str | None:
-    """The scan's wheel as it is named, which its markers must not contradict; else by these."""
-    told = evidence.target.wheel
-    if told is not None and entry.wheel not in (None, told):
+    """Return the wheel that the scan is named for, or else that of its board's markers.
+
+    Raises InputError where the two contradict each other.
+    """
+    marked = evidence.target.wheel
+    if marked is not None and entry.wheel not in (None, marked):
         raise InputError(
             f"{source}: it is named for {entry.wheel}, but the markers of its board are those of "
-            f"{told}: mend the scan's name, or the markers in the target's file"
+            f"{marked}: correct the scan's name, or the markers in the target's file"
         )
-    return entry.wheel or told
+    return entry.wheel or marked
 
 
 def _find(
     entry: ScanEntry, source: str, capture: Capture, config: Config
 ) -> tuple[Observation, Patch | NotMeasuredError]:
-    """What was read, and the target's surroundings; the scan itself is let go here."""
+    """Read the scan and find the patch with its target; the scan itself is freed on return."""
     scan = read_scan(entry.path, capture.length_unit, source)
     check_wheel_scan(scan.points_m, 2.0 * capture.target.radius_m, capture.length_unit, source)
-    seen = Observation(
+    observation = Observation(
         name=entry.name,
         role=entry.role,
         wheel=entry.wheel,
@@ -86,20 +89,20 @@ def _find(
             scan.points_m, capture.target, config.segment, config.seed, scan.intensity
         )
     except NotMeasuredError as error:
-        return seen, error.with_traceback(None)
+        return observation, error.with_traceback(None)
     station_m = scan.parts[0].station_m if len(scan.parts) == 1 else None
-    return seen, replace(patch, station_m=station_m)
+    return observation, replace(patch, station_m=station_m)
 
 
 def noisy(observations: Sequence[Observation], instrument: InstrumentConfig) -> Iterator[str]:
-    """A sentence on every scan whose noise is well beyond what is stated of the scanner."""
+    """Yield a note for every scan whose noise is well above the scanner's stated range noise."""
     if instrument.range_sigma_m is None:
         return
-    for seen in observations:
-        plane = seen.evidence.plane if seen.evidence else None
+    for observation in observations:
+        plane = observation.evidence.plane if observation.evidence else None
         if plane is not None and plane.sigma_m > NOISY * instrument.range_sigma_m:
             yield (
-                f"The noise of {seen.name} across its plane, {plane.sigma_m * 1e3:.2f} mm, is "
-                f"{plane.sigma_m / instrument.range_sigma_m:.1f} times the range noise that the "
-                f"scanner's file states: check the target's surface, and the file."
+                f"The noise of {observation.name} across its plane, {plane.sigma_m * 1e3:.2f} mm, "
+                f"is {plane.sigma_m / instrument.range_sigma_m:.1f} times the range noise in the "
+                f"scanner file: check the target's surface, and the file."
             )

@@ -1,4 +1,4 @@
-"""The faces in the cloud of a whole vehicle: read, searched, and the cloud let go."""
+"""Observation of all four targets in a whole-vehicle scan."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from ..vehicle import REFERENCE_WHEELS
 from .observe import Fit
 from .records import Evidence, Naming, Observation
 
-SAMPLE = 400_000  # points kept of the cloud, by which its floor is found
+SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a cloud showed, its points but a sample let go.
+    """Targets found in a whole-vehicle scan, with a sample of its points.
 
-    scans: of each patch, the name of the file's scan that it was taken from; '' of one alone.
+    scans: name of the file's scan that each patch is from; '' if the file holds one only.
     """
 
     patches: tuple[Patch, ...]
@@ -49,8 +49,8 @@ class Found:
     invalid_points: int
 
     @property
-    def faces(self) -> tuple[FoundTarget, ...]:
-        """The patches as the naming of wheels sees them."""
+    def targets(self) -> tuple[FoundTarget, ...]:
+        """Position, normal and match of each patch, by which wheels are named."""
         return tuple(FoundTarget(p.origin_m, p.basis[2], p.match) for p in self.patches)
 
 
@@ -61,9 +61,9 @@ def targets_of_cloud(
     config: Config,
     progress: Callable[[str], None],
 ) -> Found:
-    """The faces of the target; messages call the file `source`.
+    """Find the targets in a whole-vehicle scan; messages call the file `source`.
 
-    Raises InputError when it is unreadable, or cannot be the cloud of a vehicle.
+    Raises InputError when it is unreadable, or cannot be the scan of a vehicle.
     """
     progress(f"{cloud.file}: reading")
     scan = read_scan(cloud.path, capture.length_unit, source)
@@ -87,7 +87,7 @@ def targets_of_cloud(
     )
 
 
-MOST_TOLD = 4
+MOST_SHOWN = 4
 
 
 def observe_cloud(
@@ -95,8 +95,8 @@ def observe_cloud(
 ) -> tuple[list[Observation], Naming]:
     """Find, name and measure the targets of all four wheels.
 
-    Raises InputError when the file is unreadable, when its faces cannot be named, and when one of
-    the four cannot be measured.
+    Raises InputError when the file is unreadable, when its targets cannot be assigned to wheels,
+    and when one of the four cannot be measured.
     """
     source = capture.called(cloud)
     with ThreadPoolExecutor(1) as beside:
@@ -106,11 +106,11 @@ def observe_cloud(
         ways, naming = _ways(found, capture)
         evidence: dict[int, Evidence] = {}
         for wheel, index in ways[0].items():
-            label = wheel if len(ways) == 1 else f"face {index + 1}"
-            progress(f"{cloud.file}: {label}")
-            evidence[index] = _fitted(found, index, label, capture.target, config, fit)
-        told = {index: seen.target.wheel for index, seen in evidence.items() if seen.target.wheel}
-        named = wheels_by_markers(ways, told, found.faces)
+            known = wheel if len(ways) == 1 else ""
+            progress(f"{cloud.file}: {known or f'target {index + 1}'}")
+            evidence[index] = _fitted(found, index, known, capture.target, config, fit)
+        marked = {index: e.target.wheel for index, e in evidence.items() if e.target.wheel}
+        named = wheels_by_markers(ways, marked, found.targets)
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
     centres_m = np.stack([evidence[named[wheel]].target.centre_m for wheel in REFERENCE_WHEELS])
@@ -132,53 +132,54 @@ def observe_cloud(
 
 
 def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Naming]:
-    """The face of each wheel; both ways round where only markers can tell the front."""
-    faces = found.faces
+    """Return the target of each wheel; in both senses where only markers show the front."""
+    targets = found.targets
     stand = None if capture.up == "z" else partial(stand_on_a_floor, found.sample_m)
-    axles = find_axles(faces, capture.target.radius_m, stand)
-    centres_m = axles.centres_m(faces)
+    axles = find_axles(targets, capture.target.radius_m, stand)
+    centres_m = axles.centres_m(targets)
     up = find_up(found.sample_m, centres_m, capture.up)
     first_m, second_m = centres_m.mean(axis=1)
-    notes = _left_out([faces[i] for i in axles.left_out])
+    notes = _left_out([targets[i] for i in axles.left_out])
     if capture.front is not None:
         ahead = capture.front.is_ahead(first_m, second_m)
         naming = Naming(capture.front.note, up.by, found.points, notes)
-        return [axles.named(faces, up.direction, ahead)], naming
+        return [axles.named(targets, up.direction, ahead)], naming
     if not names_wheels(capture.target):
         along = (second_m - first_m) / np.linalg.norm(second_m - first_m)
         one, other = (",".join(f"{x:.2f}" for x in way + 0.0) for way in (along, -along))
         raise InputError(
-            f"which end is the front is not told: add --front {one} or --front {other}, whichever "
+            f"the front of the vehicle is unknown: add --front {one} or --front {other}, whichever "
             "points forward, or --front-point X,Y,Z near the front"
         )
     both: list[Mapping[str, int]] = [
-        axles.named(faces, up.direction, ahead) for ahead in (True, False)
+        axles.named(targets, up.direction, ahead) for ahead in (True, False)
     ]
     return both, Naming("the markers of the boards", up.by, found.points, notes)
 
 
-def _left_out(faces: Sequence[FoundTarget]) -> tuple[str, ...]:
-    """A sentence on the faces that are no wheel's."""
-    if not faces:
+def _left_out(targets: Sequence[FoundTarget]) -> tuple[str, ...]:
+    """Return a note on targets that are at no wheel."""
+    if not targets:
         return ()
-    told = "; ".join(placed(face) for face in faces[:MOST_TOLD])
-    more = f"; {len(faces) - MOST_TOLD} more" if len(faces) > MOST_TOLD else ""
-    return (f"Like the target, but none of the vehicle's wheels: {told}{more}.",)
+    shown = "; ".join(placed(target) for target in targets[:MOST_SHOWN])
+    more = f"; {len(targets) - MOST_SHOWN} more" if len(targets) > MOST_SHOWN else ""
+    return (f"Like the target, but at none of the vehicle's wheels: {shown}{more}.",)
 
 
 def names_wheels(target: Target) -> bool:
-    """Whether the target's boards have markers that tell their wheels."""
+    """Return whether the markers of the target's boards name their wheels."""
     return isinstance(target, PatternTarget) and target.wheels is not None
 
 
 def _fitted(
-    found: Found, index: int, label: str, target: Target, config: Config, fit: Fit
+    found: Found, index: int, wheel: str, target: Target, config: Config, fit: Fit
 ) -> Evidence:
     try:
         return fit(found.patches[index], target, config)
     except NotMeasuredError as error:
+        of_wheel = f" of {wheel}," if wheel else ""
         scan = f" of {found.scans[index]}" if found.scans[index] else ""
         raise InputError(
-            f"the target of {label}, {placed(found.faces[index])}{scan}, was not measured "
+            f"the target{of_wheel} {placed(found.targets[index])}{scan}, was not measured "
             f"({error.status}): {error}: scan the vehicle again, or check --target"
         ) from error

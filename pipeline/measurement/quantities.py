@@ -1,4 +1,4 @@
-"""All quantities of a measurement in one list, in the order of its covariance."""
+"""List of all quantities of a measurement, in the order of its covariance."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ RADIAN: Unit = "rad"
 
 @dataclass(frozen=True)
 class Stated:
-    """One quantity with its uncertainty, radians or metres.
+    """Quantity with its uncertainty, radians or metres.
 
-    subject: name of the wheel, or "vehicle". kind: such as "toe" or "wheelbase". axis: the
-    longitudinal axis it is counted from, None where that does not matter. name: such as "RR.toe" or
-    "front_setback_to_centreline". coverage_factor: of 95 %. shares: (K,) of the variance, by the
-    causes of the measurement's uncertainty. through_frame: share that arrives through the centres.
+    subject: name of the wheel, or "vehicle". kind: such as "toe" or "wheelbase". axis: longitudinal
+    axis to which it refers, None where that does not matter. name: such as "RR.toe" or
+    "front_setback_to_centreline". coverage_factor: for 95 %. contributions: (K,) shares of the
+    variance by uncertainty component. through_frame: share that arises through the centres, which
+    define the frame.
     """
 
     subject: str
@@ -44,7 +45,7 @@ class Stated:
 
 
 def stated(measurement: Measurement) -> list[Stated]:
-    """Every quantity of the measured wheels, then of the vehicle, with its budget."""
+    """Return every quantity of the measured wheels, then of the vehicle, with its budget."""
     known = measurement.uncertainty
     total = np.diag(known.covariance)
     whole = np.where(total > 0.0, total, math.inf)
@@ -74,12 +75,12 @@ def stated(measurement: Measurement) -> list[Stated]:
 
 
 def by_name(measurement: Measurement) -> dict[str, Stated]:
-    """The same by name: `RR.toe`, `thrust_angle`."""
+    """Return the quantities by name: `RR.toe`, `thrust_angle`."""
     return {quantity.name: quantity for quantity in stated(measurement)}
 
 
 def against(quantities: Sequence[Stated], axis: Axis) -> list[Stated]:
-    """Those that are counted from one axis, or from none; kind by kind."""
+    """Select the quantities that refer to `axis`, or to none, kind by kind."""
     order = list(dict.fromkeys(quantity.kind for quantity in quantities))
     chosen = [quantity for quantity in quantities if quantity.axis in (None, axis)]
     return sorted(chosen, key=lambda quantity: order.index(quantity.kind))

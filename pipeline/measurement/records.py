@@ -1,4 +1,4 @@
-"""The result: what `measure` and `five-point` both return and every report reads."""
+"""Records of a measurement, which `measure` and `five-point` return and reports read."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FrameThrough = Literal["axle centres", "axle and plate centres", "plate centres"
 
 @dataclass(frozen=True)
 class Evidence:
-    """A fitted target; of a scan also its plane's fit and a map of its face."""
+    """Fitted target; of a scan also the plane's fit and a map of its residuals."""
 
     target: TargetFit
     plane: PlaneFit | None = None
@@ -34,11 +34,11 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Observation:
-    """What one scan, or one block of five points, showed.
+    """Target observed in one scan, or in one block of five points.
 
-    repeats: what it shows once more. turn: of a scan of a sweep or a run-out. evidence is None
-    where nothing could be measured; `status` then names why and `reason` says it. cloud: a few of
-    the points; None of five.
+    repeats: name of the scan that it repeats. turn: of a scan of a sweep or a run-out. evidence is
+    None where nothing could be measured; `status` then is the kind of cause and `reason` explains
+    it. cloud: a sample of the points; None for five points.
     """
 
     name: str
@@ -57,7 +57,7 @@ class Observation:
 
     @property
     def fitted(self) -> TargetFit:
-        """The target; only of an observation that was measured."""
+        """Fitted target. Raises ValueError if it was not measured."""
         if self.evidence is None:
             raise ValueError(f"{self.name} was not measured ({self.status})")
         return self.evidence.target
@@ -65,10 +65,10 @@ class Observation:
 
 @dataclass(frozen=True)
 class WheelResult:
-    """An observation with its angles; all None where it was not measured.
+    """Observation with its angles; all None where it was not measured.
 
     normal: (3,) outward, scanner coordinates. u_: standard uncertainties (k = 1), radians, and
-    freedom_: their degrees of freedom.
+    dof_: their degrees of freedom.
     """
 
     observation: Observation
@@ -85,9 +85,9 @@ class WheelResult:
 
 @dataclass(frozen=True)
 class Naming:
-    """How the wheels of one cloud got their names: what told the front, and what told up.
+    """Sources of the front and up directions by which a cloud's wheels were named.
 
-    points: of the cloud. notes: sentences on what was left out.
+    points: number in the cloud. notes: sentences on what was left out.
     """
 
     front: str
@@ -98,10 +98,9 @@ class Naming:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What the result was made from: version, sha256 of each input, effective config, seed.
+    """Origin of a result: version, sha256 of each input, effective config, seed.
 
-    naming: of the wheels, where one cloud shows them all. date: of the capture, as ISO 8601 writes
-    it, where it is told.
+    naming: of the wheels of a whole-vehicle scan. date: of the capture (ISO 8601), if known.
     """
 
     source: str
@@ -114,12 +113,12 @@ class Provenance:
     date: str | None = None
 
     @property
-    def said(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[str, ...]:
         """Sentences on how the wheels were named."""
         if self.naming is None:
             return ()
-        told = f"Wheels named by the geometry; front: {self.naming.front}; up: {self.naming.up}."
-        return (told, *self.naming.notes)
+        note = f"Wheels named by the geometry; front: {self.naming.front}; up: {self.naming.up}."
+        return (note, *self.naming.notes)
 
 
 @dataclass(frozen=True)

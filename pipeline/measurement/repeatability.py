@@ -1,4 +1,4 @@
-"""Repeat scans of a wheel with nothing moved: pooled result, observed scatter, drift."""
+"""Repeatability: scans of a wheel with nothing moved, pooled; their scatter and drift."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from ..uncertainty import chi_square_beyond
 from ..vectors import Array
 from .records import Measurement, Observation
 
-OF_PLATE = ("flatness", "clamp")  # causes that repeat with the plate, so that no scatter shows them
-DOUBT = 0.01  # chance below which the scatter is called larger, or smaller, than predicted
+OF_PLATE = ("flatness", "clamp")  # components constant for a target, which no scatter shows
+DOUBT = 0.01  # probability below which scatter counts as larger, or smaller, than predicted
 
 
 @dataclass(frozen=True)
 class PooledAngle:
-    """One angle over the repeats, radians, in the order of the scans.
+    """Angle from repeat scans, radians, values in the order of the scans.
 
-    pooled: generalised least squares, which weighs by the covariance; u: of it. chi_square: of the
-    scatter about it, with `freedom` degrees; probability: of as much or more. drift: per scan, and
-    its u; None for two scans. status: 'as-predicted', 'larger' or 'smaller' than predicted.
+    pooled: generalised least squares estimate; u: its standard uncertainty. chi_square: of the
+    scatter about it, with `dof` degrees of freedom; probability: of exceeding it by chance. drift:
+    per scan, and its u; None for two scans. status: 'as-predicted', 'larger' or 'smaller' scatter
+    than predicted.
     """
 
     kind: str
@@ -40,41 +41,40 @@ class PooledAngle:
 
 @dataclass(frozen=True)
 class Repeats:
-    """The scans, by name, that repeat one wheel or trial, and what they say together."""
+    """Names of the scans that repeat one wheel or trial, and their pooled angles."""
 
     of: str
     scans: tuple[str, ...]
     angles: tuple[PooledAngle, ...]
 
 
-def share_plates(observations: Sequence[Observation]) -> list[Observation]:
-    """Make what comes with the plate one effect in all scans of it, so that it cancels between."""
-    repeated = {seen.repeats for seen in observations if seen.repeats is not None}
+def share_components(observations: Sequence[Observation]) -> list[Observation]:
+    """Share the components of a target among its repeat scans, so that they cancel between them."""
+    repeated = {o.repeats for o in observations if o.repeats is not None}
     return [
-        _share(seen, seen.repeats or seen.name)
-        if seen.repeats is not None or seen.name in repeated
-        else seen
-        for seen in observations
+        _share(observation, observation.repeats or observation.name)
+        if observation.repeats is not None or observation.name in repeated
+        else observation
+        for observation in observations
     ]
 
 
-def _share(seen: Observation, plate: str) -> Observation:
-    if seen.evidence is None:
-        return seen
-    target = seen.evidence.target
+def _share(observation: Observation, plate: str) -> Observation:
+    if observation.evidence is None:
+        return observation
+    target = observation.evidence.target
     components = tuple(
         replace(component, shared=f"plate of {plate}")
         if component.name in OF_PLATE and math.isinf(component.dof)
         else component
         for component in target.components
     )
-    return replace(
-        seen, evidence=replace(seen.evidence, target=replace(target, components=components))
-    )
+    evidence = replace(observation.evidence, target=replace(target, components=components))
+    return replace(observation, evidence=evidence)
 
 
 def pool_repeats(measurement: Measurement) -> tuple[Repeats, ...]:
-    """Every group of two or more measured scans of the same thing, in the order of the result."""
+    """Pool every group of two or more measured scans of one wheel or trial, in result order."""
     measured = [wheel for wheel in measurement.wheels if wheel.angles is not None]
     groups: dict[str, list[int]] = {}
     for index, wheel in enumerate(measured):
@@ -98,14 +98,14 @@ def pool_repeats(measurement: Measurement) -> tuple[Repeats, ...]:
 def pool(kind: str, values: Array, covariance: Array) -> PooledAngle:
     """Pool values (n,) with their covariance (n, n), radians.
 
-    Source: generalised least squares, Aitken (1935); the chi-square test of JCGM 100, 4.2.3 and
-    F.1, with the covariance in the place of one sigma.
+    Source: generalised least squares, Aitken (1935); chi-square test as in JCGM 100, 4.2.3 and F.1,
+    with the covariance in place of a single sigma.
     """
     count = len(values)
     start = values[0]
-    mean, u_mean, left = _fit(np.ones((count, 1)), values - start, covariance)
+    mean, u_mean, chi_square = _fit(np.ones((count, 1)), values - start, covariance)
     dof = count - 1
-    above = chi_square_beyond(left, dof)
+    probability = chi_square_beyond(chi_square, dof)
     drift = u_drift = None
     if count > 2:
         order = np.arange(count) - (count - 1) / 2.0
@@ -114,18 +114,18 @@ def pool(kind: str, values: Array, covariance: Array) -> PooledAngle:
         )
         drift, u_drift = float(slopes[1]), float(u_slopes[1])
     status: Literal["as-predicted", "larger", "smaller"] = "as-predicted"
-    if above < DOUBT:
+    if probability < DOUBT:
         status = "larger"
-    elif above > 1.0 - DOUBT:
+    elif probability > 1.0 - DOUBT:
         status = "smaller"
     return PooledAngle(
         kind=kind,
         values=values,
         pooled=float(start + mean[0]),
         u=float(u_mean[0]),
-        chi_square=left,
+        chi_square=chi_square,
         dof=dof,
-        probability=above,
+        probability=probability,
         drift=drift,
         u_drift=u_drift,
         status=status,
@@ -133,16 +133,16 @@ def pool(kind: str, values: Array, covariance: Array) -> PooledAngle:
 
 
 def _fit(slopes: Array, values: Array, covariance: Array) -> tuple[Array, Array, float]:
-    """Coefficients, their standard uncertainties, and the chi-square left over."""
+    """Return coefficients, their standard uncertainties, and chi-square of the residuals."""
     scale = float(np.trace(covariance)) / len(covariance)
     if not scale > 0.0:
-        raise ValueError("repeats without any uncertainty cannot be compared")
-    # What all share adds to the pooled value and nothing to the differences; a trace of rounding
-    # keeps the matrix regular where nothing else distinguishes the scans.
+        raise ValueError("repeat scans without any uncertainty cannot be compared")
+    # Shared components add to the pooled value and nothing to the differences; 1e-12 keeps the
+    # matrix regular where nothing else distinguishes the scans.
     V = covariance / scale + 1e-12 * np.eye(len(values))
     weighted = np.linalg.solve(V, slopes)
     inverse = np.linalg.inv(slopes.T @ weighted)
     found = inverse @ (weighted.T @ values)
     residual = values - slopes @ found
-    left = float(residual @ np.linalg.solve(V, residual)) / scale
-    return found, np.sqrt(np.diag(inverse) * scale), left
+    chi_square = float(residual @ np.linalg.solve(V, residual)) / scale
+    return found, np.sqrt(np.diag(inverse) * scale), chi_square

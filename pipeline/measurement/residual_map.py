@@ -1,4 +1,4 @@
-"""A small map of a target's face: where its points lie above and below the fitted plane."""
+"""Map of a target: distances of its points from the fitted plane."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ BINS, SIGMAS = 60, 5.0  # of the histogram, from -SIGMAS to +SIGMAS of the plane
 class ResidualMap:
     """Square raster of the plane about the target's centre, along the plane's axes u and v.
 
-    residual_m: (240, 240) float32, mean distance of the face's points from the plane, positive
+    residual_m: (240, 240) float32, mean distance of the target's points from the plane, positive
     towards the scanner; NaN where there are none. behind: (240, 240) bool, cells that show only
     other surfaces. Row 0 is at the top; half_width_m: from the centre to the map's edge.
-    region: of the target, turned by turn_rad from u towards v. counts: (60,) points of the face
-    clear of its edges by their distance from the plane, from -span_m to span_m in equal bins.
+    region: of the target, rotated by turn_rad from u towards v. counts: (60,) histogram of the
+    distances of points clear of its edges, from -span_m to span_m in equal bins.
     """
 
     residual_m: Array32
@@ -50,7 +50,7 @@ class ResidualMap:
         return tuple(turned(p, self.turn_rad) for p in self.region.polygons_m(CORNERS))
 
     def on_face(self, uvw_m: Array) -> Mask:
-        """Which of uvw_m (N, 3), from the centre along u, v and the normal, lie on the face."""
+        """Return which of uvw_m (N, 3), from the centre along u, v, normal, are on the target."""
         flat = np.abs(uvw_m[:, 2]) < FACE_BAND * self.radius_m
         return np.asarray(flat & self.region.holds(turned(uvw_m[:, :2], -self.turn_rad)))
 
@@ -58,9 +58,9 @@ class ResidualMap:
 def residual_map(
     patch: Patch, plane: PlaneFit, fitted: TargetFit, target: Target, margin_m: float
 ) -> ResidualMap:
-    """Map of the points of `patch` about the centre of `fitted`, on the fitted plane.
+    """Map the points of `patch` about the centre of `fitted`, on the fitted plane.
 
-    margin_m: from the edges, within which points are not counted.
+    margin_m: distance from the edges within which points are not counted.
     """
     radius_m = target.radius_m
     half = REACH * radius_m
@@ -91,7 +91,7 @@ def residual_map(
 
 
 def _local(patch: Patch, plane: PlaneFit, fitted: TargetFit) -> Array32:
-    """Points (N, 3) of the patch from the centre along the plane's axes."""
+    """Return the patch's points (N, 3) from the centre along the plane's axes."""
     shift = (patch.origin_m - fitted.centre_m) @ plane.basis.T
     shift[2] += (fitted.centre_m - plane.centroid_m) @ plane.normal
     points = np.concatenate([patch.face_m.astype(np.float32), patch.around_m])
@@ -101,7 +101,7 @@ def _local(patch: Patch, plane: PlaneFit, fitted: TargetFit) -> Array32:
 
 
 def _turn(plane: PlaneFit, fitted: TargetFit) -> float:
-    """Of the target's axis u against the plane's; 0 where it shows none."""
+    """Return the in-plane rotation of the target's axis u from the plane's; 0 if not visible."""
     if fitted.turn is None:
         return 0.0
     along, across = plane.basis[:2] @ fitted.turn.axis
@@ -109,7 +109,7 @@ def _turn(plane: PlaneFit, fitted: TargetFit) -> float:
 
 
 def _cell_centres(half_m: float) -> Array:
-    """Places (CELLS^2, 2) along u and v, row by row from the top."""
+    """Return the cells' centres (CELLS^2, 2) along u and v, row by row from the top."""
     ticks = (np.arange(CELLS) + 0.5) * (2.0 * half_m / CELLS) - half_m
     u, v = np.meshgrid(ticks, -ticks)
     return np.column_stack([u.ravel(), v.ravel()])

@@ -1,4 +1,4 @@
-"""The tolerance file: limits of angles and lengths, and the rule that decides by them."""
+"""Tolerance file: limits of angles and lengths, and the decision rule."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Rule = Literal["guarded", "simple"]
 
 @dataclass(frozen=True)
 class ToleranceInterval:
-    """From lower to upper, both included, radians or metres; -inf or inf where there is no limit.
+    """Interval from lower to upper, both included, radians or metres; infinite without a limit.
 
-    Raises ValueError where nothing lies within, or everything does.
+    Raises ValueError where it holds no value, or every value.
     """
 
     lower: float
@@ -31,12 +31,12 @@ class ToleranceInterval:
 
     @property
     def width(self) -> float:
-        """Upper less lower limit; inf where one of them is not there."""
+        """Upper less lower limit; inf where one of them is missing."""
         return self.upper - self.lower
 
 
 class AngleLimits(Section):
-    """Of an angle, degrees: lower and upper or one of them, or nominal with +- tolerance."""
+    """Limits of an angle, degrees: lower, upper or both, or nominal with +- tolerance."""
 
     lower_deg: float | None = Field(None, ge=-90.0, le=90.0)
     upper_deg: float | None = Field(None, ge=-90.0, le=90.0)
@@ -50,13 +50,13 @@ class AngleLimits(Section):
 
     @property
     def interval(self) -> ToleranceInterval:
-        """The same in radians."""
+        """Tolerance interval, radians."""
         lower, upper = _limits(self, "deg")
         return ToleranceInterval(math.radians(lower), math.radians(upper))
 
 
 class LengthLimits(Section):
-    """Of a length, metres: lower and upper or one of them, or nominal with +- tolerance."""
+    """Limits of a length, metres: lower, upper or both, or nominal with +- tolerance."""
 
     lower_m: float | None = Field(None, ge=0.0)
     upper_m: float | None = Field(None, ge=0.0)
@@ -70,12 +70,12 @@ class LengthLimits(Section):
 
     @property
     def interval(self) -> ToleranceInterval:
-        """The same as a zone."""
+        """Tolerance interval, metres."""
         return ToleranceInterval(*_limits(self, "m"))
 
 
 class OffsetLimits(LengthLimits):
-    """Of a length that has a sign, metres."""
+    """Limits of a signed length, metres."""
 
     lower_m: float | None = None
     upper_m: float | None = None
@@ -83,13 +83,13 @@ class OffsetLimits(LengthLimits):
 
 
 def _limits_of(entry: OfWheel | OfVehicle) -> tuple[object, None]:
-    """The type and the default of a quantity's limits."""
+    """Return the type and the default of a quantity's limits."""
     if isinstance(entry, OfWheel) or entry.unit == "rad":
         return AngleLimits | None, None
     return (OffsetLimits if entry.signed else LengthLimits) | None, None
 
 
-# Of a wheel or both of an axle, and of the vehicle: a table for each entry of definitions.py.
+# For a wheel or both of an axle, and for the vehicle: a table for each entry of definitions.py.
 _OF_WHEEL: dict[str, Any] = {entry.name: _limits_of(entry) for entry in WHEEL}
 _OF_VEHICLE: dict[str, Any] = {entry.name: _limits_of(entry) for entry in VEHICLE}
 WheelTolerance = create_model("WheelTolerance", __base__=Section, **_OF_WHEEL)
@@ -97,7 +97,7 @@ VehicleTolerance = create_model("VehicleTolerance", __base__=Section, **_OF_VEHI
 
 
 class Tolerance(Section):
-    """A tolerance file; `configs/tolerances/example.toml` explains it."""
+    """Tolerance file; `configs/tolerances/example.toml` explains it."""
 
     title: str = ""
     rule: Rule = "guarded"
@@ -120,21 +120,21 @@ class Tolerance(Section):
 
     @property
     def coverage_factor(self) -> float:
-        """Standard uncertainties of a guard band at a single limit; 0 by the simple rule."""
+        """Guard band at a single limit, in standard uncertainties; 0 by the simple rule."""
         return NormalDist().inv_cdf(self.confidence) if self.rule == "guarded" else 0.0
 
     def of_wheel(self, wheel: str) -> dict[str, ToleranceInterval]:
-        """Zones of a wheel's angles, radians: its own table stands before that of its axle."""
+        """Return the intervals of a wheel's angles, radians; its own table overrides its axle's."""
         own, axle = getattr(self, wheel), self.rear if wheel.startswith("R") else self.front
         return _intervals(axle) | _intervals(own)
 
     def of_vehicle(self) -> dict[str, ToleranceInterval]:
-        """Zones of the vehicle's angles (radians) and lengths (metres)."""
+        """Return the intervals of the vehicle's angles (radians) and lengths (metres)."""
         return _intervals(self.vehicle)
 
 
 def load_tolerance(name: str) -> Tolerance:
-    """Tolerance by name (`example`) or TOML file. Raises ConfigError."""
+    """Load a tolerance by name (`example`) or TOML file. Raises ConfigError."""
     return parse_section(Tolerance, read_toml(config_file("tolerances", name)), name)
 
 
@@ -143,7 +143,7 @@ def _intervals(limits: Section) -> dict[str, ToleranceInterval]:
 
 
 def _limits(given: AngleLimits | LengthLimits, unit: str) -> tuple[float, float]:
-    """Lower and upper limit in the file's unit."""
+    """Return lower and upper limit in the file's unit."""
     lower, upper, nominal, tolerance = (
         getattr(given, f"{part}_{unit}") for part in ("lower", "upper", "nominal", "tolerance")
     )
@@ -153,7 +153,7 @@ def _limits(given: AngleLimits | LengthLimits, unit: str) -> tuple[float, float]
 
 
 def _check_limits(given: AngleLimits | LengthLimits, unit: str) -> None:
-    """Raise ValueError where the table does not say one zone."""
+    """Raise ValueError where the table does not define one interval."""
     has = {name.removesuffix(f"_{unit}") for name, value in given if value is not None}
     if has not in ({"lower"}, {"upper"}, {"lower", "upper"}, {"nominal", "tolerance"}):
         raise ValueError(

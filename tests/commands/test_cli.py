@@ -571,7 +571,7 @@ def test_left_and_right_exchanged_is_told(copy, wheelplane):
         (copy / f"{other}.ply").rename(copy / f"{one}.ply")
         (copy / "x.ply").rename(copy / f"{other}.ply")
     notes = wheelplane("measure", copy, "--json").tree["notes"]
-    assert any("left and right are exchanged, or front and rear" in note for note in notes)
+    assert any("left and right, or front and rear, are exchanged" in note for note in notes)
 
 
 def test_what_is_missing_or_unknown_ends_in_one_line(capture, copy, wheelplane, tmp_path):

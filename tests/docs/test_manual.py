@@ -384,7 +384,7 @@ def test_every_column_of_the_catalogue_is_listed(tmp_path):
 NOTES = {
     "evaluate.py": ("_upside_down", "_far_from_their_wheel"),
     "observe_vehicle.py": ("_left_out",),
-    "records.py": ("said",),
+    "records.py": ("notes",),
     "observe.py": ("noisy",),
     "file.py": ("_note_if_upside_down", "_note_of_sense"),
     "five_point.py": ("note_of_aiming",),

@@ -269,7 +269,7 @@ def test_like_targets_elsewhere_are_told_and_left_out(bay, whole, tmp_path):
     np.testing.assert_allclose(angles(found), angles(whole), rtol=0, atol=SAME_RAD)
     place = whole.wheels[3].observation.fitted.centre_m + 4.0 * bay.left
     note = found.notes[1]
-    assert note.startswith("Like the target, but none of the vehicle's wheels: at (")
+    assert note.startswith("Like the target, but at none of the vehicle's wheels: at (")
     told = [float(x) for x in note.split("(")[1].split(")")[0].split(",")]
     np.testing.assert_allclose(told, place, atol=0.005)
 
@@ -349,7 +349,9 @@ def test_markers_that_contradict_the_front_stop_it(bay, vehicle):
 def test_markers_of_single_scans_must_not_contradict_their_names(bay, single, tmp_path):
     found = measured(bay.folder, fit=with_markers(bay, {"RL": "RL", "FR": "FR"}))
     np.testing.assert_array_equal(angles(found), angles(single))
-    with pytest.raises(InputError, match=r"rl\.ply: it is named for RL, but .* those of FL: mend"):
+    with pytest.raises(
+        InputError, match=r"rl\.ply: it is named for RL, but .* those of FL: correct"
+    ):
         measured(bay.folder, fit=with_markers(bay, {"RL": "FL"}))
     source = shutil.copytree(bay.folder, tmp_path / "c")
     (source / "capture.toml").unlink()
@@ -360,7 +362,7 @@ def test_markers_of_single_scans_must_not_contradict_their_names(bay, single, tm
 
 def test_no_front_is_asked_for_with_the_two_that_may_be_meant(bay, vehicle):
     text = refused("measure", vehicle, "--target", "disc-250")
-    assert text.startswith(f"{vehicle}: which end is the front is not told: add --front ")
+    assert text.startswith(f"{vehicle}: the front of the vehicle is unknown: add --front ")
     offered = [way.split(",")[:3] for way in text.split("--front ")[1:]]
     for way in offered:
         option = ",".join(x.split(" ")[0] for x in way)
@@ -529,7 +531,7 @@ def test_validate_does_not_guess_what_a_folder_is(declared, vehicle, tmp_path):
     text = refused("validate", tmp_path, "--truth")
     assert "holds the cloud bare.ply and 1 folders or archives" in text
     (tmp_path / "bare.ply").unlink()
-    assert "each is told by its own capture.toml" in refused(
+    assert "front_point and up in the capture.toml of each" in refused(
         "validate", tmp_path, "--truth", "--front", "1,0,0"
     )
 
