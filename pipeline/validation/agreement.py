@@ -1,9 +1,9 @@
-"""Two methods over many captures: bias, limits of agreement, a line through both.
+"""Agreement of two methods over many captures: bias, limits of agreement, fitted line.
 
 A subject is one wheel of one vehicle; its repeated measures are captures of the vehicle and trials
 on the wheel. Differences scatter between subjects and within them. The bias is the mean over
-units, vehicles each, or captures where there is one vehicle only: units are independent, whatever
-their wheels have in common, such as the frame, so that Student's t is exact for its limits.
+units: vehicles, or captures if there is one vehicle only. Units are independent, whatever their
+wheels have in common, such as the frame, so that Student's t is exact for the bias's limits.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from .statistics.power import CONFIDENCE, captures_needed, visible_alone
 
 @dataclass(frozen=True)
 class Agreement:
-    """One kind of angle over all captures; radians.
+    """Agreement of one kind of angle over all captures; radians.
 
-    first, second: (N,) pairs. deviation: of the units' mean differences, from which bias and its
-    limits come. within, between: standard deviations of the differences, their components; total:
-    of one difference. lower, upper: limits of agreement. visible: smallest bias that these captures
-    would show. line: of the second method on the first.
+    first, second: (N,) pairs. deviation: standard deviation of the units' mean differences, from
+    which bias and its limits follow. within, between: standard deviations of differences within
+    and between subjects; total: of one difference. lower, upper: limits of agreement. visible:
+    smallest detectable bias. line: second method against the first.
     """
 
     kind: str
@@ -48,9 +48,9 @@ class Agreement:
     line: Line | None
 
     def captures_for(self, size_rad: float) -> int:
-        """Captures that would settle a bias of this size, by what their scatter is at most.
+        """Return the number of captures in which a bias of this size would be detectable.
 
-        The upper 95 % limit of the deviation, so that a small pilot does not promise too much.
+        Uses the upper 95 % limit of the deviation, so that a small pilot does not promise too much.
         Source: Browne, Statistics in Medicine 14 (1995) 1933.
         """
         dof = self.units - 1
@@ -60,7 +60,7 @@ class Agreement:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """All pairs of one kind: first, second, their uncertainties; whose they are."""
+    """Pairs of one kind, with uncertainties and covariance, subject and unit of each."""
 
     first: Array
     second: Array
@@ -72,7 +72,7 @@ class _Pairs:
 
 
 def agreement(found: Sequence[Comparison], kind: str) -> Agreement | None:
-    """Of toes or cambers; None for fewer than two units."""
+    """Evaluate the agreement of toes or cambers; None for fewer than two units."""
     pairs = _pairs(found, kind)
     difference = pairs.first - pairs.second
     units = np.array(_means(difference, pairs.unit))
@@ -106,7 +106,7 @@ def agreement(found: Sequence[Comparison], kind: str) -> Agreement | None:
 
 
 def bias_probability(found: Sequence[Comparison]) -> float | None:
-    """Chance of mean toe and camber differences as large, where both methods are right.
+    """Return the p-value of the mean toe and camber differences, jointly.
 
     Hotelling's T^2 of the units' means; None for fewer than four units.
     Source: Hotelling, Annals of Mathematical Statistics 2 (1931) 360.
@@ -144,8 +144,8 @@ def _pairs(found: Sequence[Comparison], kind: str) -> _Pairs:
     return _Pairs(first, second, u_first, u_second, both, subject, unit)
 
 
-def _means(values: Array, whose: Sequence[Hashable]) -> list[float]:
+def _means(values: Array, groups_of: Sequence[Hashable]) -> list[float]:
     groups: dict[Hashable, list[float]] = {}
-    for value, key in zip(values, whose, strict=True):
+    for value, key in zip(values, groups_of, strict=True):
         groups.setdefault(key, []).append(float(value))
     return [float(np.mean(group)) for group in groups.values()]

@@ -1,4 +1,4 @@
-"""Two methods on the same wheels: differences, what they are uncertain by, and the verdicts."""
+"""Comparison of two methods on the same wheels: differences, uncertainties, verdicts."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ KINDS = ("toe", "camber")
 
 @dataclass(frozen=True)
 class Comparison:
-    """First less second method on n wheels and trials.
+    """Differences, first less second method, on n wheels and trials.
 
-    difference_rad: (2 n,) toes, then cambers; spread: of it. u_first, u_second: (2 n,).
-    sources: what moves normals and centres of both (12 n), from which the other spreads follow.
-    missing: name and reason of what only one method has. see_rad: an error that is to be seen.
-    origins: what both were made from.
+    difference_rad: (2 n,) toes, then cambers; spread: its covariance. u_first, u_second: (2 n,).
+    sources: uncertainties of normals and centres of both (12 n), from which the other covariances
+    follow. missing: name and reason of what only one method has. see_rad: size of error that must
+    be detectable. origins: provenance of both.
     """
 
     source: str
@@ -49,38 +49,38 @@ class Comparison:
 
     @property
     def difference_rad(self) -> Array:
-        """(2 n,)."""
+        """(2 n,) first less second method: toes, then cambers."""
         return self.first.angles_rad - self.second.angles_rad
 
     @property
     def en(self) -> Array:
-        """(2 n,) normalised errors: the difference over its expanded uncertainty."""
+        """(2 n,) normalised errors: difference over its expanded uncertainty."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.nan_to_num(self.difference_rad / self.spread.expanded, nan=0.0)
 
     @cached_property
     def joint(self) -> JointTest:
-        """Of all angles together, on which the verdict of the whole stands."""
+        """Joint test of all angles, on which the overall verdict is based."""
         return self.spread.test(self.difference_rad)
 
     @cached_property
     def visible_rad(self) -> Array:
-        """(2 n,) smallest error of each angle that its own test would see."""
+        """(2 n,) smallest error of each angle detectable by its own test."""
         return self.spread.visible
 
     @cached_property
     def visible_in_one_rad(self) -> float:
-        """Smallest error that the joint test would see, whichever one angle has it."""
+        """Smallest error of any single angle detectable by the joint test."""
         return self.spread.visible_jointly(np.eye(len(self.difference_rad)))
 
     def visible_in_all_rad(self, kind: str) -> float:
-        """Smallest error, alike in all toes or all cambers, that the joint test would see."""
+        """Return the smallest error common to all toes, or cambers, detectable by the joint test."""
         alike = np.repeat([kind == other for other in KINDS], len(self.names))
         return self.spread.visible_jointly(alike[:, None].astype(float))
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Of each angle by its own En, (2 n)."""
+        """(2 n) verdict on each angle by its own En."""
         return tuple(
             self._verdict(abs(en) <= 1.0, float(least))
             for en, least in zip(self.en, self.visible_rad, strict=True)
@@ -88,14 +88,14 @@ class Comparison:
 
     @property
     def verdict(self) -> Verdict:
-        """Of the whole, by the joint test: right methods agree in 95 % of all comparisons."""
+        """Overall verdict by the joint test: correct methods agree in 95 % of comparisons."""
         return self._verdict(self.joint.agrees, self.visible_in_one_rad)
 
     def _verdict(self, agrees: bool, visible_rad: float) -> Verdict:
         if not agrees:
             return "disagree"
-        blind = self.see_rad is not None and visible_rad > self.see_rad
-        return "cannot tell" if blind else "agree"
+        undetectable = self.see_rad is not None and visible_rad > self.see_rad
+        return "cannot tell" if undetectable else "agree"
 
     @property
     def _state(self) -> Array:
@@ -103,17 +103,17 @@ class Comparison:
 
     @cached_property
     def frame_rad(self) -> Array:
-        """(2 n,) of the difference: what comes from the shape of the four centres."""
+        """(2 n,) part of the difference that is due to the shape of the four centres."""
         return frame_share(self._state, self.wheels)
 
     @property
     def planes_rad(self) -> Array:
-        """(2 n,) of the difference: what comes from the planes, both in one frame."""
+        """(2 n,) part of the difference that is due to the planes, both in one frame."""
         return self.difference_rad - self.frame_rad
 
     @cached_property
     def planes(self) -> Spread:
-        """Of planes_rad."""
+        """Covariance of planes_rad."""
         n = len(self.names)
         both = self.first.slopes(self.wheels), -self.second.slopes(self.wheels)
         by_frame = slopes(partial(frame_share, wheels=self.wheels), self._state)
@@ -121,12 +121,12 @@ class Comparison:
 
     @cached_property
     def shape(self) -> Array:
-        """(6,) differences of the numbers of SHAPE."""
+        """(6,) differences of the quantities of SHAPE."""
         return shape_difference(self._state)
 
     @cached_property
     def shape_spread(self) -> Spread:
-        """Of them."""
+        """Covariance of shape."""
         return Spread.of(slopes(shape_difference, self._state), self.sources)
 
 
@@ -140,7 +140,7 @@ def compare(
     notes: Sequence[str] = (),
     origins: Sequence[Provenance] = (),
 ) -> Comparison:
-    """Of two methods that share neither points nor instrument."""
+    """Compare two methods that share neither points nor instrument."""
     sources = independent(first, second)
     by_first, by_second = first.slopes(wheels), second.slopes(wheels)
     return Comparison(
@@ -160,7 +160,7 @@ def compare(
 
 
 def independent(first: Method, second: Method) -> tuple[Source, ...]:
-    """Sources of two methods that share no point and no instrument."""
+    """Return the sources of two methods that share neither points nor instrument."""
     width = 6 * len(first.targets)
     return (
         *_placed(first.targets, before=0, after=width),
@@ -169,7 +169,7 @@ def independent(first: Method, second: Method) -> tuple[Source, ...]:
 
 
 def added(deltas: Sequence[TargetFit]) -> tuple[Source, ...]:
-    """Sources of a second method that is the first one with `deltas` added."""
+    """Return the sources of a second method that is the first one with `deltas` added."""
     return tuple(_placed(deltas, before=6 * len(deltas), after=0))
 
 
@@ -180,12 +180,12 @@ def _placed(targets: Sequence[TargetFit], before: int, after: int) -> list[Sourc
     ]
 
 
-ALIKE = 0.05  # of the length; no two methods of one car differ by more in track or wheelbase
+ALIKE = 0.05  # of track or wheelbase; two methods on one vehicle differ by less
 
 
 @dataclass(frozen=True)
 class Method:
-    """What one method says of n wheels; the first four are RR, RL, FR, FL.
+    """Result of one method on n wheels; the first four are RR, RL, FR, FL.
 
     angles_rad: (2 n,) toes, then cambers.
     """
@@ -202,17 +202,17 @@ class Method:
         return np.hstack([normals, centres - centres[:4].mean(axis=0)])
 
     def slopes(self, wheels: Sequence[str]) -> Array:
-        """(2 n, 6 n) derivatives of the angles by normals and centres."""
+        """Return the derivatives (2 n, 6 n) of the angles by normals and centres."""
         state = self.state
         return jacobian(state[:4, 3:], state[:, :3], wheels)[: 2 * len(state)]
 
     def u(self, slopes: Array) -> Array:
-        """(2 n,) standard uncertainties of the angles with these slopes, by all causes."""
+        """Return the standard uncertainties (2 n,) of the angles, of all components together."""
         return Spread.of(slopes, sources_of(effects_of(self.targets))).u
 
 
 def check_alike(first: Method, second: Method, source: str) -> None:
-    """Raise InputError where the four centres cannot be those of one car, in one order."""
+    """Raise InputError where the four centres cannot be of one vehicle, in the same order."""
     centres = [np.stack([t.centre_m for t in m.targets[:4]]) for m in (first, second)]
     shapes = [shape_of(c - c.mean(axis=0))[:3] for c in centres]
     for name, one, other in zip(("rear track", "front track", "wheelbase"), *shapes, strict=True):
@@ -221,13 +221,15 @@ def check_alike(first: Method, second: Method, source: str) -> None:
                 f"{source}: {name} {one:.4g} m by {first.label}, {other:.4g} m by {second.label}: "
                 "check the length units, and that both are of this vehicle"
             )
-    apart = np.linalg.norm(centres[0][:, None] - centres[1], axis=2)
-    nearest = np.argmin(apart, axis=0)
+    distances = np.linalg.norm(centres[0][:, None] - centres[1], axis=2)
+    nearest = np.argmin(distances, axis=0)
     reach = ALIKE * float(shapes[0].max())
-    same_place = bool(np.all(apart.min(axis=0) < reach)) and len(set(nearest)) == len(nearest)
-    if same_place and list(nearest) != [0, 1, 2, 3]:
+    same_positions = bool(np.all(distances.min(axis=0) < reach)) and len(set(nearest)) == len(
+        nearest
+    )
+    if same_positions and list(nearest) != [0, 1, 2, 3]:
         found = ",".join(REFERENCE_WHEELS[index] for index in nearest)
         raise InputError(
             f"{source}: {second.label} of {','.join(REFERENCE_WHEELS)} lie at {found} of "
-            f"{first.label}: name what each block shows with --blocks"
+            f"{first.label}: name the wheel of each block with --blocks"
         )

@@ -1,4 +1,4 @@
-"""How well stated uncertainties held, over many comparisons with what is true."""
+"""Coverage of stated uncertainties over many comparisons with the truth."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from .statistics.power import CONFIDENCE
 
 @dataclass(frozen=True)
 class Score:
-    """Errors of one kind of angle, radians; inside: of `count`, within their 95 % interval.
+    """Errors of one kind of angle, radians; inside: how many of `count` are within 95 % intervals.
 
-    low, high: 95 % limits of the share inside, as if all were independent.
+    low, high: 95 % limits of the coverage, as if all errors were independent.
     """
 
     kind: str
@@ -31,10 +31,10 @@ class Score:
 
 @dataclass(frozen=True)
 class Nees:
-    """Mean normalised squared error over all angles, 1 where uncertainties are right.
+    """Mean normalised squared error over all angles, 1 where uncertainties are correct.
 
-    d' V^-1 d of each capture, with what its angles have in common, summed, over the number of
-    angles. low, high: within which 95 % of right ones lie.
+    Sum of d' V^-1 d over the captures, covariances included, divided by the number of angles.
+    low, high: 95 % interval where uncertainties are correct.
     """
 
     mean: float
@@ -44,7 +44,7 @@ class Nees:
 
 
 def scores(found: Sequence[Comparison]) -> tuple[Score, ...]:
-    """Of toes and of cambers."""
+    """Return errors and coverage of toes and of cambers."""
     rows = []
     for index, kind in enumerate(KINDS):
         halves = [np.split(one.difference_rad, 2)[index] for one in found]
@@ -59,7 +59,7 @@ def scores(found: Sequence[Comparison]) -> tuple[Score, ...]:
 
 
 def nees(found: Sequence[Comparison]) -> Nees:
-    """Over all angles of all captures."""
+    """Return the mean normalised squared error over all angles of all captures."""
     count = sum(one.joint.count for one in found)
     total = sum(one.joint.chi_square for one in found)
     low, high = chi_square_limits(CONFIDENCE, count) if count else (0.0, 0.0)

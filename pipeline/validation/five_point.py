@@ -1,4 +1,4 @@
-"""A five-point file read as the second method: its blocks in the order of the scans, measured."""
+"""Five-point file as the second method: blocks in the order of the scans, measured."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ class FivePointOptions:
 
 @dataclass(frozen=True)
 class FivePoints:
-    """The file, its blocks in the order of `scans`, and what they measure."""
+    """Five-point file with blocks in the order of `scans`, and its measurement."""
 
     file: FivePointFile
     scans: tuple[str, ...]
     measurement: Measurement
 
     def name_of(self, result: WheelResult) -> str:
-        """The scan that shows what `result`, one of the measurement's, shows."""
+        """Return the scan that belongs to `result`, one of the measurement's."""
         index = next(i for i, wheel in enumerate(self.measurement.wheels) if wheel is result)
         return self.scans[index]
 
@@ -86,7 +86,7 @@ def _aiming_station(options: FivePointOptions) -> Station | None:
 
 
 def with_aiming(target: TargetFit, options: FivePointOptions) -> TargetFit:
-    """The target with its aiming, where no station states it."""
+    """Add the aiming's component to a target, where no total station states it."""
     if options.station is not None or not options.aiming_m:
         return target
     across = np.eye(3) - np.outer(target.normal, target.normal)
@@ -95,24 +95,25 @@ def with_aiming(target: TargetFit, options: FivePointOptions) -> TargetFit:
 
 
 def note_of_aiming(blocks_m: Array, options: FivePointOptions) -> tuple[str, ...]:
-    """A sentence where nothing is said of how well the points' places were aimed at."""
+    """Return a note where nothing is known of how well the points were aimed at."""
     stated = options.station.stated.aiming_sigma_m if options.station else 0.0
     if options.aiming_m is not None or stated > 0.0:
         return ()
-    seen = pentagon_scatter_m(blocks_m)
+    scatter = pentagon_scatter_m(blocks_m)
     return (
-        "The mean of five points counts as the wheel's centre, as well as their noise lets it be "
-        f"known. Along the faces they lie {seen * 1e3:.2g} mm (each axis) off regular pentagons: "
-        f"if regular ones were aimed at by eye, say --aiming {seen * 1e3:.2g}.",
+        "The mean of five points is taken as the wheel's centre, with the uncertainty of their "
+        f"noise only. In the target's plane they scatter by {scatter * 1e3:.2g} mm (each axis) "
+        "about regular pentagons: if regular ones were aimed at by eye, add "
+        f"--aiming {scatter * 1e3:.2g}.",
     )
 
 
 def pentagon_scatter_m(blocks_m: Array) -> float:
-    """Scatter along each axis of the faces of blocks (M, 5, 3) about regular pentagons, metres.
+    """Return the scatter (each axis) of blocks (M, 5, 3) about regular pentagons, metres.
 
-    A pentagon has a centre, a size and a turn, so 6 of 10 coordinates are left. As complex numbers,
-    in the order round the centre, its points are c + a w^k, w = exp(2 pi i / 5): two of the five
-    terms of a Fourier series; the other three are scatter.
+    A pentagon has a centre, a size and a rotation, so 6 of 10 coordinates are left. As complex
+    numbers, in the order round the centre, its points are c + a w^k, w = exp(2 pi i / 5): two of
+    the five terms of a Fourier series; the other three are scatter.
     """
     left = 0.0
     for block in blocks_m:
@@ -124,17 +125,17 @@ def pentagon_scatter_m(blocks_m: Array) -> float:
     return math.sqrt(left / (6.0 * len(blocks_m)))
 
 
-NONE = "-"  # a block that no scan shows
+NONE = "-"  # block without a scan
 
 
 def match_blocks(
     scans: Sequence[str], blocks: int, mapping: str | None, source: str
 ) -> dict[str, int]:
-    """The block (from 0) of each scan that has one; RR, RL, FR, FL first, as in `scans`.
+    """Return the block (from 0) of each scan that has one, in the order of `scans`.
 
-    scans: names of a capture's scans. blocks: how many the file holds. mapping: the scan's name of
-    each block, by commas, `-` for none; None: in the order of the scans, where the counts fit.
-    Raises InputError, which lists what each holds.
+    scans: names of a capture's scans. blocks: their number in the file. mapping: name of the scan
+    of each block, by commas, `-` for none; None: in the order of the scans, if the counts are
+    equal. Raises InputError, which lists the contents of both.
     """
     held = f"{source} holds {blocks} blocks, the capture {len(scans)} scans ({','.join(scans)})"
     if mapping is None:

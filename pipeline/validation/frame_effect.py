@@ -1,9 +1,9 @@
-"""Why two methods differ: the shape that their centres make, apart from the leaning of planes.
+"""Parts of a difference of two methods: shape of the four centres, and tilt of the planes.
 
-Both methods have coordinates of their own, so only what no rigid motion changes can be compared.
-Four centres have six such numbers: those of `SHAPE`. The frame's share of an angle's difference is
-what remains of it when the second method's planes are brought into the first one's frame, by the
-rigid motion that brings its four centres nearest to the first one's.
+Each method has its own coordinates, so only quantities that are invariant to rigid motion can be
+compared. Four centres have six of them: those of `SHAPE`. The frame's share of an angle's difference
+is the change of the second method's angle when its planes are moved into the first one's frame, by
+the rigid motion that best fits its four centres to those of the first.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from ..vectors import Array
 from ..vehicle import VehicleFrame, build_reference_frame, wheel_angles
 
-# Unit and words of each; signs as of a walk round the car: forwards, left, up.
+# Name and unit of each; positive: forwards, left, up.
 SHAPE = {
     "rear track": "m",
     "front track": "m",
@@ -28,7 +28,7 @@ STEP = 1e-6  # rad of a normal, m of a centre: the central difference is exact t
 
 
 def shape_of(centres_m: Array) -> Array:
-    """The numbers of SHAPE of the centres (4, 3) of RR, RL, FR, FL: (6,)."""
+    """Return the quantities of SHAPE (6,) of the centres (4, 3) of RR, RL, FR, FL."""
     frame = build_reference_frame(centres_m)
     right, left = frame.to_vehicle(centres_m[2:])
     across = left - right
@@ -45,7 +45,7 @@ def shape_of(centres_m: Array) -> Array:
 
 
 def rigid_rotation(from_m: Array, to_m: Array) -> Array:
-    """Rotation (3, 3) that brings the points from_m (N, 3) nearest to to_m, after a shift.
+    """Fit the rotation (3, 3) of points from_m (N, 3) to to_m, about their means.
 
     Source: Kabsch, Acta Cryst. A32 (1976) 922.
     """
@@ -56,30 +56,30 @@ def rigid_rotation(from_m: Array, to_m: Array) -> Array:
 
 
 def angles_in(frame: VehicleFrame, normals: Array, wheels: Sequence[str]) -> Array:
-    """Toes, then cambers, of planes with normals (n, 3): (2 n,), radians."""
+    """Return toes, then cambers (2 n,) of planes with normals (n, 3), radians."""
     found = [wheel_angles(frame, n, wheel) for n, wheel in zip(normals, wheels, strict=True)]
     return np.array([a.toe_rad for a in found] + [a.camber_rad for a in found])
 
 
 def frame_share(state: Array, wheels: Sequence[str]) -> Array:
-    """What the frames add to first less second angle (2 n,), radians.
+    """Return the frames' share of first less second angle (2 n,), radians.
 
     state: (2, n, 6) of both methods: normals and centres, each in its own coordinates.
     """
     first, second = state
     frame = build_reference_frame(first[:4, 3:])
-    turned = second[:, :3] @ rigid_rotation(second[:4, 3:], first[:4, 3:]).T
+    rotated = second[:, :3] @ rigid_rotation(second[:4, 3:], first[:4, 3:]).T
     own = build_reference_frame(second[:4, 3:])
-    return angles_in(frame, turned, wheels) - angles_in(own, second[:, :3], wheels)
+    return angles_in(frame, rotated, wheels) - angles_in(own, second[:, :3], wheels)
 
 
 def shape_difference(state: Array) -> Array:
-    """First less second of the numbers of SHAPE (6,)."""
+    """Return first less second quantities of SHAPE (6,)."""
     return shape_of(state[0, :4, 3:]) - shape_of(state[1, :4, 3:])
 
 
 def slopes(function: Callable[[Array], Array], state: Array) -> Array:
-    """Derivatives (q, state.size) of function(state) by central differences."""
+    """Differentiate function(state) by central differences: (q, state.size)."""
     columns = []
     for index in np.ndindex(state.shape):
         moved = np.zeros_like(state)

@@ -1,4 +1,4 @@
-"""What is to be compared with what, and what of a measurement can be."""
+"""Request of a comparison, and the part of a measurement that can be compared."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ COMPARED = ("reference", "trial")
 
 @dataclass(frozen=True)
 class Request:
-    """What to compare with, and how.
+    """Method to compare with, and its options.
 
-    file: of the five points, from the capture's folder; with truth, None for the dense scans'.
-    radius_m: of the virtual pentagons. see_rad: an error that is to be seen.
+    file: of the five points, relative to the capture's folder; with truth, None compares the dense
+    scans. radius_m: of the virtual pentagons. see_rad: size of error that must be detectable.
     """
 
     against: Against
@@ -43,27 +43,27 @@ class Part:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the measured ones."""
+        """Names of the measured ones."""
         return tuple(result.observation.name for result in self.results)
 
     @property
     def wheels(self) -> tuple[str, ...]:
-        """RR, RL, FR or FL of each."""
+        """Wheel of each: RR, RL, FR or FL."""
         return tuple(str(result.wheel) for result in self.results)
 
 
 def measured(measurement: Measurement) -> Part:
-    """What can be compared of it: reference wheels and trials."""
+    """Select reference wheels and trials, which can be compared."""
     wheels = [w for w in measurement.wheels if w.observation.role in COMPARED]
-    lost = [w.observation for w in wheels if w.angles is None]
+    missing = [w.observation for w in wheels if w.angles is None]
     return Part(
         tuple(w for w in wheels if w.angles is not None),
-        tuple((seen.name, f"{seen.status}: {seen.reason}") for seen in lost),
+        tuple((one.name, f"{one.status}: {one.reason}") for one in missing),
     )
 
 
 def as_method(label: str, results: Sequence[WheelResult]) -> Method:
-    """The method that found these results, all of them measured."""
+    """Return a method with these results, all of them measured."""
     angles = [result.angles for result in results if result.angles is not None]
     return Method(
         label,
@@ -73,6 +73,6 @@ def as_method(label: str, results: Sequence[WheelResult]) -> Method:
 
 
 def folder_of(capture: Capture) -> Path:
-    """Where the capture's files lie; of an archive, where it is unpacked."""
+    """Return the folder of the capture's files; of an archive, where it is unpacked."""
     first = capture.cloud or capture.entries[0]
     return first.path.parents[len(PurePath(first.file).parts) - 1]

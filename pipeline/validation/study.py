@@ -1,4 +1,4 @@
-"""Many captures in one folder: each compared, or a row that says why not."""
+"""Comparison study: every capture in a folder compared, or the reason why not."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from .request import Request
 from .statistics.power import CONFIDENCE
 from .validate_capture import validate_capture
 
-EACH = 1.0 - math.sqrt(CONFIDENCE)  # of two tests, so that both hold in 95 % (Sidak)
+EACH = 1.0 - math.sqrt(CONFIDENCE)  # significance level of each of two tests (Sidak)
 
 
 @dataclass(frozen=True)
 class Row:
-    """One capture: compared, or why not."""
+    """Capture of a study: its comparison, or the reason why there is none."""
 
     name: str
     found: Comparison | None
@@ -33,7 +33,7 @@ class Row:
 
 @dataclass(frozen=True)
 class ComparisonStudy:
-    """All captures of an archive, in the order of their names."""
+    """Comparisons of all captures in a folder, in the order of their names."""
 
     source: str
     rows: tuple[Row, ...]
@@ -41,7 +41,7 @@ class ComparisonStudy:
 
     @property
     def found(self) -> tuple[Comparison, ...]:
-        """Those that were compared."""
+        """Comparisons that were made."""
         return tuple(row.found for row in self.rows if row.found is not None)
 
     @property
@@ -51,44 +51,44 @@ class ComparisonStudy:
 
     @cached_property
     def agreements(self) -> tuple[Agreement, ...]:
-        """Of toes and cambers; none for fewer than two captures."""
+        """Agreement of toes and of cambers; empty for fewer than two captures."""
         each = (agreement(self.found, kind) for kind in KINDS)
         return tuple(one for one in each if one is not None)
 
     @cached_property
     def bias_probability(self) -> float | None:
-        """Of mean differences as large as these; None for fewer than four captures."""
+        """P-value of the mean differences; None for fewer than four captures."""
         return bias_probability(self.found)
 
     @property
     def disagreeing(self) -> int:
-        """Captures whose own joint test fails."""
+        """Number of captures whose own joint test fails."""
         return sum(not one.joint.agrees for one in self.found)
 
     @property
     def chance_of_disagreeing(self) -> float:
-        """Of as many or more, where both methods and their uncertainties are right."""
+        """Probability of as many or more, if both methods and uncertainties are correct."""
         return as_many(self.disagreeing, len(self.found), 1.0 - CONFIDENCE)
 
     @property
     def visible_rad(self) -> float:
-        """Smallest bias of toe, or of camber, whichever is larger, that these captures show."""
+        """Smallest detectable bias of toe or of camber, whichever is larger."""
         return max((one.visible for one in self.agreements), default=math.inf)
 
     @property
     def verdict(self) -> Verdict:
-        """No bias, and no more captures that disagree than chance allows."""
+        """Overall verdict: "agree" without bias, and if no more disagree than by chance."""
         bias = self.bias_probability
         if self.chance_of_disagreeing < EACH or (bias is not None and bias < EACH):
             return "disagree"
-        blind = self.see_rad is not None and self.visible_rad > self.see_rad
-        return "cannot tell" if bias is None or blind else "agree"
+        undetectable = self.see_rad is not None and self.visible_rad > self.see_rad
+        return "cannot tell" if bias is None or undetectable else "agree"
 
 
 def is_archive_of_captures(source: Path) -> bool:
-    """Whether it is a folder of captures, and no capture itself.
+    """Return whether `source` is a folder of captures, and not a capture itself.
 
-    A folder with one cloud is a capture, unless folders or archives lie beside: raises InputError.
+    A folder with one cloud is a capture; with folders or archives beside it, InputError is raised.
     """
     if not source.is_dir() or is_capture(source):
         return False
@@ -99,7 +99,7 @@ def is_archive_of_captures(source: Path) -> bool:
     if len(clouds) == 1:
         raise InputError(
             f"{source}: holds the cloud {clouds[0]} and {len(beside) - 1} folders or archives, so "
-            "it may be one capture or a folder of many: name the cloud itself, or move it"
+            "it may be one capture or a folder of many: give the cloud itself, or move it"
         )
     return True
 
@@ -112,16 +112,16 @@ def validate_archive(
     request: Request,
     progress: Callable[[str], None] = lambda _: None,
 ) -> ComparisonStudy:
-    """Every capture below `source`: its folders, zips and tars, by name.
+    """Compare every capture in `source`: its folders, zips and tars, by name.
 
-    A cloud that lies bare among them is a row that says so: it may show a vehicle or a wheel.
-    Raises InputError where there is none, or none could be compared.
+    A cloud among them without a folder is a row with that reason: it may show a vehicle or a wheel.
+    Raises InputError where there is no capture, or none could be compared.
     """
     paths = sorted(path for path in source.iterdir() if _may_be_capture(path))
     if not paths:
         raise InputError(
             f"{source}: holds neither a capture nor folders, zips or tars of captures: "
-            "name the folder they lie in"
+            "give the folder that holds them"
         )
     rows = []
     for path in paths:

@@ -1,9 +1,9 @@
-"""The estimator of 2013 as a method: its angles, brought to our signs.
+"""Estimator of the software of 2013 as a method, its angles with our signs.
 
 It fits z = a x + b y + c in the vehicle frame; azimuth and elevation (down) are those of the normal
-that points to the left. On the left that normal is the outward one: toe = azimuth, camber =
-elevation. On the right it is the inward one: toe = -azimuth, camber = -elevation. The elevation's
-sign, which its tables drop, is that of the plane it fitted.
+that points to the left. On the left side that normal is outward: toe = azimuth, camber =
+elevation. On the right it is inward: toe = -azimuth, camber = -elevation. The elevation's
+sign, which its tables omit, is that of the fitted plane.
 """
 
 from __future__ import annotations
@@ -21,33 +21,33 @@ LABEL = "tcgc-2013"
 
 
 def by_old_estimator(method: Method, blocks_m: Array, wheels: Sequence[str]) -> tuple[Method, str]:
-    """The points of `method` by the estimator of 2013, and what its bias costs on them."""
+    """Evaluate the points of `method` by the estimator of 2013; return a note on its bias."""
     angles = old_angles(blocks_m, wheels)
     camber = slice(len(wheels), None)
     excess = (np.abs(angles) - np.abs(method.angles_rad))[camber]
     mean, worst = (
         np.degrees(float(x)) * 60.0 for x in (excess.mean(), excess[np.argmax(np.abs(excess))])
     )
-    said = (
-        f"{LABEL}: its signs are brought to ours; it states no uncertainty, so that of total least "
-        "squares of the same points counts. Its camber is larger than theirs, sign aside, by "
-        f"{mean:+.2f}' on average, {worst:+.2f}' at worst."
+    note = (
+        f"{LABEL}: its signs are converted to ours; it states no uncertainty, so that of total "
+        "least squares on the same points is used. The magnitude of its camber is larger than that "
+        f"of total least squares by {mean:+.2f}' on average, {worst:+.2f}' at worst."
     )
-    return replace(method, label=f"{method.label}, {LABEL}", angles_rad=angles), said
+    return replace(method, label=f"{method.label}, {LABEL}", angles_rad=angles), note
 
 
 def old_angles(blocks_m: Array, wheels: Sequence[str]) -> Array:
-    """Toes, then cambers, of blocks (M, 5, 3), the first four RR, RL, FR, FL: (2 M,), radians.
+    """Return toes, then cambers (2 M,) of blocks (M, 5, 3), the first RR, RL, FR, FL; radians.
 
-    The printed report takes blocks 3 and 4 as the rear axle, so it is given the axles exchanged:
-    then its frame is ours, and only its regression differs.
+    The printed report takes blocks 3 and 4 as the rear axle, so its input has the axles exchanged:
+    then its frame equals ours, and only its regression differs.
     """
     order = [2, 3, 0, 1, *range(4, len(blocks_m))]
     result = tcgc_2013(blocks_m[order], "report")
     back = np.argsort(order)
     coefficients = result.plane_coefficients[back]
     side = np.where([wheel.endswith("L") for wheel in wheels], 1.0, -1.0)
-    # The normal (a, b, -1) turned to +x points down, the way of z, where a < 0.
+    # The normal (a, b, -1), reversed where needed to point to +x, points along z where a < 0.
     down = np.where(coefficients[:, 0] < 0.0, 1.0, -1.0)
     camber = side * down * result.camber_rad[back]
     return np.concatenate([side * result.toe_rad[back], camber])

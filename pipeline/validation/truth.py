@@ -1,4 +1,4 @@
-"""What is true of a made capture: its truth.json, as a method without uncertainty."""
+"""Truth of a synthetic capture (truth.json) as a method without uncertainty."""
 
 from __future__ import annotations
 
@@ -15,22 +15,24 @@ from ..errors import InputError
 from ..vectors import Array
 from .comparison import Method
 
-MEND = "make the capture anew with `wheelplane synth`, or leave out --truth"
+ADVICE = "make the capture anew with `wheelplane synth`, or leave out --truth"
 
 
-def read_truth(path: Path, name: str, wanted: Sequence[str]) -> Method:
-    """The wheels `wanted`, in that order. Raises InputError for a file that lacks them."""
+def read_truth(path: Path, name: str, names: Sequence[str]) -> Method:
+    """Read the true angles of `names`, in order. Raises InputError if the file lacks them."""
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
         wheels = {wheel["name"]: wheel for wheel in tree["wheels"]}
-        found = [wheels[name] for name in wanted]
+        found = [wheels[wheel] for wheel in names]
         targets = tuple(_target(wheel) for wheel in found)
         angles = [math.radians(_number(w[f"{k}_deg"])) for k in ("toe", "camber") for w in found]
     except FileNotFoundError:
-        raise InputError(f"{name}: no such file, so no truth to compare with: {MEND}") from None
+        raise InputError(
+            f"{name}: no such file, so there is no truth to compare with: {ADVICE}"
+        ) from None
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         fact = f"{type(error).__name__}: {' '.join(str(error).split())[:100]}"
-        raise InputError(f"{name}: not a truth file of these wheels ({fact}): {MEND}") from error
+        raise InputError(f"{name}: not a truth file of these wheels ({fact}): {ADVICE}") from error
     return Method("truth", targets, np.array(angles))
 
 
@@ -52,5 +54,5 @@ def _three(values: list[Any]) -> Array:
 
 def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise ValueError(f"{value!r} is no finite number")
+        raise ValueError(f"{value!r} is not a finite number")
     return float(value)

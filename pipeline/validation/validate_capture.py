@@ -1,4 +1,4 @@
-"""The dense method against one that is trusted: five points, or five of its own, or the truth."""
+"""Dense scans compared with a trusted method: five points, virtual ones, or the truth."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Progress = Callable[[str], None]
 def validate_capture(
     capture: Capture, config: Config, request: Request, progress: Progress = lambda _: None
 ) -> Comparison:
-    """Compare on one capture. Raises InputError for what cannot be compared at all."""
+    """Compare both methods on one capture. Raises InputError where that is impossible."""
     found = _COMPARE[request.against](capture, config, request, progress)
     return replace(found, see_rad=request.see_rad, vehicle=capture.vehicle or capture.source)
 
@@ -66,26 +66,26 @@ def _with_truth(
     capture: Capture, config: Config, request: Request, progress: Progress
 ) -> Comparison:
     if request.file is None:
-        judged = measure_capture(capture, config, progress)
-        part = measured(judged)
+        measurement = measure_capture(capture, config, progress)
+        part = measured(measurement)
         names = part.names
-        first, notes = as_method(DENSE, part.results), judged.notes
+        first, notes = as_method(DENSE, part.results), measurement.notes
     else:
         points = _points(capture, request)
-        judged = points.measurement
-        part = measured(judged)
+        measurement = points.measurement
+        part = measured(measurement)
         names = tuple(points.name_of(result) for result in part.results)
         first, notes = _second(points, part.results, request)
     truth = read_truth(folder_of(capture) / "truth.json", f"{capture.source}: truth.json", names)
-    made = (judged.provenance,)
-    return compare(capture.source, names, part.wheels, first, truth, part.missing, notes, made)
+    origins = (measurement.provenance,)
+    return compare(capture.source, names, part.wheels, first, truth, part.missing, notes, origins)
 
 
 _COMPARE = {"five-point": _with_five_points, "truth": _with_truth, "virtual": compare_virtual}
 
 
 def _points(capture: Capture, request: Request) -> FivePoints:
-    """The five points, by their file's name from the capture's folder."""
+    """Read and measure the five-point file, relative to the capture's folder."""
     assert request.file is not None
     path = folder_of(capture) / request.file
     whole = REFERENCE_WHEELS if capture.cloud else ()
@@ -95,7 +95,7 @@ def _points(capture: Capture, request: Request) -> FivePoints:
 
 
 def _in_both(part: Part, points: FivePoints) -> tuple[Part, list[WheelResult]]:
-    """What both measured, and the five points' results of it, in the order of the scans."""
+    """Select what both measured; return also the five points' results in the scans' order."""
     by_name = {points.name_of(result): result for result in points.measurement.wheels}
     missing = list(part.missing)
     kept, results = [], []
@@ -108,8 +108,8 @@ def _in_both(part: Part, points: FivePoints) -> tuple[Part, list[WheelResult]]:
             missing.append((name, f"five points: {other.observation.reason}"))
         elif other.wheel != result.wheel:
             raise InputError(
-                f"{points.file.source}: the block for scan {name} lies at {other.wheel}, the scan "
-                f"at {result.wheel}: name what each block shows with --blocks"
+                f"{points.file.source}: the block for scan {name} is at {other.wheel}, the scan "
+                f"at {result.wheel}: name the scan of each block with --blocks"
             )
         else:
             kept.append(result)
@@ -120,7 +120,7 @@ def _in_both(part: Part, points: FivePoints) -> tuple[Part, list[WheelResult]]:
 def _second(
     points: FivePoints, results: Sequence[WheelResult], request: Request
 ) -> tuple[Method, tuple[str, ...]]:
-    """The five points as a method, and what is to be said of them."""
+    """Return the five points as a method, and notes on them."""
     options = request.points
     found = as_method(FIVE, results)
     targets = tuple(with_aiming(target, options) for target in found.targets)
@@ -130,5 +130,5 @@ def _second(
     if options.method != OLD:
         return method, notes
     rows = [int(np.flatnonzero([r is w for w in points.measurement.wheels])[0]) for r in results]
-    old, said = by_old_estimator(method, blocks[rows], [str(r.wheel) for r in results])
-    return old, (*notes, said)
+    old, note = by_old_estimator(method, blocks[rows], [str(r.wheel) for r in results])
+    return old, (*notes, note)

@@ -1,14 +1,14 @@
-"""Five points that an operator would aim at, picked from a dense scan, and how they depend on it.
+"""Virtual five-point method: five points picked from a dense scan, and their covariance with it.
 
-Both methods then share the scan: its points, its clamp, its place. Let a plane be fitted to all N
-points, and to five of them. Under independent noise the fit to all is the efficient one, and so
-uncorrelated with the difference of the two (Hausman, Econometrica 46 (1978) 1251, lemma 2.1):
+Both methods share the scan: its points, mounting and position. Let one plane be fitted to all N
+points, and another to five of them. With independent noise the fit to all is efficient, and so it
+is uncorrelated with the difference of the two (Hausman, Econometrica 46 (1978) 1251, lemma 2.1):
 
     Cov(all, five) = Var(all),  Var(five - all) = Var(five) - Var(all),
 
-not the sum, as for independent methods. Noise that is alike from point to point takes its kernel
-into (A5 - A) K (A5 - A)', A5 and A being the two fits. What moves the whole target, such as the
-clamp, or the fitted centre about which the five are aimed, moves both alike, and cancels.
+not the sum, as for independent methods. Correlated noise with kernel K contributes
+(A5 - A) K (A5 - A)', A5 and A being the two fits. Components that move the whole target, such as
+its mounting, or the fitted centre about which the five are aimed, move both equally and cancel.
 """
 
 from __future__ import annotations
@@ -38,18 +38,19 @@ from .statistics.joint_test import Spread
 from .tcgc_2013 import LABEL as OLD
 from .tcgc_2013 import by_old_estimator
 
-OF_RADIUS = 0.704  # of the target's: 88 mm on a plate of 250 mm, as in the paper
-TURNS = 24  # of the pentagon, tried until no place aimed at is hidden
-MISSED = 0.1  # of the pentagon's radius: farther from its place, a point is not that one
-SAMPLE = 1200  # points that stand for the face where noise is correlated
+OF_RADIUS = 0.704  # of the target's radius: 88 mm on a target of 250 mm, as in the paper
+ROTATIONS = 24  # of the pentagon, tried until no corner is hidden
+MISSED = 0.1  # of the pentagon's radius: largest distance of a point from its corner
+SAMPLE = 1200  # points that represent the target where noise is correlated
 
 
 @dataclass(frozen=True)
 class Picked:
-    """Five points of a scan: points_m (5, 3) in its coordinates, and in the plane about the centre.
+    """Five points of a scan.
 
-    uv_m: (5, 2) where they lie; missed_m: (5, 2) by how much they miss the places aimed at.
-    causes: of the five-point plane less the plane of all points, normal and centre.
+    points_m: (5, 3) in its coordinates. uv_m: (5, 2) in the plane, about the centre; missed_m:
+    (5, 2) from the corners aimed at. components: uncertainty of normal and centre of the plane of
+    five points less that of all points.
     """
 
     points_m: Array
@@ -65,7 +66,7 @@ def pick_five(
     radius_m: float | None,
     rng: np.random.Generator,
 ) -> Picked:
-    """The points nearest to a regular pentagon about the target's centre, turned at random.
+    """Pick the points nearest to a randomly rotated regular pentagon about the target's centre.
 
     radius_m: of the pentagon, OF_RADIUS of the target's for None. Raises NotMeasuredError 'hidden'.
     """
@@ -86,10 +87,10 @@ def pick_five(
 
 
 def aimed(picks: list[Picked], fitted: list[TargetFit]) -> list[TargetFit]:
-    """The targets with the causes of the five points' difference, their misses among them.
+    """Return the targets with the components of the five points' difference, aiming included.
 
-    Five points that miss their places by sigma along each axis have a mean that is off by
-    sigma/sqrt(5), in the plane. Sigma is that of all misses together.
+    Five points that miss their corners by sigma along each axis have a mean with a standard
+    uncertainty of sigma/sqrt(5) in the plane. Sigma is pooled over all targets.
     """
     sigma = math.sqrt(float(np.mean(np.square([pick.missed_m for pick in picks]))))
     dof = 10 * len(picks)
@@ -105,13 +106,13 @@ def aimed(picks: list[Picked], fitted: list[TargetFit]) -> list[TargetFit]:
 def _nearest(
     uv: Array, radius_m: float, rng: np.random.Generator
 ) -> tuple[npt.NDArray[np.int64], Array]:
-    """Rows of uv (N, 2) nearest to a pentagon, and how far off they are (5, 2)."""
+    """Return the rows of uv (N, 2) nearest to a pentagon, and their misses (5, 2)."""
     start = rng.uniform(0.0, 2.0 * math.pi)
     corners = 2.0 * math.pi * np.arange(5) / 5.0
-    for turn in start + 2.0 * math.pi / 5.0 * np.arange(TURNS) / TURNS:
-        places = radius_m * np.column_stack([np.cos(turn + corners), np.sin(turn + corners)])
-        rows = np.array([np.argmin(np.sum((uv - place) ** 2, axis=1)) for place in places])
-        missed = uv[rows] - places
+    for rotation in start + 2.0 * math.pi / 5.0 * np.arange(ROTATIONS) / ROTATIONS:
+        aims = radius_m * np.column_stack([np.cos(rotation + corners), np.sin(rotation + corners)])
+        rows = np.array([np.argmin(np.sum((uv - aim) ** 2, axis=1)) for aim in aims])
+        missed = uv[rows] - aims
         if float(np.hypot(*missed.T).max()) <= MISSED * radius_m and len(set(rows)) == 5:
             return rows, missed
     raise NotMeasuredError(
@@ -124,9 +125,10 @@ def _nearest(
 def added_components(
     five: Array, face: Array, plane: PlaneFit, fitted: TargetFit, flatness_m: float
 ) -> tuple[UncertaintyComponent, ...]:
-    """What the plane of five points adds to that of all; five (5, 2), face (N, 2) about the centre.
+    """Return the components of the plane of five points less that of all points.
 
-    Height at the centre and two slopes; all stand in the basis of the plane.
+    five (5, 2), face (N, 2): about the centre, in the basis of the plane, as are the results:
+    height at the centre and two slopes.
     """
     A5, none = _fit(five), np.zeros(3)
     lever = fitted.centre_m - plane.centroid_m
@@ -137,25 +139,29 @@ def added_components(
     components = [
         plane_component("points less cloud", white * A5 @ A5.T - of_all, plane.basis, none)
     ]
-    seen, stated = plane.correlated, (flatness_m**2 / 12.0) * A5 @ A5.T
-    if seen.sigma_m > 0.0:
+    correlated, stated = plane.correlated, (flatness_m**2 / 12.0) * A5 @ A5.T
+    if correlated.sigma_m > 0.0:
         sample = random_rows(face, SAMPLE, np.random.default_rng(0))
         weights = np.hstack([A5, -_fit(sample)])
-        field = seen.sigma_m**2 * weights @ _kernel(np.vstack([five, sample]), seen.length_m)
+        field = (
+            correlated.sigma_m**2
+            * weights
+            @ _kernel(np.vstack([five, sample]), correlated.length_m)
+        )
         name, covariance = "correlated noise", field @ weights.T
-        components.append(plane_component(name, covariance, plane.basis, none, dof=seen.dof))
+        components.append(plane_component(name, covariance, plane.basis, none, dof=correlated.dof))
     if flatness_m > 0.0:
         components.append(plane_component("flatness", stated, plane.basis, none))
     return tuple(components)
 
 
 def _fit(uv: Array) -> Array:
-    """(3, N): takes heights to height at the origin and slopes, by least squares."""
+    """Return the least squares map (3, N) from heights to height at the origin and slopes."""
     return np.linalg.pinv(np.column_stack([np.ones(len(uv)), uv]))
 
 
 def _kernel(uv: Array, length_m: float) -> Array:
-    """(N, N) correlation exp(-d^2 / (2 L^2)), as of correlation.py."""
+    """Return the correlation (N, N) exp(-d^2 / (2 L^2)), as in plane/correlated_noise.py."""
     square = np.sum((uv[:, None] - uv[None]) ** 2, axis=2)
     return np.asarray(np.exp(-square / (2.0 * length_m**2)))
 
@@ -182,8 +188,8 @@ def compare_virtual(
     first, second = as_method(DENSE, part.results), as_method(VIRTUAL, points.wheels)
     notes = dense.notes
     if request.points.method == OLD:
-        second, said = by_old_estimator(second, blocks_m, part.wheels)
-        notes = (*notes, said)
+        second, note = by_old_estimator(second, blocks_m, part.wheels)
+        notes = (*notes, note)
     sources = added(aimed(found, list(first.targets)))
     by_first, by_second = first.slopes(part.wheels), second.slopes(part.wheels)
     spread = Spread.of(np.hstack([by_first, -by_second]), sources)
@@ -195,7 +201,7 @@ def compare_virtual(
         first=first,
         second=second,
         u_first=u_first,
-        u_second=np.hypot(u_first, spread.u),  # five = all + what they add, uncorrelated with all
+        u_second=np.hypot(u_first, spread.u),  # five = all + difference, uncorrelated
         sources=sources,
         spread=spread,
         missing=part.missing,
@@ -220,19 +226,19 @@ def _picked(
 def _picked_of(
     part: Part, picks: list[tuple[PlaneFit | None, Picked | NotMeasuredError]], source: str
 ) -> tuple[Part, list[Picked]]:
-    """The wheels whose five points were found, and these; raises InputError for a reference."""
+    """Select the wheels whose five points were found. Raises InputError for a reference wheel."""
     kept: list[WheelResult] = []
     found: list[Picked] = []
     missing = list(part.missing)
     for result in part.results:
-        seen = result.observation
-        plane = seen.evidence.plane if seen.evidence else None
+        observation = result.observation
+        plane = observation.evidence.plane if observation.evidence else None
         picked = next(picked for of, picked in picks if of is plane)
         if isinstance(picked, Picked):
             kept.append(result)
             found.append(picked)
-        elif seen.role == "reference":
-            raise InputError(f"{source}: {seen.source}: {picked}: give another --radius")
+        elif observation.role == "reference":
+            raise InputError(f"{source}: {observation.source}: {picked}: give another --radius")
         else:
-            missing.append((seen.name, f"{picked.status}: {picked}"))
+            missing.append((observation.name, f"{picked.status}: {picked}"))
     return Part(tuple(kept), tuple(missing)), found

@@ -1,4 +1,4 @@
-"""Limits of agreement of two methods with repeated measures, and their confidence limits."""
+"""Limits of agreement (Bland and Altman) with repeated measures, and their confidence limits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ...uncertainty import chi_square_limits
 from ...vectors import Array
 from .power import CONFIDENCE
 
-SPAN = 1.959963984540054  # standard deviations either way hold 95 % of a normal distribution
+SPAN = 1.959963984540054  # standard deviations on each side of 95 % of a normal distribution
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class Limit:
 
 @dataclass(frozen=True)
 class Components:
-    """Variances of differences: within and between subjects, and that of the subjects' means.
+    """Variance components of differences within and between subjects, and of subjects' means.
 
-    between: 0 where the means scatter less than `within` alone lets expect. harmonic: harmonic mean
-    of the measures a subject.
+    between: 0 where the means scatter less than expected from `within` alone. harmonic: harmonic
+    mean of the number of measures per subject.
     """
 
     within: float
@@ -41,12 +41,12 @@ class Components:
 
     @property
     def total(self) -> float:
-        """Of a single difference."""
+        """Variance of a single difference."""
         return self.between + self.within
 
 
 def components(difference: Array, subject: Sequence[Hashable]) -> Components:
-    """Of differences (N,) with repeated measures per subject, their true values free to vary.
+    """Estimate variance components of differences (N,), true values varying within subjects.
 
     Source: Bland and Altman, J. Biopharm. Stat. 17 (2007) 571, section 3; Zou (see below) for the
     unweighted means.
@@ -55,9 +55,9 @@ def components(difference: Array, subject: Sequence[Hashable]) -> Components:
     for value, whose in zip(difference, subject, strict=True):
         groups.setdefault(whose, []).append(float(value))
     sets = [np.array(group) for group in groups.values()]
-    spare = len(difference) - len(sets)
+    dof = len(difference) - len(sets)
     inside = sum(float(np.sum((g - g.mean()) ** 2)) for g in sets)
-    within = inside / spare if spare else 0.0
+    within = inside / dof if dof else 0.0
     of_means = float(np.var([g.mean() for g in sets], ddof=1)) if len(sets) > 1 else 0.0
     harmonic = len(sets) / sum(1.0 / len(g) for g in sets)
     between = max(0.0, of_means - within / harmonic)
@@ -65,7 +65,7 @@ def components(difference: Array, subject: Sequence[Hashable]) -> Components:
 
 
 def limits_of_agreement(bias: float, u_bias: float, parts: Components) -> tuple[Limit, Limit]:
-    """Bias -+ 1.96 standard deviations of a difference, each with its confidence limits.
+    """Return bias -+ 1.96 standard deviations of a difference, each with confidence limits.
 
     The method of variance estimates recovery: Zou, Stat. Methods Med. Res. 22 (2013) 630, eq. 5-7.
     """

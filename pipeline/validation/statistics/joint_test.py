@@ -1,4 +1,4 @@
-"""Differences with the causes of their uncertainty: one by one, and all together."""
+"""Tests of differences with their uncertainty: each on its own, and all jointly."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ RANK = 1e-9  # of the largest eigenvalue, below which a direction has no uncerta
 
 @dataclass(frozen=True)
 class Source:
-    """What makes several values uncertain at once, its size known to `freedom` degrees.
+    """Source of uncertainty common to several inputs, with `dof` degrees of freedom.
 
     factor: (k inputs, m); its covariance is factor @ factor.T.
     """
@@ -27,7 +27,7 @@ class Source:
 
 
 def sources_of(effects: Sequence[Effect]) -> list[Source]:
-    """Effects whose size was estimated together, or is known, brought together."""
+    """Merge effects that were estimated together, and those of infinite degrees of freedom."""
     groups: dict[object, list[Effect]] = {}
     for index, effect in enumerate(effects):
         key: object = effect.name if effect.pooled else index
@@ -40,10 +40,10 @@ def sources_of(effects: Sequence[Effect]) -> list[Source]:
 
 @dataclass(frozen=True)
 class JointTest:
-    """Whether all differences are within their uncertainty: d' V^-1 d against its distribution.
+    """Joint test of all differences: d' V^-1 d against its distribution.
 
-    count: of directions compared. freedom: effective degrees of freedom of V.
-    probability: of as much or more, where both methods are right.
+    count: number of directions compared. dof: effective degrees of freedom of V.
+    probability: p-value, where both methods are correct.
     """
 
     chi_square: float
@@ -53,27 +53,27 @@ class JointTest:
 
     @property
     def agrees(self) -> bool:
-        """At 95 % confidence."""
+        """Whether the differences agree at 95 % confidence."""
         return self.probability >= 1.0 - CONFIDENCE
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Covariance (q, q) of q differences, and its parts by source with their freedom."""
+    """Covariance (q, q) of q differences, its parts by source and their degrees of freedom."""
 
     parts: tuple[Array, ...]
     dofs: tuple[float, ...]
 
     @classmethod
     def of(cls, slopes: Array, sources: Sequence[Source]) -> Spread:
-        """Of what has the derivatives `slopes` (q, k) by the inputs that the sources move."""
+        """Propagate the sources, with the derivatives `slopes` (q, k) by their inputs."""
         moved = [slopes @ source.factor for source in sources]
         parts = tuple(m @ m.T for m in moved) or (np.zeros((len(slopes), len(slopes))),)
         return cls(parts, tuple(source.dof for source in sources) or (math.inf,))
 
     @property
     def covariance(self) -> Array:
-        """(q, q)."""
+        """(q, q) sum of the parts."""
         return np.asarray(sum(self.parts[1:], self.parts[0]))
 
     @property
@@ -98,16 +98,16 @@ class Spread:
 
     @property
     def visible(self) -> Array:
-        """(q,) smallest error of each that its own test would see."""
+        """(q,) smallest error of each detectable by its own test."""
         return np.array([visible_alone(u, f) for u, f in zip(self.u, self.dof, strict=True)])
 
     def test(self, difference: Array) -> JointTest:
-        """Of all q differences together.
+        """Test all q differences jointly.
 
         With one scale of V estimated, d' V^-1 d / p has Fisher's distribution exactly; with several
-        it is matched by tr: nu = (p + p^2) / sum (tr P_i^2 + (tr P_i)^2) / nu_i, P_i the share of a
-        source in V. Source: Krishnamoorthy and Yu, Statistics & Probability Letters 66 (2004) 161,
-        for a scale in the place of a covariance matrix.
+        it is approximated with nu = (p + p^2) / sum (tr P_i^2 + (tr P_i)^2) / nu_i, P_i the share
+        of a source in V. Source: Krishnamoorthy and Yu, Statistics & Probability Letters 66 (2004)
+        161, for a scale in place of a covariance matrix.
         """
         whiten = self._whiten()
         count = len(whiten)
@@ -117,17 +117,17 @@ class Spread:
         return JointTest(square, count, dof, beyond)
 
     def visible_jointly(self, patterns: Array) -> float:
-        """Smallest size at which the joint test sees an error of any of the patterns (q, r)."""
+        """Return the smallest size at which an error of any of the patterns (q, r) is detectable."""
         whiten = self._whiten()
         gain = float(np.sum((whiten @ patterns) ** 2, axis=0).min())
         return visible_jointly(gain, len(whiten), self._joint_dof(whiten))
 
     def _whiten(self) -> Array:
-        """(p, q): brings the differences to unit covariance, where they have any."""
+        """Return the map (p, q) from the differences to unit covariance, where they have any."""
         scale = np.where(self.u > 0.0, self.u, 1.0)
         values, vectors = np.linalg.eigh(self.covariance / np.outer(scale, scale))
-        there = values > RANK * max(float(values.max(initial=0.0)), 1e-300)
-        return np.asarray((vectors[:, there] / np.sqrt(values[there])).T / scale)
+        positive = values > RANK * max(float(values.max(initial=0.0)), 1e-300)
+        return np.asarray((vectors[:, positive] / np.sqrt(values[positive])).T / scale)
 
     def _joint_dof(self, whiten: Array) -> float:
         count, total = len(whiten), 0.0

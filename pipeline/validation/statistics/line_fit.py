@@ -1,4 +1,4 @@
-"""The straight line through points that are uncertain in both coordinates."""
+"""Straight line fit with uncertainties in both coordinates (York regression)."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from ...uncertainty import chi_square_beyond
 from ...vectors import Array
 
 ITERATIONS = 200
-SETTLED = 1e-14  # change of the slope
+CONVERGED = 1e-14  # relative change of the slope
 
 
 @dataclass(frozen=True)
 class Line:
-    """y = intercept + slope x, standard uncertainties, and how well it fits.
+    """Line y = intercept + slope x, its standard uncertainties and goodness of fit.
 
-    covariance: of intercept and slope. chi_square: with `freedom` degrees; probability: of as much
-    or more.
+    covariance: of intercept and slope. chi_square: with `dof` degrees of freedom; probability: its
+    p-value.
     """
 
     intercept: float
@@ -33,7 +33,7 @@ class Line:
 
 
 def fit_line(x: Array, y: Array, u_x: Array, u_y: Array, correlation: Array) -> Line | None:
-    """The line of greatest likelihood; None for fewer than three points, no spread or no error.
+    """Fit the line of maximum likelihood; None for fewer than 3 points, no spread or no error.
 
     x, y, u_x, u_y, correlation: (N,); correlation is that of a point's two errors. With all equal
     and none correlated it is the Deming regression.
@@ -49,7 +49,7 @@ def fit_line(x: Array, y: Array, u_x: Array, u_y: Array, correlation: Array) -> 
         U, V = x - x_mean, y - y_mean
         beta = weight * (U * u_y**2 + slope * V * u_x**2 - (slope * U + V) * both)
         before, slope = slope, float(np.sum(weight * beta * V) / np.sum(weight * beta * U))
-        if abs(slope - before) <= SETTLED * abs(slope):
+        if abs(slope - before) <= CONVERGED * abs(slope):
             break
     adjusted = x_mean + beta
     centre = float(np.average(adjusted, weights=weight))

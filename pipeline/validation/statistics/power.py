@@ -1,6 +1,6 @@
-"""The smallest error that a comparison would see, and how many captures see a smaller one.
+"""Smallest detectable error of a comparison, and the number of captures to detect a given one.
 
-Seen: a test at 95 % confidence, which calls 5 % of right methods wrong, finds it with 99 % power.
+Detectable: a test at 95 % confidence, with 5 % false alarms, finds the error with 99 % power.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ BISECTIONS = 60
 
 
 def visible_alone(u: float, dof: float = math.inf) -> float:
-    """Smallest error of one value with standard uncertainty u that Student's test of it sees.
+    """Return the smallest error of one value detectable by Student's test; u: its uncertainty.
 
-    4.286 u where u is known: the quantiles of confidence and power added.
+    4.286 u where u is known: sum of the quantiles of confidence and power.
     Source: the noncentral t; Johnson, Kotz and Balakrishnan, Continuous Univariate Distributions.
     """
     return u * _least(lambda shift: power_of_t(shift, CONFIDENCE, dof))
 
 
 def visible_jointly(gain: float, count: int, dof: float = math.inf) -> float:
-    """Smallest size of an error that the joint test of `count` values sees.
+    """Return the smallest size of an error detectable by the joint test of `count` values.
 
     gain: g' V^-1 g of the pattern g of an error of size 1.
     """
@@ -36,22 +36,23 @@ def visible_jointly(gain: float, count: int, dof: float = math.inf) -> float:
 
 
 def captures_needed(size: float, deviation: float) -> int:
-    """Captures whose mean settles a bias of `size`, where captures scatter by `deviation`.
+    """Return the number of captures in whose mean a bias of `size` is detectable.
 
-    Student's test of n captures, at 95 % confidence and 99 % power; MOST_CAPTURES at most.
+    deviation: standard deviation between captures. Student's test at 95 % confidence and 99 %
+    power; MOST_CAPTURES at most.
     """
     low, high = 1, 2
     while high < MOST_CAPTURES and visible_alone(deviation / math.sqrt(high), high - 1) > size:
         low, high = high, 2 * high
     while high - low > 1:
         middle = (low + high) // 2
-        seen = visible_alone(deviation / math.sqrt(middle), middle - 1) <= size
-        low, high = (low, middle) if seen else (middle, high)
+        enough = visible_alone(deviation / math.sqrt(middle), middle - 1) <= size
+        low, high = (low, middle) if enough else (middle, high)
     return min(high, MOST_CAPTURES)
 
 
 def _least(power: Callable[[float], float]) -> float:
-    """Smallest x >= 0 of enough power, which grows with x."""
+    """Return the smallest x >= 0 of sufficient power, which increases with x."""
     high = 1.0
     while power(high) < POWER:
         high *= 2.0
