@@ -1,1 +1,1 @@
-"""TODO."""
+"""Parameter files of the generator: vehicles, scanners, targets, and random draws."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""The simulated laser scanner: beams, footprint, noise, stations."""

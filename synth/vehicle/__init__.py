@@ -1,1 +1,1 @@
-"""TODO."""
+"""The synthetic vehicle: wheels, angles, steering, run-out, body."""

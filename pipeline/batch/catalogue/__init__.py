@@ -1,1 +1,1 @@
-"""TODO."""
+"""Catalogue of the results of a batch: an SQLite index of all measurements."""

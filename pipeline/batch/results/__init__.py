@@ -1,1 +1,1 @@
-"""TODO."""
+"""Queries over the results of a batch: lists, series, trends, SQL, exports."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""Storage of inputs and results: local folders and object storage."""

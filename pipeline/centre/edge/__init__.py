@@ -1,1 +1,1 @@
-"""TODO."""
+"""Centre of a target from its edge: beams, mixed pixels, and the fit of the outline."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""Centre of a target from its printed pattern: detection, refinement, pose."""

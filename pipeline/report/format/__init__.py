@@ -1,1 +1,1 @@
-"""TODO."""
+"""Formats that all reports share: numbers, tables, translations, letterhead."""

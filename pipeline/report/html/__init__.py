@@ -1,1 +1,1 @@
-"""TODO."""
+"""The report as one HTML page and as a PDF."""

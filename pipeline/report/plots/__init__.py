@@ -1,1 +1,1 @@
-"""TODO."""
+"""Plots of the report, as SVG and PNG."""

@@ -1,1 +1,1 @@
-"""TODO."""
+"""The report as text for the terminal and report.txt."""

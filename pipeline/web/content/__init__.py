@@ -1,1 +1,1 @@
-"""TODO."""
+"""Content of the web page: what can be chosen, measured, compared and viewed."""

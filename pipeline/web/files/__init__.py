@@ -1,1 +1,1 @@
-"""TODO."""
+"""Files of the web page: uploads, folders on the machine, and downloads."""
