@@ -1,1 +1,1 @@
-"""Vehicles whose angles are known, and what a laser scanner would see of their wheels."""
+"""Generator of synthetic laser scans of vehicles whose wheel angles are known."""

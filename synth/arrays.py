@@ -1,4 +1,4 @@
-"""Arrays of numpy by what they hold."""
+"""Types of numpy arrays."""
 
 from __future__ import annotations
 

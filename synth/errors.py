@@ -1,8 +1,8 @@
-"""What the generator says when it cannot go on."""
+"""Exception of the generator."""
 
 
 class SynthError(Exception):
-    """A reason to stop that the user can mend.
+    """An error that the user can correct.
 
-    The text is one line that names the file or option, the fact, and the mend.
+    The text is one line: the file or option, the fact, and what to do.
     """

@@ -1,4 +1,4 @@
-"""Write a capture of a made vehicle: scans, capture.toml, five points, and the truth."""
+"""Writer of a capture of a synthetic vehicle: scans, capture.toml, five points, and the truth."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from ..scene.target import Mount, draw_mount
 from ..vehicle.turning import draw_turning
 from ..vehicle.vehicle import WHEELS, Vehicle, Wheel, draw_trial, draw_vehicle, draw_wheel
 from .files import capture_toml, five_point_text, ply, scan_file
-from .five_point import draw_place, measure_five
+from .five_point import draw_position, measure_five
 from .folder import check_free, check_seed, new_folder, write_text
 from .truth import Truth, site_point
 
 
 def _silent(_: str) -> None:
-    """Say nothing."""
+    """Ignore progress."""
 
 
 def write_capture(
@@ -41,22 +41,24 @@ def write_capture(
     trials: int = 2,
     progress: Callable[[str], None] = _silent,
 ) -> Truth:
-    """Write the folder `out`, all of it or nothing, and return what is true of it.
+    """Write the folder `out`, all of it or nothing, and return its truth.
 
-    vehicle, scanner, target: parameter files. `progress` is told the name of each file when it is
-    written. The same arguments give the same bytes; the draws of a scan do not depend on how many
-    trials follow. Raises SynthError.
+    vehicle, scanner, target: parameter files. `progress` is called with the name of each file when
+    it is written. The same arguments give the same bytes; the draws of a scan do not depend on the
+    number of trials that follow. Raises SynthError.
     """
     check_seed(seed)
     if trials < 0:
         raise SynthError(f"--trials {trials}: negative; give a whole number from 0")
     check_free(out)
     seeds = np.random.SeedSequence(seed).spawn(3 + len(WHEELS) + trials)
-    made, devices, survey, *scans = (np.random.default_rng(child) for child in seeds)
-    instruments = draw_instruments(vehicle, scanner, target, devices)
-    car = draw_vehicle(instruments.vehicle_recipe, made)
+    vehicle_rng, instruments_rng, survey_rng, *scan_rngs = (
+        np.random.default_rng(child) for child in seeds
+    )
+    instruments = draw_instruments(vehicle, scanner, target, instruments_rng)
+    car = draw_vehicle(instruments.vehicle_recipe, vehicle_rng)
     with new_folder(out) as folder:
-        return _fill(folder, seed, car, instruments, survey, scans, progress)
+        return _fill(folder, seed, car, instruments, survey_rng, scan_rngs, progress)
 
 
 def _fill(
@@ -64,24 +66,24 @@ def _fill(
     seed: int,
     car: Vehicle,
     kit: Instruments,
-    survey: np.random.Generator,
-    draws: list[np.random.Generator],
+    survey_rng: np.random.Generator,
+    scan_rngs: list[np.random.Generator],
     progress: Callable[[str], None],
 ) -> Truth:
     wheels: list[Wheel] = []
     mounts: list[Mount] = []
     used: list[dict[str, Any]] = []
     turning = draw_turning(kit.vehicle_recipe, seed)
-    for number, rng in enumerate(draws):
+    for number, rng in enumerate(scan_rngs):
         wheel = _next_wheel(number, car, kit.vehicle_recipe, rng)
         mount = turning.mount(wheel, draw_mount(kit.target, rng))
         wheels.append(wheel)
         mounts.append(mount)
         used.append(_write_scan(folder, car, wheel, mount, kit, rng))
         progress(used[-1]["file"])
-    place = draw_place(car, kit.total_station, survey)
+    position_m = draw_position(car, kit.total_station, survey_rng)
     mounted = [mount.on(wheel) for wheel, mount in zip(wheels, mounts, strict=True)]
-    rows = measure_five(car, mounted, kit.total_station, place, survey)
+    rows = measure_five(car, mounted, kit.total_station, position_m, survey_rng)
     write_text(folder / "five-point.txt", five_point_text(rows))
     more = turning.scanned(car, kit.vehicle_recipe, wheels)
     for wheel in more.wheels:
@@ -92,7 +94,7 @@ def _fill(
     write_text(folder / "capture.toml", capture_toml(title, kit.target, wheels, more.toml))
     all_wheels = (*wheels, *more.wheels)
     face = None if isinstance(kit.target, DiscFile) else kit.target
-    truth = Truth(seed, car, all_wheels, _used(car, kit, used, place), more.told, face)
+    truth = Truth(seed, car, all_wheels, _used(car, kit, used, position_m), more.truth, face)
     write_text(folder / "truth.json", json.dumps(truth.to_json(), indent=1) + "\n")
     progress("truth.json")
     return truth
@@ -113,34 +115,34 @@ def _write_scan(
     kit: Instruments,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
-    """Scan one wheel, write its file, and return what was used for it."""
+    """Scan one wheel, write its file, and return the values used for it."""
     stand = draw_stand(car, wheel, kit.scanner_recipe, rng)
     hidden = kit.scanner_recipe.draw("scene", Obstacle, rng).occluded_fraction
     position_m = stand.position_vehicle_m
-    before = [draw_board(kit.target, wheel.seen(position_m), hidden, rng)] if hidden else []
-    scene = build_scene(car, wheel, kit.target, position_m, mount, before)
+    obstacles = [draw_board(kit.target, wheel.to_target(position_m), hidden, rng)] if hidden else []
+    scene = build_scene(car, wheel, kit.target, position_m, mount, obstacles)
     R_site_vehicle = car.T_site_vehicle[:3, :3]
     centre_station_m = R_site_vehicle @ (wheel.centre_vehicle_m - stand.position_vehicle_m)
-    seen = scan(scene, centre_station_m, kit.grid, kit.beam, rng)
+    found = scan(scene, centre_station_m, kit.grid, kit.beam, rng)
     station_m = site_point(car, stand.position_vehicle_m)
     name = scan_file(wheel)
-    (folder / name).write_bytes(ply(seen.points_station_m + station_m, seen.intensity))
+    (folder / name).write_bytes(ply(found.points_station_m + station_m, found.intensity))
     return {
         "file": name,
         "station_m": station_m,
         "distance_m": stand.distance_m,
         "incidence_deg": float(np.degrees(stand.incidence_rad)),
         "stand_off_m": wheel.stand_off_m,
-        "beams": seen.beams,
-        "points": len(seen.points_station_m),
-        "points_on_target": int(seen.on_front.sum()),
+        "beams": found.beams,
+        "points": len(found.points_station_m),
+        "points_on_target": int(found.on_front.sum()),
         **({"occluded_fraction": hidden} if hidden else {}),
-        **mount.told(kit.target),
+        **mount.to_json(kit.target),
     }
 
 
 def _used(
-    car: Vehicle, kit: Instruments, scans: list[dict[str, Any]], place_vehicle_m: Array
+    car: Vehicle, kit: Instruments, scans: list[dict[str, Any]], station_vehicle_m: Array
 ) -> dict[str, Any]:
     return {
         "target": kit.target.stated,
@@ -151,7 +153,7 @@ def _used(
         "beam": kit.beam.model_dump(exclude_unset=True),
         "total_station": {
             **kit.total_station.model_dump(),
-            "station_m": site_point(car, place_vehicle_m),
+            "station_m": site_point(car, station_vehicle_m),
         },
         "scans": scans,
     }

@@ -1,4 +1,4 @@
-"""A whole vehicle's cloud on disk, written block after block: one PLY, or an E57 of posed scans."""
+"""Writers of the cloud of a whole vehicle, block after block: one PLY, or an E57 of posed scans."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from ..arrays import Array, Array32
 from ..scanner.stations import Station
 from .files import ply_header, ply_rows
 
-DIGITS = 12  # of the number of points, which stands in the head before it is known
+DIGITS = 12  # reserved in the header for the number of points
 
 
 class Cloud(Protocol):
-    """What takes the scans, station after station."""
+    """Writer of the scans, station after station."""
 
     def begin(self, station: Station) -> None:
-        """The blocks that follow are of this station."""
+        """Begin the blocks of this station."""
 
     def add(self, points_station_m: Array, intensity: Array32) -> None:
         """Write points (N, 3), in the axes of the site from the scanner, and intensity (N,)."""
 
     def close(self) -> None:
-        """Nothing more comes."""
+        """Finish the file."""
 
 
 class PlyCloud:
-    """All stations in the coordinates of the site."""
+    """PLY of all stations in the coordinates of the site."""
 
     def __init__(self, path: Path) -> None:
         self._file: BinaryIO = path.open("wb")
@@ -37,12 +37,12 @@ class PlyCloud:
         self._file.write(self._head())
 
     def _head(self) -> bytes:
-        """The same length for every number of points."""
+        """Return a header of the same length for every number of points."""
         fill = "." * (DIGITS - len(str(self._count)))
         return ply_header(self._count, f"wheelplane synth {fill}")
 
     def begin(self, station: Station) -> None:
-        """The blocks that follow are of this station."""
+        """Begin the blocks of this station."""
         self._shift_m = station.position_site_m
 
     def add(self, points_station_m: Array, intensity: Array32) -> None:
@@ -51,7 +51,7 @@ class PlyCloud:
         self._count += len(intensity)
 
     def close(self) -> None:
-        """Put the number of points into the head."""
+        """Write the number of points into the header."""
         self._file.seek(0)
         self._file.write(self._head())
         self._file.close()

@@ -1,4 +1,4 @@
-"""A cloud as E57, one posed scan a station; the one file that imports pye57."""
+"""Writer of a cloud as E57, one posed scan per station; the only file that imports pye57."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FIELDS = ("cartesianX", "cartesianY", "cartesianZ", "intensity")
 
 
 class E57Cloud:
-    """Each scan in its scanner's own coordinates, with the pose that leads to the site's."""
+    """E57 of scans in their scanner's own coordinates, with poses in the site's."""
 
     def __init__(self, path: Path, seed: int) -> None:
         self._lib = _library()
@@ -33,15 +33,15 @@ class E57Cloud:
         root.set("images2D", self._lib.VectorNode(self._file, True))
         self._arrays = [np.empty(CAPACITY) for _ in FIELDS]
         self._writer: Any = None
-        self._turn = np.eye(3)
+        self._R_site_station = np.eye(3)
 
     def begin(self, station: Station) -> None:
-        """The blocks that follow are of this station."""
+        """Begin the blocks of this station."""
         self._end()
         self._count += 1
-        half = station.turn_rad / 2
-        cos, sin = np.cos(station.turn_rad), np.sin(station.turn_rad)
-        self._turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        half = station.heading_rad / 2
+        cos, sin = np.cos(station.heading_rad), np.sin(station.heading_rad)
+        self._R_site_station = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
         scan = self._lib.StructureNode(self._file)
         self._set_texts(scan, guid=self._guid(), name=f"station {station.number}")
         pose = self._lib.StructureNode(self._file)
@@ -64,7 +64,7 @@ class E57Cloud:
 
     def add(self, points_station_m: Array, intensity: Array32) -> None:
         """Write points (N, 3), in the axes of the site from the scanner, and intensity (N,)."""
-        rows = np.column_stack([points_station_m @ self._turn, intensity])
+        rows = np.column_stack([points_station_m @ self._R_site_station, intensity])
         for start in range(0, len(rows), CAPACITY):
             part = rows[start : start + CAPACITY]
             for array, values in zip(self._arrays, part.T, strict=True):
@@ -72,7 +72,7 @@ class E57Cloud:
             self._writer.write(len(part))
 
     def close(self) -> None:
-        """Nothing more comes."""
+        """Finish the file."""
         self._end()
         self._file.close()
 
@@ -89,7 +89,7 @@ class E57Cloud:
         return node
 
     def _guid(self) -> str:
-        """The same for the same seed and scan."""
+        """Return an identifier that depends on seed and scan alone."""
         name = f"wheelplane synth {self._seed} {self._count}"
         return f"{{{uuid.uuid5(uuid.NAMESPACE_OID, name)}}}"
 

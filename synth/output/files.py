@@ -1,4 +1,4 @@
-"""The files of a capture: their names and their bytes."""
+"""Names and bytes of the files of a capture."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from ..vehicle.vehicle import Wheel
 
 
 def scan_file(wheel: Wheel) -> str:
-    """Name of a wheel's, a trial's, or a turned wheel's scan."""
+    """Return the file name of the scan of a wheel, a trial, a sweep or a run-out."""
     if wheel.role in ("sweep", "runout"):
         return f"{wheel.name.lower().replace(' ', '-')}.ply"
     return f"{wheel.name.lower()}.ply" if wheel.role == "reference" else f"trial-{wheel.name}.ply"
 
 
 def ply(points_m: Array, intensity: Array32) -> bytes:
-    """Points (N, 3) and intensity (N,) as binary little-endian PLY, double and float."""
+    """Return points (N, 3) and intensity (N,) as binary little-endian PLY, double and float."""
     return ply_header(len(points_m)) + ply_rows(points_m, intensity)
 
 
 def ply_header(count: int, comment: str = "") -> bytes:
-    """The head of such a file; comment: a line of it."""
-    said = f"comment {comment}\n" if comment else ""
+    """Return the header of such a file; comment: a line of it."""
+    line = f"comment {comment}\n" if comment else ""
     return (
-        f"ply\nformat binary_little_endian 1.0\n{said}"
+        f"ply\nformat binary_little_endian 1.0\n{line}"
         f"element vertex {count}\n"
         "property double x\nproperty double y\nproperty double z\nproperty float intensity\n"
         "end_header\n"
@@ -36,7 +36,7 @@ def ply_header(count: int, comment: str = "") -> bytes:
 
 
 def ply_rows(points_m: Array, intensity: Array32) -> bytes:
-    """What follows the head."""
+    """Return the bytes after the header."""
     rows = np.empty(
         len(points_m), dtype=[("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("intensity", "<f4")]
     )
@@ -46,14 +46,14 @@ def ply_rows(points_m: Array, intensity: Array32) -> bytes:
 
 
 def five_point_text(rows_m: Array) -> str:
-    """Points (N, 3), one a line, in metres."""
+    """Return points (N, 3), one per line, in metres."""
     return "".join(f"{x:.6f},{y:.6f},{z:.6f}\n" for x, y, z in rows_m)
 
 
 def capture_toml(
     vehicle: str, target: TargetFile, wheels: Sequence[Wheel], more: Sequence[str] = ()
 ) -> str:
-    """The text of capture.toml; lengths in metres. A JSON string is a TOML basic string.
+    """Return the text of capture.toml; lengths in metres. A JSON string is a TOML basic string.
 
     more: lines that follow.
     """
@@ -75,10 +75,10 @@ def capture_toml(
 
 
 def _target_lines(target: TargetFile) -> list[str]:
-    """What is stated of the target; of a disc not the thickness, which nothing asks for."""
+    """Return the lines of [target]; without the thickness of a disc, which is not needed."""
     left_out = {"thickness"} if target.shape == "disc" else set()
-    told = {k: v for k, v in target.stated.items() if k not in left_out and v != 0.0}
-    return [f"{key} = {_toml_value(value)}" for key, value in told.items()]
+    stated = {k: v for k, v in target.stated.items() if k not in left_out and v != 0.0}
+    return [f"{key} = {_toml_value(value)}" for key, value in stated.items()]
 
 
 def _toml_value(value: object) -> str:

@@ -1,6 +1,6 @@
-"""What a total station would give: five points on every target, from one place.
+"""The simulated total station: five points on every target, from one position.
 
-Whether the car hides a far target from that place is not asked: a surveyor would move.
+Occlusion of a far target by the vehicle is ignored: a surveyor would move.
 """
 
 from __future__ import annotations
@@ -15,23 +15,24 @@ from ..scanner.scanner import directions
 from ..vehicle.vehicle import FORWARD, LEFT, UP, Vehicle, Wheel
 
 
-def draw_place(vehicle: Vehicle, station: TotalStation, rng: np.random.Generator) -> Array:
-    """Place (3,) of the total station in vehicle coordinates, in any direction from the middle."""
-    turn = rng.uniform(0, 2 * np.pi)
-    way = np.cos(turn) * FORWARD + np.sin(turn) * LEFT
+def draw_position(vehicle: Vehicle, station: TotalStation, rng: np.random.Generator) -> Array:
+    """Draw the position (3,) of the total station, in vehicle coordinates, in any direction."""
+    azimuth = rng.uniform(0, 2 * np.pi)
+    direction = np.cos(azimuth) * FORWARD + np.sin(azimuth) * LEFT
     middle = vehicle.axles.wheelbase_m / 2 * FORWARD
-    place: Array = middle + station.distance_m * way + (vehicle.floor_m + station.height_m) * UP
-    return place
+    height_m = vehicle.floor_m + station.height_m
+    position_m: Array = middle + station.distance_m * direction + height_m * UP
+    return position_m
 
 
 def measure_five(
     vehicle: Vehicle,
     wheels: Sequence[Wheel],
     station: TotalStation,
-    place_vehicle_m: Array,
+    station_vehicle_m: Array,
     rng: np.random.Generator,
 ) -> Array:
-    """Five points a target, (5 * W, 3) in the coordinates of the capture, target after target.
+    """Measure five points per target, (5 * W, 3) in the coordinates of the capture.
 
     Noise: aiming, normal along each axis of the face; range, normal with sigma a + b * range;
     azimuth (on the arc) and elevation, normal.
@@ -40,28 +41,28 @@ def measure_five(
     rows = []
     for wheel in wheels:
         aimed = _aim(wheel, station, rng)
-        true = (aimed - place_vehicle_m) @ T[:3, :3].T
+        true = (aimed - station_vehicle_m) @ T[:3, :3].T
         rows.append(_observed(true, station, rng))
-    return np.vstack(rows) + (T[:3, :3] @ place_vehicle_m + T[:3, 3])
+    return np.vstack(rows) + (T[:3, :3] @ station_vehicle_m + T[:3, 3])
 
 
 def _aim(wheel: Wheel, station: TotalStation, rng: np.random.Generator) -> Array:
-    """Where the operator points: (5, 3) on the face, in vehicle coordinates."""
-    turn = rng.uniform(0, 2 * np.pi) + 2 * np.pi * np.arange(5) / 5
-    ring = station.pentagon_radius_m * np.column_stack([np.cos(turn), np.sin(turn)])
+    """Return the points aimed at: (5, 3) on the face, in vehicle coordinates."""
+    angle = rng.uniform(0, 2 * np.pi) + 2 * np.pi * np.arange(5) / 5
+    ring = station.pentagon_radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
     ring += rng.normal(0.0, 1.0, (5, 2)) * station.aiming_sigma_m
     aimed: Array = wheel.centre_vehicle_m + ring @ wheel.T_vehicle_target[:3, :2].T
     return aimed
 
 
 def _observed(true_m: Array, station: TotalStation, rng: np.random.Generator) -> Array:
-    """The points (5, 3), relative to the instrument, as its range and angles give them."""
+    """Return the points (5, 3) relative to the instrument, with noise of range and angles."""
     noise = rng.normal(0.0, 1.0, (3, len(true_m)))
-    level_m = np.hypot(true_m[:, 0], true_m[:, 1])
-    range_m = np.hypot(level_m, true_m[:, 2])
+    horizontal_m = np.hypot(true_m[:, 0], true_m[:, 1])
+    range_m = np.hypot(horizontal_m, true_m[:, 2])
     arc = np.radians(station.angle_sigma_arcsec / 3600)
-    azimuth = np.arctan2(true_m[:, 1], true_m[:, 0]) + noise[0] * arc * range_m / level_m
-    elevation = np.arctan2(true_m[:, 2], level_m) + noise[1] * arc
+    azimuth = np.arctan2(true_m[:, 1], true_m[:, 0]) + noise[0] * arc * range_m / horizontal_m
+    elevation = np.arctan2(true_m[:, 2], horizontal_m) + noise[1] * arc
     sigma = station.range_sigma_m + station.range_sigma_ppm * 1e-6 * range_m
-    seen: Array = directions(azimuth, elevation) * (range_m + noise[2] * sigma)[:, None]
-    return seen
+    observed: Array = directions(azimuth, elevation) * (range_m + noise[2] * sigma)[:, None]
+    return observed

@@ -1,4 +1,4 @@
-"""The folder that is written: all of it or nothing."""
+"""Output folder, written completely or not at all."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from ..errors import SynthError
 
 
 def check_seed(seed: int) -> None:
-    """Raise SynthError where it is negative."""
+    """Raise SynthError for a negative seed."""
     if seed < 0:
         raise SynthError(f"--seed {seed}: negative; give a whole number from 0")
 
 
 def check_free(out: Path) -> None:
-    """Raise SynthError unless `out` is an empty folder or nothing yet."""
+    """Raise SynthError unless `out` is an empty folder or does not exist."""
     if out.is_dir() and any(out.iterdir()):
         raise SynthError(f"{out}: the folder is not empty; name a new one")
     if out.exists() and not out.is_dir():
-        raise SynthError(f"{out}: a file stands there; name a new folder")
+        raise SynthError(f"{out}: a file of that name exists; name a new folder")
 
 
 @contextmanager
 def new_folder(out: Path) -> Iterator[Path]:
-    """A folder beside `out` that takes its name when all went well, and is gone otherwise."""
+    """Yield a folder beside `out`; rename it to `out` on success, delete it otherwise."""
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=out.parent, prefix=f".{out.name}-") as scratch:
@@ -39,5 +39,5 @@ def new_folder(out: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """UTF-8, with plain line ends on every system."""
+    """Write UTF-8 with LF line ends on every system."""
     path.write_text(text, encoding="utf-8", newline="\n")

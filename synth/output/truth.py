@@ -1,4 +1,4 @@
-"""What is known of a made capture, as a record and as the text of truth.json."""
+"""Truth of a synthetic capture: the record, and its JSON for truth.json."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ SCHEMA = "wheelplane/truth/1"
 
 @dataclass(frozen=True)
 class Truth:
-    """The vehicle, its wheels and trials in the order of the capture, and what was used.
+    """The vehicle, its wheels and trials in the order of the capture, and the values used.
 
-    used: the parameters as drawn and the places of the instruments; turning: kingpins, toe-out on
-    turns and run-outs, where there are any; both ready for JSON. target: where the turn of its
-    face, axes u and v, is to be told, and the ids of its markers.
+    used: the drawn parameters and the positions of the instruments; turning: kingpins, toe-out on
+    turns and run-outs, if any; both ready for JSON. target: given if the axes u and v of its face,
+    and the ids of its markers, belong to the truth.
     """
 
     seed: int
@@ -31,7 +31,7 @@ class Truth:
     target: TargetFile | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """The content of truth.json, in the coordinates of the capture."""
+        """Return the content of truth.json, in the coordinates of the capture."""
         by_name = {wheel.name: wheel for wheel in self.wheels if wheel.role == "reference"}
         toe = {name: _deg(wheel.toe_rad) for name, wheel in by_name.items()}
         return {
@@ -53,7 +53,7 @@ class Truth:
 
 
 def site_point(vehicle: Vehicle, point_vehicle_m: Array) -> list[float]:
-    """A point (3,) of the vehicle in the coordinates of the capture."""
+    """Transform a point (3,) of the vehicle to the coordinates of the capture."""
     T = vehicle.T_site_vehicle
     return [float(v) for v in T[:3, :3] @ point_vehicle_m + T[:3, 3]]
 
@@ -68,7 +68,7 @@ def _wheel(vehicle: Vehicle, wheel: Wheel) -> dict[str, Any]:
         "camber_deg": _deg(wheel.camber_rad),
         "camber_iso_deg": _deg(float(iso)),
         "centre_m": site_point(vehicle, wheel.centre_vehicle_m),
-        "normal": _site_way(vehicle, wheel.normal_vehicle),
+        "normal": _site_direction(vehicle, wheel.normal_vehicle),
     }
 
 
@@ -77,24 +77,24 @@ def _face(vehicle: Vehicle, wheel: Wheel, target: TargetFile | None) -> dict[str
         return {}
     u, v = wheel.T_vehicle_target[:3, :2].T
     ids = target.ids_of(wheel.wheel)
-    told: dict[str, Any] = {"u": _site_way(vehicle, u), "v": _site_way(vehicle, v)}
-    return told | ({"ids": list(ids)} if ids else {})
+    axes = {"u": _site_direction(vehicle, u), "v": _site_direction(vehicle, v)}
+    return axes | ({"ids": list(ids)} if ids else {})
 
 
 def _frame(vehicle: Vehicle) -> dict[str, Any]:
     return {
         "origin_m": site_point(vehicle, np.zeros(3)),
-        "left": _site_way(vehicle, LEFT),
-        "forward": _site_way(vehicle, FORWARD),
-        "up": _site_way(vehicle, UP),
+        "left": _site_direction(vehicle, LEFT),
+        "forward": _site_direction(vehicle, FORWARD),
+        "up": _site_direction(vehicle, UP),
         "rear_track_m": vehicle.axles.rear_track_m,
         "front_track_m": vehicle.axles.front_track_m,
         "wheelbase_m": vehicle.axles.wheelbase_m,
     }
 
 
-def _site_way(vehicle: Vehicle, way_vehicle: Array) -> list[float]:
-    return [float(v) for v in vehicle.T_site_vehicle[:3, :3] @ way_vehicle]
+def _site_direction(vehicle: Vehicle, direction_vehicle: Array) -> list[float]:
+    return [float(v) for v in vehicle.T_site_vehicle[:3, :3] @ direction_vehicle]
 
 
 def _deg(angle_rad: float) -> float:

@@ -1,4 +1,4 @@
-"""Write one cloud of a whole made vehicle in its bay, as several stations see it, and the truth."""
+"""Writer of one cloud of a whole synthetic vehicle in its bay, from several stations, and truth."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..arrays import Array
 from ..errors import SynthError
 from ..parameters.instruments import Instruments, draw_instruments
 from ..parameters.parameters import Panorama
-from ..scanner.lattice import Tried, draw_lattice, try_out
+from ..scanner.lattice import Preview, draw_lattice, preview_scene
 from ..scanner.panorama import scan_rows
 from ..scanner.stations import Station
 from ..scene.site import Site, draw_site
@@ -22,7 +22,7 @@ from ..vehicle.vehicle import WHEELS, draw_vehicle
 from .cloud_files import Cloud, PlyCloud
 from .e57 import E57Cloud
 from .files import five_point_text
-from .five_point import draw_place, measure_five
+from .five_point import draw_position, measure_five
 from .folder import check_free, check_seed, new_folder, write_text
 from .truth import Truth, site_point
 
@@ -30,7 +30,7 @@ FORMS = ("ply", "e57")
 
 
 def _silent(_: str) -> None:
-    """Say nothing."""
+    """Ignore progress."""
 
 
 def write_whole(
@@ -44,31 +44,33 @@ def write_whole(
     points: int | None = None,
     progress: Callable[[str], None] = _silent,
 ) -> Truth:
-    """Write the folder `out`, all of it or nothing, and return what is true of it.
+    """Write the folder `out`, all of it or nothing, and return its truth.
 
-    vehicle, scanner, target: parameter files; form: one of FORMS; points: how many the cloud has,
-    within a per cent or two, in place of the scanner file's. `progress` is told each station when
-    it is written. Vehicle, targets and five points are those of the wheel scans of the same seed.
-    The same arguments give the same bytes. Raises SynthError.
+    vehicle, scanner, target: parameter files; form: one of FORMS; points: of the cloud, within 1 or
+    2 %, instead of the scanner file's. `progress` is called with each station when it is written.
+    Vehicle, targets and five points are those of the wheel scans of the same seed. The same
+    arguments give the same bytes. Raises SynthError.
     """
     check_seed(seed)
     _check(form, points)
     check_free(out)
     seeds = np.random.SeedSequence(seed).spawn(3 + len(WHEELS))
-    made, devices, survey, *draws = (np.random.default_rng(child) for child in seeds)
-    kit = draw_instruments(vehicle, scanner, target, devices)
-    car = draw_vehicle(kit.vehicle_recipe, made)
-    site = draw_site(car, kit, seed, points, draws)
+    vehicle_rng, instruments_rng, survey_rng, *wheel_rngs = (
+        np.random.default_rng(child) for child in seeds
+    )
+    kit = draw_instruments(vehicle, scanner, target, instruments_rng)
+    car = draw_vehicle(kit.vehicle_recipe, vehicle_rng)
+    site = draw_site(car, kit, seed, points, wheel_rngs)
     with new_folder(out) as folder:
         file = folder / f"vehicle.{form}"
         with closing(E57Cloud(file, seed) if form == "e57" else PlyCloud(file)) as cloud:
             scans = _write_scans(site, kit, seed, cloud, progress)
-        place = draw_place(car, kit.total_station, survey)
-        plates = [mounted.plate for mounted in site.mounted]
-        rows = measure_five(car, plates, kit.total_station, place, survey)
+        position_m = draw_position(car, kit.total_station, survey_rng)
+        targets = [mounted.pose for mounted in site.mounted]
+        rows = measure_five(car, targets, kit.total_station, position_m, survey_rng)
         write_text(folder / "five-point.txt", five_point_text(rows))
         wheels = tuple(mounted.wheel for mounted in site.mounted)
-        used = {"file": file.name, **_used(site, kit, scans, place)}
+        used = {"file": file.name, **_used(site, kit, scans, position_m)}
         truth = Truth(seed, car, wheels, used, target=kit.target)
         write_text(folder / "truth.json", json.dumps(truth.to_json(), indent=1) + "\n")
         return truth
@@ -85,23 +87,25 @@ def _check(form: str, points: int | None) -> None:
 def _write_scans(
     site: Site, kit: Instruments, seed: int, cloud: Cloud, progress: Callable[[str], None]
 ) -> list[dict[str, Any]]:
-    """Scan from every station; what was used for each."""
-    tried = [try_out(site.scene(s), site.panorama, site.middle_m(s)) for s in site.stations]
-    step = _step_rad(site.panorama, tried, kit.beam.dropout_fraction)
-    told, first = [], 0
-    for station, found in zip(site.stations, tried, strict=True):
+    """Scan from every station; return the values used for each."""
+    previews = [
+        preview_scene(site.scene(s), site.panorama, site.middle_m(s)) for s in site.stations
+    ]
+    step = _step_rad(site.panorama, previews, kit.beam.dropout_fraction)
+    used, first = [], 0
+    for station, found in zip(site.stations, previews, strict=True):
         cloud.begin(station)
         scan = _write_station(site, kit, seed, station, found, step, cloud)
-        told.append(scan | {"rows": [first, first + scan["points"]]})
+        used.append(scan | {"rows": [first, first + scan["points"]]})
         first += scan["points"]
         progress(f"station {station.number}")
-    return told
+    return used
 
 
-def _step_rad(panorama: Panorama, tried: Sequence[Tried], dropout: float) -> float:
-    """Between the beams, so that all stations together write as many points as are asked for."""
+def _step_rad(panorama: Panorama, previews: Sequence[Preview], dropout: float) -> float:
+    """Return the step between beams that gives the wanted number of points of all stations."""
     wide, high = panorama.window_deg, panorama.highest_deg - panorama.lowest_deg
-    returned = sum(one.share for one in tried) * (1.0 - dropout)
+    returned = sum(one.share for one in previews) * (1.0 - dropout)
     return float(np.sqrt(np.radians(wide) * np.radians(high) * returned / panorama.points))
 
 
@@ -110,35 +114,35 @@ def _write_station(
     kit: Instruments,
     seed: int,
     station: Station,
-    tried: Tried,
+    preview: Preview,
     step_rad: float,
     cloud: Cloud,
 ) -> dict[str, Any]:
     stream = (seed, station.number)
     target_m = site.nearest_target_m(station)
     grid = draw_lattice(site.panorama, site.middle_m(station), step_rad, stream)
-    on_plates = np.zeros(len(WHEELS) + 1, dtype=np.int64)
-    blocks = scan_rows(site.scene(station), grid, kit.beam, target_m, tried.nearest_m, stream)
+    on_targets = np.zeros(len(WHEELS) + 1, dtype=np.int64)
+    blocks = scan_rows(site.scene(station), grid, kit.beam, target_m, preview.nearest_m, stream)
     for block in blocks:
         cloud.add(block.points_station_m, block.intensity)
-        on_plates += np.bincount(block.plate + 1, minlength=len(on_plates))
+        on_targets += np.bincount(block.target + 1, minlength=len(on_targets))
     return {
         "station": station.number,
         "station_m": station.position_site_m.tolist(),
-        "turn_deg": float(np.degrees(station.turn_rad)),
+        "turn_deg": float(np.degrees(station.heading_rad)),
         "step_rad": grid.step_rad,
         "beams": grid.beams,
-        "points": int(on_plates.sum()),
-        "points_on_target": dict(zip(WHEELS, on_plates[1:].tolist(), strict=True)),
+        "points": int(on_targets.sum()),
+        "points_on_target": dict(zip(WHEELS, on_targets[1:].tolist(), strict=True)),
     }
 
 
 def _used(
-    site: Site, kit: Instruments, scans: list[dict[str, Any]], place_vehicle_m: Array
+    site: Site, kit: Instruments, scans: list[dict[str, Any]], station_vehicle_m: Array
 ) -> dict[str, Any]:
     car = site.vehicle
     mounts = {
-        one.wheel.name: one.mount.told(kit.target)
+        one.wheel.name: one.mount.to_json(kit.target)
         | ({"occluded_fraction": hidden} if hidden else {})
         for one, hidden in zip(site.mounted, site.hidden, strict=True)
     }
@@ -151,8 +155,8 @@ def _used(
         "beam": kit.beam.model_dump(exclude_unset=True),
         "total_station": {
             **kit.total_station.model_dump(),
-            "station_m": site_point(car, place_vehicle_m),
+            "station_m": site_point(car, station_vehicle_m),
         },
-        "mounts": {name: told for name, told in mounts.items() if told},
+        "mounts": {name: mount for name, mount in mounts.items() if mount},
         "scans": scans,
     }

@@ -1,4 +1,4 @@
-"""What is the same for all scans of a capture: the parameter files, and the instruments drawn."""
+"""Instruments of a capture, drawn from its parameter files; the same for all its scans."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .target_file import read_target
 
 @dataclass(frozen=True)
 class Instruments:
-    """What is the same for all scans of a capture."""
+    """Parameter files, target, scanner and total station of one capture."""
 
     vehicle_recipe: Recipe
     scanner_recipe: Recipe
@@ -31,11 +31,11 @@ def draw_instruments(
     """Read the parameter files and draw grid, beam and total station. Raises SynthError."""
     vehicle_recipe = read_recipe(vehicle, VehicleFile)
     scanner_recipe = read_recipe(scanner, ScannerFile)
-    plate = read_target(target)
+    target_file = read_target(target)
     return Instruments(
         vehicle_recipe,
         scanner_recipe,
-        plate,
+        target_file,
         scanner_recipe.draw("grid", Grid, rng),
         scanner_recipe.draw("beam", Beam, rng),
         scanner_recipe.draw("total_station", TotalStation, rng),

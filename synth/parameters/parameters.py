@@ -1,4 +1,4 @@
-"""What the parameter files may say: one strict model a file, one a table."""
+"""Models of the parameter files: one strict model per file, and one per table."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pydantic import (  # noqa: TID253  a class needs its base at once
 
 
 class Section(BaseModel):
-    """One table of a parameter file; units are in the names. unread: tables that are not ours."""
+    """One table of a parameter file; units are in the names. unread: tables that are ignored."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
     unread: ClassVar[frozenset[str]] = frozenset()
 
 
 class Axles(Section):
-    """Where the four target centres lie; lengths are between target centres."""
+    """Positions of the four target centres; lengths are between target centres."""
 
     rear_track_m: float = Field(gt=0.5)
     front_track_m: float = Field(gt=0.5)
@@ -31,7 +31,7 @@ class Axles(Section):
 
 
 class Wheels(Section):
-    """One wheel: its angles, and how far the target face stands outboard of the sidewall."""
+    """One wheel: its angles, and the distance of the target face outboard of the sidewall."""
 
     toe_deg: float = Field(ge=-45.0, le=45.0)
     camber_deg: float = Field(ge=-45.0, le=45.0)
@@ -40,7 +40,7 @@ class Wheels(Section):
 
 
 class Trials(Section):
-    """How a trial's target centre is shifted from its wheel's."""
+    """Shift of a trial's target centre from its wheel's."""
 
     shift_forward_m: float
     shift_left_m: float
@@ -48,7 +48,7 @@ class Trials(Section):
 
 
 class Placement(Section):
-    """Pose in the capture: turned by roll about forward, pitch about left, then yaw about up."""
+    """Pose of the vehicle: roll about forward, pitch about left, then yaw about up."""
 
     x_m: float
     y_m: float
@@ -69,7 +69,7 @@ class Body(Section):
 
 
 class Kingpin(Section):
-    """Of one front wheel: top backwards, top inwards, and the floor's middle of tyre to axis."""
+    """Steering axis of a front wheel: caster, inclination, and scrub radius at the floor."""
 
     caster_deg: float = Field(4.0, ge=-30.0, le=30.0)
     inclination_deg: float = Field(12.0, ge=-30.0, le=30.0)
@@ -89,10 +89,10 @@ class Sweep(Section):
 
 
 class Runout(Section):
-    """Scans of each wheel turned about its axle, by even parts of a turn; none by default.
+    """Scans of each wheel rotated about its axle in equal steps; none by default.
 
-    wobble_deg, eccentricity_m: of a plate against its axle, at each its own place. turn_sigma_deg:
-    by which a turn differs from what the capture tells.
+    wobble_deg, eccentricity_m: of a target against its axle, each in a drawn direction.
+    turn_sigma_deg: standard deviation of a rotation from that stated in the capture.
     """
 
     positions: int = Field(0, ge=0, le=36)
@@ -115,7 +115,7 @@ class VehicleFile(Section):
 
 
 class Station(Section):
-    """Where the scanner stands, seen from the target; heights are above the floor."""
+    """Position of the scanner relative to the target; heights are above the floor."""
 
     distance_m: float = Field(gt=0.5)
     incidence_deg: float = Field(ge=0.0, le=80.0)
@@ -133,8 +133,8 @@ class Grid(Section):
 class Beam(Section):
     """Errors of one beam; the formulas are in scanner.py.
 
-    correlated_sigma_m: of a part of the range noise that is alike over correlation_length_m, L:
-    its correlation is exp(-d^2 / (2 L^2)) at the distance d across the beams, where the target is.
+    correlated_sigma_m: of the part of the range noise that is correlated over
+    correlation_length_m, L: exp(-d^2 / (2 L^2)) at the distance d across the beams at the target.
     """
 
     range_sigma_m: float = Field(ge=0.0)
@@ -154,13 +154,13 @@ class Beam(Section):
 
 
 class Obstacle(Section):
-    """What stands between scanner and target: it hides this share of the target's face."""
+    """Obstacle between scanner and target: the fraction of the target's face that it hides."""
 
     occluded_fraction: float = Field(0.0, ge=0.0, le=0.9)
 
 
 class Panorama(Section):
-    """Scans of a whole vehicle: their points together, and what each station sees.
+    """Scans of a whole vehicle: their points together, and the window of each station.
 
     stations: outside the corners at RR, RL, FR, FL, then at the left and the right side.
     window_deg: of azimuth, about the middle of the vehicle.
@@ -174,7 +174,7 @@ class Panorama(Section):
 
 
 class Corner(Section):
-    """Where such a station stands: from its corner's target along and across the car, and up."""
+    """Position of such a station: along and across the vehicle from its corner's target, and up."""
 
     ahead_m: float = Field(1.0, ge=0.3, le=1.8)
     aside_m: float = Field(2.1, ge=1.5, le=2.9)
@@ -182,7 +182,7 @@ class Corner(Section):
 
 
 class TotalStation(Section):
-    """The instrument that measures five points a target."""
+    """The instrument that measures five points per target."""
 
     distance_m: float = Field(gt=0.0)
     height_m: float
@@ -194,7 +194,7 @@ class TotalStation(Section):
 
 
 class ScannerFile(Section):
-    """A file of configs/scanners/; its table [instrument] is for those who measure."""
+    """A file of configs/scanners/; its table [instrument] is for the measurement."""
 
     station: Station
     grid: Grid

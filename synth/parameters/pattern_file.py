@@ -1,4 +1,4 @@
-"""Boards with a print that a file of configs/targets/ describes, lengths in metres."""
+"""Models of printed targets in configs/targets/; lengths in metres."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ class PatternFile(TargetFile):
     """A board, round or rectangular, with a pattern printed dark on light.
 
     rows, columns: of circles, of inner corners of a checkerboard, or of markers, `pitch` apart;
-    rows run along u and follow one another downwards. offset, turn_deg: of the pattern's middle
-    from the face's, and its turn on the face, anticlockwise as seen. print_shift: standard
-    deviation along either axis by which a print lies off. ids: of markers, row by row, on every
-    wheel; or wheels: of each wheel.
+    rows run along u, the first at the top. offset, turn_deg: of the pattern's centre from the
+    face's, and its rotation on the face, anticlockwise as seen. print_shift: standard deviation of
+    the print's position along either axis. ids: of markers, row by row, on every wheel; or wheels:
+    of each wheel.
     """
 
     shape: Literal["pattern"]
@@ -42,13 +42,13 @@ class PatternFile(TargetFile):
 
     @property
     def radius_m(self) -> float:
-        """Of the smallest circle about the face."""
+        """Radius of the smallest circle about the face."""
         if self.diameter is not None:
             return self.diameter / 2
         return math.hypot(self.width or 0.0, self.height or 0.0) / 2
 
     def ids_of(self, wheel: str) -> tuple[int, ...]:
-        """The markers on a wheel's board, row by row."""
+        """Return the markers on a wheel's target, row by row."""
         by_name = {str(name): ids for name, ids in (self.wheels or {}).items()}
         return by_name.get(wheel, ()) if self.wheels is not None else self.ids or ()
 

@@ -1,6 +1,6 @@
-"""Plates that a file of configs/targets/ describes: shape and sizes, lengths in metres.
+"""Models of targets in configs/targets/: shape and sizes, lengths in metres.
 
-Axes of a face, seen from outside: u to the right, v up, turned with the wheel by its spin.
+Axes of a face, seen from outside: u to the right, v up, rotated with the wheel by its spin.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from .parameters import Section
 
 
 class TargetFile(Section):
-    """What every plate has.
+    """Keys of every target.
 
-    flatness: the face lies between two planes that far apart, parallel to its mounting plane.
-    clamp_tilt_deg, clamp_shift: standard deviations, along each axis of the face, of how a mount
-    differs from the wheel's true plane and centre.
+    flatness: distance of two planes, parallel to the mounting plane, that enclose the face.
+    clamp_tilt_deg, clamp_shift: mounting repeatability: standard deviations, along each axis of the
+    face, of the target's plane and centre from the wheel's true ones.
     """
 
     shape: str
@@ -29,23 +29,23 @@ class TargetFile(Section):
 
     @property
     def stated(self) -> dict[str, Any]:
-        """What the file says, ready for JSON: shape, sizes of the face, the rest."""
-        told = self.model_dump(exclude_unset=True, mode="json")
-        rest = {key: told.pop(key) for key in TargetFile.model_fields if key in told}
-        return {"shape": rest.pop("shape"), **told, **rest}
+        """Content of the file, ready for JSON: shape, sizes of the face, the rest."""
+        sizes = self.model_dump(exclude_unset=True, mode="json")
+        rest = {key: sizes.pop(key) for key in TargetFile.model_fields if key in sizes}
+        return {"shape": rest.pop("shape"), **sizes, **rest}
 
     @property
     def radius_m(self) -> float:
-        """Of the smallest circle about the face."""
+        """Radius of the smallest circle about the face."""
         raise NotImplementedError
 
     @property
     def open_m(self) -> tuple[float, float]:
-        """Between which radii, about the centre, the back of the plate may be held."""
+        """Inner and outer radius, about the centre, at which the back of the target may be held."""
         return 0.0, 0.055
 
     def ids_of(self, wheel: str) -> tuple[int, ...]:
-        """The markers on a wheel's board, row by row."""
+        """Return the markers on a wheel's target, row by row."""
         return ()
 
 
@@ -57,7 +57,7 @@ class DiscFile(TargetFile):
 
     @property
     def radius_m(self) -> float:
-        """Of the smallest circle about the face."""
+        """Radius of the smallest circle about the face."""
         return self.diameter / 2
 
 
@@ -70,12 +70,12 @@ class RingFile(TargetFile):
 
     @property
     def radius_m(self) -> float:
-        """Of the smallest circle about the face."""
+        """Radius of the smallest circle about the face."""
         return self.diameter / 2
 
     @property
     def open_m(self) -> tuple[float, float]:
-        """Between which radii, about the centre, the back of the plate may be held."""
+        """Inner and outer radius, about the centre, at which the back of the target may be held."""
         hole = self.hole_diameter / 2
         return hole + 0.2 * (self.radius_m - hole), hole + 0.6 * (self.radius_m - hole)
 
@@ -95,7 +95,7 @@ class RectangleFile(TargetFile):
 
     @property
     def radius_m(self) -> float:
-        """Of the smallest circle about the face."""
+        """Radius of the smallest circle about the face."""
         return math.hypot(self.width, self.height) / 2
 
 
@@ -109,19 +109,19 @@ class SquareFile(TargetFile):
 
     @property
     def radius_m(self) -> float:
-        """Of the smallest circle about the face."""
+        """Radius of the smallest circle about the face."""
         return self.side / math.sqrt(2.0)
 
     @property
     def open_m(self) -> tuple[float, float]:
-        """Between which radii, about the centre, the back of the plate may be held."""
+        """Inner and outer radius, about the centre, at which the back of the target may be held."""
         clear = self.hole_spacing / math.sqrt(2.0) - self.hole_diameter / 2
         return 0.0, min(0.055, clear - 0.002)
 
     @model_validator(mode="after")
     def _fits(self) -> SquareFile:
         if self.hole_spacing + self.hole_diameter >= self.side:
-            raise ValueError("the holes reach beyond the side; lessen hole_spacing")
+            raise ValueError("the holes reach beyond the side; reduce hole_spacing")
         if self.hole_spacing < self.hole_diameter + 0.005:
-            raise ValueError("the holes touch one another; widen hole_spacing")
+            raise ValueError("the holes touch each other; increase hole_spacing")
         return self

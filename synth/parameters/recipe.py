@@ -1,4 +1,4 @@
-"""Read parameter files, whose numbers may be ranges, and draw from them."""
+"""Recipe: a parameter file, whose numbers may be ranges, and random draws from it."""
 
 from __future__ import annotations
 
@@ -20,17 +20,16 @@ SectionT = TypeVar("SectionT", bound=Section)
 
 @dataclass(frozen=True)
 class Recipe:
-    """A parameter file that fits its model at both ends of every range."""
+    """A parameter file that is valid at both ends of every range."""
 
     source: str
     tree: Tree
 
     def draw(self, table: str, model: type[SectionT], rng: np.random.Generator) -> SectionT:
-        """One table with every range [low, high] replaced by a uniform draw, in the model's order.
+        """Draw one table: every range [low, high] becomes a uniform draw, in the model's order.
 
-        A key that the file leaves out keeps its default and draws nothing.
-
-        A pair of whole numbers stands for whole numbers where the model wants one.
+        A key that the file leaves out keeps its default without a draw. A range of an integer key
+        draws integers.
         """
         values = self.tree.get(table, {})
         drawn = {}
@@ -50,7 +49,7 @@ class Recipe:
 
 
 def read_recipe(path: Path, model: type[Section]) -> Recipe:
-    """The file, checked whole: every wrong key or value is named in one SynthError."""
+    """Read and check a file: every wrong key or value is named in one SynthError."""
     tree = {key: value for key, value in _parse(path).items() if key not in model.unread}
     problems = _inverted(tree, "")
     for end in (0, 1):
@@ -60,7 +59,7 @@ def read_recipe(path: Path, model: type[Section]) -> Recipe:
 
 
 def read_one_of(path: Path, key: str, models: Mapping[str, type[SectionT]]) -> SectionT:
-    """A file without ranges, checked in the same way by the model that its `key` names."""
+    """Read and check a file without ranges, by the model that its `key` names."""
     tree = _parse(path)
     name = tree.get(key)
     if not isinstance(name, str) or name not in models:
@@ -93,13 +92,13 @@ def _mistakes(tree: Tree, model: type[Section]) -> list[str]:
         model.model_validate(tree)
     except ValidationError as failure:
         return [
-            _say(error["type"], error["loc"], error["msg"], error["input"], model)
+            _message(error["type"], error["loc"], error["msg"], error["input"], model)
             for error in failure.errors(include_url=False)
         ]
     return []
 
 
-def _say(kind: str, where: tuple[int | str, ...], text: str, given: Any, model: Any) -> str:
+def _message(kind: str, where: tuple[int | str, ...], text: str, given: Any, model: Any) -> str:
     key = _one_line(".".join(map(str, where)))
     if kind == "missing":
         return f"key '{key}' is missing"
@@ -113,7 +112,7 @@ def _say(kind: str, where: tuple[int | str, ...], text: str, given: Any, model: 
 
 
 def _nearest(key: str, known: list[str]) -> str:
-    """The known key most alike: among the same table first, by last name otherwise."""
+    """Return the most similar known key, of the same table if there is one."""
     table, dot, _ = key.rpartition(".")
     near = difflib.get_close_matches(key, [k for k in known if k.startswith(table + dot)], 1, 0.0)
     return (near or difflib.get_close_matches(key, known, 1, 0.0))[0]

@@ -1,4 +1,4 @@
-"""Read a file of configs/targets/."""
+"""Reader of the target files in configs/targets/."""
 
 from __future__ import annotations
 
@@ -18,5 +18,5 @@ SHAPES: dict[str, type[TargetFile]] = {
 
 
 def read_target(path: Path) -> TargetFile:
-    """The plate that a file describes. Raises SynthError."""
+    """Read the target that a file describes. Raises SynthError."""
     return read_one_of(path, "shape", SHAPES)

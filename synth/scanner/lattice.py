@@ -1,4 +1,4 @@
-"""The beams of a panorama, and what a few of them meet before it is scanned."""
+"""Beams of a panorama, and a coarse preview of its scene."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from .echoes import trace
 from .raycast import RayCaster
 from .scanner import directions
 
-TRIAL = (90, 360)  # rows and columns by which a scene is tried before it is scanned
-SAFETY = 0.8  # of the shortest range then met
-PHASE = 4  # the stream of random numbers, beside the seed
+PREVIEW = (90, 360)  # rows and columns of the preview
+SAFETY = 0.8  # factor on the shortest range of the preview
+PHASE = 4  # stream of random numbers, with the seed
 
 
 @dataclass(frozen=True)
 class Lattice:
     """Beams on a grid: azimuth_rad (W,), elevation_rad (H,) ascending, step_rad between rows.
 
-    closed: the columns go all round.
+    closed: the columns cover a full turn.
     """
 
     azimuth_rad: Array
@@ -32,19 +32,19 @@ class Lattice:
 
     @property
     def beams(self) -> int:
-        """How many there are."""
+        """Number of beams."""
         return len(self.azimuth_rad) * len(self.elevation_rad)
 
     def jittered(self, rows: slice, jitter: Array) -> Array:
-        """Unit vectors (H', W, 3) of some rows, jittered by (H', 2, W) rad across the beam."""
+        """Return unit vectors (H', W, 3) of rows, jittered by (H', 2, W) rad across the beam."""
         up = self.elevation_rad[rows, None]
         turn = self.azimuth_rad + jitter[:, 0] / np.cos(up)
         return directions(turn, up + jitter[:, 1])
 
 
 @dataclass(frozen=True)
-class Tried:
-    """What a few beams met: the share of them, and a range that nothing falls short of."""
+class Preview:
+    """Preview of a scene: the share of beams that return, and a lower bound of the range."""
 
     share: float
     nearest_m: float
@@ -53,9 +53,9 @@ class Tried:
 def draw_lattice(
     panorama: Panorama, middle_m: Array, step_rad: float, stream: tuple[int, int]
 ) -> Lattice:
-    """A window about the azimuth of `middle_m` (3,), in station coordinates; its phase is drawn.
+    """Draw a window about the azimuth of `middle_m` (3,), in station coordinates, with its phase.
 
-    The columns of a full turn close on themselves. stream: seed and number of the station.
+    The columns of a full turn are evenly spaced. stream: seed and number of the station.
     """
     seed, station = stream
     phase = np.random.default_rng([seed, PHASE, station]).uniform(-0.5, 0.5, 2)
@@ -68,9 +68,9 @@ def draw_lattice(
     return Lattice(azimuth, elevation, step_rad, panorama.window_deg == 360.0)
 
 
-def try_out(scene: Scene, panorama: Panorama, middle_m: Array) -> Tried:
+def preview_scene(scene: Scene, panorama: Panorama, middle_m: Array) -> Preview:
     """Cast some thousand beams over the window."""
-    rows, columns = TRIAL
+    rows, columns = PREVIEW
     wide = np.radians(panorama.window_deg)
     low, high = np.radians([panorama.lowest_deg, panorama.highest_deg])
     start = np.arctan2(middle_m[1], middle_m[0]) - wide / 2
@@ -79,4 +79,4 @@ def try_out(scene: Scene, panorama: Panorama, middle_m: Array) -> Tried:
     beams = directions(*np.meshgrid(azimuth, elevation)).reshape(-1, 3)
     caster = RayCaster(scene.vertices_m, scene.faces)
     range_m = trace(scene, caster, 0.0, beams).range_m
-    return Tried(float(np.mean(~np.isnan(range_m))), SAFETY * float(np.nanmin(range_m)))
+    return Preview(float(np.mean(~np.isnan(range_m))), SAFETY * float(np.nanmin(range_m)))

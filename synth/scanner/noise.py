@@ -1,4 +1,4 @@
-"""Noise that is alike from beam to beam."""
+"""Range noise that is correlated from beam to beam."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import numpy as np
 
 from ..arrays import Array
 
-APART = 6.0  # correlation lengths beyond which nothing is alike: exp(-18)
-REACH = 4.0  # correlation lengths that the smoothing reaches: exp(-16)
+APART = 6.0  # correlation lengths beyond which noise is uncorrelated: exp(-18)
+REACH = 4.0  # correlation lengths of the smoothing kernel: exp(-16)
 
 
 def gaussian_field(
     shape: tuple[int, int], length: tuple[float, float], rng: np.random.Generator
 ) -> Array:
-    """A normal field (H, W) on a lattice, of variance 1 and correlation exp(-d^2 / (2 L^2)).
+    """Draw a normal field (H, W) on a lattice, of variance 1 and correlation exp(-d^2 / (2 L^2)).
 
     length: L in steps of the lattice along either axis, above 0; d is counted in the same steps.
-    White noise on a torus, so large that its far side is unlike, gets the square root of the
-    covariance's spectrum; the covariance on the lattice is exact to rounding of exp(-18).
+    White noise on a torus, large enough that its far side is uncorrelated, is multiplied by the
+    square root of the covariance's spectrum; the covariance is exact to exp(-18).
     Source: circulant embedding, Dietrich and Newsam, SIAM J. Sci. Comput. 18 (1997) 1088.
     """
     height, width = shape
@@ -32,21 +32,21 @@ def gaussian_field(
 
 
 def _root(count: int, length: float) -> Array:
-    """Square root of the spectrum along one axis: the torus is longer than `count` by 6 L."""
-    around = count + math.ceil(APART * length)
-    places = np.arange(around) + around * np.arange(-1, 2)[:, None]
-    covariance = np.exp(-0.5 * (places / length) ** 2).sum(axis=0)
+    """Return the root of the spectrum along one axis: the torus is longer than `count` by 6 L."""
+    size = count + math.ceil(APART * length)
+    steps = np.arange(size) + size * np.arange(-1, 2)[:, None]
+    covariance = np.exp(-0.5 * (steps / length) ** 2).sum(axis=0)
     spectrum = np.fft.fft(covariance).real.clip(min=0.0)
-    root: Array = np.sqrt(spectrum * around / spectrum.sum())
+    root: Array = np.sqrt(spectrum * size / spectrum.sum())
     return root
 
 
-def alike_rows(
+def correlated_rows(
     white: Callable[[int], Array], rows: range, length: tuple[float, float], *, closed: bool
 ) -> Array:
-    """Some rows (H, W) of a normal field of any height, of variance 1 and the same correlation.
+    """Return rows (H, W) of a normal field of any height, of variance 1 and the same correlation.
 
-    white: the unit normal noise of any one row, from -REACH * length on: (W,) where the rows are
+    white: returns the unit normal noise of one row, from -REACH * length on: (W,) if the rows are
     closed to a ring, else (W + 2 * margin(length[1]),). White noise smoothed by exp(-d^2 / L^2) has
     the correlation exp(-d^2 / (2 L^2)), to 3e-5 where L is 1.5 steps or more, to 1.5 % at 1 step.
     """
@@ -63,7 +63,7 @@ def alike_rows(
 
 
 def margin(length: float) -> int:
-    """Steps beyond which the smoothing takes no account of noise."""
+    """Return the half-width of the smoothing kernel in steps."""
     return math.ceil(REACH * length)
 
 

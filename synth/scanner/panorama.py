@@ -1,7 +1,7 @@
-"""One station's scan of a whole scene, made block after block of its rows.
+"""Scan of a whole scene from one station, block after block of its rows.
 
-Every row of beams has a stream of random numbers of its own, so that the points do not depend on
-how many rows are made at a time, and a block needs no memory of the others.
+Every row of beams has its own stream of random numbers, so that the points do not depend on the
+number of rows of a block, and a block does not depend on the others.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from ..parameters.parameters import Beam
 from ..scene.scene import Scene
 from .echoes import Echoes, trace
 from .lattice import Lattice
-from .noise import alike_rows, margin
+from .noise import correlated_rows, margin
 from .raycast import RayCaster
 from .scanner import Scan, directions, range_sigma_m, report
 from .spot import near_edges, spot_reach, with_spots
 
-BLOCK = 400_000  # beams that are made at a time
-ROWS, ALIKE = 3, 5  # streams of random numbers, beside the seed
+BLOCK = 400_000  # beams per block
+ROWS, CORRELATED = 3, 5  # streams of random numbers, with the seed
 
 
 def scan_rows(
@@ -35,11 +35,11 @@ def scan_rows(
     stream: tuple[int, int],
     block: int = BLOCK,
 ) -> Iterator[Scan]:
-    """The scan in blocks of rows, from the lowest.
+    """Yield the scan in blocks of rows, from the lowest.
 
-    target_m: (3,) in station coordinates, where noise is alike over the length set; nearest_m: a
-    range that nothing falls short of; stream: seed and number of the station; block: beams made
-    at a time.
+    target_m: (3,) in station coordinates, where the correlation length of the noise applies;
+    nearest_m: lower bound of the range; stream: seed and number of the station; block: beams per
+    block.
     """
     row_scanner = _RowScanner(scene, grid, beam, target_m, nearest_m, *stream)
     count = len(grid.elevation_rad)
@@ -50,7 +50,7 @@ def scan_rows(
 
 @dataclass(frozen=True)
 class _RowScanner:
-    """What makes rows of one station."""
+    """Scanner of rows from one station."""
 
     scene: Scene
     grid: Lattice
@@ -66,51 +66,51 @@ class _RowScanner:
 
     @cached_property
     def reach(self) -> int:
-        """Steps that a spot reaches, at most."""
+        """Largest number of steps within a spot radius."""
         ends = directions(np.zeros(2), self.grid.elevation_rad[[0, -1]])
         return spot_reach(self.nearest_m, ends, self.grid.step_rad, self.beam.spot_radius_m)
 
     def scan(self, rows: range) -> Scan:
-        around = self.reach + 1  # rows on either side whose edges a spot may reach
-        low = max(rows.start - around, 0)
-        high = min(rows.stop + around, len(self.grid.elevation_rad))
+        beyond = self.reach + 1  # rows on either side whose edges a spot may reach
+        low = max(rows.start - beyond, 0)
+        high = min(rows.stop + beyond, len(self.grid.elevation_rad))
         streams = [self._stream(ROWS, row) for row in range(low, high)]
-        mine = slice(rows.start - low, rows.stop - low)
-        echoes = self._echoes(slice(low, high), streams, mine)
-        alike_m = self._alike_m(rows)
+        inner = slice(rows.start - low, rows.stop - low)
+        echoes = self._echoes(slice(low, high), streams, inner)
+        correlated = self._correlated(rows)
         width = len(self.grid.azimuth_rad)
         scans = []
-        for k, rng in enumerate(streams[mine]):
+        for k, rng in enumerate(streams[inner]):
             row = _rows(echoes, slice(k * width, (k + 1) * width))
             nominal = directions(
                 self.grid.azimuth_rad, np.full(width, self.grid.elevation_rad[rows[k]])
             )
             sigma_m = range_sigma_m(self.beam.range_sigma_m, row.cosine)
             noise_m = rng.normal(0.0, 1.0, width) * sigma_m
-            if len(alike_m):
-                noise_m += alike_m[k] * range_sigma_m(self.beam.correlated_sigma_m, row.cosine)
+            if len(correlated):
+                noise_m += correlated[k] * range_sigma_m(self.beam.correlated_sigma_m, row.cosine)
             scans.append(report(row, nominal, noise_m, self.beam, rng))
         return _joined(scans)
 
     def _stream(self, kind: int, row: int) -> np.random.Generator:
         return np.random.default_rng([self.seed, kind, self.station, row])
 
-    def _echoes(self, span: slice, streams: Sequence[np.random.Generator], mine: slice) -> Echoes:
-        """Echoes of the rows `mine` of those of the span."""
+    def _echoes(self, span: slice, streams: Sequence[np.random.Generator], inner: slice) -> Echoes:
+        """Return the echoes of the rows `inner` of the span."""
         width, radius_m = len(self.grid.azimuth_rad), self.beam.spot_radius_m
         jitter = np.stack([rng.normal(0.0, 1.0, (2, width)) for rng in streams])
         true = self.grid.jittered(span, jitter * self.beam.angle_sigma_urad * 1e-6)
         thin = trace(self.scene, self.caster, 0.0, true.reshape(-1, 3))
-        kept = _rows(thin, slice(mine.start * width, mine.stop * width))
+        kept = _rows(thin, slice(inner.start * width, inner.stop * width))
         if radius_m == 0.0:
             return kept
-        edge = near_edges(self.scene, thin, true, self.grid.step_rad, radius_m, self.reach)[mine]
-        beams = true[mine].reshape(-1, 3)
-        numbers = np.arange(len(beams)) + (span.start + mine.start) * width
+        edge = near_edges(self.scene, thin, true, self.grid.step_rad, radius_m, self.reach)[inner]
+        beams = true[inner].reshape(-1, 3)
+        numbers = np.arange(len(beams)) + (span.start + inner.start) * width
         return with_spots(self.scene, self.caster, kept, beams, edge.ravel(), radius_m, numbers)
 
-    def _alike_m(self, rows: range) -> Array:
-        """The part of the noise that is alike from beam to beam, of unit variance: (H, W)."""
+    def _correlated(self, rows: range) -> Array:
+        """Return the part of the noise that is correlated between beams, unit variance: (H, W)."""
         if self.beam.correlated_sigma_m == 0.0:
             return np.zeros((0, 0))
         far_m = float(np.linalg.norm(self.target_m))
@@ -121,9 +121,9 @@ class _RowScanner:
             width += 2 * margin(steps / level)
 
         def white(row: int) -> Array:
-            return self._stream(ALIKE, row + margin(steps)).standard_normal(width)
+            return self._stream(CORRELATED, row + margin(steps)).standard_normal(width)
 
-        return alike_rows(white, rows, (steps, steps / level), closed=self.grid.closed)
+        return correlated_rows(white, rows, (steps, steps / level), closed=self.grid.closed)
 
 
 def _rows(echoes: Echoes, span: slice) -> Echoes:
@@ -134,6 +134,6 @@ def _joined(scans: Sequence[Scan]) -> Scan:
     return Scan(
         np.concatenate([scan.points_station_m for scan in scans]),
         np.concatenate([scan.intensity for scan in scans]),
-        np.concatenate([scan.plate for scan in scans]),
+        np.concatenate([scan.target for scan in scans]),
         sum(scan.beams for scan in scans),
     )

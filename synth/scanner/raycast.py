@@ -1,4 +1,4 @@
-"""Which facet a ray meets first; the one file that imports Open3D."""
+"""Ray casting: the facet that a ray meets first; the only file that imports Open3D."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ DEBIAN = "libusb-1.0-0 libgl1 libegl1 libx11-6 libudev1 libidn2-0 libgomp1"
 
 
 class RayCaster:
-    """A mesh made ready for rays.
+    """A mesh prepared for ray casting.
 
-    Single precision decides which facet a ray meets; where on it is the caller's to compute.
+    The facet is found in single precision; the caller computes the point on it.
     """
 
     def __init__(self, vertices_m: Array, faces: npt.NDArray[np.int64]) -> None:
@@ -32,7 +32,7 @@ class RayCaster:
     def cast(
         self, origins_m: Array | float, directions: Array
     ) -> tuple[npt.NDArray[np.int64], Array32]:
-        """Facet number (N,), -1 where nothing is met, and the coarse range (N,) in metres.
+        """Return the facet (N,), -1 without a hit, and the coarse range (N,) in metres.
 
         origins_m: (N, 3) or 0. directions: (N, 3) of unit length.
         """
@@ -46,7 +46,7 @@ class RayCaster:
 
 
 def _open3d() -> Any:
-    """Open3D, its libusb loaded from the wheel of libusb-package where the system has none."""
+    """Import Open3D, with libusb from the wheel of libusb-package if the system has none."""
     try:
         if sys.platform == "linux":
             import libusb_package

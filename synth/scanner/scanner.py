@@ -1,4 +1,4 @@
-"""A terrestrial laser scanner: beams on an angular grid, each with a spot and its errors.
+"""A terrestrial laser scanner: beams on an angular grid, each with a footprint and its errors.
 
 Station coordinates have the axes of the site and the origin in the scanner.
 """
@@ -28,7 +28,7 @@ MOST_BEAMS = 20_000_000
 
 @dataclass(frozen=True)
 class Stand:
-    """Where the scanner stands for one wheel, position_vehicle_m (3,)."""
+    """Position of the scanner for one wheel, position_vehicle_m (3,)."""
 
     position_vehicle_m: Array
     distance_m: float
@@ -37,25 +37,25 @@ class Stand:
 
 @dataclass(frozen=True)
 class Scan:
-    """One scan: points_station_m (N, 3), intensity (N,), and on which plate's face each point is.
+    """One scan: points_station_m (N, 3), intensity (N,), and the target of each point.
 
-    plate (N,): number of the target on whose face the whole spot lies, else -1. `beams` were sent;
-    strays are in the points and on no plate.
+    target (N,): number of the target on whose face the whole spot lies, else -1. beams: number of
+    beams emitted. Strays are among the points and on no target.
     """
 
     points_station_m: Array
     intensity: Array32
-    plate: npt.NDArray[np.int64]
+    target: npt.NDArray[np.int64]
     beams: int
 
     @property
     def on_front(self) -> Mask:
-        """Whether each point is on a measured face, (N,)."""
-        return self.plate >= 0
+        """Mask (N,) of the points on a measured face."""
+        return self.target >= 0
 
 
 def draw_stand(vehicle: Vehicle, wheel: Wheel, recipe: Recipe, rng: np.random.Generator) -> Stand:
-    """A stand in any direction round the target's axis that keeps to the heights allowed."""
+    """Draw a position in any direction round the target's axis, within the allowed heights."""
     station = recipe.draw("station", Station, rng)
     incidence = np.radians(station.incidence_deg)
     axes = wheel.T_vehicle_target[:3, :3]
@@ -69,7 +69,7 @@ def draw_stand(vehicle: Vehicle, wheel: Wheel, recipe: Recipe, rng: np.random.Ge
         if station.height_min_m <= position[2] - vehicle.floor_m <= station.height_max_m:
             return Stand(position, station.distance_m, float(incidence))
     raise SynthError(
-        f"{recipe.source}: no stand {station.distance_m:.2f} m from target {wheel.name} at "
+        f"{recipe.source}: no position {station.distance_m:.2f} m from target {wheel.name} at "
         f"{station.incidence_deg:.1f} degrees is {station.height_min_m} to {station.height_max_m} "
         "m above the floor; widen station.height_min_m and station.height_max_m"
     )
@@ -78,9 +78,9 @@ def draw_stand(vehicle: Vehicle, wheel: Wheel, recipe: Recipe, rng: np.random.Ge
 def scan(
     scene: Scene, centre_station_m: Array, grid: Grid, beam: Beam, rng: np.random.Generator
 ) -> Scan:
-    """One scan of the window round the target's centre (3,), as the scanner reports it.
+    """Scan the window round the target's centre (3,).
 
-    The beam leaves in a direction jittered about the nominal one, which is what is reported.
+    The beam's direction is jittered about the nominal one, which is the one reported.
     """
     step = grid.spacing_m / float(np.linalg.norm(centre_station_m))
     azimuth, elevation = _window(centre_station_m, grid, step, rng)
@@ -94,7 +94,7 @@ def scan(
 
 
 def directions(azimuth_rad: Array, elevation_rad: Array) -> Array:
-    """Unit vectors (..., 3) of azimuth about z from x, and elevation above the level."""
+    """Return unit vectors (..., 3) of azimuth about z from x, and elevation above the horizon."""
     level = np.cos(elevation_rad)
     return np.stack(
         [level * np.cos(azimuth_rad), level * np.sin(azimuth_rad), np.sin(elevation_rad)], axis=-1
@@ -102,7 +102,7 @@ def directions(azimuth_rad: Array, elevation_rad: Array) -> Array:
 
 
 def range_sigma_m(sigma_m: float, cosine: Array) -> Array:
-    """Standard deviation of the range at incidences of this cosine; sigma_m at normal incidence.
+    """Return the standard deviation of the range at these cosines of incidence; sigma_m at normal.
 
     sigma / max(cos(incidence), 0.2): the power that returns falls with the cosine
     (Soudarissanane et al., ISPRS J. Photogramm. 66 (2011) 389-399). Across a plane that is
@@ -114,7 +114,7 @@ def range_sigma_m(sigma_m: float, cosine: Array) -> Array:
 def _window(
     centre_m: Array, grid: Grid, step_rad: float, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Azimuth and elevation, both (H, W), of a window of the grid, its phase drawn."""
+    """Return azimuth and elevation, both (H, W), of a window of the grid, its phase drawn."""
     x, y, z = centre_m
     level_m = np.hypot(x, y)
     half = grid.half_width_m
@@ -124,7 +124,7 @@ def _window(
         raise SynthError(
             f"grid: spacing_m {grid.spacing_m} and half_width_m {half} make "
             f"{4e-6 * rows * columns:.0f} million beams, more than {MOST_BEAMS / 1e6:.0f}; "
-            "raise the spacing or narrow the window"
+            "increase the spacing or narrow the window"
         )
     phase = rng.uniform(-0.5, 0.5, 2)
     azimuth = np.arctan2(y, x) + (np.arange(-columns, columns + 1) + phase[0]) * step_rad
@@ -136,9 +136,9 @@ def _window(
 def _range_noise(
     echoes: Echoes, elevation: Array, grid: Grid, beam: Beam, rng: np.random.Generator
 ) -> Array:
-    """Noise along the range, (H * W,): independent, and alike over the correlation length.
+    """Draw the range noise (H * W,): independent, and correlated over the correlation length.
 
-    Columns of the grid stand closer than its rows by the cosine of the elevation.
+    Columns of the grid are closer than its rows by the cosine of the elevation.
     """
     noise_m = rng.normal(0.0, 1.0, elevation.size) * range_sigma_m(
         beam.range_sigma_m, echoes.cosine
@@ -146,17 +146,17 @@ def _range_noise(
     if beam.correlated_sigma_m > 0.0:
         steps = beam.correlation_length_m / grid.spacing_m
         level = float(np.cos(np.mean(elevation)))
-        alike = gaussian_field(elevation.shape, (steps, steps / level), rng).ravel()
-        noise_m += alike * range_sigma_m(beam.correlated_sigma_m, echoes.cosine)
+        correlated = gaussian_field(elevation.shape, (steps, steps / level), rng).ravel()
+        noise_m += correlated * range_sigma_m(beam.correlated_sigma_m, echoes.cosine)
     return noise_m
 
 
 def report(
     echoes: Echoes, nominal: Array, noise_m: Array, beam: Beam, rng: np.random.Generator
 ) -> Scan:
-    """The scan of beams with unit vectors nominal (N, 3), as the scanner reports it.
+    """Return the scan of beams with unit vectors nominal (N, 3), as the scanner reports it.
 
-    Range noise, strays, drop-outs and intensity; beams without an echo are left out.
+    It has range noise, strays, drop-outs and intensity; beams without an echo are left out.
     """
     count = len(nominal)
     true_m = echoes.range_m
@@ -169,4 +169,4 @@ def report(
     speckle = 1 + beam.intensity_sigma * rng.normal(0.0, 1.0, count)
     intensity = np.maximum(power * speckle, 0.0).astype(np.float32)
     points = nominal[kept] * range_m[kept, None]
-    return Scan(points, intensity[kept], np.where(stray, -1, echoes.plate)[kept], count)
+    return Scan(points, intensity[kept], np.where(stray, -1, echoes.target)[kept], count)

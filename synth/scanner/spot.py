@@ -1,4 +1,4 @@
-"""What comes back along a beam that is not a line: the spot averages where it straddles an edge."""
+"""Echoes of beams with a footprint: the range is averaged where the spot straddles an edge."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from .echoes import Echoes, trace
 from .raycast import RayCaster
 from .spot_average import average
 
-# How far, along a beam, the plane under one beam may miss what its neighbour meets.
+# Largest distance, along a beam, from the plane under it to what its neighbour meets.
 BEND_M = 0.0001
 
 
 def spot_echoes(
     scene: Scene, caster: RayCaster, directions: Array, step_rad: float, radius_m: float
 ) -> Echoes:
-    """Echoes of a grid of beams, directions (H, W, 3), whose spot has this radius.
+    """Return the echoes of a grid of beams, directions (H, W, 3), with this footprint radius.
 
-    A range is linear in the place across the beam on a plane, so the average over a symmetric
-    spot is the range of its centre; only beams near an edge need their sub-rays.
+    On a plane the range is linear across the beam, so its average over a symmetric spot is that
+    of the centre; only beams near an edge need sub-rays.
     """
     beams = directions.reshape(-1, 3)
     centres = trace(scene, caster, 0.0, beams)
@@ -40,13 +40,13 @@ def with_spots(
     radius_m: float,
     numbers: npt.NDArray[np.int64] | None = None,
 ) -> Echoes:
-    """Echoes of beams (N, 3) of which those at an `edge` (N,) are averaged over their spots.
+    """Average the echoes of beams (N, 3) at an `edge` (N,) over their spots.
 
-    So is the reflectance of those on a print. thin: of their centres, changed in place; numbers:
-    see average().
+    The reflectance of beams on a print likewise. thin: echoes of the centres, changed in place;
+    numbers: see average().
     """
-    printed = np.array([plate.pattern is not None for plate in scene.plates] + [False])
-    on_print = printed[thin.plate] & ~edge
+    printed = np.array([target.pattern is not None for target in scene.targets] + [False])
+    on_print = printed[thin.target] & ~edge
     for chosen, names in ((edge, vars(thin)), (on_print, ("reflectance",))):
         if np.any(chosen):
             own = None if numbers is None else numbers[chosen]
@@ -64,11 +64,11 @@ def near_edges(
     radius_m: float,
     reach: int | None = None,
 ) -> Mask:
-    """Beams (H, W) of a grid whose spot may reach an edge, or past the window.
+    """Return the beams (H, W) of a grid whose spot may reach an edge, or past the window.
 
-    reach: how many steps a spot may reach, by default where these beams are the narrowest.
+    reach: steps within a spot radius, by default where the beams are closest.
 
-    Between two neighbours lies an edge when they meet different surfaces, or when the plane of
+    There is an edge between two neighbours when they meet different surfaces, or when the plane of
     the facet that one meets misses what the other meets by BEND_M along the beam. Elsewhere a
     range bends by at most b = BEND_M over a step s, and its average over a spot of radius r is
     off by r^2 / 8 * (d2/dx2 + d2/dy2) <= r^2 b / (2 s^2).
@@ -95,13 +95,13 @@ def near_edges(
 
 
 def spot_reach(nearest_m: float, directions: Array, step_rad: float, radius_m: float) -> int:
-    """How many steps of a grid, directions (..., 3), a spot reaches where they are narrowest."""
+    """Return the steps of a grid, directions (..., 3), within a spot radius at their closest."""
     level = float(np.sqrt(1 - np.max(directions[..., 2] ** 2)))
     return int(np.ceil(radius_m / (nearest_m * step_rad * level)))
 
 
 def _dilated(mask: Mask, reach: int) -> Mask:
-    """True within `reach` rows of a True: a moving sum by differences of the running sum."""
+    """Dilate by `reach` rows: a moving sum, by differences of the running sum."""
     padded = np.pad(mask, ((reach + 1, reach), (0, 0))).astype(np.int32)
     running = np.cumsum(padded, axis=0)
     grown: Mask = running[2 * reach + 1 :] > running[: -2 * reach - 1]

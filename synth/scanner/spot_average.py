@@ -1,4 +1,4 @@
-"""The average over a spot: sub-rays side by side, and what they meet together."""
+"""Average of the echo over a beam's footprint, by sub-rays."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def average(
     radius_m: float,
     numbers: npt.NDArray[np.int64] | None = None,
 ) -> Echoes:
-    """Echoes of beams (N, 3) averaged over their spots; less than half a spot returns nothing.
+    """Return the echoes of beams (N, 3) averaged over their spots; none below half a spot.
 
-    numbers: (N,) by which each turns its pattern of sub-rays, by default along the chunks.
+    numbers: (N,), rotate the pattern of sub-rays of each beam; by default its index in the chunk.
     """
     if numbers is None:
         numbers = np.arange(len(beams)) % CHUNK
@@ -34,7 +34,7 @@ def average(
 
 
 def spot_pattern() -> Array:
-    """Places (19, 2) in the unit disc: two rings of a hexagonal lattice about its centre.
+    """Return points (19, 2) in the unit disc: two rings of a hexagonal lattice about its centre.
 
     The lattice has the second moment of the uniform disc, mean(x^2 + y^2) = 1/2.
     """
@@ -62,20 +62,21 @@ def _average_chunk(
         met = np.where(hit, values.reshape(-1, count), 0.0)
         return np.asarray(np.sum(met, axis=1) / np.maximum(hits, 1), dtype=np.float64)
 
-    plate = rays.plate.reshape(-1, count)
+    target = rays.target.reshape(-1, count)
     return Echoes(
         np.where(enough, mean(rays.range_m), np.nan),
         mean(rays.cosine),
         mean(rays.reflectance),
         np.where(enough, rays.facet.reshape(-1, count)[:, count // 2], -1),
-        np.where(np.all(plate >= 0, axis=1), plate[:, 0], -1),
+        np.where(np.all(target >= 0, axis=1), target[:, 0], -1),
     )
 
 
 def _sub_rays(beams: Array, numbers: npt.NDArray[np.int64], radius_m: float) -> Array:
-    """Where the sub-rays of N beams start: (N * 19, 3), across the beam, round the origin.
+    """Return the origins (N * 19, 3) of the sub-rays of N beams, across the beam.
 
-    Each beam turns the pattern by the golden angle, lest its corners leave a mark on outlines.
+    The pattern is rotated by the golden angle from beam to beam, so that its corners leave no
+    systematic effect on outlines.
     """
     level = np.cross([0.0, 0.0, 1.0], beams)
     level /= np.linalg.norm(level, axis=1, keepdims=True)
@@ -83,6 +84,6 @@ def _sub_rays(beams: Array, numbers: npt.NDArray[np.int64], radius_m: float) -> 
     turn = GOLDEN_RAD * numbers[:, None]
     one = radius_m * (np.cos(turn) * level + np.sin(turn) * upward)
     other = radius_m * (np.cos(turn) * upward - np.sin(turn) * level)
-    places = spot_pattern()
-    origins = places[:, 0, None] * one[:, None, :] + places[:, 1, None] * other[:, None, :]
+    pattern = spot_pattern()
+    origins = pattern[:, 0, None] * one[:, None, :] + pattern[:, 1, None] * other[:, None, :]
     return np.asarray(origins.reshape(-1, 3), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Where a scanner stands round a whole vehicle."""
+"""Stations of the scanner round a whole vehicle."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from ..vehicle.vehicle import FORWARD, LEFT, UP, WHEELS, Vehicle
 
 @dataclass(frozen=True)
 class Station:
-    """One stand: its number from 1, where it is, and how the scanner's own axes are turned.
+    """One station: its number from 1, its position, and the heading of the scanner's own axes.
 
-    turn_rad: about the site's z, from the site's axes to the scanner's.
+    heading_rad: about the site's z, from the site's axes to the scanner's.
     """
 
     number: int
     position_vehicle_m: Array
     position_site_m: Array
-    turn_rad: float
+    heading_rad: float
 
 
 def draw_stations(
@@ -35,7 +35,7 @@ def draw_stations(
     recipe: Recipe,
     rng: np.random.Generator,
 ) -> list[Station]:
-    """`count` stands: outside each corner, ahead of or behind its target, then one a side.
+    """Draw `count` stations: outside each corner, ahead of or behind its target, then one per side.
 
     mounted: the targets, in the order of WHEELS.
     """
@@ -51,7 +51,8 @@ def draw_stations(
             side = 1.0 if number == len(WHEELS) else -1.0
             x = vehicle.axles.wheelbase_m / 2
             y = side * (vehicle.axles.rear_track_m / 2 + 0.6 + drawn.aside_m)
-        place = x * FORWARD + y * LEFT + (vehicle.floor_m + drawn.height_m) * UP
-        turn = float(rng.uniform(-np.pi, np.pi))
-        stations.append(Station(number + 1, place, np.array(site_point(vehicle, place)), turn))
+        position_m = x * FORWARD + y * LEFT + (vehicle.floor_m + drawn.height_m) * UP
+        heading = float(rng.uniform(-np.pi, np.pi))
+        site_m = np.array(site_point(vehicle, position_m))
+        stations.append(Station(number + 1, position_m, site_m, heading))
     return stations

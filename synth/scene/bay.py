@@ -1,4 +1,4 @@
-"""The bay of a workshop about a car: floor, walls, lift, workbench, people.
+"""The workshop bay about a car: floor, walls, lift, workbench, people.
 
 All in vehicle coordinates; heights are above the floor.
 """
@@ -12,13 +12,13 @@ import numpy as np
 from ..vehicle.vehicle import Vehicle
 from .solids import Solid, box, ellipsoid, revolved
 
-BEHIND_M, BEFORE_M, BESIDE_M = 3.9, 4.2, 3.65  # rear and front axle, targets, to the walls
+BEHIND_M, BEFORE_M, BESIDE_M = 3.9, 4.2, 3.65  # from rear and front axle, targets, to the walls
 WALL_M = 3.2
 POST_M = (0.17, 0.14)  # half width along and across
 
 
 def bay_solids(vehicle: Vehicle, rng: np.random.Generator) -> list[Solid]:
-    """What stands about a vehicle; places of people and bench are drawn."""
+    """Build the bay about a vehicle; positions of people and bench are drawn."""
     base = vehicle.axles.wheelbase_m
     ground = np.eye(4)
     ground[2, 3] = vehicle.floor_m
@@ -28,13 +28,13 @@ def bay_solids(vehicle: Vehicle, rng: np.random.Generator) -> list[Solid]:
     solids += _bench(rng.uniform(-2.5, 1.0))
     beside = (-BEHIND_M + 1.25, rng.uniform(-0.6, 0.6))
     before = (base + 1.8 + rng.uniform(0.0, 0.5), rng.uniform(-0.5, 0.5))
-    for place in (beside, before):
-        solids += _person(place, rng.uniform(1.6, 1.9), rng.uniform(0.0, 2 * np.pi))
+    for position_m in (beside, before):
+        solids += _person(position_m, rng.uniform(1.6, 1.9), rng.uniform(0.0, 2 * np.pi))
     return [solid.placed(ground) for solid in solids]
 
 
 def _walls(base_m: float, side: float) -> list[Solid]:
-    """Floor, three walls, the pillars of the door, and a picture on the wall."""
+    """Build floor, three walls, the pillars of the door, and a picture on the wall."""
     rear, front = -BEHIND_M, base_m + BEFORE_M
     slabs = [
         ((rear, -side, -0.1), (front + 3.0, side, 0.0), 0.3),
@@ -49,7 +49,7 @@ def _walls(base_m: float, side: float) -> list[Solid]:
 
 
 def _lift(x_m: float, across_m: float) -> list[Solid]:
-    """Two posts on their foot plates, with arms under the car."""
+    """Build two posts on their foot plates, with arms under the car."""
     half_x, half_y = POST_M
     solids = []
     for side in (1, -1):
@@ -65,7 +65,7 @@ def _lift(x_m: float, across_m: float) -> list[Solid]:
 
 
 def _bench(y_m: float) -> list[Solid]:
-    """A workbench along the rear wall, with a vice, boxes, and a shelf above."""
+    """Build a workbench along the rear wall, with a vice, boxes, and a shelf above."""
     wall = -BEHIND_M
     top = box((wall, y_m, 0.86), (wall + 0.65, y_m + 1.8, 0.90), 0.5)
     legs = [
@@ -75,15 +75,19 @@ def _bench(y_m: float) -> list[Solid]:
     ]
     shelf = box((wall, y_m + 0.1, 1.5), (wall + 0.3, y_m + 1.7, 1.53), 0.5)
     boxes = [
-        box((wall + 0.05, y, z), (wall + 0.25, y + 0.22, z + 0.24), shade)
-        for y, z, shade in ((y_m + 0.2, 1.53, 0.7), (y_m + 0.6, 1.53, 0.2), (y_m + 1.2, 0.9, 0.6))
+        box((wall + 0.05, y, z), (wall + 0.25, y + 0.22, z + 0.24), reflectance)
+        for y, z, reflectance in (
+            (y_m + 0.2, 1.53, 0.7),
+            (y_m + 0.6, 1.53, 0.2),
+            (y_m + 1.2, 0.9, 0.6),
+        )
     ]
     vice = ellipsoid((wall + 0.5, y_m + 0.5, 0.98), (0.12, 0.07, 0.08), 0.3)
     return [top, *legs, shelf, *boxes, vice]
 
 
-def _person(place_m: Sequence[float], height_m: float, turn_rad: float) -> list[Solid]:
-    """Legs, trunk, arms and head, facing any way."""
+def _person(position_m: Sequence[float], height_m: float, heading_rad: float) -> list[Solid]:
+    """Build legs, trunk, arms and head, with any heading."""
     unit = height_m / 1.75
     parts = [
         *(_limb(0.085, 0.0, 0.86, y, 0.2) for y in (-0.10, 0.10)),
@@ -92,14 +96,14 @@ def _person(place_m: Sequence[float], height_m: float, turn_rad: float) -> list[
         ellipsoid((0.0, 0.0, 1.62), (0.10, 0.08, 0.13), 0.55),
     ]
     pose = np.eye(4)
-    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
     pose[:3, :3] = unit * np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    pose[:2, 3] = place_m
+    pose[:2, 3] = position_m
     return [part.placed(pose) for part in parts]
 
 
 def _limb(radius_m: float, low_m: float, high_m: float, y_m: float, reflectance: float) -> Solid:
-    """An upright capsule."""
+    """Build an upright capsule."""
     turn = np.linspace(0.0, np.pi / 2, 12)
     cap = radius_m * np.column_stack([np.sin(turn), np.cos(turn)])
     lower = [(r, low_m + radius_m - z) for r, z in cap]

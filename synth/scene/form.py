@@ -1,4 +1,4 @@
-"""The form of a plate that is not quite flat."""
+"""Flatness deviation of a target's face, as a sum of waves."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ..arrays import Array
 
 WAVES = 6
-WAVELENGTHS = (0.6, 2.4)  # of the plate's diameter
+WAVELENGTHS = (0.6, 2.4)  # in diameters of the target
 RINGS, TURNS = 40, 120
 
 
@@ -26,7 +26,7 @@ class Form:
     lift_m: float
 
     def height_m(self, uv_m: Array) -> Array:
-        """Height (...) at places uv_m (..., 2) of the face, positive outwards."""
+        """Return the height (...) at points uv_m (..., 2) of the face, positive outwards."""
         return np.asarray(np.sin(uv_m @ self.wave.T + self.phase) @ self.amplitude_m + self.lift_m)
 
 
@@ -34,11 +34,11 @@ FLAT = Form(np.zeros((0, 2)), np.zeros(0), np.zeros(0), 0.0)
 
 
 def draw_form(radius_m: float, flatness_m: float, rng: np.random.Generator) -> Form:
-    """A smooth random form between two planes `flatness_m` apart, parallel to the mounting plane.
+    """Draw a smooth form between two planes `flatness_m` apart, parallel to the mounting plane.
 
     Six waves of any direction and phase, normal amplitudes and lengths between 0.6 and 2.4
     diameters. The plane that fits the face best is tilted about either axis by
-    0.51 * flatness / diameter rms: see tests/test_synth.py.
+    0.51 * flatness / diameter rms: see tests/synth/test_synth.py.
     """
     if flatness_m == 0.0:
         return FLAT
@@ -46,14 +46,14 @@ def draw_form(radius_m: float, flatness_m: float, rng: np.random.Generator) -> F
     length_m = 2.0 * radius_m * rng.uniform(*WAVELENGTHS, WAVES)
     wave = 2.0 * np.pi / length_m[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
     raw = Form(wave, phase, rng.standard_normal(WAVES), 0.0)
-    height = raw.height_m(_places(radius_m))
+    height = raw.height_m(_grid(radius_m))
     low, high = float(height.min()), float(height.max())
     scale = flatness_m / (high - low)
     return Form(wave, phase, raw.amplitude_m * scale, -scale * (low + high) / 2.0)
 
 
-def _places(radius_m: float) -> Array:
-    """Places (N, 2) all over a disc, its rim included."""
+def _grid(radius_m: float) -> Array:
+    """Return points (N, 2) over a disc, its edge included."""
     reach = radius_m * np.arange(RINGS + 1) / RINGS
     turn = 2.0 * np.pi * np.arange(TURNS) / TURNS
     return np.stack(

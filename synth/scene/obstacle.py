@@ -1,4 +1,4 @@
-"""What stands between scanner and target: a board that hides a set share of the face."""
+"""Obstacle between scanner and target: a board that hides a set fraction of the face."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from ..parameters.plate_file import TargetFile
 from ..vehicle.vehicle import about
 from .solids import Solid, box
 
-BEFORE_M = 0.15  # the face, where the board stands
+BEFORE_M = 0.15  # distance of the board from the face
 THICK_M = 0.001
 HALF_LENGTH_M = 1.0
 
 
 def draw_band(fraction: float, rng: np.random.Generator) -> tuple[float, float]:
-    """Two parallel chords, at x = low and x = high of a unit disc, with `fraction` of it between.
+    """Draw two parallel chords, x = low and x = high, of a unit disc with `fraction` between.
 
-    Any band of that area is as likely as another. Left of x lies the share
+    All bands of that area are equally likely. The share of the disc left of x is
     1 - (arccos x - x sqrt(1 - x^2)) / pi.
     """
     x = np.linspace(-1.0, 1.0, 4001)
@@ -30,10 +30,10 @@ def draw_band(fraction: float, rng: np.random.Generator) -> tuple[float, float]:
 def draw_board(
     target: TargetFile, station_target_m: Array, fraction: float, rng: np.random.Generator
 ) -> Solid:
-    """A board, parallel to the face, whose shadow from the station is such a band of any direction.
+    """Draw a board, parallel to the face, whose shadow is such a band in any direction.
 
-    Its share is that of the smallest circle about the face.
-    station_target_m: (3,) in target coordinates, which the board has as well.
+    Its fraction is of the smallest circle about the face. station_target_m: (3,) in target
+    coordinates, which are those of the board too.
     """
     low, high = draw_band(fraction, rng)
     radius = target.radius_m

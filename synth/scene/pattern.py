@@ -1,4 +1,4 @@
-"""What is printed on a board: how much it reflects at any place."""
+"""The print of a target: its reflectance at any point."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ LIGHT, DARK = 0.8, 0.1
 
 @dataclass(frozen=True)
 class Pattern:
-    """A print of `file`, shift_m off along u and v. bits (K, n, n): of markers, True is light."""
+    """A print of `file`, shifted along u and v. bits (K, n, n): cells of markers, True is light."""
 
     file: PatternFile
     shift_m: tuple[float, float]
     bits: Mask
 
     def reflectance(self, uv_m: Array) -> Array:
-        """At places (N, 2) of the face, (N,)."""
+        """Return the reflectance (N,) at points (N, 2) of the face."""
         turn = np.radians(self.file.turn_deg)
         own = uv_m - self.file.offset - self.shift_m
         x = own[:, 0] * np.cos(turn) + own[:, 1] * np.sin(turn)
@@ -35,7 +35,7 @@ class Pattern:
         return np.where(dark, DARK, LIGHT)
 
     def _nearest(self, x: Array, y: Array) -> tuple[npt.NDArray[np.int64], Array, Array]:
-        """The circle or marker that a place is nearest to, and the place from its centre."""
+        """Return the nearest circle or marker of each point, and the point from its centre."""
         f = self.file
         column = np.clip(np.rint(x / f.pitch + (f.columns - 1) / 2), 0, f.columns - 1)
         row = np.clip(np.rint((f.rows - 1) / 2 - y / f.pitch), 0, f.rows - 1)
@@ -51,7 +51,7 @@ class Pattern:
         return np.asarray(np.hypot(a, b) < (self.file.circle_diameter or 0.0) / 2)
 
     def _squares(self, x: Array, y: Array) -> Mask:
-        """The square in the upper left is dark."""
+        """Return the dark squares; the upper left one is dark."""
         f = self.file
         column = np.floor(x / f.pitch + (f.columns + 1) / 2)
         row = np.floor((f.rows + 1) / 2 - y / f.pitch)
@@ -69,7 +69,7 @@ class Pattern:
 
 
 def pattern_on(target: TargetFile, wheel: str, shift_m: tuple[float, float]) -> Pattern | None:
-    """What is printed on the plate of a wheel, if anything."""
+    """Return the print on the target of a wheel, if any."""
     if not isinstance(target, PatternFile):
         return None
     bits = np.zeros((0, 1, 1), dtype=bool)
@@ -79,7 +79,7 @@ def pattern_on(target: TargetFile, wheel: str, shift_m: tuple[float, float]) -> 
 
 
 def _marker(dictionary: str, number: int) -> Mask:
-    """A marker's cells (n, n) with its dark border, from the upper row; True is light."""
+    """Return a marker's cells (n, n) with its dark border, from the upper row; True is light."""
     import cv2
 
     known = [name for name in vars(cv2.aruco) if name.startswith("DICT_")]
@@ -89,7 +89,7 @@ def _marker(dictionary: str, number: int) -> Mask:
     count = len(table.bytesList)
     if not 0 <= number < count:
         raise SynthError(
-            f"target ids: {dictionary} has markers 0 to {count - 1}, not {number}; mend the ids"
+            f"target ids: {dictionary} has markers 0 to {count - 1}, not {number}; correct the ids"
         )
     picture = table.generateImageMarker(number, table.markerSize + 2)
     return np.asarray(picture) > 127

@@ -1,4 +1,4 @@
-"""What stands before the scanner: a wheel with its target, the body around it, the floor."""
+"""Scene before the scanner: wheels with their targets, the body around them, the floor."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from ..vehicle.vehicle import FORWARD, UP, Vehicle, Wheel
 from ..vehicle.wheel_solids import adapter, check_wheel, rolling
 from .form import FLAT, Form
 from .pattern import Pattern, pattern_on
-from .solids import Solid, arch_plate, box, joined
-from .target import Mount, plate_solid
+from .solids import Solid, arch_panel, box, joined
+from .target import Mount, target_solid
 
 NEUTRAL = Mount()
 
 
 @dataclass(frozen=True)
-class Plate:
-    """One target as it stands before the scanner: T_station_plate (4, 4), its form, its print."""
+class PlacedTarget:
+    """One target before the scanner: its pose T_station_target (4, 4), its form, its print."""
 
-    T_station_plate: Array
+    T_station_target: Array
     form: Form = FLAT
     pattern: Pattern | None = None
 
     def uv_m(self, points_station_m: Array) -> Array:
-        """Points (N, 3) along the axes of the face, (N, 2)."""
-        away = points_station_m - self.T_station_plate[:3, 3]
-        return np.asarray(away @ self.T_station_plate[:3, :2])
+        """Return points (N, 3) along the axes of the face, (N, 2)."""
+        local = points_station_m - self.T_station_target[:3, 3]
+        return np.asarray(local @ self.T_station_target[:3, :2])
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class Scene:
     """Facets in station coordinates: the axes of the site, the origin in the scanner.
 
     vertices_m (V, 3), faces (F, 3); each facet's plane normal . x = offset with a unit normal
-    (F, 3) and offset_m (F,); surface (F,) numbers smooth surfaces; reflectance (F,); plate (F,)
-    is the number of the target of whose measured face it is part, or -1. The plane of such a facet
-    is the plate's and not that of its corners; on it lies the form of the plate.
+    (F, 3) and offset_m (F,); surface (F,) numbers smooth surfaces; reflectance (F,); target (F,)
+    is the number of the target whose measured face it belongs to, or -1. The plane of such a facet
+    is the target's, not that of its corners; the form of the target is added to it.
     """
 
     vertices_m: Array
@@ -51,28 +51,28 @@ class Scene:
     offsets_m: Array
     surface: npt.NDArray[np.int64]
     reflectance: Array
-    plate: npt.NDArray[np.int64]
-    plates: tuple[Plate, ...] = ()
+    target: npt.NDArray[np.int64]
+    targets: tuple[PlacedTarget, ...] = ()
 
 
 @dataclass(frozen=True)
 class Mounted:
-    """A target on its wheel, as it was clamped."""
+    """A target mounted on its wheel."""
 
     wheel: Wheel
     mount: Mount
     target: TargetFile
 
     @property
-    def plate(self) -> Wheel:
-        """Where the plate is, as if it were the wheel's true pose."""
+    def pose(self) -> Wheel:
+        """Pose of the mounted target, as if it were the wheel's true pose."""
         return self.mount.on(self.wheel)
 
     def solids(self, body: Body) -> list[Solid]:
-        """Plate, adapter and wheel in vehicle coordinates."""
+        """Build target, adapter and wheel in vehicle coordinates."""
         check_wheel(body, self.wheel, self.target)
-        on_plate = [plate_solid(self.target), *adapter(self.wheel, self.target)]
-        solids = [solid.placed(self.plate.T_vehicle_target) for solid in on_plate]
+        on_target = [target_solid(self.target), *adapter(self.wheel, self.target)]
+        solids = [solid.placed(self.pose.T_vehicle_target) for solid in on_target]
         on_wheel = rolling(body, self.wheel)
         return solids + [solid.placed(self.wheel.T_vehicle_target) for solid in on_wheel]
 
@@ -83,15 +83,15 @@ def build_scene(
     target: TargetFile,
     station_vehicle_m: Array,
     mount: Mount = NEUTRAL,
-    before: Sequence[Solid] = (),
+    obstacles: Sequence[Solid] = (),
 ) -> Scene:
-    """The scene of one wheel as the scanner at `station_vehicle_m` (3,) has it before itself.
+    """Build the scene of one wheel for the scanner at `station_vehicle_m` (3,).
 
-    before: what else there is, in target coordinates.
+    obstacles: in target coordinates.
     """
     mounted = Mounted(wheel, mount, target)
     solids = mounted.solids(vehicle.body)
-    solids += [solid.placed(wheel.T_vehicle_target) for solid in before]
+    solids += [solid.placed(wheel.T_vehicle_target) for solid in obstacles]
     solids += [solid.placed(_upright(wheel)) for solid in _panels(vehicle.body, wheel)]
     solids += [_floor(vehicle, wheel)]
     return seen_from(station_vehicle_m, solids, [mounted], vehicle)
@@ -100,69 +100,70 @@ def build_scene(
 def seen_from(
     station_vehicle_m: Array, solids: Sequence[Solid], mounted: Sequence[Mounted], vehicle: Vehicle
 ) -> Scene:
-    """Solids in vehicle coordinates as the scanner there has them before itself.
+    """Transform solids in vehicle coordinates to the scene of the scanner at that station.
 
-    mounted: the targets, in the order in which their faces stand among the solids. Positions are
-    taken relative to the station first and turned after, so that the place of the vehicle in the
-    site costs no digits.
+    mounted: the targets, in the order of their faces among the solids. Positions are taken relative
+    to the station before they are rotated, so that large site coordinates cost no digits.
     """
     whole, reflectance = joined(solids)
     R_site_vehicle = vehicle.T_site_vehicle[:3, :3]
     vertices = (whole.vertices_m - station_vehicle_m) @ R_site_vehicle.T
     normals, offsets = _planes(vertices[whole.faces])
-    plates = tuple(_plate(one, R_site_vehicle, station_vehicle_m) for one in mounted)
+    targets = tuple(_placed_target(one, R_site_vehicle, station_vehicle_m) for one in mounted)
     number = _numbered(solids)
-    for k, plate in enumerate(plates):
-        normal = plate.T_station_plate[:3, 2]
+    for k, target in enumerate(targets):
+        normal = target.T_station_target[:3, 2]
         normals[number == k] = normal
-        offsets[number == k] = normal @ plate.T_station_plate[:3, 3]
+        offsets[number == k] = normal @ target.T_station_target[:3, 3]
     return Scene(
-        vertices, whole.faces, normals, offsets, whole.surface, reflectance, number, plates
+        vertices, whole.faces, normals, offsets, whole.surface, reflectance, number, targets
     )
 
 
-def _plate(mounted: Mounted, R_site_vehicle: Array, station_vehicle_m: Array) -> Plate:
-    plate = mounted.plate
+def _placed_target(
+    mounted: Mounted, R_site_vehicle: Array, station_vehicle_m: Array
+) -> PlacedTarget:
+    target = mounted.pose
     pose = np.eye(4)
-    pose[:3, :2] = R_site_vehicle @ plate.T_vehicle_target[:3, :2]
-    pose[:3, 2] = R_site_vehicle @ plate.normal_vehicle
-    pose[:3, 3] = R_site_vehicle @ (plate.centre_vehicle_m - station_vehicle_m)
+    pose[:3, :2] = R_site_vehicle @ target.T_vehicle_target[:3, :2]
+    pose[:3, 2] = R_site_vehicle @ target.normal_vehicle
+    pose[:3, 3] = R_site_vehicle @ (target.centre_vehicle_m - station_vehicle_m)
     mount = mounted.mount
     printed = pattern_on(mounted.target, mounted.wheel.wheel, mount.print_shift_m)
-    return Plate(pose, mount.form, printed)
+    return PlacedTarget(pose, mount.form, printed)
 
 
 def _numbered(solids: Sequence[Solid]) -> npt.NDArray[np.int64]:
-    """Of every facet the number of the face it is part of, counted over the solids, or -1."""
+    """Return for every facet the number of its target face, counted over the solids, or -1."""
     faces = np.cumsum([bool(solid.front.any()) for solid in solids]) - 1
     parts = [np.where(solid.front, k, -1) for solid, k in zip(solids, faces, strict=True)]
     return np.concatenate(parts)
 
 
 def _panels(body: Body, wheel: Wheel) -> list[Solid]:
-    """Door, fender and wheel-well; z = 0 is the target's upright plane, x along the car, y up.
+    """Build door, fender and wheel well; z = 0 is the upright plane, x along the car, y up.
 
-    The door is flat and larger than the target: a plane that a careless search prefers.
+    The door is flat and larger than the target: a plane that a naive search prefers.
     """
     toward_door = 1.0 if wheel.wheel.startswith("R") else -1.0
     arch = body.arch_radius_m
-    door = arch_plate((np.radians(-25), np.radians(58)), arch, (1.1, 1.1, 0.7), 0.03, 0.6)
-    fender = arch_plate((np.radians(58.6), np.radians(205)), arch, (0.6, 0.6, 0.62), 0.03, 0.6)
+    door = arch_panel((np.radians(-25), np.radians(58)), arch, (1.1, 1.1, 0.7), 0.03, 0.6)
+    fender = arch_panel((np.radians(58.6), np.radians(205)), arch, (0.6, 0.6, 0.62), 0.03, 0.6)
     well = box((-0.7, -body.tyre_radius_m, -0.45), (0.7, 0.6, -0.44), 0.15)
     skin = -wheel.stand_off_m - 0.015
     ahead = toward_door * -wheel.side
-    return [_turned_along(door, ahead, skin), _turned_along(fender, ahead, skin - 0.006), well]
+    return [_placed_panel(door, ahead, skin), _placed_panel(fender, ahead, skin - 0.006), well]
 
 
-def _turned_along(plate: Solid, ahead: float, height_m: float) -> Solid:
-    """Mirror x where the door lies the other way, and set the plate at a height."""
+def _placed_panel(panel: Solid, ahead: float, height_m: float) -> Solid:
+    """Mirror x if the door is on the other side, and shift the panel along z."""
     pose = np.diag([ahead, 1.0, 1.0, 1.0])
     pose[2, 3] = height_m
-    return plate.placed(pose)
+    return panel.placed(pose)
 
 
 def _upright(wheel: Wheel) -> Array:
-    """T_vehicle_panel (4, 4): origin the target centre, z straight outboard, y up."""
+    """Return T_vehicle_panel (4, 4): origin the target centre, z straight outboard, y up."""
     pose = np.eye(4)
     pose[:3, :3] = np.column_stack([-wheel.side * FORWARD, UP, np.cross(-wheel.side * FORWARD, UP)])
     pose[:3, 3] = wheel.centre_vehicle_m
@@ -176,7 +177,7 @@ def _floor(vehicle: Vehicle, wheel: Wheel) -> Solid:
 
 
 def _planes(corners_m: Array) -> tuple[Array, Array]:
-    """Unit normals (F, 3) and offsets (F,) of the facets with corners (F, 3, 3)."""
+    """Return unit normals (F, 3) and offsets (F,) of the facets with corners (F, 3, 3)."""
     a, b, c = corners_m[:, 0], corners_m[:, 1], corners_m[:, 2]
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Bodies made of triangles; the one file that imports trimesh."""
+"""Solids of triangles; the only file of the generator that imports trimesh."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ..arrays import Array, Mask
 
-# Neighbouring facets that meet at less than this belong to one smooth surface.
+# Adjacent facets that meet at less than this angle belong to one smooth surface.
 CREASE_RAD = np.radians(20.0)
 
 
@@ -20,7 +20,7 @@ class Solid:
     """Triangles of one material.
 
     vertices_m: (V, 3). faces: (F, 3) indices. surface: (F,) number of the smooth surface.
-    front: (F,) the facet is the measured face of a target, exactly on z = 0 when made.
+    front: (F,) True for the measured face of a target, exactly on z = 0 in its own coordinates.
     """
 
     vertices_m: Array
@@ -31,44 +31,44 @@ class Solid:
 
     @property
     def corners_m(self) -> Array:
-        """The three corners of every facet, (F, 3, 3)."""
+        """Corners of every facet, (F, 3, 3)."""
         return self.vertices_m[self.faces]
 
     def with_front(self, front: Mask) -> Solid:
-        """The same body, with these facets (F,) as the measured face."""
+        """Return the solid with these facets (F,) as the measured face."""
         return replace(self, front=front)
 
     def placed(self, T_to_from: Array) -> Solid:
-        """The same body in other coordinates, T_to_from (4, 4)."""
+        """Return the solid in other coordinates, T_to_from (4, 4)."""
         moved = self.vertices_m @ T_to_from[:3, :3].T + T_to_from[:3, 3]
         return replace(self, vertices_m=moved)
 
 
 def revolved(profile: Sequence[tuple[float, float]], sections: int, reflectance: float) -> Solid:
-    """A profile of (radius, z) turned about z."""
+    """Build a solid of revolution of a profile (radius, z) about z."""
     from trimesh.creation import revolve
 
     return _solid(revolve(np.array(profile), sections=sections), reflectance)
 
 
 def box(low_m: Sequence[float], high_m: Sequence[float], reflectance: float) -> Solid:
-    """An upright box between two corners."""
+    """Build an upright box between two corners."""
     from trimesh.creation import box as trimesh_box
 
     return _solid(trimesh_box(bounds=[low_m, high_m]), reflectance)
 
 
-def arch_plate(
+def arch_panel(
     spread_rad: tuple[float, float],
     radius_m: float,
     extent_m: tuple[float, float, float],
     depth_m: float,
     reflectance: float,
 ) -> Solid:
-    """A flat plate on z = 0 with a round cut-out about the origin, flanged inwards by depth.
+    """Build a flat panel on z = 0 with a round cut-out about the origin, flanged inwards by depth.
 
     It spans polar angles `spread_rad` between the cut-out and a rectangle that reaches `extent_m`
-    = (right, left, top) in x and y; its lower rim is a radius.
+    = (right, left, top) in x and y; its lower edge is a radius.
     """
     from trimesh import Trimesh
 
@@ -93,7 +93,7 @@ def arch_plate(
 
 
 def ruled(one_m: Array, other_m: Array, reflectance: float) -> Solid:
-    """The sheet of straight lines from each point of one (N, 3) to its fellow of other (N, 3)."""
+    """Build the ruled surface between the corresponding points of one (N, 3) and other (N, 3)."""
     from trimesh import Trimesh
 
     n = len(one_m)
@@ -113,7 +113,7 @@ def punched(
     sections: int,
     reflectance: float,
 ) -> Solid:
-    """A plate from the origin to (side, side), top on z = 0, with a round hole through it.
+    """Build a panel from the origin to (side, side), top on z = 0, with a round hole through it.
 
     The hole's centre is (middle, middle); hole and outer sides have walls `depth_m` deep, the
     sides through the origin have none.
@@ -126,24 +126,24 @@ def punched(
     turn = np.append(turn, turn[0])
     way = np.column_stack([np.cos(turn), np.sin(turn)])
     free = np.where(way > 0, side_m - middle_m, middle_m) / np.maximum(np.abs(way), 1e-12)
-    rim = middle_m + radius_m * way
+    hole = middle_m + radius_m * way
     outer = middle_m + way * np.min(free, axis=1)[:, None]
-    rings = [_at(outer, -depth_m), _at(rim, -depth_m), _at(rim, 0.0), _at(outer, 0.0)]
+    rings = [_at(outer, -depth_m), _at(hole, -depth_m), _at(hole, 0.0), _at(outer, 0.0)]
     n = len(turn)
     start = np.concatenate([k * n + np.arange(n - 1) for k in range(3)])
     faces = np.vstack(
         [np.column_stack([start, start + 1, start + n]),
          np.column_stack([start + 1, start + n + 1, start + n])]
     )  # fmt: skip
-    plate = _solid(Trimesh(np.vstack(rings), faces, process=False), reflectance)
+    panel = _solid(Trimesh(np.vstack(rings), faces, process=False), reflectance)
     edge = np.array([[side_m, 0.0], [side_m, side_m], [0.0, side_m]])
     wall = ruled(_at(edge, 0.0), _at(edge, -depth_m), reflectance)
-    whole, _ = joined([plate, wall])
+    whole, _ = joined([panel, wall])
     return replace(whole, reflectance=reflectance)
 
 
 def ellipsoid(centre_m: Sequence[float], half_m: Sequence[float], reflectance: float) -> Solid:
-    """An ellipsoid with these half axes along x, y, z."""
+    """Build an ellipsoid with these half axes along x, y, z."""
     turn = np.linspace(0.0, np.pi, 49)
     profile = list(zip(np.sin(turn), -np.cos(turn), strict=True))
     pose = np.eye(4)
@@ -152,7 +152,7 @@ def ellipsoid(centre_m: Sequence[float], half_m: Sequence[float], reflectance: f
 
 
 def joined(solids: Sequence[Solid]) -> tuple[Solid, Array]:
-    """All bodies as one, with the reflectance of each facet (F,)."""
+    """Join all solids to one; return it with the reflectance of each facet (F,)."""
     first_vertex = np.cumsum([0] + [len(s.vertices_m) for s in solids])
     first_surface = np.cumsum([0] + [int(s.surface.max()) + 1 for s in solids])
     whole = Solid(
@@ -174,7 +174,7 @@ def _inside(angle: float, spread_rad: tuple[float, float]) -> bool:
 
 
 def _solid(mesh: Any, reflectance: float) -> Solid:
-    """Foreign mesh in, arrays out; facets without area are left out."""
+    """Convert a mesh of trimesh to arrays, without its facets of no area."""
     from trimesh.graph import connected_component_labels
 
     mesh.update_faces(mesh.area_faces > 1e-14)

@@ -1,4 +1,4 @@
-"""The plate that is clamped to the wheel: as made, and as it was clamped."""
+"""The target on a wheel: its solid, and its mounting."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ REFLECTANCE = 0.8
 
 @dataclass(frozen=True)
 class Mount:
-    """One clamping of one plate.
+    """One mounting of one target.
 
-    The wheel's true plane and centre are z = 0 and the origin of its target coordinates; so are
-    the mounting plane and centre of the plate in the plate's own. tilt_rad: about x and y;
-    shift_m: along x and y; form: of the face over the mounting plane; print_shift_m: of what is
-    printed, along x and y.
+    The wheel's true plane and centre are z = 0 and the origin of its target coordinates; the
+    mounting plane and centre of the target are those of its mounted coordinates. tilt_rad: about x
+    and y; shift_m: along x and y; form: of the face over the mounting plane; print_shift_m: of the
+    print, along x and y.
     """
 
     tilt_rad: tuple[float, float] = (0.0, 0.0)
@@ -35,8 +35,8 @@ class Mount:
     print_shift_m: tuple[float, float] = (0.0, 0.0)
 
     @property
-    def T_target_plate(self) -> Array:
-        """Pose (4, 4) of the plate in the target coordinates of its wheel."""
+    def T_target_mounted(self) -> Array:
+        """Pose (4, 4) of the mounted target in the target coordinates of its wheel."""
         angle = float(np.hypot(*self.tilt_rad))
         pose = np.eye(4)
         if angle > 0.0:
@@ -44,8 +44,8 @@ class Mount:
         pose[:2, 3] = self.shift_m
         return pose
 
-    def told(self, target: TargetFile) -> dict[str, Any]:
-        """What was drawn, where there was anything to draw; in target coordinates."""
+    def to_json(self, target: TargetFile) -> dict[str, Any]:
+        """Return the drawn values, if any, in target coordinates."""
         drawn: dict[str, Any] = {}
         if target.clamp_tilt_deg > 0.0:
             drawn["clamp_tilt_deg"] = [float(np.degrees(tilt)) for tilt in self.tilt_rad]
@@ -56,12 +56,12 @@ class Mount:
         return drawn
 
     def on(self, wheel: Wheel) -> Wheel:
-        """Where the plate is on this wheel, as if it were the wheel's true pose."""
-        return replace(wheel, T_vehicle_target=wheel.T_vehicle_target @ self.T_target_plate)
+        """Return the pose of the target on this wheel, as if it were the wheel's true pose."""
+        return replace(wheel, T_vehicle_target=wheel.T_vehicle_target @ self.T_target_mounted)
 
 
 def draw_mount(target: TargetFile, rng: np.random.Generator) -> Mount:
-    """How a plate came out and was clamped; what is perfect draws nothing."""
+    """Draw form and mounting of a target; exact values draw nothing."""
     tilt_rad = shift_m = print_m = (0.0, 0.0)
     if target.clamp_tilt_deg > 0.0:
         tilt_rad = _pair(np.radians(target.clamp_tilt_deg), rng)
@@ -78,10 +78,10 @@ def _pair(sigma: float, rng: np.random.Generator) -> tuple[float, float]:
     return float(one), float(other)
 
 
-def plate_solid(target: TargetFile) -> Solid:
-    """The target in its own coordinates: front face on z = 0 about the origin, body at z < 0.
+def target_solid(target: TargetFile) -> Solid:
+    """Build the target in its own coordinates: front face on z = 0, body at z < 0.
 
-    The facets of the front face carry the plane z = 0 itself, and its flag.
+    The facets exactly on z = 0 are flagged as the front face.
     """
     solid = _body(target)
     front = np.all(np.abs(solid.corners_m[:, :, 2]) < 1e-12, axis=1)
@@ -102,7 +102,7 @@ def _body(target: TargetFile) -> Solid:
 
 
 def _round(radius: float, thickness: float, hole: float = 0.0) -> Solid:
-    """A disc, or a ring about a hole of that radius."""
+    """Build a disc, or a ring about a hole of that radius."""
     profile = [(hole, -thickness), (radius, -thickness), (radius, 0.0), (hole, 0.0)]
     if hole > 0.0:
         profile.append(profile[0])
@@ -115,7 +115,7 @@ def _rectangle(width: float, height: float, thickness: float) -> Solid:
 
 
 def _square(target: SquareFile) -> Solid:
-    """Four mirrored quarters, each with its hole, so that their edges meet point by point."""
+    """Build four mirrored quarters, each with its hole, whose edges coincide point by point."""
     half, middle = target.side / 2, target.hole_spacing / 2
     quarter = punched(
         half, middle, target.hole_diameter / 2, target.thickness, SECTIONS // 4, REFLECTANCE

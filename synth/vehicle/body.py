@@ -1,4 +1,4 @@
-"""The body of a car about its four wheels: sides, bonnet, windows, roof, and what is on them.
+"""The body of a car about its four wheels: sides, bonnet, windows, roof, and fittings.
 
 All in vehicle coordinates; heights of profiles are above the floor. Panels are flat or bent in one
 direction, and most of them are larger than any target.
@@ -23,7 +23,7 @@ ROOF_INSET_M = 0.14
 
 
 def body_solids(vehicle: Vehicle, wheels: Sequence[Wheel]) -> list[Solid]:
-    """The car without its wheels; wheels: the four reference wheels."""
+    """Build the car without its wheels; wheels: the four reference wheels."""
     shell = shell_of(vehicle, wheels)
     solids = [panel for side in SIDES for panel in _side(shell, side)]
     solids += _middle(shell) + _greenhouse(shell) + _fittings(shell)
@@ -31,7 +31,7 @@ def body_solids(vehicle: Vehicle, wheels: Sequence[Wheel]) -> list[Solid]:
 
 
 def _side(shell: Shell, side: int) -> list[Solid]:
-    """Rear fender, two doors, front fender: each between sill or wheel arch and upper edge."""
+    """Build rear fender, two doors, front fender, from sill or wheel arch to the upper edge."""
     rear, front = shell.wheels_m[side][:, 0]
     reach = shell.arch_m + 0.04
     cuts = [shell.rear_m, rear + reach, (rear + front) / 2, front - reach, shell.front_m]
@@ -51,7 +51,7 @@ def _side(shell: Shell, side: int) -> list[Solid]:
 
 
 def _lower_m(shell: Shell, side: int, x_m: Array) -> Array:
-    """Height (N,) of the sill, or of the arch of the wheel that it spares."""
+    """Return the height (N,) of the sill, or of the wheel arch."""
     lower = np.full(len(x_m), shell.floor_m + SILL_M)
     for ahead, up in shell.wheels_m[side]:
         rise = up + np.sqrt(np.maximum(shell.arch_m**2 - (x_m - ahead) ** 2, 0.0))
@@ -60,35 +60,35 @@ def _lower_m(shell: Shell, side: int, x_m: Array) -> Array:
 
 
 def _middle(shell: Shell) -> list[Solid]:
-    """What spans the car from left to right: bumpers, boot lid, bonnet, floor."""
+    """Build what spans the car from left to right: bumpers, boot lid, bonnet, floor."""
     rear, front, base = shell.rear_m, shell.front_m, shell.wheelbase_m
     bend = np.linspace(-1.0, 1.0, 25)
     bulge = 0.06 * (1.0 - bend**2)
-    behind = np.column_stack([rear - bulge, 0.60 + 0.36 * bend])
-    before = np.column_stack([front + bulge, 0.49 + 0.25 * bend])
+    rear_bumper = np.column_stack([rear - bulge, 0.60 + 0.36 * bend])
+    front_bumper = np.column_stack([front + bulge, 0.49 + 0.25 * bend])
     lid = np.array([[rear, 0.96], [-0.45, BELT_M]])
     along = np.linspace(0.0, 1.0, 30)
     hood = np.column_stack(
         [front + along * (base - 0.15 - front), 0.74 + 0.19 * along + 0.05 * along * (1 - along)]
     )
     under = np.array([[rear, SILL_M], [front, SILL_M]])
-    return [_across(shell, line, PAINT) for line in (behind, lid, hood)] + [
-        _across(shell, before, PLASTIC),
+    return [_across(shell, line, PAINT) for line in (rear_bumper, lid, hood)] + [
+        _across(shell, front_bumper, PLASTIC),
         _across(shell, under, DARK),
     ]
 
 
 def _greenhouse(shell: Shell) -> list[Solid]:
-    """Windscreen, roof, rear window and side windows, leaning inwards to the roof."""
+    """Build windscreen, roof, rear window and side windows, inclined towards the roof."""
     base = shell.wheelbase_m
     belt = np.array([[-0.45, BELT_M], [base - 0.15, BELT_M]])
     roof = np.array([[0.15, ROOF_M], [base - 0.95, ROOF_M]])
     along = np.linspace(0.0, 1.0, 30)[:, None]
     crown = roof[0] + along * (roof[1] - roof[0]) + [0.0, 0.05] * (along * (1 - along))
     solids = [
-        _across(shell, np.array([belt[1], roof[1]]), GLASS, leaning=True),
-        _across(shell, np.array([belt[0], roof[0]]), GLASS, leaning=True),
-        _across(shell, crown, PAINT, leaning=True),
+        _across(shell, np.array([belt[1], roof[1]]), GLASS, inclined=True),
+        _across(shell, np.array([belt[0], roof[0]]), GLASS, inclined=True),
+        _across(shell, crown, PAINT, inclined=True),
     ]
     for side in SIDES:
         pillars = np.column_stack([belt[:, 0], shell.across_m(side, belt[:, 0])])
@@ -100,7 +100,7 @@ def _greenhouse(shell: Shell) -> list[Solid]:
 
 
 def _fittings(shell: Shell) -> list[Solid]:
-    """Mirrors, lamps, number plates, door handles."""
+    """Build mirrors, lamps, number plates, door handles."""
     floor, base = shell.floor_m, shell.wheelbase_m
     plates = [(shell.front_m + 0.055, 0.45), (shell.rear_m - 0.075, 0.62)]
     solids = [
@@ -120,7 +120,7 @@ def _fittings(shell: Shell) -> list[Solid]:
 
 
 def _well(vehicle: Vehicle, wheel: Wheel) -> Solid:
-    """The inner wall of a wheel arch, behind the tyre."""
+    """Build the inner wall of a wheel arch, behind the tyre."""
     x, y, _ = wheel.centre_vehicle_m
     inner = abs(y) - wheel.stand_off_m - vehicle.body.tyre_width_m - 0.12
     low, high = sorted((wheel.side * inner, wheel.side * (inner - 0.01)))
@@ -128,12 +128,12 @@ def _well(vehicle: Vehicle, wheel: Wheel) -> Solid:
     return box((x - 0.5, low, bottom), (x + 0.5, high, vehicle.floor_m + 0.72), DARK)
 
 
-def _across(shell: Shell, line: Array, reflectance: float, *, leaning: bool = False) -> Solid:
-    """A sheet from the left skin to the right along a profile (N, 2) of x and height.
+def _across(shell: Shell, line: Array, reflectance: float, *, inclined: bool = False) -> Solid:
+    """Build a sheet from the left skin to the right along a profile (N, 2) of x and height.
 
-    leaning: drawn in from the belt to the roof.
+    inclined: narrower from the belt to the roof.
     """
-    share = np.clip((line[:, 1] - BELT_M) / (ROOF_M - BELT_M), 0.0, 1.0) * leaning
+    share = np.clip((line[:, 1] - BELT_M) / (ROOF_M - BELT_M), 0.0, 1.0) * inclined
     edges = []
     for side in SIDES:
         y = shell.across_m(side, line[:, 0]) - side * ROOF_INSET_M * share

@@ -1,4 +1,4 @@
-"""Wheels turned about their axles, with plates that wobble and go round off their centres."""
+"""Run-out scans: wheels rotated about their axles, with targets that wobble off centre."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from .vehicle import Z_TARGET, Wheel, about
 
 
 @dataclass(frozen=True)
-class Rolled:
-    """One wheel's run-out: how its plate sits, and the turns at which it is scanned.
+class RunoutScans:
+    """Run-out of one wheel: the mounting of its target, and the rotations at which it is scanned.
 
-    lean_rad: about x and y of the target; aside_m: along x and y. told_deg: the turns as told, the
-    first that of the reference scan; turns_deg: as they are, > 0 as the wheel rolls forwards.
+    tilt_rad: about x and y of the target; shift_m: along x and y. stated_deg: rotations as stated,
+    the first that of the reference scan; turns_deg: the true ones, > 0 as the wheel rolls forwards.
     """
 
     wheel: str
-    lean_rad: tuple[float, float]
-    aside_m: tuple[float, float]
-    told_deg: tuple[float, ...]
+    tilt_rad: tuple[float, float]
+    shift_m: tuple[float, float]
+    stated_deg: tuple[float, ...]
     turns_deg: tuple[float, ...]
     u_turn_deg: float
 
     def on(self, mount: Mount) -> Mount:
-        """The clamping with this plate's lean and offset added."""
-        lean, aside = np.add(mount.tilt_rad, self.lean_rad), np.add(mount.shift_m, self.aside_m)
+        """Return the mounting with the tilt and shift of this run-out added."""
+        tilt, shift = np.add(mount.tilt_rad, self.tilt_rad), np.add(mount.shift_m, self.shift_m)
         return replace(
             mount,
-            tilt_rad=(float(lean[0]), float(lean[1])),
-            shift_m=(float(aside[0]), float(aside[1])),
+            tilt_rad=(float(tilt[0]), float(tilt[1])),
+            shift_m=(float(shift[0]), float(shift[1])),
         )
 
     def scans(self, wheel: Wheel) -> list[Wheel]:
-        """The wheel at every turn but the reference's."""
+        """Return the wheel at every rotation but that of the reference scan."""
         found = []
         for number, turn in enumerate(self.turns_deg[1:], 2):
             pose = wheel.T_vehicle_target.copy()
@@ -48,35 +48,37 @@ class Rolled:
         return found
 
     def to_json(self) -> dict[str, Any]:
-        """What was set."""
+        """Return the true values."""
         return {
             "wheel": self.wheel,
-            "wobble_deg": float(np.degrees(np.hypot(*self.lean_rad))),
-            "eccentricity_m": float(np.hypot(*self.aside_m)),
+            "wobble_deg": float(np.degrees(np.hypot(*self.tilt_rad))),
+            "eccentricity_m": float(np.hypot(*self.shift_m)),
             "turns_deg": list(self.turns_deg),
         }
 
 
-def draw_runouts(recipe: Recipe, names: tuple[str, ...], rng: np.random.Generator) -> list[Rolled]:
-    """One a wheel, each its own direction of wobble and eccentricity; none where none is asked."""
+def draw_runouts(
+    recipe: Recipe, names: tuple[str, ...], rng: np.random.Generator
+) -> list[RunoutScans]:
+    """Draw one run-out per wheel, with its own direction of wobble and eccentricity, or none."""
     stated = [recipe.draw("runout", Runout, rng) for _ in names]
     return [_draw(name, one, rng) for name, one in zip(names, stated, strict=True) if one.positions]
 
 
-def _draw(name: str, stated: Runout, rng: np.random.Generator) -> Rolled:
+def _draw(name: str, stated: Runout, rng: np.random.Generator) -> RunoutScans:
     one, other = rng.uniform(0.0, 2.0 * np.pi, 2)
-    told = 360.0 / stated.positions * np.arange(stated.positions)
+    stated_deg = 360.0 / stated.positions * np.arange(stated.positions)
     errors = rng.normal(0.0, 1.0, stated.positions) * stated.turn_sigma_deg
     errors[0] = 0.0
     wobble = np.radians(stated.wobble_deg)
-    return Rolled(
+    return RunoutScans(
         name,
         (float(wobble * np.cos(one)), float(wobble * np.sin(one))),
         (
             float(stated.eccentricity_m * np.cos(other)),
             float(stated.eccentricity_m * np.sin(other)),
         ),
-        tuple(told.tolist()),
-        tuple((told + errors).tolist()),
+        tuple(stated_deg.tolist()),
+        tuple((stated_deg + errors).tolist()),
         max(stated.turn_sigma_deg, 0.1),
     )

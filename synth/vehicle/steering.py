@@ -1,6 +1,6 @@
-"""Front wheels turned about their kingpins, in steps of a steering that follows Ackermann.
+"""Steering sweeps: front wheels rotated about their steering axes, by Ackermann steering.
 
-The kingpin axis leans by caster (top backwards) and inclination (top inwards), each as projected,
+The steering axis is tilted by caster (top backwards) and inclination (top inwards), as projected,
 and meets the floor inboard of the middle of the tyre by the scrub radius; seen from the side it
 passes through the middle of the wheel.
 """
@@ -18,13 +18,13 @@ from ..parameters.recipe import Recipe
 from .vehicle import FORWARD, UP, Vehicle, Wheel, about
 
 STEERED = ("FR", "FL")
-TOLD_DEG = 20.0  # of the inner wheel, at which toe-out on turns is told
-HALVINGS = 60
+INNER_DEG = 20.0  # steer of the inner wheel for toe-out on turns
+BISECTIONS = 60
 
 
 @dataclass(frozen=True)
 class KingpinAxis:
-    """Of one wheel: axis (3,) unit, upwards, and its point on the floor (3,); vehicle frame."""
+    """Steering axis of one wheel: unit (3,), upwards, and its floor point (3,); vehicle frame."""
 
     wheel: str
     stated: Kingpin
@@ -32,14 +32,14 @@ class KingpinAxis:
     floor_point_m: Array
 
     def to_json(self) -> dict[str, Any]:
-        """What was set."""
+        """Return the true values."""
         return {"wheel": self.wheel, **self.stated.model_dump()}
 
 
 def draw_kingpin(
     vehicle: Vehicle, wheel: Wheel, recipe: Recipe, rng: np.random.Generator
 ) -> KingpinAxis:
-    """The kingpin of a reference wheel, as the seed has it."""
+    """Draw the steering axis of a reference wheel."""
     stated = recipe.draw("kingpin", Kingpin, rng)
     back = np.tan(np.radians(stated.caster_deg))
     inwards = -wheel.side * np.tan(np.radians(stated.inclination_deg))
@@ -55,36 +55,36 @@ def draw_kingpin(
 def swept(
     wheels: list[Wheel], kingpins: list[KingpinAxis], sweep: Sweep, vehicle: Vehicle
 ) -> list[Wheel]:
-    """Every front wheel at every position, from full lock right to full lock left, in rounds."""
+    """Return every front wheel at every position, from right lock to left lock, in rounds."""
     steps = np.radians(np.linspace(-sweep.lock_deg, sweep.lock_deg, sweep.positions))
     found = []
     for kingpin in kingpins:
         wheel = next(w for w in wheels if w.name == kingpin.wheel)
         for turn in range(sweep.rounds):
-            for place, steer in enumerate(steps):
-                name = f"{wheel.name} sweep {turn + 1}.{place + 1}"
+            for step, steer in enumerate(steps):
+                name = f"{wheel.name} sweep {turn + 1}.{step + 1}"
                 toe = wheel.toe_rad - wheel.side * _own_steer(float(steer), wheel, sweep, vehicle)
                 found.append(replace(_steered(wheel, kingpin, toe), name=name, role="sweep"))
     return found
 
 
 def toe_out(wheels: list[Wheel], sweep: Sweep, vehicle: Vehicle) -> list[dict[str, Any]]:
-    """Inner less outer angle with the inner wheel at 20 degrees of toe-out, left and right turn."""
-    told = []
+    """Return inner less outer angle, the inner wheel at 20 degrees toe-out, left and right turn."""
+    differences = []
     by_name = {wheel.name: wheel for wheel in wheels}
     for turn, inner, outer in (("left", "FL", "FR"), ("right", "FR", "FL")):
-        steer = np.radians(TOLD_DEG) + by_name[inner].toe_rad
+        steer = np.radians(INNER_DEG) + by_name[inner].toe_rad
         sign = 1.0 if turn == "left" else -1.0
-        beside = abs(_own_steer(sign * steer, by_name[outer], sweep, vehicle))
-        outer_deg = np.degrees(by_name[outer].toe_rad + beside)
-        told.append({"turn": turn, "difference_deg": float(TOLD_DEG - outer_deg)})
-    return told
+        outer_steer = abs(_own_steer(sign * steer, by_name[outer], sweep, vehicle))
+        outer_deg = np.degrees(by_name[outer].toe_rad + outer_steer)
+        differences.append({"turn": turn, "difference_deg": float(INNER_DEG - outer_deg)})
+    return differences
 
 
 def _own_steer(inner: float, wheel: Wheel, sweep: Sweep, vehicle: Vehicle) -> float:
-    """A wheel's share of a steer, > 0 to the left, that the inner wheel has whole.
+    """Return a wheel's steer, > 0 to the left, for that of the inner wheel.
 
-    cot(outer) = cot(inner) + track / wheelbase, Ackermann; or a part of that difference.
+    cot(outer) = cot(inner) + track / wheelbase, Ackermann; or a fraction of that difference.
     """
     if inner == 0.0 or (inner > 0.0) == (wheel.side > 0):
         return inner
@@ -93,12 +93,12 @@ def _own_steer(inner: float, wheel: Wheel, sweep: Sweep, vehicle: Vehicle) -> fl
 
 
 def _steered(wheel: Wheel, kingpin: KingpinAxis, toe_rad: float) -> Wheel:
-    """The wheel turned about its kingpin until it has that toe, found by halving."""
+    """Rotate the wheel about its steering axis until it has that toe, found by bisection."""
     low, high = -np.pi / 3, np.pi / 3
-    for _ in range(HALVINGS):
+    for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        turned = _turned(wheel, kingpin, middle)
-        # A turn to the left, > 0 about up, takes toe from a left wheel and gives it to a right one.
+        turned = _rotated(wheel, kingpin, middle)
+        # A turn to the left, > 0 about up, reduces the toe of a left wheel.
         if wheel.side * (turned.toe_rad - toe_rad) > 0.0:
             low = middle
         else:
@@ -106,11 +106,13 @@ def _steered(wheel: Wheel, kingpin: KingpinAxis, toe_rad: float) -> Wheel:
     return turned
 
 
-def _turned(wheel: Wheel, kingpin: KingpinAxis, angle_rad: float) -> Wheel:
-    turn = about(kingpin.axis, angle_rad)
+def _rotated(wheel: Wheel, kingpin: KingpinAxis, angle_rad: float) -> Wheel:
+    rotation = about(kingpin.axis, angle_rad)
     pose = np.eye(4)
-    pose[:3, :3] = turn @ wheel.T_vehicle_target[:3, :3]
-    pose[:3, 3] = kingpin.floor_point_m + turn @ (wheel.centre_vehicle_m - kingpin.floor_point_m)
+    pose[:3, :3] = rotation @ wheel.T_vehicle_target[:3, :3]
+    pose[:3, 3] = kingpin.floor_point_m + rotation @ (
+        wheel.centre_vehicle_m - kingpin.floor_point_m
+    )
     forward, up = float(pose[:3, 2] @ FORWARD), float(pose[:3, 2] @ UP)
     outward = wheel.side * float(pose[1, 2])
     return replace(

@@ -1,4 +1,4 @@
-"""What a capture holds beside wheels and trials: steering sweeps and run-outs, drawn and told."""
+"""Steering sweeps and run-outs of a capture: draws, scans, and their entries in capture.toml."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..output.files import scan_file
 from ..parameters.parameters import Sweep
 from ..parameters.recipe import Recipe
 from ..scene.target import Mount
-from .rolling import Rolled, draw_runouts
+from .rolling import RunoutScans, draw_runouts
 from .steering import STEERED, KingpinAxis, draw_kingpin, swept, toe_out
 from .vehicle import WHEELS, Vehicle, Wheel
 
@@ -21,17 +21,17 @@ class Turning:
     """Sweep and run-outs of one capture, drawn before the first scan."""
 
     sweep: Sweep
-    runouts: list[Rolled]
+    runouts: list[RunoutScans]
     rng: np.random.Generator
 
     def mount(self, wheel: Wheel, mount: Mount) -> Mount:
-        """How a plate sits on a reference wheel; a trial's is clamped for itself."""
+        """Return the mounting on a reference wheel with its run-out; a trial has its own."""
         if wheel.role != "reference":
             return mount
         return next((r.on(mount) for r in self.runouts if r.wheel == wheel.name), mount)
 
     def scanned(self, vehicle: Vehicle, recipe: Recipe, wheels: list[Wheel]) -> Scanned:
-        """All further scans, in the order of the capture."""
+        """Return all further scans, in the order of the capture."""
         found: list[Wheel] = []
         kingpins: list[KingpinAxis] = []
         if self.sweep.positions:
@@ -41,13 +41,13 @@ class Turning:
         turns = {r.wheel: r.scans(next(w for w in wheels if w.name == r.wheel))
                  for r in self.runouts}  # fmt: skip
         found += [wheel for scans in turns.values() for wheel in scans]
-        told: dict[str, Any] = {}
+        truth: dict[str, Any] = {}
         if kingpins:
-            told["kingpins"] = [kingpin.to_json() for kingpin in kingpins]
-            told["toe_out_on_turns"] = toe_out(wheels, self.sweep, vehicle)
+            truth["kingpins"] = [kingpin.to_json() for kingpin in kingpins]
+            truth["toe_out_on_turns"] = toe_out(wheels, self.sweep, vehicle)
         if self.runouts:
-            told["runouts"] = [runout.to_json() for runout in self.runouts]
-        return Scanned(tuple(found), tuple(self._toml(found)), told)
+            truth["runouts"] = [runout.to_json() for runout in self.runouts]
+        return Scanned(tuple(found), tuple(self._toml(found)), truth)
 
     def _toml(self, found: list[Wheel]) -> list[str]:
         lines = []
@@ -60,7 +60,7 @@ class Turning:
             scans = [w for w in found if w.role == "runout" and w.wheel == runout.wheel]
             entries = [(f"{runout.wheel} turn 1", f"{runout.wheel.lower()}.ply"),
                        *((w.name, scan_file(w)) for w in scans)]  # fmt: skip
-            for (name, file), angle in zip(entries, runout.told_deg, strict=True):
+            for (name, file), angle in zip(entries, runout.stated_deg, strict=True):
                 lines += ["", "[[runout]]", *_entry(name, runout.wheel, file)]
                 lines += [f"angle_deg = {angle!r}", f"u_angle_deg = {runout.u_turn_deg!r}"]
         return lines
@@ -68,15 +68,15 @@ class Turning:
 
 @dataclass(frozen=True)
 class Scanned:
-    """Further scans, what capture.toml says of them, and what truth.json does."""
+    """Further scans, their lines in capture.toml, and their truth for truth.json."""
 
     wheels: tuple[Wheel, ...]
     toml: tuple[str, ...]
-    told: dict[str, Any]
+    truth: dict[str, Any]
 
 
 def draw_turning(recipe: Recipe, seed: int) -> Turning:
-    """From a stream of its own, so that all else of a capture is as without it."""
+    """Draw from a stream of its own, so that the rest of a capture does not depend on it."""
     rng = np.random.default_rng([seed, 1])
     return Turning(recipe.draw("sweep", Sweep, rng), draw_runouts(recipe, WHEELS, rng), rng)
 

@@ -1,4 +1,4 @@
-"""A vehicle whose angles are set, and where that puts its targets.
+"""The synthetic vehicle: its parameters, and the true poses of its targets.
 
 Vehicle coordinates are x forward, y left, z up (right-handed, as ISO 8855), origin midway between
 the rear target centres. The side s is +1 on the left and -1 on the right, so s * y points outward.
@@ -52,14 +52,14 @@ class Wheel:
         """Unit normal of the target's front face, away from the car."""
         return self.T_vehicle_target[:3, 2]
 
-    def seen(self, point_vehicle_m: Array) -> Array:
-        """A point (3,) of the vehicle in target coordinates."""
+    def to_target(self, point_vehicle_m: Array) -> Array:
+        """Transform a point (3,) of the vehicle to target coordinates."""
         return (point_vehicle_m - self.centre_vehicle_m) @ self.T_vehicle_target[:3, :3]
 
 
 @dataclass(frozen=True)
 class Vehicle:
-    """What all wheels of one capture share; T_site_vehicle (4, 4) places it in the capture."""
+    """Parameters common to all wheels of a capture; T_site_vehicle (4, 4): pose in the capture."""
 
     axles: Axles
     placement: Placement
@@ -68,35 +68,35 @@ class Vehicle:
 
     @property
     def floor_m(self) -> float:
-        """Height of the floor in vehicle coordinates; a loaded tyre is 10 mm flat below."""
+        """Height of the floor in vehicle coordinates; a loaded tyre is flattened by 10 mm."""
         return 0.01 - self.body.tyre_radius_m
 
 
 def draw_vehicle(recipe: Recipe, rng: np.random.Generator) -> Vehicle:
-    """Axles, placement and body as the seed has them."""
+    """Draw axles, placement and body."""
     axles = recipe.draw("axles", Axles, rng)
     placement = recipe.draw("placement", Placement, rng)
     return Vehicle(axles, placement, recipe.draw("body", Body, rng), _pose(placement))
 
 
 def draw_wheel(vehicle: Vehicle, recipe: Recipe, wheel: str, rng: np.random.Generator) -> Wheel:
-    """A reference wheel: its target centre is where the axles put it."""
-    return _turned(recipe.draw("wheels", Wheels, rng), wheel, centre(vehicle.axles, wheel), wheel)
+    """Draw a reference wheel, its target centre given by the axles."""
+    return _wheel(recipe.draw("wheels", Wheels, rng), wheel, centre(vehicle.axles, wheel), wheel)
 
 
 def draw_trial(
     vehicle: Vehicle, recipe: Recipe, wheel: str, name: str, rng: np.random.Generator
 ) -> Wheel:
-    """The same wheel again with angles of its own, its centre a little shifted."""
+    """Draw a trial of the wheel with angles of its own and a shifted centre."""
     shift = recipe.draw("trials", Trials, rng)
     shifted = centre(vehicle.axles, wheel) + (
         shift.shift_forward_m * FORWARD + shift.shift_left_m * LEFT + shift.shift_up_m * UP
     )
-    return _turned(recipe.draw("wheels", Wheels, rng), wheel, shifted, name)
+    return _wheel(recipe.draw("wheels", Wheels, rng), wheel, shifted, name)
 
 
 def centre(axles: Axles, wheel: str) -> Array:
-    """Target centre (3,) of a wheel in vehicle coordinates.
+    """Return the target centre (3,) of a wheel in vehicle coordinates.
 
     The front axle passes through e, one wheelbase ahead of the rear midpoint; its direction is
     `left` tilted about forward, then yawed about up; its midpoint is offset along it from e.
@@ -111,24 +111,24 @@ def centre(axles: Axles, wheel: str) -> Array:
     return axles.wheelbase_m * FORWARD + along_m * axis
 
 
-def _turned(angles: Wheels, wheel: str, centre_m: Array, name: str) -> Wheel:
-    """The target at rest faces outward; camber turns it about forward, then toe about up.
+def _wheel(angles: Wheels, wheel: str, centre_m: Array, name: str) -> Wheel:
+    """Rotate a target that faces outward by camber about forward, then by toe about up.
 
-    Left wheel (s = +1), toe-in: its outward normal turns from left towards forward, which is a
-    negative turn about up. Top outward: the outward normal dips, a negative turn about forward.
-    On the right both turns are mirrored.
+    Left wheel (s = +1), toe-in: its outward normal rotates from left towards forward, which is
+    negative about up. Top outward: the outward normal dips, which is negative about forward.
+    On the right both rotations are mirrored.
     """
     side = 1 if wheel.endswith("L") else -1
     toe, camber = np.radians(angles.toe_deg), np.radians(angles.camber_deg)
-    at_rest = np.column_stack([-side * FORWARD, UP, side * LEFT])
+    neutral = np.column_stack([-side * FORWARD, UP, side * LEFT])
     pose = np.eye(4)
     pose[:3, :3] = (
         about(UP, -side * toe)
         @ about(FORWARD, -side * camber)
-        @ at_rest
+        @ neutral
         @ about(Z_TARGET, np.radians(angles.spin_deg))
     )
-    # The spin is about z and leaves the normal alone; its rounding must not touch the truth.
+    # The spin about z does not change the normal; its rounding must not enter the truth.
     pose[:3, 2] = about(UP, -side * toe) @ (about(FORWARD, -side * camber) @ (side * LEFT))
     pose[:3, 3] = centre_m
     role: Literal["reference", "trial"] = "reference" if name == wheel else "trial"
@@ -147,9 +147,9 @@ def _pose(placement: Placement) -> Array:
 
 
 def about(axis: Array, angle_rad: float) -> Array:
-    """Rotation matrix (3, 3) about a unit axis: Rodrigues, R = I + sin K + (1 - cos) K^2."""
+    """Return the rotation (3, 3) about a unit axis (Rodrigues): R = I + sin K + (1 - cos) K^2."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     half = np.sin(angle_rad / 2)
-    turned: Array = np.eye(3) + np.sin(angle_rad) * cross + 2 * half * half * (cross @ cross)
-    return turned
+    rotation: Array = np.eye(3) + np.sin(angle_rad) * cross + 2 * half * half * (cross @ cross)
+    return rotation

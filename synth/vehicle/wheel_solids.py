@@ -1,4 +1,4 @@
-"""A wheel as solids in target coordinates: tyre, rim, hub, brake disc, the target's adapter."""
+"""Solids of a wheel in target coordinates: tyre, rim, hub, brake disc, the target's adapter."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .vehicle import Wheel
 
 
 def check_wheel(body: Body, wheel: Wheel, target: TargetFile) -> None:
-    """Raise SynthError where the sizes of wheel and target do not go together."""
+    """Raise SynthError if the sizes of wheel and target do not fit."""
     if target.thickness > wheel.stand_off_m:
         raise SynthError(
             f"target thickness {target.thickness} m: more than the stand-off "
@@ -26,9 +26,9 @@ def check_wheel(body: Body, wheel: Wheel, target: TargetFile) -> None:
 
 
 def adapter(wheel: Wheel, target: TargetFile) -> list[Solid]:
-    """A shaft from the hub to the back of the plate, with a flange behind the plate.
+    """Build a shaft from the hub to the back of the target, with a flange behind it.
 
-    Where the middle of the plate is open, a tube about the opening.
+    For a target with an open centre: a tube about the opening.
     """
     back, hub = -target.thickness, -wheel.stand_off_m - 0.02
     flange = back - 0.008
@@ -43,7 +43,7 @@ def adapter(wheel: Wheel, target: TargetFile) -> list[Solid]:
 
 
 def rolling(body: Body, wheel: Wheel) -> list[Solid]:
-    """Tyre, rim barrel, hub, spokes and brake disc, inboard of the sidewall plane."""
+    """Build tyre, rim barrel, hub, spokes and brake disc, inboard of the sidewall plane."""
     out = -wheel.stand_off_m
     rim, width = body.rim_diameter_m / 2, body.tyre_width_m
     face = out - 0.02
@@ -60,7 +60,7 @@ def rolling(body: Body, wheel: Wheel) -> list[Solid]:
 
 
 def _tyre(body: Body, out_m: float) -> Solid:
-    """Section |r|^4 + |z|^4 = 1 between rim and tread, smooth so that its facets are no edges."""
+    """Build a tyre of section |r|^4 + |z|^4 = 1, smooth, so that its facets are no edges."""
     turn = np.linspace(0.0, 2 * np.pi, 97)
     cos, sin = np.cos(turn), np.sin(turn)
     rim_m, outer_m = body.rim_diameter_m / 2, body.tyre_radius_m

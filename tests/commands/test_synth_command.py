@@ -46,7 +46,7 @@ def test_an_e57_is_asked_for_by_name(tmp_path):
         (("--whole", "--trials", "2"), "--trials with --whole"),
         (("--whole", "pcd"), "'pcd' is not one of 'ply', 'e57'"),
         (("--whole", "--points", "5"), "'--points'"),
-        (("--whole", "--vehicle", "saloon-turning"), "a whole vehicle stands still"),
+        (("--whole", "--vehicle", "saloon-turning"), "a whole vehicle is scanned at rest"),
         (("--whole", "--target", "disc"), "disc"),
     ],
 )

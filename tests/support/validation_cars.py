@@ -22,7 +22,7 @@ from wheelplane.validation.frame_effect import angles_in
 from wheelplane.validation.request import as_method
 from wheelplane.vehicle.frame import build_reference_frame
 from wheelplane_synth.output.files import capture_toml, ply, scan_file
-from wheelplane_synth.output.five_point import draw_place, measure_five
+from wheelplane_synth.output.five_point import draw_position, measure_five
 from wheelplane_synth.output.truth import Truth, site_point
 from wheelplane_synth.parameters.parameters import TotalStation, VehicleFile
 from wheelplane_synth.parameters.recipe import read_recipe
@@ -97,7 +97,7 @@ class Car:
 
     def blocks(self, station=TM30):
         """Five points a wheel by a total station, (W, 5, 3), and where it stood."""
-        place = draw_place(self.vehicle, station, self.rng)
+        place = draw_position(self.vehicle, station, self.rng)
         rows = measure_five(self.vehicle, self.drawn, station, place, self.rng)
         return rows.reshape(-1, 5, 3), np.array(site_point(self.vehicle, place))
 

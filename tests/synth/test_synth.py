@@ -74,7 +74,7 @@ def staged(
     truth = draw_wheel(car, recipe, wheel, rng)
     stand = draw_stand(car, truth, device, rng)
     plate, place = read_target(DISC), stand.position_vehicle_m
-    before = [draw_board(plate, truth.seen(place), hidden, rng)] if hidden else []
+    before = [draw_board(plate, truth.to_target(place), hidden, rng)] if hidden else []
     scene = build_scene(car, truth, plate, place, mount or Mount(), before)
     R = car.T_site_vehicle[:3, :3]
     centre = R @ (truth.centre_vehicle_m - stand.position_vehicle_m)
@@ -315,7 +315,7 @@ def test_away_from_edges_the_average_over_the_spot_is_its_centre():
         mean = average(scene, caster, beams.reshape(-1, 3)[chosen], beam.spot_radius_m)
         return np.abs(mean.range_m - echoes.range_m[chosen])
 
-    on_face = echoes.plate[inner] >= 0
+    on_face = echoes.target[inner] >= 0
     assert on_face.sum() > 500
     assert shift_m(inner)[on_face].max() < 1e-14
     pitch_m = step * echoes.range_m[inner] * np.cos(elevation).min()
@@ -554,7 +554,7 @@ def test_points_lie_on_the_form_and_within_the_flatness(tmp_path):
     off = face @ normal
     assert 0.9 * 0.0005 < np.ptp(off) < 1.001 * 0.0005
     assert np.abs(off).max() < 0.5005 * 0.0005
-    uv = face @ scene.plates[0].T_station_plate[:3, :2]
+    uv = face @ scene.targets[0].T_station_target[:3, :2]
     # Slopes reach 6 waves of the flatness over the shortest length; beams lean by up to 25 degrees.
     steepest = 6 * 0.0005 * 2 * np.pi / (0.6 * 0.25)
     assert np.abs(off - mount.form.height_m(uv)).max() < 0.5 * 0.0005 * steepest
@@ -605,7 +605,7 @@ def test_a_shifted_plate_has_its_rim_where_it_was_clamped(tmp_path):
     scene, centre, normal, grid, beam = staged(changed(IDEAL, tmp_path, values), mount=mount)
     seen = scan(scene, centre, grid, beam, np.random.default_rng(0))
     face = seen.points_station_m[seen.on_front] - centre
-    middle = scene.plates[0].T_station_plate[:3, 3] - centre
+    middle = scene.targets[0].T_station_target[:3, 3] - centre
     assert np.linalg.norm(middle) == pytest.approx(0.005, abs=1e-12)
     assert abs(middle @ normal) < 1e-12
     assert np.linalg.norm(face - middle, axis=1).max() <= RADIUS_M
@@ -719,7 +719,7 @@ def test_unusable_files_and_options_are_refused_in_one_line(tmp_path):
     low = changed(DEFAULT, tmp_path, {"station.height_max_m": 0.2})
     out = tmp_path / "out"
     refused(match="full: the folder is not empty", out=tmp_path / "full")
-    refused(match="a file stands there", out=ring)
+    refused(match="a file of that name exists", out=ring)
     refused(match="kept.txt", out=tmp_path / "full" / "kept.txt" / "deeper")
     refused(match="--seed -1", out=out, seed=-1)
     refused(match="--trials -1", out=out, trials=-1)
@@ -729,7 +729,7 @@ def test_unusable_files_and_options_are_refused_in_one_line(tmp_path):
     refused(match="key 'hole_diameter' is missing", out=out, target=ring)
     fine = changed(DEFAULT, tmp_path, {"grid.spacing_m": 0.0001})
     refused(match="grid: .* million beams", out=out, scanner=fine)
-    refused(match="no stand .* m from target RR", out=out, scanner=low)
+    refused(match="no position .* m from target RR", out=out, scanner=low)
     assert not out.exists()
     assert (tmp_path / "full" / "kept.txt").read_text() == "kept"
 

@@ -296,7 +296,7 @@ def test_every_known_target_can_be_made(tmp_path, name):
         (RING | {"hole_diametre": 0.1}, "unknown key 'hole_diametre' .nearest: 'hole_diameter'"),
         (RECTANGLE | {"width": -1.0}, "'width' = -1.0"),
         (SQUARE | {"hole_spacing": 0.25}, "the holes reach beyond the side"),
-        (SQUARE | {"hole_spacing": 0.06}, "the holes touch one another"),
+        (SQUARE | {"hole_spacing": 0.06}, "the holes touch each other"),
         (CIRCLES | {"diameter": 0.3}, "a board has a diameter, or a width and a height"),
         (CIRCLES | {"circle_diameter": 0.06}, "circle_diameter 0.06 is more than the pitch 0.05"),
         (CHECKERS | {"kind": "chess"}, "'kind' = 'chess'"),

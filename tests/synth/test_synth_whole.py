@@ -28,8 +28,8 @@ from wheelplane_synth.output.whole import write_whole
 from wheelplane_synth.parameters.instruments import draw_instruments
 from wheelplane_synth.parameters.parameters import Beam
 from wheelplane_synth.scanner.echoes import trace
-from wheelplane_synth.scanner.lattice import draw_lattice, try_out
-from wheelplane_synth.scanner.noise import alike_rows, margin
+from wheelplane_synth.scanner.lattice import draw_lattice, preview_scene
+from wheelplane_synth.scanner.noise import correlated_rows, margin
 from wheelplane_synth.scanner.panorama import scan_rows
 from wheelplane_synth.scanner.raycast import RayCaster
 from wheelplane_synth.scanner.scanner import directions
@@ -80,7 +80,7 @@ def staged(scanner: Path, seed: int = 1):
 def scanned(site, station, beam: Beam, step_rad: float, block: int):
     grid = draw_lattice(site.panorama, site.middle_m(station), step_rad, (9, station.number))
     scene = site.scene(station)
-    nearest_m = try_out(scene, site.panorama, site.middle_m(station)).nearest_m
+    nearest_m = preview_scene(scene, site.panorama, site.middle_m(station)).nearest_m
     target_m = site.nearest_target_m(station)
     return scan_rows(scene, grid, beam, target_m, nearest_m, (9, station.number), block)
 
@@ -308,7 +308,7 @@ def test_rows_of_noise_have_variance_one_and_the_correlation_set(closed):
             rng = np.random.default_rng([seed, row + margin(length[0])])
             return rng.standard_normal(width + (0 if closed else 2 * margin(length[1])))
 
-        draws.append(alike_rows(white, rows, length, closed=closed))
+        draws.append(correlated_rows(white, rows, length, closed=closed))
     field = np.array(draws)
     assert field.shape == (2000, 4, width)
     for down, across in [(0, 0), (1, 0), (3, 0), (0, 4), (2, 6), (0, 39), (3, 37)]:

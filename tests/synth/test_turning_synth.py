@@ -87,7 +87,7 @@ def test_nothing_turns_unless_asked():
     car = draw_vehicle(plain, rng)
     wheels = [draw_wheel(car, plain, name, rng) for name in WHEELS]
     more = turning.scanned(car, plain, wheels)
-    assert (more.wheels, more.toml, more.told) == ((), (), {})
+    assert (more.wheels, more.toml, more.truth) == ((), (), {})
 
 
 @pytest.fixture(scope="module")
