@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.support.paths import DATA
 from wheelplane.diagnostics.selftest import certified_folder
 from wheelplane.errors import InputError
 from wheelplane.five_point.file import read_five_point
@@ -21,7 +22,6 @@ from wheelplane.report.text.tcgc_2013 import tcgc_2013_text
 from wheelplane.vehicle.angles import WheelAngles, nearest_wheel, wheel_angles
 from wheelplane.vehicle.frame import REFERENCE_WHEELS, build_reference_frame
 
-DATA = Path(__file__).parents[1] / "data"
 PAPER = DATA / "paper"
 SECOND = math.radians(1 / 3600)
 RIGHT = ("RR", "FR")

@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from tests.fuzzing.e57 import e57_file, seal_pages
+from tests.support.paths import FIGURE_4, FORMATS
 
-DATA = Path(__file__).parents[1] / "data"
 ROWS = 40
 
 
@@ -49,7 +49,7 @@ class Sample:
         return self.file.partition(".")[2] if self.door == "scan" else self.door
 
 
-def samples(folder: Path = DATA / "formats") -> tuple[Sample, ...]:
+def samples(folder: Path = FORMATS) -> tuple[Sample, ...]:
     """The files in `folder`, those written here, the same inside of wrappers, and captures."""
     files = {p.name: p.read_bytes() for p in sorted(folder.iterdir()) if p.suffix != ".md"}
     given = [Sample(name, name, data, sections(name, data)) for name, data in files.items()]
@@ -308,7 +308,7 @@ def _captures(files: dict[str, bytes]) -> list[Sample]:
     )
     toml = CAPTURE_TOML.encode()
     made.append(Sample("capture.toml", "capture.toml", toml, _lines(toml), door="capture.toml"))
-    paper = (DATA / "paper" / "figure-4.txt").read_bytes()
+    paper = FIGURE_4.read_bytes()
     made.append(Sample("figure-4.txt", "five.txt", paper, _lines(paper), door="five-point"))
     return made
 

@@ -16,10 +16,10 @@ from io import FileIO
 from pathlib import Path
 
 from tests.fuzzing.mutations import mutant
-from tests.fuzzing.samples import DATA, samples
+from tests.fuzzing.samples import samples
 from tests.fuzzing.worker import SECONDS
+from tests.support.paths import FORMATS, ROOT
 
-ROOT = Path(__file__).parents[2]
 START_SECONDS = 120.0
 WORKER = ["-m", "tests.fuzzing.worker"]
 
@@ -41,7 +41,7 @@ class Outcome:
         return self.verdict not in ("read", "refused")
 
 
-def fuzz(first: int, stop: int, seed: int, folder: Path = DATA / "formats") -> Iterator[Outcome]:
+def fuzz(first: int, stop: int, seed: int, folder: Path = FORMATS) -> Iterator[Outcome]:
     """Outcomes of mutants first:stop, in order; the samples are those of `folder` and our own."""
     pool = samples(folder)
     while first < stop:

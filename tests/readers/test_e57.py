@@ -6,7 +6,6 @@ import importlib.util
 import random
 import re
 import struct
-from pathlib import Path
 
 import numpy as np
 import pye57
@@ -31,6 +30,7 @@ from tests.support.native_files import (
     xml_of,
     xyz,
 )
+from tests.support.paths import FORMATS
 from wheelplane.diagnostics.findings import findings
 from wheelplane.diagnostics.survey import summarise_scan
 from wheelplane.errors import InputError, MissingDependencyError
@@ -39,7 +39,6 @@ from wheelplane.readers.e57 import pages as e57_pages
 from wheelplane.readers.e57 import reader as e57
 from wheelplane.readers.e57 import xml as e57_xml
 
-DATA = Path(__file__).parents[1] / "data" / "formats"
 EPS = np.finfo(np.float64).eps
 COUNT = 50
 
@@ -326,7 +325,7 @@ def test_e57_las_and_npy_hold_the_same_cloud(tmp_path):
 @pytest.mark.parametrize("kind", ["Float", "Double"])
 def test_files_of_other_programs_are_read_whole(kind):
     """The faces of a cube of 1 m, 1,280 points on each."""
-    points = read_scan(DATA / f"ColouredCube{kind}.e57").points_m
+    points = read_scan(FORMATS / f"ColouredCube{kind}.e57").points_m
     assert points.shape == (7680, 3)
     assert np.abs(points).max(axis=1).tolist() == [0.5] * 7680
     on_faces = np.count_nonzero(np.abs(points) == 0.5, axis=0)
@@ -334,7 +333,7 @@ def test_files_of_other_programs_are_read_whole(kind):
 
 
 def test_a_sheet_of_paper_is_read():
-    scan = read_scan(DATA / "A4.e57")
+    scan = read_scan(FORMATS / "A4.e57")
     assert scan.parts[0].name == "A4 - Cloud"
     assert scan.points_m.min(axis=0) == pytest.approx([-44.9522, -1.3493, -0.6077], abs=1e-5)
     assert scan.points_m.max(axis=0) == pytest.approx([-44.3001, -0.886, 0.3694], abs=1e-5)
@@ -349,7 +348,7 @@ def test_a_sheet_of_paper_is_read():
     ],
 )
 def test_files_of_other_programs_are_refused(tmp_path, file, fact):
-    refusal(tmp_path, (DATA / file).read_bytes(), fact)
+    refusal(tmp_path, (FORMATS / file).read_bytes(), fact)
 
 
 def test_a_file_without_a_scan_is_refused(tmp_path):

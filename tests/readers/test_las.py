@@ -7,7 +7,6 @@ import io
 import random
 import re
 import struct
-from pathlib import Path
 
 import laspy
 import lazrs
@@ -15,12 +14,12 @@ import numpy as np
 import pytest
 
 from tests.support.native_files import write_las
+from tests.support.paths import FORMATS
 from wheelplane.errors import InputError, MissingDependencyError
 from wheelplane.readers import read_scan
 from wheelplane.readers.formats import las
 from wheelplane.readers.formats.las import POINT_BYTES
 
-DATA = Path(__file__).parents[1] / "data" / "formats"
 SCALE, SHIFT = (0.001, 0.0001, 0.25), (1e7, -4.5e6, 0.125)
 COUNT = 300
 SUFFIXES = (".las", ".laz")
@@ -162,7 +161,7 @@ def test_chunks_of_different_sizes_are_read(tmp_path, point_format, version):
 
 
 def test_files_of_other_programs_are_read_whole():
-    plain, packed = (read_scan(DATA / f"simple{suffix}") for suffix in SUFFIXES)
+    plain, packed = (read_scan(FORMATS / f"simple{suffix}") for suffix in SUFFIXES)
     assert len(plain.points_m) == 1065
     assert plain.points_m[0].tolist() == pytest.approx([637012.24, 849028.31, 431.66], abs=1e-9)
     assert plain.intensity[:3].tolist() == [143.0, 18.0, 118.0]
@@ -327,5 +326,5 @@ def test_damaged_bytes_end_in_points_or_in_one_line(tmp_path, suffix):
 def test_without_its_library_laz_says_what_to_install_and_las_is_read(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)
     with pytest.raises(MissingDependencyError, match=r"pip install 'wheelplane\[las\]'"):
-        read_scan(DATA / "simple.laz")
-    assert len(read_scan(DATA / "simple.las").points_m) == 1065
+        read_scan(FORMATS / "simple.laz")
+    assert len(read_scan(FORMATS / "simple.las").points_m) == 1065

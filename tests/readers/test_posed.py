@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.support.paths import FORMATS
 from tests.support.scenes import rotation
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
 
-FORMATS = Path(__file__).parents[1] / "data" / "formats"
 IDENTITY = np.eye(4)
 
 

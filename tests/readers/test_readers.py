@@ -16,10 +16,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.paths import DATA
 from wheelplane.errors import InputError
 from wheelplane.readers import READERS, read_scan
-
-DATA = Path(__file__).parents[1] / "data"
 
 # Rows of doubles whose last bits float32, or six decimals, would lose.
 FAR = [

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.paths import FORMATS, ROOT
 from wheelplane.errors import InputError, MissingDependencyError
 from wheelplane.readers import read_scan
 from wheelplane.readers.sandbox import client as child
@@ -25,8 +26,7 @@ from wheelplane.readers.sandbox.client import find_library, run_child
 from wheelplane.readers.sandbox.process import SLOTS, Job
 from wheelplane.readers.source import Source
 
-ROOT = Path(__file__).resolve().parents[2]
-LAZ = ROOT / "tests" / "data" / "formats" / "simple.laz"
+LAZ = FORMATS / "simple.laz"
 ROWS, SLOT_BYTES = 4, 64
 
 SPEAK = f"""
@@ -64,7 +64,8 @@ def source(tmp_path):
 def living():
     """Children of this process that are alive or were not waited for, workers of pools apart."""
     pids = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
-    return [pid for pid in pids if b"child" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    commands = {pid: Path(f"/proc/{pid}/cmdline").read_bytes() for pid in pids}
+    return [pid for pid, line in commands.items() if b"child.py" in line or b"worker.py" in line]
 
 
 def open_files():

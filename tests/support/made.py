@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
+from tests.support.paths import CONFIGS
 from wheelplane_synth.output.archive import write_capture
 
-CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 SALOON = CONFIGS / "vehicles" / "saloon.toml"
 DEFAULT = CONFIGS / "scanners" / "default.toml"
 IDEAL = CONFIGS / "scanners" / "ideal.toml"

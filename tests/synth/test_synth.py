@@ -13,7 +13,6 @@ import pytest
 from scipy import stats
 
 from tests.support.made import (
-    CONFIGS,
     DEFAULT,
     DISC,
     IDEAL,
@@ -23,6 +22,7 @@ from tests.support.made import (
     chi_square_bounds,
     read_ply,
 )
+from tests.support.paths import ROOT
 from wheelplane_synth.errors import SynthError
 from wheelplane_synth.output.archive import write_capture
 from wheelplane_synth.parameters.parameters import Beam, Grid, ScannerFile, VehicleFile
@@ -766,7 +766,7 @@ def test_the_heavy_libraries_wait_until_they_are_needed():
     code = "import sys, wheelplane_synth.output.archive; print(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True,
-        cwd=CONFIGS.parent,
+        cwd=ROOT,
     )  # fmt: skip
     loaded = {name.partition(".")[0] for name in done.stdout.split()}
     assert not loaded & {"open3d", "trimesh", "scipy", "cv2", "libusb_package", "wheelplane"}

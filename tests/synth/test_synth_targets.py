@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.made import CONFIGS, DEFAULT, DISC, IDEAL, SALOON, changed
+from tests.support.made import DEFAULT, DISC, IDEAL, SALOON, changed
+from tests.support.paths import CONFIGS
 from wheelplane.targets.registry import parse_target
 from wheelplane_synth.errors import SynthError
 from wheelplane_synth.output.archive import write_capture

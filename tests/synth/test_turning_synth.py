@@ -1,12 +1,12 @@
 """Made sweeps and run-outs: rigid bodies about the axis that truth.json states, and measured so."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.support.paths import CONFIGS
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.config import Config
 from wheelplane.measure import measure_capture
@@ -19,7 +19,6 @@ from wheelplane_synth.vehicle.steering import draw_kingpin, swept, toe_out
 from wheelplane_synth.vehicle.turning import draw_turning
 from wheelplane_synth.vehicle.vehicle import WHEELS, draw_vehicle, draw_wheel
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 RECIPE = read_recipe(CONFIGS / "vehicles" / "saloon-turning.toml", VehicleFile)
 
 
