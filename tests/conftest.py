@@ -1,6 +1,13 @@
-"""One thread for linear algebra, as the command sets it: the same bytes, and no idle spinning."""
+"""One thread for linear algebra, as the command sets it: the same bytes, and no idle spinning.
+
+SIGINT as in a terminal: a runner started in the background (nohup ... &) ignores it, and so would
+every process that a test starts and interrupts.
+"""
 
 import os
+import signal
 
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[variable] = "1"
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
