@@ -1,1 +1,1 @@
-"""Many captures: what there is to do, doing it, and what came of it."""
+"""Batch processing of an archive: its captures, the run, the catalogue of its results."""

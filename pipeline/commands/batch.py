@@ -20,7 +20,7 @@ from .batch_options import (
 )
 
 if TYPE_CHECKING:
-    from ..batch.run.work import Request
+    from ..batch.run.work import RunRequest
 
 MOST_SHOWN = 3
 
@@ -74,15 +74,15 @@ def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
     """
     from ..batch.catalogue.catalogue import open_catalogue
     from ..batch.plan.shard import ALL, read_shard
-    from ..batch.run.progress import teller
+    from ..batch.run.progress import progress_listener
     from ..batch.run.run import Batch
     from ..batch.run.summary import summary
     from ..batch.run.watch import watch
-    from ..batch.run.work import Request
+    from ..batch.run.work import RunRequest
     from ..batch.storage.scratch import scratch_folder
 
     places = absolute(archive), absolute(results)
-    request = Request(*places, read_settings(options), retry=options["retry"])
+    request = RunRequest(*places, read_settings(options), retry=options["retry"])
     shard = read_shard(options["shard"]) if options["shard"] else ALL
     _begin(request, resume, watch=options["watch"])
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -91,7 +91,7 @@ def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
         scratch = stack.enter_context(scratch_folder())
         engine = make_engine(options, scratch)
         stack.callback(engine.close)
-        tell = stack.enter_context(teller())
+        tell = stack.enter_context(progress_listener())
         work = Batch(request, engine, scratch, tell, shard)
         try:
             if options["watch"]:
@@ -104,16 +104,16 @@ def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
         whole = None
         if shard.n == 1 and work.holds_results:
             whole = stack.enter_context(open_catalogue(request.results))
-        text, fine = summary(work.tally, whole, results, shard)
+        text, fine = summary(work.counts, whole, results, shard)
     click.echo(text)
     if interrupted:
         raise InputError("interrupted: run the same command to go on")
     return 0 if fine else 1
 
 
-def _begin(request: Request, resume: bool, watch: bool) -> None:
+def _begin(request: RunRequest, resume: bool, watch: bool) -> None:
     """Check that an equal request created the results folder, or create it."""
-    from ..batch.run.begun import begin, differences
+    from ..batch.run.run_manifest import differences, write_run_manifest
     from ..batch.storage.store import open_store
 
     archive, results = open_store(request.archive), open_store(request.results)
@@ -132,4 +132,4 @@ def _begin(request: Request, resume: bool, watch: bool) -> None:
         if not sys.stdin.isatty():
             raise InputError(f"{fact}: add --resume to measure all anew, or name another folder")
         click.confirm(f"{fact}\nMeasure all captures anew?", abort=True)
-    begin(results, request)
+    write_run_manifest(results, request)

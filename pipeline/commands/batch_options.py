@@ -27,7 +27,7 @@ from .options import (
 )
 
 if TYPE_CHECKING:
-    from ..batch.plan.settings import Settings
+    from ..batch.plan.settings import BatchSettings
     from ..batch.run.tasks import Engine
 
 MEMORY = re.compile(r"(\d+(?:\.\d+)?)([KMGT])(?:i?B)?", re.IGNORECASE)
@@ -81,9 +81,9 @@ def work_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return added(WORK_OPTIONS, command)
 
 
-def read_settings(options: dict[str, Any]) -> Settings:
+def read_settings(options: dict[str, Any]) -> BatchSettings:
     """Return the settings of every measurement. Raises InputError, ConfigError by option."""
-    from ..batch.plan.settings import Settings, check_date_pattern
+    from ..batch.plan.settings import BatchSettings, check_date_pattern
 
     spherical = options["coordinates"] == "spherical"
     if spherical != (options["angle_unit"] is not None):
@@ -93,11 +93,11 @@ def read_settings(options: dict[str, Any]) -> Settings:
     unit, target, scanner = options["length_unit"], options["target"], options["scanner"]
     station = options["total_station"], options["total_station_position"], options["coordinates"]
     overrides = capture_options(options["front"], options["front_point"], options["up"], unit)
-    return Settings(
+    return BatchSettings(
         config=with_scanner(load_config(options["config"]), scanner),
         scanner=scanner,
         target=None if target is None else load_target(target),
-        told=replace(overrides, of_clouds=True),
+        options=replace(overrides, of_clouds=True),
         coordinates=options["coordinates"],
         angle_unit=options["angle_unit"],
         azimuth=options["azimuth"],

@@ -217,7 +217,7 @@ def _list(catalogue: Catalogue, query: Query, mode: str, worst: int) -> None:
         for line in listing.capture_table(catalogue, which, view, query.limit):
             click.echo(line)
         click.echo(f"\n{listing.SIGNS} {listing.K1}, the largest of the capture's angles.")
-        gone = 0 if which.gone is False else count(catalogue, replace(which, gone=True))
+        gone = 0 if which.removed is False else count(catalogue, replace(which, removed=True))
         click.echo(listing.totals(listing.by_status(catalogue, which), gone))
 
 

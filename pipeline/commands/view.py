@@ -8,7 +8,7 @@ from urllib.parse import quote
 import click
 
 from ..errors import InputError
-from ..web.settings import GIB, Settings
+from ..web.settings import GIB, PageSettings
 
 PORT = 8765
 
@@ -77,7 +77,7 @@ def view(
     if source is not None and not source.exists():
         raise InputError(f"{source}: no such file or folder: check the path")
     allowed, start_at = opened(source, folders) if source else (folders or (Path.cwd(),), "")
-    settings = Settings(
+    settings = PageSettings(
         folders=allowed,
         scratch=Path(),
         upload_bytes=int(upload_limit * 1e9),

@@ -74,7 +74,7 @@ class Comparison:
         return self.spread.visible_jointly(np.eye(len(self.difference_rad)))
 
     def visible_in_all_rad(self, kind: str) -> float:
-        """Return the smallest error common to all toes, or cambers, detectable by the joint test."""
+        """Return the smallest detectable error common to all toes, or all cambers."""
         alike = np.repeat([kind == other for other in KINDS], len(self.names))
         return self.spread.visible_jointly(alike[:, None].astype(float))
 

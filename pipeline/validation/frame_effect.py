@@ -1,9 +1,9 @@
 """Parts of a difference of two methods: shape of the four centres, and tilt of the planes.
 
 Each method has its own coordinates, so only quantities that are invariant to rigid motion can be
-compared. Four centres have six of them: those of `SHAPE`. The frame's share of an angle's difference
-is the change of the second method's angle when its planes are moved into the first one's frame, by
-the rigid motion that best fits its four centres to those of the first.
+compared. Four centres have six of them: those of `SHAPE`. The frame's share of an angle's
+difference is the change of the second method's angle when its planes are moved into the first one's
+frame, by the rigid motion that best fits its four centres to those of the first.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""The local page: load a capture, look at its angles, save its report."""
+"""Local web page: load a capture, view its angles, save its report."""

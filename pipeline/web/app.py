@@ -1,4 +1,4 @@
-"""The page's application: what every request must bring, and what every answer says."""
+"""Flask application of the page: checks of every request, headers of every response."""
 
 from __future__ import annotations
 
@@ -9,45 +9,45 @@ from ..errors import WheelplaneError
 from .front import add_front
 from .routes import add_archive, add_files, add_jobs
 from .security import Guard, RefusedError, response_headers
-from .settings import Settings
-from .state import State
+from .settings import PageSettings
+from .state import PageState
 
 REQUEST_BYTES = 100_000  # of every request but an upload
 
 
-def create_app(settings: Settings, guard: Guard) -> Flask:
-    """The application; `app.config["state"].jobs.close()` ends what it started."""
+def create_app(settings: PageSettings, guard: Guard) -> Flask:
+    """Create the application; `app.config["state"].jobs.close()` ends the jobs it started."""
     app = Flask(__name__)
-    state = State(settings, guard)
+    state = PageState(settings, guard)
     app.config["state"] = state
-    app.before_request(lambda: _admit(state))
-    app.after_request(_dress)
-    app.register_error_handler(Exception, _tell)
+    app.before_request(lambda: _check_request(state))
+    app.after_request(_add_headers)
+    app.register_error_handler(Exception, _error_response)
     for add in (add_front, add_files, add_jobs, add_archive):
         add(app, state)
     return app
 
 
-def _admit(state: State) -> None:
+def _check_request(state: PageState) -> None:
     cookie = request.cookies.get(state.guard.cookie, "")
     state.guard.check(request.method, request.path, dict(request.headers), cookie)
     is_upload = request.method == "PUT"
     request.max_content_length = state.settings.upload_bytes if is_upload else REQUEST_BYTES
 
 
-def _dress(response: Response) -> Response:
+def _add_headers(response: Response) -> Response:
     kind = {"report": g.get("is_report", False), "api": request.path.startswith("/api/")}
     for name, value in response_headers(**kind).items():
         response.headers.setdefault(name, value)
     return response
 
 
-def _tell(error: Exception) -> tuple[Response, int]:
+def _error_response(error: Exception) -> tuple[Response, int]:
     if isinstance(error, RefusedError):
         return jsonify(error=str(error)), error.code
     if isinstance(error, WheelplaneError):
         return jsonify(error=str(error)), 400
     if isinstance(error, HTTPException):
         return jsonify(error=f"{error.code} {error.name}"), error.code or 500
-    current_app.logger.exception("a fault of the program")
-    return jsonify(error=f"the program has a fault here ({type(error).__name__}): report it"), 500
+    current_app.logger.exception("internal error")
+    return jsonify(error=f"internal error ({type(error).__name__}): please report it"), 500

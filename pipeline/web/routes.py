@@ -1,4 +1,4 @@
-"""The page's addresses: thin, each a call of the module that does it."""
+"""Addresses of the page, each a call of the module that implements it."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from .content import archive, choices
 from .content.reporting import TYPES
 from .files.folders import kind_of_file
 from .front import language
-from .jobs.process import Job
+from .jobs.process import PageJob
 from .jobs.saving import report_file, save
 from .security import RefusedError
-from .state import State
+from .state import PageState
 
 SHOWN_FILES = ("measurement.json", "points.bin", "comparison.json")
 SHOWN_KINDS = ("panel-", "scene-", "drawing-")
 
 
-def add_files(app: Flask, state: State) -> None:
-    """What lies in the allowed folders, and what the page sends."""
+def add_files(app: Flask, state: PageState) -> None:
+    """Add the addresses of allowed folders and uploads."""
 
     @app.get("/api/folders")
     def folders() -> Response:
@@ -46,8 +46,8 @@ def add_files(app: Flask, state: State) -> None:
         return jsonify(stored=file)
 
 
-def add_jobs(app: Flask, state: State) -> None:
-    """Measuring, comparing, and what comes of it."""
+def add_jobs(app: Flask, state: PageState) -> None:
+    """Add the addresses of measurements, comparisons and their results."""
 
     @app.post("/api/measure")
     def measure() -> Response:
@@ -57,7 +57,7 @@ def add_jobs(app: Flask, state: State) -> None:
             kind = options.pop("read_as", None) or kind_of_file(source)
             plan["kind"] = "five-point" if kind == "five-point" and source.is_file() else "capture"
             plan["options"] = options
-            return jsonify(state.jobs.start("measure", plan["source"], plan).told)
+            return jsonify(state.jobs.start("measure", plan["source"], plan).public_state)
 
     @app.post("/api/compare")
     def compare() -> Response:
@@ -65,15 +65,17 @@ def add_jobs(app: Flask, state: State) -> None:
         both = tuple(state.jobs.shown(str(given.get(key))) for key in ("first", "second"))
         plan = {"folders": [str(job.folder) for job in both], "names": [job.name for job in both],
                 "language": language()}  # fmt: skip
-        return jsonify(state.jobs.start("compare", ", ".join(plan["names"]), plan, both).told)
+        return jsonify(
+            state.jobs.start("compare", ", ".join(plan["names"]), plan, both).public_state
+        )
 
     @app.get("/api/jobs")
     def measured() -> Response:
-        return jsonify(jobs=[job.told for job in state.jobs.measured()])
+        return jsonify(jobs=[job.public_state for job in state.jobs.measured()])
 
     @app.get("/api/jobs/<name>")
     def standing(name: str) -> Response:
-        return jsonify(state.jobs.found(name).told)
+        return jsonify(state.jobs.found(name).public_state)
 
     @app.post("/api/jobs/<name>/cancel")
     def cancel(name: str) -> Response:
@@ -84,34 +86,34 @@ def add_jobs(app: Flask, state: State) -> None:
     def result(name: str, file: str) -> Response:
         job = state.jobs.shown(name)
         path = job.folder / file
-        is_ours = file in SHOWN_FILES or file.startswith(SHOWN_KINDS)
-        if not is_ours or not path.is_file():
-            raise RefusedError(404, f"{file[:60]}: there is no such result")
+        is_shown = file in SHOWN_FILES or file.startswith(SHOWN_KINDS)
+        if not is_shown or not path.is_file():
+            raise RefusedError(404, f"{file[:60]}: no such result")
         return Response(path.read_bytes(), mimetype=choices.type_of(file))
 
     @app.get("/api/jobs/<name>/report.<kind>")
     def report(name: str, kind: str) -> Response:
         job, path = _report(state, name, kind, request.args)
         g.is_report = kind == "html"
-        called = request.args.get("name") or f"{_stem(job)}.{kind}"
+        download_name = request.args.get("name") or f"{_stem(job)}.{kind}"
         answer = Response(path.read_bytes(), content_type=TYPES[kind])
         if "download" in request.args:
-            answer.headers.set("Content-Disposition", "attachment", filename=called)
+            answer.headers.set("Content-Disposition", "attachment", filename=download_name)
         return answer
 
     @app.post("/api/jobs/<name>/save")
     def keep(name: str) -> Response:
         given = _given()
         _, path = _report(state, name, str(given.get("format")), given)
-        place = state.folders.free_name(
+        target = state.folders.free_name(
             _whole_number(given.get("root")), str(given.get("path", "")), str(given.get("name", ""))
         )
-        return jsonify(saved=save(path, place))
+        return jsonify(saved=save(path, target))
 
 
 @contextmanager
-def _source(state: State, given: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """What is to be measured, and how its process is to find it."""
+def _source(state: PageState, given: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Yield the path to be measured, and the part of the plan that locates it."""
     if "upload" in given:
         with state.uploads.taken(str(given["upload"])) as upload:
             source = upload.source
@@ -123,17 +125,17 @@ def _source(state: State, given: dict[str, Any]) -> Iterator[tuple[Path, dict[st
 
 
 def _plan(source: Path, allowed: Path) -> dict[str, Any]:
-    """base: the folder to stand in, from where the source has a name."""
+    """Return the plan of a source: `base`, the current folder of its process, and its name."""
     base = allowed.parent if source == allowed else allowed
     named = source.relative_to(base).as_posix()
     return {"base": str(base), "allowed": str(allowed), "source": named}
 
 
 def _given() -> dict[str, Any]:
-    """The table that a request holds."""
+    """Return the JSON object of a request. Raises RefusedError."""
     given = request.get_json(silent=True)
     if not isinstance(given, dict):
-        raise RefusedError(400, "the request holds no table")
+        raise RefusedError(400, "the request contains no JSON object")
     return given
 
 
@@ -141,26 +143,27 @@ def _whole_number(value: Any) -> int:
     return value if isinstance(value, int) else -1
 
 
-def _report(state: State, name: str, kind: str, given: Any) -> tuple[Job, Path]:
+def _report(state: PageState, name: str, kind: str, given: Any) -> tuple[PageJob, Path]:
     job = state.jobs.shown(name)
     chosen = str(given.get("language", language()))
     return job, report_file(state.jobs, job, kind, chosen, given.get("axis"), given.get("style"))
 
 
-def _stem(job: Job) -> str:
+def _stem(job: PageJob) -> str:
     plain = "".join(c if c.isalnum() or c in " -_" else "-" for c in Path(job.name).stem)
     return plain.strip(" -")[:60] or "report"
 
 
-def add_archive(app: Flask, state: State) -> None:
-    """Results of a batch."""
+def add_archive(app: Flask, state: PageState) -> None:
+    """Add the addresses of batch results."""
 
     @app.get("/api/archive/<question>/<int:root>/")
     @app.get("/api/archive/<question>/<int:root>/<path:relative>")
     def ask(question: str, root: int, relative: str = "") -> Response:
         folder = _results(state, root, relative)
-        asked = request.args.to_dict()
-        return jsonify(archive.answer(question, folder, asked, load_translations(language())))
+        parameters = request.args.to_dict()
+        words = load_translations(language())
+        return jsonify(archive.answer(question, folder, parameters, words))
 
     @app.get("/api/archive-plot/<int:root>/")
     @app.get("/api/archive-plot/<int:root>/<path:relative>")
@@ -170,7 +173,7 @@ def add_archive(app: Flask, state: State) -> None:
         return Response(svg, mimetype="image/svg+xml")
 
 
-def _results(state: State, root: int, relative: str) -> Path:
-    """A folder of results, none of which is a link to beyond the allowed folder."""
+def _results(state: PageState, root: int, relative: str) -> Path:
+    """Return a folder of results, refusing one with links to outside the allowed folder."""
     state.folders.existing(root, f"{relative}/measurements".lstrip("/"))
     return state.folders.existing(root, relative)

@@ -1,10 +1,10 @@
-"""Who may ask the page for what: hosts, origins, the session's cookie and key, and the headers.
+"""Access control: hosts, origins, the session's cookie and key, and response headers.
 
 A page of another site can make a browser send requests here. It cannot forge the Host or Origin
-header, read our pages for their key, add our header to a request without being asked for leave
-(which is never given), or have the browser send a SameSite=Strict cookie. Each is asked for, so
-that one which fails is not the end. A name that is made to point at 127.0.0.1 (DNS rebinding) is
-stopped by the Host header.
+header, read the key in our pages, add our header without a preflight (which is never granted), or
+have the browser send a SameSite=Strict cookie. All are required, so that the failure of one
+protection is not enough. A name that resolves to 127.0.0.1 (DNS rebinding) is stopped by the Host
+header.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..errors import WheelplaneError
 
 KEY_HEADER = "X-Wheelplane-Key"
 SAFE_METHODS = ("GET", "HEAD")
-OPEN_PATHS = ("/", "/static/", "/viewer.js")  # they show nothing of the user's
+OPEN_PATHS = ("/", "/static/", "/viewer.js")  # without data of the user
 LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
 
 _ONLY_OURS = (
@@ -28,7 +28,7 @@ _ONLY_OURS = (
     "connect-src 'self'; font-src 'self'; frame-src 'self'; form-action 'self'; base-uri 'none'; "
     "frame-ancestors 'none'"
 )
-# A report holds its own script and style, and no address; sandboxed, it is of no origin.
+# A report contains its script and style, and loads nothing; sandboxed, it has an opaque origin.
 _REPORT = (
     "sandbox allow-scripts allow-modals; default-src 'none'; script-src 'unsafe-inline'; "
     "style-src 'unsafe-inline'; img-src data: blob:; font-src data:; base-uri 'none'; "
@@ -44,7 +44,7 @@ _ALWAYS = {
 
 
 class RefusedError(WheelplaneError):
-    """A request that is not answered; code: the status of HTTP."""
+    """Refused request; code: HTTP status."""
 
     def __init__(self, code: int, text: str) -> None:
         super().__init__(text)
@@ -53,10 +53,11 @@ class RefusedError(WheelplaneError):
 
 @dataclass(frozen=True)
 class Guard:
-    """What a request must bring. names: hosts by which this server may be called.
+    """Requirements on requests.
 
-    addresses: whether any numeric address may be a host, as of a server open to the network.
-    token: in the first address, where the server is open to the network; None on loopback.
+    names: hosts by which this server may be addressed. addresses: any numeric address may be a
+    host, for a server open to the network. token: part of the start address of a server open to
+    the network; None on loopback.
     """
 
     port: int
@@ -68,21 +69,21 @@ class Guard:
 
     @property
     def cookie(self) -> str:
-        """The name of the session's cookie; a browser tells the ports of a host not apart."""
+        """Name of the session's cookie, with the port: all ports of a host share cookies."""
         return f"wheelplane-{self.port}"
 
     def check(self, method: str, path: str, headers: Mapping[str, str], cookie: str) -> None:
-        """Raise RefusedError for a request that is not of our own page."""
+        """Raise RefusedError unless the request comes from our own page."""
         self._check_host(headers.get("Host", ""))
         self._check_origin(headers)
         is_open = path == "/" or path.startswith(OPEN_PATHS[1:])
         if not is_open and not same(cookie, self.session):
-            raise RefusedError(403, "this page was not opened from here: open the first page anew")
+            raise RefusedError(403, "no session with this server: open the start page again")
         if method not in SAFE_METHODS and not same(headers.get(KEY_HEADER, ""), self.key):
-            raise RefusedError(403, "the request lacks this page's key: load the page anew")
+            raise RefusedError(403, "the request lacks this page's key: reload the page")
 
     def admits(self, token: str, cookie: str) -> bool:
-        """Whether the first page may be shown: always on loopback, else to who has the token."""
+        """Return whether the start page may be shown: on loopback, or with the token."""
         return self.token is None or same(cookie, self.session) or same(token, self.token)
 
     def _check_host(self, host: str) -> None:
@@ -93,7 +94,7 @@ class Guard:
             name.lower() in self.names or (self.addresses and _is_address(name))
         ):
             raise RefusedError(
-                421, f"the host {host[:80]!r} is not this server: use the address it printed"
+                421, f"the host {host[:80]!r} is not this server: use the printed address"
             )
 
     def _check_origin(self, headers: Mapping[str, str]) -> None:
@@ -105,7 +106,7 @@ class Guard:
 
 
 def guard_for(host: str, port: int) -> Guard:
-    """The guard of a server bound to `host`: with a token unless that is loopback."""
+    """Create the guard of a server bound to `host`, with a token unless on loopback."""
     names = LOCAL_NAMES | {in_address(host).lower()}
     if is_loopback(host):
         return Guard(port, names)
@@ -115,12 +116,12 @@ def guard_for(host: str, port: int) -> Guard:
 
 
 def in_address(host: str) -> str:
-    """The host as an address holds it: version 6 in brackets."""
+    """Return the host as written in a URL: IPv6 addresses in brackets."""
     return f"[{host}]" if ":" in host else host
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach a server bound to `host`."""
+    """Return whether only this machine can reach a server bound to `host`."""
     try:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -128,14 +129,14 @@ def is_loopback(host: str) -> bool:
 
 
 def response_headers(*, report: bool = False, api: bool = False) -> dict[str, str]:
-    """What every answer says to the browser."""
+    """Return the security headers of a response."""
     policy = {"Content-Security-Policy": _REPORT if report else _ONLY_OURS}
     return _ALWAYS | policy | ({"Cache-Control": "no-store"} if api or report else {})
 
 
-def same(given: str, wanted: str) -> bool:
-    """Whether two secrets are the same, in a time that tells nothing of them."""
-    return hmac.compare_digest(given.encode(), wanted.encode())
+def same(given: str, expected: str) -> bool:
+    """Compare two secrets in constant time."""
+    return hmac.compare_digest(given.encode(), expected.encode())
 
 
 def _is_address(name: str) -> bool:

@@ -1,4 +1,4 @@
-"""What the page may show, and what a request may cost."""
+"""Settings of the page: allowed folders and limits."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ GIB = 2**30
 
 
 @dataclass(frozen=True)
-class Settings:
-    """folders: all that the page may read, and save to. scratch: of uploads and results, its own.
+class PageSettings:
+    """Allowed folders and limits of the page.
 
-    upload_bytes, upload_files: of one upload. seconds, memory_bytes: of one measuring process.
-    jobs: results that are kept; the oldest goes first. waiting: measurements that may queue.
+    folders: the page reads and saves only here. scratch: own folder for uploads and results.
+    upload_bytes, upload_files: limits of one upload. seconds, memory_bytes: limits of one
+    measuring process. jobs: number of results kept. waiting: number of measurements that may wait.
     """
 
     folders: tuple[Path, ...]

@@ -1,4 +1,4 @@
-"""What all requests of a server share."""
+"""State shared by all requests of a server."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from .files.folders import Folders
 from .files.uploads import Uploads
 from .jobs.queue import Jobs
 from .security import Guard
-from .settings import Settings
+from .settings import PageSettings
 
 
-class State:
-    """The allowed folders, what was uploaded, and what was measured."""
+class PageState:
+    """Allowed folders, uploads and jobs of a server."""
 
-    def __init__(self, settings: Settings, guard: Guard) -> None:
+    def __init__(self, settings: PageSettings, guard: Guard) -> None:
         self.settings, self.guard = settings, guard
         self.folders = Folders(tuple(folder.resolve() for folder in settings.folders))
         self.uploads, self.jobs = Uploads(settings), Jobs(settings)

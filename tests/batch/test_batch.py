@@ -329,7 +329,7 @@ def test_the_summary_says_how_much_more_failed(tmp_path):
         (["--memory", "much"], "a size such as 900M"),
         (["--target", "disc-25"], "disc-250"),
         (["--coordinates", "spherical"], "--angle-unit"),
-        (["--date-in-name", "("], "no regular expression"),
+        (["--date-in-name", "("], "not a regular expression"),
         (["--date-in-name", "(?P<y>.)"], "y, m and d"),
         (["--date-in-name", r"(\d+)-(\d+)-(\d+)"], "it has 3 groups"),
         (["--scheduler", "tcp://127.0.0.1:1", "--workers", "2"], "leave it out"),
@@ -348,7 +348,7 @@ def test_unusable_places_are_one_line(capture, tmp_path):
         (tmp_path / "nowhere", "no such folder"),
         (capture, "itself a capture"),
         (five_points(tmp_path / "car.txt", 1), "is a file"),
-        (Path(__file__).parents[1] / "poison", "holds no captures, but .py"),
+        (Path(__file__).parents[1] / "poison", "no captures found, only .py"),
     ):
         done = run(archive, tmp_path / "results")
         assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)

@@ -26,14 +26,14 @@ from tests.support.batches import (
     start,
     trees,
 )
-from wheelplane.batch.plan.discover import Found
-from wheelplane.batch.plan.settings import Settings
+from wheelplane.batch.plan.discover import FoundCapture
+from wheelplane.batch.plan.settings import BatchSettings
 from wheelplane.batch.plan.shard import Shard
 from wheelplane.batch.run import run as run_module
-from wheelplane.batch.run.ledger import Ledger
 from wheelplane.batch.run.progress import Lines
+from wheelplane.batch.run.result_index import ResultIndex
 from wheelplane.batch.run.run import Batch
-from wheelplane.batch.run.work import Request, work
+from wheelplane.batch.run.work import RunRequest, work
 from wheelplane.batch.storage.entry import Entry
 from wheelplane.batch.storage.store import open_store
 from wheelplane.errors import InputError
@@ -200,7 +200,7 @@ class Direct:
 
 def batch_of(archive, results, scratch, error=None, settings=None) -> Batch:
     scratch.mkdir()
-    request = Request(str(archive), str(results), settings or Settings())
+    request = RunRequest(str(archive), str(results), settings or BatchSettings())
     return Batch(request, Direct(error), scratch, Lines())
 
 
@@ -249,7 +249,7 @@ def test_a_change_elsewhere_is_learnt_once(tmp_path, first):
     results, archive = open_store(str(tmp_path / "results")), open_store(str(tmp_path / "archive"))
     archive.write("ours.toml", b"")
     now = archive.stat("ours.toml")
-    found = Found("car", "folder", (Entry("car/rr.ply", 1, "1-1"),))
+    found = FoundCapture("car", "folder", (Entry("car/rr.ply", 1, "1-1"),))
     old, new = "0" * 64, "1" * 64
     for key in (old, new):
         results.write(f"measurements/{key[:2]}/{key}.json", b"{}")
@@ -260,10 +260,10 @@ def test_a_change_elsewhere_is_learnt_once(tmp_path, first):
     for file, (key, elsewhere) in told.items():
         line = json.dumps(["car", found.fingerprint, key, json.dumps(elsewhere)])
         results.write(f"run/seen/{'f' * 16}/{file}.jsonl", f"{line}\n".encode())
-    ledger = Ledger(results, "f" * 64, archive, tmp_path / "ledger")
-    ledger.load()
-    assert ledger.is_done(found)
-    assert ledger.outdated() == [old]
+    index = ResultIndex(results, "f" * 64, archive, tmp_path / "index")
+    index.load()
+    assert index.is_done(found)
+    assert index.outdated() == [old]
 
 
 def test_a_watched_folder_sees_a_change_of_a_file_that_is_named_elsewhere(tmp_path):

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from tests.support.batches import five_points
 from tests.test_structure import ROOMS, sources
-from wheelplane.batch.plan.discover import Found, discover
-from wheelplane.batch.plan.settings import Settings
+from wheelplane.batch.plan.discover import FoundCapture, discover
+from wheelplane.batch.plan.settings import BatchSettings
 from wheelplane.batch.plan.shard import Shard, read_shard
-from wheelplane.batch.run.child import ChildError
-from wheelplane.batch.run.measure_one import PassingError, Subject, Verdict, measure_bytes
-from wheelplane.batch.run.stages import STAGES, passing, stage_of
+from wheelplane.batch.run.measure_one import Outcome, Subject, TransientError, measure_bytes
+from wheelplane.batch.run.stages import STAGES, stage_of, transient_fault
 from wheelplane.batch.run.tasks import MOST_TOGETHER, Run, tasks_of
-from wheelplane.batch.run.work import ArchiveError, Done, Request, Task
+from wheelplane.batch.run.work import ArchiveError, CompletedCapture, RunRequest, Task
+from wheelplane.batch.run.worker_process import WorkerError
 from wheelplane.batch.storage.entry import Entry
 from wheelplane.batch.storage.scratch import PREFIX, scratch_folder
 from wheelplane.capture.open_capture import CaptureOptions, open_capture
@@ -85,7 +85,7 @@ def test_captures_are_found_as_they_are_defined(names, tmp_path_factory):
 
 
 def test_an_archive_that_is_itself_a_capture_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"archive: holds rr\.ply, so it is itself a capture"):
+    with pytest.raises(InputError, match=r"archive: contains rr\.ply, so it is itself a capture"):
         found_in(["rr.ply", "x/a.zip"], tmp_path / "captures")
 
 
@@ -121,21 +121,23 @@ def test_what_is_no_shard_is_said(text):
     ],
 )
 def test_the_day_is_read_from_the_name(pattern, name, day):
-    assert Settings(date_in_name=pattern).date_of(name) == day
+    assert BatchSettings(date_in_name=pattern).date_of(name) == day
 
 
 def test_settings_of_one_kind_do_not_concern_the_other():
-    plain, spherical = Settings(), Settings(coordinates="spherical", angle_unit="gon")
-    fronted = Settings(told=CaptureOptions(front=(1.0, 0.0, 0.0), of_clouds=True))
+    plain, spherical = BatchSettings(), BatchSettings(coordinates="spherical", angle_unit="gon")
+    fronted = BatchSettings(options=CaptureOptions(front=(1.0, 0.0, 0.0), of_clouds=True))
     assert plain.digest("folder") == spherical.digest("folder") != fronted.digest("folder")
     assert plain.digest("five-point") == fronted.digest("five-point")
     assert plain.digest("five-point") != spherical.digest("five-point")
-    assert len({plain.mark, spherical.mark, fronted.mark}) == 3
+    assert len({plain.settings_hash, spherical.settings_hash, fronted.settings_hash}) == 3
 
 
 def test_a_full_disk_and_too_little_memory_are_no_facts_of_a_capture(tmp_path, monkeypatch):
-    subject = Subject(five_points(tmp_path / "car.txt", 1), "car.txt", "five-point", Settings())
-    assert measure_bytes(subject).verdict == Verdict("ok")
+    subject = Subject(
+        five_points(tmp_path / "car.txt", 1), "car.txt", "five-point", BatchSettings()
+    )
+    assert measure_bytes(subject).outcome == Outcome("ok")
 
     def full(_):
         try:
@@ -153,22 +155,22 @@ def test_a_full_disk_and_too_little_memory_are_no_facts_of_a_capture(tmp_path, m
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.setattr("wheelplane.batch.run.measure_one._measure", full)
-    with pytest.raises(PassingError, match="No space left"):
+    with pytest.raises(TransientError, match="No space left"):
         measure_bytes(subject)
     monkeypatch.setattr("wheelplane.batch.run.measure_one._measure", greedy)
     with pytest.raises(MemoryError):
         measure_bytes(subject)
     monkeypatch.setattr("wheelplane.batch.run.measure_one._measure", wrong)
     result = measure_bytes(subject)
-    assert result.verdict.status == "failed"
-    assert "a fault of the program (ZeroDivisionError" in result.verdict.reason
+    assert result.outcome.status == "failed"
+    assert "internal error (ZeroDivisionError" in result.outcome.reason
     assert "Traceback" in result.log
 
 
 def test_passing_faults_are_seen_through_their_consequences():
-    assert passing(InputError("x")) is None
-    assert passing(OSError(errno.EIO, "bad sector")) is None
-    assert passing(OSError(errno.ENOSPC, "full")) is not None
+    assert transient_fault(InputError("x")) is None
+    assert transient_fault(OSError(errno.EIO, "bad sector")) is None
+    assert transient_fault(OSError(errno.ENOSPC, "full")) is not None
     assert stage_of(InputError("never raised")) == "read"
 
 
@@ -238,15 +240,15 @@ class Script:
     def submit(self, task):
         from concurrent.futures import Future
 
-        future: Future[list[Done]] = Future()
+        future: Future[list[CompletedCapture]] = Future()
         self.tasks.append(task)
         for found in task.captures:
             told = self.said.get(found.name)
-            if told and task.verdict is None:
+            if told and task.outcome is None:
                 future.set_exception(told.pop(0))
                 return future
-        verdict = task.verdict or Verdict("ok")
-        future.set_result([Done(f.name, "", verdict, None, ()) for f in task.captures])
+        outcome = task.outcome or Outcome("ok")
+        future.set_result([CompletedCapture(f.name, "", outcome, None, ()) for f in task.captures])
         return future
 
     def close(self) -> None:
@@ -254,23 +256,23 @@ class Script:
 
 
 def outcomes(said, count=120, monkeypatch=None):
-    request = Request("a", "r", Settings())
-    small = [Found(f"c{k}", "five-point", (Entry(f"c{k}", 10, ""),)) for k in range(count)]
+    request = RunRequest("a", "r", BatchSettings())
+    small = [FoundCapture(f"c{k}", "five-point", (Entry(f"c{k}", 10, ""),)) for k in range(count)]
     engine = Script(said)
     run = Run(tasks_of(request, small), engine, lambda: None, lambda _: None)
-    found = {done.name: done.verdict for done in run.outcomes()}
+    found = {done.name: done.outcome for done in run.outcomes()}
     assert len(found) == count
     return found, engine
 
 
 def died(cause):
-    return ChildError(cause, f"it {cause}")
+    return WorkerError(cause, f"it {cause}")
 
 
 def test_of_several_together_only_the_guilty_one_is_put_aside():
     found, engine = outcomes({"c7": [died("crashed")] * 9})
-    assert {name for name, verdict in found.items() if verdict.status != "ok"} == {"c7"}
-    assert found["c7"] == Verdict("quarantined", "child", "it crashed")
+    assert {name for name, outcome in found.items() if outcome.status != "ok"} == {"c7"}
+    assert found["c7"] == Outcome("quarantined", "child", "it crashed")
     alone = [task for task in engine.tasks if [f.name for f in task.captures] == ["c7"]]
     assert len(alone) == 3  # twice measured, once written down
     assert max(len(task.captures) for task in engine.tasks) == MOST_TOGETHER
@@ -288,12 +290,14 @@ def test_who_is_killed_from_outside_is_not_blamed_at_once():
 def test_what_cannot_be_read_is_a_row_and_what_cannot_be_written_ends_the_run(monkeypatch):
     monkeypatch.setattr("wheelplane.batch.run.tasks.FIRST_WAIT_S", 0.0)
     found, _ = outcomes({"c7": [ArchiveError("c7 is gone")] * 9})
-    assert found["c7"] == Verdict("failed", "read", "its files cannot be read from the archive")
-    assert sum(verdict.status == "ok" for verdict in found.values()) == 119
-    with pytest.raises(InputError, match=r"disk full \(the run stops; the same command goes on"):
-        outcomes({f"c{k}": [PassingError("disk full")] * 9 for k in range(120)})
-    found, _ = outcomes({"c7": [PassingError("disk full")] * 3})
-    assert {verdict.status for verdict in found.values()} == {"ok"}
+    assert found["c7"] == Outcome("failed", "read", "its files cannot be read from the archive")
+    assert sum(outcome.status == "ok" for outcome in found.values()) == 119
+    with pytest.raises(
+        InputError, match=r"disk full \(run stopped; repeat the command to continue"
+    ):
+        outcomes({f"c{k}": [TransientError("disk full")] * 9 for k in range(120)})
+    found, _ = outcomes({"c7": [TransientError("disk full")] * 3})
+    assert {outcome.status for outcome in found.values()} == {"ok"}
 
 
 def test_scratch_of_the_killed_is_cleared_and_that_of_the_living_is_not(tmp_path, monkeypatch):
@@ -308,7 +312,9 @@ def test_scratch_of_the_killed_is_cleared_and_that_of_the_living_is_not(tmp_path
 
 def test_small_captures_go_together_and_large_ones_alone():
     sizes = [10] * 70 + [10**6] * 2 + [10]
-    captures = [Found(str(k), "five-point", (Entry(str(k), s, ""),)) for k, s in enumerate(sizes)]
-    tasks: list[Task] = list(tasks_of(Request("a", "r", Settings()), captures))
+    captures = [
+        FoundCapture(str(k), "five-point", (Entry(str(k), s, ""),)) for k, s in enumerate(sizes)
+    ]
+    tasks: list[Task] = list(tasks_of(RunRequest("a", "r", BatchSettings()), captures))
     assert sorted(len(task.captures) for task in tasks) == [1, 1, 21, 50]
     assert sorted(int(f.name) for task in tasks for f in task.captures) == list(range(73))

@@ -126,9 +126,11 @@ def test_the_same_jsons_give_the_same_bytes_whatever_the_way_there(store, tmp_pa
 def test_an_update_reads_only_what_changed(store, monkeypatch):
     rebuild(store)
     read = []
-    real = catalogue_module.gathered
+    real = catalogue_module.load_changed_records
     monkeypatch.setattr(
-        catalogue_module, "gathered", lambda s, c, p: read.extend(c.read) or real(s, c, p)
+        catalogue_module,
+        "load_changed_records",
+        lambda s, c, p: read.extend(c.read) or real(s, c, p),
     )
     time.sleep(2 * GRAIN_NS * 1e-9)  # what was written just before is looked at once more
     update(store)
@@ -162,17 +164,17 @@ def test_results_moved_in_with_their_old_dates_are_found(store, tmp_path):
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
-        (lambda data: data[: len(data) // 2], "not JSON, or not whole"),
-        (lambda data: b"", "not JSON, or not whole"),
+        (lambda data: data[: len(data) // 2], "not JSON, or incomplete"),
+        (lambda data: b"", "not JSON, or incomplete"),
         (lambda data: data[:-200] + b"\0" * 200, "zero byte"),
         (lambda data: data.replace(b"five-point", b"five-\xff\xfeint", 1), "not UTF-8"),
         (lambda data: data.replace(b'"toe_deg": ', b'"toe_deg": "high", "x": ', 1), "not a number"),
         (lambda data: data.replace(b"measurement/1", b"measurement/9"), "schema"),
         (lambda data: b"[1, 2]\n", "schema None"),
-        (lambda data: b'{"schema": "wheelplane/measurement/1"}', "no `wheels`"),
-        (lambda data: data.replace(b'"key": "', b'"key": "0'), "it holds the result"),
+        (lambda data: b'{"schema": "wheelplane/measurement/1"}', "`wheels` or `batch` is missing"),
+        (lambda data: data.replace(b'"key": "', b'"key": "0'), "contains the result"),
         (lambda data: data.replace(b'"date": null', b'"date": "tomorrow"'), "not ISO 8601"),
-        (lambda data: data.replace(b'"wheels": [', b'"wheels": [7, '), "wheel is no object"),
+        (lambda data: data.replace(b'"wheels": [', b'"wheels": [7, '), "wheel is not an object"),
         (lambda data: data.replace(b'"capture": "', b'"capture": "\\udceb'), "not Unicode"),
     ],
 )
@@ -245,7 +247,7 @@ catalogue.update(open_store(sys.argv[1]))
 """
 
 
-@pytest.mark.parametrize("moment", ["put", "seal", "_publish"])
+@pytest.mark.parametrize("moment", ["put", "write_sqlite_file", "_publish"])
 def test_a_catalogue_outlives_a_writer_killed_at_any_moment(store, moment):
     rebuild(store)
     told = digest(store.local)
@@ -296,7 +298,7 @@ def test_an_open_catalogue_stays_as_it_was(store):
 
 
 def test_a_folder_without_results_is_told_in_a_line(tmp_path):
-    with pytest.raises(InputError, match="holds no results: name the folder"):
+    with pytest.raises(InputError, match="no results found: give the folder"):
         open_catalogue(str(tmp_path))
     assert list(tmp_path.iterdir()) == []
 
@@ -306,7 +308,7 @@ def test_results_that_cannot_be_written_to_can_be_read(store, monkeypatch):
     monkeypatch.setattr(catalogue_module, "_lock_file", lambda _: None)
     assert len(shown(store.local)) == 40
     assert not (store.local / FILE).exists()
-    with pytest.raises(InputError, match="cannot be written to"):
+    with pytest.raises(InputError, match="not writable"):
         update(store)
 
 
@@ -318,7 +320,7 @@ def test_progress_is_told(store):
 
 def test_a_catalogue_in_object_storage(remote, tmp_path, monkeypatch):  # noqa: F811
     trees = some(20)
-    with pytest.raises(InputError, match="holds no results"):
+    with pytest.raises(InputError, match="no results found"):
         open_catalogue(remote.url)
     add(remote, *trees)
     assert len(shown(remote.url)) == 20

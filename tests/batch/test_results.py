@@ -112,9 +112,9 @@ def test_pages_join_to_the_whole_list_in_every_order(catalogue):
 
 
 def test_a_quantity_that_is_unknown_is_told_with_the_nearest(catalogue):
-    with pytest.raises(InputError, match=r"'RR tow'.*try 'RR toe'"):
+    with pytest.raises(InputError, match=r"'RR tow'.*did you mean 'RR toe'"):
         count(catalogue, Filter(ranges=(Range("RR tow"),)))
-    with pytest.raises(InputError, match=r"'wheelbase_lefd'.*try 'wheelbase_left'"):
+    with pytest.raises(InputError, match=r"'wheelbase_lefd'.*did you mean 'wheelbase_left'"):
         series(catalogue, ["wheelbase_lefd"])
 
 
@@ -236,7 +236,7 @@ def test_a_planted_drift_is_found_and_the_rest_is_not(catalogue):
 
 def test_too_little_for_a_drift_says_so():
     assert drift(made([1.0, 2.0])).reason == "fewer than three dated values"
-    assert drift(made([1.0, 2.0, 3.0], day=[5, 5, 5])).reason == "all of one date"
+    assert drift(made([1.0, 2.0, 3.0], day=[5, 5, 5])).reason == "all on one date"
     assert drift(made([1.0, 2.0, 3.0], day=[1, 2, math.nan])).n == 2
     flat = drift(made([1.0] * 5, 0.0))
     assert (flat.slope, flat.significant) == (0.0, False)
@@ -337,7 +337,7 @@ def test_the_list_has_signs_units_reasons_and_totals(results):
     assert "\x1b" not in told.stdout
     assert "\\x1b[2J" in by_name["=site/formula"]
     assert lines[-1] == "17 captures: 4 failed, 11 ok, 1 part, 1 quarantined."
-    assert "Toe-in and top-out are positive" in lines[-2]
+    assert "Toe-in and camber with the top outward are positive" in lines[-2]
 
 
 def test_exit_codes_and_filters_of_the_command(results):
@@ -377,13 +377,13 @@ def test_csv_is_printed_as_it_is_written(results, tmp_path):
         (["--since", "yesterday"], "--since yesterday: is not a date"),
         (["--where", "RR toe", "1"], "write the range as MIN..MAX"),
         (["--where", "RR toe", "2..1"], "write the range as MIN..MAX"),
-        (["--where", "RR tow", "1.."], "try 'RR toe'"),
+        (["--where", "RR tow", "1.."], "did you mean 'RR toe'"),
         (["--quantity", "x", "--drift"], "quantity 'x'"),
         (["--summary", "--worst", "3", "--json"], "choose one"),
         (["--sql", "SELECT 1", "--csv", "x.csv"], "stands alone"),
         (["--sql", "SELECT 1", "--status", "ok"], "stands alone"),
         (["--worst", "0"], "--worst"),
-        (["--sql", "DROP TABLE captures"], "only reading is allowed"),
+        (["--sql", "DROP TABLE captures"], "read-only: write a SELECT"),
         (["--csv", "/nowhere/at/all.csv"], "/nowhere/at/all.csv: cannot be written"),
         (["--status", "good"], "--status"),
     ],
@@ -460,7 +460,7 @@ def test_an_exported_table_holds_every_number(results, catalogue, tmp_path, kind
 
 def test_what_excel_does_not_take_is_told(monkeypatch, catalogue, tmp_path):
     monkeypatch.setattr(export, "EXCEL_ROWS", 17)
-    with pytest.raises(InputError, match=r"17 captures are more than the 16.*--parquet"):
+    with pytest.raises(InputError, match=r"17 captures exceed the 16 rows.*--parquet"):
         export.export(tmp_path / "t.xlsx", export.table(catalogue), export.write_xlsx)
     assert list(tmp_path.iterdir()) == []
     monkeypatch.setattr(export, "EXCEL_ROWS", 18)

@@ -30,10 +30,10 @@ SPACING_M = 0.00161  # gives scans of 200,000 points
 PLAIN = """
 import sys, pathlib
 from wheelplane.batch.run.measure_one import Subject, measure_bytes
-from wheelplane.batch.plan.settings import Settings
+from wheelplane.batch.plan.settings import BatchSettings
 for name in sys.argv[2:]:
     kind = "zip" if name.endswith(".zip") else "folder"
-    measure_bytes(Subject(pathlib.Path(sys.argv[1], name), name, kind, Settings()))
+    measure_bytes(Subject(pathlib.Path(sys.argv[1], name), name, kind, BatchSettings()))
 """
 
 

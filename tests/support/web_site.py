@@ -11,7 +11,7 @@ from pathlib import Path
 
 from wheelplane.web.app import create_app
 from wheelplane.web.security import KEY_HEADER, Guard
-from wheelplane.web.settings import Settings
+from wheelplane.web.settings import PageSettings
 
 PORT = 8765
 HERE = f"127.0.0.1:{PORT}"
@@ -29,7 +29,7 @@ class Site:
         for folder in (self.allowed, scratch):
             folder.mkdir(parents=True, exist_ok=True)
         self.guard = Guard(port, token=token)
-        settings = Settings(folders=(self.allowed,), scratch=scratch, **limits)
+        settings = PageSettings(folders=(self.allowed,), scratch=scratch, **limits)
         self.app = create_app(settings, self.guard)
         self.client = self.app.test_client()
         for name in ("127.0.0.1", "localhost"):

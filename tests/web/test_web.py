@@ -94,7 +94,7 @@ def test_an_allowed_folder_that_is_a_capture_is_measured_by_its_own_name(tmp_pat
     )
     told = site.measure({"root": 0, "path": ""})
     assert told["name"] == "allowed"
-    assert told["failure"]["text"].startswith("allowed: '../FL.ply' lies outside")
+    assert told["failure"]["text"].startswith("allowed: '../FL.ply' is outside")
     site.close()
 
 

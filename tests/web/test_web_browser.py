@@ -18,7 +18,7 @@ from tests.support.web_site import PAPER, write_results
 from wheelplane.web.app import create_app
 from wheelplane.web.security import Guard
 from wheelplane.web.server import free_port
-from wheelplane.web.settings import Settings
+from wheelplane.web.settings import PageSettings
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = [
@@ -58,7 +58,7 @@ def serving(folder, scratch):
     """The address of a page that may open this folder."""
     with free_port("127.0.0.1", 0) as listening:
         port = listening.getsockname()[1]
-        settings = Settings(folders=(folder,), scratch=scratch)
+        settings = PageSettings(folders=(folder,), scratch=scratch)
         app = create_app(settings, Guard(port))
         server = make_server("127.0.0.1", port, app, threaded=True, fd=listening.fileno())
         thread = threading.Thread(target=server.serve_forever)
@@ -174,7 +174,7 @@ def test_load_look_and_save(visit, folder):
     page.wait_for_selector(".items")
     visit.check_with_axe()
     visit.measure("capture")
-    assert page.locator("#steps [aria-current]").inner_text().split() == ["2", "Look"]
+    assert page.locator("#steps [aria-current]").inner_text().split() == ["2", "View"]
     rows = page.locator("table.angles tbody tr")
     assert rows.count() == 5
     assert rows.nth(0).inner_text().startswith("RR")
@@ -182,7 +182,7 @@ def test_load_look_and_save(visit, folder):
 
     until(page, "/^[0-9,]+ points$/.test(document.querySelector('.look .small').textContent)")
     rows.nth(2).locator("button").click()
-    assert page.locator(".evidence h2").inner_text() == "Evidence of FR"
+    assert page.locator(".evidence h2").inner_text() == "Details of FR"
     until(page, "[...document.querySelectorAll('.evidence img')].every(i => i.complete)")
     assert page.evaluate("document.querySelectorAll('.evidence img').length") == 3
     assert page.evaluate(
@@ -217,7 +217,7 @@ def test_the_report_opens_and_downloads(visit):
     report.close()
     page.select_option(".save select[name=format]", "txt")
     with page.expect_download() as loaded:
-        page.get_by_role("button", name="Save by the browser").click()
+        page.get_by_role("button", name="Download").click()
     assert loaded.value.suggested_filename == "figure-4.txt"
     assert Path(loaded.value.path()).read_bytes().startswith(b"wheelplane ")
 
@@ -251,7 +251,7 @@ def test_the_picture_answers_mouse_keys_and_wheel(visit):
     assert page.locator(".w3d-label:visible").count() == 0
     page.get_by_label("labels").check()
     page.locator("button.w3d-label", has_text="FL").click()
-    assert page.locator(".evidence h2").inner_text() == "Evidence of FL"
+    assert page.locator(".evidence h2").inner_text() == "Details of FL"
     assert page.locator("table.angles tr.chosen").inner_text().startswith("FL")
 
 
@@ -329,7 +329,7 @@ def test_a_wheel_is_chosen_in_the_picture(visit):
     page.get_by_label("labels").uncheck()
     box = page.locator(".w3d canvas").bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2 + 25)
-    chosen = page.locator(".evidence h2").inner_text().removeprefix("Evidence of ")
+    chosen = page.locator(".evidence h2").inner_text().removeprefix("Details of ")
     assert chosen in ("RL", "1", "2")  # the trials stand on RL
 
 
@@ -502,7 +502,7 @@ def test_angles_whose_points_are_lost_are_shown_with_the_reason(visit):
         page, "document.querySelector('.look .small')?.textContent.includes('rr.ply: it is gone')"
     )
     assert page.locator("table.angles tbody tr").count() == 5
-    assert " points. The rest" in page.locator(".look .small").inner_text()
+    assert " points. The remaining" in page.locator(".look .small").inner_text()
 
 
 def test_the_manual_opens(visit):
@@ -550,7 +550,7 @@ def test_everything_is_reached_by_keyboard(visit):
     outline = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
     assert outline == "solid"  # where one is can be seen
     page.keyboard.press("Enter")
-    assert page.locator(".evidence h2").inner_text() == "Evidence of FR"
+    assert page.locator(".evidence h2").inner_text() == "Details of FR"
 
 
 def test_a_server_that_is_gone_is_told(browser, address):
@@ -560,7 +560,7 @@ def test_a_server_that_is_gone_is_told(browser, address):
     visit.context.set_offline(True)
     page.locator("#browser button", has_text="figure-4.txt").click()
     page.wait_for_selector("#trouble:not([hidden])")
-    assert "no longer answers" in page.locator("#trouble").inner_text()
+    assert "does not respond" in page.locator("#trouble").inner_text()
     visit.context.close()
 
 
@@ -571,6 +571,6 @@ def test_without_webgl_a_sentence_stands_in_its_place(browser, address):
     visit.measure("figure-4.txt")
     assert "needs WebGL" in page.locator(".stage").inner_text()
     page.locator("table.angles tbody tr").nth(0).locator("button").click()
-    assert page.locator(".evidence h2").inner_text() == "Evidence of RR"
+    assert page.locator(".evidence h2").inner_text() == "Details of RR"
     visit.context.close()
     assert visit.faults == []

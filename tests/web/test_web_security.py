@@ -396,7 +396,7 @@ def test_uploads_are_limited_in_size_and_number(tmp_path):
 def test_an_upload_that_breaks_off_leaves_nothing(site):
     upload = site.send()
     for name in ("rr.ply", "rr.ply/folder/a.ply"):
-        with pytest.raises(RefusedError, match="broke off 91 bytes before its end"):
+        with pytest.raises(RefusedError, match="ended 91 bytes too early"):
             site.app.config["state"].uploads.add(upload, name, io.BytesIO(b"only this"), 100)
     scratch = site.allowed.parent / "scratch"
     assert [p for p in scratch.rglob("*") if p.is_file()] == []
@@ -406,7 +406,11 @@ def test_an_upload_that_breaks_off_leaves_nothing(site):
 def test_what_was_not_stored_counts_for_nothing(tmp_path):
     site = Site(tmp_path, upload_bytes=100, upload_files=1)
     upload, uploads = site.send(), site.app.config["state"].uploads
-    for said, declared in (("broke off", 100), ("larger than", 101), ("size is not told", None)):
+    for said, declared in (
+        ("too early", 100),
+        ("larger than", 101),
+        ("does not state its size", None),
+    ):
         with pytest.raises(RefusedError, match=said):
             uploads.add(upload, "rr.ply", io.BytesIO(b"only this"), declared)
     assert site.post("/api/measure", {"upload": upload}).status_code == 400  # it holds no file
@@ -448,7 +452,7 @@ def test_malformed_files_end_in_one_line(site, name, data):
     text = told["failure"]["text"]
     assert name in text
     assert "\n" not in text
-    assert "fault" not in text
+    assert "internal error" not in text
     assert str(site.allowed.parent) not in text
 
 

@@ -76,7 +76,7 @@ def test_it_serves_this_machine_and_ends_cleanly_on_ctrl_c(tmp_path):
         process.send_signal(signal.SIGINT)
         out, errors = process.communicate(timeout=20)
         assert process.returncode == 0
-        assert out == "Ended.\n"
+        assert out == "Stopped.\n"
         assert errors == ""
     assert list((tmp_path / "tmp").iterdir()) == []
 
@@ -109,7 +109,7 @@ def test_a_busy_port_gives_way_to_the_next(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with started(tmp_path, "--port", str(port)) as (_, said):
-            assert f"Port {port} is taken" in said
+            assert f"Port {port} is in use" in said
             assert port_in(said) != port
             assert ask(port_in(said))[0].status == 200
 
@@ -191,7 +191,7 @@ def test_with_all_ports_taken_it_says_so(monkeypatch):
     monkeypatch.setattr("wheelplane.web.server.TRIED_PORTS", 1)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(InputError, match="taken: name another"):
+        with pytest.raises(InputError, match="in use: give another"):
             free_port("127.0.0.1", port)
 
 

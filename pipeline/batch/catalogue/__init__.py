@@ -1,1 +1,1 @@
-"""Catalogue of the results of a batch: an SQLite index of all measurements."""
+"""Catalogue of results: an SQLite index of the results' JSON files."""

@@ -1,8 +1,8 @@
-"""catalogue.sqlite: the index over the results' JSONs, made from them and from nothing else.
+"""catalogue.sqlite: the index of the results' JSON files, built from these alone.
 
-The file is never changed in place: a new one is made beside it and takes its name. So readers
-need no lock, a killed writer leaves the old one, and the same JSONs give the same bytes, whatever
-the order, and whether it was updated or rebuilt.
+The file is never changed in place: a new one is written beside it and renamed over it. Readers
+need no lock, a killed writer leaves the old file, and the same JSON files give the same bytes in
+any order, whether the catalogue was updated or rebuilt.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from ...errors import InputError
 from ..storage.entry import PARTIAL
 from ..storage.store import Store, open_store
 from .changes import Changes, in_folder, in_storage
-from .gather import Progress, silent
+from .load_records import RecordProgress, no_progress
 from .rows import Record
-from .schema import create, drop, number_of, put, working
-from .sealed import opened, seal
-from .segments import gathered
+from .schema import create, drop, number_of, open_draft, put
+from .segments import load_changed_records
+from .sqlite_file import open_sqlite_file, write_sqlite_file
 
 FILE, LOCK = "catalogue.sqlite", "catalogue.lock"
 
 
 @dataclass(frozen=True)
 class Catalogue:
-    """An open catalogue, for reading, from any thread; `query` and `trends` ask it."""
+    """Open catalogue, read-only, usable from any thread; see `query` and `trends`."""
 
     store: Store
     connection: sqlite3.Connection
@@ -46,97 +46,101 @@ class Catalogue:
         self.connection.close()
 
 
-def rebuild(store: Store, progress: Progress = silent) -> int:
-    """Make the catalogue anew from the JSONs; how many were read. Raises InputError.
+def rebuild(store: Store, progress: RecordProgress = no_progress) -> int:
+    """Rebuild the catalogue from the JSON files and return how many were read.
 
-    progress: called with the number of JSONs read and of those to read.
+    progress: called with the number of files read and the number to read. Raises InputError.
     """
-    with _workplace(store) as place:
-        return _refresh(store, place, progress, anew=True)
+    with _workspace(store) as workspace:
+        return _refresh(store, workspace, progress, from_scratch=True)
 
 
-def update(store: Store, progress: Progress = silent) -> int:
-    """Bring the catalogue up to date with the JSONs; how many differed. Raises InputError.
+def update(store: Store, progress: RecordProgress = no_progress) -> int:
+    """Bring the catalogue up to date with the JSON files and return how many differed.
 
-    It finds out itself what changed. Its cost hardly depends on how much did (the whole file is
-    laid out again): 1 s at 100,000 results. So a runner calls it every minute, not every result.
+    The changes are detected here. The cost hardly depends on their number, since the whole file is
+    written again (1 s at 100,000 results): call it once a minute, not once a result.
+    Raises InputError.
     """
-    with _workplace(store) as place:
-        return _refresh(store, place, progress)
+    with _workspace(store) as workspace:
+        return _refresh(store, workspace, progress)
 
 
-def open_catalogue(results: str, progress: Progress = silent) -> Catalogue:
-    """The catalogue of a folder or URL of results, made or brought up to date first.
+def open_catalogue(results: str, progress: RecordProgress = no_progress) -> Catalogue:
+    """Open the catalogue of a folder or URL of results, after bringing it up to date.
 
-    While another process is at that, the one that stands is used. Where results cannot be written
-    to, and for object storage, a passing copy serves. Raises InputError.
+    While another process updates it, the existing file is used. For results that are read-only,
+    and for object storage, a temporary copy is used. Raises InputError.
     """
     store = open_store(results)
     if store.local is not None and not (store.local / "measurements").is_dir():
-        raise InputError(f"{results}: holds no results: name the folder that `batch` wrote to")
-    with _workplace(store, reading=True) as place:
-        if place.ours:
-            _refresh(store, place, progress)
-        connection = opened(place.file, verified=place.ours)
+        raise InputError(f"{results}: no results found: give the folder that `batch` wrote to")
+    with _workspace(store, reading=True) as workspace:
+        if workspace.locked:
+            _refresh(store, workspace, progress)
+        connection = open_sqlite_file(workspace.file, verified=workspace.locked)
     if connection is None:
-        raise InputError(f"{results}/{FILE}: is damaged, and being made anew: try again later")
+        raise InputError(f"{results}/{FILE}: damaged, and being rebuilt: try again later")
     if store.local is None and not connection.execute("SELECT 1 FROM captures").fetchone():
-        raise InputError(f"{results}: holds no results: name the URL that `batch` wrote to")
+        raise InputError(f"{results}: no results found: give the URL that `batch` wrote to")
     return Catalogue(store, connection)
 
 
 @dataclass(frozen=True)
-class _Place:
-    """A folder to work in, and the catalogue's file; ours: no other process is at it.
+class _Workspace:
+    """Folder for drafts, and the catalogue's file.
 
-    publish: whether the file is a copy that has to go back to object storage.
+    locked: this process holds the catalogue's lock. publish: the file is a copy that has to be
+    uploaded to object storage.
     """
 
     folder: Path
     file: Path
-    ours: bool = True
+    locked: bool = True
     publish: bool = False
 
 
 @contextmanager
-def _workplace(store: Store, reading: bool = False) -> Iterator[_Place]:
+def _workspace(store: Store, reading: bool = False) -> Iterator[_Workspace]:
     if store.local is not None and (lock := _lock_file(store.local)) is not None:
         file = store.local / FILE
         with lock:
-            ours = _locked(lock, wait=not (reading and file.exists()))
-            yield _Place(store.local / PARTIAL, file, ours)
+            locked = _acquire(lock, wait=not (reading and file.exists()))
+            yield _Workspace(store.local / PARTIAL, file, locked)
         return
     if store.local is not None and not reading:
-        raise InputError(f"{store.local}: cannot be written to: see to its permissions")
+        raise InputError(f"{store.local}: not writable: check its permissions")
     with tempfile.TemporaryDirectory(prefix="wheelplane-") as folder:
         file = Path(folder) / FILE
         if store.exists(FILE):
             shutil.copy2(store.fetch(FILE, Path(folder) / "fetched"), file)
-        yield _Place(Path(folder), file, publish=not reading)
+        yield _Workspace(Path(folder), file, publish=not reading)
 
 
-def _refresh(store: Store, place: _Place, progress: Progress, anew: bool = False) -> int:
-    """Replace the catalogue by one of the JSONs as they are now; how many differed."""
-    draft, final = (place.folder / uuid.uuid4().hex for _ in range(2))
+def _refresh(
+    store: Store, workspace: _Workspace, progress: RecordProgress, from_scratch: bool = False
+) -> int:
+    """Replace the catalogue by one of the present JSON files; return how many differed."""
+    draft, final = (workspace.folder / uuid.uuid4().hex for _ in range(2))
     try:
         draft.touch()
         now_ns = draft.stat().st_mtime_ns  # by the clock of the file system
-        current = None if anew else opened(place.file)
-        seen_ns = place.file.stat().st_mtime_ns if current else 0
+        current = None if from_scratch else open_sqlite_file(workspace.file)
+        updated_ns = workspace.file.stat().st_mtime_ns if current else 0
         changes = (
             in_storage(store, current)
             if store.local is None
-            else in_folder(store.local, current, seen_ns)
+            else in_folder(store.local, current, updated_ns)
         )
-        records = gathered(store, changes, progress)
-        differing = _draft(place.file, current, draft, final, changes, records)
+        records = load_changed_records(store, changes, progress)
+        differing = _draft(workspace.file, current, draft, final, changes, records)
         if final.exists():
-            _publish(store, place, final)
-        os.utime(place.file, ns=(now_ns, now_ns))
+            _publish(store, workspace, final)
+        os.utime(workspace.file, ns=(now_ns, now_ns))
     except (sqlite3.Error, OSError) as error:
         fact = getattr(error, "strerror", None) or str(error)
         raise InputError(
-            f"{store.url}/{FILE}: cannot be made ({fact}): see to the disk's room and permissions"
+            f"{store.url}/{FILE}: cannot be written ({fact}): check disk space and permissions"
         ) from error
     finally:
         draft.unlink(missing_ok=True)
@@ -152,34 +156,37 @@ def _draft(
     changes: Changes,
     records: Iterator[Record],
 ) -> int:
-    """Make `final` of the current catalogue and the changes, if any; how many rows differ."""
+    """Write `final` from the current catalogue and the changes; return how many rows differ.
+
+    Without changes nothing is written.
+    """
     if current is not None:
         current.close()
         if not changes:
             return 0
         shutil.copyfile(file, draft)
-    with closing(working(draft) if current else create(draft)) as connection:
+    with closing(open_draft(draft) if current else create(draft)) as connection:
         connection.execute("BEGIN")
-        drop(connection, map(number_of, changes.gone))
-        differing = len(changes.gone) + put(connection, records)
+        drop(connection, map(number_of, changes.removed))
+        differing = len(changes.removed) + put(connection, records)
         connection.execute("COMMIT")
         if differing or current is None:
-            seal(connection, final)
+            write_sqlite_file(connection, final)
     return differing
 
 
-def _publish(store: Store, place: _Place, final: Path) -> None:
-    final.replace(place.file)
+def _publish(store: Store, workspace: _Workspace, final: Path) -> None:
+    final.replace(workspace.file)
     if store.local is not None:
-        handle = os.open(place.file.parent, os.O_RDONLY)
+        handle = os.open(workspace.file.parent, os.O_RDONLY)
         os.fsync(handle)
         os.close(handle)
-    elif place.publish:
-        store.send(FILE, place.file)
+    elif workspace.publish:
+        store.send(FILE, workspace.file)
 
 
 def _lock_file(folder: Path) -> IO[str] | None:
-    """The file whose lock a writer holds; None where nothing can be written."""
+    """Open the file whose lock a writer holds; None if the folder is read-only."""
     try:
         (folder / PARTIAL).mkdir(parents=True, exist_ok=True)
         return (folder / PARTIAL / LOCK).open("w")
@@ -187,7 +194,7 @@ def _lock_file(folder: Path) -> IO[str] | None:
         return None
 
 
-def _locked(lock: IO[str], wait: bool) -> bool:
+def _acquire(lock: IO[str], wait: bool) -> bool:
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
     except BlockingIOError:

@@ -1,4 +1,4 @@
-"""Which JSONs a catalogue does not show as they are."""
+"""Differences between a catalogue and the results' JSON files."""
 
 from __future__ import annotations
 
@@ -13,55 +13,59 @@ from pathlib import Path
 
 from ..storage.entry import Entry
 from ..storage.store import Store
-from .gather import name_of
+from .load_records import json_name
 from .schema import KEY_DIGITS
 
 KEY, PREFIX = re.compile(r"[0-9a-f]{64}\.json"), re.compile(r"[0-9a-f]{2}")
-GRAIN_NS = 20_000_000  # the clock of file systems ticks at up to 10 ms
+GRAIN_NS = 20_000_000  # timestamps of file systems have a resolution of up to 10 ms
 
 
 @dataclass
 class Changes:
-    """Keys to read, and keys whose JSON is gone; entries: of object storage, by key to read."""
+    """Keys to read, and keys whose JSON file was removed.
+
+    entries: the objects of object storage, by key to read.
+    """
 
     read: list[str] = field(default_factory=list)
-    gone: list[str] = field(default_factory=list)
+    removed: list[str] = field(default_factory=list)
     entries: dict[str, Entry] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
-        return bool(self.read or self.gone)
+        return bool(self.read or self.removed)
 
 
-def in_folder(folder: Path, current: sqlite3.Connection | None, seen_ns: int) -> Changes:
-    """What changed below `folder` / measurements since the catalogue was made of it at seen_ns.
+def in_folder(folder: Path, current: sqlite3.Connection | None, updated_ns: int) -> Changes:
+    """Return the changes below `folder` / measurements since the update at updated_ns.
 
-    A new, removed or replaced file sets its folder's ctime, which no copying of old dates sets
-    back: 257 looks tell that nothing has changed. What was written into a file in place is not
-    found; `results --rebuild` reads all.
+    Adding, removing or replacing a file sets the ctime of its folder, which copying with
+    preserved dates cannot set back: 257 stat calls show that nothing has changed. A file that was
+    modified in place is not detected; `results --rebuild` reads all.
     """
     changes = Changes()
     root = folder / "measurements"
-    since_ns = seen_ns - GRAIN_NS if current else 0
+    since_ns = updated_ns - GRAIN_NS if current else 0
     try:
         folders = {e.name: e.stat().st_ctime_ns for e in os.scandir(root) if e.is_dir()}
-        renewed = root.stat().st_ctime_ns >= since_ns
+        root_changed = root.stat().st_ctime_ns >= since_ns
     except FileNotFoundError:
-        folders, renewed = {}, True
+        folders, root_changed = {}, True
     names = set(filter(PREFIX.fullmatch, folders))
-    if renewed and current is not None:
+    if root_changed and current is not None:
         names |= {row[0] for row in current.execute(_PREFIXES)}
     for prefix in sorted(names):
         changed = folders.get(prefix, since_ns) >= since_ns
-        if changed or renewed:
-            _in_one(root / prefix, _known(current, prefix), since_ns if changed else None, changes)
+        if changed or root_changed:
+            known = _known(current, prefix)
+            _in_subfolder(root / prefix, known, since_ns if changed else None, changes)
     return changes
 
 
 _PREFIXES = "SELECT DISTINCT substr(key, 1, 2) FROM captures"
 
 
-def _in_one(folder: Path, known: set[str], since_ns: int | None, changes: Changes) -> None:
-    """Add what is new, gone or, if since_ns is given, replaced since, in one folder."""
+def _in_subfolder(folder: Path, known: set[str], since_ns: int | None, changes: Changes) -> None:
+    """Add the new and removed files of one folder; with since_ns also those replaced since."""
     found = set()
     try:
         for entry in os.scandir(folder):
@@ -73,7 +77,7 @@ def _in_one(folder: Path, known: set[str], since_ns: int | None, changes: Change
                 changes.read.append(key)
     except FileNotFoundError:
         pass
-    changes.gone.extend(sorted(known - found))
+    changes.removed.extend(sorted(known - found))
     changes.read.sort()
 
 
@@ -86,48 +90,48 @@ def _known(current: sqlite3.Connection | None, prefix: str) -> set[str]:
 
 
 def in_storage(store: Store, current: sqlite3.Connection | None) -> Changes:
-    """What object storage holds otherwise than the catalogue."""
+    """Return the differences between object storage and the catalogue."""
     columns = "SELECT key, size, md5 FROM captures"
     known = {row[0]: row[1:] for row in current.execute(columns)} if current else {}
-    changes, same = Changes(), Sameness(store)
+    changes, is_unchanged = Changes(), ObjectComparison(store)
     for entry in _listed(store):
         key = entry.name[-69:-5]
-        if not same(entry, *known.pop(key, (None, ""))):
+        if not is_unchanged(entry, *known.pop(key, (None, ""))):
             changes.read.append(key)
             changes.entries[key] = entry
-    changes.gone.extend(sorted(known))
+    changes.removed.extend(sorted(known))
     return changes
 
 
-class Sameness:
-    """Whether a listed object is the one that a row was made of, by size and ETag.
+class ObjectComparison:
+    """Comparison of listed objects with rows of the catalogue, by size and ETag.
 
-    The ETag of a plain put is its MD5. Where the first that differs turns out to be none
-    (encryption with a customer's key), the size has to do.
+    The ETag of a plain put is the MD5 of the content. Where the first ETag that differs is found
+    not to be one (encryption with a customer's key), sizes decide.
     """
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._told: bool | None = None
+        self._etags_are_md5: bool | None = None
 
     def __call__(self, entry: Entry, size: int | None, md5: str) -> bool:
-        """Compare an object with the size and MD5 of a row; None is never the same."""
+        """Return whether an object has the size and MD5 of a row; False for a size of None."""
         if entry.size != size or entry.stamp == md5:
             return entry.size == size
-        if self._told is None:
-            data = self._store.read(entry.name)
-            self._told = hashlib.md5(data, usedforsecurity=False).hexdigest() == entry.stamp
-        return not self._told
+        if self._etags_are_md5 is None:
+            md5_read = hashlib.md5(self._store.read(entry.name), usedforsecurity=False).hexdigest()
+            self._etags_are_md5 = md5_read == entry.stamp
+        return not self._etags_are_md5
 
 
 def _listed(store: Store) -> Iterator[Entry]:
-    """The JSONs, sixteen listings at a time: one alone takes 0.1 s a thousand."""
+    """List the JSON files by sixteen listings at a time (one alone: 0.1 s per thousand)."""
 
     def below(digit: str) -> list[Entry]:
         return [
             entry
             for entry in store.list(f"measurements/{digit}")
-            if KEY.fullmatch(entry.name[-69:]) and entry.name == name_of(entry.name[-69:-5])
+            if KEY.fullmatch(entry.name[-69:]) and entry.name == json_name(entry.name[-69:-5])
         ]
 
     with ThreadPoolExecutor(16) as pool:

@@ -1,4 +1,4 @@
-"""Results of earlier runs: which failed, which another one replaces, whose captures are gone."""
+"""Results of earlier runs: failed, superseded, or of captures removed from the archive."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from collections.abc import Sequence
 from ...errors import InputError
 from ..storage.store import Store
 from .catalogue import open_catalogue, update
-from .gather import name_of
+from .load_records import json_name
 from .rows import FAILED
 
-GONE = "gone.json"
+REMOVED = "gone.json"  # name of a file that users hold
 
 
 def holds_results(results: Store) -> bool:
-    """Whether there is any result by now, of whichever run."""
+    """Return whether there is any result, of any run."""
     return next(results.list("measurements/"), None) is not None
 
 
 def failures(results: Store) -> list[str]:
-    """The keys of the results that `--retry` is to have anew."""
+    """Return the keys of the results that `--retry` measures again."""
     if not holds_results(results):
         return []
     update(results)
@@ -30,30 +30,32 @@ def failures(results: Store) -> list[str]:
         return [key for (key,) in rows]
 
 
-def put_aside(results: Store, key: str) -> None:
-    """Move a result to where no catalogue looks; no error if another process was faster."""
+def supersede(results: Store, key: str) -> None:
+    """Move a result to superseded/, outside the catalogue; no error if it is there already."""
     try:
-        data = results.read(name_of(key))
+        data = results.read(json_name(key))
     except InputError:
-        if results.exists(name_of(key)):
+        if results.exists(json_name(key)):
             raise
         return
     results.write(f"superseded/{key}.json", data)
-    results.remove(name_of(key))
+    results.remove(json_name(key))
 
 
-def write_gone(results: Store, names: Sequence[str]) -> None:
-    """Write down which captures have results but are no longer in the archive."""
-    if names or results.exists(GONE):
+def write_removed(results: Store, names: Sequence[str]) -> None:
+    """Record which captures have results but were removed from the archive."""
+    if names or results.exists(REMOVED):
         text = json.dumps({"gone": names}, indent=1, ensure_ascii=False)
-        results.write(GONE, f"{text}\n".encode())
+        results.write(REMOVED, f"{text}\n".encode())
 
 
-def read_gone(results: Store) -> list[str]:
-    """Their names, as the last run found them. Raises InputError."""
-    if not results.exists(GONE):
+def read_removed(results: Store) -> list[str]:
+    """Return the names recorded by the last run. Raises InputError."""
+    if not results.exists(REMOVED):
         return []
     try:
-        return [str(name) for name in json.loads(results.read(GONE))["gone"]]
+        return [str(name) for name in json.loads(results.read(REMOVED))["gone"]]
     except (ValueError, TypeError, KeyError) as error:
-        raise InputError(f"{results.url}/{GONE}: is damaged: the next batch mends it") from error
+        raise InputError(
+            f"{results.url}/{REMOVED}: damaged: run the batch again, which rewrites it"
+        ) from error

@@ -1,4 +1,4 @@
-"""One result's JSON -> its rows in the catalogue."""
+"""JSON of one result -> its rows in the catalogue."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ SECTIONS = (
 
 @dataclass(frozen=True)
 class CaptureRow:
-    """A capture: what became of it. day: `date` as days since 1970-01-01, UTC where it says none.
+    """Capture and the outcome of its measurement.
 
-    status: ok, part, failed, quarantined, or damaged (its JSON cannot be read); wheels: those of
-    the capture, trials included; wheels_ok: those with angles.
+    day: `date` in days since 1970-01-01, UTC unless it names a zone. status: ok, part, failed,
+    quarantined, or damaged (its JSON cannot be read). wheels: number of wheels and trials of the
+    capture; wheels_ok: those with angles.
     """
 
     key: str
@@ -52,7 +53,7 @@ class CaptureRow:
 
 @dataclass(frozen=True)
 class WheelRow:
-    """A wheel or trial of a capture; None where it was not measured. u: standard (k = 1)."""
+    """Wheel or trial of a capture; None where not measured. u: standard uncertainty (k = 1)."""
 
     name: str
     role: str
@@ -68,7 +69,7 @@ class WheelRow:
 
 @dataclass(frozen=True)
 class QuantityRow:
-    """A quantity of the vehicle, such as rear_total_toe; unit: deg or m."""
+    """Quantity of the vehicle, such as rear_total_toe; unit: deg or m."""
 
     kind: str
     value: float | None
@@ -78,7 +79,7 @@ class QuantityRow:
 
 @dataclass(frozen=True)
 class Record:
-    """All rows of one JSON."""
+    """All rows of one result."""
 
     capture: CaptureRow
     wheels: tuple[WheelRow, ...] = ()
@@ -86,11 +87,11 @@ class Record:
 
 
 class _DamagedError(Exception):
-    """Why a JSON is none of ours."""
+    """Reason why a JSON file is not a result."""
 
 
 def read_record(key: str, data: bytes) -> Record:
-    """The rows of the JSON `data` that stands under `key`; status `damaged`, and why, if it is."""
+    """Return the rows of the JSON `data` of the result `key`; status `damaged` with the reason."""
     blank = CaptureRow(
         key, size=len(data), md5=hashlib.md5(data, usedforsecurity=False).hexdigest()
     )
@@ -101,28 +102,28 @@ def read_record(key: str, data: bytes) -> Record:
 
 
 def _sections(data: bytes) -> list[Any]:
-    """The parts that the catalogue needs; SQLite checks and cuts the text, 5 times json's speed."""
+    """Extract the parts that the catalogue needs; SQLite parses 5 times faster than json."""
     if b"\0" in data:
-        raise _DamagedError(f"not JSON: a zero byte at {data.index(0)} of {len(data)}")
+        raise _DamagedError(f"not JSON: zero byte at {data.index(0)} of {len(data)}")
     try:
         (found,) = _connection().execute(_EXTRACT, (data.decode(),)).fetchone()
         sections = json.loads(found)
     except UnicodeDecodeError as error:
         raise _DamagedError(f"not UTF-8 at byte {error.start} of {len(data)}") from error
     except (sqlite3.Error, ValueError, TypeError) as error:
-        raise _DamagedError(f"not JSON, or not whole ({len(data)} bytes)") from error
+        raise _DamagedError(f"not JSON, or incomplete ({len(data)} bytes)") from error
     assert isinstance(sections, list)
     return sections
 
 
 _EXTRACT = f"SELECT json_extract(?, {', '.join(map(repr, SECTIONS.split()))})"
-_of_thread = threading.local()
+_per_thread = threading.local()
 
 
 def _connection() -> sqlite3.Connection:
-    if not hasattr(_of_thread, "connection"):
-        _of_thread.connection = sqlite3.connect(":memory:", check_same_thread=False)
-    connection = _of_thread.connection
+    if not hasattr(_per_thread, "connection"):
+        _per_thread.connection = sqlite3.connect(":memory:", check_same_thread=False)
+    connection = _per_thread.connection
     assert isinstance(connection, sqlite3.Connection)
     return connection
 
@@ -130,11 +131,11 @@ def _connection() -> sqlite3.Connection:
 def _record(blank: CaptureRow, sections: list[Any]) -> Record:
     schema, name, vehicle_name, wheels, frame, vehicle, batch, version = sections
     if schema != SCHEMA:
-        raise _DamagedError(f"schema {schema!r:.60} in place of {SCHEMA!r}")
+        raise _DamagedError(f"schema {schema!r:.60} instead of {SCHEMA!r}")
     if not isinstance(wheels, list) or not isinstance(batch, dict):
-        raise _DamagedError("no `wheels` or no `batch` in it")
+        raise _DamagedError("`wheels` or `batch` is missing")
     if batch.get("key") != blank.key:
-        raise _DamagedError(f"it holds the result {batch.get('key')!r:.80}")
+        raise _DamagedError(f"contains the result {batch.get('key')!r:.80}")
     rows = tuple(_wheel(wheel) for wheel in wheels)
     date = _text(batch, "date") or None
     capture = replace(
@@ -158,7 +159,7 @@ def _record(blank: CaptureRow, sections: list[Any]) -> Record:
 
 def _wheel(wheel: Any) -> WheelRow:
     if not isinstance(wheel, dict):
-        raise _DamagedError("a wheel is no object")
+        raise _DamagedError("a wheel is not an object")
     angles = {
         key: _number(wheel, key)
         for key in ("toe_deg", "camber_deg", "u_toe_deg", "u_camber_deg", "plane_rms_m")
@@ -174,9 +175,9 @@ def _wheel(wheel: Any) -> WheelRow:
 
 
 def _quantities(frame: Any, vehicle: Any) -> list[QuantityRow]:
-    """Of the vehicle and of its frame, each value with its u, in the order of the JSON."""
+    """Return the quantities of vehicle and frame with their u, in the order of the JSON."""
     if not isinstance(frame, dict) or not isinstance(vehicle, dict):
-        raise _DamagedError("`frame` or `vehicle` is no object")
+        raise _DamagedError("`frame` or `vehicle` is not an object")
     of_frame = {f"{kind}_m": frame.get(f"{kind}_m") for kind in FRAME_KINDS if frame}
     rows = []
     for key in (*of_frame, *vehicle):
@@ -188,7 +189,7 @@ def _quantities(frame: Any, vehicle: Any) -> list[QuantityRow]:
 
 
 def _points(wheels: list[Any], of_cloud: bool) -> int:
-    """Points of the scans; those of one cloud, which each of its wheels states, count once."""
+    """Return the points of all scans; those of one cloud, stated by each wheel, count once."""
     stated = [_count(wheel, "points_total") or 0 for wheel in wheels]
     return max(stated, default=0) if of_cloud else sum(stated)
 

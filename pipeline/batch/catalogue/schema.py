@@ -1,4 +1,4 @@
-"""The tables of catalogue.sqlite, and how a record is written into them."""
+"""Tables of catalogue.sqlite, and writing of records into them."""
 
 from __future__ import annotations
 
@@ -47,39 +47,40 @@ PRAGMA application_id = {APPLICATION};
 
 
 def create(path: Path) -> sqlite3.Connection:
-    """An empty catalogue to be filled."""
-    connection = working(path)
+    """Create an empty catalogue."""
+    connection = open_draft(path)
     connection.executescript(TABLES)
     return connection
 
 
-def working(path: Path) -> sqlite3.Connection:
-    """A private draft for fast writing, which a crash may spoil."""
+def open_draft(path: Path) -> sqlite3.Connection:
+    """Open a draft for fast writing, without protection against a crash."""
     connection = sqlite3.connect(path, isolation_level=None)
     connection.executescript("PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF;")
     return connection
 
 
 def number_of(key: str) -> int:
-    """The row's number of a key."""
+    """Return the row number of a key."""
     return int(key[:KEY_DIGITS], 16)
 
 
 def put(connection: sqlite3.Connection, records: Iterable[Record]) -> int:
-    """Write records, in place of what stood under their keys; how many differed from that.
+    """Insert or replace records and return how many differed from those before.
 
-    Raises InputError if two keys begin with the same KEY_DIGITS (at a million: once in 2,000,000).
+    Raises InputError if two keys share their first KEY_DIGITS (at a million results: once in
+    2,000,000).
     """
     return sum(_put(connection, record) for record in records)
 
 
 def _put(connection: sqlite3.Connection, record: Record) -> bool:
     key, number = record.capture.key, number_of(record.capture.key)
-    there = connection.execute("SELECT key, md5 FROM captures WHERE id = ?", (number,)).fetchone()
-    if there == (key, record.capture.md5):
+    present = connection.execute("SELECT key, md5 FROM captures WHERE id = ?", (number,)).fetchone()
+    if present == (key, record.capture.md5):
         return False
-    if there is not None and there[0] != key:
-        raise InputError(f"keys {there[0]} and {key} begin alike: keep one in another folder")
+    if present is not None and present[0] != key:
+        raise InputError(f"keys {present[0]} and {key} collide: move one to another folder")
     drop(connection, [number])
     marks = ", ".join("?" * (1 + len(CAPTURE_COLUMNS)))
     columns = ", ".join(("id", *CAPTURE_COLUMNS))
@@ -104,7 +105,7 @@ def _put(connection: sqlite3.Connection, record: Record) -> bool:
 
 
 def drop(connection: sqlite3.Connection, numbers: Iterable[int]) -> None:
-    """Take captures out."""
+    """Delete captures."""
     for number in numbers:
         connection.execute("DELETE FROM captures WHERE id = ?", (number,))
         connection.execute("DELETE FROM wheel_rows WHERE id = ?", (number,))
@@ -116,9 +117,9 @@ def drop(connection: sqlite3.Connection, numbers: Iterable[int]) -> None:
 
 
 def _pack(connection: sqlite3.Connection, number: int, record: Record) -> None:
-    """All numbers of a capture in one cell, values then u, which statistics read 10 times faster.
+    """Store all numbers of a capture in one cell, values then u: statistics read 10 times faster.
 
-    Names are "RR toe [deg]" and so on; little-endian float64, not a number where unmeasured.
+    Names are "RR toe [deg]" and so on; little-endian float64, nan where not measured.
     """
     found = list(numbers(record))
     if not found:
@@ -134,7 +135,7 @@ def _pack(connection: sqlite3.Connection, number: int, record: Record) -> None:
 
 
 def numbers(record: Record) -> Iterator[tuple[str, float | None, float | None]]:
-    """Name with unit, value and u of the reference wheels' angles and the vehicle's quantities."""
+    """Yield name with unit, value and u of the wheels' angles and the vehicle's quantities."""
     wheels = {wheel.name: wheel for wheel in record.wheels if wheel.role == "reference"}
     for name in REFERENCE_WHEELS:
         if name in wheels:

@@ -1,7 +1,7 @@
-"""Rows of a thousand results in one object, so that a catalogue can be made of few requests.
+"""Segments: the rows of a thousand results in one object, so that a catalogue needs few requests.
 
-A runner that writes to object storage adds every result it writes; nothing depends on it. What a
-segment says of a result counts only if the listing shows an object of that size and MD5.
+A run that writes to object storage adds every result it writes; nothing depends on it. The rows of
+a result are used only if the listing shows an object of the same size and MD5.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from collections.abc import Iterator
 from dataclasses import astuple
 
 from ..storage.store import Store
-from .changes import Changes, Sameness
-from .gather import Progress, gather
+from .changes import Changes, ObjectComparison
+from .load_records import RecordProgress, load_records
 from .rows import CaptureRow, QuantityRow, Record, WheelRow
 from .schema import APPLICATION
 
 FOLDER = "segments/"
 RESULTS = 1000  # in a segment: 1.3 MB
 FLUSH_S = 300.0  # after which fewer are written
-WORTH = 100  # results to read, from which on segments are asked first
+WORTH = 100  # from this number of results to read, segments are read first
 
 
 class Segments:
-    """Collects the results that one process writes; call `flush` at the end."""
+    """Collector of the results that one process writes; call `flush` at the end."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -34,7 +34,7 @@ class Segments:
         self._flushed_s = time.monotonic()
 
     def add(self, record: Record) -> None:
-        """Take the record of a result that was written."""
+        """Add the record of a result that was written."""
         rows = [
             astuple(record.capture),
             [astuple(w) for w in record.wheels],
@@ -45,7 +45,7 @@ class Segments:
             self.flush()
 
     def flush(self) -> None:
-        """Write what has been collected."""
+        """Write the collected records as a segment."""
         if self._lines:
             text = "\n".join([str(APPLICATION), *self._lines])
             data = gzip.compress(text.encode(), compresslevel=6, mtime=0)
@@ -55,34 +55,36 @@ class Segments:
         self._flushed_s = time.monotonic()
 
 
-def gathered(store: Store, changes: Changes, progress: Progress) -> Iterator[Record]:
-    """The records of all keys to read, from segments where these tell, else from the JSONs."""
-    for done, record in enumerate(_gathered(store, changes), start=1):
+def load_changed_records(
+    store: Store, changes: Changes, progress: RecordProgress
+) -> Iterator[Record]:
+    """Yield the records of all keys to read, from segments if possible, else from JSON files."""
+    for done, record in enumerate(_load_changed(store, changes), start=1):
         progress(done, len(changes.read))
         yield record
 
 
-def _gathered(store: Store, changes: Changes) -> Iterator[Record]:
+def _load_changed(store: Store, changes: Changes) -> Iterator[Record]:
     wanted = changes.read
     if store.local is None and len(wanted) >= WORTH:
-        same, missing = Sameness(store), dict.fromkeys(wanted)
-        for record in _written(store):
+        is_unchanged, missing = ObjectComparison(store), dict.fromkeys(wanted)
+        for record in _from_segments(store):
             row = record.capture
-            if row.key in missing and same(changes.entries[row.key], row.size, row.md5):
+            if row.key in missing and is_unchanged(changes.entries[row.key], row.size, row.md5):
                 del missing[row.key]
                 yield record
         wanted = list(missing)
-    yield from gather(store, wanted)
+    yield from load_records(store, wanted)
 
 
-def _written(store: Store) -> Iterator[Record]:
+def _from_segments(store: Store) -> Iterator[Record]:
     for entry in store.list(FOLDER):
         try:
             head, *lines = gzip.decompress(store.read(entry.name)).decode().split("\n")
             if head == str(APPLICATION):
                 yield from map(_record, lines)
         except (OSError, EOFError, ValueError, TypeError):
-            continue  # a damaged segment tells nothing: the JSONs do
+            continue  # damaged segment: the JSON files are read instead
 
 
 def _record(line: str) -> Record:

@@ -1,1 +1,1 @@
-"""Plan of a batch: the captures, their identity, the settings, the shard to run."""
+"""Captures of an archive, their identity, and the settings they are measured with."""

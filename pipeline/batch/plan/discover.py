@@ -1,7 +1,7 @@
-"""The captures of an archive, one after another, however many: folders, zips, tars, single files.
+"""Captures of an archive: folders, zips, tars and single files, in any number.
 
-The listing goes to a spool on disk, file by file. A folder that turns out to be a capture takes
-back what was written since it was entered, so that nothing but the open folders is held in memory.
+The listing is written to a spool on disk, file by file. When a folder turns out to be a capture,
+the lines written since it was entered are replaced by one. Only the open folders are in memory.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ PASSED_OVER = re.compile(r"(^|/)(\.|__MACOSX/|~\$)")
 
 
 @dataclass(frozen=True)
-class Found:
-    """A capture: its name relative to the archive, what it is, and its files, sorted by name."""
+class FoundCapture:
+    """Capture of an archive: its name relative to the archive, its kind, its files by name."""
 
     name: str
     kind: Kind
@@ -43,33 +43,33 @@ class Found:
 
     @property
     def fingerprint(self) -> str:
-        """Of names, sizes and stamps of its files: the same while none of them is touched."""
+        """Hash of the names, sizes and stamps of its files: constant while none is modified."""
         stamps = [[file.name, file.size, file.stamp] for file in self.files]
         return hashlib.sha256(json.dumps([self.kind, stamps]).encode()).hexdigest()[:32]
 
 
 @dataclass(frozen=True)
 class Captures:
-    """The captures that were found, on disk, to be read as often as needed.
+    """Captures that were found, listed on disk, iterable any number of times.
 
-    passed_over: files that are neither captures nor parts of one, counted by their suffix.
+    passed_over: files that are neither captures nor parts of one, counted by suffix.
     """
 
     spool: Path
     passed_over: Counter[str]
 
-    def __iter__(self) -> Iterator[Found]:
+    def __iter__(self) -> Iterator[FoundCapture]:
         with self.spool.open("rb") as lines:
             for line in lines:
                 name, kind, files = json.loads(line)
                 if kind:
-                    yield Found(name, kind, tuple(Entry(*file) for file in files))
+                    yield FoundCapture(name, kind, tuple(Entry(*file) for file in files))
 
 
 def discover(entries: Iterable[Entry], spool: Path, source: str) -> Captures:
-    """Find the captures among the files of the archive `source`, which come sorted by name.
+    """Find the captures among the files of the archive `source`, which are sorted by name.
 
-    Raises InputError where the archive is itself a capture.
+    Raises InputError if the archive is itself a capture.
     """
     passed_over: Counter[str] = Counter()
     with spool.open("w+b") as stream:
@@ -82,8 +82,8 @@ def discover(entries: Iterable[Entry], spool: Path, source: str) -> Captures:
             opened[-1].is_capture |= _marks_a_capture(file)
             if opened[0].is_capture:
                 raise InputError(
-                    f"{source}: holds {file}, so it is itself a capture: use `wheelplane measure`, "
-                    "name the folder above it, or move that file"
+                    f"{source}: contains {file}, so it is itself a capture: use "
+                    "`wheelplane measure`, give the folder above it, or move that file"
                 )
             kind = kind_of(file)
             if kind is None and not _may_belong(file):
@@ -95,7 +95,7 @@ def discover(entries: Iterable[Entry], spool: Path, source: str) -> Captures:
 
 
 def kind_of(file: str) -> Kind | None:
-    """What a file that stands alone is, by its name; None for no capture."""
+    """Return the kind of a single file by its name; None if it is not a capture."""
     lower, suffix = file.lower(), scan_suffix(file)
     if lower.endswith(ARCHIVE_SUFFIXES):
         return "zip" if lower.endswith(".zip") else "tar"
@@ -106,7 +106,7 @@ def kind_of(file: str) -> Kind | None:
 
 @dataclass
 class _Folder:
-    """A folder whose files are being listed, and where its part of the spool begins."""
+    """Folder whose files are being listed, and where its part of the spool begins."""
 
     path: str
     start: int
@@ -124,7 +124,7 @@ def _go_to(path: str, opened: list[_Folder], stream: BinaryIO) -> None:
 
 
 def _close(folder: _Folder, stream: BinaryIO) -> None:
-    """Of a capture, make one line of all that was written since it was opened."""
+    """Replace the lines written since a capture was opened by a single one."""
     if folder.is_capture:
         stream.seek(folder.start)
         files = [file for line in stream for file in json.loads(line)[2]]
@@ -138,10 +138,10 @@ def _put(stream: BinaryIO, name: str, kind: Kind | None, files: list[list[str | 
 
 
 def _marks_a_capture(file: str) -> bool:
-    """As capture_names.is_capture has it."""
+    """Return whether a file of this name makes its folder a capture, as capture.is_capture does."""
     return file.lower() == "capture.toml" or file.split(".")[0].upper() in REFERENCE_WHEELS
 
 
 def _may_belong(file: str) -> bool:
-    """Whether a file may be a part of a capture, though none by itself."""
+    """Return whether a file may be part of a capture without being one itself."""
     return file.lower().endswith(".toml") or _marks_a_capture(file)

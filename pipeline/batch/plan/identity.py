@@ -1,4 +1,4 @@
-"""Which capture this is: its name, the bytes of its files, and all that changes its result."""
+"""Identity of a capture: its name, the content of its files, and all that changes its result."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from ...files import sha256
 from ...report.json.measurement import SCHEMA
 from ..storage.entry import Entry
 from ..storage.store import Store
-from .discover import Found
-from .settings import Settings, digest
+from .discover import FoundCapture
+from .settings import BatchSettings, digest
 
-RACY_NS = 2_000_000_000  # what was written this shortly before it is hashed may change unseen
+RACY_NS = 2_000_000_000  # a file this recent may change once more without a new time stamp
 UNREADABLE = "unreadable"
 
 
 @dataclass(frozen=True)
 class Identity:
-    """A capture by its contents.
+    """Capture identified by its content.
 
-    inputs: `sha256:` of each file by its name inside the capture, or "unreadable". files: all of
-    them as they were listed then. elsewhere: those that its capture.toml names beyond its folder.
-    lasting: whether the same fingerprint will mean the same contents.
+    inputs: `sha256:` of each file by its name inside the capture, or "unreadable". files: all
+    files as listed at that time. elsewhere: files outside its folder that its capture.toml names.
+    lasting: the same fingerprint will mean the same content.
     """
 
     key: str
@@ -41,8 +41,8 @@ class Identity:
 
 
 @contextmanager
-def at_hand(store: Store, found: Found) -> Iterator[Path]:
-    """The local path of a capture; of a remote one that of a passing copy."""
+def local_copy(store: Store, found: FoundCapture) -> Iterator[Path]:
+    """Yield the local path of a capture; for a remote one that of a temporary copy."""
     if store.local is not None:
         yield store.local / found.name
         return
@@ -56,9 +56,9 @@ def at_hand(store: Store, found: Found) -> Iterator[Path]:
         yield source
 
 
-def identify(store: Store, found: Found, source: Path, settings: Settings) -> Identity:
-    """Hash all that the capture, which is at hand at `source`, is made of."""
-    begun_ns = time.time_ns()
+def identify(store: Store, found: FoundCapture, source: Path, settings: BatchSettings) -> Identity:
+    """Hash all files of the capture, whose local copy is at `source`."""
+    started_ns = time.time_ns()
     elsewhere = listed(store, _named_elsewhere(found, source))
     own = found.files if store.local is None else listed(store, [f.name for f in found.files])
     inputs = {
@@ -67,53 +67,53 @@ def identify(store: Store, found: Found, source: Path, settings: Settings) -> Id
     }
     settled = own == found.files and UNREADABLE not in inputs.values()
     racy = store.local is not None and any(
-        _written_ns(file) > begun_ns - RACY_NS for file in (*own, *elsewhere)
+        _written_ns(file) > started_ns - RACY_NS for file in (*own, *elsewhere)
     )
     key = _key(found, inputs, settings)
     return Identity(key, inputs, (*own, *elsewhere), elsewhere, settled and not racy)
 
 
-def unreadable(found: Found, settings: Settings) -> Identity:
-    """Of a capture none of whose files can be read."""
+def unreadable(found: FoundCapture, settings: BatchSettings) -> Identity:
+    """Return the identity of a capture none of whose files can be read."""
     inputs = {_inside(found, file.name): UNREADABLE for file in found.files}
     return Identity(_key(found, inputs, settings), inputs, found.files, (), lasting=False)
 
 
 def unchanged(store: Store, known: Identity) -> bool:
-    """Whether the files of a local capture are still those that were hashed."""
+    """Return whether the files of a local capture are still those that were hashed."""
     return store.local is None or listed(store, [f.name for f in known.files]) == known.files
 
 
 def listed(store: Store, names: Iterable[str]) -> tuple[Entry, ...]:
-    """Files as they are listed now; of one that is missing, that it is."""
+    """List files as they are now; a missing one has the stamp "missing"."""
     return tuple(store.stat(name) or Entry(name, 0, "missing") for name in names)
 
 
-def _named_elsewhere(found: Found, source: Path) -> list[str]:
-    """Files, by their names in the archive, that a folder's capture.toml names beyond it."""
+def _named_elsewhere(found: FoundCapture, source: Path) -> list[str]:
+    """Return the files outside its folder, by name in the archive, that capture.toml names."""
     path = find_capture_file(source) if found.kind == "folder" else None
     if path is None:
         return []
     try:
         declared = read_capture_file(path, found.name)
     except WheelplaneError:
-        return []  # measuring it will say what is wrong
+        return []  # the measurement will raise the same error
     names = {posixpath.normpath(posixpath.join(found.name, file)) for file in files_of(declared)}
     return sorted(names - {file.name for file in found.files})
 
 
-def _inside(found: Found, name: str) -> str:
-    """A file's name inside its folder, or its own where it is the capture."""
+def _inside(found: FoundCapture, name: str) -> str:
+    """Return the name of a file inside its capture; its own name if it is the capture."""
     return posixpath.relpath(name, found.name) if found.kind == "folder" else found.name
 
 
-def _path(found: Found, source: Path, name: str) -> Path:
+def _path(found: FoundCapture, source: Path, name: str) -> Path:
     return source / _inside(found, name) if found.kind == "folder" else source
 
 
-def _key(found: Found, inputs: dict[str, str], settings: Settings) -> str:
-    told = settings.digest(found.kind)
-    return digest([SCHEMA, __version__, found.name, found.kind, inputs, told])
+def _key(found: FoundCapture, inputs: dict[str, str], settings: BatchSettings) -> str:
+    of_settings = settings.digest(found.kind)
+    return digest([SCHEMA, __version__, found.name, found.kind, inputs, of_settings])
 
 
 def _hash(path: Path) -> str:

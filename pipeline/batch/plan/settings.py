@@ -1,4 +1,4 @@
-"""What a batch is told: how to measure its captures, whatever else is in its archive."""
+"""Settings of a batch: how its captures are measured."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ DEFAULT, OF_CLOUDS = Config(), CaptureOptions(of_clouds=True)
 
 
 @dataclass(frozen=True)
-class Settings:
-    """All that changes a result beside the capture itself.
+class BatchSettings:
+    """All that changes a result apart from the capture itself.
 
-    config: with what the scanner's file states, where `scanner` was named. target: goes before a
-    capture's own. coordinates, angle_unit, azimuth, station: of five-point files.
-    date_in_name: a pattern whose group, or groups y, m and d, tell a capture's day by its name.
+    config: includes the scanner file if `scanner` was given. target: overrides that of a capture.
+    options: overrides of capture.toml. coordinates, angle_unit, azimuth, station: for five-point
+    files. date_in_name: pattern whose group, or groups y, m and d, match the date in a name.
     """
 
     config: Config = DEFAULT
     scanner: str | None = None
     target: Target | None = None
-    told: CaptureOptions = OF_CLOUDS
+    options: CaptureOptions = OF_CLOUDS
     coordinates: Coordinates = "cartesian"
     angle_unit: AngleUnit | None = None
     azimuth: Azimuth = "auto"
@@ -42,9 +42,9 @@ class Settings:
     date_in_name: str | None = None
 
     def effective(self, kind: Kind) -> dict[str, Any]:
-        """As plain data, what matters for captures of a kind."""
+        """Return the settings that apply to captures of a kind, as plain data."""
         stated: dict[str, Any] = {
-            "length_unit": self.told.length_unit,
+            "length_unit": self.options.length_unit,
             "date_in_name": self.date_in_name,
         }
         if kind == "five-point":
@@ -60,11 +60,11 @@ class Settings:
             "config": self.config.model_dump(exclude={"report"}),
             "scanner": self.scanner is not None,
             "target": None if self.target is None else self.target.model_dump(),
-            "told": asdict(self.told),
+            "told": asdict(self.options),
         }
 
     def digest(self, kind: Kind) -> str:
-        """Of what is effective for a kind, 64 hexadecimal digits."""
+        """Return the SHA-256 of the settings that apply to a kind, 64 hexadecimal digits."""
         return self._digests[kind == "five-point"]
 
     @cached_property
@@ -72,12 +72,12 @@ class Settings:
         return digest(self.effective("folder")), digest(self.effective("five-point"))
 
     @property
-    def mark(self) -> str:
-        """Of everything: runs of one mark give the same results."""
+    def settings_hash(self) -> str:
+        """SHA-256 of settings, version and schema; runs of equal hash give the same results."""
         return digest([__version__, SCHEMA, *self._digests])
 
     def date_of(self, name: str) -> str | None:
-        """The day that a capture's name tells, as 2026-11-20; None where it tells none."""
+        """Return the date in a capture's name, as 2026-11-20; None if there is none."""
         found = re.search(self.date_in_name, name) if self.date_in_name else None
         if found is None:
             return None
@@ -87,7 +87,7 @@ class Settings:
 
 
 def iso_date(text: str) -> str | None:
-    """A date, or a date and time, as ISO 8601 writes it; None where it is none."""
+    """Return a date, or date and time, in ISO 8601; None if the text is neither."""
     from datetime import date, datetime
 
     for kind in (date, datetime):
@@ -105,20 +105,22 @@ def check_date_pattern(pattern: str) -> None:
     try:
         compiled = re.compile(pattern)
     except re.error as error:
-        raise InputError(f"--date-in-name {pattern}: no regular expression: {error}") from error
+        raise InputError(
+            f"--date-in-name {pattern}: not a regular expression ({error}): check it"
+        ) from error
     groups = compiled.groupindex
     if not groups and compiled.groups > 1:
         raise InputError(
             f"--date-in-name {pattern}: it has {compiled.groups} groups: name them y, m and d, or "
-            "keep one, around a date as 2026-11-20"
+            "keep one group around a date such as 2026-11-20"
         )
     if groups and set(groups) != {"y", "m", "d"}:
         raise InputError(
             f"--date-in-name {pattern}: its named groups are {', '.join(groups)}: name the groups "
-            "y, m and d, or none, and one group around a date as 2026-11-20"
+            "y, m and d, or use one unnamed group around a date such as 2026-11-20"
         )
 
 
 def digest(value: object) -> str:
-    """The sha256 of plain data, 64 hexadecimal digits."""
+    """Return the SHA-256 of plain data, 64 hexadecimal digits."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""The catalogue as a table in a file: CSV, Excel, Parquet; the same table, the same bytes."""
+"""Export of the catalogue as a table: CSV, Excel, Parquet; byte-identical for equal tables."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ..storage.entry import PARTIAL
 from .query import ALL, Filter, captures
 from .series import series
 
-Table = dict[str, npt.NDArray[Any]]
+Columns = dict[str, npt.NDArray[Any]]
 Cell = str | float | int | None
 LEFT_OUT = ("day", "size", "md5")
 COUNTS = ("wheels", "wheels_ok", "points_total")
@@ -34,10 +34,10 @@ EXCEL_ROWS, EXCEL_CHARACTERS = 1_048_576, 32_767
 EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
-def table(catalogue: Catalogue, which: Filter = ALL) -> Table:
-    """Columns (N,): what became of each capture, then every quantity and its u, by name.
+def table(catalogue: Catalogue, which: Filter = ALL) -> Columns:
+    """Build columns (N,) by name: the fields of each capture, then every quantity and its u.
 
-    Columns carry their units: RR_toe_deg, u_RR_toe_deg, wheelbase_m ...; nan where unmeasured.
+    Names end in the unit: RR_toe_deg, u_RR_toe_deg, wheelbase_m ...; nan where not measured.
     """
     rows = list(captures(catalogue, which))
     columns = {name: _column(name, rows) for name in CAPTURE_COLUMNS if name not in LEFT_OUT}
@@ -45,10 +45,10 @@ def table(catalogue: Catalogue, which: Filter = ALL) -> Table:
     order = np.argsort(numbers)
     for one in series(catalogue, None, which):
         name = f"{one.quantity.replace(' ', '_')}_{one.unit}"
-        places = order[np.searchsorted(numbers[order], one.numbers)]
+        indices = order[np.searchsorted(numbers[order], one.numbers)]
         for column, values in ((name, one.values), (f"u_{name}", one.u)):
             columns[column] = np.full(len(rows), np.nan)
-            columns[column][places] = values
+            columns[column][indices] = values
     return columns
 
 
@@ -56,40 +56,42 @@ def _column(name: str, rows: list[CaptureRow]) -> npt.NDArray[Any]:
     return np.array([getattr(row, name) for row in rows], np.int64 if name in COUNTS else object)
 
 
-def export(path: Path, columns: Table, write: Callable[[Path, Table], None]) -> None:
-    """Write a table whole or not at all, by one of the writers below. Raises InputError."""
+def export(path: Path, columns: Columns, write: Callable[[Path, Columns], None]) -> None:
+    """Write a table, completely or not at all, by one of the writers below. Raises InputError."""
     temporary = path.with_name(f"{PARTIAL}-{uuid.uuid4().hex}{path.suffix}")
     try:
         write(temporary, columns)
         temporary.replace(path)
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}): name another") from error
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror}): give another file"
+        ) from error
     finally:
         temporary.unlink(missing_ok=True)
 
 
-def write_csv(path: Path, columns: Table) -> None:
-    """RFC 4180 in UTF-8; a text that a spreadsheet would run as a formula gets a ' before it."""
+def write_csv(path: Path, columns: Columns) -> None:
+    """Write RFC 4180 in UTF-8; a text that a spreadsheet would run as a formula is quoted by '."""
     with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as stream:
         _write_csv(stream, columns)
 
 
-def as_csv(columns: Table) -> bytes:
-    """What `write_csv` writes."""
+def as_csv(columns: Columns) -> bytes:
+    """Return the content that `write_csv` writes."""
     text = io.StringIO(newline="")
     _write_csv(text, columns)
     return text.getvalue().encode("utf-8", "backslashreplace")
 
 
-def _write_csv(stream: TextIO, columns: Table) -> None:
+def _write_csv(stream: TextIO, columns: Columns) -> None:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
     for row in _rows(columns):
-        writer.writerow([_harmless(cell) for cell in row])
+        writer.writerow([_escaped_formula(cell) for cell in row])
 
 
-def write_xlsx(path: Path, columns: Table) -> None:
-    """One sheet, texts never as formulas. Raises InputError beyond Excel's rows."""
+def write_xlsx(path: Path, columns: Columns) -> None:
+    """Write one sheet, texts never as formulas. Raises InputError beyond Excel's rows."""
     try:
         openpyxl: Any = importlib.import_module("openpyxl")
     except ImportError as error:
@@ -97,8 +99,8 @@ def write_xlsx(path: Path, columns: Table) -> None:
     count = len(next(iter(columns.values())))
     if count >= EXCEL_ROWS:
         raise InputError(
-            f"--xlsx: {count:,} captures are more than the {EXCEL_ROWS - 1:,} that Excel takes "
-            "below a heading: choose fewer, or use --csv or --parquet"
+            f"--xlsx: {count:,} captures exceed the {EXCEL_ROWS - 1:,} rows of Excel below the "
+            "heading: filter them, or use --csv or --parquet"
         )
     book = openpyxl.Workbook(write_only=True)
     sheet = book.create_sheet("captures")
@@ -109,11 +111,11 @@ def write_xlsx(path: Path, columns: Table) -> None:
         sheet.append([_excel(cell_type, sheet, cell) for cell in row])
     raw = io.BytesIO()
     book.save(raw)
-    _undated(raw, path)
+    _without_dates(raw, path)
 
 
-def write_parquet(path: Path, columns: Table) -> None:
-    """By duckdb: texts, 64-bit integers and floats, null where unmeasured; zstd."""
+def write_parquet(path: Path, columns: Columns) -> None:
+    """Write by duckdb: texts, 64-bit integers and floats, null where not measured; zstd."""
     try:
         duckdb: Any = importlib.import_module("duckdb")
     except ImportError as error:
@@ -130,7 +132,7 @@ def write_parquet(path: Path, columns: Table) -> None:
         )
 
 
-def _rows(columns: Table) -> Iterator[list[Cell]]:
+def _rows(columns: Columns) -> Iterator[list[Cell]]:
     count = len(next(iter(columns.values())))
     for start in range(0, count, 10_000):
         block = [column[start : start + 10_000].tolist() for column in columns.values()]
@@ -138,8 +140,8 @@ def _rows(columns: Table) -> Iterator[list[Cell]]:
             yield [None if isinstance(x, float) and math.isnan(x) else x for x in row]
 
 
-def _harmless(cell: Cell) -> Cell:
-    """See https://owasp.org/www-community/attacks/CSV_Injection."""
+def _escaped_formula(cell: Cell) -> Cell:
+    """Escape formulas; see https://owasp.org/www-community/attacks/CSV_Injection."""
     return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULA) else cell
 
 
@@ -154,16 +156,16 @@ def _excel(cell_type: Any, sheet: Any, value: Cell) -> Any:
     return cell
 
 
-def _undated(raw: io.BytesIO, path: Path) -> None:
-    """Write a workbook again without the time of day in it."""
-    told = datetime(*EPOCH, tzinfo=UTC).strftime("%Y-%m-%dT%H:%M:%SZ").encode()
+def _without_dates(raw: io.BytesIO, path: Path) -> None:
+    """Rewrite a workbook with fixed time stamps."""
+    fixed = datetime(*EPOCH, tzinfo=UTC).strftime("%Y-%m-%dT%H:%M:%SZ").encode()
     with zipfile.ZipFile(raw) as before, zipfile.ZipFile(path, "w") as after:
         for name in before.namelist():
             content = before.read(name)
             if name == "docProps/core.xml":
-                content = re.sub(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", told, content)
+                content = re.sub(rb"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", fixed, content)
             after.writestr(zipfile.ZipInfo(name, EPOCH), content, zipfile.ZIP_DEFLATED)
 
 
 def _missing(name: str) -> MissingDependencyError:
-    return MissingDependencyError(f"{name} is not installed: pip install 'wheelplane[tables]'")
+    return MissingDependencyError(f"{name} is not installed: run pip install 'wheelplane[tables]'")

@@ -1,4 +1,4 @@
-"""What the catalogue tells, as text and as plain data."""
+"""Catalogue contents as text tables and as plain data."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ ANGLES = tuple(f"{wheel} {angle}" for wheel in REFERENCE_WHEELS for angle in ("t
 Angles = dict[str, tuple[float, float | None]]  # by "RR toe": degrees and u
 MONTH_DAYS = 30.0
 BLOCK = 500
-SIGNS = "Toe-in and top-out are positive."
+SIGNS = "Toe-in and camber with the top outward are positive."
 K1 = "u: standard uncertainty (k = 1)"
 
 
 def capture_table(
     catalogue: Catalogue, which: Filter = ALL, view: View = PAPER, limit: int | None = None
 ) -> Iterator[str]:
-    """Lines of a table: a capture a line, with the angles of its wheels or why there are none."""
+    """Yield the lines of a table: one capture a line, with wheel angles or the failure's reason."""
     rows = list(captures(catalogue, which, limit=limit))
     widths = [max([len(head), *map(len, map(f, rows))]) for head, f in HEADS.items()]
     angle_width = len(view.angle(math.radians(-10.0), "camber"))
@@ -38,12 +38,12 @@ def capture_table(
         angles = _angles(catalogue, [number_of(row.key) for row in block])
         for row in block:
             cells = [f"{f(row):<{w}}" for f, w in zip(HEADS.values(), widths, strict=True)]
-            cells += _told(angles.get(number_of(row.key), {}), angle_width, view)
+            cells += _angle_cells(angles.get(number_of(row.key), {}), angle_width, view)
             yield "  ".join(cells + _why(row)).rstrip()
 
 
-def _told(found: Angles, width: int, view: View) -> list[str]:
-    """The angles of a capture and the largest u; nothing if it has none."""
+def _angle_cells(found: Angles, width: int, view: View) -> list[str]:
+    """Return the cells of a capture's angles and of the largest u; empty if it has none."""
     known = [u for _, u in found.values() if u is not None]
     largest = [view.width(math.radians(max(known)), "camber").rjust(9)] if known else []
     return [_angle(found, name, view).rjust(width) for name in ANGLES if found] + largest
@@ -59,7 +59,7 @@ HEADS: dict[str, Callable[[CaptureRow], str]] = {
 
 
 def _angles(catalogue: Catalogue, numbers: list[int]) -> dict[int, Angles]:
-    """By the row's number: degrees and u of every angle of the reference wheels that has one."""
+    """Load degrees and u of the measured angles of reference wheels, by row number."""
     found: dict[int, Angles] = {}
     for number_, wheel, toe, camber, u_toe, u_camber in catalogue.connection.execute(
         "SELECT id, name, toe_deg, camber_deg, u_toe_deg, u_camber_deg FROM wheel_rows "  # noqa: S608
@@ -85,19 +85,19 @@ def _why(row: CaptureRow) -> list[str]:
 
 
 def _shown(text: str) -> str:
-    """Without what could steer a terminal."""
+    """Escape characters that a terminal would interpret."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
-def totals(rows: dict[str, int], gone: int = 0) -> str:
-    """How many captures, how many of each status, and how many are no longer in the archive."""
+def totals(rows: dict[str, int], removed: int = 0) -> str:
+    """Format the numbers of captures: all, by status, and no longer in the archive."""
     parts = ", ".join(f"{count:,} {status}" for status, count in rows.items())
-    parts += f", {gone:,} no longer in the archive" * (gone > 0)
+    parts += f", {removed:,} no longer in the archive" * (removed > 0)
     return f"{sum(rows.values()):,} captures" + (f": {parts}." if parts else ".")
 
 
 def by_status(catalogue: Catalogue, which: Filter = ALL) -> dict[str, int]:
-    """How many captures have each status."""
+    """Count the captures of each status."""
     where, values = condition(catalogue, which)
     rows = catalogue.connection.execute(
         f"SELECT status, count(*) FROM captures AS c {where} GROUP BY status ORDER BY status",  # noqa: S608
@@ -107,7 +107,7 @@ def by_status(catalogue: Catalogue, which: Filter = ALL) -> dict[str, int]:
 
 
 def summary_text(found: tuple[Summary, ...], view: View = PAPER) -> str:
-    """A table of statistics."""
+    """Format a table of statistics."""
     head = ("quantity", "n", "mean", "sd", "robust sd", "median", "min", "max", "typical u")
     rows = [
         (
@@ -124,21 +124,23 @@ def summary_text(found: tuple[Summary, ...], view: View = PAPER) -> str:
         for s in found
     ]
     notes = (
-        f"{SIGNS} sd: divisor n - 1; robust sd: 1.4826 times the median absolute deviation from\n"
-        f"the median; typical u: root mean square of the stated standard uncertainties (k = 1).\n"
-        f"An sd far above the typical u is real difference between captures."
+        f"{SIGNS}\n"
+        "sd: divisor n - 1; robust sd: 1.4826 times the median absolute deviation from the\n"
+        "median; typical u: root mean square of the stated standard uncertainties (k = 1).\n"
+        "An sd far above the typical u shows real differences between captures."
     )
     return f"{aligned([head, *rows], 1)}\n\n{notes}"
 
 
 def drift_text(found: tuple[Drift, ...], view: View = PAPER) -> str:
-    """A table of drifts, per 30 days."""
+    """Format a table of drifts, per 30 days."""
     head = ("quantity", "n", "from", "to", "per 30 days", "+-95 %", "scatter", "p", "drift")
     rows = [_drift_row(d, view) for d in found]
     notes = (
-        f"{SIGNS} A weighted straight line over the captures' dates; scatter: standard deviation\n"
-        "between captures beyond what their u explain; p: chance of so steep a line by accident;\n"
-        'drift: "yes" where p stays below 5 % for all rows of this table together (Holm).'
+        f"{SIGNS}\n"
+        "Weighted straight line over the captures' dates; scatter: standard deviation between\n"
+        'captures in excess of their u; p: p-value of the slope under no drift; drift: "yes"\n'
+        "where significant at 5 % after Holm's correction for all rows of this table."
     )
     return f"{aligned([head, *rows], 1)}\n\n{notes}"
 
@@ -160,8 +162,8 @@ def _drift_row(d: Drift, view: View) -> tuple[str, ...]:
 
 
 def worst_text(found: tuple[Outlier, ...], view: View = PAPER) -> str:
-    """A table of the captures that stand out."""
-    head = ("capture", "date", "quantity", "value", "u", "median", "sd away")
+    """Format a table of outliers."""
+    head = ("capture", "date", "quantity", "value", "u", "median", "deviation")
     rows = [
         (
             _shown(o.name),
@@ -174,22 +176,22 @@ def worst_text(found: tuple[Outlier, ...], view: View = PAPER) -> str:
         )
         for o in found
     ]
-    notes = "sd away: distance from the median in robust sd, or in typical u where that is larger."
+    notes = "deviation: from the median, in robust sd, or in typical u where that is larger."
     return f"{aligned([head, *rows], 3)}\n\n{SIGNS} {K1}.\n{notes}"
 
 
 def failures_text(found: tuple[FailureGroup, ...], _view: View = PAPER) -> str:
-    """What went wrong, the most frequent first, with examples."""
+    """Format the groups of failures, the most frequent first, with examples."""
     lines = []
     for group in found:
         stage = group.stage or "-"
         lines.append(f"{group.count:>7,}  {group.status}  {stage}: {_shown(group.reason)}")
         lines += [f"{'':9}{_shown(name)}" for name in group.examples]
-    return "\n".join(lines) or "None failed."
+    return "\n".join(lines) or "No failures."
 
 
 def plain(row: Any) -> dict[str, Any]:
-    """A record as plain data; null for what is not a number."""
+    """Return a record as plain data, with null for nan and infinity."""
     return {
         key: None if isinstance(value, float) and not math.isfinite(value) else value
         for key, value in vars(row).items()
@@ -197,7 +199,7 @@ def plain(row: Any) -> dict[str, Any]:
 
 
 def day_text(day: float) -> str:
-    """Days since 1970-01-01 as a date."""
+    """Format days since 1970-01-01 as a date."""
     return (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=day)).date().isoformat()
 
 

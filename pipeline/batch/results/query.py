@@ -1,4 +1,4 @@
-"""Questions to a catalogue: which captures, which of them failed and why, which stand out."""
+"""Queries of a catalogue: captures by filter, failures and their reasons, quantities."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Literal
 
 from ...errors import InputError
 from ..catalogue.catalogue import Catalogue
-from ..catalogue.history import read_gone
+from ..catalogue.history import read_removed
 from ..catalogue.rows import CaptureRow, QuantityRow, WheelRow
 from ..catalogue.schema import CAPTURE_COLUMNS, WHEEL_COLUMNS, number_of
 
@@ -21,7 +21,7 @@ STATUSES = ("ok", "part", "failed", "quarantined", "damaged")
 
 @dataclass(frozen=True)
 class Range:
-    """A quantity, such as "RR toe" or "rear_total_toe", from low to high, in its unit."""
+    """Range of a quantity, such as "RR toe" or "rear_total_toe", in its unit."""
 
     quantity: str
     low: float = float("-inf")
@@ -30,11 +30,11 @@ class Range:
 
 @dataclass(frozen=True)
 class Filter:
-    """Which captures: all that is given must hold.
+    """Filter of captures; all given conditions must hold.
 
-    text: a part of the capture's name; vehicle: the whole of its name; since_day, until_day: days
-    since 1970-01-01, the first within, the last without; status: any of them; gone: whether they
-    were no longer in the archive at the last run.
+    text: part of the capture's name; vehicle: its complete name; since_day, until_day: days since
+    1970-01-01, since_day included, until_day excluded; status: any of these; removed: whether the
+    capture was missing from the archive at the last run.
     """
 
     text: str = ""
@@ -43,7 +43,7 @@ class Filter:
     until_day: float | None = None
     status: tuple[str, ...] = ()
     ranges: tuple[Range, ...] = ()
-    gone: bool | None = None
+    removed: bool | None = None
 
 
 ALL = Filter()
@@ -51,7 +51,7 @@ ALL = Filter()
 
 @dataclass(frozen=True)
 class FailureGroup:
-    """Captures that were not measured in full, for the same reason but for its numbers."""
+    """Captures not measured in full, for reasons that are equal except for numbers."""
 
     status: str
     stage: str
@@ -61,7 +61,7 @@ class FailureGroup:
 
 
 def count(catalogue: Catalogue, which: Filter = ALL) -> int:
-    """How many captures there are."""
+    """Count the captures."""
     where, values = condition(catalogue, which)
     found = catalogue.connection.execute(f"SELECT count(*) FROM captures AS c {where}", values)  # noqa: S608
     return int(found.fetchone()[0])
@@ -74,7 +74,7 @@ def captures(
     limit: int | None = None,
     offset: int = 0,
 ) -> Iterator[CaptureRow]:
-    """Captures in order, then by name; a page of them with `limit` and `offset`."""
+    """Yield captures in order, then by name; `limit` and `offset` select a page."""
     where, values = condition(catalogue, which)
     rows = catalogue.connection.execute(
         f"SELECT {', '.join(CAPTURE_COLUMNS)} FROM captures AS c {where} "  # noqa: S608
@@ -88,14 +88,14 @@ ORDERS = {"name": "", "date": "day, ", "vehicle": "vehicle, ", "status": "status
 
 
 def capture_of(catalogue: Catalogue, key: str) -> CaptureRow | None:
-    """One capture by its key."""
+    """Return one capture by its key, None if there is none."""
     columns = f"SELECT {', '.join(CAPTURE_COLUMNS)} FROM captures WHERE id = ? AND key = ?"  # noqa: S608
     row = catalogue.connection.execute(columns, _identity(key)).fetchone()
     return None if row is None else CaptureRow(*row)
 
 
 def wheels_of(catalogue: Catalogue, key: str) -> tuple[WheelRow, ...]:
-    """The wheels and trials of a capture, in the order of its JSON."""
+    """Return the wheels and trials of a capture, in the order of its JSON."""
     rows = catalogue.connection.execute(
         f"SELECT {', '.join(f'w.{name}' for name in WHEEL_COLUMNS)} FROM wheel_rows AS w "  # noqa: S608
         "JOIN captures AS c USING(id) WHERE c.id = ? AND key = ? ORDER BY place",
@@ -105,7 +105,7 @@ def wheels_of(catalogue: Catalogue, key: str) -> tuple[WheelRow, ...]:
 
 
 def quantities_of(catalogue: Catalogue, key: str) -> tuple[QuantityRow, ...]:
-    """The quantities of the vehicle of a capture, by name."""
+    """Return the vehicle quantities of a capture, by name."""
     rows = catalogue.connection.execute(
         "SELECT k.kind, value, u, unit FROM kinds AS k CROSS JOIN quantity_rows AS q "
         "USING(kind_id) JOIN captures AS c USING(id) WHERE q.id = ? AND key = ? ORDER BY k.kind",
@@ -117,7 +117,7 @@ def quantities_of(catalogue: Catalogue, key: str) -> tuple[QuantityRow, ...]:
 def failures(
     catalogue: Catalogue, which: Filter = ALL, examples: int = 3
 ) -> tuple[FailureGroup, ...]:
-    """What went wrong, the most frequent first; examples: names of that many captures of each."""
+    """Group the failures, the most frequent first; examples: number of capture names in each."""
     where, values = condition(catalogue, which)
     rows = catalogue.connection.execute(
         f"SELECT status, stage, reason, name FROM captures AS c {where or 'WHERE TRUE'} "  # noqa: S608
@@ -141,7 +141,7 @@ NUMBERS = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def quantity_units(catalogue: Catalogue) -> dict[str, str]:
-    """The quantities that statistics know, and the unit (deg or m) of each."""
+    """Return the quantities of the catalogue with the unit (deg or m) of each."""
     names: dict[str, str] = {}
     for (layout,) in catalogue.connection.execute("SELECT names FROM layouts ORDER BY layout"):
         for text in json.loads(layout):
@@ -152,16 +152,16 @@ def quantity_units(catalogue: Catalogue) -> dict[str, str]:
 
 
 def known_quantity(catalogue: Catalogue, name: str) -> str:
-    """The name if there is such a quantity. Raises InputError with the nearest."""
+    """Return the name of an existing quantity. Raises InputError with the nearest one."""
     known = quantity_units(catalogue)
     if name not in known:
         near = difflib.get_close_matches(name, known, 1, 0.0) or ["RR toe"]
-        raise InputError(f"quantity '{name}': there is none in these results: try '{near[0]}'")
+        raise InputError(f"quantity '{name}': not in these results: did you mean '{near[0]}'?")
     return name
 
 
 def condition(catalogue: Catalogue, which: Filter) -> tuple[str, list[object]]:
-    """WHERE clause and values of a filter, for captures as c. Raises InputError."""
+    """Return the WHERE clause and values of a filter, for captures as c. Raises InputError."""
     terms: list[str] = []
     values: list[object] = []
 
@@ -179,16 +179,16 @@ def condition(catalogue: Catalogue, which: Filter) -> tuple[str, list[object]]:
         add("c.day < ?", which.until_day)
     if which.status:
         add(f"c.status IN ({', '.join('?' * len(which.status))})", *which.status)
-    if which.gone is not None:
-        names = json.dumps(read_gone(catalogue.store))
-        add("(c.name IN (SELECT value FROM json_each(?))) = ?", names, which.gone)
+    if which.removed is not None:
+        names = json.dumps(read_removed(catalogue.store))
+        add("(c.name IN (SELECT value FROM json_each(?))) = ?", names, which.removed)
     for span in which.ranges:
         terms.append(_within(catalogue, span, values))
     return f"WHERE {' AND '.join(terms)}" if terms else "", values
 
 
 def _within(catalogue: Catalogue, span: Range, values: list[object]) -> str:
-    """Term for a quantity of the vehicle, or for an angle of a wheel or trial by its name."""
+    """Return the SQL term for a vehicle quantity, or for an angle of a wheel or trial."""
     wheel, _, angle = span.quantity.rpartition(" ")
     of_wheel = "SELECT id FROM wheel_rows WHERE name = ?"
     if angle in ("toe", "camber") and catalogue.connection.execute(of_wheel, (wheel,)).fetchone():

@@ -19,10 +19,11 @@ BLOCK = 20_000
 
 @dataclass(frozen=True)
 class Series:
-    """One quantity over the captures that have it, in order of their keys.
+    """One quantity over the captures that have it, in the order of their keys.
 
-    numbers: of the captures (see `schema`); day since 1970-01-01, nan without a date; values and
-    their standard uncertainties u in `unit` (deg or m), u nan where unknown. All (N,).
+    numbers: row numbers of the captures (see `schema`); day: days since 1970-01-01, nan if
+    undated; values and their standard uncertainties u in `unit` (deg or m), u nan if unknown.
+    All (N,).
     """
 
     quantity: str
@@ -36,7 +37,7 @@ class Series:
 def series(
     catalogue: Catalogue, quantities: Sequence[str] | None = None, which: Filter = ALL
 ) -> tuple[Series, ...]:
-    """The named quantities, or all; those that no capture has are left out. Raises InputError."""
+    """Load the named quantities, or all, without those of no capture. Raises InputError."""
     units = quantity_units(catalogue)
     wanted = (
         list(units)
@@ -45,18 +46,18 @@ def series(
     )
     numbers, days, table = _table(catalogue, which, wanted)
     found = []
-    for place, name in enumerate(wanted):
-        there = np.flatnonzero(np.isfinite(table[place, 0]))
-        if len(there):
-            values, u = table[place][:, there]
-            found.append(Series(name, units[name], numbers[there], days[there], values, u))
+    for index, name in enumerate(wanted):
+        rows = np.flatnonzero(np.isfinite(table[index, 0]))
+        if len(rows):
+            values, u = table[index][:, rows]
+            found.append(Series(name, units[name], numbers[rows], days[rows], values, u))
     return tuple(found)
 
 
 def _table(
     catalogue: Catalogue, which: Filter, wanted: Sequence[str]
 ) -> tuple[npt.NDArray[np.int64], Array, Array]:
-    """Numbers (N,) and days (N,) of the captures; values and u (K, 2, N), nan where none."""
+    """Return row numbers (N,) and days (N,) of captures; values and u (K, 2, N), nan if none."""
     layouts = {
         layout: [text.rpartition(" [")[0] for text in json.loads(names)]
         for layout, names in catalogue.connection.execute("SELECT layout, names FROM layouts")
@@ -73,16 +74,16 @@ def _table(
         by_layout: dict[int, list[int]] = {}
         for at, row in enumerate(rows):
             by_layout.setdefault(row[0], []).append(at)
-        for layout, places in by_layout.items():
+        for layout, columns in by_layout.items():
             names = layouts[layout]
-            cells = np.frombuffer(b"".join([rows[at][3] for at in places]), "<f8")
-            cells = cells.reshape(len(places), 2, len(names)).transpose(2, 1, 0)
+            cells = np.frombuffer(b"".join([rows[at][3] for at in columns]), "<f8")
+            cells = cells.reshape(len(columns), 2, len(names)).transpose(2, 1, 0)
             here = [k for k, name in enumerate(wanted) if name in names]
             source = [names.index(wanted[k]) for k in here]
-            if len(places) == len(rows):
+            if len(columns) == len(rows):
                 block[here] = cells[source]
             else:
-                block[np.ix_(here, (0, 1), places)] = cells[source]
+                block[np.ix_(here, (0, 1), columns)] = cells[source]
         numbers.append(np.array([row[1] for row in rows], np.int64))
         days.append(np.array([math.nan if row[2] is None else row[2] for row in rows]))
         blocks.append(block)

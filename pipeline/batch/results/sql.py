@@ -1,4 +1,4 @@
-"""A user's own question to the catalogue: reading, and nothing else."""
+"""SQL queries of the user: read-only."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ READING = {
     sqlite3.SQLITE_RECURSIVE,
 }
 TABLES = "captures, wheels, quantities"
-STEPS = 100_000  # of SQLite's machine between two looks whether the user interrupted
+STEPS = 100_000  # instructions of SQLite between two checks for Ctrl-C
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Names of the columns, and the rows as they come."""
+    """Column names and rows, the rows as an iterator."""
 
     columns: tuple[str, ...]
     rows: Iterator[tuple[object, ...]]
 
 
 def ask(catalogue: Catalogue, question: str) -> Answer:
-    """Run one SELECT. Raises InputError for anything else, and for what SQLite cannot make out.
+    """Run one SELECT. Raises InputError for any other statement and for SQL errors.
 
-    The file is open for reading only, and SQLite itself refuses every act but reading it: no
+    The file is opened read-only, and SQLite's authorizer denies everything but reading: no
     ATTACH, no PRAGMA, no extension.
     """
     connection = catalogue.connection
@@ -41,7 +41,7 @@ def ask(catalogue: Catalogue, question: str) -> Answer:
     except (sqlite3.Error, sqlite3.Warning) as error:
         raise _refused(error) from error
     if cursor.description is None:
-        raise InputError(f"--sql: that asks nothing: write a SELECT from {TABLES}")
+        raise InputError(f"--sql: the statement returns nothing: write a SELECT from {TABLES}")
     return Answer(tuple(column[0] for column in cursor.description), _rows(cursor))
 
 
@@ -56,11 +56,11 @@ def _rows(cursor: sqlite3.Cursor) -> Iterator[tuple[object, ...]]:
         yield row
 
 
-def _allowed(act: int, *_: str | None) -> int:
-    return sqlite3.SQLITE_OK if act in READING else sqlite3.SQLITE_DENY
+def _allowed(action: int, *_: str | None) -> int:
+    return sqlite3.SQLITE_OK if action in READING else sqlite3.SQLITE_DENY
 
 
 def _refused(error: Exception) -> InputError:
     if "not authorized" in str(error):
-        return InputError(f"--sql: only reading is allowed: write a SELECT from {TABLES}")
-    return InputError(f"--sql: {error}: see to the statement; there are {TABLES}")
+        return InputError(f"--sql: read-only: write a SELECT from {TABLES}")
+    return InputError(f"--sql: {error}: check the statement; the tables are {TABLES}")

@@ -1,4 +1,4 @@
-"""Statistics of many measurements: spread, drift over time, and which stand out."""
+"""Statistics of many measurements: spread, drift over time, and outliers."""
 
 from __future__ import annotations
 
@@ -34,11 +34,12 @@ NORMAL_OF_MAD = 1.482602218505602  # 1 / the normal's upper quartile
 
 @dataclass(frozen=True)
 class Summary:
-    """Of one quantity: n captures; mean; sd about it; robust sd; median; extremes; typical u.
+    """Summary statistics of one quantity over n captures.
 
-    sd: divisor n - 1, nan for one. robust_sd: 1.4826 times the median absolute deviation from the
-    median, which half of the values cannot spoil (Rousseeuw and Croux, 1993, JASA 88, 1273).
-    u_rms: root mean square of the stated standard uncertainties; sd far above it is real change.
+    sd: divisor n - 1, nan for n = 1. robust_sd: 1.4826 times the median absolute deviation from
+    the median, with a breakdown point of 50 % (Rousseeuw and Croux, 1993, JASA 88, 1273).
+    u_rms: root mean square of the stated standard uncertainties; an sd far above it is a real
+    difference between captures.
     """
 
     quantity: str
@@ -55,12 +56,12 @@ class Summary:
 
 @dataclass(frozen=True)
 class Drift:
-    """A straight line over time, value = at_mean + slope (day - mean_day).
+    """Straight line over time, value = at_mean + slope (day - mean_day).
 
     slope and u_slope (standard) in unit per day; expanded: half-width of its 95 % interval;
-    scatter: standard deviation between captures beyond what u explains, in unit; p: chance of so
-    large a slope without drift; significant: p after Holm's correction for all quantities asked
-    at once below 5 %. Where there is too little to tell: n, reason and not-a-numbers.
+    scatter: standard deviation between captures in excess of u, in unit; p: p-value of the slope
+    under no drift; significant: p below 5 % after Holm's correction for all quantities of the
+    query. With too few data: n, the reason, and nan.
     """
 
     quantity: str
@@ -81,9 +82,9 @@ class Drift:
 
 @dataclass(frozen=True)
 class Outlier:
-    """A capture's value far from the median; score: its distance from it.
+    """Value of a capture far from the median.
 
-    In units of the robust sd, or of the typical u where that is larger.
+    score: its distance from the median in robust sd, or in typical u if that is larger.
     """
 
     key: str
@@ -100,12 +101,12 @@ class Outlier:
 def summary(
     catalogue: Catalogue, quantities: Sequence[str] | None = None, which: Filter = ALL
 ) -> tuple[Summary, ...]:
-    """Statistics of each quantity; of all, the wheels' angles first."""
+    """Compute the statistics of each quantity; without names of all, wheel angles first."""
     return tuple(summarised(one) for one in series(catalogue, quantities, which))
 
 
 def summarised(one: Series) -> Summary:
-    """Statistics of a series of at least one value."""
+    """Compute the statistics of a series of at least one value."""
     x = one.values
     median = float(np.median(x))
     return Summary(
@@ -125,24 +126,23 @@ def summarised(one: Series) -> Summary:
 def drifts(
     catalogue: Catalogue, quantities: Sequence[str] | None = None, which: Filter = ALL
 ) -> tuple[Drift, ...]:
-    """The drift of each quantity, and whether it is significant among so many."""
+    """Fit the drift of each quantity, with Holm's correction for their number."""
     return with_holm([drift(one) for one in series(catalogue, quantities, which)])
 
 
 def drift(one: Series) -> Drift:
-    """The straight line through a series over time, not yet corrected for other quantities.
+    """Fit a straight line to a series over time, without correction for other quantities.
 
-    Weights 1/(u^2 + s^2), with the scatter s between captures such that the weighted squares of
-    the residuals sum up to n - 2 (Paule and Mandel, 1982, J. Res. NBS 87, 377), s = 0 where u
-    explains them; Student's t of n - 2 degrees (Knapp and Hartung, 2003, Statistics in Medicine
-    22, 2693). Errors that all captures share do not tilt the line; it takes the others for
-    independent.
+    Weights 1/(u^2 + s^2), with the scatter s between captures such that the weighted squared
+    residuals sum to n - 2 (Paule and Mandel, 1982, J. Res. NBS 87, 377), s = 0 where u explains
+    them; Student's t with n - 2 dof (Knapp and Hartung, 2003, Statistics in Medicine 22, 2693).
+    Errors common to all captures do not change the slope; all others are taken as independent.
     """
     known = np.isfinite(one.day) & np.isfinite(one.u)
     day, y, u = one.day[known], one.values[known], one.u[known]
     n = len(day)
     if n < 3 or np.ptp(day) == 0.0:
-        reason = "fewer than three dated values" if n < 3 else "all of one date"
+        reason = "fewer than three dated values" if n < 3 else "all on one date"
         return Drift(one.quantity, one.unit, n, reason=reason)
     floor = (1e-12 * max(1e-3, float(np.abs(y).max()))) ** 2
     variance = np.maximum(u**2, floor)
@@ -166,23 +166,26 @@ def drift(one: Series) -> Drift:
 
 
 def _line(day: Array, y: Array, variance: Array) -> tuple[float, float, float, Array, Array]:
-    """Mean day, value there, slope, weights and residuals of the weighted least-squares line."""
+    """Return mean day, value there, slope, weights and residuals of the weighted line fit."""
     weights = 1.0 / variance
     total = float(weights.sum())
     mean_day, at_mean = _sum(weights, day) / total, _sum(weights, y) / total
-    apart = day - mean_day
-    weighted = weights * apart
-    slope = _sum(weighted, y - at_mean) / _sum(weighted, apart)
-    return mean_day, at_mean, slope, weights, y - at_mean - slope * apart
+    centred = day - mean_day
+    weighted = weights * centred
+    slope = _sum(weighted, y - at_mean) / _sum(weighted, centred)
+    return mean_day, at_mean, slope, weights, y - at_mean - slope * centred
 
 
 def _sum(a: Array, b: Array) -> float:
-    """Of products; by numpy's pairwise sum, the same at any number of threads, unlike BLAS."""
+    """Sum the products by numpy's pairwise sum, independent of the number of BLAS threads."""
     return float((a * b).sum())
 
 
 def _scatter(day: Array, y: Array, variance: Array) -> float:
-    """Variance between captures, by Newton's method on 1/Q, nearly linear in it; 0 at least."""
+    """Return the variance between captures, at least 0, by Newton's method on 1/Q.
+
+    1/Q is nearly linear in the variance.
+    """
     scatter2, dof = 0.0, len(day) - 2
     for _ in range(100):
         *_, weights, residuals = _line(day, y, variance + scatter2)
@@ -199,30 +202,30 @@ def _scatter(day: Array, y: Array, variance: Array) -> float:
 
 
 def with_holm(found: Sequence[Drift]) -> tuple[Drift, ...]:
-    """Mark what stays significant at 5 % for all together (Holm, 1979, Scand. J. Stat. 6, 65)."""
-    told = sorted((d for d in found if not d.reason), key=lambda d: d.p)
-    passed: set[str] = set()
-    for rank, one in enumerate(told):
-        if one.p > (1.0 - LEVEL) / (len(told) - rank):
+    """Mark the drifts significant at a family-wise 5 % (Holm, 1979, Scand. J. Stat. 6, 65)."""
+    ranked = sorted((d for d in found if not d.reason), key=lambda d: d.p)
+    significant: set[str] = set()
+    for rank, one in enumerate(ranked):
+        if one.p > (1.0 - LEVEL) / (len(ranked) - rank):
             break
-        passed.add(one.quantity)
-    return tuple(replace(d, significant=d.quantity in passed) for d in found)
+        significant.add(one.quantity)
+    return tuple(replace(d, significant=d.quantity in significant) for d in found)
 
 
 def worst(
     catalogue: Catalogue, n: int, quantities: Sequence[str] | None = None, which: Filter = ALL
 ) -> tuple[Outlier, ...]:
-    """The n captures whose farthest quantity is farthest from its median (see `Outlier`)."""
+    """Return the n captures with the largest score of any quantity (see `Outlier`)."""
     found = series(catalogue, quantities, which)
     best: dict[int, tuple[float, Series, int, float]] = {}
     for one in found:
-        told = summarised(one)
-        width = max(told.robust_sd, told.u_rms if told.u_rms > 0.0 else 0.0, 1e-12)
-        score = np.abs(one.values - told.median) / width
+        stats = summarised(one)
+        width = max(stats.robust_sd, stats.u_rms if stats.u_rms > 0.0 else 0.0, 1e-12)
+        score = np.abs(one.values - stats.median) / width
         for at in np.argsort(-score, kind="stable")[:n]:
             number = int(one.numbers[at])
             if number not in best or score[at] > best[number][0]:
-                best[number] = (float(score[at]), one, int(at), told.median)
+                best[number] = (float(score[at]), one, int(at), stats.median)
     ranked = sorted(best.items(), key=lambda item: (-item[1][0], item[0]))[:n]
     return tuple(_outlier(catalogue, number, *row) for number, row in ranked)
 

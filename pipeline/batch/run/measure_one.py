@@ -1,4 +1,4 @@
-"""One capture to its result, measured or failed: the same bytes wherever it is worked on."""
+"""One capture -> its result, measured or failed: the same bytes on any machine."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from ...measure import measure_capture, measure_five_point
 from ...measurement import Measurement
 from ...report.json.measurement import SCHEMA, to_tree
 from ..plan.discover import Kind
-from ..plan.settings import Settings
+from ..plan.settings import BatchSettings
 from ..storage.entry import legible
-from .stages import causes, passing, stage_of
+from .stages import error_chain, stage_of, transient_fault
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A capture that is at hand at `source` and is called `name`, and how to measure it.
+    """Capture called `name`, whose local copy is at `source`, and how to measure it.
 
-    key, inputs: of its identity, where it has one.
+    key, inputs: those of its identity, if it has one.
     """
 
     source: Path
     name: str
     kind: Kind
-    settings: Settings
+    settings: BatchSettings
     key: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """What became of a capture: ok, part, failed or quarantined; of the last two, where and why."""
+class Outcome:
+    """Status of a capture (ok, part, failed, quarantined), with stage and reason of a failure."""
 
     status: str
     stage: str = ""
@@ -51,45 +51,45 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Result:
-    """A capture's JSON, what became of it, and of a failure the whole story."""
+    """JSON of a capture, its outcome, and the log of a failure."""
 
     data: bytes
-    verdict: Verdict
+    outcome: Outcome
     log: str = ""
 
 
-class PassingError(Exception):
-    """A fault of the machine or the storage, not of the capture: another try may succeed."""
+class TransientError(Exception):
+    """Fault of the machine or the storage, not of the capture: another try may succeed."""
 
 
 def measure_bytes(subject: Subject) -> Result:
-    """Measure a capture, or say in the same schema why that failed.
+    """Measure a capture, or return the reason of its failure in the same schema.
 
-    Raises PassingError and MemoryError, which are no facts of the capture, and nothing else.
+    Raises TransientError and MemoryError, which are not due to the capture, and nothing else.
     """
     try:
         measurement = _measure(subject)
-        verdict = Verdict("ok" if measurement.complete else "part")
+        outcome = Outcome("ok" if measurement.complete else "part")
         tree = to_tree(measurement)
-        tree["batch"] = _batch(subject, verdict, tree["date"])
-        return Result(_bytes(tree, subject), verdict)
+        tree["batch"] = _batch(subject, outcome, tree["date"])
+        return Result(_bytes(tree, subject), outcome)
     except Exception as error:
-        if any(isinstance(cause, MemoryError) for cause in causes(error)):
+        if any(isinstance(cause, MemoryError) for cause in error_chain(error)):
             raise MemoryError from error
-        fault = passing(error)
+        fault = transient_fault(error)
         if fault is not None:
-            raise PassingError(f"{fault.filename or subject.name}: {fault.strerror}") from error
+            raise TransientError(f"{fault.filename or subject.name}: {fault.strerror}") from error
         reason = str(error)
         if not isinstance(error, WheelplaneError):
-            reason = f"a fault of the program ({type(error).__name__}: {reason}): report it"
+            reason = f"internal error ({type(error).__name__}: {reason}): please report it"
         log = "".join(traceback.format_exception(error))
-        return failed(subject, Verdict("failed", stage_of(error), reason), log)
+        return failed(subject, Outcome("failed", stage_of(error), reason), log)
 
 
-def failed(subject: Subject, verdict: Verdict, log: str) -> Result:
-    """The result of a capture that could not be measured."""
-    reason = _without_paths(" ".join(verdict.reason.split()), subject)
-    verdict = replace(verdict, reason=reason)
+def failed(subject: Subject, outcome: Outcome, log: str) -> Result:
+    """Return the result of a capture that could not be measured."""
+    reason = _without_paths(" ".join(outcome.reason.split()), subject)
+    outcome = replace(outcome, reason=reason)
     tree: dict[str, Any] = {
         "schema": SCHEMA,
         "capture": subject.name,
@@ -105,9 +105,9 @@ def failed(subject: Subject, verdict: Verdict, log: str) -> Result:
             "config": subject.settings.effective(subject.kind),
             "seed": subject.settings.config.seed,
         },
-        "batch": _batch(subject, verdict, None),
+        "batch": _batch(subject, outcome, None),
     }
-    return Result(_bytes(tree, subject), verdict, log)
+    return Result(_bytes(tree, subject), outcome, log)
 
 
 def _measure(subject: Subject) -> Measurement:
@@ -116,43 +116,43 @@ def _measure(subject: Subject) -> Measurement:
         points = read_five_point(
             subject.source,
             name=subject.name,
-            length_unit=settings.told.length_unit or "m",
+            length_unit=settings.options.length_unit or "m",
             coordinates=settings.coordinates,
             angle_unit=settings.angle_unit,
             azimuth=settings.azimuth,
         )
         return measure_five_point(points, settings.station)
-    with open_capture(subject.source, settings.target, settings.told) as opened:
+    with open_capture(subject.source, settings.target, settings.options) as opened:
         named = None if settings.scanner else opened.scanner
         measurement = measure_capture(opened, with_scanner(settings.config, named))
     return replace(measurement, provenance=replace(measurement.provenance, source=subject.name))
 
 
-def _batch(subject: Subject, verdict: Verdict, date: str | None) -> dict[str, Any]:
+def _batch(subject: Subject, outcome: Outcome, date: str | None) -> dict[str, Any]:
     return {
         "key": subject.key,
         "kind": subject.kind,
         "date": date or subject.settings.date_of(subject.name),
-        "status": verdict.status,
-        "stage": verdict.stage,
-        "reason": verdict.reason,
+        "status": outcome.status,
+        "stage": outcome.stage,
+        "reason": outcome.reason,
         "config_sha256": subject.settings.digest(subject.kind),
     }
 
 
 def _bytes(tree: dict[str, Any], subject: Subject) -> bytes:
-    """A line for each top-level key, which is both small and legible."""
+    """Serialise with one line for each top-level key."""
     form: dict[str, Any] = {"ensure_ascii": False, "allow_nan": False, "separators": (",", ":")}
     lines = [f'"{key}":{json.dumps(value, **form)}' for key, value in tree.items()]
     text = "{" + ",\n".join(lines) + "}\n"
-    told = _without_paths(text, subject, lambda path: json.dumps(path, ensure_ascii=False)[1:-1])
-    return legible(told, r"\\x").encode(errors="backslashreplace")
+    text = _without_paths(text, subject, lambda path: json.dumps(path, ensure_ascii=False)[1:-1])
+    return legible(text, r"\\x").encode(errors="backslashreplace")
 
 
 def _without_paths(text: str, subject: Subject, written: Callable[[str], str] = str) -> str:
-    """The text, in which nothing tells where the capture, or its unpacked copy, lay.
+    """Replace the paths of the capture and its unpacked copy in a text by the capture's name.
 
-    written: how a path stands in it.
+    written: escapes a path as in the text.
     """
     for path in (str(subject.source), str(WheelplaneError(str(subject.source)))):
         text = text.replace(written(path), written(subject.name))

@@ -1,4 +1,4 @@
-"""A batch, from its archive to its catalogue."""
+"""Batch run, from the archive to the catalogue."""
 
 from __future__ import annotations
 
@@ -9,137 +9,138 @@ from pathlib import Path
 
 from ...errors import InputError, WheelplaneError
 from ..catalogue.catalogue import update
-from ..catalogue.history import failures, holds_results, put_aside, write_gone
+from ..catalogue.history import failures, holds_results, supersede, write_removed
 from ..catalogue.segments import Segments
-from ..plan.discover import Captures, Found, discover
+from ..plan.discover import Captures, FoundCapture, discover
 from ..plan.shard import ALL, Shard
 from ..storage.entry import Entry
 from ..storage.store import Store, open_store
-from .ledger import Ledger
 from .progress import ProgressListener, RunCounts
+from .result_index import ResultIndex
 from .tasks import Engine, Run, tasks_of
-from .work import Request
+from .work import RunRequest
 
 
 class Batch:
-    """Work on the captures of an archive, or of a shard of them.
+    """Measurement of the captures of an archive, or of a shard of it.
 
-    scratch: an existing folder for passing files.
+    scratch: existing folder for temporary files.
     """
 
     def __init__(
         self,
-        request: Request,
+        request: RunRequest,
         engine: Engine,
         scratch: Path,
-        teller: ProgressListener,
+        listener: ProgressListener,
         shard: Shard = ALL,
     ) -> None:
-        self.request, self.shard, self.tally = request, shard, RunCounts()
-        self._engine, self._scratch, self._teller = engine, scratch, teller
+        self.request, self.shard, self.counts = request, shard, RunCounts()
+        self._engine, self._scratch, self._listener = engine, scratch, listener
         self._archive, self._results = open_store(request.archive), open_store(request.results)
-        mark = request.settings.mark
-        self._ledger = Ledger(self._results, mark, self._archive, scratch / "ledger")
-        self._ledger.load()
+        of_settings = request.settings.settings_hash
+        self._index = ResultIndex(self._results, of_settings, self._archive, scratch / "index")
+        self._index.load()
         if request.retry:
-            self._ledger.doubt(failures(self._results))
+            self._index.mark_undone(failures(self._results))
         self._segments = Segments(self._results)
         self._known = 0
 
     @property
     def holds_results(self) -> bool:
-        """Whether there is any result by now, of whichever run."""
+        """Whether there is any result, of any run."""
         return holds_results(self._results)
 
     def run(self, limit: int | None = None) -> RunCounts:
-        """Measure what is new or changed, at most `limit` captures, and renew the catalogue.
+        """Measure new and changed captures, at most `limit`, and update the catalogue.
 
-        Raises InputError where storage or machine fail, and KeyboardInterrupt; what was done by
-        then is written down, and in the catalogue.
+        Raises InputError for faults of storage or machine, and KeyboardInterrupt; the captures
+        finished by then are written, and in the catalogue.
         """
-        captures = self.look()
-        todo = sum(1 for _ in self.new(captures))
-        self.tally.known = self._known
+        captures = self.find_captures()
+        todo = sum(1 for _ in self.pending(captures))
+        self.counts.known = self._known
         if not (todo or self._known or self.shard.n > 1):
-            seen = ", ".join(sorted(captures.passed_over)) or "nothing at all"
+            present = ", ".join(sorted(captures.passed_over)) or "no files"
             raise InputError(
-                f"{self.request.archive}: holds no captures, but {seen}: name the folder above them"
+                f"{self.request.archive}: no captures found, only {present}: give the folder that "
+                "contains them"
             )
-        self._teller.planned(self.tally.known, todo if limit is None else min(todo, limit))
-        with self.renewing():
-            self.measure(islice(self.new(captures), limit))
-        return self.tally
+        self._listener.planned(self.counts.known, todo if limit is None else min(todo, limit))
+        with self.updating_catalogue():
+            self.measure(islice(self.pending(captures), limit))
+        return self.counts
 
-    def look(self) -> Captures:
-        """The captures that are in the archive now."""
-        self._ledger.look_again()
+    def find_captures(self) -> Captures:
+        """Find the captures that are in the archive now."""
+        self._index.reset_archive()
         found = discover(self._entries(), self._scratch / "captures", self.request.archive)
-        self.tally.passed_over = found.passed_over
+        self.counts.passed_over = found.passed_over
         return found
 
-    def new(self, captures: Iterable[Found]) -> Iterator[Found]:
-        """Those of this shard that are new or changed, as far as is known without reading them."""
+    def pending(self, captures: Iterable[FoundCapture]) -> Iterator[FoundCapture]:
+        """Yield the new and changed captures of this shard, as far as known without reading."""
         self._known = 0
         for found in captures:
-            self._ledger.note(found)
+            self._index.note_present(found)
             if not self.shard.holds(found.name):
                 continue
-            if self._ledger.is_done(found):
+            if self._index.is_done(found):
                 self._known += 1
             else:
                 yield found
-        self.tally.gone = self._ledger.gone()
+        self.counts.removed = self._index.removed()
 
-    def state(self, found: Found) -> str:
-        """A text that changes with the files of a capture, also those that it names elsewhere."""
-        return self._ledger.state(found)
+    def state(self, found: FoundCapture) -> str:
+        """Return a text that changes with the files of a capture and those it names elsewhere."""
+        return self._index.state(found)
 
-    def measure(self, captures: Iterable[Found]) -> None:
-        """Measure captures and write down what becomes of them."""
+    def measure(self, captures: Iterable[FoundCapture]) -> None:
+        """Measure captures and write their results."""
         tasks = tasks_of(self.request, captures)
-        run = Run(tasks, self._engine, self._probe, self._teller.note)
+        run = Run(tasks, self._engine, self._probe, self._listener.note)
         try:
             for done in run.outcomes():
-                self._ledger.add(done)
+                self._index.add(done)
                 if done.record is not None:
                     self._segments.add(done.record)
-                self.tally.done[done.verdict.status] += 1
-                self._teller.finished(done)
+                self.counts.done[done.outcome.status] += 1
+                self._listener.finished(done)
         except BaseException:
             self._engine.close()
             raise
 
     @contextmanager
-    def renewing(self) -> Iterator[None]:
-        """Renew at the end, however it comes; a fault in that never hides what brought it."""
+    def updating_catalogue(self) -> Iterator[None]:
+        """Update the catalogue at the end, also after an error, which stays the one raised."""
         try:
             yield
         except BaseException:
             try:
-                self.renew(at_end=True)
+                self.update_catalogue(at_end=True)
             except WheelplaneError as error:
-                self._teller.note(str(error))
+                self._listener.note(str(error))
             raise
-        self.renew(at_end=True)
+        self.update_catalogue(at_end=True)
 
-    def renew(self, at_end: bool = False) -> None:
-        """Write down what is known by now, put aside what is outdated, renew the catalogue.
+    def update_catalogue(self, at_end: bool = False) -> None:
+        """Write the index, move superseded results aside, update the catalogue.
 
-        Of a shard the catalogue is left to whoever reads it, since it is of all shards.
+        For a shard the catalogue is left to its readers, since it is of all shards.
         """
-        self._ledger.flush()
+        self._index.flush()
         if at_end:
             self._segments.flush()
-        for key in self._ledger.outdated():
-            put_aside(self._results, key)
-            self._ledger.forget(key)
-        if self.tally.gone is not None:
-            write_gone(self._results, self.tally.gone)
+        for key in self._index.outdated():
+            supersede(self._results, key)
+            self._index.drop(key)
+        if self.counts.removed is not None:
+            write_removed(self._results, self.counts.removed)
         if self.shard.n == 1:
             update(self._results)
 
     def _entries(self) -> Iterator[Entry]:
-        """The files of the archive; not those of the results, where these lie within."""
+        """Yield the files of the archive, without those of the results if these are inside."""
         within = _within(self._archive, self._results)
         for entry in self._archive.list():
             if within is None or not entry.name.startswith(within):
@@ -150,7 +151,7 @@ class Batch:
 
 
 def _within(archive: Store, results: Store) -> str | None:
-    """How the names of the results' files begin in the archive; None where they lie elsewhere."""
+    """Return the prefix of the results' files in the archive; None if they are outside."""
     outer, inner = archive.url.rstrip("/") + "/", results.url.rstrip("/") + "/"
     if archive.local is not None and results.local is not None:
         outer, inner = f"{archive.local.resolve()}/", f"{results.local.resolve()}/"

@@ -1,4 +1,4 @@
-"""Stage of the data flow at which a capture failed, by the room whose code raised the error."""
+"""Stage of the data flow at which a capture failed, by the package whose code raised the error."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import traceback
 
 from ...errors import NotMeasuredError
 
-# Stage of each room; the longest name counts. What fails in a room without a row (cloud, targets)
-# is of the stage that called it.
+# Stage of each package; the longest name counts. An error in a package without a row (cloud,
+# targets) belongs to the stage that called it.
 STAGES = {
     "discover": "capture",
     "read": "files readers diagnostics five_point.file",
@@ -21,8 +21,8 @@ STAGES = {
     "angles": "vehicle uncertainty kinematics measurement measure report",
 }
 STAGE_OF = {room: stage for stage, rooms in STAGES.items() for room in rooms.split()}
-# Of the machine, not of the capture: elsewhere, or a little later, it may well be measured.
-PASSING = {
+# Faults of the machine, not of the capture: another try may succeed.
+TRANSIENT = {
     errno.ENOSPC,
     errno.EDQUOT,
     errno.EMFILE,
@@ -36,13 +36,13 @@ PASSING = {
 
 
 def stage_of(error: BaseException) -> str:
-    """The stage whose code raised the error, or the first cause of it."""
-    for cause in reversed(causes(error)):
+    """Return the stage whose code raised the error, or the first error of its chain."""
+    for cause in reversed(error_chain(error)):
         frames = [frame for frame, _ in traceback.walk_tb(cause.__traceback__)]
         for frame in reversed(frames):
             module = frame.f_globals.get("__name__", "").partition(".")[2]
             if module == "measurement.observe" and isinstance(cause, NotMeasuredError):
-                return "segment"  # which observe.py held back until the scan was let go
+                return "segment"  # raised by observe.py after the scan was released
             while module:
                 if module in STAGE_OF:
                     return STAGE_OF[module]
@@ -50,17 +50,17 @@ def stage_of(error: BaseException) -> str:
     return "read"
 
 
-def causes(error: BaseException) -> list[BaseException]:
-    """The error, what it arose from, what that arose from, and so on."""
+def error_chain(error: BaseException) -> list[BaseException]:
+    """Return the error and the errors that it was raised from, latest first."""
     chain = [error]
     while (before := chain[-1].__cause__ or chain[-1].__context__) is not None:
         chain.append(before)
     return chain
 
 
-def passing(error: BaseException) -> OSError | None:
-    """The fault of the machine that an error arose from; None where the capture is to blame."""
-    for one in causes(error):
-        if isinstance(one, OSError) and one.errno in PASSING:
+def transient_fault(error: BaseException) -> OSError | None:
+    """Return the fault of the machine that caused an error; None if it is due to the capture."""
+    for one in error_chain(error):
+        if isinstance(one, OSError) and one.errno in TRANSIENT:
             return one
     return None

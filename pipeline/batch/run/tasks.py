@@ -1,4 +1,4 @@
-"""Captures to tasks, tasks to an engine, and once more what a dying child left undone."""
+"""Captures -> tasks -> engine, with further attempts after the death of a worker process."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from ...errors import InputError
-from ..plan.discover import Found
-from .child import ChildError
-from .measure_one import PassingError, Verdict
-from .work import ArchiveError, Done, Request, Task
+from ..plan.discover import FoundCapture
+from .measure_one import Outcome, TransientError
+from .work import ArchiveError, CompletedCapture, RunRequest, Task
+from .worker_process import WorkerError
 
 SMALL_BYTES, MOST_TOGETHER = 50_000, 50
-ATTEMPTS, ATTEMPTS_IF_KILLED = 2, 4  # who kills may not mean the capture
+ATTEMPTS, ATTEMPTS_IF_KILLED = 2, 4  # an external kill may not be due to the capture
 ATTEMPTS_TO_READ = 3
 FAULTS_IN_A_ROW, FIRST_WAIT_S = 8, 0.25
 
 
 class Engine(Protocol):
-    """What does tasks, in children."""
+    """Engine that runs tasks in worker processes."""
 
     @property
     def slots(self) -> int:
-        """How many tasks it does at the same time, by now."""
+        """Number of tasks that it runs at the same time."""
 
-    def submit(self, task: Task) -> Future[list[Done]]:
-        """The task's outcome to come; it raises ChildError or PassingError."""
+    def submit(self, task: Task) -> Future[list[CompletedCapture]]:
+        """Submit a task; the future raises WorkerError or TransientError."""
 
     def close(self) -> None:
-        """End at once, whatever is being done."""
+        """Stop all work at once."""
 
 
-def tasks_of(request: Request, captures: Iterable[Found]) -> Iterator[Task]:
-    """Small captures together, other ones alone."""
-    together: list[Found] = []
+def tasks_of(request: RunRequest, captures: Iterable[FoundCapture]) -> Iterator[Task]:
+    """Group small captures into tasks; larger ones get a task each."""
+    together: list[FoundCapture] = []
     for found in captures:
         if found.size > SMALL_BYTES:
             yield Task(request, (found,))
@@ -52,25 +52,26 @@ def tasks_of(request: Request, captures: Iterable[Found]) -> Iterator[Task]:
 
 @dataclass
 class Run:
-    """Tasks on their way through an engine.
+    """Run of tasks on an engine.
 
-    probe: raises InputError where the archive itself cannot be reached. tell: of deaths and faults.
+    probe: raises InputError if the archive itself cannot be reached. notify: called with a text
+    for each death of a worker process and each fault.
     """
 
     tasks: Iterator[Task]
     engine: Engine
     probe: Callable[[], object]
-    tell: Callable[[str], None]
+    notify: Callable[[str], None]
     _again: deque[Task] = field(default_factory=deque)
     _later: deque[Task] = field(default_factory=deque)
     _faults: int = 0
 
-    def outcomes(self) -> Iterator[Done]:
-        """What became of each capture, as it comes; few tasks are out at any time.
+    def outcomes(self) -> Iterator[CompletedCapture]:
+        """Yield each capture as it is finished; only a few tasks are submitted at any time.
 
-        Raises InputError where storage or machine fail for good.
+        Raises InputError for permanent faults of storage or machine.
         """
-        out: dict[Future[list[Done]], Task] = {}
+        out: dict[Future[list[CompletedCapture]], Task] = {}
         while True:
             while len(out) < 2 * self.engine.slots + 1 and (task := self._next()) is not None:
                 out[self.engine.submit(task)] = task
@@ -80,12 +81,12 @@ class Run:
                 task = out.pop(future)
                 try:
                     done = future.result()
-                except ChildError as error:
+                except WorkerError as error:
                     self._died(task, error)
-                except PassingError as error:
+                except TransientError as error:
                     self._failed(task, error)
                 except OSError as error:  # no more processes, or no more files open
-                    self._failed(task, PassingError(f"a child cannot be started: {error}"))
+                    self._failed(task, TransientError(f"no worker process can start: {error}"))
                 else:
                     self._faults = 0
                     yield from done
@@ -96,8 +97,8 @@ class Run:
         task = next(self.tasks, None)
         return self._later.popleft() if task is None and self._later else task
 
-    def _died(self, task: Task, error: ChildError) -> None:
-        """Each of several alone, for one of them is to blame; one alone once more, or no more."""
+    def _died(self, task: Task, error: WorkerError) -> None:
+        """Retry several captures one by one; retry a single one, or quarantine it."""
         if len(task.captures) > 1:
             self._again.extend(replace(task, captures=(found,)) for found in task.captures)
             return
@@ -105,26 +106,26 @@ class Run:
         attempts = (*task.attempts, f"{error.cause}: {error.text}\n{error.log}".rstrip())
         task = replace(task, attempts=attempts)
         alike = sum(attempt.startswith(error.cause) for attempt in attempts)
-        if task.verdict is not None:
+        if task.outcome is not None:
             task = replace(task, blind=True)
         elif alike >= (ATTEMPTS_IF_KILLED if error.cause == "killed" else ATTEMPTS):
-            self.tell(f"{name}: {error.text}, again: put aside")
-            task = replace(task, verdict=Verdict("quarantined", "child", error.text))
+            self.notify(f"{name}: {error.text} again: quarantined")
+            task = replace(task, outcome=Outcome("quarantined", "child", error.text))
         else:
-            self.tell(f"{name}: {error.text}: once more")
+            self.notify(f"{name}: {error.text}: will be tried again")
         self._again.append(task)
 
-    def _failed(self, task: Task, error: PassingError) -> None:
-        """Later once more, unless it is the capture that cannot be read, or nothing that can be."""
+    def _failed(self, task: Task, error: TransientError) -> None:
+        """Retry later, unless the capture itself is unreadable or the faults do not end."""
         self._faults += 1
         if isinstance(error, ArchiveError) and len(task.captures) == 1:
             self.probe()
             task = replace(task, attempts=(*task.attempts, str(error)))
             if len(task.attempts) >= ATTEMPTS_TO_READ:
                 reason = "its files cannot be read from the archive"
-                task = replace(task, verdict=Verdict("failed", "read", reason), blind=True)
+                task = replace(task, outcome=Outcome("failed", "read", reason), blind=True)
         elif self._faults >= FAULTS_IN_A_ROW:
-            raise InputError(f"{error} (the run stops; the same command goes on with it)")
+            raise InputError(f"{error} (run stopped; repeat the command to continue)")
         self._later.extend(replace(task, captures=(found,)) for found in task.captures)
-        self.tell(f"{error}: later once more")
+        self.notify(f"{error}: will be tried again later")
         time.sleep(FIRST_WAIT_S * 2 ** min(self._faults, 5))

@@ -1,4 +1,4 @@
-"""A folder into which a scanner drops files: each capture is taken when it is complete."""
+"""Watch of a folder that receives scans: each capture is measured when it is complete."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from pathlib import Path
 
 from ...capture import open_entries
 from ...errors import WheelplaneError
-from ..plan.discover import Found
+from ..plan.discover import FoundCapture
 from .run import Batch
 
-PATIENCE_S = 600.0  # after which an incomplete capture is taken as it is, and its row says why
+PATIENCE_S = 600.0  # after this an incomplete capture is measured as it is, and fails
 
 
 def watch(batch: Batch, folder: Path, settle_s: float) -> None:
-    """Measure each capture below `folder` once nothing of it has changed for settle_s seconds.
+    """Measure each capture below `folder` once it has not changed for settle_s seconds.
 
-    One that lacks a scan that it names, or whose zip has no end, waits. Ends with
-    KeyboardInterrupt only; the catalogue is renewed whenever something was measured.
+    Captures with missing scans, and incomplete zips, wait. Ends with KeyboardInterrupt only; the
+    catalogue is updated after each measurement.
     """
-    with batch.renewing():
+    with batch.updating_catalogue():
         _watch(batch, folder, settle_s)
 
 
@@ -29,25 +29,25 @@ def _watch(batch: Batch, folder: Path, settle_s: float) -> None:
     taken: dict[str, str] = {}
     while True:
         before, waiting, ready = waiting, {}, []
-        for found in batch.new(batch.look()):
-            mark, now_s = batch.state(found), time.monotonic()
-            if taken.get(found.name) == mark:
+        for found in batch.pending(batch.find_captures()):
+            state, now_s = batch.state(found), time.monotonic()
+            if taken.get(found.name) == state:
                 continue
-            known, since_s = before.get(found.name, (mark, now_s))
-            since_s = since_s if known == mark else now_s
-            waiting[found.name] = mark, since_s
-            still_s = now_s - since_s
-            if still_s >= PATIENCE_S or (still_s >= settle_s and is_complete(found, folder)):
+            known, since_s = before.get(found.name, (state, now_s))
+            since_s = since_s if known == state else now_s
+            waiting[found.name] = state, since_s
+            settled_s = now_s - since_s
+            if settled_s >= PATIENCE_S or (settled_s >= settle_s and is_complete(found, folder)):
                 ready.append(found)
-                taken[found.name] = mark
+                taken[found.name] = state
         if ready:
             batch.measure(ready)
-            batch.renew()
+            batch.update_catalogue()
         time.sleep(settle_s / 4)
 
 
-def is_complete(found: Found, folder: Path) -> bool:
-    """Whether all that a capture names is there."""
+def is_complete(found: FoundCapture, folder: Path) -> bool:
+    """Return whether all files that a capture names exist."""
     source = folder / found.name
     if found.kind == "zip":
         return zipfile.is_zipfile(source)

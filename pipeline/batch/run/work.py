@@ -1,4 +1,4 @@
-"""A task: a few captures to be identified, measured and written down; what a child does."""
+"""Task of a worker process: captures to be identified, measured and written."""
 
 from __future__ import annotations
 
@@ -10,152 +10,156 @@ from pathlib import Path
 
 from ... import __version__
 from ...errors import WheelplaneError
-from ..catalogue.gather import name_of
+from ..catalogue.load_records import json_name
 from ..catalogue.rows import FAILED, Record, read_record
-from ..plan.discover import Found
-from ..plan.identity import Identity, at_hand, identify, unchanged, unreadable
-from ..plan.settings import Settings
+from ..plan.discover import FoundCapture
+from ..plan.identity import Identity, identify, local_copy, unchanged, unreadable
+from ..plan.settings import BatchSettings
 from ..storage.entry import Entry, legible
 from ..storage.store import Store, open_store
 from .measure_one import (
-    PassingError,
+    Outcome,
     Result,
     Subject,
-    Verdict,
+    TransientError,
     failed,
     measure_bytes,
 )
 
-WRITERS = 16  # syncs to disk, or requests to storage, at the same time
-THERE = Verdict("there")
+WRITERS = 16  # simultaneous syncs to disk, or requests to storage
+RECOGNISED = Outcome("recognised")
 
 
 @dataclass(frozen=True)
-class Request:
-    """What all tasks of a run share.
+class RunRequest:
+    """Request of a run, common to all its tasks.
 
-    archive, results: URLs, or absolute paths. retry: what failed before is measured again.
+    archive, results: URLs, or absolute paths. retry: measure again what failed before.
     """
 
     archive: str
     results: str
-    settings: Settings
+    settings: BatchSettings
     version: str = __version__
     retry: bool = False
 
 
 @dataclass(frozen=True)
 class Task:
-    """A capture, or several small ones.
+    """One capture, or several small ones.
 
-    attempts: how earlier attempts ended. verdict: by which it is not to be measured any more, but
-    written down as failed; blind: without a look at its files.
+    attempts: how earlier attempts ended. outcome: if given, write this failure without measuring;
+    blind: without reading the files.
     """
 
-    request: Request
-    captures: tuple[Found, ...]
+    request: RunRequest
+    captures: tuple[FoundCapture, ...]
     attempts: tuple[str, ...] = ()
-    verdict: Verdict | None = None
+    outcome: Outcome | None = None
     blind: bool = False
 
 
-class ArchiveError(PassingError):
-    """The files of a capture cannot be had from the archive."""
+class ArchiveError(TransientError):
+    """Files of a capture that cannot be read from the archive."""
 
 
 @dataclass(frozen=True)
-class Done:
-    """What became of one capture; the status "there" is of one that was done before.
+class CompletedCapture:
+    """Capture with its outcome; status "recognised": its result existed before.
 
-    fingerprint: of its files as they were listed, where it is enough to know the capture again.
-    record: of a new result in object storage, from which it is costly to read.
+    fingerprint: of its files as listed, None if it does not identify the capture reliably.
+    record: of a new result in object storage, where reading it back is expensive.
     """
 
     name: str
     key: str
-    verdict: Verdict
+    outcome: Outcome
     fingerprint: str | None
     elsewhere: tuple[Entry, ...]
     record: Record | None = None
 
 
-def work(task: Task) -> list[Done]:
-    """Do the task, whose results are all written when this returns.
+def work(task: Task) -> list[CompletedCapture]:
+    """Run the task; all its results are written when this returns.
 
-    Raises PassingError and MemoryError, which leave undone what was not written before.
+    Raises TransientError and MemoryError; captures without a result are then still to be done.
     """
     if task.request.version != __version__:
-        raise PassingError(f"wheelplane {__version__} is given the work of {task.request.version}")
+        raise TransientError(
+            f"worker of wheelplane {__version__} got a task of {task.request.version}"
+        )
     try:
         results = _store(task.request.results)
         worked = [_one(found, task, results) for found in task.captures]
-        for _, writing in worked:  # which goes on while the next are measured
+        for _, writing in worked:  # written while the next ones are measured
             if writing is not None:
                 writing.result()
     except WheelplaneError as error:
-        raise PassingError(str(error)) from error
+        raise TransientError(str(error)) from error
     return [done for done, _ in worked]
 
 
-def _one(found: Found, task: Task, results: Store) -> tuple[Done, Future[None] | None]:
-    """What became of a capture, and the writing of it where that is new."""
+def _one(
+    found: FoundCapture, task: Task, results: Store
+) -> tuple[CompletedCapture, Future[None] | None]:
+    """Measure a capture; return it with its outcome, and the pending write of a new result."""
     with ExitStack() as stack:
         archive, known, source = _known(found, task, stack)
-        there = results.exists(name_of(known.key))
-        if there and not (task.request.retry and _failed_before(results, known.key)):
-            return _done(found, known, THERE), None
+        exists = results.exists(json_name(known.key))
+        if exists and not (task.request.retry and _failed_before(results, known.key)):
+            return _done(found, known, RECOGNISED), None
         result = _result(found, known, source, task)
         if not task.blind and not unchanged(archive, known):
-            raise PassingError(f"{found.name}: it was changed while it was measured")
-    writing = _writers().submit(_write, results, known.key, result, there)
-    done = _done(found, known, result.verdict)
+            raise TransientError(f"{found.name}: changed while it was measured")
+    writing = _writers().submit(_write, results, known.key, result, exists)
+    done = _done(found, known, result.outcome)
     if results.local is None:
         done = replace(done, record=read_record(known.key, result.data))
     return done, writing
 
 
-def _known(found: Found, task: Task, stack: ExitStack) -> tuple[Store, Identity, Path]:
-    """The capture's archive, its identity, and where it is at hand. Raises ArchiveError."""
+def _known(found: FoundCapture, task: Task, stack: ExitStack) -> tuple[Store, Identity, Path]:
+    """Return the capture's archive, identity and local copy. Raises ArchiveError."""
     try:
         archive = _store(task.request.archive)
         if task.blind:
             return archive, unreadable(found, task.request.settings), Path(found.name)
-        source = stack.enter_context(at_hand(archive, found))
+        source = stack.enter_context(local_copy(archive, found))
         return archive, identify(archive, found, source, task.request.settings), source
     except WheelplaneError as error:
         raise ArchiveError(str(error)) from error
 
 
-def _result(found: Found, known: Identity, source: Path, task: Task) -> Result:
+def _result(found: FoundCapture, known: Identity, source: Path, task: Task) -> Result:
     settings = task.request.settings
     name = legible(found.name)
     subject = Subject(source, name, found.kind, settings, known.key, known.inputs)
-    if task.verdict is not None:
-        return failed(subject, task.verdict, "\n".join(task.attempts) + "\n")
+    if task.outcome is not None:
+        return failed(subject, task.outcome, "\n".join(task.attempts) + "\n")
     return measure_bytes(subject)
 
 
-def _done(found: Found, known: Identity, verdict: Verdict) -> Done:
+def _done(found: FoundCapture, known: Identity, outcome: Outcome) -> CompletedCapture:
     fingerprint = found.fingerprint if known.lasting else None
-    return Done(found.name, known.key, verdict, fingerprint, known.elsewhere)
+    return CompletedCapture(found.name, known.key, outcome, fingerprint, known.elsewhere)
 
 
 def _failed_before(results: Store, key: str) -> bool:
-    return read_record(key, results.read(name_of(key))).capture.status in FAILED
+    return read_record(key, results.read(json_name(key))).capture.status in FAILED
 
 
-def _write(results: Store, key: str, result: Result, anew: bool) -> None:
-    """The log of a failure, then the result, which tells that it was done.
+def _write(results: Store, key: str, result: Result, replace_failure: bool) -> None:
+    """Write the log of a failure, then the result, whose presence means done.
 
-    anew: in place of the result of a failure, whose log goes with it.
+    replace_failure: replace the result of a failure and remove its log.
     """
     log = f"logs/{key}.log"
     if result.log:
         results.write(log, result.log.encode(errors="replace"))
-    if not anew:
-        results.write_new(name_of(key), result.data)
+    if not replace_failure:
+        results.write_new(json_name(key), result.data)
         return
-    results.write(name_of(key), result.data)
+    results.write(json_name(key), result.data)
     if not result.log:
         results.remove(log)
 

@@ -1,4 +1,4 @@
-"""A file system of fsspec without its own repeating and caching, and what its errors mean."""
+"""File systems of fsspec without retries and caches of their own; meaning of their errors."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ PACKAGES |= {"gcs": "gcsfs", "az": "adlfs", "abfs": "adlfs", "abfss": "adlfs"}
 
 
 def file_system(url: str) -> Any:
-    """The file system of a URL. Raises InputError, MissingDependencyError."""
+    """Open the file system of a URL. Raises InputError, MissingDependencyError."""
     protocol = url.partition("://")[0].lower()
     package = PACKAGES.get(protocol, "wheelplane[storage]")
     if any(os.environ.get(k) for k in ("AWS_ENDPOINT_URL", "AWS_ENDPOINT_URL_S3")):
-        # other servers than Amazon's know nothing of the newer checksums
+        # servers other than Amazon's may not support the newer checksums
         os.environ.setdefault("AWS_REQUEST_CHECKSUM_CALCULATION", "when_required")
         os.environ.setdefault("AWS_RESPONSE_CHECKSUM_VALIDATION", "when_required")
     own = {"config_kwargs": TIMEOUTS_S | {"retries": {"max_attempts": 0}}}
@@ -34,17 +34,17 @@ def file_system(url: str) -> Any:
         )
     except ImportError as error:
         raise MissingDependencyError(
-            f"{url}: {protocol}:// needs a package: pip install '{package}'"
+            f"{url}: {protocol}:// needs a package: run pip install '{package}'"
         ) from error
     except ValueError as error:
-        raise InputError(f"{url}: {protocol}:// is unknown: try s3://, gs:// or az://") from error
+        raise InputError(f"{url}: {protocol}:// is unknown: use s3://, gs:// or az://") from error
     if hasattr(fs, "retries"):
         fs.retries = 1
     return fs
 
 
-def passing(error: Exception) -> bool:
-    """Whether the same request may well succeed a little later."""
+def is_transient(error: Exception) -> bool:
+    """Return whether the same request may succeed a little later."""
     kind = type(error).__name__
     if isinstance(error, FINAL) or code_of(error) in TAKEN | {"NotImplemented", "501"}:
         return False
@@ -52,6 +52,6 @@ def passing(error: Exception) -> bool:
 
 
 def code_of(error: BaseException) -> str:
-    """What the server called the error; empty where it did not say."""
+    """Return the error code of the server's response; empty if there is none."""
     answer = getattr(error.__cause__ or error, "response", None) or {}
     return str(answer.get("Error", {}).get("Code", ""))

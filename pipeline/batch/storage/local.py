@@ -1,4 +1,4 @@
-"""A store in a folder: every file whole, durable and never replaced by accident."""
+"""Store in a folder: every file complete, durable and never replaced by accident."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from ...errors import InputError
 from .entry import PARTIAL, Entry
 
-STALE_S = 3600.0  # a write takes milliseconds: what is this old was left by a killed process
+STALE_S = 3600.0  # a write takes milliseconds: older temporary files are of killed processes
 LOCK = "lock"
 NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK}
 
@@ -22,15 +22,15 @@ NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EM
 class LocalStore:
     """Files below a folder.
 
-    A write that returned survives a crash of the machine: content, then name, are synced to disk
-    (fsync of the file and of the folders), at some 0.2 ms each on a solid-state disk.
+    A completed write survives a crash of the machine: content, then name, are synced to disk
+    (fsync of the file and of the folders), about 0.2 ms each on a solid-state disk.
     """
 
     exclusive = True
 
     def __init__(self, folder: Path, url: str = "") -> None:
         if folder.exists() and not folder.is_dir():
-            raise InputError(f"{folder}: is a file: name a folder")
+            raise InputError(f"{folder}: is a file: give a folder")
         self.folder = folder
         self.url = url or str(folder)
         self._swept = False
@@ -41,7 +41,7 @@ class LocalStore:
         return self.folder
 
     def list(self, prefix: str = "") -> Iterator[Entry]:
-        """Files whose name begins with `prefix`, sorted; a link into its own parent is skipped."""
+        """Yield files whose name begins with `prefix`, sorted; links to a parent are skipped."""
         start = prefix.rpartition("/")[0]
         yield from self._below(start, prefix, ())
 
@@ -69,14 +69,14 @@ class LocalStore:
                 yield listed
 
     def read(self, name: str) -> bytes:
-        """The content of a file."""
+        """Return the content of a file."""
         try:
             return (self.folder / name).read_bytes()
         except OSError as error:
             raise self._error(name, "cannot be read", error) from error
 
     def write_new(self, name: str, data: bytes) -> bool:
-        """Write a file that is not there yet; False if it was there, which is left as it was."""
+        """Write a new file; return False, and leave it unchanged, if the name exists."""
         path = self.folder / name
         with self._whole(name, data) as temporary:
             try:
@@ -84,46 +84,46 @@ class LocalStore:
             except FileExistsError:
                 if temporary.stat().st_nlink == 1:
                     return False
-                # else NFS did link, and told so to a first request whose answer was lost
+                # else NFS did link, in answer to a first request whose reply was lost
             _sync_folder(path.parent)
         return True
 
     def write(self, name: str, data: bytes) -> None:
-        """Write or replace a file; a reader sees the old content or the new."""
+        """Write or replace a file; a reader sees either the old or the new content."""
         path = self.folder / name
         with self._whole(name, data) as temporary:
             temporary.replace(path)
             _sync_folder(path.parent)
 
     def send(self, name: str, path: Path) -> None:
-        """Write or replace a file by a copy of another."""
+        """Write or replace a file by a copy of the one at `path`."""
         self.write(name, path.read_bytes())
 
     def exists(self, name: str) -> bool:
-        """Whether a file has this name."""
+        """Return whether a file has this name."""
         return (self.folder / name).is_file()
 
     def stat(self, name: str) -> Entry | None:
-        """A file as it is listed; None where none has this name."""
+        """Return the entry of a file; None if no file has this name."""
         return _entry(self.folder / name, name)
 
     def remove(self, name: str) -> None:
-        """Take a file away; no error if it is gone already."""
+        """Remove a file; no error if it does not exist."""
         try:
             (self.folder / name).unlink(missing_ok=True)
         except OSError as error:
             raise self._error(name, "cannot be removed", error) from error
 
     def fetch(self, name: str, folder: Path) -> Path:
-        """The file's own path."""
+        """Return the path of the file itself."""
         path = self.folder / name
         if not path.is_file():
-            raise InputError(f"{path}: is not there: has it been moved?")
+            raise InputError(f"{path}: no such file: check whether it was moved")
         return path
 
     @contextmanager
     def _whole(self, name: str, data: bytes) -> Iterator[Path]:
-        """A synced file with this content under a passing name, and the folder of `name`."""
+        """Yield a synced temporary file with this content, after making the folder of `name`."""
         partial = self.folder / PARTIAL
         temporary = partial / uuid.uuid4().hex
         try:
@@ -141,7 +141,7 @@ class LocalStore:
             temporary.unlink(missing_ok=True)
 
     def _sweep(self, partial: Path) -> None:
-        """Clear away, once a process, what killed processes left."""
+        """Remove the temporary files of killed processes, once per process."""
         if self._swept:
             return
         self._swept = True
@@ -153,14 +153,14 @@ class LocalStore:
                 continue  # another process was faster
 
     def _error(self, name: str, what: str, error: OSError) -> InputError:
-        mend = {
+        advice = {
             errno.ENOSPC: "make room on the disk",
             errno.EDQUOT: "make room within the quota",
-            errno.EROFS: "name a folder that can be written to",
-            errno.EACCES: "see to the permissions of it and its folders",
-            errno.ENOENT: "has it been moved?",
+            errno.EROFS: "give a writable folder",
+            errno.EACCES: "check its permissions and those of its folders",
+            errno.ENOENT: "check whether it was moved",
         }.get(error.errno or 0, "check it")
-        return InputError(f"{self.folder / name}: {what} ({error.strerror}): {mend}")
+        return InputError(f"{self.folder / name}: {what} ({error.strerror}): {advice}")
 
 
 def _entry(entry: os.DirEntry[str] | Path, name: str) -> Entry | None:
@@ -172,7 +172,7 @@ def _entry(entry: os.DirEntry[str] | Path, name: str) -> Entry | None:
 
 
 def _link(temporary: Path, path: Path) -> None:
-    """Give the file its name unless that is taken (FileExistsError): one step, race or not."""
+    """Give the file its name, atomically. Raises FileExistsError if the name exists."""
     try:
         os.link(temporary, path)
     except OSError as error:
@@ -186,7 +186,7 @@ def _link(temporary: Path, path: Path) -> None:
 
 
 def _make_folder(folder: Path) -> None:
-    """Make a folder and its parents, each durable."""
+    """Create a folder and its parents, each synced to disk."""
     if folder.is_dir():
         return
     _make_folder(folder.parent)
@@ -195,7 +195,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make the names in a folder durable, where the file system can."""
+    """Sync the names in a folder to disk, if the file system supports it."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(handle)

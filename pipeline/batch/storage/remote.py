@@ -1,4 +1,4 @@
-"""A store in object storage, by fsspec: requests that are repeated, and puts that never replace."""
+"""Store in object storage, by fsspec, with retries and conditional puts."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from typing import Any, TypeVar
 
 from ...errors import InputError, WheelplaneError
 from .entry import PARTIAL, Entry
-from .filesystem import TAKEN, code_of, file_system, passing
+from .filesystem import TAKEN, code_of, file_system, is_transient
 
 T = TypeVar("T")
-FIRST_WAIT_S, TRIES, TRIES_AT_THE_DOOR = 0.2, 8, 3  # 0.2 + 0.4 + ... = 25 s in all, +-50 %
+FIRST_WAIT_S, TRIES, TRIES_OF_CHECK = 0.2, 8, 3  # 0.2 + 0.4 + ... = 25 s in all, +-50 %
 UNKNOWN_HEADER = (errno.ENOSYS, errno.EINVAL)  # 501, 400
 
 
 class RemoteStore:
-    """Objects below a URL; may be sent to another process, which opens its own connections."""
+    """Objects below a URL; picklable: each process opens its own connections."""
 
     local = None
 
@@ -34,20 +34,20 @@ class RemoteStore:
         return RemoteStore, (self.url,)
 
     def check(self) -> None:
-        """See that the bucket can be reached. Raises InputError."""
+        """Check that the bucket can be reached. Raises InputError."""
         nothing = self._path(f"{PARTIAL}/none")
         try:
-            self._try(lambda: self._fs.info(nothing), "", TRIES_AT_THE_DOOR)
+            self._try(lambda: self._fs.info(nothing), "", TRIES_OF_CHECK)
         except FileNotFoundError as error:
             if code_of(error) == "NoSuchBucket":
-                raise InputError(f"{self.url}: there is no such bucket: make it first") from error
+                raise InputError(f"{self.url}: no such bucket: create it first") from error
 
     @property
     def exclusive(self) -> bool:
         """Whether the server honours If-None-Match, so that one of several writers wins.
 
-        Asked once, by two conditional puts. Where not, `write_new` looks, then writes: of two
-        writers at the same instant the last one stays, which is harmless for equal contents.
+        Tested once, by two conditional puts. If not, `write_new` checks before it writes: of two
+        simultaneous writers the last one wins, which is harmless for equal contents.
         """
         if self._exclusive is None:
             probe = f"{PARTIAL}/{uuid.uuid4().hex}"
@@ -61,7 +61,7 @@ class RemoteStore:
         return self._exclusive
 
     def list(self, prefix: str = "") -> Iterator[Entry]:
-        """Objects whose name begins with `prefix`, sorted; a page of 1,000 at a time on S3."""
+        """Yield objects whose name begins with `prefix`, sorted; in pages of 1,000 on S3."""
         skip = len(self._path(""))
         for path, size, stamp in self._listed(prefix):
             name = path[skip:]
@@ -73,28 +73,28 @@ class RemoteStore:
             bucket, _, key = self._path(prefix).partition("/")
             request = {"Bucket": bucket, "Prefix": key}
             while request:
-                page = self._asked(lambda: self._fs.call_s3("list_objects_v2", **request), prefix)  # noqa: B023
+                page = self._request(lambda: self._fs.call_s3("list_objects_v2", **request), prefix)  # noqa: B023
                 for found in page.get("Contents", ()):
                     yield f"{bucket}/{found['Key']}", found["Size"], found["ETag"].strip('"')
                 token = page.get("NextContinuationToken")
                 request = request | {"ContinuationToken": token} if token else {}
             return
         folder = self._path(prefix.rpartition("/")[0]).rstrip("/")
-        found = self._asked(lambda: self._fs.find(folder, detail=True), prefix, {})
+        found = self._request(lambda: self._fs.find(folder, detail=True), prefix, {})
         for path, info in sorted(found.items()):
             stamps = (info.get(k) for k in ("etag", "ETag", "md5Hash", "mtime", "created"))
             yield path.lstrip("/"), info["size"], str(next(filter(None, stamps), info["size"]))
 
     def read(self, name: str) -> bytes:
-        """The content of an object."""
-        data = self._asked(lambda: self._fs.cat_file(self._path(name)), name)
+        """Return the content of an object."""
+        data = self._request(lambda: self._fs.cat_file(self._path(name)), name)
         assert isinstance(data, bytes)
         return data
 
     def write_new(self, name: str, data: bytes) -> bool:
-        """Write an object that is not there yet; False if it was there. See `exclusive`."""
+        """Write a new object; return False if the name exists. See `exclusive`."""
         if self.exclusive:
-            return bool(self._asked(lambda: self._create(name, data), name))
+            return bool(self._request(lambda: self._create(name, data), name))
         if self.exists(name):
             return False
         self.write(name, data)
@@ -102,31 +102,31 @@ class RemoteStore:
 
     def write(self, name: str, data: bytes) -> None:
         """Write or replace an object."""
-        self._asked(lambda: self._fs.pipe_file(self._path(name), data), name)
+        self._request(lambda: self._fs.pipe_file(self._path(name), data), name)
 
     def send(self, name: str, path: Path) -> None:
         """Write or replace an object by a local file, in parts if it is large."""
-        self._asked(lambda: self._fs.put_file(str(path), self._path(name)), name)
+        self._request(lambda: self._fs.put_file(str(path), self._path(name)), name)
 
     def exists(self, name: str) -> bool:
-        """Whether an object has this name."""
-        return self._asked(lambda: self._fs.info(self._path(name)), name, None) is not None
+        """Return whether an object has this name."""
+        return self._request(lambda: self._fs.info(self._path(name)), name, None) is not None
 
     def stat(self, name: str) -> Entry | None:
-        """An object as it is listed; None where none has this name."""
+        """Return the entry of an object; None if none has this name."""
         return next((entry for entry in self.list(name) if entry.name == name), None)
 
     def remove(self, name: str) -> None:
-        """Take an object away; no error if it is gone already."""
-        self._asked(lambda: self._fs.rm_file(self._path(name)), name, None)
+        """Remove an object; no error if it does not exist."""
+        self._request(lambda: self._fs.rm_file(self._path(name)), name, None)
 
     def fetch(self, name: str, folder: Path) -> Path:
-        """A copy of the object at `folder` / `name`, whole or not there."""
+        """Copy the object to `folder` / `name`, completely or not at all; return the path."""
         target = folder / name
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary = target.with_name(f"{PARTIAL}-{uuid.uuid4().hex}")
         try:
-            self._asked(lambda: self._fs.get_file(self._path(name), str(temporary)), name)
+            self._request(lambda: self._fs.get_file(self._path(name), str(temporary)), name)
             temporary.replace(target)
         finally:
             temporary.unlink(missing_ok=True)
@@ -134,7 +134,7 @@ class RemoteStore:
 
     @property
     def _fs(self) -> Any:
-        """The file system of the process at work: connections do not survive a fork."""
+        """File system of the current process; connections do not survive a fork."""
         if self._opened is None or self._opened[0] != os.getpid():
             self._opened = os.getpid(), file_system(self.url)
         return self._opened[1]
@@ -143,7 +143,7 @@ class RemoteStore:
         return f"{self.url.partition('://')[2].strip('/')}/{name}"
 
     def _create(self, name: str, data: bytes) -> bool:
-        """Put if nothing is there: whether this call, repeated or not, is the one that did."""
+        """Put unless the name exists; return whether this call, retried or not, created it."""
         sent = 0
 
         def put() -> None:
@@ -156,29 +156,31 @@ class RemoteStore:
         except OSError as error:
             if not isinstance(error, FileExistsError) and code_of(error) not in TAKEN:
                 raise
-            return sent > 1 and self.read(name) == data  # a first put whose answer was lost
+            return sent > 1 and self.read(name) == data  # a first put whose reply was lost
         return True
 
-    def _asked(self, request: Callable[[], T], name: str, absent: Any = ...) -> Any:
-        """The answer; `absent`, if given, for what is not there. Raises InputError."""
+    def _request(self, request: Callable[[], T], name: str, absent: Any = ...) -> Any:
+        """Return the response; `absent`, if given, for a missing object. Raises InputError."""
         try:
             return self._try(request, name)
         except FileNotFoundError as error:
             if absent is not ...:
                 return absent
-            raise InputError(f"{self.url}/{name}: is not there: has it been moved?") from error
+            raise InputError(
+                f"{self.url}/{name}: no such object: check whether it was moved"
+            ) from error
         except OSError as error:
             raise self._refused(name, error) from error
 
     def _try(self, request: Callable[[], T], name: str, tries: int = TRIES) -> T:
-        """The answer to a request that is repeated after passing faults, ever more patiently."""
+        """Return the response to a request, retried after transient faults with longer waits."""
         for attempt in range(tries):
             try:
                 return request()
             except WheelplaneError:
                 raise
             except Exception as error:
-                if not passing(error):
+                if not is_transient(error):
                     if isinstance(error, OSError) and not isinstance(error, PermissionError):
                         raise
                     raise self._refused(name, error) from error
@@ -190,8 +192,8 @@ class RemoteStore:
     def _refused(self, name: str, error: Exception, when: str = "") -> InputError:
         fact = " ".join(str(error).split())[:200] or type(error).__name__
         return InputError(
-            f"{self.url}/{name}: object storage refuses{when} ({fact}): see to its address, "
-            "credentials and permissions"
+            f"{self.url}/{name}: request to object storage failed{when} ({fact}): check its "
+            "address, credentials and permissions"
         )
 
 

@@ -1,4 +1,4 @@
-"""A folder for passing files that is cleared away even after a kill."""
+"""Folder for temporary files, which a later run removes if its owner was killed."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ PREFIX = "wheelplane-run-"
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """A new folder, gone at the end; those of processes that were killed go first."""
+    """Create a folder and remove it at the end; remove those of killed processes first."""
     for left in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
-        if _is_left(left):
+        if _is_abandoned(left):
             shutil.rmtree(left, ignore_errors=True)
     folder = Path(tempfile.mkdtemp(prefix=PREFIX))
     handle = os.open(folder, os.O_RDONLY)
@@ -29,12 +29,12 @@ def scratch_folder() -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _is_left(folder: Path) -> bool:
-    """Whether its owner is gone: the lock on a folder goes with the process that holds it."""
+def _is_abandoned(folder: Path) -> bool:
+    """Return whether its owner has ended: the lock on a folder ends with its process."""
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError:
-        return False  # another user's, or just gone
+        return False  # another user's, or just removed
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:

@@ -1,4 +1,4 @@
-"""Where files live: a folder, or object storage behind a URL."""
+"""Store of files: a folder, or object storage at a URL."""
 
 from __future__ import annotations
 
@@ -15,55 +15,55 @@ __all__ = ["Entry", "Store", "open_store"]
 
 
 class Store(Protocol):
-    """Files by their relative names. Every method raises InputError for what it cannot do."""
+    """Files by their relative names. Every method raises InputError if it fails."""
 
     @property
     def url(self) -> str:
-        """What the user called it."""
+        """Path or URL as given by the user."""
 
     @property
     def local(self) -> Path | None:
-        """Its folder; None for object storage."""
+        """Folder of the store; None for object storage."""
 
     @property
     def exclusive(self) -> bool:
         """Whether `write_new` lets exactly one of several writers win (see `RemoteStore`)."""
 
     def list(self, prefix: str = "") -> Iterator[Entry]:
-        """Files whose name begins with `prefix`, sorted by name; none where nothing is there."""
+        """Yield files whose name begins with `prefix`, sorted by name."""
 
     def read(self, name: str) -> bytes:
-        """The content of a file."""
+        """Return the content of a file."""
 
     def write_new(self, name: str, data: bytes) -> bool:
-        """Write a file that is not there yet: whole and durable, or not at all.
+        """Write a new file, completely and durably or not at all.
 
-        False if it was there already; it is then left as it was.
+        Return False, and leave it unchanged, if the name exists.
         """
 
     def write(self, name: str, data: bytes) -> None:
-        """Write or replace a file: a reader sees the old content or the new, never a part."""
+        """Write or replace a file; a reader sees either the old or the new content."""
 
     def send(self, name: str, path: Path) -> None:
         """Write or replace a file by a copy of the local one at `path`."""
 
     def exists(self, name: str) -> bool:
-        """Whether a file has this name."""
+        """Return whether a file has this name."""
 
     def stat(self, name: str) -> Entry | None:
-        """A file as it is listed; None where none has this name."""
+        """Return the entry of a file; None if no file has this name."""
 
     def remove(self, name: str) -> None:
-        """Take a file away; no error if it is gone already."""
+        """Remove a file; no error if it does not exist."""
 
     def fetch(self, name: str, folder: Path) -> Path:
-        """A local path to the file: its own, or of a copy at `folder` / `name`."""
+        """Return a local path to the file: its own, or that of a copy at `folder` / `name`."""
 
 
 def open_store(url: str) -> Store:
-    """The store at a local path, file://, s3://, gs://, az:// or another URL that fsspec knows.
+    """Open the store at a local path, file://, s3://, gs://, az:// or another URL of fsspec.
 
-    A folder need not be there yet; a bucket must. Raises InputError, MissingDependencyError.
+    A folder need not exist yet; a bucket must. Raises InputError, MissingDependencyError.
     """
     from .local import LocalStore
 
@@ -72,7 +72,7 @@ def open_store(url: str) -> Store:
     parts = urlsplit(url)
     if parts.scheme == "file":
         if parts.netloc not in ("", "localhost"):
-            raise InputError(f"{url}: names the host {parts.netloc}: write file:///path")
+            raise InputError(f"{url}: has the host {parts.netloc}: write file:///path")
         return LocalStore(Path(unquote(parts.path)), url)
 
     from .remote import RemoteStore

@@ -117,7 +117,7 @@ class Spread:
         return JointTest(square, count, dof, beyond)
 
     def visible_jointly(self, patterns: Array) -> float:
-        """Return the smallest size at which an error of any of the patterns (q, r) is detectable."""
+        """Return the smallest detectable size of an error of any of the patterns (q, r)."""
         whiten = self._whiten()
         gain = float(np.sum((whiten @ patterns) ** 2, axis=0).min())
         return visible_jointly(gain, len(whiten), self._joint_dof(whiten))

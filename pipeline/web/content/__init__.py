@@ -1,1 +1,1 @@
-"""Content of the web page: what can be chosen, measured, compared and viewed."""
+"""Content of the page: measurements, comparisons, reports, archives of results."""

@@ -1,4 +1,4 @@
-"""A folder of batch results, browsed: what is in it, what failed and why, what drifts."""
+"""Views of a folder of batch results: captures, failures, trends."""
 
 from __future__ import annotations
 
@@ -31,19 +31,21 @@ from .trend_plot import trend_drawing
 PAGE = 50
 DAYS = 365.25  # of a year
 CLASSES = {"ok": "", "part": "undecided"}
-Query = Mapping[str, str]
+Parameters = Mapping[str, str]
 
 
-def answer(question: str, folder: Path, asked: Query, words: Translations) -> dict[str, Any]:
-    """What the page asks of the results in `folder`. Raises RefusedError, InputError."""
+def answer(
+    question: str, folder: Path, parameters: Parameters, words: Translations
+) -> dict[str, Any]:
+    """Return a view of the results in `folder`. Raises RefusedError, InputError."""
     if question not in QUESTIONS:
-        raise RefusedError(404, "there is no such view of an archive")
+        raise RefusedError(404, "no such view of an archive")
     with open_catalogue(str(folder)) as catalogue:
-        return QUESTIONS[question](catalogue, asked, words)
+        return QUESTIONS[question](catalogue, parameters, words)
 
 
 def plot(folder: Path, quantity: str, words: Translations) -> str:
-    """One quantity over time, as SVG."""
+    """Draw one quantity over time, as SVG."""
     with open_catalogue(str(folder)) as catalogue:
         found = series(catalogue, [quantity])
         line = drifts(catalogue, [quantity])
@@ -53,13 +55,13 @@ def plot(folder: Path, quantity: str, words: Translations) -> str:
 
 
 def quantity_name(quantity: str, words: Translations) -> str:
-    """What a quantity of the catalogue, such as `RR toe`, is called."""
+    """Return the displayed name of a quantity of the catalogue, such as `RR toe`."""
     wheel, _, kind = quantity.rpartition(" ")
     return f"{wheel} {words.known('quantity', kind)}".strip()
 
 
-def _overview(catalogue: Catalogue, _: Query, words: Translations) -> dict[str, Any]:
-    """How many captures of each status; what can be chosen."""
+def _overview(catalogue: Catalogue, _: Parameters, words: Translations) -> dict[str, Any]:
+    """Return the number of captures of each status, and the choices of vehicle and quantity."""
     of_status = {status: count(catalogue, Filter(status=(status,))) for status in STATUSES}
     rows = catalogue.connection.execute(
         "SELECT DISTINCT vehicle FROM captures WHERE vehicle <> '' ORDER BY vehicle LIMIT 1000"
@@ -72,10 +74,12 @@ def _overview(catalogue: Catalogue, _: Query, words: Translations) -> dict[str, 
     }
 
 
-def _captures(catalogue: Catalogue, asked: Query, words: Translations) -> dict[str, Any]:
-    """A page of the captures that a filter leaves."""
-    which = _filter(asked)
-    offset = max(0, int(asked.get("offset", "0"))) if asked.get("offset", "0").isdigit() else 0
+def _captures(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
+    """Return a page of the captures that match a filter."""
+    which = _filter(parameters)
+    offset = (
+        max(0, int(parameters.get("offset", "0"))) if parameters.get("offset", "0").isdigit() else 0
+    )
     found = list(captures(catalogue, which, "name", PAGE, offset))
     rows = [
         [row.name, row.vehicle, row.date or NONE, words(f"page.{row.status}"), row.reason,
@@ -92,11 +96,11 @@ def _captures(catalogue: Catalogue, asked: Query, words: Translations) -> dict[s
     return {"table": table_tree(table), "keys": keys, "offset": offset, "total": total}
 
 
-def _capture(catalogue: Catalogue, asked: Query, words: Translations) -> dict[str, Any]:
-    """One capture: its wheels and its vehicle's quantities."""
-    found = capture_of(catalogue, asked.get("key", ""))
+def _capture(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
+    """Return one capture: its wheels and its vehicle's quantities."""
+    found = capture_of(catalogue, parameters.get("key", ""))
     if found is None:
-        raise RefusedError(404, "there is no such capture in these results")
+        raise RefusedError(404, "no such capture in these results")
     wheels = [
         [w.name, w.wheel or NONE, words.known("status", w.status),
          *_angle(w.toe_deg, w.u_toe_deg, words), *_angle(w.camber_deg, w.u_camber_deg, words)]
@@ -123,9 +127,9 @@ def _capture(catalogue: Catalogue, asked: Query, words: Translations) -> dict[st
     }
 
 
-def _failures(catalogue: Catalogue, asked: Query, words: Translations) -> dict[str, Any]:
-    """What went wrong, the most frequent first."""
-    found = failures(catalogue, _filter(asked))
+def _failures(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
+    """Return the groups of failures, the most frequent first."""
+    found = failures(catalogue, _filter(parameters))
     rows = [
         [str(f.count), words(f"page.{f.status}"), f.stage, f.reason, ", ".join(f.examples)]
         for f in found
@@ -136,9 +140,11 @@ def _failures(catalogue: Catalogue, asked: Query, words: Translations) -> dict[s
     return {"table": table_tree(Table(head, rows, 5, words("page.failures")))}
 
 
-def _trends(catalogue: Catalogue, asked: Query, words: Translations) -> dict[str, Any]:
-    """The drift of every quantity, the surest first."""
-    found = sorted(drifts(catalogue, None, _filter(asked)), key=lambda d: (bool(d.reason), d.p))
+def _trends(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
+    """Return the drift of every quantity, in the order of p-values."""
+    found = sorted(
+        drifts(catalogue, None, _filter(parameters)), key=lambda d: (bool(d.reason), d.p)
+    )
     rows = [_drift_row(one, words) for one in found]
     head = [words("page.quantity").lower(), words("page.count"), words("page.per_year"), "U",
             words("page.chance"), words("page.verdict")]  # fmt: skip
@@ -147,7 +153,7 @@ def _trends(catalogue: Catalogue, asked: Query, words: Translations) -> dict[str
     return {"table": table_tree(table), "quantities": [one.quantity for one in found]}
 
 
-QUESTIONS: dict[str, Callable[[Catalogue, Query, Translations], dict[str, Any]]] = {
+QUESTIONS: dict[str, Callable[[Catalogue, Parameters, Translations], dict[str, Any]]] = {
     "overview": _overview,
     "captures": _captures,
     "capture": _capture,
@@ -156,11 +162,11 @@ QUESTIONS: dict[str, Callable[[Catalogue, Query, Translations], dict[str, Any]]]
 }
 
 
-def _filter(asked: Query) -> Filter:
-    status = asked.get("status", "")
+def _filter(parameters: Parameters) -> Filter:
+    status = parameters.get("status", "")
     return Filter(
-        text=asked.get("text", "")[:200],
-        vehicle=asked.get("vehicle") or None,
+        text=parameters.get("text", "")[:200],
+        vehicle=parameters.get("vehicle") or None,
         status=(status,) if status in STATUSES else (),
     )
 
@@ -170,12 +176,12 @@ def _drift_row(one: Drift, words: Translations) -> Sequence[str]:
     if one.reason:
         return [name, str(one.n), NONE, NONE, NONE, words("page.no_trend")]
     rate, width = (_rate(x * DAYS, one.unit, words) for x in (one.slope, one.expanded))
-    said = words("page.drifts" if one.significant else "page.no_drift")
-    return [name, str(one.n), rate, width[1:], words.number(f"{one.p:.3f}"), said]
+    verdict = words("page.drifts" if one.significant else "page.no_drift")
+    return [name, str(one.n), rate, width[1:], words.number(f"{one.p:.3f}"), verdict]
 
 
 def _rate(per_year: float, unit: str, words: Translations) -> str:
-    """With its sign; a drift that rounds to nothing has none."""
+    """Format a rate with its sign; without one if it rounds to zero."""
     scale, decimals, mark = (1e3, 3, " mm") if unit == "m" else (3600.0, 1, '"')
     return words.number(f"{round(per_year * scale, decimals) + 0.0:+.{decimals}f}{mark}")
 
@@ -185,7 +191,7 @@ def _angle(value_deg: float | None, u_deg: float | None, words: Translations) ->
 
 
 def _value(value: float | None, u: float | None, unit: str, words: Translations) -> tuple[str, str]:
-    """deg-min-sec with seconds of arc, or metres with millimetres."""
+    """Format an angle in deg-min-sec with u in seconds, or a length in m with u in mm."""
     if value is None:
         return NONE, NONE
     if unit == "m":

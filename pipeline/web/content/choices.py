@@ -1,4 +1,4 @@
-"""What the page lets a user choose, and what of a request's choices is believed."""
+"""Options that the page offers, and validation of those in a request."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SCALAR: dict[str, tuple[str, ...]] = {
 
 
 def known() -> dict[str, list[str]]:
-    """Targets, scanners and tolerances by their names."""
+    """Return the names of targets, scanners and tolerances."""
     return {
         kind: sorted(path.stem for path in (config_folder() / kind).glob("*.toml"))
         for kind in ("targets", "scanners", "tolerances")
@@ -30,12 +30,12 @@ def known() -> dict[str, list[str]]:
 
 
 def checked(given: Any) -> dict[str, Any]:
-    """The options of a measurement: known names and finite numbers, no path among them.
+    """Validate the options of a measurement: known names and finite numbers, no paths.
 
     Raises RefusedError for any other.
     """
     if not isinstance(given, dict):
-        raise RefusedError(400, "the options are no table")
+        raise RefusedError(400, "the options are not a JSON object")
     names = known()
     allowed = SCALAR | {
         "target": tuple(names["targets"]),
@@ -50,14 +50,16 @@ def checked(given: Any) -> dict[str, Any]:
         if key in ("front", "front_point"):
             options[key] = _vector(key, value)
         elif key not in allowed or value not in allowed[key]:
-            raise RefusedError(400, f"{str(key)[:40]}: {str(value)[:60]!r} is not on offer")
+            raise RefusedError(
+                400, f"{str(key)[:40]}: {str(value)[:60]!r} is not an available choice"
+            )
         else:
             options[key] = value
     return options
 
 
 def type_of(name: str) -> str:
-    """The media type of a file of ours."""
+    """Return the media type of a file by its name."""
     return mimetypes.guess_type(name)[0] or "application/octet-stream"
 
 
@@ -67,5 +69,5 @@ def _vector(key: str, value: Any) -> tuple[float, float, float]:
     except ValueError:
         x = y = z = math.nan
     if not all(map(math.isfinite, (x, y, z))):
-        raise RefusedError(400, f"{key}: three numbers X,Y,Z are needed, such as 1,0,0")
+        raise RefusedError(400, f"{key}: give three numbers X,Y,Z, such as 1,0,0")
     return x, y, z

@@ -1,4 +1,4 @@
-"""Two measurements of one vehicle, wheel by wheel: differences, what they are uncertain by."""
+"""Comparison of two measurements of one vehicle: differences and their uncertainty."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ...vehicle import REFERENCE_WHEELS, deg_min_sec
 from .panel import table_tree
 
 
-def compare(plan: dict[str, Any], say: Callable[[str, object], None]) -> None:
+def compare(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
     """Compare the measurements of two jobs, and write comparison.json."""
     first, second = (load(Path(folder))[0] for folder in plan["folders"])
     found = compare_measurements(first, second, plan["names"])
@@ -39,22 +39,24 @@ def compare(plan: dict[str, Any], say: Callable[[str, object], None]) -> None:
 
 
 def load(folder: Path) -> Any:
-    """Measurement and verdict that a measuring process of ours left there."""
+    """Load the measurement and its conformity that a measuring process stored in `folder`."""
     return pickle.loads((folder / "measurement.pickle").read_bytes())  # noqa: S301 - our own file
 
 
 def compare_measurements(
     first: Measurement, second: Measurement, names: tuple[str, str]
 ) -> Comparison:
-    """First less second on what both measured, as of methods that share no point.
+    """Compare two measurements, first minus second, as independent methods.
 
-    Raises InputError where they cannot be of one vehicle.
+    Raises InputError if they cannot be of the same vehicle.
     """
     parts = [measured(one) for one in (first, second)]
     shared = [name for name in parts[0].names if name in parts[1].names]
-    lost = [wheel for wheel in REFERENCE_WHEELS if wheel not in shared]
-    if lost:
-        raise InputError(f"{lost[0]} was measured in one of the two only: compare whole vehicles")
+    missing = [wheel for wheel in REFERENCE_WHEELS if wheel not in shared]
+    if missing:
+        raise InputError(
+            f"{missing[0]} is measured in only one of the two: compare complete vehicles"
+        )
     kept = [_of(part, shared) for part in parts]
     one, other = (as_method(name, p.results) for name, p in zip(names, kept, strict=True))
     check_alike(one, other, names[1])
@@ -87,7 +89,7 @@ def _missing(
 
 
 def _angles(found: Comparison, words: Translations, names: tuple[str, str]) -> Table:
-    """Toe and camber of every wheel by both, the difference, and whether they agree."""
+    """Tabulate toe and camber of every wheel by both, the difference and its verdict."""
     rows, classes = [], []
     for i, angle in enumerate(np.ravel(found.difference_rad).tolist()):
         kind, index = divmod(i, len(found.names))
@@ -108,7 +110,7 @@ def _angles(found: Comparison, words: Translations, names: tuple[str, str]) -> T
 def _lengths(
     first: Measurement, second: Measurement, words: Translations, names: tuple[str, str]
 ) -> Table:
-    """Tracks and wheelbase of both, with the difference and its standard uncertainty."""
+    """Tabulate tracks and wheelbase of both, the difference and its standard uncertainty."""
     rows = []
     for kind in ("rear_track", "front_track", "wheelbase"):
         one, other = first.vehicle[kind], second.vehicle[kind]

@@ -1,4 +1,4 @@
-"""A capture or a five-point file to all that the page shows of it, as files in the job's folder."""
+"""Capture or five-point file -> all that the page shows of it, as files in the job's folder."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from ...report.scene.scene import scene
 from .panel import drawings, panel
 from .points import write_points
 
-Say = Callable[[str, object], None]
+Send = Callable[[str, object], None]  # kind and content of a message to the server
 
 
-def measure(plan: dict[str, Any], say: Say) -> None:
-    """Measure what the plan names; results first, then the points of the 3D view.
+def measure(plan: dict[str, Any], send: Send) -> None:
+    """Measure the source of the plan; write results first, then the points of the 3D view.
 
-    The current folder becomes plan["base"], so that texts call files as the user does; all that
-    is read lies in plan["allowed"].
+    The current folder becomes plan["base"], so that messages name files as the user does; only
+    files in plan["allowed"] are read.
     """
     out, allowed = Path(plan["out"]), Path(plan["allowed"])
     os.chdir(plan["base"])
@@ -48,21 +48,21 @@ def measure(plan: dict[str, Any], say: Say) -> None:
             measurement = _five_point(source, options)
         else:
             capture = stack.enter_context(_opened(source, options, allowed))
-            measurement = measure_capture(capture, _config(capture, options), _steps(capture, say))
+            measurement = measure_capture(capture, _config(capture, options), _steps(capture, send))
         limits = load_tolerance(options["tolerance"]) if options.get("tolerance") else None
         write_results(measurement, assess(measurement, limits) if limits else None, out)
-        say("ready", True)
+        send("ready", True)
         if capture is not None:
-            say("progress", [capture.steps, capture.steps, "points"])
+            send("progress", [capture.steps, capture.steps, "points"])
             write_points(capture, measurement, out / "points.bin")
 
 
-def write_results(measurement: Measurement, judged: Conformity | None, out: Path) -> None:
-    """measurement.json; panel, scene and evidence in each language; all for later tasks."""
-    (out / "measurement.json").write_text(to_json(measurement, judged), encoding="utf-8")
+def write_results(measurement: Measurement, conformity: Conformity | None, out: Path) -> None:
+    """Write measurement.json, panel, scene and drawings in each language, and a pickle."""
+    (out / "measurement.json").write_text(to_json(measurement, conformity), encoding="utf-8")
     for language in LANGUAGES:
         words = load_translations(language)
-        shown = panel(measurement, judged, words)
+        shown = panel(measurement, conformity, words)
         for wheel, result in zip(shown["wheels"], measurement.wheels, strict=True):
             wheel["drawings"] = []
             for drawing in drawings(measurement, result, words):
@@ -70,12 +70,12 @@ def write_results(measurement: Measurement, judged: Conformity | None, out: Path
                 (out / name).write_text(drawing.svg, encoding="utf-8")
                 wheel["drawings"].append({"file": name, "title": drawing.title})
         _write_json(out / f"panel-{language}.json", shown)
-        _write_json(out / f"scene-{language}.json", scene(measurement, judged, words))
-    (out / "measurement.pickle").write_bytes(pickle.dumps((measurement, judged)))
+        _write_json(out / f"scene-{language}.json", scene(measurement, conformity, words))
+    (out / "measurement.pickle").write_bytes(pickle.dumps((measurement, conformity)))
 
 
 def check_inside(source: Path, allowed: Path) -> None:
-    """Raise InputError if the capture at `source` names files beyond the folder `allowed`."""
+    """Raise InputError if the capture at `source` names files outside the folder `allowed`."""
     folder = source if source.is_dir() else source.parent
     declared_in = find_capture_file(folder) if source.is_dir() else None
     if declared_in is None:
@@ -88,7 +88,7 @@ def check_inside(source: Path, allowed: Path) -> None:
 def _check_path(path: Path, name: str, source: Path, allowed: Path) -> None:
     if not path.resolve().is_relative_to(allowed.resolve()):
         raise InputError(
-            f"{source}: {name!r} lies outside the allowed folder: move it into the capture"
+            f"{source}: {name!r} is outside the allowed folder: move it into the capture"
         )
 
 
@@ -96,17 +96,19 @@ def _check_path(path: Path, name: str, source: Path, allowed: Path) -> None:
 def _opened(source: Path, options: dict[str, Any], allowed: Path) -> Iterator[Capture]:
     check_inside(source, allowed)
     keys = ("length_unit", "front", "front_point", "up")
-    told = CaptureOptions(**{key: options[key] for key in keys if options.get(key) is not None})
-    with open_capture(source, options.get("target"), told) as capture:
+    overrides = CaptureOptions(
+        **{key: options[key] for key in keys if options.get(key) is not None}
+    )
+    with open_capture(source, options.get("target"), overrides) as capture:
         for entry in (*capture.entries, *filter(None, [capture.cloud])):
-            if not entry.path.is_absolute():  # out of an archive, which was checked
+            if not entry.path.is_absolute():  # absolute: from an archive, which was checked
                 _check_path(entry.path, entry.file, source, allowed)
         yield capture
 
 
-def _steps(capture: Capture, say: Say) -> Callable[[str], None]:
+def _steps(capture: Capture, send: Send) -> Callable[[str], None]:
     done = itertools.count()
-    return lambda name: say("progress", [next(done), capture.steps, name])
+    return lambda name: send("progress", [next(done), capture.steps, name])
 
 
 def _config(capture: Capture, options: dict[str, Any]) -> Config:

@@ -1,4 +1,4 @@
-"""What the page shows of a measurement: its tables in every unit, each wheel's facts."""
+"""Panel of a measurement: its tables in every unit, and the details of each wheel."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STYLES: tuple[AngleStyle, ...] = ("dms", "deg", "mm/m")  # mm at the rim needs t
 def panel(
     measurement: Measurement, conformity: Conformity | None, words: Translations
 ) -> dict[str, Any]:
-    """The panel in one language."""
+    """Build the panel in one language."""
     plain = Writer(words, PAPER)
     extra = [table for table, _ in turned_tables(measurement, plain)]
     return {
@@ -51,12 +51,12 @@ def panel(
 def drawings(
     measurement: Measurement, result: WheelResult, words: Translations
 ) -> Iterator[Drawing]:
-    """What shows how well one wheel was measured: its face, its residuals, its budget."""
-    made = [
+    """Draw the evidence of one wheel: target, residuals, uncertainty budget."""
+    of_target = [
         face_drawing(result, measurement.frame, words),
         histogram_drawing(result, words),
     ]
-    yield from (drawing for drawing in made if drawing is not None)
+    yield from (drawing for drawing in of_target if drawing is not None)
     if result.angles is not None:
         yield wheel_budget(measurement, result.observation.name, words, PAPER.axis)
 
@@ -70,7 +70,7 @@ def _tables(
 
 
 def table_tree(table: Table) -> dict[str, Any]:
-    """A table as plain data."""
+    """Return a table as plain data."""
     return {
         "caption": table.caption,
         "head": list(table.head),

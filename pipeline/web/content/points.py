@@ -1,8 +1,8 @@
-"""The points of a capture for the 3D view: on a grid of 16 bits, each prefix a fair sample.
+"""Points of a capture for the 3D view, on a 16-bit grid; each prefix is an even sample.
 
-The file: a line of JSON {"origin", "step_m", "groups": [name, ...]}, then blocks, each of two
-little-endian uint32, the group and the number n of its points, n rows of int16 x y z, and n bytes,
-1 where the point lies on a target. Blocks of all groups take turns.
+File format: a line of JSON {"origin", "step_m", "groups": [name, ...]}, then blocks, each of two
+little-endian uint32 (group, number n of points), n rows of int16 x y z, and n bytes, 1 for a point
+on a target. Blocks of all groups alternate.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from ...vectors import Array, Mask
 MOST_POINTS = 5_000_000
 BLOCK = 60_000
 STEPS = 32767
-BEYOND_M = 1.5  # about the wheels' centres: what is farther off is not shown
+MARGIN_M = 1.5  # around the target centres; points farther away are not shown
 
 
 def write_points(capture: Capture, measurement: Measurement, path: Path) -> None:
-    """Read the scans of `capture` once more and write their points to `path`, x forward, y left."""
+    """Read the scans of `capture` again and write their points to `path`, x forward, y left."""
     entries = [capture.cloud] if capture.cloud else list(capture.entries)
     low, high = _box(measurement)
     origin = (low + high) / 2.0
@@ -63,21 +63,21 @@ def _grid(
     box: tuple[Array, Array],
     step_m: float,
 ) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint8]]:
-    """Points in the box as steps (N, 3) from its middle, and whether each is on a target (N,)."""
+    """Return grid steps (N, 3) of the points in the box from its centre, and target flags (N,)."""
     low, high = box
     local = to_view(measurement.frame, points_m)
     near = np.all((local > low) & (local < high), axis=1)
     shown = points_m[near]
     on_target = np.zeros(len(shown), bool)
     for result in measurement.wheels:
-        seen = result.observation
-        if seen.evidence is not None and entry.name in (seen.name, "vehicle"):
-            on_target |= _on_face(seen.evidence, shown)
+        observed = result.observation
+        if observed.evidence is not None and entry.name in (observed.name, "vehicle"):
+            on_target |= _on_target(observed.evidence, shown)
     steps = np.rint((local[near] - (low + high) / 2.0) / step_m)
     return steps.astype("<i2"), on_target.astype(np.uint8)
 
 
-def _on_face(evidence: Evidence, points_m: Array) -> Mask:
+def _on_target(evidence: Evidence, points_m: Array) -> Mask:
     if evidence.face is None or evidence.plane is None:
         return np.zeros(len(points_m), bool)
     uvw = (points_m - evidence.target.centre_m) @ evidence.plane.basis.T
@@ -85,19 +85,19 @@ def _on_face(evidence: Evidence, points_m: Array) -> Mask:
 
 
 def _box(measurement: Measurement) -> tuple[Array, Array]:
-    """What is shown, vehicle frame: from the lowest to the highest corner."""
+    """Return the lowest and highest corner of the displayed box, vehicle frame."""
     centres_m = np.stack([wheel.observation.fitted.centre_m for wheel in measurement.wheels[:4]])
-    places = to_view(measurement.frame, centres_m)
-    return places.min(axis=0) - BEYOND_M, places.max(axis=0) + BEYOND_M
+    centres = to_view(measurement.frame, centres_m)
+    return centres.min(axis=0) - MARGIN_M, centres.max(axis=0) + MARGIN_M
 
 
 def _blocks(
     parts: Sequence[tuple[npt.NDArray[np.int16], npt.NDArray[np.uint8]]],
 ) -> Iterator[bytes]:
-    """A like share of every group in turn."""
-    turns = max(1, -(-max(len(xyz) for xyz, _ in parts) // BLOCK))
-    for turn in range(turns):
+    """Yield an equal fraction of every group in each round."""
+    rounds = max(1, -(-max(len(xyz) for xyz, _ in parts) // BLOCK))
+    for index in range(rounds):
         for group, (xyz, shade) in enumerate(parts):
-            rows = slice(turn * len(xyz) // turns, (turn + 1) * len(xyz) // turns)
+            rows = slice(index * len(xyz) // rounds, (index + 1) * len(xyz) // rounds)
             head = np.array([group, rows.stop - rows.start], "<u4")
             yield head.tobytes() + xyz[rows].tobytes() + shade[rows].tobytes()

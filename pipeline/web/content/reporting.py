@@ -1,4 +1,4 @@
-"""A measurement's report in the format, language and view that the user chose."""
+"""Report of a measurement in the chosen format, language and view."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ TYPES = {
 }
 
 
-def report(plan: dict[str, Any], say: Callable[[str, object], None]) -> None:
+def report(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
     """Write the report of the job in plan["out"] to plan["file"] there."""
     out = Path(plan["out"])
-    measurement, judged = load(out)
+    measurement, conformity = load(out)
     view = View(plan["axis"], plan["style"])
-    dress = ReportOptions(load_translations(plan["language"]), view)
+    options = ReportOptions(load_translations(plan["language"]), view)
     kind = plan["format"]
     if kind == "txt":
-        content = detailed_report(measurement, judged, view).encode()
+        content = detailed_report(measurement, conformity, view).encode()
     elif kind == "json":
-        content = to_json(measurement, judged, view.axis).encode()
+        content = to_json(measurement, conformity, view.axis).encode()
     elif kind == "html":
-        content = html_report(measurement, judged, dress).encode()
+        content = html_report(measurement, conformity, options).encode()
     else:
         from ...report.html.pdf import pdf_report
 
-        page = html_report(measurement, judged, dress, still=True)
+        page = html_report(measurement, conformity, options, still=True)
         content = pdf_report(page, "wheelplane")
     write_whole(out / plan["file"], content)

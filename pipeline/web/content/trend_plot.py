@@ -1,4 +1,4 @@
-"""One quantity of many captures over time, with its drift (Drawing)."""
+"""Plot of one quantity of many captures over time, with its drift (Drawing)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SCALES = {"deg": (60.0, "'"), "m": (1000.0, "mm")}  # minutes of arc; millimetre
 
 
 def trend_drawing(one: Series, line: Drift, name: str, words: Translations) -> Drawing:
-    """Values as dots, twice their u as bars where few, the line of the drift through them."""
+    """Draw values as dots, 2 u as bars if there are few, and the line of the drift."""
     scale, unit = SCALES[one.unit]
     known = np.flatnonzero(np.isfinite(one.day))
     shown = known[:: max(1, -(-len(known) // MOST_DOTS))]
@@ -34,7 +34,7 @@ def trend_drawing(one: Series, line: Drift, name: str, words: Translations) -> D
             HEIGHT - BOTTOM - (value - low) / (high - low) * (HEIGHT - TOP - BOTTOM),
         )
 
-    places = np.array([at(*pair) for pair in zip(day.tolist(), y.tolist(), strict=True)])
+    positions = np.array([at(*pair) for pair in zip(day.tolist(), y.tolist(), strict=True)])
     ends = [(x, (line.at_mean + line.slope * (x - line.mean_day)) * scale) for x in (first, last)]
     marks: list[Mark] = [Text(LEFT, 20.0, f"{name} ({unit})", 14.0, bold=True)]
     for value in ticks(low, high):
@@ -49,7 +49,7 @@ def trend_drawing(one: Series, line: Drift, name: str, words: Translations) -> D
         if len(day) <= 200 and half:
             bar = [at(x, value - 2.0 * half), at(x, value + 2.0 * half)]
             marks.append(Path(bar, stroke="#8aa9c8", width=1.5))
-    marks.append(Dots(places, 2.2 if len(day) > 400 else 3.2, "#0b5cad", 0.75))
+    marks.append(Dots(positions, 2.2 if len(day) > 400 else 3.2, "#0b5cad", 0.75))
     marks.append(Path([at(*end) for end in ends], stroke="#b35c00", width=2.0))
     return Drawing(WIDTH, HEIGHT, f"{words('page.drift')}: {name}", marks)
 
@@ -57,7 +57,7 @@ def trend_drawing(one: Series, line: Drift, name: str, words: Translations) -> D
 def _range(
     low: np.typing.NDArray[np.float64], high: np.typing.NDArray[np.float64]
 ) -> tuple[float, float]:
-    """All bars, with some air."""
+    """Return the range of all bars with a margin."""
     bottom, top = float(low.min()), float(high.max())
-    air = 0.08 * max(top - bottom, 1e-6)
-    return bottom - air, top + air
+    margin = 0.08 * max(top - bottom, 1e-6)
+    return bottom - margin, top + margin

@@ -1,1 +1,1 @@
-"""Files of the web page: uploads, folders on the machine, and downloads."""
+"""Files that the page may read: allowed folders, uploads, excerpts."""

@@ -1,4 +1,4 @@
-"""What went wrong, and the lines of the file where it did."""
+"""Excerpt of a text file around the line of an error."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ _LINES = re.compile(r"\blines? (\d+)(?:-(\d+))?")
 
 
 def failure(text: str, source: Path | None) -> dict[str, Any]:
-    """The error's text; where it names a line of a text file, that line and its neighbours.
+    """Return the error's text and, if it names a line of a text file, the lines around it.
 
     source: the file or folder that was opened, relative to the current folder.
     """
-    told: dict[str, Any] = {"text": text}
+    tree: dict[str, Any] = {"text": text}
     named = _LINES.search(text)
     path = _file_named(text, source) if source is not None and named else None
     if named is None or path is None:
-        return told
+        return tree
     first, last = int(named[1]), int(named[2] or named[1])
     shown = _lines(path, max(1, first - AROUND), last + AROUND)
     if shown:
-        told |= {"file": path.name, "first": first, "last": last, "lines": shown}
-    return told
+        tree |= {"file": path.name, "first": first, "last": last, "lines": shown}
+    return tree
 
 
 def _file_named(text: str, source: Path) -> Path | None:
-    """The file that the text is about: the source itself, or the one of its files it names."""
+    """Return the file that the text is about: the source, or the file in it that is named."""
     if source.is_file():
         return source
     if not source.is_dir():
@@ -46,7 +46,7 @@ def _lines(path: Path, first: int, last: int) -> list[list[Any]]:
         return []
     with path.open("rb") as stream:
         if b"\0" in stream.read(4096):
-            return []  # no text
+            return []  # binary
         stream.seek(0)
         return [
             [number, _shown(line)]
@@ -55,7 +55,7 @@ def _lines(path: Path, first: int, last: int) -> list[list[Any]]:
 
 
 def _short(stream: Any) -> Iterator[bytes]:
-    """Lines, of which a long one is cut."""
+    """Yield lines, cutting long ones."""
     while line := stream.readline(1 << 16):
         yield line
         while not line.endswith(b"\n") and (line := stream.readline(1 << 16)):

@@ -1,4 +1,4 @@
-"""The folders that the page may read and save to, and no path beyond them."""
+"""Folders that the page may read and save to, and no path outside them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LONGEST_NAME = 120
 
 @dataclass(frozen=True)
 class Item:
-    """A file or folder that the page offers.
+    """File or folder that the page lists.
 
     kind: folder, capture, results, archive, cloud, or five-point.
     """
@@ -32,45 +32,45 @@ class Item:
 
 @dataclass(frozen=True)
 class Folders:
-    """roots: the allowed folders, resolved."""
+    """Allowed folders `roots`, resolved."""
 
     roots: tuple[Path, ...]
 
-    def place(self, root: int, relative: str) -> Path:
-        """The path below a root, with links followed. Raises RefusedError for any other."""
+    def path(self, root: int, relative: str) -> Path:
+        """Resolve a path below a root, following links. Raises RefusedError for any other."""
         if not 0 <= root < len(self.roots):
-            raise RefusedError(404, f"folder {root} is not one of those that were allowed")
+            raise RefusedError(404, f"folder {root} is not one of the allowed folders")
         if "\0" in relative or "\\" in relative or len(relative) > 4000:
-            raise RefusedError(403, "the path holds characters that no path here has")
+            raise RefusedError(403, "the path has invalid characters or is too long")
         try:
             found = (self.roots[root] / relative).resolve()
         except (OSError, RuntimeError, ValueError):  # a loop of links
-            raise RefusedError(403, f"{relative[:100]}: the path cannot be followed") from None
+            raise RefusedError(403, f"{relative[:100]}: the path cannot be resolved") from None
         if not found.is_relative_to(self.roots[root]):
-            raise RefusedError(403, f"{relative[:100]}: it lies outside the allowed folder")
+            raise RefusedError(403, f"{relative[:100]}: outside the allowed folder")
         return found
 
     def existing(self, root: int, relative: str) -> Path:
-        """The same, of what is there."""
-        found = self.place(root, relative)
+        """Resolve the path of an existing file or folder. Raises RefusedError."""
+        found = self.path(root, relative)
         if not os.access(found, os.R_OK):
-            raise RefusedError(404, f"{relative[:100]}: there is no such file or folder here")
+            raise RefusedError(404, f"{relative[:100]}: no such file or folder")
         return found
 
     def listing(self, root: int, relative: str) -> list[Item]:
-        """What of a folder can be opened: folders first, by name."""
+        """List what can be opened in a folder: folders first, by name."""
         folder = self.existing(root, relative)
         if not folder.is_dir():
-            raise RefusedError(404, f"{relative[:100]}: it is not a folder")
+            raise RefusedError(404, f"{relative[:100]}: not a folder")
         items = [item for item in self._items(root, folder) if item is not None]
         return sorted(items, key=lambda item: (item.kind != "folder", item.name.casefold()))
 
     def free_name(self, root: int, relative: str, name: str) -> Path:
-        """Where a report called `name` goes. Raises RefusedError if the name is taken or odd."""
+        """Return the path of a new report. Raises RefusedError for a taken or invalid name."""
         check_name(name)
-        path = self.place(root, relative) / name
+        path = self.path(root, relative) / name
         if os.path.lexists(path):
-            raise RefusedError(409, f"{name}: a file of this name is there: choose another name")
+            raise RefusedError(409, f"{name}: a file of this name exists: choose another name")
         return path
 
     def _items(self, root: int, folder: Path) -> Iterator[Item | None]:
@@ -90,7 +90,7 @@ class Folders:
 
 
 def kind_of_file(path: Path) -> str | None:
-    """What a file can be opened as, by its name and size; None for what cannot be opened."""
+    """Return the kind of a file by its name and size; None if it cannot be opened."""
     name = path.name.lower()
     suffix = scan_suffix(name)
     if name.endswith(ARCHIVE_SUFFIXES):
@@ -101,18 +101,18 @@ def kind_of_file(path: Path) -> str | None:
 
 
 def kind_of_folder(folder: Path) -> str:
-    """What a folder can be opened as: results, capture, or folder."""
+    """Return the kind of a folder: results, capture, or folder."""
     if (folder / "measurements").is_dir():
         return "results"
     return "capture" if is_capture(folder) else "folder"
 
 
 def check_name(name: str) -> None:
-    """Raise RefusedError for what is no plain file name."""
+    """Raise RefusedError unless `name` is a plain file name."""
     plain = name == name.strip() and name.isprintable() and not set(name) & set('/\\<>:"|?*')
     if not plain or not 0 < len(name) <= LONGEST_NAME or name.startswith("."):
         raise RefusedError(
-            400, f"{name[:80]!r} cannot be a file's name: use letters, digits, blanks, - and _"
+            400, f"{name[:80]!r} is not a valid file name: use letters, digits, spaces, - and _"
         )
 
 

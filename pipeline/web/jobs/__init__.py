@@ -1,1 +1,1 @@
-"""Jobs of the web page: the queue, and the child process that runs each measurement."""
+"""Jobs of the page: a queue of processes that measure, compare and write reports."""

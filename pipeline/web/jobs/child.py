@@ -1,6 +1,6 @@
-"""The process that measures for the page: it reads a plan, says where it stands, writes results.
+"""Measuring process of the page: reads a plan, sends its progress, writes results.
 
-`jobs.py` is the other side. A file that makes a library crash ends this process, not the page.
+`process.py` is the other end. A file that makes a library crash ends this process, not the server.
 """
 
 from __future__ import annotations
@@ -24,41 +24,41 @@ TASKS = {
 
 
 def main() -> None:
-    """Do what standard input says; every line of standard output is one JSON object."""
-    said = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # what a library prints is no message
+    """Run the plan on standard input; every line of standard output is one JSON object."""
+    messages = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # output of libraries goes to the log
     plan = json.load(sys.stdin)
     die_with(plan["parent"])
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[variable] = "1"  # same bytes at any number of cores
     try:
-        _do(plan, said)
-        say(said, "done", True)
+        _run(plan, messages)
+        send(messages, "done", True)
     except WheelplaneError as error:
         from ..files.excerpt import failure
 
         source = Path(plan["source"]) if "source" in plan else None
-        say(said, "failure", failure(str(error), source))
+        send(messages, "failure", failure(str(error), source))
     except MemoryError:
-        text = "the measurement needs more memory than it may have: thin the scans"
-        say(said, "failure", {"text": text})
+        text = "the measurement exceeds its memory limit: thin the scans"
+        send(messages, "failure", {"text": text})
     except Exception as error:
         traceback.print_exc()
-        text = f"the program has a fault here ({type(error).__name__}: {error}): please report it"
-        say(said, "failure", {"text": text})
+        text = f"internal error ({type(error).__name__}: {error}): please report it"
+        send(messages, "failure", {"text": text})
 
 
-def _do(plan: dict[str, Any], said: TextIO) -> None:
-    """Import the task first, so that memory counts from what the libraries hold."""
+def _run(plan: dict[str, Any], messages: TextIO) -> None:
+    """Import the task first, so that the memory limit excludes the libraries."""
     module, name = TASKS[plan["task"]].split(":")
     task = getattr(importlib.import_module(f"..{module}", __package__), name)
     confine(plan["memory_bytes"])
-    task(plan, lambda kind, what: say(said, kind, what))
+    task(plan, lambda kind, content: send(messages, kind, content))
 
 
-def say(stream: TextIO, kind: str, what: object) -> None:
-    """One message."""
-    print(json.dumps({kind: what}), file=stream, flush=True)
+def send(stream: TextIO, kind: str, content: object) -> None:
+    """Send one message."""
+    print(json.dumps({kind: content}), file=stream, flush=True)
 
 
 if __name__ == "__main__":

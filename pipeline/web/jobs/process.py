@@ -1,4 +1,4 @@
-"""One job and the process that does it: started, heard, and ended."""
+"""One job and its process: start, messages, end."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from typing import IO, Any
 
 LONGEST_LINE = 100_000
 FINISHED = ("done", "failed", "cancelled")
-SHOWN = ("ready", "done")  # its results can be looked at
+SHOWN = ("ready", "done")  # results are available
 
 
 @dataclass(eq=False)
-class Job:
-    """One piece of work and where it stands.
+class PageJob:
+    """Job and its state.
 
-    folder: of its results, a report's being its measurement's. uses: jobs whose results it reads.
-    state: waiting, running, ready (results are there, points follow), done, failed, cancelled.
-    progress: steps done, their number, and what is being done. failure: what the page shows.
-    note: why results that are there lack their points. lock: of state, failure, note and process.
+    folder: of its results; for a report that of its measurement. uses: jobs whose results it
+    reads. state: waiting, running, ready (results are available, points follow), done, failed,
+    cancelled. progress: steps done, number of steps, current step. failure: shown by the page.
+    note: why the points are missing. lock: of state, failure, note and process.
     """
 
     id: str
     task: str
     name: str
     folder: Path
-    uses: tuple[Job, ...] = field(default=(), repr=False)
+    uses: tuple[PageJob, ...] = field(default=(), repr=False)
     state: str = "waiting"
     progress: tuple[int, int, str] = (0, 0, "")
     failure: dict[str, Any] | None = None
@@ -42,12 +42,12 @@ class Job:
 
     @property
     def scratch(self) -> Path:
-        """What its child unpacks, and no other's."""
+        """Folder for the files that its process unpacks."""
         return self.folder / f"scratch-{self.id}"
 
     @property
-    def told(self) -> dict[str, Any]:
-        """What the page learns of it."""
+    def public_state(self) -> dict[str, Any]:
+        """State as sent to the page."""
         done, total, text = self.progress
         return {
             "id": self.id,
@@ -60,10 +60,10 @@ class Job:
         }
 
 
-def started(job: Job) -> subprocess.Popen[str]:
-    """A new interpreter, which takes no module from the folder that it happens to stand in."""
-    beside = str(Path(__file__).parents[3])  # the folder that the package lies in
-    known = [beside, *filter(None, [os.environ.get("PYTHONPATH")])]
+def start_process(job: PageJob) -> subprocess.Popen[str]:
+    """Start an interpreter that imports no module from its current folder."""
+    package_parent = str(Path(__file__).parents[3])
+    search_path = [package_parent, *filter(None, [os.environ.get("PYTHONPATH")])]
     job.scratch.mkdir()
     with (job.folder / "log.txt").open("ab") as log:
         return subprocess.Popen(  # noqa: S603
@@ -74,13 +74,14 @@ def started(job: Job) -> subprocess.Popen[str]:
             text=True,
             encoding="utf-8",
             errors="replace",
-            start_new_session=True,  # Ctrl-C is the server's to answer
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(known), "TMPDIR": str(job.scratch)},
+            start_new_session=True,  # the server handles Ctrl-C
+            env=os.environ
+            | {"PYTHONPATH": os.pathsep.join(search_path), "TMPDIR": str(job.scratch)},
         )
 
 
 def send(stream: IO[str], text: str) -> None:
-    """Write the plan; a child that ended at once needs none."""
+    """Write the plan, unless the process has already ended."""
     try:
         stream.write(text)
         stream.close()
@@ -88,23 +89,23 @@ def send(stream: IO[str], text: str) -> None:
         return
 
 
-def hear(job: Job, line: str) -> None:
-    """Take in one line of the child: where it stands, or how it ended."""
+def receive(job: PageJob, line: str) -> None:
+    """Apply one message of the process to the job: progress, readiness or end."""
     try:
-        (kind, said), *_ = json.loads(line).items()
+        (kind, content), *_ = json.loads(line).items()
     except (ValueError, AttributeError):
         return
     if kind == "progress":
-        job.progress = tuple(said)
+        job.progress = tuple(content)
     elif kind == "failure":
-        end(job, "failed", said)
+        end(job, "failed", content)
     elif kind in SHOWN:
         with job.lock:
             job.state = job.state if job.state in FINISHED else kind
 
 
-def end(job: Job, state: str, failure: dict[str, Any] | None = None) -> None:
-    """End the job, unless it has ended; one whose results are there is done without its points."""
+def end(job: PageJob, state: str, failure: dict[str, Any] | None = None) -> None:
+    """End the job, unless it has ended; if its results are available it is done without points."""
     with job.lock:
         if job.state == "ready":
             job.note, job.state = (failure or {}).get("text", ""), "done"
@@ -112,13 +113,13 @@ def end(job: Job, state: str, failure: dict[str, Any] | None = None) -> None:
             job.failure, job.state = failure, state
 
 
-def fail(job: Job, text: str) -> None:
-    """End the job for a reason."""
+def fail(job: PageJob, text: str) -> None:
+    """End the job as failed, with the reason."""
     end(job, "failed", {"text": text})
 
 
-def kill(job: Job) -> None:
-    """End the process and all that it started."""
+def kill(job: PageJob) -> None:
+    """Kill the process and all processes that it started."""
     process = job.process
     if process is not None and process.poll() is None:
         try:

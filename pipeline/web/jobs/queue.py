@@ -1,4 +1,4 @@
-"""Work in processes of their own, bounded in time and memory, one after the other."""
+"""Queue of jobs in processes of their own, limited in time and memory."""
 
 from __future__ import annotations
 
@@ -13,36 +13,39 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from ..security import RefusedError
-from ..settings import Settings
+from ..settings import PageSettings
 from .process import (
     FINISHED,
     LONGEST_LINE,
     SHOWN,
-    Job,
+    PageJob,
     end,
     fail,
-    hear,
     kill,
+    receive,
     send,
-    started,
+    start_process,
 )
 
 
 class Jobs:
-    """All jobs of a server; closing it ends them."""
+    """Jobs of a server; closing ends them all."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: PageSettings) -> None:
         self._settings = settings
-        self._jobs: dict[str, Job] = {}
+        self._jobs: dict[str, PageJob] = {}
         self._lock = threading.Lock()
         self._pool = ThreadPoolExecutor(settings.workers, thread_name_prefix="job")
         self._quick = ThreadPoolExecutor(2, thread_name_prefix="report")
 
-    def start(self, task: str, name: str, given: dict[str, Any], uses: tuple[Job, ...] = ()) -> Job:
-        """Queue a task. uses: jobs whose results it reads, a report's being its measurement.
+    def start(
+        self, task: str, name: str, given: dict[str, Any], uses: tuple[PageJob, ...] = ()
+    ) -> PageJob:
+        """Queue a task.
 
-        given: what the child is told; the folder given["owned"] goes with the end of the job.
-        Raises RefusedError while too many wait, or if what it uses is no longer kept.
+        given: plan for the process; the folder given["owned"] is removed when the job ends.
+        uses: jobs whose results it reads; for a report its measurement. Raises RefusedError while
+        too many jobs wait, or if a used one is no longer kept.
         """
         is_long = task == "measure"
         with self._lock:
@@ -52,42 +55,42 @@ class Jobs:
             waiting = sum(job.state == "waiting" for job in alike)
             if waiting >= self._settings.waiting:
                 raise RefusedError(503, f"{waiting} jobs are waiting: wait for one to end")
-            made = secrets.token_hex(12)
-            own = self._settings.scratch / f"job-{made}"
-            job = Job(made, task, name, uses[0].folder if task == "report" else own, uses)
+            new = secrets.token_hex(12)
+            own = self._settings.scratch / f"job-{new}"
+            job = PageJob(new, task, name, uses[0].folder if task == "report" else own, uses)
             job.folder.mkdir(exist_ok=True)
-            self._jobs[made] = job
+            self._jobs[new] = job
         (self._pool if is_long else self._quick).submit(self._run, job, given)
         self._forget_old()
         return job
 
-    def measured(self) -> list[Job]:
-        """Those whose angles are there, the latest first."""
+    def measured(self) -> list[PageJob]:
+        """Return the measurements whose results are available, the latest first."""
         with self._lock:
             known = list(self._jobs.values())
         return [job for job in known[::-1] if job.task == "measure" and job.state in SHOWN]
 
-    def found(self, name: str) -> Job:
-        """The job of that id. Raises RefusedError."""
+    def found(self, name: str) -> PageJob:
+        """Return the job of that id. Raises RefusedError."""
         job = self._jobs.get(name)
         if job is None:
             raise RefusedError(404, "this result is no longer kept: measure again")
         return job
 
-    def shown(self, name: str) -> Job:
-        """The same, of a job whose results are there."""
+    def shown(self, name: str) -> PageJob:
+        """Return the job of that id if its results are available. Raises RefusedError."""
         job = self.found(name)
         if job.state not in SHOWN:
-            raise RefusedError(409, f"{job.name}: there is no result yet")
+            raise RefusedError(409, f"{job.name}: no result yet")
         return job
 
-    def cancel(self, job: Job) -> None:
-        """End it, whether it runs or waits."""
+    def cancel(self, job: PageJob) -> None:
+        """End a job, running or waiting."""
         end(job, "cancelled")
         kill(job)
 
     def close(self) -> None:
-        """End all jobs; none begins any more."""
+        """End all jobs and start no more."""
         pools = (self._pool, self._quick)
         for pool in pools:
             pool.shutdown(wait=False, cancel_futures=True)
@@ -98,10 +101,10 @@ class Jobs:
         for pool in pools:
             pool.shutdown(wait=True)
         for job in known:
-            job.finished.set()  # of those that never began, too
+            job.finished.set()  # also of jobs that never started
 
     def _forget_old(self) -> None:
-        """Forget the reports that ended, and the oldest results, but none that a job reads."""
+        """Drop finished reports and the oldest results, except those that a job reads."""
         with self._lock:
             ended = [job for job in self._jobs.values() if job.finished.is_set()]
             for job in ended:
@@ -114,7 +117,7 @@ class Jobs:
                 del self._jobs[job.id]
                 shutil.rmtree(job.folder, ignore_errors=True)
 
-    def _run(self, job: Job, given: dict[str, Any]) -> None:
+    def _run(self, job: PageJob, given: dict[str, Any]) -> None:
         try:
             if job.state == "waiting":
                 self._work(job, given)
@@ -125,10 +128,10 @@ class Jobs:
                 shutil.rmtree(folder, ignore_errors=True)
             job.finished.set()
 
-    def _work(self, job: Job, given: dict[str, Any]) -> None:
+    def _work(self, job: PageJob, given: dict[str, Any]) -> None:
         limits = {"memory_bytes": self._settings.memory_bytes, "parent": os.getpid()}
         plan = {"task": job.task, "out": str(job.folder), **limits, **given}
-        with started(job) as process:
+        with start_process(job) as process:
             self._begin(job, process)
             alarm = threading.Timer(self._settings.seconds, self._stop_late, [job])
             alarm.daemon = True
@@ -138,27 +141,27 @@ class Jobs:
                 assert process.stdout is not None
                 send(process.stdin, json.dumps(plan))
                 while line := process.stdout.readline(LONGEST_LINE):
-                    hear(job, line)
+                    receive(job, line)
             finally:
                 alarm.cancel()
                 kill(job)
         if job.state not in FINISHED:
             code = process.returncode
             how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-            fail(job, f"the measuring process ended early ({how}): measure fewer points at once")
+            fail(job, f"the measuring process ended early ({how}): measure fewer points")
 
-    def _begin(self, job: Job, process: subprocess.Popen[str]) -> None:
+    def _begin(self, job: PageJob, process: subprocess.Popen[str]) -> None:
         with job.lock:
             job.process = process
             if job.state == "waiting":
                 job.state = "running"
                 return
-        kill(job)  # cancelled in between
+        kill(job)  # cancelled meanwhile
 
-    def _stop_late(self, job: Job) -> None:
+    def _stop_late(self, job: PageJob) -> None:
         fail(
             job,
             f"measuring took longer than {self._settings.seconds:g} s and was stopped: measure "
-            "fewer points at once, or start the page with a larger --time-limit",
+            "fewer points, or start the page with a larger --time-limit",
         )
         kill(job)

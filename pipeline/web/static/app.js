@@ -1,4 +1,4 @@
-// The page's parts, and which of them is shown.
+// Views of the page, and the selection of the one shown.
 import { byId, language, post, session } from "./base.js";
 import { Archive } from "./archive.js";
 import { Comparer } from "./compare.js";
@@ -20,8 +20,8 @@ function step(number) {
   }
 }
 
-/** `#open=0/path` measures at once, `#archive=0/path` browses results, `#result=id` shows what was
- *  measured before; else the part of that name. */
+/** `#open=0/path` measures at once, `#archive=0/path` browses results, `#result=id` shows an earlier
+ *  measurement; otherwise the view of that name is shown. */
 function route() {
   const [name, place] = decodeURIComponent(location.hash.slice(1)).split(/=(.*)/s);
   const [, root, path] = /^(\d+)\/(.*)$/s.exec(place ?? "") ?? [];
@@ -50,4 +50,4 @@ byId("language").addEventListener("change", async ({ target }) => {
 });
 addEventListener("hashchange", route);
 document.documentElement.lang = language;
-session.start().catch(() => {}).finally(route); // of a program that is gone, the folders' list tells
+session.start().catch(() => {}).finally(route); // if the server does not respond, the list of folders reports it

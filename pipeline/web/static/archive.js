@@ -1,4 +1,4 @@
-// Results of a batch run: captures, failures, trends.
+// Results of a batch: captures, failures, trends.
 import { ask, el, pathOf, select, t, tableOf } from "./base.js";
 import { Browser } from "./browser.js";
 
@@ -9,7 +9,7 @@ export class Archive {
     this.place = place;
   }
 
-  /** Browse the results at {root, path}; null: choose a folder first. */
+  /** Browse the results at {root, path}; null: select a folder first. */
   async show(at) {
     if (!at && this.at) return;
     this.at = at;

@@ -1,16 +1,16 @@
-// What all parts of the page share: its words, elements, tables, and talk with the server.
-const told = JSON.parse(document.getElementById("told").textContent);
+// Shared by all parts of the page: texts, elements, tables, requests to the server.
+const data = JSON.parse(document.getElementById("page-data").textContent);
 const key = document.querySelector("meta[name=wheelplane-key]").content;
 
-export const { language, viewer: viewerWords, limits } = told;
+export const { language, viewer: viewerWords, limits } = data;
 export const byId = (id) => document.getElementById(id);
 
-/** A text of the page in the user's language, its {parts} filled in. */
+/** Text of the page in the user's language, with its {parts} filled in. */
 export function t(name, parts = {}) {
-  return (told.words[name] ?? name).replace(/\{(\w+)\}/g, (_, part) => parts[part] ?? "");
+  return (data.words[name] ?? name).replace(/\{(\w+)\}/g, (_, part) => parts[part] ?? "");
 }
 
-/** An element with its properties and children; text stays text. */
+/** Element with its properties and children; strings become text nodes. */
 export function el(tag, properties = {}, ...children) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(properties)) {
@@ -22,28 +22,28 @@ export function el(tag, properties = {}, ...children) {
   return element;
 }
 
-/** A table {caption, head, rows, left, classes}: the first cell of a row is its head. */
+/** Table element of {caption, head, rows, left, classes}: the first cell of a row is its head. */
 export function tableOf({ caption, head, rows, left = 1, classes = [] }, { kind = "", hidden = [] } = {}) {
   const shown = (_, column) => !hidden.includes(column);
   const cell = (text, column, tag) => el(tag, { class: [column < left && "words", /^U?u?$/.test(head[column]) && "spread"].filter(Boolean).join(" ") || null }, String(text));
   const headRow = el("tr", {}, ...head.map((text, i) => el("th", { scope: "col", class: i < left ? "words" : null }, text)).filter(shown));
   const body = rows.map((row, i) => el("tr", { class: classes[i] || null }, ...row.map((text, column) => {
-    const made = cell(text, column, column ? "td" : "th");
-    if (!column) made.scope = "row";
-    return made;
+    const element = cell(text, column, column ? "td" : "th");
+    if (!column) element.scope = "row";
+    return element;
   }).filter(shown)));
   return el("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption || t("angles") },
     el("table", { class: `figures ${kind}` }, caption ? el("caption", {}, caption) : null, el("thead", {}, headRow), el("tbody", {}, ...body)));
 }
 
 export function select(name, label, options, value, onchange) {
-  const made = el("select", { name, onchange: (event) => onchange?.(event.target.value) },
+const element = el("select", { name, onchange: (event) => onchange?.(event.target.value) },
     ...options.map(([option, text]) => el("option", { value: option, selected: option === value }, text)));
-  return el("label", {}, label, made);
+  return el("label", {}, label, element);
 }
 
-/** An error that the server told, with its status, or that it no longer answers. */
-export class Told extends Error {
+/** Error reported by the server, with its HTTP status; 0: the server does not respond. */
+export class ServerError extends Error {
   constructor(text, status = 0) {
     super(text);
     this.status = status;
@@ -56,15 +56,15 @@ export async function ask(path, { method = "GET", body } = {}) {
     const headers = method === "GET" ? {} : { "X-Wheelplane-Key": key, "Content-Type": "application/json" };
     answer = await fetch(path, { method, headers, body: body === undefined ? undefined : JSON.stringify(body) });
   } catch {
-    throw new Told(t("lost"));
+    throw new ServerError(t("lost"));
   }
   if (answer.ok) return answer.headers.get("Content-Type").includes("json") ? answer.json() : answer.text();
-  throw new Told(await reason(answer.text(), answer.status), answer.status);
+  throw new ServerError(await reason(answer.text(), answer.status), answer.status);
 }
 
 export const post = (path, body = {}) => ask(path, { method: "POST", body });
 
-/** Send one file; onShare is told how much of it went, from 0 to 1. */
+/** Send one file; onShare is called with the fraction sent, from 0 to 1. */
 export function send(path, file, onShare) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
@@ -72,10 +72,10 @@ export function send(path, file, onShare) {
     request.setRequestHeader("X-Wheelplane-Key", key);
     request.setRequestHeader("Content-Type", "application/octet-stream");
     request.upload.onprogress = (event) => onShare(event.loaded / Math.max(1, event.total));
-    request.onerror = () => reject(new Told(t("lost")));
+    request.onerror = () => reject(new ServerError(t("lost")));
     request.onload = async () => {
       if (request.status < 300) resolve();
-      else reject(new Told(await reason(request.responseText, request.status)));
+      else reject(new ServerError(await reason(request.responseText, request.status)));
     };
     request.send(file);
   });
@@ -92,17 +92,17 @@ async function reason(text, status) {
 export const pathOf = (...parts) => parts.map((part) => String(part).split("/").map(encodeURIComponent).join("/")).join("/");
 export const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
-/** Wait for a job; onState is told every change. Resolves with its last state that `until` accepts. */
+/** Wait for a job, calling onState with every state; resolves with the first that `until` accepts. */
 export async function follow(job, onState, until = (state) => ["done", "failed", "cancelled"].includes(state)) {
-  for (let told = job, wait = 80; ; wait = Math.min(400, wait * 1.3)) {
-    onState(told);
-    if (until(told.state)) return told;
+  for (let current = job, wait = 80; ; wait = Math.min(400, wait * 1.3)) {
+    onState(current);
+    if (until(current.state)) return current;
     await pause(wait);
-    told = await ask(`/api/jobs/${job.id}`);
+    current = await ask(`/api/jobs/${job.id}`);
   }
 }
 
-/** What was measured since the program was started, the latest first. */
+/** Measurements since the program was started, the latest first. */
 export const session = {
   jobs: [],
   listeners: [],

@@ -1,7 +1,7 @@
-// A list of what lies in the allowed folders.
+// List of the files in the allowed folders.
 import { ask, el, pathOf, t } from "./base.js";
 
-/** Show the folders in `place`; what is chosen is told with its kind, root and path. */
+/** Show the folders in `place`; onOpen is called with the kind, root and path of the chosen item. */
 export class Browser {
   constructor(place, onOpen, wanted = () => true) {
     Object.assign(this, { place, onOpen, wanted, root: 0, path: [] });

@@ -1,4 +1,4 @@
-// Two results of this session against each other.
+// Comparison of two results of this session.
 import { ask, byId, el, follow, post, select, session, t, tableOf } from "./base.js";
 
 export class Comparer {

@@ -1,8 +1,8 @@
-// Step 1: what is dropped, chosen or browsed goes to the server and is measured.
-import { Told, ask, byId, el, follow, limits, pathOf, pause, post, send, session, t } from "./base.js";
+// Step 1: upload files that are dropped or chosen, or browse for them, and measure.
+import { ServerError, ask, byId, el, follow, limits, pathOf, pause, post, send, session, t } from "./base.js";
 import { Browser } from "./browser.js";
 
-const BUSY = 503; // as many wait as may
+const BUSY = 503; // the queue is full
 const AGAIN_MS = 2000;
 const KNOWN = new RegExp(`\\.(${limits.suffixes.join("|")})$`, "i");
 
@@ -24,20 +24,20 @@ export class Loader {
     this.#takeDrops();
   }
 
-  /** Measure what lies in an allowed folder; results of a batch are browsed instead. */
+  /** Measure an item of an allowed folder; results of a batch are browsed instead. */
   open({ kind, root, path, name }) {
     if (kind === "results") this.onBatch({ root, path });
     else this.#measure({ root, path }, name ?? path);
   }
 
-  /** Step 1 again. */
+  /** Return to step 1. */
   reset() {
     byId("load").hidden = false;
     byId("trouble").hidden = true;
     byId("choose-files").focus();
   }
 
-  /** What was measured before, to be looked at again. */
+  /** List the earlier measurements. */
   #showBefore() {
     if (!session.jobs.length) return;
     const open = (job) => el("li", {}, el("button", { type: "button", class: "open", onclick: () => this.onResult(job) }, el("span", { class: "name" }, job.name)));
@@ -92,17 +92,17 @@ export class Loader {
       this.job = await this.#begin({ ...source, options });
       byId("busy-name").textContent = this.job.name;
       if (this.cancelled) await this.#cancel();
-      const ended = await follow(this.job, (job) => this.#tell(job), (state) => state !== "waiting" && state !== "running");
+      const ended = await follow(this.job, (job) => this.#showState(job), (state) => state !== "waiting" && state !== "running");
       if (ended.state === "failed") this.#fail(ended.failure);
       else if (ended.state === "cancelled") this.#fail({ text: t("cancelled") });
       else this.#done(ended);
     } catch (error) {
-      if (!(error instanceof Told)) throw error;
+      if (!(error instanceof ServerError)) throw error;
       this.#fail({ text: error.message });
     }
   }
 
-  /** Queue it, as soon as there is room. */
+  /** Start the measurement as soon as the queue has room. */
   async #begin(given) {
     for (;;) {
       try {
@@ -111,18 +111,18 @@ export class Loader {
         if (error.status !== BUSY) throw error;
         this.#progress(null, t("waiting"));
         await pause(AGAIN_MS);
-        if (this.cancelled) throw new Told(t("cancelled"));
+        if (this.cancelled) throw new ServerError(t("cancelled"));
       }
     }
   }
 
-  #tell({ state, progress: { done, total, text } }) {
+  #showState({ state, progress: { done, total, text } }) {
     if (state === "waiting") this.#progress(null, t("waiting"));
     else if (!total) this.#progress(null, t("starting"));
     else this.#progress(done / total, t("measuring", { name: text, done: done + 1, total }));
   }
 
-  /** End the work; before the server has named it, as soon as it does. */
+  /** Cancel the job, or, before the server has returned it, as soon as it does. */
   async #cancel() {
     this.cancelled = true;
     if (this.job) await post(`/api/jobs/${this.job.id}/cancel`);
@@ -161,14 +161,14 @@ export class Loader {
   }
 }
 
-/** The lines of the file where it went wrong. */
+/** Lines of the file around the error. */
 function excerpt({ file, first, last, lines }) {
   const title = first === last ? t("wrong_line", { file, line: first }) : t("wrong_lines", { file, first, last });
   const rows = lines.map(([number, text]) => el("tr", { class: number >= first && number <= last ? "wrong" : null }, el("th", { scope: "row" }, String(number)), el("td", {}, text || " ")));
   return [el("h3", {}, title), el("table", { class: "lines", "aria-label": title }, el("tbody", {}, ...rows))];
 }
 
-/** All files of a dropped file or folder. */
+/** All files of a dropped file or folder, recursively. */
 async function filesOf(entry, path = entry.name) {
   if (entry.isFile) return [{ file: await new Promise((resolve, reject) => entry.file(resolve, reject)), path }];
   const reader = entry.createReader();

@@ -1,4 +1,4 @@
-// Steps 2 and 3: the table of angles, the 3D view, the evidence of a wheel, and the report.
+// Steps 2 and 3: table of angles, 3D view, details of a wheel, report.
 import { ask, byId, el, follow, language, select, session, t, tableOf, viewerWords } from "./base.js";
 import { Saver } from "./save.js";
 import { streamPoints } from "./stream.js";
@@ -33,7 +33,7 @@ export class Result {
     byId("result-title").focus();
   }
 
-  /** Show the evidence of a wheel, and mark it everywhere. */
+  /** Show the details of a wheel, and mark it everywhere. */
   choose(name) {
     this.chosen = name;
     this.viewer.mark(name);
@@ -57,17 +57,17 @@ export class Result {
     this.axles = el("div", { class: "pair" });
     this.count = el("p", { class: "small", role: "status" });
     this.saver = new Saver(this.job, () => ({ axis: this.axis, style: this.style, language }), () => this.onStep(3));
-    const judged = headline.kind !== "none";
+    const assessed = headline.kind !== "none";
     this.place.replaceChildren(
       el("div", { class: "card" },
         el("div", { class: "result-head" },
           el("h2", { id: "result-title", tabindex: "-1" }, this.job.name),
-          judged ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} ${headline.title}`) : null,
+assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} ${headline.title}`) : null,
           el("span", { class: "tools" }, this.#before(), el("button", { type: "button", onclick: () => this.#leave() }, t("another")))),
-        ...(judged ? [el("p", { class: "says" }, [...headline.says, joint].join(" "))] : []),
+...(assessed ? [el("p", { class: "says" }, [...headline.says, joint].join(" "))] : []),
         el("div", { class: "tools" },
-          select("style", t("unit"), STYLES.map(([value, word]) => [value, t(word)]), this.style, (value) => this.#turn({ style: value })),
-          select("axis", t("axis"), Object.entries(this.panel.axes), this.axis, (value) => this.#turn({ axis: value }))),
+          select("style", t("unit"), STYLES.map(([value, word]) => [value, t(word)]), this.style, (value) => this.#setView({ style: value })),
+          select("axis", t("axis"), Object.entries(this.panel.axes), this.axis, (value) => this.#setView({ axis: value }))),
         this.angles,
         ...troubles.map(troubleOf)),
       el("div", { class: "look" }, el("div", {}, this.stage, this.count), this.evidence),
@@ -76,11 +76,11 @@ export class Result {
       ...(limits ? [el("div", { class: "card" }, tableOf(limits))] : []),
       ...extra.map((table) => el("div", { class: "card" }, tableOf(table))),
       el("details", { class: "card" }, el("summary", {}, t("more")), factsOf(head), ...notes.map((note) => el("p", { class: "note" }, note))));
-    this.#turn({});
+    this.#setView({});
   }
 
-  /** Show the tables in another unit, or from another axis. */
-  #turn(change) {
+  /** Show the tables in another unit, or relative to another axis. */
+  #setView(change) {
     Object.assign(this, change);
     const [wheels, ...others] = this.panel.tables[this.axis][this.style];
     const whole = wheels.classes.every((kind) => kind !== "bad");
@@ -108,7 +108,7 @@ export class Result {
     this.onAnother();
   }
 
-  /** The points come once the measuring process has written them; until then, and instead, a few. */
+  /** Load the points once the measuring process has written them; `few` serve if there are none. */
   async #stream(few) {
     const { viewer, stop } = this;
     this.count.textContent = t("points_coming");

@@ -1,4 +1,4 @@
-// Step 3: the report, in a format and under a name of the user's choice.
+// Step 3: save the report in a chosen format and under a chosen name.
 import { ask, byId, el, post, t } from "./base.js";
 
 const FORMATS = ["html", "pdf", "txt", "json"];
@@ -27,15 +27,15 @@ export class Saver {
 
   async #keep(event) {
     event.preventDefault();
-    await this.#told(async () => {
+    await this.#report(async () => {
       const { saved } = await post(`/api/jobs/${this.job.id}/save`, { ...this.view(), format: this.format.value, root: Number(this.folder.value), name: this.file });
       return t("saved", { path: saved });
     });
   }
 
   async #download() {
-    await this.#told(async () => {
-      const answer = await this.#made();
+    await this.#report(async () => {
+      const answer = await this.#fetch();
       const link = el("a", { href: URL.createObjectURL(await answer.blob()), download: this.file });
       link.click();
       setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
@@ -52,13 +52,13 @@ export class Saver {
     return `/api/jobs/${this.job.id}/report.${this.format.value}?${new URLSearchParams(this.view())}`;
   }
 
-  async #made() {
+  async #fetch() {
     const answer = await fetch(this.#address());
     if (!answer.ok) throw new Error((await answer.json()).error);
     return answer;
   }
 
-  async #told(work) {
+  async #report(work) {
     this.status.className = "status";
     this.status.textContent = t("making");
     try {

@@ -1,7 +1,7 @@
-// Points from the server to the viewer while they arrive; pipeline/web/points.py says how they are laid out.
+// Streams points from the server to the viewer; pipeline/web/content/points.py defines the format.
 const LITTLE = new Uint8Array(new Uint16Array([1]).buffer)[0] === 1;
 
-/** Read the file at `address` into `viewer`; how many points it held, 0 where there is none. */
+/** Read the file at `address` into `viewer`; resolves with the number of points, 0 if none. */
 export async function streamPoints(address, viewer, signal) {
   try {
     const answer = await fetch(address, { signal });
@@ -26,13 +26,13 @@ async function read(source, viewer) {
   return total;
 }
 
-/** Bytes in the portions that are asked for, whatever portions they arrive in. */
+/** Reader of a requested number of bytes from a stream of chunks. */
 class Source {
   constructor(reader) {
     Object.assign(this, { reader, held: [], size: 0 });
   }
 
-  /** Exactly that many bytes, in a buffer of their own; null at the end. */
+  /** Take exactly that many bytes, in a buffer of their own; null at the end. */
   async take(count) {
     while (this.size < count) if (!(await this.#more())) return null;
     const taken = new Uint8Array(count);

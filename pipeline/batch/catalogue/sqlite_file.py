@@ -1,4 +1,4 @@
-"""The catalogue's file: the same rows, the same bytes, and not one of them changed unseen."""
+"""The catalogue's SQLite file: byte-identical for the same rows, with a checksum."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from typing import BinaryIO
 
 from .schema import APPLICATION
 
-HEADER, CHECKSUM = 100, 60  # bytes of SQLite's header, and where in it ours stands
+HEADER, CHECKSUM = 100, 60  # length of SQLite's header; offset of our checksum in it
 
 
-def seal(connection: sqlite3.Connection, path: Path) -> None:
-    """Write the catalogue to `path` so that the same rows give the same bytes; close it.
+def write_sqlite_file(connection: sqlite3.Connection, path: Path) -> None:
+    """Write the catalogue to `path`, the same bytes for the same rows, and close it.
 
-    VACUUM lays the rows out in the order of their keys. What remains of history stands in the
-    file's header (https://www.sqlite.org/fileformat2.html): change counter (24), schema cookie
-    (40), version-valid-for (92) and the library's version (96), which are set to constants. The
-    user version (60) holds the checksum of all the rest.
+    VACUUM orders the rows by their keys. What depends on the file's history is in its header
+    (https://www.sqlite.org/fileformat2.html): change counter (24), schema cookie (40),
+    version-valid-for (92) and the library's version (96), which are set to constants. The user
+    version (60) holds the checksum of all the rest.
     """
     connection.execute(
         "DELETE FROM kinds WHERE NOT EXISTS "
@@ -43,14 +43,14 @@ def _patch(stream: BinaryIO, offset: int, value: int) -> None:
     stream.write(struct.pack(">I", value))
 
 
-def opened(path: Path, verified: bool = False) -> sqlite3.Connection | None:
-    """A catalogue to be read; None if it is not there, none of ours, or has one bit changed.
+def open_sqlite_file(path: Path, verified: bool = False) -> sqlite3.Connection | None:
+    """Open a catalogue for reading; None if it is missing, foreign or damaged.
 
-    verified: no need to look for changed bits.
+    verified: skip the test of the checksum.
     """
     try:
-        stated, found = (None, None) if verified else _checksums(path)
-        if stated != found:
+        stated, actual = (None, None) if verified else _checksums(path)
+        if stated != actual:
             return None
     except OSError:
         return None
@@ -67,14 +67,14 @@ def opened(path: Path, verified: bool = False) -> sqlite3.Connection | None:
 
 
 def _checksums(path: Path) -> tuple[int | None, int]:
-    """CRC-32 that a catalogue states, None for another file; and that of the file but for itself.
+    """Return the stated CRC-32 (None for a foreign file) and that of all bytes but itself.
 
-    Of one opening: the name may go to a newer catalogue meanwhile.
+    Both from one opening of the file, which may be replaced by a newer catalogue meanwhile.
     """
     with path.open("rb") as stream:
         head = stream.read(HEADER)
-        found = zlib.crc32(head[:CHECKSUM] + head[CHECKSUM + 4 :])
+        actual = zlib.crc32(head[:CHECKSUM] + head[CHECKSUM + 4 :])
         while block := stream.read(2**20):
-            found = zlib.crc32(block, found)
-    ours = len(head) == HEADER and head.startswith(b"SQLite format 3\0")
-    return int.from_bytes(head[CHECKSUM : CHECKSUM + 4], "big") if ours else None, found
+            actual = zlib.crc32(block, actual)
+    is_sqlite = len(head) == HEADER and head.startswith(b"SQLite format 3\0")
+    return int.from_bytes(head[CHECKSUM : CHECKSUM + 4], "big") if is_sqlite else None, actual

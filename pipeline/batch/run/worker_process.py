@@ -1,9 +1,9 @@
-"""A process of its own for each worker: what kills it kills one task, and nothing else.
+"""Worker process: a crash or kill ends one task and nothing else.
 
-Each worker has one child with a pipe of its own, started by a fork server that has loaded the
-program; the child is used until it dies. Children that share a pipe and its lock, as in most pools,
-will not do: one that is killed as it holds the lock stops them all (pebble 5.2 lost hundreds of
-1,500 tasks, or hung, in each of six runs with 3 to 231 kills).
+Each worker has one process with its own pipe, started by a fork server that has loaded the program
+and used until it dies. Processes that share a pipe and its lock, as in most pools, are not robust:
+one that is killed while it holds the lock blocks all others (pebble 5.2 lost hundreds of 1,500
+tasks, or hung, in each of six runs with 3 to 231 kills).
 """
 
 from __future__ import annotations
@@ -21,29 +21,29 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ...readers import confine, die_with
-from .measure_one import PassingError
-from .work import Done, Task, work
+from .measure_one import TransientError
+from .work import CompletedCapture, Task, work
 
 PRELOAD = [f"{__package__}.work"]
-TAIL_BYTES = 4000
-FROM_OUTSIDE = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP)
+LOG, TAIL_BYTES = "log.txt", 4000
+EXTERNAL_SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP)
 
 Cause = Literal["crashed", "killed", "too long", "memory"]
 
 
-class ChildError(Exception):
-    """A child ended before its task did: the cause, a text that tells it, what it said last."""
+class WorkerError(Exception):
+    """Worker process that ended before its task: the cause, its description, the last output."""
 
     def __init__(self, cause: Cause, text: str, log: str = "") -> None:
         super().__init__(cause, text, log)
         self.cause, self.text, self.log = cause, text, log
 
 
-class Child:
-    """One process that does task after task, and is replaced when it dies.
+class WorkerProcess:
+    """Process that runs one task after another, and is replaced when it dies.
 
-    timeout_s: of a task. memory_bytes: what it may hold beyond what it holds at its start.
-    scratch: an existing folder for passing files, cleared of them with the process.
+    timeout_s: limit of one task. memory_bytes: limit of memory in addition to that at its start.
+    scratch: existing folder for temporary files, which are removed with the process.
     """
 
     def __init__(self, timeout_s: float, memory_bytes: int, scratch: Path) -> None:
@@ -52,27 +52,27 @@ class Child:
         self._scratch = scratch
         self._running: tuple[BaseProcess, Connection, Path] | None = None
 
-    def do(self, task: Task) -> list[Done]:
-        """The task's outcome. Raises ChildError, and PassingError as `work` does."""
+    def run(self, task: Task) -> list[CompletedCapture]:
+        """Run a task. Raises WorkerError, and TransientError as `work` does."""
         process, pipe, _ = self._running or self._start()
         try:
             pipe.send(task)
             if not wait([pipe, process.sentinel], self._timeout_s):
-                said = self.close()
-                raise ChildError("too long", f"it takes more than {self._timeout_s:g} s", said)
+                log = self.close()
+                raise WorkerError("too long", f"it takes more than {self._timeout_s:g} s", log)
             kind, answer = pipe.recv()
         except (EOFError, OSError) as error:
             raise self._death(process) from error
         if kind == "memory":
             most = f"{self._memory_bytes / 2**20:.0f} MB"
-            raise ChildError("memory", f"it needs more than {most} of memory", self.close())
+            raise WorkerError("memory", f"it needs more than {most} of memory", self.close())
         if kind == "failed":
             raise answer
         assert isinstance(answer, list)
         return answer
 
     def close(self) -> str:
-        """Kill the process, whatever it does; what it said last."""
+        """Kill the process and return its last output."""
         if self._running is None:
             return ""
         process, pipe, folder = self._running
@@ -81,11 +81,11 @@ class Child:
         process.join()
         pipe.close()
         try:
-            said = (folder / "said").read_bytes()[-TAIL_BYTES:].decode(errors="replace")
+            log = (folder / LOG).read_bytes()[-TAIL_BYTES:].decode(errors="replace")
         except OSError:
-            said = ""
+            log = ""
         shutil.rmtree(folder, ignore_errors=True)
-        return said
+        return log
 
     def _start(self) -> tuple[BaseProcess, Connection, Path]:
         context = multiprocessing.get_context("forkserver")
@@ -100,28 +100,28 @@ class Child:
         self._running = process, pipe, folder
         return self._running
 
-    def _death(self, process: BaseProcess) -> ChildError:
+    def _death(self, process: BaseProcess) -> WorkerError:
         process.join()
         code = process.exitcode or 0
-        said = self.close()
-        if -code in FROM_OUTSIDE:
+        log = self.close()
+        if -code in EXTERNAL_SIGNALS:
             name = signal.Signals(-code).name
-            return ChildError("killed", f"it was killed ({name}), perhaps for want of memory", said)
+            return WorkerError("killed", f"it was killed ({name}), perhaps for lack of memory", log)
         how = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-        return ChildError("crashed", f"it crashes the program ({how})", said)
+        return WorkerError("crashed", f"it crashes the program ({how})", log)
 
 
 def _serve(pipe: Connection, memory_bytes: int, folder: Path) -> None:
-    """The child's side: one task after another, until the parent is gone."""
+    """Serve tasks in the worker process until the parent ends."""
     die_with(os.getppid())  # the fork server, which ends with the program
     parent = multiprocessing.parent_process()
     if parent is None or not parent.is_alive():
         return
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
-    said = os.open(folder / "said", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
+    log = os.open(folder / LOG, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     for stream in (1, 2):
-        os.dup2(said, stream)
-    faulthandler.enable(said)
+        os.dup2(log, stream)
+    faulthandler.enable(log)
     tempfile.tempdir = os.environ["TMPDIR"] = str(folder)
     confine(memory_bytes)
     while True:
@@ -137,7 +137,7 @@ def _answer(task: Task) -> tuple[str, Any]:
         return "done", work(task)
     except MemoryError:
         return "memory", None
-    except PassingError as error:
+    except TransientError as error:
         return "failed", type(error)(str(error))
     except Exception:
-        return "failed", PassingError(traceback.format_exc())
+        return "failed", TransientError(traceback.format_exc())

@@ -1,4 +1,4 @@
-"""Results' JSONs -> records, many at a time."""
+"""JSON files of results -> records, read by several threads."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from ...errors import InputError
 from ..storage.store import Store
 from .rows import Record, read_record
 
-# Reading and SQLite's JSON leave Python's lock free; requests mostly wait.
+# Reading files and SQLite's JSON parser release the GIL; requests mostly wait.
 THREADS_LOCAL, THREADS_REMOTE = 4, 32
 AHEAD = 8  # results in memory for each thread
-Progress = Callable[[int, int], None]
+RecordProgress = Callable[[int, int], None]
 
 
-def silent(_done: int, _total: int) -> None:
-    """The progress that nobody is told of."""
+def no_progress(_done: int, _total: int) -> None:
+    """Ignore the progress."""
 
 
-def name_of(key: str) -> str:
-    """Where the JSON of a key stands."""
+def json_name(key: str) -> str:
+    """Return the name of the JSON file of a key."""
     return f"measurements/{key[:2]}/{key}.json"
 
 
-def gather(store: Store, keys: Iterable[str]) -> Iterator[Record]:
-    """The records of these keys, in their order; none for a JSON that is gone by now."""
+def load_records(store: Store, keys: Iterable[str]) -> Iterator[Record]:
+    """Yield the records of these keys in their order, skipping JSON files removed meanwhile."""
     threads = THREADS_REMOTE if store.local is None else THREADS_LOCAL
     pending: deque[Future[Record | None]] = deque()
     with ThreadPoolExecutor(threads) as pool:
@@ -50,8 +50,8 @@ def _done(future: Future[Record | None]) -> Iterator[Record]:
 
 def _read(store: Store, key: str) -> Record | None:
     try:
-        return read_record(key, store.read(name_of(key)))
+        return read_record(key, store.read(json_name(key)))
     except InputError:
-        if store.exists(name_of(key)):
+        if store.exists(json_name(key)):
             raise
         return None

@@ -1,0 +1,151 @@
+"""Index of results by the fingerprints of their captures, so that no capture need be read.
+
+Each run adds what it learns to the results as small files of lines, each complete and never
+changed: several runs may write at once, and a kill loses only what the next run finds out again.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import time
+import uuid
+from collections.abc import Iterable
+from functools import lru_cache
+from pathlib import Path
+
+from ..catalogue.load_records import load_records
+from ..plan.discover import FoundCapture
+from ..storage.entry import Entry, legible
+from ..storage.store import Store
+from .work import CompletedCapture
+
+FOLDER = "run/seen/"
+FLUSH_S, FLUSH_LINES = 10.0, 2000
+TABLES = """
+PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF;
+CREATE TABLE known(name, fingerprint, key, elsewhere,
+  PRIMARY KEY(name, fingerprint, key, elsewhere)) WITHOUT ROWID;
+CREATE TABLE present(key PRIMARY KEY, name, done DEFAULT TRUE) WITHOUT ROWID;
+CREATE TABLE current(name PRIMARY KEY, key) WITHOUT ROWID;
+"""
+
+
+class ResultIndex:
+    """Finished captures, in a temporary database at `path`, and those that this run adds.
+
+    settings_hash: hash of the settings; of runs with other settings only the names of captures
+    are used. archive: its files are checked again where a capture names files outside its folder.
+    """
+
+    def __init__(self, results: Store, settings_hash: str, archive: Store, path: Path) -> None:
+        self._results = results
+        self._folder = f"{FOLDER}{settings_hash[:16]}/"
+        self._database = sqlite3.connect(path, isolation_level=None)
+        self._database.executescript(TABLES)
+        self._listed = lru_cache(maxsize=4096)(archive.stat)
+        self._lines: list[str] = []
+        self._flushed_s = time.monotonic()
+
+    def load(self) -> None:
+        """Read the indices of earlier runs, and which results exist and of which captures."""
+        keys = ((entry.name[-69:-5],) for entry in self._results.list("measurements/"))
+        set_name = "UPDATE present SET name = ? WHERE key = ?"
+        self._database.execute("BEGIN")
+        self._database.executemany("INSERT OR IGNORE INTO present(key) VALUES (?)", keys)
+        for file in self._results.list(FOLDER):
+            rows = [json.loads(line) for line in self._results.read(file.name).splitlines()]
+            self._database.executemany(set_name, ((name, key) for name, _, key, _ in rows))
+            if file.name.startswith(self._folder):
+                self._database.executemany("INSERT OR IGNORE INTO known VALUES (?, ?, ?, ?)", rows)
+        unknown = self._database.execute("SELECT key FROM present WHERE name IS NULL").fetchall()
+        records = load_records(self._results, (key for (key,) in unknown))
+        names = ((record.capture.name, record.capture.key) for record in records)
+        self._database.executemany(set_name, names)
+        self._database.execute("COMMIT")
+
+    def mark_undone(self, keys: Iterable[str]) -> None:
+        """Mark these results as not done."""
+        rows = ((key,) for key in keys)
+        self._database.executemany("UPDATE present SET done = FALSE WHERE key = ?", rows)
+
+    def reset_archive(self) -> None:
+        """Discard the last listing of the archive."""
+        self._listed.cache_clear()
+        self._database.execute("DELETE FROM current")
+
+    def note_present(self, found: FoundCapture) -> None:
+        """Note that a capture is in the archive."""
+        row = (legible(found.name),)
+        self._database.execute("INSERT OR IGNORE INTO current(name) VALUES (?)", row)
+
+    def is_done(self, found: FoundCapture) -> bool:
+        """Return whether a valid result of a capture exists, and make it the current one.
+
+        Of several results with this fingerprint it is the one whose files elsewhere are unchanged.
+        """
+        rows = self._database.execute(
+            "SELECT key, elsewhere FROM known JOIN present USING(key) "
+            "WHERE known.name = ? AND fingerprint = ? AND done",
+            (legible(found.name), found.fingerprint),
+        ).fetchall()
+        for key, elsewhere in rows:
+            others = [Entry(*file) for file in json.loads(elsewhere)]
+            if all(self._listed(file.name) == file for file in others):
+                self._set_current(legible(found.name), key)
+                return True
+        return False
+
+    def state(self, found: FoundCapture) -> str:
+        """Return a text that changes with the files of a capture and those it names elsewhere."""
+        rows = self._database.execute(
+            "SELECT elsewhere FROM known JOIN present USING(key) WHERE known.name = ?",
+            (legible(found.name),),
+        )
+        names = {file[0] for (elsewhere,) in rows for file in json.loads(elsewhere)}
+        return f"{found.fingerprint} {[self._listed(name) for name in sorted(names)]}"
+
+    def add(self, done: CompletedCapture) -> None:
+        """Add a finished capture."""
+        name = legible(done.name)
+        self._set_current(name, done.key)
+        self._database.execute(
+            "INSERT OR REPLACE INTO present(key, name) VALUES (?, ?)", (done.key, name)
+        )
+        elsewhere = json.dumps([[file.name, file.size, file.stamp] for file in done.elsewhere])
+        row = (name, done.fingerprint or "", done.key, elsewhere)
+        self._database.execute("INSERT OR IGNORE INTO known VALUES (?, ?, ?, ?)", row)
+        self._lines.append(json.dumps(row))
+        if len(self._lines) >= FLUSH_LINES or time.monotonic() > self._flushed_s + FLUSH_S:
+            self.flush()
+
+    def outdated(self) -> list[str]:
+        """Return the keys of results that are superseded by another result of their capture."""
+        rows = self._database.execute(
+            "SELECT present.key FROM present JOIN current USING(name) "
+            "WHERE present.key <> current.key"
+        )
+        return [key for (key,) in rows]
+
+    def drop(self, key: str) -> None:
+        """Remove a result."""
+        self._database.execute("DELETE FROM present WHERE key = ?", (key,))
+
+    def removed(self) -> list[str]:
+        """Return the captures with results that are not in the latest listing, by name."""
+        rows = self._database.execute(
+            "SELECT DISTINCT name FROM present WHERE name <> '' "
+            "AND name NOT IN (SELECT name FROM current) ORDER BY name"
+        )
+        return [name for (name,) in rows]
+
+    def flush(self) -> None:
+        """Write what was added to the results."""
+        if self._lines:
+            text = "\n".join(self._lines) + "\n"
+            self._results.write_new(f"{self._folder}{uuid.uuid4().hex}.jsonl", text.encode())
+        self._lines = []
+        self._flushed_s = time.monotonic()
+
+    def _set_current(self, name: str, key: str) -> None:
+        self._database.execute("INSERT OR REPLACE INTO current VALUES (?, ?)", (name, key))
