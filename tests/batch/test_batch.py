@@ -24,6 +24,7 @@ from tests.support.batches import (
     left,
     poisoned,
     run,
+    run_process,
     settle,
     start,
     trees,
@@ -42,7 +43,7 @@ def undisturbed(tmp_path_factory):
     """An archive of sixty tiny captures, and its results by one worker."""
     folder = tmp_path_factory.mktemp("undisturbed")
     archive = archive_of(folder / "archive", 60)
-    done = run(archive, folder / "results", "--workers", "1")
+    done = run_process(archive, folder / "results", "--workers", "1")
     assert done.returncode == 0, done.stderr
     return archive, left(folder / "results")
 
@@ -109,7 +110,7 @@ def test_poison_kills_only_its_own_child(undisturbed, tmp_path):
         five_points(archive / "bad" / f"{name}.txt", 7)
     settle(archive)
     options = ("--workers", "2", "--timeout", "4", "--memory", "300M")
-    done = run(archive, tmp_path / "results", *options, **poisoned(tmp_path))
+    done = run_process(archive, tmp_path / "results", *options, **poisoned(tmp_path))
     assert done.returncode == 1
     found = trees(tmp_path / "results")
     assert len(found) == 64

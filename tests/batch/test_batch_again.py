@@ -18,10 +18,12 @@ import pytest
 from tests.support.batches import (
     ROOT,
     archive_of,
+    call,
     five_points,
     kill,
     poisoned,
     run,
+    run_process,
     settle,
     start,
     trees,
@@ -46,14 +48,8 @@ def statuses(results) -> dict[str, str]:
 
 
 def ask(results, *options: str) -> subprocess.CompletedProcess[str]:
-    """`wheelplane results`."""
-    return subprocess.run(
-        [sys.executable, "-m", "wheelplane", "results", str(results), *options],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    """Run `wheelplane results`."""
+    return call("results", results, *options)
 
 
 @pytest.fixture
@@ -64,7 +60,7 @@ def put_aside(tmp_path):
         five_points(archive / name, seed)
     settle(archive)
     assert {Shard(1, 2).holds(name) for name in BAD} == {True, False}
-    assert run(archive, tmp_path / "results", **poisoned(tmp_path)).returncode == 1
+    assert run_process(archive, tmp_path / "results", **poisoned(tmp_path)).returncode == 1
     found = statuses(tmp_path / "results")
     assert {name for name, status in found.items() if status == "quarantined"} == set(BAD)
     assert len(found) == 6

@@ -21,6 +21,7 @@ from tests.support.batches import (
     left,
     poisoned,
     run,
+    run_process,
     start,
     trees,
 )
@@ -49,7 +50,8 @@ def cluster(tmp_path):
         "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
         **poisoned(tmp_path),
     }
-    common = {"cwd": tmp_path, "env": environment | {"PYTHONPATH": f"{ROOT}:{ROOT}/tests/poison"}}
+    path = f"{ROOT}{os.pathsep}{environment['PYTHONPATH']}"
+    common = {"cwd": tmp_path, "env": environment | {"PYTHONPATH": path}}
     with ExitStack() as stack:
         scheduler = subprocess.Popen(
             [*DASK.format("scheduler").split(), "--host", "127.0.0.1", "--port", "0"],
@@ -79,23 +81,25 @@ def cluster(tmp_path):
         yield address, workers
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_catalogue(undisturbed, cluster, tmp_path):
     archive, expected = undisturbed
     address, _ = cluster
-    done = run(archive, tmp_path / "results", "--scheduler", address)
+    done = run_process(archive, tmp_path / "results", "--scheduler", address)
     assert done.returncode == 1, done.stderr
     assert left(tmp_path / "results") == expected
     more = shutil.copytree(archive, tmp_path / "archive")
     five_points(more / "crash.txt", 1)
     five_points(more / "hang.txt", 2)
     options = ("--scheduler", address, "--resume", "--timeout", "3")
-    assert run(more, tmp_path / "results", *options).returncode == 1
+    assert run_process(more, tmp_path / "results", *options).returncode == 1
     found = trees(tmp_path / "results")
     bad = {name for name, tree in found.items() if tree["batch"]["status"] == "quarantined"}
     assert bad == {"crash.txt", "hang.txt"}
     assert len(found) == 23
 
 
+@pytest.mark.slow
 def test_a_lost_worker_changes_nothing(cluster, tmp_path):
     address, workers = cluster
     archive, results = archive_of(tmp_path / "archive", 400), tmp_path / "results"
@@ -111,7 +115,7 @@ def test_a_lost_worker_changes_nothing(cluster, tmp_path):
 
 
 def test_no_scheduler_is_one_line(undisturbed, tmp_path):
-    done = run(undisturbed[0], tmp_path / "results", "--scheduler", "tcp://127.0.0.1:1")
+    done = run_process(undisturbed[0], tmp_path / "results", "--scheduler", "tcp://127.0.0.1:1")
     assert (done.returncode, done.stdout) == (2, "")
     assert "no Dask scheduler answers" in done.stderr
     assert "Traceback" not in done.stderr
@@ -141,13 +145,13 @@ def test_object_storage_that_fails_now_and_then_gives_the_same(
     files.mkdir("cars")
     files.put(str(archive), "cars/archive", recursive=True)
     proxy = FailingProxy(storage, share=0.2, seed=1)
-    done = run("s3://cars/archive", "s3://cars/results", AWS_ENDPOINT_URL=proxy.address)
+    done = run_process("s3://cars/archive", "s3://cars/results", AWS_ENDPOINT_URL=proxy.address)
     proxy.close()
     assert done.returncode == 1, done.stderr
     assert proxy.failed > 10
     files.get("cars/results", str(tmp_path / "results"), recursive=True)
     assert left(tmp_path / "results") == expected
-    again = run("s3://cars/archive", "s3://cars/results", AWS_ENDPOINT_URL=storage)
+    again = run_process("s3://cars/archive", "s3://cars/results", AWS_ENDPOINT_URL=storage)
     assert "21 captures: 21 done before, 0 to do" in again.stderr
 
     # what was written went to segments as well, which spare a catalogue the reading
@@ -168,7 +172,7 @@ def test_a_watched_folder_takes_what_is_complete_and_ends_with_ctrl_c(undisturbe
     archive = tmp_path / "archive"
     archive.mkdir()
     results = tmp_path / "results"
-    process = start(archive, results, "--watch", "--settle", "2", "--workers", "1")
+    process = start(archive, results, "--watch", "--settle", "1", "--workers", "1")
     try:
         (archive / "car").mkdir()
         for wheel in ("rr", "rl", "fr"):
@@ -179,7 +183,7 @@ def test_a_watched_folder_takes_what_is_complete_and_ends_with_ctrl_c(undisturbe
         for line in lines:
             growing.write(line)
             growing.flush()
-            time.sleep(0.15)
+            time.sleep(0.08)  # 1.6 s in all: longer than it takes to settle
             assert not list(results.glob("measurements/*/*.json"))
         growing.close()
         wait_for(lambda: len(list(results.glob("measurements/*/*.json"))) == 1)

@@ -18,6 +18,7 @@ import openpyxl
 import pytest
 from scipy import stats
 
+from tests.support.batches import call
 from tests.support.records import add, key_of, result
 from wheelplane.batch.catalogue.catalogue import open_catalogue
 from wheelplane.batch.catalogue.schema import number_of
@@ -320,12 +321,18 @@ def test_sql_reads_the_tables_of_the_contract(catalogue):
 
 
 def run(*arguments) -> subprocess.CompletedProcess[str]:
+    """Run `wheelplane results` in this process."""
+    return call("results", *arguments)
+
+
+def run_process(*arguments) -> subprocess.CompletedProcess[str]:
+    """Run `wheelplane results` in a process of its own."""
     command = [sys.executable, "-m", "wheelplane", "results", *map(str, arguments)]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
 def test_the_list_has_signs_units_reasons_and_totals(results):
-    told = run(results)
+    told = run_process(results)
     assert (told.returncode, told.stderr) == (1, "")
     lines = told.stdout.splitlines()
     assert lines[0].split()[:5] == ["capture", "date", "vehicle", "status", "wheels"]

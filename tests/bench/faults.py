@@ -22,10 +22,10 @@ from tests.support.batches import (
     kill,
     left,
     poisoned,
-    run,
     settle,
     start,
 )
+from tests.support.batches import run_process as run
 from tests.support.failing_proxy import FailingProxy
 from tests.support.object_server import object_server
 

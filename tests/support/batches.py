@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from types import ModuleType
+from unittest import mock
 
 import numpy as np
+
+from wheelplane.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 PAPER = ROOT / "tests" / "data" / "paper" / "figure-4.txt"
@@ -58,18 +64,53 @@ def start(
     )
 
 
-def run(
+def run_process(
     archive: Path | str, results: Path | str, *options: str, **environment: str
 ) -> subprocess.CompletedProcess[str]:
-    """A run to its end."""
+    """Run `wheelplane batch` in a process of its own, to its end."""
     process = start(archive, results, *options, **environment)
     out, err = process.communicate(timeout=300)
     return subprocess.CompletedProcess(process.args, process.returncode, out, err)
 
 
+def run(
+    archive: Path | str, results: Path | str, *options: str
+) -> subprocess.CompletedProcess[str]:
+    """Run `wheelplane batch` in this process, whose fork server serves all runs."""
+    return call("batch", archive, "-o", results, *options)
+
+
+def call(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run a command in this process, as its console script does; environment and signals stay."""
+    argv = ["wheelplane", *map(str, arguments)]
+    out = io.TextIOWrapper(io.BytesIO(), "utf-8", write_through=True)
+    err = io.TextIOWrapper(io.BytesIO(), "utf-8", "backslashreplace", write_through=True)
+    handler = signal.getsignal(signal.SIGTERM)
+    runner = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")  # or each worker process would import pytest
+    code: object = None
+    try:
+        with (
+            mock.patch.dict(os.environ),
+            mock.patch.object(sys, "argv", argv),
+            redirect_stdout(out),
+            redirect_stderr(err),
+        ):
+            main()
+    except SystemExit as end:
+        code = end.code
+    finally:
+        sys.modules["__main__"] = runner
+        signal.signal(signal.SIGTERM, handler)
+    assert isinstance(code, int)
+    texts = (stream.buffer.getvalue().decode() for stream in (out, err))
+    return subprocess.CompletedProcess(argv, code, *texts)
+
+
 def poisoned(marks: Path) -> dict[str, str]:
     """The environment in which captures of certain names kill their child."""
-    return {"PYTHONPATH": str(ROOT / "tests" / "poison"), "POISON_MARKS": str(marks)}
+    path = [str(ROOT / "tests" / "poison"), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {"PYTHONPATH": os.pathsep.join(path), "POISON_MARKS": str(marks)}
 
 
 def left(results: Path) -> dict[str, bytes]:

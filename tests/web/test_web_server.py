@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import os
 import re
 import signal
 import socket
@@ -18,6 +19,7 @@ from wheelplane.commands.view import opened
 from wheelplane.errors import InputError
 from wheelplane.web.server import address_of, free_port
 
+SEARCH_PATH = os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
 CODE = "import sys; sys.argv[0] = 'wheelplane'; from wheelplane.cli import main; main()"
 
 
@@ -29,7 +31,7 @@ def started(place: Path, *arguments: str):
     process = subprocess.Popen(
         [sys.executable, "-u", "-c", CODE, "view", "--no-browser", *arguments],
         cwd=place,
-        env={"TMPDIR": str(scratch), "PYTHONPATH": str(Path(__file__).parents[2]), "PATH": ""},
+        env={"TMPDIR": str(scratch), "PYTHONPATH": SEARCH_PATH, "PATH": ""},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -82,8 +84,8 @@ def test_it_serves_this_machine_and_ends_cleanly_on_ctrl_c(tmp_path):
 
 
 def test_a_measurement_under_way_ends_with_the_page(tmp_path):
-    rows = "".join(f"{i % 977}.5 {i % 991}.25 0.125\n" for i in range(2_000_000))
-    (tmp_path / "rr.xyz").write_text(rows)
+    rows = "".join(f"{i % 97}.5 {i % 91}.25 0.125\n" for i in range(10_000))
+    (tmp_path / "rr.xyz").write_text(rows * 200)  # enough to be at work when the page ends
     with started(tmp_path, "--port", "0") as (process, said):
         port = port_in(said)
         answer, text = ask(port)
@@ -176,7 +178,7 @@ def test_what_cannot_be_served_is_told_in_a_line(tmp_path, arguments, said):
     run = subprocess.run(
         [sys.executable, "-c", CODE, "view", "--no-browser", *arguments],
         cwd=tmp_path,
-        env={"PYTHONPATH": str(Path(__file__).parents[2]), "PATH": ""},
+        env={"PYTHONPATH": SEARCH_PATH, "PATH": ""},
         capture_output=True,
         text=True,
         check=False,
