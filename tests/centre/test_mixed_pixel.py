@@ -154,7 +154,7 @@ def test_slopes_hold_for_an_echo_too(echo):
             lambda d: at(x, tau, background, spot, thickness * (1 + d), echo),
             thickness,
         ),
-        "d_log_echo": (lambda d: at(x, tau, background, spot, thickness, echo * np.exp(d)), 1.0),
+        "d_log_ratio": (lambda d: at(x, tau, background, spot, thickness, echo * np.exp(d)), 1.0),
     }
     for name, (moved, unit) in slopes.items():
         difference = (moved(h).depth_m - moved(-h).depth_m) / (2 * h * unit)
