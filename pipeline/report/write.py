@@ -21,7 +21,7 @@ from .json.validation import validation_json
 from .plots.budget import budget_svg
 from .plots.files import file_name
 from .plots.target_face import face_png
-from .plots.validation import bland_altman_svg, differences_svg, line_svg
+from .plots.validation import bland_altman_drawing, differences_drawing, line_drawing
 from .text.report import detailed_report
 from .text.validation import validation_text
 from .text.validation_study import survey_text
@@ -124,12 +124,12 @@ def write_validation(found: Comparison | ComparisonStudy, folder: Path) -> list[
     """Each file whole or not at all."""
     files = {"validation.json": validation_json(found), "validation.txt": validation_report(found)}
     if isinstance(found, Comparison):
-        files["differences.svg"] = differences_svg(found)
+        files["differences.svg"] = differences_drawing(found).svg
     else:
         labels = found.found[0].first.label, found.found[0].second.label
         for one in found.agreements:
-            files[f"bland-altman-{one.kind}.svg"] = bland_altman_svg(one, *labels)
-            files[f"line-{one.kind}.svg"] = line_svg(one, *labels)
+            files[f"bland-altman-{one.kind}.svg"] = bland_altman_drawing(one, *labels).svg
+            files[f"line-{one.kind}.svg"] = line_drawing(one, *labels).svg
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -34,7 +34,9 @@ from wheelplane.centre.locate_centre import locate_centre
 from wheelplane.config import Config
 from wheelplane.detection.find_target import find_target
 from wheelplane.plane.fit_plane import PlaneFit, fit_plane
-from wheelplane.report.plots.validation import BLUE, GREY, ORANGE, words_at
+from wheelplane.report.plots.drawing import Circle, Drawing, Mark, Text
+from wheelplane.report.plots.drawing import Path as Line
+from wheelplane.report.plots.validation import BLUE, GREY, ORANGE
 from wheelplane.targets.plates import DiscTarget
 
 CONFIG = Config()
@@ -290,47 +292,36 @@ def growth_svg(sizes: Sequence[Size]) -> str:
         return HEIGHT - BOTTOM - share * (HEIGHT - TOP - BOTTOM)
 
     slope = _slope(_larger(sizes))
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" '
-        f'height="{HEIGHT}" font-family="sans-serif" font-size="13">',
-        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="#ffffff"/>',
-        words_at(LEFT, 24, "A target's plane out of a cloud in memory", weight="bold"),
-        words_at(LEFT, 44, f"slope {slope:.2f} over the larger half; dotted: slope 1"),
-        words_at((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 14, "points", anchor="middle"),
-        words_at(12, TOP - 8, "seconds"),
+    title = "A target's plane out of a cloud in memory"
+    marks: list[Mark] = [
+        Text(LEFT, 24, title, bold=True),
+        Text(LEFT, 44, f"slope {slope:.2f} over the larger half; dotted: slope 1"),
+        Text((LEFT + WIDTH - RIGHT) / 2, HEIGHT - 14, "points", anchor="middle"),
+        Text(12, TOP - 8, "seconds"),
     ]
     for power in range(int(np.ceil(first)), int(last) + 1):
         at = x(10.0**power)
-        parts += [_line([(at, TOP), (at, HEIGHT - BOTTOM)], GREY, 0.2)]
-        parts += [words_at(at, HEIGHT - BOTTOM + 18, f"{10**power:,}", anchor="middle")]
+        marks.append(Line([(at, TOP), (at, HEIGHT - BOTTOM)], GREY, 0.2))
+        marks.append(Text(at, HEIGHT - BOTTOM + 18, f"{10**power:,}", anchor="middle"))
     for power in range(low, high + 1):
         at = y(10.0**power)
-        parts += [_line([(LEFT, at), (WIDTH - RIGHT, at)], GREY, 0.2)]
-        parts += [words_at(LEFT - 8, at + 4, f"{10.0**power:g}", anchor="end")]
+        marks.append(Line([(LEFT, at), (WIDTH - RIGHT, at)], GREY, 0.2))
+        marks.append(Text(LEFT - 8, at + 4, f"{10.0**power:g}", anchor="end"))
     end = sizes[-1]
     start_s = max(end.seconds * sizes[0].points / end.points, 10.0**low)
     start = end.points * start_s / end.seconds
-    parts.append(_line([(x(start), y(start_s)), (x(end.points), y(end.seconds))], GREY, 1.0, "2 4"))
+    ends = [(x(start), y(start_s)), (x(end.points), y(end.seconds))]
+    marks.append(Line(ends, GREY, 1.0, dash=(2.0, 4.0)))
     for key, name, colour in (
         ("seconds", "wheelplane", BLUE),
         ("copy_seconds", "one copy", ORANGE),
     ):
         track = [(x(size.points), y(getattr(size, key))) for size in sizes]
-        parts.append(_line(track, colour, 1.6))
-        parts += [f'<circle cx="{a:.1f}" cy="{b:.1f}" r="3.5" fill="{colour}"/>' for a, b in track]
-        value = getattr(end, key)
-        parts.append(
-            words_at(track[-1][0] + 10, track[-1][1] + 4, f"{name}, {value:.2g} s", colour=colour)
-        )
-    return "\n".join([*parts, "</svg>\n"])
-
-
-def _line(track: Sequence[tuple[float, float]], colour: str, width: float, dash: str = "") -> str:
-    places = " ".join(f"{a:.1f},{b:.1f}" for a, b in track)
-    return (
-        f'<polyline points="{places}" fill="none" stroke="{colour}" stroke-width="{width}"'
-        f' stroke-dasharray="{dash or "none"}"/>'
-    )
+        marks.append(Line(track, colour, 1.6))
+        marks += [Circle(a, b, 3.5, colour) for a, b in track]
+        label = f"{name}, {getattr(end, key):.2g} s"
+        marks.append(Text(track[-1][0] + 10, track[-1][1] + 4, label, colour=colour))
+    return Drawing(WIDTH, HEIGHT, title, marks).svg
 
 
 def main() -> None:

@@ -20,12 +20,13 @@ from wheelplane.report.format.view import PAPER
 from wheelplane.report.plots.angle_chart import angles_text
 from wheelplane.report.plots.angles import angles_drawing, tick_text
 from wheelplane.report.plots.budget import wheel_budget
-from wheelplane.report.plots.drawing import Drawing, Path, Raster, Text, png_of
+from wheelplane.report.plots.drawing import Circle, Drawing, Path, Raster, Text, png_of
 from wheelplane.report.plots.drawing_png import ZOOM, drawing_png
 from wheelplane.report.plots.files import file_name, plot_files
 from wheelplane.report.plots.histogram import histogram_drawing
 from wheelplane.report.plots.target_face import OUTLINE, SIDE, coarseness, face_drawing
 from wheelplane.report.plots.top_view import factor, top_drawing
+from wheelplane.report.plots.validation import Chart, ticks
 
 EN = load_translations("en")
 LIMITS = Tolerance.model_validate(
@@ -120,7 +121,7 @@ def test_dots_and_limits_stand_at_their_values():
     paths = [m for m in drawing.marks if isinstance(m, Path)]
     limits = sorted({round(p.points[0][0], 3) for p in paths if p.stroke == "#009E73"})
     assert len(limits) == 2
-    dots = [np.asarray(p.points).mean(axis=0) for p in paths if p.closed and len(p.points) == 32]
+    dots = [(m.x, m.y) for m in drawing.marks if isinstance(m, Circle)]
     toes = dots[: len(ANGLES)]
     for dot, result in zip(toes, measured(1).wheels, strict=True):
         share = (math.degrees(result.angles.toe_rad) + 0.5) / 1.0
@@ -188,6 +189,21 @@ def test_budget_bars_are_as_long_as_their_shares():
         assert length == pytest.approx(420.0)
 
 
+def test_points_of_a_chart_lie_where_the_ticks_say():
+    """A point at two ticks' values lies on the crossing of their grid lines."""
+    chart = Chart("t", "s", "x", "y", (-0.3, 1.1), (20.0, 47.0))
+    for x in ticks(*chart.x_range):
+        chart.point(x, ticks(*chart.y_range)[1])
+    marks = chart.drawing.marks
+    grid = [np.asarray(m.points) for m in marks if isinstance(m, Path) and m.opacity == 0.12]
+    upright = [line[0, 0] for line in grid if line[0, 0] == line[1, 0]]
+    level = [line[0, 1] for line in grid if line[0, 1] == line[1, 1]]
+    assert [m.x for m in marks if isinstance(m, Circle)] == pytest.approx(upright)
+    assert {m.y for m in marks if isinstance(m, Circle)} == {level[1]}
+    assert upright == sorted(upright)
+    assert level == sorted(level, reverse=True)  # y grows downwards
+
+
 # --- files --------------------------------------------------------------------------------------
 
 
@@ -249,6 +265,43 @@ def test_a_drawing_is_the_same_in_both_forms():
     row = (image[180] == [0, 0, 255]).all(axis=1)
     assert 0.5 <= row[10:190].mean() <= 0.7
     assert np.count_nonzero(np.diff(row.astype(int)) == 1) == 5
+
+
+def test_a_circle_is_the_same_in_both_forms():
+    """The PNG holds the circle's centre and, within a pixel, its radius with half the line."""
+    drawing = Drawing(100, 80, "x", [Circle(40.0, 30.0, 20.0, "#ff0000", "#0000ff", 4.0)])
+    image = decoded(drawing_png(drawing)).astype(int)
+    inside = image[:, :, 1] < 128  # neither red nor blue has green
+    np.testing.assert_allclose(np.argwhere(inside).mean(axis=0), [60, 80], atol=0.3)
+    assert math.sqrt(inside.sum() / np.pi) == pytest.approx(22.0 * ZOOM, abs=1.0)
+    assert (image[60, 80] == [255, 0, 0]).all()
+    assert (image[60, 80 + 40] == [0, 0, 255]).all()
+    circle = ElementTree.fromstring(drawing.svg).find("{http://www.w3.org/2000/svg}circle")
+    assert [float(circle.get(name)) for name in ("cx", "cy", "r")] == [40.0, 30.0, 20.0]
+
+
+def test_crisp_areas_side_by_side_have_no_seam():
+    """Two halves that share an edge between pixels: smoothed, the background shines through."""
+
+    def columns(crisp):
+        halves = [
+            Path([(a, 5), (b, 5), (b, 15), (a, 15)], fill="#000000", closed=True, crisp=crisp)
+            for a, b in ((5.0, 10.3), (10.3, 15.0))
+        ]
+        return decoded(drawing_png(Drawing(20, 20, "x", halves)))[20, 12:28].max(axis=1)
+
+    assert columns(crisp=True).max() == 0
+
+
+def test_a_halo_parts_text_from_a_dark_ground():
+    """White pixels surround the text; without a halo there are none."""
+    ground = Path([(0, 0), (60, 0), (60, 40), (0, 40)], fill="#000000", closed=True)
+    for halo, least, most in ((0.0, 0, 0), (3.0, 50, 1000)):
+        text = Text(20, 25, "u", 20.0, colour="#000000", halo=halo)
+        drawing = Drawing(60, 40, "x", [ground, text])
+        image = decoded(drawing_png(drawing))
+        assert least <= np.count_nonzero(image.min(axis=2) > 250) <= most
+        assert ("paint-order" in drawing.svg) == (halo > 0.0)
 
 
 def test_the_true_board_lies_in_its_scan():

@@ -21,11 +21,11 @@ from .drawing import (
     INK,
     MINUS,
     PALE,
+    Circle,
     Drawing,
     Mark,
     Path,
     Text,
-    circle,
     cut,
     rectangle,
 )
@@ -123,7 +123,7 @@ def _value(at: Callable[[float], float], quantity: Stated, y: float, colour: str
         Path([(low, y), (high, y)], colour, 1.6),
         Path(ends[:2], colour, 1.6),
         Path(ends[2:], colour, 1.6),
-        circle(at(quantity.value), y, 3.2, colour),
+        Circle(at(quantity.value), y, 3.2, colour),
     ]
 
 

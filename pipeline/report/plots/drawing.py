@@ -1,4 +1,7 @@
-"""Plots as a few kinds of marks, in pixels, y down: to SVG here, to PNG by drawing_png.py."""
+"""Plots as a few kinds of marks, y down: written as SVG here, as PNG by drawing_png.py.
+
+Coordinates are pixels, or millimetres where the drawing's unit says so.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,10 @@ Anchor = Literal["start", "middle", "end"]
 
 @dataclass(frozen=True)
 class Path:
-    """A line through points (N, 2), or with `fill` and `closed` an area; dash: on and off."""
+    """A line through points (N, 2), or with `fill` and `closed` an area.
+
+    dash: lengths on and off. crisp: without antialiasing, so that areas side by side have no seam.
+    """
 
     points: npt.ArrayLike
     stroke: str = "none"
@@ -31,11 +37,25 @@ class Path:
     closed: bool = False
     dash: tuple[float, float] | None = None
     opacity: float = 1.0
+    crisp: bool = False
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle about (x, y)."""
+
+    x: float
+    y: float
+    radius: float
+    fill: str = "none"
+    stroke: str = "none"
+    width: float = 1.0
+    opacity: float = 1.0
 
 
 @dataclass(frozen=True)
 class Dots:
-    """Points (N, 2) of one size."""
+    """Points (N, 2), drawn as discs of diameter `size`."""
 
     points: npt.ArrayLike
     size: float
@@ -45,7 +65,10 @@ class Dots:
 
 @dataclass(frozen=True)
 class Text:
-    """One line of text from, about or up to (x, y) on its base line, turned clockwise."""
+    """One line of text that starts, is centred or ends at (x, y) on its baseline.
+
+    halo: width of a white outline. turn_deg: rotation about (x, y), clockwise.
+    """
 
     x: float
     y: float
@@ -55,11 +78,12 @@ class Text:
     bold: bool = False
     colour: str = INK
     turn_deg: float = 0.0
+    halo: float = 0.0
 
 
 @dataclass(frozen=True)
 class Raster:
-    """Pixels (m, n) uint8 into a palette (k, 3) uint8 of RGB, about (x, y), turned clockwise."""
+    """Image centred at (x, y), rotated clockwise: pixels (m, n) index a palette (k, 3) of RGB."""
 
     x: float
     y: float
@@ -70,59 +94,65 @@ class Raster:
 
     @property
     def height(self) -> float:
-        """Of square pixels."""
+        """Height; the pixels are square."""
         rows, columns = self.pixels.shape
         return self.width * float(rows / columns)
 
 
-Mark = Path | Dots | Text | Raster
+Mark = Path | Circle | Dots | Text | Raster
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """Marks from back to front; title: what it shows, for those who cannot see it."""
+    """Marks from back to front.
+
+    title: text alternative for screen readers. unit: of all lengths; "mm" prints to scale.
+    """
 
     width: float
     height: float
     title: str
     marks: Sequence[Mark]
+    unit: Literal["", "mm"] = ""
 
     @property
     def svg(self) -> str:
-        """An SVG element, fit to stand in a page or alone."""
-        size = f'width="{self.width:g}" height="{self.height:g}"'
+        """SVG element, for a file or inside a page."""
+        width, height = f"{self.width:g}", f"{self.height:g}"
         parts = [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {self.width:g} '
-            f'{self.height:g}" {size} role="img" font-family="{FONT}">',
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
+            f'width="{width}{self.unit}" height="{height}{self.unit}" role="img" '
+            f'font-family="{FONT}">',
             f"<title>{_plain(self.title)}</title>",
-            f'<rect {size} fill="#ffffff"/>',
+            f'<rect width="{width}" height="{height}" fill="#ffffff"/>',
             *map(_svg, self.marks),
         ]
         return "\n".join([*parts, "</svg>\n"])
 
 
 def cut(name: str, most: int) -> str:
-    """A name that fits, with dots where it was cut."""
+    """Return the name, shortened to `most` characters with an ellipsis where it is longer."""
     return name if len(name) <= most else f"{name[: most - 1]}\N{HORIZONTAL ELLIPSIS}"
 
 
 def rectangle(
-    x: float, y: float, width: float, height: float, fill: str, opacity: float = 1.0
+    x: float,
+    y: float,
+    width: float,
+    height: float,
+    fill: str = "none",
+    *,
+    stroke: str = "none",
+    line_width: float = 1.0,
+    opacity: float = 1.0,
 ) -> Path:
-    """A filled rectangle."""
+    """Return a rectangle with its top left corner at (x, y)."""
     corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
-    return Path(corners, fill=fill, closed=True, opacity=opacity)
-
-
-def circle(x: float, y: float, radius: float, fill: str, stroke: str = "none") -> Path:
-    """A filled circle."""
-    angle = np.arange(32) * (np.pi / 16.0)
-    points = np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle)])
-    return Path(points, stroke=stroke, fill=fill, closed=True)
+    return Path(corners, stroke, line_width, fill, closed=True, opacity=opacity)
 
 
 def arrow(start: npt.ArrayLike, end: npt.ArrayLike, colour: str, width: float = 1.5) -> list[Mark]:
-    """A line with a filled tip."""
+    """Return a line with a filled head at `end`."""
     a, b = np.asarray(start, float), np.asarray(end, float)
     along = (b - a) / max(float(np.linalg.norm(b - a)), 1e-9)
     aside = np.array([-along[1], along[0]])
@@ -137,24 +167,27 @@ def _svg(mark: Mark) -> str:
         return _text(mark)
     if isinstance(mark, Raster):
         return _raster(mark)
+    if isinstance(mark, Circle):
+        return f'<circle cx="{mark.x:.2f}" cy="{mark.y:.2f}" r="{mark.radius:g}" {_style(mark)}/>'
     if isinstance(mark, Dots):
-        places = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in np.asarray(mark.points, float))
+        points = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in np.asarray(mark.points, float))
         return (
-            f'<path d="{places}" fill="none" stroke="{mark.colour}" stroke-width="{mark.size:g}" '
+            f'<path d="{points}" fill="none" stroke="{mark.colour}" stroke-width="{mark.size:g}" '
             f'stroke-linecap="round"{_opacity(mark.opacity)}/>'
         )
     return _path(mark)
 
 
 def _path(mark: Path) -> str:
-    places = "L".join(f"{x:.2f} {y:.2f}" for x, y in np.asarray(mark.points, float))
-    style = f'fill="{mark.fill}"'
-    if mark.stroke != "none":
-        style += f' stroke="{mark.stroke}" stroke-width="{mark.width:g}"'
-    if mark.dash:
-        style += f' stroke-dasharray="{mark.dash[0]:g} {mark.dash[1]:g}"'
-    end = "Z" if mark.closed else ""
-    return f'<path d="M{places}{end}" {style}{_opacity(mark.opacity)}/>'
+    points = "L".join(f"{x:.2f} {y:.2f}" for x, y in np.asarray(mark.points, float))
+    dash = f' stroke-dasharray="{mark.dash[0]:g} {mark.dash[1]:g}"' if mark.dash else ""
+    crisp = ' shape-rendering="crispEdges"' if mark.crisp else ""
+    return f'<path d="M{points}{"Z" if mark.closed else ""}" {_style(mark)}{dash}{crisp}/>'
+
+
+def _style(mark: Path | Circle) -> str:
+    stroke = f' stroke="{mark.stroke}" stroke-width="{mark.width:g}"'
+    return f'fill="{mark.fill}"{stroke if mark.stroke != "none" else ""}{_opacity(mark.opacity)}'
 
 
 def _text(mark: Text) -> str:
@@ -163,6 +196,8 @@ def _text(mark: Text) -> str:
         style += f' text-anchor="{mark.anchor}"'
     if mark.bold:
         style += ' font-weight="bold"'
+    if mark.halo:
+        style += f' stroke="#ffffff" stroke-width="{mark.halo:g}" paint-order="stroke"'
     if mark.turn_deg:
         style += f' transform="rotate({mark.turn_deg:.2f} {mark.x:.2f} {mark.y:.2f})"'
     return f'<text x="{mark.x:.2f}" y="{mark.y:.2f}" {style}>{_plain(mark.text)}</text>'
@@ -179,7 +214,7 @@ def _raster(mark: Raster) -> str:
 
 
 def _plain(text: str) -> str:
-    """Escaped; without what XML cannot hold or what turns the direction of reading."""
+    """Escape text; replace characters that XML cannot hold or that change the reading direction."""
     return escape(
         "".join(
             c if c.isprintable() or c == NO_BREAK else "\N{REPLACEMENT CHARACTER}" for c in text
@@ -192,7 +227,7 @@ def _opacity(opacity: float) -> str:
 
 
 def png_of(pixels: npt.NDArray[np.uint8], palette: npt.NDArray[np.uint8]) -> bytes:
-    """PNG of indexed colours. Source: W3C, Portable Network Graphics, third edition."""
+    """Return a PNG of indexed colours. Source: W3C, Portable Network Graphics, third edition."""
     height, width = pixels.shape
     rows = np.zeros((height, width + 1), np.uint8)
     rows[:, 1:] = pixels

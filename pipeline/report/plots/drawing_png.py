@@ -1,20 +1,23 @@
-"""A drawing as pixels, for papers and slides that take no SVG."""
+"""PNG of a drawing, for papers and slides that take no SVG."""
 
 from __future__ import annotations
+
+import math
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
 
 from ...vectors import Array
-from .drawing import Dots, Drawing, Mark, Path, Raster, Text
+from .drawing import Circle, Dots, Drawing, Mark, Path, Raster, Text
 
 Image = npt.NDArray[np.uint8]
-ZOOM = 2.0  # pixels of the image a pixel of the drawing
-SHIFT = 4  # binary digits of a pixel's fraction that lines are placed by
+ZOOM = 2.0  # pixels of the image per unit of the drawing
+SHIFT = 4  # fractional bits of OpenCV's fixed-point coordinates
 
 
 def drawing_png(drawing: Drawing) -> bytes:
-    """PNG at twice the drawing's size."""
+    """Return a PNG with ZOOM pixels per unit of the drawing."""
     import cv2
 
     size = (round(drawing.height * ZOOM), round(drawing.width * ZOOM), 3)
@@ -31,6 +34,8 @@ def drawing_png(drawing: Drawing) -> bytes:
 def _draw(canvas: Image, mark: Mark) -> None:
     if isinstance(mark, Path):
         _path(canvas, mark)
+    elif isinstance(mark, Circle):
+        _circle(canvas, mark)
     elif isinstance(mark, Text):
         _text(canvas, mark)
     elif isinstance(mark, Raster):
@@ -45,7 +50,8 @@ def _path(canvas: Image, mark: Path) -> None:
     points = np.asarray(mark.points, float) * ZOOM
     fixed = np.rint(points * 2.0**SHIFT).astype(np.int32)
     if mark.fill != "none":
-        cv2.fillPoly(canvas, [fixed], _bgr(mark.fill), cv2.LINE_AA, SHIFT)
+        edge = cv2.LINE_8 if mark.crisp else cv2.LINE_AA
+        cv2.fillPoly(canvas, [fixed], _bgr(mark.fill), edge, SHIFT)
     if mark.stroke == "none":
         return
     width = max(1, round(mark.width * ZOOM))
@@ -55,28 +61,41 @@ def _path(canvas: Image, mark: Path) -> None:
 
 
 def _dashes(points: Array, dash: tuple[float, float]) -> list[npt.NDArray[np.int32]]:
-    """The pieces of a line that are drawn."""
+    """Return the drawn pieces of a dashed line."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(steps)])
     starts = np.arange(0.0, way[-1], sum(dash) * ZOOM)
     ends = np.minimum(starts + dash[0] * ZOOM, way[-1])
-    places = [np.column_stack([np.interp(w, way, points[:, k]) for k in (0, 1)]) for w in
-              (starts, ends)]  # fmt: skip
-    pieces = np.stack(places, axis=1) * 2.0**SHIFT
+    corners = [np.column_stack([np.interp(w, way, points[:, k]) for k in (0, 1)]) for w in
+               (starts, ends)]  # fmt: skip
+    pieces = np.stack(corners, axis=1) * 2.0**SHIFT
     return list(np.rint(pieces).astype(np.int32))
 
 
+def _circle(canvas: Image, mark: Circle) -> None:
+    width = max(1, round(mark.width * ZOOM))
+    for colour, thickness in ((mark.fill, -1), (mark.stroke, width)):
+        if colour != "none":
+            _disc(canvas, (mark.x, mark.y), mark.radius, colour, thickness)
+
+
 def _dots(canvas: Image, mark: Dots) -> None:
+    for x, y in np.asarray(mark.points, float):
+        _disc(canvas, (x, y), mark.size / 2.0, mark.colour, -1)
+
+
+def _disc(
+    canvas: Image, centre: tuple[float, float], radius: float, colour: str, thickness: int
+) -> None:
     import cv2
 
-    for place in np.asarray(mark.points, float) * ZOOM * 2.0**SHIFT:
-        x, y = np.rint(place).astype(int).tolist()
-        radius = max(1, round(mark.size / 2.0 * ZOOM * 2.0**SHIFT))
-        cv2.circle(canvas, (x, y), radius, _bgr(mark.colour), -1, cv2.LINE_AA, SHIFT)
+    x, y = np.rint(np.array(centre) * ZOOM * 2.0**SHIFT).astype(int).tolist()
+    fixed = max(1, round(radius * ZOOM * 2.0**SHIFT))
+    cv2.circle(canvas, (x, y), fixed, _bgr(colour), thickness, cv2.LINE_AA, SHIFT)
 
 
 def _text(canvas: Image, mark: Text) -> None:
-    """Letters from OpenCV's own font, so that every machine gives the same picture."""
+    """Draw text in OpenCV's own font, so that every machine gives the same image."""
     import cv2
 
     font, size = cv2.FontFace("sans"), round(mark.size * ZOOM * 0.95)
@@ -84,8 +103,11 @@ def _text(canvas: Image, mark: Text) -> None:
     _, _, width, _ = cv2.getTextSize((0, 0), mark.text, (0, 0), font, size, weight)
     back = {"start": 0.0, "middle": 0.5, "end": 1.0}[mark.anchor] * width
     if not mark.turn_deg:
-        where = (round(mark.x * ZOOM - back), round(mark.y * ZOOM))
-        cv2.putText(canvas, mark.text, where, _bgr(mark.colour), font, size, weight)
+        x, y = round(mark.x * ZOOM - back), round(mark.y * ZOOM)
+        reach = math.ceil(mark.halo / 2.0 * ZOOM)
+        for dx, dy in product((-reach, 0, reach), repeat=2) if reach else ():
+            cv2.putText(canvas, mark.text, (x + dx, y + dy), (255, 255, 255), font, size, weight)
+        cv2.putText(canvas, mark.text, (x, y), _bgr(mark.colour), font, size, weight)
         return
     flat = np.full((3 * size, width + 8, 3), 255, np.uint8)
     cv2.putText(flat, mark.text, (4, 2 * size), _bgr(mark.colour), font, size, weight)
@@ -103,15 +125,15 @@ def _lay(
     canvas: Image,
     image: Image,
     pivot: tuple[float, float],
-    place: tuple[float, float],
+    position: tuple[float, float],
     scale: float,
     turn_deg: float,
 ) -> None:
-    """Turn `image` clockwise about its pivot, which comes to `place`; darker colours prevail."""
+    """Rotate `image` clockwise about its pivot, move the pivot to `position`; darker pixels win."""
     import cv2
 
     M = cv2.getRotationMatrix2D(pivot, -turn_deg, scale)
-    M[:, 2] += np.array(place) * ZOOM - pivot
+    M[:, 2] += np.array(position) * ZOOM - pivot
     size = (canvas.shape[1], canvas.shape[0])
     white = (255, 255, 255)
     flags = cv2.INTER_NEAREST if scale > 1.0 else cv2.INTER_LINEAR

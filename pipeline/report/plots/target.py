@@ -1,181 +1,144 @@
-"""A target to scale (SVG): its edges with their sizes, its centre, its axes, what is printed."""
+"""A target drawn to scale, in millimetres: edges with their sizes, print, centre and axes."""
 
 from __future__ import annotations
 
-from xml.sax.saxutils import escape
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from ...centre import marker_modules
 from ...targets import PatternTarget, Target
 from ...vectors import Array, turned
+from .drawing import Circle, Drawing, Mark, Path, Text
 
-MARGIN_MM = 48.0  # about the plate, for sizes and the title
-INK, SIZE, AXIS, PLATE, HOLE = "#333333", "#0072B2", "#D55E00", "#f2f2f2", "#ffffff"
-THIN, LETTERS = 0.6, 7.0  # mm
+MARGIN_MM = 48.0  # around the target, for its sizes and the title
+INK, SIZE, AXIS, FACE, HOLE = "#333333", "#0072B2", "#D55E00", "#f2f2f2", "#ffffff"
+THIN, THICK, LETTERS = 0.6, 1.2, 7.0  # mm
+Point = tuple[float, float]
+ToPage = Callable[[float, float], Point]  # from u, v to the drawing
 
 
 def target_svg(name: str, target: Target) -> str:
-    """SVG in millimetres, as the scanner sees the face: u to the right, v up."""
+    """Return the drawing as SVG; same target, same bytes."""
+    return target_drawing(name, target).svg
+
+
+def target_drawing(name: str, target: Target) -> Drawing:
+    """Draw a target as the scanner sees it: u to the right, v up."""
     half = np.array(target.edge.half_m) * 1e3
-    low = -half - MARGIN_MM
-    width, height = (2.0 * (half + MARGIN_MM)).tolist()
+    x, y = (half + MARGIN_MM).tolist()
     title = f"{name}: {target.description}"
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:g}mm" height="{height:g}mm" '
-        f'viewBox="{low[0]:g} {low[1]:g} {width:g} {height:g}" font-family="sans-serif" '
-        f'font-size="{LETTERS:g}">',
-        f"<title>{escape(title)}</title>",
-        f'<rect x="{low[0]:g}" y="{low[1]:g}" width="{width:g}" height="{height:g}" fill="#fff"/>',
-        _text(low[0] + 4, low[1] + 10, title, INK, "start"),
-        *_plate(target, half),
-        *(_printed(target) if isinstance(target, PatternTarget) else []),
-        *_axes(half),
-        *_sizes(target, half),
+
+    def at(u: float, v: float) -> Point:
+        return x + u, y - v
+
+    marks: list[Mark] = [
+        Text(4.0, 10.0, title, LETTERS, colour=INK),
+        *_face(target, half, at),
+        *(_print(target, at) if isinstance(target, PatternTarget) else ()),
+        *_axes(half, at),
+        *_sizes(target, half, at),
     ]
-    return "\n".join([*parts, "</svg>\n"])
+    return Drawing(2.0 * x, 2.0 * y, title, marks, "mm")
 
 
-def _plate(target: Target, half: Array) -> list[str]:
-    """The face and its holes."""
-    line = f'stroke="{INK}" stroke-width="{2 * THIN:g}"'
+def _face(target: Target, half: Array, at: ToPage) -> Iterator[Mark]:
+    """Outer edge and holes."""
     corners = target.edge.corners_m * 1e3
-    a, b = half.tolist()
     if len(corners) == 0:
-        parts = [f'<circle r="{a:g}" fill="{PLATE}" {line}/>']
-    elif not np.array_equal(np.abs(corners), np.tile(half, (len(corners), 1))):
-        points = " ".join(f"{u:g},{-v:g}" for u, v in corners)
-        parts = [f'<polygon points="{points}" fill="{PLATE}" {line}/>']
+        yield Circle(*at(0.0, 0.0), float(half[0]), FACE, INK, THICK)
     else:
-        parts = [
-            f'<rect x="{-a:g}" y="{-b:g}" width="{2 * a:g}" height="{2 * b:g}" '
-            f'fill="{PLATE}" {line}/>'
-        ]
-    for u, v, radius in target.region.holes_m * 1e3:
-        parts.append(f'<circle cx="{u:g}" cy="{-v:g}" r="{radius:g}" fill="{HOLE}" {line}/>')
-    return parts
+        yield Path([at(u, v) for u, v in corners.tolist()], INK, THICK, FACE, closed=True)
+    for u, v, radius in (target.region.holes_m * 1e3).tolist():
+        yield Circle(*at(u, v), radius, HOLE, INK, THICK)
 
 
-def _printed(target: PatternTarget) -> list[str]:
-    """What is printed: circles, dark squares, or the modules of markers."""
-    size = target.feature_size_m
+def _print(target: PatternTarget, at: ToPage) -> Iterator[Mark]:
+    """Circles, dark squares of a checkerboard, or dark modules of markers."""
+    size, angle = target.feature_size_m, np.radians(target.turn_deg)
     if target.kind == "circles":
-        return [
-            f'<circle cx="{u:.6g}" cy="{-v:.6g}" r="{size * 500:g}" fill="{INK}"/>'
-            for u, v in target.places_m * 1e3
-        ]
-    turn = np.radians(target.turn_deg)
-    if target.kind == "checkerboard":
+        for u, v in (target.places_m * 1e3).tolist():
+            yield Circle(*at(u, v), size * 500.0, INK)
+    elif target.kind == "checkerboard":
         row, column = np.indices((target.rows + 1, target.columns + 1)).reshape(2, -1)
         dark = (row + column) % 2 == 0
         local = np.column_stack([column - target.columns / 2, target.rows / 2 - row])[dark]
-        centres = np.array(target.offset) + turned(local * target.pitch, turn)
-        return [_square(centre, size, turn) for centre in centres]
-    assert target.dictionary is not None
-    parts = []
-    ids = next(iter(target.id_sets.values()))
-    for place, marker in zip(target.places_m, ids, strict=True):
-        dark = marker_modules(target.dictionary, marker)
-        module = size / len(dark)
-        row, column = np.nonzero(dark)
-        local = np.column_stack([column, -row]) + np.array([0.5, -0.5]) * (1 - len(dark))
-        centres = place + turned(local * module, turn)
-        parts += [_square(centre, module, turn) for centre in centres]
-    return parts
+        yield from _squares(np.array(target.offset), local * target.pitch, size, angle, at)
+    else:
+        assert target.dictionary is not None
+        ids = next(iter(target.id_sets.values()))
+        for centre, marker in zip(target.places_m, ids, strict=True):
+            dark = marker_modules(target.dictionary, marker)
+            row, column = np.nonzero(dark)
+            local = np.column_stack([column, -row]) + np.array([0.5, -0.5]) * (1 - len(dark))
+            side = size / len(dark)
+            yield from _squares(centre, local * side, side, angle, at)
 
 
-def _square(centre_m: Array, side_m: float, turn_rad: float) -> str:
-    """A dark square, without a seam beside the next."""
+def _squares(
+    origin_m: Array, local_m: Array, side_m: float, angle_rad: float, at: ToPage
+) -> Iterator[Mark]:
+    """Dark squares centred at local_m (N, 2), which are rotated about the origin."""
     half = 0.5 * side_m * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]])
-    corners = (centre_m + turned(half, turn_rad)) * np.array([1e3, -1e3])
-    points = " ".join(f"{x:.6g},{y:.6g}" for x, y in corners)
-    return f'<polygon points="{points}" fill="{INK}" shape-rendering="crispEdges"/>'
+    for centre in local_m:
+        corners_m = origin_m + turned(centre + half, angle_rad)
+        yield Path([at(*corner) for corner in corners_m * 1e3], fill=INK, closed=True, crisp=True)
 
 
-def _axes(half: Array) -> list[str]:
-    """The centre and the axes u, v."""
+def _axes(half: Array, at: ToPage) -> Iterator[Mark]:
+    """The centre and the axes u and v, with white halos for dark prints."""
     reach = 0.32 * float(half.min())
-    tip = 3.0
-    halo = 'stroke="#ffffff" stroke-width="2.4" stroke-opacity="0.8"'
-    line = f'stroke="{AXIS}" stroke-width="{2 * THIN:g}"'
-    parts = []
-    for style in (halo, line):
-        parts += [
-            f'<path d="M0 0H{reach:g}m{-tip:g} {-tip / 2:g}l{tip:g} {tip / 2:g}l{-tip:g} '
-            f'{tip / 2:g}" fill="none" {style}/>',
-            f'<path d="M0 0V{-reach:g}m{-tip / 2:g} {tip:g}l{tip / 2:g} {-tip:g}l{tip / 2:g} '
-            f'{tip:g}" fill="none" {style}/>',
-            f'<circle r="3" fill="none" {style}/>',
-        ]
-    return [
-        *parts,
-        *_haloed(reach + 5, 2.5, "u"),
-        *_haloed(0, -reach - 3, "v"),
-    ]
+    ends = (reach, 0.0), (0.0, reach)
+    for colour, width, opacity in (("#ffffff", 2.4, 0.8), (AXIS, THICK, 1.0)):
+        for line in (line for end in ends for line in _arrow(end, 3.0, 1.5)):
+            yield Path([at(*point) for point in line], colour, width, opacity=opacity)
+        yield Circle(*at(0.0, 0.0), 3.0, stroke=colour, width=width, opacity=opacity)
+    for name, place in (("u", at(reach + 5.0, -2.5)), ("v", at(0.0, reach + 3.0))):
+        yield Text(*place, name, LETTERS, "middle", colour=AXIS, halo=2.0)
 
 
-def _sizes(target: Target, half: Array) -> list[str]:
-    """Arrows with sizes beside the plate, and what else is told, below it."""
+def _arrow(end: Point, length: float, half_width: float) -> list[Array]:
+    """Shaft from the origin and open head (length, half width) of an arrow along an axis."""
+    tip = np.array(end)
+    back, aside = -length * np.sign(tip), half_width * np.sign(tip[::-1])
+    return [np.array([(0.0, 0.0), tip]), tip + np.array([back + aside, (0.0, 0.0), back - aside])]
+
+
+def _sizes(target: Target, half: Array, at: ToPage) -> Iterator[Mark]:
+    """Dimension lines beside the target, and the remaining sizes below it."""
     a, b = half.tolist()
-    round_one = not target.edge.shows_rotation
-    sign = "⌀ " if round_one else ""
-    parts = [*_arrow((-a, b + 12), (a, b + 12), f"{sign}{2 * a:g} mm")]
-    if not round_one:
-        parts += _arrow((-a - 12, b), (-a - 12, -b), f"{2 * b:g} mm")
-    holes = target.region.holes_m * 1e3
-    told = []
-    if len(holes):
-        told.append(f"{len(holes)} hole{'s' * (len(holes) > 1)} ⌀ {2 * holes[0, 2]:g} mm")
-    if len(holes) > 1:
-        told.append(f"{2 * abs(holes[0, 0]):g} mm apart")
-    if isinstance(target, PatternTarget):
-        told.append(f"{target.rows} x {target.columns} {_what(target)}")
-        told.append(f"pitch {target.pitch * 1e3:g} mm")
-        told.append(f"offset {target.offset[0] * 1e3:g}, {target.offset[1] * 1e3:g} mm")
+    is_round = not target.edge.shows_rotation
+    yield from _dimension((0.0, -b - 12.0), (a, 0.0), at)
+    yield _text(at(0.0, -b - 21.0), f"{'⌀ ' if is_round else ''}{2 * a:g} mm", SIZE)
+    if not is_round:
+        yield from _dimension((-a - 12.0, 0.0), (0.0, b), at)
+        yield _text(at(-a - 16.0, 0.0), f"{2 * b:g} mm", SIZE, turn_deg=-90.0)
     thickness = "not known" if target.thickness is None else f"{target.thickness * 1e3:g} mm"
-    second = f"thickness {thickness}"
-    parts.append(_text(0, b + 30, ", ".join(told), INK))
-    parts.append(_text(0, b + 40, second, INK))
-    return parts
+    yield _text(at(0.0, -b - 30.0), ", ".join(_details(target)), INK)
+    yield _text(at(0.0, -b - 40.0), f"thickness {thickness}", INK)
 
 
-def _what(target: PatternTarget) -> str:
-    if target.kind == "checkerboard":
-        return "inner corners"
-    what = "circles" if target.kind == "circles" else "markers"
-    return f"{what} of {target.feature_size_m * 1e3:g} mm"
+def _dimension(middle: Point, half: Point, at: ToPage) -> Iterator[Mark]:
+    """A line from middle - half to middle + half, u and v, with an open arrowhead at either end."""
+    for end in (half, (-half[0], -half[1])):
+        for line in _arrow(end, 3.5, 1.2):
+            yield Path([at(*point) for point in line + middle], SIZE, THIN)
 
 
-def _arrow(start: tuple[float, float], end: tuple[float, float], label: str) -> list[str]:
-    """A size between two places, mm, y down; upright ones carry their label on their left."""
-    (x1, y1), (x2, y2) = start, end
-    along = np.array([x2 - x1, y2 - y1]) / np.hypot(x2 - x1, y2 - y1)
-    aside = np.array([-along[1], along[0]])
-    tips = []
-    for (x, y), way in ((start, 1.0), (end, -1.0)):
-        for side in (1.2, -1.2):
-            dx, dy = 3.5 * way * along + side * aside
-            tips.append(f"M{x:g} {y:g}l{dx:.4g} {dy:.4g}")
-    upright = abs(along[1]) > 0.5
-    middle = ((x1 + x2) / 2 - (4 if upright else 0), (y1 + y2) / 2 + (0 if upright else 9))
-    turn = f' transform="rotate(-90 {middle[0]:g} {middle[1]:g})"' if upright else ""
-    return [
-        f'<path d="M{x1:g} {y1:g}L{x2:g} {y2:g}{"".join(tips)}" fill="none" stroke="{SIZE}" '
-        f'stroke-width="{THIN:g}"/>',
-        _text(*middle, label, SIZE, extra=turn),
-    ]
+def _details(target: Target) -> Iterator[str]:
+    """Sizes of holes and print."""
+    holes = target.region.holes_m * 1e3
+    if len(holes):
+        yield f"{len(holes)} hole{'s' * (len(holes) > 1)} ⌀ {2 * holes[0, 2]:g} mm"
+    if len(holes) > 1:
+        yield f"{2 * abs(holes[0, 0]):g} mm apart"
+    if isinstance(target, PatternTarget):
+        feature = {"checkerboard": "inner corners", "circles": "circles", "aruco": "markers"}
+        size = f" of {target.feature_size_m * 1e3:g} mm" if target.kind != "checkerboard" else ""
+        yield f"{target.rows} x {target.columns} {feature[target.kind]}{size}"
+        yield f"pitch {target.pitch * 1e3:g} mm"
+        yield f"offset {target.offset[0] * 1e3:g}, {target.offset[1] * 1e3:g} mm"
 
 
-def _haloed(x: float, y: float, text: str) -> list[str]:
-    """The name of an axis, to be read on dark print too."""
-    halo = ' stroke="#ffffff" stroke-width="2"'
-    return [_text(x, y, text, AXIS, extra=halo), _text(x, y, text, AXIS)]
-
-
-def _text(
-    x: float, y: float, text: str, colour: str, anchor: str = "middle", extra: str = ""
-) -> str:
-    return (
-        f'<text x="{x:g}" y="{y:g}" fill="{colour}" text-anchor="{anchor}"{extra}>'
-        f"{escape(text)}</text>"
-    )
+def _text(place: Point, text: str, colour: str, turn_deg: float = 0.0) -> Text:
+    return Text(*place, text, LETTERS, "middle", colour=colour, turn_deg=turn_deg)
