@@ -10,7 +10,7 @@ from typing import Any, Literal, Self
 from pydantic import Field, create_model, model_validator  # noqa: TID253 - a tolerance is a pydantic model
 
 from ..config import Section, config_file, parse_section, read_toml
-from ..vehicle import VEHICLE, WHEEL, OfVehicle, OfWheel
+from ..vehicle import VEHICLE, WHEEL, VehicleQuantity, WheelQuantity
 
 Rule = Literal["guarded", "simple"]
 
@@ -82,9 +82,9 @@ class OffsetLimits(LengthLimits):
     nominal_m: float | None = None
 
 
-def _limits_of(entry: OfWheel | OfVehicle) -> tuple[object, None]:
+def _limits_of(entry: WheelQuantity | VehicleQuantity) -> tuple[object, None]:
     """Return the type and the default of a quantity's limits."""
-    if isinstance(entry, OfWheel) or entry.unit == "rad":
+    if isinstance(entry, WheelQuantity) or entry.unit == "rad":
         return AngleLimits | None, None
     return (OffsetLimits if entry.signed else LengthLimits) | None, None
 

@@ -1,4 +1,4 @@
-"""Vehicle frame, toe and camber, and every vehicle quantity and its derivatives; owns all signs."""
+"""Vehicle frame, toe, camber, all vehicle quantities and their derivatives; owns all signs."""
 
 from .angles import (
     WheelAngles,
@@ -14,9 +14,9 @@ from .definitions import (
     OF_SECOND_ORDER,
     VEHICLE,
     WHEEL,
-    OfVehicle,
-    OfWheel,
     Unit,
+    VehicleQuantity,
+    WheelQuantity,
     named,
 )
 from .frame import (
@@ -39,11 +39,11 @@ __all__ = [
     "Axis",
     "Dual",
     "FrameSlopes",
-    "OfVehicle",
-    "OfWheel",
     "Unit",
     "VehicleFrame",
+    "VehicleQuantity",
     "WheelAngles",
+    "WheelQuantity",
     "atan2",
     "build_reference_frame",
     "deg_min_sec",

@@ -3,10 +3,10 @@
 Axes: left, forward and up of `VehicleFrame`; outward = left on RL and FL, -left on RR and FR.
 n is the unit normal of the wheel plane that points away from the car. On both sides of the car:
 - toe > 0 is toe-in: atan2(n.forward, n.outward);
-- camber > 0 when the top leans outwards: -asin(n.up), the elevation, as in the paper;
-- camber ISO alike: -atan2(n.up, n.outward), the projection on the plane across the car (ISO 8855).
-  tan(iso) = tan(camber)/cos(toe).
-What follows for the vehicle, and against its other axes, stands in `vehicle.py`.
+- camber > 0 is positive camber, top outward: -asin(n.up), the elevation, as in the paper;
+- ISO camber has the same sign: -atan2(n.up, n.outward), the projection on the plane across the car
+  (ISO 8855). tan(iso) = tan(camber)/cos(toe).
+Quantities of the vehicle, and angles relative to its other axes: `axes.py`.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from ..errors import InputError
 from ..vectors import Array
 from .frame import REFERENCE_WHEELS, VehicleFrame
 
-# A normal more than 84 degrees off the outward direction does not tell its outer side.
+# The outer side of a normal more than 84 degrees off the outward direction is ambiguous.
 MIN_OUTWARD_COSINE = 0.1
-# Nearest and second nearest wheel within 10 %: the trial belongs to neither.
+# Distances to the nearest and second nearest wheel within 10 %: the wheel is ambiguous.
 MAX_NEAREST_RATIO = 0.9
 
 
 @dataclass(frozen=True)
 class WheelAngles:
-    """Toe, camber of the paper and camber of ISO 8855 of one wheel, radians."""
+    """Toe, camber (the paper's, elevation) and ISO 8855 camber of one wheel, radians."""
 
     toe_rad: float
     camber_rad: float
@@ -37,7 +37,7 @@ class WheelAngles:
 
 
 def wheel_angles(frame: VehicleFrame, normal: npt.ArrayLike, wheel: str) -> WheelAngles:
-    """Give the angles of one wheel plane.
+    """Return the angles of one wheel plane.
 
     normal: (3,) in scanner coordinates, either sense, any length. wheel: RR, RL, FR or FL.
     Raises InputError as `outward_normal` does.
@@ -52,15 +52,15 @@ def wheel_angles(frame: VehicleFrame, normal: npt.ArrayLike, wheel: str) -> Whee
 
 
 def outward_normal(frame: VehicleFrame, normal: npt.ArrayLike, wheel: str) -> Array:
-    """Give the unit normal (3,), in scanner coordinates, that points away from the car.
+    """Return the unit normal (3,), in scanner coordinates, that points away from the car.
 
-    Raises InputError for an unknown wheel, a zero normal, and one that lies along the car.
+    Raises InputError for an unknown wheel, a zero normal, and a normal along the car.
     """
     n = np.asarray(normal, dtype=np.float64)
     largest = float(np.abs(n).max())
     if not (math.isfinite(largest) and largest > 0):
         raise InputError(
-            f"wheel {wheel}: its plane has the normal {n.tolist()}: fit the plane anew"
+            f"wheel {wheel}: its plane has the normal {n.tolist()}: fit the plane again"
         )
     n = n / largest
     n = n / np.linalg.norm(n)
@@ -69,7 +69,7 @@ def outward_normal(frame: VehicleFrame, normal: npt.ArrayLike, wheel: str) -> Ar
         across = float(np.linalg.norm(np.cross(n, frame.left)))
         off_deg = math.degrees(math.atan2(across, abs(n_outward)))
         raise InputError(
-            f"wheel {wheel}: the normal of its plane stands {off_deg:.1f}° to the rear axle, so "
+            f"wheel {wheel}: the normal of its plane is at {off_deg:.1f}° to the rear axle, so "
             f"its outer side is undefined: check the order {', '.join(REFERENCE_WHEELS)}"
         )
     return n if n_outward > 0 else -n
@@ -82,10 +82,10 @@ def _outward(frame: VehicleFrame, wheel: str) -> Array:
 
 
 def nearest_wheel(centres_m: npt.ArrayLike, centre_m: npt.ArrayLike) -> str:
-    """Name the reference wheel that a trial was made on.
+    """Return the name of the reference wheel that a trial was made on.
 
     centres_m: (4, 3) of RR, RL, FR, FL; centre_m: (3,) of the trial; same coordinates, metres.
-    Raises InputError where two wheels are as near.
+    Raises InputError where two wheels are about equally near.
     """
     offsets = np.asarray(centres_m, dtype=np.float64) - np.asarray(centre_m, dtype=np.float64)
     distance_m = np.linalg.norm(offsets, axis=1)
@@ -99,7 +99,7 @@ def nearest_wheel(centres_m: npt.ArrayLike, centre_m: npt.ArrayLike) -> str:
 
 
 def deg_min_sec(angle_rad: float, decimals: int = 1) -> str:
-    """Write an angle as +00°19'40.7"; the sign belongs to the whole angle, nan is 'undefined'."""
+    """Format an angle as +00°19'40.7"; the sign belongs to the whole angle, nan is 'undefined'."""
     if not math.isfinite(angle_rad):
         return "undefined"
     steps = round(abs(math.degrees(angle_rad)) * 3600 * 10**decimals)

@@ -1,4 +1,4 @@
-"""Numbers that carry their derivatives: what is computed of them has its own, by the chain rule."""
+"""Forward-mode automatic differentiation: numbers that carry their derivatives."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..vectors import Array
 
 @dataclass(frozen=True)
 class Dual:
-    """A value and its derivatives (K,) by K inputs.
+    """A value and its derivatives (K,) with respect to K inputs.
 
     Source: forward accumulation; Griewank and Walther, Evaluating Derivatives (2008), chapter 3.
     """
@@ -40,28 +40,28 @@ class Dual:
 
 
 def constant(value: float, count: int) -> Dual:
-    """A number that none of `count` inputs moves."""
+    """Return a number that depends on none of `count` inputs."""
     return Dual(value, np.zeros(count))
 
 
 def cos(angle: Dual) -> Dual:
-    """Of an angle in radians."""
+    """Return the cosine of an angle in radians."""
     return Dual(math.cos(angle.value), -math.sin(angle.value) * angle.slope)
 
 
 def sin(angle: Dual) -> Dual:
-    """Of an angle in radians."""
+    """Return the sine of an angle in radians."""
     return Dual(math.sin(angle.value), math.cos(angle.value) * angle.slope)
 
 
 def atan2(y: Dual, x: Dual) -> Dual:
-    """Angle of (x, y), radians; not of (0, 0)."""
+    """Return the angle of (x, y), radians; (x, y) must not be (0, 0)."""
     square = x.value**2 + y.value**2
     return Dual(math.atan2(y.value, x.value), (x.value * y.slope - y.value * x.slope) / square)
 
 
 def length(*parts: Dual) -> Dual:
-    """Root of the sum of squares, which is not zero."""
+    """Return the Euclidean norm of the parts, which must not all be zero."""
     whole = math.hypot(*(part.value for part in parts))
     slope = sum((part.value * part.slope for part in parts), np.zeros_like(parts[0].slope))
     return Dual(whole, slope / whole)

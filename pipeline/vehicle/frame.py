@@ -13,13 +13,13 @@ from ..vectors import Array, cross
 
 REFERENCE_WHEELS = ("RR", "RL", "FR", "FL")
 
-# A centre that is off by s tilts the frame by s/height, height being that of the flattest triangle
+# An error s of a centre tilts the frame by s/height, where height is that of the flattest triangle
 # of three centres. Vehicles keep height > 0.15 of the largest distance between two centres (a long
 # lorry); at 0.05 of 3 m, 0.1 mm in a centre is already 2' in every angle.
 MIN_HEIGHT_TO_SPREAD = 0.05
 # Front axle 84 degrees off the rear one: t = u_R.(c_R - c_F)/(u_F.u_R) grows tenfold.
 MIN_AXLE_COSINE = 0.1
-# float64 still resolves 2 um here.
+# float64 resolves 2 um at this distance.
 MAX_COORDINATE_M = 1e10
 
 
@@ -46,7 +46,7 @@ class VehicleFrame:
         return np.array([self.left, self.forward, self.up])
 
     def to_vehicle(self, points_m: npt.ArrayLike) -> Array:
-        """Give points (..., 3) of the scanner as (left, forward, up), metres from the origin."""
+        """Return scanner points (..., 3) as (left, forward, up), metres from the origin."""
         local: Array = np.asarray(points_m, dtype=np.float64) - self.origin_m
         return local @ self.R_vehicle_scanner.T
 
@@ -55,7 +55,7 @@ def build_reference_frame(centres_m: npt.ArrayLike) -> VehicleFrame:
     """Build the vehicle frame from four wheel centres.
 
     centres_m: (4, 3) in scanner coordinates, metres, in the order RR, RL, FR, FL.
-    Raises InputError where the centres do not define a frame well.
+    Raises InputError where the centres do not determine a frame.
     Source: the paper, section 2; `forward` is its thrust axis v and `up` is -w.
     """
     centres = np.asarray(centres_m, dtype=np.float64)
@@ -70,7 +70,7 @@ def build_reference_frame(centres_m: npt.ArrayLike) -> VehicleFrame:
     _check_axles(u_R, u_F)
     t = u_R @ (c_R - c_F) / (u_F @ u_R)
     to_front = c_F + t * u_F - c_R  # e - c_R
-    to_front = to_front - (to_front @ u_R) * u_R  # rounding only: t makes it perpendicular
+    to_front = to_front - (to_front @ u_R) * u_R  # removes rounding: t makes it perpendicular
     wheelbase_m = float(np.linalg.norm(to_front))
     _check_wheelbase(wheelbase_m, spread_m)
     v = to_front / wheelbase_m
@@ -93,7 +93,7 @@ def _check_numbers(centres: Array) -> None:
 
 
 def _check_triangles(local: Array) -> float:
-    """Return the largest distance between two centres, after refusing equal or collinear ones."""
+    """Return the largest distance between two centres; raise for equal or collinear ones."""
     distance_m = {
         (i, j): float(np.linalg.norm(local[i] - local[j])) for i, j in combinations(range(4), 2)
     }
@@ -129,7 +129,7 @@ def _check_axles(u_R: Array, u_F: Array) -> None:
     if cosine < MIN_AXLE_COSINE:
         angle_deg = np.degrees(np.arctan2(np.linalg.norm(np.cross(u_R, u_F)), cosine))
         raise InputError(
-            f"the front axle (FR to FL) stands {angle_deg:.2f}° to the rear axle (RR to RL), so "
+            f"the front axle (FR to FL) is at {angle_deg:.2f}° to the rear axle (RR to RL), so "
             f"the thrust axis is undefined: check the order {', '.join(REFERENCE_WHEELS)}"
         )
 
@@ -143,54 +143,9 @@ def _check_wheelbase(wheelbase_m: float, spread_m: float) -> None:
 
 
 def rotation_by_basis(frame: VehicleFrame) -> Array:
-    """Turn scanner coordinates to the paper's axes u_R, v, w by a change of basis.
+    """Return the proper rotation R_paper_scanner (3, 3) to the paper's axes u_R, v, w.
 
-    Returns the proper rotation R_paper_scanner (3, 3); w = u_R x v points down (w = -up).
+    w = u_R x v points down (w = -up).
     Source: the paper, section 3, `Mt = M/[uxv,uyv,uzv]'`.
     """
     return np.array([frame.left, frame.forward, -frame.up])
-
-
-def rotation_by_rodrigues(frame: VehicleFrame) -> Array:
-    """Give the rotation of `rotation_by_basis` by Rodrigues' formula, then a turn about x.
-
-    The formula about k = i x u_R by omega takes i to u_R; its transpose takes u_R to i.
-    Source: the paper, equations (2, 3), with k normalised in every term.
-    """
-    k, omega = _axis_and_angle(frame.left)
-    k_cross = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
-    M = np.cos(omega) * np.eye(3) + np.sin(omega) * k_cross
-    M += (1 - np.cos(omega)) * np.outer(k, k)
-    return _with_front_axle_on_y(M.T, frame)
-
-
-def rotation_by_quaternion(frame: VehicleFrame) -> Array:
-    """Give the rotation of `rotation_by_basis` by the quaternion matrix, then a turn about x.
-
-    Source: the paper, equation (5), with a = cos(omega/2) where it prints a sine.
-    """
-    k, omega = _axis_and_angle(frame.left)
-    a, (b, c, d) = np.cos(omega / 2), k * np.sin(omega / 2)
-    M = np.array(
-        [
-            [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
-            [2 * (b * c + a * d), a * a + c * c - b * b - d * d, 2 * (c * d - a * b)],
-            [2 * (b * d - a * c), 2 * (c * d + a * b), a * a + d * d - b * b - c * c],
-        ]
-    )
-    return _with_front_axle_on_y(M.T, frame)
-
-
-def _axis_and_angle(u_R: Array) -> tuple[Array, float]:
-    """Return k = i x u_R normalised, and omega; where they are parallel any k across i serves."""
-    sine = float(np.hypot(u_R[1], u_R[2]))
-    k = np.array([0.0, -u_R[2] / sine, u_R[1] / sine]) if sine > 0 else np.array([0.0, 1.0, 0.0])
-    return k, float(np.arctan2(sine, u_R[0]))
-
-
-def _with_front_axle_on_y(R: Array, frame: VehicleFrame) -> Array:
-    """Follow R with the paper's last rotation, about x, which brings the thrust axis to y."""
-    _, y, z = R @ frame.forward
-    cosine, sine = np.array([y, z]) / np.hypot(y, z)
-    about_x: Array = np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]])
-    return about_x @ R

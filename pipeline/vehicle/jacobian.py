@@ -1,4 +1,4 @@
-"""Values and derivatives of every angle and length by every normal and centre."""
+"""Values of every angle and length, and their derivatives by every normal and centre."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..vectors import Array
 from .angles import outward_normal
 from .autodiff import Dual
-from .axes import Place, Vehicle, Wheel
+from .axes import Position, Vehicle, Wheel
 from .definitions import VEHICLE, WHEEL
 from .frame import VehicleFrame, build_reference_frame
 
@@ -19,7 +19,8 @@ from .frame import VehicleFrame, build_reference_frame
 class Linear:
     """All Q quantities of W targets: those of WHEEL, each for all targets, then those of VEHICLE.
 
-    values: (Q,) radians and metres. slopes: (Q, 6 W) by each target's normal, then its centre.
+    values: (Q,) radians and metres. slopes: (Q, 6 W) derivatives by each target's normal, then its
+    centre.
     """
 
     values: Array
@@ -28,7 +29,7 @@ class Linear:
 
 @dataclass(frozen=True)
 class FrameSlopes:
-    """Derivatives by the twelve coordinates of RR, RL, FR, FL.
+    """Derivatives of the frame by the twelve coordinates of RR, RL, FR, FL.
 
     left, forward, up: (3, 12). lengths: (3, 12) of rear track, front track and wheelbase.
     """
@@ -40,42 +41,42 @@ class FrameSlopes:
 
 
 def linearise(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Linear:
-    """Every quantity of W targets, of which the first four are RR, RL, FR, FL, with its slopes.
+    """Compute every quantity of W targets and its derivatives; the first four: RR, RL, FR, FL.
 
-    centres_m: (4, 3) of those; normals: (W, 3) unit, sign free; wheels: their names.
+    centres_m: (4, 3) of these four; normals: (W, 3) unit, either sense; wheels: (W,) names.
     """
-    vehicle = _first_order(centres_m, normals, wheels)
+    vehicle = _dual_vehicle(centres_m, normals, wheels)
     rows = [entry.of(vehicle, i) for entry in WHEEL for i in range(len(normals))]
     rows += [entry.of(vehicle) for entry in VEHICLE]
     return Linear(np.array([row.value for row in rows]), np.stack([row.slope for row in rows]))
 
 
 def jacobian(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Array:
-    """The slopes alone."""
+    """Return the derivatives (Q, 6 W) of `linearise`."""
     return linearise(centres_m, normals, wheels).slopes
 
 
-def _first_order(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Vehicle:
-    """Normals and centres in the vehicle frame, with their slopes by those of the scanner's."""
+def _dual_vehicle(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Vehicle:
+    """Return the vehicle in its frame, with derivatives by scanner-frame normals and centres."""
     frame = build_reference_frame(centres_m)
     centres = centres_m - centres_m[0]
     slopes = frame_slopes(frame, centres)
-    columns = np.eye(6 * len(normals)).reshape(len(normals), 2, 3, -1)  # of each normal, centre
+    columns = np.eye(6 * len(normals)).reshape(len(normals), 2, 3, -1)  # normal, centre
     origin, d_origin = centres[:2].mean(axis=0), columns[:2, 1].mean(axis=0)
-    seen = []
+    found = []
     for normal, wheel, own in zip(normals, wheels, columns[:, 0], strict=True):
         n = outward_normal(frame, normal, wheel)
         facing = 1.0 if n @ normal > 0.0 else -1.0
         left, forward, up = _in_frame(frame, slopes, n, facing * own)
         side = 1.0 if wheel.endswith("L") else -1.0
-        seen.append(Wheel(side, left * side, forward, up))
+        found.append(Wheel(side, left * side, forward, up))
     rear_right, rear_left, front_right, front_left = (
-        Place(*_in_frame(frame, slopes, centre - origin, own - d_origin))
+        Position(*_in_frame(frame, slopes, centre - origin, own - d_origin))
         for centre, own in zip(centres, columns[:4, 1], strict=True)
     )
     lengths = (frame.rear_track_m, frame.front_track_m, frame.wheelbase_m)
     return Vehicle(
-        tuple(seen),
+        tuple(found),
         (rear_right, rear_left, front_right, front_left),
         *(
             Dual(length, _by_centres(slope, len(normals)))
@@ -87,25 +88,27 @@ def _first_order(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Veh
 def _in_frame(
     frame: VehicleFrame, slopes: FrameSlopes, vector: Array, moved: Array
 ) -> tuple[Dual, Dual, Dual]:
-    """Parts of a vector (3,), with slopes (3, 6 W): d(x . a) = dx . a + x . da."""
+    """Return the components of a vector (3,) with derivatives (3, 6 W): d(x.a) = dx.a + x.da."""
     count = moved.shape[1] // 6
     axes = ((frame.left, slopes.left), (frame.forward, slopes.forward), (frame.up, slopes.up))
     left, forward, up = (
-        Dual(float(vector @ axis), axis @ moved + _by_centres(vector @ turned, count))
-        for axis, turned in axes
+        Dual(float(vector @ axis), axis @ moved + _by_centres(vector @ d_axis, count))
+        for axis, d_axis in axes
     )
     return left, forward, up
 
 
 def _by_centres(slope: Array, count: int) -> Array:
-    """(6 W,) of a slope (12,) by the coordinates of the first four centres."""
+    """Return derivatives (6 W,) from those (12,) by the coordinates of the first four centres."""
     whole = np.zeros((count, 6))
     whole[:4, 3:] = slope.reshape(4, 3)
     return whole.reshape(-1)
 
 
 def frame_slopes(frame: VehicleFrame, centres: Array) -> FrameSlopes:
-    """Derivatives of `build_reference_frame`; f = FL - FR, E from the origin to the front axle.
+    """Return the derivatives of `build_reference_frame`.
+
+    f = FL - FR; E runs from the origin to the front axle's line.
 
     E = c_F - c_R + t f and u . E = 0 give dt = -(E . du + u . (dc_F - dc_R + t df)) / (u . f).
     """

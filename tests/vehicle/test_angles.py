@@ -85,7 +85,7 @@ def test_mirrored_car_has_the_same_angles():
 
 @pytest.mark.parametrize("axis", [FORWARD, UP])
 def test_normal_along_the_car_has_no_outer_side(axis):
-    with pytest.raises(InputError, match=r"wheel FL: .* stands 90\.0° to the rear axle"):
+    with pytest.raises(InputError, match=r"wheel FL: .* is at 90\.0° to the rear axle"):
         wheel_angles(build_reference_frame(CENTRES), axis, "FL")
 
 

@@ -10,12 +10,9 @@ from wheelplane.vehicle.frame import (
     VehicleFrame,
     build_reference_frame,
     rotation_by_basis,
-    rotation_by_quaternion,
-    rotation_by_rodrigues,
 )
 
 EPS = np.finfo(float).eps
-ROTATIONS = (rotation_by_basis, rotation_by_rodrigues, rotation_by_quaternion)
 # A car whose axes are left = y, forward = x, up = z; RR, RL, FR, FL.
 RECTANGLE = np.array([[0, -0.75, 0], [0, 0.75, 0], [2.6, -0.75, 0], [2.6, 0.75, 0]])
 
@@ -24,6 +21,54 @@ def car(rng: np.random.Generator) -> np.ndarray:
     """Four centres, each off the rectangle by up to 0.1 m, turned at random."""
     offsets = rng.uniform(-0.1, 0.1, (4, 3))
     return Rotation.random(rng=rng).apply(RECTANGLE + offsets) + rng.uniform(-5, 5, 3)
+
+
+def rotation_by_rodrigues(frame: VehicleFrame) -> np.ndarray:
+    """Return the rotation of `rotation_by_basis` by Rodrigues' formula, then one about x.
+
+    The formula about k = i x u_R by omega takes i to u_R; its transpose takes u_R to i.
+    Source: the paper, equations (2, 3), with k normalised in every term.
+    """
+    k, omega = _axis_and_angle(frame.left)
+    k_cross = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
+    M = np.cos(omega) * np.eye(3) + np.sin(omega) * k_cross
+    M += (1 - np.cos(omega)) * np.outer(k, k)
+    return _with_front_axle_on_y(M.T, frame)
+
+
+def rotation_by_quaternion(frame: VehicleFrame) -> np.ndarray:
+    """Return the rotation of `rotation_by_basis` by the quaternion matrix, then one about x.
+
+    Source: the paper, equation (5), with a = cos(omega/2) where it prints a sine.
+    """
+    k, omega = _axis_and_angle(frame.left)
+    a, (b, c, d) = np.cos(omega / 2), k * np.sin(omega / 2)
+    M = np.array(
+        [
+            [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
+            [2 * (b * c + a * d), a * a + c * c - b * b - d * d, 2 * (c * d - a * b)],
+            [2 * (b * d - a * c), 2 * (c * d + a * b), a * a + d * d - b * b - c * c],
+        ]
+    )
+    return _with_front_axle_on_y(M.T, frame)
+
+
+def _axis_and_angle(u_R: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return k = i x u_R normalised, and omega; where they are parallel any k across i serves."""
+    sine = float(np.hypot(u_R[1], u_R[2]))
+    k = np.array([0.0, -u_R[2] / sine, u_R[1] / sine]) if sine > 0 else np.array([0.0, 1.0, 0.0])
+    return k, float(np.arctan2(sine, u_R[0]))
+
+
+def _with_front_axle_on_y(R: np.ndarray, frame: VehicleFrame) -> np.ndarray:
+    """Follow R with the paper's last rotation, about x, which brings the thrust axis to y."""
+    _, y, z = R @ frame.forward
+    cosine, sine = np.array([y, z]) / np.hypot(y, z)
+    about_x: np.ndarray = np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]])
+    return about_x @ R
+
+
+ROTATIONS = (rotation_by_basis, rotation_by_rodrigues, rotation_by_quaternion)
 
 
 def axes(frame: VehicleFrame) -> np.ndarray:
