@@ -43,7 +43,7 @@ ROOMS = [
 PARTS = {
     "centre": ["edge", "pattern", "."],
     "validation": ["statistics", "."],
-    "report": ["format", "scene", "text", "json", "plots", "html", "."],
+    "report": ["format", "tables", "scene", "text", "json", "plots", "html", "."],
     "batch": ["storage", "plan", "catalogue", "results", "run", "."],
 }
 # Rooms that others enter by their door alone, `__init__.py`; renderers and commands are imported

@@ -89,7 +89,7 @@ class Scores:
     def stacked(cls, parts: Iterable[Scores]) -> Scores:
         """The rows of all parts."""
         parts = list(parts)
-        rows = (np.vstack([getattr(p, name) for p in parts]) for name in ("error", "u", "freedom"))
+        rows = (np.vstack([getattr(p, name) for p in parts]) for name in ("error", "u", "dof"))
         return cls(*rows, parts[0].unit, parts[0].scale)
 
     def times(self, factor: float) -> Scores:

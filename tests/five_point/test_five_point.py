@@ -451,7 +451,7 @@ def test_detailed_report_says_all_that_the_paper_lists():
         "front track (largura): 1.34236 m",
         "distância entre vias): 1.52220 m",
         "positive is toe-in",
-        "Camber (sopé): positive is top out",
+        "Camber (sopé): positive where the top leans outward",
         summary_table(measurement),
     ):
         assert part in text

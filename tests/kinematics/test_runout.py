@@ -8,7 +8,7 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from tests.support.turning import CENTRE_M, NORMAL_RAD, WHEELS, Scene, facing, rolled
-from wheelplane.report.text.runout import runout_text
+from wheelplane.report.text.kinematics import runout_text
 from wheelplane.uncertainty.components import flatness_component, mounting_component
 
 TOE, CAMBER = 0.003, -0.012  # of `rolled`

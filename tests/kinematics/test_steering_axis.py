@@ -22,7 +22,7 @@ from tests.support.turning import (
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.errors import InputError
 from wheelplane.report.json.measurement import to_json
-from wheelplane.report.text.steering import steering_text
+from wheelplane.report.text.kinematics import steering_text
 from wheelplane.uncertainty.components import flatness_component, mounting_component
 
 MINUTE = np.radians(1 / 60)
@@ -405,12 +405,12 @@ def test_a_print_may_lie_turned_on_its_board():
 
 def test_the_report_says_when_turns_counted():
     scene = swept(Scene(25, **SQUARE).references(), "FL", CASTER, INCLINATION, SWEEP)
-    said = "seen by their edges, count on FL (5 of 5 scans)"
+    said = "shown by their edges, is used on FL (5 of 5 scans)"
     assert said in " ".join(steering_text(scene.measure()).split())
     (tree,) = json.loads(to_json(scene.measure()))["steering"]["kingpins"]
     assert (tree["scans_with_turn"], tree["turn_by"]) == (5, "edges")
     disc = swept(Scene(25).references(), "FL", CASTER, INCLINATION, SWEEP)
-    assert "their own normals" not in steering_text(disc.measure())
+    assert "in-plane rotation" not in steering_text(disc.measure())
     (tree,) = json.loads(to_json(disc.measure()))["steering"]["kingpins"]
     assert (tree["scans_with_turn"], tree["turn_by"]) == (0, None)
 

@@ -18,7 +18,7 @@ from tests.support.turning import (
     swept,
 )
 from wheelplane.report.json.measurement import to_tree
-from wheelplane.report.text.steering import steering_text
+from wheelplane.report.text.kinematics import steering_text
 
 HALF = np.array([0.0, np.pi])
 SWEEP = np.radians([-22.0, -20.0, -10.0, 0.0, 10.0, 20.0, 22.0])
@@ -74,7 +74,7 @@ def test_plates_that_no_run_out_compensates_are_named(turned):
     frame = "axle and plate centres" if turned else "plate centres"
     assert [kingpin.frame for kingpin in found] == [frame] * 2
     assert to_tree(result)["steering"]["kingpins"][0]["frame"] == frame
-    assert "plates as clamped" in steering_text(result)
+    assert "target centres" in steering_text(result)
     worst = max(abs(kingpin.inclination.value - INCLINATION) for kingpin in found)
     assert worst > 0.5e-3 / 1.5  # millimetres over the track
 

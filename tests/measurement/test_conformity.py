@@ -652,6 +652,7 @@ LIMITS = {  # the toe of RL is 0.42 deg, with u = 0.116 deg
     "undecided": ("[RL.toe]\nupper_deg = 0.5", 1),
     "not conform": ("[RL.toe]\nupper_deg = -1.0", 1),
 }
+WORDS = {"conform": "conforming", "undecided": "undecided", "not conform": "nonconforming"}
 
 
 @both
@@ -661,7 +662,7 @@ def test_exit_code_is_0_only_when_conformity_is_shown(command, decision, tmp_pat
     path = written(tmp_path, f"trials = false\ntitle = 'of the\ttest'\n{text}")
     code, out, err = command("--tolerance", path)
     assert (code, err) == (expected, "")
-    assert f"Verdict: {decision.upper()} (of the test)\n" in out
+    assert f"Verdict: {WORDS[decision].upper()} (of the test)\n" in out
     code, out, err = command("--tolerance", path, "--json")
     tree = json.loads(out)
     assert (code, err) == (expected, "")
@@ -697,13 +698,13 @@ def test_table_and_report_say_what_the_json_says(command, tmp_path):
     report = (report if report.exists() else tmp_path / "out").read_text(encoding="utf-8")
     section = out[out.index("Verdict: ") : out.index("wrote ")].strip()
     assert section in report
-    for sign in ("Toe-in", "top-out", "thrust to the right", "k = 1"):
+    for sign in ("Toe-in", "top outward", "thrust to the right", "k = 1"):
         assert sign in section
-    rows = re.findall(r"^  (conform|undecided|not conform)  (.*)$", section, re.M)
+    rows = re.findall(r"^  (conforming|undecided|nonconforming)  (.*)$", section, re.M)
     assert len(rows) == len(tree["conformity"])
     for (decision, row), entry in zip(rows, tree["conformity"], strict=True):
         name, quantity, *cells = re.split(r"  +", row.strip())
-        assert decision == entry["decision"]
+        assert decision == WORDS[entry["decision"]]
         assert name.split(" ")[0] == entry["name"]
         assert quantity == entry["quantity"].replace("_", " ")
         value, lower, upper, u, guard, p, risk = cells
@@ -720,15 +721,15 @@ def test_table_and_report_say_what_the_json_says(command, tmp_path):
         assert said(p, entry["probability_of_conformity"])
         risks = entry["consumer_risk"], entry["producer_risk"]
         assert (risk == "-") == (risks == (None, None)) == (decision == "undecided")
-        if decision == "conform":
+        if decision == "conforming":
             assert said(risk, risks[0])
             assert risks[0] == pytest.approx(1 - entry["probability_of_conformity"], abs=1e-12)
-        if decision == "not conform":
+        if decision == "nonconforming":
             assert said(risk, risks[1])
             assert risks[1] == entry["probability_of_conformity"]
         assert bool(entry["reason"]) == (decision == "undecided")
         assert entry["reason"] in section
-    assert {decision for decision, _ in rows} == {"conform", "undecided", "not conform"}
+    assert {decision for decision, _ in rows} == set(WORDS.values())
 
 
 def said(cell: str, probability: float) -> bool:

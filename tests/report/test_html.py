@@ -160,10 +160,10 @@ def test_a_path_that_is_no_text_is_shown_as_a_code():
 
 def test_the_verdict_comes_first_then_the_tables():
     read = told(measured(1), assess(measured(1), limits(-5.0, 5.0))).words
-    order = ["Conform", "Axle by axle", "Toe and camber of each wheel", "Quantities with limits",
+    order = ["Conforming", "Axle by axle", "Toe and camber of each wheel", "Quantities with limits",
              "Vehicle frame", "Wheel by wheel", "Conventions", "Origin of the result",
              "End of the report"]  # fmt: skip
-    places = [read.rindex(text) if text[0] in "VWCOE" and text != "Conform" else read.index(text)
+    places = [read.rindex(text) if text[0] in "VWCOE" and text != "Conforming" else read.index(text)
               for text in order]  # fmt: skip
     assert places == sorted(places)
 
@@ -280,7 +280,7 @@ def test_sweeps_and_run_outs_have_their_tables():
     swept(made, "FL", 0.08, 0.2, np.radians([-20.0, 0.0, 20.0]))
     rolled(made, "RR", np.radians([0.0, 180.0]))
     read = told(made.measure(), language="pt").words
-    for key in ("turned.kingpins", "turned.runouts", "turned.caster", "turned.wobble"):
+    for key in ("turned.kingpins", "turned.runouts", "turned.caster", "turned.axial"):
         assert PT(key) in read
 
 
@@ -340,7 +340,8 @@ def test_no_text_is_left_over():
     The page of `view` has a section of its own.
     """
     named = ("language", "status", "quantity", "axis", "definition", "cause", "method", "role",
-             "viewer", "target", "through", "checks", "page")  # fmt: skip
+             "viewer", "target", "through", "checks", "page",
+             "wheel_name", "frame_note", "turns_of")  # fmt: skip
     source = "".join(
         path.read_text(encoding="utf-8")
         for suffix in ("py", "html", "css", "js")
@@ -382,7 +383,7 @@ def test_nothing_is_left_untranslated():
              "monte", "carlo", "wheelplane", "json", "measurement", "html", "view",
              "batch"}  # fmt: skip
     both = names | {"normal", "total", "zero", "face", "manual", "linear", "vertical",
-                    "longitudinal"}  # fmt: skip
+                    "longitudinal", "lateral", "axial"}  # fmt: skip
     for key, text in EN.texts.items():
         english, own = (
             set(re.findall(r"[a-zà-ú]{4,}", re.sub(r"{\w+}", "", said).lower()))

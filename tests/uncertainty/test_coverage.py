@@ -27,7 +27,7 @@ def scores(mode):
     refused = VEHICLES[mode] - len(found["toe"].error)
     assert refused <= (2 if "hidden" in MODES[mode] else 0)
     totals = [found["rear_total_toe"], found["front_total_toe"]]
-    parts = (np.hstack([getattr(t, name) for t in totals]) for name in ("error", "u", "freedom"))
+    parts = (np.hstack([getattr(t, name) for t in totals]) for name in ("error", "u", "dof"))
     kept = ("toe", "camber", "centre, whitened")
     return {name: found[name] for name in kept} | {"total toe": Scores(*parts)}
 

@@ -326,7 +326,7 @@ def test_words_say_which_side(measured, mirrored):
         assert line(text, "front axle offset")[1] == f"{offset:.3f} mm to the {side}"
         longer = abs(known["wheelbase_difference"].value) * 1e3
         assert line(text, "wheelbase difference")[1] == f"{ahead} longer by {longer:.3f} mm"
-        assert line(text, "rear setback")[1] == "none by this axis"
+        assert line(text, "rear setback")[1] == "zero by this axis"
     assert by_name(measured)["front_setback"].value > 0.0  # FL 4.6 mm ahead of FR in the file
 
 
@@ -475,7 +475,7 @@ def test_the_command_shows_the_axis_and_the_unit_that_it_was_asked_for(wheelplan
     view = read_view("centreline", "mm", "16in")
     assert summary_table(measured, view) in out
     assert vehicle_lines(measured, view) in out
-    assert line(out, "front axle offset")[1] == "none by this axis"
+    assert line(out, "front axle offset")[1] == "zero by this axis"
     tree = json.loads(wheelplane("five-point", FIGURE_4, *options, "--json")[1])
     assert tree["axis_in_use"] == "centreline"
     assert tree["wheels"][0]["toe_deg"] == math.degrees(measured.wheels[0].angles.toe_rad)

@@ -33,6 +33,10 @@ class Translations:
         name = f"{section}.{key.replace(' ', '_').replace('-', '_')}"
         return self(name, **parts) if name in self.texts else key.replace("_", " ")
 
+    def wheel(self, name: str) -> str:
+        """Return RR, RL, FR, FL in this language; any other name as it is."""
+        return self.texts.get(f"wheel_name.{name}", name)
+
     def section(self, name: str) -> dict[str, str]:
         """All texts of a section by their keys."""
         within = f"{name}."

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
 from ...vectors import Array
+
+WIDTH = 100
 
 
 def number(value: float, decimals: int) -> str:
@@ -21,6 +24,11 @@ def equation(normal: Array, offset_m: float) -> str:
     """Write the plane normal . x + offset = 0."""
     terms = [f"{number(x, 8)} {axis}" for x, axis in zip(normal, "xyz", strict=True)]
     return f"{' '.join(terms)} {number(offset_m, 6)} m = 0"
+
+
+def paragraph(text: str) -> str:
+    """Break a text into lines of a terminal's width."""
+    return textwrap.fill(text, WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
 def aligned(rows: Sequence[tuple[str, ...]], left: int) -> str:

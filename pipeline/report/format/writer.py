@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 from ...measurement import Estimate, Stated
 from ...vehicle import Axis, Unit, deg_min_sec
 from .language import Translations
+from .layout import aligned, paragraph
 from .view import Sort, View
 
 SORTS: dict[str, Sort] = {
@@ -33,13 +35,67 @@ class Table:
     caption: str = ""
     classes: Sequence[str] = field(default_factory=tuple)  # of each row
 
+    def text(self) -> str:
+        """Write the table as aligned columns of plain text."""
+        return aligned([tuple(self.head), *map(tuple, self.rows)], self.left)
+
+    def block(self, note: str) -> str:
+        """Write the table as plain text under its caption and a note."""
+        return f"{paragraph(f'{self.caption}. {note}')}\n{self.text()}"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table definition.
+
+    on: where it is shown, on the page, in plain text or on both. quiet: plain text shows its cells
+    without the head.
+    """
+
+    head: str
+    on: Literal["page", "text", "both"] = "both"
+    quiet: bool = False
+
+
+Columns = Sequence[str | Column]
+
 
 @dataclass(frozen=True)
 class Writer:
-    """Words and view of one report."""
+    """Words and view of one report; plain: it is written as plain text, not as a page."""
 
     words: Translations
     view: View
+    plain: bool = False
+
+    @property
+    def none(self) -> str:
+        """The sign of a value that does not exist."""
+        return "-" if self.plain else NONE
+
+    @property
+    def chi(self) -> str:
+        """The head of a column of chi-square per degree of freedom."""
+        return "chi2/nu" if self.plain else "χ²/ν"  # noqa: RUF001
+
+    def table(
+        self,
+        columns: Columns,
+        rows: Iterable[Sequence[str]],
+        left: int = 1,
+        caption: str = "",
+        classes: Sequence[str] = (),
+    ) -> Table:
+        """Return the table with those columns that this report shows.
+
+        rows: cells of all columns. left: how many of all columns are words, from the first.
+        """
+        all_of = [column if isinstance(column, Column) else Column(column) for column in columns]
+        hidden = "page" if self.plain else "text"
+        kept = [i for i, column in enumerate(all_of) if column.on != hidden]
+        head = ["" if all_of[i].quiet and self.plain else all_of[i].head for i in kept]
+        cells = [[row[i] for i in kept] for row in rows]
+        return Table(head, cells, sum(i < left for i in kept), caption, classes)
 
     def value(self, quantity: Stated) -> str:
         """Of an angle with its sign, of a length in metres."""
@@ -65,41 +121,44 @@ class Writer:
         """A small length."""
         return self.words.number(f"{length_m * 1e3:.3f} mm")
 
-    def plain(self, value: float | None, unit: Unit) -> str:
-        """Deg-min-sec, or metres."""
+    def number(self, value: float | None, unit: Unit) -> str:
+        """Write deg-min-sec, or metres."""
         if value is None or not math.isfinite(value):
-            return NONE
+            return self.none
         return self.words.number(deg_min_sec(value) if unit == "rad" else f"{value:.5f} m")
 
-    def limit(self, value: float, unit: Unit) -> str:
-        """The same, as short as it can be."""
-        whole = unit == "rad" and abs(math.degrees(value) * 3600 % 1.0 - 0.5) > 0.499
-        return deg_min_sec(value, 0) if whole and math.isfinite(value) else self.plain(value, unit)
-
     def size(self, value: float | None, unit: Unit) -> str:
-        """Seconds of arc, or millimetres."""
+        """Write seconds of arc, or millimetres."""
         if value is None or not math.isfinite(value):
-            return NONE
+            return self.none
         return self.words.number(size_text(value, unit))
 
     def estimate(self, known: Estimate | None) -> tuple[str, str, str]:
-        """Value, u and U of an angle; dashes for what is not known."""
+        """Write value, u and U of an angle; dashes where it is not known."""
         if known is None:
-            return NONE, NONE, NONE
+            return self.none, self.none, self.none
         u, expanded = self.size(known.u, "rad"), self.size(known.expanded, "rad")
-        return self.plain(known.value, "rad"), u, expanded
+        return self.number(known.value, "rad"), u, expanded
+
+    def degrees(self, angle_rad: float, form: str) -> str:
+        """Write decimal degrees."""
+        return self.words.number(f"{math.degrees(angle_rad):{form}}°")
+
+    def reduced_chi_square(self, chi_square: float, dof: int) -> str:
+        """Write chi-square per degree of freedom."""
+        return self.words.number(f"{chi_square / dof:.2f}") if dof else self.none
 
     def length(self, known: Estimate | None) -> tuple[str, str]:
-        """Value and u in millimetres."""
+        """Write value and u in millimetres."""
         if known is None:
-            return NONE, NONE
+            return self.none, self.none
         number = self.words.number
         return number(f"{known.value * 1e3:+.2f} mm"), number(f"{known.u * 1e3:.2f} mm")
 
     def share(self, probability: float | None) -> str:
         """Per cent, never rounded to the certainty of 0 or 100."""
         if probability is None:
-            return NONE
+            return self.none
         if probability < 5e-4:
             return self.words.number("< 0.1 %")
         at_most = "> 99.9 %" if probability >= 0.9995 else f"{probability * 100:.1f} %"
@@ -112,6 +171,10 @@ class Writer:
         if not axis:
             return called
         return self.words("quantity.to", quantity=called, axis=self.words.known("axis", axis))
+
+    def wheel(self, name: str) -> str:
+        """Return the name of a wheel in this language; of a scan, its own name."""
+        return self.words.wheel(name)
 
     def axis(self, axis: Axis) -> str:
         """What an axis is called."""

@@ -21,10 +21,13 @@ from ..plots.frame import MOST_DOTS, frame_drawing
 from ..plots.sign_convention import signs_drawing
 from ..plots.top_view import top_drawing
 from ..scene.scene import SYMBOL_M, scene
-from . import checks as page_checks
+from ..tables.checks import monte_carlo_table, monte_carlo_words, repeats_table
+from ..tables.conformity import joint, limits_table
+from ..tables.kinematics import runout_tables, steering_tables
+from ..tables.vehicle import axes_table, vehicle_table
+from ..tables.wheels import axles_table, centres_table, wheels_table
 from . import provenance as page_origin
 from . import results as page_results
-from . import vehicle as page_vehicle
 from .wheels import cards
 
 HERE = Path(__file__).parent
@@ -103,10 +106,10 @@ def _page(
         "laboratory": dress.laboratory,
         "head": page_origin.head_pairs(measurement, number, words),
         "verdict": page_results.headline(measurement, conformity, words),
-        "wheels": page_results.wheels_table(measurement, writer),
-        "axles": page_results.axles_table(measurement, writer),
-        "limits": page_results.limits_table(conformity, writer) if conformity else None,
-        "joint": page_results.joint(conformity, writer) if conformity else "",
+        "wheels": wheels_table(measurement, writer),
+        "axles": axles_table(measurement, writer),
+        "limits": limits_table(conformity, writer) if conformity else None,
+        "joint": joint(conformity, writer) if conformity else "",
         "u_note": words("results.u_note", factor=page_results.factor_words(measurement, words)),
         "plots": {
             "angles": angles_drawing(measurement, conformity, words, view.axis),
@@ -119,15 +122,21 @@ def _page(
         "cards": cards(measurement, writer),
         "five_point": five_point,
         "still_note": _still_note(shown, five_point, words),
-        "centres": page_origin.centres_table(measurement, writer),
-        "vehicle_table": page_vehicle.vehicle_table(measurement, writer),
-        "axes": page_vehicle.axes_table(measurement, writer),
+        "centres": centres_table(measurement, writer),
+        "vehicle_table": vehicle_table(measurement, writer),
+        "axes": axes_table(measurement, writer),
         "definitions": [(writer.axis(a), words.known("definition", a)) for a in AXES],
-        "turned": page_vehicle.turned_tables(measurement, writer),
-        "repeats": page_checks.repeats_table(measurement, writer),
-        "monte_carlo": page_checks.monte_carlo_words(measurement.monte_carlo, words)
-        if measurement.monte_carlo
-        else "",
+        "turned": [
+            *steering_tables(measurement, writer),
+            *runout_tables(measurement, writer),
+        ],
+        "repeats": repeats_table(measurement, writer),
+        "monte_carlo": (
+            monte_carlo_table(measurement, drawn, writer),
+            *monte_carlo_words(drawn, writer),
+        )
+        if (drawn := measurement.monte_carlo) is not None
+        else None,
         "notes": measurement.notes,
         "inputs": page_origin.inputs_table(measurement, words),
         "config": page_origin.settings(measurement, conformity),

@@ -106,12 +106,12 @@ def wheel_facts(result: WheelResult, writer: Writer) -> Pairs:
 def troubles(measurement: Measurement, words: Translations) -> list[Trouble]:
     """Everything that has another status than ok, wheels first."""
     seen = [w.observation for w in measurement.wheels]
-    found = [(s.name, s.status, s.reason) for s in seen]
-    found += [(words("scene.kingpin", wheel=k.wheel), k.status, k.reason)
+    found = [(words.wheel(s.name), s.status, s.reason) for s in seen]
+    found += [(words("scene.kingpin", wheel=words.wheel(k.wheel)), k.status, k.reason)
               for k in measurement.steering_axes]  # fmt: skip
     found += [(f"{words('turned.turn')} {words(f'turned.turn_{t.turn}')}", t.status, t.reason)
               for t in measurement.toe_out]  # fmt: skip
-    found += [(f"{words.known('role', 'runout')} {r.wheel}", r.status, r.reason)
+    found += [(f"{words.known('role', 'runout')} {words.wheel(r.wheel)}", r.status, r.reason)
               for r in measurement.runouts]  # fmt: skip
     return [trouble(*one, words) for one in found if one[1] != "ok"]
 
@@ -124,22 +124,6 @@ def trouble(name: str, status: str, said: str, words: Translations) -> Trouble:
         for part in ("means", "do")
     )
     return Trouble(name, words.known("status", status), means, said, todo)
-
-
-def centres_table(measurement: Measurement, writer: Writer) -> Table:
-    """Centres of all measured wheels in the vehicle frame, metres."""
-    words = writer.words
-    rows = []
-    for result in measurement.wheels:
-        if result.angles is not None:
-            fitted = result.observation.fitted
-            local = measurement.frame.to_vehicle(fitted.centre_m)
-            places = (words.number(f"{round(x, 5) + 0.0:+.5f}") for x in local.tolist())
-            method = words.known("method", fitted.method)
-            rows.append([result.observation.name, method, *places])
-    head = (words("results.name"), words("frame.found_by"),
-            *(f"{words(f'scene.{way}')} / m" for way in ("left", "forward", "up")))  # fmt: skip
-    return Table(head, rows, 2, words("frame.numbers"))
 
 
 def inputs_table(measurement: Measurement, words: Translations) -> Table:

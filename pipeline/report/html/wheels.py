@@ -44,7 +44,7 @@ def _card(
 ) -> Card:
     seen, words = result.observation, writer.words
     name, role = seen.name, words.known("role", seen.role)
-    wheel = "" if result.wheel in (None, name) else f", {result.wheel}"
+    wheel = f", {words.wheel(result.wheel)}" if result.wheel and result.wheel != name else ""
     measured = result.angles is not None
     angles = [known[name, kind] for kind in ("toe", "camber")] if measured else []
     toe, camber = (
@@ -53,7 +53,7 @@ def _card(
         else ((), ())
     )
     return Card(
-        title=f"{name} ({role}{wheel})",
+        title=f"{words.wheel(name)} ({role}{wheel})",
         status=words("wheel.status_bad", status=writer.status(seen.status)),
         toe=toe,
         camber=camber,

@@ -11,7 +11,8 @@ import numpy as np
 from ...centre import OtherCentre, TargetFit
 from ...measurement import Conformity, Measurement, Naming, WheelResult, against, stated
 from ...vehicle import Axis
-from ..text.vehicle import WORDS
+from ..format.language import load_translations
+from ..tables.vehicle import SIGNED, in_words
 from .axes import axes_tree, pair
 from .conformity import conformity_tree, tolerance_tree
 from .kinematics import turned_tree
@@ -39,7 +40,7 @@ def to_tree(
     """
     frame, vehicle = measurement.frame, measurement.vehicle
     u = measurement.uncertainty.vehicle_standard
-    made = measurement.provenance
+    made, english = measurement.provenance, load_translations("en")
     return {
         "schema": SCHEMA,
         "capture": made.source,
@@ -65,7 +66,7 @@ def to_tree(
             if quantity.subject == "vehicle" and quantity.kind not in OF_FRAME
             for key, number in pair(quantity.kind, quantity, quantity.unit).items()
         }
-        | {kind: words(vehicle[kind]) for kind, _, words in WORDS if kind in vehicle},
+        | {kind: in_words(kind, vehicle[kind], english) for kind in SIGNED if kind in vehicle},
         "axis_in_use": axis,
         "axes": axes_tree(measurement),
         **conformity_tree(conformity),

@@ -123,7 +123,7 @@ def _kingpins(measurement: Measurement, words: Translations) -> list[dict[str, A
     frame = measurement.frame
     return [
         _line(
-            words("scene.kingpin", wheel=found.wheel),
+            words("scene.kingpin", wheel=words.wheel(found.wheel)),
             "kingpin",
             *(to_view(frame, found.point_m + way * KINGPIN_M * found.axis) for way in (-1.0, 1.0)),
         )

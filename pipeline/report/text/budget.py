@@ -1,4 +1,4 @@
-"""The budget of uncertainty as a table: what each cause contributes to each angle."""
+"""The uncertainty budget as a table: the contribution of each component to each angle."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from ...vehicle import Axis
 from ..format.layout import aligned
 
 EXPLAINED = """\
-Budget of uncertainty: share of the variance by cause, percent. U: expanded uncertainty of 95 %.
-frame: of all that, what arrives through the four centres, on which the frame stands."""
+Uncertainty budget: contribution of each component to the variance, percent. U: expanded uncertainty
+(95 %). frame: the part of the variance that arrives through the four wheel centres of the frame."""
 
 
 def budget_text(measurement: Measurement, axis: Axis = "rear-axle") -> str:
-    """A table with a line for each quantity against an axis, and one for the noise of each scan."""
+    """Return the budget of each quantity against an axis, and the noise of each scan."""
     components = measurement.uncertainty.components
     rows: list[tuple[str, ...]] = [("", "u", "U", *components, "frame")]
     for quantity in against(stated(measurement), axis):
@@ -28,8 +28,9 @@ def budget_text(measurement: Measurement, axis: Axis = "rear-axle") -> str:
 
 
 NOISE = """\
-Noise of each scan across its plane: sigma of a point, the part that is correlated and its length,
-points N and how many independent ones they are worth, and the tilt's u with and without that."""
+Noise of each scan across its plane: sigma of a point, its correlated part and correlation length,
+the number of points N and of effective independent points, and u of the tilt with and without
+correlation."""
 
 
 def _row(quantity: Stated) -> tuple[str, ...]:

@@ -4,71 +4,48 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...measurement import Conformity, Measurement, WheelResult, against, pool_repeats, stated
-from ..format.layout import aligned, equation, number, vector
-from ..format.view import DEFINED, PAPER, View
+from ...measurement import Conformity, Measurement, WheelResult
+from ..format.layout import aligned, equation, number, paragraph, vector
+from ..format.view import PAPER, View
+from ..tables.wheels import centres_table, wheels_table
 from .budget import budget_text
+from .checks import monte_carlo_text, repeats_text
 from .conformity import conformity_text
-from .monte_carlo import monte_carlo_text
-from .repeatability import repeats_text
-from .runout import runout_text
-from .steering import steering_text
-from .vehicle import READING, axes_text, vehicle_lines
+from .kinematics import runout_text, steering_text
+from .plain import plain_writer
+from .vehicle import axes_text, vehicle_lines
 
 SIGNS = """\
 Toe (convergência): positive is toe-in, on both sides; measured from the longitudinal axis in use.
-Camber (sopé): positive is top out, on both sides; elevation of the wheel's outward normal, as in
-the paper, the same for every axis. Camber ISO: projected on the plane across the axis (ISO 8855).
+Camber (sopé): positive where the top leans outward, on both sides; elevation of the wheel's outward
+normal, as in the paper, the same for every axis. Camber ISO: projected on the plane across the axis
+(ISO 8855).
 {units}
-u: standard uncertainty (k = 1), by the causes of the budget."""
+u: standard uncertainty (k = 1), by the components of the budget."""
 
 
 def summary_table(measurement: Measurement, view: View = PAPER) -> str:
-    """Wheel by wheel: toe, camber and ISO camber with their uncertainty, or why there is none."""
-    chosen = against(stated(measurement), view.axis)
-    known = {(quantity.subject, quantity.kind): quantity for quantity in chosen}
-    toe = "toe" if view.axis == "rear-axle" else f"toe to {view.axis}"
-    rows: list[tuple[str, ...]] = [("name", "wheel", toe, "u", "camber", "u", "camber ISO", "")]
-    for result in measurement.wheels:
-        name, wheel = result.observation.name, result.wheel or ""
-        if result.angles is None:
-            rows.append((name, wheel, *["-"] * 5, _why(result)))
-            continue
-        turned, camber, iso = (known[name, kind] for kind in ("toe", "camber", "camber_iso"))
-        rows.append(
-            (
-                name,
-                wheel,
-                view.angle(turned.value, "toe"),
-                view.width(turned.u, "toe", turned.value),
-                view.angle(camber.value, "camber"),
-                view.width(camber.u, "camber"),
-                view.angle(iso.value, "camber"),
-                "",
-            )
-        )
-    return aligned(rows, left=2)
+    """Return toe, camber and ISO camber of each wheel with u, or why there is none."""
+    return wheels_table(measurement, plain_writer(view)).text()
 
 
 def extra_parts(measurement: Measurement, view: View = PAPER) -> list[str]:
-    """What only some measurements hold: repeat scans, sweeps, run-outs, a Monte Carlo check."""
-    parts = []
-    groups = pool_repeats(measurement)
-    if groups:
-        parts.append(repeats_text(groups))
-        if view.axis != "rear-axle":
-            parts.append(f"Pooled toe is counted from the {DEFINED['rear-axle']}.")
-    parts += [text for text in (steering_text(measurement), runout_text(measurement)) if text]
-    if measurement.monte_carlo is not None:
-        parts.append(monte_carlo_text(measurement, measurement.monte_carlo, view.axis))
-    return parts
+    """Return what only some measurements hold: repeats, sweeps, run-outs, Monte Carlo."""
+    drawn = measurement.monte_carlo
+    parts = [
+        *repeats_text(measurement, view),
+        steering_text(measurement),
+        runout_text(measurement),
+        monte_carlo_text(measurement, drawn, view) if drawn is not None else "",
+    ]
+    return [part for part in parts if part]
 
 
 def detailed_report(
     measurement: Measurement, conformity: Conformity | None = None, view: View = PAPER
 ) -> str:
-    """The paper's report, for scans as for five points: frame, centres, planes, angles, origin."""
-    made = measurement.provenance
+    """Return the paper's report: frame, centres, planes, angles, provenance."""
+    made, writer = measurement.provenance, plain_writer(view)
     each = sum(wheel.observation.points_total for wheel in measurement.wheels)
     points = each if made.naming is None else made.naming.points
     sections = [
@@ -88,9 +65,9 @@ def detailed_report(
         "",
         vehicle_lines(measurement, view),
         "",
-        READING,
+        paragraph(writer.words("vehicle.note")),
         "",
-        axes_text(measurement, view),
+        axes_text(measurement, writer),
         "",
         *(f"{part}\n" for part in extra_parts(measurement, view)),
         budget_text(measurement, view.axis),
@@ -123,18 +100,13 @@ def _frame_section(measurement: Measurement) -> list[str]:
 
 
 def _centre_section(measurement: Measurement) -> list[str]:
-    rows: list[tuple[str, ...]] = [("", "left", "forward", "up", "found by")]
-    for result in measurement.wheels:
-        if result.angles is not None:
-            fitted = result.observation.fitted
-            local = measurement.frame.to_vehicle(fitted.centre_m)
-            rows.append((result.observation.name, *(number(x, 5) for x in local), fitted.method))
     title = "Wheel centres (centros das rodas), vehicle frame from the middle of the rear axle, m"
-    return [title, aligned(rows, left=1), *filter(None, map(_ways, measurement.wheels))]
+    table = centres_table(measurement, plain_writer(PAPER))
+    return [title, table.text(), *filter(None, map(_ways, measurement.wheels))]
 
 
 def _ways(result: WheelResult) -> str:
-    """How far the single ways to a combined centre are from it."""
+    """Return the distance of each single method's centre from the combined centre."""
     evidence = result.observation.evidence
     if evidence is None or not evidence.target.others:
         return ""
@@ -168,7 +140,3 @@ def _plane_section(measurement: Measurement) -> list[str]:
         "coordinates of the input"
     )
     return [title, aligned(rows, left=1)]
-
-
-def _why(result: WheelResult) -> str:
-    return f"{result.observation.status}: {result.observation.reason}"

@@ -11,12 +11,15 @@ from ...report.format.language import Translations
 from ...report.format.view import PAPER, AngleStyle, View
 from ...report.format.writer import Table, Writer
 from ...report.html.provenance import head_pairs, troubles, wheel_facts
-from ...report.html.results import axles_table, headline, joint, limits_table, wheels_table
-from ...report.html.vehicle import turned_tables, vehicle_table
+from ...report.html.results import headline
 from ...report.plots.budget import wheel_budget
 from ...report.plots.drawing import Drawing
 from ...report.plots.histogram import histogram_drawing
 from ...report.plots.target_face import face_drawing
+from ...report.tables.conformity import joint, limits_table
+from ...report.tables.kinematics import runout_tables, steering_tables
+from ...report.tables.vehicle import vehicle_table
+from ...report.tables.wheels import axles_table, wheels_table
 from ...vehicle import AXES, Axis
 
 STYLES: tuple[AngleStyle, ...] = ("dms", "deg", "mm/m")  # mm at the rim needs the rim's diameter
@@ -27,7 +30,8 @@ def panel(
 ) -> dict[str, Any]:
     """Build the panel in one language."""
     plain = Writer(words, PAPER)
-    extra = [table for table, _ in turned_tables(measurement, plain)]
+    turned = (*steering_tables(measurement, plain), *runout_tables(measurement, plain))
+    extra = [table for table, _ in turned]
     return {
         "head": head_pairs(measurement, "", words),
         "headline": dataclasses.asdict(headline(measurement, conformity, words)),

@@ -86,10 +86,10 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
     const whole = wheels.classes.every((kind) => kind !== "bad");
     const table = tableOf(wheels, { kind: "angles", hidden: whole ? [STATUS] : [] });
     for (const [i, row] of [...table.querySelectorAll("tbody tr")].entries()) {
-      const name = wheels.rows[i][0];
+      const { name } = this.panel.wheels[i];
       row.dataset.wheel = name;
       row.classList.toggle("chosen", name === this.chosen);
-      row.querySelector("th").replaceChildren(el("button", { type: "button", onclick: () => this.choose(name) }, name));
+      row.querySelector("th").replaceChildren(el("button", { type: "button", onclick: () => this.choose(name) }, wheels.rows[i][0]));
     }
     this.angles.replaceChildren(table);
     this.axles.replaceChildren(...others.map((other) => el("div", { class: "card" }, tableOf(other))));

@@ -1,0 +1,1 @@
+"""Tables of a measurement, defined once for the page and for plain text."""

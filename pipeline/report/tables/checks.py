@@ -1,0 +1,68 @@
+"""Repeat scans, and the Monte Carlo check beside the formula."""
+
+from __future__ import annotations
+
+import math
+
+from ...measurement import Measurement, PooledAngle, pool_repeats, stated
+from ...uncertainty import TOLERANCE, MonteCarlo
+from ..format.writer import Column, Table, Writer
+
+
+def repeats_table(measurement: Measurement, writer: Writer) -> Table | None:
+    """Pooled angles of repeat scans, their scatter against the prediction, and their drift."""
+    words = writer.words
+    rows = [
+        [writer.wheel(group.of), str(len(group.scans)), *_pooled(angle, writer)]
+        for group in pool_repeats(measurement)
+        for angle in group.angles
+    ]
+    columns = (
+        words("results.name"), words("turned.scans"), words("vehicle.quantity"),
+        words("checks.pooled"), "u", writer.chi, words("checks.chance"), words("checks.drift"),
+        "u", Column(words("status.status"), quiet=True),
+    )  # fmt: skip
+    return writer.table(columns, rows, 1, words("checks.repeats")) if rows else None
+
+
+def _pooled(angle: PooledAngle, writer: Writer) -> list[str]:
+    words, drift = writer.words, angle.drift
+    seconds = writer.none if drift is None else f'{math.degrees(drift) * 3600:+.1f}"'
+    return [
+        writer.quantity(angle.kind), writer.number(angle.pooled, "rad"),
+        writer.size(angle.u, "rad"), writer.reduced_chi_square(angle.chi_square, angle.dof),
+        writer.share(angle.probability), words.number(seconds),
+        writer.size(angle.u_drift, "rad"), words.known("checks", angle.status),
+    ]  # fmt: skip
+
+
+def monte_carlo_table(measurement: Measurement, drawn: MonteCarlo, writer: Writer) -> Table:
+    """Both uncertainties of each quantity against the axis in use, and how far they differ."""
+    words, rows = writer.words, []
+    for i, quantity in enumerate(stated(measurement)):
+        if quantity.axis not in (None, writer.view.axis):
+            continue
+        formula, draws = float(drawn.formula[i]), float(drawn.standard[i])
+        apart = f"{100.0 * float(drawn.apart[i]) / formula:.2f} %" if formula > 0.0 else writer.none
+        name = writer.quantity(quantity.name.removeprefix(f"{quantity.subject}."))
+        wheel = "" if quantity.subject == "vehicle" else f"{writer.wheel(quantity.subject)} "
+        sizes = (_fine(formula, quantity.unit), _fine(draws, quantity.unit), apart)
+        rows.append([wheel + name, *map(words.number, sizes)])
+    columns = (Column(words("vehicle.quantity"), quiet=True), words("checks.u_formula"),
+               words("checks.u_draws"), words("checks.apart"))  # fmt: skip
+    return writer.table(columns, rows, 1, words("checks.monte_carlo"))
+
+
+def monte_carlo_words(drawn: MonteCarlo, writer: Writer) -> tuple[str, str]:
+    """Return what is compared and the verdict."""
+    words = writer.words
+    tolerance = f"{TOLERANCE:.0%}".replace("%", " %")
+    verdict = words.known("checks", drawn.status, tolerance=tolerance)
+    return (
+        words("checks.monte_carlo_note", tolerance=tolerance),
+        f"{words('checks.trials', trials=str(drawn.trials))} {verdict}",
+    )
+
+
+def _fine(value: float, unit: str) -> str:
+    return f"{value * 1e3:.4f} mm" if unit == "m" else f'{math.degrees(value) * 3600:.2f}"'

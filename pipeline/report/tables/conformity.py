@@ -1,0 +1,86 @@
+"""Verdicts: of each quantity with limits what is decided, and at what risk."""
+
+from __future__ import annotations
+
+import math
+
+from ...measurement import Conformity, Verdict
+from ..format.language import Translations
+from ..format.writer import Column, Columns, Table, Writer
+
+SIGNS = {"conform": "✓", "not conform": "✗", "undecided": "?"}
+
+
+def limits_table(conformity: Conformity, writer: Writer) -> Table:
+    """A row a quantity that has limits: what is decided, and why where it is undecided."""
+    words = writer.words
+    undecided = any(verdict.decision == "undecided" for verdict in conformity.verdicts)
+    columns: Columns = (
+        words("verdict.decision"), words("results.name"), words("vehicle.quantity"),
+        words("vehicle.value"), words("verdict.lower"), words("verdict.upper"), "u",
+        words("verdict.guard"), words("verdict.probability"), words("verdict.risk"),
+        *([Column(words("verdict.reason"), "page")] if undecided else []),
+    )  # fmt: skip
+    rows = [_row(verdict, writer) for verdict in conformity.verdicts]
+    kinds = [v.decision.replace(" ", "-") for v in conformity.verdicts]
+    return writer.table(columns, rows, 3, words("verdict.table"), kinds)
+
+
+def decided(decision: str, words: Translations) -> str:
+    """Return the word for a decision, capitalised."""
+    key = decision.replace(" ", "_")
+    return words(f"verdict.{key}")
+
+
+def rule(conformity: Conformity, words: Translations) -> str:
+    """Return the decision rule in words."""
+    tolerance = conformity.tolerance
+    parts = {
+        "confidence": words.number(f"{tolerance.confidence:.12g}"),
+        "factor": words.number(f"{tolerance.coverage_factor:.3f}"),
+    }
+    return f"{words('verdict.rule')}: {words(f'verdict.rule_{tolerance.rule}', **parts)}"
+
+
+def joint(conformity: Conformity, writer: Writer) -> str:
+    """Return the least probability that all conform, in words."""
+    at_least = math.floor(conformity.joint_probability[0] * 1000) / 10
+    text = writer.words.number(f"{at_least:.1f} %")
+    return writer.words("verdict.joint", probability=text)
+
+
+def subject(verdict: Verdict, writer: Writer) -> str:
+    """Name the wheel; of a trial also the wheel whose limits apply to it."""
+    what = verdict.quantity
+    if what.subject == "vehicle":
+        return writer.words.known("role", "vehicle")
+    other = what.wheel is not None and what.wheel != what.subject
+    return writer.wheel(what.subject) + (f" ({writer.wheel(str(what.wheel))})" if other else "")
+
+
+def _row(verdict: Verdict, writer: Writer) -> list[str]:
+    what, interval = verdict.quantity, verdict.interval
+    lower, upper = (interval.lower, interval.upper) if interval else (None, None)
+    word = decided(verdict.decision, writer.words).lower()
+    return [
+        word if writer.plain else f"{SIGNS[verdict.decision]} {word}",
+        subject(verdict, writer), writer.quantity(what.name),
+        *(writer.number(x, what.unit) for x in (what.value, lower, upper)),
+        *(writer.size(x, what.unit) for x in (what.u, verdict.guard_band)),
+        writer.share(verdict.probability), writer.share(verdict.risk), _why(verdict, writer),
+    ]  # fmt: skip
+
+
+def _why(verdict: Verdict, writer: Writer) -> str:
+    """Why a quantity is undecided, in the report's language."""
+    what, interval, words = verdict.quantity, verdict.interval, writer.words
+    if verdict.decision != "undecided":
+        return ""
+    if what.reason:
+        return words("verdict.not_measured")
+    if interval is None or what.value is None or what.u is None:
+        return words("verdict.unknown")
+    if verdict.guard_band is None:
+        return words("verdict.undecidable")
+    lower = what.value - interval.lower < interval.upper - what.value
+    return words("verdict.near_lower" if lower else "verdict.near_upper")

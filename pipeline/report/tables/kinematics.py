@@ -1,0 +1,136 @@
+"""Steering axes, toe-out on turns and run-outs, each table with its note."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...measurement import Measurement, Runout, SteeringAxis, ToeOut
+from ..format.writer import Column, Table, Writer
+
+Noted = list[tuple[Table, str]]
+
+
+def steering_tables(measurement: Measurement, writer: Writer) -> Noted:
+    """Steering axes, their offsets and toe-out on turns; none without a sweep."""
+    words, axes, turns = writer.words, measurement.steering_axes, measurement.toe_out
+    if not axes:
+        return []
+    frame = words.known("frame_note", axes[0].frame)
+    note = " ".join([words("turned.kingpin_note"), frame, *_rotations(axes, writer)])
+    tables = [(_axes_table(axes, writer), note)]
+    offset = [axis for axis in axes if axis.lateral_offset is not None]
+    if offset:
+        tables.append((_offsets_table(offset, writer), words("turned.offsets_note")))
+    if turns:
+        of = words.known("turns_of", turns[0].of)
+        tables.append((_turns_table(turns, writer), words("turned.turns_note", of=of)))
+    return tables
+
+
+def runout_tables(measurement: Measurement, writer: Writer) -> Noted:
+    """Compensated angles, and how the targets were mounted; none without run-outs."""
+    words, runouts = writer.words, measurement.runouts
+    if not runouts:
+        return []
+    tables = [(_runouts_table(runouts, writer), words("turned.runout_note"))]
+    known = [runout for runout in runouts if runout.axial_runout is not None]
+    if known:
+        tables.append((_mounting_table(known, writer), words("turned.mounting_note")))
+    return tables
+
+
+def _rotations(axes: Sequence[SteeringAxis], writer: Writer) -> list[str]:
+    """A sentence for each mark that shows the targets' in-plane rotation; none for discs."""
+    words = writer.words
+    shown = [axis for axis in axes if axis.with_rotation]
+    return [
+        words("turned.rotation_note", mark=words(f"turned.mark_{mark}"), wheels=", ".join(
+            words("turned.rotation_of", wheel=writer.wheel(a.wheel), shown=a.with_rotation,
+                  scans=len(a.scans)) for a in shown if a.mark == mark
+        ))
+        for mark in dict.fromkeys(axis.mark for axis in shown)
+    ]  # fmt: skip
+
+
+def _axes_table(axes: Sequence[SteeringAxis], writer: Writer) -> Table:
+    words = writer.words
+    columns = (
+        words("results.wheel"), Column(words("status.status"), "page"), words("turned.scans"),
+        words("turned.swept"), words("turned.caster"), "u", "U", words("turned.inclination"),
+        "u", "U", words("turned.by_camber"), writer.chi, Column("", "text"),
+    )  # fmt: skip
+    rows = [
+        [writer.wheel(found.wheel), writer.status(found.status), str(len(found.scans)),
+         writer.degrees(found.sweep_rad, ".1f"), *writer.estimate(found.caster),
+         *writer.estimate(found.inclination), writer.estimate(found.caster_by_camber)[0],
+         writer.reduced_chi_square(found.chi_square, found.dof), _reason(found)]
+        for found in axes
+    ]  # fmt: skip
+    return writer.table(columns, rows, 2, words("turned.kingpins"))
+
+
+def _offsets_table(axes: Sequence[SteeringAxis], writer: Writer) -> Table:
+    words = writer.words
+    rows = [
+        [writer.wheel(found.wheel), *writer.length(found.lateral_offset),
+         *writer.length(found.longitudinal_offset)] for found in axes
+    ]  # fmt: skip
+    columns = (words("results.wheel"), words("turned.lateral"), "u",
+               words("turned.longitudinal"), "u")  # fmt: skip
+    return writer.table(columns, rows, 1, words("turned.offsets"))
+
+
+def _turns_table(turns: Sequence[ToeOut], writer: Writer) -> Table:
+    words = writer.words
+    columns = (
+        words("turned.turn"), Column(words("status.status"), "page"), words("turned.difference"),
+        "u", "U", words("turned.u_curve"), Column("", "text"),
+    )  # fmt: skip
+    rows = [
+        [words(f"turned.turn_{found.turn}"), writer.status(found.status),
+         *writer.estimate(found.difference),
+         writer.size(found.u_interpolation_rad, "rad") if found.difference else writer.none,
+         _reason(found)]
+        for found in turns
+    ]  # fmt: skip
+    return writer.table(columns, rows, 2, words("turned.toe_out"))
+
+
+def _runouts_table(runouts: Sequence[Runout], writer: Writer) -> Table:
+    words = writer.words
+    columns = (
+        words("results.wheel"), Column(words("status.status"), "page"), words("turned.scans"),
+        writer.quantity("toe"), "u", Column("U", "page"), writer.quantity("camber"), "u",
+        Column("U", "page"), writer.quantity("camber_iso"), words("turned.through"), writer.chi,
+        Column("", "text"),
+    )  # fmt: skip
+    rows = []
+    for found in runouts:
+        angles = found.compensated
+        toe, camber, iso = (
+            writer.estimate(angle)
+            for angle in ((angles.toe, angles.camber, angles.camber_iso) if angles else (None,) * 3)
+        )
+        rows.append([
+            writer.wheel(found.wheel), writer.status(found.status), str(len(found.scans)), *toe,
+            *camber, iso[0], words.known("through", found.frame),
+            writer.reduced_chi_square(found.chi_square, found.dof), _reason(found),
+        ])  # fmt: skip
+    return writer.table(columns, rows, 2, words("turned.runouts"))
+
+
+def _mounting_table(runouts: Sequence[Runout], writer: Writer) -> Table:
+    words, clock = writer.words, writer.words("turned.clock")
+    rows = [
+        [writer.wheel(found.wheel), writer.degrees(found.axial_runout.value, ".4f"),
+         writer.size(found.axial_runout.u, "rad"), writer.degrees(found.axial_clock_rad, "+.1f"),
+         *writer.length(found.radial_runout), writer.degrees(found.radial_clock_rad, "+.1f")]
+        for found in runouts if found.axial_runout is not None
+    ]  # fmt: skip
+    columns = (words("results.wheel"), words("turned.axial"), "u", clock, words("turned.radial"),
+               "u", clock)  # fmt: skip
+    return writer.table(columns, rows, 1, words("turned.mounting"))
+
+
+def _reason(found: SteeringAxis | Runout | ToeOut) -> str:
+    return "" if found.status == "ok" else f"{found.status}: {found.reason}"

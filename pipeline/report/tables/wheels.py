@@ -1,0 +1,84 @@
+"""Toe and camber wheel by wheel, and axle by axle."""
+
+from __future__ import annotations
+
+from ...measurement import Measurement, Stated, WheelResult, against, stated
+from ..format.writer import Column, Columns, Table, Writer
+
+AXLES = (("front", "FL", "FR"), ("rear", "RL", "RR"))
+
+
+def wheels_table(measurement: Measurement, writer: Writer) -> Table:
+    """Wheel by wheel: toe, camber and ISO camber with their uncertainty, or why there is none."""
+    words = writer.words
+    known = {(q.subject, q.kind): q for q in against(stated(measurement), writer.view.axis)}
+    toe, axis = writer.quantity("toe"), writer.view.axis
+    if writer.plain and axis != "rear-axle":
+        toe = f"{toe} to {axis}"
+    columns: Columns = (
+        words("results.name"), words("results.wheel"), Column(words("results.role"), "page"),
+        Column(words("status.status"), "page"),
+        toe, "u", Column("U", "page"),
+        writer.quantity("camber"), "u", Column("U", "page"), writer.quantity("camber_iso"),
+        Column("", "text"),
+    )  # fmt: skip
+    rows = [_wheel_row(result, known, writer) for result in measurement.wheels]
+    bad = ["bad" if result.angles is None else "" for result in measurement.wheels]
+    return writer.table(columns, rows, 4, words("results.wheels"), bad)
+
+
+def _wheel_row(
+    result: WheelResult, known: dict[tuple[str, str], Stated], writer: Writer
+) -> list[str]:
+    seen = result.observation
+    wheel = writer.wheel(result.wheel) if result.wheel else "" if writer.plain else writer.none
+    role = writer.words.known("role", seen.role)
+    row = [writer.wheel(seen.name), wheel, role, writer.status(seen.status)]
+    if result.angles is None:
+        return [*row, *[writer.none] * 7, f"{seen.status}: {seen.reason}"]
+    toe, camber, iso = (known[seen.name, kind] for kind in ("toe", "camber", "camber_iso"))
+    return [
+        *row, writer.value(toe), *writer.spread(toe), writer.value(camber),
+        *writer.spread(camber), writer.value(iso), "",
+    ]  # fmt: skip
+
+
+def axles_table(measurement: Measurement, writer: Writer) -> Table:
+    """Toe with its total and camber with its cross value, left and right, axle by axle."""
+    words = writer.words
+    known = {(q.subject, q.kind): q for q in against(stated(measurement), writer.view.axis)}
+    rows = []
+    for axle, *wheels in AXLES:
+        toes, cambers = ([known[wheel, kind] for wheel in wheels] for kind in ("toe", "camber"))
+        total = known["vehicle", f"{axle}_total_toe"]
+        cross = known["vehicle", f"{axle}_cross_camber"]
+        text = words.number(writer.view.total_toe(*(toe.value for toe in toes)))
+        rows += [
+            [words(f"vehicle.{axle}"), writer.quantity("toe"), *map(writer.value, toes),
+             words("results.total"), text, *writer.spread(total)],
+            ["", writer.quantity("camber"), *map(writer.value, cambers),
+             words("results.cross"), writer.value(cross), *writer.spread(cross)],
+        ]  # fmt: skip
+    columns: Columns = (
+        Column(words("vehicle.axle"), quiet=True), Column(words("vehicle.quantity"), quiet=True),
+        words("vehicle.left"), words("vehicle.right"),
+        Column(words("results.together"), quiet=True), Column(words("vehicle.value"), quiet=True),
+        "u", Column("U", "page"),
+    )  # fmt: skip
+    return writer.table(columns, rows, 2, words("results.axles"))
+
+
+def centres_table(measurement: Measurement, writer: Writer) -> Table:
+    """Centres of all measured wheels in the vehicle frame, metres."""
+    words = writer.words
+    rows = []
+    for result in measurement.wheels:
+        if result.angles is not None:
+            fitted = result.observation.fitted
+            local = measurement.frame.to_vehicle(fitted.centre_m)
+            places = (words.number(f"{round(x, 5) + 0.0:+.5f}") for x in local.tolist())
+            method = words.known("method", fitted.method)
+            rows.append([writer.wheel(result.observation.name), *places, method])
+    ways = (f"{words(f'scene.{way}')} / m" for way in ("left", "forward", "up"))
+    columns: Columns = (Column(words("results.name"), quiet=True), *ways, words("frame.found_by"))
+    return writer.table(columns, rows, 1, words("frame.numbers"))
