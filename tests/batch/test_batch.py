@@ -294,7 +294,7 @@ def test_a_file_that_a_capture_names_elsewhere_is_part_of_it(capture, tmp_path):
     assert trees(tmp_path / "results")["car"]["wheels"] != first["wheels"]
 
 
-def test_dates_are_told_by_the_capture_or_by_its_name(capture, tmp_path):
+def test_dates_come_from_the_capture_or_its_name(capture, tmp_path):
     archive = tmp_path / "archive"
     toml = shutil.copytree(capture, archive / "2020-01-01 car") / "capture.toml"
     toml.write_text("date = 2026-11-20T10:30:00Z\n" + toml.read_text())
@@ -315,10 +315,10 @@ def test_the_summary_says_how_much_more_failed(tmp_path):
     for k, text in enumerate(texts):
         (tmp_path / "archive").mkdir(exist_ok=True)
         (tmp_path / "archive" / f"car-{k}.txt").write_text(text)
-    told = run(tmp_path / "archive", tmp_path / "results").stdout
-    shown = sum(int(line.split()[0]) for line in told.splitlines() if " failed, " in line)
-    (rest,) = re.findall(r"^ +(\d+) for \d+ other reasons?: .* --failures$", told, re.MULTILINE)
-    held = re.search(r"(\d+) failed", told)
+    summary = run(tmp_path / "archive", tmp_path / "results").stdout
+    shown = sum(int(line.split()[0]) for line in summary.splitlines() if " failed, " in line)
+    (rest,) = re.findall(r"^ +(\d+) for \d+ other reasons?: .* --failures$", summary, re.MULTILINE)
+    held = re.search(r"(\d+) failed", summary)
     assert held
     assert shown + int(rest) == int(held[1])
 

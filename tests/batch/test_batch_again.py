@@ -129,7 +129,7 @@ def test_shards_replace_what_changed_in_their_part(tmp_path, forgotten):
     ]
 
 
-def test_results_of_captures_that_left_the_archive_stay_and_are_told(tmp_path):
+def test_results_of_captures_that_left_the_archive_stay_and_are_reported(tmp_path):
     archive = archive_of(tmp_path / "archive", 5)
     results = tmp_path / "results"
     assert "no longer" not in run(archive, results).stdout
@@ -202,7 +202,7 @@ def batch_of(archive, results, scratch, error=None, settings=None) -> Batch:
 
 @pytest.mark.parametrize("error", [InputError("the disk is full"), KeyboardInterrupt("x")])
 @pytest.mark.parametrize("spoilt", [False, True])
-def test_what_ended_a_run_is_what_is_told(tmp_path, monkeypatch, capsys, error, spoilt):
+def test_what_ended_a_run_is_what_is_reported(tmp_path, monkeypatch, capsys, error, spoilt):
     archive = archive_of(tmp_path / "archive", 1)
 
     def spoil(*_):
@@ -215,7 +215,7 @@ def test_what_ended_a_run_is_what_is_told(tmp_path, monkeypatch, capsys, error, 
     assert ("the catalogue cannot be made" in capsys.readouterr().err) == spoilt
 
 
-def test_a_fault_of_the_catalogue_alone_is_told(tmp_path, monkeypatch):
+def test_a_fault_of_the_catalogue_alone_is_reported(tmp_path, monkeypatch):
     def spoil(*_):
         raise InputError("the catalogue cannot be made")
 
@@ -249,11 +249,11 @@ def test_a_change_elsewhere_is_learnt_once(tmp_path, first):
     old, new = "0" * 64, "1" * 64
     for key in (old, new):
         results.write(f"measurements/{key[:2]}/{key}.json", b"{}")
-    told = {
+    entries = {
         first: (old, [["ours.toml", 7, "before"]]),
         "ab".replace(first, ""): (new, [["ours.toml", now.size, now.stamp]]),
     }
-    for file, (key, elsewhere) in told.items():
+    for file, (key, elsewhere) in entries.items():
         line = json.dumps(["car", found.fingerprint, key, json.dumps(elsewhere)])
         results.write(f"run/seen/{'f' * 16}/{file}.jsonl", f"{line}\n".encode())
     index = ResultIndex(results, "f" * 64, archive, tmp_path / "index")

@@ -211,15 +211,15 @@ def test_a_fault_is_of_the_stage_whose_code_or_tool_it_is_in(modules, stage):
     assert stage_of(raised_in(*modules)) == stage
 
 
-def test_a_front_told_of_many_captures_passes_over_those_with_a_scan_a_wheel(tmp_path):
+def test_a_front_given_for_many_captures_passes_over_those_with_a_scan_a_wheel(tmp_path):
     folder = tmp_path / "car"
     folder.mkdir()
     for wheel in ("rr", "rl", "fr", "fl"):
         (folder / f"{wheel}.xyz").write_text("0 0 0\n")
-    told = CaptureOptions(front=(1.0, 0.0, 0.0))
+    overrides = CaptureOptions(front=(1.0, 0.0, 0.0))
     with (
         pytest.raises(InputError, match="--front is of a cloud"),
-        open_capture(folder, "disc-250", told),
+        open_capture(folder, "disc-250", overrides),
     ):
         pass
     of_clouds = CaptureOptions(front=(1.0, 0.0, 0.0), of_clouds=True)
@@ -235,7 +235,7 @@ class Script:
     slots = 1
 
     def __init__(self, said) -> None:
-        self.said, self.tasks = {name: list(each) for name, each in said.items()}, []
+        self.script, self.tasks = {name: list(each) for name, each in said.items()}, []
 
     def submit(self, task):
         from concurrent.futures import Future
@@ -243,9 +243,9 @@ class Script:
         future: Future[list[CompletedCapture]] = Future()
         self.tasks.append(task)
         for found in task.captures:
-            told = self.said.get(found.name)
-            if told and task.outcome is None:
-                future.set_exception(told.pop(0))
+            errors_left = self.script.get(found.name)
+            if errors_left and task.outcome is None:
+                future.set_exception(errors_left.pop(0))
                 return future
         outcome = task.outcome or Outcome("ok")
         future.set_result([CompletedCapture(f.name, "", outcome, None, ()) for f in task.captures])

@@ -109,8 +109,8 @@ def test_a_lost_worker_changes_nothing(cluster, tmp_path):
             time.sleep(0.01)
         assert runner.poll() is None
         os.killpg(workers[0].pid, signal.SIGKILL)
-        _, told = runner.communicate(timeout=120)
-    assert runner.returncode == 0, told
+        _, err = runner.communicate(timeout=120)
+    assert runner.returncode == 0, err
     assert left(results) == left(tmp_path / "undisturbed")
 
 

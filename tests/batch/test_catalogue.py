@@ -36,10 +36,10 @@ def some(n: int, start: int = 0) -> list[dict]:
     made = []
     for i in range(start, start + n):
         status = ("ok", "ok", "ok", "part", "failed")[i % 5]
-        told = {"date": f"2026-0{1 + i % 9}-11", "status": status, "vehicle": f"car {i % 3}"}
+        expected = {"date": f"2026-0{1 + i % 9}-11", "status": status, "vehicle": f"car {i % 3}"}
         values = {} if status == "failed" else {"RR_toe": 0.01 * i, "rear_total_toe_deg": 0.1 * i}
         why = {"stage": "plane", "reason": f"only {i} points"} if status == "failed" else {}
-        made.append(result(f"day {i % 4}/capture {i}", **told, **values, **why))
+        made.append(result(f"day {i % 4}/capture {i}", **expected, **values, **why))
     return made
 
 
@@ -82,14 +82,14 @@ def test_every_field_of_a_json_is_found_again(tmp_path):
         assert row.version == tree["provenance"]["version"]
         assert row == capture_of(catalogue, row.key)
         assert capture_of(catalogue, "f" * 64) is capture_of(catalogue, "no key") is None
-        for wheel, told in zip(wheels_of(catalogue, row.key), tree["wheels"], strict=True):
+        for wheel, expected in zip(wheels_of(catalogue, row.key), tree["wheels"], strict=True):
             for name in ("name", "role", "wheel", "status", "toe_deg", "camber_deg", "u_toe_deg"):
-                assert getattr(wheel, name) == told[name]
+                assert getattr(wheel, name) == expected[name]
             assert (wheel.u_camber_deg, wheel.plane_rms_m) == (
-                told["u_camber_deg"],
-                told["plane_rms_m"],
+                expected["u_camber_deg"],
+                expected["plane_rms_m"],
             )
-            assert wheel.points_on_target == told["points_on_target"]
+            assert wheel.points_on_target == expected["points_on_target"]
         quantities = {q.kind: q for q in quantities_of(catalogue, row.key)}
         assert (quantities["wheelbase_left"].value, quantities["wheelbase_left"].u) == (2.5, 1e-5)
         assert quantities["wheelbase_left"].unit == "m"
@@ -100,7 +100,7 @@ def test_every_field_of_a_json_is_found_again(tmp_path):
 
 def test_the_same_jsons_give_the_same_bytes_whatever_the_way_there(store, tmp_path):
     rebuild(store)
-    told = digest(store.local)
+    expected = digest(store.local)
     trees = some(40)
     for seed in range(3):
         folder = tmp_path / f"other {seed}"
@@ -113,14 +113,14 @@ def test_the_same_jsons_give_the_same_bytes_whatever_the_way_there(store, tmp_pa
         update(other)
         add(other, {**order[12], "vehicle_name": "mistaken"}, *order[13:])
         update(other)
-        assert digest(folder) != told
+        assert digest(folder) != expected
         for tree in strangers:
             other.remove(place(tree["batch"]["key"]))
         add(other, order[12])
         assert update(other) == len(strangers) + 1
-        assert digest(folder) == told
+        assert digest(folder) == expected
         rebuild(other)
-        assert digest(folder) == told
+        assert digest(folder) == expected
 
 
 def test_an_update_reads_only_what_changed(store, monkeypatch):
@@ -211,10 +211,10 @@ def test_what_is_no_result_is_left_alone(store):
 )
 def test_a_damaged_or_foreign_catalogue_is_rebuilt(store, spoil):
     rebuild(store)
-    told = digest(store.local)
+    expected = digest(store.local)
     spoil(store.local / FILE)
     assert len(shown(store.local)) == 40
-    assert digest(store.local) == told
+    assert digest(store.local) == expected
 
 
 def flipped(data: bytes) -> bytes:
@@ -250,13 +250,13 @@ catalogue.update(open_store(sys.argv[1]))
 @pytest.mark.parametrize("moment", ["put", "write_sqlite_file", "_publish"])
 def test_a_catalogue_outlives_a_writer_killed_at_any_moment(store, moment):
     rebuild(store)
-    told = digest(store.local)
+    expected = digest(store.local)
     add(store, *some(5, start=60))
     run = subprocess.run(
         [sys.executable, "-c", KILLED, str(store.local), moment], cwd=ROOT, check=False
     )
     assert run.returncode == -signal.SIGKILL
-    assert digest(store.local) == told
+    assert digest(store.local) == expected
     assert len(list((store.local / PARTIAL).iterdir())) > 1  # so it was at work
     assert len(shown(store.local)) == 45
     assert [e.name for e in store.list() if not e.name.startswith("measurements/")] == [FILE]
@@ -297,7 +297,7 @@ def test_an_open_catalogue_stays_as_it_was(store):
     assert len(shown(store.local)) == 43
 
 
-def test_a_folder_without_results_is_told_in_a_line(tmp_path):
+def test_a_folder_without_results_is_reported_in_one_line(tmp_path):
     with pytest.raises(InputError, match="no results found: give the folder"):
         open_catalogue(str(tmp_path))
     assert list(tmp_path.iterdir()) == []
@@ -312,10 +312,10 @@ def test_results_that_cannot_be_written_to_can_be_read(store, monkeypatch):
         update(store)
 
 
-def test_progress_is_told(store):
-    told = []
-    rebuild(store, lambda done, total: told.append((done, total)))
-    assert told == [(i, 40) for i in range(1, 41)]
+def test_progress_is_reported(store):
+    expected = []
+    rebuild(store, lambda done, total: expected.append((done, total)))
+    assert expected == [(i, 40) for i in range(1, 41)]
 
 
 def test_a_catalogue_in_object_storage(remote, tmp_path, monkeypatch):  # noqa: F811
@@ -374,7 +374,7 @@ def test_segments_spare_the_reading_and_change_nothing(remote, monkeypatch):  # 
     trees = some(14)
     add(remote, *trees)
     rebuild(remote)
-    told = remote.read(FILE)
+    expected = remote.read(FILE)
     collected = Segments(remote)
     for tree in trees[:11]:
         collected.add(read_record(tree["batch"]["key"], text(tree)))
@@ -390,4 +390,4 @@ def test_segments_spare_the_reading_and_change_nothing(remote, monkeypatch):  # 
     assert rebuild(remote) == 14
     jsons = {name for name in read if name.startswith("measurements/")}
     assert jsons == {place(trees[i]["batch"]["key"]) for i in (11, 12, 13)}
-    assert remote.read(FILE) == told
+    assert remote.read(FILE) == expected

@@ -112,7 +112,7 @@ def test_pages_join_to_the_whole_list_in_every_order(catalogue):
     assert dated == sorted(dated)
 
 
-def test_a_quantity_that_is_unknown_is_told_with_the_nearest(catalogue):
+def test_a_quantity_that_is_unknown_is_reported_with_the_nearest(catalogue):
     with pytest.raises(InputError, match=r"'RR tow'.*did you mean 'RR toe'"):
         count(catalogue, Filter(ranges=(Range("RR tow"),)))
     with pytest.raises(InputError, match=r"'wheelbase_lefd'.*did you mean 'wheelbase_left'"):
@@ -142,27 +142,27 @@ def made(values, u=0.0, day=None, quantity="RR toe"):
 
 def test_statistics_agree_with_scipy():
     values = np.random.default_rng(2).standard_t(3, 501) * 0.02 - 1.0
-    told = summarised(made(values, 0.003))
+    done = summarised(made(values, 0.003))
     reference = stats.describe(values)
-    assert told.n == reference.nobs
-    assert (told.low, told.high) == reference.minmax
-    assert told.mean == pytest.approx(reference.mean, rel=1e-12)
-    assert told.sd == pytest.approx(math.sqrt(reference.variance), rel=1e-12)
+    assert done.n == reference.nobs
+    assert (done.low, done.high) == reference.minmax
+    assert done.mean == pytest.approx(reference.mean, rel=1e-12)
+    assert done.sd == pytest.approx(math.sqrt(reference.variance), rel=1e-12)
     mad = stats.median_abs_deviation(values, scale="normal")
-    assert told.robust_sd == pytest.approx(mad, rel=1e-9)
-    assert told.median == np.median(values)
-    assert told.u_rms == pytest.approx(0.003, rel=1e-12)
-    assert abs(told.robust_sd / told.sd - 1.0) > 0.1  # the tails tell one from the other
+    assert done.robust_sd == pytest.approx(mad, rel=1e-9)
+    assert done.median == np.median(values)
+    assert done.u_rms == pytest.approx(0.003, rel=1e-12)
+    assert abs(done.robust_sd / done.sd - 1.0) > 0.1  # the tails tell one from the other
 
 
 def test_the_summary_has_every_quantity_of_the_captures_that_have_it(catalogue):
-    told = {row.quantity: row for row in summary(catalogue)}
-    assert list(told)[:8] == [
+    done = {row.quantity: row for row in summary(catalogue)}
+    assert list(done)[:8] == [
         f"{w} {a}" for w in ("RR", "RL", "FR", "FL") for a in ("toe", "camber")
     ]
-    assert set(told) == set(quantity_units(catalogue))
-    assert {row.n for row in told.values()} == {12}
-    left = told["wheelbase_left"]
+    assert set(done) == set(quantity_units(catalogue))
+    assert {row.n for row in done.values()} == {12}
+    left = done["wheelbase_left"]
     assert (left.unit, left.low, left.high) == ("m", 2.6, 2.611)
     assert left.sd == pytest.approx(0.001 * np.std(np.arange(12), ddof=1), rel=1e-9)
     one_car = summary(catalogue, ["RR toe"], Filter(vehicle="car 0"))
@@ -173,27 +173,27 @@ def test_without_stated_uncertainty_the_drift_is_scipys_regression():
     rng = np.random.default_rng(3)
     day = np.sort(rng.uniform(20000.0, 20300.0, 40))
     values = 0.1 + 3e-5 * day + rng.normal(0.0, 0.02, 40)
-    told = drift(made(values, 0.0, day))
+    done = drift(made(values, 0.0, day))
     reference = stats.linregress(day - day.mean(), values)
-    assert told.slope == pytest.approx(reference.slope, rel=1e-9)
-    assert told.u_slope == pytest.approx(reference.stderr, rel=1e-6)
-    assert told.p == pytest.approx(reference.pvalue, rel=1e-5)
+    assert done.slope == pytest.approx(reference.slope, rel=1e-9)
+    assert done.u_slope == pytest.approx(reference.stderr, rel=1e-6)
+    assert done.p == pytest.approx(reference.pvalue, rel=1e-5)
     width = stats.t.ppf(0.975, 38) * reference.stderr
-    assert told.expanded == pytest.approx(width, rel=1e-6)
-    assert told.at_mean == pytest.approx(reference.intercept, rel=1e-9)
+    assert done.expanded == pytest.approx(width, rel=1e-6)
+    assert done.at_mean == pytest.approx(reference.intercept, rel=1e-9)
 
 
 def test_where_u_explains_the_scatter_the_drift_is_the_weighted_fit():
     rng = np.random.default_rng(4)
     day, u = np.arange(30.0), rng.uniform(0.01, 0.1, 30)
     values = 1.0 + 0.002 * day + 0.5 * u * rng.normal(size=30)
-    told = drift(made(values, u, day))
+    done = drift(made(values, u, day))
     slope, at_zero = np.polyfit(day, values, 1, w=1 / u)
     covariance = np.polyfit(day, values, 1, w=1 / u, cov="unscaled")[1]
-    assert told.scatter == 0.0
-    assert told.slope == pytest.approx(slope, rel=1e-9)
-    assert told.u_slope == pytest.approx(math.sqrt(covariance[0, 0]), rel=1e-9)
-    assert told.at_mean == pytest.approx(at_zero + slope * told.mean_day, rel=1e-9)
+    assert done.scatter == 0.0
+    assert done.slope == pytest.approx(slope, rel=1e-9)
+    assert done.u_slope == pytest.approx(math.sqrt(covariance[0, 0]), rel=1e-9)
+    assert done.at_mean == pytest.approx(at_zero + slope * done.mean_day, rel=1e-9)
     assert abs(slope / np.polyfit(day, values, 1)[0] - 1.0) > 0.01  # weights matter here
 
 
@@ -201,10 +201,10 @@ def test_the_scatter_solves_its_equation():
     rng = np.random.default_rng(5)
     u = rng.uniform(0.001, 0.05, 25)
     values = rng.normal(0.0, 0.03, 25) + u * rng.normal(size=25)
-    told = drift(made(values, u))
-    variance = u**2 + told.scatter**2
-    residuals = values - told.at_mean - told.slope * (np.arange(25.0) - told.mean_day)
-    assert told.scatter > 0.01
+    done = drift(made(values, u))
+    variance = u**2 + done.scatter**2
+    residuals = values - done.at_mean - done.slope * (np.arange(25.0) - done.mean_day)
+    assert done.scatter > 0.01
     assert float(residuals**2 @ (1 / variance)) == pytest.approx(23.0, rel=1e-8)
 
 
@@ -218,8 +218,8 @@ def test_the_interval_holds_the_true_drift_as_often_as_it_says(n, scatter):
         day = rng.uniform(0.0, 90.0, n)
         u = rng.uniform(0.003, 0.02, n)
         values = slope * day + rng.normal(0.0, np.hypot(u, scatter))
-        told = drift(made(values, u, day))
-        held += abs(told.slope - slope) <= told.expanded
+        done = drift(made(values, u, day))
+        held += abs(done.slope - slope) <= done.expanded
     low = stats.binom.ppf(0.5e-4, trials, 0.95)
     high = stats.binom.ppf(1 - 0.5e-4, trials, 0.99 if scatter == 0.0 else 0.95)
     # where u alone explains the scatter, Student's t of n - 2 is a little too wide
@@ -227,12 +227,12 @@ def test_the_interval_holds_the_true_drift_as_often_as_it_says(n, scatter):
 
 
 def test_a_planted_drift_is_found_and_the_rest_is_not(catalogue):
-    told = {row.quantity: row for row in drifts(catalogue)}
-    assert told["RR toe"].significant
-    assert abs(told["RR toe"].slope - TRUE_TREND) <= told["RR toe"].expanded < TRUE_TREND / 2
-    assert told["wheelbase_left"].slope == pytest.approx(0.001 / 5, rel=0.05)
-    assert {name for name, row in told.items() if row.significant} == {"RR toe", "wheelbase_left"}
-    assert (told["RR toe"].first_day, told["RR toe"].last_day) == (20697.0, 20752.0)
+    done = {row.quantity: row for row in drifts(catalogue)}
+    assert done["RR toe"].significant
+    assert abs(done["RR toe"].slope - TRUE_TREND) <= done["RR toe"].expanded < TRUE_TREND / 2
+    assert done["wheelbase_left"].slope == pytest.approx(0.001 / 5, rel=0.05)
+    assert {name for name, row in done.items() if row.significant} == {"RR toe", "wheelbase_left"}
+    assert (done["RR toe"].first_day, done["RR toe"].last_day) == (20697.0, 20752.0)
 
 
 def test_too_little_for_a_drift_says_so():
@@ -261,9 +261,9 @@ def test_the_outlier_is_the_worst(catalogue):
     first, second = worst(catalogue, 2)
     assert (first.name, first.quantity) == ("site/07", "RL camber")
     assert first.key == key_of("site/07")
-    told = {row.quantity: row for row in summary(catalogue)}["RL camber"]
-    width = max(told.robust_sd, told.u_rms)
-    assert first.score == pytest.approx(abs(first.value - told.median) / width, rel=1e-12)
+    done = {row.quantity: row for row in summary(catalogue)}["RL camber"]
+    width = max(done.robust_sd, done.u_rms)
+    assert first.score == pytest.approx(abs(first.value - done.median) / width, rel=1e-12)
     assert first.score > 10.0
     assert second.score < first.score
     assert worst(catalogue, 1, ["wheelbase_left"])[0].name in ("site/00", "site/11")
@@ -298,9 +298,9 @@ def test_a_large_catalogue_in_blocks_is_the_same(catalogue, monkeypatch):
 )
 def test_sql_that_does_not_read_is_refused_in_a_line(catalogue, results, statement):
     before = hashlib.sha256((results / "catalogue.sqlite").read_bytes()).digest()
-    with pytest.raises(InputError, match="--sql: ") as told:
+    with pytest.raises(InputError, match="--sql: ") as done:
         list(ask(catalogue, statement).rows)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(done.value)
     assert hashlib.sha256((results / "catalogue.sqlite").read_bytes()).digest() == before
 
 
@@ -332,16 +332,16 @@ def run_process(*arguments) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_list_has_signs_units_reasons_and_totals(results):
-    told = run_process(results)
-    assert (told.returncode, told.stderr) == (1, "")
-    lines = told.stdout.splitlines()
+    done = run_process(results)
+    assert (done.returncode, done.stderr) == (1, "")
+    lines = done.stdout.splitlines()
     assert lines[0].split()[:5] == ["capture", "date", "vehicle", "status", "wheels"]
     assert len(lines) == 1 + 17 + 3
     by_name = {line.split("  ")[0]: line for line in lines}
     assert "+00°06'" in by_name["site/00"]
     assert "-00°5" in by_name["site/00"] or "-01°00'" in by_name["site/00"]
     assert "segment: site/bad 0/rr.ply" in by_name["site/bad 0"]
-    assert "\x1b" not in told.stdout
+    assert "\x1b" not in done.stdout
     assert "\\x1b[2J" in by_name["=site/formula"]
     assert lines[-1] == "17 captures: 4 failed, 11 ok, 1 part, 1 quarantined."
     assert "Toe-in and camber with the top outward are positive" in lines[-2]
@@ -361,12 +361,12 @@ def test_exit_codes_and_filters_of_the_command(results):
     assert run(results, *asked).stdout == "\n".join(alone)
 
 
-def test_captures_without_a_date_are_told_where_dates_are_asked_for(results, catalogue):
+def test_captures_without_a_date_are_reported_where_dates_are_asked_for(results, catalogue):
     undated = sum(row.day is None for row in captures(catalogue))
-    told = run(results, "--since", "2000-01-01")
+    done = run(results, "--since", "2000-01-01")
     assert undated > 0
-    assert told.stderr.startswith(f"{undated} captures without a date are left out")
-    assert f"{17 - undated} captures" in told.stdout
+    assert done.stderr.startswith(f"{undated} captures without a date are left out")
+    assert f"{17 - undated} captures" in done.stdout
     assert run(results).stderr == ""
 
 
@@ -396,22 +396,22 @@ def test_csv_is_printed_as_it_is_written(results, tmp_path):
     ],
 )
 def test_a_bad_argument_is_one_line(results, arguments, text):
-    told = run(results, *arguments)
-    assert (told.returncode, told.stdout) == (2, "")
-    assert told.stderr.count("\n") == 1
-    assert text in told.stderr
+    done = run(results, *arguments)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1
+    assert text in done.stderr
 
 
 def test_no_results_is_one_line(tmp_path):
     for where in (tmp_path, tmp_path / "nowhere", __file__):
-        told = run(where)
-        assert told.returncode == 2
-        assert told.stderr.startswith("wheelplane: ")
-        assert told.stderr.count("\n") == 1
+        done = run(where)
+        assert done.returncode == 2
+        assert done.stderr.startswith("wheelplane: ")
+        assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("mode", ["--summary", "--drift", "--failures", "--worst=3"])
-def test_text_and_json_of_a_mode_tell_the_same(results, mode):
+def test_text_and_json_of_a_mode_agree(results, mode):
     text, tree = run(results, mode).stdout, json.loads(run(results, mode, "--json").stdout)
     (name,) = set(tree) - {"schema"}
     assert name in mode
@@ -424,9 +424,9 @@ def test_text_and_json_of_a_mode_tell_the_same(results, mode):
 
 def spreadsheet(results, tmp_path, kind):
     path = tmp_path / f"table.{kind}"
-    told = run(results, f"--{kind}", path)
-    assert (told.returncode, told.stdout) == (1, "")
-    assert told.stderr == f"wrote {path} (17 captures)\n"
+    done = run(results, f"--{kind}", path)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == f"wrote {path} (17 captures)\n"
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
     first = path.read_bytes()
     assert run(results, f"--{kind}", path).returncode == 1
@@ -465,7 +465,7 @@ def test_an_exported_table_holds_every_number(results, catalogue, tmp_path, kind
             assert float(row[f"u_{column}"]) == pytest.approx(u, rel=exact, abs=0.0)
 
 
-def test_what_excel_does_not_take_is_told(monkeypatch, catalogue, tmp_path):
+def test_what_excel_does_not_take_is_reported(monkeypatch, catalogue, tmp_path):
     monkeypatch.setattr(export, "EXCEL_ROWS", 17)
     with pytest.raises(InputError, match=r"17 captures exceed the 16 rows.*--parquet"):
         export.export(tmp_path / "t.xlsx", export.table(catalogue), export.write_xlsx)
@@ -480,7 +480,7 @@ def test_what_excel_does_not_take_is_told(monkeypatch, catalogue, tmp_path):
     assert cell.endswith("x…")
 
 
-def test_a_missing_library_is_told_in_a_line(monkeypatch, tmp_path):
+def test_a_missing_library_is_reported_in_one_line(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "duckdb", None)
     with pytest.raises(MissingDependencyError, match=r"pip install 'wheelplane\[tables\]'"):
         export.write_parquet(tmp_path / "t.parquet", {"name": np.array(["a"], object)})

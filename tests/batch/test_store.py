@@ -93,7 +93,7 @@ def test_write_new_never_replaces_and_write_does(store):
     assert store.exclusive
 
 
-def test_what_is_not_there_is_told_in_a_line(store, tmp_path):
+def test_what_is_not_there_is_reported_in_one_line(store, tmp_path):
     for ask in (store.read, lambda name: store.fetch(name, tmp_path / "copies")):
         with pytest.raises(InputError, match=r"none\.json.*[Nn]o such"):
             ask("none.json")
@@ -228,13 +228,13 @@ def test_a_folder_with_odd_links_is_listed_once(tmp_path):
         ("file://elsewhere/a", InputError, "host elsewhere"),
     ],
 )
-def test_a_url_that_leads_nowhere_is_told_in_a_line(url, error, text, remote):
-    with pytest.raises(error, match=text) as told:
+def test_a_url_that_leads_nowhere_is_reported_in_one_line(url, error, text, remote):
+    with pytest.raises(error, match=text) as caught:
         open_store(url)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
-def test_a_server_that_does_not_answer_is_told_in_a_line(remote, monkeypatch):
+def test_a_server_that_does_not_answer_is_reported_in_one_line(remote, monkeypatch):
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     with pytest.raises(InputError, match=r"after 3 tries.*address, credentials"):
         open_store("s3://cars/results")

@@ -55,11 +55,11 @@ class FailingProxy:
 
             def answer(self, status: int, headers: list[tuple[str, str]], content: bytes) -> None:
                 self.send_response_only(status)
-                told = {name.lower() for name, _ in headers}
+                names = {name.lower() for name, _ in headers}
                 for name, value in headers:
                     if name.lower() not in ("transfer-encoding", "connection"):
                         self.send_header(name, value)
-                if "content-length" not in told:
+                if "content-length" not in names:
                     self.send_header("Content-Length", str(len(content)))
                 self.end_headers()
                 if self.command != "HEAD":

@@ -68,11 +68,11 @@ class Site:
 
     def ended(self, job: str) -> dict[str, object]:
         for _ in range(1200):
-            told = self.get(f"/api/jobs/{job}").json
-            if told["state"] in ("done", "failed", "cancelled"):
-                return told
+            state = self.get(f"/api/jobs/{job}").json
+            if state["state"] in ("done", "failed", "cancelled"):
+                return state
             time.sleep(0.05)
-        raise AssertionError(f"job {job} does not end: {told}")
+        raise AssertionError(f"job {job} does not end: {state}")
 
     def copy(self, source: Path, name: str) -> Path:
         place = self.allowed / name

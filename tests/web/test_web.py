@@ -44,9 +44,9 @@ def dense(site):
     return finished(site.measure({"root": 0, "path": "capture"}))
 
 
-def finished(told):
-    assert told["state"] == "done", told
-    return told["id"]
+def finished(job_state):
+    assert job_state["state"] == "done", job_state
+    return job_state["id"]
 
 
 def file_of(site, job, name):
@@ -92,9 +92,9 @@ def test_an_allowed_folder_that_is_a_capture_is_measured_by_its_own_name(tmp_pat
     (site.allowed / "capture.toml").write_text(
         '[reference]\nRR = "RR.ply"\nRL = "RL.ply"\nFR = "FR.ply"\nFL = "../FL.ply"\n'
     )
-    told = site.measure({"root": 0, "path": ""})
-    assert told["name"] == "allowed"
-    assert told["failure"]["text"].startswith("allowed: '../FL.ply' is outside")
+    job_state = site.measure({"root": 0, "path": ""})
+    assert job_state["name"] == "allowed"
+    assert job_state["failure"]["text"].startswith("allowed: '../FL.ply' is outside")
     site.close()
 
 
@@ -135,9 +135,9 @@ def test_an_upload_of_several_files_is_a_capture(site):
         if path.suffix in (".ply", ".toml"):
             answer = site.put(f"/api/uploads/{upload}/dropped/{path.name}", path.read_bytes())
             assert answer.status_code == 200
-    told = site.measure({"upload": upload})
-    job = finished(told)
-    assert told["name"] == "dropped"
+    job_state = site.measure({"upload": upload})
+    job = finished(job_state)
+    assert job_state["name"] == "dropped"
     assert site.app.config["state"].jobs.found(job).finished.wait(20)
     assert list((site.allowed.parent / "scratch").glob("upload-*")) == []  # nothing is left of it
     names = [wheel["name"] for wheel in file_of(site, job, "measurement.json").json["wheels"]]
@@ -149,12 +149,12 @@ def test_a_zip_is_a_capture(site):
     with zipfile.ZipFile(out, "w") as archive:
         for path in (site.allowed / "capture").iterdir():
             archive.write(path, f"car/{path.name}")
-    told = site.measure({"upload": site.send(car__zip=out.getvalue())})
-    assert finished(told)
-    assert told["name"] == "car.zip"
+    job_state = site.measure({"upload": site.send(car__zip=out.getvalue())})
+    assert finished(job_state)
+    assert job_state["name"] == "car.zip"
 
 
-def test_progress_is_told_and_cancelling_ends_the_work(site):
+def test_progress_is_reported_and_cancelling_ends_the_work(site):
     job = site.post("/api/measure", {"root": 0, "path": "capture"}).json
     assert job["state"] in ("waiting", "running")
     assert site.post(f"/api/jobs/{job['id']}/cancel", {}).status_code == 200
@@ -192,28 +192,32 @@ def test_a_structure_error_shows_the_lines_of_the_file(site):
     rows = PAPER.read_text().splitlines()
     rows[16] = "1.0 2.0 x<i>3</i>"
     (site.allowed / "bad.txt").write_text("\n".join(rows))
-    told = site.measure({"root": 0, "path": "bad.txt"})["failure"]
-    assert "line 17" in told["text"]
-    assert told["text"].startswith("bad.txt: ")
-    assert (told["file"], told["first"], told["last"]) == ("bad.txt", 17, 17)
-    assert [number for number, _ in told["lines"]] == list(range(14, 21))
-    assert dict(told["lines"])[17] == "1.0 2.0 x<i>3</i>"
+    job_state = site.measure({"root": 0, "path": "bad.txt"})["failure"]
+    assert "line 17" in job_state["text"]
+    assert job_state["text"].startswith("bad.txt: ")
+    assert (job_state["file"], job_state["first"], job_state["last"]) == (
+        "bad.txt",
+        17,
+        17,
+    )
+    assert [number for number, _ in job_state["lines"]] == list(range(14, 21))
+    assert dict(job_state["lines"])[17] == "1.0 2.0 x<i>3</i>"
 
 
 def test_a_mistake_in_capture_toml_shows_its_line(site):
     folder = site.allowed / "mistaken"
     folder.mkdir()
     (folder / "capture.toml").write_text('vehicle = "x"\ntarget = disc\n')
-    told = site.measure({"root": 0, "path": "mistaken"})["failure"]
-    assert (told["file"], told["first"]) == ("capture.toml", 2)
+    job_state = site.measure({"root": 0, "path": "mistaken"})["failure"]
+    assert (job_state["file"], job_state["first"]) == ("capture.toml", 2)
 
 
 def test_excerpts_hold_text_only(tmp_path):
     path = tmp_path / "a.txt"
     path.write_bytes(b"one\n" + b"x" * 100_000 + b"\n\x1b[31mred\xff\n")
-    told = failure("a.txt: line 3: wrong", path)
-    assert [number for number, _ in told["lines"]] == [1, 2, 3]
-    assert all(text.isprintable() and len(text) <= 160 for _, text in told["lines"])
+    job_state = failure("a.txt: line 3: wrong", path)
+    assert [number for number, _ in job_state["lines"]] == [1, 2, 3]
+    assert all(text.isprintable() and len(text) <= 160 for _, text in job_state["lines"])
     path.write_bytes(b"\0\n\n\n")
     assert "lines" not in failure("a.txt: line 3: wrong", path)
     assert "lines" not in failure("a.txt: line 99: beyond", path)
@@ -311,8 +315,8 @@ def test_a_report_can_be_shown_and_downloaded(site, five):
 
 def compared(site, first, second):
     answer = site.post("/api/compare", {"first": first, "second": second})
-    told = site.ended(answer.json["id"])
-    return told, site.get(f"/api/jobs/{told['id']}/comparison.json").json
+    job_state = site.ended(answer.json["id"])
+    return job_state, site.get(f"/api/jobs/{job_state['id']}/comparison.json").json
 
 
 def test_a_capture_agrees_with_its_five_points(site, dense):
@@ -320,8 +324,8 @@ def test_a_capture_agrees_with_its_five_points(site, dense):
         (site.allowed / "capture" / "five-point.txt").read_bytes()
     )
     five = finished(site.measure({"root": 0, "path": "survey.txt"}))
-    told, found = compared(site, dense, five)
-    assert told["state"] == "done"
+    job_state, found = compared(site, dense, five)
+    assert job_state["state"] == "done"
     assert found["verdict"] == "agree"
     assert {row[0] for row in found["table"]["rows"]} == {"RR", "RL", "FR", "FL", "1"}
     dense_tree, five_tree = (file_of(site, job, "measurement.json").json for job in (dense, five))
@@ -338,16 +342,16 @@ def test_another_alignment_of_the_wheels_disagrees(site, dense):
     for path in capture.iterdir():
         name = {"rr.ply": "trial-1.ply", "trial-1.ply": "rr.ply"}.get(path.name, path.name)
         (other / name).write_bytes(path.read_bytes())
-    told, found = compared(site, dense, finished(site.measure({"root": 0, "path": "turned"})))
-    assert told["state"] == "done"
+    job_state, found = compared(site, dense, finished(site.measure({"root": 0, "path": "turned"})))
+    assert job_state["state"] == "done"
     assert found["verdict"] == "disagree"
     assert {row[0] for row in found["table"]["rows"] if row[-1] == "disagree"} >= {"RR", "1"}
 
 
 def test_two_cars_are_not_compared(site, dense, five):
-    told, _ = compared(site, dense, five)
-    assert told["state"] == "failed"
-    assert "check the length units" in told["failure"]["text"]
+    job_state, _ = compared(site, dense, five)
+    assert job_state["state"] == "failed"
+    assert "check the length units" in job_state["failure"]["text"]
     answer = site.post("/api/compare", {"first": dense, "second": "gone"})
     assert answer.status_code == 404
 
@@ -363,10 +367,10 @@ def results(site, five):
 
 def test_an_archive_is_browsed(site, results):
     assert "results" in {i["kind"] for i in site.get("/api/files/0/").json["items"]}
-    told = site.get("/api/archive/overview/0/results").json
-    assert told["total"] == 12
-    assert [n for status, _, n in told["statuses"] if status == "failed"] == [1]
-    assert told["vehicles"] == ["AA-00", "AA-01", "AA-02"]
+    job_state = site.get("/api/archive/overview/0/results").json
+    assert job_state["total"] == 12
+    assert [n for status, _, n in job_state["statuses"] if status == "failed"] == [1]
+    assert job_state["vehicles"] == ["AA-00", "AA-01", "AA-02"]
     page = site.get("/api/archive/captures/0/results?status=ok&text=car-0").json
     assert page["total"] == 10
     assert [row[0] for row in page["table"]["rows"]][:2] == ["2026/car-00", "2026/car-01"]
@@ -379,10 +383,10 @@ def test_an_archive_is_browsed(site, results):
 
 
 def test_a_drift_is_shown(site, results):
-    told = site.get("/api/archive/trends/0/results").json
-    assert told["quantities"][0] == "RR toe"
+    job_state = site.get("/api/archive/trends/0/results").json
+    assert job_state["quantities"][0] == "RR toe"
     # 0.01 degrees a month over eleven months
-    row = told["table"]["rows"][0]
+    row = job_state["table"]["rows"][0]
     assert float(row[2].rstrip('"')) == pytest.approx(0.12 * 3600, rel=0.03)
     assert site.get("/api/archive-plot/0/results?quantity=RR%20toe").data.startswith(b"<svg")
     assert site.get("/api/archive-plot/0/results?quantity=nothing").status_code in (400, 404)
@@ -426,7 +430,7 @@ def test_every_text_that_the_page_asks_for_is_there_and_none_besides():
     assert {name for name in known - asked - quoted - STATED if not name.startswith(BUILT)} == set()
 
 
-def test_an_unknown_language_is_told(site):
+def test_an_unknown_language_is_reported(site):
     assert site.post("/api/language/xx", {}).status_code == 400
     with pytest.raises(InputError):
         load_translations("xx")

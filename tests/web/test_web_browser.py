@@ -129,8 +129,10 @@ class Visit:
 
         options = {"runOnly": {"type": "tag", "values": WCAG}}
         found = Axe().run(self.page, options=options).response["violations"]
-        told = [(fault["id"], [node["html"][:200] for node in fault["nodes"]]) for fault in found]
-        assert told == [], json.dumps(told, indent=1)
+        reported = [
+            (fault["id"], [node["html"][:200] for node in fault["nodes"]]) for fault in found
+        ]
+        assert reported == [], json.dumps(reported, indent=1)
 
 
 def until(page, expression):
@@ -264,10 +266,16 @@ def crowd():
     wheels = []
     for i, (name, wheel, role) in enumerate(scans):
         x, y = corners[wheel]
-        told = {"name": name, "role": role, "wheel": wheel, "status": "ok", "colour_class": role}
-        told |= {"centre": [x, y + 1e-4 * i, 0.3], "normal": [0, 1 if y > 0 else -1, 0]}
+        reported = {
+            "name": name,
+            "role": role,
+            "wheel": wheel,
+            "status": "ok",
+            "colour_class": role,
+        }
+        reported |= {"centre": [x, y + 1e-4 * i, 0.3], "normal": [0, 1 if y > 0 else -1, 0]}
         wheels.append(
-            told | {"outline": [], "toe_text": "+0° 10' 0\"", "camber_text": "-0° 30' 0\""}
+            reported | {"outline": [], "toe_text": "+0° 10' 0\"", "camber_text": "-0° 30' 0\""}
         )
     ends = {"forward": [0.5, 0, 0], "left": [0, 0.5, 0], "up": [0, 0, 0.5]}
     axes = [{"name": n, "layer": "axes", "from": [0, 0, 0], "to": to} for n, to in ends.items()]
@@ -315,7 +323,7 @@ def test_labels_of_many_scans_leave_one_another_room(visit):
             assert top >= whole[1]
             assert right <= whole[2]
             assert bottom <= whole[3]
-        visit.check_with_axe()
+    visit.check_with_axe()
 
 
 def test_a_wheel_is_chosen_in_the_picture(visit):
@@ -484,14 +492,14 @@ def test_while_too_many_wait_the_page_asks_again(visit):
 
 
 def test_angles_whose_points_are_lost_are_shown_with_the_reason(visit):
-    told = []
+    reported = []
 
     def lose_points(route):
         answer = route.fetch()
         job = answer.json()
         if job["state"] == "done":
-            told.append(job)
-            job |= {"state": "ready"} if len(told) == 1 else {"note": "rr.ply: it is gone"}
+            reported.append(job)
+            job |= {"state": "ready"} if len(reported) == 1 else {"note": "rr.ply: it is gone"}
         route.fulfill(response=answer, json=job)
 
     visit.context.route("**/api/jobs/*", lose_points)
@@ -535,9 +543,9 @@ def test_everything_is_reached_by_keyboard(visit):
     seen = set()
     for _ in range(40):
         page.keyboard.press("Tab")
-        told = page.evaluate("document.activeElement.innerText || document.activeElement.id")
-        seen.add(told.split("\n")[0])
-        if told.startswith("figure-4.txt"):
+        reported = page.evaluate("document.activeElement.innerText || document.activeElement.id")
+        seen.add(reported.split("\n")[0])
+        if reported.startswith("figure-4.txt"):
             page.keyboard.press("Enter")
             break
     assert {"Measure", "Compare", "Archive", "Manual", "Choose files …"} <= seen
@@ -553,7 +561,7 @@ def test_everything_is_reached_by_keyboard(visit):
     assert page.locator(".evidence h2").inner_text() == "Details of FR"
 
 
-def test_a_server_that_is_gone_is_told(browser, address):
+def test_a_server_that_is_gone_is_reported(browser, address):
     visit = Visit(browser, address)
     page = visit.open()
     page.wait_for_selector(".items")

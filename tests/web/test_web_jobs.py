@@ -19,7 +19,7 @@ import json, os, pathlib, sys, time
 plan = json.load(sys.stdin)
 out, unpacked = pathlib.Path(plan["out"]), pathlib.Path(os.environ["TMPDIR"], "rr.ply")
 unpacked.write_text("a scan")
-def say(**told): print(json.dumps(told), flush=True)
+def say(**job_state): print(json.dumps(job_state), flush=True)
 def wait(name):
     while not (out / name).exists(): time.sleep(0.01)
 if plan["task"] == "report" and "do" not in plan:
@@ -76,8 +76,8 @@ def test_a_report_leaves_alone_what_its_measurement_has_unpacked(site):
                 state="ready")  # fmt: skip
     assert site.get(f"/api/jobs/{job.id}/report.txt").text == "a report"
     (job.folder / "go").touch()
-    told = site.ended(job.id)
-    assert (told["state"], told["note"]) == ("done", "")
+    job_state = site.ended(job.id)
+    assert (job_state["state"], job_state["note"]) == ("done", "")
     assert job.finished.wait(60)
     assert list(site.allowed.parent.rglob("rr.ply")) == []  # none is left behind
 
@@ -92,10 +92,10 @@ def test_a_report_leaves_alone_what_its_measurement_has_unpacked(site):
 )
 def test_angles_that_are_ready_outlive_a_failure_of_the_points(site, end, said):
     job = ended(site, READY + end)
-    told = site.get(f"/api/jobs/{job.id}").json
-    assert told["state"] == "done"
-    assert said in told["note"]
-    assert told["failure"] is None
+    job_state = site.get(f"/api/jobs/{job.id}").json
+    assert job_state["state"] == "done"
+    assert said in job_state["note"]
+    assert job_state["failure"] is None
     assert site.get(f"/api/jobs/{job.id}/measurement.json").status_code == 200
     assert ended(site, end).state == "failed"  # which without angles it stays
 

@@ -88,16 +88,18 @@ def test_a_request_without_the_cookie_learns_nothing(site):
 
 
 def test_the_cookie_is_strict_and_hidden_from_scripts(site):
-    told = site.get("/").headers["Set-Cookie"]
-    assert "SameSite=Strict" in told
-    assert "HttpOnly" in told
+    job_state = site.get("/").headers["Set-Cookie"]
+    assert "SameSite=Strict" in job_state
+    assert "HttpOnly" in job_state
 
 
 def test_pages_at_two_ports_of_a_machine_leave_each_other_alone(tmp_path):
     sites = [Site(tmp_path / str(port), port=port) for port in (8765, 8766)]
-    told = [site.get("/").headers["Set-Cookie"].split(";")[0] for site in sites]
-    names = [cookie.partition("=")[0] for cookie in told]
-    kept = dict(zip(names, told, strict=True))  # as a browser keeps them: one of a name for a host
+    job_state = [site.get("/").headers["Set-Cookie"].split(";")[0] for site in sites]
+    names = [cookie.partition("=")[0] for cookie in job_state]
+    kept = dict(
+        zip(names, job_state, strict=True)
+    )  # as a browser keeps them: one of a name for a host
     for site in sites:
         bare = site.app.test_client(use_cookies=False)
         headers = {"Host": f"127.0.0.1:{site.guard.port}", "Cookie": "; ".join(kept.values())}
@@ -274,10 +276,10 @@ def test_a_capture_names_nothing_beyond_the_allowed_folder(site, tmp_path, line)
     (capture / "linked").symlink_to(tmp_path)
     others = "\n".join(f'{wheel} = "../figure-4.txt"' for wheel in ("RL", "FR", "FL"))
     (capture / "capture.toml").write_text(f'target = "disc-250"\n[reference]\n{line}\n{others}\n')
-    told = site.measure({"root": 0, "path": "capture"})
-    assert told["state"] == "failed"
-    assert "outside the allowed folder" in told["failure"]["text"]
-    assert SECRET not in str(told)
+    job_state = site.measure({"root": 0, "path": "capture"})
+    assert job_state["state"] == "failed"
+    assert "outside the allowed folder" in job_state["failure"]["text"]
+    assert SECRET not in str(job_state)
 
 
 @pytest.mark.parametrize("key", ["target", "scanner", "cloud"])
@@ -319,8 +321,8 @@ def test_scans_by_their_names_may_be_no_links_to_elsewhere(site, tmp_path):
     capture.mkdir()
     for wheel in ("rr", "rl", "fr", "fl"):
         (capture / f"{wheel}.xyz").symlink_to(tmp_path / "secret.txt")
-    told = site.measure({"root": 0, "path": "capture", **DISC})
-    assert "outside the allowed folder" in told["failure"]["text"]
+    job_state = site.measure({"root": 0, "path": "capture", **DISC})
+    assert "outside the allowed folder" in job_state["failure"]["text"]
 
 
 @pytest.mark.parametrize(
@@ -426,7 +428,7 @@ def test_other_requests_are_small(site):
 @pytest.mark.parametrize(
     "data", [b"", b"[]", b'"text"', b"{", b"\xff\xfe", b'{"upload": 3}', b'{"root": {}}', b"null"]
 )
-def test_malformed_requests_are_told_as_such(site, data):
+def test_malformed_requests_are_reported_as_such(site, data):
     for path in ("/api/measure", "/api/compare"):
         answer = site.ask("POST", path, data=data, content_type="application/json")
         assert answer.status_code in (400, 404), path
@@ -447,9 +449,9 @@ def test_malformed_requests_are_told_as_such(site, data):
 )  # fmt: skip
 def test_malformed_files_end_in_one_line(site, name, data):
     upload = site.send(**{name.replace(".", "__"): data})
-    told = site.measure({"upload": upload, **DISC})
-    assert told["state"] == "failed"
-    text = told["failure"]["text"]
+    job_state = site.measure({"upload": upload, **DISC})
+    assert job_state["state"] == "failed"
+    text = job_state["failure"]["text"]
     assert name in text
     assert "\n" not in text
     assert "internal error" not in text
@@ -468,9 +470,11 @@ def test_a_zip_bomb_is_refused_before_it_is_unpacked(site):
     bomb = zip_of({f"{wheel}.xyz": b"0 0 0\n" * (50 << 20) for wheel in ("rr",)})
     # Many members that share one body: 1.5 GB declared in a small file.
     bomb = declared_larger(bomb, 1 << 31)
-    told = site.measure({"upload": site.send(bomb__zip=bomb), **DISC})
-    assert told["state"] == "failed"
-    assert "unpacks to" in told["failure"]["text"] or "unpacked" in told["failure"]["text"]
+    job_state = site.measure({"upload": site.send(bomb__zip=bomb), **DISC})
+    assert job_state["state"] == "failed"
+    assert (
+        "unpacks to" in job_state["failure"]["text"] or "unpacked" in job_state["failure"]["text"]
+    )
     assert stored(site) < 10 << 20
 
 
@@ -492,30 +496,30 @@ def test_an_archive_whose_members_point_outside_is_refused(site):
         info.size = 3
         archive.addfile(info, io.BytesIO(b"ply"))
     for name, data in (("evil.tar", out.getvalue()), ("evil.zip", zip_of({"../x.ply": b"ply"}))):
-        told = site.measure({"upload": site.send(**{name.replace(".", "__"): data})})
-        assert "points outside" in told["failure"]["text"], name
+        job_state = site.measure({"upload": site.send(**{name.replace(".", "__"): data})})
+        assert "points outside" in job_state["failure"]["text"], name
 
 
 def test_what_takes_too_long_is_stopped(tmp_path):
     site = Site(tmp_path, seconds=0.05)
     try:
         site.copy(PAPER, "figure-4.txt")
-        told = site.measure({"root": 0, "path": "figure-4.txt"})
-        assert told["state"] == "failed"
-        assert "longer than 0.05 s" in told["failure"]["text"]
-        assert "--time-limit" in told["failure"]["text"]
+        job_state = site.measure({"root": 0, "path": "figure-4.txt"})
+        assert job_state["state"] == "failed"
+        assert "longer than 0.05 s" in job_state["failure"]["text"]
+        assert "--time-limit" in job_state["failure"]["text"]
     finally:
         site.close()
 
 
-def test_what_takes_too_much_memory_is_told_so(tmp_path):
+def test_what_takes_too_much_memory_is_reported(tmp_path):
     site = Site(tmp_path, memory_bytes=100 << 20)
     try:
         out = io.BytesIO()
         np.save(out, np.zeros((5_000_000, 3), np.float32))
-        told = site.measure({"upload": site.send(a__npy=out.getvalue())} | DISC)
-        assert told["state"] == "failed"
-        assert "memory" in told["failure"]["text"]
+        job_state = site.measure({"upload": site.send(a__npy=out.getvalue())} | DISC)
+        assert job_state["state"] == "failed"
+        assert "memory" in job_state["failure"]["text"]
     finally:
         site.close()
 
@@ -528,9 +532,9 @@ def test_scripts_in_names_stay_text(tmp_path):
     name = "<script>alert(1)<script>.txt"
     (site.allowed / name).write_bytes(PAPER.read_bytes())
     try:
-        told = site.measure({"root": 0, "path": name})
-        assert told["state"] == "done"
-        report = site.get(f"/api/jobs/{told['id']}/report.html")
+        job_state = site.measure({"root": 0, "path": name})
+        assert job_state["state"] == "done"
+        report = site.get(f"/api/jobs/{job_state['id']}/report.html")
         assert report.status_code == 200
         assert "<script>alert" not in report.text
         policy = report.headers["Content-Security-Policy"]

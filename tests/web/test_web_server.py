@@ -174,7 +174,7 @@ def test_beyond_loopback_the_address_holds_a_token(tmp_path):
         (["--port", "99999"], "--port"),
     ],
 )
-def test_what_cannot_be_served_is_told_in_a_line(tmp_path, arguments, said):
+def test_what_cannot_be_served_is_reported_in_one_line(tmp_path, arguments, said):
     run = subprocess.run(
         [sys.executable, "-c", CODE, "view", "--no-browser", *arguments],
         cwd=tmp_path,
