@@ -2,7 +2,7 @@
 
 from .components import UncertaintyComponent, centre_component, plane_component
 from .distributions import (
-    as_many,
+    binomial_tail,
     chi_square_beyond,
     chi_square_limits,
     coverage_factor,
@@ -31,7 +31,7 @@ __all__ = [
     "Effect",
     "MonteCarlo",
     "UncertaintyComponent",
-    "as_many",
+    "binomial_tail",
     "centre_component",
     "chi_square_beyond",
     "chi_square_limits",

@@ -1,8 +1,8 @@
-"""What makes a target's normal and centre uncertain: one record a cause, one builder a kind.
+"""Uncertainty components of a target's normal and centre: one record, one builder for each kind.
 
-A cause moves the normal by a small vector (rad) and the centre by another (m), both in scanner
-coordinates; six numbers, the normal's first. Type A causes come from the scatter of the points,
-type B from what the target's and the scanner's files state.
+A component moves the normal by a small vector (rad) and the centre by another (m), both in scanner
+coordinates; six numbers, the normal's first. Type A components are estimated from the scatter of
+the points, type B components are stated in the target's and the scanner's files.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from ..vectors import Array
 
 @dataclass(frozen=True)
 class UncertaintyComponent:
-    """One line of the budget, for one target.
+    """One line of the uncertainty budget, for one target.
 
     factor: (6, k); k independent unit variables act through its columns, so that its covariance is
-    factor @ factor.T. freedom: degrees of freedom behind it; infinite for type B.
-    shared: causes of several targets with the same name and the same key are one and the same
-    effect, column by column; None is this target's alone. pooled: its size was estimated once, from
-    all targets together. turn: (k,) of the face about its normal, rad, where that is seen.
+    factor @ factor.T. dof: degrees of freedom; infinite for type B. shared: components of several
+    targets with the same name and key are fully correlated, column by column; None: independent of
+    other targets. pooled: its size was estimated once, from all targets together. turn: (k,)
+    in-plane rotation of the target, rad, where it is observed.
     """
 
     name: str
@@ -36,14 +36,14 @@ class UncertaintyComponent:
 
     @property
     def covariance(self) -> Array:
-        """(6, 6) of the normal (rad), then the centre (m)."""
+        """Covariance (6, 6) of the normal (rad), then the centre (m)."""
         return np.asarray(self.factor @ self.factor.T)
 
 
 class UncertainTarget(Protocol):
     """A plane and a centre whose uncertainty is propagated; scanner coordinates.
 
-    centre_m: (3,). normal: (3,) unit. causes: of the uncertainty of both.
+    centre_m: (3,). normal: (3,) unit. components: of their uncertainty.
     """
 
     @property
@@ -63,12 +63,12 @@ def plane_component(
     dof: float = math.inf,
     turn_by_plane: Array | None = None,
 ) -> UncertaintyComponent:
-    """Of a fitted plane.
+    """Return the component of a fitted plane.
 
     covariance: (3, 3) of its height (m) at the centroid and its slopes along basis[0], basis[1].
-    lever_m: (3,) from the centroid to the centre, which moves along the normal with the plane;
-    by_plane: (2, 3) and within it, by the height at the centre and the slopes (see rim.RimFit);
-    turn_by_plane: (3,) how the face's turn goes with the same.
+    lever_m: (3,) from the centroid to the centre, which moves along the normal with the plane.
+    by_plane: (2, 3) derivatives of the centre in the plane by the height at the centre and the
+    slopes (see EdgeFit); turn_by_plane: (3,) those of the target's in-plane rotation.
     """
     at_centre = _root(covariance)
     at_centre[0] += (basis[:2] @ lever_m) @ at_centre[1:]
@@ -84,9 +84,10 @@ def plane_component(
 def centre_component(
     name: str, covariance: Array, basis: Array, dof: float = math.inf
 ) -> UncertaintyComponent:
-    """Of a centre's place in its plane, along basis[0] and basis[1]: covariance (2, 2), m^2.
+    """Return the component of a centre's position in its plane.
 
-    Of place and turn (3, 3) where the face shows its turn about the normal, rad.
+    covariance: (2, 2) along basis[0] and basis[1], m^2; or (3, 3) of position and in-plane rotation
+    (rad) where the target shows its rotation.
     """
     root = _root(covariance)
     factor = np.vstack([np.zeros((3, len(root))), basis[:2].T @ root[:2]])
@@ -94,10 +95,10 @@ def centre_component(
 
 
 def flatness_component(flatness_m: float, radius_m: float, normal: Array) -> UncertaintyComponent:
-    """Of a face that lies between two planes flatness_m apart, its form unknown.
+    """Return the component of a target's form: it lies between two planes flatness_m apart.
 
-    Its least-squares plane may lean by any tilt up to flatness/diameter, all alike, which is half
-    of that per axis as a standard uncertainty; the mean of a smooth form stays within a tenth.
+    The tilt of its least-squares plane is distributed uniformly up to flatness/diameter, whose
+    standard uncertainty per axis is half of that; the mean of a smooth form is within a tenth.
     """
     tilt, height = flatness_m / (4.0 * radius_m), flatness_m / 10.0
     factor = np.zeros((6, 4))
@@ -107,7 +108,7 @@ def flatness_component(flatness_m: float, radius_m: float, normal: Array) -> Unc
 
 
 def mounting_component(tilt_rad: float, shift_m: float, normal: Array) -> UncertaintyComponent:
-    """Of taking the target off and putting it on again; standard deviations per axis."""
+    """Return the component of mounting repeatability; standard deviations per axis."""
     factor = np.zeros((6, 6))
     factor[:3, :3] = tilt_rad * _across(normal)
     factor[3:, 3:] = shift_m * _across(normal)
@@ -115,9 +116,9 @@ def mounting_component(tilt_rad: float, shift_m: float, normal: Array) -> Uncert
 
 
 def range_bias_component(bias_m: float, sight_m: Array, normal: Array) -> UncertaintyComponent:
-    """Of a range that is longer by the same for all points of all scans.
+    """Return the component of a range bias that is the same for all points of all scans.
 
-    sight_m: (3,) from the scanner to the centre. Points move along their beams d; these fan out, so
+    sight_m: (3,) from the scanner to the centre. Points move along their beams d; these diverge, so
     that the height b n.d has the slope -b (n.d) d_across / distance.
     """
     distance = float(np.linalg.norm(sight_m))
@@ -129,24 +130,24 @@ def range_bias_component(bias_m: float, sight_m: Array, normal: Array) -> Uncert
 
 
 def pointing_component(angle_rad: float, sight_m: Array, normal: Array) -> UncertaintyComponent:
-    """Of a scan that is turned about the scanner, by angle_rad about each axis (k = 1)."""
-    turns = angle_rad * np.eye(3)
-    moved = np.vstack([np.cross(turns, normal).T, np.cross(turns, sight_m).T])
-    return UncertaintyComponent("pointing", moved, turn=turns @ normal)
+    """Return the component of a scan rotated about the scanner, by angle_rad per axis (k = 1)."""
+    rotations = angle_rad * np.eye(3)
+    moved = np.vstack([np.cross(rotations, normal).T, np.cross(rotations, sight_m).T])
+    return UncertaintyComponent("pointing", moved, turn=rotations @ normal)
 
 
 def registration_component(shift_m: float) -> UncertaintyComponent:
-    """Of a scan that is shifted against the others, by shift_m along each axis (k = 1)."""
+    """Return the component of a scan shifted against the others, by shift_m per axis (k = 1)."""
     return UncertaintyComponent("registration", np.vstack([np.zeros((3, 3)), shift_m * np.eye(3)]))
 
 
 def _across(normal: Array) -> Array:
-    """(3, 3): leaves of a vector what lies in the plane."""
+    """Return the projection (3, 3) onto the plane across the normal."""
     return np.asarray(np.eye(3) - np.outer(normal, normal))
 
 
 def _root(covariance: Array) -> Array:
-    """A matrix whose product with its transpose is the covariance, which may be singular."""
+    """Return a matrix F with F F^T = covariance, which may be singular."""
     scale = np.sqrt(np.diag(covariance).clip(min=1e-300))
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     return np.asarray(scale[:, None] * vectors * np.sqrt(values.clip(min=0.0)))

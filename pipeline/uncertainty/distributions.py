@@ -1,4 +1,4 @@
-"""The distributions that tests and coverage factors need; scipy stays behind this file."""
+"""Probability distributions for tests and coverage factors; scipy stays behind this file."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from ..vectors import Array
 
 
 def coverage_factor(level: float, dof: Array) -> Array:
-    """K of a symmetric interval that holds the share `level`: Student's t, normal for inf."""
+    """Return k of the symmetric interval of probability `level`: Student's t, normal for inf."""
     from scipy.special import ndtri, stdtrit
 
     finite = np.isfinite(dof)
-    share = 0.5 + level / 2.0
-    student = stdtrit(np.where(finite, dof, 1.0), share)
-    return np.asarray(np.where(finite, student, ndtri(share)))
+    probability = 0.5 + level / 2.0
+    student = stdtrit(np.where(finite, dof, 1.0), probability)
+    return np.asarray(np.where(finite, student, ndtri(probability)))
 
 
 def tail(x: float, dof: float = math.inf) -> float:
-    """Chance that Student's t of `freedom` degrees, a unit normal for inf, is beyond x."""
+    """Return the probability that Student's t, standard normal for inf, exceeds x."""
     if math.isinf(dof):
         return math.erfc(x / math.sqrt(2.0)) / 2.0
     from scipy.special import stdtr
@@ -29,24 +29,24 @@ def tail(x: float, dof: float = math.inf) -> float:
     return float(stdtr(dof, -x))
 
 
-def quantile(share: float, dof: float = math.inf) -> float:
-    """Student's t of `freedom` degrees, a unit normal for inf, that is exceeded by 1 - share."""
+def quantile(probability: float, dof: float = math.inf) -> float:
+    """Return the quantile of Student's t, standard normal for inf."""
     if math.isinf(dof):
-        return NormalDist().inv_cdf(share)
+        return NormalDist().inv_cdf(probability)
     from scipy.special import stdtrit
 
-    return float(stdtrit(dof, share))
+    return float(stdtrit(dof, probability))
 
 
 def chi_square_beyond(value: float, dof: int) -> float:
-    """Chance that a chi-square of `freedom` degrees is `value` or more."""
+    """Return the probability that a chi-square of `dof` degrees of freedom is `value` or more."""
     from scipy.special import chdtrc
 
     return float(chdtrc(dof, value))
 
 
 def chi_square_limits(level: float, dof: float) -> tuple[float, float]:
-    """Between which a chi-square of `freedom` degrees lies with the chance `level`."""
+    """Return the limits between which a chi-square lies with probability `level`."""
     from scipy.special import chdtri
 
     side = (1.0 - level) / 2.0
@@ -54,7 +54,7 @@ def chi_square_limits(level: float, dof: float) -> tuple[float, float]:
 
 
 def f_beyond(value: float, count: int, dof: float) -> float:
-    """Chance that Fisher's F of `count` and `freedom` degrees is `value` or more."""
+    """Return the probability that F of `count` and `dof` degrees of freedom is `value` or more."""
     if math.isinf(dof):
         return chi_square_beyond(count * value, count)
     from scipy.special import fdtrc
@@ -63,7 +63,10 @@ def f_beyond(value: float, count: int, dof: float) -> float:
 
 
 def power_of_t(shift: float, level: float, dof: float = math.inf) -> float:
-    """Chance that a two-sided t test of `level` sees `shift` >= 0 standard errors, on its side."""
+    """Return the power of a two-sided t-test of `level` for `shift` >= 0 standard errors.
+
+    Rejections on the side of the shift count.
+    """
     limit = quantile(0.5 + level / 2.0, dof)
     if math.isinf(dof):
         return tail(limit - shift)
@@ -73,7 +76,7 @@ def power_of_t(shift: float, level: float, dof: float = math.inf) -> float:
 
 
 def power_of_f(noncentrality: float, level: float, count: int, dof: float = math.inf) -> float:
-    """Chance that an F test of `level`, a chi-square test for inf, sees d' V^-1 d so large."""
+    """Return the power of an F-test of `level`, a chi-square test for inf, for d' V^-1 d."""
     from scipy.special import chdtri, chndtr, fdtri, ncfdtr
 
     if math.isinf(dof):
@@ -83,7 +86,7 @@ def power_of_f(noncentrality: float, level: float, count: int, dof: float = math
 
 
 def share_limits(hits: int, total: int, level: float) -> tuple[float, float]:
-    """Limits of a share of which `hits` of `total` were seen.
+    """Return the confidence limits of a proportion, `hits` of `total` observed.
 
     Source: Clopper and Pearson, Biometrika 26 (1934) 404.
     """
@@ -95,10 +98,10 @@ def share_limits(hits: int, total: int, level: float) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def as_many(hits: int, total: int, chance: float) -> float:
-    """Chance of `hits` or more of `total`, each having `chance`."""
+def binomial_tail(hits: int, total: int, probability: float) -> float:
+    """Return the probability of `hits` or more in `total` trials of one probability."""
     if hits == 0:
         return 1.0
     from scipy.special import bdtrc
 
-    return float(bdtrc(hits - 1, total, chance))
+    return float(bdtrc(hits - 1, total, probability))

@@ -1,7 +1,7 @@
-"""The same uncertainties by drawing: planes and centres at random, every angle worked out anew.
+"""Propagation of distributions (JCGM 101): normals and centres drawn at random.
 
-The quantities are computed by other formulas than the measurement's, so that the comparison checks
-those as well as their slopes.
+The quantities are computed by an independent model, so that the comparison checks the measurement's
+formulas as well as their derivatives.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from .distributions import coverage_factor
 from .monte_carlo_model import independent_quantities
 from .propagation import LEVEL, AngleUncertainty, effects_of
 
-BLOCK = 10_000  # trials; JCGM 101 asks for at least that many at a time
-# Of u: the strictest that one meaningful digit of u asks for (half a unit in 9, JCGM 101, 7.9.2).
+BLOCK = 10_000  # draws; JCGM 101, 7.9.4 asks for at least that many in a block
+# Relative to u: strictest tolerance for one significant digit of u (0.5 in 9; JCGM 101, 7.9.2).
 TOLERANCE = 0.05
 
 
@@ -29,22 +29,22 @@ Status = Literal["agree", "disagree", "not-converged"]
 
 @dataclass(frozen=True)
 class MonteCarlo:
-    """What the trials gave, beside the formula; all arrays (Q,) in the order of the covariance.
+    """Results of the draws beside the formula; all arrays (Q,) in the order of the covariance.
 
-    low, high: ends of the 95 % interval, as much beyond either. formula: standard uncertainties by
-    J Sigma J^T. tolerance: to which the ends of the intervals have to agree (JCGM 101, 7.9.2).
-    apart: the larger distance of the two ends (clause 8.1). status: 'agree', 'disagree', or
-    'not-converged' where the trials allowed did not settle which.
+    low, high: ends of the probabilistically symmetric 95 % interval. formula: standard
+    uncertainties by J Sigma J^T. tolerance: within which the ends of both intervals have to agree
+    (JCGM 101, 7.9.2). end_difference: the larger difference of the two ends (clause 8.1). status:
+    'agree', 'disagree', or 'not-converged' where the draws allowed did not decide.
     """
 
-    trials: int
+    draws: int
     mean: Array
     standard: Array
     low: Array
     high: Array
     formula: Array
     tolerance: Array
-    apart: Array
+    end_difference: Array
     status: Status
 
 
@@ -52,13 +52,13 @@ def monte_carlo(
     targets: Sequence[UncertainTarget],
     wheels: Sequence[str],
     known: AngleUncertainty,
-    max_trials: int,
+    max_draws: int,
     seed: int,
 ) -> MonteCarlo:
-    """Propagate the same causes by random draws, block by block, until the results stand still.
+    """Propagate the same components by random draws, block by block, until the results converge.
 
-    max_trials: at least two blocks are drawn. Source: JCGM 101, 7.9 (adaptive procedure), 8
-    (comparison with the formula); causes are drawn normal, as the formula takes them.
+    max_draws: at least two blocks are drawn. Components are drawn from normal distributions.
+    Source: JCGM 101, 7.9 (adaptive procedure), 8 (comparison with the formula).
     """
     base = independent_quantities(*_inputs(targets), wheels)[0]
     effects = effects_of(targets)
@@ -66,11 +66,9 @@ def monte_carlo(
     tolerance = TOLERANCE * known.standard
     half = coverage_factor(LEVEL, np.array(math.inf)) * known.standard
     blocks: list[Array] = []
-    results: list[Array] = []  # of each block: mean, standard deviation, both ends
+    results: list[Array] = []  # for each block: mean, standard deviation, both ends
     status: Status = "not-converged"
-    while len(blocks) < 2 or (
-        status == "not-converged" and (len(blocks) + 1) * BLOCK <= max_trials
-    ):
+    while len(blocks) < 2 or (status == "not-converged" and (len(blocks) + 1) * BLOCK <= max_draws):
         moved = sum(rng.standard_normal((BLOCK, e.factor.shape[1])) @ e.factor.T for e in effects)
         moved = np.reshape(moved, (BLOCK, len(targets), 6))
         block = independent_quantities(*_inputs(targets, moved), wheels) - base
@@ -81,20 +79,20 @@ def monte_carlo(
     drawn = np.concatenate(blocks)
     low, high = _ends(drawn)
     return MonteCarlo(
-        trials=len(drawn),
+        draws=len(drawn),
         mean=base + drawn.mean(axis=0),
         standard=drawn.std(axis=0, ddof=1),
         low=base + low,
         high=base + high,
         formula=known.standard,
         tolerance=tolerance,
-        apart=np.maximum(np.abs(low + half), np.abs(high - half)),
+        end_difference=np.maximum(np.abs(low + half), np.abs(high - half)),
         status=status,
     )
 
 
 def _ends(values: Array) -> Array:
-    """Ends (2, Q) of the 95 % interval of values (M, Q), as many beyond either: y_(r), y_(r + q).
+    """Return the ends y_(r), y_(r + q) (2, Q) of the symmetric 95 % interval of values (M, Q).
 
     q = 0.95 M, r = (M - q)/2. Source: JCGM 101, 7.7.2.
     """
@@ -105,23 +103,23 @@ def _ends(values: Array) -> Array:
 
 
 def _status(results: Array, half: Array, tolerance: Array) -> Status:
-    """What the blocks' results (B, 4, Q) say by now: ends beyond doubt apart, or settled and near.
+    """Return the status from the blocks' results (B, 4, Q).
 
-    A mean over the blocks is settled when two of its standard deviations are a fifth of the
-    tolerance.
+    Disagree: ends differ by more than the tolerance beyond doubt. Converged: two standard
+    deviations of every mean over the blocks are at most a fifth of the tolerance.
     """
     doubt = 2.0 * results.std(axis=0, ddof=1) / math.sqrt(len(results))
     _, _, low, high = results.mean(axis=0)
-    apart = np.maximum(np.abs(low + half), np.abs(high - half))
-    if bool(np.any(apart - doubt[2:].max(axis=0) > tolerance)):
+    difference = np.maximum(np.abs(low + half), np.abs(high - half))
+    if bool(np.any(difference - doubt[2:].max(axis=0) > tolerance)):
         return "disagree"
     if bool(np.all(doubt <= tolerance / 5.0)):
-        return "agree" if bool(np.all(apart <= tolerance)) else "not-converged"
+        return "agree" if bool(np.all(difference <= tolerance)) else "not-converged"
     return "not-converged"
 
 
 def _inputs(targets: Sequence[UncertainTarget], moved: Array | None = None) -> tuple[Array, Array]:
-    """Normals and centres (T, W, 3), centres from the mean of the first four."""
+    """Return normals and centres (T, W, 3), centres relative to the mean of the first four."""
     normals = np.stack([target.normal for target in targets])
     centres = np.stack([target.centre_m for target in targets])
     centres = centres - centres[:4].mean(axis=0)

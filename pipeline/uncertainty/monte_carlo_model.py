@@ -1,7 +1,7 @@
-"""All quantities once more, for many vehicles at a time, by other formulas.
+"""Independent model of all quantities, for many vehicles at once.
 
-They share none with reference_frame.py, angles.py and vehicle.py, so that who compares both checks
-those as well as their slopes. Directions in the plane of left and forward are complex numbers.
+It shares no formula with vehicle/, so that a comparison checks those formulas and their
+derivatives. Directions in the plane of left and forward are complex numbers.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ ComplexArray = npt.NDArray[np.complex128]
 
 
 def independent_quantities(normals: Array, centres: Array, wheels: Sequence[str]) -> Array:
-    """All quantities (T, Q) of normals and centres (T, W, 3), sign of the normals free.
+    """Return all quantities (T, Q) of normals and centres (T, W, 3), normals of either sense.
 
-    The foot on the front axle's line, where it is perpendicular to the rear axle r, is the point
-    FR + a f with (FR + a f - c_R) . r = 0; up runs along foot x r.
+    The point FR + a f of the front axle's line with (FR + a f - c_R) . r = 0, r the rear axle, is
+    the foot of the wheelbase; up runs along foot x r.
     """
     r, f = centres[:, 1] - centres[:, 0], centres[:, 3] - centres[:, 2]
     middle = (centres[:, 1] + centres[:, 0]) / 2.0
@@ -46,7 +46,7 @@ def independent_quantities(normals: Array, centres: Array, wheels: Sequence[str]
 
 
 def _of_wheels(parts: Array, left: Mask) -> dict[str, Array]:
-    """Angles (T, W) of normals (T, W, 3) forward, left, up; their squares add up to 1 or nearly."""
+    """Return the angles (T, W) of nearly unit normals (T, W, 3): forward, left, up."""
     facing = np.where((parts[:, :, 1] > 0.0) == left, 1.0, -1.0)
     forward, out, up = parts[:, :, 0] * facing, np.abs(parts[:, :, 1]), parts[:, :, 2] * facing
     whole = np.sqrt(out**2 + forward**2 + up**2)
@@ -57,16 +57,18 @@ def _of_wheels(parts: Array, left: Mask) -> dict[str, Array]:
     }
 
 
-def _of_vehicle(places: ComplexArray, found: dict[str, Array]) -> dict[str, Array]:
-    """Of places (T, 4) ahead + i left: directions are complex units, and a sum of two bisects.
+def _of_vehicle(positions: ComplexArray, found: dict[str, Array]) -> dict[str, Array]:
+    """Return angles between wheels and axes from positions (T, 4), forward + i left.
 
-    A wheel rolls along exp(-i toe) on the left, exp(+i toe) on the right.
+    Directions are complex units; the sum of two is their bisector. A wheel rolls along exp(-i toe)
+    on the left, exp(+i toe) on the right.
     """
     toe, camber = found["toe"], found["camber"]
     rolls = np.exp(np.array([1j, -1j, 1j, -1j]) * toe[:, :4])
     thrust = rolls[:, 0] + rolls[:, 1]
-    side = (places[:, 2:] - places[:, :2]) / np.abs(places[:, 2:] - places[:, :2])
-    middles = places[:, 2:].sum(axis=1)
+    sides = positions[:, 2:] - positions[:, :2]
+    side = sides / np.abs(sides)
+    middles = positions[:, 2:].sum(axis=1)
     return {
         "rear_total_toe": np.angle(rolls[:, 0] / rolls[:, 1]),
         "front_total_toe": np.angle(rolls[:, 2] / rolls[:, 3]),
@@ -80,17 +82,17 @@ def _of_vehicle(places: ComplexArray, found: dict[str, Array]) -> dict[str, Arra
     }
 
 
-def _against_axes(places: ComplexArray, found: dict[str, Array], left: Mask) -> dict[str, Array]:
-    """What is counted from an axis: all turned by it, so that it runs ahead."""
+def _against_axes(positions: ComplexArray, found: dict[str, Array], left: Mask) -> dict[str, Array]:
+    """Return quantities relative to each axis: all rotated so that the axis runs forward."""
     angles = {"thrust_line": found["thrust_angle"], "centreline": found["centreline_angle"]}
-    angles |= {"side_bisector": found["side_bisector_angle"], "": np.zeros(len(places))}
+    angles |= {"side_bisector": found["side_bisector_angle"], "": np.zeros(len(positions))}
     slope = np.tan(found["camber"])
     for name, angle in angles.items():
         suffix = f"_to_{name}" if name else ""
-        seen = places * np.exp(1j * angle)[:, None]
-        found[f"front_setback{suffix}"] = seen[:, 3].real - seen[:, 2].real
-        found[f"rear_setback{suffix}"] = seen[:, 1].real - seen[:, 0].real
-        found[f"axle_offset{suffix}"] = -seen[:, 2:].imag.mean(axis=1)
+        local = positions * np.exp(1j * angle)[:, None]
+        found[f"front_setback{suffix}"] = local[:, 3].real - local[:, 2].real
+        found[f"rear_setback{suffix}"] = local[:, 1].real - local[:, 0].real
+        found[f"axle_offset{suffix}"] = -local[:, 2:].imag.mean(axis=1)
         found[f"thrust_angle{suffix}"] = found["thrust_angle"] - angle
         if name:
             toe = found["toe"] + np.where(left, -1.0, 1.0) * angle[:, None]

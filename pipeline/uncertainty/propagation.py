@@ -1,4 +1,4 @@
-"""Causes of uncertainty, carried through the frame to every angle; this module owns the budget."""
+"""Uncertainty components propagated to every quantity: covariance and uncertainty budget."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ LEVEL = 0.95  # of the expanded uncertainties
 class AngleUncertainty:
     """All Q quantities of W targets and their uncertainty: radians and metres, k = 1.
 
-    Quantities: of each entry of `definitions.WHEEL` those of all targets, toes first; then the
-    entries of `definitions.VEHICLE`. values: (Q,). covariance: (Q, Q). causes: names of the
-    budget's K lines. shares: (Q, K) variance by cause; they add up to the covariance's diagonal.
-    through_frame: (Q,) variance that arrives through the four centres. freedom: (Q,) effective
+    Quantities: for each entry of `definitions.WHEEL` those of all targets, toes first; then the
+    entries of `definitions.VEHICLE`. values: (Q,). covariance: (Q, Q). components: names of the
+    budget's K lines. contributions: (Q, K) variance by component; they add up to the covariance's
+    diagonal. through_frame: (Q,) variance that enters through the four centres. dof: (Q,) effective
     degrees of freedom.
     """
 
@@ -36,27 +36,27 @@ class AngleUncertainty:
 
     @property
     def standard(self) -> Array:
-        """(Q,) standard uncertainties."""
+        """Standard uncertainties (Q,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance).clip(min=0.0)))
 
     @property
     def coverage_factor(self) -> Array:
-        """(Q,) k of the expanded uncertainty of 95 %: Student's t of the degrees of freedom."""
+        """Coverage factors (Q,) of 95 %: Student's t of the degrees of freedom."""
         return coverage_factor(LEVEL, self.dof)
 
     @property
     def toe_rad(self) -> Array:
-        """(W,)."""
+        """Standard uncertainties (W,) of toe."""
         return self._of_wheels(0)
 
     @property
     def camber_rad(self) -> Array:
-        """(W,)."""
+        """Standard uncertainties (W,) of camber."""
         return self._of_wheels(1)
 
     @property
     def camber_iso_rad(self) -> Array:
-        """(W,)."""
+        """Standard uncertainties (W,) of ISO camber."""
         return self._of_wheels(2)
 
     @property
@@ -70,7 +70,7 @@ class AngleUncertainty:
         return _by_name(self.values)
 
     def wheel_dof(self, index: int) -> dict[str, float]:
-        """Degrees of freedom of one wheel's angles, by the names of WheelResult."""
+        """Return the degrees of freedom of one wheel's angles, by the names of WheelResult."""
         names = ("dof_toe", "dof_camber", "dof_camber_iso")
         rows = self.dof[: -len(VEHICLE)].reshape(len(WHEEL), -1)[: len(names), index]
         return {name: float(dof) for name, dof in zip(names, rows, strict=True)}
@@ -85,10 +85,10 @@ def _by_name(numbers: Array) -> dict[str, float]:
 
 
 def propagate(targets: Sequence[UncertainTarget], wheels: Sequence[str]) -> AngleUncertainty:
-    """Uncertainty of all angles of W targets, of which the first four are RR, RL, FR, FL.
+    """Propagate the uncertainty of W targets to all quantities; the first four: RR, RL, FR, FL.
 
-    J Sigma J^T, cause by cause: Sigma is the sum over the causes of factor factor^T, where causes
-    that targets share act on all of them at once.
+    J Sigma J^T by component: Sigma is the sum over the components of factor factor^T, where a
+    shared component acts on all its targets at once.
     Source: JCGM 100 (GUM), 5.2 and G.4 (effective degrees of freedom).
     """
     centres = np.stack([target.centre_m for target in targets[:4]])
@@ -113,7 +113,10 @@ def propagate(targets: Sequence[UncertainTarget], wheels: Sequence[str]) -> Angl
 
 
 def effective_dof(effects: Sequence[Effect], variances: Sequence[Array], total: Array) -> Array:
-    """Welch and Satterthwaite: u^4 / sum of u_i^4 / nu_i over what was estimated apart."""
+    """Return Welch-Satterthwaite degrees of freedom, u^4 / sum(u_i^4 / nu_i).
+
+    The sum runs over the independent estimates; pooled components are one estimate.
+    """
     estimates: dict[object, tuple[Array, float]] = {}
     for index, (effect, variance) in enumerate(zip(effects, variances, strict=True)):
         key = effect.name if effect.pooled else index
@@ -126,7 +129,7 @@ def effective_dof(effects: Sequence[Effect], variances: Sequence[Array], total: 
 
 @dataclass(frozen=True)
 class Effect:
-    """A cause as it acts on all W targets at once: factor (6 W, k)."""
+    """A component as it acts on all W targets at once: factor (6 W, k)."""
 
     name: str
     factor: Array
@@ -135,7 +138,7 @@ class Effect:
 
 
 def effects_of(targets: Sequence[UncertainTarget]) -> list[Effect]:
-    """One effect a cause, those that targets share brought together; in the order of the causes."""
+    """Return one effect per component, shared ones combined, in the order of the components."""
     found: dict[tuple[str, object], Effect] = {}
     for index, target in enumerate(targets):
         for component in target.components:

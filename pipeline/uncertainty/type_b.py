@@ -1,4 +1,4 @@
-"""What the scatter of the points cannot show: what the target's and the scanner's files state."""
+"""Type B components: uncertainty stated in the target's and the scanner's files."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def with_type_b(
     target: Target,
     instrument: InstrumentConfig,
 ) -> tuple[UncertaintyComponent, ...]:
-    """Causes of a fitted target's uncertainty with its type B causes added (JCGM 100, 4.3).
+    """Return a fitted target's components with the type B components added (JCGM 100, 4.3).
 
-    Waves that the residuals show and the flatness that is stated are one cause: the larger counts.
+    Waviness observed in the residuals and the stated flatness are one component: the larger counts.
     normal: (3,) unit; sight_m: (3,) from the scanner to the target's centre, scanner coordinates.
     """
-    seen = [component for component in components if component.name == "flatness"]
+    observed = [component for component in components if component.name == "flatness"]
     stated = [flatness_component(target.flatness, target.radius_m, normal)]
-    form = max(*seen, *stated, key=_tilt_variance) if seen else stated[0]
+    form = max(*observed, *stated, key=_tilt_variance) if observed else stated[0]
     every = [
         *(component for component in components if component.name != "flatness"),
         form,

@@ -12,7 +12,7 @@ from ..capture import clouds_of, is_capture, open_capture
 from ..config import Config, with_scanner
 from ..errors import InputError, WheelplaneError
 from ..files import ARCHIVE_SUFFIXES
-from ..uncertainty import as_many
+from ..uncertainty import binomial_tail
 from .agreement import Agreement, agreement, bias_probability
 from .comparison import KINDS, Comparison, Verdict
 from .request import Request
@@ -68,7 +68,7 @@ class ComparisonStudy:
     @property
     def chance_of_disagreeing(self) -> float:
         """Probability of as many or more, if both methods and uncertainties are correct."""
-        return as_many(self.disagreeing, len(self.found), 1.0 - CONFIDENCE)
+        return binomial_tail(self.disagreeing, len(self.found), 1.0 - CONFIDENCE)
 
     @property
     def visible_rad(self) -> float:

@@ -1,4 +1,4 @@
-"""Causes of uncertainty: each builder against the errors that its story makes, drawn."""
+"""Uncertainty components: each builder against drawn errors of the kind that it describes."""
 
 import math
 
@@ -95,7 +95,7 @@ def test_flatness_is_a_tilt_anywhere_up_to_the_whole_over_the_diameter():
     )
 
 
-def test_clamp_tilts_and_shifts_in_the_plane():
+def test_mounting_tilts_and_shifts_in_the_plane():
     _, R, _ = face(6)
     rng = np.random.default_rng(7)
     tilt, shift = rng.standard_normal((2, DRAWS, 2))
@@ -135,7 +135,7 @@ def test_range_bias_by_moving_every_point_along_its_beam(seed):
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_pointing_turns_the_scan_about_the_scanner(axis):
+def test_pointing_rotates_the_scan_about_the_scanner(axis):
     points, R, centre = face(30)
     scanner = centre + 2.0 * R[2] + 0.4 * R[0]
     angle = 1e-5
@@ -171,7 +171,7 @@ def evidence():
     return cloud, measure_scan(Scan(cloud.points_m, None, "memory", 0), PLATE, Config())
 
 
-def test_what_is_stated_enters_and_what_is_not_does_not(evidence):
+def test_stated_components_enter_and_others_do_not(evidence):
     _, found = evidence
     names = [component.name for component in found.target.components]
     assert names == ["plane noise", "centre noise", "centre model"]
@@ -192,7 +192,7 @@ def test_what_is_stated_enters_and_what_is_not_does_not(evidence):
     assert [component.name for component in again.components].count("flatness") == 1
 
 
-def test_the_line_of_sight_comes_from_the_rim(evidence):
+def test_the_line_of_sight_comes_from_the_edge(evidence):
     cloud, found = evidence
     instrument = InstrumentConfig(range_bias_m=1e-3)
     more = with_stated(found.target, found.plane, PLATE, instrument)
@@ -201,10 +201,10 @@ def test_the_line_of_sight_comes_from_the_rim(evidence):
     true = away / np.linalg.norm(away)
     assert np.linalg.norm(np.cross(beam, true)) < 0.02
     assert beam @ true > 0.0
-    assert np.linalg.norm(np.cross(cloud.normal, true)) > 0.2  # the normal itself would not do
+    assert np.linalg.norm(np.cross(cloud.normal, true)) > 0.2  # the normal itself fails
 
 
-def test_a_scan_noisier_than_its_scanner_is_told(evidence):
+def test_a_scan_noisier_than_its_scanner_gives_a_note(evidence):
     _, found = evidence
     seen = type("Seen", (), {"evidence": found, "name": "RR"})()
     sigma = found.plane.sigma_m

@@ -1,6 +1,6 @@
-"""Stated uncertainties hold: errors of whole measurements of made vehicles against what was stated.
+"""Stated uncertainties hold: errors of whole measurements of synthetic vehicles, normalised.
 
-`tests/bench/intervals.py --mode all` says the same of 1,000 vehicles a mode.
+`tests/bench/intervals.py --mode all` shows the same for 1,000 vehicles a mode.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ def test_with_independent_noise_the_uncertainties_are_right():
 
 
 @pytest.mark.parametrize("mode", [mode for mode in MODES if mode != "independent"])
-def test_else_they_are_not_much_too_small_nor_too_large(mode):
+def test_otherwise_they_are_neither_much_too_small_nor_too_large(mode):
     kinds = scores(mode)
     assert not faults(kinds, SHORT, WIDE)
     for factor in (0.5, 2.0):
         assert faults(scaled(kinds, factor), SHORT, WIDE)
 
 
-def test_the_judge_knows_right_from_wrong():
+def test_the_scores_tell_right_from_wrong():
     """Of errors drawn as stated, with few degrees of freedom, and of those that share a part."""
     rng = np.random.default_rng(0)
     dof = np.full((2000, 4), 8.0)

@@ -1,4 +1,4 @@
-"""The Monte Carlo check: other formulas, the same answers; a disagreement is seen."""
+"""The Monte Carlo check: an independent model agrees; a wrong formula is detected."""
 
 from dataclasses import replace
 
@@ -12,8 +12,8 @@ from wheelplane.uncertainty.monte_carlo import BLOCK, TOLERANCE, monte_carlo
 from wheelplane.uncertainty.propagation import propagate
 
 
-def drawn(targets, trials=30_000, seed=0, known=None):
-    return monte_carlo(targets, WHEELS, known or propagate(targets, WHEELS), trials, seed)
+def drawn(targets, draws=30_000, seed=0, known=None):
+    return monte_carlo(targets, WHEELS, known or propagate(targets, WHEELS), draws, seed)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -30,7 +30,7 @@ def test_without_uncertainty_it_gives_the_angles_themselves(seed):
 SCENES = 50
 
 
-def test_formula_and_trials_agree_within_five_percent():
+def test_formula_and_draws_agree_within_five_percent():
     worst = 0.0
     for seed in range(SCENES):
         targets = car(seed, 10 ** np.random.default_rng(seed).uniform(-5, -3.3))
@@ -41,33 +41,33 @@ def test_formula_and_trials_agree_within_five_percent():
     assert worst < 4.8 / np.sqrt(2 * 60_000)
 
 
-def test_it_stops_when_the_ends_stand_still():
+def test_it_stops_when_the_ends_have_converged():
     result = drawn(car(1), 2_000_000)
     assert result.status == "agree"
-    assert 5 * BLOCK < result.trials < 1_000_000
-    assert np.all(result.apart <= result.tolerance)
+    assert 5 * BLOCK < result.draws < 1_000_000
+    assert np.all(result.end_difference <= result.tolerance)
     half = (result.high - result.low) / 2
     np.testing.assert_allclose(half, 1.96 * result.formula, rtol=2 * TOLERANCE / 1.96)
     assert drawn(car(1), 20_000).status == "not-converged"
-    assert drawn(car(1), 20_000).trials == 2 * BLOCK
+    assert drawn(car(1), 20_000).draws == 2 * BLOCK
 
 
-def test_the_same_seed_gives_the_same_trials_and_another_does_not():
+def test_the_same_seed_gives_the_same_draws_and_another_does_not():
     first, again, other = (drawn(car(2), 20_000, seed) for seed in (3, 3, 4))
     np.testing.assert_array_equal(first.standard, again.standard)
     assert np.all(first.standard != other.standard)
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.1, 2.0])
-def test_a_wrong_formula_is_found_out(factor):
+def test_a_wrong_formula_is_detected(factor):
     targets = car(3)
     known = propagate(targets, WHEELS)
     wrong = replace(known, covariance=known.covariance * factor**2)
     assert drawn(targets, 1_000_000, known=wrong).status == "disagree"
 
 
-def test_far_from_linear_is_found_out():
-    """Centres a tenth of the track wrong: the frame's axes are no longer linear in them."""
+def test_nonlinearity_is_detected():
+    """Centres wrong by a tenth of the track: the frame's axes are not linear in them."""
     targets = car(4)
     wild = [
         replace(t, components=components(0.2**2 * np.eye(3), np.zeros((3, 3)))) for t in targets
@@ -75,7 +75,7 @@ def test_far_from_linear_is_found_out():
     assert drawn(wild, 1_000_000).status == "disagree"
 
 
-def test_shared_causes_are_drawn_together():
+def test_shared_components_are_drawn_together():
     shift = np.vstack([np.zeros((3, 3)), 1e-3 * np.eye(3)])
     together = [
         replace(t, components=(UncertaintyComponent("shift", shift, shared="s"),)) for t in car(5)

@@ -1,4 +1,4 @@
-"""The uncertainty of every angle: against Monte Carlo, and with the right slopes."""
+"""Uncertainty of every quantity: against Monte Carlo, and with the right derivatives."""
 
 from __future__ import annotations
 
@@ -40,20 +40,22 @@ def spread(rng, scale):
 
 
 def car(seed, centre_m=1e-4, normal_rad=20 * ARCSEC):
-    """Six targets, the last two trials, on a car turned at random, each with its own covariance."""
+    """Six targets, the last two trials, on a car in a random pose, each with its own covariance."""
     rng = np.random.default_rng(seed)
     R, t = rotation(rng), rng.uniform(-9, 9, 3)
-    places = np.array([[0, -0.75, 0], [0, 0.75, 0], [2.6, -0.74, 0.01], [2.62, 0.76, 0.0]])
-    places = np.concatenate([places, places[[2, 1]] + 0.003]) + rng.uniform(-0.01, 0.01, (6, 3))
+    positions = np.array([[0, -0.75, 0], [0, 0.75, 0], [2.6, -0.74, 0.01], [2.62, 0.76, 0.0]])
+    positions = np.concatenate([positions, positions[[2, 1]] + 0.003]) + rng.uniform(
+        -0.01, 0.01, (6, 3)
+    )
     fitted = []
-    for place, wheel in zip(places, WHEELS, strict=True):
+    for position, wheel in zip(positions, WHEELS, strict=True):
         out = 1.0 if wheel.endswith("L") else -1.0
         normal = np.array([rng.uniform(-0.3, 0.3), out, rng.uniform(-0.06, 0.06)])
         normal = R @ (normal / np.linalg.norm(normal))
         across = np.eye(3) - np.outer(normal, normal)
         fitted.append(
             TargetFit(
-                centre_m=R @ place + t,
+                centre_m=R @ position + t,
                 normal=normal * rng.choice([-1, 1]),
                 components=components(
                     spread(rng, centre_m), across @ spread(rng, normal_rad) @ across
@@ -81,8 +83,8 @@ def perturbed(targets, rng):
     moved = []
     for target in targets:
         shift = rng.multivariate_normal(np.zeros(3), target.centre_covariance_m2)
-        lean = rng.multivariate_normal(np.zeros(3), target.normal_covariance, check_valid="ignore")
-        moved.append(replace(target, centre_m=target.centre_m + shift, normal=target.normal + lean))
+        tilt = rng.multivariate_normal(np.zeros(3), target.normal_covariance, check_valid="ignore")
+        moved.append(replace(target, centre_m=target.centre_m + shift, normal=target.normal + tilt))
     return moved
 
 
@@ -138,7 +140,7 @@ def test_zero_input_gives_zero_and_each_part_counts():
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("shift", [0.0, 1e7])
-def test_turned_and_shifted_it_stays(seed, shift):
+def test_rotation_and_shift_change_nothing(seed, shift):
     targets = car(seed)
     R = rotation(np.random.default_rng(seed + 50))
     moved = [
@@ -156,12 +158,12 @@ def test_turned_and_shifted_it_stays(seed, shift):
 
 def test_sign_of_a_normal_does_not_matter():
     targets = car(5)
-    turned = [replace(t, normal=-t.normal) for t in targets]
-    np.testing.assert_allclose(stated(turned), stated(targets), rtol=1e-9)
+    flipped = [replace(t, normal=-t.normal) for t in targets]
+    np.testing.assert_allclose(stated(flipped), stated(targets), rtol=1e-9)
 
 
 def test_centres_alone_by_hand():
-    """DOMAIN: yaw and roll of the frame are sqrt(2) s / track; the other axle's do not see it."""
+    """DOMAIN: yaw and roll of the frame are sqrt(2) s / track; the other axle does not matter."""
     s, track = 1e-4, 1.5
     places = np.array([[0, -0.75, 0], [0, 0.75, 0], [2.6, -0.75, 0], [2.6, 0.75, 0]])
     targets = [
@@ -179,7 +181,7 @@ def test_centres_alone_by_hand():
     of = u.vehicle_standard
     np.testing.assert_allclose(u.toe_rad, np.sqrt(2) * s / track, rtol=1e-6)
     np.testing.assert_allclose(u.camber_rad, np.sqrt(2) * s / track, rtol=1e-6)
-    assert of["rear_total_toe"] < 1e-6 * s  # left and right see the same yaw with opposite signs
+    assert of["rear_total_toe"] < 1e-6 * s  # yaw changes left and right by opposite signs
     assert of["front_total_toe"] < 1e-6 * s
     assert of["thrust_angle"] == pytest.approx(np.sqrt(2) * s / track, rel=1e-6)
     assert of["rear_track"] == pytest.approx(np.sqrt(2) * s, rel=1e-6)
@@ -231,7 +233,7 @@ def covariance_by_differences(targets):
     return J @ whole @ J.T
 
 
-def test_covariance_is_whole_and_its_budget_adds_up():
+def test_covariance_is_complete_and_its_budget_adds_up():
     targets = car(7)
     known = propagate(targets, WHEELS)
     wanted = covariance_by_differences(targets)
@@ -246,8 +248,8 @@ def test_covariance_is_whole_and_its_budget_adds_up():
     np.testing.assert_allclose(known.through_frame, known.contributions[:, 1], rtol=1e-12)
 
 
-def test_total_toe_sees_less_of_the_frame_than_its_toes():
-    """DOMAIN: an error of the frame adds to one toe what it takes from the other."""
+def test_total_toe_depends_less_on_the_frame_than_its_toes():
+    """DOMAIN: an error of the frame adds to one toe what it subtracts from the other."""
     targets = car(8)
     known = propagate(targets, WHEELS)
     share = known.through_frame / np.diag(known.covariance)
@@ -263,7 +265,7 @@ def test_total_toe_sees_less_of_the_frame_than_its_toes():
         assert known.standard[total] ** 2 < 0.95 * apart
 
 
-def test_what_targets_share_acts_on_all_at_once():
+def test_shared_components_act_on_all_targets_at_once():
     """The same shift of all four centres moves no angle; four apart do."""
     shift = np.vstack([np.zeros((3, 3)), 1e-3 * np.eye(3)])
     together = [

@@ -56,7 +56,9 @@ def monte_carlo_tree(measurement: Measurement) -> dict[str, Any] | None:
     if drawn is None:
         return None
     found = stated(measurement)
-    rows = zip(found, drawn.mean, drawn.standard, drawn.low, drawn.high, drawn.apart, strict=True)
+    rows = zip(
+        found, drawn.mean, drawn.standard, drawn.low, drawn.high, drawn.end_difference, strict=True
+    )
     entries = []
     for quantity, *numbers in rows:
         scale, unit = IN_REPORT[quantity.unit]
@@ -72,7 +74,7 @@ def monte_carlo_tree(measurement: Measurement) -> dict[str, Any] | None:
             }
         )
     return {
-        "trials": drawn.trials,
+        "trials": drawn.draws,
         "status": drawn.status,
         "tolerance_of_u": TOLERANCE,
         "quantities": entries,

@@ -43,7 +43,11 @@ def monte_carlo_table(measurement: Measurement, drawn: MonteCarlo, writer: Write
         if quantity.axis not in (None, writer.view.axis):
             continue
         formula, draws = float(drawn.formula[i]), float(drawn.standard[i])
-        apart = f"{100.0 * float(drawn.apart[i]) / formula:.2f} %" if formula > 0.0 else writer.none
+        apart = (
+            f"{100.0 * float(drawn.end_difference[i]) / formula:.2f} %"
+            if formula > 0.0
+            else writer.none
+        )
         name = writer.quantity(quantity.name.removeprefix(f"{quantity.subject}."))
         wheel = "" if quantity.subject == "vehicle" else f"{writer.wheel(quantity.subject)} "
         sizes = (_fine(formula, quantity.unit), _fine(draws, quantity.unit), apart)
@@ -60,7 +64,7 @@ def monte_carlo_words(drawn: MonteCarlo, writer: Writer) -> tuple[str, str]:
     verdict = words.known("checks", drawn.status, tolerance=tolerance)
     return (
         words("checks.monte_carlo_note", tolerance=tolerance),
-        f"{words('checks.trials', trials=str(drawn.trials))} {verdict}",
+        f"{words('checks.draws', trials=str(drawn.trials))} {verdict}",
     )
 
 

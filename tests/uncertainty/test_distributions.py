@@ -1,0 +1,111 @@
+"""Distributions: probabilities and quantiles are those of scipy.stats, limits keep their level."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from wheelplane.uncertainty.distributions import (
+    binomial_tail,
+    chi_square_beyond,
+    chi_square_limits,
+    coverage_factor,
+    f_beyond,
+    power_of_f,
+    power_of_t,
+    quantile,
+    share_limits,
+    tail,
+)
+
+DOF = [1.0, 2.5, 8.0, 300.0, math.inf]
+LEVELS = [0.68, 0.95, 0.999]
+
+
+def student(dof):
+    return stats.norm() if math.isinf(dof) else stats.t(dof)
+
+
+@pytest.mark.parametrize("dof", DOF)
+def test_tail_and_quantile_are_those_of_students_t(dof):
+    for x in (-3.0, 0.0, 0.7, 6.0):
+        assert tail(x, dof) == pytest.approx(student(dof).sf(x), rel=1e-12)
+    for probability in (0.001, 0.5, 0.9, 0.9999):
+        found = quantile(probability, dof)
+        assert found == pytest.approx(student(dof).ppf(probability), rel=1e-9, abs=1e-12)
+        assert tail(found, dof) == pytest.approx(1.0 - probability, rel=1e-9)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_coverage_factors_hold_the_level_at_every_dof(level):
+    k = coverage_factor(level, np.array(DOF))
+    inside = [student(dof).cdf(x) - student(dof).cdf(-x) for dof, x in zip(DOF, k, strict=True)]
+    np.testing.assert_allclose(inside, level, rtol=1e-9)
+    assert np.all(np.diff(k) < 0.0)  # fewer degrees of freedom, wider interval
+
+
+@pytest.mark.parametrize("dof", [1, 4, 90])
+def test_chi_square_and_its_limits(dof):
+    for value in (0.0, 0.5, 30.0):
+        assert chi_square_beyond(value, dof) == pytest.approx(stats.chi2.sf(value, dof), rel=1e-12)
+    for level in LEVELS:
+        low, high = chi_square_limits(level, dof)
+        assert stats.chi2.cdf(low, dof) == pytest.approx((1.0 - level) / 2.0, rel=1e-9)
+        assert stats.chi2.sf(high, dof) == pytest.approx((1.0 - level) / 2.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 5])
+def test_f_is_scipys_and_becomes_chi_square(count):
+    for value in (0.2, 1.0, 7.0):
+        assert f_beyond(value, count, 6.5) == pytest.approx(
+            stats.f.sf(value, count, 6.5), rel=1e-12
+        )
+        limit = f_beyond(value, count, math.inf)
+        assert limit == pytest.approx(f_beyond(value, count, 1e9), rel=1e-6)
+        assert limit != pytest.approx(f_beyond(value, count, 6.5), rel=0.01)
+
+
+def test_f_of_one_count_is_a_two_sided_t():
+    for x in (0.3, 1.0, 4.0):
+        assert f_beyond(x * x, 1, 7.0) == pytest.approx(2.0 * tail(x, 7.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("dof", DOF)
+@pytest.mark.parametrize("shift", [0.0, 1.5, 4.0])
+def test_power_of_t_is_the_probability_beyond_the_critical_value(dof, shift):
+    critical = student(dof).ppf(0.975)
+    shifted = stats.norm(shift) if math.isinf(dof) else stats.nct(dof, shift)
+    assert power_of_t(shift, 0.95, dof) == pytest.approx(shifted.sf(critical), rel=1e-7)
+
+
+@pytest.mark.parametrize("dof", [3.0, 40.0, math.inf])
+@pytest.mark.parametrize("count", [1, 6])
+def test_power_of_f_is_that_of_the_noncentral_distribution(dof, count):
+    """At no noncentrality it is the size of the test; it grows with it."""
+    assert power_of_f(0.0, 0.95, count, dof) == pytest.approx(0.05, rel=1e-7)
+    found = [power_of_f(square, 0.95, count, dof) for square in (2.0, 10.0)]
+    for square, power in zip((2.0, 10.0), found, strict=True):
+        if math.isinf(dof):
+            wanted = stats.ncx2.sf(stats.chi2.ppf(0.95, count), count, square)
+        else:
+            wanted = stats.ncf.sf(stats.f.ppf(0.95, count, dof), count, dof, square)
+        assert power == pytest.approx(wanted, rel=1e-6)
+    assert 0.05 < found[0] < found[1]
+
+
+@pytest.mark.parametrize(("hits", "total"), [(0, 7), (3, 7), (7, 7), (188, 200)])
+@pytest.mark.parametrize("level", LEVELS)
+def test_limits_of_a_proportion_are_those_of_clopper_and_pearson(hits, total, level):
+    low, high = share_limits(hits, total, level)
+    wanted = stats.binomtest(hits, total).proportion_ci(level, method="exact")
+    assert (low, high) == pytest.approx((wanted.low, wanted.high), rel=1e-9, abs=1e-12)
+    assert low <= hits / total <= high
+
+
+def test_binomial_tail_by_adding_up():
+    for hits in range(6):
+        added = sum(math.comb(5, k) * 0.2**k * 0.8 ** (5 - k) for k in range(hits, 6))
+        assert binomial_tail(hits, 5, 0.2) == pytest.approx(added, rel=1e-12)
