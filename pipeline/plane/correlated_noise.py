@@ -1,9 +1,9 @@
-"""Noise on a plane that is alike from point to point: how large, over which length, at what cost.
+"""Correlated noise on a plane: its size, its length, and what it adds to the plane's covariance.
 
 The residuals are averaged over cells and modelled as y = X b + f + e: X b the error of the fitted
 plane, e independent with the variance found within the cells, f a stationary field of variance s^2
-and correlation exp(-d^2 / (2 L^2)). s and L come from the likelihood of what the fit leaves over
-(REML), so that what the plane itself has swallowed is allowed for.
+and correlation exp(-d^2 / (2 L^2)). s and L maximise the restricted likelihood (REML) of the
+residuals, which allows for the part of the field that the plane has absorbed.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ import numpy.typing as npt
 
 from ..vectors import Array
 
-CELLS = 12  # across the face: 113 cells on a full disc
+CELLS = 12  # across the target: 113 cells on a full disc
 POINTS_A_CELL = 8  # on average; fewer points get larger cells
 MIN_CELLS = 12
 LENGTHS_OF_RADIUS = (0.02, 0.035, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5)
-FORM_OF_RADIUS = 0.3  # longer waves are the form of the plate, not noise of the scanner
+FORM_OF_RADIUS = 0.3  # longer waves are the target's form error, not noise of the scanner
 SUSPECT = 2.5  # standard deviations of the score test above which the likelihood is maximised
 SIGNIFICANT = 9.0  # of twice the gain in log-likelihood, before correlation is believed
 
 
 @dataclass(frozen=True)
 class CorrelatedNoise:
-    """What the residuals of a plane say of correlated noise, and of the form of the plate.
+    """Correlated noise and form error found in the residuals of a plane.
 
     sigma_m, length_m: standard deviation and length L of the noise; 0 where there is none.
-    covariance: (3, 3) that it gives the plane's height (m) at the centroid and its slopes along u
-    and v. form_covariance: the same of longer waves. freedom: degrees of freedom of the estimate.
-    white_sigma_m: of the noise within a cell, which is the independent part and some of the other.
+    covariance: (3, 3) of the plane's height (m) at the centroid and its slopes along u and v, by
+    this noise. form_covariance: the same by longer waves. dof: degrees of freedom of the estimate.
+    white_sigma_m: of the noise within a cell: the independent part and some of the correlated.
     """
 
     sigma_m: float
@@ -47,30 +47,30 @@ class CorrelatedNoise:
 class Cells:
     """Residuals averaged over square cells.
 
-    uv_m: (C, 2) mean place of the points; mean_m: (C,) of the residuals; count: (C,); place: (C, 2)
-    column and row; side_m: of a cell; white_variance: of the residuals within cells.
+    uv_m: (C, 2) mean position of the points; mean_m: (C,) of the residuals; count: (C,); index:
+    (C, 2) column and row; side_m: of a cell; white_variance: of the residuals within cells.
     """
 
     uv_m: Array
     mean_m: Array
     count: Array
-    place: npt.NDArray[np.int64]
+    index: npt.NDArray[np.int64]
     side_m: float
     white_variance: float
 
     @property
     def slopes(self) -> Array:
-        """(C, 3): what a height and two tilts add to each mean."""
+        """Derivatives (C, 3) of each mean with respect to a height and two tilts."""
         return np.column_stack([np.ones(len(self.uv_m)), self.uv_m])
 
 
 def correlated_noise(
     cells: Cells | None, radius_m: float, spread_m: float, resolution_m: float = 0.0
 ) -> CorrelatedNoise:
-    """Correlated noise in residuals across a fitted plane, averaged over cells (None: too few).
+    """Estimate correlated noise in the residuals of a plane, averaged over cells (None: too few).
 
     radius_m: of the target. spread_m: rms of the residuals. resolution_m: of the coordinates; noise
-    below it is none.
+    below it counts as none.
     Source: REML, Patterson and Thompson, Biometrika 58 (1971) 545; the effective degrees of freedom
     are those of the variance's information.
     """
@@ -78,7 +78,7 @@ def correlated_noise(
     if cells is None or not cells.white_variance > resolution_m**2:
         return CorrelatedNoise(0.0, 0.0, nothing, nothing, math.inf, spread_m)
     white = math.sqrt(cells.white_variance)
-    rest = _left_by_the_plane(cells)
+    rest = _residual_projection(cells)
     if not any(_Field.of(cells, rest, k * radius_m).is_suspect() for k in LENGTHS_OF_RADIUS[::2]):
         return CorrelatedNoise(0.0, 0.0, nothing, nothing, math.inf, white)
     fields = [_Field.of(cells, rest, share * radius_m) for share in LENGTHS_OF_RADIUS]
@@ -103,14 +103,15 @@ def correlated_noise(
 
 
 def cells_across(points: int) -> int:
-    """Cells of the raster's side for that many points of a face."""
+    """Return the number of cells along the raster's side for that many points on a target."""
     return int(np.clip(math.sqrt(points / POINTS_A_CELL), 1, CELLS))
 
 
 def cells_of(sums: Array, across: int, side_m: float) -> Cells | None:
-    """Cells of a raster by their sums (across^2, 10) of n, u, v, w, uu, uv, vv, uw, vw, ww.
+    """Return the filled cells of a raster, from sums (across^2, 10) of n, u .. w, uu .. ww.
 
-    u, v about the centroid; w: the residual. None where too few cells are filled.
+    Order of the sums: n, u, v, w, uu, uv, vv, uw, vw, ww; u, v about the centroid; w: the residual.
+    None where too few cells are filled.
     """
     count = sums[:, 0]
     full = count > max(2.0, 0.2 * float(count.max()))
@@ -119,12 +120,12 @@ def cells_of(sums: Array, across: int, side_m: float) -> Cells | None:
     n = count[full]
     u, v, mean = (sums[full, axis] / n for axis in (1, 2, 3))
     within = float(np.sum(sums[full, 9] - n * mean**2) / np.sum(n - 1.0))
-    place = np.stack([np.flatnonzero(full) % across, np.flatnonzero(full) // across], axis=1)
-    return Cells(np.stack([u, v], axis=1), mean, n, place, side_m, within)
+    index = np.stack([np.flatnonzero(full) % across, np.flatnonzero(full) // across], axis=1)
+    return Cells(np.stack([u, v], axis=1), mean, n, index, side_m, within)
 
 
-def _left_by_the_plane(cells: Cells) -> Array:
-    """(C-3, C): whitens the means and projects them onto what no plane explains."""
+def _residual_projection(cells: Cells) -> Array:
+    """Return (C-3, C), which whitens the means and projects them onto what no plane explains."""
     root = np.sqrt(cells.count)
     basis, _ = np.linalg.qr(cells.slopes * root[:, None], mode="complete")
     return np.asarray(basis[:, 3:].T * (root / math.sqrt(cells.white_variance)))
@@ -132,7 +133,7 @@ def _left_by_the_plane(cells: Cells) -> Array:
 
 @dataclass(frozen=True)
 class _Maximum:
-    """variance: s^2 at the greatest likelihood; gain: in log-likelihood over s = 0."""
+    """Maximum of the likelihood. variance: s^2 there; gain: in log-likelihood over s = 0."""
 
     variance: float
     gain: float
@@ -141,36 +142,35 @@ class _Maximum:
 
 @dataclass(frozen=True)
 class _Field:
-    """A field of length L seen in the whitened residual space of the cells.
+    """Field of length L in the whitened residual space of the cells.
 
-    left: (C-3,) what the fit left over, of unit variance if there is no field; kernel: (C-3, C-3)
-    what a field of unit variance adds to its covariance; plane_covariance: (3, 3) what it does to
-    the plane.
+    residual: (C-3,) of unit variance if there is no field; kernel: (C-3, C-3) what a field of unit
+    variance adds to its covariance; plane_covariance: (3, 3) what it adds to the plane's.
     """
 
     length_m: float
-    left: Array
+    residual: Array
     kernel: Array
     plane_covariance: Array
 
     @classmethod
     def of(cls, cells: Cells, rest: Array, length_m: float) -> _Field:
-        """The field over these cells; rest: (C-3, C) of `_left_by_the_plane`."""
+        """Return the field over these cells; rest: (C-3, C) of `_residual_projection`."""
         kernel = _averaged_kernel(cells, length_m)
         weighted = cells.slopes.T * cells.count
         solve = np.linalg.solve(weighted @ cells.slopes, weighted)
         return cls(length_m, rest @ cells.mean_m, rest @ kernel @ rest.T, solve @ kernel @ solve.T)
 
     def is_suspect(self) -> bool:
-        """Score test of s = 0: z'Kz against its mean tr K and variance 2 tr K^2 for white z."""
-        score = float(self.left @ self.kernel @ self.left) - float(np.trace(self.kernel))
+        """Test s = 0 by the score: z'Kz against its mean tr K and variance 2 tr K^2 for white z."""
+        score = float(self.residual @ self.kernel @ self.residual) - float(np.trace(self.kernel))
         return score > SUSPECT * math.sqrt(2.0 * float(np.sum(self.kernel**2)))
 
     def maximise(self) -> _Maximum:
-        """The s^2 of greatest likelihood, by bisection on its slope in log s^2."""
+        """Return the s^2 of greatest likelihood, by bisection on its slope in log s^2."""
         values, vectors = np.linalg.eigh(self.kernel)
         values = values.clip(min=0.0)
-        square = (vectors.T @ self.left) ** 2
+        square = (vectors.T @ self.residual) ** 2
         low, high = -40.0, 40.0
         scale = 1.0 / max(float(values[-1]), 1e-300)
         for _ in range(60):
@@ -186,20 +186,20 @@ class _Field:
 
 
 def _averaged_kernel(cells: Cells, length_m: float) -> Array:
-    """Covariances (C, C) of the means over the cells of a field of unit variance.
+    """Return the covariances (C, C) of the cell means of a field of unit variance.
 
     exp(-d^2 / (2 L^2)) is a product over the axes, so its mean over two cells is as well. With g
     the second integral of the kernel, the mean over two sides h that lie d apart is
     (g(d + h) - 2 g(d) + g(d - h)) / h^2.
     """
-    apart = cells.side_m * np.arange(-1.0, float(cells.place.max()) + 2.0)
+    apart = cells.side_m * np.arange(-1.0, float(cells.index.max()) + 2.0)
     t = apart / (math.sqrt(2.0) * length_m)
     g = apart * math.sqrt(math.pi / 2.0) * length_m * erf(t) + length_m**2 * np.exp(-t * t)
     table = (g[2:] - 2.0 * g[1:-1] + g[:-2]) / cells.side_m**2
-    column, row = (np.abs(axis[:, None] - axis[None, :]) for axis in cells.place.T)
+    column, row = (np.abs(axis[:, None] - axis[None, :]) for axis in cells.index.T)
     return np.asarray(table[column] * table[row])
 
 
 def erf(x: Array) -> Array:
-    """Error function of x (N,), of the few values that a table holds; needs no scipy."""
+    """Return the error function of x (N,), few values; needs no scipy."""
     return np.array([math.erf(value) for value in x])

@@ -1,4 +1,4 @@
-"""The planes of any cloud, with no target's size to go by: the points tell the threshold."""
+"""Planes of any cloud, without a target's size: the points determine the threshold."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from .ransac import RansacOptions, ransac
 from .sigma_clipping import Clipping, converge
 
 SCORED_POINTS = 2000
-LOOKED_AT_POINTS = 50_000
-MIN_SCORE = 6.0  # a plane as good arises by chance once in e^6 clouds
+SAMPLED_POINTS = 50_000
+MIN_SCORE = 6.0  # a plane as good occurs by chance once in e^6 clouds
 MIN_CONTRAST = 2.0  # a slab of a curved or solid cloud is as dense as its neighbours: contrast 1
-MAX_THICKNESS = 0.05  # rms of a plane's residuals, over the spread of its points along it
-NEIGHBOURS, PLACES = 24, 48  # for the noise: at first this many points about this many points
+MAX_THICKNESS = 0.05  # rms of a plane's residuals over the spread of its points along it
+NEIGHBOURS, SEEDS = 24, 48  # for the noise: at first this many points about this many points
 MAX_ROUGHNESS = 0.25  # noise over a neighbourhood's spread: above it larger ones are tried
 
 
 @dataclass(frozen=True)
 class CloudPlane:
-    """One plane of a cloud: normal . x + offset = 0.
+    """Plane of a cloud: normal . x + offset = 0.
 
     normal: (3,) unit, largest component positive. centroid_m: (3,) mean of its points.
-    rms_m: of its points' distances. extents_m: (2,) their reach along their two main directions,
-    the longer first.
+    rms_m: of its points' distances. extents_m: (2,) along the points' two main directions, the
+    longer first.
     """
 
     normal: Array
@@ -42,15 +42,15 @@ class CloudPlane:
 
 
 def find_planes(points_m: Array, max_planes: int, seed: int = 0) -> tuple[CloudPlane, ...]:
-    """At most max_planes planes of points_m (N, 3), largest first, while the points show any.
+    """Find at most max_planes planes of points_m (N, 3), largest first.
 
-    Each is found by RANSAC with a threshold that the points themselves decide (a contrario), fitted
-    by total least squares over all its points at 3 sigma, and taken out before the next is sought.
+    Each is found by RANSAC with a threshold from the points themselves (a contrario), fitted by
+    total least squares over all its points at 3 sigma, and removed before the next search.
     Raises NotMeasuredError 'no-plane', InputError for fewer than 4 points.
     """
     if len(points_m) < 4:
         raise InputError(f"a plane with a residual needs at least 4 points, got {len(points_m)}")
-    origin = np.median(random_rows(points_m, LOOKED_AT_POINTS, np.random.default_rng(seed)), axis=0)
+    origin = np.median(random_rows(points_m, SAMPLED_POINTS, np.random.default_rng(seed)), axis=0)
     remaining = points_m - origin
     widest = _widest_slab(remaining, np.random.default_rng(seed))
     found: list[CloudPlane] = []
@@ -71,7 +71,7 @@ def find_planes(points_m: Array, max_planes: int, seed: int = 0) -> tuple[CloudP
 
 
 def plane_of_all(points_m: Array) -> CloudPlane:
-    """Least-squares plane through all of points_m (N, 3), none left out."""
+    """Fit the least-squares plane to all of points_m (N, 3), none clipped."""
     if len(points_m) < 3:
         raise InputError(f"a plane needs at least 3 points, got {len(points_m)}")
     origin = points_m[0]
@@ -81,7 +81,7 @@ def plane_of_all(points_m: Array) -> CloudPlane:
 def _next_plane(
     points: Array, origin: Array, widest: float, rng: np.random.Generator
 ) -> tuple[PlaneMoments, float] | None:
-    """The plane that stands out most, and the distance within which points belong to it."""
+    """Return the most significant plane and the distance within which points belong to it."""
     scored = random_rows(points, SCORED_POINTS, rng)
     resolution = 16.0 * np.finfo(float).eps * float(np.abs(origin).max() + np.abs(points).max())
     span = float(np.linalg.norm(np.ptp(scored, axis=0)))
@@ -92,8 +92,8 @@ def _next_plane(
     scale, _ = problem.best_scale(result.model)
     start = Clipping(_basis(result.model[3:]), result.model[:3], scale / 2.0, cap=1.5 * scale)
     try:
-        look, _, _ = converge(random_rows(points, LOOKED_AT_POINTS, rng), start, resolution)
-        clipping, moments, _ = converge(points, look, resolution)
+        first, _ = converge(random_rows(points, SAMPLED_POINTS, rng), start, resolution)
+        clipping, moments = converge(points, first, resolution)
     except NotMeasuredError:
         return None
     limit = clipping.limit(resolution)
@@ -101,28 +101,28 @@ def _next_plane(
 
 
 def _widest_slab(points: Array, rng: np.random.Generator) -> float:
-    """How far from a plane to look for its points: five times the noise of the cloud, metres.
+    """Return the largest distance of a plane's points: five times the noise of the cloud, metres.
 
     The noise is that of the flattest quarter of small neighbourhoods. A cloud too small for
-    neighbourhoods gives 2 % of its span. Raises NotMeasuredError where nothing is flat.
+    neighbourhoods gives 2 % of its span. Raises NotMeasuredError 'no-plane' where nothing is flat.
     """
-    cloud = random_rows(points, 2 * LOOKED_AT_POINTS, rng)
+    cloud = random_rows(points, 2 * SAMPLED_POINTS, rng)
     span = float(np.linalg.norm(np.ptp(cloud, axis=0)))
     if len(cloud) < 2 * NEIGHBOURS:
         return 0.02 * span
-    places = cloud[rng.integers(len(cloud), size=PLACES)]
+    seeds = cloud[rng.integers(len(cloud), size=SEEDS)]
     count = NEIGHBOURS
     while 2 * count <= len(cloud):
-        noise, roughness = np.array([_flatness(cloud, place, count) for place in places]).T
+        noise, roughness = np.array([_flatness(cloud, seed, count) for seed in seeds]).T
         if np.quantile(roughness, 0.25) < MAX_ROUGHNESS:
             return min(5.0 * float(np.quantile(noise, 0.25)), 0.02 * span)
         count *= 4
     raise NotMeasuredError("no-plane", "no plane stands out among the points")
 
 
-def _flatness(cloud: Array, place: Array, count: int) -> tuple[float, float]:
-    """Noise across the `count` points nearest to `place`, metres, and over their spread."""
-    square = np.sum((cloud - place) ** 2, axis=1)
+def _flatness(cloud: Array, seed: Array, count: int) -> tuple[float, float]:
+    """Return the noise across the `count` points nearest to seed, metres, and over their spread."""
+    square = np.sum((cloud - seed) ** 2, axis=1)
     near = cloud[np.argpartition(square, count)[:count]]
     plane = total_least_squares(near)
     noise = 1.4826 * float(np.median(np.abs((near - plane.centroid_m) @ plane.normal)))
@@ -135,7 +135,7 @@ def _basis(normal: Array) -> Array:
 
 
 def _stands_out(points: Array, moments: PlaneMoments, limit: float) -> bool:
-    """Whether the slab is denser than the slabs beside it."""
+    """Return whether the slab is denser than the slabs beside it."""
     residual = np.abs((points - moments.centroid_m) @ moments.normal)
     inside = np.count_nonzero(residual < limit)
     beside = np.count_nonzero(residual < 3.0 * limit) - inside
@@ -158,7 +158,7 @@ def _describe(moments: PlaneMoments, points: Array, origin: Array) -> CloudPlane
 
 
 class _AnyPlane:
-    """Planes through three points, near or far, judged at the scale where each stands out most.
+    """Planes through three points, near or far, each scored at its most significant scale.
 
     A model is a row (6,): a point on the plane, its unit normal. Score: minus the logarithm of the
     number of false alarms, the expected number of planes as good in a cloud of unrelated points:
@@ -178,7 +178,7 @@ class _AnyPlane:
         self._powers = np.maximum(count - 3.0, 0.0)
 
     def propose(self, count: int, rng: np.random.Generator) -> Sequence[Array]:
-        """Half of the triples anywhere, half among the nearest of a handful."""
+        """Return planes through triples: half anywhere, half the nearest of 24 random points."""
         first, second, third = self._points[rng.integers(len(self._points), size=(3, count))]
         handful = self._points[rng.integers(len(self._points), size=(count // 2, 24))]
         distance = np.linalg.norm(handful - first[: count // 2, None], axis=2)
@@ -197,7 +197,7 @@ class _AnyPlane:
         return np.array([self.best_scale(model)[1] for model in models])
 
     def best_scale(self, model: Array) -> tuple[float, float]:
-        """Distance at which a plane stands out most, and its score there."""
+        """Return the distance at which a plane is most significant, and its score there."""
         residual = np.sort(np.abs((self._points - model[:3]) @ model[3:]))
         share = np.clip(2.0 * np.maximum(residual, self._floor) / self._span, None, 1.0)
         log_alarms = self._log_tests + self._powers * np.log(share)

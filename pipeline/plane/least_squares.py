@@ -1,4 +1,4 @@
-"""TODO."""
+"""Plane of total least squares through points."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..vectors import CHUNK_ROWS, Array, Mask, cross
 
 @dataclass(frozen=True)
 class PlaneMoments:
-    """A plane by total least squares: n . (x - centroid) = 0.
+    """Plane of total least squares: n . (x - centroid) = 0.
 
     centroid_m: (3,) mean of the points. normal: (3,) unit, sign free.
     basis: (3, 3) rows of a right-handed basis: two directions in the plane, then the normal.
@@ -32,13 +32,13 @@ class PlaneMoments:
 
 
 def total_least_squares(points_m: Array, keep: Mask | None = None) -> PlaneMoments:
-    """Plane of least squared orthogonal distance through points_m (N, 3), or those in keep (N,).
+    """Fit the plane of least squared orthogonal distances to points_m (N, 3), those in keep (N,).
 
-    At least 3 points. Eigenvectors of the centred 3x3 scatter. Centred first on a point of the
-    cloud, which is exact, then on the mean, so that coordinates of 1e7 m lose nothing but their own
-    resolution. eigh gives the smallest eigenvalue and its vector only to eps times the largest, so
-    the scatter is summed once more along its axes, and the plane leant by what that leaves over.
-    The normal's largest component is positive.
+    At least 3 points. Eigenvectors of the centred 3x3 scatter. The points are centred first on one
+    of them, which is exact, then on the mean, so that coordinates of 1e7 m lose nothing but their
+    own resolution. eigh gives the smallest eigenvalue and its vector only to eps times the largest,
+    so the scatter is summed once more along its axes, and the plane tilted by the cross moments
+    that remain. The normal's largest component is positive.
     Source: Shakarji, J. Res. NIST 103 (1998) 633, section 3.
     """
     if keep is not None and len(points_m) <= CHUNK_ROWS:
@@ -57,31 +57,31 @@ def total_least_squares(points_m: Array, keep: Mask | None = None) -> PlaneMomen
     basis = vectors.T[::-1]
     along = np.zeros((3, 3))
     for local in _chunks(points_m, keep, origin):
-        turned = (local - mean) @ basis.T
-        along += turned.T @ turned
+        uvw = (local - mean) @ basis.T
+        along += uvw.T @ uvw
     basis, across = _tilted(basis, along)
     scatter_m2 = np.array([*values[:0:-1].clip(min=0.0), across])
     return PlaneMoments(origin + mean, basis, scatter_m2, count)
 
 
 def _tilted(basis: Array, along: Array) -> tuple[Array, float]:
-    """The basis with its normal leant by the cross moments left in `along` (3, 3), the scatter.
+    """Return the basis, tilted by the cross moments that remain in `along` (3, 3), the scatter.
 
-    Also the scatter across the leant plane: S33 - t . (S13, S23), with t = S_i3 / (S_ii - S33).
+    Also return the scatter across the tilted plane: S33 - t . (S13, S23), t = S_i3 / (S_ii - S33).
     """
     wide = np.diag(along)[:2] - along[2, 2]
-    lean = np.divide(along[:2, 2], wide, out=np.zeros(2), where=wide > 0.0)
-    normal = basis[2] - lean @ basis[:2]
+    tilt = np.divide(along[:2, 2], wide, out=np.zeros(2), where=wide > 0.0)
+    normal = basis[2] - tilt @ basis[:2]
     normal /= np.linalg.norm(normal)
     normal *= np.sign(normal[np.argmax(np.abs(normal))])
     first = basis[0] - (basis[0] @ normal) * normal
     first /= np.linalg.norm(first)
-    across = max(float(along[2, 2] - lean @ along[:2, 2]), 0.0)
+    across = max(float(along[2, 2] - tilt @ along[:2, 2]), 0.0)
     return np.stack([first, cross(normal, first), normal]), across
 
 
 def _chunks(points_m: Array, keep: Mask | None, origin_m: Array) -> Iterator[Array]:
-    """The kept points relative to origin_m, some rows at a time, as fresh arrays."""
+    """Yield the kept points relative to origin_m, some rows at a time, as new arrays."""
     for start in range(0, len(points_m), CHUNK_ROWS):
         rows = slice(start, start + CHUNK_ROWS)
         yield (points_m[rows] if keep is None else points_m[rows][keep[rows]]) - origin_m

@@ -1,4 +1,4 @@
-"""TODO."""
+"""Patch of a scan that shows a target: the input of the plane fit and the centre fit."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from ..vectors import Array, Array32
 
 @dataclass(frozen=True)
 class Patch:
-    """The surroundings of the target's face, before anything is fitted to it.
+    """Points of a target and its surroundings, before anything is fitted to them.
 
     origin_m: (3,) scanner frame, near the target's centre.
-    face_m: (N, 3) all points within reach of the face's plane, relative to origin_m, scanner axes.
-    face_intensity: (N,) float32 of them, or None.
-    around_m: (M, 3) float32, the same of other points around, thinned where there are many.
-    match: of the outline. sigma_m: noise across the plane, roughly.
-    basis: (3, 3) rows: the face's own axes u and v as the outline has them, then the normal that
-    points to the scanner.
-    part: which of the cloud's parts the points are of. station_m: (3,) scanner frame, where the
-    scanner stood, if the file says so.
+    face_m: (N, 3) all points near the target's plane, relative to origin_m, scanner axes.
+    face_intensity: (N,) float32 intensities of face_m, or None.
+    around_m: (M, 3) float32, other points around, likewise relative, thinned where there are many.
+    match: score of the outline. sigma_m: rough noise across the plane.
+    basis: (3, 3) rows: the target's axes u and v, then the normal towards the scanner.
+    part: index of the cloud's part that holds the points. station_m: (3,) scanner frame, position
+    of the scanner, if the file states it.
     """
 
     origin_m: Array

@@ -1,4 +1,4 @@
-"""A robust loop: propose, score, refine the best, stop when enough was tried. Knows no geometry."""
+"""RANSAC without geometry: propose, score, refine the best, stop at the stated confidence."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ M = TypeVar("M")
 
 
 class Problem(Protocol[M]):
-    """What the loop must be told of a problem with models of type M."""
+    """Contract of a problem with models of type M."""
 
     def propose(self, count: int, rng: np.random.Generator) -> Sequence[M]:
-        """Models through minimal random samples."""
+        """Return models through minimal random samples."""
 
     def score(self, models: Sequence[M]) -> Array:
-        """Support of each model: (len(models),), larger is better."""
+        """Return the support of each model: (len(models),), larger is better."""
 
     def refine(self, model: M) -> M:
-        """The model improved by its own support."""
+        """Return the model refitted to its own support."""
 
     def success_rate(self, model: M) -> float:
-        """Chance that one proposal would be as good as this model."""
+        """Return the probability that one proposal is as good as this model."""
 
 
 @dataclass(frozen=True)
 class RansacOptions:
-    """When to stop: with this confidence that a good proposal was seen, or at the maximum."""
+    """Stopping rule: this confidence that a good proposal was drawn, or the maximum."""
 
     confidence: float = 0.999
     max_proposals: int = 3000
@@ -41,7 +41,7 @@ class RansacOptions:
 
 @dataclass(frozen=True)
 class RansacResult(Generic[M]):
-    """The best model, its score, and how many proposals it took."""
+    """Best model, its score, and the number of proposals up to it."""
 
     model: M
     score: float
@@ -51,7 +51,7 @@ class RansacResult(Generic[M]):
 def ransac(
     problem: Problem[M], options: RansacOptions, rng: np.random.Generator
 ) -> RansacResult[M] | None:
-    """Best model of `problem`, or None when no proposal had any support.
+    """Find the best model of `problem`; None when no proposal had any support.
 
     Locally optimised: each new best is refined and kept if that raised its score.
     Source: Fischler and Bolles, CACM 24 (1981) 381; Chum, Matas, Kittler, DAGM 2003.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import NotMeasuredError
-from ..vectors import Array
+from ..vectors import Array, Mask
 from .least_squares import PlaneMoments, total_least_squares
 
 # Standard deviation of a normal variable clipped at k = 3 sigma, over sigma:
@@ -46,18 +46,17 @@ def first_sigma(depth: Array, band: float) -> float:
 
 def converge(
     points: Array, clipping: Clipping, resolution: float, max_iterations: int = 50
-) -> tuple[Clipping, PlaneMoments, int]:
+) -> tuple[Clipping, PlaneMoments]:
     """Fit points (N, 3), clip at 3 sigma and fit again until the same points are kept twice.
 
-    resolution: of the coordinates, metres. Also return the moments of the last fit and the number
-    of fits. Raises NotMeasuredError 'too-few-points'.
+    resolution: of the coordinates, metres. Also return the moments of the last fit.
+    Raises NotMeasuredError 'too-few-points'.
     """
-    kept = np.zeros(0, dtype=bool)
-    iterations = 0
-    while iterations < max_iterations:
+    kept: Mask | None = None
+    for _ in range(max_iterations):
         residual = (points - clipping.point) @ clipping.basis[2]
         keep = np.abs(residual) < clipping.limit(resolution)
-        if np.array_equal(keep, kept):
+        if kept is not None and np.array_equal(keep, kept):
             break
         kept = keep
         if np.count_nonzero(keep) < 4:
@@ -67,5 +66,4 @@ def converge(
             raise NotMeasuredError("too-few-points", "the points on the target span no plane")
         spread = float(np.sqrt(moments.scatter_m2[2] / (moments.count - 3))) / CLIPPED_SIGMA_RATIO
         clipping = Clipping(moments.basis, moments.centroid_m, spread, clipping.cap)
-        iterations += 1
-    return clipping, moments, iterations
+    return clipping, moments

@@ -1,0 +1,62 @@
+"""The patch: what is fitted depends on its points and frame alone."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+
+from wheelplane.config import PlaneConfig
+from wheelplane.plane.fit_plane import fit_plane
+from wheelplane.plane.patch import Patch
+from wheelplane.targets.plates import DiscTarget
+
+DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)
+SIGMA = 0.0008
+
+
+def patch(seed=0, count=5000):
+    rng = np.random.default_rng(seed)
+    uv = rng.uniform(-0.125, 0.125, (count, 2))
+    points = np.column_stack([uv, rng.normal(0.0, SIGMA, count)])
+    around = np.zeros((0, 3), np.float32)
+    return Patch(np.array([3.0, -7.0, 1.5]), points, around, 0.9, np.eye(3), SIGMA)
+
+
+def test_shifting_the_origin_shifts_the_plane_alone():
+    here, shift = patch(), np.array([1.25, -0.5, 2.0])  # exact in binary
+    one = fit_plane(here, DISC, PlaneConfig())
+    other = fit_plane(replace(here, origin_m=here.origin_m + shift), DISC, PlaneConfig())
+    np.testing.assert_allclose(other.centroid_m - one.centroid_m, shift, atol=1e-14)
+    np.testing.assert_array_equal(other.basis, one.basis)
+    assert other.sigma_m == one.sigma_m
+
+
+def test_normal_is_on_the_side_of_the_patch_s():
+    one = fit_plane(patch(), DISC, PlaneConfig())
+    flipped = replace(patch(), basis=np.diag([1.0, -1.0, -1.0]))
+    other = fit_plane(flipped, DISC, PlaneConfig())
+    assert one.normal[2] > 0.9
+    np.testing.assert_allclose(other.normal, -one.normal, atol=1e-12)
+
+
+def test_the_surroundings_and_their_labels_do_not_enter_the_plane():
+    here = patch()
+    around = np.random.default_rng(1).normal(size=(100, 3)).astype(np.float32)
+    intensity = np.ones(len(here.face_m), np.float32)
+    changed = replace(
+        here, around_m=around, match=0.4, face_intensity=intensity, part=3, station_m=np.ones(3)
+    )
+    one, other = (fit_plane(p, DISC, PlaneConfig()) for p in (here, changed))
+    np.testing.assert_array_equal(other.basis, one.basis)
+    np.testing.assert_array_equal(other.centroid_m, one.centroid_m)
+
+
+def test_a_patch_is_not_changed_by_a_fit_nor_otherwise():
+    here = patch()
+    before = here.face_m.copy()
+    fit_plane(here, DISC, PlaneConfig())
+    np.testing.assert_array_equal(here.face_m, before)
+    with pytest.raises(FrozenInstanceError):
+        here.sigma_m = 1.0
