@@ -1,4 +1,4 @@
-"""The surroundings of a target's face, cut out of a cloud."""
+"""A target and its surroundings, cut out of a cloud."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..vectors import Array, Array32
 from .candidates import MIN_POINTS, Candidate
 
 CLOSE_ASIDE, CLOSE_DEPTH = 1.6, 2.0  # of the radius: a wheel behind its target, not the floor
-MAX_DEPTH_M = 0.8  # background further behind the face tells nothing more
+MAX_DEPTH_M = 0.8  # background further behind the target carries no more information
 BEAM_SLOPE = 3.3  # beams up to 73 degrees carry the background this far sideways per depth
 MOST_ASIDE_M = 1.2  # however deep
 FACE_REACH, AROUND_REACH = 1.8, 1.25  # of the radius
@@ -25,10 +25,11 @@ def cut_patch(
     target: Target,
     most_around: int,
 ) -> Patch:
-    """A candidate's surroundings in points_m (N, 3); its normal turned away from what lies behind.
+    """Cut a candidate and its surroundings out of points_m (N, 3).
 
-    intensity: (N,) or None. most_around: points that are kept of those not on the face, were all of
-    points_m around it. Raises NotMeasuredError 'too-few-points'.
+    The normal is flipped, if necessary, away from the side with more points.
+    intensity: (N,) or None. most_around: number of points kept off the target if all of points_m
+    were in its surroundings. Raises NotMeasuredError 'too-few-points'.
     """
     near = surroundings(
         points_m,
@@ -44,7 +45,7 @@ def cut_patch(
             "too-few-points", f"{len(near.face_m)} points on the target, {MIN_POINTS} needed"
         )
     basis = candidate.basis
-    if _looks_backwards(basis.astype(np.float32) @ near.around_m.T, target.radius_m):
+    if _points_backwards(basis.astype(np.float32) @ near.around_m.T, target.radius_m):
         basis = basis * np.array([[1.0], [-1.0], [-1.0]])
     return Patch(
         origin_m=candidate.centre_m,
@@ -57,10 +58,10 @@ def cut_patch(
     )
 
 
-def _looks_backwards(uvw_m: Array32, radius_m: float) -> bool:
-    """Whether more points uvw_m (3, N), in a face's axes, lie before the face than behind it.
+def _points_backwards(uvw_m: Array32, radius_m: float) -> bool:
+    """Return whether more points uvw_m (3, N), in a target's axes, lie in front of it than behind.
 
-    Only what is close counts, a wheel: the floor before a face has more points than that.
+    Only close points count, those of the wheel: the floor in front of a target has more points.
     """
     u, v, depth = uvw_m
     close = u * u + v * v < (CLOSE_ASIDE * radius_m) ** 2
@@ -70,6 +71,6 @@ def _looks_backwards(uvw_m: Array32, radius_m: float) -> bool:
 
 
 def around_slab(target: Target) -> Slab:
-    """Where the surroundings of a face lie, about its centre along its normal."""
+    """Return the slab of a target's surroundings, about its centre along its normal."""
     reach = AROUND_REACH * target.radius_m
     return Slab(reach, MAX_DEPTH_M, BEAM_SLOPE, reach + MOST_ASIDE_M)

@@ -1,8 +1,7 @@
-"""Find the target's face in the scan of a wheel.
+"""Find the target in the scan of a wheel.
 
-Small flat pieces hang together to surfaces; wherever a surface could hold the face, a plane is
-fitted and the outline compared. Where that finds nothing clear, planes are sought by RANSAC, one
-after the other.
+Surfels are joined to surfaces; at every candidate position on a surface a plane is fitted and the
+outline scored. If no score is clear, planes are also searched by RANSAC, one after the other.
 """
 
 from __future__ import annotations
@@ -30,11 +29,11 @@ from .cut_patch import cut_patch
 from .hypotheses import EDGE_OF_RADIUS, Hypothesis, hypotheses, joined
 from .surfels import Surfels, find_surfels
 
-LIKELY = 0.6  # of the best match, or the least: a candidate that may turn out better
-MOST_LOOKED_AT = 12  # places in one scan that are looked at
-SPARSE = 1500  # points on a face, below which all points of the scan are looked at, not a sample
-SURE, RIVAL_SCORE = 0.8, 0.6  # match of the best, and score below which nothing is its rival
-CLEAR = 0.5  # match of the best candidate, below which planes are sought by RANSAC as well
+LIKELY = 0.6  # of the best match, or the least: a candidate that may prove better
+MOST_SCORED = 12  # candidate positions of one scan that are scored
+SPARSE = 1500  # points on a target, below which all points of the scan are used, not a sample
+SURE, RIVAL_SCORE = 0.8, 0.6  # match of the best, and score below which nothing rivals it
+CLEAR = 0.5  # match of the best candidate, below which RANSAC is used as well
 
 
 def find_target(
@@ -44,10 +43,10 @@ def find_target(
     seed: int,
     intensity: Array32 | None = None,
 ) -> Patch:
-    """Patch of points_m (N, 3) that shows the target; intensity: (N,) or None.
+    """Find the target in points_m (N, 3) and cut its patch; intensity: (N,) or None.
 
-    Raises NotMeasuredError: 'too-few-points', 'no-plane', 'no-target' (with what was found
-    instead) or 'ambiguous-target'.
+    Raises NotMeasuredError: 'too-few-points', 'no-plane', 'no-target' (with the best match) or
+    'ambiguous-target'.
     """
     found = find_candidates(points_m, target, config, seed)
     _check_best(found, target, config)
@@ -57,7 +56,7 @@ def find_target(
 def find_candidates(
     points_m: Array, target: Target, config: SegmentConfig, seed: int
 ) -> list[Candidate]:
-    """Find every plane of points_m (N, 3) that may be the target, best match first.
+    """Find all planes of points_m (N, 3) that may be the target, best match first.
 
     Raises NotMeasuredError 'too-few-points' or 'no-plane'.
     """
@@ -71,27 +70,28 @@ def find_candidates(
         raise NotMeasuredError("no-plane", "no plane stands out among the points")
     found = [replace(c, centre_m=c.centre_m + origin) for c in found]
     if len(points_m) > len(points):
-        found = _look_closer(points_m, found, target, config)
+        found = _rescore_sparse(points_m, found, target, config)
     return found
 
 
 def voxels_of(points_m: Array, target: Target) -> VoxelGrid:
-    """Sums of points_m (N, 3) over cubes of a size that the target's face fills many of."""
+    """Return the sums of points_m (N, 3) over voxels of a quarter of the target's radius."""
     edge = EDGE_OF_RADIUS * target.radius_m
     return voxel_moments(points_m, lowest(points_m) - edge, edge)
 
 
 def _candidates(points: Array, target: Target, config: SegmentConfig, seed: int) -> list[Candidate]:
-    """Planes that may be the face, best match first."""
+    """Return the planes that may be the target, best match first."""
     limit = threshold_m(target, config)
     surfels = find_surfels(voxels_of(points, target), limit)
     found: list[Candidate] = []
     best = 0.0
-    for places in _more_and_more(surfels, target, limit):
-        for place in places[:MOST_LOOKED_AT]:
-            if best > SURE and place.score < RIVAL_SCORE:
+    for stage in _stages(surfels, target, limit):
+        for position in stage[:MOST_SCORED]:
+            if best > SURE and position.score < RIVAL_SCORE:
                 break
-            found.append(score_candidate(points, place.centre_m, place.normal, target, limit))
+            centre, normal = position.centre_m, position.normal
+            found.append(score_candidate(points, centre, normal, target, limit))
             best = max(best, found[-1].match)
         if best > SURE:
             break
@@ -100,18 +100,18 @@ def _candidates(points: Array, target: Target, config: SegmentConfig, seed: int)
     return sorted(found, key=lambda candidate: -candidate.match)
 
 
-def _more_and_more(surfels: Surfels, target: Target, limit_m: float) -> Iterator[list[Hypothesis]]:
-    """Places of the face: those in clear view, then half hidden ones, then ones cut in parts."""
+def _stages(surfels: Surfels, target: Target, limit_m: float) -> Iterator[list[Hypothesis]]:
+    """Yield candidate positions: in clear view, then partly hidden ones, then ones in parts."""
     yield hypotheses(surfels, target, RIVAL_SCORE)
-    places = hypotheses(surfels, target)
-    yield places
-    yield joined(places, surfels, target, limit_m)
+    positions = hypotheses(surfels, target)
+    yield positions
+    yield joined(positions, surfels, target, limit_m)
 
 
-def _look_closer(
+def _rescore_sparse(
     points_m: Array, found: list[Candidate], target: Target, config: SegmentConfig
 ) -> list[Candidate]:
-    """The candidates, those likely ones of few points judged again by all points of the scan."""
+    """Score the likely candidates of few points again, by all points of the scan."""
     bar = LIKELY * max(config.min_match, found[0].match)
     again = [
         _score_again(points_m, candidate, target, config)
@@ -123,25 +123,25 @@ def _look_closer(
 
 
 def _score_again(
-    points_m: Array, place: Candidate | Hypothesis, target: Target, config: SegmentConfig
+    points_m: Array, at: Candidate | Hypothesis, target: Target, config: SegmentConfig
 ) -> Candidate:
-    """The candidate at a place by all of points_m (N, 3) about it."""
+    """Score the candidate at a position by all of points_m (N, 3) about it."""
     ball = Slab(REACH * target.radius_m, REACH * target.radius_m)
-    near = surroundings(points_m, place.centre_m, place.normal, ball, ball, 0.0).face_m
-    return scored_again(near, place, target, config)
+    near = surroundings(points_m, at.centre_m, at.normal, ball, ball, 0.0).face_m
+    return score_near(near, at, target, config)
 
 
-def scored_again(
-    near: Array, place: Candidate | Hypothesis, target: Target, config: SegmentConfig
+def score_near(
+    near: Array, at: Candidate | Hypothesis, target: Target, config: SegmentConfig
 ) -> Candidate:
-    """The candidate at a place by points near (N, 3) relative to it."""
+    """Score the candidate at a position by the points near (N, 3) relative to it."""
     near = sample(near, config.subset_points)
-    found = score_candidate(near, np.zeros(3), place.normal, target, threshold_m(target, config))
-    return replace(found, centre_m=found.centre_m + place.centre_m)
+    found = score_candidate(near, np.zeros(3), at.normal, target, threshold_m(target, config))
+    return replace(found, centre_m=found.centre_m + at.centre_m)
 
 
 def _check_best(found: Sequence[Candidate], target: Target, config: SegmentConfig) -> None:
-    """Raise where the first candidate has not the target's outline, or another has it as well."""
+    """Raise if the first candidate lacks the target's outline, or if another one has it as well."""
     best = found[0]
     if best.match < config.min_match:
         raise NotMeasuredError(

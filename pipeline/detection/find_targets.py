@@ -1,4 +1,4 @@
-"""Find all faces of the target in the cloud of a whole vehicle."""
+"""Find all targets in the cloud of a whole vehicle."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from ..targets import Target
 from ..vectors import Array, Array32, Rows
 from .candidates import REACH, Candidate, threshold_m
 from .cut_patch import around_slab, cut_patch
-from .find_target import LIKELY, SURE, scored_again, voxels_of
+from .find_target import LIKELY, SURE, score_near, voxels_of
 from .hypotheses import Hypothesis, hypotheses, joined
 from .surfels import find_surfels
 from .vehicles import RIVAL, FoundTarget, vehicles
 
-WHEELS = 4  # of a vehicle: where so many sure faces stand as one, no half hidden one is missing
-FIFTH_SCORE = 0.8  # and only a place as clear as theirs could be another
-MOST_IN_CLOUD = 160  # in the cloud of a vehicle
-MOVED = 0.1  # of the radius: a place so far off is looked at again
-ROUGHER = 3.0  # times the noise of sure faces
-BESIDE, ROUGHER_BESIDE = 3.0, 1.4  # radii from a better face, and times its noise
+WHEELS = 4  # of a vehicle: where four sure targets are arranged as one, none is missing
+FIFTH_SCORE = 0.8  # and only a position of such a score could be another
+MOST_IN_CLOUD = 160  # candidate positions in the cloud of a vehicle
+MOVED = 0.1  # of the radius: a candidate moved so far is scored again
+ROUGHER = 3.0  # times the noise of sure targets
+BESIDE, ROUGHER_BESIDE = 3.0, 1.4  # radii from a better target, and times its noise
 
 
 def find_targets(
@@ -35,24 +35,25 @@ def find_targets(
     parts: Sequence[tuple[int, int]] = (),
     stations_m: Sequence[Array | None] = (),
 ) -> tuple[Patch, ...]:
-    """Patches of all faces in points_m (N, 3), the cloud of a vehicle, best match first; or none.
+    """Find all targets in points_m (N, 3), the cloud of a vehicle; patches, best match first.
 
-    intensity: (N,) or None. parts: row ranges of the scans that the cloud is made of; each face is
-    taken from the one that has most points on it, since every scan has its own place and noise.
-    stations_m: (3,) each, where the parts were scanned from, None where that is not known.
+    intensity: (N,) or None. parts: row ranges of the scans that make up the cloud; each target is
+    taken from the one with most points on it, since every scan has its own pose and noise.
+    stations_m: (3,) each, positions of the scanner for the parts, None where unknown.
     """
     voxels = voxels_of(points_m, target)
     surfels = find_surfels(voxels, threshold_m(target, config))
-    places = hypotheses(surfels, target)[:MOST_IN_CLOUD]
-    looked_at = _look(points_m, voxels, places, target, config)
-    if not _are_a_vehicle(_sure(looked_at, target, config)):
-        places = joined(places, surfels, target, threshold_m(target, config))
-        looked_at += _look(points_m, voxels, places, target, config)
-    found = _faces(looked_at, target, config)
+    positions = hypotheses(surfels, target)[:MOST_IN_CLOUD]
+    scored = _score_all(points_m, voxels, positions, target, config)
+    if not _are_a_vehicle(_sure(scored, target, config)):
+        positions = joined(positions, surfels, target, threshold_m(target, config))
+        scored += _score_all(points_m, voxels, positions, target, config)
+    found = _targets(scored, target, config)
     slab = around_slab(target)
     regions = [_voxels_within(voxels, c.centre_m, c.normal, slab) for c in found]
     rows = _rows(points_m, voxels, regions)
-    near, shine = points_m[rows], None if intensity is None else intensity[rows]
+    near = points_m[rows]
+    near_intensity = None if intensity is None else intensity[rows]
     bounds = np.searchsorted(rows, np.array(parts or [(0, len(points_m))]))
     patches = []
     for candidate in found:
@@ -60,7 +61,7 @@ def find_targets(
         start, stop = bounds[part]
         patch = cut_patch(
             near[start:stop],
-            None if shine is None else shine[start:stop],
+            None if near_intensity is None else near_intensity[start:stop],
             candidate,
             target,
             config.around_points,
@@ -70,45 +71,45 @@ def find_targets(
     return tuple(patches)
 
 
-def _look(
+def _score_all(
     points_m: Array,
     voxels: VoxelGrid,
-    places: list[Hypothesis],
+    positions: list[Hypothesis],
     target: Target,
     config: SegmentConfig,
 ) -> list[Candidate]:
-    """The candidates at places of a cloud, until a vehicle's faces are sure and no rival left."""
+    """Score candidate positions until a vehicle's targets are sure and no rival remains."""
     ball = Slab(REACH * target.radius_m, REACH * target.radius_m)
-    balls = [_voxels_within(voxels, place.centre_m, place.normal, ball) for place in places]
+    balls = [_voxels_within(voxels, at.centre_m, at.normal, ball) for at in positions]
     near = np.ascontiguousarray(points_m[_rows(points_m, voxels, balls)].T)
     found: list[Candidate] = []
     is_whole = False
-    for place in places:
-        if place.score < FIFTH_SCORE and is_whole:
+    for at in positions:
+        if at.score < FIFTH_SCORE and is_whole:
             break
-        found.append(_score_in_cloud(near, place, target, config))
+        found.append(_score_in_cloud(near, at, target, config))
         if found[-1].match > SURE:
             is_whole = _are_a_vehicle(_sure(found, target, config))
     return found
 
 
 def _score_in_cloud(
-    columns_m: Array, place: Candidate | Hypothesis, target: Target, config: SegmentConfig
+    columns_m: Array, at: Candidate | Hypothesis, target: Target, config: SegmentConfig
 ) -> Candidate:
-    """The candidate at a place by the points columns_m (3, N), and again where that has put it."""
+    """Score a candidate position by the points columns_m (3, N); again where that has moved it."""
     reach = REACH * target.radius_m
-    found = scored_again(_ball(columns_m, place.centre_m, reach), place, target, config)
-    moved = float(np.linalg.norm(found.centre_m - place.centre_m))
+    found = score_near(_ball(columns_m, at.centre_m, reach), at, target, config)
+    moved = float(np.linalg.norm(found.centre_m - at.centre_m))
     if found.match < LIKELY * config.face_match or moved < MOVED * target.radius_m:
         return found
-    again = scored_again(_ball(columns_m, found.centre_m, reach), found, target, config)
+    again = score_near(_ball(columns_m, found.centre_m, reach), found, target, config)
     return max(found, again, key=lambda candidate: candidate.match)
 
 
 def _ball(columns_m: Array, centre_m: Array, reach_m: float) -> Array:
-    """Points (M, 3) of columns_m (3, N) within reach_m of a centre along each axis, relative to it.
+    """Return points (M, 3) of columns_m (3, N) within reach_m of a centre along each axis.
 
-    One axis after the other, each over what the one before has left.
+    Relative to the centre; one axis after the other, each over what the one before has left.
     """
     rows = np.nonzero(np.abs(columns_m[0] - centre_m[0]) < reach_m)[0]
     for axis in (1, 2):
@@ -116,43 +117,46 @@ def _ball(columns_m: Array, centre_m: Array, reach_m: float) -> Array:
     return np.asarray(columns_m[:, rows].T - centre_m)
 
 
-def _faces(looked_at: list[Candidate], target: Target, config: SegmentConfig) -> list[Candidate]:
-    """Those that have the target's outline; where a vehicle's four have it clearly, only such.
+def _targets(scored: list[Candidate], target: Target, config: SegmentConfig) -> list[Candidate]:
+    """Return the candidates with the target's outline; only sure ones if they make a vehicle.
 
-    Nor is a face, unless it is sure itself, what is much rougher than those that are sure.
+    A candidate that is not sure, and much rougher than those that are, is no target.
     """
-    sure = _sure(looked_at, target, config)
+    sure = _sure(scored, target, config)
     if _are_a_vehicle(sure):
         return sure
     roughest = ROUGHER * float(np.median([c.sigma_m for c in sure])) if sure else np.inf
-    faces = [
+    found = [
         c
-        for c in looked_at
+        for c in scored
         if c.match > SURE or (c.match >= config.face_match and c.sigma_m <= roughest)
     ]
-    return _apart(faces, target, config)
+    return _apart(found, target, config)
 
 
-def _sure(looked_at: list[Candidate], target: Target, config: SegmentConfig) -> list[Candidate]:
-    return _apart([c for c in looked_at if c.match > SURE], target, config)
+def _sure(scored: list[Candidate], target: Target, config: SegmentConfig) -> list[Candidate]:
+    return _apart([c for c in scored if c.match > SURE], target, config)
 
 
 def _are_a_vehicle(found: list[Candidate]) -> bool:
-    """Whether any four stand as a vehicle's wheels, whichever way their normals point: other things
-    may look like the target as well.
+    """Return whether any four are arranged as a vehicle's wheels, whatever their normals' signs.
+
+    Other things may look like the target as well.
     """
     if len(found) < WHEELS:
         return False
-    faces = [
+    targets = [
         FoundTarget(c.centre_m, sign * c.normal, c.match) for c in found for sign in (1.0, -1.0)
     ]
-    return bool(vehicles(faces, range(len(faces)), RIVAL))
+    return bool(vehicles(targets, range(len(targets)), RIVAL))
 
 
 def _apart(found: list[Candidate], target: Target, config: SegmentConfig) -> list[Candidate]:
-    """The candidates, best match first, less those that lie over a better one, overlap one much
-    better, or lie beside it and are rougher as well. One that overlaps another as good is kept:
-    both cannot be, and that must be told.
+    """Remove duplicates, best match first.
+
+    Removed is what lies over a better candidate, overlaps a much better one, or lies beside it and
+    is rougher as well. One that overlaps another as good is kept: both cannot be targets, which
+    must be reported.
     """
     radius = target.radius_m
 
@@ -175,15 +179,15 @@ def _apart_m(one: Candidate, other: Candidate) -> float:
 
 
 def _rows(points_m: Array, voxels: VoxelGrid, chosen: Sequence[Rows]) -> Rows:
-    """Rows of points_m (N, 3) in any of the cubes chosen, each (K,) rows of the cubes."""
+    """Return the rows of points_m (N, 3) in any of the chosen voxels, each (K,) rows of voxels."""
     if not chosen:
         return np.zeros(0, np.int64)
     return within_voxels(points_m, voxels, voxels.key[np.unique(np.concatenate(chosen))])
 
 
 def _voxels_within(voxels: VoxelGrid, centre_m: Array, normal: Array, slab: Slab) -> Rows:
-    """Cubes that may hold points of a slab about a centre, along a normal."""
-    half = 0.9 * voxels.edge_m  # half the diagonal of a cube
+    """Return the voxels that may hold points of a slab about a centre, along a normal."""
+    half = 0.9 * voxels.edge_m  # half the diagonal of a voxel
     wider = Slab(
         slab.reach_m + half * (1.0 + slab.slope),
         slab.depth_m + half,
@@ -199,11 +203,11 @@ def _voxels_within(voxels: VoxelGrid, centre_m: Array, normal: Array, slab: Slab
 
 
 def _best_part(near: Array, bounds: Rows, candidate: Candidate, target: Target) -> int:
-    """The part, rows start:stop of near (N, 3), with most points on a face."""
+    """Return the part, rows start:stop of near (N, 3), with most points on a target."""
     counts = []
     for start, stop in bounds:
         offset = near[start:stop] - candidate.centre_m
         depth = np.abs(offset @ candidate.normal) < candidate.band_m
-        on_face = target.region.holds(offset[depth] @ candidate.basis[:2].T)
-        counts.append(int(np.count_nonzero(on_face)))
+        on_target = target.region.holds(offset[depth] @ candidate.basis[:2].T)
+        counts.append(int(np.count_nonzero(on_target)))
     return int(np.argmax(counts))

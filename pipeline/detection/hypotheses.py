@@ -1,4 +1,4 @@
-"""Where a face may be: places on the flat surfaces of a cloud that are about its size."""
+"""Candidate positions of the target on the flat surfaces of a cloud."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ import numpy as np
 
 from ..targets import Target
 from ..vectors import Array, Rows, plane_basis
-from . import template_match as raster
+from . import template_match
 from .surfels import Surfels
 
-EDGE_OF_RADIUS = 0.25  # of a cube
-MIN_SCORE = 0.12  # an eighth of the face, alone
+EDGE_OF_RADIUS = 0.25  # of a voxel
+MIN_SCORE = 0.12  # an eighth of the target, alone
 MIN_SURFELS = 4
 TWO_LEVELS = 5.0  # between the means of two levels, over the spread within; of one, 2.6 to 3.5
 LEVEL_ROUNDS = 4
-MANY_FACES = 30.0  # as large as a wall: not looked at for two levels
-PIECES_REACH = 1.8  # of the radius: how far from one piece of a face the others may lie
-ALIGNED, SAME_DEPTH = 0.9, 0.08  # cosine, and of the radius: two places on one plane
+MANY_TARGETS = 30.0  # as large as a wall: not searched for two levels
+PIECES_REACH = 1.8  # of the radius: how far from one piece of a target the others may lie
+ALIGNED, SAME_DEPTH = 0.9, 0.08  # cosine, and of the radius: two positions on one plane
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """A place where the face may be, its normal (sign free), and how well the surface fits it."""
+    """Candidate position of the target: centre, normal (sign free), and score of the surface."""
 
     centre_m: Array
     normal: Array
@@ -32,10 +32,10 @@ class Hypothesis:
 
 
 def hypotheses(surfels: Surfels, target: Target, floor: float = MIN_SCORE) -> list[Hypothesis]:
-    """Places on single surfaces where the face may be, of scores above `floor`, best first.
+    """Find candidate positions on single surfaces with score > floor, best first, no duplicates.
 
-    None twice. A surface scores no more than the share of the face that it could fill. At a floor
-    above the lowest, surfaces of two levels are left whole.
+    A surface scores no more than the share of the target that it could fill. At a floor above the
+    lowest, surfaces of two levels are not split.
     """
     area_m2 = target.region.area_m2
     whole = area_m2 / surfels.voxels.edge_m**2
@@ -50,24 +50,24 @@ def hypotheses(surfels: Surfels, target: Target, floor: float = MIN_SCORE) -> li
 
 
 def joined(
-    places: list[Hypothesis], surfels: Surfels, target: Target, limit_m: float
+    positions: list[Hypothesis], surfels: Surfels, target: Target, limit_m: float
 ) -> list[Hypothesis]:
-    """The places with all that lies in their planes, such as a face's parts beside a shadow.
+    """Join the positions with all surfels in their planes, such as the other side of a shadow.
 
     limit_m: distance within which a surfel lies in the plane.
     """
-    whole = [_with_other_pieces(place, surfels, target, limit_m) for place in places]
+    whole = [_with_other_pieces(at, surfels, target, limit_m) for at in positions]
     return _apart(sorted(whole, key=lambda h: -h.score), target.radius_m)
 
 
 def _levels(surfels: Surfels, rows: Rows, whole: float) -> list[Rows]:
-    """The surface, and its upper and lower level where it has two: single links join such steps.
+    """Return the surface, and its upper and lower level where it has two.
 
-    whole: surfels of a face; surfaces about as large, or many times larger, are left whole. Two
-    parallel planes are fitted, and the surfels shared out between them, in turn; two levels are far
-    apart for the spread within.
+    Single links may join surfaces across a step. whole: surfels of a target; surfaces about as
+    large, or many times larger, are not split. Two parallel planes are fitted and the surfels
+    assigned to them, alternately; two levels lie far apart compared with the spread within.
     """
-    if not 1.2 * whole < len(rows) < MANY_FACES * whole:
+    if not 1.2 * whole < len(rows) < MANY_TARGETS * whole:
         return [rows]
     local = surfels.centroid_m[rows] - surfels.centroid_m[rows[0]]
     u, v, depth = plane_basis(_mean_direction(surfels.normal[rows])) @ local.T
@@ -82,15 +82,16 @@ def _levels(surfels: Surfels, rows: Rows, whole: float) -> list[Rows]:
 
 
 def _two_groups(depth: Array) -> tuple[Array, float, float]:
-    """Two groups with the least spread within (Otsu): 1 or 0 for each of depth (S,), how far their
-    means are apart, and the spread within.
+    """Split depth (S,) into the two groups with the least spread within (Otsu).
+
+    Return 1 or 0 for each, the distance of the groups' means, and the spread within.
     """
     order = np.argsort(depth, kind="stable")
     ranked = depth[order] - depth.mean()
     total = len(ranked)
     below = np.arange(1.0, total)
     lower = np.cumsum(ranked)[:-1]
-    apart = -lower / below - lower / (total - below)  # all sum to nothing
+    apart = -lower / below - lower / (total - below)  # the total is 0
     within = float(ranked @ ranked) - below * (total - below) / total * apart**2
     cut = int(np.argmin(within[MIN_SURFELS - 1 : total - MIN_SURFELS])) + MIN_SURFELS
     above = np.zeros(total)
@@ -99,7 +100,7 @@ def _two_groups(depth: Array) -> tuple[Array, float, float]:
 
 
 def _mean_direction(normal: Array) -> Array:
-    """Of normals (S, 3) whose signs are of no meaning."""
+    """Return the mean direction of normals (S, 3) of arbitrary signs."""
     mean = (normal * np.where(normal @ normal[0] < 0.0, -1.0, 1.0)[:, None]).mean(axis=0)
     return np.asarray(mean / np.linalg.norm(mean))
 
@@ -107,7 +108,7 @@ def _mean_direction(normal: Array) -> Array:
 def _on_surface(
     surfels: Surfels, rows: Rows, target: Target, floor: float = MIN_SCORE
 ) -> list[Hypothesis]:
-    """Places of the face on one surface, which is looked at along its mean normal."""
+    """Find candidate positions on one surface, projected along its mean normal."""
     centroid, count = surfels.centroid_m[rows], surfels.count[rows]
     if float(np.ptp(centroid, axis=0).max()) < 0.35 * target.radius_m:
         return []
@@ -118,35 +119,35 @@ def _on_surface(
     uv = (centroid - middle) @ basis[:2].T
     edge = surfels.voxels.edge_m
     found = []
-    for place, score in raster.peaks(
+    for position, score in template_match.peaks(
         uv, edge, target.region, target.turn_period_rad, target.radius_m, floor
     ):
-        near = np.sum((uv - place) ** 2, axis=1) < target.radius_m**2
+        near = np.sum((uv - position) ** 2, axis=1) < target.radius_m**2
         if not near.any():
             continue
         weight = count[near] / count[near].sum()
         axis = weight @ normal[near]
         axis /= np.linalg.norm(axis)
-        centre = middle + place @ basis[:2]
+        centre = middle + position @ basis[:2]
         centre = centre + axis * float(weight @ ((centroid[near] - centre) @ axis))
         found.append(Hypothesis(centre, axis, score))
     return found
 
 
 def _with_other_pieces(
-    place: Hypothesis, surfels: Surfels, target: Target, limit_m: float
+    at: Hypothesis, surfels: Surfels, target: Target, limit_m: float
 ) -> Hypothesis:
-    """The place with what else lies in its plane, such as beyond a shadow, if that fits better."""
+    """Join a position with the other surfels in its plane if that scores better."""
     reach = PIECES_REACH * target.radius_m
-    rows = surfels.between(place.centre_m[0] - reach, place.centre_m[0] + reach)
-    offset = surfels.centroid_m[rows] - place.centre_m
+    rows = surfels.between(at.centre_m[0] - reach, at.centre_m[0] + reach)
+    offset = surfels.centroid_m[rows] - at.centre_m
     near = np.einsum("ij,ij->i", offset, offset) < reach**2
-    near &= np.abs(surfels.normal[rows] @ place.normal) > ALIGNED
-    near &= np.abs(offset @ place.normal) < limit_m
+    near &= np.abs(surfels.normal[rows] @ at.normal) > ALIGNED
+    near &= np.abs(offset @ at.normal) < limit_m
     pieces = rows.start + np.nonzero(near)[0]
     others = _on_surface(surfels, pieces, target) if len(pieces) >= MIN_SURFELS else []
-    close = [h for h in others if _distance(h, place) < 0.7 * target.radius_m]
-    return max([place, *close], key=lambda h: h.score)
+    close = [h for h in others if _distance(h, at) < 0.7 * target.radius_m]
+    return max([at, *close], key=lambda h: h.score)
 
 
 def _distance(one: Hypothesis, other: Hypothesis) -> float:
@@ -154,7 +155,7 @@ def _distance(one: Hypothesis, other: Hypothesis) -> float:
 
 
 def _apart(found: list[Hypothesis], radius_m: float) -> list[Hypothesis]:
-    """Those that say something else than a better one before them."""
+    """Remove duplicates, keeping the best; found: best first."""
     centre = np.array([h.centre_m for h in found]).reshape(-1, 3)
     normal = np.array([h.normal for h in found]).reshape(-1, 3)
     kept: list[int] = []

@@ -1,4 +1,4 @@
-"""The planes through neighbouring points, as a problem for RANSAC."""
+"""Planes through neighbouring points, as a problem for RANSAC."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class LocalPlanes:
     """
 
     def __init__(self, points: Array, radius_m: float, threshold: float) -> None:
-        order, self._start, self._count = _cells(points, radius_m)
+        order, self._start, self._count = _voxels(points, radius_m)
         self._points = points[order]
         self._single = self._points.astype(np.float32)
         self._squares = np.einsum("ij,ij->i", self._single, self._single)
@@ -27,7 +27,7 @@ class LocalPlanes:
         self._threshold = threshold
 
     def propose(self, count: int, rng: np.random.Generator) -> Sequence[Array]:
-        """Planes through a random point and two others of its cube."""
+        """Return planes through a random point and two others of its voxel."""
         seeds = rng.integers(len(self._points), size=count)
         size, start = self._count[seeds], self._start[seeds]
         second, third = (self._points[start + (rng.random(count) * size).astype(int)] for _ in "bc")
@@ -38,7 +38,7 @@ class LocalPlanes:
         return list(np.hstack([first, normal]))
 
     def score(self, models: Sequence[Array]) -> Array:
-        """Sum over the points in reach of 1 - (distance / threshold)^2, where positive (MSAC)."""
+        """Return the MSAC score: sum over points in reach of 1 - (distance / threshold)^2, > 0."""
         rows = np.asarray(models, dtype=np.float32)
         point, normal = rows[:, :3], rows[:, 3:]
         score = self._single @ normal.T
@@ -54,7 +54,7 @@ class LocalPlanes:
         return np.where(np.abs(normal).sum(axis=1) > 0.0, total, 0.0)
 
     def refine(self, model: Array) -> Array:
-        """Least squares through the points in reach, then through the nearer half again."""
+        """Fit the points in reach by least squares, then those within half the threshold."""
         for share in (1.0, 0.5):
             near = gather_ball(self._points, model[:3], self._reach)
             near = near[np.abs(near @ model[3:]) < share * self._threshold]
@@ -65,16 +65,16 @@ class LocalPlanes:
         return model
 
     def success_rate(self, model: Array) -> float:
-        """Share of the points on the plane, times the chance of two good neighbours (1/4)."""
+        """Return the share of points on the plane times 1/4, the chance of two good neighbours."""
         near = gather_ball(self._points, model[:3], self._reach)
         on_plane = np.count_nonzero(np.abs(near @ model[3:]) < self._threshold)
         return 0.25 * on_plane / len(self._points)
 
 
-def _cells(
+def _voxels(
     points: Array, size: float
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Sort points (N, 3) into cubes of edge `size`: order; start and count of each row's cube."""
+    """Sort points (N, 3) into voxels of edge `size`: order; start and count of each one's voxel."""
     index = np.floor((points - points.min(axis=0)) / size).astype(np.int64)
     key = (index[:, 0] << 42) + (index[:, 1] << 21) + index[:, 2]
     order = np.argsort(key, kind="stable")

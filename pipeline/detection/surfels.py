@@ -1,4 +1,4 @@
-"""Small flat pieces of a cloud, and the surfaces that they hang together to."""
+"""Surfels: small flat pieces of a cloud, and the surfaces that they form."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy.typing as npt
 from ..cloud import VoxelGrid, voxel_key
 from ..vectors import Array, Rows
 
-MIN_IN_VOXEL = 5  # points, to tell a plane from a handful
-TURN, MOST_TURN = np.radians([5.0, 20.0])  # between neighbours of one surface, and with noise
+MIN_IN_VOXEL = 5  # points, the least for a plane
+BEND, MOST_BEND = np.radians([5.0, 20.0])  # between neighbours of one surface, and with noise
 _HALF_OF_NEIGHBOURS = tuple(
     (i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if (i, j, k) > (0, 0, 0)
 )
@@ -19,10 +19,11 @@ _HALF_OF_NEIGHBOURS = tuple(
 
 @dataclass(frozen=True)
 class Surfels:
-    """The flat ones of the cubes, and the surface that each belongs to.
+    """Flat voxels and the surface that each belongs to.
 
-    cubes: all of them. row: (S,) which are flat. centroid_m, normal: (S, 3), of the sign that makes
-    its largest component positive. surface: (S,) number of the surface, from 0. count: (S,) points.
+    voxels: all of them. row: (S,) rows of the flat ones. centroid_m, normal: (S, 3), largest
+    component of the normal positive. surface: (S,) number of the surface, from 0. count: (S,)
+    points.
     """
 
     voxels: VoxelGrid
@@ -33,16 +34,16 @@ class Surfels:
     count: Array
 
     def between(self, low_m: float, high_m: float) -> slice:
-        """Rows of all surfels whose x may lie between; they are in the order of x."""
+        """Return the rows of the surfels whose x may lie between; they are sorted by x."""
         return slice(*np.searchsorted(self.row, [*self.voxels.between(low_m, high_m)]).tolist())
 
 
 def find_surfels(voxels: VoxelGrid, thickness_m: float) -> Surfels:
-    """The cubes whose points lie within thickness_m (rms) of a plane, joined to surfaces.
+    """Find the voxels whose points lie within thickness_m (rms) of a plane; join them to surfaces.
 
-    Two neighbours are of one surface where their normals are alike, so is their noise, and the
-    middle of each lies on the other's plane. A cube across a step of a few sigma is as flat as
-    that, but rougher than its neighbours.
+    Two neighbours belong to one surface if their normals and their noise are alike and the centroid
+    of each lies on the other's plane. A voxel across a step of a few sigma may be as flat, but is
+    rougher than its neighbours.
     """
     row = np.nonzero(voxels.sums[:, 0] >= MIN_IN_VOXEL)[0]
     centroid, normal, spread = planes_of(voxels.sums[row])
@@ -58,8 +59,8 @@ def find_surfels(voxels: VoxelGrid, thickness_m: float) -> Surfels:
     smooth = sigma < (1.6 + 1.5 / np.sqrt(dof)) * noise + floor
     limit = 2.5 * np.minimum(noise[one], noise[other]) + 3.0 * floor
     slope = noise * np.sqrt(12.0 / voxels.sums[row, 0]) / voxels.edge_m
-    turn = np.minimum(TURN + 2.5 * np.hypot(slope[one], slope[other]), MOST_TURN)
-    joined = np.abs(np.einsum("ij,ij->i", normal[one], normal[other])) > np.cos(turn)
+    bend = np.minimum(BEND + 2.5 * np.hypot(slope[one], slope[other]), MOST_BEND)
+    joined = np.abs(np.einsum("ij,ij->i", normal[one], normal[other])) > np.cos(bend)
     joined &= smooth[one] & smooth[other]
     apart = centroid[other] - centroid[one]
     for axis in (normal[one], normal[other]):
@@ -70,7 +71,10 @@ def find_surfels(voxels: VoxelGrid, thickness_m: float) -> Surfels:
 
 
 def _local_noise(sigma_m: Array, pairs: Rows) -> Array:
-    """Lower third (S,) of the noise of each surfel and its neighbours: steps run past many."""
+    """Return the lower third (S,) of the noise of each surfel and its neighbours.
+
+    Not the median, for a step may pass through many neighbours.
+    """
     each = np.arange(len(sigma_m))
     about = np.concatenate([each, pairs[:, 0], pairs[:, 1]])
     value = sigma_m[np.concatenate([each, pairs[:, 1], pairs[:, 0]])].astype(np.float32)
@@ -81,8 +85,10 @@ def _local_noise(sigma_m: Array, pairs: Rows) -> Array:
 
 
 def planes_of(sums: Array) -> tuple[Array, Array, Array]:
-    """Planes of groups of points by their sums (G, 10): centroids, normals (G, 3), and the spread
-    (G, 2) across the plane and along its narrower direction, standard deviations in metres.
+    """Fit planes to groups of points by their sums (G, 10).
+
+    Return centroids, normals (G, 3), and the spread (G, 2) across the plane and along its narrower
+    direction, standard deviations in metres.
 
     Eigenvalues in closed form (Smith, CACM 4 (1961) 168), to about 1e-8 of the largest.
     """
@@ -97,9 +103,9 @@ def planes_of(sums: Array) -> tuple[Array, Array, Array]:
     size = np.sqrt((a * a + b * b + c * c + 2.0 * (xy * xy + xz * xz + yz * yz)) / 6.0)
     size = np.maximum(size, 1e-90)
     half = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
-    turn = np.arccos(np.clip(half / (2.0 * size**3), -1.0, 1.0)) / 3.0
-    most = mean + 2.0 * size * np.cos(turn)
-    least = mean + 2.0 * size * np.cos(turn + 2.0 * np.pi / 3.0)
+    angle = np.arccos(np.clip(half / (2.0 * size**3), -1.0, 1.0)) / 3.0
+    most = mean + 2.0 * size * np.cos(angle)
+    least = mean + 2.0 * size * np.cos(angle + 2.0 * np.pi / 3.0)
     middle = 3.0 * mean - most - least
     rows = np.stack(
         [
@@ -120,9 +126,9 @@ def planes_of(sums: Array) -> tuple[Array, Array, Array]:
     return centroid, normal, spread
 
 
-def _neighbours(place: Rows) -> Rows:
-    """Pairs (P, 2) of rows of place (S, 3), sorted by key, whose cubes touch."""
-    key = voxel_key(place)
+def _neighbours(index: Rows) -> Rows:
+    """Return pairs (P, 2) of rows of index (S, 3), sorted by key, whose voxels touch."""
+    key = voxel_key(index)
     pairs = []
     for step in np.array(_HALF_OF_NEIGHBOURS) @ voxel_key(np.eye(3, dtype=np.int64)):
         wanted = key + step
@@ -133,7 +139,7 @@ def _neighbours(place: Rows) -> Rows:
 
 
 def _surfaces(count: int, pairs: npt.NDArray[np.int64]) -> Rows:
-    """Numbers (count,) of the connected parts: each is named after its lowest member."""
+    """Return the number (count,) of the connected part that each belongs to."""
     label = np.arange(count)
     while len(pairs):
         one, other = label[pairs].T

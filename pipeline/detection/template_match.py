@@ -1,4 +1,4 @@
-"""The raster of a plane, with cv2: where a face of known shape fits what is occupied."""
+"""Template matching with cv2: where the target fits the occupied cells of a plane's raster."""
 
 from __future__ import annotations
 
@@ -14,76 +14,75 @@ from ..vectors import Array, Array32, Mask
 Image = Array32
 Occupied = npt.NDArray[np.uint8]
 
-COARSE_TURN = np.radians(15.0)
-FINE_TURNS = 5  # steps that a coarse turn is divided into
-RING_REACH = 1.4  # of the radius: how far around the face emptiness counts
+COARSE_ROTATION = np.radians(15.0)
+FINE_STEPS = 5  # that a coarse rotation is divided into
+RING_REACH = 1.4  # of the radius: how far around the target emptiness counts
 SECTORS = 48
 FINEST, COARSEST = 1.0 / 60.0, 1.0 / 3.0  # cells, of the radius
-OUTNUMBERED = 2.0  # points off the plane for each on it: less are its own noise
-OFF_PLANE = 2.0  # times the depth within which points are on the plane: those between are off it
+OUTNUMBERED = 2.0  # points off the plane for each on it: fewer are its own noise
+OFF_PLANE = 2.0  # times the depth within which points are on the plane: between, they are off
 NO_POINTS = np.zeros((0, 2))
-TOP = 0.15  # of the score, that the top of a peak is high
+TOP = 0.15  # of the score: height of the top of a peak
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a face of known shape fits the occupied cells best.
+    """Best position of the target on the occupied cells.
 
-    centre_m: (2,) in the plane. turn_rad: of the face's own axes in it. match: 1 for a whole face,
-    the visible share of the outline for a hidden one, much less for part of a larger surface.
-    points: how many it was given. cell_m: the edge of its cells.
+    centre_m: (2,) in the plane. rotation_rad: of the target's axes in it. match: 1 for a whole
+    target, the visible share of the outline for a partly hidden one, much less for part of a larger
+    surface. cell_m: edge of the cells.
     """
 
     centre_m: Array
-    turn_rad: float
+    rotation_rad: float
     match: float
-    points: int
     cell_m: float
 
 
 def match_template(
     uv_m: Array, region: Region, period_rad: float, radius_m: float, off_m: Array = NO_POINTS
 ) -> Placement:
-    """Place a face on the points uv_m (N, 2) of a plane, to about half a cell.
+    """Match the target to the points uv_m (N, 2) of a plane, to about half a cell.
 
-    period_rad: turn that leaves the face as it is, 0 for any. radius_m: of the circle about it.
-    off_m: (M, 2) of points just off the plane; where these are many more, another surface lies,
-    whose noise reaches the plane.
-    Cells are a sixtieth of the radius, or as large as the points need to leave few of them empty;
-    where that is a third of the radius, the outline of so few points tells nothing.
+    period_rad: rotation that maps the target on itself, 0 for any. radius_m: of the circle about
+    it. off_m: (M, 2) points just off the plane; where these are many more, there is another
+    surface, whose noise reaches the plane.
+    Cells are a sixtieth of the radius, or larger where the points are so sparse that many would be
+    empty; above a third of the radius, the outline of so few points carries no information.
     """
     import cv2
 
     if len(uv_m) < 10:
-        return Placement(np.zeros(2), 0.0, 0.0, len(uv_m), radius_m)
+        return Placement(np.zeros(2), 0.0, 0.0, radius_m)
     cell = _cell_size(uv_m, radius_m)
     if cell > COARSEST * radius_m:
-        return Placement(np.zeros(2), 0.0, 0.0, len(uv_m), cell)
+        return Placement(np.zeros(2), 0.0, 0.0, cell)
     low, occupied = _occupied(uv_m, cell, RING_REACH * radius_m, off_m)
     occupied = cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    turns = np.arange(0.0, period_rad, COARSE_TURN) if period_rad else np.zeros(1)
-    peak, turn = _best_turn(occupied, region, radius_m, cell, turns)
+    angles = np.arange(0.0, period_rad, COARSE_ROTATION) if period_rad else np.zeros(1)
+    peak, angle = _best_rotation(occupied, region, radius_m, cell, angles)
     if period_rad:
-        near = turn + np.linspace(-0.5, 0.5, FINE_TURNS) * COARSE_TURN
-        peak, turn = _best_turn(occupied, region, radius_m, cell, near)
-    match = _outline_match(occupied, peak, turn, region, radius_m, cell)
-    return Placement(low + (peak + 0.5) * cell, turn, match, len(uv_m), cell)
+        near = angle + np.linspace(-0.5, 0.5, FINE_STEPS) * COARSE_ROTATION
+        peak, angle = _best_rotation(occupied, region, radius_m, cell, near)
+    match = _outline_match(occupied, peak, angle, region, radius_m, cell)
+    return Placement(low + (peak + 0.5) * cell, angle, match, cell)
 
 
 def peaks(
     uv_m: Array, cell_m: float, region: Region, period_rad: float, radius_m: float, floor: float
 ) -> list[tuple[Array, float]]:
-    """Places (2,) on a coarse raster of uv_m (N, 2) where the face may lie, and scores, best first.
+    """Find candidate positions (2,) on a coarse raster of uv_m (N, 2), with scores, best first.
 
-    Score: share of the face that is occupied, less twice that of a ring around it; above `floor`.
-    So a corner of a larger surface scores less than half of a face.
+    Score: occupied share of the target, less twice that of a ring around it; above `floor`.
+    So a corner of a larger surface scores less than half a target.
     """
     import cv2
 
     low, occupied = _occupied(uv_m, cell_m, RING_REACH * radius_m)
     occupied = cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    turns = np.arange(0.0, period_rad, 2.0 * COARSE_TURN) if period_rad else np.zeros(1)
-    images = [_coarse_score(occupied, region, radius_m, cell_m, turn) for turn in turns]
+    angles = np.arange(0.0, period_rad, 2.0 * COARSE_ROTATION) if period_rad else np.zeros(1)
+    images = [_coarse_score(occupied, region, radius_m, cell_m, angle) for angle in angles]
     score = np.max(images, axis=0)
     found = []
     column, row = np.meshgrid(np.arange(score.shape[1]), np.arange(score.shape[0]))
@@ -97,8 +96,9 @@ def peaks(
 def _occupied(
     uv_m: Array, cell: float, reach: float, off_m: Array = NO_POINTS
 ) -> tuple[Array, Occupied]:
-    """The lower corner of a raster with `reach` around the points, and which cells hold any, but
-    where points off_m (M, 2) outnumber them.
+    """Return the lower corner of a raster with `reach` around the points, and its occupied cells.
+
+    Cells where points off_m (M, 2) outnumber those on the plane count as empty.
     """
     axes = np.ascontiguousarray(uv_m.T)
     low, high = axes.min(axis=1) - reach, axes.max(axis=1) + reach
@@ -119,7 +119,7 @@ def _occupied(
 
 
 def _about(cell: npt.NDArray[np.int64], along: int, across: int) -> Image:
-    """Points of these cells (N,) in each cell and the eight about it, (along, across)."""
+    """Return the mean number of points of cells (N,) in each cell and its eight neighbours."""
     import cv2
 
     count = np.bincount(cell, minlength=along * across).reshape(along, across)
@@ -127,14 +127,14 @@ def _about(cell: npt.NDArray[np.int64], along: int, across: int) -> Image:
 
 
 def outnumbered(uv_m: Array, off_m: Array, cell_m: float) -> Mask:
-    """Which of uv_m (N, 2) on a plane lie where those off it, off_m (M, 2), are many more."""
+    """Return which of uv_m (N, 2) on a plane lie where many more, off_m (M, 2), lie off it."""
     low, occupied = _occupied(uv_m, cell_m, 2.0 * cell_m, off_m)
     column, row = ((uv_m - low) / cell_m).astype(np.int64).T
     return np.asarray(occupied[row, column] == 0)
 
 
 def _cell_size(uv_m: Array, radius_m: float) -> float:
-    """Cells of a mean of four points, by the density about the median point."""
+    """Return the edge of cells of four points on average, by the density at the median point."""
     u, v = (axis - np.median(axis) for axis in np.ascontiguousarray(uv_m.T))
     inner = 0.5 * radius_m
     count = np.count_nonzero(u * u + v * v < inner**2)
@@ -142,62 +142,62 @@ def _cell_size(uv_m: Array, radius_m: float) -> float:
     return max(float(np.sqrt(4.0 / density)), FINEST * radius_m)
 
 
-def _best_turn(
-    occupied: Occupied, region: Region, radius_m: float, cell: float, turns: Array
+def _best_rotation(
+    occupied: Occupied, region: Region, radius_m: float, cell: float, angles: Array
 ) -> tuple[Array, float]:
-    """Place (2,), column and row, and turn of the highest score.
+    """Return the position (2,), column and row, and the rotation of the highest score.
 
-    Score: share of the face that is occupied, less that of the ring about it; of several turns, and
-    the same for the narrow bands along the outline, for part of a rectangle fits in many places.
+    Score: occupied share of the target, less that of the ring about it; for several angles, plus
+    the same for narrow bands along the outline, since part of a rectangle fits at many positions.
     """
     scores = []
-    for turn in turns:
-        uv = _template_grid(radius_m, cell, turn)
+    for angle in angles:
+        uv = _template_grid(radius_m, cell, angle)
         ring = _ring(uv, region, radius_m, 1.5 * cell)
         kernel = _share(region.holds(uv)) - _share(ring)
-        if len(turns) > 1:
+        if len(angles) > 1:
             inner, outer = _bands(uv, region.filled, radius_m, cell)
             kernel = kernel + _share(inner) - _share(outer)
         scores.append(_correlated(occupied, kernel))
     best = int(np.argmax([score.max() for score in scores]))
-    return _plateau_centre(scores[best]), float(turns[best])
+    return _plateau_centre(scores[best]), float(angles[best])
 
 
 def _coarse_score(
-    occupied: Occupied, region: Region, radius_m: float, cell: float, turn: float
+    occupied: Occupied, region: Region, radius_m: float, cell: float, angle: float
 ) -> Image:
-    """Share of the face that is occupied, less twice that of the ring, for all places."""
-    uv = _template_grid(radius_m, cell, turn)
-    face = region.shrunk(0.5 * cell).holds(uv)
-    return _correlated(occupied, _share(face) - 2.0 * _share(_ring(uv, region, radius_m, cell)))
+    """Return the occupied share of the target, less twice that of the ring, for all positions."""
+    uv = _template_grid(radius_m, cell, angle)
+    inside = region.shrunk(0.5 * cell).holds(uv)
+    return _correlated(occupied, _share(inside) - 2.0 * _share(_ring(uv, region, radius_m, cell)))
 
 
-def _template_grid(radius_m: float, cell: float, turn: float) -> Array:
-    """Places (N, 2) of the cells of a square template about a face's centre, in its axes."""
+def _template_grid(radius_m: float, cell: float, angle: float) -> Array:
+    """Return the cells (N, 2) of a square template about a target's centre, in its axes, metres."""
     half = int(np.ceil(RING_REACH * radius_m / cell))
-    return _grid((2 * half + 1, 2 * half + 1), np.array([half, half]), turn) * cell
+    return _grid((2 * half + 1, 2 * half + 1), np.array([half, half]), angle) * cell
 
 
 def _ring(uv: Array, region: Region, radius_m: float, gap: float) -> Mask:
-    """Which of uv (N, 2) lie around the face, beyond a gap, within RING_REACH."""
+    """Return which of uv (N, 2) lie around the target, beyond a gap, within RING_REACH."""
     around = np.hypot(uv[:, 0], uv[:, 1]) <= RING_REACH * radius_m
     return np.asarray(around & ~region.filled.shrunk(-gap).holds(uv))
 
 
 def _bands(uv: Array, outline: Region, radius_m: float, cell: float) -> tuple[Mask, Mask]:
-    """Which of uv (N, 2) lie in narrow bands just inside and just outside the outline."""
+    """Return which of uv (N, 2) lie in narrow bands just inside and just outside the outline."""
     step, gap = _band_widths(radius_m, cell)
     held = [outline.shrunk(by).holds(uv) for by in (gap + step, gap, -gap, -gap - step)]
     return held[1] & ~held[0], held[3] & ~held[2]
 
 
 def _band_widths(radius_m: float, cell: float) -> tuple[float, float]:
-    """Of a band, and of the gap between it and the outline."""
+    """Return the width of a band, and of the gap between it and the outline."""
     return max(0.08 * radius_m, 2.0 * cell), max(0.03 * radius_m, cell)
 
 
 def _share(mask: Mask) -> Image:
-    """A template, square, whose sum over an image is the occupied share of the mask."""
+    """Return a square template whose sum over an image is the occupied share of the mask."""
     side = math.isqrt(len(mask))
     return (mask / max(int(mask.sum()), 1)).astype(np.float32).reshape(side, side)
 
@@ -209,15 +209,15 @@ def _correlated(occupied: Occupied, kernel: Image) -> Image:
     return np.asarray(cv2.filter2D(image, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT))
 
 
-def _grid(shape: tuple[int, int], middle: Array, turn: float) -> Array:
-    """Cells (N, 2) of a raster about its middle (column, row), in axes turned by `turn`."""
+def _grid(shape: tuple[int, int], middle: Array, angle: float) -> Array:
+    """Return the cells (N, 2) of a raster about its middle (column, row), in rotated axes."""
     row, column = np.indices(shape).reshape(2, -1) - middle[::-1, None]
-    cos, sin = np.cos(turn), np.sin(turn)
+    cos, sin = np.cos(angle), np.sin(angle)
     return np.stack([cos * column + sin * row, cos * row - sin * column], axis=1)
 
 
 def _plateau_centre(score: Image) -> Array:
-    """Where the peak's top lies, (2,) column, row: the mean of its cells, weighted by height."""
+    """Return the top of the peak, (2,) column, row: mean of its cells, weighted by height."""
     peak = np.unravel_index(np.argmax(score), score.shape)
     row, column = np.nonzero(score > score.max() - TOP)
     near = np.hypot(column - peak[1], row - peak[0]) < 6
@@ -227,10 +227,9 @@ def _plateau_centre(score: Image) -> Array:
 
 
 def _outline_match(
-    occupied: Occupied, middle: Array, turn: float, region: Region, radius_m: float, cell: float
+    occupied: Occupied, middle: Array, angle: float, region: Region, radius_m: float, cell: float
 ) -> float:
-    """Share of the outline where the face ends, times the square of that over where it ends or goes
-    on.
+    """Return ends * (ends / (ends + goes_on))^2: the share of the outline where the surface ends.
 
     By the occupied shares just inside and just outside the outline, in 48 sectors; where nothing is
     inside, the outline is hidden, and counts for neither.
@@ -238,7 +237,7 @@ def _outline_match(
     reach = math.ceil((radius_m + sum(_band_widths(radius_m, cell))) / cell) + 1
     column, row = (max(round(at) - reach, 0) for at in middle.tolist())
     occupied = occupied[row : row + 2 * reach + 1, column : column + 2 * reach + 1]
-    uv = _grid((occupied.shape[0], occupied.shape[1]), middle - [column, row], turn) * cell
+    uv = _grid((occupied.shape[0], occupied.shape[1]), middle - [column, row], angle) * cell
     sector = ((np.arctan2(uv[:, 1], uv[:, 0]) / (2.0 * np.pi)) % 1.0 * SECTORS).astype(int)
     sector %= SECTORS
     filled = occupied.ravel()
@@ -252,7 +251,7 @@ def _outline_match(
 
 
 def connected(uv_m: Array, radius_m: float) -> Mask:
-    """Which points uv_m (N, 2) hang together, cell to cell, with those about 0, 0: (N,)."""
+    """Return which points uv_m (N, 2) are connected, cell to cell, with those about 0, 0: (N,)."""
     import cv2
 
     near = uv_m[np.sum(uv_m**2, axis=1) < radius_m**2]

@@ -1,7 +1,7 @@
-"""Which side of four wheels is up: from the floor that they stand on, and from the z axis.
+"""Up direction of four wheels, from the floor that they stand on and from the z axis.
 
 The floor is a surface parallel to the wheels' plane, close to it, with nothing beyond it. The z of
-a levelled scanner is up. Where both tell, they must agree; neither is guessed.
+a levelled scanner is up. Where both are available, they must agree; neither is guessed.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from ..errors import InputError
 from ..vectors import Array
 
 CELL_M, MIN_IN_CELL, MIN_CELLS = 0.25, 8, 20
-BESIDE_M = 2.0  # of the wheels: how far about the vehicle the floor is looked for
-FLOOR_M = (0.08, 1.0)  # of the wheels' centres: no axle is lower or higher above its floor
+BESIDE_M = 2.0  # from the wheels: how far about the vehicle the floor is searched
+FLOOR_M = (0.08, 1.0)  # height of the wheels' centres above it
 STRAY = 0.05  # of a cell's points may lie beyond the floor: a glossy one mirrors what is above
 ROUGH_M, SLOPING_M = 0.05, 0.15  # a floor's cells about its plane, and that about the mean
-MIN_SHARE = 0.3  # of the cells must show the floor, and twice as many as on the other side
+MIN_SHARE = 0.3  # of the cells must lie on the floor, and twice as many as on the other side
 MIN_UPRIGHT = 0.7  # cosine between z and the wheels' upright, below which z is not taken for up
 
 
 @dataclass(frozen=True)
 class Up:
-    """direction: (3,) unit, across the wheels' plane. by: what told it, in words."""
+    """Up direction: (3,) unit, normal to the wheels' plane. by: its sources, in words."""
 
     direction: Array
     by: str
@@ -32,17 +32,17 @@ class Up:
 
 @dataclass(frozen=True)
 class _Floor:
-    """side: +1 or -1 along the upright. depth_m: from the wheels' centres."""
+    """Floor. side: +1 or -1 along the upright. depth_m: from the wheels' centres."""
 
     side: float
     depth_m: float
 
 
 def find_up(sample_m: Array, axles_m: Array, rule: str = "auto") -> Up:
-    """Up, for wheels at axles_m (2, 2, 3): two axles, the ends of both in the same order.
+    """Find up for wheels at axles_m (2, 2, 3): two axles, the ends of both in the same order.
 
     sample_m: (S, 3) points of the cloud. rule: 'auto', or 'floor' or 'z' alone.
-    Raises InputError where they contradict each other, or tell nothing.
+    Raises InputError where floor and z contradict each other, or neither is available.
     """
     along, upright = _directions(axles_m)
     floor = _find_floor(sample_m, axles_m, along, upright) if rule != "z" else None
@@ -51,28 +51,31 @@ def find_up(sample_m: Array, axles_m: Array, rule: str = "auto") -> Up:
     if floor is not None and floor.side == by_z:
         raise InputError(
             f"the floor, {floor.depth_m:.2f} m from the wheels' centres, lies on the side to which "
-            "z points: say --up floor where z does not point up, or --up z where that is no floor"
+            "z points: give --up floor if z does not point up, or --up z if it is no floor"
         )
     if floor is None and not by_z:
-        looked = {"floor": "no floor is seen below the wheels", "z": "the z axis is not upright"}
-        facts = looked.get(rule, " and ".join(looked.values()))
+        missing = {"floor": "no floor found below the wheels", "z": "the z axis is not upright"}
+        facts = missing.get(rule, " and ".join(missing.values()))
         raise InputError(
-            f"which way is up is not told: {facts}: export the cloud with its floor, or levelled "
-            "with z up"
+            f"up is unknown: {facts}: export the cloud with its floor, or levelled with z up"
         )
-    said = [] if floor is None else [f"the floor, {floor.depth_m:.2f} m below the wheels' centres"]
-    said += [f"the z axis, {np.degrees(np.arccos(min(abs(tilt), 1.0))):.1f}° off"] if by_z else []
+    sources = (
+        [] if floor is None else [f"the floor, {floor.depth_m:.2f} m below the wheels' centres"]
+    )
+    sources += (
+        [f"the z axis, {np.degrees(np.arccos(min(abs(tilt), 1.0))):.1f}° off"] if by_z else []
+    )
     side = by_z if floor is None else -floor.side
-    return Up(side * upright, ", and ".join(said))
+    return Up(side * upright, ", and ".join(sources))
 
 
 def stand_on_a_floor(sample_m: Array, axles_m: Array) -> bool:
-    """Whether a floor is seen close to wheels at axles_m (2, 2, 3) and parallel to their plane."""
+    """Return whether a floor lies close to wheels at axles_m (2, 2, 3), parallel to their plane."""
     return _find_floor(sample_m, axles_m, *_directions(axles_m)) is not None
 
 
 def _directions(axles_m: Array) -> tuple[Array, Array]:
-    """From the first axle to the second, and across the wheels' plane, unit, of either sign."""
+    """Return the vector from first to second axle, and the wheels' unit normal, of either sign."""
     middles = axles_m.mean(axis=1)
     along = middles[1] - middles[0]
     across = (axles_m[:, 0] - axles_m[:, 1]).sum(axis=0)
@@ -81,7 +84,7 @@ def _directions(axles_m: Array) -> tuple[Array, Array]:
 
 
 def _find_floor(sample_m: Array, axles_m: Array, along: Array, upright: Array) -> _Floor | None:
-    """The side of the wheels where the outermost points make a floor, if exactly one does."""
+    """Return the floor, if the outermost points on exactly one side of the wheels form one."""
     centre, forth = axles_m.mean(axis=(0, 1)), along / np.linalg.norm(along)
     axes = np.stack([forth, np.cross(upright, forth), upright])
     reach = np.abs((axles_m - centre) @ axes.T).max(axis=(0, 1))[:2] + BESIDE_M
@@ -99,7 +102,7 @@ def _find_floor(sample_m: Array, axles_m: Array, along: Array, upright: Array) -
 
 
 def _outermost(local_m: Array) -> Array:
-    """Of each cell of the first two axes with enough points: the highest but a few, (C, 3)."""
+    """Return the highest point but a few (C, 3) of each cell of the first two axes."""
     cell = np.floor(local_m[:, :2] / CELL_M).astype(np.int64)
     key = (cell[:, 0] << 32) + cell[:, 1]
     order = np.lexsort((local_m[:, 2], key))
@@ -109,7 +112,7 @@ def _outermost(local_m: Array) -> Array:
 
 
 def _as_floor(cells_m: Array) -> tuple[float, float]:
-    """The share of cells_m (C, 3) that lie on one plane near that of the wheels, and its depth."""
+    """Return the share of cells_m (C, 3) on one plane near that of the wheels, and its depth."""
     low, high = FLOOR_M
     near = cells_m[(cells_m[:, 2] > low) & (cells_m[:, 2] < high)]
     if len(near) < MIN_CELLS:

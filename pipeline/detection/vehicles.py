@@ -1,4 +1,4 @@
-"""Faces that stand as the wheels of a vehicle do: two axles, which run along the faces' normals."""
+"""Targets arranged as the wheels of a vehicle: two axles, which run along the normals."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ Ends = tuple[int, int]
 TRACK_M, WHEELBASE_M = (0.8, 2.6), (1.5, 7.0)
 MIN_TRACK_RATIO = 0.7  # of the smaller to the larger
 MAX_TWIST_DEG = 10.0  # between the axles
-MAX_SKEW_DEG = 15.0  # of the line through the axles' middles, off square to them
-MAX_STEERED_DEG = 50.0  # a wheel's normal off its axle: steered 40, and leaning
+MAX_SKEW_DEG = 15.0  # of the line through the axles' middles, from the square to them
+MAX_STEERED_DEG = 50.0  # of a wheel's normal to its axle: 40 of steering, and camber
 MAX_STRAIGHT_DEG = 20.0  # the same of an axle that is not steered; there must be one
 RIVAL = 1.25  # all limits that much wider: another set of four that keeps these is a rival
 
 
 @dataclass(frozen=True)
 class FoundTarget:
-    """A face of the cloud. centre_m: (3,). normal: (3,) unit, away from the plate's back."""
+    """Target found in a cloud. centre_m: (3,). normal: (3,) unit, away from its back."""
 
     centre_m: Array
     normal: Array
@@ -32,37 +32,37 @@ class FoundTarget:
 
 
 def vehicles(
-    faces: Sequence[FoundTarget], among: Sequence[int], slack: float
+    targets: Sequence[FoundTarget], among: Sequence[int], slack: float
 ) -> list[tuple[Ends, Ends]]:
-    """Every two axles that stand as a vehicle's do, all limits `slack` times as wide.
+    """Return all pairs of axles that are arranged as a vehicle's, all limits `slack` times as wide.
 
-    among: the indices of the faces that may be wheels.
+    among: indices of the targets that may be wheels.
     """
     axles = [
         (i, j)
         for i, j in combinations(among, 2)
-        if _within(distance_m(faces[i], faces[j]), TRACK_M, slack)
-        and _steered_deg(faces, (i, j)) < MAX_STEERED_DEG * slack
+        if _within(distance_m(targets[i], targets[j]), TRACK_M, slack)
+        and _steered_deg(targets, (i, j)) < MAX_STEERED_DEG * slack
     ]
     return [
         (first, same)
         for first, second in combinations(axles, 2)
         if not set(first) & set(second)
         for same in (second, second[::-1])
-        if _stand_square(faces, (first, same), slack)
+        if _stand_square(targets, (first, same), slack)
     ]
 
 
-def _steered_deg(faces: Sequence[FoundTarget], ends: Ends) -> float:
-    """How far the outward normals of an axle's ends are off the axle, at most."""
-    one, other = (faces[i] for i in ends)
+def _steered_deg(targets: Sequence[FoundTarget], ends: Ends) -> float:
+    """Return the largest angle between the outward normals of an axle's ends and the axle."""
+    one, other = (targets[i] for i in ends)
     out = (one.centre_m - other.centre_m) / distance_m(one, other)
     return max(_angle_deg(one.normal, out), _angle_deg(other.normal, -out))
 
 
-def _stand_square(faces: Sequence[FoundTarget], ends: tuple[Ends, Ends], slack: float) -> bool:
-    """Whether two axles stand behind each other, alike, and at least one of them straight."""
-    centres = np.array([[faces[i].centre_m for i in axle] for axle in ends])
+def _stand_square(targets: Sequence[FoundTarget], ends: tuple[Ends, Ends], slack: float) -> bool:
+    """Return whether two axles lie behind each other, alike, and at least one not steered."""
+    centres = np.array([[targets[i].centre_m for i in axle] for axle in ends])
     across = centres[:, 0] - centres[:, 1]
     tracks_m = np.linalg.norm(across, axis=1)
     along = centres[1].mean(axis=0) - centres[0].mean(axis=0)
@@ -71,7 +71,7 @@ def _stand_square(faces: Sequence[FoundTarget], ends: tuple[Ends, Ends], slack: 
         and _within(float(np.linalg.norm(along)), WHEELBASE_M, slack)
         and abs(90.0 - _angle_deg(along, across.sum(axis=0))) < MAX_SKEW_DEG * slack
         and float(tracks_m.min() / tracks_m.max()) > MIN_TRACK_RATIO / slack
-        and min(_steered_deg(faces, axle) for axle in ends) < MAX_STRAIGHT_DEG * slack
+        and min(_steered_deg(targets, axle) for axle in ends) < MAX_STRAIGHT_DEG * slack
     )
 
 
@@ -80,7 +80,7 @@ def _within(size: float, limits: tuple[float, float], slack: float) -> bool:
 
 
 def distance_m(one: FoundTarget, other: FoundTarget) -> float:
-    """Between the faces' centres."""
+    """Return the distance between the targets' centres."""
     return float(np.linalg.norm(one.centre_m - other.centre_m))
 
 

@@ -1,4 +1,4 @@
-"""Contents and findings of a scan file, plausibility checks, self-test on certified data."""
+"""Summary and findings of a scan file, plausibility checks, self-test on certified data."""
 
 from .findings import findings, spacing_m
 from .plausibility import (
@@ -9,8 +9,8 @@ from .plausibility import (
     float32_step,
     length,
 )
+from .scan_summary import ScanSummary, summarise_scan
 from .selftest import BOUND, Check, Figure, digest, run_selftest
-from .survey import ScanSummary, summarise_scan
 
 __all__ = [
     "BOUND",

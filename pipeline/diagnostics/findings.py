@@ -1,4 +1,4 @@
-"""What a user should know about a scan before measuring it, and its points' spacing."""
+"""Findings about a scan file, for the user before measuring, and its point spacing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ..units import in_metres
 from ..vectors import Array
 from .plausibility import better_unit, float32_fact, float32_step, length
-from .survey import ScanSummary
+from .scan_summary import ScanSummary
 
 USUAL_SIZES_M = (0.05, 500.0)
 COARSE_STEP_M = 0.5e-3
@@ -19,14 +19,13 @@ QUERIES = 200
 DECIMALS = (0, 1, 2, 3)
 
 
-def spacing_m(survey: ScanSummary) -> float | None:
-    """Typical distance of neighbours on the scanned surfaces, from the sample.
+def spacing_m(summary: ScanSummary) -> float | None:
+    """Estimate the distance of neighbours on the scanned surfaces from the sample, metres.
 
-    Points thinned at random lie as a Poisson process of density d on a surface, whose median
-    distance to the nearest is sqrt(ln 2 / (pi d)); the file's own points are a raster of spacing
-    1 / sqrt(d).
+    Points thinned at random are a Poisson process of density d on a surface, whose median distance
+    to the nearest is sqrt(ln 2 / (pi d)); a file's own points are a raster of spacing 1 / sqrt(d).
     """
-    sample = survey.sample_m
+    sample = summary.sample_m
     if len(sample) < 2:
         return None
     chosen = np.random.default_rng(0).permutation(len(sample))[:QUERIES]
@@ -36,73 +35,73 @@ def spacing_m(survey: ScanSummary) -> float | None:
         square = np.sum((centred - centred[query]) ** 2, axis=1)
         nearest.append(math.sqrt(np.partition(square, 1)[1]))
     median = float(np.median(nearest))
-    if survey.stride == 1:
+    if summary.stride == 1:
         return median
-    return median / math.sqrt(math.log(2.0) / math.pi) / math.sqrt(survey.points / len(sample))
+    return median / math.sqrt(math.log(2.0) / math.pi) / math.sqrt(summary.points / len(sample))
 
 
-def findings(survey: ScanSummary) -> list[str]:
-    """One sentence for each thing that is unusual."""
-    if not survey.points:
-        return [f"it holds no point ({survey.declared} rows, all missing returns)"]
+def findings(summary: ScanSummary) -> list[str]:
+    """Return one sentence for each unusual property."""
+    if not summary.points:
+        return [f"it holds no point ({summary.declared} rows, all invalid points)"]
     found = [
-        _few_points(survey),
-        _size(survey),
-        _steps(survey),
-        _duplicates(survey),
-        _origin(survey),
-        _flat(survey.sample_m),
-        *(_pose(scan.name, scan.T_file_scan) for scan in survey.scans),
-        *(f"scan {scan.name}: {scan.note}" for scan in survey.scans if scan.note),
-        *(f"scan {scan.name} holds no point" for scan in survey.scans if not scan.points),
+        _few_points(summary),
+        _size(summary),
+        _steps(summary),
+        _duplicates(summary),
+        _origin(summary),
+        _flat(summary.sample_m),
+        *(_pose(scan.name, scan.T_file_scan) for scan in summary.scans),
+        *(f"scan {scan.name}: {scan.note}" for scan in summary.scans if scan.note),
+        *(f"scan {scan.name} holds no point" for scan in summary.scans if not scan.points),
     ]
     return [text for text in found if text]
 
 
-def _few_points(survey: ScanSummary) -> str:
-    rows = survey.points + survey.invalid_points
-    return f"it ends after {rows} of {survey.declared} rows" if _is_short(survey, rows) else ""
+def _few_points(summary: ScanSummary) -> str:
+    rows = summary.points + summary.invalid_points
+    return f"it ends after {rows} of {summary.declared} rows" if _is_short(summary, rows) else ""
 
 
-def _is_short(survey: ScanSummary, rows: int) -> bool:
+def _is_short(summary: ScanSummary, rows: int) -> bool:
     # A text's rows are bounded by its lines, of which some are a header or blank.
-    return rows < survey.declared and survey.format not in ("xyz", "csv", "txt", "pts")
+    return rows < summary.declared and summary.format not in ("xyz", "csv", "txt", "pts")
 
 
-def _size(survey: ScanSummary) -> str:
-    size = float((survey.high_m - survey.low_m).max())
+def _size(summary: ScanSummary) -> str:
+    size = float((summary.high_m - summary.low_m).max())
     if size == 0.0 or USUAL_SIZES_M[0] <= size <= USUAL_SIZES_M[1]:
         return ""
-    hint = better_unit(size, survey.length_unit, "--length-unit {}")
+    hint = better_unit(size, summary.length_unit, "--length-unit {}")
     return f"it is {length(size)} wide: {hint}"
 
 
-def _steps(survey: ScanSummary) -> str:
-    step, place = float32_step(survey.sample_m, survey.length_unit)
+def _steps(summary: ScanSummary) -> str:
+    step, distance = float32_step(summary.sample_m, summary.length_unit)
     if step >= COARSE_STEP_M:
-        return float32_fact(step, place)
-    unit_m = in_metres(1.0, survey.length_unit)
+        return float32_fact(step, distance)
+    unit_m = in_metres(1.0, summary.length_unit)
     for decimals in DECIMALS:
         step = unit_m * 10.0**-decimals
-        ticks = survey.sample_m / step
+        ticks = summary.sample_m / step
         if step >= COARSE_STEP_M and np.abs(ticks - np.rint(ticks)).max() < 1e-3:
             return f"its coordinates lie in steps of {length(step)}"
     return ""
 
 
-def _duplicates(survey: ScanSummary) -> str:
-    keys = len(survey.keys)
-    repeated = keys - len(np.unique(survey.keys))
+def _duplicates(summary: ScanSummary) -> str:
+    keys = len(summary.keys)
+    repeated = keys - len(np.unique(summary.keys))
     if not repeated:
         return ""
-    about = "" if survey.stride == 1 else "about "
-    return f"{about}{repeated * survey.stride} points stand where another stands"
+    about = "" if summary.stride == 1 else "about "
+    return f"{about}{repeated * summary.stride} duplicate points"
 
 
-def _origin(survey: ScanSummary) -> str:
-    if not survey.at_origin:
+def _origin(summary: ScanSummary) -> str:
+    if not summary.at_origin:
         return ""
-    return f"{survey.at_origin} points at 0 0 0, perhaps beams without a return"
+    return f"{summary.at_origin} points at 0 0 0, probably beams without a return"
 
 
 def _flat(sample: Array) -> str:
@@ -110,7 +109,7 @@ def _flat(sample: Array) -> str:
         return ""
     spread = np.linalg.svd(sample - sample.mean(axis=0), compute_uv=False)
     if spread[0] == 0.0:
-        return "all points stand at one place"
+        return "all points have the same position"
     if spread[1] < FLAT * spread[0]:
         return "all points lie on one line: a coordinate may be lost"
     if spread[2] < FLAT * spread[1]:
@@ -124,4 +123,4 @@ def _pose(name: str, T: Array | None) -> str:
         return ""
     scales = np.linalg.norm(T[:3, :3], axis=0)
     factors = ", ".join(f"{scale:.6g}" for scale in scales)
-    return f"the pose of scan {name} is no rotation: it stretches its axes by {factors}"
+    return f"the pose of scan {name} is not a rotation: it scales its axes by {factors}"

@@ -1,4 +1,4 @@
-"""Whether a cloud can be what it is said to be: its size for its unit, its digits for its place."""
+"""Plausibility checks of a cloud: its size in its unit, its resolution at its coordinates."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ MIDDLE = 0.98  # of the points, whose spread counts: a few lie far outside
 WIDE_SCAN_M = 200.0  # above it the points must be dense enough, somewhere, for a target
 MIN_ON_TARGET = 8
 COARSE_STEP = 0.02  # of the target's diameter
-LOOKED_AT = 10_000
+SAMPLED = 10_000
 
 _CHUNK, _COUNTERS = 1 << 20, 1 << 22
 _PRIMES = np.array([73856093, 19349669, 83492791])  # of Teschner's hash of a grid, VMV 2003
 
 
 def check_cloud(points_m: Array, unit: str, source: str) -> None:
-    """Refuse points_m (N, 3) of a size that no laser scan has; only gross mistakes of the unit."""
+    """Raise InputError for points_m (N, 3) of a size that no laser scan has: a wrong unit."""
     size = _size(points_m)
     if size and not CLOUD_SIZES_M[0] <= size <= CLOUD_SIZES_M[1]:
         raise InputError(
-            f"{source}: the cloud is {length(size)} wide in {unit}, which no scan is: "
-            f"{better_unit(size, unit, '--length-unit {}')}"
+            f"{source}: the cloud is {length(size)} wide in {unit}, but scans are 1 mm to 20 km "
+            f"wide: {better_unit(size, unit, '--length-unit {}')}"
         )
 
 
 def check_wheel_scan(points_m: Array, diameter_m: float, unit: str, source: str) -> None:
-    """Refuse points_m (N, 3) that cannot show a target of that diameter.
+    """Raise InputError for points_m (N, 3) that cannot contain a target of that diameter.
 
-    Raises InputError: the cloud is smaller than half of it, so thin that no place of its size holds
-    enough points, or made of float32 coordinates in steps that are coarse beside it.
+    The cloud is smaller than half of it, or so sparse that no region of its size holds enough
+    points, or its float32 coordinates lie in steps that are coarse compared with it.
     """
     size = _size(_some(points_m))
     if 0.0 < size < 0.5 * diameter_m and (size := _size(points_m)) < 0.5 * diameter_m:
@@ -52,15 +52,15 @@ def check_wheel_scan(points_m: Array, diameter_m: float, unit: str, source: str)
     else:
         _check_step(points_m, diameter_m, unit, source)
         return
-    mend = better_unit(size, unit, 'length_unit = "{}"')
-    raise InputError(f"{source}: {fact}: {mend}")
+    fix = better_unit(size, unit, 'length_unit = "{}"')
+    raise InputError(f"{source}: {fact}: {fix}")
 
 
 def check_vehicle_cloud(points_m: Array, diameter_m: float, unit: str, source: str) -> None:
-    """Refuse points_m (N, 3) that cannot show a vehicle with targets of that diameter.
+    """Raise InputError for points_m (N, 3) that cannot contain a vehicle with such targets.
 
-    Raises InputError: nearly all of it lies within less than a wheelbase, or spreads wider than a
-    hall, or its float32 coordinates lie in steps that are coarse beside the target.
+    Nearly all of the cloud lies within less than a wheelbase, or is wider than a hall, or its
+    float32 coordinates lie in steps that are coarse compared with a target's diameter.
     """
     tail = (1.0 - MIDDLE) / 2.0
     low, high = np.quantile(_some(points_m), (tail, 1.0 - tail), axis=0)
@@ -77,32 +77,32 @@ def check_vehicle_cloud(points_m: Array, diameter_m: float, unit: str, source: s
 
 
 def float32_step(points_m: Array, unit: str) -> tuple[float, float]:
-    """The step in which float32 coordinates lie, largest axis, and where; metres, 0 for none.
+    """Return the largest step of float32 coordinates and the coordinate where; 0 for none; metres.
 
     unit: that of the file, in which the coordinates were rounded.
     """
-    step, place = 0.0, 0.0
+    step, distance = 0.0, 0.0
     for column in _some(points_m).T:
         nearest = float(np.abs(column).min()) / in_metres(1.0, unit)
         tick = in_metres(float(np.spacing(np.float32(nearest))), unit)
         ticks = column / tick
         if np.ptp(column) > 0.0 and tick > step and np.abs(ticks - np.rint(ticks)).max() < 1e-3:
-            step, place = tick, float(np.abs(column).max())
-    return step, place
+            step, distance = tick, float(np.abs(column).max())
+    return step, distance
 
 
 def better_unit(size_m: float, unit: str, option: str, usual_m: float = WHEEL_SCAN_M) -> str:
-    """The mend for a cloud of a strange size: the unit in which it would be nearest to usual_m."""
+    """Suggest the unit in which the size of a cloud would be nearest to usual_m."""
     number = size_m / in_metres(1.0, unit)
     sizes = {u: in_metres(number, u) for u in LENGTH_UNITS if u != unit}
     best = min(sizes, key=lambda u: abs(math.log(sizes[u] / usual_m)))
     if abs(math.log(sizes[best] / usual_m)) > math.log(100.0):
         return "check the unit of the file, and whether points lie far outside"
-    return f"if the file is in {best}, it is {length(sizes[best])} wide: say {option.format(best)}"
+    return f"if the file is in {best}, it is {length(sizes[best])} wide: give {option.format(best)}"
 
 
 def length(metres: float) -> str:
-    """A length with a unit in which it reads well."""
+    """Format a length with a suitable unit."""
     for factor, unit in ((1e3, "km"), (1.0, "m"), (1e-3, "mm")):
         if metres >= factor:
             return f"{metres / factor:.4g} {unit}"
@@ -110,16 +110,16 @@ def length(metres: float) -> str:
 
 
 def _size(points_m: Array) -> float:
-    """The longest side of the box about points_m (N, 3)."""
+    """Return the longest side of the box about points_m (N, 3)."""
     return max(float(np.ptp(column)) for column in points_m.T)
 
 
 def _some(points_m: Array) -> Array:
-    return points_m[:: max(1, len(points_m) // LOOKED_AT)]
+    return points_m[:: max(1, len(points_m) // SAMPLED)]
 
 
 def _densest(points_m: Array, width_m: float) -> int:
-    """Points in the fullest of the cubes of that width, or more: cubes share few counters."""
+    """Return the most points in a voxel of that width, or more: voxels share few counters."""
     counts = np.zeros(_COUNTERS, np.int64)
     for start in range(0, len(points_m), _CHUNK):
         cells = np.floor(points_m[start : start + _CHUNK] / width_m).astype(np.int64)
@@ -128,17 +128,17 @@ def _densest(points_m: Array, width_m: float) -> int:
 
 
 def _check_step(points_m: Array, diameter_m: float, unit: str, source: str) -> None:
-    step, place = float32_step(points_m, unit)
+    step, distance = float32_step(points_m, unit)
     if step > COARSE_STEP * diameter_m:
         raise InputError(
-            f"{source}: {float32_fact(step, place)}, too coarse for a target of "
+            f"{source}: {float32_fact(step, distance)}, too coarse for a target of "
             f"{length(diameter_m)}: export it as double, or with an offset near the vehicle"
         )
 
 
-def float32_fact(step_m: float, place_m: float) -> str:
-    """What float32 did to coordinates."""
+def float32_fact(step_m: float, distance_m: float) -> str:
+    """Describe the effect of float32 on coordinates."""
     return (
-        f"its coordinates are float32, which at {length(place_m)} from the origin "
+        f"its coordinates are float32, which at {length(distance_m)} from the origin "
         f"lie in steps of {length(step_m)}"
     )

@@ -1,4 +1,4 @@
-"""What a scan file holds, found while it streams by: nothing but a sample of it is kept."""
+"""Summary of a scan file, found in one pass: only a sample of the points is kept."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np
 class PointCounts:
     """One scan of the file. T_file_scan: (4, 4) in metres, None where the file states none.
 
-    note: what its reader had to settle.
+    note: the reader's assumptions, as a sentence.
     """
 
     name: str
@@ -34,11 +34,11 @@ class PointCounts:
 
 @dataclass
 class ScanSummary:
-    """What passed by. low_m, high_m: (3,) corners of the box; intensity: its range.
+    """Summary of a scan file. low_m, high_m: (3,) corners of the box; intensity: its range.
 
-    raster: rows and columns. sample_m: (S, 3) one point of each run of `stride` rows.
-    keys: hashes of the points whose hash is a multiple of `stride`, so that equal points are
-    either all among them or none.
+    declared: rows by the header. at_origin: points at 0 0 0. raster: rows and columns. sample_m:
+    (S, 3) one random point of each run of `stride` rows. keys: hashes of the points whose hash is a
+    multiple of `stride`, so that equal points are either all among them or none.
     """
 
     format: str
@@ -61,13 +61,13 @@ class ScanSummary:
 def summarise_scan(
     path: Path, length_unit: str, name: str | None = None, progress: Progress = silent
 ) -> ScanSummary:
-    """Look at every point of a scan file once.
+    """Summarise a scan file in one pass over its points.
 
-    Raises InputError, one line, for what `read_scan` refuses; a file without points is described.
+    Raises InputError, one line, for what `read_scan` refuses; a file without points is summarised.
     """
     rng = np.random.default_rng(_SEED)
     with open_cloud(path, length_unit, name) as (cloud, source):
-        survey = ScanSummary(
+        summary = ScanSummary(
             format=source.path.suffix.lower().removeprefix("."),
             file_bytes=path.stat().st_size,
             length_unit=length_unit,
@@ -82,51 +82,51 @@ def summarise_scan(
         samples, keys = [], []
         with np.errstate(over="ignore", invalid="ignore"):
             for block in cloud.blocks:
-                rows = _place(placer, block, cloud, survey)
-                picked = np.arange(0, len(rows.points), survey.stride)
-                picked += rng.integers(survey.stride, size=len(picked))
+                rows = _place(placer, block, cloud, summary)
+                picked = np.arange(0, len(rows.points), summary.stride)
+                picked += rng.integers(summary.stride, size=len(picked))
                 samples.append(rows.points[picked[picked < len(rows.points)]])
                 hashes = _hash(rows.points)
-                keys.append(hashes[hashes % np.uint64(survey.stride) == 0])
+                keys.append(hashes[hashes % np.uint64(summary.stride) == 0])
                 progress(placer.seen, cloud.rows)
     if samples:
-        survey.sample_m, survey.keys = np.concatenate(samples), np.concatenate(keys)
-    return survey
+        summary.sample_m, summary.keys = np.concatenate(samples), np.concatenate(keys)
+    return summary
 
 
-def _place(placer: Placer, block: Block, cloud: RawCloud, survey: ScanSummary) -> PointRows:
-    """The block's points in metres, added to the tallies."""
+def _place(placer: Placer, block: Block, cloud: RawCloud, summary: ScanSummary) -> PointRows:
+    """Return the block's points in metres; add them to the counts."""
     room = PointRows.room(len(block.xyz[0]), cloud)
     kept = placer.place(block, room)
     missing = len(room.points) - kept
-    survey.points += kept
-    survey.invalid_points += missing
-    if survey.scans:
-        survey.scans[block.part].points += kept
-        survey.scans[block.part].invalid_points += missing
+    summary.points += kept
+    summary.invalid_points += missing
+    if summary.scans:
+        summary.scans[block.part].points += kept
+        summary.scans[block.part].invalid_points += missing
     rows = room.part(0, kept)
     if kept:
-        _stretch(survey, rows)
+        _extend(summary, rows)
     return rows
 
 
-def _stretch(survey: ScanSummary, rows: PointRows) -> None:
-    survey.low_m = np.minimum(survey.low_m, rows.points.min(axis=0))
-    survey.high_m = np.maximum(survey.high_m, rows.points.max(axis=0))
-    survey.at_origin += int((rows.points == 0.0).all(axis=1).sum())
+def _extend(summary: ScanSummary, rows: PointRows) -> None:
+    summary.low_m = np.minimum(summary.low_m, rows.points.min(axis=0))
+    summary.high_m = np.maximum(summary.high_m, rows.points.max(axis=0))
+    summary.at_origin += int((rows.points == 0.0).all(axis=1).sum())
     # Of several scans some may have no intensity.
     if rows.intensity is not None and not np.isnan(rows.intensity).all():
         low, high = float(np.nanmin(rows.intensity)), float(np.nanmax(rows.intensity))
-        before = survey.intensity or (low, high)
-        survey.intensity = (min(low, before[0]), max(high, before[1]))
+        before = summary.intensity or (low, high)
+        summary.intensity = (min(low, before[0]), max(high, before[1]))
     if rows.grid is not None:
         row, column = (int(n) + 1 for n in rows.grid.max(axis=0))
-        seen = survey.raster or (0, 0)
-        survey.raster = (max(row, seen[0]), max(column, seen[1]))
+        before_rows, before_columns = summary.raster or (0, 0)
+        summary.raster = (max(row, before_rows), max(column, before_columns))
 
 
 def _hash(points: Array) -> npt.NDArray[np.uint64]:
-    """A number for each point, equal for equal points; + 0.0 makes -0.0 equal to 0.0."""
+    """Hash each point, equal for equal points; + 0.0 makes -0.0 equal to 0.0."""
     bits = np.ascontiguousarray(points + 0.0).view(np.uint64)
     mixed = (bits ^ (bits >> np.uint64(29))) * _MIX
     mixed ^= mixed >> np.uint64(32)

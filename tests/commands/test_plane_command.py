@@ -69,12 +69,12 @@ def test_a_size_that_no_scan_has_is_refused(tmp_path, plane):
     np.savetxt(tmp_path / "a.xyz", plate(30_000.0))
     code, out, err = plane(tmp_path / "a.xyz")
     assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "say --length-unit mm" in err
+    assert "give --length-unit mm" in err
     assert plane(tmp_path / "a.xyz", "--length-unit", "mm")[0] == 0
     np.savetxt(tmp_path / "b.xyz", plate(0.5))
     code, _, err = plane(tmp_path / "b.xyz", "--length-unit", "mm")
     assert code == 2
-    assert "say --length-unit m" in err
+    assert "give --length-unit m" in err
 
 
 def test_coordinates_that_float32_spoilt_are_told(tmp_path, plane):

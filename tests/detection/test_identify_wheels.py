@@ -124,20 +124,20 @@ def test_only_the_front_that_is_told_decides_not_the_steering():
 def test_three_faces_are_listed_and_none_is_guessed(missing):
     faces = [face for i, face in enumerate(car()) if i != missing]
     text = refusal(faces)
-    assert text.startswith("3 faces of the target found, four are needed: face 1 at (")
+    assert text.startswith("3 targets found, four are needed: target 1 at (")
     for face in faces:
         x, y, z = face.centre_m
         assert f"({x:.3f}, {y:.3f}, {z:.3f}) m (match 0.90, " in text
     assert "1.50 m from the next" in text
     assert "check --target" in text
-    assert refusal([]).startswith("no face of the target found, four are needed: none")
-    assert refusal(faces[:1]).startswith("1 face of the target found")
+    assert refusal([]).startswith("no target found, four are needed: none")
+    assert refusal(faces[:1]).startswith("1 target found")
 
 
 def test_a_target_that_is_shown_twice_is_not_measured():
     ghost = car()[2]
     faces = [*car(), FoundTarget(ghost.centre_m + 0.02 * UP, ghost.normal, 0.75)]
-    assert refusal(faces).startswith("faces 3 and 5 of the target lie 20 mm apart, so one target")
+    assert refusal(faces).startswith("targets 3 and 5 lie 20 mm apart, so one target")
 
 
 @pytest.mark.parametrize("place", range(5))
@@ -165,10 +165,10 @@ def test_a_face_that_overlaps_with_a_much_better_one_is_none(place):
 )
 def test_two_vehicles_are_refused(other):
     text = refusal([*car(), *other])
-    assert text.startswith("8 faces of the target found, of which ")
+    assert text.startswith("8 targets found, of which ")
     assert "could be a vehicle's wheels" in text
     assert "crop the cloud" in text
-    assert text.count("face ") == 8
+    assert text.count(" m (match ") == 8
 
 
 def test_three_axles_are_not_guessed_apart():
@@ -176,7 +176,9 @@ def test_three_axles_are_not_guessed_apart():
     assert "of which 2 sets of four" in refusal(lorry)  # the hind axles stand too near to be two
     told = refusal([*car(base=3.0), *(car(base=5.0)[2:])])
     assert "of which 3 sets of four" in told
-    assert "axle by axle (faces 1, 2 and 3, 4; faces 1, 2 and 5, 6; faces 3, 4 and 5, 6)" in told
+    assert (
+        "axle by axle (targets 1, 2 and 3, 4; targets 1, 2 and 5, 6; targets 3, 4 and 5, 6)" in told
+    )
 
 
 def test_of_two_sets_the_one_that_stands_on_the_floor_is_the_vehicle():
@@ -244,8 +246,8 @@ def test_a_fifth_face_that_nearly_makes_another_vehicle_is_not_left_out():
 )
 def test_four_faces_that_stand_as_no_vehicle_does_are_refused(faces):
     text = refusal(faces)
-    assert text.startswith("4 faces of the target found, but no four stand as a vehicle's wheels")
-    assert text.count("face ") == 4
+    assert text.startswith("4 targets found, but no four are arranged as a vehicle's wheels")
+    assert text.count(" m (match ") == 4
 
 
 def test_many_faces_are_listed_in_part():
@@ -296,10 +298,10 @@ def test_markers_tell_the_front(told):
 @pytest.mark.parametrize(
     ("told", "says"),
     [
-        ({}, "no board's markers tell its wheel, so the front is not told"),
+        ({}, "no board's markers identify its wheel, so the front is unknown"),
         (
             {0: "RR", 1: "FR"},
-            "the markers tell of face 1 RR, face 2 FR, which contradicts where the faces stand",
+            "target 1 is RR, target 2 is FR, which contradicts the targets' positions",
         ),
         ({0: "RL", 1: "RR"}, "which contradicts"),
         ({0: "FR"}, "which contradicts"),  # on the right, but the way round has FL there

@@ -39,7 +39,7 @@ def test_whole_face_is_placed_within_a_cell(shape, seed):
     assert found.match > 0.9
     period = SHAPES[shape][1]
     if period:
-        off = (found.turn_rad - turn + period / 2) % period - period / 2
+        off = (found.rotation_rad - turn + period / 2) % period - period / 2
         assert abs(off) < np.radians(4.0)  # turns are tried 3.75 degrees apart
 
 

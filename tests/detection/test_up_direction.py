@@ -116,7 +116,7 @@ def test_z_that_points_down_is_not_believed_over_a_floor_nor_the_floor_over_it(s
     R = leaning(180.0, rng)
     points, axles = scene(rng) @ R.T, ends_anyhow(rng) @ R.T
     with pytest.raises(
-        InputError, match=r"the floor, 0\.31 m .* to which z points: say --up floor"
+        InputError, match=r"the floor, 0\.31 m .* to which z points: give --up floor"
     ):
         find_up(points, axles)
     assert find_up(points, axles, "floor").direction @ R @ UP > 0.999
@@ -131,7 +131,9 @@ def test_where_z_lies_level_the_floor_alone_decides(seed):
     up = find_up(points, axles)
     assert up.direction @ R @ UP > 0.999
     assert "z" not in up.by
-    with pytest.raises(InputError, match="not told: the z axis is not upright: export the cloud"):
+    with pytest.raises(
+        InputError, match="up is unknown: the z axis is not upright: export the cloud"
+    ):
         find_up(points, axles, "z")
 
 
@@ -151,10 +153,10 @@ def test_without_a_floor_near_the_wheels_z_alone_decides(without, seed):
     up = find_up(points, AXLES_M)
     assert up.direction[2] > 0.999
     assert up.by == "the z axis, 0.0° off"
-    with pytest.raises(InputError, match="not told: no floor is seen below the wheels"):
+    with pytest.raises(InputError, match="up is unknown: no floor found below the wheels"):
         find_up(points, AXLES_M, "floor")
     R = leaning(90.0, rng)
-    with pytest.raises(InputError, match=r"no floor is seen .* and the z axis is not upright"):
+    with pytest.raises(InputError, match=r"no floor found .* and the z axis is not upright"):
         find_up(points @ R.T, AXLES_M @ R.T)
 
 
@@ -162,6 +164,6 @@ def test_a_flat_deck_is_taken_for_a_floor_only_where_nothing_tells_otherwise():
     rng = np.random.default_rng(0)
     assert "floor" in find_up(scene(rng, deck=0.6, body=False), AXLES_M).by
     alone = scene(rng, floor=False, body=False, deck=0.6, ceiling=False)
-    with pytest.raises(InputError, match="say --up floor where"):
+    with pytest.raises(InputError, match="give --up floor if"):
         find_up(alone, AXLES_M)
     assert find_up(alone, AXLES_M, "z").direction[2] > 0.999

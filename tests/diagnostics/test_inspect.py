@@ -16,7 +16,7 @@ import pytest
 from tests.support.scenes import WHEEL, make, rotation
 from wheelplane.cli import main
 from wheelplane.diagnostics.findings import findings, spacing_m
-from wheelplane.diagnostics.survey import SAMPLE, summarise_scan
+from wheelplane.diagnostics.scan_summary import SAMPLE, summarise_scan
 from wheelplane.readers import read_scan
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -80,7 +80,7 @@ def test_the_screen_of_the_posed_sample(inspect):
         "0.004395 to 0.034912",
         "2 rows x 4 columns",
         "1: 4 points, scanner at 600000.0000 800000.0000 400.0000 m",
-        "warning: the pose of scan 1 is no rotation: it stretches its axes by 1, 1, 2",
+        "warning: the pose of scan 1 is not a rotation: it scales its axes by 1, 1, 2",
     ):
         assert piece in out
     assert len(out.splitlines()) < 25
@@ -119,18 +119,16 @@ def test_what_is_odd_is_told(tmp_path):
     site = points + SITE
     assert "lie in steps of 500 mm" in told(tmp_path, site, kind="float")
     assert "lie in steps of 1 mm" in told(tmp_path, np.round(points, 3))
-    assert "say --length-unit mm" in told(tmp_path, points * 1000)
-    assert "say --length-unit m" in told(tmp_path, points, unit="mm")
+    assert "give --length-unit mm" in told(tmp_path, points * 1000)
+    assert "give --length-unit m" in told(tmp_path, points, unit="mm")
     assert "5 points at 0 0 0" in told(tmp_path, np.vstack([points, np.zeros((5, 3))]))
-    assert f"{len(points)} points stand where another stands" in told(
-        tmp_path, np.vstack([points] * 2)
-    )
+    assert f"{len(points)} duplicate points" in told(tmp_path, np.vstack([points] * 2))
     flat = points.copy()
     flat[:, 2] = 0.25
     assert "all points lie on one plane" in told(tmp_path, flat)
     flat[:, 1] = 0.5
     assert "all points lie on one line" in told(tmp_path, flat)
-    assert "all points stand at one place" in told(tmp_path, flat[:1].repeat(9, axis=0))
+    assert "all points have the same position" in told(tmp_path, flat[:1].repeat(9, axis=0))
 
 
 def test_points_that_are_doubled_are_counted_in_a_large_cloud(tmp_path):

@@ -50,7 +50,7 @@ def test_a_wheel_in_the_wrong_unit_is_refused_with_the_right_one(told, true):
     text = str(caught.value)
     assert text.startswith("rr: the scan is ")
     assert f"wide in {told}" in text
-    assert re.search(rf'say length_unit = "({true}|m)"$', text)
+    assert re.search(rf'give length_unit = "({true}|m)"$', text)
 
 
 def test_wide_scenes_that_hold_a_target_are_believed():
@@ -66,10 +66,10 @@ def test_wide_scenes_that_hold_a_target_are_believed():
     [
         (2_000.0, "m", None),
         (19_000.0, "m", None),
-        (25_000.0, "m", "say --length-unit mm"),
+        (25_000.0, "m", "give --length-unit mm"),
         (5e6, "m", "check the unit"),
         (0.0015, "mm", None),
-        (0.0009, "mm", "if the file is in m, it is 900 mm wide: say --length-unit m"),
+        (0.0009, "mm", "if the file is in m, it is 900 mm wide: give --length-unit m"),
         (0.0, "mm", None),
     ],
 )
@@ -134,7 +134,7 @@ def test_a_vehicle_in_the_wrong_unit_is_refused_with_the_right_one(size, told, t
         check_vehicle_cloud(wrong, DIAMETER, told, "v")
     text = str(caught.value)
     assert re.match(r"v: the cloud is [\d.]+ k?m?m wide in (m|mm|in), ", text)
-    mend = f'say --length-unit {true}, or length_unit = "{true}" in a capture.toml'
+    mend = f'give --length-unit {true}, or length_unit = "{true}" in a capture.toml'
     assert text.endswith(mend)
 
 

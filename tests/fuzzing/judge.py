@@ -15,7 +15,7 @@ from tests.fuzzing.mutations import Mutant
 from tests.fuzzing.samples import capture_files, scans
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.diagnostics.findings import findings
-from wheelplane.diagnostics.survey import summarise_scan
+from wheelplane.diagnostics.scan_summary import summarise_scan
 from wheelplane.errors import WheelplaneError
 from wheelplane.five_point.file import read_five_point
 from wheelplane.readers import Scan, read_scan

@@ -342,7 +342,7 @@ def test_markers_tell_the_front(told, bay, vehicle, whole, monkeypatch):
 def test_markers_that_contradict_the_front_stop_it(bay, vehicle):
     told = {"FL": "FL", "RL": "RL"}
     way = CaptureOptions(front=tuple(-bay.forward))
-    with pytest.raises(InputError, match=r"vehicle\.ply: the markers tell of .* which contradicts"):
+    with pytest.raises(InputError, match=r"vehicle\.ply: by their markers, .* which contradicts"):
         measured(vehicle, way, fit=with_markers(bay, told))
 
 
@@ -416,19 +416,19 @@ def test_a_front_across_the_car_is_refused(bay, vehicle):
 def test_two_vehicles_in_one_cloud_are_refused(bay, tmp_path):
     path = write(tmp_path / "v.ply", np.concatenate([bay.cloud, bay.cloud + 4.0 * bay.left]))
     text = refused("measure", path, "--target", "disc-250", "--front", bay.front)
-    assert text.startswith(f"{path}: 8 faces of the target found, of which ")
+    assert text.startswith(f"{path}: 8 targets found, of which ")
     assert text.endswith("crop the cloud to one vehicle")
 
 
 def test_three_targets_are_refused_and_listed(bay, tmp_path):
     path = write(tmp_path / "v.ply", np.concatenate([*bay.scans[:3], bay.floor]))
     text = refused("measure", path, "--target", "disc-250", "--front", bay.front)
-    assert text.startswith(f"{path}: 3 faces of the target found, four are needed: face 1 at (")
+    assert text.startswith(f"{path}: 3 targets found, four are needed: target 1 at (")
     listed = [[float(x) for x in part.split(")")[0].split(",")] for part in text.split(" at (")[1:]]
     for wheel in bay.truth["wheels"][:3]:
         assert np.linalg.norm(np.array(listed) - wheel["centre_m"], axis=1).min() < 0.01
     bare = write(tmp_path / "floor.ply", bay.floor)
-    assert "no face of the target found, four are needed: none" in refused(
+    assert "no target found, four are needed: none" in refused(
         "measure", bare, "--target", "disc-250", "--front", bay.front
     )
 
@@ -437,7 +437,7 @@ def test_a_target_shown_twice_by_scans_that_are_not_registered_is_refused(bay, t
     twice = bay.scans[1] + 0.2 * bay.left
     path = write(tmp_path / "v.ply", np.concatenate([bay.cloud, twice]))
     text = refused("measure", path, "--target", "disc-250", "--front", bay.front)
-    assert "mm apart, so one target is shown twice" in text
+    assert "mm apart, so one target is seen twice" in text
     assert text.endswith("register the scans of the file anew")
 
 
@@ -446,7 +446,7 @@ def test_the_wrong_unit_is_refused_with_the_right_one(bay, vehicle, tmp_path):
     text = refused("measure", vehicle, *common, "--length-unit", "mm")
     assert text.startswith(f"{vehicle}: the cloud is ")
     assert "if the file is in m, it is 7." in text
-    assert text.endswith('say --length-unit m, or length_unit = "m" in a capture.toml')
+    assert text.endswith('give --length-unit m, or length_unit = "m" in a capture.toml')
     path = write(tmp_path / "mm.ply", bay.cloud, 1e-3)
     assert "--length-unit mm" in refused("measure", path, *common)
 
@@ -475,7 +475,7 @@ def test_z_down_is_told_from_the_floor(bay, tmp_path):
     path = write(tmp_path / "v.ply", bay.cloud @ flip)
     way = ",".join(f"{x:.3f}" for x in flip @ bay.forward)
     common = ("measure", path, "--target", "disc-250", "--front", way)
-    assert "lies on the side to which z points: say --up floor" in refused(*common)
+    assert "lies on the side to which z points: give --up floor" in refused(*common)
     assert run(*common, "--up", "floor")[0] == 0
 
 

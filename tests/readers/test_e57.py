@@ -32,7 +32,7 @@ from tests.support.native_files import (
 )
 from tests.support.paths import FORMATS
 from wheelplane.diagnostics.findings import findings
-from wheelplane.diagnostics.survey import summarise_scan
+from wheelplane.diagnostics.scan_summary import summarise_scan
 from wheelplane.errors import InputError, MissingDependencyError
 from wheelplane.readers import read_scan
 from wheelplane.readers.e57 import pages as e57_pages

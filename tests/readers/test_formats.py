@@ -161,8 +161,8 @@ def test_the_bound_would_see_a_scan_in_another_order_of_its_wheels(reference):
 @pytest.mark.parametrize(
     ("told", "factor", "says"),
     [
-        ("m", 1e3, r'wide in m, and nowhere .* if the file is in mm, .* say length_unit = "mm"'),
-        ("mm", 1.0, r'wide in mm, its target 250 mm: .* say length_unit = "m"'),
+        ("m", 1e3, r'wide in m, and nowhere .* if the file is in mm, .* give length_unit = "mm"'),
+        ("mm", 1.0, r'wide in mm, its target 250 mm: .* give length_unit = "m"'),
     ],
 )
 def test_a_capture_in_another_unit_is_refused_with_the_right_one(told, factor, says, tmp_path):

@@ -13,7 +13,7 @@ import pytest
 
 from tests.readers.test_readers import WRITERS
 from tests.support.paths import ROOT
-from wheelplane.diagnostics.survey import summarise_scan
+from wheelplane.diagnostics.scan_summary import summarise_scan
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
 from wheelplane.readers.memory import available_bytes
