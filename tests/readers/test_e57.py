@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import random
 import re
@@ -31,6 +32,7 @@ from tests.support.native_files import (
     xyz,
 )
 from tests.support.paths import FORMATS
+from tests.support.sources import opened
 from wheelplane.diagnostics.findings import findings
 from wheelplane.diagnostics.scan_summary import summarise_scan
 from wheelplane.errors import InputError, MissingDependencyError
@@ -38,6 +40,8 @@ from wheelplane.readers import read_scan
 from wheelplane.readers.e57 import pages as e57_pages
 from wheelplane.readers.e57 import reader as e57
 from wheelplane.readers.e57 import xml as e57_xml
+from wheelplane.readers.e57.scans import find_scans
+from wheelplane.readers.e57.section import check_sections
 
 EPS = np.finfo(np.float64).eps
 COUNT = 50
@@ -551,3 +555,55 @@ def test_without_its_library_it_says_what_to_install(tmp_path, monkeypatch):
     path.write_bytes(b"ASTM-E57 and no more")
     with pytest.raises(MissingDependencyError, match=r"pip install 'wheelplane\[e57\]'"):
         read_scan(path)
+
+
+XML = """<e57Root type="Structure" xmlns="http://www.astm.org/COMMIT/E57/2010-e57-v1.0">
+<data3D type="Vector"><vectorChild type="Structure"><name>setup</name><pose type="Structure">
+<rotation type="Structure"><w>{w}</w><x>{x}</x><y>{y}</y><z>{z}</z></rotation>
+<translation type="Structure"><x>1</x><y>-2</y><z>3e6</z></translation></pose>
+<points type="CompressedVector" fileOffset="48" recordCount="{rows}"><prototype type="Structure">
+<cartesianX type="Float"/><cartesianY type="Float" precision="single"/>
+<cartesianZ type="ScaledInteger" minimum="{low}" maximum="{high}" scale="1e-3"/>
+</prototype></points></vectorChild></data3D></e57Root>"""
+
+
+def declared(folder, rows=5, low=0, high=255, quaternion=(1, 0, 0, 0)):
+    text = XML.format(rows=rows, low=low, high=high, **dict(zip("wxyz", quaternion, strict=True)))
+    with opened(folder, b"?", "rr.e57") as source:
+        (scan,) = find_scans(e57_xml.parse_xml(text.encode(), source), source)
+    return scan
+
+
+@pytest.mark.parametrize("values", [1, 2, 3, 4, 5, 255, 256, 257, 2**32, 2**63, 2**64])
+def test_an_integer_field_takes_the_fewest_bits_that_tell_its_values_apart(tmp_path, values):
+    """2^bits >= values > 2^(bits - 1), wherever the range begins (table 9)."""
+    for low in {-(2**63), -(values // 2), 0} if values < 2**63 else {-(2**63)}:
+        scan = declared(tmp_path, low=low, high=low + values - 1)
+        bits = {field.name: field.bits for field in scan.fields}
+        assert (bits["cartesianX"], bits["cartesianY"]) == (64, 32)
+        assert 2 ** bits["cartesianZ"] >= values > 2 ** bits["cartesianZ"] // 2
+
+
+def test_a_pose_is_that_of_its_quaternion_of_any_length(tmp_path):
+    for rotation in Rotation.random(20, random_state=3):
+        w_last = rotation.as_quat()
+        for length in (1.0, -1.0, 3.0):
+            quaternion = (length * w_last[[3, 0, 1, 2]]).tolist()
+            T = declared(tmp_path, quaternion=quaternion).part.T_file_scan
+            np.testing.assert_allclose(T[:3, :3], rotation.as_matrix(), rtol=0, atol=8 * EPS)
+            assert T[:, 3].tolist() == [1.0, -2.0, 3e6, 1.0]
+
+
+def test_a_scan_holds_the_points_that_were_written_and_no_other_number(tmp_path):
+    for kind in (None, Single(), Scaled(0, 1023, 0.5)):
+        points = np.arange(3 * COUNT).reshape(-1, 3) if isinstance(kind, Scaled) else cloud()
+        path = write_e57(tmp_path / "one.e57", E57Scan(xyz(points, kind)))
+        with opened(tmp_path, path.read_bytes(), "rr.e57") as source:
+            pages = e57_pages.Pages(source)
+            (scan,) = find_scans(e57_xml.parse_xml(e57_pages.read_xml(pages), source), source)
+            check_sections(pages, [scan])
+            for rows in (COUNT - 20, COUNT + 20, 10 * COUNT):
+                with pytest.raises(InputError, match=f"declares {rows} points"):
+                    check_sections(pages, [dataclasses.replace(scan, rows=rows)])
+            with pytest.raises(InputError, match="have the same points"):
+                check_sections(pages, [scan] * 100)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from tests.support.sources import opened, table
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
+from wheelplane.readers.formats.mesh import read_obj, read_stl, sample_stl
 
 # A tetrahedron whose corners are no float32 numbers of few digits.
 CORNERS = np.array([[0.1, 0.2, 0.3], [1.1, 0.2, 0.3], [0.1, 1.3, 0.3], [0.1, 0.2, 1.4]])
@@ -142,3 +144,34 @@ def test_faces_that_name_no_vertex_are_no_traceback(tmp_path):
 def test_the_library_does_not_speak(tmp_path, capfd):
     read(tmp_path, "a.stl", stl_text().replace(b"normal 0 0 1", b"normal 0 0 --1", 1))
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_mesh_of_the_same_triangles_has_the_same_vertices_in_any_file_and_order(tmp_path):
+    rng = np.random.default_rng(6)
+    corners = rng.normal(0.0, 1.0, (30, 3)).astype(np.float32).astype(np.float64)
+    faces = rng.permuted(np.tile(np.arange(30), (12, 1)), axis=1)[:, :3]
+    used = sorted(corners[np.unique(faces)].tolist())
+    for shown in (faces, faces[::-1], faces[:, [1, 2, 0]]):
+        for data in (stl(corners, shown), stl_text(corners, shown)):
+            with opened(tmp_path, data, "rr.stl") as source:
+                assert sorted(table(read_stl(source)).tolist()) == used
+    with opened(tmp_path, obj(corners, faces), "rr.obj") as source:
+        assert table(read_obj(source)).tolist() == corners.tolist()  # unused ones too
+
+
+def test_samples_lie_on_the_surface_in_proportion_to_its_area(tmp_path):
+    """Two rectangles of areas 1 and 9 in the planes z = 0 and z = 5: binomial, 5 sigma."""
+    flat = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+    corners = np.vstack([flat, 3 * flat + [4, 0, 5]])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    count = 4000
+    with opened(tmp_path, stl(corners, faces), "rr.stl") as source:
+        points = table(sample_stl(source, count))
+    low = points[:, 2] < 1.0
+    assert len(points) == count
+    np.testing.assert_allclose(points[:, 2], np.where(low, 0.0, 5.0), rtol=0, atol=1e-12)
+    assert abs(low.sum() - count / 10) < 5 * np.sqrt(count * 0.1 * 0.9)
+    assert np.all((points[low, :2] >= 0) & (points[low, :2] <= 1))
+    assert np.all((points[~low, :2] >= [4, 0]) & (points[~low, :2] <= [7, 3]))
+    half = points[~low, 0] < 5.5
+    assert abs(half.sum() - len(half) / 2) < 5 * np.sqrt(len(half) / 4)

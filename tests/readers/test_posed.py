@@ -11,8 +11,12 @@ from hypothesis import strategies as st
 
 from tests.support.paths import FORMATS
 from tests.support.scenes import rotation
+from tests.support.sources import opened
+from tests.support.sources import table as rows_of
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
+from wheelplane.readers.formats.pts import read_pts
+from wheelplane.readers.formats.ptx import read_ptx
 
 IDENTITY = np.eye(4)
 
@@ -293,3 +297,47 @@ def test_pts_without_count_and_leicas_intensities(tmp_path):
 )  # fmt: skip
 def test_a_pts_that_is_refused(tmp_path, data, pattern):
     refuse(tmp_path, "rr.pts", data, pattern)
+
+
+def pts_block(rows):
+    return f"{len(rows)}\n".encode() + b"".join(
+        " ".join(map(repr, row)).encode() + b"\n" for row in rows.tolist()
+    )
+
+
+@pytest.mark.parametrize("name", ["rr.pts", "rr.ptx"])
+def test_files_put_one_after_the_other_are_their_scans_one_after_the_other(tmp_path, name):
+    """Rows, part by part, are those of each file alone; only the numbers of the parts go on."""
+    read = {"rr.pts": read_pts, "rr.ptx": read_ptx}[name]
+    tables = [table(seed, 6) for seed in (1, 2, 3)]
+    if name == "rr.pts":
+        files = [pts_block(rows) for rows in tables]
+    else:
+        files = [ptx([(2, 3, pose(n), rows)]) for n, rows in enumerate(tables)]
+    alone = []
+    for data in files:
+        with opened(tmp_path, data, name) as source:
+            alone.append(rows_of(read(source)))
+    with opened(tmp_path, b"".join(files), name) as source:
+        cloud = read(source)
+        blocks = [(block.part, len(block.xyz[0])) for block in cloud.blocks]
+    with opened(tmp_path, b"".join(files), name) as source:
+        joined = rows_of(read(source))
+    assert joined.tobytes() == np.vstack(tables).tobytes() == np.vstack(alone).tobytes()
+    assert [part.name for part in cloud.parts] == ["1", "2", "3"]
+    assert [sum(n for part, n in blocks if part == k) for k in range(3)] == [6, 6, 6]
+    if name == "rr.ptx":
+        for n, part in enumerate(cloud.parts):
+            assert part.T_file_scan.tolist() == pose(n).tolist()
+
+
+@pytest.mark.parametrize("name", ["rr.pts", "rr.ptx"])
+def test_a_file_cut_at_any_line_is_refused(tmp_path, name):
+    rows = table(4, 6)
+    data = pts_block(rows) * 2 if name == "rr.pts" else ptx([(2, 3, pose(1), rows)] * 2)
+    read = {"rr.pts": read_pts, "rr.ptx": read_ptx}[name]
+    lines = data.splitlines(keepends=True)
+    whole = {len(lines), len(lines) // 2}  # the first scan alone is a file, too
+    for end in sorted({*range(len(lines))} - whole):
+        with opened(tmp_path, b"".join(lines[:end]), name) as source, pytest.raises(InputError):
+            rows_of(read(source))

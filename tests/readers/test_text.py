@@ -1,5 +1,6 @@
 """What is particular to text and NPY: delimiters, names, comments; shapes, dtypes, pickles."""
 
+import itertools
 import pickle
 
 import numpy as np
@@ -7,8 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.support.sources import opened, table
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
+from wheelplane.readers.formats.text import read_text
 
 
 def read(folder, name, data):
@@ -182,3 +185,15 @@ def test_the_last_line_may_lack_its_end(tmp_path):
         path.write_text(text)
         last = [float(field) for field in text.replace(",", " ").split()[-3:]]
         assert read_scan(path).points_m[-1].tolist() == last
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", "  "])
+def test_columns_are_found_by_name_in_any_order_and_case(tmp_path, delimiter):
+    names = ["x", "y", "z", "intensity"]
+    rows = np.round(np.random.default_rng(2).normal(0.0, 9.0, (20, 4)), 4)
+    for order in itertools.permutations(range(4)):
+        head = delimiter.join(names[i].upper() if i % 2 else names[i] for i in order)
+        body = "".join(delimiter.join(f"{row[i]:.4f}" for i in order) + "\n" for row in rows)
+        for declared in ("", "20\n"):
+            with opened(tmp_path, f"# a\n{declared}{head}\n{body}".encode()) as source:
+                assert table(read_text(source)).tobytes() == rows.tobytes()

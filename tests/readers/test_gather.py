@@ -1,0 +1,126 @@
+"""From blocks to a scan: independent of how the blocks are cut; poses are applied exactly once."""
+
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from tests.support.sources import opened
+from wheelplane.errors import InputError
+from wheelplane.readers.gather import apply_pose, checked_pose, gather
+from wheelplane.readers.scan import Part, Scan
+from wheelplane.readers.source import Block, RawCloud, RawPart
+
+COUNT = 23
+RNG = np.random.default_rng(4)
+POINTS = RNG.normal(0.0, 5.0, (COUNT, 3))
+POINTS[[3, 11, 12], RNG.integers(0, 3, 3)] = np.nan
+SHADE = RNG.uniform(0.0, 1.0, COUNT)
+INVALID = RNG.random(COUNT) < 0.2
+SPLIT = 9  # rows of the first part
+
+
+def pose(seed, shift=(1e6, -2e6, 30.0)):
+    T = np.eye(4)
+    T[:3, :3] = Rotation.random(random_state=seed).as_matrix()
+    T[:3, 3] = shift
+    return T
+
+
+def cloud(cuts, parts):
+    rows = np.arange(COUNT)
+    edges = sorted({0, SPLIT, COUNT, *cuts})
+    blocks = [
+        Block(
+            tuple(POINTS[a:b].T), SHADE[a:b], (rows[a:b], -rows[a:b]), INVALID[a:b], int(a >= SPLIT)
+        )
+        for a, b in pairwise(edges)
+    ]
+    return RawCloud(COUNT, True, iter(blocks), has_grid=True, parts=parts)
+
+
+def scan_of(folder, cuts, parts, unit="m"):
+    with opened(folder, b"?") as source:
+        return gather(cloud(cuts, parts), source, unit)
+
+
+@pytest.mark.parametrize("unit", ["m", "mm", "in"])
+@settings(max_examples=25)
+@given(cuts=st.sets(st.integers(1, COUNT - 1)))
+def test_a_scan_does_not_depend_on_how_its_blocks_are_cut(tmp_path_factory, unit, cuts):
+    parts = (RawPart("a", pose(1)), RawPart("b"))
+    folder = tmp_path_factory.mktemp("cloud")
+    one, other = scan_of(folder, (), parts, unit), scan_of(folder, cuts, parts, unit)
+    np.testing.assert_allclose(other.points_m, one.points_m, rtol=4e-16, atol=0)
+    for name in ("intensity", "grid"):
+        assert getattr(one, name).tolist() == getattr(other, name).tolist()
+    assert one.invalid_points == other.invalid_points
+    assert [(p.start, p.stop) for p in one.parts] == [(p.start, p.stop) for p in other.parts]
+
+
+def test_what_is_kept_is_what_is_valid_and_each_part_has_its_pose(tmp_path):
+    parts = (RawPart("a", pose(1)), RawPart("b", pose(2)))
+    scan = scan_of(tmp_path, (5, 17), parts, "mm")
+    valid = ~INVALID & ~np.isnan(POINTS).any(axis=1)
+    assert scan.invalid_points == COUNT - valid.sum()
+    assert scan.grid[:, 0].tolist() == np.flatnonzero(valid).tolist()
+    assert scan.intensity.tolist() == SHADE[valid].astype(np.float32).tolist()
+    rows = np.arange(COUNT)
+    for part, raw, mine in zip(scan.parts, parts, (rows < SPLIT, rows >= SPLIT), strict=True):
+        own = POINTS[valid & mine] @ raw.T_file_scan[:3, :3].T + raw.T_file_scan[:3, 3]
+        np.testing.assert_allclose(scan.points_m[part.start : part.stop], own / 1000, rtol=1e-15)
+        np.testing.assert_allclose(part.station_m, raw.T_file_scan[:3, 3] / 1000, rtol=1e-15)
+    assert scan.parts[-1].stop == len(scan.points_m)
+
+
+def test_a_pose_is_exact_to_a_few_roundings_far_from_the_origin():
+    T = pose(5, (4e6, -7e6, 120.0))
+    points = RNG.normal((2e6, 1e6, 50.0), 3.0, (40, 3))
+    exact = [
+        [
+            float(sum(Fraction(T[i, j]) * Fraction(p[j]) for j in range(3)) + Fraction(T[i, 3]))
+            for i in range(3)
+        ]
+        for p in points.tolist()
+    ]
+    moved = points.copy()
+    apply_pose(moved, T)
+    step = np.spacing(np.abs(exact).max())
+    assert np.abs(moved - exact).max() <= 2 * step
+    apply_pose(moved[:0], T)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda T: T @ np.diag([1.0, 1.0, -1.0, 1.0]),
+        lambda T: T @ np.diag([1.0, 1.0, 0.0, 1.0]),
+        lambda T: np.where(np.eye(4) == 1, np.nan, T),
+        lambda T: T + np.eye(4)[[3, 2, 1, 0]],
+    ],
+    ids=["mirrored", "singular", "nan", "projective"],
+)
+def test_what_is_no_pose_is_refused(tmp_path, change):
+    with opened(tmp_path, b"?") as source:
+        assert checked_pose(RawPart("a", pose(3)), source) is not None
+        assert checked_pose(RawPart("a", np.eye(4)), source) is None
+        with pytest.raises(InputError, match=r"^rr\.dat: the pose of its scan a "):
+            checked_pose(RawPart("a", change(pose(3))), source)
+
+
+def test_the_station_is_the_image_of_the_scanner_s_origin():
+    T = pose(7)
+    assert Part("a", 0, 1, T).station_m.tolist() == (T @ [0.0, 0.0, 0.0, 1.0])[:3].tolist()
+    assert Part("a", 0, 1, None).station_m is None
+    assert Scan(POINTS, None, "rr.ply", 0).parts == ()
+
+
+@pytest.mark.parametrize("declared", [0, COUNT - 1])
+def test_more_rows_than_declared_and_none_at_all_are_refused(tmp_path, declared):
+    raw = cloud((), (RawPart("a"), RawPart("b")))
+    with opened(tmp_path, b"?") as source, pytest.raises(InputError, match=r"declares"):
+        gather(RawCloud(declared, True, raw.blocks, True, raw.parts), source, "m")

@@ -1,0 +1,150 @@
+"""Lines and tables of text: the same whatever the size of the pieces they are read in."""
+
+import io
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.support.sources import opened
+from wheelplane.errors import InputError
+from wheelplane.readers.faults import fault, too_long, too_short
+from wheelplane.readers.formats import lines as text_lines
+from wheelplane.readers.formats.ascii import content, has_decimal_comma, table_blocks
+from wheelplane.readers.formats.lines import (
+    Lines,
+    count_lines,
+    count_of_lines,
+    is_number,
+    pass_lines,
+    rows_of,
+)
+
+SIZES = [1, 7, 64, 1 << 19]
+ROWS = np.round(np.random.default_rng(3).normal(0.0, 50.0, (41, 4)), 3)
+BODY = "".join(" ".join(f"{x:.3f}" for x in row) + "\n" for row in ROWS)
+
+
+def text(body):
+    return io.StringIO(body)
+
+
+@given(st.text("ab \n", max_size=60), st.integers(1, 30))
+def test_pieces_are_whole_lines_and_join_to_the_text(body, size):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(text_lines, "_PIECE", size)
+        reader = Lines(text(body))
+        pieces = list(iter(reader.piece, ""))
+    assert "".join(pieces) == body
+    assert all(piece.endswith("\n") for piece in pieces[:-1])
+    assert sum(map(count_of_lines, pieces)) == len(body.split("\n")) - body.endswith("\n") * 1 - (
+        body == ""
+    )
+    assert sum(map(rows_of, pieces)) == sum(bool(line.strip()) for line in body.split("\n"))
+
+
+@given(st.lists(st.sampled_from(["", " ", "1 2", "x"]), max_size=20), st.data())
+def test_skipping_lines_or_rows_is_dropping_them_from_the_list(body, data):
+    joined = "".join(line + "\n" for line in body)
+    count = data.draw(st.integers(0, len(body)))
+    reader = Lines(text(joined))
+    reader.skip(count)
+    assert "".join(iter(reader.piece, "")) == "".join(line + "\n" for line in body[count:])
+    rows = data.draw(st.integers(0, sum(bool(line.strip()) for line in body)))
+    reader = Lines(text(joined))
+    skipped = reader.skip_rows(rows)
+    assert sum(bool(line.strip()) for line in body[:skipped]) == rows
+    assert reader.rows_left() == sum(bool(line.strip()) for line in body[skipped:])
+
+
+def test_an_end_that_was_set_hides_the_rest_and_can_be_lifted():
+    reader = Lines(text("a\nb\nc\nd\n"))
+    reader.end_after(2)
+    assert "".join(iter(reader.piece, "")) == "a\nb\n"
+    reader.end_after(None)
+    assert "".join(iter(reader.piece, "")) == "c\nd\n"
+
+
+@given(st.text("0123456789.eE+-naifINFtyx ", max_size=9))
+def test_a_number_is_what_python_reads_as_one(word):
+    try:
+        float(word)
+    except ValueError:
+        expected = False
+    else:
+        expected = word == word.strip()
+    assert is_number(word) == expected
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+@pytest.mark.parametrize("size", SIZES)
+def test_lines_are_counted_by_any_line_end(tmp_path, monkeypatch, end, size):
+    monkeypatch.setattr(text_lines, "_PIECE", size)
+    data = BODY.encode().replace(b"\n", end)
+    with opened(tmp_path, data) as source:
+        source.stream.seek(5)
+        found = count_lines(source)
+        assert source.stream.tell() == 5
+    # A piece that ends between CR and LF counts both: the number is an upper bound.
+    split = end == b"\r\n" and size < len(data)
+    assert len(ROWS) <= found <= len(ROWS) * (2 if split else 1)
+    with opened(tmp_path, BODY.encode()) as source:
+        assert pass_lines(source.stream, 30) == 30
+        assert pass_lines(source.stream, 30) == len(ROWS) - 30
+
+
+def test_a_table_cut_within_a_number_is_refused_and_one_without_its_last_line_end_is_not(tmp_path):
+    data = BODY.encode().rstrip(b"\n")
+    with opened(tmp_path, data) as source:
+        assert count_lines(source) == len(ROWS)
+    for cut in (1, 2):
+        with opened(tmp_path, data[:-cut]) as source, pytest.raises(InputError, match="middle of"):
+            count_lines(source)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize(("delimiter", "comma"), [(None, "."), (",", "."), (";", ","), (";", ".")])
+def test_a_table_is_that_of_numpy_whatever_separates_and_however_it_is_read(
+    tmp_path, monkeypatch, size, delimiter, comma
+):
+    monkeypatch.setattr(text_lines, "_PIECE", size)
+    body = BODY.replace(".", comma).replace(" ", delimiter or " ")
+    with opened(tmp_path, b"") as source:
+        found = list(table_blocks(Lines(text(body)), 4, delimiter, source, 1))
+        limited = list(table_blocks(Lines(text(body)), 4, delimiter, source, 1, limit=17))
+    assert np.vstack(found).tobytes() == np.loadtxt(text(BODY)).tobytes()
+    assert np.vstack(limited).tobytes() == ROWS[:17].tobytes()
+
+
+@pytest.mark.parametrize("size", [1, 64, 1 << 19])
+@pytest.mark.parametrize("bad", ["1 2 3", "1 2 3 4 5", "1 2 x 4", "1 2 3 --4"])
+def test_the_first_wrong_line_is_named_by_its_number(tmp_path, monkeypatch, size, bad):
+    monkeypatch.setattr(text_lines, "_PIECE", size)
+    body = BODY.splitlines(keepends=True)
+    for at in (0, 20, len(body) - 1):
+        broken = "// a comment\n\n" + "".join([*body[:at], bad + "\n", *body[at + 1 :]])
+        with opened(tmp_path, b"") as source, pytest.raises(InputError) as caught:
+            list(table_blocks(Lines(text(broken)), 4, None, source, 11))
+        assert f"line {11 + 2 + at} " in str(caught.value)
+
+
+def test_a_comma_between_digits_is_decimal_where_something_else_separates():
+    assert has_decimal_comma("1,5;2;-3,25e-3", ";")
+    assert has_decimal_comma("1,5 2,5 3", None)
+    assert not has_decimal_comma("1,5,2,5", ",")
+    assert not has_decimal_comma("1.5;2.5", ";")
+    assert not has_decimal_comma("1,5,2 3", None)
+    assert [content(line) for line in ("1 2 # x", " 1 2 // x", "#", " ")] == ["1 2", "1 2", "", ""]
+
+
+def test_messages_name_the_file_the_fact_and_what_to_do(tmp_path):
+    with opened(tmp_path, b"") as source:
+        found = [fault(source, "it is odd"), too_short(source, 5, 3), too_long(source, 5, "7 more")]
+    for error in found:
+        name, fact, action = str(error).split(": ", 2)
+        assert name == "rr.dat"
+        assert fact
+        assert action
+    assert "5" in str(found[1])
+    assert "3" in str(found[1])
