@@ -77,20 +77,39 @@ def test_what_is_kept_is_what_is_valid_and_each_part_has_its_pose(tmp_path):
     assert scan.parts[-1].stop == len(scan.points_m)
 
 
-def test_a_pose_is_exact_to_a_few_roundings_far_from_the_origin():
-    T = pose(5, (4e6, -7e6, 120.0))
-    points = RNG.normal((2e6, 1e6, 50.0), 3.0, (40, 3))
-    exact = [
+def test_a_pose_that_leads_back_to_the_origin_loses_no_digits_of_large_coordinates():
+    """R c + t cancels from 1e7 m to 10 m: what is left is the rounding of long double."""
+    points = RNG.normal((1e7, -1e7, 50.0), 3.0, (40, 3))
+    T = pose(6, (0.0, 0.0, 0.0))
+    T[:3, 3] = [8.0, -5.0, 2.0] - T[:3, :3] @ points[0]
+    exact = exactly(T, points)
+    moved = points.copy()
+    apply_pose(moved, T)
+    bound = 8 * np.finfo(np.longdouble).eps * np.abs(points).max() + np.spacing(32.0)
+    assert np.abs(exact).max() < 32.0
+    assert np.abs(moved - exact).max() <= bound
+    assert np.abs(points @ T[:3, :3].T + T[:3, 3] - exact).max() > 100 * bound
+
+
+def exactly(T, points):
+    return [
         [
             float(sum(Fraction(T[i, j]) * Fraction(p[j]) for j in range(3)) + Fraction(T[i, 3]))
             for i in range(3)
         ]
         for p in points.tolist()
     ]
+
+
+def test_a_pose_is_exact_to_two_roundings_far_from_the_origin():
+    T = pose(5, (4e6, -7e6, 120.0))
+    points = RNG.normal((2e6, 1e6, 50.0), 3.0, (40, 3))
+    exact = exactly(T, points)
     moved = points.copy()
     apply_pose(moved, T)
     step = np.spacing(np.abs(exact).max())
-    assert np.abs(moved - exact).max() <= 2 * step
+    # Half a step for the rounding of the shift, half for the sum; the rotation of 10 m adds none.
+    assert np.abs(moved - exact).max() <= 1.01 * step
     apply_pose(moved[:0], T)
 
 

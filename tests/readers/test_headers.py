@@ -57,6 +57,7 @@ def pcd():
 
 WHOLE = {
     "rr.npy": (npy(ROWS), read_npy),
+    "fortran.npy": (npy(np.asfortranarray(ROWS)), read_npy),
     "rr.npz": (npz(points=ROWS[:, :3], intensity=ROWS[:, 3]), read_npz),
     "rr.ply": (ply(), read_ply),
     "rr.pcd": (pcd(), read_pcd),
@@ -68,6 +69,7 @@ SINGLE = {"rr.ply", "rr.pcd"}  # whose intensity is a float32
 @pytest.mark.parametrize("name", sorted(WHOLE))
 def test_all_formats_give_the_same_rows_in_chunks_of_any_size(tmp_path, monkeypatch, name, chunk):
     monkeypatch.setattr(binary, "CHUNK_BYTES", chunk)
+    monkeypatch.setattr(npy_format, "CHUNK_BYTES", max(chunk, 8))
     data, read = WHOLE[name]
     with opened(tmp_path, data, name) as source:
         cloud = read(source)

@@ -263,7 +263,7 @@ def test_an_e57_holds_the_same_points_in_the_scanners_own_coordinates(noisy, tmp
 def rows_of(scans):
     blocks = list(scans)
     whole = [np.concatenate([getattr(b, k) for b in blocks])
-             for k in ("points_station_m", "intensity", "plate")]  # fmt: skip
+             for k in ("points_station_m", "intensity", "target")]  # fmt: skip
     return len(blocks), whole
 
 
