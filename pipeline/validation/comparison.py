@@ -74,7 +74,7 @@ class Comparison:
         return self.spread.visible_jointly(np.eye(len(self.difference_rad)))
 
     def visible_in_all_rad(self, kind: str) -> float:
-        """Return the smallest detectable error common to all toes, or all cambers."""
+        """Return the smallest error of all toes, or all cambers, detectable by the joint test."""
         alike = np.repeat([kind == other for other in KINDS], len(self.names))
         return self.spread.visible_jointly(alike[:, None].astype(float))
 

@@ -30,7 +30,7 @@ def by_old_estimator(method: Method, blocks_m: Array, wheels: Sequence[str]) -> 
     )
     note = (
         f"{LABEL}: its signs are converted to ours; it states no uncertainty, so that of total "
-        "least squares on the same points is used. The magnitude of its camber is larger than that "
+        "least squares on the same points is used. Sign aside, its camber is larger than that "
         f"of total least squares by {mean:+.2f}' on average, {worst:+.2f}' at worst."
     )
     return replace(method, label=f"{method.label}, {LABEL}", angles_rad=angles), note

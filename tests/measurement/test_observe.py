@@ -1,0 +1,134 @@
+"""Observation of one scan: what is kept of it, which wheel it shows, what is noted."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.support.scenes import Setup, make
+from wheelplane.capture import Capture, ScanEntry
+from wheelplane.centre import TargetFit
+from wheelplane.config import Config, InstrumentConfig
+from wheelplane.errors import InputError, NotMeasuredError
+from wheelplane.measure import fit_target
+from wheelplane.measurement.observe import NOISY, noisy, observe_entry
+from wheelplane.measurement.records import Evidence
+from wheelplane.targets.plates import DiscTarget
+
+DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)
+SETUP = Setup(spacing_m=0.004, half_width_m=0.19, pairs=12)
+FITTED = TargetFit(np.zeros(3), np.array([0.0, 0.0, 1.0]), (), 0.0, 5, "points")
+
+
+@pytest.fixture(scope="module")
+def cloud():
+    return make(SETUP, 1)
+
+
+@pytest.fixture(scope="module")
+def scan(cloud, tmp_path_factory):
+    path = tmp_path_factory.mktemp("observe") / "rl.npy"
+    np.save(path, np.vstack([cloud.points_m, np.full((7, 3), np.nan)]))
+    return path
+
+
+def observe(scan, fit, role="reference", wheel="RL", progress=lambda _: None):
+    entry = ScanEntry("RL" if role == "reference" else "1", role, wheel, scan.name, scan)
+    capture = Capture("car", None, "m", DISC, None, (entry,))
+    return observe_entry(entry, capture, Config(), fit, progress)
+
+
+def shows(wheel):
+    """A fit of a target whose markers name `wheel`."""
+    return lambda *_: Evidence(replace(FITTED, wheel=wheel))
+
+
+def not_measured(*_):
+    raise NotMeasuredError("wrong-outline", "its outline is bent")
+
+
+def test_points_and_digest_are_those_of_the_file(scan, cloud):
+    told = []
+    found = observe(scan, shows(None), progress=told.append)
+    assert told == ["rl.npy"]
+    assert (found.points_total, found.invalid_points) == (len(cloud.points_m), 7)
+    assert found.sha256.endswith(hashlib.sha256(scan.read_bytes()).hexdigest())
+    assert (found.name, found.role, found.wheel, found.status) == ("RL", "reference", "RL", "ok")
+
+
+def test_the_fit_gets_the_target_and_its_surroundings_not_the_scene(scan, cloud):
+    patches = []
+
+    def fit(patch, target, config):
+        patches.append(patch)
+        return Evidence(FITTED)
+
+    observe(scan, fit)
+    (patch,) = patches
+    assert len(patch.face_m) >= 0.9 * cloud.on_face.sum()
+    assert np.linalg.norm(patch.origin_m - cloud.centre_m) < DISC.radius_m
+    reach = np.linalg.norm(patch.face_m + patch.origin_m - cloud.centre_m, axis=1).max()
+    assert reach < 1.5 * DISC.radius_m
+
+
+def test_the_target_that_is_measured_is_the_true_one(scan, cloud):
+    target = observe(scan, fit_target).fitted
+    assert np.linalg.norm(target.centre_m - cloud.centre_m) < 1e-3
+    assert np.linalg.norm(np.cross(target.normal, cloud.normal)) < 1e-3
+
+
+def test_a_trial_that_is_not_measured_keeps_status_and_reason(scan):
+    found = observe(scan, not_measured, role="trial")
+    assert (found.evidence, found.status) == (None, "wrong-outline")
+    assert found.reason == "its outline is bent"
+    assert found.points_total > 0
+    with pytest.raises(ValueError, match="was not measured"):
+        _ = found.fitted
+
+
+def test_a_reference_wheel_that_is_not_measured_is_refused_by_its_file(scan):
+    with pytest.raises(InputError, match=r"car: rl\.npy: .* RL was not measured \(wrong-outline\)"):
+        observe(scan, not_measured)
+
+
+def test_a_scan_without_a_target_is_not_fitted(tmp_path):
+    rng = np.random.default_rng(1)
+    path = tmp_path / "ball.npy"
+    ball = rng.normal(size=(4000, 3))
+    np.save(path, ball / np.linalg.norm(ball, axis=1)[:, None] + [3.0, 0.0, 0.0])
+
+    def fit(*_):
+        raise AssertionError("there is nothing to fit")
+
+    assert observe(path, fit, role="trial").status == "no-target"
+
+
+@pytest.mark.parametrize(
+    ("named", "marked", "wheel"),
+    [("RL", None, "RL"), ("RL", "RL", "RL"), (None, "FR", "FR"), (None, None, None)],
+)
+def test_the_wheel_is_the_named_one_or_else_the_marked_one(scan, named, marked, wheel):
+    assert observe(scan, shows(marked), role="trial", wheel=named).wheel == wheel
+
+
+def test_a_name_that_the_markers_contradict_is_refused(scan):
+    with pytest.raises(InputError, match=r"named for RL, but the markers .* those of FR: correct"):
+        observe(scan, shows("FR"))
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.99, 1.01, 3.0])
+def test_noise_is_noted_beyond_the_stated_one(scan, factor):
+    found = observe(scan, fit_target)
+    sigma_m = found.evidence.plane.sigma_m
+    stated = InstrumentConfig(range_sigma_m=sigma_m / (NOISY * factor))
+    notes = list(noisy([found, observe(scan, not_measured, role="trial")], stated))
+    assert len(notes) == (factor > 1.0)
+    assert all(f"{sigma_m * 1e3:.2f} mm" in note and "RL" in note for note in notes)
+
+
+def test_without_stated_noise_nothing_is_noted(scan):
+    found = observe(scan, fit_target)
+    assert list(noisy([found], InstrumentConfig(range_sigma_m=None))) == []
