@@ -147,7 +147,7 @@ def validate(
         file=_file(file, virtual, truth, many),
         points=points,
         radius_m=None if radius is None else radius / 1e3,
-        see_rad=None if detectable is None else math.radians(detectable),
+        to_detect_rad=None if detectable is None else math.radians(detectable),
     )
     overrides = capture_options(front, front_point, up)
     _check_used(request, overrides, many)

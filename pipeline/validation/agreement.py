@@ -19,7 +19,7 @@ from ..vectors import Array
 from .comparison import KINDS, Comparison
 from .statistics.bland_altman import Limit, components, limits_of_agreement
 from .statistics.line_fit import Line, fit_line
-from .statistics.power import CONFIDENCE, captures_needed, visible_alone
+from .statistics.power import CONFIDENCE, captures_needed, detectable_alone
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Agreement:
 
     first, second: (N,) pairs. deviation: standard deviation of the units' mean differences, from
     which bias and its limits follow. within, between: standard deviations of differences within
-    and between subjects; total: of one difference. lower, upper: limits of agreement. visible:
+    and between subjects; total: of one difference. lower, upper: limits of agreement. detectable:
     smallest detectable bias. line: second method against the first.
     """
 
@@ -44,7 +44,7 @@ class Agreement:
     total: float
     lower: Limit
     upper: Limit
-    visible: float
+    detectable: float
     line: Line | None
 
     def captures_for(self, size_rad: float) -> int:
@@ -100,7 +100,7 @@ def agreement(found: Sequence[Comparison], kind: str) -> Agreement | None:
         total=math.sqrt(parts.total),
         lower=low,
         upper=high,
-        visible=visible_alone(u, len(units) - 1),
+        detectable=detectable_alone(u, len(units) - 1),
         line=line,
     )
 

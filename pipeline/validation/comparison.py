@@ -28,8 +28,8 @@ class Comparison:
 
     difference_rad: (2 n,) toes, then cambers; spread: its covariance. u_first, u_second: (2 n,).
     sources: uncertainties of normals and centres of both (12 n), from which the other covariances
-    follow. missing: name and reason of what only one method has. see_rad: size of error that must
-    be detectable. origins: provenance of both.
+    follow. missing: name and reason of what only one method has. to_detect_rad: size of error that
+    must be detectable. origins: provenance of both.
     """
 
     source: str
@@ -44,7 +44,7 @@ class Comparison:
     missing: tuple[tuple[str, str], ...] = ()
     notes: tuple[str, ...] = ()
     vehicle: str = ""
-    see_rad: float | None = None
+    to_detect_rad: float | None = None
     origins: tuple[Provenance, ...] = ()
 
     @property
@@ -64,37 +64,37 @@ class Comparison:
         return self.spread.test(self.difference_rad)
 
     @cached_property
-    def visible_rad(self) -> Array:
+    def detectable_rad(self) -> Array:
         """(2 n,) smallest error of each angle detectable by its own test."""
-        return self.spread.visible
+        return self.spread.detectable
 
     @cached_property
-    def visible_in_one_rad(self) -> float:
+    def detectable_in_one_rad(self) -> float:
         """Smallest error of any single angle detectable by the joint test."""
-        return self.spread.visible_jointly(np.eye(len(self.difference_rad)))
+        return self.spread.detectable_jointly(np.eye(len(self.difference_rad)))
 
-    def visible_in_all_rad(self, kind: str) -> float:
+    def detectable_in_all_rad(self, kind: str) -> float:
         """Return the smallest error of all toes, or all cambers, detectable by the joint test."""
         alike = np.repeat([kind == other for other in KINDS], len(self.names))
-        return self.spread.visible_jointly(alike[:, None].astype(float))
+        return self.spread.detectable_jointly(alike[:, None].astype(float))
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
         """(2 n) verdict on each angle by its own En."""
         return tuple(
             self._verdict(abs(en) <= 1.0, float(least))
-            for en, least in zip(self.en, self.visible_rad, strict=True)
+            for en, least in zip(self.en, self.detectable_rad, strict=True)
         )
 
     @property
     def verdict(self) -> Verdict:
         """Overall verdict by the joint test: correct methods agree in 95 % of comparisons."""
-        return self._verdict(self.joint.agrees, self.visible_in_one_rad)
+        return self._verdict(self.joint.agrees, self.detectable_in_one_rad)
 
-    def _verdict(self, agrees: bool, visible_rad: float) -> Verdict:
+    def _verdict(self, agrees: bool, detectable_rad: float) -> Verdict:
         if not agrees:
             return "disagree"
-        undetectable = self.see_rad is not None and visible_rad > self.see_rad
+        undetectable = self.to_detect_rad is not None and detectable_rad > self.to_detect_rad
         return "cannot tell" if undetectable else "agree"
 
     @property

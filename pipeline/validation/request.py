@@ -24,14 +24,14 @@ class Request:
     """Method to compare with, and its options.
 
     file: of the five points, relative to the capture's folder; with truth, None compares the dense
-    scans. radius_m: of the virtual pentagons. see_rad: size of error that must be detectable.
+    scans. radius_m: of the virtual pentagons. to_detect_rad: size of error that must be detectable.
     """
 
     against: Against
     file: Path | None = None
     points: FivePointOptions = field(default_factory=FivePointOptions)
     radius_m: float | None = None
-    see_rad: float | None = None
+    to_detect_rad: float | None = None
 
 
 @dataclass(frozen=True)

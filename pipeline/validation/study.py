@@ -37,7 +37,7 @@ class ComparisonStudy:
 
     source: str
     rows: tuple[Row, ...]
-    see_rad: float | None
+    to_detect_rad: float | None
 
     @property
     def found(self) -> tuple[Comparison, ...]:
@@ -71,9 +71,9 @@ class ComparisonStudy:
         return binomial_tail(self.disagreeing, len(self.found), 1.0 - CONFIDENCE)
 
     @property
-    def visible_rad(self) -> float:
+    def detectable_rad(self) -> float:
         """Smallest detectable bias of toe or of camber, whichever is larger."""
-        return max((one.visible for one in self.agreements), default=math.inf)
+        return max((one.detectable for one in self.agreements), default=math.inf)
 
     @property
     def verdict(self) -> Verdict:
@@ -81,7 +81,7 @@ class ComparisonStudy:
         bias = self.bias_probability
         if self.chance_of_disagreeing < EACH or (bias is not None and bias < EACH):
             return "disagree"
-        undetectable = self.see_rad is not None and self.visible_rad > self.see_rad
+        undetectable = self.to_detect_rad is not None and self.detectable_rad > self.to_detect_rad
         return "cannot tell" if bias is None or undetectable else "agree"
 
 
@@ -132,7 +132,7 @@ def validate_archive(
             f"{source}: none of its {len(rows)} captures could be compared; the first: "
             f"{rows[0].reason}"
         )
-    return ComparisonStudy(str(source), tuple(rows), request.see_rad)
+    return ComparisonStudy(str(source), tuple(rows), request.to_detect_rad)
 
 
 def _may_be_capture(path: Path) -> bool:

@@ -38,7 +38,9 @@ def validate_capture(
 ) -> Comparison:
     """Compare both methods on one capture. Raises InputError where that is impossible."""
     found = _COMPARE[request.against](capture, config, request, progress)
-    return replace(found, see_rad=request.see_rad, vehicle=capture.vehicle or capture.source)
+    return replace(
+        found, to_detect_rad=request.to_detect_rad, vehicle=capture.vehicle or capture.source
+    )
 
 
 def _with_five_points(

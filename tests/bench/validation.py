@@ -65,7 +65,7 @@ def of_single_captures(count: int, seed: int) -> None:
     """Agree where both are right; disagree where 0.1 degrees are planted; what is seen."""
     print(f"\nSingle captures, {count} vehicles each\n")
     print("| total station | its noise | agree, both right | 0.1° in one toe caught "
-          "| in all toes | visible in one angle | in all toes |")  # fmt: skip
+          "| in all toes | detectable in one angle | in all toes |")  # fmt: skip
     print("|---|---|---|---|---|---|---|")
     for name, station in STATIONS.items():
         for known in (True, False):
@@ -77,7 +77,10 @@ def of_single_captures(count: int, seed: int) -> None:
             ]  # fmt: skip
             seen = [
                 np.degrees(np.median([f(one) for one in right[:20]]))
-                for f in (lambda c: c.visible_in_one_rad, lambda c: c.visible_in_all_rad("toe"))
+                for f in (
+                    lambda c: c.detectable_in_one_rad,
+                    lambda c: c.detectable_in_all_rad("toe"),
+                )
             ]
             told = "stated" if known else "from scatter, --aiming"
             print(f"| {name} | {told} | {share(sum(c.joint.agrees for c in right), count)} "
@@ -93,7 +96,7 @@ def of_archives(count: int, repeats: int, seed: int) -> None:
     needed = max(one.captures_for(ERROR) for one in whole.agreements)
     biased = survey(count, seed + 2, PLANTED["all toes"])
     print(f"- {count} captures, both right: {whole.verdict}; 0.1° in all toes: {biased.verdict}")
-    print(f"- they would see {np.degrees(toe.visible):.4f}°; 0.1° takes {needed} captures")
+    print(f"- they would see {np.degrees(toe.detectable):.4f}°; 0.1° takes {needed} captures")
     for name, error in (("both right", None), ("0.1° in all toes", PLANTED["all toes"])):
         found = [survey(needed, (seed, index), error) for index in range(repeats)]
         agreed = sum(one.verdict == "agree" for one in found)

@@ -15,7 +15,11 @@ from wheelplane.errors import InputError
 from wheelplane.validation.comparison import Method, check_alike, compare
 from wheelplane.validation.frame_effect import rigid_rotation, shape_of
 from wheelplane.validation.statistics.joint_test import Source, Spread
-from wheelplane.validation.statistics.power import captures_needed, visible_alone, visible_jointly
+from wheelplane.validation.statistics.power import (
+    captures_needed,
+    detectable_alone,
+    detectable_jointly,
+)
 from wheelplane.validation.tcgc_2013 import old_angles
 from wheelplane.vehicle.angles import wheel_angles
 from wheelplane.vehicle.frame import build_reference_frame
@@ -78,8 +82,8 @@ def test_an_error_of_the_smallest_visible_size_is_seen_in_99_percent(dof, share)
     runs, alone, joint = 3000, 0, 0
     exact = Spread.of(np.eye(6), [Source(root, dof)])
     one = np.eye(6)[:, :1]
-    size = exact.visible_jointly(one)
-    single = visible_alone(float(exact.u[0]), dof)
+    size = exact.detectable_jointly(one)
+    single = detectable_alone(float(exact.u[0]), dof)
     for _ in range(runs):
         scale = 1.0 if np.isinf(dof) else np.sqrt(rng.chisquare(dof) / dof)
         spread = Spread.of(np.eye(6), [Source(root * scale, dof)])
@@ -92,11 +96,13 @@ def test_an_error_of_the_smallest_visible_size_is_seen_in_99_percent(dof, share)
 
 
 def test_what_is_seen_alone_is_the_sum_of_two_quantiles():
-    assert visible_alone(2.0) == pytest.approx(2 * (stats.norm.ppf(0.975) + stats.norm.ppf(0.99)))
+    assert detectable_alone(2.0) == pytest.approx(
+        2 * (stats.norm.ppf(0.975) + stats.norm.ppf(0.99))
+    )
     limit = stats.t.ppf(0.975, 5)
-    assert stats.nct.sf(limit, 5, visible_alone(1.0, 5)) == pytest.approx(0.99, abs=1e-9)
-    assert visible_jointly(1.0, 1) == pytest.approx(visible_alone(1.0), rel=1e-6)
-    assert visible_jointly(0.0, 3) == np.inf
+    assert stats.nct.sf(limit, 5, detectable_alone(1.0, 5)) == pytest.approx(0.99, abs=1e-9)
+    assert detectable_jointly(1.0, 1) == pytest.approx(detectable_alone(1.0), rel=1e-6)
+    assert detectable_jointly(0.0, 3) == np.inf
 
 
 def test_captures_needed_are_the_fewest_that_see_it():
@@ -113,17 +119,17 @@ def test_a_planted_error_is_caught_where_the_tool_says_it_would_be():
     error = np.radians(0.1)
     toe = np.array([0.0, 0.0, error, 0.0])
     found = [Car(seed).compare(station=FINE, toe_error=toe) for seed in range(100)]
-    visible = [one for one in found if one.visible_in_one_rad < error]
-    assert len(visible) > 90  # where the scatter is by chance beyond what is stated, it is not
-    assert passed(visible) <= stats.binom.ppf(0.999, len(visible), 0.01)
+    detectable = [one for one in found if one.detectable_in_one_rad < error]
+    assert len(detectable) > 90  # where the scatter is by chance beyond what is stated, it is not
+    assert passed(detectable) <= stats.binom.ppf(0.999, len(detectable), 0.01)
     assert all(one.difference_rad[2] == pytest.approx(error, abs=error / 2) for one in found)
     # the instrument of the paper cannot see it, and says so
     coarse = [Car(seed).compare(toe_error=toe) for seed in range(10)]
-    assert min(one.visible_in_one_rad for one in coarse) > 2 * error
-    blind = replace(coarse[0], see_rad=error)
+    assert min(one.detectable_in_one_rad for one in coarse) > 2 * error
+    blind = replace(coarse[0], to_detect_rad=error)
     assert blind.verdict == ("cannot tell" if blind.joint.agrees else "disagree")
-    assert replace(found[0], see_rad=error).verdict == "disagree"
-    assert {*replace(Car(3).compare(station=FINE), see_rad=error).verdicts} == {"agree"}
+    assert replace(found[0], to_detect_rad=error).verdict == "disagree"
+    assert {*replace(Car(3).compare(station=FINE), to_detect_rad=error).verdicts} == {"agree"}
 
 
 def turned(method, R, shift):

@@ -236,8 +236,8 @@ def test_reports_say_units_signs_and_verdict(made, tmp_path):
 
 
 def test_an_error_that_would_not_be_seen_is_no_agreement(found):
-    blind = replace(found, see_rad=found.visible_in_one_rad / 2)
-    clear = replace(found, see_rad=found.visible_in_one_rad * 2)
+    blind = replace(found, to_detect_rad=found.detectable_in_one_rad / 2)
+    clear = replace(found, to_detect_rad=found.detectable_in_one_rad * 2)
     assert (blind.verdict, clear.verdict) == ("cannot tell", "agree")
     assert "would not be seen" in validation_text(blind)
     assert "would not be seen" not in validation_text(clear)
@@ -379,7 +379,7 @@ def test_the_verdict_of_many_is_of_bias_and_of_single_captures():
     scattered = survey(lambda seed: np.eye(4)[seed % 4] * np.radians(0.15) * (-1) ** seed)
     assert scattered.verdict == "disagree"
     assert scattered.chance_of_disagreeing < EACH
-    blind = replace(right, see_rad=right.visible_rad / 2)
+    blind = replace(right, to_detect_rad=right.detectable_rad / 2)
     assert (blind.verdict, replace(right, rows=right.rows[:3]).verdict) == ("cannot tell",) * 2
 
 

@@ -41,10 +41,10 @@ def comparison_tree(found: Comparison) -> dict[str, Any]:
         "second": found.second.label,
         "difference": "first less second",
         "verdict": found.verdict,
-        "see_deg": _deg(found.see_rad),
+        "see_deg": _deg(found.to_detect_rad),
         "joint": _test(found.joint),
-        "visible_in_one_deg": _deg(found.visible_in_one_rad),
-        "visible_in_all_deg": {kind: _deg(found.visible_in_all_rad(kind)) for kind in KINDS},
+        "visible_in_one_deg": _deg(found.detectable_in_one_rad),
+        "visible_in_all_deg": {kind: _deg(found.detectable_in_all_rad(kind)) for kind in KINDS},
         "angles": [_angle(found, i) for i in range(len(found.en))],
         "planes": _test(found.planes.test(found.planes_rad)),
         "shape": {**_test(found.shape_spread.test(found.shape)), "quantities": _shape(found)},
@@ -59,11 +59,11 @@ def comparison_tree(found: Comparison) -> dict[str, Any]:
 
 def survey_tree(survey: ComparisonStudy) -> dict[str, Any]:
     """Of many captures."""
-    whole, size = nees(survey.found), survey.see_rad or SETTLED_RAD
+    whole, size = nees(survey.found), survey.to_detect_rad or SETTLED_RAD
     return {
         "archive": survey.source,
         "verdict": survey.verdict,
-        "see_deg": _deg(survey.see_rad),
+        "see_deg": _deg(survey.to_detect_rad),
         "bias_probability": survey.bias_probability,
         "disagreeing": survey.disagreeing,
         "compared": len(survey.found),
@@ -105,7 +105,7 @@ def _angle(found: Comparison, i: int) -> dict[str, Any]:
         "degrees_of_freedom": dof if math.isfinite(dof) else None,
         "expanded_95_deg": _deg(found.spread.expanded[i]),
         "en": float(found.en[i]) if math.isfinite(found.en[i]) else None,
-        "visible_deg": _deg(found.visible_rad[i]),
+        "visible_deg": _deg(found.detectable_rad[i]),
         "verdict": found.verdicts[i],
         "by_frame_deg": _deg(found.frame_rad[i]),
         "by_plane_deg": _deg(found.planes_rad[i]),
@@ -148,7 +148,7 @@ def _agreement(one: Agreement, size_rad: float) -> dict[str, Any]:
         "deviation_deg": _deg(one.total),
         "deviation_between_wheels_deg": _deg(one.between),
         "deviation_within_wheels_deg": _deg(one.within),
-        "visible_bias_deg": _deg(one.visible),
+        "visible_bias_deg": _deg(one.detectable),
         "captures_needed": {"bias_deg": _deg(size_rad), "captures": one.captures_for(size_rad)},
         "line": _line(one.line),
     }

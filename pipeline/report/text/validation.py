@@ -12,8 +12,8 @@ from ..format.layout import aligned
 
 SIGNS = (
     "Toe-in and top-out are positive; camber is the elevation, as in the paper. u: standard\n"
-    "uncertainty (k = 1). U: of the difference, 95 %. En = difference/U. sees: smallest error\n"
-    "that this row shows by 95 % confidence and 99 % power."
+    "uncertainty (k = 1). U: of the difference, 95 %. En = difference/U. detectable: smallest\n"
+    "error that this row shows at 95 % confidence and 99 % power."
 )
 
 
@@ -74,7 +74,7 @@ def _rows(found: Comparison) -> list[tuple[int, str, str, str]]:
 
 def _table(found: Comparison) -> str:
     head = ("name", "wheel", "angle", found.first.label, "u", found.second.label, "u")
-    rows = [(*head, "difference", "u", "U", "En", "sees", "verdict")]
+    rows = [(*head, "difference", "u", "U", "En", "detectable", "verdict")]
     difference, expanded = found.difference_rad, found.spread.expanded
     for i, name, wheel, kind in _rows(found):
         rows.append(
@@ -90,7 +90,7 @@ def _table(found: Comparison) -> str:
                 seconds(found.spread.u[i]),
                 seconds(expanded[i]),
                 f"{found.en[i]:+.2f}",
-                degrees(found.visible_rad[i]),
+                degrees(found.detectable_rad[i]),
                 found.verdicts[i],
             )
         )
@@ -104,13 +104,13 @@ def _whole(found: Comparison) -> list[str]:
         f"{said(found.joint)}.",
         f"Beyond |En| = 1: {beyond} of {len(found.en)} rows; 1 in 20 is by chance, so the verdict "
         "is not theirs.",
-        f"Smallest error that this would see: {degrees(found.visible_in_one_rad)} in any one "
-        f"angle, {degrees(found.visible_in_all_rad('toe'))} in all toes alike, "
-        f"{degrees(found.visible_in_all_rad('camber'))} in all cambers alike.",
+        f"Smallest error that this would see: {degrees(found.detectable_in_one_rad)} in any one "
+        f"angle, {degrees(found.detectable_in_all_rad('toe'))} in all toes alike, "
+        f"{degrees(found.detectable_in_all_rad('camber'))} in all cambers alike.",
     ]
-    if found.see_rad is not None and found.visible_in_one_rad > found.see_rad:
+    if found.to_detect_rad is not None and found.detectable_in_one_rad > found.to_detect_rad:
         lines.append(
-            f"An error of {degrees(found.see_rad)} in one angle would not be seen: use an "
+            f"An error of {degrees(found.to_detect_rad)} in one angle would not be seen: use an "
             "instrument of less noise, or more captures (`wheelplane validate ARCHIVE`)."
         )
     shape = found.shape_spread.test(found.shape)

@@ -27,7 +27,7 @@ def survey_text(survey: ComparisonStudy) -> str:
         *_verdict(survey),
     ]
     for one in survey.agreements:
-        parts += ["", *_agreement(one, survey.see_rad or SETTLED_RAD)]
+        parts += ["", *_agreement(one, survey.to_detect_rad or SETTLED_RAD)]
     parts += ["", scores_text(survey)]
     return "\n".join(parts) + "\n"
 
@@ -102,9 +102,10 @@ def _verdict(survey: ComparisonStudy) -> list[str]:
         f"  captures that disagree alone: {survey.disagreeing} of {count}, 5 % are expected, "
         f"as many or more by p = {survey.chance_of_disagreeing:.3g}.",
     ]
-    if survey.see_rad is not None and survey.visible_rad > survey.see_rad:
+    if survey.to_detect_rad is not None and survey.detectable_rad > survey.to_detect_rad:
         lines.append(
-            f"A bias of {degrees(survey.see_rad)} would not be seen by so few captures: see below."
+            f"A bias of {degrees(survey.to_detect_rad)} would not be seen by so few captures: "
+            "see below."
         )
     return lines
 
@@ -122,7 +123,7 @@ def _agreement(one: Agreement, size_rad: float) -> list[str]:
         aligned(rows, left=1),
         f"  Standard deviations: {seconds(one.total)} of a difference; {seconds(one.between)} "
         f"between wheels, {seconds(one.within)} within (repeated measures)",
-        f"  These captures would see a bias of {degrees(one.visible)} (95 % confidence, 99 % "
+        f"  These captures would see a bias of {degrees(one.detectable)} (95 % confidence, 99 % "
         f"power); one of {degrees(size_rad)} takes {one.captures_for(size_rad)} captures, "
         "if they scatter as much as these can (95 %).",
     ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...uncertainty import Effect, coverage_factor, f_beyond
 from ...vectors import Array
-from .power import CONFIDENCE, visible_alone, visible_jointly
+from .power import CONFIDENCE, detectable_alone, detectable_jointly
 
 RANK = 1e-9  # of the largest eigenvalue, below which a direction has no uncertainty of its own
 
@@ -97,9 +97,9 @@ class Spread:
         return coverage_factor(CONFIDENCE, self.dof) * self.u
 
     @property
-    def visible(self) -> Array:
+    def detectable(self) -> Array:
         """(q,) smallest error of each detectable by its own test."""
-        return np.array([visible_alone(u, f) for u, f in zip(self.u, self.dof, strict=True)])
+        return np.array([detectable_alone(u, f) for u, f in zip(self.u, self.dof, strict=True)])
 
     def test(self, difference: Array) -> JointTest:
         """Test all q differences jointly.
@@ -116,11 +116,11 @@ class Spread:
         beyond = f_beyond(square / count, count, dof) if count else 1.0
         return JointTest(square, count, dof, beyond)
 
-    def visible_jointly(self, patterns: Array) -> float:
+    def detectable_jointly(self, patterns: Array) -> float:
         """Return the smallest detectable size of an error of any of the patterns (q, r)."""
         whiten = self._whiten()
         gain = float(np.sum((whiten @ patterns) ** 2, axis=0).min())
-        return visible_jointly(gain, len(whiten), self._joint_dof(whiten))
+        return detectable_jointly(gain, len(whiten), self._joint_dof(whiten))
 
     def _whiten(self) -> Array:
         """Return the map (p, q) from the differences to unit covariance, where they have any."""

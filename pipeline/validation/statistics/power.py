@@ -15,7 +15,7 @@ MOST_CAPTURES = 10_000_000
 BISECTIONS = 60
 
 
-def visible_alone(u: float, dof: float = math.inf) -> float:
+def detectable_alone(u: float, dof: float = math.inf) -> float:
     """Return the smallest error of one value detectable by Student's test; u: its uncertainty.
 
     4.286 u where u is known: sum of the quantiles of confidence and power.
@@ -24,7 +24,7 @@ def visible_alone(u: float, dof: float = math.inf) -> float:
     return u * _least(lambda shift: power_of_t(shift, CONFIDENCE, dof))
 
 
-def visible_jointly(gain: float, count: int, dof: float = math.inf) -> float:
+def detectable_jointly(gain: float, count: int, dof: float = math.inf) -> float:
     """Return the smallest size of an error detectable by the joint test of `count` values.
 
     gain: g' V^-1 g of the pattern g of an error of size 1.
@@ -42,11 +42,11 @@ def captures_needed(size: float, deviation: float) -> int:
     power; MOST_CAPTURES at most.
     """
     low, high = 1, 2
-    while high < MOST_CAPTURES and visible_alone(deviation / math.sqrt(high), high - 1) > size:
+    while high < MOST_CAPTURES and detectable_alone(deviation / math.sqrt(high), high - 1) > size:
         low, high = high, 2 * high
     while high - low > 1:
         middle = (low + high) // 2
-        enough = visible_alone(deviation / math.sqrt(middle), middle - 1) <= size
+        enough = detectable_alone(deviation / math.sqrt(middle), middle - 1) <= size
         low, high = (low, middle) if enough else (middle, high)
     return min(high, MOST_CAPTURES)
 
