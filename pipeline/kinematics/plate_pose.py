@@ -1,7 +1,7 @@
-"""A rigid plate as it is seen in several places, and as a turn about an axis would place it.
+"""Poses of a rigid target, as observed and as a rotation about an axis predicts them.
 
-Of every place a normal and a centre; of some, by edges or print that show it, an axis of the face
-as well, so that the plate's turn about its own normal is seen.
+Each pose has a normal and a centre; some also show the target's in-plane rotation, by its edges or
+its print.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ import numpy as np
 from ..errors import NotMeasuredError
 from ..vectors import Array
 
-DOUBTFUL = 0.25  # of the period: a face farther from where it should be may be taken either way
+DOUBTFUL = 0.25  # of the period: an in-plane rotation farther from the prediction is ambiguous
 
 
 @dataclass(frozen=True)
 class Poses:
-    """What is seen of a plate in n places.
+    """Observed poses of a target, n of them.
 
     normals: (n, 3) unit, all to the same side. centres_m: (n, 3). covariance: (6 n + k, 6 n + k) of
-    each place's normal, then its centre, then of the k turns about the normal that are seen.
-    with_face: (k,) the places of these; faces: (k, 3) an axis of the face in each, unit, as good as
-    any that a turn by periods_rad (k,) makes of it.
+    each pose's normal, then its centre, then of the k observed in-plane rotations. with_face: (k,)
+    indices of the poses that show one; faces: (k, 3) an in-plane axis of each, unit, equivalent to
+    any that a rotation by periods_rad (k,) makes of it.
     """
 
     normals: Array
@@ -36,9 +36,10 @@ class Poses:
 
 @dataclass(frozen=True)
 class State:
-    """An axis with a point of it, the plate at no turn, and the turns; face: None if none is seen.
+    """An axis with a point on it, the target at rotation 0, and the rotations.
 
-    point and centre: relative to the mean of the centres. face: (3,) unit, across `normal`.
+    point and centre: relative to the mean of the centres. face: in-plane axis (3,) unit, across
+    `normal`; None where no in-plane rotation is observed.
     """
 
     axis: Array
@@ -49,7 +50,7 @@ class State:
     face: Array | None
 
     def moved(self, step: Array) -> State:
-        """By the unknowns of `residual`."""
+        """Return the state after a step of the unknowns of `residual`."""
         axis = self.axis + step[:2] @ across(self.axis)
         point = self.point + step[2:4] @ across(self.axis)
         normal = self.normal + step[4:6] @ across(self.normal)
@@ -67,9 +68,9 @@ class State:
 
 
 def start(seen: Poses, turns: Array, axis: Array) -> tuple[State, Poses]:
-    """First values: the plate turned back by the turns; the point by linear least squares.
+    """Return start values: the target rotated back; the point by linear least squares.
 
-    The faces that are seen come back as those, among equals, that lie nearest to the first one's.
+    In-plane axes come back as those equivalent ones that lie nearest to the first pose's.
     Raises NotMeasuredError 'not-one-axis' where two are about as near.
     """
     centres = seen.centres_m - seen.centres_m.mean(axis=0)
@@ -87,11 +88,11 @@ def start(seen: Poses, turns: Array, axis: Array) -> tuple[State, Poses]:
 
 
 def residual(state: State, seen: Poses, sides: Array) -> tuple[Array, Array]:
-    """Seen less expected (5 n + k,), and the slopes of the expected (5 n + k, 9 + n).
+    """Return observed less predicted (5 n + k,), and the slopes of the predicted (5 n + k, 9 + n).
 
-    Unknowns: axis (2) and point (2) across it, normal (2) across itself, centre (3), turns (n);
-    where faces are seen, the plate's own turn beside (1). sides: (n, 2, 3) across each normal.
-    With the axis leaning by w, a vector R v moves by w x (R v) - R (w x v).
+    Unknowns: axis (2) and point (2) across it, normal (2) across itself, centre (3), rotations (n);
+    where in-plane rotations are observed, the target's own as well (1). sides: (n, 2, 3) across
+    each normal. With the axis tilted by w, a vector R v moves by w x (R v) - R (w x v).
     """
     a, arm, count = state.axis, state.centre - state.point, len(sides)
     centres = seen.centres_m - seen.centres_m.mean(axis=0)
@@ -118,9 +119,10 @@ def residual(state: State, seen: Poses, sides: Array) -> tuple[Array, Array]:
 
 
 def whitening(sides: Array, seen: Poses) -> tuple[Array, Array]:
-    """Root L of the covariance of what `residual` sees, and that by what is seen of the places.
+    """Return the root L of the covariance of the observations of `residual`, and their Jacobian.
 
-    Of each place two parts of the normal along `sides` (2, 3), three of the centre; then the turns.
+    Of each pose two parts of the normal along `sides` (2, 3), three of the centre; then the
+    in-plane rotations. The Jacobian is by the inputs of `Poses.covariance`.
     """
     count, faces = len(sides), len(seen.with_face)
     B = np.zeros((5 * count + faces, 6 * count + faces))
@@ -130,13 +132,13 @@ def whitening(sides: Array, seen: Poses) -> tuple[Array, Array]:
     B[5 * count :, 6 * count :] = np.eye(faces)
     V = B @ seen.covariance @ B.T
     scale = np.sqrt(np.diag(V).clip(min=1e-20))
-    # A trace of rounding keeps the matrix regular where causes act on all places alike.
+    # A trace of rounding keeps the matrix regular where components act on all poses alike.
     regular = V / np.outer(scale, scale) + 1e-10 * np.eye(len(V))
     return scale[:, None] * np.linalg.cholesky(regular), B
 
 
 def across(unit: Array) -> Array:
-    """(2, 3): two unit vectors across `unit` and each other."""
+    """Return (2, 3): two unit vectors perpendicular to `unit` and to each other."""
     helper = np.eye(3)[int(np.argmin(np.abs(unit)))]
     first = np.cross(unit, helper)
     first /= np.linalg.norm(first)
@@ -145,17 +147,17 @@ def across(unit: Array) -> Array:
 
 
 def turn_about(axis: Array, angle_rad: float) -> Array:
-    """(3, 3) about a unit axis; Rodrigues (1840)."""
+    """Return the rotation (3, 3) about a unit axis; Rodrigues (1840)."""
     cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
     whole: Array = np.eye(3) + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * cross @ cross
     return whole
 
 
 def _of_faces(state: State, face: Array, seen: Poses, tilt: Array) -> tuple[Array, Array]:
-    """Turns about the normals, seen less expected (k,), and the slopes of the expected.
+    """Return in-plane rotations, observed less predicted (k,), and the slopes of the predicted.
 
-    An axis e of the face lies at atan2(v.e, u.e) from the seen u, with v = n x u; where its normal
-    leans by dm, it moves by -m (e.dm).
+    A predicted in-plane axis e lies at atan2(v.e, u.e) from the observed u, with v = n x u; where
+    its normal tilts by dm, it moves by -m (e.dm).
     """
     count = len(state.turns)
     left, slopes = np.zeros(len(seen.faces)), np.zeros((len(seen.faces), 10 + count))
@@ -173,7 +175,7 @@ def _of_faces(state: State, face: Array, seen: Poses, tilt: Array) -> tuple[Arra
 
 
 def _nearest(seen: Poses, state: State) -> Array:
-    """Of the turns a face may have been seen at, those nearest to the expected: axes (k, 3)."""
+    """Return the equivalent in-plane axes (k, 3) nearest to the predicted ones."""
     assert state.face is not None
     off, _ = _of_faces(state, state.face, seen, np.zeros((2, 3)))
     periods = np.rint(off / seen.periods_rad)
@@ -182,8 +184,8 @@ def _nearest(seen: Poses, state: State) -> Array:
         worst = float(np.degrees(rest.max()))
         raise NotMeasuredError(
             "not-one-axis",
-            f"a plate lies {worst:.0f}° about its normal from where one axis takes it: it slipped "
-            "on the wheel, or the wheel rolled",
+            f"a target is rotated in its plane by {worst:.0f}° from the prediction of one axis: it "
+            "slipped on the wheel, or the wheel rolled; fasten it, hold the brake and scan again",
         )
     turned = [
         turn_about(seen.normals[i], -count * period) @ face
@@ -195,6 +197,6 @@ def _nearest(seen: Poses, state: State) -> Array:
 
 
 def _upon(vector: Array, normal: Array) -> Array:
-    """What of it lies across the normal, unit; the normal may be of any length."""
+    """Return the unit projection of a vector on the plane of a normal of any length."""
     flat = vector - normal * (normal @ vector) / (normal @ normal)
     return np.asarray(flat / np.linalg.norm(flat))

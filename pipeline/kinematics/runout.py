@@ -1,12 +1,12 @@
-"""Run-out compensation: toe and camber of a wheel's axle, from scans of it turned about the axle.
+"""Run-out compensation: toe and camber of a wheel's axle, from scans in several rotations about it.
 
-The plate need not be square to the axle, nor centred on it: as the wheel turns, its normal goes
-round on a cone and its centre on a circle. The axis of both is the axle. The turn of a round plate
-shows in neither, save by wobble and eccentricity themselves, so that it is told with each scan, and
-refined by them where they tell more. A plate that shows its turn about its own normal tells it.
+The target need not be square to the axle, nor centred on it: as the wheel rotates, its normal moves
+on a cone and its centre on a circle. The axis of both is the axle. A disc shows its rotation only
+by its axial and radial run-out, so that the rotation is stated with each scan, and refined where
+these determine it better. A target with edges or print shows its in-plane rotation itself.
 
-Signs: a turn is > 0 as the wheel rolls forwards; a clock angle of wobble or eccentricity is counted
-from the top, > 0 forwards, where the told turn is 0. Toe and camber as in `angles.py`, of the axle.
+Signs: a rotation is > 0 as the wheel rolls forwards; clock angles of the run-outs are measured from
+the top, > 0 forwards, at the stated rotation 0. Toe and camber as in `vehicle/angles.py`.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def _runout(axle: Axle, scans: SweepScans, best: Framed) -> Runout:
 
 
 def _off_axis(fit: OneAxis, own: Array) -> tuple[Array, Array, Dual]:
-    """What of the plate's normal lies across the axle (3,), its slopes (3, K), what lies along."""
+    """Return the normal's part across the axle (3,), its slopes (3, K), and the part along."""
     cosine = float(fit.normal @ fit.axis)
     d_cosine = fit.axis @ fit.d_normal + fit.normal @ fit.d_axis
     off = fit.normal - cosine * fit.axis

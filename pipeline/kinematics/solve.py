@@ -7,7 +7,7 @@ from dataclasses import replace
 from ..measurement import Measurement
 from .runout import runouts_of
 from .steering_axis import fit_steering_axes
-from .sweep import turned
+from .sweep import sweep_scans
 from .toe_out_on_turns import toe_out_of
 from .wheel_axis import fit_axles, on_axles
 
@@ -19,7 +19,7 @@ def solve(measurement: Measurement) -> Measurement:
     """
     if not any(wheel.observation.role in ("sweep", "runout") for wheel in measurement.wheels):
         return measurement
-    scans = turned(measurement)
+    scans = sweep_scans(measurement)
     best = on_axles(scans, fit_axles(scans, measurement))
     steering_axes = fit_steering_axes(best, measurement)
     return replace(

@@ -1,13 +1,14 @@
-"""A steering sweep: the kingpin axis of each front wheel, and toe-out on turns.
+"""The steering axis of each front wheel, from a steering sweep.
 
-The body stands still, the brake holds the wheel on its axle, and the plate turns about the kingpin.
-A disc shows of that turn its normal and centre alone, so that the inclination hangs on the sagitta
-of the normals' arc, 1 - cos t; a plate that shows its turn about its own normal as well shows the
-whole rotation, on whose sine the inclination then hangs.
+The body stands still, the brake holds the wheel on its axle, and the target rotates about the
+steering axis. A disc shows only its normal and centre, so that the inclination depends on the
+sagitta of the normals' arc, 1 - cos t; a target that also shows its in-plane rotation shows the
+whole rotation, and the inclination depends on its sine.
 
-Signs, alike on both sides: caster > 0 where the top leans backwards, by its projection on the side
-plane, atan2(-a.forward, a.up); kingpin inclination > 0 where the top leans inwards, by that on the
-plane across, atan2(-a.outward, a.up); a is the axis' unit vector that points up.
+Signs, alike on both sides: caster > 0 where the top leans backwards, projected on the side plane,
+atan2(-a.forward, a.up); steering axis inclination (SAI, kingpin inclination) > 0 where the top
+leans inwards, projected on the plane across, atan2(-a.outward, a.up); a is the axis' unit vector
+that points up.
 """
 
 from __future__ import annotations
@@ -34,17 +35,17 @@ MOST_U_RAD = math.radians(1.0)  # an angle less certain is not given
 def fit_steering_axes(best: Framed, measurement: Measurement) -> tuple[SteeringAxis, ...]:
     """Fit the steering axis of each wheel that was swept, FR before FL."""
     swept = {w.wheel for w in measurement.wheels if w.observation.role == "sweep"}
-    return tuple(_kingpin(wheel, best) for wheel in STEERED if wheel in swept)
+    return tuple(_steering_axis(wheel, best) for wheel in STEERED if wheel in swept)
 
 
 def toe_and_camber(scans: SweepScans, wheel: str, way: Array, moved: Array) -> tuple[Dual, Dual]:
-    """Of an outward way (3,), slopes (3, K), of that wheel; as in `angles.py`, radians."""
+    """Return toe and camber of an outward direction (3,) with slopes (3, K), radians."""
     left, forward, up = scans.in_frame(way, moved)
     outward = left * outward_sense(wheel)
     return atan2(forward, outward), -atan2(up, length(outward, forward))
 
 
-def _kingpin(wheel: str, best: Framed) -> SteeringAxis:
+def _steering_axis(wheel: str, best: Framed) -> SteeringAxis:
     scans = best.scans
     members = scans.of_wheel(wheel, "sweep")
     names = tuple(scans.scans[i].observation.name for i in members)
@@ -66,7 +67,7 @@ def _kingpin(wheel: str, best: Framed) -> SteeringAxis:
         return replace(none, status=why, reason=str(error))
     caster, inclination = _tilts(scans, fit, wheel)
     point, inwards, ahead = _beside_the_centre(scans, fit, wheel)
-    status, reason = _judge(fit, caster, inclination, swept)
+    status, reason = _assess(fit, caster, inclination, swept)
     if status == "not-one-axis":
         reason += _slipped(scans, members)
     faces = scans.faces_of(members)
@@ -93,14 +94,14 @@ def _kingpin(wheel: str, best: Framed) -> SteeringAxis:
 
 
 def _of_plate(scans: SweepScans, index: int) -> tuple[Dual, Dual]:
-    """Toe and camber of one scan's plate."""
+    """Return toe and camber of one scan's target."""
     scan = scans.scans[index]
     assert scan.normal is not None
     return toe_and_camber(scans, str(scan.wheel), scan.normal, scans.columns(index)[0])
 
 
 def _fit(scans: SweepScans, members: list[int]) -> OneAxis:
-    """The axis, from the direction in which normals and centres differ least."""
+    """Fit the axis, starting from the direction in which normals and centres differ least."""
     fitted = [scans.scans[i].observation.fitted for i in members]
     normals = np.stack([scans.scans[i].normal for i in members])  # type: ignore[misc]
     centres = np.stack([fit.centre_m for fit in fitted])
@@ -128,7 +129,7 @@ def _tilts(scans: SweepScans, fit: OneAxis, wheel: str) -> tuple[Estimate, Estim
 def _beside_the_centre(
     scans: SweepScans, fit: OneAxis, wheel: str
 ) -> tuple[Array, Estimate, Estimate]:
-    """Where the axis passes the height of the reference centre: the place, inwards, ahead."""
+    """Return the axis' point at the reference centre's height, its offset inwards, forwards."""
     index = REFERENCE_WHEELS.index(wheel)
     centre = scans.reference_centres_m[index]
     own = scans.inputs_of(scans.of_wheel(wheel, "sweep"))
@@ -142,19 +143,19 @@ def _beside_the_centre(
 
 
 def _by_camber(scans: SweepScans, members: list[int]) -> Estimate:
-    """Camber change over the difference of the sines: camber = const - caster * sin(toe).
+    """Return caster by camber change over the difference of sines: camber = c - caster sin(toe).
 
-    Source: the workshop formula, which leaves out what the inclination adds at unequal angles.
+    Source: the workshop formula, which neglects the inclination at unequal angles.
     """
     seen = sorted((_of_plate(scans, i) for i in members), key=lambda pair: pair[0].value)
     (toe_out, camber_out), (toe_in, camber_in) = seen[0], seen[-1]
     return scans.estimate(_over(camber_out - camber_in, sin(toe_in) - sin(toe_out)))
 
 
-def _judge(
+def _assess(
     fit: OneAxis, caster: Estimate, inclination: Estimate, swept: str
 ) -> tuple[SweepStatus, str]:
-    for name, angle in (("caster", caster), ("kingpin inclination", inclination)):
+    for name, angle in (("caster", caster), ("steering axis inclination", inclination)):
         if not angle.u <= MOST_U_RAD:
             return "range-too-small", (
                 f"steered through {swept}, the {name} is known to {math.degrees(angle.u):.1f}° "
@@ -163,20 +164,20 @@ def _judge(
     if fit.probability < DOUBT:
         return "not-one-axis", (
             f"the scans do not turn about one axis (chi2/nu = {fit.chi_square / fit.dof:.1f}): "
-            "the wheel rolled, the body moved, or the plate slipped"
+            "the wheel rolled, the body moved, or the target slipped"
         )
     return "ok", ""
 
 
 def _slipped(scans: SweepScans, members: list[int]) -> str:
-    """What else is to be said where the normals and centres alone do turn about one axis."""
+    """Return a hint where the normals and centres alone do rotate about one axis."""
     if not scans.faces_of(members):
         return ""
     try:
         alone = _fit(scans.without_faces(), members).probability
     except NotMeasuredError:
         return ""
-    return "; only the plate's turn about its own normal says so: hold the brake" * (alone >= DOUBT)
+    return "; only the target's in-plane rotation shows it: hold the brake" * (alone >= DOUBT)
 
 
 def _if_known(angle: Estimate) -> Estimate | None:

@@ -1,8 +1,8 @@
-"""Scans of wheels that turn, by steering or about their axles, together with the frame's wheels.
+"""Scans of wheels in several positions, by steering or about their axles, with the frame's wheels.
 
-Everything that is worked out of them is a number with its slopes by the same K inputs: normal and
-centre of RR, RL, FR, FL, then of every scan, then the turn that is told of every scan, then the
-turn about its own normal of every face that shows it.
+Every result is a number with its slopes by the same K inputs: normal and centre of RR, RL, FR, FL,
+then of every scan, then the stated rotation of every scan, then the observed in-plane rotation of
+every target that shows it.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from ..vehicle import Dual, FrameSlopes, VehicleFrame, build_reference_frame, fr
 from .axis_fit import OneAxis, fit_one_axis
 from .plate_pose import Poses
 
-DOUBT = 1e-3  # chance of a fit below which the scans are said not to turn about one axis
+DOUBT = 1e-3  # probability of a fit below which the scans do not rotate about one axis
 
 
 @dataclass(frozen=True)
 class SweepScans:
-    """All measured scans of sweeps and run-outs, and what moves them.
+    """All measured scans of sweeps and run-outs, with the uncertainty effects on them.
 
     reference_centres_m: (4, 3), on which the frame stands; d_centres: (12, K) of them by the
-    inputs; slopes: of the frame by them. scans: in the measurement's order. effects: of all causes
-    on the K inputs. u_turns_rad: (n,) of the turns that are told, inf where none is. faces: the
-    places, among the scans, of those whose turn about the normal is seen.
+    inputs; slopes: of the frame by them. scans: in the measurement's order. effects: of all
+    components on the K inputs. u_turns_rad: (n,) of the stated rotations, inf where none is. faces:
+    indices of the scans whose in-plane rotation is observed.
     """
 
     frame: VehicleFrame
@@ -50,7 +50,7 @@ class SweepScans:
         return 6 * (4 + len(self.scans)) + len(self.scans) + len(self.faces)
 
     def of_wheel(self, wheel: str, role: Role) -> list[int]:
-        """Places of its scans of that role."""
+        """Return the indices of a wheel's scans of that role."""
         return [
             i
             for i, scan in enumerate(self.scans)
@@ -58,7 +58,7 @@ class SweepScans:
         ]
 
     def columns(self, index: int) -> tuple[Array, Array]:
-        """Slopes (3, K) of a scan's outward normal, and of its centre."""
+        """Return the slopes (3, K) of a scan's outward normal, and of its centre."""
         whole = np.zeros((2, 3, self.count))
         first = 6 * (4 + index)
         whole[0, :, first : first + 3] = _facing(self.scans[index]) * np.eye(3)
@@ -66,7 +66,10 @@ class SweepScans:
         return whole[0], whole[1]
 
     def inputs_of(self, members: Sequence[int]) -> Array:
-        """(7 m + k, K): of m scans normals and centres, the told turns, the seen; by all inputs."""
+        """Return the Jacobian (7 m + k, K) of the observations of m scans by all inputs.
+
+        Rows: normals and centres, the stated rotations, the k observed in-plane rotations.
+        """
         own = [part for i in members for part in self.columns(i)]
         turns = np.zeros((len(members), self.count))
         turns[np.arange(len(members)), 6 * (4 + len(self.scans)) + np.array(members)] = 1.0
@@ -78,13 +81,13 @@ class SweepScans:
         return np.vstack([*own, turns, faces])
 
     def without_faces(self) -> SweepScans:
-        """The same scans, their turns about the normals left out of what is fitted."""
-        told = 6 * (4 + len(self.scans)) + len(self.scans)
-        cut = [replace(effect, factor=effect.factor[:told]) for effect in self.effects]
-        return replace(self, faces=(), d_centres=self.d_centres[:, :told], effects=tuple(cut))
+        """Return the scans without their in-plane rotations."""
+        kept = 6 * (4 + len(self.scans)) + len(self.scans)
+        cut = [replace(effect, factor=effect.factor[:kept]) for effect in self.effects]
+        return replace(self, faces=(), d_centres=self.d_centres[:, :kept], effects=tuple(cut))
 
     def in_frame(self, vector: Array, moved: Array) -> tuple[Dual, Dual, Dual]:
-        """Parts of a vector (3,), slopes (3, K), to the left, forward and up."""
+        """Return the parts of a vector (3,) with slopes (3, K) to the left, forward and up."""
         axes = (
             (self.frame.left, self.slopes.left),
             (self.frame.forward, self.slopes.forward),
@@ -97,14 +100,14 @@ class SweepScans:
         return left, forward, up
 
     def estimate(self, number: Dual) -> Estimate:
-        """Its uncertainty by all causes (JCGM 100, 5.2 and G.4)."""
+        """Return a number with its uncertainty by all components (JCGM 100, 5.2 and G.4)."""
         shares = [np.atleast_1d(np.sum((number.slope @ e.factor) ** 2)) for e in self.effects]
         total = np.sum(np.stack(shares), axis=0)
         dof = effective_dof(self.effects, shares, total)
         return Estimate(number.value, math.sqrt(float(total[0])), float(dof[0]))
 
     def fit(self, members: Sequence[int], turns_rad: Array, u_turns: Array, axis: Array) -> OneAxis:
-        """The axis about which the scans at those places turned; see `fit_one_axis`."""
+        """Fit the axis about which the scans `members` rotated; see `fit_one_axis`."""
         scans = [self.scans[i] for i in members]
         whole = self.inputs_of(members)
         own = np.vstack([whole[: 6 * len(members)], whole[7 * len(members) :]])
@@ -122,11 +125,11 @@ class SweepScans:
         return fit_one_axis(seen, turns_rad, u_turns, axis)
 
     def faces_of(self, members: Sequence[int]) -> list[int]:
-        """Those of the scans whose turn about the normal is seen."""
+        """Return those of the scans whose in-plane rotation is observed."""
         return [i for i in members if i in self.faces]
 
     def on_centres(self, centres_m: Array, d_centres: Array) -> SweepScans:
-        """The same scans in the frame of other centres (4, 3), with their slopes (12, K)."""
+        """Return the scans in the frame of other centres (4, 3) with their slopes (12, K)."""
         frame = build_reference_frame(centres_m)
         return replace(
             self,
@@ -137,13 +140,13 @@ class SweepScans:
         )
 
     def mark_of(self, faces: Sequence[int]) -> Mark | None:
-        """What shows the turns of those scans, which are of one wheel."""
+        """Return the mark that shows the in-plane rotation of those scans of one wheel."""
         turns = [self.scans[i].observation.fitted.turn for i in faces]
         return next((turn.mark for turn in turns if turn is not None), None)
 
 
-def turned(measurement: Measurement) -> SweepScans:
-    """Its turned scans; the first four wheels of a measurement are the frame's."""
+def sweep_scans(measurement: Measurement) -> SweepScans:
+    """Return the sweep and run-out scans; a measurement's first four wheels are the frame's."""
     scans = tuple(
         wheel
         for wheel in measurement.wheels
@@ -172,15 +175,16 @@ def turned(measurement: Measurement) -> SweepScans:
 
 
 def _facing(scan: WheelResult) -> float:
-    """1 where the fitted normal is the outward one, else -1."""
+    """Return 1 where the fitted normal is the outward one, else -1."""
     assert scan.normal is not None
     return 1.0 if scan.normal @ scan.observation.fitted.normal > 0.0 else -1.0
 
 
 def _faces(scans: Sequence[WheelResult]) -> tuple[int, ...]:
-    """Scans whose turn about the normal counts: by the mark that most of a wheel's show, a role.
+    """Return the scans whose in-plane rotation is used: by the mark that most of a group show.
 
-    One alone tells nothing, and a print may lie turned on its board against the edges.
+    A group is one wheel's scans of one role. One rotation alone determines nothing, and a print may
+    be rotated on its board against the edges.
     """
     kept: list[int] = []
     groups = [(scan.wheel, scan.observation.role) for scan in scans]
@@ -196,7 +200,7 @@ def _faces(scans: Sequence[WheelResult]) -> tuple[int, ...]:
 
 
 def _turn_alone(target: TargetFit) -> TargetFit:
-    """In place of a target its turn, as the first of six numbers, moved by the same causes."""
+    """Return a target's rotation as the first of six numbers, moved by the same components."""
     components = []
     for component in target.components:
         if component.turn is not None:
@@ -207,16 +211,16 @@ def _turn_alone(target: TargetFit) -> TargetFit:
 
 
 def _without_plate(target: TargetFit) -> TargetFit:
-    """Without what is fixed to the plate, which the fit of an axis takes for the plate's own place.
+    """Return the target without components fixed to it, which the axis fit absorbs in its pose.
 
-    Waves that a scan's residuals show stay: each scan estimates them for itself.
+    Flatness that a scan's residuals show stays: each scan estimates it for itself.
     """
     left = [c for c in target.components if c.name not in OF_PLATE or math.isfinite(c.dof)]
     return replace(target, components=tuple(left))
 
 
 def _of_scan(target: TargetFit, source: str) -> TargetFit:
-    """One scan that stands for a reference wheel and in a sweep errs in both alike."""
+    """Return the target with its components shared by all uses of one scan."""
     return replace(
         target,
         components=tuple(
@@ -227,7 +231,7 @@ def _of_scan(target: TargetFit, source: str) -> TargetFit:
 
 
 def _widened(effect: Effect, turns: int, faces: int) -> Effect:
-    """With rows for the told turns, and one of six of each turn that is seen."""
+    """Return the effect with rows for the stated rotations, and one of six of each observed one."""
     size = len(effect.factor) - 6 * faces
     none = np.zeros((turns, effect.factor.shape[1]))
     return replace(effect, factor=np.vstack([effect.factor[:size], none, effect.factor[size::6]]))

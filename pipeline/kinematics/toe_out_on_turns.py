@@ -24,11 +24,11 @@ from .sweep import SweepScans
 from .wheel_axis import Framed
 
 INNER_RAD = math.radians(20.0)
-BEYOND_RAD = math.radians(1.0)  # how far outside the positions it is still worked out
+BEYOND_RAD = math.radians(1.0)  # of extrapolation beyond the positions
 LEAST_PAIRS = 3
-TOGETHER_RAD = math.radians(2.0)  # positions that count as one place
+TOGETHER_RAD = math.radians(2.0)  # positions that count as one
 
-MOST_APART = 4.5  # u, by which a plate may lie off where the kingpin takes it from its reference
+MOST_APART = 4.5  # u, between a target and the prediction from its reference
 
 
 def toe_out_of(best: Framed, steering_axes: Sequence[SteeringAxis]) -> tuple[ToeOut, ...]:
@@ -37,10 +37,10 @@ def toe_out_of(best: Framed, steering_axes: Sequence[SteeringAxis]) -> tuple[Toe
     steering_axes: of the same scans.
     """
     tilts = {}
-    for kingpin in steering_axes:
-        tilt = None if kingpin.axis is None else _tilt(best, kingpin.wheel, kingpin.axis)
+    for steering in steering_axes:
+        tilt = None if steering.axis is None else _tilt(best, steering.wheel, steering.axis)
         if tilt is not None:
-            tilts[kingpin.wheel] = tilt
+            tilts[steering.wheel] = tilt
     if len(tilts) < len(STEERED):
         tilts = {}  # half of the difference compensated would be worse than neither
     pairs = _pairs(best.scans, tilts)
@@ -54,24 +54,24 @@ def toe_out_of(best: Framed, steering_axes: Sequence[SteeringAxis]) -> tuple[Toe
 
 @dataclass(frozen=True)
 class _Tilt:
-    """What takes a plate's normal to its axle: (3,) at the reference's normal (3,), and slopes."""
+    """Offset of the axle from a target's normal (3,), at the reference's normal, with slopes."""
 
-    kingpin: Array
+    steering: Array
     at: Array
     off: Array
     moved: Array
 
     def axle(self, normal: Array, moved: Array) -> tuple[Array, Array]:
-        """The axle where the plate's normal is `normal`, turned there about the kingpin.
+        """Return the axle where the target's normal is `normal`, rotated about the steering axis.
 
-        The turn's own error times the lean, some 0.01, is left out.
+        The rotation's own error times the tilt, some 0.01, is neglected.
         """
-        T = turn_about(self.kingpin, _turn(self.kingpin, self.at, normal))
+        T = turn_about(self.steering, _turn(self.steering, self.at, normal))
         return normal + T @ self.off, moved + T @ self.moved
 
 
-def _tilt(best: Framed, wheel: str, kingpin: Array) -> _Tilt | None:
-    """None where no run-out shows it, or where the plate lay otherwise in the sweep."""
+def _tilt(best: Framed, wheel: str, steering: Array) -> _Tilt | None:
+    """Return the tilt; None where no run-out shows it, or the target was mounted otherwise."""
     axle, scans = best.axle_of(wheel), best.scans
     if axle is None or axle.fit is None or axle.reference is None:
         return None
@@ -81,22 +81,22 @@ def _tilt(best: Framed, wheel: str, kingpin: Array) -> _Tilt | None:
         normal = scans.scans[i].normal
         assert normal is not None
         apart = scans.estimate(
-            Dual(float(kingpin @ (normal - at)), kingpin @ (scans.columns(i)[0] - by_at))
+            Dual(float(steering @ (normal - at)), steering @ (scans.columns(i)[0] - by_at))
         )
         if abs(apart.value) > MOST_APART * apart.u:
             return None
     moved = axle.fit.d_axis @ scans.inputs_of(axle.members) - by_at
-    return _Tilt(kingpin, at, axle.fit.axis - at, moved)
+    return _Tilt(steering, at, axle.fit.axis - at, moved)
 
 
 def _turn(axis: Array, start: Array, end: Array) -> float:
-    """About a unit axis from one vector to another, radians."""
+    """Return the rotation about a unit axis from one vector to another, radians."""
     across = start - axis * (axis @ start)
     return float(np.arctan2(axis @ np.cross(across, end), across @ end))
 
 
 def _pairs(scans: SweepScans, tilts: Mapping[str, _Tilt]) -> list[tuple[Dual, Dual]]:
-    """Toe of FR and of FL at every position that both have."""
+    """Return toe of FR and of FL at every position that both have."""
     toes: dict[str, dict[str, Dual]] = {wheel: {} for wheel in STEERED}
     for wheel in STEERED:
         for i in scans.of_wheel(wheel, "sweep"):
@@ -113,7 +113,7 @@ def _pairs(scans: SweepScans, tilts: Mapping[str, _Tilt]) -> list[tuple[Dual, Du
 def _of_turn(
     scans: SweepScans, turn: Literal["left", "right"], curve: list[tuple[Dual, Dual]]
 ) -> ToeOut:
-    """From the inner wheel's angle and the difference at every position."""
+    """Return toe-out from the inner wheel's angle and the difference at every position."""
     if len(curve) < LEAST_PAIRS:
         reason = f"both wheels share {len(curve)} positions, {LEAST_PAIRS} or more are needed"
         return ToeOut(turn, "too-few-pairs", reason)
@@ -123,7 +123,7 @@ def _of_turn(
         return ToeOut(turn, "not-reached", reason)
     curve = _merged(curve)
     if len(curve) < LEAST_PAIRS:
-        reason = f"the positions are {len(curve)} places only, {LEAST_PAIRS} or more are needed"
+        reason = f"only {len(curve)} of the positions differ, {LEAST_PAIRS} or more are needed"
         return ToeOut(turn, "too-few-pairs", reason)
     nearest = sorted(curve, key=lambda pair: abs(pair[0].value - INNER_RAD))[:LEAST_PAIRS]
     curved, straight = _at_inner(nearest), _at_inner(nearest[:2])
@@ -134,7 +134,7 @@ def _of_turn(
 
 
 def _merged(curve: list[tuple[Dual, Dual]]) -> list[tuple[Dual, Dual]]:
-    """The mean of those that stand together: a curve through noise must not be steep."""
+    """Return means of positions that lie together: a curve through noise must not be steep."""
     groups: list[list[tuple[Dual, Dual]]] = []
     for pair in sorted(curve, key=lambda pair: pair[0].value):
         if groups and pair[0].value - groups[-1][0][0].value < TOGETHER_RAD:
@@ -152,7 +152,7 @@ def _mean(numbers: list[Dual]) -> Dual:
 
 
 def _at_inner(pairs: list[tuple[Dual, Dual]]) -> Dual:
-    """The polynomial through all pairs at 20 degrees, with its slopes by both of each pair.
+    """Return the polynomial through all pairs at 20 degrees, with its slopes by all pairs.
 
     Source: Lagrange's form; an error of an abscissa acts by the polynomial's own slope there.
     """

@@ -1,8 +1,8 @@
-"""The axles of wheels that were turned about them, and the frame through the axles' centres.
+"""The axles of wheels with run-out scans, and the frame through the axles' centres.
 
-A plate is never clamped quite on its axle, so that a frame through plates' centres stands askew by
-their offsets over the track. Where the reference scan is one of a wheel's run-out, the centre on
-the axle is known, and the frame stands on it.
+A target is never mounted exactly on its axle, so that a frame through the targets' centres is
+skewed by their offsets over the track. Where the reference scan is one of a wheel's run-out, the
+centre on the axle is known, and the frame stands on it.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from ..vehicle import REFERENCE_WHEELS, Dual, length
 from .axis_fit import OneAxis
 from .sweep import DOUBT, SweepScans
 
-LEAST_TURN = 0.25  # |1 - exp(i turn)|, some 14 degrees, of the two places that differ most
-MOST_ECCENTRIC_M = 0.02  # no plate is clamped so far off; the wheel itself moved
+LEAST_TURN = 0.25  # |1 - exp(i turn)|, some 14 degrees, of the two scans that differ most
+MOST_ECCENTRIC_M = 0.02  # no target is mounted so far off; the wheel itself moved
 
 
 @dataclass(frozen=True)
 class Axle:
-    """The axle of one wheel; fit: None where the scans say too little.
+    """The axle of one wheel; fit: None where the scans show too little.
 
-    members: places of its measured scans. reference: that of the wheel's reference scan where it is
-    one of them, so that the axle is that of the reference. eccentricity: of the plate's centre.
+    members: indices of its measured scans. reference: index of the wheel's reference scan where it
+    is one of them, so that the axle is that of the reference. eccentricity: of the target's centre.
     """
 
     wheel: str
@@ -47,19 +47,19 @@ class Axle:
 
 @dataclass(frozen=True)
 class Framed:
-    """Turned scans in the frame that serves best; `through` says on which centres it stands."""
+    """Scans in the best frame; `through`: the centres that define it."""
 
     scans: SweepScans
     through: FrameThrough
     axles: tuple[Axle, ...]
 
     def axle_of(self, wheel: str) -> Axle | None:
-        """The axle of a wheel's reference, where it is known."""
+        """Return the axle of a wheel's reference, where it is known."""
         return next((a for a in self.axles if a.wheel == wheel and a.serves), None)
 
 
 def fit_axles(scans: SweepScans, measurement: Measurement) -> tuple[Axle, ...]:
-    """The axle of each wheel that has a run-out, in the order RR, RL, FR, FL."""
+    """Fit the axle of each wheel that has a run-out, in the order RR, RL, FR, FL."""
     scanned = {w.wheel for w in measurement.wheels if w.observation.role == "runout"}
     sources = [wheel.observation.source for wheel in measurement.wheels[:4]]
     return tuple(
@@ -70,9 +70,9 @@ def fit_axles(scans: SweepScans, measurement: Measurement) -> tuple[Axle, ...]:
 
 
 def on_axles(scans: SweepScans, axles: Sequence[Axle]) -> Framed:
-    """The scans in the frame of the axles' centres, of every wheel whose reference scan turned.
+    """Return the scans in the frame of the axle centres of wheels with a reference run-out scan.
 
-    In that of the plates' where one of these is not ok: nobody would look for half a frame.
+    In the frame of the targets' centres where one of these axles is not ok.
     """
     serving = [axle for axle in axles if axle.reference is not None]
     if not serving or not all(axle.serves for axle in serving):
@@ -89,12 +89,12 @@ def on_axles(scans: SweepScans, axles: Sequence[Axle]) -> Framed:
 
 
 def outward_sense(wheel: str) -> float:
-    """1 where the frame's left is outward, else -1."""
+    """Return 1 where the frame's left is outward, else -1."""
     return 1.0 if wheel.endswith("L") else -1.0
 
 
 def size(parts: tuple[Dual, Dual, Dual]) -> Dual:
-    """Length of a vector; one of no length at all has the slope of its first part."""
+    """Return the length of a vector; a zero vector has the slope of its first part."""
     return length(*parts) if any(part.value for part in parts) else parts[0]
 
 
@@ -105,10 +105,10 @@ def _axle(wheel: str, scans: SweepScans, reference: str) -> Axle:
     if len(members) < 2:
         reason = f"{len(members)} positions were measured, 2 or more are needed"
         return replace(axle, status="too-few-positions", reason=reason)
-    turns = _told(scans, members, wheel)
+    turns = _stated_turns(scans, members, wheel)
     places = np.exp(1j * turns)
     if float(np.abs(places[:, None] - places).max()) < LEAST_TURN:
-        reason = "the scans are of nearly the same turn: turn the wheel by 180 degrees"
+        reason = "the scans show nearly the same rotation: rotate the wheel by 180 degrees"
         return replace(axle, status="turn-too-small", reason=reason)
     try:
         fit = _fit(scans, members, turns)
@@ -118,12 +118,12 @@ def _axle(wheel: str, scans: SweepScans, reference: str) -> Axle:
         return replace(axle, status="no-axis", reason=str(error))
     moved = (fit.d_centre - fit.d_point) @ scans.inputs_of(members)
     eccentricity = scans.estimate(size(scans.in_frame(fit.centre_m - fit.point_m, moved)))
-    status, reason = _judge(scans, members, turns, fit, eccentricity)
+    status, reason = _assess(scans, members, turns, fit, eccentricity)
     return replace(axle, status=status, reason=reason, fit=fit, eccentricity=eccentricity)
 
 
-def _told(scans: SweepScans, members: list[int], wheel: str) -> Array:
-    """Turns about the outward axle, right-handed: on the left, a wheel that rolls forwards."""
+def _stated_turns(scans: SweepScans, members: list[int], wheel: str) -> Array:
+    """Return rotations about the outward axle, right-handed: on the left, rolling forwards."""
     turns = [scans.scans[i].observation.turn for i in members]
     return np.array([t.angle_rad or 0.0 for t in turns if t is not None]) * outward_sense(wheel)
 
@@ -134,28 +134,28 @@ def _fit(scans: SweepScans, members: list[int], turns: Array) -> OneAxis:
     return scans.fit(members, turns, scans.u_turns_rad[members], middle)
 
 
-def _judge(
+def _assess(
     scans: SweepScans, members: list[int], turns: Array, fit: OneAxis, eccentricity: Estimate
 ) -> tuple[AxleStatus, str]:
     if fit.probability < DOUBT:
         return "moved", (
-            f"the scans do not turn about one axle as told (chi2/nu = "
-            f"{fit.chi_square / fit.dof:.1f}): {_mend(scans, members, turns)}"
+            "the scans do not rotate about one axle as stated (chi2/nu = "
+            f"{fit.chi_square / fit.dof:.1f}): {_advice(scans, members, turns)}"
         )
     if eccentricity.value > MOST_ECCENTRIC_M:
         return "moved", (
-            f"the plate's centre goes round at {eccentricity.value * 1e3:.1f} mm from the axle: "
+            f"the target's centre runs at {eccentricity.value * 1e3:.1f} mm from the axle: "
             "the vehicle moved, or angle_deg is wrong"
         )
     return "ok", ""
 
 
-def _mend(scans: SweepScans, members: list[int], turns: Array) -> str:
-    """What to look at; the turns told backwards are tried, and said, never taken."""
+def _advice(scans: SweepScans, members: list[int], turns: Array) -> str:
+    """Return what to check; reversed rotations are tried and reported, never used."""
     try:
         backwards = _fit(scans, members, -turns).probability >= DOUBT
     except NotMeasuredError:
         backwards = False
     if backwards:
-        return "they do if angle_deg counts against the rolling forwards: change its signs"
-    return "the vehicle moved, the plate slipped, or an angle_deg is wrong"
+        return "they do if the signs of angle_deg (> 0: rolls forwards) are reversed: change them"
+    return "the vehicle moved, the target slipped, or an angle_deg is wrong: check these"

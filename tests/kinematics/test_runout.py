@@ -137,9 +137,9 @@ def test_a_vehicle_that_moves_across_the_axle():
 def test_turns_told_backwards_are_told():
     found = one(Scene(8).references(), turns=QUARTERS, told=-QUARTERS)
     assert found.status == "moved"
-    assert "change its signs" in found.reason
+    assert "are reversed: change them" in found.reason
     wrong = one(Scene(8).references(), turns=QUARTERS, told=QUARTERS[[0, 2, 1, 3]])
-    assert "change its signs" not in wrong.reason
+    assert "are reversed: change them" not in wrong.reason
 
 
 def test_too_little_turn_is_said_never_a_wild_number():

@@ -6,7 +6,7 @@ import pytest
 from tests.support.turning import WHEELS, Scene, rolled, side, swept
 from wheelplane.kinematics.runout import runouts_of
 from wheelplane.kinematics.steering_axis import STEERED, fit_steering_axes, toe_and_camber
-from wheelplane.kinematics.sweep import turned
+from wheelplane.kinematics.sweep import sweep_scans
 from wheelplane.kinematics.toe_out_on_turns import INNER_RAD, toe_out_of
 from wheelplane.kinematics.wheel_axis import fit_axles, on_axles, size
 from wheelplane.vehicle.autodiff import Dual
@@ -24,7 +24,7 @@ def measurement():
 
 
 def test_the_frame_s_slopes_are_its_central_differences(measurement):
-    scans = turned(measurement)
+    scans = sweep_scans(measurement)
     vector, still = np.array([0.3, -0.5, 0.8]), np.zeros((3, scans.count))
     slopes = [part.slope for part in scans.in_frame(vector, still)]
     for wheel in range(len(WHEELS)):
@@ -46,14 +46,14 @@ def test_the_frame_s_slopes_are_its_central_differences(measurement):
 
 
 def test_u_is_that_of_the_dense_covariance(measurement):
-    scans = turned(measurement)
+    scans = sweep_scans(measurement)
     covariance = sum(effect.factor @ effect.factor.T for effect in scans.effects)
     slope = np.random.default_rng(1).normal(size=scans.count)
     assert scans.estimate(Dual(0.0, slope)).u == pytest.approx(np.sqrt(slope @ covariance @ slope))
 
 
 def test_toe_and_camber_of_a_scan_are_those_of_the_wheel(measurement):
-    scans = turned(measurement)
+    scans = sweep_scans(measurement)
     assert len(scans.scans) == 2 * len(STEERS) + len(HALF)
     for i, scan in enumerate(scans.scans):
         toe, camber = toe_and_camber(scans, scan.wheel, scan.normal, scans.columns(i)[0])
@@ -72,7 +72,7 @@ def test_one_axle_that_is_not_ok_leaves_the_frame_on_the_targets():
     for wheel, turns in (("RR", HALF), ("RL", np.array([0.0, 0.05]))):
         rolled(scene, wheel, turns, u_turn=1e-3, with_reference=True)
     measurement = scene.measure()
-    scans = turned(measurement)
+    scans = sweep_scans(measurement)
     axles = fit_axles(scans, measurement)
     assert [axle.status for axle in axles] == ["ok", "turn-too-small"]
     assert on_axles(scans, axles).through == "plate centres"
@@ -89,7 +89,7 @@ def test_toe_out_of_a_symmetric_car_is_alike_on_both_turns():
         steers = STEERS + 0.2 * STEERS**2 * side(wheel)  # the inner wheel steers further
         swept(scene, wheel, 0.07, 0.2, steers, positions=[f"p{i}" for i in range(len(STEERS))])
     measurement = scene.measure()
-    scans = turned(measurement)
+    scans = sweep_scans(measurement)
     best = on_axles(scans, fit_axles(scans, measurement))
     assert [axis.wheel for axis in fit_steering_axes(best, measurement)] == list(STEERED)
     left, right = toe_out_of(best, ())

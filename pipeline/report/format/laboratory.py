@@ -27,7 +27,7 @@ NOBODY = Laboratory()
 
 
 def read_laboratory(config: ReportConfig) -> Laboratory:
-    """The section as a report needs it. Raises ConfigError for a logo that cannot be used."""
+    """Read the section and its logo. Raises ConfigError for a logo that cannot be used."""
     address = tuple(line.strip() for line in config.address.strip().splitlines())
     logo = "" if config.logo is None else _logo(Path(config.logo))
     return Laboratory(config.laboratory, address, logo, config.signatures)

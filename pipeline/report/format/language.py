@@ -25,11 +25,11 @@ class Translations:
     texts: Mapping[str, str]
 
     def __call__(self, key: str, **parts: object) -> str:
-        """The text called `key`, with its {parts} filled in."""
+        """Return the text `key` with its {parts} filled in."""
         return self.texts[key].format(**parts)
 
     def known(self, section: str, key: str, **parts: object) -> str:
-        """The text of a name that the program uses, or the name itself where there is none."""
+        """Return the text of a name that the program uses, or the name itself."""
         name = f"{section}.{key.replace(' ', '_').replace('-', '_')}"
         return self(name, **parts) if name in self.texts else key.replace("_", " ")
 
@@ -38,22 +38,22 @@ class Translations:
         return self.texts.get(f"wheel_name.{name}", name)
 
     def section(self, name: str) -> dict[str, str]:
-        """All texts of a section by their keys."""
+        """Return all texts of a section by their keys."""
         within = f"{name}."
         return {k.removeprefix(within): v for k, v in self.texts.items() if k.startswith(within)}
 
     def count(self, count: int) -> str:
-        """A whole number, its digits in threes."""
+        """Write a whole number, its digits in threes."""
         return f"{count:,}".replace(",", "\u00a0")
 
     def number(self, text: str) -> str:
-        """A number, or a text of numbers, with this language's decimal sign."""
+        """Write numbers with this language's decimal sign."""
         return POINT.sub(self.texts["number.decimal"], text)
 
 
 @cache
 def load_translations(language: str) -> Translations:
-    """The words of one of LANGUAGES. Raises InputError that lists them."""
+    """Load the texts of one of LANGUAGES. Raises InputError that lists them."""
     if language not in LANGUAGES:
         raise InputError(f"language {language!r}: known are {', '.join(LANGUAGES)}")
     table = tomllib.loads((FOLDER / f"{language}.toml").read_text(encoding="utf-8"))

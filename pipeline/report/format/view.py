@@ -13,8 +13,8 @@ from ...vehicle import Axis, deg_min_sec
 
 AngleStyle = Literal["dms", "deg", "mm/m", "mm"]
 ANGLE_STYLES: tuple[AngleStyle, ...] = get_args(AngleStyle)
-# What is told in mm at a rim: toe, a difference of distances; in mm/m: toe and every heading, a
-# slope. Camber has no custom of either and stays in degrees.
+# In mm at a rim: toe, a difference of distances; in mm/m: toe and every heading, a slope. Camber is
+# customary in neither and stays in degrees.
 Sort = Literal["toe", "heading", "camber"]
 
 DEFINED: dict[Axis, str] = {
@@ -48,7 +48,7 @@ class View:
     rim_m: float = math.nan
 
     def angle(self, angle_rad: float, sort: Sort) -> str:
-        """With its sign and unit."""
+        """Write an angle with its sign and unit."""
         if self.angles == "deg":
             return f"{_zero(math.degrees(angle_rad), 5):+.5f}°"
         if self.angles == "mm/m" and sort != "camber":
@@ -58,13 +58,13 @@ class View:
         return deg_min_sec(angle_rad)
 
     def total_toe(self, left_rad: float, right_rad: float) -> str:
-        """Of an axle, from the toe of both its wheels."""
+        """Write the total toe of an axle from the toe of both wheels."""
         if self.angles == "mm":
             return _millimetres(self.rim_m * (math.sin(left_rad) + math.sin(right_rad)))
         return self.angle(left_rad + right_rad, "toe")
 
     def width(self, u_rad: float, sort: Sort, at_rad: float = 0.0) -> str:
-        """Of a standard uncertainty, or another small angle, about the angle at_rad."""
+        """Write a standard uncertainty, or another small angle, at the angle at_rad."""
         if self.angles == "deg":
             return f"{math.degrees(u_rad):.5f}°"
         if self.angles == "mm/m" and sort != "camber":
@@ -75,7 +75,7 @@ class View:
 
     @property
     def units(self) -> str:
-        """What the units mean."""
+        """Explanation of the units."""
         return UNITS[self.angles].format(rim=f"{1e3 * self.rim_m:g}")
 
 
@@ -83,7 +83,7 @@ PAPER = View()  # as the paper has it: the rear axle's normal; degrees, minutes 
 
 
 def read_view(axis: Axis, angles: AngleStyle, rim: str | None) -> View:
-    """A view from the options --axis, --angles and --rim. Raises InputError."""
+    """Return a view from the options --axis, --angles and --rim. Raises InputError."""
     if angles != "mm":
         if rim is not None:
             raise InputError(f"--rim {rim} without --angles mm: add it, or leave out the rim")
@@ -107,5 +107,5 @@ def _millimetres(length_m: float) -> str:
 
 
 def _zero(value: float, decimals: int) -> float:
-    """Rounded, without the sign of a zero."""
+    """Round a value, without the sign of a zero."""
     return round(value, decimals) + 0.0

@@ -98,13 +98,13 @@ class Writer:
         return Table(head, cells, sum(i < left for i in kept), caption, classes)
 
     def value(self, quantity: Stated) -> str:
-        """Of an angle with its sign, of a length in metres."""
+        """Write an angle with its sign, a length in metres."""
         if quantity.unit == "m":
             return self.words.number(f"{quantity.value:.5f} m")
         return self.words.number(self.view.angle(quantity.value, sort_of(quantity.kind)))
 
     def width(self, quantity: Stated, size: float) -> str:
-        """Of an uncertainty of the quantity."""
+        """Write an uncertainty of the quantity."""
         if quantity.unit == "m":
             return self.millimetres(size)
         sort = sort_of(quantity.kind)
@@ -118,7 +118,7 @@ class Writer:
         return self.width(quantity, quantity.u), self.width(quantity, quantity.expanded)
 
     def millimetres(self, length_m: float) -> str:
-        """A small length."""
+        """Write a small length."""
         return self.words.number(f"{length_m * 1e3:.3f} mm")
 
     def number(self, value: float | None, unit: Unit) -> str:
@@ -156,7 +156,7 @@ class Writer:
         return number(f"{known.value * 1e3:+.2f} mm"), number(f"{known.u * 1e3:.2f} mm")
 
     def share(self, probability: float | None) -> str:
-        """Per cent, never rounded to the certainty of 0 or 100."""
+        """Write per cent, never rounded to the certainty of 0 or 100."""
         if probability is None:
             return self.none
         if probability < 5e-4:
@@ -165,7 +165,7 @@ class Writer:
         return self.words.number(at_most)
 
     def quantity(self, name: str) -> str:
-        """What a quantity is called, such as `toe_to_thrust_line`."""
+        """Return the name of a quantity, such as `toe_to_thrust_line`."""
         kind, _, axis = name.partition("_to_")
         called = self.words.known("quantity", kind)
         if not axis:
@@ -177,19 +177,19 @@ class Writer:
         return self.words.wheel(name)
 
     def axis(self, axis: Axis) -> str:
-        """What an axis is called."""
+        """Return the name of an axis."""
         return self.words.known("axis", axis)
 
     def status(self, status: str) -> str:
-        """What a status is called."""
+        """Return the name of a status."""
         return self.words.known("status", status)
 
 
 def sort_of(kind: str) -> Sort:
-    """How an angle's kind is written."""
+    """Return how an angle's kind is written."""
     return SORTS.get(kind, "heading")
 
 
 def size_text(value: float, unit: str) -> str:
-    """Of an uncertainty: seconds of arc, or millimetres."""
+    """Write an uncertainty in seconds of arc, or millimetres."""
     return f"{value * 1e3:.3f} mm" if unit == "m" else f'{math.degrees(value) * 3600:.1f}"'

@@ -51,7 +51,7 @@ def html_report(
     dress: ReportOptions,
     still: bool = False,
 ) -> str:
-    """The page; still: without the 3D view, for print. Same measurement, same text."""
+    """Return the page; still: without the 3D view, for print. Same measurement, same text."""
     page = _page(measurement, conformity, dress)
     if still:
         page |= {"viewer": "", "scene": None}
@@ -81,7 +81,7 @@ def _template() -> Any:
 
 
 def printable(text: str) -> str:
-    """Text in which what steers a terminal or turns the direction of reading stands as a code."""
+    """Escape control characters and those that change the direction of reading."""
     return "".join(c if c.isprintable() or c in PLAIN else repr(c)[1:-1] for c in text)
 
 
@@ -149,7 +149,7 @@ def _page(
 
 
 def _said(measurement: Measurement, dress: ReportOptions, five_point: bool) -> dict[str, Any]:
-    """Sentences on axis, units, signs and method, and the sections that there are."""
+    """Return sentences on axis, units, signs and method, and the names of the sections."""
     words, view = dress.words, dress.view
     axis = words.known("axis", view.axis)
     told = words("conventions.axis", axis=axis, definition=words.known("definition", view.axis))

@@ -8,7 +8,7 @@ from ...errors import MissingDependencyError
 
 
 def pdf_report(page: str, identifier: str) -> bytes:
-    """PDF of the HTML page `page`, which was made still; the same page gives the same bytes.
+    """Print the HTML page `page`, without 3D view, as PDF; the same page gives the same bytes.
 
     identifier: that the file carries. Raises MissingDependencyError where WeasyPrint, or Pango
     below it, is not installed.
@@ -25,7 +25,7 @@ def pdf_report(page: str, identifier: str) -> bytes:
 
 
 def _within() -> Any:
-    """Fetches what the page holds itself; nothing is ever asked of the network or the disk."""
+    """Return a fetcher of data URIs alone: nothing is read from the network or the disk."""
     from weasyprint.urls import URLFetcher
 
     return URLFetcher(allowed_protocols={"data"})

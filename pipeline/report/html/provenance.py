@@ -20,7 +20,7 @@ SIZES = ("diameter", "side", "width", "height", "hole_diameter", "hole_spacing",
 
 @dataclass(frozen=True)
 class Trouble:
-    """What was not measured: its status in plain words, the program's own, and what to do."""
+    """Something not measured: its status in plain words, the program's own, and what to do."""
 
     name: str
     status: str
@@ -30,7 +30,7 @@ class Trouble:
 
 
 def head_pairs(measurement: Measurement, number: str, words: Translations) -> Pairs:
-    """What was measured, from what, and the report's number."""
+    """Return what was measured, from what, and the report's number."""
     made = measurement.provenance
     target = made.config.get("target")
     pairs = [
@@ -55,12 +55,12 @@ def _scans(measurement: Measurement, words: Translations) -> str:
 
 
 def is_five_point(measurement: Measurement) -> bool:
-    """Whether it comes from five points a plane."""
+    """Return whether the measurement comes from five points a plane."""
     return measurement.wheels[0].observation.fitted.method == "points"
 
 
 def _compact(target: Mapping[str, Any], words: Translations) -> str:
-    """Shape and sizes of a target, in mm."""
+    """Return shape and sizes of a target, in mm."""
     shape = words.known("target", str(target.get("shape")))
     lengths = ((key, target[key]) for key in SIZES if isinstance(target.get(key), float))
     sizes = (f"{words.known('target', key)} {value * 1e3:g} mm" for key, value in lengths)
@@ -68,7 +68,7 @@ def _compact(target: Mapping[str, Any], words: Translations) -> str:
 
 
 def wheel_facts(result: WheelResult, writer: Writer) -> Pairs:
-    """What one scan showed, and how well."""
+    """Return the facts of one scan and of its target."""
     words, seen = writer.words, result.observation
     pairs = [(words("wheel.file"), seen.source)]
     if seen.evidence is None:
@@ -104,7 +104,7 @@ def wheel_facts(result: WheelResult, writer: Writer) -> Pairs:
 
 
 def troubles(measurement: Measurement, words: Translations) -> list[Trouble]:
-    """Everything that has another status than ok, wheels first."""
+    """Return everything with another status than ok, wheels first."""
     seen = [w.observation for w in measurement.wheels]
     found = [(words.wheel(s.name), s.status, s.reason) for s in seen]
     found += [(words("scene.kingpin", wheel=words.wheel(k.wheel)), k.status, k.reason)
@@ -117,7 +117,7 @@ def troubles(measurement: Measurement, words: Translations) -> list[Trouble]:
 
 
 def trouble(name: str, status: str, said: str, words: Translations) -> Trouble:
-    """A status in plain words."""
+    """Return a status in plain words."""
     key = status.replace("-", "_")
     means, todo = (
         words(f"status.{key if f'status.{key}_{part}' in words.texts else 'other'}_{part}")
@@ -127,14 +127,14 @@ def trouble(name: str, status: str, said: str, words: Translations) -> Trouble:
 
 
 def inputs_table(measurement: Measurement, words: Translations) -> Table:
-    """Every input file with its digest."""
+    """Return the table of input files with their digests."""
     rows = [[name, digest.removeprefix("sha256:")] for name, digest in
             measurement.provenance.inputs.items()]  # fmt: skip
     return Table((words("origin.file"), words("origin.digest")), rows, 2, words("origin.inputs"))
 
 
 def settings(measurement: Measurement, conformity: Conformity | None) -> Pairs:
-    """Name and value of every setting in effect, as their files write them."""
+    """Return name and value of every setting in effect, as their files write them."""
     made = measurement.provenance
     tree = {**made.config, **tolerance_tree(conformity), "seed": made.seed}
     return list(_flat(tree))

@@ -1,4 +1,4 @@
-"""What a report says first: the verdict and its rule."""
+"""The headline of a report: the verdict and its rule."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..tables.conformity import SIGNS, decided, rule
 
 @dataclass(frozen=True)
 class Headline:
-    """What is said first: kind is `conform`, `not-conform`, `undecided` or `none`."""
+    """The verdict: kind is `conform`, `not-conform`, `undecided` or `none`."""
 
     kind: str
     sign: str
@@ -23,7 +23,7 @@ class Headline:
 def headline(
     measurement: Measurement, conformity: Conformity | None, words: Translations
 ) -> Headline:
-    """The verdict in words, with its rule, and what was not measured."""
+    """Return the verdict in words, with its rule, and what was not measured."""
     missing = [words.wheel(w.observation.name) for w in measurement.wheels if w.angles is None]
     left = (words("verdict.incomplete", names=", ".join(missing)),) if missing else ()
     if conformity is None:
@@ -41,7 +41,7 @@ def headline(
 
 
 def factor_words(measurement: Measurement, words: Translations) -> str:
-    """The coverage factor of what is reported, or from where to where it goes."""
+    """Return the coverage factor of the reported values, or its range."""
     factors = [q.coverage_factor for q in stated(measurement)]
     low, high = (words.number(f"{k:.2f}") for k in (min(factors), max(factors)))
     if low == high:

@@ -28,7 +28,7 @@ class Card:
 
 
 def cards(measurement: Measurement, writer: Writer) -> list[Card]:
-    """One of every wheel and trial."""
+    """Return a card of every wheel and trial."""
     known = {(q.subject, q.kind): q for q in against(stated(measurement), writer.view.axis)}
     faces = [w for w in measurement.wheels if w.observation.evidence is not None]
     coarser = coarseness(len(faces))

@@ -9,10 +9,10 @@ from ...measurement import Estimate, Measurement, Runout, SteeringAxis
 
 
 def turned_tree(measurement: Measurement) -> dict[str, Any]:
-    """`steering`: kingpins and toe-out on turns; `runouts`: one a wheel; empty without scans."""
+    """Return `steering`: steering axes and toe-out on turns; `runouts`: one a wheel."""
     return {
         "steering": {
-            "kingpins": [_kingpin(found) for found in measurement.steering_axes],
+            "kingpins": [_steering_axis(found) for found in measurement.steering_axes],
             "toe_out_on_turns": [
                 {
                     "turn": found.turn,
@@ -32,7 +32,7 @@ def turned_tree(measurement: Measurement) -> dict[str, Any]:
     }
 
 
-def _kingpin(found: SteeringAxis) -> dict[str, Any]:
+def _steering_axis(found: SteeringAxis) -> dict[str, Any]:
     return {
         "wheel": found.wheel,
         "scans": list(found.scans),

@@ -1,4 +1,4 @@
-"""What the 3D view shows: wheels, axles, axes and some of the points, in the vehicle's frame.
+"""The 3D scene: wheels, axles, axes and some of the points, in the vehicle's frame.
 
 Right-handed, metres: x forward, y left, z up, from the middle of the rear axle.
 """
@@ -18,10 +18,10 @@ from .points import cloud_tree
 from .points import to_view as to_view
 
 SCHEMA = "wheelplane/scene/1"
-SYMBOL_M = 0.1  # radius that stands for a plane of five points, whose plate is not known
+SYMBOL_M = 0.1  # radius that stands for a plane of five points, whose target is not known
 CORNERS = 64
 ARROW, OVERHANG = 0.2, 0.12  # of the wheelbase: the axes' arrows; lines beyond the axles
-KINGPIN_M = 0.35  # up and down from the height of the wheel's centre
+STEERING_AXIS_M = 0.35  # up and down from the height of the wheel's centre
 
 
 def scene(
@@ -29,9 +29,9 @@ def scene(
     conformity: Conformity | None = None,
     words: Translations | None = None,
 ) -> dict[str, Any]:
-    """The scene as plain data; a wheel that was not measured has no place in it."""
+    """Return the scene as plain data, without wheels that were not measured."""
     words = words or load_translations("en")
-    failed = _not_conform(conformity)
+    failed = _nonconforming(conformity)
     measured = [wheel for wheel in measurement.wheels if wheel.angles is not None]
     return {
         "schema": SCHEMA,
@@ -39,14 +39,14 @@ def scene(
         "lines": [
             *_axes(measurement, words),
             *_frame(measurement, words),
-            *_kingpins(measurement, words),
+            *_steering_axes(measurement, words),
         ],
         "cloud": cloud_tree(measurement),
     }
 
 
 def outlines(result: WheelResult) -> list[Array]:
-    """The target's edges (K, 3), scanner coordinates; of five points a circle for a symbol."""
+    """Return the target's edges (K, 3), scanner coordinates; for five points a circle as symbol."""
     evidence = result.observation.evidence
     assert evidence is not None
     assert result.normal is not None
@@ -60,7 +60,7 @@ def outlines(result: WheelResult) -> list[Array]:
     return [centre + SYMBOL_M * circle]
 
 
-def _not_conform(conformity: Conformity | None) -> set[str]:
+def _nonconforming(conformity: Conformity | None) -> set[str]:
     verdicts = conformity.verdicts if conformity else ()
     return {v.quantity.subject for v in verdicts if v.decision == "not conform"}
 
@@ -89,7 +89,7 @@ def _wheel(
 
 
 def _axes(measurement: Measurement, words: Translations) -> list[dict[str, Any]]:
-    """Arrows from the origin."""
+    """Return arrows from the origin."""
     length = ARROW * measurement.frame.wheelbase_m
     names = ("forward", "left", "up")
     return [
@@ -99,7 +99,7 @@ def _axes(measurement: Measurement, words: Translations) -> list[dict[str, Any]]
 
 
 def _frame(measurement: Measurement, words: Translations) -> list[dict[str, Any]]:
-    """The axles, and the two longitudinal lines that workshops know."""
+    """Return the axles, the geometric centreline and the thrust line."""
     frame = measurement.frame
     RR, RL, FR, FL = (
         to_view(frame, wheel.observation.fitted.centre_m) for wheel in measurement.wheels[:4]
@@ -119,13 +119,16 @@ def _frame(measurement: Measurement, words: Translations) -> list[dict[str, Any]
     ]
 
 
-def _kingpins(measurement: Measurement, words: Translations) -> list[dict[str, Any]]:
+def _steering_axes(measurement: Measurement, words: Translations) -> list[dict[str, Any]]:
     frame = measurement.frame
     return [
         _line(
             words("scene.kingpin", wheel=words.wheel(found.wheel)),
             "kingpin",
-            *(to_view(frame, found.point_m + way * KINGPIN_M * found.axis) for way in (-1.0, 1.0)),
+            *(
+                to_view(frame, found.point_m + way * STEERING_AXIS_M * found.axis)
+                for way in (-1.0, 1.0)
+            ),
         )
         for found in measurement.steering_axes
         if found.axis is not None and found.point_m is not None

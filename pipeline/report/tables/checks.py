@@ -10,7 +10,7 @@ from ..format.writer import Column, Table, Writer
 
 
 def repeats_table(measurement: Measurement, writer: Writer) -> Table | None:
-    """Pooled angles of repeat scans, their scatter against the prediction, and their drift."""
+    """Return pooled angles of repeat scans, their scatter against the prediction, and drift."""
     words = writer.words
     rows = [
         [writer.wheel(group.of), str(len(group.scans)), *_pooled(angle, writer)]
@@ -37,7 +37,7 @@ def _pooled(angle: PooledAngle, writer: Writer) -> list[str]:
 
 
 def monte_carlo_table(measurement: Measurement, drawn: MonteCarlo, writer: Writer) -> Table:
-    """Both uncertainties of each quantity against the axis in use, and how far they differ."""
+    """Return both uncertainties of each quantity against the axis in use, and their difference."""
     words, rows = writer.words, []
     for i, quantity in enumerate(stated(measurement)):
         if quantity.axis not in (None, writer.view.axis):

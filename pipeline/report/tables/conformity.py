@@ -12,7 +12,7 @@ SIGNS = {"conform": "✓", "not conform": "✗", "undecided": "?"}
 
 
 def limits_table(conformity: Conformity, writer: Writer) -> Table:
-    """A row a quantity that has limits: what is decided, and why where it is undecided."""
+    """Return a row for each quantity with limits: the decision, and why it is undecided."""
     words = writer.words
     undecided = any(verdict.decision == "undecided" for verdict in conformity.verdicts)
     columns: Columns = (
@@ -72,7 +72,7 @@ def _row(verdict: Verdict, writer: Writer) -> list[str]:
 
 
 def _why(verdict: Verdict, writer: Writer) -> str:
-    """Why a quantity is undecided, in the report's language."""
+    """Return why a quantity is undecided, in the report's language."""
     what, interval, words = verdict.quantity, verdict.interval, writer.words
     if verdict.decision != "undecided":
         return ""

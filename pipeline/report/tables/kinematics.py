@@ -11,7 +11,7 @@ Noted = list[tuple[Table, str]]
 
 
 def steering_tables(measurement: Measurement, writer: Writer) -> Noted:
-    """Steering axes, their offsets and toe-out on turns; none without a sweep."""
+    """Return steering axes, their offsets and toe-out on turns; none without a sweep."""
     words, axes, turns = writer.words, measurement.steering_axes, measurement.toe_out
     if not axes:
         return []
@@ -28,7 +28,7 @@ def steering_tables(measurement: Measurement, writer: Writer) -> Noted:
 
 
 def runout_tables(measurement: Measurement, writer: Writer) -> Noted:
-    """Compensated angles, and how the targets were mounted; none without run-outs."""
+    """Return compensated angles, and how the targets were mounted; none without run-outs."""
     words, runouts = writer.words, measurement.runouts
     if not runouts:
         return []
@@ -40,7 +40,7 @@ def runout_tables(measurement: Measurement, writer: Writer) -> Noted:
 
 
 def _rotations(axes: Sequence[SteeringAxis], writer: Writer) -> list[str]:
-    """A sentence for each mark that shows the targets' in-plane rotation; none for discs."""
+    """Return a sentence for each mark that shows the targets' in-plane rotation; none for discs."""
     words = writer.words
     shown = [axis for axis in axes if axis.with_rotation]
     return [

@@ -25,7 +25,7 @@ WHEELS = ("FL", "FR", "RL", "RR")
 
 
 def vehicle_table(measurement: Measurement, writer: Writer) -> Table:
-    """Angles and lengths that join the axles, each with its uncertainty."""
+    """Return angles and lengths that join the axles, each with its uncertainty."""
     words = writer.words
     chosen = against(stated(measurement), writer.view.axis)
     known = {q.kind: q for q in chosen if q.subject == "vehicle"}
@@ -65,7 +65,7 @@ def _row(known: Mapping[str, Stated], kind: str, writer: Writer) -> list[str]:
 
 
 def axes_table(measurement: Measurement, writer: Writer) -> Table:
-    """The four axes: angle to the rear axle's normal, and toe of the four wheels against each."""
+    """Return the four axes: angle to the rear axle's normal, and toe of each wheel against them."""
     words, known = writer.words, by_name(measurement)
     rows = []
     for axis in AXES:

@@ -9,7 +9,7 @@ AXLES = (("front", "FL", "FR"), ("rear", "RL", "RR"))
 
 
 def wheels_table(measurement: Measurement, writer: Writer) -> Table:
-    """Wheel by wheel: toe, camber and ISO camber with their uncertainty, or why there is none."""
+    """Return toe, camber and ISO camber of each wheel with uncertainty, or why there is none."""
     words = writer.words
     known = {(q.subject, q.kind): q for q in against(stated(measurement), writer.view.axis)}
     toe, axis = writer.quantity("toe"), writer.view.axis
@@ -44,7 +44,7 @@ def _wheel_row(
 
 
 def axles_table(measurement: Measurement, writer: Writer) -> Table:
-    """Toe with its total and camber with its cross value, left and right, axle by axle."""
+    """Return toe with its total and camber with its cross value, axle by axle."""
     words = writer.words
     known = {(q.subject, q.kind): q for q in against(stated(measurement), writer.view.axis)}
     rows = []
@@ -69,7 +69,7 @@ def axles_table(measurement: Measurement, writer: Writer) -> Table:
 
 
 def centres_table(measurement: Measurement, writer: Writer) -> Table:
-    """Centres of all measured wheels in the vehicle frame, metres."""
+    """Return centres of all measured wheels in the vehicle frame, metres."""
     words = writer.words
     rows = []
     for result in measurement.wheels:

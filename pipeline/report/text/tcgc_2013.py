@@ -1,4 +1,4 @@
-"""What the software of 2013 printed, in its own layout."""
+"""The printout of the software of 2013, in its own layout."""
 
 from __future__ import annotations
 

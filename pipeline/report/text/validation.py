@@ -40,12 +40,12 @@ def validation_text(found: Comparison) -> str:
 
 
 def missing_lines(found: Comparison) -> list[str]:
-    """What could not be compared, and why."""
+    """Return what could not be compared, and why."""
     return [f"Not compared: {name}: {reason}" for name, reason in found.missing]
 
 
 def said(test: JointTest) -> str:
-    """A joint test in a few words."""
+    """Return a joint test in a few words."""
     dof = "" if test.dof > 1e4 else f", u known to {test.dof:.0f} degrees of freedom"
     return (
         f"chi-square {test.chi_square:.1f} for {test.count} values, p = {test.probability:.3g}{dof}"

@@ -55,14 +55,14 @@ def scores_text(survey: ComparisonStudy) -> str:
 
 
 def _shared_notes(survey: ComparisonStudy) -> list[str]:
-    """Notes of the captures, each text once; where there are many, how many more."""
+    """Return notes of the captures, each text once; where there are many, how many more."""
     notes = list(dict.fromkeys(note for one in survey.found for note in one.notes))
     more = len(notes) - MOST_NOTES
     return notes[:MOST_NOTES] + ([f"... and {more} more notes in --json."] if more > 0 else [])
 
 
 def _not_compared(survey: ComparisonStudy) -> list[str]:
-    """What could not be compared, and why: whole captures, and wheels of them."""
+    """Return what could not be compared, and why: whole captures, and wheels of them."""
     lines = [f"Not compared: {row.name}: {row.reason}" for row in survey.rows if row.found is None]
     return lines + [
         f"Not compared: {row.name}: {name}: {reason}"
