@@ -1,4 +1,4 @@
-"""Passes over all points of a cloud: sample, crop, voxel sums, first and second moments."""
+"""Passes over all points of a cloud: sample, crop, voxel grid, first and second moments."""
 
 from .moments import SlabMoments, slab_moments
 from .preview import CloudSample, by_wheel, cloud_sample

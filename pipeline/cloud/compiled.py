@@ -1,6 +1,6 @@
-"""The passes over all points, compiled by numba: for clouds so large that it pays to load it.
+"""Kernels compiled by numba, for clouds so large that loading it pays.
 
-Each has a twin in numpy, in passes.py, slab_sums.py or cubes.py, which says what it does.
+Each has a numpy fallback in selection.py, moments.py or voxel_grid.py, which defines what it does.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _compiled(function: F) -> F:
-    """Machine code, kept on disk where there is a folder for it."""
+    """Compile a function; keep its machine code on disk where there is a folder for it."""
     try:
         return cast(F, njit(nogil=True, cache=True)(function))
     except RuntimeError:
@@ -26,7 +26,7 @@ def _compiled(function: F) -> F:
 
 @_compiled
 def coordinate_hash(x: float, y: float, z: float) -> Any:
-    """As passes.coordinate_hash, of one point."""
+    """Return the hash of one point, as selection.coordinate_hash."""
     h = np.uint64(np.int64(np.rint(x * GRID_PER_M))) * np.uint64(0x9E3779B97F4A7C15)
     h ^= np.uint64(np.int64(np.rint(y * GRID_PER_M))) * np.uint64(0xC2B2AE3D27D4EB4F)
     h ^= np.uint64(np.int64(np.rint(z * GRID_PER_M))) * np.uint64(0x165667B19E3779F9)
@@ -36,7 +36,7 @@ def coordinate_hash(x: float, y: float, z: float) -> Any:
 
 @_compiled
 def hash_rows(points: Any, limit: Any, rows: Any, hashes: Any) -> int:
-    """Rows of points (N, 3) whose hash is at most the limit, and the hashes; how many."""
+    """Write rows of points (N, 3) with hashes up to the limit, and the hashes; return how many."""
     found = 0
     for i in range(len(points)):
         h = coordinate_hash(points[i, 0], points[i, 1], points[i, 2])
@@ -58,11 +58,11 @@ def near_plane(
     on_face: Any,
     beside: Any,
 ) -> tuple[Any, Any]:
-    """Rows of points (N, 3) in `face` into on_face; of others in `around`, of a hash to the limit,
-    into beside. Each has room for N. How many of each.
+    """Write rows of points (N, 3) in `face` to on_face; return the number of each.
 
-    face, around: (reach, depth, slope, most reach). Without branches, which points in no order
-    would make the processor mispredict.
+    Rows of other points in `around` with a hash up to the limit go to beside; both arrays have
+    length N. face, around: (reach, depth, slope, most reach). Branchless: points in random order
+    would be mispredicted.
     """
     faces, besides = np.int64(0), np.int64(0)
     cx, cy, cz = centre[0], centre[1], centre[2]
@@ -86,7 +86,7 @@ def near_plane(
 
 @_compiled
 def take(points: Any, centre: Any, rows: Any, out: Any) -> None:
-    """Those rows of points (N, 3), relative to the centre, into out (M, 3)."""
+    """Write those rows of points (N, 3), relative to the centre, to out (M, 3)."""
     cx, cy, cz = centre[0], centre[1], centre[2]
     for j in range(len(out)):
         i = rows[j]
@@ -97,7 +97,7 @@ def take(points: Any, centre: Any, rows: Any, out: Any) -> None:
 
 @_compiled
 def _add(cell: Any, x: float, y: float, z: float) -> None:
-    """One point more in sums (10,), as slab_sums.sums_by has them."""
+    """Add one point to sums (10,), in the order of moments.sums_by."""
     cell[0] += 1.0
     cell[1] += x
     cell[2] += y
@@ -123,9 +123,10 @@ def slab_moments(
     sums: Any,
     edge: Any,
 ) -> int:
-    """Sums of the points surely near a plane by cells; those that may be near into edge (N, 3).
+    """Add the points near a plane to the sums of their cells; return the number of edge points.
 
-    sides: rows (a, b, c): a u + b v < c. grid: cells across, and a cell's side. sums (cells, 10).
+    Points between both limits go to edge (N, 3). sides: rows (a, b, c): a u + b v < c. grid: cells
+    across, and a cell's side. sums: (cells, 10).
     """
     found = 0
     across = int(grid[0])
@@ -159,9 +160,10 @@ def slab_moments(
 
 @_compiled
 def voxel_moments(points: Any, low: Any, edge: float, keys: Any, sums: Any) -> int:
-    """Sums (capacity, 10) of points (N, 3) by cubes, in a hash table; cubes used, -1 if full.
+    """Add points (N, 3) to sums (capacity, 10) of their voxels in a hash table; -1 if it is full.
 
-    keys: (capacity,) int64, -1 where free; the capacity is a power of two.
+    Returns the number of voxels used. keys: (capacity,) int64, -1 where free; the capacity is a
+    power of two.
     """
     mask = len(keys) - 1
     per_edge = 1.0 / edge
@@ -190,8 +192,8 @@ def voxel_moments(points: Any, low: Any, edge: float, keys: Any, sums: Any) -> i
 
 
 @_compiled
-def in_voxels(points: Any, low: Any, edge: float, keys: Any, table: Any, marked: Any) -> int:
-    """Mark points (N, 3) that lie in cubes of a hash table; how many. table: (capacity,) int64."""
+def in_voxels(points: Any, low: Any, edge: float, table: Any, marked: Any) -> int:
+    """Mark points (N, 3) within voxels of a hash table (capacity,) int64; return how many."""
     mask = len(table) - 1
     per_edge = 1.0 / edge
     found = 0

@@ -1,4 +1,4 @@
-"""One pass over the points of a face: sums of those near its plane, by the cells of a raster."""
+"""First and second moments of the points near a plane, by the cells of a grid, in one pass."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..vectors import Array, Mask, Rows
-from .selection import machine_for
-from .threads import over_blocks
+from .selection import kernels_for
+from .threads import over_chunks
 
-COMPILED_FACE_ROWS = 800_000  # as COMPILED_ROWS, for points that cost more each
+COMPILED_FACE_ROWS = 800_000  # as COMPILED_ROWS, for a kernel that costs more per point
 SUMS = 10  # n, x, y, z, xx, xy, yy, xz, yz, zz
 
 
 @dataclass(frozen=True)
 class SlabMoments:
-    """What lies near a plane: sums over cells of a raster, and the points that may lie near it.
+    """Moments of the points near a plane by the cells of a grid, and the points near its limits.
 
     sums: (cells, 10) of the points nearer than the lower limit: n, u, v, w, uu, uv, vv, uw, vw, ww.
-    edge: (M, 3) u, v, w of those between both limits. across: cells of the raster's side; side_m:
-    of a cell.
+    edge: (M, 3) u, v, w of the points between both limits. across: cells along the grid's side;
+    side_m: side of a cell.
     """
 
     sums: Array
@@ -29,25 +29,25 @@ class SlabMoments:
     side_m: float
 
     def cells(self, uvw: Array) -> Rows:
-        """The cell (N,) of each of uvw (N, 3)."""
-        place = (uvw.T[:2] / self.side_m + 0.5 * self.across).astype(np.int32)
-        column, row = place.clip(0, self.across - 1)
+        """Return the cell (N,) of each of uvw (N, 3)."""
+        index = (uvw.T[:2] / self.side_m + 0.5 * self.across).astype(np.int32)
+        column, row = index.clip(0, self.across - 1)
         return np.asarray(row * self.across + column, dtype=np.int64)
 
     def with_edge(self, keep: Mask) -> Array:
-        """The sums with the points of the edge that are kept (M,)."""
+        """Return the sums including the edge points that are kept, a mask (M,)."""
         kept = self.edge[keep]
         return self.sums + sums_by(self.cells(kept), kept, len(self.sums))
 
 
 def sums_by(group: Rows, xyz: Array, groups: int) -> Array:
-    """Sums (groups, 10) of xyz (N, 3): n, x, y, z, xx, xy, yy, xz, yz, zz."""
+    """Return sums (groups, 10) of xyz (N, 3): n, x, y, z, xx, xy, yy, xz, yz, zz."""
     out = np.zeros((groups, SUMS))
     count = np.bincount(group, minlength=groups)
     filled = np.nonzero(count)[0]
     if len(filled) == 0:
         return out
-    narrow = np.min_scalar_type(groups)  # of one or two bytes, which are sorted by counting
+    narrow = np.min_scalar_type(groups)  # one or two bytes: numpy sorts them by counting
     order = np.argsort(group.astype(narrow), kind="stable")
     start = (np.cumsum(count) - count)[filled]
     x, y, z = (axis[order] for axis in xyz.T)
@@ -65,23 +65,23 @@ def slab_moments(
     bounds_m: tuple[float, Array, Array],
     across: int,
 ) -> SlabMoments:
-    """Points (N, 3) about a plane w = height_m, by one pass.
+    """Compute the moments of points (N, 3) near the plane w = height_m, in one pass.
 
-    basis: (3, 3) rows u, v, w. limits_m: of the distance along w, within the first of which a point
-    is surely near, beyond the second surely not. bounds_m: of u and v: the radius within which,
-    the straight sides (K, 3), a u + b v < c, within which, and the holes (L, 3), u, v and radius,
-    outside which they must lie. across: cells of the raster's side.
+    basis: (3, 3) rows u, v, w. limits_m: distances along w; a point within the first is near, a
+    point beyond the second is not. bounds_m: of u and v: the radius within which, the straight
+    sides (K, 3), a u + b v < c, within which, and the holes (L, 3), u, v and radius, outside which
+    they must lie. across: cells along the grid's side.
     """
     radius, sides_m, holes_m = bounds_m
     side = 2.0 * radius / across
-    machine = machine_for(len(points_m), COMPILED_FACE_ROWS)
+    kernels = kernels_for(len(points_m), COMPILED_FACE_ROWS)
 
-    def add(block: slice) -> tuple[Array, Array]:
-        part = points_m[block]
-        if machine is not None:
+    def add(chunk: slice) -> tuple[Array, Array]:
+        part = points_m[chunk]
+        if kernels is not None:
             sums, edge = np.zeros((across * across, SUMS)), np.empty((len(part), 3))
             limits, grid = np.array(limits_m), np.array([across, side])
-            found = machine.slab_moments(
+            found = kernels.slab_moments(
                 part, basis, height_m, limits, radius, sides_m, holes_m, grid, sums, edge
             )
             return sums, edge[:found].copy()
@@ -99,7 +99,7 @@ def slab_moments(
         sums = sums_by(held.cells(sure.T), sure.T, across * across)
         return sums, np.compress(inside & ~surely, uvw, axis=1).T
 
-    parts = over_blocks(add, len(points_m))
+    parts = over_chunks(add, len(points_m))
     total = np.zeros((across * across, SUMS))
     for part in parts:
         total += part[0]

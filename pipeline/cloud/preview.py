@@ -1,4 +1,4 @@
-"""A few points of a cloud, for the picture of a vehicle: scattered over it, the same every time."""
+"""A small sample of a cloud for the picture of a vehicle: scattered over it, reproducible."""
 
 from __future__ import annotations
 
@@ -10,33 +10,33 @@ from ..vectors import Array, Array32
 from .selection import sample
 
 OF_A_SCAN, OF_A_VEHICLE = 8_000, 40_000
-LOOKED_AT = 16  # times as many points at most, every so manieth, of which these are drawn
-AROUND = 0.75  # of the largest distance from the middle of the wheels: a vehicle ends before
+LOOKED_AT = 16  # a regular subset of at most so many times the sample's size is sampled
+AROUND = 0.75  # beyond the wheels, relative to their distance from the middle: overhangs
 
 
 @dataclass(frozen=True)
 class CloudSample:
-    """Points as scanned: origin_m (3,), scanner frame, and offsets_m (N, 3) float32 from it."""
+    """Scanned points: origin_m (3,), scanner frame, and offsets_m (N, 3) float32 from it."""
 
     origin_m: Array
     offsets_m: Array32
 
     @property
     def points_m(self) -> Array:
-        """(N, 3), scanner frame."""
+        """Points (N, 3), scanner frame."""
         return self.origin_m + self.offsets_m
 
 
 def cloud_sample(points_m: Array, count: int = OF_A_SCAN) -> CloudSample:
-    """About `count` points of points_m (N, 3), or all if they are fewer."""
+    """Return about `count` points of points_m (N, 3), or all if they are fewer."""
     step = max(1, len(points_m) // (LOOKED_AT * count))
     return _about(sample(points_m[::step], count))
 
 
 def by_wheel(points_m: Array, centres_m: Array, count: int = OF_A_VEHICLE) -> list[CloudSample]:
-    """The first `count` of points_m (N, 3) about a vehicle, each with the wheel it lies nearest.
+    """Return the first `count` of points_m (N, 3) around a vehicle, grouped by nearest wheel.
 
-    centres_m: (4, 3) of its wheels; a sample for each.
+    centres_m: (4, 3) of its wheels; one sample for each.
     """
     middle = centres_m.mean(axis=0)
     reach_m = float(np.linalg.norm(centres_m - middle, axis=1).max())

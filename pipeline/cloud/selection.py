@@ -1,7 +1,7 @@
-"""The passes over all points of a cloud: in numpy, and for large clouds compiled (compiled.py).
+"""Sampling and cropping of a cloud: in numpy, and for large clouds by compiled kernels.
 
-Both do the same on blocks of one size, so that the number of threads changes no bit; which of them
-is taken depends on the number of points alone.
+Both do the same on chunks of one size, so that the number of threads changes no bit; which of them
+runs depends on the number of points alone.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ import numpy as np
 import numpy.typing as npt
 
 from ..vectors import CHUNK_ROWS, GRID_PER_M, Array, Array32, Mask, plane_basis
-from .threads import BLOCK_ROWS, over_blocks
+from .threads import ROWS_PER_CHUNK, over_chunks
 
-COMPILED_ROWS = 2_500_000  # loading the compiled passes takes 0.2 s and 100 MB
+COMPILED_ROWS = 2_500_000  # loading the compiled kernels takes 0.2 s and 100 MB
 WHOLE = np.uint64(0xFFFFFFFFFFFFFFFF)
 MIX = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
-# Plus x, of less than 2^51: x rounded to an integer, in the last bits.
+# Added to x < 2^51, it leaves x rounded to an integer in the last bits.
 WHOLE_ONLY = np.float64(1.5 * 2.0**52)
 _FINISH, HALF = np.uint64(0xBF58476D1CE4E5B9), np.uint64(32)
 
-Places = npt.NDArray[np.int32]  # of rows in a block
+ChunkRows = npt.NDArray[np.int32]  # indices of rows within a chunk
 
 
-def machine_for(rows: int, enough: int) -> ModuleType | None:
-    """The compiled passes, where the points are enough for them; None where numpy is as fast.
+def kernels_for(rows: int, enough: int) -> ModuleType | None:
+    """Return the compiled kernels for `enough` rows or more; None where numpy is as fast.
 
-    None, too, where numba does not load, be it missing or at odds with another package.
+    None as well where numba does not load: missing, or in conflict with another package.
     """
     if rows < enough:
         return None
@@ -41,10 +41,10 @@ def machine_for(rows: int, enough: int) -> ModuleType | None:
 
 
 def coordinate_hash(points_m: Array) -> npt.NDArray[np.uint64]:
-    """A number (N,) for each of points_m (N, 3), by its place to a micrometre, so that rounding in
-    the file's last digits hardly ever changes it.
+    """Return a hash (N,) of points_m (N, 3), their coordinates rounded to a micrometre.
 
-    Odd multipliers, and the finisher of Steele et al., OOPSLA 2014.
+    Rounding in the file's last digits hardly ever changes it. Odd multipliers, and the finisher of
+    Steele et al., OOPSLA 2014.
     """
     scaled = np.multiply(points_m, GRID_PER_M, dtype=np.float64)
     scaled += WHOLE_ONLY
@@ -60,46 +60,46 @@ def coordinate_hash(points_m: Array) -> npt.NDArray[np.uint64]:
 
 
 def sample(points_m: Array, count: int) -> Array:
-    """About `count` of points_m (N, 3), or all if they are fewer, as a copy.
+    """Return about `count` of points_m (N, 3), or all if they are fewer, as a copy.
 
-    Those of the smallest hash of their coordinates, in its order: the same points in any order of
-    the file, scattered over it.
+    The points with the smallest hashes of their coordinates, in the order of the hash: the same
+    points in any order of the file, scattered over the cloud.
     """
     total = len(points_m)
-    limit = _share(count / max(total, 1))
-    machine = machine_for(total, COMPILED_ROWS)
+    limit = _hash_limit(count / max(total, 1))
+    kernels = kernels_for(total, COMPILED_ROWS)
 
-    def chosen(block: slice) -> tuple[Array, npt.NDArray[np.uint64]]:
-        part = points_m[block]
-        if machine is None:
+    def chosen(chunk: slice) -> tuple[Array, npt.NDArray[np.uint64]]:
+        part = points_m[chunk]
+        if kernels is None:
             h = coordinate_hash(part)
             rows = np.nonzero(h <= limit)[0]
             return part[rows], h[rows]
         rows, h = np.empty(len(part), np.int64), np.empty(len(part), np.uint64)
-        found = machine.hash_rows(part, limit, rows, h)
+        found = kernels.hash_rows(part, limit, rows, h)
         return part[rows[:found]], h[:found].copy()
 
-    parts = over_blocks(chosen, total)
+    parts = over_chunks(chosen, total)
     if not parts:
         return np.zeros((0, 3))
     hashes = np.concatenate([part[1] for part in parts])
     order = np.argsort(hashes)
-    if (np.diff(hashes[order]) == 0).any():  # whose order another processor may turn round
+    if (np.diff(hashes[order]) == 0).any():  # equal hashes: their order may depend on the processor
         order = np.argsort(hashes, kind="stable")
     return np.concatenate([part[0] for part in parts])[order]
 
 
-def _share(share: float) -> np.uint64:
-    """The hash below which that share of all points lies."""
+def _hash_limit(share: float) -> np.uint64:
+    """Return the hash below which that share of all points lies."""
     return WHOLE if share >= 1.0 else np.uint64(int(share * 2.0**64))
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """Points about a face, relative to its centre: all on it, then a share of those around.
+    """Points relative to a target's centre: all near its plane, and a share of those around it.
 
-    face_m: (N, 3). intensity: (N,) of them, or None. around_m: (M, 3) of single precision: half a
-    metre from the centre it holds 30 nm.
+    face_m: (N, 3). intensity: (N,) of these, or None. around_m: (M, 3) in single precision, which
+    resolves 30 nm half a metre from the centre.
     """
 
     face_m: Array
@@ -116,21 +116,21 @@ def surroundings(
     keep_around: float,
     intensity: Array32 | None = None,
 ) -> Surroundings:
-    """Points of points_m (N, 3) in the slabs `face` and `around` about centre_m, along normal.
+    """Return points of points_m (N, 3) in the slabs `face` and `around` at centre_m, along normal.
 
-    keep_around: share that is kept of those in `around` but not in `face`, by their hash.
+    keep_around: share kept of the points in `around` but not in `face`, by their hash.
     """
-    limit = _share(keep_around)
-    machine = machine_for(len(points_m), COMPILED_ROWS)
+    limit = _hash_limit(keep_around)
+    kernels = kernels_for(len(points_m), COMPILED_ROWS)
     slabs = [np.array([s.reach_m, s.depth_m, s.slope, s.most_m]) for s in (face, around)]
     axes = plane_basis(normal)
     origin = (axes @ centre_m)[:, None]
 
-    def choose(block: slice) -> tuple[Places, Places]:
-        part = points_m[block]
-        if machine is not None:
+    def choose(chunk: slice) -> tuple[ChunkRows, ChunkRows]:
+        part = points_m[chunk]
+        if kernels is not None:
             rows = np.empty((2, len(part)), np.int32)
-            counts = machine.near_plane(part, centre_m, normal, *slabs, limit, *rows)
+            counts = kernels.near_plane(part, centre_m, normal, *slabs, limit, *rows)
             return rows[0, : counts[0]].copy(), rows[1, : counts[1]].copy()
         uvw = axes @ part.T
         uvw -= origin
@@ -143,31 +143,31 @@ def surroundings(
             beside = beside[coordinate_hash(part.take(beside, axis=0)) <= limit]
         return np.nonzero(on_face)[0].astype(np.int32), beside.astype(np.int32)
 
-    chosen = over_blocks(choose, len(points_m))
+    chosen = over_chunks(choose, len(points_m))
     counts = np.array([[len(rows) for rows in both] for both in chosen], np.int64).reshape(-1, 2)
     starts = np.vstack([np.zeros((1, 2), np.int64), np.cumsum(counts, axis=0)])
     face_m = np.empty((starts[-1, 0], 3))
     around_m = np.empty((starts[-1, 1], 3), np.float32)
-    shine = None if intensity is None else np.empty(len(face_m), np.float32)
+    on_face_intensity = None if intensity is None else np.empty(len(face_m), np.float32)
 
-    def fill(block: slice) -> None:
-        number = block.start // BLOCK_ROWS
+    def fill(chunk: slice) -> None:
+        number = chunk.start // ROWS_PER_CHUNK
         (a, b), (c, d) = starts[number], starts[number + 1]
         on_face, beside = chosen[number]
         for rows, out in ((on_face, face_m[a:c]), (beside, around_m[b:d])):
-            if machine is not None:
-                machine.take(points_m[block], centre_m, rows, out)
+            if kernels is not None:
+                kernels.take(points_m[chunk], centre_m, rows, out)
             else:
-                np.subtract(points_m[block].take(rows, axis=0), centre_m, out=out)
-        if shine is not None and intensity is not None:
-            shine[a:c] = intensity[block][on_face]
+                np.subtract(points_m[chunk].take(rows, axis=0), centre_m, out=out)
+        if on_face_intensity is not None and intensity is not None:
+            on_face_intensity[a:c] = intensity[chunk][on_face]
 
-    over_blocks(fill, len(points_m))
-    return Surroundings(face_m, shine, around_m)
+    over_chunks(fill, len(points_m))
+    return Surroundings(face_m, on_face_intensity, around_m)
 
 
 def gather_ball(points_m: Array, centre_m: Array, radius_m: float) -> Array:
-    """Points of points_m (N, 3) within radius_m of centre_m (3,), relative to it: (M, 3)."""
+    """Return the points of points_m (N, 3) within radius_m of centre_m, relative to it: (M, 3)."""
     kept = [np.zeros((0, 3))]
     for start in range(0, len(points_m), CHUNK_ROWS):
         x, y, z = offset = points_m[start : start + CHUNK_ROWS].T - centre_m[:, None]
@@ -178,10 +178,10 @@ def gather_ball(points_m: Array, centre_m: Array, radius_m: float) -> Array:
 
 @dataclass(frozen=True)
 class Slab:
-    """A disc of space about an axis along a plane's normal.
+    """A disc-shaped volume about an axis along a plane's normal.
 
-    reach_m: from the axis, growing by `slope` per metre of depth, to most_m. depth_m: from the
-    plane.
+    reach_m: radius about the axis; it grows by `slope` per metre of depth up to most_m. depth_m:
+    half thickness, from the plane.
     """
 
     reach_m: float
@@ -190,7 +190,7 @@ class Slab:
     most_m: float = math.inf
 
     def holds(self, square_m2: Array, depth_m: Array) -> Mask:
-        """Which points, by squared distance from the axis and distance from the plane (N,)."""
+        """Return the mask (N,) of the points inside, from squared radius and depth (N,)."""
         near = depth_m < self.depth_m
         if self.slope == 0.0:
             near &= square_m2 < min(self.reach_m, self.most_m) ** 2
@@ -203,7 +203,7 @@ class Slab:
 
 
 def within_slab(points_m: Array, point_m: Array, normal: Array, threshold_m: float) -> Mask:
-    """Which of points_m (N, 3) lie within threshold_m of the plane through point_m: (N,) bool."""
+    """Return the mask (N,) of points_m (N, 3) within threshold_m of the plane through point_m."""
     inside = np.empty(len(points_m), dtype=bool)
     for start in range(0, len(points_m), CHUNK_ROWS):
         rows = slice(start, start + CHUNK_ROWS)
@@ -212,9 +212,9 @@ def within_slab(points_m: Array, point_m: Array, normal: Array, threshold_m: flo
 
 
 def random_rows(points: Array, count: int, rng: np.random.Generator) -> Array:
-    """At most `count` rows of points (N, 3), one from each of `count` equal stretches of the file.
+    """Return at most `count` rows of points (N, 3), one from each of `count` equal intervals.
 
-    A stratified draw: the rows keep the file's spread at any file order.
+    A stratified sample: it keeps the file's spread at any file order.
     """
     total = len(points)
     if total <= count:

@@ -1,4 +1,4 @@
-"""Sums of a cloud by cubes of one size, and the points in some of them, each by one pass."""
+"""Moments of a cloud by voxels, and the points within some of them, each in one pass."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from ..vectors import Array, Rows
 from .moments import SUMS, sums_by
-from .selection import COMPILED_ROWS, HALF, MIX, machine_for
-from .threads import over_blocks
+from .selection import COMPILED_ROWS, HALF, MIX, kernels_for
+from .threads import over_chunks
 
 VOXEL_BITS = 21
 _WIDE = 64
@@ -18,10 +18,10 @@ _WIDE = 64
 
 @dataclass(frozen=True)
 class VoxelGrid:
-    """Sums of a cloud by cubes of one edge: those that hold points, in the order of their keys.
+    """Moments of a cloud in the C voxels that hold points, in the order of their keys.
 
-    low_m: (3,) the corner of cube 0, 0, 0. key: (C,) of `cube_key`. sums: (C, 10) about the middle
-    of each cube.
+    low_m: (3,) corner of voxel 0, 0, 0. key: (C,) of `voxel_key`. sums: (C, 10) about the centre of
+    each voxel.
     """
 
     low_m: Array
@@ -30,8 +30,8 @@ class VoxelGrid:
     sums: Array
 
     @cached_property
-    def place(self) -> Rows:
-        """Column, row and level (C, 3) of each cube."""
+    def index(self) -> Rows:
+        """Column, row and level (C, 3) of each voxel."""
         mask = (1 << VOXEL_BITS) - 1
         return np.stack(
             [self.key >> (2 * VOXEL_BITS), self.key >> VOXEL_BITS & mask, self.key & mask], 1
@@ -39,59 +39,59 @@ class VoxelGrid:
 
     @cached_property
     def middle_m(self) -> Array:
-        """Middle (C, 3) of each cube."""
-        return self.low_m + (self.place + 0.5) * self.edge_m
+        """Centre (C, 3) of each voxel."""
+        return self.low_m + (self.index + 0.5) * self.edge_m
 
     def between(self, low_m: float, high_m: float) -> tuple[int, int]:
-        """Rows start, stop of all cubes whose x may lie between; they are in the order of x."""
+        """Return rows start, stop of all voxels whose x may lie between; rows are in order of x."""
         column = (np.array([low_m, high_m + self.edge_m]) - self.low_m[0]) / self.edge_m
-        wanted = np.clip(np.floor(column), 0.0, 1 << VOXEL_BITS).astype(np.int64)
-        start, stop = np.searchsorted(self.key, wanted << (2 * VOXEL_BITS))
+        columns = np.clip(np.floor(column), 0.0, 1 << VOXEL_BITS).astype(np.int64)
+        start, stop = np.searchsorted(self.key, columns << (2 * VOXEL_BITS))
         return int(start), int(stop)
 
 
 def lowest(points_m: Array) -> Array:
-    """The least coordinates (3,) of points_m (N, 3)."""
+    """Return the least coordinates (3,) of points_m (N, 3)."""
 
-    def of(block: slice) -> Array:
-        part = points_m[block]
+    def of(chunk: slice) -> Array:
+        part = points_m[chunk]
         wide = len(part) // _WIDE * _WIDE
         low = part[wide:].min(axis=0, initial=np.inf)
-        if wide:  # rows side by side, which is quicker than three columns
+        if wide:  # wide rows reduce faster than three columns
             side_by_side = part[:wide].reshape(-1, 3 * _WIDE).min(axis=0).reshape(-1, 3)
             low = np.minimum(low, side_by_side.min(axis=0))
         return np.asarray(low)
 
-    return np.asarray(np.min(over_blocks(of, len(points_m)), axis=0))
+    return np.asarray(np.min(over_chunks(of, len(points_m)), axis=0))
 
 
-def voxel_key(place: Rows) -> Rows:
-    """One number (N,) for the cube at place (N, 3)."""
-    return np.asarray(place[:, 0] << (2 * VOXEL_BITS) | place[:, 1] << VOXEL_BITS | place[:, 2])
+def voxel_key(index: Rows) -> Rows:
+    """Return one number (N,) for each voxel index (N, 3)."""
+    return np.asarray(index[:, 0] << (2 * VOXEL_BITS) | index[:, 1] << VOXEL_BITS | index[:, 2])
 
 
 def voxel_moments(points_m: Array, low_m: Array, edge_m: float) -> VoxelGrid:
-    """Sums of points_m (N, 3), all above low_m, over the cubes of edge_m that hold any."""
-    machine = machine_for(len(points_m), COMPILED_ROWS)
-    share = -(-len(points_m) // 2) if machine is not None else len(points_m)
+    """Return the moments of points_m (N, 3), all above low_m, by voxels of edge_m."""
+    kernels = kernels_for(len(points_m), COMPILED_ROWS)
+    share = -(-len(points_m) // 2) if kernels is not None else len(points_m)
 
-    def add(block: slice) -> tuple[Rows, Array]:
-        part = points_m[block]
-        if machine is None:
-            place = ((part - low_m) * (1.0 / edge_m)).astype(np.int64)
-            local = (part - low_m) - (place + 0.5) * edge_m
-            keys, group = np.unique(voxel_key(place), return_inverse=True)
+    def add(chunk: slice) -> tuple[Rows, Array]:
+        part = points_m[chunk]
+        if kernels is None:
+            index = ((part - low_m) * (1.0 / edge_m)).astype(np.int64)
+            local = (part - low_m) - (index + 0.5) * edge_m
+            keys, group = np.unique(voxel_key(index), return_inverse=True)
             return keys, sums_by(group, local, len(keys))
         capacity = 1 << int(np.clip((len(part) // 16).bit_length(), 14, 21))
         while True:
             table, sums = np.full(capacity, -1, np.int64), np.zeros((capacity, SUMS))
-            if machine.voxel_moments(part, low_m, edge_m, table, sums) >= 0:
+            if kernels.voxel_moments(part, low_m, edge_m, table, sums) >= 0:
                 break
             capacity *= 4
         used = np.nonzero(table >= 0)[0]
         return table[used], sums[used]
 
-    parts = over_blocks(add, len(points_m), max(share, 1))
+    parts = over_chunks(add, len(points_m), max(share, 1))
     keys, group = np.unique(np.concatenate([p[0] for p in parts]), return_inverse=True)
     total = np.zeros((len(keys), SUMS))
     start = 0
@@ -102,26 +102,26 @@ def voxel_moments(points_m: Array, low_m: Array, edge_m: float) -> VoxelGrid:
 
 
 def within_voxels(points_m: Array, voxels: VoxelGrid, keys: Rows) -> Rows:
-    """Rows of points_m (N, 3) that lie in the cubes of these keys (K,)."""
-    machine = machine_for(len(points_m), COMPILED_ROWS)
+    """Return the rows of points_m (N, 3) within the voxels of these keys (K,)."""
+    kernels = kernels_for(len(points_m), COMPILED_ROWS)
     keys = np.unique(keys)
-    table = _hash_table(keys) if machine is not None else keys
+    table = _hash_table(keys) if kernels is not None else keys
 
-    def find(block: slice) -> Rows:
-        part = points_m[block]
-        if machine is not None:
+    def find(chunk: slice) -> Rows:
+        part = points_m[chunk]
+        if kernels is not None:
             marked = np.empty(len(part), np.bool_)
-            machine.in_voxels(part, voxels.low_m, voxels.edge_m, keys, table, marked)
-            return np.asarray(np.nonzero(marked)[0] + block.start)
-        place = ((part - voxels.low_m) * (1.0 / voxels.edge_m)).astype(np.int64)
-        return np.asarray(np.nonzero(np.isin(voxel_key(place), keys))[0] + block.start)
+            kernels.in_voxels(part, voxels.low_m, voxels.edge_m, table, marked)
+            return np.asarray(np.nonzero(marked)[0] + chunk.start)
+        index = ((part - voxels.low_m) * (1.0 / voxels.edge_m)).astype(np.int64)
+        return np.asarray(np.nonzero(np.isin(voxel_key(index), keys))[0] + chunk.start)
 
-    found = over_blocks(find, len(points_m))
+    found = over_chunks(find, len(points_m))
     return np.concatenate(found) if found else np.zeros(0, np.int64)
 
 
 def _hash_table(keys: Rows) -> Rows:
-    """The keys in a table of open addresses, as compiled.in_cubes looks them up."""
+    """Return the keys in a hash table with linear probing, as compiled.in_voxels reads it."""
     capacity = 1 << max(4, int(2 * len(keys)).bit_length())
     table = np.full(capacity, -1, np.int64)
     slots = (keys.astype(np.uint64) * MIX[0] >> HALF).astype(np.int64) & (capacity - 1)

@@ -51,7 +51,7 @@ def find_surfels(voxels: VoxelGrid, thickness_m: float) -> Surfels:
     flat &= spread[:, 0] < 0.5 * spread[:, 1]
     row, centroid, normal = row[flat], centroid[flat], normal[flat]
     centroid = centroid + voxels.middle_m[row]
-    pairs = _neighbours(voxels.place[row])
+    pairs = _neighbours(voxels.index[row])
     one, other = pairs.T
     dof = voxels.sums[row, 0] - 3.0
     sigma = spread[flat, 0] * np.sqrt((dof + 3.0) / dof)

@@ -69,7 +69,7 @@ MODES: dict[str, dict[str, float]] = {
 class Scores:
     """Errors and standard uncertainties (M, K) of K values of a kind in M vehicles.
 
-    freedom: (M, K) degrees of freedom of the uncertainty, inf where it is known.
+    dof: (M, K) degrees of freedom of the uncertainty, inf where it is known.
     """
 
     error: np.ndarray
@@ -199,7 +199,7 @@ def centres(measurement: Measurement, truth: dict) -> dict[str, Scores]:
         whiten = np.linalg.inv(np.linalg.cholesky(axes @ fitted.centre_covariance_m2 @ axes.T))
         along.append(_components(error, parts))
         white.append(_components(whiten @ error, [(whiten @ c @ whiten.T, f) for c, f in parts]))
-    table = np.array(along).transpose(1, 2, 0)  # error, u, freedom; way; wheel
+    table = np.array(along).transpose(1, 2, 0)  # error, u, dof; way; wheel
     whitened = np.array(white).transpose(1, 0, 2).reshape(3, -1)
     ways = ("centre left", "centre forward", "centre up")
     return {

@@ -1,4 +1,4 @@
-"""The few points that stand for a cloud: scanned ones, scattered, the same every time."""
+"""The preview of a cloud: its own points, scattered over it, reproducible."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_the_same_points_every_time_and_from_all_over():
     points = cloud(200_000)
     one, other = cloud_sample(points), cloud_sample(points.copy())
     np.testing.assert_array_equal(one.offsets_m, other.offsets_m)
-    # the mean of n uniform places is off by width/sqrt(12 n)
+    # the mean of n uniform positions is off by width/sqrt(12 n)
     width = np.array([9.0, 8.0, 2.0])
     off = np.abs(one.points_m.mean(axis=0) - points.mean(axis=0))
     assert (off < 5.0 * width / np.sqrt(12 * len(one.points_m))).all()

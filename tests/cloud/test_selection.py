@@ -1,4 +1,4 @@
-"""The passes over all points: both twins, any number of threads, any order of the points."""
+"""Passes over all points: kernels and fallback, any number of threads, any order of points."""
 
 from __future__ import annotations
 
@@ -6,17 +6,14 @@ import numpy as np
 import pytest
 
 from tests.support.scenes import rotation
-from wheelplane.cloud import moments as slab_sums
-from wheelplane.cloud import selection as passes
-from wheelplane.cloud import threads as blocks
-from wheelplane.cloud import voxel_grid as voxels
+from wheelplane.cloud import moments, selection, threads, voxel_grid
 from wheelplane.cloud.moments import slab_moments, sums_by
 from wheelplane.cloud.selection import Slab, coordinate_hash, sample, surroundings
 from wheelplane.cloud.voxel_grid import lowest, voxel_key, voxel_moments, within_voxels
 
 CENTRE = np.array([10.2, -4.1, 2.3])
 NORMAL = np.array([2.0, -1.0, 2.0]) / 3.0
-COUNT = 3 * blocks.BLOCK_ROWS + 17
+COUNT = 3 * threads.ROWS_PER_CHUNK + 17
 EPS = np.finfo(float).eps
 
 
@@ -37,17 +34,17 @@ def cloud():
 
 
 @pytest.fixture(params=["numpy", "compiled"])
-def twin(request, monkeypatch):
-    """Both ways, whatever the number of points."""
+def backend(request, monkeypatch):
+    """Both backends, whatever the number of points."""
     compile_from(monkeypatch, 0 if request.param == "compiled" else 10**12)
     return request.param
 
 
 def compile_from(monkeypatch, rows):
     for module, name in (
-        (passes, "COMPILED_ROWS"),
-        (voxels, "COMPILED_ROWS"),
-        (slab_sums, "COMPILED_FACE_ROWS"),
+        (selection, "COMPILED_ROWS"),
+        (voxel_grid, "COMPILED_ROWS"),
+        (moments, "COMPILED_FACE_ROWS"),
     ):
         monkeypatch.setattr(module, name, rows)
 
@@ -62,7 +59,7 @@ def face_basis():
 
 
 def everything(cloud):
-    """What all passes say of a cloud."""
+    """Return the results of all passes over a cloud."""
     near = surroundings(cloud, CENTRE, NORMAL, Slab(0.4, 0.05), Slab(0.4, 0.3, 1.0, 0.6), 0.3)
     inner = slab_moments(
         near.face_m,
@@ -78,7 +75,7 @@ def everything(cloud):
             held.sums, rows]  # fmt: skip
 
 
-def test_threads_change_no_bit(cloud, twin, monkeypatch):
+def test_threads_change_no_bit(cloud, backend, monkeypatch):
     monkeypatch.setenv("WHEELPLANE_THREADS", "1")
     one = everything(cloud)
     for count in ("2", "3"):
@@ -87,7 +84,7 @@ def test_threads_change_no_bit(cloud, twin, monkeypatch):
             np.testing.assert_array_equal(a, b)
 
 
-def test_twins_agree(cloud, monkeypatch):
+def test_kernels_and_fallback_agree(cloud, monkeypatch):
     answers = []
     for rows in (0, 10**12):
         compile_from(monkeypatch, rows)
@@ -103,7 +100,7 @@ def test_twins_agree(cloud, monkeypatch):
     assert len(plain[4]) > 10
 
 
-def test_order_of_the_points_does_not_matter(cloud, twin):
+def test_order_of_the_points_does_not_matter(cloud, backend):
     shuffled = np.random.default_rng(2).permutation(cloud)
     np.testing.assert_array_equal(sample(cloud, 5000), sample(shuffled, 5000))
     before, after = everything(cloud), everything(shuffled)
@@ -115,7 +112,7 @@ def test_order_of_the_points_does_not_matter(cloud, twin):
         np.testing.assert_allclose(after[k], before[k], atol=1e4 * EPS * np.abs(before[k]).max())
 
 
-def test_sample_is_a_fair_share(cloud, twin):
+def test_sample_is_a_fair_share(cloud, backend):
     drawn = sample(cloud, 20_000)
     assert abs(len(drawn) - 20_000) < 5 * np.sqrt(20_000)
     rows = {tuple(row) for row in cloud}
@@ -151,17 +148,17 @@ def test_rounding_hardly_ever_changes_the_sample(cloud):
     assert len(drawn & again) > 0.999 * len(drawn)
 
 
-def test_surroundings_are_what_one_line_says(cloud, twin):
+def test_surroundings_are_those_of_a_plain_mask(cloud, backend):
     offset = cloud - CENTRE
     depth = np.abs(offset @ NORMAL)
     aside = np.linalg.norm(np.cross(offset, NORMAL), axis=1)
     on_face = (aside < 0.4) & (depth < 0.05)
     around = (aside < np.minimum(0.4 + depth, 0.6)) & (depth < 0.3) & ~on_face
-    shine = np.arange(len(cloud), dtype=np.float32)
+    intensity = np.arange(len(cloud), dtype=np.float32)
     slabs = (Slab(0.4, 0.05), Slab(0.4, 0.3, 1.0, 0.6))
-    near = surroundings(cloud, CENTRE, NORMAL, *slabs, 1.0, shine)
+    near = surroundings(cloud, CENTRE, NORMAL, *slabs, 1.0, intensity)
     np.testing.assert_array_equal(near.face_m, offset[on_face])
-    np.testing.assert_array_equal(near.intensity, shine[on_face])
+    np.testing.assert_array_equal(near.intensity, intensity[on_face])
     np.testing.assert_array_equal(near.around_m, offset[around].astype(np.float32))
     some = surroundings(cloud, CENTRE, NORMAL, *slabs, 0.25)
     np.testing.assert_array_equal(some.face_m, offset[on_face])
@@ -170,7 +167,7 @@ def test_surroundings_are_what_one_line_says(cloud, twin):
     assert abs(len(some.around_m) - expected) < 5 * np.sqrt(expected)
 
 
-def test_slab_sums_are_what_a_few_lines_say(cloud, twin):
+def test_slab_moments_are_those_of_a_plain_mask(cloud, backend):
     near = surroundings(cloud, CENTRE, NORMAL, Slab(0.5, 0.05), Slab(0.5, 0.05), 0.0).face_m
     hole = np.array([[0.1, 0.0, 0.05]])
     held = slab_moments(near, face_basis(), 1e-4, (2e-3, 4e-3), (0.3, SIDES, hole), 7)
@@ -191,25 +188,25 @@ def test_slab_sums_are_what_a_few_lines_say(cloud, twin):
     assert both[:, 0].sum() == len(sure) + len(held.edge)
 
 
-def test_cubes_hold_every_point_once(cloud, twin):
+def test_voxels_hold_every_point_once(cloud, backend):
     held = voxel_moments(cloud, lowest(cloud) - 0.01, 0.11)
     assert np.all(np.diff(held.key) > 0)
     assert held.sums[:, 0].sum() == len(cloud)
-    place = np.floor((cloud - held.low_m) / 0.11).astype(int)
-    here = np.nonzero((place == held.place[200]).all(axis=1))[0]
+    index = np.floor((cloud - held.low_m) / 0.11).astype(int)
+    here = np.nonzero((index == held.index[200]).all(axis=1))[0]
     local = cloud[here] - held.middle_m[200]
     np.testing.assert_allclose(
         held.sums[200], sums_by(np.zeros(len(here), int), local, 1)[0], atol=1e4 * EPS
     )
     np.testing.assert_array_equal(within_voxels(cloud, held, held.key[200:201]), here)
-    np.testing.assert_array_equal(voxel_key(held.place), held.key)
+    np.testing.assert_array_equal(voxel_key(held.index), held.key)
     start, stop = held.between(CENTRE[0] - 0.2, CENTRE[0] + 0.2)
     inside = np.abs(held.middle_m[:, 0] - CENTRE[0]) < 0.2
     assert set(np.nonzero(inside)[0]) <= set(range(start, stop)) < set(range(len(held.key)))
 
 
-def test_a_full_table_grows(twin):
-    points = np.random.default_rng(1).uniform(0, 100, (40_000, 3))  # nearly a cube each
+def test_a_full_table_grows(backend):
+    points = np.random.default_rng(1).uniform(0, 100, (40_000, 3))  # nearly a voxel each
     held = voxel_moments(points, np.full(3, -1.0), 0.2)
     assert len(held.key) > 39_000
     assert held.sums[:, 0].sum() == len(points)
