@@ -1,1 +1,1 @@
-"""Results as people and programs read them."""
+"""Reports of a measurement: text, JSON, HTML, PDF and plots."""

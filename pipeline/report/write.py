@@ -43,21 +43,21 @@ def write_reports(
     measurement: Measurement,
     folder: Path,
     conformity: Conformity | None = None,
-    dress: ReportOptions | None = None,
+    options: ReportOptions | None = None,
     wanted: ReportFiles = EVERYDAY,
 ) -> list[Path]:
-    """measurement.json and what is wanted beside it, into `folder`."""
-    dress = dress or ReportOptions(load_translations("en"), PAPER)
-    view = dress.view
+    """Write measurement.json, report.txt, budget.svg and the wanted reports to `folder`."""
+    options = options or ReportOptions(load_translations("en"), PAPER)
+    view = options.view
     files = {
         "measurement.json": to_json(measurement, conformity, view.axis).encode(),
         "report.txt": detailed_report(measurement, conformity, view).encode(),
         "budget.svg": budget_svg(measurement, view.axis).encode(),
     }
     if wanted.html:
-        files["report.html"] = html_bytes(measurement, conformity, dress)
+        files["report.html"] = html_bytes(measurement, conformity, options)
     if wanted.pdf:
-        files["report.pdf"] = pdf_bytes(measurement, conformity, dress)
+        files["report.pdf"] = pdf_bytes(measurement, conformity, options)
     for result in measurement.wheels if wanted.pictures else ():
         png = face_png(result, measurement.frame)
         if png is not None:
@@ -66,26 +66,28 @@ def write_reports(
 
 
 def html_bytes(
-    measurement: Measurement, conformity: Conformity | None, dress: ReportOptions
+    measurement: Measurement, conformity: Conformity | None, options: ReportOptions
 ) -> bytes:
-    """The page."""
-    return html_report(measurement, conformity, dress).encode()
+    """Return the HTML report."""
+    return html_report(measurement, conformity, options).encode()
 
 
 def pdf_bytes(
-    measurement: Measurement, conformity: Conformity | None, dress: ReportOptions
+    measurement: Measurement, conformity: Conformity | None, options: ReportOptions
 ) -> bytes:
-    """The same, printed. Raises MissingDependencyError."""
-    page = html_report(measurement, conformity, dress, still=True)
+    """Return the PDF report. Raises MissingDependencyError."""
+    page = html_report(measurement, conformity, options, still=True)
     return pdf_report(page, hashlib.sha256(page.encode()).hexdigest()[:32])
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
-    """Name and content of each, into `folder`, which is made where it is not there."""
+    """Write files, content by name, to `folder`; create the folder where it is missing."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror}): name another") from error
+        raise InputError(
+            f"{folder}: cannot be created ({error.strerror}): give another folder"
+        ) from error
     return [write_whole(folder / name, content) for name, content in files.items()]
 
 
@@ -104,7 +106,9 @@ def write_whole(path: Path, content: bytes) -> Path:
             Path(temporary).unlink(missing_ok=True)
             raise
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror}): name another") from error
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror}): give another path"
+        ) from error
     return path
 
 
@@ -115,13 +119,13 @@ def _umask() -> int:
 
 
 def validation_report(found: Comparison | ComparisonStudy) -> str:
-    """The text, of one capture or of many; printable whatever a path holds."""
+    """Return the text report of one capture or of many; printable whatever bytes a path holds."""
     text = validation_text(found) if isinstance(found, Comparison) else survey_text(found)
     return text.encode(errors="backslashreplace").decode()
 
 
 def write_validation(found: Comparison | ComparisonStudy, folder: Path) -> list[Path]:
-    """Each file whole or not at all."""
+    """Write validation.json, validation.txt and the plots to `folder`."""
     files = {"validation.json": validation_json(found), "validation.txt": validation_report(found)}
     if isinstance(found, Comparison):
         files["differences.svg"] = differences_drawing(found).svg
@@ -130,9 +134,4 @@ def write_validation(found: Comparison | ComparisonStudy, folder: Path) -> list[
         for one in found.agreements:
             files[f"bland-altman-{one.kind}.svg"] = bland_altman_drawing(one, *labels).svg
             files[f"line-{one.kind}.svg"] = line_drawing(one, *labels).svg
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror}): name another") from error
-    encoded = {n: text.encode(errors="backslashreplace") for n, text in files.items()}
-    return [write_whole(folder / name, content) for name, content in encoded.items()]
+    return write_files(folder, {n: t.encode(errors="backslashreplace") for n, t in files.items()})

@@ -1,4 +1,4 @@
-"""The four longitudinal axes as plain data: where each points, and what is counted from it."""
+"""The four longitudinal axes as plain data: directions and the quantities relative to them."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ ANGLE = {
 
 
 def axes_tree(measurement: Measurement) -> dict[str, Any]:
-    """By axis: its angle to the paper's (> 0 to the right), wheels and vehicle against it.
+    """Return for each axis its angle, > 0 to the right, and the quantities relative to it.
 
-    Degrees and metres. The elevation camber is the same against all: one differs from another by a
-    turn about up. What an axis makes zero by its definition is 0 with u 0; null: zero but for terms
-    of second order.
+    Degrees and metres; angles of axes from the rear-axle normal. The elevation camber is the same
+    for all axes. A quantity that is zero by definition of the axis is 0 with u 0; one that is zero
+    except for second-order terms is null.
     """
     found = stated(measurement)
     return {axis: _axis(measurement, axis, found) for axis in AXES}
@@ -31,11 +31,11 @@ def _axis(measurement: Measurement, axis: Axis, found: list[Stated]) -> dict[str
     frame = measurement.frame
     known = {(quantity.subject, quantity.kind): quantity for quantity in against(found, axis)}
     angle = next((q for q in found if q.name == ANGLE.get(axis)), None)
-    turn = angle.value if angle else 0.0
+    heading = angle.value if angle else 0.0
     names = [wheel.observation.name for wheel in measurement.wheels if wheel.angles is not None]
     return {
         "definition": DEFINED[axis],
-        "direction": (math.cos(turn) * frame.forward - math.sin(turn) * frame.left).tolist(),
+        "direction": (math.cos(heading) * frame.forward - math.sin(heading) * frame.left).tolist(),
         **pair("angle", angle, "rad"),
         "wheels": [
             {"name": name}
@@ -55,7 +55,7 @@ def _axis(measurement: Measurement, axis: Axis, found: list[Stated]) -> dict[str
 
 
 def pair(name: str, quantity: Stated | None, unit: Unit) -> dict[str, float]:
-    """`name_deg` and `u_name_deg`, or `_m`; zeros where there is no such quantity."""
+    """Return `name_deg` and `u_name_deg`, or `_m`; zeros where there is no such quantity."""
     value, u = (quantity.value, quantity.u) if quantity else (0.0, 0.0)
     scale, suffix = (math.degrees(1.0), "deg") if unit == "rad" else (1.0, "m")
     return {f"{name}_{suffix}": value * scale, f"u_{name}_{suffix}": u * scale}

@@ -9,9 +9,9 @@ from ...measurement import Conformity, Unit, Verdict
 
 
 def conformity_tree(conformity: Conformity | None) -> dict[str, Any]:
-    """`verdict` on the whole and `conformity`, one entry a quantity; both null without tolerance.
+    """Return the overall `verdict` and `conformity`, by quantity; null without tolerance.
 
-    Angles in degrees, lengths in metres, null where there is no limit or nothing can be said.
+    Angles in degrees, lengths in metres; null where there is no limit or no decision.
     """
     if conformity is None:
         return {"verdict": None, "conformity": None}
@@ -29,27 +29,27 @@ def conformity_tree(conformity: Conformity | None) -> dict[str, Any]:
 
 
 def tolerance_tree(conformity: Conformity | None) -> dict[str, Any]:
-    """What `provenance.config` says of the tolerance: what it holds, as in its file."""
+    """Return the tolerance for `provenance.config`, as in its file."""
     if conformity is None:
         return {}
     return {"tolerance": conformity.tolerance.model_dump(exclude_none=True)}
 
 
 def _verdict(verdict: Verdict) -> dict[str, Any]:
-    what, interval, unit = verdict.quantity, verdict.interval, verdict.quantity.unit
+    quantity, interval, unit = verdict.quantity, verdict.interval, verdict.quantity.unit
     suffix = "deg" if unit == "rad" else "m"
     limits = (None, None) if interval is None else (interval.lower, interval.upper)
     numbers = {
-        "value": what.value,
-        "u": what.u,
+        "value": quantity.value,
+        "u": quantity.u,
         "lower": limits[0],
         "upper": limits[1],
         "guard_band": verdict.guard_band,
     }
     return {
-        "quantity": what.name,
-        "name": what.subject,
-        "wheel": what.wheel,
+        "quantity": quantity.name,
+        "name": quantity.subject,
+        "wheel": quantity.wheel,
         "decision": verdict.decision,
         "reason": verdict.reason,
         **{f"{name}_{suffix}": _in_unit(value, unit) for name, value in numbers.items()},

@@ -25,27 +25,29 @@ SCHEMA = "wheelplane/measurement/1"
 def to_json(
     measurement: Measurement, conformity: Conformity | None = None, axis: Axis = "rear-axle"
 ) -> str:
-    """Text of measurement.json; the same measurement gives the same bytes."""
+    """Return the text of measurement.json; same measurement, same bytes."""
     tree = to_tree(measurement, conformity, axis)
     text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    return text.encode(errors="backslashreplace").decode()  # a path may hold bytes that are no text
+    return text.encode(
+        errors="backslashreplace"
+    ).decode()  # a path may hold bytes that are not valid text
 
 
 def to_tree(
     measurement: Measurement, conformity: Conformity | None = None, axis: Axis = "rear-axle"
 ) -> dict[str, Any]:
-    """The measurement as plain data: degrees, metres, null where unmeasured.
+    """Return the measurement as plain data: degrees, metres, null where unmeasured.
 
-    axis: the longitudinal axis that the text uses; `wheels` and `vehicle` keep the paper's.
+    axis: the longitudinal axis of the text report; `wheels` and `vehicle` use the rear-axle normal.
     """
     frame, vehicle = measurement.frame, measurement.vehicle
     u = measurement.uncertainty.vehicle_standard
-    made, english = measurement.provenance, load_translations("en")
+    provenance, english = measurement.provenance, load_translations("en")
     return {
         "schema": SCHEMA,
-        "capture": made.source,
-        "vehicle_name": made.vehicle,
-        "date": made.date,
+        "capture": provenance.source,
+        "vehicle_name": provenance.vehicle,
+        "date": provenance.date,
         "wheels": [_wheel(wheel) for wheel in measurement.wheels],
         "frame": {
             "origin_m": frame.origin_m.tolist(),
@@ -76,31 +78,31 @@ def to_tree(
         "monte_carlo": monte_carlo_tree(measurement),
         "notes": list(measurement.notes),
         "provenance": {
-            "version": made.version,
-            "inputs": made.inputs,
-            "config": made.config | tolerance_tree(conformity),
-            "seed": made.seed,
-            "naming": _naming(made.naming),
+            "version": provenance.version,
+            "inputs": provenance.inputs,
+            "config": provenance.config | tolerance_tree(conformity),
+            "seed": provenance.seed,
+            "naming": _naming(provenance.naming),
         },
     }
 
 
 def _naming(naming: Naming | None) -> dict[str, Any] | None:
-    """What told the wheels of one cloud apart; null where each has a scan of its own."""
+    """Return how the wheels of one cloud were named; null where each has its own scan."""
     return None if naming is None else {"front": naming.front, "up": naming.up}
 
 
 def _wheel(result: WheelResult) -> dict[str, Any]:
-    seen = result.observation
+    observation = result.observation
     angles = result.angles
-    fitted = seen.evidence.target if seen.evidence else None
-    plane = seen.evidence.plane if seen.evidence else None
+    fitted = observation.evidence.target if observation.evidence else None
+    plane = observation.evidence.plane if observation.evidence else None
     return {
-        "name": seen.name,
-        "role": seen.role,
+        "name": observation.name,
+        "role": observation.role,
         "wheel": result.wheel,
-        "status": seen.status,
-        "reason": seen.reason,
+        "status": observation.status,
+        "reason": observation.reason,
         "toe_deg": _degrees(angles.toe_rad if angles else None),
         "camber_deg": _degrees(angles.camber_rad if angles else None),
         "camber_iso_deg": _degrees(angles.camber_iso_rad if angles else None),
@@ -112,7 +114,7 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
         "offset_m": _offset(result, fitted),
         "u_centre_m": _largest_deviation(fitted) if fitted else None,
         "plane_rms_m": fitted.plane_rms_m if fitted else None,
-        "points_total": seen.points_total,
+        "points_total": observation.points_total,
         "points_on_target": fitted.points_on_target if fitted else None,
         "points_effective": plane.effective_count if plane else None,
         "noise_m": plane.sigma_m if plane else None,
@@ -120,8 +122,8 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
         "correlation_length_m": plane.correlated.length_m if plane else None,
         "u_plane_deg": _degrees(plane.tilt_rad if plane else None),
         "u_plane_if_independent_deg": _degrees(plane.tilt_if_independent_rad if plane else None),
-        "missing_returns": seen.invalid_points,
-        "file": seen.source,
+        "missing_returns": observation.invalid_points,
+        "file": observation.source,
         "centre_method": fitted.method if fitted else None,
         "centres": [_other(other) for other in fitted.others] if fitted else [],
         "marker_ids": list(fitted.marker_ids) if fitted else [],
@@ -129,7 +131,7 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
 
 
 def _other(other: OtherCentre) -> dict[str, Any]:
-    """One of several ways to a wheel's centre."""
+    """Return one of several estimates of a wheel's centre."""
     return {
         "method": other.method,
         "centre_m": other.centre_m.tolist(),
@@ -142,12 +144,12 @@ def _degrees(angle_rad: float | None) -> float | None:
 
 
 def _offset(result: WheelResult, fitted: TargetFit | None) -> float | None:
-    """Offset of the plane, normal . x + offset = 0, metres."""
+    """Return the offset of the plane, normal . x + offset = 0, metres."""
     if fitted is None or result.normal is None:
         return None
     return -float(result.normal @ fitted.centre_m)
 
 
 def _largest_deviation(fitted: TargetFit) -> float:
-    """Standard uncertainty of the centre along its least certain direction, metres."""
+    """Return the centre's standard uncertainty along its least certain direction, metres."""
     return float(np.sqrt(np.linalg.eigvalsh(fitted.centre_covariance_m2)[-1].clip(min=0.0)))

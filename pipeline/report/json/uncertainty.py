@@ -14,10 +14,10 @@ IN_REPORT = {"rad": (math.degrees(1.0), "deg"), "m": (1.0, "m")}
 
 
 def uncertainty_tree(measurement: Measurement) -> dict[str, Any]:
-    """`uncertainty`: one entry a quantity; `covariance`: of those that count from the paper's axis.
+    """Return `uncertainty`, one entry per quantity, and the `covariance` for the rear-axle normal.
 
-    Degrees and metres. Toe to another axis is toe less (left) or plus (right) the angle of that
-    axis, which the covariance holds as well.
+    Degrees and metres. Toe relative to another axis is toe minus (left) or plus (right) the angle
+    of that axis, which the covariance contains as well.
     """
     found = stated(measurement)
     rows = [i for i, quantity in enumerate(found) if quantity.axis in (None, "rear-axle")]
@@ -51,7 +51,7 @@ def _entry(quantity: Stated, components: tuple[str, ...]) -> dict[str, Any]:
 
 
 def monte_carlo_tree(measurement: Measurement) -> dict[str, Any] | None:
-    """The Monte Carlo check, null where none was asked for."""
+    """Return the Monte Carlo check; null where none was requested."""
     drawn = measurement.monte_carlo
     if drawn is None:
         return None
@@ -62,7 +62,7 @@ def monte_carlo_tree(measurement: Measurement) -> dict[str, Any] | None:
     entries = []
     for quantity, *numbers in rows:
         scale, unit = IN_REPORT[quantity.unit]
-        mean, u, low, high, apart = (float(number) * scale for number in numbers)
+        mean, u, low, high, difference = (float(number) * scale for number in numbers)
         entries.append(
             {
                 "quantity": quantity.name,
@@ -70,7 +70,7 @@ def monte_carlo_tree(measurement: Measurement) -> dict[str, Any] | None:
                 "mean": mean,
                 "u": u,
                 "interval_95": [low, high],
-                "apart": apart,
+                "apart": difference,
             }
         )
     return {
@@ -82,7 +82,7 @@ def monte_carlo_tree(measurement: Measurement) -> dict[str, Any] | None:
 
 
 def repeats_tree(measurement: Measurement) -> list[dict[str, Any]]:
-    """Pooled repeat scans; degrees."""
+    """Return the pooled repeat scans; degrees."""
     return [
         {
             "of": group.of,

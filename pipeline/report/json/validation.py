@@ -25,15 +25,17 @@ SCHEMA = "wheelplane/validation/1"
 
 
 def validation_json(found: Comparison | ComparisonStudy) -> str:
-    """Text of validation.json; the same comparison gives the same bytes."""
-    tree = comparison_tree(found) if isinstance(found, Comparison) else survey_tree(found)
+    """Return the text of validation.json; same comparison, same bytes."""
+    tree = comparison_tree(found) if isinstance(found, Comparison) else study_tree(found)
     tree = {"schema": SCHEMA, "version": __version__, **tree}
     text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    return text.encode(errors="backslashreplace").decode()  # a path may hold bytes that are no text
+    return text.encode(
+        errors="backslashreplace"
+    ).decode()  # a path may hold bytes that are not valid text
 
 
 def comparison_tree(found: Comparison) -> dict[str, Any]:
-    """Of one capture."""
+    """Return the comparison of one capture as plain data."""
     return {
         "capture": found.source,
         "vehicle_name": found.vehicle,
@@ -57,18 +59,18 @@ def comparison_tree(found: Comparison) -> dict[str, Any]:
     }
 
 
-def survey_tree(survey: ComparisonStudy) -> dict[str, Any]:
-    """Of many captures."""
-    whole, size = nees(survey.found), survey.to_detect_rad or SETTLED_RAD
+def study_tree(study: ComparisonStudy) -> dict[str, Any]:
+    """Return the comparison of many captures as plain data."""
+    whole, size = nees(study.found), study.to_detect_rad or SETTLED_RAD
     return {
-        "archive": survey.source,
-        "verdict": survey.verdict,
-        "see_deg": _deg(survey.to_detect_rad),
-        "bias_probability": survey.bias_probability,
-        "disagreeing": survey.disagreeing,
-        "compared": len(survey.found),
-        "chance_of_disagreeing": survey.chance_of_disagreeing,
-        "agreement": {one.kind: _agreement(one, size) for one in survey.agreements},
+        "archive": study.source,
+        "verdict": study.verdict,
+        "see_deg": _deg(study.to_detect_rad),
+        "bias_probability": study.bias_probability,
+        "disagreeing": study.disagreeing,
+        "compared": len(study.found),
+        "chance_of_disagreeing": study.chance_of_disagreeing,
+        "agreement": {one.kind: _agreement(one, size) for one in study.agreements},
         "scores": {
             score.kind: {
                 "count": score.count,
@@ -78,13 +80,13 @@ def survey_tree(survey: ComparisonStudy) -> dict[str, Any]:
                 "inside_95": score.inside / score.count,
                 "limits_of_inside": [score.low, score.high],
             }
-            for score in scores(survey.found)
+            for score in scores(study.found)
         },
         "nees": {"mean": whole.mean, "limits_95": [whole.low, whole.high], "values": whole.count},
         "captures": [
             {"name": row.name, "reason": row.reason or None}
             | ({} if row.found is None else comparison_tree(row.found))
-            for row in survey.rows
+            for row in study.rows
         ],
     }
 
@@ -173,7 +175,7 @@ def _limit(limit: Limit) -> dict[str, float | None]:
 
 
 def _deg(angle_rad: float | None) -> float | None:
-    """Degrees; null for no angle, and for one of no size."""
+    """Return degrees; null where the angle is missing or not finite."""
     if angle_rad is None or not math.isfinite(angle_rad):
         return None
     return math.degrees(float(angle_rad))

@@ -16,7 +16,7 @@ WIDTH, MOST_NAME = 61, 16
 def angles_text(
     measurement: Measurement, conformity: Conformity | None, words: Translations, view: View
 ) -> str:
-    """A line a wheel and angle: value, then U as a bar, [ and ] for limits, | for zero."""
+    """Return a line per wheel and angle: value, U as a bar, [ and ] for limits, | for zero."""
     found = against(stated(measurement), view.axis)
     names = names_shown(measurement)
     wide = max(len(cut(name, MOST_NAME)) for name in names)
@@ -42,11 +42,11 @@ def _line(quantity: Stated, verdict: Verdict | None, low: float, high: float) ->
 
     def put(value: float, mark: str) -> None:
         if math.isfinite(value):
-            line[_place(value, low, high)] = mark
+            line[_column(value, low, high)] = mark
 
     put(0.0, "|")
     ends = (quantity.value - quantity.expanded, quantity.value + quantity.expanded)
-    first, last = (_place(end, low, high) for end in ends)
+    first, last = (_column(end, low, high) for end in ends)
     line[first : last + 1] = "─" * (last + 1 - first)
     if verdict is not None and verdict.interval is not None:
         put(verdict.interval.lower, "[")
@@ -59,13 +59,13 @@ def _scale(low: float, high: float, step: float) -> str:
     line = [" "] * (WIDTH + 8)
     for tick in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1):
         text = tick_text(tick * step)
-        start = max(0, _place(tick * step, low, high) - len(text) // 2)
+        start = max(0, _column(tick * step, low, high) - len(text) // 2)
         if "".join(line[max(0, start - 1) : start + len(text)]).strip():
             continue
         line[start : start + len(text)] = text
     return "".join(line).rstrip()
 
 
-def _place(value: float, low: float, high: float) -> int:
+def _column(value: float, low: float, high: float) -> int:
     share = (min(max(value, low), high) - low) / (high - low)
     return round(share * (WIDTH - 1))

@@ -41,7 +41,7 @@ DECIDED = ("reference", "trial")
 def angles_drawing(
     measurement: Measurement, conformity: Conformity | None, words: Translations, axis: Axis
 ) -> Drawing:
-    """A row a wheel or trial, a panel an angle: value, expanded uncertainty, limits."""
+    """Draw a row per wheel or trial and a panel per angle: value, expanded uncertainty, limits."""
     names = names_shown(measurement)
     height = HEAD + ROW * len(names) + FOOT
     title = words("plot.angles_title")
@@ -59,9 +59,9 @@ def angles_drawing(
 
 
 def names_shown(measurement: Measurement) -> list[str]:
-    """The reference wheels and trials that were measured, no more than fit."""
+    """Return the names of the measured reference wheels and trials, at most MOST_ROWS."""
     measured = [w.observation for w in measurement.wheels if w.angles is not None]
-    return [seen.name for seen in measured if seen.role in DECIDED][:MOST_ROWS]
+    return [observation.name for observation in measured if observation.role in DECIDED][:MOST_ROWS]
 
 
 def _panel(
@@ -102,7 +102,7 @@ def _panel(
 
 
 def judged_by(conformity: Conformity | None, rows: Mapping[str, Stated]) -> dict[str, Verdict]:
-    """The verdict on the quantity of each wheel in `rows`, where it is limited."""
+    """Return the verdict on the quantity of each wheel in `rows` that has a tolerance."""
     verdicts = {(v.quantity.subject, v.quantity.name): v for v in
                 (conformity.verdicts if conformity else ())}  # fmt: skip
     names = {name: (name, quantity.name.split(".")[-1]) for name, quantity in rows.items()}
@@ -128,7 +128,7 @@ def _value(at: Callable[[float], float], quantity: Stated, y: float, colour: str
 
 
 def range_of(found: Sequence[Stated], verdicts: Sequence[Verdict]) -> tuple[float, float, float]:
-    """From where to where a panel reaches, and the step of its ticks, radians."""
+    """Return the range of a panel and the step of its ticks, radians."""
     ends = [0.0] + [q.value + s * q.expanded for q in found for s in (-1.0, 1.0)]
     intervals = [v.interval for v in verdicts if v.interval is not None]
     ends += [
@@ -142,7 +142,7 @@ def range_of(found: Sequence[Stated], verdicts: Sequence[Verdict]) -> tuple[floa
 
 
 def tick_text(angle_rad: float) -> str:
-    """A round angle as short as it can be: 0, +10', -1°30'."""
+    """Format a round angle as briefly as possible: 0, +10', -1°30'."""
     tenths = round(abs(math.degrees(angle_rad)) * 600)
     sign = "" if tenths == 0 else MINUS if angle_rad < 0 else "+"
     degrees, tenths = divmod(tenths, 600)

@@ -1,4 +1,4 @@
-"""The budget of uncertainty as stacked bars: a bar for each angle and length."""
+"""Uncertainty budget as stacked bars: a bar for each angle and length."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..format.language import Translations, load_translations
 from ..format.writer import size_text
 from .drawing import GRID, PALE, Drawing, Mark, Path, Text, cut, rectangle
 
-# Okabe and Ito's colours, which the colour-blind tell apart; in the order of first use.
+# Okabe and Ito's palette for the colour-blind, in the order of first use.
 COLOURS = {
     "plane noise": "#0072B2",
     "correlated noise": "#56B4E9",
@@ -34,14 +34,14 @@ COLUMNS, LEGEND = 4, 186.0
 
 
 def budget_svg(measurement: Measurement, axis: Axis = "rear-axle") -> str:
-    """SVG of all quantities against an axis, in English; same measurement, same bytes."""
+    """Return the SVG of all quantities relative to an axis, in English; deterministic."""
     return budget_drawing(measurement, load_translations("en"), axis).svg
 
 
 def budget_drawing(
     measurement: Measurement, words: Translations, axis: Axis = "rear-axle"
 ) -> Drawing:
-    """All quantities against an axis, without ISO camber."""
+    """Draw all quantities relative to an axis, without ISO camber."""
     found = [q for q in against(stated(measurement), axis) if q.kind != "camber_iso"]
     return bars_drawing(
         found, measurement.uncertainty.components, words, words("plot.budget_title")
@@ -49,7 +49,7 @@ def budget_drawing(
 
 
 def vehicle_budget(measurement: Measurement, words: Translations, axis: Axis) -> Drawing:
-    """The same of the reference wheels and the vehicle alone."""
+    """Draw the quantities of the reference wheels and the vehicle alone."""
     found = [q for q in against(stated(measurement), axis) if q.kind != "camber_iso"]
     found = [q for q in found if q.subject in (*REFERENCE_WHEELS, "vehicle")]
     return bars_drawing(
@@ -58,7 +58,7 @@ def vehicle_budget(measurement: Measurement, words: Translations, axis: Axis) ->
 
 
 def wheel_budget(measurement: Measurement, name: str, words: Translations, axis: Axis) -> Drawing:
-    """Toe and camber of one wheel."""
+    """Draw toe and camber of one wheel."""
     kinds = ("toe", "camber")
     found = [q for q in against(stated(measurement), axis) if q.subject == name and q.kind in kinds]
     title = words("plot.budget_of", name=cut(name, 40))
@@ -72,7 +72,7 @@ def bars_drawing(
     title: str,
     alone: bool = False,
 ) -> Drawing:
-    """A bar a quantity; alone: they are of one wheel, which the title names."""
+    """Draw one bar per quantity; alone: all are of one wheel, which the title names."""
     legend_rows = math.ceil(len(components) / COLUMNS)
     top = HEAD + 20 * legend_rows + 14
     foot = top + ROW * len(found)

@@ -22,12 +22,12 @@ from .top_view import top_drawing
 def plot_files(
     measurement: Measurement, conformity: Conformity | None, words: Translations, view: View
 ) -> dict[str, bytes]:
-    """Name and content of each file; same measurement, same bytes."""
+    """Return name and content of each file; same measurement, same bytes."""
     files = {"angles.txt": angles_text(measurement, conformity, words, view).encode()}
     for stem, drawing in _drawings(measurement, conformity, words, view):
-        called = file_name(stem, "svg", files)
-        files[called] = drawing.svg.encode()
-        files[called.removesuffix("svg") + "png"] = drawing_png(drawing)
+        name = file_name(stem, "svg", files)
+        files[name] = drawing.svg.encode()
+        files[name.removesuffix("svg") + "png"] = drawing_png(drawing)
     return files
 
 
@@ -48,7 +48,7 @@ def _drawings(
 
 
 def file_name(stem: str, suffix: str, taken: Iterable[str]) -> str:
-    """A file name that every system takes, and that none of `taken` has."""
+    """Return a portable file name that differs from all in `taken`."""
     plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in stem)[:47]
     while f"{plain}.{suffix}".casefold() in (other.casefold() for other in taken):
         plain += "_"

@@ -14,14 +14,14 @@ from .drawing import Dots, Drawing, Mark, Path, Text, arrow
 
 WIDTH, HEIGHT, MARGIN = 760.0, 430.0, 42.0
 MOST_DOTS = 4_000
-AZIMUTH, ELEVATION = math.radians(38.0), math.radians(27.0)  # seen from before, left, above
+AZIMUTH, ELEVATION = math.radians(38.0), math.radians(27.0)  # viewpoint: front left, above
 COLOURS = {"reference": "#0072B2", "trial": "#CC79A7", "bad": "#D55E00"}
 LINES = {"frame": "#444444", "axes": "#009E73", "kingpin": "#8a5a00"}
 NORMAL_M = 0.3
 
 
 def frame_drawing(scene: dict[str, Any], words: Translations) -> Drawing:
-    """The scene by parallel projection."""
+    """Draw the scene by parallel projection."""
     project = _fitted(scene)
     cloud = _points(scene["cloud"])
     marks: list[Mark] = [Dots(project(cloud), 1.1, "#9a9a9a")] if len(cloud) else []
@@ -41,7 +41,7 @@ def frame_drawing(scene: dict[str, Any], words: Translations) -> Drawing:
 
 
 def _wheel(wheel: dict[str, Any], project: Any) -> list[Mark]:
-    """Its plate, its normal, and for a reference wheel its name."""
+    """Draw a target, its normal, and the name of a reference wheel."""
     colour = COLOURS[wheel["colour_class"]]
     outer, *holes = (project(np.array(edge)) for edge in wheel["outline"])
     reference = wheel["role"] == "reference"
@@ -60,7 +60,7 @@ def _wheel(wheel: dict[str, Any], project: Any) -> list[Mark]:
 
 
 def _fitted(scene: dict[str, Any]) -> Any:
-    """A projection (N, 3) to (N, 2) that shows wheels and lines whole."""
+    """Return a projection (N, 3) to (N, 2) in which all wheels and lines fit."""
     right = np.array([-math.sin(AZIMUTH), math.cos(AZIMUTH), 0.0])
     back = np.array([math.cos(AZIMUTH), math.sin(AZIMUTH), 0.0])
     sine, cosine = math.sin(ELEVATION), math.cos(ELEVATION)
@@ -78,7 +78,7 @@ def _fitted(scene: dict[str, Any]) -> Any:
 
 
 def _points(cloud: dict[str, Any] | None) -> Array:
-    """About MOST_DOTS points (N, 3) of the scene's cloud, of those near the wheels' height."""
+    """Return about MOST_DOTS points (N, 3) of the scene's cloud."""
     if cloud is None:
         return np.zeros((0, 3))
     grid = np.frombuffer(base64.b64decode(cloud["positions"]), "<i2").reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""What the signs mean, drawn: toe and thrust angle from above, camber from behind."""
+"""Sign convention: sketches of toe and thrust angle from above, camber from behind."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ DRAWN_RAD = math.radians(14.0)
 
 
 def signs_drawing(words: Translations) -> Drawing:
-    """Three sketches of what is positive."""
+    """Draw three sketches with the positive sense of each angle."""
     title = words("plot.signs_title")
     marks: list[Mark] = []
     for index, name in enumerate(("toe", "camber", "thrust")):
@@ -26,16 +26,16 @@ def signs_drawing(words: Translations) -> Drawing:
     return Drawing(WIDTH, HEIGHT, title, [*marks, *_toe(words), *_camber(words), *_thrust(words)])
 
 
-def _plate(x: float, y: float, turn_rad: float, half: tuple[float, float]) -> list[Mark]:
-    """A wheel turned clockwise, with the straight line it is turned from."""
-    way = np.array([math.sin(turn_rad), -math.cos(turn_rad)])
+def _tyre(x: float, y: float, angle_rad: float, half: tuple[float, float]) -> list[Mark]:
+    """Draw a wheel rotated clockwise, and the straight line from which its angle is measured."""
+    way = np.array([math.sin(angle_rad), -math.cos(angle_rad)])
     aside = np.array([way[1], -way[0]])
     middle = np.array([x, y])
     corners = [middle + a * half[0] * way + b * half[1] * aside
                for a, b in ((1, -1), (1, 1), (-1, 1), (-1, -1))]  # fmt: skip
     reach = half[0] + 26.0
     arc = [middle + reach * np.array([math.sin(t), -math.cos(t)])
-           for t in np.linspace(0.0, turn_rad, 9)]  # fmt: skip
+           for t in np.linspace(0.0, angle_rad, 9)]  # fmt: skip
     return [
         Path(corners, EDGE, 1.4, TYRE, closed=True),
         Path([middle, middle - (0, reach + 8)], PALE, 1.0, dash=(4.0, 3.0)),
@@ -48,9 +48,7 @@ def _plate(x: float, y: float, turn_rad: float, half: tuple[float, float]) -> li
 def _toe(words: Translations) -> list[Mark]:
     x, y = WIDTH / 6, 145.0
     marks: list[Mark] = [Path([(x - 62, y), (x + 62, y)], EDGE, 2.0)]
-    marks += _plate(x - 62, y, DRAWN_RAD, (38.0, 11.0)) + _plate(
-        x + 62, y, -DRAWN_RAD, (38.0, 11.0)
-    )
+    marks += _tyre(x - 62, y, DRAWN_RAD, (38.0, 11.0)) + _tyre(x + 62, y, -DRAWN_RAD, (38.0, 11.0))
     marks += [
         *arrow((x, y - 14), (x, y - 56), PALE, 1.2),
         Text(x, y - 62, words("scene.forward"), 11, "middle", colour=PALE),
@@ -66,9 +64,7 @@ def _camber(words: Translations) -> list[Mark]:
         Path([(x - 110, y + 44), (x + 110, y + 44)], PALE, 1.4),
         Path([(x - 58, y), (x + 58, y)], EDGE, 2.0),
     ]
-    marks += _plate(x - 58, y, -DRAWN_RAD, (42.0, 12.0)) + _plate(
-        x + 58, y, DRAWN_RAD, (42.0, 12.0)
-    )
+    marks += _tyre(x - 58, y, -DRAWN_RAD, (42.0, 12.0)) + _tyre(x + 58, y, DRAWN_RAD, (42.0, 12.0))
     marks += [
         Text(x - 58, y + 62, words("vehicle.left"), 12, "middle"),
         Text(x + 58, y + 62, words("vehicle.right"), 12, "middle"),

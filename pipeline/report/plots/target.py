@@ -43,7 +43,7 @@ def target_drawing(name: str, target: Target) -> Drawing:
 
 
 def _face(target: Target, half: Array, at: ToPage) -> Iterator[Mark]:
-    """Outer edge and holes."""
+    """Draw the outer edge and the holes."""
     corners = target.edge.corners_m * 1e3
     if len(corners) == 0:
         yield Circle(*at(0.0, 0.0), float(half[0]), FACE, INK, THICK)
@@ -54,7 +54,7 @@ def _face(target: Target, half: Array, at: ToPage) -> Iterator[Mark]:
 
 
 def _print(target: PatternTarget, at: ToPage) -> Iterator[Mark]:
-    """Circles, dark squares of a checkerboard, or dark modules of markers."""
+    """Draw circles, dark squares of a checkerboard, or dark modules of markers."""
     size, angle = target.feature_size_m, np.radians(target.turn_deg)
     if target.kind == "circles":
         for u, v in (target.places_m * 1e3).tolist():
@@ -78,7 +78,7 @@ def _print(target: PatternTarget, at: ToPage) -> Iterator[Mark]:
 def _squares(
     origin_m: Array, local_m: Array, side_m: float, angle_rad: float, at: ToPage
 ) -> Iterator[Mark]:
-    """Dark squares centred at local_m (N, 2), which are rotated about the origin."""
+    """Draw dark squares centred at local_m (N, 2), rotated about the origin."""
     half = 0.5 * side_m * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]])
     for centre in local_m:
         corners_m = origin_m + turned(centre + half, angle_rad)
@@ -86,26 +86,26 @@ def _squares(
 
 
 def _axes(half: Array, at: ToPage) -> Iterator[Mark]:
-    """The centre and the axes u and v, with white halos for dark prints."""
+    """Draw the centre and the axes u and v, with white halos for dark prints."""
     reach = 0.32 * float(half.min())
     ends = (reach, 0.0), (0.0, reach)
     for colour, width, opacity in (("#ffffff", 2.4, 0.8), (AXIS, THICK, 1.0)):
         for line in (line for end in ends for line in _arrow(end, 3.0, 1.5)):
             yield Path([at(*point) for point in line], colour, width, opacity=opacity)
         yield Circle(*at(0.0, 0.0), 3.0, stroke=colour, width=width, opacity=opacity)
-    for name, place in (("u", at(reach + 5.0, -2.5)), ("v", at(0.0, reach + 3.0))):
-        yield Text(*place, name, LETTERS, "middle", colour=AXIS, halo=2.0)
+    for name, position in (("u", at(reach + 5.0, -2.5)), ("v", at(0.0, reach + 3.0))):
+        yield Text(*position, name, LETTERS, "middle", colour=AXIS, halo=2.0)
 
 
 def _arrow(end: Point, length: float, half_width: float) -> list[Array]:
-    """Shaft from the origin and open head (length, half width) of an arrow along an axis."""
+    """Return shaft and open head (length, half width) of an arrow from the origin along an axis."""
     tip = np.array(end)
     back, aside = -length * np.sign(tip), half_width * np.sign(tip[::-1])
     return [np.array([(0.0, 0.0), tip]), tip + np.array([back + aside, (0.0, 0.0), back - aside])]
 
 
 def _sizes(target: Target, half: Array, at: ToPage) -> Iterator[Mark]:
-    """Dimension lines beside the target, and the remaining sizes below it."""
+    """Draw dimension lines beside the target, and state the remaining sizes below it."""
     a, b = half.tolist()
     is_round = not target.edge.shows_rotation
     yield from _dimension((0.0, -b - 12.0), (a, 0.0), at)
@@ -113,20 +113,20 @@ def _sizes(target: Target, half: Array, at: ToPage) -> Iterator[Mark]:
     if not is_round:
         yield from _dimension((-a - 12.0, 0.0), (0.0, b), at)
         yield _text(at(-a - 16.0, 0.0), f"{2 * b:g} mm", SIZE, turn_deg=-90.0)
-    thickness = "not known" if target.thickness is None else f"{target.thickness * 1e3:g} mm"
+    thickness = "not stated" if target.thickness is None else f"{target.thickness * 1e3:g} mm"
     yield _text(at(0.0, -b - 30.0), ", ".join(_details(target)), INK)
     yield _text(at(0.0, -b - 40.0), f"thickness {thickness}", INK)
 
 
 def _dimension(middle: Point, half: Point, at: ToPage) -> Iterator[Mark]:
-    """A line from middle - half to middle + half, u and v, with an open arrowhead at either end."""
+    """Draw a line from middle - half to middle + half (u, v) with open arrowheads."""
     for end in (half, (-half[0], -half[1])):
         for line in _arrow(end, 3.5, 1.2):
             yield Path([at(*point) for point in line + middle], SIZE, THIN)
 
 
 def _details(target: Target) -> Iterator[str]:
-    """Sizes of holes and print."""
+    """Return the sizes of holes and print."""
     holes = target.region.holes_m * 1e3
     if len(holes):
         yield f"{len(holes)} hole{'s' * (len(holes) > 1)} ⌀ {2 * holes[0, 2]:g} mm"
@@ -140,5 +140,5 @@ def _details(target: Target) -> Iterator[str]:
         yield f"offset {target.offset[0] * 1e3:g}, {target.offset[1] * 1e3:g} mm"
 
 
-def _text(place: Point, text: str, colour: str, turn_deg: float = 0.0) -> Text:
-    return Text(*place, text, LETTERS, "middle", colour=colour, turn_deg=turn_deg)
+def _text(position: Point, text: str, colour: str, turn_deg: float = 0.0) -> Text:
+    return Text(*position, text, LETTERS, "middle", colour=colour, turn_deg=turn_deg)

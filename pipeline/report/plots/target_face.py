@@ -1,4 +1,4 @@
-"""A target's face as it was seen: residuals in colour, the fitted outline and centre over them."""
+"""Residual map of a target: residuals in colour, with the fitted outline and centre."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from .drawing_png import drawing_png
 
 FULL_SIGMAS = 3.0
 SHADES = 16  # from white to either full colour
-WHITE, BEHIND = 2 * SHADES + 1, 2 * SHADES + 2  # places in the palette
-COARSER = (1, 2, 3, 4, 6, 8, 12)  # cells a pixel
-MOST_CELLS = 40 * CELLS**2  # of all pictures of a report together
+WHITE, BEHIND = 2 * SHADES + 1, 2 * SHADES + 2  # indices into the palette
+COARSER = (1, 2, 3, 4, 6, 8, 12)  # cells per pixel
+MOST_CELLS = 40 * CELLS**2  # in all pictures of a report together
 SIDE, HEAD, FOOT, LEFT = 300.0, 44.0, 54.0, 30.0
 OUTLINE, BAR, BAR_HEIGHT = "#006400", 165.0, 15.0
 
 
 def face_png(result: WheelResult, frame: VehicleFrame) -> bytes | None:
-    """PNG of one wheel's target, or None where no scan was fitted."""
+    """Return the PNG of one wheel's target, or None where no scan was fitted."""
     drawing = face_drawing(result, frame, load_translations("en"))
     return None if drawing is None else drawing_png(drawing)
 
@@ -45,23 +45,23 @@ def face_png(result: WheelResult, frame: VehicleFrame) -> bytes | None:
 def face_drawing(
     result: WheelResult, frame: VehicleFrame, words: Translations, coarser: int = 1
 ) -> Drawing | None:
-    """The face as the scanner saw it, the vehicle's up upwards; None where no scan was fitted.
+    """Draw the target as the scanner sees it, up upwards; None where no scan was fitted.
 
-    coarser: cells of the map that share a pixel, along either side.
+    coarser: cells of the map per pixel, along either side.
     """
     evidence = result.observation.evidence
     if evidence is None or evidence.face is None or evidence.plane is None:
         return None
     face, plane = evidence.face, evidence.plane
-    turn = _to_upright(plane, frame)
+    rotation = _to_upright(plane, frame)
     middle = (LEFT + SIDE / 2.0, HEAD + SIDE / 2.0)
     pixels = _pixels(face, FULL_SIGMAS * plane.sigma_m, coarser)
     title = words("plot.face_title", name=cut(result.observation.name, 18))
     marks: list[Mark] = [
-        Raster(*middle, SIDE, pixels, _palette(), -math.degrees(turn)),
-        *_outline(face, turn, middle),
+        Raster(*middle, SIDE, pixels, _palette(), -math.degrees(rotation)),
+        *_outline(face, rotation, middle),
         Text(LEFT, 20, title, 15, bold=True),
-        *_directions(plane, frame, turn, words),
+        *_directions(plane, frame, rotation, words),
         *_scale(face, words),
         *_legend(FULL_SIGMAS * plane.sigma_m, words),
     ]
@@ -69,27 +69,27 @@ def face_drawing(
 
 
 def coarseness(pictures: int) -> int:
-    """Cells a pixel along either side, such that so many pictures stay small together."""
+    """Return the cells per pixel, along either side, that keep so many pictures small together."""
     return next((k for k in COARSER if pictures * (CELLS / k) ** 2 <= MOST_CELLS), COARSER[-1])
 
 
 def _to_upright(plane: PlaneFit, frame: VehicleFrame) -> float:
-    """By what the map's axes are turned, from u towards v, so that the vehicle's up is up."""
+    """Return the rotation of the map, from u towards v, that brings the vehicle's up upwards."""
     along, across = plane.basis[:2] @ frame.up
     return math.pi / 2.0 - math.atan2(across, along)
 
 
 def _pixels(face: ResidualMap, full_m: float, coarser: int) -> npt.NDArray[np.uint8]:
-    """Places in the palette: from full blue (behind) over white to full red (before).
+    """Return indices into the palette: from blue (behind the plane) over white to red (in front).
 
-    Coarser still where the face has fewer points than the map has cells on it.
+    Coarser than asked for where the target has fewer points than the map has cells on it.
     """
-    seen = ~np.isnan(face.residual_m)
+    known = ~np.isnan(face.residual_m)
     on_face = face.region.area_m2 * (CELLS / (2.0 * face.half_width_m)) ** 2
     enough = (k for k in COARSER if face.counts.sum() * k * k >= on_face)
     k = max(coarser, next(enough, COARSER[-1]))
-    count, behind = _blocks(seen, k), _blocks(face.behind, k)
-    mean = _blocks(np.where(seen, face.residual_m, 0.0), k) / np.maximum(count, 1)
+    count, behind = _blocks(known, k), _blocks(face.behind, k)
+    mean = _blocks(np.where(known, face.residual_m, 0.0), k) / np.maximum(count, 1)
     shade = np.rint(np.clip(mean / max(full_m, 1e-9), -1.0, 1.0) * SHADES) + SHADES
     pixels = np.where(count > 0, shade, np.where(behind > 0, BEHIND, WHITE)).astype(np.uint8)
     row, column = np.indices(pixels.shape) - (len(pixels) - 1) / 2.0
@@ -98,13 +98,13 @@ def _pixels(face: ResidualMap, full_m: float, coarser: int) -> npt.NDArray[np.ui
 
 
 def _blocks(cells: npt.NDArray[Any], k: int) -> Array:
-    """Sums over blocks of k by k cells."""
+    """Return the sums over blocks of k by k cells."""
     n = CELLS // k
     return np.asarray(cells.reshape(n, k, n, k).sum(axis=(1, 3), dtype=np.float64))
 
 
 def _palette() -> npt.NDArray[np.uint8]:
-    """(2 SHADES + 3, 3) RGB."""
+    """Return the palette (2 SHADES + 3, 3) of RGB."""
     share = np.linspace(-1.0, 1.0, 2 * SHADES + 1)
     red = np.where(share > 0, 1.0, 1.0 + share)
     blue = np.where(share < 0, 1.0, 1.0 - share)
@@ -112,11 +112,11 @@ def _palette() -> npt.NDArray[np.uint8]:
     return np.vstack([colours, [[255.0] * 3, [205.0] * 3]]).astype(np.uint8)
 
 
-def _outline(face: ResidualMap, turn: float, middle: tuple[float, float]) -> list[Mark]:
-    """The edges of the known size about the fitted centre, and a cross at it."""
+def _outline(face: ResidualMap, rotation: float, middle: tuple[float, float]) -> list[Mark]:
+    """Draw the edges in their nominal size around the fitted centre, and a cross at the centre."""
     scale = SIDE / (2.0 * face.half_width_m)
     flip = np.array([scale, -scale])
-    edges = [middle + turned(edge, turn) * flip for edge in face.edges_m]
+    edges = [middle + turned(edge, rotation) * flip for edge in face.edges_m]
     marks: list[Mark] = [Path(edge, OUTLINE, 1.6, closed=True) for edge in edges]
     x, y = middle
     for dx, dy in ((9.0, 0.0), (0.0, 9.0)):
@@ -126,10 +126,10 @@ def _outline(face: ResidualMap, turn: float, middle: tuple[float, float]) -> lis
 
 
 def _directions(
-    plane: PlaneFit, frame: VehicleFrame, turn: float, words: Translations
+    plane: PlaneFit, frame: VehicleFrame, rotation: float, words: Translations
 ) -> list[Mark]:
-    """Arrows to the vehicle's up and front."""
-    ahead: Array = turned((plane.basis[:2] @ frame.forward)[None], turn)[0]
+    """Draw arrows towards the vehicle's up and front."""
+    ahead: Array = turned((plane.basis[:2] @ frame.forward)[None], rotation)[0]
     x, y = (LEFT + SIDE - 4, HEAD + 24) if ahead[0] < 0 else (LEFT + 4, HEAD + 24)
     way = -1.0 if ahead[0] < 0 else 1.0
     side = "end" if way < 0 else "start"
@@ -142,7 +142,7 @@ def _directions(
 
 
 def _scale(face: ResidualMap, words: Translations) -> list[Mark]:
-    """A length to read sizes by."""
+    """Draw a scale bar."""
     length_m = next(x for x in (0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.0) if x < face.half_width_m)
     pixels = SIDE * length_m / (2.0 * face.half_width_m)
     y = HEAD + SIDE + 14
@@ -152,7 +152,7 @@ def _scale(face: ResidualMap, words: Translations) -> list[Mark]:
 
 
 def _legend(full_m: float, words: Translations) -> list[Mark]:
-    """The colours, and what they mean."""
+    """Draw the colour scale with its values."""
     x, y = LEFT + SIDE - BAR, HEAD + SIDE + 8
     shades = np.tile(np.arange(WHITE, dtype=np.uint8), (3, 1))
     bar = Raster(x + BAR / 2, y + BAR_HEIGHT / 2, BAR, shades, _palette())
@@ -160,8 +160,8 @@ def _legend(full_m: float, words: Translations) -> list[Mark]:
     corners = [(x, y), (x + BAR, y), (x + BAR, y + BAR_HEIGHT), (x, y + BAR_HEIGHT)]
     marks.append(Path(corners, GRID, 0.8, closed=True))
     full = words.number(f"{full_m * 1e3:.2f}")
-    for place, text in ((x, f"{MINUS}{full}"), (x + BAR / 2, "0"), (x + BAR, f"+{full} mm")):
-        marks.append(Text(place, y + BAR_HEIGHT + 13, text, 11, "middle", colour=PALE))
+    for tick, text in ((x, f"{MINUS}{full}"), (x + BAR / 2, "0"), (x + BAR, f"+{full} mm")):
+        marks.append(Text(tick, y + BAR_HEIGHT + 13, text, 11, "middle", colour=PALE))
     marks.append(
         Text(x + BAR / 2, y + BAR_HEIGHT + 28, words("plot.face_legend"), 11, "middle", colour=PALE)
     )

@@ -1,4 +1,4 @@
-"""The vehicle from above, and its axles from behind, their angles exaggerated."""
+"""Vehicle from above and axles from behind, with exaggerated angles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .drawing import GRID, INK, PALE, Anchor, Drawing, Mark, Path, Text, arrow
 WIDTH, HEIGHT, SPLIT = 760.0, 470.0, 430.0
 TOP, BOTTOM, ASIDE = 74.0, 60.0, 128.0
 FACTORS = (200, 100, 50, 20, 10, 5, 2, 1)
-MOST_DEG = 14.0  # that the largest angle is drawn at
+MOST_DEG = 14.0  # the largest angle is drawn at no more
 TYRE_M = (0.62, 0.2)  # length and width drawn
 TYRE, EDGE, THRUST, CENTRE = "#dfe5ea", "#37474f", "#b3261e", "#0072B2"
 WHEELS = ("RR", "RL", "FR", "FL")
@@ -24,7 +24,7 @@ Known = Mapping[tuple[str, str], Stated]
 
 
 def top_drawing(measurement: Measurement, words: Translations, view: View) -> Drawing:
-    """Wheels where they stand, turned by their toe from above, and by their camber from behind."""
+    """Draw the wheels in position, with their toe from above and their camber from behind."""
     known = {(q.subject, q.kind): q for q in against(stated(measurement), view.axis)}
     title = words("plot.top_title")
     marks: list[Mark] = [
@@ -36,7 +36,7 @@ def top_drawing(measurement: Measurement, words: Translations, view: View) -> Dr
 
 
 def factor(angles_rad: list[float]) -> int:
-    """By how much to exaggerate, a round number."""
+    """Return the round factor by which to exaggerate."""
     largest = math.degrees(max(map(abs, angles_rad)))
     return next((k for k in FACTORS if k * largest <= MOST_DEG), 1)
 
@@ -45,12 +45,12 @@ def _from_above(
     measurement: Measurement, known: Known, words: Translations, view: View
 ) -> list[Mark]:
     frame = measurement.frame
-    places = {w.observation.name: frame.to_vehicle(w.observation.fitted.centre_m) for w in
+    positions = {w.observation.name: frame.to_vehicle(w.observation.fitted.centre_m) for w in
               measurement.wheels[:4]}  # fmt: skip
-    turns = {wheel: known[wheel, "toe"].value for wheel in WHEELS}
+    toes = {wheel: known[wheel, "toe"].value for wheel in WHEELS}
     thrust = known.get(("vehicle", "thrust_angle"))
-    k = factor([*turns.values(), thrust.value if thrust else 0.0])
-    wide = max(abs(place[0]) for place in places.values())
+    k = factor([*toes.values(), thrust.value if thrust else 0.0])
+    wide = max(abs(position[0]) for position in positions.values())
     scale = min(
         (HEIGHT - TOP - BOTTOM) / (frame.wheelbase_m + TYRE_M[0]),
         (SPLIT - 2 * ASIDE) / (2.0 * wide),
@@ -66,16 +66,16 @@ def _from_above(
         Text(SPLIT / 2 + 8, TOP - 18, words("scene.forward"), 11, colour=PALE),
     ]
     for one, other in (("RR", "RL"), ("FR", "FL")):
-        marks.append(Path([at(*places[w][:2]) for w in (one, other)], EDGE, 2.0))
+        marks.append(Path([at(*positions[w][:2]) for w in (one, other)], EDGE, 2.0))
     over = frame.wheelbase_m + 0.2
     marks.append(Path([at(0, -0.2), at(0, over)], CENTRE, 1.2, dash=(6.0, 4.0)))
     if thrust is not None:
-        turn = k * thrust.value
-        end = at(-over * math.sin(turn), over * math.cos(turn))
+        angle = k * thrust.value
+        end = at(-over * math.sin(angle), over * math.cos(angle))
         marks.append(Path([at(0, 0), end], THRUST, 1.6))
     for wheel in WHEELS:
-        left, forward, _ = places[wheel]
-        marks += _tyre(at(left, forward), scale, k * turns[wheel] * _inwards(wheel))
+        left, forward, _ = positions[wheel]
+        marks += _tyre(at(left, forward), scale, k * toes[wheel] * _inwards(wheel))
         marks += _label(wheel, at(left, forward), known, words, view)
     y = HEIGHT - 30
     marks += [Path([(12, y), (36, y)], CENTRE, 1.2, dash=(6.0, 4.0))]
@@ -88,16 +88,16 @@ def _from_above(
 
 
 def _inwards(wheel: str) -> float:
-    """The clockwise sense, seen from above with the front upwards, in which toe-in turns."""
+    """Return +1 where toe-in is clockwise from above, front upwards; else -1."""
     return 1.0 if wheel.endswith("L") else -1.0
 
 
-def _tyre(middle: Array, scale: float, turn_rad: float) -> list[Mark]:
-    """From above: its straight place, then as it stands; clockwise."""
+def _tyre(middle: Array, scale: float, angle_rad: float) -> list[Mark]:
+    """Draw a wheel from above, rotated clockwise, with the straight-ahead line."""
     length, width = scale * TYRE_M[0], scale * TYRE_M[1]
     straight = [middle + np.array([0.0, way * 0.62 * length]) for way in (-1.0, 1.0)]
-    way = np.array([math.sin(turn_rad), -math.cos(turn_rad)])
-    aside = np.array([math.cos(turn_rad), math.sin(turn_rad)])
+    way = np.array([math.sin(angle_rad), -math.cos(angle_rad)])
+    aside = np.array([math.cos(angle_rad), math.sin(angle_rad)])
     corners = [
         middle + a * way * length / 2.0 + b * aside * width / 2.0
         for a, b in ((1, -1), (1, 1), (-1, 1), (-1, -1))
@@ -121,7 +121,7 @@ def _label(wheel: str, middle: Array, known: Known, words: Translations, view: V
 
 
 def _from_behind(known: Known, words: Translations, view: View) -> list[Mark]:
-    """Both axles from behind, the left wheel on the left."""
+    """Draw both axles from behind, the left wheel on the left."""
     tilts = {wheel: known[wheel, "camber"].value for wheel in WHEELS}
     k = factor([*tilts.values()])
     marks: list[Mark] = [Text(SPLIT + 12, 42, words("plot.top_behind", factor=str(k)), 12,
@@ -140,10 +140,10 @@ def _from_behind(known: Known, words: Translations, view: View) -> list[Mark]:
     return marks
 
 
-def _upright(middle: Array, turn_rad: float) -> list[Mark]:
-    """A wheel from behind, leant clockwise."""
-    way = np.array([math.sin(turn_rad), -math.cos(turn_rad)])
-    aside = np.array([math.cos(turn_rad), math.sin(turn_rad)])
+def _upright(middle: Array, angle_rad: float) -> list[Mark]:
+    """Draw a wheel from behind, tilted clockwise."""
+    way = np.array([math.sin(angle_rad), -math.cos(angle_rad)])
+    aside = np.array([math.cos(angle_rad), math.sin(angle_rad)])
     corners = [
         middle + a * 52.0 * way + b * 14.0 * aside for a, b in ((1, -1), (1, 1), (-1, 1), (-1, -1))
     ]

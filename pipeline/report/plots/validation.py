@@ -14,7 +14,7 @@ from .drawing import INK, Circle, Drawing, Mark, Path, Text, cut, rectangle
 WIDTH, HEIGHT = 760.0, 520.0
 LEFT, RIGHT, TOP, BOTTOM = 84.0, 190.0, 64.0, 60.0
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#555555"  # Okabe and Ito
-SIGN = {"toe": "toe-in positive", "camber": "top-out positive"}
+SIGN = {"toe": "toe-in positive", "camber": "top outward positive"}
 Range = tuple[float, float]
 
 
@@ -22,7 +22,7 @@ Range = tuple[float, float]
 class Chart:
     """Two linear axes over x_range and y_range; marks drawn in them gather in `marks`.
 
-    x_names: labels in the place of numbers; name i stands between i and i + 1.
+    x_names: labels instead of numbers; name i lies between i and i + 1.
     """
 
     title: str
@@ -114,8 +114,7 @@ def differences_drawing(comparison: Comparison) -> Drawing:
     count = len(comparison.names)
     chart = Chart(
         f"{comparison.first.label} less {comparison.second.label}: {comparison.verdict}",
-        f"bars: 95 %; all together p = {comparison.joint.probability:.3g}; "
-        "toe-in, top-out positive",
+        f"bars: expanded uncertainty (95 %); joint test p = {comparison.joint.probability:.3g}",
         "wheel or trial",
         "difference / °",
         (0.0, float(count)),
@@ -163,7 +162,7 @@ def line_drawing(one: Agreement, first: str, second: str) -> Drawing:
     x, y = np.degrees(one.first), np.degrees(one.second)
     low, high = _range([*x, *y])
     fitted = one.line
-    subtitle = "no line: it takes three points with uncertainties"
+    subtitle = "no line fitted: fewer than three points with uncertainties"
     if fitted is not None:
         subtitle = (
             f"York: slope {fitted.slope:.4f} (u {fitted.u_slope:.4f}), intercept "
@@ -180,7 +179,7 @@ def line_drawing(one: Agreement, first: str, second: str) -> Drawing:
     chart.line((low, low), (high, high), GREY, (4.0, 4.0))
     for a, b in zip(x, y, strict=True):
         chart.point(float(a), float(b))
-    legend = [("equal", GREY)]
+    legend = [("line of equality", GREY)]
     if fitted is not None:
         ends = [(v, math.degrees(fitted.intercept) + fitted.slope * v) for v in (low, high)]
         chart.line(ends[0], ends[1], ORANGE)

@@ -1,4 +1,4 @@
-"""The scanned points that the 3D view shows, in its axes: x forward, y left, z up."""
+"""Scanned points of the 3D view, in its axes: x forward, y left, z up."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from ...vectors import Array
 from ...vehicle import VehicleFrame
 
 MOST_POINTS = 100_000
-BEYOND_M = 1.5  # around the wheels' centres, sideways and ahead; nothing farther off is shown
+BEYOND_M = 1.5  # around the wheel centres, sideways and along; points beyond are not shown
 ABOVE_M, BELOW_M = 2.0, 1.0
 
 
 def to_view(frame: VehicleFrame, points_m: npt.ArrayLike) -> Array:
-    """Points (..., 3) of the scanner as x forward, y left, z up from the rear axle's middle."""
+    """Return scanner points (..., 3) as x forward, y left, z up from the rear axle's middle."""
     return np.asarray(frame.to_vehicle(points_m)[..., [1, 0, 2]])
 
 
 def cloud_tree(measurement: Measurement) -> dict[str, Any] | None:
-    """Points of all scans near the vehicle, on a grid of 16 bits; None where none were kept."""
+    """Return points of all scans near the vehicle as 16-bit integers; None without points."""
     kept = [(w, w.observation.cloud) for w in measurement.wheels if w.observation.cloud is not None]
     parts, classes = [], []
     low, high = _bounds(measurement)
@@ -50,14 +50,14 @@ def cloud_tree(measurement: Measurement) -> dict[str, Any] | None:
 
 def _bounds(measurement: Measurement) -> tuple[Array, Array]:
     centres = [w.observation.fitted.centre_m for w in measurement.wheels[:4]]
-    places = to_view(measurement.frame, np.stack(centres))
+    positions = to_view(measurement.frame, np.stack(centres))
     below = np.array([BEYOND_M, BEYOND_M, BELOW_M])
     above = np.array([BEYOND_M, BEYOND_M, ABOVE_M])
-    return places.min(axis=0) - below, places.max(axis=0) + above
+    return positions.min(axis=0) - below, positions.max(axis=0) + above
 
 
 def _on_target(evidence: Evidence | None, points_m: Array) -> npt.NDArray[np.uint8]:
-    """1 of the points (N, 3) that lie on the target's face, 0 of others."""
+    """Return 1 for points (N, 3) on the target, 0 for others."""
     if evidence is None or evidence.face is None or evidence.plane is None:
         return np.zeros(len(points_m), np.uint8)
     uvw = (points_m - evidence.target.centre_m) @ evidence.plane.basis.T

@@ -64,7 +64,7 @@ def monte_carlo_words(drawn: MonteCarlo, writer: Writer) -> tuple[str, str]:
     verdict = words.known("checks", drawn.status, tolerance=tolerance)
     return (
         words("checks.monte_carlo_note", tolerance=tolerance),
-        f"{words('checks.draws', trials=str(drawn.draws))} {verdict}",
+        f"{words('checks.trials', trials=str(drawn.draws))} {verdict}",
     )
 
 
