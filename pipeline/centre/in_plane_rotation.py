@@ -1,4 +1,4 @@
-"""How a target lies turned about its own normal, as its edges or its print show it."""
+"""In-plane rotation of a target, by its edges or by its print."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ Mark = Literal["edges", "print"]
 
 
 @dataclass(frozen=True)
-class PlaneTurn:
-    """The turn of a target's axes against those of a plane, by one way to it.
+class PlaneRotation:
+    """Rotation of a target's axes against those of a plane, by one method.
 
-    mark: what shows it. period_rad: by which a turn leaves the mark as it is. noise: (3,)
+    mark: what shows it. period_rad: smallest rotation that leaves the mark as it is. noise: (3,)
     covariances of its noise with that of the centre along u and v (m rad), and with itself (rad^2).
-    model_rad2: variance by what its model leaves out. by_plane: (3,) how it goes with the plane's
-    height at the centre, and with its slopes.
+    model_rad2: variance by what its model leaves out. by_plane: (3,) its derivatives by the
+    plane's height at the centre, and by its slopes.
     """
 
     mark: Mark
@@ -32,26 +32,26 @@ class PlaneTurn:
     by_plane: Array
 
     def with_noise(self, centre_m2: Array) -> Array:
-        """Covariance (3, 3) of the centre's noise (2, 2) and the turn's."""
+        """Return the covariance (3, 3) of the noise of centre (2, 2) and rotation."""
         beside = self.noise[:2]
         return np.block([[centre_m2, beside[:, None]], [beside[None], self.noise[2:, None]]])
 
     def with_model(self, centre_m2: Array) -> Array:
-        """Covariance (3, 3) of what the models of centre (2, 2) and turn leave out."""
+        """Return the covariance (3, 3) of the model errors of centre (2, 2) and rotation."""
         none = np.zeros((2, 1))
         return np.block([[centre_m2, none], [none.T, np.array([[self.model_rad2]])]])
 
     def in_scan(self, basis: Array) -> InPlaneRotation:
-        """The axis as it lies in the scan, by the plane's axes (3, 3)."""
+        """Return the axis in the scan, by the plane's axes (3, 3)."""
         c, s = math.cos(self.angle_rad), math.sin(self.angle_rad)
         return InPlaneRotation(self.mark, c * basis[0] + s * basis[1], self.period_rad)
 
 
 @dataclass(frozen=True)
 class InPlaneRotation:
-    """A target's axis u in the scan (3,), unit, as good as any that a turn by period_rad makes.
+    """Axis u of a target in the scan (3,), unit, known up to a rotation by period_rad.
 
-    mark: what shows it; the print's axis may lie turned on a board against the edges'.
+    mark: what shows it; the print's axis may be rotated on a board against the edges'.
     """
 
     mark: Mark
@@ -60,27 +60,27 @@ class InPlaneRotation:
 
 
 def combined_rotation(
-    turns: Sequence[PlaneTurn | None], weights: Sequence[Array]
-) -> PlaneTurn | None:
-    """Of the print where it is seen, else of all edges, weighted by their inverse variances.
+    rotations: Sequence[PlaneRotation | None], weights: Sequence[Array]
+) -> PlaneRotation | None:
+    """Return the rotation by the print if known, else the mean of all edges by inverse variance.
 
-    weights: (2, 2) that the centre of each way has in the common centre.
+    weights: (2, 2) of each method's centre in the common centre.
     """
-    told = [(t, W) for t, W in zip(turns, weights, strict=True) if t is not None]
-    printed = [(t, W) for t, W in told if t.mark == "print"]
-    told = printed or told
-    if not told:
+    shown = [(t, W) for t, W in zip(rotations, weights, strict=True) if t is not None]
+    printed = [(t, W) for t, W in shown if t.mark == "print"]
+    shown = printed or shown
+    if not shown:
         return None
-    inverse = np.array([1.0 / (t.noise[2] + t.model_rad2) for t, _ in told])
+    inverse = np.array([1.0 / (t.noise[2] + t.model_rad2) for t, _ in shown])
     share = inverse / inverse.sum()
-    first = told[0][0]
-    parts = list(zip(share, told, strict=True))
+    first = shown[0][0]
+    parts = list(zip(share, shown, strict=True))
     with_centre = sum((s * (W @ t.noise[:2]) for s, (t, W) in parts), np.zeros(2))
     variance = sum(s * s * float(t.noise[2]) for s, (t, _) in parts)
-    return PlaneTurn(
+    return PlaneRotation(
         mark=first.mark,
         angle_rad=sum(s * t.angle_rad for s, (t, _) in parts),
-        period_rad=max(t.period_rad for t, _ in told),
+        period_rad=max(t.period_rad for t, _ in shown),
         noise=np.array([*with_centre, variance]),
         model_rad2=sum(s * s * t.model_rad2 for s, (t, _) in parts),
         by_plane=np.asarray(sum((s * t.by_plane for s, (t, _) in parts), np.zeros(3))),

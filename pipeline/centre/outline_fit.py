@@ -1,4 +1,4 @@
-"""A face's outline from its points alone: where it ends, and whether that is where it should."""
+"""Outline of a target from its points alone, and the check of its size and shape."""
 
 from __future__ import annotations
 
@@ -9,64 +9,65 @@ import numpy as np
 from ..errors import NotMeasuredError
 from ..targets import Outline, sector
 from ..vectors import Array, turned
-from .edge.beams import TURN_RAD
+from .edge.beams import ROTATION_RAD
 
-EROSION_M = 1.5e-3  # what spot and spacing may take from an outline all round (k = 1)
-SECTORS = 72  # of the outline, in which the face is compared with it
-MAX_BEYOND, MAX_SHORT = 0.3, 0.2  # shares of the edge seen, on which a face may end elsewhere
-BEYOND_M, SHORT_M = 0.0015, 0.003  # how far a face may reach over its outline, or stop short of it
-MIN_DIRECTIONS = 0.02  # information on the axis told of least, of that on the other
-LEAST_ON_CIRCLE, FEW_OUTSIDE = 0.4, 0.1  # of a face's extreme places, on its circle; beyond it
-STILL_M = 1e-9
+EROSION_M = 1.5e-3  # erosion of an outline all round by footprint and spacing (k = 1)
+SECTORS = 72  # of the outline, in which the points are compared with it
+MAX_BEYOND, MAX_SHORT = 0.3, 0.2  # shares of the visible edge on which the target may end elsewhere
+BEYOND_M, SHORT_M = 0.0015, 0.003  # how far points may reach over the outline, or stop short of it
+MIN_DIRECTIONS = 0.02  # least information on one axis, of that on the other
+LEAST_ON_CIRCLE, FEW_OUTSIDE = 0.4, 0.1  # of the extreme points, on the circle; beyond it
+STEP_M = 1e-9
 MAX_STEPS, MAX_LOOKS = 60, 20
 
 
 @dataclass(frozen=True)
 class OutlineFit:
-    """An outline through the outermost points of a face: centre_m (2,), covariance_m2 (2, 2).
+    """An outline through the outermost points of a target: centre_m (2,), covariance_m2 (2, 2).
 
-    turn_noise: (3,) covariances of the turn with the centre, and its variance.
+    rotation_noise: (3,) covariances of the rotation with the centre, and its variance.
     growth_m: how much farther out than the outline its points lie, all round.
     """
 
     centre_m: Array
-    turn_rad: float
+    rotation_rad: float
     covariance_m2: Array
-    turn_noise: Array
+    rotation_noise: Array
     growth_m: float
 
 
 def fit_outline(
     face: Array, outline: Outline, start: tuple[Array, float] = (np.zeros(2), 0.0)
 ) -> OutlineFit:
-    """Outline through the outermost points of the face (N, 2), from a centre and turn near it.
+    """Fit an outline through the outermost points of a target (N, 2), from a nearby pose.
 
-    All edges may lie farther in by the same, within 1.5 mm, for spot and spacing erode them.
+    start: centre and rotation. All edges may lie farther in by the same, within 1.5 mm, because
+    footprint and spacing erode them.
     Raises NotMeasuredError 'no-outline'.
     """
-    centre, turn = start
+    centre, rotation = start
     count = int(np.clip(len(face) // 40, 24, 180))
     for look in range(MAX_LOOKS):
         wide = 2.0 if outline.shows_rotation and look < 3 else 1.0
-        edge = _outermost(face, outline, centre, turn, count, wide)
+        edge = _outermost(face, outline, centre, rotation, count, wide)
         if len(edge) < 8:
             raise NotMeasuredError(
                 "no-outline",
                 f"less than a third of the edge of {outline.description} is in the scan",
             )
-        fitted = fit_edge_points(edge, outline, centre, turn)
+        fitted = fit_edge_points(edge, outline, centre, rotation)
         moved = fitted.centre_m - centre
-        centre, turn = fitted.centre_m, fitted.turn_rad
-        if float(np.abs(moved).max()) < STILL_M:
+        centre, rotation = fitted.centre_m, fitted.rotation_rad
+        if float(np.abs(moved).max()) < STEP_M:
             break
     return fitted
 
 
 def place_circle(face: Array, radius_m: float) -> Array | None:
-    """Centre (2,) of a circle of known radius that holds a face (N, 2), half hidden perhaps.
+    """Return the centre (2,) of a disc of known radius, partly hidden perhaps; None if none fits.
 
-    Of the circles through two of the face's extreme places, the one that most of them lie on, and
-    hardly any point outside of; None where none is.
+    Among the circles through two of the extreme points of (N, 2), it is the one that most of them
+    lie on and hardly any lies outside of.
     """
     ways = 2.0 * np.pi * np.arange(SECTORS) / SECTORS
     ahead = np.stack([np.cos(ways), np.sin(ways)])
@@ -91,44 +92,45 @@ def check_outline(
     face: Array,
     outline: Outline,
     centre: Array,
-    turn_rad: float,
+    rotation_rad: float,
     spacing_m: float,
     noise_m: float,
 ) -> bool:
-    """Whether a quarter of the edge is seen; NotMeasuredError where the face (N, 2) ends elsewhere.
+    """Return whether a quarter of the edge is visible.
 
-    noise_m: of a point along the plane. Sectors whose points stop well inside are hidden, and tell
-    nothing; few of the others may reach beyond the outline, or stop short of it.
+    face: points on the target (N, 2). noise_m: of a point along the plane. Sectors whose points
+    stop well inside are hidden and do not count; few of the others may reach beyond the outline or
+    stop short of it. Raises NotMeasuredError 'wrong-outline'.
     """
-    closest = outline.closest(turned(face - centre, -turn_rad))
+    closest = outline.closest(turned(face - centre, -rotation_rad))
     outermost = np.full(SECTORS, -np.inf)
     np.maximum.at(outermost, sector(closest.share, SECTORS), closest.x_m)
-    seen = outermost > -0.08 * outline.size_m
-    if np.count_nonzero(seen) < SECTORS // 4:
+    visible = outermost > -0.08 * outline.size_m
+    if np.count_nonzero(visible) < SECTORS // 4:
         return False
-    excess = outermost[seen]
+    excess = outermost[visible]
     over = float(np.mean(excess > BEYOND_M + spacing_m + 3.0 * noise_m))
     if over > MAX_BEYOND:
         raise NotMeasuredError(
             "wrong-outline",
-            f"the face reaches {np.quantile(excess, 0.75) * 1e3:.1f} mm beyond the edge of "
-            f"{outline.description} on {over:.0%} of it",
+            f"the target reaches {np.quantile(excess, 0.75) * 1e3:.1f} mm beyond the edge of "
+            f"{outline.description} on {over:.0%} of it: check its sizes",
         )
     short = excess < -(SHORT_M + 1.5 * spacing_m)
     if float(np.mean(short)) > MAX_SHORT:
         raise NotMeasuredError(
             "wrong-outline",
-            f"the face ends {-float(np.median(excess[short])) * 1e3:.1f} mm inside the edge of "
-            f"{outline.description} on {np.mean(short):.0%} of it",
+            f"the target ends {-float(np.median(excess[short])) * 1e3:.1f} mm inside the edge of "
+            f"{outline.description} on {np.mean(short):.0%} of it: check its sizes",
         )
     return True
 
 
 def _outermost(
-    face: Array, outline: Outline, centre: Array, turn: float, count: int, wide: float
+    face: Array, outline: Outline, centre: Array, rotation: float, count: int, wide: float
 ) -> Array:
-    """The point of each of `count` sectors that is farthest out, near the edge: (K, 2)."""
-    closest = outline.closest(turned(face - centre, -turn))
+    """Return the outermost point near the edge in each of `count` sectors: (K, 2)."""
+    closest = outline.closest(turned(face - centre, -rotation))
     part = sector(closest.share, count)
     near = (closest.x_m < 0.05 * wide * outline.size_m) & closest.clear
     order = np.lexsort((np.where(near, closest.x_m, -np.inf), part))
@@ -137,19 +139,19 @@ def _outermost(
     return np.asarray(face[last[kept]])
 
 
-def fit_edge_points(edge: Array, outline: Outline, centre: Array, turn: float) -> OutlineFit:
-    """Fit the outline of least weighted squares to points on its edge (K, 2), all grown alike.
+def fit_edge_points(edge: Array, outline: Outline, centre: Array, rotation: float) -> OutlineFit:
+    """Fit an outline, grown alike all round, to points on its edge (K, 2) by weighted squares.
 
-    x = growth, d x = -n . dc - n . J q dphi, with J a quarter turn; Gauss-Newton.
+    x = growth, d x = -n . dc - n . J q dphi, with J a rotation by 90 degrees; Gauss-Newton.
     """
-    prior = np.diag([0.0, 0.0, TURN_RAD**-2, EROSION_M**-2])
-    state = np.array([*centre, turn, 0.0])
+    prior = np.diag([0.0, 0.0, ROTATION_RAD**-2, EROSION_M**-2])
+    state = np.array([*centre, rotation, 0.0])
     for _ in range(MAX_STEPS):
         q = turned(edge - state[:2], -state[2])
         closest = outline.closest(q)
         excess = closest.x_m - state[3]
-        by_turn = closest.normal[:, 0] * q[:, 1] - closest.normal[:, 1] * q[:, 0]
-        slopes = np.column_stack([turned(closest.normal, state[2]), -by_turn, np.ones(len(q))])
+        by_rotation = closest.normal[:, 0] * q[:, 1] - closest.normal[:, 1] * q[:, 0]
+        slopes = np.column_stack([turned(closest.normal, state[2]), -by_rotation, np.ones(len(q))])
         weight = _tukey(excess)
         information = (slopes.T * weight) @ slopes + prior
         _check_directions(information[:2, :2], outline)
@@ -165,15 +167,15 @@ def fit_edge_points(edge: Array, outline: Outline, centre: Array, turn: float) -
 
 
 def _check_directions(information: Array, outline: Outline) -> None:
-    """Raise NotMeasuredError 'no-outline' where the edges that are seen tell of one axis alone."""
+    """Raise NotMeasuredError 'no-outline' where the visible edges fix one axis alone."""
     values = np.linalg.eigvalsh(information)
     if values[0] < MIN_DIRECTIONS * values[1]:
         raise NotMeasuredError(
-            "no-outline", f"only parallel edges of {outline.description} are seen"
+            "no-outline", f"only parallel edges of {outline.description} are in the scan"
         )
 
 
 def _tukey(excess: Array) -> Array:
-    """Tukey's biweight at 4.685 sigma over the variance, sigma from the excesses themselves."""
+    """Return Tukey's biweight at 4.685 sigma over the variance, sigma by the median deviation."""
     sigma = max(1.4826 * float(np.median(np.abs(excess))), 2e-5)
     return np.asarray(np.clip(1.0 - (excess / (4.685 * sigma)) ** 2, 0.0, None) ** 2 / sigma**2)

@@ -1,4 +1,4 @@
-"""What a scan shows of a target's face, in the coordinates of the plane fitted to it."""
+"""Points of a scan at a target, in the coordinates of the plane fitted to it."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from ..plane import Patch, PlaneFit
 from ..targets import Outline, Target
 from ..vectors import Array, turned
 
-GENTLE_SLOPE = 1.2  # of beams: what they carry aside per depth, as a rule
-BEYOND_M = 0.03  # outside an edge, what may matter to it
+GENTLE_SLOPE = 1.2  # of beams: shift aside per depth, as a rule
+BEYOND_M = 0.03  # distance outside an edge within which points may matter to it
 
 
 @dataclass(frozen=True)
 class TargetView:
-    """What a scan shows of a target, and the plane fitted to it."""
+    """Points of a scan at a target, and the plane fitted to them."""
 
     patch: Patch
     plane: PlaneFit
@@ -30,9 +30,9 @@ class TargetView:
     def near(
         self, outline: Outline, start: tuple[Array, float], slope: float = GENTLE_SLOPE
     ) -> Array:
-        """Points that may matter to an outline, in plane coordinates (M, 3).
+        """Return the points that may matter to an outline, in plane coordinates (M, 3).
 
-        slope: how far aside per depth the beams may carry what lies behind.
+        slope: of the beams, by which points behind the plane are shifted aside per depth.
         """
         kept = []
         inner = max(0.1 * outline.size_m, 0.012)
@@ -45,7 +45,7 @@ class TargetView:
         return np.concatenate(kept, dtype=np.float64)
 
     def on_face(self, radius_m: float) -> tuple[Array, npt.NDArray[np.intp]]:
-        """Points of the face in plane coordinates (M, 3), and their rows of the patch's."""
+        """Return the points on the target in plane coordinates (M, 3), and their rows."""
         uvw = self._in_plane(self.patch.face_m)
         near = np.hypot(uvw[:, 0], uvw[:, 1]) < 1.1 * radius_m
         kept = np.flatnonzero(near & (np.abs(uvw[:, 2]) < self.band_m))
@@ -53,32 +53,33 @@ class TargetView:
 
     @property
     def station(self) -> Array | None:
-        """Where the scanner stood, in the plane's coordinates (3,); None if that is not known, or
-        were behind the face, which then it was not.
+        """Position of the scanner in the plane's coordinates (3,).
+
+        None if it is not known, or lies behind the target, which contradicts the scan.
         """
         if self.patch.station_m is None:
             return None
-        place = self._in_plane((self.patch.station_m - self.patch.origin_m)[None])[0]
-        return place if place[2] > 0.0 else None
+        position = self._in_plane((self.patch.station_m - self.patch.origin_m)[None])[0]
+        return position if position[2] > 0.0 else None
 
     @property
     def band_m(self) -> float:
-        """Half the thickness of what lies on the face."""
+        """Half the thickness of the layer of points on the target."""
         return max(3.0 * self.plane.sigma_m, 1e-6)
 
     @property
     def spacing_m(self) -> float:
-        """Between points of the face."""
+        """Mean distance between points on the target."""
         return math.sqrt(self.target.region.area_m2 / self.plane.count)
 
     def to_scanner(self, centre: Array) -> Array:
-        """A place (2,) in the plane's coordinates, in the scanner's (3,)."""
+        """Return a position (2,) in the plane in scanner coordinates (3,)."""
         basis = self.plane.basis
         return np.asarray(self.patch.origin_m + centre @ basis[:2] - self._lift_m * basis[2])
 
     @property
     def _lift_m(self) -> float:
-        """Of the patch's origin above the plane."""
+        """Height of the patch's origin above the plane."""
         return float((self.patch.origin_m - self.plane.centroid_m) @ self.plane.basis[2])
 
     def _in_plane(self, points: npt.NDArray[Any]) -> npt.NDArray[Any]:

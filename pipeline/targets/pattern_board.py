@@ -27,8 +27,8 @@ Dictionary = Literal[
     "DICT_6X6_250",
     "DICT_APRILTAG_36h11",
 ]
-MARKERS = {"DICT_APRILTAG_36h11": 587}  # of the others, their names tell
-NO_PLACE = "take it out"
+MARKERS = {"DICT_APRILTAG_36h11": 587}  # of the others it stands in their names
+REMOVE_IT = "remove it"
 
 
 class PatternTarget(Plate):
@@ -36,8 +36,8 @@ class PatternTarget(Plate):
 
     rows, columns: of circles, of a checkerboard's inner corners, or of markers; rows run along u,
     the first at the top (largest v), `pitch` apart. offset: of the pattern's centre from the
-    face's, along u and v; turn_deg: of the pattern on the board, counterclockwise as seen from the
-    scanner. print_shift: standard deviation per axis of the pattern's place on the board. circles:
+    board's, along u and v; turn_deg: rotation of the pattern on the board, counterclockwise as seen
+    from the scanner. print_shift: standard deviation per axis of the pattern's position. circles:
     dark, of `circle_diameter`. checkerboard: the square beyond its first corner is dark. aruco:
     markers of `marker_size`, of a `dictionary`; their `ids` row by row, or by wheel in `wheels`.
     """
@@ -75,49 +75,57 @@ class PatternTarget(Plate):
             "aruco": ("marker_size", "dictionary"),
         }[self.kind]
         for name in ("circle_diameter", "marker_size", "dictionary", "ids", "wheels"):
-            told = getattr(self, name) is not None
-            if name in needed and not told:
+            given = getattr(self, name) is not None
+            if name in needed and not given:
                 raise ValueError(f"a pattern of kind {self.kind!r} needs {name}: add it")
-            if told and name not in needed and (self.kind != "aruco" or name == "circle_diameter"):
-                raise ValueError(f"a pattern of kind {self.kind!r} has no {name}: {NO_PLACE}")
+            if given and name not in needed and (self.kind != "aruco" or name == "circle_diameter"):
+                raise ValueError(f"a pattern of kind {self.kind!r} has no {name}: {REMOVE_IT}")
         if self.kind != "aruco" and self.rows * self.columns < 4:
             raise ValueError(f"{self.rows} x {self.columns} features are too few: print 4 or more")
         if self.feature_size_m > self.pitch * (1.0 if self.kind == "checkerboard" else 0.9):
-            raise ValueError(f"pitch {self.pitch} leaves no room between the features: widen it")
+            raise ValueError(f"pitch {self.pitch} leaves no gap between the features: increase it")
         if self.kind == "aruco":
             self._check_ids()
         if not self.region.holds(self.corners_m).all():
-            raise ValueError("the pattern reaches beyond the face: mend its pitch, rows or offset")
+            raise ValueError(
+                "the pattern reaches beyond the board: check its pitch, rows, columns and offset"
+            )
         return self
 
     def _check_outline(self) -> None:
         sides = (self.width is not None) + (self.height is not None)
         if (self.diameter is not None) == (sides > 0) or sides == 1:
-            raise ValueError("the board's outline is needed: diameter, or width and height")
+            raise ValueError(
+                "the outline of the board is missing: give diameter, or width and height"
+            )
 
     def _check_ids(self) -> None:
         if (self.ids is None) == (self.wheels is None):
-            raise ValueError("a pattern of kind 'aruco' needs ids, or a table wheels: add one")
-        count, seen = self.rows * self.columns, set[int]()
+            raise ValueError(
+                "a pattern of kind 'aruco' needs ids, or a table wheels: add one of them"
+            )
+        count, listed = self.rows * self.columns, set[int]()
         assert self.dictionary is not None
         known = MARKERS.get(self.dictionary) or int(self.dictionary.rpartition("_")[2])
         for name, ids in self.id_sets.items():
             if len(ids) != count:
                 raise ValueError(
-                    f"{name} has {len(ids)} markers, rows x columns is {count}: mend it"
+                    f"{name} has {len(ids)} markers, rows x columns is {count}: check the ids"
                 )
             for marker in ids:
                 if not 0 <= marker < known:
                     raise ValueError(
                         f"{name}: {self.dictionary} has the markers 0 to {known - 1}, not {marker}"
                     )
-                if marker in seen:
-                    raise ValueError(f"{name}: the marker {marker} stands twice: give each one")
-                seen.add(marker)
+                if marker in listed:
+                    raise ValueError(
+                        f"{name}: the marker {marker} is listed twice: list each marker once"
+                    )
+                listed.add(marker)
 
     @property
     def region(self) -> Region:
-        """The face."""
+        """The front face."""
         if self.diameter is not None:
             return Region(Circle(self.diameter / 2.0))
         assert self.width is not None
@@ -134,7 +142,7 @@ class PatternTarget(Plate):
 
     @property
     def id_sets(self) -> dict[str, tuple[int, ...]]:
-        """Markers row by row, of each wheel that has its own."""
+        """Marker ids row by row, by wheel where each has its own."""
         if self.wheels is not None:
             return {str(wheel): ids for wheel, ids in self.wheels.items()}
         return {"ids": self.ids or ()}
@@ -149,30 +157,30 @@ class PatternTarget(Plate):
         """Centres of circles and markers, or inner corners, row by row: (K, 2) in target axes."""
         row, column = np.divmod(np.arange(self.rows * self.columns), self.columns)
         local = np.column_stack([column - (self.columns - 1) / 2, (self.rows - 1) / 2 - row])
-        return self._on_face(local * self.pitch)
+        return self._on_board(local * self.pitch)
 
     @property
     def print_period_rad(self) -> float:
-        """The turn that leaves the places of the print as they are; of markers, a whole one."""
+        """Smallest rotation that maps the features onto themselves; of markers, a full one."""
         if self.kind == "aruco":
             return 2.0 * math.pi
         return math.pi / 2.0 if self.rows == self.columns else math.pi
 
     @property
     def corners_m(self) -> Array:
-        """The four corners of what is printed: (4, 2) in target axes."""
+        """Corners of the printed area: (4, 2) in target axes."""
         grown = 2.0 if self.kind == "checkerboard" else self.feature_size_m / self.pitch
         half = np.array([self.columns - 1 + grown, self.rows - 1 + grown]) / 2.0 * self.pitch
-        return self._on_face(half * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]))
+        return self._on_board(half * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]))
 
-    def _on_face(self, local_m: Array) -> Array:
-        """From the pattern's own axes (N, 2) to the target's."""
-        turn = math.radians(self.turn_deg)
-        R = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    def _on_board(self, local_m: Array) -> Array:
+        """Return points (N, 2) of the pattern's own axes in the target's."""
+        c, s = math.cos(math.radians(self.turn_deg)), math.sin(math.radians(self.turn_deg))
+        R = np.array([[c, -s], [s, c]])
         return np.asarray(local_m @ R.T + np.array(self.offset))
 
     def wheel_of(self, ids: Collection[int]) -> str | None:
-        """The wheel that most of the markers `ids` belong to; None where they tell none."""
+        """Return the wheel that most of the markers `ids` belong to; None where there is none."""
         votes = {w: len(set(ids) & set(mine)) for w, mine in (self.wheels or {}).items()}
         best = max(votes, key=lambda wheel: votes[wheel], default=None)
         if best is None or votes[best] == 0 or list(votes.values()).count(votes[best]) > 1:

@@ -100,8 +100,8 @@ class RingTarget(Plate):
     def _hole_fits(self) -> RingTarget:
         if self.hole_diameter > self.diameter - 2.0 * WEB_M:
             raise ValueError(
-                f"hole_diameter {self.hole_diameter} leaves less than {WEB_M} of plate about it in "
-                f"a diameter of {self.diameter}: mend one of them"
+                f"hole_diameter {self.hole_diameter} leaves less than {WEB_M} of material around "
+                f"it in a diameter of {self.diameter}: check both"
             )
         return self
 
@@ -153,11 +153,11 @@ class SquareTarget(Plate):
         taken = f"hole_spacing {self.hole_spacing} and hole_diameter {self.hole_diameter}"
         if self.hole_spacing + self.hole_diameter > self.side - 2.0 * WEB_M:
             raise ValueError(
-                f"{taken} leave less than {WEB_M} of plate to the edge of a side of {self.side}: "
-                "mend one of them"
+                f"{taken} leave less than {WEB_M} of material to the edge of a side of "
+                f"{self.side}: check all three"
             )
         if self.hole_spacing < self.hole_diameter + WEB_M:
-            raise ValueError(f"{taken} leave less than {WEB_M} between the holes: mend one of them")
+            raise ValueError(f"{taken} leave less than {WEB_M} between the holes: check both")
         return self
 
     @property

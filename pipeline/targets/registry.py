@@ -1,4 +1,4 @@
-"""The targets that can be measured: by name, by file, or by a capture's own table."""
+"""Targets that can be measured: by name, by file, or by a capture's own table."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ SHAPES: dict[str, type[Target]] = {
 
 
 def load_target(name: str) -> Target:
-    """Target by name (`disc-250`) or TOML file."""
+    """Load a target by name (`disc-250`) or TOML file."""
     path = config_file("targets", name)
     return parse_target(read_toml(path), name)
 
 
 def parse_target(table: dict[str, object], where: str) -> Target:
-    """Target from a table with `shape` and its sizes in metres; `where` names it in errors."""
+    """Return the target of a table with `shape` and sizes in metres; `where` names it in errors."""
     return parse_section(_model(table, where), table, where)
 
 
@@ -47,9 +47,9 @@ def _model(table: dict[str, object], where: str) -> type[Target]:
 
 
 def size_of(table: dict[str, object]) -> tuple[str, float] | None:
-    """Name and value of the length by which the unit of a target's table is judged, if it has one.
+    """Return name and value of the length from which the unit of a target's table is inferred.
 
-    The first of its shape's sizes that is a number.
+    It is the first of its shape's sizes that is a number; None if there is none.
     """
     model = SHAPES.get(str(table.get("shape")))
     for key in model.size if model else ():
@@ -60,7 +60,7 @@ def size_of(table: dict[str, object]) -> tuple[str, float] | None:
 
 
 def scaled(table: dict[str, object], scale: float) -> dict[str, object]:
-    """A target's table with all its lengths times `scale`; what is no number stays as it is."""
+    """Return a target's table with all lengths times `scale`; other values stay as they are."""
     model = SHAPES.get(str(table.get("shape")))
     lengths = model.lengths if model else ()
     return {k: _scaled(value, scale) if k in lengths else value for k, value in table.items()}

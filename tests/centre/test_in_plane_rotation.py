@@ -13,7 +13,7 @@ from tests.support.plates import fit, patch_of
 from tests.support.printing import setup_of
 from tests.support.scenes import Setup, make
 from tests.support.single_scan import u_turn_rad
-from wheelplane.centre.in_plane_rotation import PlaneTurn, combined_rotation
+from wheelplane.centre.in_plane_rotation import PlaneRotation, combined_rotation
 from wheelplane.centre.locate_centre import locate_centre
 from wheelplane.config import CentreConfig, PlaneConfig
 from wheelplane.plane.fit_plane import fit_plane
@@ -71,7 +71,7 @@ def test_errors_are_no_larger_than_stated():
         cloud, target = made("rectangle-360x240", seed)
         fitted = fit(cloud, target, seed)
         square.append((off(cloud, fitted) / u_turn_rad(fitted)) ** 2)
-        of_noise.append(off(cloud, fitted) ** 2 / fitted.edge_fit.turn_noise[2])
+        of_noise.append(off(cloud, fitted) ** 2 / fitted.edge_fit.rotation_noise[2])
     low, high = stats.chi2.ppf([0.0005, 0.9995], len(square)) / len(square)
     assert low / 4.0 < np.mean(square) < high
     assert low < np.mean(of_noise) < high
@@ -131,7 +131,7 @@ def test_a_scan_that_is_turned_turns_the_face():
 
 
 def turn_of(mark, angle, variance, with_centre=(0.0, 0.0)):
-    return PlaneTurn(mark, angle, 1.0, np.array([*with_centre, variance]), 0.0, np.zeros(3))
+    return PlaneRotation(mark, angle, 1.0, np.array([*with_centre, variance]), 0.0, np.zeros(3))
 
 
 def test_edges_count_by_their_variances_and_not_beside_a_print():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wheelplane.centre.edge.beams import TURN, Prior, look_up
+from wheelplane.centre.edge.beams import ROTATION, Prior, look_up
 from wheelplane.centre.edge.edge_residuals import Problem, equations
 from wheelplane.centre.outline_fit import place_circle
 from wheelplane.config import CentreConfig
@@ -89,7 +89,7 @@ def problem_of(outline, state, rng):
     )
     mixed = rng.random(len(closest)) < 0.3
     depth[mixed] = rng.uniform(0.0, 0.08, np.count_nonzero(mixed))
-    seen = turned(closest, state[TURN]) * (1.0 + state[4] * depth)[:, None]
+    seen = turned(closest, state[ROTATION]) * (1.0 + state[4] * depth)[:, None]
     plane = state[:2] + seen + depth[:, None] * state[2:4]
     prior = Prior.of(0.008, CentreConfig())
     return Problem(plane, depth, prior, outline, 0.0008)
@@ -114,7 +114,7 @@ def test_slopes_of_the_equations_are_those_of_central_differences(name, index):
     told = here.slopes[:, index]
     # Left out of the slopes: how the wall's bend, the fanning of the beams and the spot's slant go.
     assert np.linalg.norm(seen - told) <= MISSED[index] * np.linalg.norm(seen) + 1e-6
-    moves = index != TURN or outline.shows_rotation
+    moves = index != ROTATION or outline.shows_rotation
     assert (np.linalg.norm(seen) > 0.01) == moves
 
 

@@ -1,1 +1,1 @@
-"""Centre of a target from its edge: beams, mixed pixels, and the fit of the outline."""
+"""Fit of a target's edge to the mixed pixels around it."""

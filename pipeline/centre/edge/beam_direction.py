@@ -1,4 +1,4 @@
-"""Where the scanner stood, roughly: from the hole that a plate leaves in what stands behind it."""
+"""Rough direction of the beams, from the shadow that a target leaves in the background."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 
 from ...targets import Outline, sector
 from ...vectors import Array, Mask, turned
-from .beams import BEAM, CENTRE, INVERSE, MIN_DEPTH_M, SPOT, TURN, Beams, carry
+from .beams import BEAM, CENTRE, INVERSE, MIN_DEPTH_M, ROTATION, SPOT, Beams, carry
 
 Solve = Callable[[Array, Array], Array]
 
 SECTORS, ROUNDS = 36, 4
-WINDOW_M = 0.03  # about the edge, in which its background is looked at
-AGREE_M, MAX_CONSTANT_M = 0.0015, 0.006  # of the background's edge in a sector; of all alike
-RING_M = (0.0035, 0.0095)  # in- and outside the edge: where background cannot be, and where it is
-MAX_THROUGH = 0.1  # of the background outside, that may seem to be seen through the plate
-STEEPEST = 4.0  # of the directions that are tried
-COARSE_STEP, FINE_STEP = 0.3, 0.1  # between them, at first and about the best
-LEAST_IN_SECTOR = 5  # points that are a background
+WINDOW_M = 0.03  # about the edge, in which its background is used
+AGREE_M, MAX_CONSTANT_M = 0.0015, 0.006  # of the shadow's edge in a sector; shift common to all
+RING_M = (0.0035, 0.0095)  # rings inside the edge, without background, and outside, with it
+MAX_THROUGH = 0.1  # share of the background that may appear through the target
+STEEPEST = 4.0  # slope of the directions that are tried
+COARSE_STEP, FINE_STEP = 0.3, 0.1  # between directions, at first and about the best
+LEAST_IN_SECTOR = 5  # points that count as a background
 TRIED_POINTS = 2000
 TRIED_INVERSE = (0.4, 1.0)  # 1/m, of the scanner's distance from the plane
-INSIDE = 5.0  # times a point outside the edge counts one that cannot be where it is
+INSIDE = 5.0  # weight of a point inside the edge, of one outside
 
 
 def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Array | None:
-    """A state with the beams' direction, for points (N, 2) in the plane and (N,) deep.
+    """Return a state with the beams' direction, for points (N, 2) in the plane and (N,) deep.
 
-    None where the background is seen beside less than a quarter of the edge, or where no direction
-    explains it: then it was seen from two places, or hangs in the air.
+    None where there is background beside less than a quarter of the edge, or where no direction
+    explains it: then it was scanned from two stations, or does not lie behind the target.
     """
     solve = (
         _by_consensus if outline.shows_rotation else _by_all
@@ -46,9 +46,9 @@ def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Ar
 
 
 def is_contradicted(plane: Array, depth: Array, state: Array, outline: Outline) -> bool:
-    """Whether beams as told run too steeply, or see the background through the plate.
+    """Return whether the beams of a state are too steep, or meet background through the target.
 
-    No background at all contradicts nothing.
+    Without a background nothing is contradicted.
     """
     if float(np.hypot(*state[BEAM])) > STEEPEST:
         return True
@@ -57,7 +57,7 @@ def is_contradicted(plane: Array, depth: Array, state: Array, outline: Outline) 
 
 
 def has_background(plane: Array, depth: Array, state: Array, outline: Outline) -> bool:
-    """Whether something deep is seen beside a quarter of the edge."""
+    """Return whether there is background beside a quarter of the edge."""
     beams = carry(plane, depth, state, outline)
     beside = (depth > 2.0 * MIN_DEPTH_M) & (np.abs(beams.x_m) < WINDOW_M)
     count = np.bincount(sector(beams.share[beside], SECTORS), minlength=SECTORS)
@@ -65,7 +65,7 @@ def has_background(plane: Array, depth: Array, state: Array, outline: Outline) -
 
 
 def seen_through(plane: Array, depth: Array, state: Array, outline: Outline) -> float:
-    """Background whose beams would have met the plate near its edge, of that just outside it."""
+    """Return background points whose beams pass through the target, per one just outside it."""
     beams = carry(plane, depth, state, outline)
     inside, outside = _beside(beams, state)
     deep = depth > 2.0 * MIN_DEPTH_M
@@ -77,7 +77,7 @@ def seen_through(plane: Array, depth: Array, state: Array, outline: Outline) -> 
 
 
 def _beside(beams: Beams, state: Array) -> tuple[Mask, Mask]:
-    """Which beams met the plane in equal rings just inside and outside the edge, (N,) each."""
+    """Return which beams meet the plane in rings just inside and outside the edge, (N,) each."""
     clear = 1.5 * np.exp(state[SPOT]) * (np.sqrt(1.0 + beams.tau**2) - 1.0)
     inside = (beams.x_m < -RING_M[0] - clear) & (beams.x_m > -RING_M[1] - clear)
     outside = (beams.x_m > RING_M[0] + clear) & (beams.x_m < RING_M[1] + clear)
@@ -87,12 +87,13 @@ def _beside(beams: Beams, state: Array) -> tuple[Mask, Mask]:
 def _refined(
     plane: Array, depth: Array, state: Array, outline: Outline, solve: Solve
 ) -> Array | None:
-    """At depth z the hole's edge is shifted by z g against the plate's, x = a + z g . rho.
+    """Return the state with the beams' slope g fitted to the shadow's edge, or None.
 
-    That is fitted to the innermost background points of 36 sectors.
+    At depth z that edge is shifted by z g against the target's, x = a + z g . rho; the innermost
+    background points of 36 sectors are fitted.
     """
     state = state.copy()
-    normals = turned(outline.normals((np.arange(SECTORS) + 0.5) / SECTORS), state[TURN])
+    normals = turned(outline.normals((np.arange(SECTORS) + 0.5) / SECTORS), state[ROTATION])
     for _ in range(ROUNDS):
         beams = carry(plane, depth, state, outline)
         near = (depth > 2.0 * MIN_DEPTH_M) & (np.abs(beams.x_m) < WINDOW_M)
@@ -116,15 +117,15 @@ def _refined(
 
 
 def _by_all(slopes: Array, values: Array) -> Array:
-    """Least squares over all sectors: slopes (K, 3), values (K,)."""
+    """Solve by least squares over all sectors: slopes (K, 3), values (K,)."""
     return np.asarray(np.linalg.lstsq(slopes, values, rcond=None)[0])
 
 
 def _by_consensus(slopes: Array, values: Array) -> Array:
-    """Least squares over the sectors that agree with most others: elsewhere something hides.
+    """Solve by least squares over the largest consistent set of sectors; the others are occluded.
 
-    slopes (K, 3), the first of ones; values (K,). Every three sectors give an answer; the one that
-    most agree with, and whose constant is small, tells which to use.
+    slopes (K, 3), the first of ones; values (K,). Every three sectors give an answer; the sectors
+    that agree with the most supported answer of small constant are used.
     """
     triples = np.array(list(combinations(range(len(values)), 3)))
     A, b = slopes[triples], values[triples]
@@ -139,9 +140,9 @@ def _by_consensus(slopes: Array, values: Array) -> Array:
 
 
 def _of_all_directions(plane: Array, depth: Array, state: Array, outline: Outline) -> Array | None:
-    """The direction of all up to 76 degrees that has the background outside the edge, not inside.
+    """Return the state of the direction, up to 76 degrees, that keeps the background outside.
 
-    Background close behind the plate is carried too little aside to tell, and is left out.
+    Background close behind the target is shifted too little to show it, and is left out.
     """
     deep = np.flatnonzero(depth > 2.0 * MIN_DEPTH_M)
     some = deep[:: max(1, len(deep) // TRIED_POINTS)]
@@ -162,7 +163,7 @@ def _of_all_directions(plane: Array, depth: Array, state: Array, outline: Outlin
 
 
 def _directions(steepest: float, step: float) -> Array:
-    """In-plane slopes (K, 2) on rings `step` apart, and as far apart on each."""
+    """Return in-plane slopes (K, 2) on rings `step` apart, and as far apart on each."""
     rings = np.arange(0.0, steepest + 0.5 * step, step)
     turns = [
         np.arange(k) / k * 2.0 * np.pi for k in np.maximum(1, np.ceil(2.0 * np.pi * rings / step))
@@ -175,12 +176,13 @@ def _directions(steepest: float, step: float) -> Array:
 def _background_outside(
     plane: Array, depth: Array, state: Array, slopes: Array, outline: Outline
 ) -> Array:
-    """For beams of slopes (K, 2): points (N) carried beside the edge's outside, less those carried
-    inside, which count more, (K,).
+    """Return a score (K,) of beams of slopes (K, 2): points outside the edge less those inside.
+
+    Points inside count INSIDE times.
     """
     shrink = 1.0 / (1.0 + state[INVERSE] * depth)
-    here = turned((plane - state[CENTRE]) * shrink[:, None], -state[TURN])
-    run = turned(slopes, -state[TURN])
+    here = turned((plane - state[CENTRE]) * shrink[:, None], -state[ROTATION])
+    run = turned(slopes, -state[ROTATION])
     u, v = (
         place - np.outer(aside, depth * shrink) for place, aside in zip(here.T, run.T, strict=True)
     )

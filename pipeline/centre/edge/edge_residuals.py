@@ -1,4 +1,4 @@
-"""The points about an edge against the profile that they should show, linearised."""
+"""Residuals of the points about an edge from the mixed-pixel profile, linearised."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from .beams import BEAM, RATIO, SPOT, THICKNESS, Background, Beams, Prior, carry
 from .mixed_pixel import EdgeProfile, edge_profile
 
 INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the edge the profile is compared
-POINTING_M = 1.5e-4  # beam pointing and raster, as an uncertainty of x
-DEPTH_SHARE = 0.02  # what the background's depth may differ between look-up and beam
+POINTING_M = 1.5e-4  # standard uncertainty of x by beam pointing and scan grid
+DEPTH_SHARE = 0.02  # of the background's depth: its change between look-up and beam
 SECTORS = 24  # of the outline, taken as independent of each other
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Points near the edge, (N, 2) in the plane and (N,) deep, and what is known before."""
+    """Points near the edge, (N, 2) in the plane and (N,) deep, and the prior of the state."""
 
     plane: Array
     depth: Array
@@ -28,18 +28,18 @@ class Problem:
     sigma_m: float
 
     def beams(self, state: Array) -> Beams:
-        """The points' beams, carried to the plane."""
+        """Return the points' beams, carried to the plane."""
         return carry(self.plane, self.depth, state, self.outline)
 
 
 @dataclass(frozen=True)
 class Equations:
-    """The points near the edge, linearised: residual = slopes @ step.
+    """Points near the edge, linearised: residual = slopes @ step.
 
-    q_m: (N, 2) where their beams met the plane, seen from the centre; share: (N,) of the outline.
+    q_m: (N, 2) where their beams met the plane, relative to the centre; share: (N,) of the outline.
     residual_m: (N,). slopes: (N, 9). weight: (N,) robust, over the variance. change: (N,)
-    derivative of weight * residual by the residual. by_height: (N,) what a metre more of height of
-    the plane adds to the residual.
+    derivative of weight * residual by the residual. by_height: (N,) derivative of the residual
+    by the plane's height.
     """
 
     q_m: Array
@@ -52,12 +52,13 @@ class Equations:
 
 
 def equations(
-    problem: Problem, background: Background, state: Array, settled: bool, consistent: bool
+    problem: Problem, background: Background, state: Array, converged: bool, consistent: bool
 ) -> Equations:
-    """Compare what the points near the edge show with the profile at `state`.
+    """Linearise the residuals of the points near the edge from the profile at `state`.
 
-    consistent: slopes at the profile's depth; at the measured one they go with its noise, which
-    biases the answer by some 20 um but keeps it from running along the ridge of spot and echo.
+    converged: weigh by Tukey's function, near the solution, else by Cauchy's. consistent: slopes at
+    the profile's depth; at the measured one they correlate with its noise, which biases the centre
+    by some 20 um but avoids divergence along the ridge of footprint and reflectance ratio.
     """
     depth, sigma_m = problem.depth, problem.sigma_m
     beams = problem.beams(state)
@@ -81,9 +82,9 @@ def equations(
         background.spread_m[part] + DEPTH_SHARE * background.depth_m[part]
     )
     variance = (sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2 + rough**2
-    weight, change = _robust(residual**2 / variance, settled)
+    weight, change = _robust(residual**2 / variance, converged)
     light = profile.background_share * float(np.exp(state[RATIO]))
-    light /= 1.0 - profile.background_share + light  # of what returns, that of the background
+    light /= 1.0 - profile.background_share + light  # share of the background in the return
     return Equations(
         q_m=beams.q_m,
         share=beams.share,
@@ -96,7 +97,7 @@ def equations(
 
 
 def step(linear: Equations, state: Array, prior: Prior) -> Array:
-    """One robust Gauss-Newton step (9,), no longer than is safe."""
+    """Return one robust Gauss-Newton step (9,) of limited length."""
     weighted = linear.slopes.T * linear.weight
     information = weighted @ linear.slopes + np.diag(prior.weight)
     gradient = weighted @ linear.residual_m - prior.weight * (state - prior.mean)
@@ -106,11 +107,11 @@ def step(linear: Equations, state: Array, prior: Prior) -> Array:
 
 
 def spread(linear: Equations, outline: Outline, prior: Prior) -> tuple[Array, Array, float]:
-    """Covariance (9, 9) of the state from the residuals, its slopes (9, 3) by plane, and freedom.
+    """Return covariance (9, 9) of the state, derivatives (9, 3) by the plane, and dof.
 
     A^-1 B A^-1, A the derivative of the estimating equations, B the sum of their squares by sectors
-    of the outline: neither the variances that set the weights need be right, nor the points of a
-    sector independent, so that what the model leaves out there counts as well.
+    of the outline: the variances in the weights need not be right, nor the points of a sector
+    independent, so that model errors count as well.
     Source: Huber, Robust Statistics (1981) 6.3; Liang and Zeger, Biometrika 73 (1986) 13; residuals
     over 1 - leverage, MacKinnon and White, J. Econometrics 29 (1985) 305.
     """
@@ -123,15 +124,15 @@ def spread(linear: Equations, outline: Outline, prior: Prior) -> tuple[Array, Ar
     by_plane = inverse @ ((slopes.T * linear.change) @ lift)
     part = sector(linear.share, SECTORS)
     total = np.stack([np.bincount(part, column, SECTORS) for column in score.T], axis=1)
-    taken = 3.0 if outline.shows_rotation else 2.0  # by the centre and the turn
+    taken = 3.0 if outline.shows_rotation else 2.0  # parameters: centre, and rotation
     free = max(float(np.count_nonzero(np.bincount(part, minlength=SECTORS))) - taken, 1.0)
     squares = total.T @ total * ((free + taken) / free)
     return inverse @ (squares + known) @ inverse, by_plane, outline.axis_share * free
 
 
-def _robust(square: Array, settled: bool) -> tuple[Array, Array]:
-    """Weight and influence's slope: Cauchy while far from the answer, then Tukey's at 4 sigma."""
-    if settled:
+def _robust(square: Array, converged: bool) -> tuple[Array, Array]:
+    """Return weight and slope of the influence: Cauchy's far from convergence, else Tukey's."""
+    if converged:
         left = np.clip(1.0 - square / 16.0, 0.0, None)
         return left**2, left * (1.0 - 5.0 * square / 16.0)
     left = 1.0 / (1.0 + square / 4.0)
@@ -139,9 +140,10 @@ def _robust(square: Array, settled: bool) -> tuple[Array, Array]:
 
 
 def _slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> Array:
-    """Derivatives of the depth by the state, (N, 9), by the chain rule over x and tau.
+    """Return derivatives of the depth by the state, (N, 9), by the chain rule over x and tau.
 
-    With J a quarter turn: d rho = curve (1 - rho rho') dq, and by the turn, J rho - that of J q.
+    With J a rotation by 90 degrees: d rho = curve (1 - rho rho') dq, and by the in-plane rotation,
+    J rho - that of J q.
     """
     beam, rho = state[BEAM], beams.rho
     facing = np.where(beams.tau > 0.0, profile.d_tau, 0.0)
@@ -150,7 +152,7 @@ def _slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> A
     d_x = profile.d_x
     by_centre = -rho * (d_x * beams.shrink)[:, None] + aside * facing[:, None]
     J_q, J_rho = _quarter(beams.q_m), _quarter(rho)
-    tau_by_turn = beams.curve * np.sum(across * J_q, axis=1) - J_rho @ beam
+    tau_by_rotation = beams.curve * np.sum(across * J_q, axis=1) - J_rho @ beam
     support = np.sum(rho * beams.q_m, axis=1)
     return np.column_stack(
         [
@@ -160,7 +162,7 @@ def _slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> A
             profile.d_log_spot,
             profile.d_thickness * np.exp(state[THICKNESS]),
             profile.d_log_ratio,
-            -d_x * np.sum(rho * J_q, axis=1) + facing * tau_by_turn,
+            -d_x * np.sum(rho * J_q, axis=1) + facing * tau_by_rotation,
         ]
     )
 

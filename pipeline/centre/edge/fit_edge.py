@@ -1,10 +1,10 @@
-"""Fit a plate's edge to the mixed ranges around it: centre, beam direction, spot, thickness.
+"""Fit a target's edge to the mixed pixels around it: centre, beam direction, footprint, thickness.
 
 The beams, not the points, are spread evenly across an edge. So every point is carried back along
-its beam to the plane of the face, where the beam's distance from the edge is known whatever depth
-it returned; what depth it should have returned is `edge_profile`. Fitting the one to the other uses
-the face, its wall, the mixed ranges and the background together, needs no threshold that erodes the
-edge, and finds where the scanner stood from the points themselves.
+its beam to the target's plane, where the beam's distance from the edge is known whatever depth it
+returned; the depth it should have returned is `edge_profile`. Fitting the one to the other uses the
+target, its wall, the mixed pixels and the background together, needs no threshold that erodes the
+edge, and estimates the scanner's position from the points themselves.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from .beams import (
     INVERSE,
     RATIO,
     RING_M,
+    ROTATION,
     SPOT,
     THICKNESS,
-    TURN,
     Background,
     Prior,
     carry,
@@ -40,32 +40,34 @@ from .beams import (
 )
 from .edge_residuals import OUTER_M, Equations, Problem, equations, spread, step
 
-MIN_MIXED = 0.04  # of mixed ranges, below which the scanner has left them out
-STILL_M, SETTLED_M = 2e-7, 1e-5  # a step that ends the fit; one that makes it trustworthy
+MIN_MIXED = 0.04  # share of mixed pixels below which the scanner has filtered them out
+STEP_M, CONVERGED_M = (
+    2e-7,
+    1e-5,
+)  # a step of the centre that ends the fit; one that counts as converged
 NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
-STEEP = 1.0  # slope of beams, from which a thick wall hides so much that a fit may run away
-RIDGE = 0.3  # of log spot, thickness, echo: how far the consistent answer may leave the first
+STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
+RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
 
 
 @dataclass(frozen=True)
 class EdgeFit:
-    """Centre of an outline in the plane and what came with it.
+    """Centre of an outline in the plane, and the other estimates of its fit.
 
-    centre_m: (2,). turn_rad: of the target's axes against the plane's; turn_noise: (3,) its
-    covariances with the centre and its variance, turn_by_plane: (3,) as by_plane.
-    covariance_m2: (2, 2), of a plane without error, and freedom, its degrees: fewer than the
-    sectors, since not each counts along an axis. by_plane: (2, 3) how the centre
-    moves with the plane's height at the centre, and with its slopes along u and v: it is seen in a
-    direction, so that a plane that is too high takes it along the beam. beam: (2,) in-plane run of
-    the beams at the centre, per metre of depth: tan of the incidence and its direction.
-    inverse_distance: 1 / scanner's distance from the plane, 1/m. spot_m, thickness_m, and echo, the
-    background's brightness of the plate's: as fitted. covered: share of the outline that was used.
-    misfit: share of the points near the edge that no single viewpoint and background explains.
-    settled: whether the fit stood still.
+    centre_m: (2,). rotation_rad: of the target's axes against the plane's; rotation_noise: (3,) its
+    covariances with the centre and its variance, rotation_by_plane: (3,) as by_plane.
+    covariance_m2: (2, 2), given the plane, with dof degrees of freedom: fewer than the sectors,
+    since not each counts along an axis. by_plane: (2, 3) derivatives of the centre by the plane's
+    height at the centre, and by its slopes along u and v: the beams fix a direction, so a plane
+    that is too high moves the centre along the beam. beam: (2,) in-plane slope of the beams at the
+    centre, per metre of depth: tan of the incidence and its direction. inverse_distance: 1 /
+    scanner's distance from the plane, 1/m. spot_m: radius of the footprint; thickness_m;
+    reflectance_ratio: of the background over the target. covered: share of the outline that was
+    used. misfit: share of outliers near the edge. converged: whether the last step was small.
     """
 
     centre_m: Array
-    turn_rad: float
+    rotation_rad: float
     covariance_m2: Array
     by_plane: Array
     dof: float
@@ -78,15 +80,17 @@ class EdgeFit:
     misfit: float
     points: int
     iterations: int
-    settled: bool
-    turn_noise: Array
-    turn_by_plane: Array
+    converged: bool
+    rotation_noise: Array
+    rotation_by_plane: Array
 
     @property
     def state(self) -> Array:
-        """As rim_beams has it, (9,)."""
+        """State (9,), see beams.py."""
         logs = np.log([self.spot_m, self.thickness_m, self.reflectance_ratio])
-        return np.array([*self.centre_m, *self.beam, self.inverse_distance, *logs, self.turn_rad])
+        return np.array(
+            [*self.centre_m, *self.beam, self.inverse_distance, *logs, self.rotation_rad]
+        )
 
 
 def fit_edge(
@@ -97,12 +101,12 @@ def fit_edge(
     config: CentreConfig,
     begin: Array | EdgeFit,
 ) -> EdgeFit | None:
-    """Place of an outline in plane coordinates uvw_m (N, 3), w towards the scanner.
+    """Fit an outline to points uvw_m (N, 3) in plane coordinates, w towards the scanner.
 
-    thickness_m: of the plate, where known. begin: the state (9,) to start from, as `aimed` gives
-    it, or the fit of another edge of the same plate, which tells how the beams run.
-    None where less than a quarter of the edge has a background to compare with, or the scanner has
-    left out the mixed ranges.
+    thickness_m: of the target, where known. begin: the state (9,) to start from, as `aimed` returns
+    it, or the fit of another edge of the same target, whose beams are the same.
+    None where less than a quarter of the edge has a background, or the scanner has filtered out the
+    mixed pixels.
     """
     if isinstance(begin, EdgeFit):
         prior = Prior.beside(begin.state)
@@ -133,29 +137,29 @@ def aimed(
     start: tuple[Array, float] = (np.zeros(2), 0.0),
     station: Array | None = None,
 ) -> Array | None:
-    """A state (9,) with the beams' direction: from the station, unless the background contradicts
-    it, else from the background; None where that tells none.
+    """Return a state (9,) with the beams' direction, or None where nothing shows it.
 
-    start: centre and turn, near 0. station: (3,) where the scanner stood, as far as it is known.
+    From the station, unless the background contradicts it, else from the background.
+    start: centre and rotation, near 0. station: (3,) position of the scanner, if known.
     """
     begin = Prior.of(thickness_m, config).mean
-    begin[CENTRE], begin[TURN] = start
+    begin[CENTRE], begin[ROTATION] = start
     look = sample(uvw_m, config.max_points)
     plane, depth = look[:, :2], -look[:, 2]
     if station is not None:
-        told = begin.copy()
-        told[BEAM] = (begin[CENTRE] - station[:2]) / station[2]
-        told[INVERSE] = 1.0 / station[2]
-        if not is_contradicted(plane, depth, told, outline):
-            return told
+        given = begin.copy()
+        given[BEAM] = (begin[CENTRE] - station[:2]) / station[2]
+        given[INVERSE] = 1.0 / station[2]
+        if not is_contradicted(plane, depth, given, outline):
+            return given
     return first_beam(plane, depth, begin, outline)
 
 
 @dataclass(frozen=True)
 class Behind:
-    """What lies behind an outline: whether anything does, and the beams' run that explains it.
+    """Background behind an outline: seen, whether there is any; beam, slope that explains it.
 
-    beam: (2,) in the plane per depth, roughly; None where nothing tells it.
+    beam: (2,) in the plane per depth, roughly; None where nothing shows it.
     """
 
     seen: bool
@@ -169,13 +173,13 @@ def look_behind(
     start: tuple[Array, float],
     state: Array | None,
 ) -> Behind:
-    """Of points uvw_m (N, 3) about an outline at a start.
+    """Return what lies behind an outline at a start, by the points uvw_m (N, 3) about it.
 
-    state: (9,) how the beams run, by `aimed`, or by another edge's fit; None where nothing tells.
+    state: (9,) with the beams' direction, by `aimed` or another edge's fit; None if unknown.
     """
     plane, depth = uvw_m[:, :2], -uvw_m[:, 2]
     begin = Prior.of(None, config).mean
-    begin[CENTRE], begin[TURN] = start
+    begin[CENTRE], begin[ROTATION] = start
     seen = has_background(plane, depth, begin, outline)
     if not seen or state is None or not np.isfinite(seen_through(plane, depth, state, outline)):
         return Behind(seen, None)
@@ -184,7 +188,7 @@ def look_behind(
 
 @dataclass(frozen=True)
 class _Converged:
-    """A state at which the fit stood still, or its last; last_m: its last step of the centre."""
+    """Final state of the fit; last_m: its last step of the centre."""
 
     state: Array
     background: Background
@@ -194,37 +198,37 @@ class _Converged:
 
 
 def _reach_m(state: Array) -> float:
-    """How far from the edge beams can matter: where they graze, the wall and the spot reach far."""
+    """Return how far from the edge beams matter: farther where wall and footprint are slanted."""
     square = float(state[BEAM] @ state[BEAM])
     wall = np.sqrt(square) * np.exp(state[THICKNESS]) + np.exp(state[SPOT]) * np.sqrt(1.0 + square)
     return max(NEAR_M, float(wall) + RING_M[1] + OUTER_M)
 
 
 def _best(problem: Problem, state: Array, most: int) -> _Converged:
-    """The consistent answer from the first one, unless it ran away."""
-    near_it = _converge(problem, state, most, consistent=False)
-    found = _converge(problem, near_it.state, most, consistent=True)
-    return near_it if _ran_away(found.state, near_it.state, problem.prior) else found
+    """Return the solution with consistent slopes, or the first one where that diverged."""
+    first = _converge(problem, state, most, consistent=False)
+    found = _converge(problem, first.state, most, consistent=True)
+    return first if _diverged(found.state, first.state, problem.prior) else found
 
 
 def _is_strange(found: _Converged, prior: Prior) -> bool:
-    """Whether a fit did not stand still, or needs a thickness far from the plate's known one."""
+    """Return whether a fit did not converge, or its thickness is far from the known one."""
     off = abs(float(found.state[THICKNESS] - prior.mean[THICKNESS]))
-    return found.last_m > SETTLED_M or off > RIDGE
+    return found.last_m > CONVERGED_M or off > RIDGE
 
 
-def _ran_away(state: Array, first: Array, prior: Prior) -> bool:
-    """Whether the consistent answer left the first one, and what is known of the plate as well."""
-    left = float(np.abs(state[SPOT:TURN] - first[SPOT:TURN]).max()) > RIDGE
+def _diverged(state: Array, first: Array, prior: Prior) -> bool:
+    """Return whether a state is far from the first one, and farther from the prior."""
+    far = float(np.abs(state[SPOT:ROTATION] - first[SPOT:ROTATION]).max()) > RIDGE
     off, first_off = (
-        float(np.sum(prior.weight[SPOT:TURN] * (s - prior.mean)[SPOT:TURN] ** 2))
+        float(np.sum(prior.weight[SPOT:ROTATION] * (s - prior.mean)[SPOT:ROTATION] ** 2))
         for s in (state, first)
     )
-    return left and off > first_off
+    return far and off > first_off
 
 
 def _converge(problem: Problem, state: Array, most: int, consistent: bool) -> _Converged:
-    """Gauss-Newton steps until the centre stands still; the background is looked up at first."""
+    """Iterate Gauss-Newton steps until the centre converges; first look up the background."""
     background = look_up(problem.beams(state), problem.depth, state)
     for iteration in range(1, most + 1):
         if not consistent and 1 < iteration <= 8:
@@ -234,7 +238,7 @@ def _converge(problem: Problem, state: Array, most: int, consistent: bool) -> _C
         moved = step(linear, state, problem.prior)
         state = state + moved
         last_m = float(np.abs(moved[CENTRE]).max())
-        if last_m < STILL_M and (consistent or iteration > 8):
+        if last_m < STEP_M and (consistent or iteration > 8):
             break
     return _Converged(state, background, linear, iteration, last_m)
 
@@ -244,7 +248,7 @@ def _record(found: _Converged, problem: Problem, covered: float) -> EdgeFit:
     covariance, by_plane, dof = spread(found.equations, problem.outline, problem.prior)
     return EdgeFit(
         centre_m=state[CENTRE],
-        turn_rad=float(state[TURN]),
+        rotation_rad=float(state[ROTATION]),
         covariance_m2=covariance[CENTRE, CENTRE],
         by_plane=by_plane[CENTRE],
         dof=dof,
@@ -257,7 +261,7 @@ def _record(found: _Converged, problem: Problem, covered: float) -> EdgeFit:
         misfit=float(np.mean(found.equations.weight <= 0.0)),
         points=len(found.equations.residual_m),
         iterations=found.iterations,
-        settled=found.last_m < SETTLED_M,
-        turn_noise=covariance[TURN, [0, 1, TURN]],
-        turn_by_plane=by_plane[TURN],
+        converged=found.last_m < CONVERGED_M,
+        rotation_noise=covariance[ROTATION, [0, 1, ROTATION]],
+        rotation_by_plane=by_plane[ROTATION],
     )

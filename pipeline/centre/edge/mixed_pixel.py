@@ -1,10 +1,10 @@
-"""What range a laser spot of finite size returns near the rim of a plate: the model and its slopes.
+"""Model of a mixed pixel: the range returned near a target's edge by a footprint of finite size.
 
-A beam that meets the plane of the face at the signed distance x outside the rim sees, in turn: the
-face (depth 0); the side wall, if the rim's wall there faces the scanner (depth x / tau, down to the
-thickness T at x = T tau); then the background (depth B). tau is the tangent of the incidence
-against the wall: how far the beam runs inwards for each metre of depth. The range that comes back
-is the mean of that profile over the spot, a uniform disc of radius s, weighted by brightness.
+A beam that meets the target's plane at the signed distance x outside the edge meets: the target
+(depth 0); its side wall, where that faces the scanner (depth x / tau, down to the thickness T at
+x = T tau); then the background (depth B). tau is the tangent of the incidence against the wall: how
+far the beam runs inwards for each metre of depth. The returned range is the mean of that profile
+over the footprint, a uniform disc of radius s, weighted by reflectance.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _G = np.concatenate([[0.0], np.cumsum((_F[1:] + _F[:-1]) * 0.5 * (_U[1] - _U[0])
 
 @dataclass(frozen=True)
 class EdgeProfile:
-    """Mean depth (N,) over the spot, and its derivatives, (N,) each.
+    """Mean depth (N,) over the footprint, and its derivatives, (N,) each.
 
-    The derivatives are by x, tau, log spot, thickness and log echo.
+    The derivatives are by x, tau, log footprint radius, thickness and log reflectance ratio.
     """
 
     depth_m: Array
@@ -45,15 +45,15 @@ def edge_profile(
     thickness_m: float,
     reflectance_ratio: float,
 ) -> EdgeProfile:
-    """Depth behind the face that a beam at x_m (N,) returns; all arrays (N,), metres.
+    """Return the depth behind the target that a beam at x_m (N,) returns; all (N,), metres.
 
-    echo: how brightly the background shines, of the plate; each part of the spot weighs as it
-    shines. With w = T tau, a = x/s, b = (x - w)/s, the share of the background is F(b), that of the
-    wall F(a) - F(b), its mean depth there from the integral of F:
+    reflectance_ratio e: of background over target; each part of the footprint weighs by its own.
+    With w = T tau, a = x/s, b = (x - w)/s, the share of the background is F(b), that of the wall
+    F(a) - F(b), its mean depth there from the integral of F:
     depth = (T s/w (G(a) - G(b)) - T F(b) + e B F(b)) / (1 - F(b) + e F(b));
     as w -> 0 the first two terms cancel.
     """
-    width = np.maximum(thickness_m * tau, 1e-3 * spot_m)  # a wall no wider than this acts as none
+    width = np.maximum(thickness_m * tau, 1e-3 * spot_m)  # a narrower wall acts as none
     a, b = x_m / spot_m, (x_m - width) / spot_m
     Fa, Fb, k = spot_share(a), spot_share(b), chord(b) / spot_m
     mean_F = (_integral(a) - _integral(b)) * spot_m / width  # of F over the wall
@@ -80,12 +80,12 @@ def edge_profile(
 
 
 def chord(u: Array) -> Array:
-    """Derivative of spot_share."""
+    """Return the derivative of spot_share."""
     return np.asarray(2.0 / np.pi * np.sqrt(np.clip(1.0 - u * u, 0.0, None)))
 
 
 def spot_share(u: Array) -> Array:
-    """Share of a spot of unit radius that lies beyond a straight edge, u outside of it: (N,)."""
+    """Return the share of a footprint of unit radius beyond a straight edge, u outside it: (N,)."""
     return np.asarray(np.interp(u, _U, _F))
 
 

@@ -1,1 +1,1 @@
-"""Centre of a target from its printed pattern: detection, refinement, pose."""
+"""Pose of a printed pattern from the intensities of a target's points."""

@@ -1,8 +1,8 @@
-"""Circles, checkerboard corners and ArUco markers in a picture, with cv2.
+"""Circles, checkerboard corners and ArUco markers in an image, with cv2.
 
-What is found comes without an order: OpenCV's grids may start at any corner, and turn (its issues
-4998, 22083, 24964, 26830), and are given up where one feature is hidden. Pixels are counted from
-the middle of the first (issue 22288).
+The features are unordered: OpenCV's grids may start at any corner and be rotated (its issues 4998,
+22083, 24964, 26830), and are dropped where one feature is hidden. Pixel 0, 0 is the middle of the
+first one (issue 22288).
 """
 
 from __future__ import annotations
@@ -15,25 +15,25 @@ import numpy.typing as npt
 from ...vectors import Array, Mask
 
 Grey = npt.NDArray[np.uint8]
-QUIET = 12  # pixels of margin, without which markers at the picture's edge go unseen
-MIN_CORNERS = 3  # rows and columns of a board that is hidden in part
+QUIET = 12  # pixels of margin, without which markers at the image's border are missed
+MIN_CORNERS = 3  # rows and columns of a partly hidden board
 
 
 @dataclass(frozen=True)
 class Markers:
-    """ids: (K,) of markers. corners: (K, 4, 2) pixels, clockwise from each one's upper left."""
+    """Markers found: ids (K,); corners (K, 4, 2), pixels, clockwise from each one's upper left."""
 
     ids: npt.NDArray[np.int64]
     corners: Array
 
 
 def find_circles(grey: Grey, diameter: float) -> Array:
-    """Middles (K, 2) of dark or bright round spots of about that diameter, pixels."""
+    """Find the centres (K, 2) of dark or bright circles of about that diameter, pixels."""
     import cv2
 
     parameters = cv2.SimpleBlobDetector.Params()
     area = np.pi / 4.0 * diameter**2
-    parameters.filterByArea = True  # its own limits, 25 to 5000 pixels, fit no target
+    parameters.filterByArea = True  # its defaults, 25 to 5000 pixels, fit no target
     parameters.minArea, parameters.maxArea = 0.4 * area, 2.0 * area
     parameters.filterByCircularity = True
     parameters.minCircularity = 0.4  # of a jagged circle of a dozen pixels
@@ -47,7 +47,7 @@ def find_circles(grey: Grey, diameter: float) -> Array:
 
 
 def find_corners(grey: Grey, rows: int, columns: int) -> Array:
-    """Inner corners (K, 2) of a checkerboard, or of a part of it, pixels."""
+    """Find the inner corners (K, 2) of a checkerboard, or of a part of it, pixels."""
     import cv2
 
     flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_LARGER
@@ -60,7 +60,7 @@ def find_corners(grey: Grey, rows: int, columns: int) -> Array:
 
 
 def find_markers(grey: Grey, dictionary: str) -> Markers:
-    """Markers of a dictionary, black on white or white on black."""
+    """Find the markers of a dictionary, black on white or white on black."""
     import cv2
 
     parameters = cv2.aruco.DetectorParameters()
@@ -75,14 +75,14 @@ def find_markers(grey: Grey, dictionary: str) -> Markers:
 
 
 def marker_bits(dictionary: str) -> int:
-    """How many modules a marker of the dictionary is wide, its black border included."""
+    """Return the width of a marker of the dictionary in modules, with its black border."""
     import cv2
 
     return int(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)).markerSize) + 2
 
 
 def marker_modules(dictionary: str, marker: int) -> Mask:
-    """Which modules (B, B) of a marker are dark, first row at the top, its border included."""
+    """Return which modules (B, B) of a marker are dark, first row at the top, with its border."""
     import cv2
 
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))

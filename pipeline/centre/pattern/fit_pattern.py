@@ -1,4 +1,4 @@
-"""The centre of a board from what is printed on it, by the intensities of the face's points."""
+"""Centre of a board from its printed pattern, by the intensities of its points."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from .image import target_image
 from .pose import Pose, first_pose, marker_corners, rigid
 from .refine import Shade, crossing, place_feature, round_spot
 
-PIXELS_OF_FEATURE = 20  # a picture need not be finer than that, for a feature or a marker's module
+PIXELS_OF_FEATURE = 20  # finest useful image, per feature or module of a marker
 MIN_FEATURES = 3
 ROUNDS = 3
-OUTLIER = 4.0  # times the robust scatter of the features about their places
+OUTLIER = 4.0  # times the robust scatter of the features about their positions
 
 
 @dataclass(frozen=True)
 class PatternFit:
-    """A printed pattern laid on what is seen of it, in the plane's coordinates.
+    """Pose of a printed pattern in the plane's coordinates.
 
-    centre_m: (2,) of the face, as the pattern has it. covariance_m2: (2, 2) from the residuals of
-    the features, with its freedom; turn_noise: (3,) covariances of the turn with the centre, and
-    its variance. rms_m: of them, per axis. features: used, of `printed`.
-    marker_ids: seen. wheel: that they name, if any.
+    centre_m: (2,) of the target. covariance_m2: (2, 2) from the residuals of the features, with dof
+    degrees of freedom; rotation_noise: (3,) covariances of the rotation with the centre, and its
+    variance. rms_m: of the residuals, per axis. features: number used, of `printed`.
+    marker_ids: of markers found. wheel: that they name, if any.
     """
 
     centre_m: Array
-    turn_rad: float
+    rotation_rad: float
     covariance_m2: Array
     dof: float
     rms_m: float
@@ -38,26 +38,26 @@ class PatternFit:
     printed: int
     marker_ids: tuple[int, ...]
     wheel: str | None
-    turn_noise: Array
+    rotation_noise: Array
 
     def mirrored(self) -> PatternFit:
-        """The same with the axis v turned over."""
+        """Return the mirror image about the axis u."""
         over = np.array([1.0, -1.0])
         return replace(
             self,
             centre_m=self.centre_m * over,
-            turn_rad=-self.turn_rad,
+            rotation_rad=-self.rotation_rad,
             covariance_m2=self.covariance_m2 * np.outer(over, over),
-            turn_noise=self.turn_noise * np.array([-1.0, 1.0, 1.0]),
+            rotation_noise=self.rotation_noise * np.array([-1.0, 1.0, 1.0]),
         )
 
 
 @dataclass(frozen=True)
 class IntensityPoints:
-    """Points of a face: uv_m (N, 2) where their beams met the plane, intensity (N,).
+    """Points on a target: uv_m (N, 2) where their beams met the plane, intensity (N,).
 
-    beam: (2,) in-plane run of the beams per depth, zeros where it is not known. spot_m: radius of
-    the laser spot.
+    beam: (2,) in-plane slope of the beams per depth, zeros where unknown. spot_m: radius of the
+    footprint.
     """
 
     uv_m: Array
@@ -66,16 +66,16 @@ class IntensityPoints:
     spot_m: float
 
     def mirrored(self) -> IntensityPoints:
-        """The same with the axis v turned over."""
+        """Return the mirror image about the axis u."""
         over = np.array([1.0, -1.0])
         return IntensityPoints(self.uv_m * over, self.intensity, self.beam * over, self.spot_m)
 
 
 @dataclass(frozen=True)
 class _Feature:
-    """One feature: its place (2,) in target axes, half the window about it, and how it shades."""
+    """One feature: position (2,) in target axes, half the window about it, and its shading."""
 
-    place_m: Array
+    position_m: Array
     window_m: float
     shade: Shade
 
@@ -83,10 +83,10 @@ class _Feature:
 def find_pattern(
     face: IntensityPoints, target: PatternTarget, near: tuple[Array, float], side_known: bool
 ) -> PatternFit | None:
-    """The pattern on a face whose outline has the centre and turn `near`; None where not found.
+    """Find the pattern on a target whose outline has the centre and rotation `near`, or None.
 
-    side_known: whether the plane's axes are those of the face as it is seen, and not from behind,
-    as they may be where nothing stands behind the plate.
+    side_known: whether the plane's axes are as the scanner sees them; without a background they may
+    be mirrored.
     """
     found = [fit_pattern(face, target, near)]
     if not side_known:
@@ -100,7 +100,7 @@ def find_pattern(
 def fit_pattern(
     face: IntensityPoints, target: PatternTarget, near: tuple[Array, float]
 ) -> PatternFit | None:
-    """The same where the plane's axes are those of the face as it is seen."""
+    """Fit the pattern in plane axes that are not mirrored; None where not found."""
     finest = _module_m(target) / PIXELS_OF_FEATURE
     pose = first_pose(target_image(face.uv_m, face.intensity, finest), target, near)
     if pose is None:
@@ -108,21 +108,21 @@ def fit_pattern(
     fitted = None
     for _ in range(ROUNDS):
         features = _features(target, pose)
-        seen = [_seen(face, feature, pose) for feature in features]
-        kept = [k for k, place in enumerate(seen) if place is not None]
+        located = [_locate(face, feature, pose) for feature in features]
+        kept = [k for k, position in enumerate(located) if position is not None]
         if len(kept) < MIN_FEATURES:
             return None
-        local = np.array([features[k].place_m for k in kept])
-        places = np.array([seen[k] for k in kept], dtype=np.float64)
+        local = np.array([features[k].position_m for k in kept])
+        places = np.array([located[k] for k in kept], dtype=np.float64)
         fitted = _laid(local, places, len(features), pose, target)
         if fitted is None:
             return None
-        pose = Pose(fitted.centre_m, fitted.turn_rad, len(kept), pose.marker_ids, pose.name)
+        pose = Pose(fitted.centre_m, fitted.rotation_rad, len(kept), pose.marker_ids, pose.name)
     return fitted
 
 
 def _module_m(target: PatternTarget) -> float:
-    """Width of the smallest printed piece that carries an edge."""
+    """Return the width of the smallest printed element with an edge."""
     if target.kind != "aruco":
         return target.feature_size_m
     assert target.dictionary is not None
@@ -130,12 +130,12 @@ def _module_m(target: PatternTarget) -> float:
 
 
 def _features(target: PatternTarget, pose: Pose) -> list[_Feature]:
-    """What is printed; of the markers, those that were seen."""
+    """Return the printed features; of markers, those that were found."""
     if target.kind == "circles":
         radius = target.feature_size_m / 2.0
         window = min(radius + 0.4 * (target.pitch - 2.0 * radius), 1.6 * radius)
         return [_Feature(place, window, round_spot(radius)) for place in target.places_m]
-    shade = crossing(pose.turn_rad + np.radians(target.turn_deg))
+    shade = crossing(pose.rotation_rad + np.radians(target.turn_deg))
     if target.kind == "checkerboard":
         return [_Feature(place, 0.45 * target.pitch, shade) for place in target.places_m]
     ids = target.id_sets[str(pose.name)]
@@ -146,9 +146,9 @@ def _features(target: PatternTarget, pose: Pose) -> list[_Feature]:
     return [_Feature(place, window, shade) for place in corners]
 
 
-def _seen(face: IntensityPoints, feature: _Feature, pose: Pose) -> Array | None:
-    """Where the feature is in the plane (2,), if the points show it."""
-    expected = pose.places(feature.place_m[None])[0]
+def _locate(face: IntensityPoints, feature: _Feature, pose: Pose) -> Array | None:
+    """Return the position of a feature in the plane (2,), or None if the points do not show it."""
+    expected = pose.places(feature.position_m[None])[0]
     q = face.uv_m - expected
     near = np.abs(q).max(axis=1) < 1.5 * feature.window_m
     q, intensity = q[near], face.intensity[near]
@@ -166,11 +166,11 @@ def _seen(face: IntensityPoints, feature: _Feature, pose: Pose) -> Array | None:
 def _laid(
     local: Array, places: Array, printed: int, pose: Pose, target: PatternTarget
 ) -> PatternFit | None:
-    """Rigid fit of the features, without those far off; covariance s^2 (A'A)^-1."""
+    """Fit the pose to the features, without outliers; covariance s^2 (A'A)^-1."""
     keep = np.ones(len(local), dtype=bool)
     for _ in range(5):
-        centre, turn = rigid(local[keep], places[keep])
-        residual = places - centre - turned(local, turn)
+        centre, rotation = rigid(local[keep], places[keep])
+        residual = places - centre - turned(local, rotation)
         reach = np.hypot(residual[:, 0], residual[:, 1])
         limit = OUTLIER * max(float(np.median(reach[keep])) / 1.1774, 1e-6)
         again = reach < limit
@@ -182,14 +182,14 @@ def _laid(
     count = int(np.count_nonzero(keep))
     dof = 2.0 * count - 3.0
     square = float(np.sum(residual[keep] ** 2))
-    q = turned(local[keep], turn)
+    q = turned(local[keep], rotation)
     slopes = np.zeros((2 * count, 3))
     slopes[:count, 0] = slopes[count:, 1] = 1.0
     slopes[:count, 2], slopes[count:, 2] = -q[:, 1], q[:, 0]
     covariance = square / dof * np.linalg.inv(slopes.T @ slopes)
     return PatternFit(
         centre_m=centre,
-        turn_rad=turn,
+        rotation_rad=rotation,
         covariance_m2=np.asarray(covariance[:2, :2]),
         dof=dof,
         rms_m=float(np.sqrt(square / (2.0 * count))),
@@ -197,5 +197,5 @@ def _laid(
         printed=printed,
         marker_ids=pose.marker_ids,
         wheel=target.wheel_of(pose.marker_ids),
-        turn_noise=np.asarray(covariance[2]),
+        rotation_noise=np.asarray(covariance[2]),
     )

@@ -1,4 +1,4 @@
-"""A picture of a face as it lies in its plane, from the intensities of its points."""
+"""Image of a target in its plane, from the intensities of its points."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy.typing as npt
 
 from ...vectors import Array
 
-GREY_LIMITS = (0.02, 0.98)  # shares of the intensities that become black and white
+GREY_LIMITS = (0.02, 0.98)  # quantiles of the intensities that become black and white
 MAX_PIXELS = 1600  # along an edge
 FILL_ROUNDS = 4
 
 
 @dataclass(frozen=True)
 class TargetImage:
-    """Grey picture as seen from the scanner, u to the right and v up.
+    """Grey image as seen from the scanner, u to the right and v up.
 
     grey: (H, W) uint8. pixel_m: edge of a pixel. left_m, top_m: where its upper left corner lies.
     """
@@ -27,15 +27,15 @@ class TargetImage:
     top_m: float
 
     def places_m(self, pixels: Array) -> Array:
-        """Where in the plane pixels (..., 2), column and row from the first one's middle, lie."""
+        """Return positions in the plane of pixels (..., 2), column and row from the first."""
         corner = np.array([self.left_m, self.top_m])
         return np.asarray(corner + (pixels + 0.5) * self.pixel_m * np.array([1.0, -1.0]))
 
 
 def target_image(uv_m: Array, intensity: Array, finest_m: float) -> TargetImage:
-    """Mean intensity (N,) of the points uv_m (N, 2) in pixels of about two points each.
+    """Average the intensities (N,) of points uv_m (N, 2) in pixels of about two points each.
 
-    finest_m: the smallest pixel that is of use. What no point fell in is filled from around it.
+    finest_m: the smallest useful pixel. Empty pixels are filled from their neighbours.
     """
     low, high = uv_m.min(axis=0), uv_m.max(axis=0)
     area = float(np.prod(np.maximum(high - low, 1e-6)))
@@ -53,7 +53,7 @@ def target_image(uv_m: Array, intensity: Array, finest_m: float) -> TargetImage:
 
 
 def _filled(total: Array, count: Array) -> Array:
-    """Means (H, W); of empty pixels, that of the eight about them, round by round, then of all."""
+    """Return means (H, W); empty pixels take that of the eight about them, then that of all."""
     for _ in range(FILL_ROUNDS):
         empty = count == 0.0
         if not empty.any():
@@ -65,7 +65,7 @@ def _filled(total: Array, count: Array) -> Array:
 
 
 def _of_nine(values: Array) -> Array:
-    """Sum over each pixel and the eight about it."""
+    """Return the sum over each pixel and the eight about it."""
     padded = np.pad(values, 1)
     rows = padded[:-2] + padded[1:-1] + padded[2:]
     return np.asarray(rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:])

@@ -1,4 +1,4 @@
-"""Where a printed pattern lies, roughly: what was found in the picture laid on what is printed."""
+"""Rough pose of a printed pattern, from the features found in the image."""
 
 from __future__ import annotations
 
@@ -13,43 +13,43 @@ from .image import TargetImage
 
 NEAR_OF_PITCH = 0.3  # how far a feature may lie from where it is expected
 FOUND_SHARE = 0.3  # of the features, at least, that must be found
-TURN_STEP_OF_PITCH = 0.25  # of the turns that are tried, at the pattern's rim
+ROTATION_STEP_OF_PITCH = 0.25  # step of the rotations that are tried, at the pattern's border
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A target's axes in the plane: centre_m (2,), turn_rad. found: features that lie as expected.
+    """A target's axes in the plane: centre_m (2,), rotation_rad. found: number of matched features.
 
-    marker_ids: seen, of the target's; name: of the set that they belong to, see id_sets.
+    marker_ids: of the target's, found; name: of the set that they belong to, see id_sets.
     """
 
     centre_m: Array
-    turn_rad: float
+    rotation_rad: float
     found: int
     marker_ids: tuple[int, ...] = ()
     name: str | None = None
 
     def places(self, local_m: Array) -> Array:
-        """From the target's axes (N, 2) to the plane's."""
-        return self.centre_m + turned(local_m, self.turn_rad)
+        """Return points local_m (N, 2) of the target's axes in the plane's."""
+        return self.centre_m + turned(local_m, self.rotation_rad)
 
 
 def rigid(local_m: Array, seen_m: Array) -> tuple[Array, float]:
-    """Shift (2,) and turn of least squares that lay local_m (K, 2) on seen_m (K, 2); no scale.
+    """Return shift (2,) and rotation of least squares from local_m (K, 2) to seen_m; no scale.
 
     Source: Arun, Huang, Blostein, IEEE PAMI 9 (1987) 698, which in two dimensions is one arctan2.
     """
     a, b = local_m.mean(axis=0), seen_m.mean(axis=0)
     p, q = local_m - a, seen_m - b
     cross = float(np.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]))
-    turn = float(np.arctan2(cross, float(np.sum(p * q))))
-    return np.asarray(b - turned(a[None], turn)[0]), turn
+    rotation = float(np.arctan2(cross, float(np.sum(p * q))))
+    return np.asarray(b - turned(a[None], rotation)[0]), rotation
 
 
 def first_pose(image: TargetImage, target: PatternTarget, near: tuple[Array, float]) -> Pose | None:
-    """Pose of the pattern in the picture, from the centre and turn that the outline has.
+    """Return the pose of the pattern in the image, None where it is not found.
 
-    None where it is not found.
+    near: centre and rotation by the outline.
     """
     if target.kind == "aruco":
         assert target.dictionary is not None
@@ -64,13 +64,13 @@ def first_pose(image: TargetImage, target: PatternTarget, near: tuple[Array, flo
 
 
 def marker_corners(target: PatternTarget, index: int) -> Array:
-    """Corners (4, 2) of the marker at a place, in target axes, clockwise from the upper left."""
+    """Return corners (4, 2) of a marker in target axes, clockwise from the upper left."""
     half = target.feature_size_m / 2.0 * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]])
     return np.asarray(target.places_m[index] + turned(half, np.radians(target.turn_deg)))
 
 
 def _of_markers(markers: Markers, image: TargetImage, target: PatternTarget) -> Pose | None:
-    """The set of ids of which most are seen, and the pose that its markers' corners give."""
+    """Return the pose by the corners of the markers of the set of which most are found."""
     seen = {int(m): image.places_m(c) for m, c in zip(markers.ids, markers.corners, strict=True)}
     sets = target.id_sets
     name = max(sets, key=lambda key: len(set(sets[key]) & set(seen)))
@@ -78,14 +78,16 @@ def _of_markers(markers: Markers, image: TargetImage, target: PatternTarget) -> 
     if not mine:
         return None
     local = np.concatenate([marker_corners(target, index) for index, _ in mine])
-    centre, turn = rigid(local, np.concatenate([seen[marker] for _, marker in mine]))
-    return Pose(centre, turn, len(mine), tuple(sorted(marker for _, marker in mine)), name)
+    centre, rotation = rigid(local, np.concatenate([seen[marker] for _, marker in mine]))
+    return Pose(centre, rotation, len(mine), tuple(sorted(marker for _, marker in mine)), name)
 
 
 def _of_places(seen: Array, target: PatternTarget, near: tuple[Array, float]) -> Pose | None:
-    """Of features without order: the turn at which most lie as expected, nearest to the centre."""
+    """Return the pose of unordered features: the rotation with most matches, nearest to `near`."""
     local = target.places_m
-    poses = [_laid(seen, local, Pose(near[0], turn, 0), target) for turn in _turns(target, near[1])]
+    poses = [
+        _laid(seen, local, Pose(near[0], angle, 0), target) for angle in _rotations(target, near[1])
+    ]
     most = max(pose.found for pose in poses)
     if most < max(3, FOUND_SHARE * len(local)):
         return None
@@ -93,24 +95,24 @@ def _of_places(seen: Array, target: PatternTarget, near: tuple[Array, float]) ->
     return min(best, key=lambda pose: float(np.hypot(*(pose.centre_m - near[0]))))
 
 
-def _turns(target: PatternTarget, near: float) -> Array:
-    """Turns at which the pattern may lie: those that leave the outline as it is."""
+def _rotations(target: PatternTarget, near: float) -> Array:
+    """Return the rotations to try: those that leave the outline as it is."""
     if target.turn_period_rad:
         return near + np.arange(0.0, 2.0 * np.pi - 1e-9, target.turn_period_rad)
     reach = float(np.hypot(*(target.places_m - np.array(target.offset)).T).max())
-    step = TURN_STEP_OF_PITCH * target.pitch / max(reach, target.pitch)
+    step = ROTATION_STEP_OF_PITCH * target.pitch / max(reach, target.pitch)
     return np.linspace(0.0, 2.0 * np.pi, int(np.ceil(2.0 * np.pi / step)), endpoint=False)
 
 
 def _laid(seen: Array, local: Array, pose: Pose, target: PatternTarget) -> Pose:
-    """The pose after laying the pattern on the features near their places, a few times over."""
+    """Refine a pose by fitting it to the features near their expected positions, four times."""
     for _ in range(4):
         apart = seen[:, None] - pose.places(local)
         square = np.sum(apart**2, axis=2)
         nearest = np.argmin(square, axis=1)
         close = np.sqrt(square.min(axis=1)) < NEAR_OF_PITCH * target.pitch
         if np.count_nonzero(close) < 3:
-            return Pose(pose.centre_m, pose.turn_rad, 0)
-        centre, turn = rigid(local[nearest[close]], seen[close])
-        pose = Pose(centre, turn, int(np.count_nonzero(close)))
+            return Pose(pose.centre_m, pose.rotation_rad, 0)
+        centre, rotation = rigid(local[nearest[close]], seen[close])
+        pose = Pose(centre, rotation, int(np.count_nonzero(close)))
     return pose

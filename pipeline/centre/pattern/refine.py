@@ -1,4 +1,4 @@
-"""Printed features placed by least squares, each from the intensities of the points about it."""
+"""Positions of printed features by least squares on the intensities of the points about each."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from ...vectors import Array
 from ..edge.mixed_pixel import chord, spot_share
 
-MIN_POINTS = 16  # about a feature
-MAX_STEPS, STILL_OF_BLUR = 30, 1e-4
+MIN_POINTS = 16  # points about a feature
+MAX_STEPS, STEP_OF_BLUR = 30, 1e-4
 MIN_CONTRAST = 2.0  # of the edge, over the scatter of the intensities
 
 
 @dataclass(frozen=True)
 class Shading:
-    """How a feature's brightness goes from its middle: terms (N, T) of one, and by u, v each.
+    """Basis (N, T) of a feature's intensity about its centre, and its derivatives by u and v.
 
-    The brightness is any weighted sum of the terms, so dark on bright and bright on dark are alike.
+    The intensity is any linear combination of the terms, so either polarity is covered.
     """
 
     terms: Array
@@ -27,11 +27,11 @@ class Shading:
     by_v: Array
 
 
-Shade = Callable[[Array, Array], Shading]  # of places (N, 2) about the middle, and blur (N,)
+Shade = Callable[[Array, Array], Shading]  # of points (N, 2) about the centre, and blur (N,)
 
 
 def round_spot(radius_m: float) -> Shade:
-    """A disc of one brightness on a ground of another."""
+    """Return the shading of a circle of one intensity on a ground of another."""
 
     def shade(q: Array, blur: Array) -> Shading:
         reach = np.maximum(np.hypot(q[:, 0], q[:, 1]), 1e-9)
@@ -47,9 +47,9 @@ def round_spot(radius_m: float) -> Shade:
     return shade
 
 
-def crossing(turn_rad: float) -> Shade:
-    """Where two straight edges cross or meet, along axes turned by turn_rad: four brightnesses."""
-    c, s = np.cos(turn_rad), np.sin(turn_rad)
+def crossing(rotation_rad: float) -> Shade:
+    """Return the shading of two crossing straight edges, along axes rotated by rotation_rad."""
+    c, s = np.cos(rotation_rad), np.sin(rotation_rad)
     a, b = np.array([c, s]), np.array([-s, c])
 
     def shade(q: Array, blur: Array) -> Shading:
@@ -67,30 +67,30 @@ def crossing(turn_rad: float) -> Shade:
 
 
 def place_feature(q: Array, intensity: Array, blur: Array, shade: Shade) -> Array | None:
-    """Where a feature lies (2,), by the intensities (N,) at q (N, 2) about where it is expected.
+    """Locate a feature (2,) by the intensities (N,) at q (N, 2) about its expected position.
 
-    blur: (N,) half the width over which an edge is smeared, from the spot. Gauss-Newton on the
-    place, its brightnesses solved for at each step (variable projection: Golub, Pereyra, SIAM J.
+    blur: (N,) half the width over which the footprint smears an edge. Gauss-Newton on the position,
+    with the intensities eliminated at each step (variable projection: Golub, Pereyra, SIAM J.
     Numer. Anal. 10 (1973) 413). None where the points show no such feature.
     """
     if len(q) < MIN_POINTS:
         return None
-    place = np.zeros(2)
+    position = np.zeros(2)
     for _ in range(MAX_STEPS):
-        shading = shade(q - place, blur)
+        shading = shade(q - position, blur)
         level, *_ = np.linalg.lstsq(shading.terms, intensity, rcond=None)
         residual = intensity - shading.terms @ level
         slopes = -np.column_stack([shading.by_u @ level, shading.by_v @ level])
-        # What a step of the place does beyond what the brightnesses can take up.
+        # The part of the slopes that the intensities cannot absorb.
         free = slopes - shading.terms @ np.linalg.lstsq(shading.terms, slopes, rcond=None)[0]
         information = free.T @ free
         if np.linalg.cond(information) > 1e4:
             return None
         step = np.linalg.solve(information, free.T @ residual)
         longest = float(np.abs(step).max())
-        place = place + step * min(1.0, 0.5 * float(blur.mean()) / max(longest, 1e-12))
-        if longest < STILL_OF_BLUR * float(blur.mean()):
+        position = position + step * min(1.0, 0.5 * float(blur.mean()) / max(longest, 1e-12))
+        if longest < STEP_OF_BLUR * float(blur.mean()):
             break
     scatter = float(np.sqrt(np.mean(residual**2)))
     contrast = float(np.ptp(shading.terms @ level))
-    return place if contrast > MIN_CONTRAST * scatter and longest < 0.1 * blur.mean() else None
+    return position if contrast > MIN_CONTRAST * scatter and longest < 0.1 * blur.mean() else None
