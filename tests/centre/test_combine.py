@@ -1,0 +1,106 @@
+"""Centres by several methods: their weighted mean, and the test of their agreement."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from wheelplane.centre.combine import DISAGREE, Estimate, check_agreement, combined
+from wheelplane.errors import NotMeasuredError
+
+NO_PLANE = np.zeros((3, 3))
+
+
+def covariance(rng):
+    A = rng.normal(size=(2, 2)) * 1e-4
+    return A @ A.T + 1e-10 * np.eye(2)
+
+
+def estimate(rng, method="rim", **changes):
+    made = Estimate(
+        method=method,
+        centre_m=rng.normal(size=2) * 1e-4,
+        noise_m2=covariance(rng),
+        model_m2=covariance(rng),
+        by_plane=rng.normal(size=(2, 3)),
+        dof=float(rng.integers(5, 40)),
+    )
+    return replace(made, **changes)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_mean_is_that_of_generalised_least_squares(seed):
+    rng = np.random.default_rng(seed)
+    parts = [estimate(rng) for _ in range(3)]
+    result = combined(parts)
+    A = np.tile(np.eye(2), (3, 1))
+    C = np.zeros((6, 6))
+    for k, part in enumerate(parts):
+        C[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = part.covariance_m2
+    W = np.linalg.inv(C)
+    expected = np.linalg.solve(A.T @ W @ A, A.T @ W @ np.concatenate([p.centre_m for p in parts]))
+    np.testing.assert_allclose(result.centre_m, expected, rtol=1e-9)
+    np.testing.assert_allclose(result.covariance_m2, np.linalg.inv(A.T @ W @ A), rtol=1e-9)
+    assert np.linalg.norm(expected - np.mean([p.centre_m for p in parts], axis=0)) > 1e-6
+
+
+def test_the_mean_does_not_depend_on_the_order_and_moves_with_its_parts():
+    rng = np.random.default_rng(5)
+    parts = [estimate(rng) for _ in range(3)]
+    here, back = combined(parts), combined(parts[::-1])
+    np.testing.assert_allclose(back.centre_m, here.centre_m, rtol=1e-9)
+    np.testing.assert_allclose(back.by_plane, here.by_plane, rtol=1e-9)
+    assert back.dof == pytest.approx(here.dof)
+    shift = np.array([0.3, -0.2])
+    moved = combined([replace(p, centre_m=p.centre_m + shift) for p in parts])
+    np.testing.assert_allclose(moved.centre_m, here.centre_m + shift, rtol=1e-12)
+
+
+def test_what_the_plane_moves_alike_the_mean_moves_with_it():
+    rng = np.random.default_rng(6)
+    by_plane = rng.normal(size=(2, 3))
+    parts = [estimate(rng, by_plane=by_plane) for _ in range(3)]
+    np.testing.assert_allclose(combined(parts).by_plane, by_plane, rtol=1e-9)
+
+
+def test_equal_parts_halve_the_variance_and_add_their_degrees_of_freedom():
+    part = estimate(np.random.default_rng(7), dof=12.0)
+    two = combined([part, part])
+    np.testing.assert_allclose(two.noise_m2, part.noise_m2 / 2.0, rtol=1e-9)
+    assert two.dof == pytest.approx(24.0)
+    assert combined([part]) is part
+    endless = replace(part, dof=math.inf)
+    assert combined([endless, endless]).dof == math.inf
+
+
+@pytest.mark.parametrize("dof", [8.0, 30.0])
+@pytest.mark.parametrize(("factor", "agrees"), [(0.98, True), (1.02, False)])
+def test_disagreement_begins_at_the_quantile_of_fisher_s_distribution(dof, factor, agrees):
+    rng = np.random.default_rng(8)
+    one, other = estimate(rng, dof=50.0), estimate(rng, "outline", dof=dof)
+    joint = one.covariance_m2 + other.covariance_m2
+    way = np.array([0.6, -0.8])
+    unit = way / math.sqrt(way @ np.linalg.solve(joint, way))  # of T^2 = 1
+    apart = math.sqrt(2.0 * stats.f.isf(DISAGREE, 2, dof)) * factor * unit
+    one = replace(one, centre_m=other.centre_m + apart)
+    if agrees:
+        check_agreement([other, one], NO_PLANE)
+        return
+    with pytest.raises(NotMeasuredError, match="by outline and by rim") as error:
+        check_agreement([other, one], NO_PLANE)
+    assert error.value.status == "centres-disagree"
+    assert f"{np.hypot(*apart) * 1e3:.2f} mm" in str(error.value)
+
+
+def test_the_plane_excuses_only_what_it_moves_differently():
+    rng = np.random.default_rng(9)
+    one = estimate(rng, centre_m=np.array([0.01, 0.0]))
+    other = estimate(rng, "outline", centre_m=np.zeros(2), by_plane=one.by_plane)
+    unsure = np.diag([1.0, 1.0, 1.0])
+    with pytest.raises(NotMeasuredError):
+        check_agreement([other, one], unsure)
+    check_agreement([replace(other, by_plane=-one.by_plane), one], unsure)
