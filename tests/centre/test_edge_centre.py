@@ -1,0 +1,132 @@
+"""The centre by one outline, and the points of a scan that matter to it."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.support.plates import patch_of
+from tests.support.printing import setup_of
+from tests.support.scenes import Setup, make
+from wheelplane.centre.edge_centre import OUTLINE_EDGE_M, centre_by_edge, centre_by_holes
+from wheelplane.centre.target_view import TargetView
+from wheelplane.config import CentreConfig, PlaneConfig
+from wheelplane.errors import NotMeasuredError
+from wheelplane.plane.fit_plane import fit_plane
+from wheelplane.targets.registry import load_target
+from wheelplane.vectors import turned
+
+PLAIN = Setup(spacing_m=0.003, half_width_m=0.24, pairs=8)
+NAMES = ("disc-250", "ring-300", "rectangle-360x240", "square-300")
+
+
+@functools.cache
+def viewed(name, **changes):
+    target = load_target(name)
+    cloud = make(setup_of(target, PLAIN).but(**changes), 3)
+    patch = patch_of(cloud, target, 3)
+    return cloud, TargetView(patch, fit_plane(patch, target, PlaneConfig()), target, CentreConfig())
+
+
+def error_m(cloud, view, estimate):
+    return cloud.in_target(view.to_scanner(estimate.centre_m))[:2]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_edge_alone_gives_the_centre(name):
+    cloud, view = viewed(name)
+    outer = centre_by_edge(view, view.target.edge)
+    parts = [outer]
+    assert outer.estimate.method == "rim"
+    if view.target.holes:
+        parts.append(centre_by_holes(view, view.target.holes, outer))
+        assert parts[1].estimate.method == ("hole" if name == "ring-300" else "holes")
+    for part in parts:
+        off = error_m(cloud, view, part.estimate)
+        u = np.sqrt(np.trace(part.estimate.covariance_m2) / 2.0)
+        assert np.hypot(*off) < min(4.0 * u + 2e-5, 2e-4)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_without_background_the_outermost_points_serve(name):
+    cloud, view = viewed(name, background_m=None)
+    found = centre_by_edge(view, view.target.edge)
+    assert (found.estimate.method, found.edge_fit) == ("outline", None)
+    assert np.hypot(*error_m(cloud, view, found.estimate)) < 4.0 * OUTLINE_EDGE_M
+    np.testing.assert_allclose(found.estimate.model_m2, OUTLINE_EDGE_M**2 * np.eye(2), rtol=1e-9)
+    assert not found.estimate.by_plane.any()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_rotation_is_shown_by_what_is_not_round(name):
+    cloud, view = viewed(name)
+    found = centre_by_edge(view, view.target.edge)
+    assert (found.estimate.rotation is None) == (name in ("disc-250", "ring-300"))
+    if found.estimate.rotation is None:
+        return
+    axis = cloud.R.T @ found.estimate.rotation.in_scan(view.plane.basis).axis
+    period = view.target.turn_period_rad
+    off = (np.arctan2(axis[1], axis[0]) + period / 2.0) % period - period / 2.0
+    assert abs(off) < 2e-3
+    assert 0.0 < found.estimate.rotation.noise[2] < 1e-6
+
+
+def test_another_size_is_refused_and_named():
+    cloud = make(setup_of(load_target("disc-250"), PLAIN).but(radius_m=0.137), 3)
+    target = load_target("disc-250")
+    patch = patch_of(cloud, target, 3)
+    view = TargetView(patch, fit_plane(patch, target, PlaneConfig()), target, CentreConfig())
+    with pytest.raises(NotMeasuredError, match=r"beyond the edge of a disc of 250 mm") as error:
+        centre_by_edge(view, target.edge)
+    assert error.value.status == "wrong-outline"
+
+
+@pytest.mark.parametrize("name", ["disc-250", "square-300"])
+def test_points_near_an_outline_are_those_that_a_line_of_numpy_keeps(name):
+    _, view = viewed(name)
+    start, slope = (np.array([0.002, -0.001]), 0.03), 1.2
+    points = np.concatenate([view.patch.face_m, view.patch.around_m])
+    uvw = (points + view.patch.origin_m - view.plane.centroid_m) @ view.plane.basis.T
+    uvw[:, :2] = points @ view.plane.basis[:2].T
+    x = view.target.edge.outside_m(*turned(uvw[:, :2] - start[0], -start[1]).T)
+    aside = slope * np.abs(uvw[:, 2])
+    inner = max(0.1 * view.target.edge.size_m, 0.012)
+    kept = (x > -inner - aside) & (x < 0.03 + aside)
+    near = view.near(view.target.edge, start, slope)
+    assert abs(len(near) - np.count_nonzero(kept)) <= 2  # single precision at the limits
+    assert 0.05 < np.mean(kept) < 0.95
+
+
+def test_the_view_goes_to_the_scanner_s_axes_and_back():
+    _, view = viewed("disc-250")
+    here = np.array([[0.01, -0.02]])
+    there = view.to_scanner(here[0])
+    assert abs((there - view.plane.centroid_m) @ view.plane.normal) < 1e-12
+    back = (there - view.patch.origin_m) @ view.plane.basis[:2].T
+    np.testing.assert_allclose(back, here[0], atol=1e-12)
+
+
+def test_spacing_and_layer_are_those_of_the_points_on_the_target():
+    cloud, view = viewed("disc-250")
+    uvw, rows = view.on_face(view.target.radius_m)
+    assert len(uvw) == pytest.approx(np.count_nonzero(cloud.on_face), rel=0.05)
+    assert np.abs(uvw[:, 2]).max() < view.band_m
+    expected = (view.patch.face_m[rows] @ view.plane.basis.T)[:, :2]
+    np.testing.assert_allclose(uvw[:, :2], expected, atol=1e-6)
+    # The face is seen slanted, so its points lie farther apart along one axis.
+    slant = np.sqrt(1.0 / np.cos(np.radians(PLAIN.incidence_deg)))
+    assert view.spacing_m == pytest.approx(PLAIN.spacing_m * slant, rel=0.1)
+
+
+@pytest.mark.parametrize(("side", "known"), [(1.0, True), (-1.0, False)])
+def test_a_station_behind_the_target_is_no_station(side, known):
+    _, view = viewed("disc-250")
+    station = view.plane.centroid_m + side * 2.0 * view.plane.normal
+    placed = replace(view, patch=replace(view.patch, station_m=station))
+    assert view.station is None
+    assert (placed.station is not None) == known
+    if known:
+        assert placed.station[2] == pytest.approx(2.0)

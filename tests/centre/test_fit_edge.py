@@ -1,0 +1,157 @@
+"""The edge fit and its start: centre, beams and footprint are those of the scene."""
+
+from __future__ import annotations
+
+import functools
+import math
+
+import numpy as np
+import pytest
+
+from tests.support.scenes import Setup, make
+from wheelplane.centre.edge.beam_direction import (
+    first_beam,
+    has_background,
+    is_contradicted,
+    seen_through,
+)
+from wheelplane.centre.edge.beams import BEAM, CENTRE, INVERSE, Prior
+from wheelplane.centre.edge.fit_edge import aimed, fit_edge, look_behind
+from wheelplane.config import CentreConfig
+from wheelplane.targets.outline import Circle, rectangle
+from wheelplane.vectors import turned
+
+CONFIG = CentreConfig()
+PLAIN = Setup(
+    spacing_m=0.002, half_width_m=0.2, pairs=12, noise_m=0.0003, turned=False, shift_m=(0, 0, 0)
+)
+SCENES = {
+    "disc": (Circle(0.125), PLAIN),
+    "rectangle": (rectangle(0.28, 0.2), PLAIN.but(half_m=(0.14, 0.1))),
+}
+START = np.zeros(2), 0.0
+
+
+@functools.cache
+def scanned(name, **changes):
+    """Outline, points (N, 3) in the target's own axes, station (3,)."""
+    outline, setup = SCENES[name]
+    cloud = make(setup.but(**changes), 4)
+    return outline, cloud.points_m, cloud.viewpoint_m
+
+
+def true_state(station):
+    state = Prior.of(0.01, CONFIG).mean
+    state[BEAM], state[INVERSE] = -station[:2] / station[2], 1.0 / station[2]
+    return state
+
+
+def fitted(outline, points):
+    begin = aimed(points, outline, 0.01, CONFIG)
+    return fit_edge(points, outline, 0.01, 0.0003, CONFIG, begin)
+
+
+@pytest.mark.parametrize("incidence", [5.0, 25.0])
+@pytest.mark.parametrize("name", SCENES)
+def test_the_background_shows_the_direction_of_the_beams(name, incidence):
+    outline, points, station = scanned(name, incidence_deg=incidence)
+    truth = true_state(station)
+    found = first_beam(points[:, :2], -points[:, 2], Prior.of(0.01, CONFIG).mean, outline)
+    np.testing.assert_allclose(found[BEAM], truth[BEAM], atol=0.04)
+    if incidence > 10.0:
+        assert np.hypot(*truth[BEAM]) > 0.4  # so no direction at all is wrong
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_background_is_seen_through_the_target_along_wrong_beams_only(name):
+    outline, points, station = scanned(name, incidence_deg=25.0)
+    plane, depth = points[:, :2], -points[:, 2]
+    right, wrong = true_state(station), true_state(station)
+    wrong[BEAM] *= -1.0
+    assert has_background(plane, depth, right, outline)
+    assert seen_through(plane, depth, right, outline) < 0.02
+    assert not is_contradicted(plane, depth, right, outline)
+    assert is_contradicted(plane, depth, wrong, outline)
+    steep = right.copy()
+    steep[BEAM] = [5.0, 0.0]
+    assert is_contradicted(plane, depth, steep, outline)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_without_a_background_nothing_shows_the_beams_and_nothing_is_fitted(name):
+    outline, points, station = scanned(name, background_m=None)
+    plane, depth = points[:, :2], -points[:, 2]
+    assert not has_background(plane, depth, true_state(station), outline)
+    assert seen_through(plane, depth, true_state(station), outline) == np.inf
+    assert not is_contradicted(plane, depth, true_state(station), outline)
+    assert aimed(points, outline, 0.01, CONFIG) is None
+    assert fit_edge(points, outline, 0.01, 0.0003, CONFIG, true_state(station)) is None
+    assert not look_behind(points, outline, CONFIG, START, None).seen
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_stated_station_is_believed_unless_the_background_contradicts_it(name):
+    outline, points, station = scanned(name, incidence_deg=25.0)
+    truth = true_state(station)
+    begin = aimed(points, outline, 0.01, CONFIG, START, station)
+    np.testing.assert_allclose(begin[BEAM], truth[BEAM], rtol=1e-12)
+    assert begin[INVERSE] == pytest.approx(truth[INVERSE])
+    mirrored = station * [-1.0, -1.0, 1.0]
+    instead = aimed(points, outline, 0.01, CONFIG, START, mirrored)
+    np.testing.assert_allclose(instead[BEAM], truth[BEAM], atol=0.04)
+    behind = look_behind(points, outline, CONFIG, START, instead)
+    np.testing.assert_array_equal(behind.beam, instead[BEAM])
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_fit_finds_centre_beams_footprint_and_thickness(name):
+    outline, points, station = scanned(name)
+    found = fitted(outline, points)
+    truth = true_state(station)
+    assert found.converged
+    assert found.misfit < 0.05
+    u = math.sqrt(np.trace(found.covariance_m2) / 2.0)
+    assert np.hypot(*found.centre_m) < min(4.0 * u, 6e-5)
+    np.testing.assert_allclose(found.beam, truth[BEAM], atol=0.02)
+    assert found.spot_m == pytest.approx(0.0015, rel=0.1)
+    assert found.thickness_m == pytest.approx(0.01, rel=0.1)
+    assert found.reflectance_ratio == pytest.approx(1.0, rel=0.1)
+    assert abs(found.rotation_rad) < (1e-12 if name == "disc" else 1e-3)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_fit_moves_and_rotates_with_the_points(name):
+    outline, points, _ = scanned(name)
+    here = fitted(outline, points)
+    shift, angle = np.array([0.002, -0.003]), 0.02
+    uv = turned(points[:, :2], angle) + shift
+    moved = np.random.default_rng(0).permutation(np.column_stack([uv, points[:, 2]]))
+    there = fitted(outline, moved)
+    expected = turned(here.centre_m[None], angle)[0] + shift
+    np.testing.assert_allclose(there.centre_m, expected, atol=2e-5)
+    np.testing.assert_allclose(there.beam, turned(here.beam[None], angle)[0], atol=2e-3)
+    if outline.shows_rotation:
+        assert there.rotation_rad == pytest.approx(here.rotation_rad + angle, abs=2e-4)
+
+
+def test_a_plane_that_is_too_high_moves_the_centre_as_the_derivative_says():
+    outline, points, _ = scanned("disc", incidence_deg=25.0)
+    here, lift = fitted(outline, points), 5e-4
+    there = fitted(outline, points - [0.0, 0.0, lift])
+    np.testing.assert_allclose(
+        there.centre_m - here.centre_m, here.by_plane[:, 0] * lift, atol=1e-5
+    )
+    assert np.hypot(*here.by_plane[:, 0]) * lift > 4e-5  # so no derivative at all fails
+
+
+def test_a_scanner_that_filters_mixed_pixels_gives_no_fit():
+    outline, points, station = scanned("disc", filtered=True)
+    assert fit_edge(points, outline, 0.01, 0.0003, CONFIG, true_state(station)) is None
+
+
+def test_the_state_is_what_the_fit_says():
+    outline, points, _ = scanned("disc")
+    found = fitted(outline, points)
+    np.testing.assert_array_equal(found.state[CENTRE], found.centre_m)
+    again = fit_edge(points, outline, 0.01, 0.0003, CONFIG, found)  # as another edge's fit
+    np.testing.assert_allclose(again.centre_m, found.centre_m, atol=1e-5)
