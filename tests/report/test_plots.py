@@ -1,4 +1,4 @@
-"""Plots: every mark where its number says, as SVG, as PNG and as text."""
+"""Plots: every mark at the position of its value, as SVG, as PNG and as text."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def decoded(png: bytes) -> np.ndarray:
     return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
 
 
-# --- the picture of a face ----------------------------------------------------------------------
+# --- residual maps ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ANGLES)
-def test_the_outline_is_the_boards_turned_as_it_stands(name):
-    """Up is up: a board turned by t on the wheel shows a corner t from where it is at no turn.
+def test_the_outline_is_that_of_the_board_in_its_in_plane_rotation(name):
+    """Up is up: a board rotated by t on the wheel has its corner rotated by t, from outside.
 
-    Seen from outside. The plane's axes come from a coarse look; that they are turned away shows.
+    The plane's own axes have another rotation, which must not matter.
     """
     result, face = wheel(name), wheel(name).observation.evidence.face
     square, *holes = outlines(face_drawing(result, measured(1).frame, EN))
@@ -63,14 +63,16 @@ def test_the_outline_is_the_boards_turned_as_it_stands(name):
     edges = np.linalg.norm(np.diff(np.vstack([square, square[:1]]), axis=0), axis=1)
     np.testing.assert_allclose(edges, 0.3 * scale, rtol=1e-6)
     corner = (square[2] - middle) * [1.0, -1.0]  # y upwards
-    turn = math.atan2(corner[1], corner[0]) - TURNS[name]
+    angle = math.atan2(corner[1], corner[0]) - TURNS[name]
     quarter = math.pi / 2.0
-    off = (turn - math.pi / 4.0) - quarter * round((turn - math.pi / 4.0) / quarter)
-    assert abs(off) < 0.003  # u of the turn is 0.3 mrad; leaving it out fails by 0.1 and more
+    off = (angle - math.pi / 4.0) - quarter * round((angle - math.pi / 4.0) / quarter)
+    assert (
+        abs(off) < 0.003
+    )  # u of the rotation is 0.3 mrad; without the rotation it fails by 0.1 or more
 
 
 def test_the_raster_lies_under_the_outline():
-    """Where the board has holes, the picture shows what lies behind; on the board it does not."""
+    """Grey shows what lies behind the holes of the board, and nowhere on the board."""
     result = wheel("FR")
     drawing = face_drawing(result, measured(1).frame, EN)
     image = decoded(drawing_png(drawing)).astype(int)
@@ -84,21 +86,21 @@ def test_the_raster_lies_under_the_outline():
     assert grey[y - 20 : y + 21, x - 20 : x + 21].mean() < 0.02
 
 
-def test_what_stands_out_is_red_and_what_lies_deep_is_blue():
+def test_points_in_front_are_red_and_points_behind_are_blue():
     result = wheel("RR")
     evidence = result.observation.evidence
     for sign, colour in ((1.0, 0), (-1.0, 2)):
         residual = np.full_like(evidence.face.residual_m, sign * 1.0)
         face = replace(evidence.face, residual_m=residual)
-        seen = replace(result.observation, evidence=replace(evidence, face=face))
-        drawing = face_drawing(replace(result, observation=seen), measured(1).frame, EN)
+        observation = replace(result.observation, evidence=replace(evidence, face=face))
+        drawing = face_drawing(replace(result, observation=observation), measured(1).frame, EN)
         raster = next(m for m in drawing.marks if isinstance(m, Raster))
         n = len(raster.pixels)
         assert raster.palette[raster.pixels[n // 2, n // 2]][colour] == 255
         assert raster.palette[raster.pixels[n // 2, n // 2]].sum() == 255
 
 
-def test_no_face_no_picture():
+def test_without_a_target_there_is_no_picture():
     trial = lost().wheels[-1]
     assert face_drawing(trial, lost().frame, EN) is None
     assert histogram_drawing(trial, EN) is None
@@ -114,7 +116,7 @@ def test_pictures_get_coarser_the_more_there_are():
 # --- scales -------------------------------------------------------------------------------------
 
 
-def test_dots_and_limits_stand_at_their_values():
+def test_dots_and_limits_are_at_their_values():
     """Toe -0.5 and +0.5 degrees set the scale; every dot by its share of the way between."""
     judged = assess(measured(1), LIMITS)
     drawing = angles_drawing(measured(1), judged, EN, "rear-axle")
@@ -154,11 +156,11 @@ def test_the_text_plot_shows_value_interval_and_limits():
         assert row.split()[0] == result.observation.name
 
 
-def test_the_top_view_turns_wheels_by_their_toe():
-    """Times a round factor, to the same sense as seen from above; left toe-in is clockwise."""
+def test_the_top_view_rotates_wheels_by_their_toe():
+    """Times a round factor; from above, toe-in of a left wheel is clockwise."""
     drawing = top_drawing(measured(1), EN, PAPER)
-    told = next(m.text for m in drawing.marks if isinstance(m, Text) and "times" in m.text)
-    times = int(re.search(r"(\d+) times", told)[1])
+    note = next(m.text for m in drawing.marks if isinstance(m, Text) and "times" in m.text)
+    times = int(re.search(r"(\d+) times", note)[1])
     tyres = [np.asarray(m.points) for m in drawing.marks if getattr(m, "fill", "") == "#dfe5ea"][:4]
     for corners, name in zip(tyres, ("RR", "RL", "FR", "FL"), strict=True):
         way = corners[0] + corners[1] - corners[2] - corners[3]  # to the front
@@ -246,13 +248,13 @@ def test_png_of_few_colours_comes_back():
     rng = np.random.default_rng(0)
     palette = rng.integers(0, 256, (35, 3)).astype(np.uint8)
     pixels = rng.integers(0, 35, (31, 47)).astype(np.uint8)
-    made = png_of(pixels, palette)
-    np.testing.assert_array_equal(decoded(made), palette[pixels])
-    assert zlib.crc32(made) == zlib.crc32(png_of(pixels, palette))
+    png = png_of(pixels, palette)
+    np.testing.assert_array_equal(decoded(png), palette[pixels])
+    assert zlib.crc32(png) == zlib.crc32(png_of(pixels, palette))
 
 
 def test_a_drawing_is_the_same_in_both_forms():
-    """A square and a dashed line land where they are told, twice as large in the PNG.
+    """A square and a dashed line have their given coordinates, twice as large in the PNG.
 
     Its dashes have round ends, so that they are longer by half the line's width at either.
     """
@@ -305,8 +307,8 @@ def test_a_halo_parts_text_from_a_dark_ground():
 
 
 def test_the_true_board_lies_in_its_scan():
-    """What the other tests lean on: the plate's points are flat in its own axes."""
-    seen = scan("FL", 0)
-    local = off_m(seen.cloud.points_m[seen.cloud.on_face], seen)
+    """A premise of the other tests: the target's points are flat in its own axes."""
+    one = scan("FL", 0)
+    local = off_m(one.cloud.points_m[one.cloud.on_face], one)
     assert np.abs(local[:, 2]).max() < 0.006
     assert np.abs(local[:, :2]).max() < 0.151

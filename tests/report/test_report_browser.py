@@ -1,4 +1,4 @@
-"""The page in a browser: it works from the file alone, and for those who cannot see it."""
+"""The page in a browser: it works from the file alone, and is accessible."""
 
 from __future__ import annotations
 
@@ -44,13 +44,15 @@ def file(tmp_path_factory) -> Path:
 
 
 def opened(browser, file, width, height, **context):
-    """The page, and what it said or asked for that it should not."""
+    """Return the page, with its errors and its requests over the network."""
     page = browser.new_page(viewport={"width": width, "height": height}, **context)
     faults: list[str] = []
-    page.on("console", lambda said: faults.append(said.text) if said.type == "error" else None)
+    page.on(
+        "console", lambda message: faults.append(message.text) if message.type == "error" else None
+    )
     page.on("pageerror", lambda error: faults.append(str(error)))
-    page.on("request", lambda asked: faults.append(asked.url)
-            if asked.url.split(":")[0] not in ("file", "data", "blob") else None)  # fmt: skip
+    page.on("request", lambda request: faults.append(request.url)
+            if request.url.split(":")[0] not in ("file", "data", "blob") else None)  # fmt: skip
     page.goto(file.as_uri())
     return page, faults
 

@@ -1,4 +1,4 @@
-"""The bundle of the 3D view: made from the sources beside it, and in need of nothing else."""
+"""The bundle of the 3D view: built from its sources, without other dependencies."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ BUNDLE = (STATIC / "viewer.js").read_text(encoding="utf-8")
 
 
 def digest_of(folder: Path) -> str:
-    """As build.mjs finds it: each source's name and bytes, in the order of the names."""
+    """Return the digest of build.mjs: names and bytes of the sources, in the order of the names."""
     names = ["build.mjs", "package-lock.json"]
     names += [f"src/{path.name}" for path in (folder / "src").iterdir()]
     digest = hashlib.sha256()
@@ -24,12 +24,12 @@ def digest_of(folder: Path) -> str:
 
 
 def test_the_bundle_is_that_of_its_sources():
-    said = re.search(r"sources sha256:([0-9a-f]{64})", BUNDLE)
-    assert said
-    assert said[1] == digest_of(VIEWER), "run `npm ci && npm run build` in pipeline/web/viewer"
+    found = re.search(r"sources sha256:([0-9a-f]{64})", BUNDLE)
+    assert found
+    assert found[1] == digest_of(VIEWER), "run `npm ci && npm run build` in pipeline/web/viewer"
 
 
-def test_a_changed_source_is_seen(tmp_path):
+def test_a_changed_source_is_detected(tmp_path):
     (tmp_path / "src").mkdir()
     for path in [*VIEWER.glob("*.*"), *(VIEWER / "src").iterdir()]:
         (tmp_path / path.relative_to(VIEWER)).write_bytes(path.read_bytes())

@@ -1,4 +1,4 @@
-"""Toe and camber: signs from plain geometry, values from turned wheels, text of angles."""
+"""Toe and camber: signs from plain geometry, values from rotated wheels, text of angles."""
 
 import math
 
@@ -16,12 +16,12 @@ CENTRES = np.array([[0, -0.75, 0], [0, 0.75, 0], [2.6, -0.7, 0], [2.6, 0.7, 0]])
 SECOND = math.radians(1 / 3600)
 
 
-def turned_wheel(wheel: str, toe_rad: float, camber_rad: float) -> np.ndarray:
-    """Outward normal of a wheel: leant about the forward axis, then steered about the up axis."""
+def rotated_wheel(wheel: str, toe_rad: float, camber_rad: float) -> np.ndarray:
+    """Outward normal of a wheel: tilted about the forward axis, then steered about the up axis."""
     side = SIDE[wheel]
-    lean = Rotation.from_rotvec(-side * camber_rad * FORWARD)  # positive turns left to up
+    tilt = Rotation.from_rotvec(-side * camber_rad * FORWARD)  # positive turns left to up
     steer = Rotation.from_rotvec(-side * toe_rad * UP)  # positive turns forward to left
-    return (steer * lean).apply(side * LEFT)
+    return (steer * tilt).apply(side * LEFT)
 
 
 @pytest.mark.parametrize("wheel", REFERENCE_WHEELS)
@@ -40,12 +40,12 @@ def test_signs_from_points_of_the_wheel(wheel):
 @pytest.mark.parametrize("wheel", REFERENCE_WHEELS)
 @pytest.mark.parametrize("toe_deg", [-40, -1, 0, 1e-7, 0.33, 20])
 @pytest.mark.parametrize("camber_deg", [-5, -1.2, 0, 1e-7, 3])
-def test_turned_wheel_comes_back(wheel, toe_deg, camber_deg):
+def test_the_angles_of_a_rotated_wheel_are_recovered(wheel, toe_deg, camber_deg):
     toe, camber = math.radians(toe_deg), math.radians(camber_deg)
     seed = REFERENCE_WHEELS.index(wheel)
     pose = Rotation.random(rng=np.random.default_rng(seed))
     frame = build_reference_frame(pose.apply(CENTRES) + np.array([3, -2, 9]))
-    normal = pose.apply(turned_wheel(wheel, toe, camber))
+    normal = pose.apply(rotated_wheel(wheel, toe, camber))
     for sense in (1, -1, 7.5, -1e-200):
         angles = wheel_angles(frame, sense * normal, wheel)
         assert angles.toe_rad == pytest.approx(toe, abs=1e-12)
@@ -58,7 +58,7 @@ def test_turned_wheel_comes_back(wheel, toe_deg, camber_deg):
 
 def test_two_cambers_differ_by_a_second_at_toe_1_camber_2():
     frame = build_reference_frame(CENTRES)
-    normal = turned_wheel("RL", math.radians(1), math.radians(2))
+    normal = rotated_wheel("RL", math.radians(1), math.radians(2))
     angles = wheel_angles(frame, normal, "RL")
     assert angles.camber_iso_rad - angles.camber_rad == pytest.approx(1.1 * SECOND, abs=SECOND / 20)
 
@@ -72,7 +72,7 @@ def test_mirrored_car_has_the_same_angles():
     frame = build_reference_frame(pose.apply(centres))
     mirrored = build_reference_frame(pose.apply(centres @ mirror)[[1, 0, 3, 2]])
     for wheel in REFERENCE_WHEELS:
-        normal = turned_wheel(wheel, 0.02, -0.03)
+        normal = rotated_wheel(wheel, 0.02, -0.03)
         one = wheel_angles(frame, pose.apply(normal), wheel)
         two = wheel_angles(mirrored, pose.apply(mirror @ normal), other[wheel])
         assert two.toe_rad == pytest.approx(one.toe_rad, abs=1e-12)

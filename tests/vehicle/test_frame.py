@@ -18,7 +18,7 @@ RECTANGLE = np.array([[0, -0.75, 0], [0, 0.75, 0], [2.6, -0.75, 0], [2.6, 0.75, 
 
 
 def car(rng: np.random.Generator) -> np.ndarray:
-    """Four centres, each off the rectangle by up to 0.1 m, turned at random."""
+    """Four centres, each off the rectangle by up to 0.1 m, in a random pose."""
     offsets = rng.uniform(-0.1, 0.1, (4, 3))
     return Rotation.random(rng=rng).apply(RECTANGLE + offsets) + rng.uniform(-5, 5, 3)
 
@@ -170,7 +170,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_no_frame_is_one_line_with_the_fact_and_the_mend(name):
+def test_no_frame_is_one_line_with_the_fact_and_what_to_do(name):
     centres, fact = BAD[name]
     with pytest.raises(InputError, match=fact) as caught:
         build_reference_frame(centres)
@@ -182,7 +182,7 @@ def test_no_frame_is_one_line_with_the_fact_and_the_mend(name):
 
 @pytest.mark.parametrize("height", [0.04, 0.06])
 def test_limit_of_collinearity_is_a_share_of_the_spread(height):
-    """Spread 2.8 m, so 0.14 m; FR stands `height` of the spread off the line RR-RL."""
+    """Spread 2.8 m, so 0.14 m; FR is at `height` of the spread from the line RR-RL."""
     spread = 2.8
     centres = [[0, 0, 0], [0, spread, 0], [height * spread, 1.4, 0], [1.4, 1.6, 0]]
     if height < 0.05:

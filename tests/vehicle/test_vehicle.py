@@ -34,21 +34,21 @@ from wheelplane.vehicle.jacobian import linearise
 
 FIGURE_4 = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
 WHEELS = [*REFERENCE_WHEELS, "FR", "RL"]
-PLACES = np.array([[0, -0.75, 0], [0, 0.75, 0], [2.6, -0.74, 0.01], [2.62, 0.76, 0.0]])
+POSITIONS = np.array([[0, -0.75, 0], [0, 0.75, 0], [2.6, -0.74, 0.01], [2.62, 0.76, 0.0]])
 MIRROR = np.array([1.0, -1.0, 1.0])  # x ahead, y left, z up
 OTHER = {"RR": "RL", "RL": "RR", "FR": "FL", "FL": "FR"}
 
 
 def normals_of(toes, cambers, wheels=WHEELS):
-    """Outward normals, x ahead, y left: leant by the camber, then steered by the toe."""
+    """Outward normals, x ahead, y left: tilted by the camber, then steered by the toe."""
     found = []
     for toe, camber, wheel in zip(toes, cambers, wheels, strict=True):
         side = 1.0 if wheel.endswith("L") else -1.0
-        lean, steer = (
+        tilt, steer = (
             Rotation.from_euler("x", -side * camber),
             Rotation.from_euler("z", -side * toe),
         )
-        found.append((steer * lean).apply([0.0, side, 0.0]))
+        found.append((steer * tilt).apply([0.0, side, 0.0]))
     return np.array(found)
 
 
@@ -65,7 +65,7 @@ def quantities(centres, normals, wheels=WHEELS):
 def some_car(seed):
     """Centres (4, 3) and normals (6, 3), every quantity of it well off zero."""
     rng = np.random.default_rng(seed)
-    centres = PLACES + rng.uniform(-0.05, 0.05, (4, 3))
+    centres = POSITIONS + rng.uniform(-0.05, 0.05, (4, 3))
     return centres, normals_of(rng.uniform(-0.06, 0.06, 6), rng.uniform(-0.06, 0.06, 6))
 
 
@@ -74,7 +74,7 @@ def some_car(seed):
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("shift", [0.0, 1e6])
-def test_values_are_those_of_plain_geometry_wherever_the_vehicle_stands(seed, shift):
+def test_values_are_those_of_plain_geometry_in_any_pose(seed, shift):
     centres, normals = some_car(seed)
     rng = np.random.default_rng([seed, 1])
     turn, signs = Rotation.random(rng=rng), rng.choice([-1.0, 1.0], (6, 1))
@@ -135,7 +135,7 @@ def test_a_skewed_vehicle_has_the_angles_that_it_was_given():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_an_axis_turns_toe_and_leaves_camber_and_total_toe(seed):
+def test_an_axis_changes_toe_but_not_camber_or_total_toe(seed):
     found = quantities(*some_car(seed))
     side = np.array([1.0 if wheel.endswith("L") else -1.0 for wheel in WHEELS])
     names = {"centreline": "centreline_angle", "thrust-line": "thrust_angle"}
@@ -151,7 +151,7 @@ def test_an_axis_turns_toe_and_leaves_camber_and_total_toe(seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_in_a_mirror_what_has_a_side_turns_its_sign(seed):
+def test_in_a_mirror_quantities_with_a_side_change_sign(seed):
     centres, normals = some_car(seed)
     one = quantities(centres, normals)
     order = [1, 0, 3, 2, 4, 5]
@@ -182,7 +182,7 @@ def test_first_order_invariants_of_the_frame():
         change = {name: value - before[name] for name, value in quantities(moved, normals).items()}
         angle = change["toe"] if axis == "z" else change["camber"]
         assert np.abs(angle).min() > 0.9e-3
-        # 1 mrad times lean and steer of up to 0.12 rad, and its own square
+        # 1 mrad times tilt and steer of up to 0.12 rad, and its own square
         assert abs(change["rear_total_toe"]) < 1e-3 * 0.12**2 + 1e-6
         assert abs(change["steer_ahead"]) < 1e-3 * 0.12**2 + 1e-6
         assert abs(change["camber"][:2].sum()) < 1e-3 * 0.12 + 1e-6
@@ -237,9 +237,9 @@ def test_budget_and_angles_have_the_same_values(measured):
     known = by_name(measured)
     for wheel in measured.wheels:
         for kind in ("toe", "camber", "camber_iso"):
-            told = known[f"{wheel.observation.name}.{kind}"]
-            assert told.value == getattr(wheel.angles, f"{kind}_rad")
-            assert told.u == getattr(wheel, f"u_{kind}_rad")
+            shown = known[f"{wheel.observation.name}.{kind}"]
+            assert shown.value == getattr(wheel.angles, f"{kind}_rad")
+            assert shown.u == getattr(wheel, f"u_{kind}_rad")
     for kind in ("rear_track", "front_track", "wheelbase"):
         assert known[kind].value == getattr(measured.frame, f"{kind}_m")
     assert len(known) == len(measured.uncertainty.values) == len(stated(measured))
@@ -264,19 +264,19 @@ def test_json_keeps_the_papers_angles_and_adds_the_axes(measured):
     assert all(tree == trees["rear-axle"] for tree in trees.values())
     tree = trees["rear-axle"]
     frame = {name: np.array(tree["frame"][name]) for name in ("left", "forward", "up")}
-    for axis, told in tree["axes"].items():
-        turn = math.radians(told["angle_deg"])
+    for axis, shown in tree["axes"].items():
+        turn = math.radians(shown["angle_deg"])
         along = math.cos(turn) * frame["forward"] - math.sin(turn) * frame["left"]
-        np.testing.assert_allclose(told["direction"], along, rtol=0, atol=1e-15)
-        for wheel, turned in zip(tree["wheels"], told["wheels"], strict=True):
+        np.testing.assert_allclose(shown["direction"], along, rtol=0, atol=1e-15)
+        for wheel, turned in zip(tree["wheels"], shown["wheels"], strict=True):
             assert turned["name"] == wheel["name"]
             side = 1.0 if wheel["wheel"].endswith("L") else -1.0
-            toe = wheel["toe_deg"] - side * told["angle_deg"]
+            toe = wheel["toe_deg"] - side * shown["angle_deg"]
             assert turned["toe_deg"] == pytest.approx(toe, abs=1e-12)
             assert turned["camber_deg"] == wheel["camber_deg"]
             assert turned["u_camber_deg"] == wheel["u_camber_deg"]
         if axis == "rear-axle":
-            assert (told["angle_deg"], told["u_angle_deg"], told["rear_setback_m"]) == (0, 0, 0)
+            assert (shown["angle_deg"], shown["u_angle_deg"], shown["rear_setback_m"]) == (0, 0, 0)
     assert tree["axes"]["side-bisector"]["axle_offset_m"] is None
     assert tree["axes"]["centreline"]["axle_offset_m"] == 0.0
     thrust = tree["axes"]["thrust-line"]
@@ -292,12 +292,12 @@ def test_u_of_toe_to_another_axis_takes_the_covariance_with_its_angle(measured):
     angles = {"centreline": "centreline_angle", "thrust-line": "thrust_angle"}
     apart = []
     for axis, angle in (angles | {"side-bisector": "side_bisector_angle"}).items():
-        for wheel, told in zip(tree["wheels"], tree["axes"][axis]["wheels"], strict=True):
+        for wheel, shown in zip(tree["wheels"], tree["axes"][axis]["wheels"], strict=True):
             slope = np.zeros(len(names))
             slope[names.index(f"{wheel['name']}.toe")] = 1.0
             slope[names.index(angle)] = -1.0 if wheel["wheel"].endswith("L") else 1.0
             u = math.sqrt(slope @ matrix @ slope)
-            assert told["u_toe_deg"] == pytest.approx(u, rel=1e-9)
+            assert shown["u_toe_deg"] == pytest.approx(u, rel=1e-9)
             apart.append(math.sqrt(slope**2 @ np.diag(matrix)) / u - 1.0)
     assert max(apart) > 0.5  # so leaving the covariance out is seen
 
@@ -339,10 +339,10 @@ def test_the_report_names_its_axis_and_keeps_to_it(measured, axis):
     assert rows[0].count(f"toe to {axis}") == (axis != "rear-axle")
     known = by_name(measured)
     for row, wheel in zip(rows[1:], measured.wheels, strict=True):
-        told = known[f"{wheel.observation.name}.{named('toe', axis)}"]
+        shown = known[f"{wheel.observation.name}.{named('toe', axis)}"]
         cells = row.split()
-        assert read(cells[2]) == pytest.approx(told.value, abs=0.051 * SECOND)
-        assert read(cells[3]) == pytest.approx(told.u, abs=0.051 * SECOND)
+        assert read(cells[2]) == pytest.approx(shown.value, abs=0.051 * SECOND)
+        assert read(cells[3]) == pytest.approx(shown.u, abs=0.051 * SECOND)
     assert ("front left toe to the thrust line" in text) == (axis != "thrust-line")
 
 
@@ -415,8 +415,8 @@ def test_millimetres_are_those_of_a_tape_at_the_rim(seed):
         ends.append([np.array([0.0, y, 0.0]) + s * RIM / 2 * level for s in (1, -1)])
     (front_l, rear_l), (front_r, rear_r) = ends
     tape = (rear_l - rear_r)[1] - (front_l - front_r)[1]
-    told = View(angles="mm", rim_m=RIM).total_toe(*toes)
-    assert float(told.removesuffix(" mm")) == pytest.approx(1e3 * tape, abs=5.1e-4)
+    shown = View(angles="mm", rim_m=RIM).total_toe(*toes)
+    assert float(shown.removesuffix(" mm")) == pytest.approx(1e3 * tape, abs=5.1e-4)
 
 
 @pytest.mark.parametrize(("inches", "published_mm"), [(15, 2.4), (16, 2.5), (17, 2.7)])
@@ -424,9 +424,9 @@ def test_millimetres_are_those_of_a_makers_table(inches, published_mm):
     """Volvo C70, 1998: total toe of 0.33° at the flange of the rim, which stands 17.5 mm high."""
     view = read_view("rear-axle", "mm", f"{inches * 25.4 + 35:.1f}mm")
     each = math.radians(0.33 / 2)
-    told = float(view.total_toe(each, each).removesuffix(" mm"))
-    assert told == pytest.approx(published_mm, abs=0.05)
-    assert abs(told / 2 - published_mm) > 0.05
+    shown = float(view.total_toe(each, each).removesuffix(" mm"))
+    assert shown == pytest.approx(published_mm, abs=0.05)
+    assert abs(shown / 2 - published_mm) > 0.05
 
 
 @pytest.mark.parametrize("rim", ["16in", "406.4mm", "0.4064m", " 406.4 mm "])
@@ -495,17 +495,17 @@ def test_every_quantity_can_be_judged(measured):
     for where, entry in itertools.chain(
         (("FL", entry) for entry in WHEEL), (("vehicle", entry) for entry in VEHICLE)
     ):
-        told = known[entry.name if where == "vehicle" else f"{where}.{entry.name}"]
+        shown = known[entry.name if where == "vehicle" else f"{where}.{entry.name}"]
         for middle, decision in (
-            (told.value, "conform"),
-            (told.value - 20 * told.u, "not conform"),
+            (shown.value, "conform"),
+            (shown.value - 20 * shown.u, "not conform"),
         ):
-            zone = limits(entry, middle - 9 * told.u, middle + 9 * told.u)
+            zone = limits(entry, middle - 9 * shown.u, middle + 9 * shown.u)
             table = Tolerance.model_validate({where: {entry.name: zone}, "trials": False})
             (verdict,) = assess(measured, table).verdicts
             assert verdict.decision == decision
-            assert (verdict.quantity.value, verdict.quantity.u) == (told.value, told.u)
-            assert verdict.quantity.dof == told.dof
+            assert (verdict.quantity.value, verdict.quantity.u) == (shown.value, shown.u)
+            assert verdict.quantity.dof == shown.dof
 
 
 def test_limits_of_setback_have_a_side(measured, mirrored):
