@@ -40,7 +40,7 @@ def measure_capture(
 
     fit: measures the target in a scan; `fit_target`, or one that calls it and looks at the points.
 
-    Raises InputError for a scan that cannot be read, for wheels that cannot be told apart, and for
+    Raises InputError for a scan that cannot be read, for wheels that cannot be identified, and for
     a reference wheel whose target cannot be measured; a trial that cannot be measured stays in the
     result with its status.
     """

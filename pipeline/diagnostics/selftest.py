@@ -25,7 +25,7 @@ from ..vectors import Array, plane_basis
 PLANES = tuple(f"pla{number}" for number in range(1, 31))
 CIRCLES = ("cir7", "cir10", "cir20", "cir25")
 BOUND = 1e-9  # degrees for directions, the data's own unit for lengths
-START_TILT = 0.01  # of the slab in which the clipped plane is begun, as detection may leave it
+START_TILT = 0.01  # rad, of the slab in which the clipping starts, as detection may leave it
 # Length taken for the data's unit where circles are fitted: residuals are then so far below the
 # edge fit's least robust scale (20 um) that all points weigh alike, as NIST's definition has it.
 CIRCLE_UNIT_M = 1e-7

@@ -41,7 +41,7 @@ class ResidualMap:
 
     @property
     def radius_m(self) -> float:
-        """Of the target."""
+        """Radius of the target, metres."""
         return self.region.radius_m
 
     @property

@@ -86,7 +86,7 @@ def timed(archive: Path, results: Path, *options: str) -> tuple[float, Use, str]
 def again(archive: Path, results: Path, *options: str) -> tuple[float, Use, str]:
     """As `timed`, on what an earlier run left."""
     use = Use()
-    begun = time.perf_counter()
+    started = time.perf_counter()
     process = subprocess.Popen(
         [*BATCH, str(archive), "-o", str(results), *options],
         cwd=ROOT,
@@ -99,7 +99,7 @@ def again(archive: Path, results: Path, *options: str) -> tuple[float, Use, str]
     watcher.start()
     out, _ = process.communicate()
     watcher.join()
-    return time.perf_counter() - begun, use, out
+    return time.perf_counter() - started, use, out
 
 
 def make_captures(archive: Path, count: int) -> list[str]:
@@ -130,18 +130,18 @@ def spoil(folder: Path, way: int, base: Path) -> None:
     """A capture broken in one of ten ways."""
     shutil.copytree(base, folder)
     scan, toml = folder / "rr.ply", folder / "capture.toml"
-    told = toml.read_text()
+    shown = toml.read_text()
     changes = {
         0: lambda: scan.unlink(),
         1: lambda: scan.write_bytes(scan.read_bytes()[:-1000]),
         2: lambda: scan.write_bytes(b""),
         3: lambda: scan.write_bytes(b"no cloud"),
-        4: lambda: toml.write_text(told.replace("[reference]", "[referense]")),
-        5: lambda: toml.write_text(told.replace('"disc"', '"dics"')),
-        6: lambda: toml.write_text(told + "\\n[broken"),
+        4: lambda: toml.write_text(shown.replace("[reference]", "[referense]")),
+        5: lambda: toml.write_text(shown.replace('"disc"', '"dics"')),
+        6: lambda: toml.write_text(shown + "\\n[broken"),
         7: lambda: shutil.copy(folder / "rl.ply", scan),
         8: lambda: scan.write_text("ply\\nformat ascii 1.0\\nelement vertex 1\\n"),
-        9: lambda: toml.write_text(told.replace("rl.ply", "rr.ply")),
+        9: lambda: toml.write_text(shown.replace("rl.ply", "rr.ply")),
     }
     changes[way]()
 
@@ -156,7 +156,7 @@ def scans(count: int, repeats: int, place: Path) -> None:
     walls: dict[str, list[float]] = {"plain": [], "1": [], "2": []}
     spent: dict[str, list[float]] = {"plain": [], "1": [], "2": []}
     for _ in range(repeats):
-        begun = time.perf_counter()
+        started = time.perf_counter()
         alone = ("WHEELPLANE_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
         environment = os.environ | dict.fromkeys(alone, "1")
         command = [sys.executable, "-c", PLAIN, str(archive), *names]
@@ -165,7 +165,7 @@ def scans(count: int, repeats: int, place: Path) -> None:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         spent["plain"].append(cpu / len(good))
-        walls["plain"].append((time.perf_counter() - begun) / len(good))
+        walls["plain"].append((time.perf_counter() - started) / len(good))
         for workers in ("1", "2"):
             seconds, use, _ = timed(archive, place / "results", "--workers", workers)
             walls[workers].append(seconds / len(good))

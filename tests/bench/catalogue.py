@@ -95,8 +95,8 @@ def command(name: str, *arguments: str) -> None:
 def timed(name: str, act: Callable[[], object]) -> None:
     """Wall seconds of a call."""
     start = time.perf_counter()
-    told = act()
-    print(f"{name:42} {time.perf_counter() - start:8.2f} s   ({told})", flush=True)
+    shown = act()
+    print(f"{name:42} {time.perf_counter() - start:8.2f} s   ({shown})", flush=True)
 
 
 def replace_one(folder: Path) -> None:

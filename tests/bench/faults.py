@@ -53,9 +53,9 @@ class Faults:
         (self.archive / "bad" / "letters.txt").write_text("no number\n")
         settle(self.archive)
         self.environment = poisoned(place)
-        begun = time.monotonic()
+        started = time.monotonic()
         self.finish(place / "undisturbed")
-        self.seconds = time.monotonic() - begun
+        self.seconds = time.monotonic() - started
         self.expected = left(place / "undisturbed")
 
     def finish(self, results: Path) -> None:

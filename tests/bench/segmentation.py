@@ -196,8 +196,8 @@ def compare_orders(count: int, permutations: int = 3) -> None:
     off = max(
         float(np.abs(answer(rng.permutation(points)) - first).max()) for _ in range(permutations)
     )
-    told = {threads: _child(["--answer", str(count)], threads) for threads in (1, 2)}
-    same = "the same bits" if told[1] == told[2] else "DIFFERENT"
+    shown = {threads: _child(["--answer", str(count)], threads) for threads in (1, 2)}
+    same = "the same bits" if shown[1] == shown[2] else "DIFFERENT"
     print(
         f"{count:,} points: other orders change normal, offset and centre by {off:.1e} at most; "
         f"1 and 2 threads give {same}",
@@ -248,8 +248,8 @@ def growth(largest: int, runs: int, svg: Path | None) -> None:
     print("|---:|---:|---:|---:|---:|---:|---:|")
     sizes = []
     for count in counts:
-        told = _child(["--one", str(count), "--runs", str(runs)])
-        size = Size(**json.loads(told))
+        shown = _child(["--one", str(count), "--runs", str(runs)])
+        size = Size(**json.loads(shown))
         sizes.append(size)
         print(
             f"| {count:,} | {size.seconds * 1e3:,.0f} ms | {size.seconds / count * 1e9:.1f} "

@@ -71,15 +71,15 @@ def drawn_runout(seed: int, positions: int, turn_deg: float) -> list[Row]:
     scene = Scene(seed)
     truth, kept = {}, []
     for wheel in ("RR", "RL", "FR", "FL"):
-        told = 2 * np.pi / positions * np.arange(positions)
-        turns = told + np.radians(turn_deg) * rng.normal(size=positions) * (
+        shown = 2 * np.pi / positions * np.arange(positions)
+        turns = shown + np.radians(turn_deg) * rng.normal(size=positions) * (
             np.arange(positions) > 0
         )
         way, other = rng.uniform(0, 2 * np.pi, 2)
         toe, camber = np.radians(rng.uniform(-1, 1)), np.radians(rng.uniform(-2, 1))
         truth[wheel] = {"toe": toe, "camber": camber}
         kept.append(partial(
-            rolled, wheel=wheel, turns=turns, toe=toe, camber=camber, told=told,
+            rolled, wheel=wheel, turns=turns, toe=toe, camber=camber, shown=shown,
             wobble=np.radians(0.5) * np.array([np.cos(way), np.sin(way)]),
             eccentric_m=0.002 * np.array([np.cos(other), np.sin(other)]),
             u_turn=np.radians(max(turn_deg, 0.1)),
@@ -133,37 +133,37 @@ def scanned(
             folder, seed=seed, vehicle=vehicle, scanner=config_file("scanners", "default"),
             target=config_file("targets", target), trials=0,
         )  # fmt: skip
-        told = json.loads((folder / "truth.json").read_text())
+        shown = json.loads((folder / "truth.json").read_text())
         with open_capture(folder) as capture:
             measurement = measure_capture(capture, Config())
     rows: list[Row] = []
     if kind == "runout":
-        _add_axles(rows, measurement, told)
-        wheels = {w["name"]: w for w in told["wheels"] if w["role"] == "reference"}
+        _add_axles(rows, measurement, shown)
+        wheels = {w["name"]: w for w in shown["wheels"] if w["role"] == "reference"}
         return rows + _of_runouts(measurement, {
             name: {what: np.radians(w[f"{what}_deg"]) for what in ("toe", "camber")}
             for name, w in wheels.items()
         })  # fmt: skip
     truth = {
-        k["wheel"]: np.radians([k["caster_deg"], k["inclination_deg"]]) for k in told["kingpins"]
+        k["wheel"]: np.radians([k["caster_deg"], k["inclination_deg"]]) for k in shown["kingpins"]
     }
     rows += _of_kingpins(measurement, truth)
-    for found, true in zip(measurement.toe_out, told["toe_out_on_turns"], strict=True):
+    for found, true in zip(measurement.toe_out, shown["toe_out_on_turns"], strict=True):
         if found.difference is not None:
             error = found.difference.value - np.radians(true["difference_deg"])
             rows.append(("toe-out on turns", error, found.difference.u, np.inf, 0.5))
     return rows
 
 
-def _add_axles(rows: list[Row], measurement: Measurement, told: dict) -> None:
+def _add_axles(rows: list[Row], measurement: Measurement, shown: dict) -> None:
     """The axle's direction against the truth, whatever the frame: toe and camber apart."""
-    true = {w["name"]: np.array(w["normal"]) for w in told["wheels"] if w["role"] == "reference"}
+    true = {w["name"]: np.array(w["normal"]) for w in shown["wheels"] if w["role"] == "reference"}
     for found in measurement.runouts:
         if found.axis is not None and found.angles is not None:
             off = found.axis - true[found.wheel]
             for what, way in (("toe", "forward"), ("camber", "up")):
                 u = getattr(found.angles, what).u
-                rows.append((f"{what} of the axle itself", float(off @ told["frame"][way]), u,
+                rows.append((f"{what} of the axle itself", float(off @ shown["frame"][way]), u,
                              np.inf, found.probability))  # fmt: skip
 
 

@@ -82,8 +82,8 @@ def of_single_captures(count: int, seed: int) -> None:
                     lambda c: c.detectable_in_all_rad("toe"),
                 )
             ]
-            told = "stated" if known else "from scatter, --aiming"
-            print(f"| {name} | {told} | {share(sum(c.joint.agrees for c in right), count)} "
+            shown = "stated" if known else "from scatter, --aiming"
+            print(f"| {name} | {shown} | {share(sum(c.joint.agrees for c in right), count)} "
                   f"| {share(caught[0], count)} | {share(caught[1], count)} "
                   f"| {seen[0]:.3f}° | {seen[1]:.3f}° |", flush=True)  # fmt: skip
 

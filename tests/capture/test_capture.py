@@ -320,10 +320,10 @@ FRONT = "front = [0, -2, 0.5]\n"
 
 
 def whole(
-    source: Path, target: str | None = "disc-250", told: CaptureOptions = NO_OPTIONS
+    source: Path, target: str | None = "disc-250", shown: CaptureOptions = NO_OPTIONS
 ) -> Capture:
     """The capture at `source`, which is one cloud that holds its own name."""
-    with open_capture(source, target, told) as capture:
+    with open_capture(source, target, shown) as capture:
         assert capture.entries == ()
         assert capture.cloud is not None
         assert (capture.cloud.role, capture.cloud.wheel) == ("vehicle", None)
@@ -395,8 +395,8 @@ def test_a_point_near_the_front_is_in_the_unit_of_the_file(unit, tmp_path):
 def test_options_go_before_the_file(tmp_path):
     toml = DISC + 'length_unit = "in"\nup = "z"\n' + FRONT
     source = fill(tmp_path, toml, ("vehicle.ply",))
-    told = CaptureOptions(length_unit="mm", front_point=(1000.0, 0.0, 0.0), up="floor")
-    capture = whole(source, None, told)
+    shown = CaptureOptions(length_unit="mm", front_point=(1000.0, 0.0, 0.0), up="floor")
+    capture = whole(source, None, shown)
     assert (capture.length_unit, capture.up) == ("mm", "floor")
     assert capture.front == Front("--front-point 1000,0,0", None, (1.0, 0.0, 0.0))
     assert whole(source, None, CaptureOptions(front=(1.0, 0.0, 0.0))).front == Front(
@@ -447,16 +447,16 @@ def test_files_that_leave_a_doubt_which_is_the_cloud_are_refused(files, says, tm
 
 
 @pytest.mark.parametrize(
-    ("told", "option"),
+    ("shown", "option"),
     [
         (CaptureOptions(front=(1.0, 0.0, 0.0)), "--front "),
         (CaptureOptions(front_point=(1.0, 0.0, 0.0)), "--front-point "),
         (CaptureOptions(up="z"), "--up "),
     ],
 )
-def test_what_tells_the_front_is_refused_where_each_wheel_has_its_scan(told, option, tmp_path):
+def test_what_tells_the_front_is_refused_where_each_wheel_has_its_scan(shown, option, tmp_path):
     source = fill(tmp_path)
-    with pytest.raises(InputError) as caught, open_capture(source, "disc-250", told):
+    with pytest.raises(InputError) as caught, open_capture(source, "disc-250", shown):
         pass
     text = str(caught.value)
     assert text.startswith(f"{source}: {option}is for a cloud of the whole vehicle")
@@ -477,10 +477,10 @@ def test_the_cloud_of_an_archive_lies_in_it_and_is_no_archive(name, says, tmp_pa
 
 def test_both_ways_to_tell_the_front_are_one_too_many(tmp_path):
     source = fill(tmp_path, None, ("vehicle.ply",))
-    told = CaptureOptions(front=(1.0, 0.0, 0.0), front_point=(1.0, 0.0, 0.0))
+    shown = CaptureOptions(front=(1.0, 0.0, 0.0), front_point=(1.0, 0.0, 0.0))
     with (
         pytest.raises(InputError, match=r"^--front and --front-point: both.*leave out one$"),
-        open_capture(source, "disc-250", told),
+        open_capture(source, "disc-250", shown),
     ):
         pass
 

@@ -112,10 +112,10 @@ def test_a_leaning_plane_turns_a_face_that_is_seen_aslant(name, slope):
     sign = np.sign(-(lean[1:] @ b[:2]) @ component.factor[:3, column])
     u, v = b[0] + slope[0] * b[2], b[1] + slope[1] * b[2]
     normal = np.cross(u, v) / np.linalg.norm(np.cross(u, v))
-    leant = np.stack([u / np.linalg.norm(u), np.cross(normal, u / np.linalg.norm(u)), normal])
-    after = locate_centre(patch, replace(plane, basis=leant), target, CentreConfig())
+    tilted = np.stack([u / np.linalg.norm(u), np.cross(normal, u / np.linalg.norm(u)), normal])
+    after = locate_centre(patch, replace(plane, basis=tilted), target, CentreConfig())
     angle = [np.arctan2(basis[1] @ f.turn.axis, basis[0] @ f.turn.axis)
-             for basis, f in ((b, before), (leant, after))]  # fmt: skip
+             for basis, f in ((b, before), (tilted, after))]  # fmt: skip
     moved = angle[1] - angle[0]
     assert moved == pytest.approx(sign * component.turn[column], abs=0.02 * 1e-3)
     assert np.abs(moved) > 0.1 * 1e-3  # none at all, and the other way, fail

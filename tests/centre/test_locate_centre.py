@@ -206,18 +206,18 @@ def test_half_hidden_disc_is_within_its_larger_uncertainty(seed):
     assert u_of(cloud, fitted) > 1.05 * whole
 
 
-def test_a_told_station_starts_the_fit_and_does_not_decide_it():
+def test_a_shown_station_starts_the_fit_and_does_not_decide_it():
     cloud, alone = measured(PLAIN, 1)
-    told = fit(cloud.points_m, thickness_of(PLAIN), station_m=cloud.viewpoint_m)
-    assert np.linalg.norm(told.centre_m - alone.centre_m) < 0.1 * u_of(cloud, alone)
+    shown = fit(cloud.points_m, thickness_of(PLAIN), station_m=cloud.viewpoint_m)
+    assert np.linalg.norm(shown.centre_m - alone.centre_m) < 0.1 * u_of(cloud, alone)
 
 
 def test_a_station_that_the_background_contradicts_changes_nothing():
     cloud, alone = measured(PLAIN, 1)
     aside, behind = cloud.R @ [2.5, 1.0, 1.5], cloud.R @ [0.3, 0.0, -3.0]
     for offset in (aside, behind):
-        told = fit(cloud.points_m, thickness_of(PLAIN), station_m=cloud.centre_m + offset)
-        np.testing.assert_array_equal(told.centre_m, alone.centre_m)
+        shown = fit(cloud.points_m, thickness_of(PLAIN), station_m=cloud.centre_m + offset)
+        np.testing.assert_array_equal(shown.centre_m, alone.centre_m)
 
 
 @pytest.mark.parametrize("filtered", [False, True])
@@ -229,8 +229,8 @@ def test_a_station_moves_no_centre_where_no_background_bears_it_out(incidence, f
     offset = cloud.viewpoint_m - cloud.centre_m
     mirrored = 2.0 * cloud.normal * (offset @ cloud.normal) - offset
     for place in (offset, mirrored):
-        told = fit(cloud.points_m, thickness_of(setup), station_m=cloud.centre_m + place)
-        np.testing.assert_array_equal(told.centre_m, alone.centre_m)
+        shown = fit(cloud.points_m, thickness_of(setup), station_m=cloud.centre_m + place)
+        np.testing.assert_array_equal(shown.centre_m, alone.centre_m)
 
 
 @pytest.mark.parametrize("from_m", [0.05, 0.07, 0.085, 0.115])

@@ -1,4 +1,4 @@
-"""The mixed range near a rim: against sums over the spot, and its slopes against differences."""
+"""The mixed pixels near a rim: against sums over the spot, and its slopes against differences."""
 
 from __future__ import annotations
 

@@ -50,14 +50,14 @@ def test_normal_is_the_slope_of_the_distance_and_curve_that_of_the_normal(name):
 def test_the_distance_alone_is_that_of_the_feet(name):
     outline = OUTLINES[name]
     q = np.random.default_rng(1).uniform(-0.3, 0.3, (1000, 2))
-    told = outline.outside_m(*q.T)
-    np.testing.assert_allclose(told, outline.closest(q).x_m, rtol=1e-12, atol=1e-15)
+    shown = outline.outside_m(*q.T)
+    np.testing.assert_allclose(shown, outline.closest(q).x_m, rtol=1e-12, atol=1e-15)
     if isinstance(outline, Circle):
-        np.testing.assert_allclose(told, np.hypot(*q.T) - outline.size_m, rtol=1e-12, atol=1e-15)
+        np.testing.assert_allclose(shown, np.hypot(*q.T) - outline.size_m, rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize("name", OUTLINES)
-def test_the_foot_lies_on_the_edge_whose_bend_and_support_are_told(name):
+def test_the_foot_lies_on_the_edge_whose_bend_and_support_are_reported(name):
     outline = OUTLINES[name]
     q = about(outline)
     closest = outline.closest(q)
@@ -111,9 +111,9 @@ def test_slopes_of_the_equations_are_those_of_central_differences(name, index):
     same = len(ahead.residual_m) == len(behind.residual_m) == len(here.residual_m)
     assert same  # no point crossed the band's limits
     seen = -(ahead.residual_m - behind.residual_m) / 2e-7
-    told = here.slopes[:, index]
+    shown = here.slopes[:, index]
     # Left out of the slopes: how the wall's bend, the fanning of the beams and the spot's slant go.
-    assert np.linalg.norm(seen - told) <= MISSED[index] * np.linalg.norm(seen) + 1e-6
+    assert np.linalg.norm(seen - shown) <= MISSED[index] * np.linalg.norm(seen) + 1e-6
     moves = index != ROTATION or outline.shows_rotation
     assert (np.linalg.norm(seen) > 0.01) == moves
 

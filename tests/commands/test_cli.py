@@ -214,7 +214,7 @@ def test_provenance_lets_the_measurement_be_repeated(measured, capture):
     assert {key: config[key] for key in defaults} == defaults
 
 
-def test_points_are_counted_and_lie_on_the_plane_that_is_told(measured, capture):
+def test_points_are_counted_and_lie_on_the_plane_that_is_reported(measured, capture):
     """Checked against the scan itself: the noise of its points about the plane, near the centre."""
     for wheel in measured[0].tree["wheels"]:
         points = cloud(capture / wheel["file"])
@@ -230,7 +230,7 @@ def test_points_are_counted_and_lie_on_the_plane_that_is_told(measured, capture)
         assert count < wheel["points_on_target"] < 1.5625 * 1.02 * count
 
 
-def test_accuracy_against_truth_within_the_uncertainty_that_is_told(measured, capture):
+def test_accuracy_against_truth_within_the_uncertainty_that_is_reported(measured, capture):
     """Errors within 4.5 u and neither much better nor worse than u; the null answer fails.
 
     u of a disc's normal: 2 sigma/(r sqrt(N)) (DOMAIN), with r and N of the face less its margin.
@@ -352,7 +352,7 @@ def test_millimetres_change_nothing_but_rounding(measured, copy, wheelplane):
     is_refusal(wheelplane("measure", copy), copy, "rr.npy", "length_unit")
 
 
-def test_missing_returns_are_dropped_and_their_number_told(measured, copy, wheelplane):
+def test_missing_returns_are_dropped_and_their_number_shown(measured, copy, wheelplane):
     points = cloud(copy / "rr.ply")
     holes = np.vstack([np.full((2, 3), np.nan), points[:500], [[np.nan, 0, 0]], points[500:]])
     run = wheelplane("measure", put(copy, "rr.ply", "rr.npy", holes), "--json")
@@ -563,7 +563,7 @@ def test_one_axle_named_the_wrong_way_round_is_refused(copy, wheelplane):
     is_refusal(wheelplane("measure", copy), "order")
 
 
-def test_left_and_right_exchanged_is_told(copy, wheelplane):
+def test_left_and_right_exchanged_is_reported(copy, wheelplane):
     """The exchanged vehicle is upside down, and only z can tell."""
     assert wheelplane("measure", copy, "--json").tree["notes"] == []
     for one, other in (("rr", "rl"), ("fr", "fl")):

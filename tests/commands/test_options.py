@@ -85,7 +85,7 @@ def test_length_units_are_the_same_everywhere():
         assert list(of(name, "--length-unit").type.choices) == ["m", "mm", "in"]
 
 
-def test_the_station_stands_where_it_is_told_in_metres():
+def test_the_station_stands_where_it_is_reported_in_metres():
     station = read_station("leica-tm30", "1000,-2000,500", "cartesian", "mm")
     np.testing.assert_array_equal(station.place_m, [1.0, -2.0, 0.5])
     assert station.stated.range_sigma_m > 0.0

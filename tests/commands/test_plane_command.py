@@ -77,7 +77,7 @@ def test_a_size_that_no_scan_has_is_refused(tmp_path, plane):
     assert "give --length-unit m" in err
 
 
-def test_coordinates_that_float32_spoilt_are_told(tmp_path, plane):
+def test_coordinates_that_float32_spoilt_are_reported(tmp_path, plane):
     points = (plate(40.0) + np.array([5e4, 6e4, 100.0])).astype(np.float32).astype(float)
     np.save(tmp_path / "a.npy", points)
     code, out, _ = plane(tmp_path / "a.npy")

@@ -122,7 +122,7 @@ def test_a_plot_in_the_terminal_leaves_json_alone(wheelplane):
     assert len(json.loads(out)["wheels"]) == 8
 
 
-def test_plots_go_where_they_are_told(tmp_path, capsys):
+def test_plots_go_where_they_are_reported(tmp_path, capsys):
     dress = ReportOptions(load_translations("en"), PAPER)
     assert plot_to(None, measured(1), None, dress) == []
     assert plot_to("-", measured(1), None, dress) == []

@@ -25,10 +25,10 @@ def test_a_whole_vehicle_is_one_cloud_with_its_truth(tmp_path):
     points, _ = read_ply(out / "vehicle.ply")
     said = f"wrote {out}: vehicle.ply, {len(points)} points, five-point.txt, truth.json\n"
     assert (run.returncode, run.stdout, run.stderr) == (0, said, "")
-    told = json.loads((out / "truth.json").read_text())
-    assert told["seed"] == 3
-    assert told["used"]["panorama"]["points"] == 20_000
-    assert sum(scan["points"] for scan in told["used"]["scans"]) == len(points)
+    shown = json.loads((out / "truth.json").read_text())
+    assert shown["seed"] == 3
+    assert shown["used"]["panorama"]["points"] == 20_000
+    assert sum(scan["points"] for scan in shown["used"]["scans"]) == len(points)
 
 
 def test_an_e57_is_asked_for_by_name(tmp_path):

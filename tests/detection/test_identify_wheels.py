@@ -115,7 +115,7 @@ def test_what_is_up_tells_the_mirror_image(axis):
     assert [upside_down[wheel] for wheel in WHEELS] == [0, 1, 2, 3]
 
 
-def test_only_the_front_that_is_told_decides_not_the_steering():
+def test_only_the_front_that_is_reported_decides_not_the_steering():
     by_name, _ = named(car(steered=35.0), UP, towards(-FORWARD))
     assert [by_name[wheel] for wheel in ("FL", "FR", "RL", "RR")] == [0, 1, 2, 3]
 
@@ -174,10 +174,11 @@ def test_two_vehicles_are_refused(other):
 def test_three_axles_are_not_guessed_apart():
     lorry = [*car(base=3.2), *(car(base=4.3)[2:])]
     assert "of which 2 sets of four" in refusal(lorry)  # the hind axles stand too near to be two
-    told = refusal([*car(base=3.0), *(car(base=5.0)[2:])])
-    assert "of which 3 sets of four" in told
+    shown = refusal([*car(base=3.0), *(car(base=5.0)[2:])])
+    assert "of which 3 sets of four" in shown
     assert (
-        "axle by axle (targets 1, 2 and 3, 4; targets 1, 2 and 5, 6; targets 3, 4 and 5, 6)" in told
+        "axle by axle (targets 1, 2 and 3, 4; targets 1, 2 and 5, 6; targets 3, 4 and 5, 6)"
+        in shown
     )
 
 
@@ -191,7 +192,7 @@ def test_of_two_sets_the_one_that_stands_on_the_floor_is_the_vehicle():
     axles = find_axles(faces, RADIUS_M, partial(stand_on_a_floor, floor))
     assert {i for axle in axles.ends for i in axle} == {0, 1, 2, 3}
     assert set(axles.left_out) == {4, 5}
-    above = floor + np.array([0.0, 0.0, 5.0])  # none stands on that, so nothing is told
+    above = floor + np.array([0.0, 0.0, 5.0])  # none stands on that, so nothing is reported
     with pytest.raises(InputError, match="2 sets of four"):
         find_axles(faces, RADIUS_M, partial(stand_on_a_floor, above))
 
@@ -287,16 +288,16 @@ def ways(faces):
 
 
 @pytest.mark.parametrize(
-    "told", [{0: "RR"}, {3: "FL"}, {0: "RR", 2: "FR"}, dict(enumerate(WHEELS))]
+    "shown", [{0: "RR"}, {3: "FL"}, {0: "RR", 2: "FR"}, dict(enumerate(WHEELS))]
 )
-def test_markers_tell_the_front(told):
+def test_markers_tell_the_front(shown):
     faces = car()
-    by_name = wheels_by_markers(ways(faces), told, faces)
+    by_name = wheels_by_markers(ways(faces), shown, faces)
     assert [by_name[wheel] for wheel in WHEELS] == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize(
-    ("told", "says"),
+    ("shown", "says"),
     [
         ({}, "no board's markers identify its wheel, so the front is unknown"),
         (
@@ -307,16 +308,16 @@ def test_markers_tell_the_front(told):
         ({0: "FR"}, "which contradicts"),  # on the right, but the way round has FL there
     ],
 )
-def test_markers_that_tell_nothing_or_contradict_are_refused(told, says):
+def test_markers_that_tell_nothing_or_contradict_are_refused(shown, says):
     faces = car()
     with pytest.raises(InputError, match=re.escape(says)):
-        wheels_by_markers(ways(faces), told, faces)
+        wheels_by_markers(ways(faces), shown, faces)
 
 
-def test_markers_check_the_front_that_is_told():
+def test_markers_check_the_front_that_is_reported():
     faces = car()
-    told_way = ways(faces)[:1]
-    told = {index: wheel for wheel, index in ways(faces)[1].items()}
+    shown_way = ways(faces)[:1]
+    shown = {index: wheel for wheel, index in ways(faces)[1].items()}
     with pytest.raises(InputError, match="check which board is on which wheel, and --front"):
-        wheels_by_markers(told_way, told, faces)
-    assert wheels_by_markers(told_way, {}, faces) == told_way[0]
+        wheels_by_markers(shown_way, shown, faces)
+    assert wheels_by_markers(shown_way, {}, faces) == shown_way[0]

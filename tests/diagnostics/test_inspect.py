@@ -1,4 +1,4 @@
-"""`wheelplane inspect`: what it says of a file is true, and what is odd is told."""
+"""`wheelplane inspect`: what it says of a file is true, and what is odd is reported."""
 
 from __future__ import annotations
 
@@ -104,39 +104,39 @@ def test_a_sample_is_all_that_is_kept(tmp_path):
     assert len(survey.keys) < 2 * SAMPLE
 
 
-def told(folder, points, name="a.ply", unit="m", **options):
+def shown(folder, points, name="a.ply", unit="m", **options):
     return " | ".join(findings(summarise_scan(ply(folder / name, points, **options), unit)))
 
 
 def test_nothing_is_odd_about_an_ordinary_scan(tmp_path):
-    assert told(tmp_path, make(WHEEL).points_m) == ""
-    assert told(tmp_path, make(WHEEL).points_m + SITE) == ""
-    assert told(tmp_path, make(WHEEL).points_m, kind="float") == ""
+    assert shown(tmp_path, make(WHEEL).points_m) == ""
+    assert shown(tmp_path, make(WHEEL).points_m + SITE) == ""
+    assert shown(tmp_path, make(WHEEL).points_m, kind="float") == ""
 
 
-def test_what_is_odd_is_told(tmp_path):
+def test_what_is_odd_is_reported(tmp_path):
     points = make(WHEEL).points_m
     site = points + SITE
-    assert "lie in steps of 500 mm" in told(tmp_path, site, kind="float")
-    assert "lie in steps of 1 mm" in told(tmp_path, np.round(points, 3))
-    assert "give --length-unit mm" in told(tmp_path, points * 1000)
-    assert "give --length-unit m" in told(tmp_path, points, unit="mm")
-    assert "5 points at 0 0 0" in told(tmp_path, np.vstack([points, np.zeros((5, 3))]))
-    assert f"{len(points)} duplicate points" in told(tmp_path, np.vstack([points] * 2))
+    assert "lie in steps of 500 mm" in shown(tmp_path, site, kind="float")
+    assert "lie in steps of 1 mm" in shown(tmp_path, np.round(points, 3))
+    assert "give --length-unit mm" in shown(tmp_path, points * 1000)
+    assert "give --length-unit m" in shown(tmp_path, points, unit="mm")
+    assert "5 points at 0 0 0" in shown(tmp_path, np.vstack([points, np.zeros((5, 3))]))
+    assert f"{len(points)} duplicate points" in shown(tmp_path, np.vstack([points] * 2))
     flat = points.copy()
     flat[:, 2] = 0.25
-    assert "all points lie on one plane" in told(tmp_path, flat)
+    assert "all points lie on one plane" in shown(tmp_path, flat)
     flat[:, 1] = 0.5
-    assert "all points lie on one line" in told(tmp_path, flat)
-    assert "all points have the same position" in told(tmp_path, flat[:1].repeat(9, axis=0))
+    assert "all points lie on one line" in shown(tmp_path, flat)
+    assert "all points have the same position" in shown(tmp_path, flat[:1].repeat(9, axis=0))
 
 
 def test_points_that_are_doubled_are_counted_in_a_large_cloud(tmp_path):
     points = raster(600, 0.001)
-    text = told(tmp_path, np.vstack([points, points[:180_000]]))
+    text = shown(tmp_path, np.vstack([points, points[:180_000]]))
     count = int(text.split("about ")[1].split()[0])
     assert abs(count - 180_000) < 6 * 5**0.5 * 180_000**0.5  # a fifth of them is looked at
-    assert "stand" not in told(tmp_path, raster(600, 0.001))
+    assert "stand" not in shown(tmp_path, raster(600, 0.001))
 
 
 def test_a_file_of_missing_returns_is_described(tmp_path, inspect):

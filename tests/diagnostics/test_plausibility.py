@@ -25,9 +25,9 @@ SITE = np.array([289_814.0, 4_320_978.0, 170.0])
 WHEEL_M = make(WHEEL).points_m
 
 
-def declared(points_m, told, true):
-    """What is read from a file in unit `true` when `told` is declared, both lengths in metres."""
-    return points_m / FACTOR[true] * FACTOR[told]
+def declared(points_m, shown, true):
+    """What is read from a file in unit `true` when `stated` is declared, both lengths in metres."""
+    return points_m / FACTOR[true] * FACTOR[shown]
 
 
 @pytest.mark.parametrize("unit", FACTOR)
@@ -38,18 +38,18 @@ def test_a_wheel_is_believed_in_its_unit(unit, shift):
 
 
 @pytest.mark.parametrize(
-    ("told", "true"), [("m", "mm"), ("mm", "m"), ("in", "m"), ("in", "mm"), ("mm", "in")]
+    ("shown", "true"), [("m", "mm"), ("mm", "m"), ("in", "m"), ("in", "mm"), ("mm", "in")]
 )
-def test_a_wheel_in_the_wrong_unit_is_refused_with_the_right_one(told, true):
-    wrong = declared(WHEEL_M, told, true)
-    if told == "in" and true == "mm":  # 0.7 m read as 18 m: the target cannot be found, no more
-        check_wheel_scan(wrong, DIAMETER, told, "rr")
+def test_a_wheel_in_the_wrong_unit_is_refused_with_the_right_one(shown, true):
+    wrong = declared(WHEEL_M, shown, true)
+    if shown == "in" and true == "mm":  # 0.7 m read as 18 m: the target cannot be found, no more
+        check_wheel_scan(wrong, DIAMETER, shown, "rr")
         return
     with pytest.raises(InputError) as caught:
-        check_wheel_scan(wrong, DIAMETER, told, "rr")
+        check_wheel_scan(wrong, DIAMETER, shown, "rr")
     text = str(caught.value)
     assert text.startswith("rr: the scan is ")
-    assert f"wide in {told}" in text
+    assert f"wide in {shown}" in text
     assert re.search(rf'give length_unit = "({true}|m)"$', text)
 
 
@@ -124,18 +124,18 @@ def test_a_vehicle_is_believed_in_its_unit(strays, size, unit):
 
 
 @pytest.mark.parametrize(
-    ("told", "true"),
+    ("shown", "true"),
     [("m", "mm"), ("mm", "m"), ("in", "m"), ("m", "in"), ("in", "mm"), ("mm", "in")],
 )
 @pytest.mark.parametrize("size", [5.0, 25.0])
-def test_a_vehicle_in_the_wrong_unit_is_refused_with_the_right_one(size, told, true):
-    wrong = declared(vehicle(size), told, true)
+def test_a_vehicle_in_the_wrong_unit_is_refused_with_the_right_one(size, shown, true):
+    wrong = declared(vehicle(size), shown, true)
     with pytest.raises(InputError) as caught:
-        check_vehicle_cloud(wrong, DIAMETER, told, "v")
+        check_vehicle_cloud(wrong, DIAMETER, shown, "v")
     text = str(caught.value)
     assert re.match(r"v: the cloud is [\d.]+ k?m?m wide in (m|mm|in), ", text)
-    mend = f'give --length-unit {true}, or length_unit = "{true}" in a capture.toml'
-    assert text.endswith(mend)
+    fix = f'give --length-unit {true}, or length_unit = "{true}" in a capture.toml'
+    assert text.endswith(fix)
 
 
 def test_a_yard_or_a_toy_is_no_vehicle():

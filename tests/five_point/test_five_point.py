@@ -154,7 +154,7 @@ def test_regression_of_an_upright_plane_is_refused():
 
 
 def turned_blocks(rng: np.random.Generator) -> tuple[np.ndarray, list[tuple[float, float]]]:
-    """Exact five-point rings on wheels of known toe and camber: leant, then steered, then posed."""
+    """Exact five-point rings on wheels of known toe and camber: tilted, then steered and posed."""
     centres = [[0, -0.7, 0], [0, 0.7, 0], [2.6, -0.7, 0], [2.6, 0.7, 0], [0.02, -0.71, 0.01]]
     blocks, truth = [], []
     for wheel, centre in zip((*REFERENCE_WHEELS, "RR"), centres, strict=True):
@@ -337,7 +337,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_malformed_file_is_one_line_that_names_file_line_fact_and_mend(tmp_path, name):
+def test_malformed_file_is_one_line_that_names_file_line_fact_and_fix(tmp_path, name):
     data, fact = BAD[name]
     path = tmp_path / "five.txt"
     path.write_bytes(data)
@@ -346,7 +346,7 @@ def test_malformed_file_is_one_line_that_names_file_line_fact_and_mend(tmp_path,
     text = str(caught.value)
     assert text.startswith(f"five.txt: {fact}")
     assert text.isprintable()
-    assert len(text.split(": ")) >= 3  # file, fact, mend
+    assert len(text.split(": ")) >= 3  # file, fact, fix
 
 
 def test_missing_file_and_folder(tmp_path):

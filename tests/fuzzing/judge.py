@@ -168,8 +168,8 @@ def _e57(data: bytes) -> int | None:
 def _text(data: bytes) -> int | None:
     """Rows that begin with a number; a number alone on the first of them is a count."""
     lines = re.split(r"\r\n|\r|\n", data.decode("utf-8-sig", "replace"))
-    told = [re.split(r"#|//", line)[0].split() for line in lines]
-    rows = [row for row in told if row]
+    shown = [re.split(r"#|//", line)[0].split() for line in lines]
+    rows = [row for row in shown if row]
     if rows and len(rows[0]) == 1 and rows[0][0].isdigit():
         return int(rows[0][0])
     return len(rows) - bool(rows and re.match(r"[^\W\d]{1,20}([ ,;\t]|$)", " ".join(rows[0]))

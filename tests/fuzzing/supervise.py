@@ -56,21 +56,21 @@ def _one_worker(
     first: int, stop: int, seed: int, folder: Path
 ) -> Iterator[tuple[int, dict[str, object]]]:
     """What a worker says of its mutants until it has done all, crashes, or is ended for a hang."""
-    told, tells = os.pipe()
+    shown, tells = os.pipe()
     arguments = [str(word) for word in (first, stop, seed, folder, tells)]
-    with tempfile.TemporaryFile() as output, os.fdopen(told, "rb", buffering=0) as pipe:
+    with tempfile.TemporaryFile() as output, os.fdopen(shown, "rb", buffering=0) as pipe:
         worker = subprocess.Popen(
             [sys.executable, *WORKER, *arguments],
             **{"cwd": ROOT, "stdout": output, "stderr": output, "pass_fds": [tells]},
             start_new_session=True,
         )
         os.close(tells)
-        begun = None
+        started = None
         try:
             for line in _lines(pipe):
                 word, number, *outcome = line.split(" ", 2)
-                begun = int(number) if word == "begin" else None
-                if begun is None:
+                started = int(number) if word == "begin" else None
+                if started is None:
                     yield int(number), json.loads(outcome[0])
             failure = f"crash: the process ended with {worker.wait()}"
         except TimeoutError:
@@ -79,9 +79,9 @@ def _one_worker(
             _end(worker)
         output.seek(0)
         words = output.read()[-300:]
-    if begun is not None:
+    if started is not None:
         verdict = f"{failure}; its last words: {words!r}"
-        yield begun, {"verdict": verdict, "seconds": SECONDS, "peak_mb": 0.0}
+        yield started, {"verdict": verdict, "seconds": SECONDS, "peak_mb": 0.0}
     elif worker.returncode != 0:
         raise RuntimeError(f"the worker did not work: {words.decode(errors='replace')}")
 

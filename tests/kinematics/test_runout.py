@@ -1,4 +1,4 @@
-"""Run-out: the axle by rigid-body truth, what of it depends on the told turns, and what moved."""
+"""Run-out: the axle by rigid-body truth, what of it depends on the stated turns, and what moved."""
 
 from dataclasses import replace
 
@@ -49,14 +49,14 @@ def test_the_axle_is_in_the_scanners_coordinates_and_turns_with_them():
     assert moved.axial_clock_rad == pytest.approx(plain.axial_clock_rad, abs=1e-7)
 
 
-def scores(count, turns, told=None, u_turn=0.002, spread=0.0, **more):
+def scores(count, turns, shown=None, u_turn=0.002, spread=0.0, **more):
     """Errors of toe, camber, wobble and eccentricity over u; errors of toe; chances."""
     rows, errors, chances = [], [], []
     for i in range(count):
         jitter = spread * np.random.default_rng([i, 9]).normal(size=len(turns))
         found = one(
             Scene(100 + i).references(), "FL" if i % 2 else "RR", turns + jitter,
-            told=turns, u_turn=u_turn, **more,
+            shown=turns, u_turn=u_turn, **more,
         )  # fmt: skip
         true = (TOE, CAMBER, np.radians(0.5), np.hypot(*OFF))
         known = (found.angles.toe, found.angles.camber, found.axial_runout, found.radial_runout)
@@ -96,10 +96,10 @@ def test_a_turn_known_badly_costs_two_positions_more_than_four():
     assert cost == pytest.approx(expected, rel=0.05)
     four = one(Scene(4, noise=0.0).references(), turns=QUARTERS, u_turn=loose).angles
     assert four.toe.u < 0.5 * max(two.toe.u, two.camber.u)
-    told = QUARTERS + np.array([0.0, 0.1, -0.08, 0.05])
-    found = one(Scene(4, noise=0.0).references(), turns=QUARTERS, told=told, u_turn=0.1)
+    shown = QUARTERS + np.array([0.0, 0.1, -0.08, 0.05])
+    found = one(Scene(4, noise=0.0).references(), turns=QUARTERS, shown=shown, u_turn=0.1)
     spread = np.ptp(np.array(found.turns_rad) - QUARTERS)
-    assert spread < 0.05 * np.ptp(told - QUARTERS)  # the turns were found, not believed
+    assert spread < 0.05 * np.ptp(shown - QUARTERS)  # the turns were found, not believed
 
 
 def test_what_sits_with_the_plate_cancels():
@@ -115,7 +115,7 @@ def test_what_sits_with_the_plate_cancels():
 
 
 @pytest.mark.parametrize("moves", [(0.0, 5e-4, 0.0), (0.0, -5e-4, 0.0)])
-def test_a_vehicle_that_moves_along_the_axle_is_told(moves):
+def test_a_vehicle_that_moves_along_the_axle_is_reported(moves):
     still = one(Scene(6).references(), moves=[(0, 0, 0), (0, 0, 0)])
     assert still.status == "ok"
     found = one(Scene(6).references(), moves=[(0, 0, 0), moves])
@@ -134,11 +134,11 @@ def test_a_vehicle_that_moves_across_the_axle():
     assert "from the axle" in far.reason
 
 
-def test_turns_told_backwards_are_told():
-    found = one(Scene(8).references(), turns=QUARTERS, told=-QUARTERS)
+def test_turns_shown_backwards_are_reported():
+    found = one(Scene(8).references(), turns=QUARTERS, shown=-QUARTERS)
     assert found.status == "moved"
     assert "are reversed: change them" in found.reason
-    wrong = one(Scene(8).references(), turns=QUARTERS, told=QUARTERS[[0, 2, 1, 3]])
+    wrong = one(Scene(8).references(), turns=QUARTERS, shown=QUARTERS[[0, 2, 1, 3]])
     assert "are reversed: change them" not in wrong.reason
 
 
@@ -215,19 +215,19 @@ def test_one_wheel_that_moved_leaves_the_frame_of_the_plates():
 
 
 def test_a_plate_that_shows_its_turn_tells_it():
-    """What a badly told turn costs two positions is gone; turns of another period are told."""
+    """The cost of a badly stated angle for two positions is gone; other periods are reported."""
     loose, scene = np.radians(3.0), {"noise": 0.0, "u_turn": 7.5e-5}
-    told = HALF + np.array([0.0, 0.05])
-    found = one(Scene(4, **scene).references(), u_turn=loose, told=told)
+    shown = HALF + np.array([0.0, 0.05])
+    found = one(Scene(4, **scene).references(), u_turn=loose, shown=shown)
     sure = one(Scene(4, noise=0.0).references(), u_turn=1e-4)
     assert (found.status, found.dof) == ("ok", 5 * 2 - 9 + 1)
     assert found.angles.toe.value == pytest.approx(TOE, abs=1e-8)
     assert np.diff(found.turns_rad) == pytest.approx(np.pi, abs=1e-4)
     assert found.angles.toe.u == pytest.approx(sure.angles.toe.u, rel=0.01)
     assert found.angles.camber.u == pytest.approx(sure.angles.camber.u, rel=0.01)
-    disc = one(Scene(4, noise=0.0).references(), u_turn=loose, told=told)
+    disc = one(Scene(4, noise=0.0).references(), u_turn=loose, shown=shown)
     assert abs(disc.angles.toe.value - TOE) + abs(disc.angles.camber.value - CAMBER) > 1e-4
-    wrong = one(Scene(4, **scene).references(), told=HALF + np.array([0.0, np.radians(30.0)]))
+    wrong = one(Scene(4, **scene).references(), shown=HALF + np.array([0.0, np.radians(30.0)]))
     assert (wrong.status, "angle_deg is wrong" in wrong.reason) == ("moved", True)
-    slipped = one(Scene(4, **scene).references(), told=HALF + np.array([0.0, 0.1]))
+    slipped = one(Scene(4, **scene).references(), shown=HALF + np.array([0.0, 0.1]))
     assert slipped.status == "moved"

@@ -159,7 +159,7 @@ def test_a_reference_scan_serves_as_a_position_and_errs_in_both_alike():
     assert found.caster.value == pytest.approx(CASTER, abs=1e-9)
 
 
-def test_a_plate_that_moves_on_the_wheel_is_told():
+def test_a_plate_that_moves_on_the_wheel_is_reported():
     scene = Scene(8).references()
     swept(scene, "FL", CASTER, INCLINATION, SWEEP)
     moved = scene.seen[5]
@@ -361,7 +361,7 @@ def test_which_of_the_equal_turns_is_reported_changes_nothing():
 
 
 @pytest.mark.parametrize("slip_deg", [0.1, 5.0, 20.0, 30.0, 45.0, 60.0])
-def test_a_plate_that_slips_about_its_own_normal_is_told(slip_deg):
+def test_a_plate_that_slips_about_its_own_normal_is_reported(slip_deg):
     """A disc shows nothing of it; a whole period is none."""
     slips = np.radians([0.0, 0.0, slip_deg, 0.0, 0.0])
     found = one(Scene(22, **SQUARE).references(), slips=slips)

@@ -220,8 +220,8 @@ def decisions(
     true: float, interval: ToleranceInterval, tolerance: Tolerance, seed: int = 5
 ) -> dict[str, int]:
     values = true + np.random.default_rng(seed).standard_normal(ITEMS)
-    told = [decision_of(y, interval, 1.0, tolerance) for y in values.tolist()]
-    return {name: told.count(name) for name in ("conform", "undecided", "not conform")}
+    shown = [decision_of(y, interval, 1.0, tolerance) for y in values.tolist()]
+    return {name: shown.count(name) for name in ("conform", "undecided", "not conform")}
 
 
 @pytest.mark.parametrize("name", INTERVALS)
@@ -229,13 +229,13 @@ def test_at_a_limit_no_more_than_one_in_twenty_is_decided_wrongly(name):
     """True values just beyond, and just within: the worst case. It fails without guard band."""
     interval = INTERVALS[name]
     limit = interval.upper if math.isfinite(interval.upper) else interval.lower
-    told = decisions(limit, interval, GUARDED)
-    assert told["conform"] <= AT_MOST
-    assert told["not conform"] <= AT_MOST
+    shown = decisions(limit, interval, GUARDED)
+    assert shown["conform"] <= AT_MOST
+    assert shown["not conform"] <= AT_MOST
     if name != "narrow":  # and the bands are no wider than that takes
         least = int(stats.binom.ppf(1e-6, ITEMS, 0.05))
-        assert told["conform"] >= least
-        assert told["not conform"] >= least
+        assert shown["conform"] >= least
+        assert shown["not conform"] >= least
     without = decisions(limit, interval, SIMPLE)
     assert without["conform"] > 5 * AT_MOST
     assert without["not conform"] > 5 * AT_MOST
@@ -245,15 +245,15 @@ def test_at_a_limit_no_more_than_one_in_twenty_is_decided_wrongly(name):
 @pytest.mark.parametrize("width", [0.2, 1.0, 3.0])
 def test_where_nothing_can_conform_wrong_rejection_stays_rare(width):
     """Two limits nearer than u are each judged alone: 5 % and what lies beyond the other one."""
-    told = decisions(width, ToleranceInterval(0.0, width), GUARDED)
+    shown = decisions(width, ToleranceInterval(0.0, width), GUARDED)
     share = 0.05 + float(stats.norm.sf(K + width))
-    assert told["conform"] == 0
-    assert stats.binom.ppf(1e-6, ITEMS, share) <= told["not conform"]
-    assert told["not conform"] <= stats.binom.ppf(1 - 1e-6, ITEMS, share)
+    assert shown["conform"] == 0
+    assert stats.binom.ppf(1e-6, ITEMS, share) <= shown["not conform"]
+    assert shown["not conform"] <= stats.binom.ppf(1 - 1e-6, ITEMS, share)
 
 
 @pytest.mark.parametrize("tolerance", [GUARDED, SIMPLE], ids=["guarded", "simple"])
-def test_the_risks_that_are_told_are_those_that_come_true(tolerance):
+def test_the_risks_that_are_reported_are_those_that_come_true(tolerance):
     """Nothing is known beforehand: true values are as likely anywhere, far beyond the zone."""
     rng, interval = np.random.default_rng(6), ToleranceInterval(0.0, 5.0)
     true = rng.uniform(-12.0, 17.0, ITEMS)
@@ -280,9 +280,9 @@ def test_few_degrees_of_freedom_widen_the_guard_band(dof):
     u = np.sqrt(rng.chisquare(dof, ITEMS) / dof)
     most = stats.binom.ppf(1 - 1e-6, ITEMS, 0.05)
     accepted = {}
-    for told in (dof, math.inf):
-        seen = [replace(quantity(*pair), dof=told) for pair in zip(y, u, strict=True)]
-        accepted[told] = sum(decide(q, interval, GUARDED).decision == "conform" for q in seen)
+    for shown in (dof, math.inf):
+        seen = [replace(quantity(*pair), dof=shown) for pair in zip(y, u, strict=True)]
+        accepted[shown] = sum(decide(q, interval, GUARDED).decision == "conform" for q in seen)
     assert stats.binom.ppf(1e-6, ITEMS, 0.05) <= accepted[dof] <= most
     assert accepted[math.inf] > most
     verdict = decide(replace(quantity(-1.3), dof=dof), interval, GUARDED)
@@ -417,12 +417,12 @@ def test_every_quantity_is_judged_by_its_own_value_uncertainty_and_limits(measur
             assert entry["value_deg"] == wheel[f"{angle}_deg"]
             assert entry["u_deg"] == wheel[f"u_{angle}_deg"]
             assert (entry["lower_deg"], entry["upper_deg"]) == (-20.0, 20.0)
-    told = tree["vehicle"] | tree["frame"]
+    shown = tree["vehicle"] | tree["frame"]
     for name in (*VEHICLE_ANGLES, *LENGTHS):
         unit = "m" if name in LENGTHS else "deg"
         entry = entries["vehicle", name]
-        assert entry[f"value_{unit}"] == told[f"{name}_{unit}"]
-        assert entry[f"u_{unit}"] == told[f"u_{name}_{unit}"]
+        assert entry[f"value_{unit}"] == shown[f"{name}_{unit}"]
+        assert entry[f"u_{unit}"] == shown[f"u_{name}_{unit}"]
         assert entry[f"upper_{unit}"] == (3.5 if unit == "m" else 20.0)
     camber = {wheel["name"]: wheel["camber_deg"] for wheel in tree["wheels"]}
     for name, axle in zip(CROSS, "RF", strict=True):
@@ -461,11 +461,11 @@ def test_cross_camber_takes_the_covariance_of_both_sides(measured, name, rows):
 
 def test_a_wheels_own_limits_stand_before_its_axles(measured):
     both = tolerance({"rear": {"toe": WIDE}, "RR": {"toe": {"upper_deg": -5.0}}})
-    told = {v.quantity.subject: v.decision for v in assess(measured, both).verdicts}
+    shown = {v.quantity.subject: v.decision for v in assess(measured, both).verdicts}
     by_wheel = {result.observation.name: result.wheel for result in measured.wheels}
     expected = {"RR": "not conform", "RL": "conform"}
-    assert told == {n: expected[w] for n, w in by_wheel.items() if w in expected}
-    assert set(told) == {"RR", "RL", "1", "2", "3", "4"}
+    assert shown == {n: expected[w] for n, w in by_wheel.items() if w in expected}
+    assert set(shown) == {"RR", "RL", "1", "2", "3", "4"}
     without = both.model_copy(update={"trials": False})
     assert {v.quantity.subject for v in assess(measured, without).verdicts} == {"RR", "RL"}
 
@@ -516,7 +516,7 @@ def test_a_mirrored_vehicle_is_judged_alike(measured):
     order = [1, 0, 3, 2, *range(4, len(file.blocks_m))]
     other = replace(file, blocks_m=(file.blocks_m * [1.0, -1.0, 1.0])[order])
 
-    def told(measurement: Measurement, table: dict, names: dict) -> tuple[dict, dict]:
+    def shown(measurement: Measurement, table: dict, names: dict) -> tuple[dict, dict]:
         verdicts = {
             (names.get(v.quantity.subject, v.quantity.subject), v.quantity.name): v
             for v in assess(measurement, tolerance(table)).verdicts
@@ -527,11 +527,11 @@ def test_a_mirrored_vehicle_is_judged_alike(measured):
         )
 
     mirror = measuring.measure_five_point(other)
-    decided, probability = told(measured, ONE_SIDED, {})
-    there = told(mirror, mirrored(ONE_SIDED), SWAP)
+    decided, probability = shown(measured, ONE_SIDED, {})
+    there = shown(mirror, mirrored(ONE_SIDED), SWAP)
     assert there[0] == decided
     assert there[1] == pytest.approx(probability, rel=1e-6)
-    assert told(mirror, ONE_SIDED, SWAP)[0] != decided
+    assert shown(mirror, ONE_SIDED, SWAP)[0] != decided
     assert set(decided.values()) == {"conform", "undecided", "not conform"}
 
 

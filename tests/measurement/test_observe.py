@@ -51,9 +51,9 @@ def not_measured(*_):
 
 
 def test_points_and_digest_are_those_of_the_file(scan, cloud):
-    told = []
-    found = observe(scan, shows(None), progress=told.append)
-    assert told == ["rl.npy"]
+    shown = []
+    found = observe(scan, shows(None), progress=shown.append)
+    assert shown == ["rl.npy"]
     assert (found.points_total, found.invalid_points) == (len(cloud.points_m), 7)
     assert found.sha256.endswith(hashlib.sha256(scan.read_bytes()).hexdigest())
     assert (found.name, found.role, found.wheel, found.status) == ("RL", "reference", "RL", "ok")

@@ -20,7 +20,7 @@ from click.testing import CliRunner
 from tests.support.native_files import E57Scan, pose, write_e57, xyz
 from tests.support.scenes import rotation
 from tests.support.validation_cars import write_capture
-from wheelplane.capture.open_capture import NOTHING_TOLD, CaptureOptions, open_capture
+from wheelplane.capture.open_capture import NO_OPTIONS, CaptureOptions, open_capture
 from wheelplane.cli import cli
 from wheelplane.config import Config
 from wheelplane.errors import InputError, NotMeasuredError, WheelplaneError
@@ -92,8 +92,8 @@ def write(path, points, unit_m=1.0):
     return path
 
 
-def measured(source, told=NOTHING_TOLD, target="disc-250", **options):
-    with open_capture(source, target, told) as capture:
+def measured(source, stated=NO_OPTIONS, target="disc-250", **options):
+    with open_capture(source, target, stated) as capture:
         return measure_capture(capture, Config(), **options)
 
 
@@ -210,7 +210,7 @@ def test_an_e57_of_posed_scans_says_which_scan_shows_which_wheel(bay, whole, tmp
 
 @pytest.mark.parametrize("kind", ["gz", "zip", "folder", "toml"])
 def test_packed_or_in_a_folder_or_declared_it_is_the_same(kind, bay, vehicle, whole, tmp_path):
-    told, target = CaptureOptions(front=tuple(bay.forward)), "disc-250"
+    stated, target = CaptureOptions(front=tuple(bay.forward)), "disc-250"
     source = tmp_path / f"vehicle.ply.{kind}"
     if kind == "gz":
         source.write_bytes(gzip.compress(vehicle.read_bytes(), 1))
@@ -225,8 +225,8 @@ def test_packed_or_in_a_folder_or_declared_it_is_the_same(kind, bay, vehicle, wh
         (source / "capture.toml").write_text(
             f'length_unit = "mm"\ntarget = "disc-250"\nfront = {way}\n'
         )
-        told, target = NOTHING_TOLD, None
-    found = measured(source, told, target)
+        stated, target = NO_OPTIONS, None
+    found = measured(source, stated, target)
     np.testing.assert_allclose(angles(found), angles(whole), rtol=0, atol=SAME_RAD)
 
 
@@ -259,7 +259,7 @@ def test_a_capture_of_single_scans_names_nothing(single):
     assert "named by" not in detailed_report(single)
 
 
-def test_like_targets_elsewhere_are_told_and_left_out(bay, whole, tmp_path):
+def test_like_targets_elsewhere_are_reported_and_left_out(bay, whole, tmp_path):
     """A fifth target leans on the wall, 4 m to the left of the front left wheel."""
     aside = bay.scans[3] + 4.0 * bay.left
     found = measured(
@@ -270,8 +270,8 @@ def test_like_targets_elsewhere_are_told_and_left_out(bay, whole, tmp_path):
     place = whole.wheels[3].observation.fitted.centre_m + 4.0 * bay.left
     note = found.notes[1]
     assert note.startswith("Like the target, but at none of the vehicle's wheels: at (")
-    told = [float(x) for x in note.split("(")[1].split(")")[0].split(",")]
-    np.testing.assert_allclose(told, place, atol=0.005)
+    stated = [float(x) for x in note.split("(")[1].split(")")[0].split(",")]
+    np.testing.assert_allclose(stated, place, atol=0.005)
 
 
 def test_the_cloud_is_let_go_before_the_fits(bay, vehicle, monkeypatch):
@@ -294,13 +294,13 @@ def test_the_cloud_is_let_go_before_the_fits(bay, vehicle, monkeypatch):
     assert len(held) == 1
 
 
-def test_progress_is_told_as_often_as_it_says(bay, vehicle):
-    told = []
+def test_progress_is_reported_as_often_as_it_says(bay, vehicle):
+    stated = []
     with open_capture(vehicle, "disc-250", CaptureOptions(front=tuple(bay.forward))) as capture:
-        measure_capture(capture, Config(), told.append)
-        assert len(told) == capture.steps
+        measure_capture(capture, Config(), stated.append)
+        assert len(stated) == capture.steps
     works = ["reading", "searching", *REFERENCE_WHEELS]
-    assert told == [f"vehicle.ply: {work}" for work in works]
+    assert stated == [f"vehicle.ply: {work}" for work in works]
 
 
 def test_a_face_that_cannot_be_fitted_is_named_with_its_place(bay, vehicle, whole):
@@ -319,31 +319,31 @@ def test_a_face_that_cannot_be_fitted_is_named_with_its_place(bay, vehicle, whol
     assert f"{place[0]:.1f}" in text
 
 
-def with_markers(bay, told):
+def with_markers(bay, stated):
     """A fit that reads from a face's place which wheel its markers name, by the true one."""
     centres = {w["name"]: np.array(w["centre_m"]) for w in bay.truth["wheels"]}
 
     def fit(patch, target, config):
         seen = fit_target(patch, target, config)
         true = min(centres, key=lambda name: np.linalg.norm(centres[name] - patch.origin_m))
-        return replace(seen, target=replace(seen.target, wheel=told.get(true)))
+        return replace(seen, target=replace(seen.target, wheel=stated.get(true)))
 
     return fit
 
 
-@pytest.mark.parametrize("told", [{"FL": "FL"}, {"RR": "RR", "FR": "FR"}])
-def test_markers_tell_the_front(told, bay, vehicle, whole, monkeypatch):
+@pytest.mark.parametrize("stated", [{"FL": "FL"}, {"RR": "RR", "FR": "FR"}])
+def test_markers_tell_the_front(stated, bay, vehicle, whole, monkeypatch):
     monkeypatch.setattr(observe_cloud, "names_wheels", lambda _: True)
-    found = measured(vehicle, fit=with_markers(bay, told))
+    found = measured(vehicle, fit=with_markers(bay, stated))
     np.testing.assert_allclose(angles(found), angles(whole), rtol=0, atol=SAME_RAD)
     assert "front: the markers of the boards" in found.notes[0]
 
 
 def test_markers_that_contradict_the_front_stop_it(bay, vehicle):
-    told = {"FL": "FL", "RL": "RL"}
+    stated = {"FL": "FL", "RL": "RL"}
     way = CaptureOptions(front=tuple(-bay.forward))
     with pytest.raises(InputError, match=r"vehicle\.ply: by their markers, .* which contradicts"):
-        measured(vehicle, way, fit=with_markers(bay, told))
+        measured(vehicle, way, fit=with_markers(bay, stated))
 
 
 def test_markers_of_single_scans_must_not_contradict_their_names(bay, single, tmp_path):
@@ -470,7 +470,7 @@ def test_front_is_refused_where_each_wheel_has_its_scan(bay):
         assert text.startswith(f"{bay.folder}: --front is for a cloud of the whole vehicle")
 
 
-def test_z_down_is_told_from_the_floor(bay, tmp_path):
+def test_z_down_is_reported_from_the_floor(bay, tmp_path):
     flip = np.diag([1.0, -1.0, -1.0])
     path = write(tmp_path / "v.ply", bay.cloud @ flip)
     way = ",".join(f"{x:.3f}" for x in flip @ bay.forward)

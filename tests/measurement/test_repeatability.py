@@ -106,7 +106,7 @@ def test_what_comes_with_the_plate_cancels_between_its_scans():
     assert result.wheels[0].u_toe_rad > 20 * alone.u_drift
 
 
-def test_a_scan_that_moved_is_told():
+def test_a_scan_that_moved_is_reported():
     assert pool_repeats(measurement())[0].angles[0].status != "larger"
     assert pool_repeats(measurement(moved=(0.0, 2e-3)))[0].angles[0].status == "larger"
 

@@ -36,7 +36,7 @@ def test_edges_are_those_of_the_plate(shape):
     if target.turn_period_rad:
         half = np.array(target.region.half_m)
         turned = np.abs(outer)
-        swapped = target.turn_period_rad < 2.0  # a square's axes are told but for a right angle
+        swapped = target.turn_period_rad < 2.0  # a square's axes are reported but for a right angle
         fits = [np.abs(turned - h).max() for h in ((half, half[::-1]) if swapped else (half,))]
         assert min(fits) < EDGE_M
     else:
@@ -53,15 +53,15 @@ def test_edges_are_those_of_the_plate(shape):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_the_face_is_told_from_what_lies_beside_it(shape):
+def test_the_face_is_reported_from_what_lies_beside_it(shape):
     cloud, target, evidence = made(shape)
     local = cloud.in_target(cloud.points_m)
-    told = evidence.face.on_face(in_map(cloud, evidence, cloud.points_m))
+    shown = evidence.face.on_face(in_map(cloud, evidence, cloud.points_m))
     inside = target.region.shrunk(0.004).holds(local[:, :2]) & (np.abs(local[:, 2]) < 0.004)
     outside = ~target.region.shrunk(-0.004).holds(local[:, :2]) | (np.abs(local[:, 2]) > 0.03)
     assert np.count_nonzero(inside) > 3000
-    assert told[inside].all()
-    assert not told[outside].any()
+    assert shown[inside].all()
+    assert not shown[outside].any()
 
 
 @pytest.mark.parametrize("shape", SHAPES)

@@ -124,24 +124,24 @@ def test_a_coordinate_that_is_the_same_for_all_points_takes_no_bytes(tmp_path):
     "kind", [Double(), Single(), Scaled(0, 2**16, 1.0), Integer(0, 2**16), Integer(0, 70_000)]
 )
 def test_intensity_is_kept_in_its_own_scale(tmp_path, kind):
-    told = np.arange(COUNT) * 1000
-    scan = read(tmp_path, E57Scan(xyz(cloud()) | {"intensity": (kind, told)}))
+    shown = np.arange(COUNT) * 1000
+    scan = read(tmp_path, E57Scan(xyz(cloud()) | {"intensity": (kind, shown)}))
     assert scan.intensity.dtype == np.float32
-    assert scan.intensity.tolist() == told.tolist()
+    assert scan.intensity.tolist() == shown.tolist()
 
 
 def test_row_and_column_are_kept(tmp_path):
     rows, columns = np.divmod(np.arange(COUNT) * 7_001, 100_003)
-    told = {"rowIndex": (Integer(0, 10**6), rows), "columnIndex": (Integer(0, 10**6), columns)}
-    scan = read(tmp_path, E57Scan(xyz(cloud()) | told))
+    shown = {"rowIndex": (Integer(0, 10**6), rows), "columnIndex": (Integer(0, 10**6), columns)}
+    scan = read(tmp_path, E57Scan(xyz(cloud()) | shown))
     assert scan.grid.tolist() == np.transpose([rows, columns]).tolist()
 
 
 @pytest.mark.parametrize("bad", [2**31, -(2**31), 2**63 - 1, -(2**63)])
 def test_a_row_beyond_any_raster_is_refused(tmp_path, bad):
     whole = Integer(-(2**63), 2**63 - 1)
-    told = {"rowIndex": (whole, [*range(COUNT - 1), bad]), "columnIndex": (whole, range(COUNT))}
-    data = write_e57(tmp_path / "a.e57", E57Scan(xyz(cloud()) | told)).read_bytes()
+    shown = {"rowIndex": (whole, [*range(COUNT - 1), bad]), "columnIndex": (whole, range(COUNT))}
+    data = write_e57(tmp_path / "a.e57", E57Scan(xyz(cloud()) | shown)).read_bytes()
     refusal(tmp_path, data, "a point lies in row or column")
 
 
@@ -204,7 +204,7 @@ SHIFT = (12.5, -3.0, 0.75)
 
 
 @pytest.mark.parametrize(
-    ("told", "turn", "shift"),
+    ("shown", "turn", "shift"),
     [
         (pose(QUATERNION, SHIFT), TURN, SHIFT),
         (pose(-QUATERNION, SHIFT), TURN, SHIFT),
@@ -218,15 +218,15 @@ SHIFT = (12.5, -3.0, 0.75)
         (None, Rotation.identity(), (0, 0, 0)),
     ],
 )
-def test_a_pose_is_applied_once(tmp_path, told, turn, shift):
+def test_a_pose_is_applied_once(tmp_path, shown, turn, shift):
     """Without a rotation, or with the quaternion 0 0 0 0 of older writers, nothing turns."""
     points = cloud()
-    scan = read(tmp_path, E57Scan(xyz(points), pose=told))
+    scan = read(tmp_path, E57Scan(xyz(points), pose=shown))
     truth = turn.apply(points) + shift
     np.testing.assert_allclose(scan.points_m, truth, atol=64 * EPS * np.abs(truth).max())
     T = scan.parts[0].T_file_scan
-    assert (T is None) == (told is None)
-    if told is None:
+    assert (T is None) == (shown is None)
+    if shown is None:
         assert scan.points_m.tobytes() == points.tobytes()
     else:
         np.testing.assert_allclose(T[:3, :3], turn.as_matrix(), atol=8 * EPS)
@@ -234,7 +234,7 @@ def test_a_pose_is_applied_once(tmp_path, told, turn, shift):
 
 
 @pytest.mark.parametrize(
-    ("told", "note"),
+    ("shown", "note"),
     [
         (pose((0, 0, 0, 0), SHIFT), "the quaternion of its pose is 0 0 0 0: taken as the identity"),
         (pose(None, SHIFT), "its pose has no rotation: taken as the identity"),
@@ -243,8 +243,8 @@ def test_a_pose_is_applied_once(tmp_path, told, turn, shift):
         (None, None),
     ],
 )
-def test_what_had_to_be_settled_is_told(tmp_path, told, note):
-    path = write_e57(tmp_path / "a.e57", E57Scan(xyz(cloud()), pose=told))
+def test_what_had_to_be_settled_is_reported(tmp_path, shown, note):
+    path = write_e57(tmp_path / "a.e57", E57Scan(xyz(cloud()), pose=shown))
     found = [text for text in findings(summarise_scan(path, "m")) if "pose" in text]
     assert found == ([f"scan scan: {note}"] if note else [])
 
@@ -256,9 +256,9 @@ def test_a_pose_that_is_none_is_refused(tmp_path, where, bad):
     scan = E57Scan(xyz(cloud()), pose=pose((2, 2, 2, 2), (2, 2, 2)))
     data = write_e57(tmp_path / "a.e57", scan).read_bytes()
     xml = xml_of(data).replace(b'"', b"'")
-    told = re.sub(re.escape(where) + rb"[^<]*", where + bad, xml)
-    assert told != xml
-    refusal(tmp_path, with_xml(data, told), "the pose of its scan scan is not a rotation")
+    shown = re.sub(re.escape(where) + rb"[^<]*", where + bad, xml)
+    assert shown != xml
+    refusal(tmp_path, with_xml(data, shown), "the pose of its scan scan is not a rotation")
 
 
 def test_several_scans_keep_their_names_poses_and_places(tmp_path):
@@ -397,12 +397,12 @@ def test_every_cut_is_refused(tmp_path):
     data = small(tmp_path)
     for length in [*range(8, 64, 5), *range(64, len(data), 211), len(data) - 1]:
         refusal(tmp_path, data[:length], "it is|incomplete")
-        # A cut that mends the header must be seen by what the header leads to.
+        # A cut that fix the header must be seen by what the header leads to.
         whole = data[: length // 1024 * 1024]
         if whole:
             content = payload(whole)
-            told = struct.pack("<Q", len(whole))
-            refusal(tmp_path, paged(content[:16] + told + content[24:]))
+            shown = struct.pack("<Q", len(whole))
+            refusal(tmp_path, paged(content[:16] + shown + content[24:]))
 
 
 @pytest.mark.parametrize(
@@ -477,9 +477,9 @@ def test_constants_cannot_declare_points_without_end(tmp_path):
     xml = xml_of(data).replace(b'maximum="4"', b'maximum="3"')
     (tmp_path / "a.e57").write_bytes(with_xml(data, xml))
     assert read_scan(tmp_path / "a.e57").points_m.tolist() == [[3.0] * 3] * 5
-    for told in (b"1000000000", b"9223372036854775807"):
-        lie = xml.replace(b'recordCount="5"', b'recordCount="%s"' % told)
-        refusal(tmp_path, with_xml(data, lie), f"declares {told.decode()} points, the file holds")
+    for shown in (b"1000000000", b"9223372036854775807"):
+        lie = xml.replace(b'recordCount="5"', b'recordCount="%s"' % shown)
+        refusal(tmp_path, with_xml(data, lie), f"declares {shown.decode()} points, the file holds")
     without_packets = {name: (Integer(3, 3), [3] * 5) for name in e57.CARTESIAN}
     data = write_e57(tmp_path / "a.e57", E57Scan(without_packets)).read_bytes()
     refusal(tmp_path, data, "are not within it")

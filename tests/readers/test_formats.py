@@ -159,17 +159,17 @@ def test_the_bound_would_see_a_scan_in_another_order_of_its_wheels(reference):
 
 
 @pytest.mark.parametrize(
-    ("told", "factor", "says"),
+    ("shown", "factor", "says"),
     [
         ("m", 1e3, r'wide in m, and nowhere .* if the file is in mm, .* give length_unit = "mm"'),
         ("mm", 1.0, r'wide in mm, its target 250 mm: .* give length_unit = "m"'),
     ],
 )
-def test_a_capture_in_another_unit_is_refused_with_the_right_one(told, factor, says, tmp_path):
+def test_a_capture_in_another_unit_is_refused_with_the_right_one(shown, factor, says, tmp_path):
     for name, points in zip(NAMES, clouds(), strict=True):
         np.save(tmp_path / f"{name.lower()}.npy", points * factor)
     reference = "".join(f'{name} = "{name.lower()}.npy"\n' for name in NAMES)
-    (tmp_path / "capture.toml").write_text(f'length_unit = "{told}"\n[reference]\n{reference}')
+    (tmp_path / "capture.toml").write_text(f'length_unit = "{shown}"\n[reference]\n{reference}')
     with (
         open_capture(tmp_path, "disc-250") as capture,
         pytest.raises(InputError, match=rf"rr\.npy: .*{says}"),

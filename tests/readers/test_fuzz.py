@@ -150,7 +150,7 @@ FAULTS = {
 
 @pytest.fixture
 def look(tmp_path, monkeypatch):
-    """What the worker says of a reader that does as it is told, in a process of its own streams."""
+    """Verdict of the worker on a given reader, in a process with streams of its own."""
     (tmp_path / "files").mkdir()
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
@@ -208,7 +208,7 @@ worker.main()
 """
 
 
-def test_a_crash_and_a_hang_are_told_and_the_run_goes_on(tmp_path, monkeypatch):
+def test_a_crash_and_a_hang_are_reported_and_the_run_goes_on(tmp_path, monkeypatch):
     from tests.fuzzing import supervise
 
     (tmp_path / "mark").mkdir()

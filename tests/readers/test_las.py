@@ -186,10 +186,10 @@ LIES = [(".las", n) for n in (1, COUNT - 1)]
 LIES += [(s, n) for s in SUFFIXES for n in (0, COUNT + 1, 10 * COUNT, 60_000, 2**32 - 1)]
 
 
-@pytest.mark.parametrize(("suffix", "told"), LIES)
-def test_a_count_that_lies_is_refused(tmp_path, suffix, told):
-    text = refusal(doctored(make(tmp_path / f"rr{suffix}"), {107: ("<I", told)}))
-    assert str(told) in text or "cannot be decoded" in text
+@pytest.mark.parametrize(("suffix", "shown"), LIES)
+def test_a_count_that_lies_is_refused(tmp_path, suffix, shown):
+    text = refusal(doctored(make(tmp_path / f"rr{suffix}"), {107: ("<I", shown)}))
+    assert str(shown) in text or "cannot be decoded" in text
 
 
 @pytest.mark.parametrize(

@@ -103,11 +103,11 @@ def test_crlf_headers_comments_and_obj_info(tmp_path):
 
 def test_the_sentence_about_a_truncated_file(tmp_path):
     data = head("binary_little_endian", "element vertex 1000", *XYZ) + bytes(412 * 12 + 5)
-    told = "the header declares 1000 vertices, the file holds 412: the copy is incomplete"
-    refuse(tmp_path, data, f"^rr.ply: {told}; copy it again$")
+    shown = "the header declares 1000 vertices, the file holds 412: the copy is incomplete"
+    refuse(tmp_path, data, f"^rr.ply: {shown}; copy it again$")
     text = head("ascii", "element vertex 1000", *XYZ) + b"0 0 0\n" * 412
-    refuse(tmp_path, text, f"^rr.ply: {told}; copy it again$")
-    refuse(tmp_path, text + b"\n" * 588, f"^rr.ply: {told}; copy it again$")
+    refuse(tmp_path, text, f"^rr.ply: {shown}; copy it again$")
+    refuse(tmp_path, text + b"\n" * 588, f"^rr.ply: {shown}; copy it again$")
 
 
 @pytest.mark.parametrize("form", ["ascii", *ORDERS])

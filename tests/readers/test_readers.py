@@ -229,9 +229,11 @@ def test_a_cut_of_uncounted_text_passes_only_between_lines(tmp_path, name):
 @pytest.mark.parametrize("count", [0, 1, 4, 6, 100, 10**12, 10**30, -1, "many"])
 def test_a_count_that_lies_is_refused(tmp_path, name, count):
     data = COUNTED[name](FAR)
-    told = re.sub(rb"(?m)(vertex |WIDTH |POINTS |\(|^)5\b", rb"\g<1>%b" % str(count).encode(), data)
-    assert told != data
-    refuse(tmp_path, name, told, ".")
+    shown = re.sub(
+        rb"(?m)(vertex |WIDTH |POINTS |\(|^)5\b", rb"\g<1>%b" % str(count).encode(), data
+    )
+    assert shown != data
+    refuse(tmp_path, name, shown, ".")
 
 
 @each_counted

@@ -155,7 +155,7 @@ def test_a_child_that_never_starts_is_killed(tmp_path, source, monkeypatch):
         ("m.os.write(1, b'noise'); m.os.write(2, b'noise')", "the file holds 0"),
     ],
 )
-def test_what_a_library_raises_or_eats_is_told(tmp_path, source, capfd, body, fact):
+def test_what_a_library_raises_or_eats_is_reported(tmp_path, source, capfd, body, fact):
     script = MAIN.format(body=indented(body))
     assert fact in refused(job(tmp_path, script), source)
     assert capfd.readouterr() == ("", "")
@@ -166,7 +166,7 @@ def test_memory_within_the_allowance_is_granted(tmp_path, source):
     assert [filled.rows for filled in run_child(job(tmp_path, script), source)] == [4]
 
 
-def test_a_library_that_does_not_load_is_told_with_what_to_install(tmp_path, source):
+def test_a_library_that_does_not_load_is_reported_with_what_to_install(tmp_path, source):
     script = SPEAK + "text = b'ImportError: no libxerces'; say(b'E', 0, len(text), text)"
     text = refused(job(tmp_path, script), source, MissingDependencyError)
     assert "install wheelplane[all]" in text
@@ -274,7 +274,7 @@ def test_the_folder_of_the_script_is_no_place_to_import_from(tmp_path, source):
     assert [filled.rows for filled in run_child(made, source)] == [4]
 
 
-def test_what_is_missing_is_told_with_what_to_install(source):
+def test_what_is_missing_is_reported_with_what_to_install(source):
     assert Path(find_library("numpy", "arrays", "all", source), "numpy").is_dir()
     with pytest.raises(MissingDependencyError, match=r"pip install 'wheelplane\[e57\]'") as caught:
         find_library("no_such_library", "E57", "e57", source)

@@ -82,7 +82,7 @@ def page(language: str = "en") -> str:
     return html_report(measured(1), None, PLAIN[language])
 
 
-def told(measurement, conformity=None, language="en") -> Page:
+def stated(measurement, conformity=None, language="en") -> Page:
     return Page(html_report(measurement, conformity, PLAIN[language], still=True))
 
 
@@ -159,7 +159,7 @@ def test_a_path_that_is_no_text_is_shown_as_a_code():
 
 
 def test_the_verdict_comes_first_then_the_tables():
-    read = told(measured(1), assess(measured(1), limits(-5.0, 5.0))).words
+    read = stated(measured(1), assess(measured(1), limits(-5.0, 5.0))).words
     order = ["Conforming", "Axle by axle", "Toe and camber of each wheel", "Quantities with limits",
              "Vehicle frame", "Wheel by wheel", "Conventions", "Origin of the result",
              "End of the report"]  # fmt: skip
@@ -172,7 +172,7 @@ def test_the_verdict_comes_first_then_the_tables():
 def test_every_value_stands_in_the_table(language):
     """Deg-min-sec with sign, the decimal sign of the language, u and U beside."""
     words = load_translations(language)
-    read = told(measured(1), language=language).words
+    read = stated(measured(1), language=language).words
     for result in measured(1).wheels:
         for angle, u in (
             (result.angles.toe_rad, result.u_toe_rad),
@@ -196,7 +196,7 @@ def test_every_value_stands_in_the_table(language):
 def test_the_verdict_is_said_in_a_word(low, high, key, language):
     """The trial's camber is -20 mrad, -1.14592 degrees, its u some 0.006."""
     words = load_translations(language)
-    read = told(measured(1), assess(measured(1), limits(low, high)), language)
+    read = stated(measured(1), assess(measured(1), limits(low, high)), language)
     assert read.inside("p")[0].strip() == words(f"verdict.{key}")
     assert words(f"verdict.{key}_says") in read.words
     others = {"conform", "not_conform", "undecided"} - {key}
@@ -204,7 +204,7 @@ def test_the_verdict_is_said_in_a_word(low, high, key, language):
 
 
 def test_no_tolerance_no_verdict():
-    read = told(measured(1))
+    read = stated(measured(1))
     assert read.inside("p")[0].strip() == EN("verdict.none")
     assert EN("verdict.table") not in read.words
 
@@ -212,7 +212,7 @@ def test_no_tolerance_no_verdict():
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_what_was_not_measured_is_explained(language):
     words = load_translations(language)
-    read = told(lost(), assess(lost(), limits(-5.0, 5.0)), language).words
+    read = stated(lost(), assess(lost(), limits(-5.0, 5.0)), language).words
     for key in ("no_target", "no_target_means", "no_target_do"):
         assert words(f"status.{key}") in read
     assert "two planes, none of its size" in read  # as the program said it
@@ -250,7 +250,7 @@ def test_the_number_is_that_of_the_record():
     import hashlib
 
     digest = hashlib.sha256(to_json(measured(1)).encode()).hexdigest()
-    read = told(measured(1)).words
+    read = stated(measured(1)).words
     assert digest in read
     assert read.count(digest[:12]) >= 3
     for name, digest in measured(1).provenance.inputs.items():
@@ -269,7 +269,7 @@ def test_another_view_of_the_angles():
 
 
 def test_five_points_say_why_there_is_no_picture():
-    read = told(measure_five_point(read_five_point(FIGURE_4)))
+    read = stated(measure_five_point(read_five_point(FIGURE_4)))
     assert EN("wheel.no_picture_five") in read.words
     assert "image" not in read.tags
     assert EN("method.points") in read.words
@@ -279,15 +279,15 @@ def test_sweeps_and_run_outs_have_their_tables():
     made = Scene(seed=3).references()
     swept(made, "FL", 0.08, 0.2, np.radians([-20.0, 0.0, 20.0]))
     rolled(made, "RR", np.radians([0.0, 180.0]))
-    read = told(made.measure(), language="pt").words
+    read = stated(made.measure(), language="pt").words
     for key in ("turned.kingpins", "turned.runouts", "turned.caster", "turned.axial"):
         assert PT(key) in read
 
 
-def test_a_monte_carlo_check_is_told():
+def test_a_monte_carlo_check_is_reported():
     checked = check_by_monte_carlo(measured(1), 20_000, 0)
     said = {EN(f"checks.{key}", tolerance="5 %") for key in ("agree", "disagree", "not_converged")}
-    assert any(text in told(checked).words for text in said)
+    assert any(text in stated(checked).words for text in said)
 
 
 def test_the_laboratory_its_logo_and_its_signatures(tmp_path):
@@ -302,7 +302,7 @@ def test_the_laboratory_its_logo_and_its_signatures(tmp_path):
     assert base64.b64decode(shown.removeprefix("data:image/png;base64,")) == logo.read_bytes()
     for text in ("Lab 7", "A street", "A town", "Measured by", EN("section.signatures")):
         assert text in read.words
-    assert EN("section.signatures") not in told(measured(1)).words
+    assert EN("section.signatures") not in stated(measured(1)).words
 
 
 @pytest.mark.parametrize(
@@ -360,10 +360,10 @@ def test_no_text_is_left_over():
 def test_no_english_is_left_in_a_portuguese_report():
     """None of the texts that differ between the two, nor any of their English words."""
     shown = [
-        told(lost(), assess(lost(), limits(-5.0, 5.0)), "pt"),
-        told(measured(1), language="pt"),
+        stated(lost(), assess(lost(), limits(-5.0, 5.0)), "pt"),
+        stated(measured(1), language="pt"),
     ]
-    shown.append(told(measure_five_point(read_five_point(FIGURE_4)), language="pt"))
+    shown.append(stated(measure_five_point(read_five_point(FIGURE_4)), language="pt"))
     own = " ".join(PT.texts.values()).lower()
     foreign = set(re.findall(r"[a-z]{4,}", " ".join(EN.texts.values()).lower()))
     foreign -= set(re.findall(r"[a-zà-ú]{4,}", own))

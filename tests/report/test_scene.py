@@ -86,22 +86,22 @@ def test_every_point_of_the_cloud_is_a_scanned_one(site):
     assert set(np.unique(kind)) == {0, 1}
 
 
-def test_points_are_told_on_the_face_from_those_beside_it():
+def test_points_are_reported_on_the_face_from_those_beside_it():
     points, kind = decoded(scene(measured(1))["cloud"])
     nearest = np.argmin(
         [np.linalg.norm(points - PLACES[wheel], axis=1) for wheel in WHEELS], axis=0
     )
     for index, wheel in enumerate(WHEELS[1:], start=1):  # the trial's board is on RR too
         uvw = off_m(points[nearest == index], scan(wheel, 1))
-        told = kind[nearest == index]
+        stated = kind[nearest == index]
         inside = np.abs(uvw[:, :2]).max(axis=1) < 0.145
         clear = np.abs(np.abs(uvw[:, :2]) - 0.09)
         inside &= np.hypot(clear[:, 0], clear[:, 1]) > 0.03
         flat = np.abs(uvw[:, 2]) < 0.004  # five sigma
-        assert told[inside & flat].all()
+        assert stated[inside & flat].all()
         assert np.count_nonzero(inside & flat) > 1000
         beside = (np.abs(uvw[:, :2]).max(axis=1) > 0.155) | (np.abs(uvw[:, 2]) > 0.03)
-        assert not told[beside].any()
+        assert not stated[beside].any()
         assert np.count_nonzero(beside) > 500
 
 

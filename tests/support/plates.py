@@ -16,7 +16,7 @@ from wheelplane.plane.patch import Patch
 from wheelplane.targets.registry import Target
 
 Array = np.ndarray
-OFF_M, OFF_RAD, LEANT_RAD = 0.003, 0.05, 0.005  # what a coarse look leaves, at most
+OFF_M, OFF_RAD, TILTED_RAD = 0.003, 0.05, 0.005  # what a coarse look leaves, at most
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def patch_of(cloud: Cloud, target: Target, seed: int = 0) -> Patch:
         turn = rng.uniform(-np.pi, np.pi)
     c, s = np.cos(turn), np.sin(turn)
     basis = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    basis[:, 2] += basis[:, :2] @ rng.uniform(-LEANT_RAD, LEANT_RAD, 2)
+    basis[:, 2] += basis[:, :2] @ rng.uniform(-TILTED_RAD, TILTED_RAD, 2)
     Q, upper = np.linalg.qr(basis[::-1].T)  # the normal first, then v, then u
     basis = (Q * np.sign(np.diag(upper))).T[::-1] @ cloud.R.T
     sigma = max(cloud.setup.noise_m, 1e-6)

@@ -193,11 +193,11 @@ def leaning(wheel: str, toe: float, camber: float, wobble) -> Rotation:
 
 def rolled(
     scene: Scene, wheel: str, turns, *, toe=0.003, camber=-0.012, wobble=(0.0, 0.0),
-    eccentric_m=(0.0, 0.0), u_turn=0.0175, told=None, with_reference=False, moves=None,
+    eccentric_m=(0.0, 0.0), u_turn=0.0175, stated=None, with_reference=False, moves=None,
 ) -> Scene:  # fmt: skip
     """See the wheel turned about its axle by `turns`, radians, > 0 as it rolls forwards.
 
-    wobble: lean of the plate's normal at no turn, forwards and upwards; eccentric_m alike. told:
+    wobble: lean of the plate's normal at no turn, forwards and upwards; eccentric_m alike. stated:
     what the user says of the turns. with_reference: the first is the reference scan.
     """
     axle, (fore, top) = facing(wheel, toe, camber), across_axle(wheel, toe, camber)
@@ -208,7 +208,7 @@ def rolled(
     for i, turn in enumerate(turns):
         R = Rotation.from_rotvec(turn * side(wheel) * axle)
         shift = np.zeros(3) if moves is None else np.asarray(moves[i])
-        said = Turn(angle_rad=float(turn if told is None else told[i]), u_rad=float(u_turn))
+        said = Turn(angle_rad=float(turn if stated is None else stated[i]), u_rad=float(u_turn))
         first = with_reference and i == 0
         scene.look(
             f"{wheel} turn {i}", "runout", wheel, middle + R.apply(aside) + shift, R.apply(plate),

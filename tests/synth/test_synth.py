@@ -123,8 +123,8 @@ def test_captures_of_wheels_stay_as_they_were(tmp_path, name):
         marred = {"flatness": 0.0002, "clamp_tilt_deg": 0.1, "clamp_shift": 0.001}
         plate = changed(DISC, tmp_path, marred)
     files = {"vehicle": SALOON, "scanner": changed(DEFAULT, tmp_path, values), "target": plate}
-    told = write_capture(tmp_path / "c", seed=7, trials=1, **files).used["scans"]
-    for used, before in zip(told, [row[1:] for row in AS_BEFORE if row[0] == name], strict=True):
+    shown = write_capture(tmp_path / "c", seed=7, trials=1, **files).used["scans"]
+    for used, before in zip(shown, [row[1:] for row in AS_BEFORE if row[0] == name], strict=True):
         points, intensity = read_ply(tmp_path / "c" / used["file"])
         assert (used["file"], len(points), used["points_on_target"]) == before[:3]
         assert (points - used["station_m"]).mean(axis=0) == pytest.approx(before[3], abs=1e-9)
@@ -144,15 +144,15 @@ def test_trials_do_not_shift_the_draws_of_the_wheels(noisy, tmp_path):
 
 def test_capture_toml_names_every_scan(noisy):
     capture, _ = noisy
-    told = tomllib.loads((capture / "capture.toml").read_text())
-    assert told["length_unit"] == "m"
-    assert told["target"] == {"shape": "disc", "diameter": 0.25}
-    assert told["reference"] == {"RR": "rr.ply", "RL": "rl.ply", "FR": "fr.ply", "FL": "fl.ply"}
-    assert told["trial"] == [
+    shown = tomllib.loads((capture / "capture.toml").read_text())
+    assert shown["length_unit"] == "m"
+    assert shown["target"] == {"shape": "disc", "diameter": 0.25}
+    assert shown["reference"] == {"RR": "rr.ply", "RL": "rl.ply", "FR": "fr.ply", "FL": "fl.ply"}
+    assert shown["trial"] == [
         {"name": "1", "file": "trial-1.ply", "wheel": "RR"},
         {"name": "2", "file": "trial-2.ply", "wheel": "RL"},
     ]
-    assert all((capture / t["file"]).is_file() for t in told["trial"])
+    assert all((capture / t["file"]).is_file() for t in shown["trial"])
 
 
 @pytest.mark.parametrize("wheel", WHEELS)
@@ -184,12 +184,12 @@ def test_front_edge_points_inwards_at_toe_in_and_the_top_outwards_at_camber(
 
 
 def test_truth_frame_is_that_of_the_four_centres(noisy):
-    told = site_truth(noisy[0])
-    frame = {k: np.array(v) for k, v in told["frame"].items()}
+    shown = site_truth(noisy[0])
+    frame = {k: np.array(v) for k, v in shown["frame"].items()}
     axes = np.array([frame["forward"], frame["left"], frame["up"]])
     assert np.allclose(axes @ axes.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(axes) == pytest.approx(1.0, abs=1e-15)
-    at = {w["name"]: np.array(w["centre_m"]) for w in told["wheels"]}
+    at = {w["name"]: np.array(w["centre_m"]) for w in shown["wheels"]}
     rear, front = at["RL"] - at["RR"], at["FL"] - at["FR"]
     assert np.allclose((at["RL"] + at["RR"]) / 2, frame["origin_m"], atol=2e-14)
     assert np.allclose(rear, frame["rear_track_m"] * frame["left"], atol=2e-14)
@@ -197,7 +197,7 @@ def test_truth_frame_is_that_of_the_four_centres(noisy):
     e = frame["origin_m"] + frame["wheelbase_m"] * frame["forward"]
     assert np.linalg.norm(np.cross(e - at["FR"], front)) / np.linalg.norm(front) < 2e-14
     assert np.linalg.norm(np.cross(front, rear)) > 1e-4
-    drawn = told["used"]["axles"]
+    drawn = shown["used"]["axles"]
     offset = ((at["FL"] + at["FR"]) / 2 - e) @ front / np.linalg.norm(front)
     assert offset == pytest.approx(drawn["front_offset_m"], abs=2e-14)
     # Left end up is a positive tilt, left end back a positive yaw.
@@ -208,9 +208,9 @@ def test_truth_frame_is_that_of_the_four_centres(noisy):
 
 
 def test_truth_angles_are_those_of_the_site_normals(noisy):
-    told = site_truth(noisy[0])
-    left, forward, up = (np.array(told["frame"][k]) for k in ("left", "forward", "up"))
-    for wheel in told["wheels"]:
+    shown = site_truth(noisy[0])
+    left, forward, up = (np.array(shown["frame"][k]) for k in ("left", "forward", "up"))
+    for wheel in shown["wheels"]:
         normal = np.array(wheel["normal"])
         outward = left if wheel["wheel"][1] == "L" else -left
         level = normal - (normal @ up) * up
@@ -222,11 +222,11 @@ def test_truth_angles_are_those_of_the_site_normals(noisy):
         found = np.degrees([toe, camber, iso])
         wanted = [wheel["toe_deg"], wheel["camber_deg"], wheel["camber_iso_deg"]]
         assert np.allclose(found, wanted, atol=1e-12)
-    toes = {w["name"]: w["toe_deg"] for w in told["wheels"]}
+    toes = {w["name"]: w["toe_deg"] for w in shown["wheels"]}
     # Both rear wheels steered to the right by the same angle thrust to the right.
-    assert told["vehicle"]["thrust_angle_deg"] == (toes["RL"] - toes["RR"]) / 2
-    assert told["vehicle"]["rear_total_toe_deg"] == toes["RL"] + toes["RR"]
-    assert told["vehicle"]["front_total_toe_deg"] == toes["FL"] + toes["FR"]
+    assert shown["vehicle"]["thrust_angle_deg"] == (toes["RL"] - toes["RR"]) / 2
+    assert shown["vehicle"]["rear_total_toe_deg"] == toes["RL"] + toes["RR"]
+    assert shown["vehicle"]["front_total_toe_deg"] == toes["FL"] + toes["FR"]
 
 
 def test_a_trial_is_its_wheel_a_little_shifted_with_angles_of_its_own(noisy):
@@ -244,17 +244,17 @@ def test_a_trial_is_its_wheel_a_little_shifted_with_angles_of_its_own(noisy):
 def test_stations_stand_where_the_file_allows(tmp_path, seed):
     values = COARSE | {"grid.half_width_m": 0.02}
     make(tmp_path / "c", scanner=changed(DEFAULT, tmp_path, values), seed=seed, trials=4)
-    told = site_truth(tmp_path / "c")
-    up = np.array(told["frame"]["up"])
+    shown = site_truth(tmp_path / "c")
+    up = np.array(shown["frame"]["up"])
     floor_m = 0.01 - 0.31
-    for wheel, used in zip(told["wheels"], told["used"]["scans"], strict=True):
+    for wheel, used in zip(shown["wheels"], shown["used"]["scans"], strict=True):
         sight = np.subtract(used["station_m"], wheel["centre_m"])
         distance_m = np.linalg.norm(sight)
         incidence = np.degrees(np.arccos(sight @ wheel["normal"] / distance_m))
         assert 2.0 <= distance_m <= 3.0
         assert 3.0 - 1e-9 <= incidence <= 25.0 + 1e-9
         assert incidence == pytest.approx(used["incidence_deg"], abs=1e-9)
-        height_m = (used["station_m"] - np.array(told["frame"]["origin_m"])) @ up - floor_m
+        height_m = (used["station_m"] - np.array(shown["frame"]["origin_m"])) @ up - floor_m
         assert 0.2 <= height_m <= 1.9
 
 
@@ -270,8 +270,8 @@ def test_points_of_an_ideal_scan_lie_on_the_true_plane(tmp_path, far_m):
     # Point, station and centre are each rounded to half a step of the floats at this place.
     step = np.spacing(far_m + 10.0)
     tolerance = 1e-12 + 3 * np.sqrt(3) * step / 2
-    told = site_truth(tmp_path / "c")
-    for wheel, used in zip(told["wheels"], told["used"]["scans"], strict=True):
+    shown = site_truth(tmp_path / "c")
+    for wheel, used in zip(shown["wheels"], shown["used"]["scans"], strict=True):
         points, _ = read_ply(tmp_path / "c" / used["file"])
         off_m = (points - wheel["centre_m"]) @ wheel["normal"]
         assert len(points) > 1500
@@ -443,9 +443,9 @@ def test_drop_outs_and_strays_are_as_many_as_set(tmp_path):
 
 
 def test_brighter_is_the_target_than_the_tyre(noisy):
-    told = site_truth(noisy[0])
+    shown = site_truth(noisy[0])
     points, intensity = read_ply(noisy[0] / "rr.ply")
-    wheel = told["wheels"][0]
+    wheel = shown["wheels"][0]
     flat = points - wheel["centre_m"]
     off = flat @ wheel["normal"]
     radius = np.linalg.norm(flat - np.outer(off, wheel["normal"]), axis=1)
@@ -470,10 +470,10 @@ def test_five_points_err_along_the_line_of_sight_as_set(tmp_path):
     off, sigma = [], []
     for seed in range(3):
         make(tmp_path / str(seed), scanner=scanner, seed=seed, trials=4)
-        told = site_truth(tmp_path / str(seed))
-        station = np.array(told["used"]["total_station"]["station_m"])
+        shown = site_truth(tmp_path / str(seed))
+        station = np.array(shown["used"]["total_station"]["station_m"])
         rows = np.loadtxt(tmp_path / str(seed) / "five-point.txt", delimiter=",")
-        for five, wheel in zip(rows.reshape(-1, 5, 3), told["wheels"], strict=True):
+        for five, wheel in zip(rows.reshape(-1, 5, 3), shown["wheels"], strict=True):
             sight = five - station
             way = sight / np.linalg.norm(sight, axis=1, keepdims=True)
             along = np.abs(way @ wheel["normal"])
@@ -566,12 +566,12 @@ def test_a_clamp_tilts_and_shifts_the_plate_and_not_the_truth(tmp_path):
     scanner, target = changed(IDEAL, tmp_path, values), changed(DISC, tmp_path, given)
     kit = {"seed": 5, "vehicle": SALOON, "scanner": scanner, "trials": 8}
     write_capture(tmp_path / "c", target=target, **kit)
-    told = site_truth(tmp_path / "c")
-    assert told["used"]["target"]["clamp_tilt_deg"] == 0.5
+    shown = site_truth(tmp_path / "c")
+    assert shown["used"]["target"]["clamp_tilt_deg"] == 0.5
     capture = tomllib.loads((tmp_path / "c" / "capture.toml").read_text())
     assert capture["target"] == {"shape": "disc", "diameter": 0.25} | given
     normals, tilts, shifts = [], [], []
-    for wheel, used in zip(told["wheels"], told["used"]["scans"], strict=True):
+    for wheel, used in zip(shown["wheels"], shown["used"]["scans"], strict=True):
         points, _ = read_ply(tmp_path / "c" / used["file"])
         local = points - points.mean(axis=0)
         lean = np.linalg.svd(local, full_matrices=False)[2][2]
@@ -756,7 +756,7 @@ def test_an_empty_folder_is_taken_and_no_scratch_is_left(tmp_path):
     assert len(list(out.iterdir())) == 7
 
 
-def test_a_missing_open3d_is_told_in_one_line_with_the_mend(tmp_path, monkeypatch):
+def test_a_missing_open3d_is_told_in_one_line_with_the_fix(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "open3d", None)
     refused(match="apt install libusb-1.0-0 libgl1 libegl1", out=tmp_path / "out")
     assert list(tmp_path.iterdir()) == []

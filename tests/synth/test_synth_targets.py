@@ -39,8 +39,8 @@ ALL = [RING, RECTANGLE, SQUARE, CIRCLES, CHECKERS, MARKERS]
 
 def target_file(folder: Path, table: dict[str, object], **more: object) -> Path:
     path = folder / f"target-{len(list(folder.iterdir()))}.toml"
-    told = {"thickness": THICK_M} | table | more
-    path.write_text("".join(f"{key} = {json.dumps(value)}\n" for key, value in told.items()))
+    shown = {"thickness": THICK_M} | table | more
+    path.write_text("".join(f"{key} = {json.dumps(value)}\n" for key, value in shown.items()))
     return path
 
 
@@ -256,13 +256,13 @@ def test_truth_and_capture_tell_axes_ids_and_sizes(tmp_path):
     coarse = changed(DEFAULT, tmp_path, {"grid.spacing_m": 0.01, "grid.half_width_m": 0.2})
     files = {"vehicle": SALOON, "scanner": coarse, "target": path}
     write_capture(tmp_path / "c", seed=2, trials=1, **files)
-    told = json.loads((tmp_path / "c" / "truth.json").read_text())
-    for wheel in told["wheels"]:
+    shown = json.loads((tmp_path / "c" / "truth.json").read_text())
+    for wheel in shown["wheels"]:
         assert wheel["ids"] == ids[wheel["wheel"]]
         axes = np.array([wheel["u"], wheel["v"], wheel["normal"]])
         assert np.abs(axes @ axes.T - np.eye(3)).max() < 1e-12
         assert np.linalg.det(axes) == pytest.approx(1.0)
-    assert all("print_shift_m" in used for used in told["used"]["scans"])
+    assert all("print_shift_m" in used for used in shown["used"]["scans"])
     table = tomllib.loads((tmp_path / "c" / "capture.toml").read_text())["target"]
     assert table == tomllib.loads(path.read_text())
     assert parse_target(table, "capture.toml") == parse_target(
@@ -273,8 +273,8 @@ def test_truth_and_capture_tell_axes_ids_and_sizes(tmp_path):
 def test_a_disc_tells_nothing_more_than_before(tmp_path):
     coarse = changed(DEFAULT, tmp_path, {"grid.spacing_m": 0.02, "grid.half_width_m": 0.2})
     write_capture(tmp_path / "c", seed=2, vehicle=SALOON, scanner=coarse, target=DISC, trials=0)
-    told = json.loads((tmp_path / "c" / "truth.json").read_text())
-    assert list(told["wheels"][0]) == [
+    shown = json.loads((tmp_path / "c" / "truth.json").read_text())
+    assert list(shown["wheels"][0]) == [
         "name", "role", "wheel", "toe_deg", "camber_deg", "camber_iso_deg", "centre_m", "normal"
     ]  # fmt: skip
 

@@ -48,10 +48,10 @@ def make(out: Path, *, scanner: Path, seed: int = 5, vehicle: Path = SALOON, **m
     return json.loads((out / "truth.json").read_text())
 
 
-def by_station(folder: Path, told):
-    """Points of each station relative to it, and what is told of it."""
+def by_station(folder: Path, shown):
+    """Points of each station relative to it, and what is reported of it."""
     points, intensity = read_ply(folder / "vehicle.ply")
-    for used in told["used"]["scans"]:
+    for used in shown["used"]["scans"]:
         rows = slice(*used["rows"])
         yield points[rows] - used["station_m"], intensity[rows], used
 
@@ -59,8 +59,8 @@ def by_station(folder: Path, told):
 @pytest.fixture(scope="module")
 def ideal(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ideal")
-    told = make(folder / "car", scanner=changed(IDEAL, folder, NARROW))
-    return folder / "car", told
+    shown = make(folder / "car", scanner=changed(IDEAL, folder, NARROW))
+    return folder / "car", shown
 
 
 @pytest.fixture(scope="module")
@@ -94,11 +94,11 @@ def on_face(points, wheel, radius_m: float = RADIUS_M):
 
 
 def test_points_on_a_target_lie_on_its_true_plane_and_are_counted(ideal):
-    folder, told = ideal
+    folder, shown = ideal
     points, _ = read_ply(folder / "vehicle.ply")
-    for used in told["used"]["scans"]:
+    for used in shown["used"]["scans"]:
         mine = points[slice(*used["rows"])]
-        for wheel in told["wheels"]:
+        for wheel in shown["wheels"]:
             found = on_face(mine, wheel).sum()
             assert found == used["points_on_target"][wheel["name"]]
         assert sum(used["points_on_target"].values()) > 300
@@ -111,8 +111,8 @@ def off_the_grid(values, step: float) -> float:
 
 
 def test_every_point_lies_on_a_beam_of_its_station(ideal):
-    folder, told = ideal
-    for away, _, used in by_station(folder, told):
+    folder, shown = ideal
+    for away, _, used in by_station(folder, shown):
         columns = np.ceil(np.radians(110.0) / used["step_rad"])
         steps = {"row": used["step_rad"], "column": np.radians(110.0) / columns}
         for shift_m, fits in ((0.0, True), (1e-4, False)):
@@ -124,11 +124,13 @@ def test_every_point_lies_on_a_beam_of_its_station(ideal):
 
 
 def test_a_target_holds_as_many_points_as_its_solid_angle(ideal):
-    _, told = ideal
+    _, shown = ideal
     ring = np.sqrt((np.arange(60) + 0.5) / 60)[:, None]
     turn = 2 * np.pi * np.arange(60) / 60
     places = RADIUS_M * np.stack([ring * np.cos(turn), ring * np.sin(turn)], axis=-1).reshape(-1, 2)
-    for number, (wheel, used) in enumerate(zip(told["wheels"], told["used"]["scans"], strict=True)):
+    for number, (wheel, used) in enumerate(
+        zip(shown["wheels"], shown["used"]["scans"], strict=True)
+    ):
         u, v, normal = (np.array(wheel[k]) for k in ("u", "v", "normal"))
         away = wheel["centre_m"] + places @ np.array([u, v]) - used["station_m"]
         far = np.linalg.norm(away, axis=1)
@@ -145,9 +147,9 @@ def test_a_target_holds_as_many_points_as_its_solid_angle(ideal):
 
 
 def test_the_cloud_has_as_many_points_as_asked_for(ideal, noisy):
-    for (folder, told), asked in ((ideal, POINTS), (noisy, 60_000)):
+    for (folder, shown), asked in ((ideal, POINTS), (noisy, 60_000)):
         points, intensity = read_ply(folder / "vehicle.ply")
-        ends = [used["rows"] for used in told["used"]["scans"]]
+        ends = [used["rows"] for used in shown["used"]["scans"]]
         assert ends[0][0] == 0
         assert ends[-1][1] == len(points) == len(intensity)
         assert all(one[1] == other[0] for one, other in pairwise(ends))
@@ -156,20 +158,20 @@ def test_the_cloud_has_as_many_points_as_asked_for(ideal, noisy):
         assert (intensity >= 0.0).all()
 
 
-def seen_in_vehicle(folder, told):
+def seen_in_vehicle(folder, shown):
     points, _ = read_ply(folder / "vehicle.ply")
-    frame = told["frame"]
+    frame = shown["frame"]
     axes = np.array([frame["forward"], frame["left"], frame["up"]])
     return (points - frame["origin_m"]) @ axes.T
 
 
 def test_it_is_a_car_in_a_bay(ideal):
     """Closed forms: the floor, the walls, doors larger than targets, the lift, and air between."""
-    folder, told = ideal
-    x, y, z = seen_in_vehicle(folder, told).T
-    floor_m, base = 0.01 - 0.31, told["frame"]["wheelbase_m"]
-    half = max(told["frame"]["rear_track_m"], told["frame"]["front_track_m"]) / 2
-    targets = sum(sum(used["points_on_target"].values()) for used in told["used"]["scans"])
+    folder, shown = ideal
+    x, y, z = seen_in_vehicle(folder, shown).T
+    floor_m, base = 0.01 - 0.31, shown["frame"]["wheelbase_m"]
+    half = max(shown["frame"]["rear_track_m"], shown["frame"]["front_track_m"]) / 2
+    targets = sum(sum(used["points_on_target"].values()) for used in shown["used"]["scans"])
     assert np.sum(np.abs(z - floor_m) < 1e-9) > 0.1 * len(z)
     assert z.min() > floor_m - 1e-9
     for wall_m in (half + 3.65, -half - 3.65):
@@ -191,10 +193,10 @@ def test_it_is_a_car_in_a_bay(ideal):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_every_target_is_seen_from_the_stand_at_its_corner(tmp_path, seed):
-    told = make(tmp_path / "car", scanner=DEFAULT, seed=seed, points=60_000)
-    frame = {k: np.array(v) for k, v in told["frame"].items()}
+    shown = make(tmp_path / "car", scanner=DEFAULT, seed=seed, points=60_000)
+    frame = {k: np.array(v) for k, v in shown["frame"].items()}
     assert frame["up"][2] > np.cos(np.radians(4.5))
-    for wheel, used in zip(told["wheels"], told["used"]["scans"], strict=False):
+    for wheel, used in zip(shown["wheels"], shown["used"]["scans"], strict=False):
         sight = np.subtract(used["station_m"], wheel["centre_m"])
         assert 2.0 < np.linalg.norm(sight) < 4.0
         ahead = sight @ frame["forward"] * (1 if wheel["name"][0] == "F" else -1)
@@ -209,16 +211,16 @@ def test_every_target_is_seen_from_the_stand_at_its_corner(tmp_path, seed):
 
 
 def test_vehicle_and_five_points_are_those_of_the_wheel_scans_of_the_seed(noisy, tmp_path):
-    folder, told = noisy
+    folder, shown = noisy
     coarse = changed(DEFAULT, tmp_path, {"grid.spacing_m": 0.02, "grid.half_width_m": 0.05})
     files = {"vehicle": SALOON, "scanner": coarse, "target": DISC}
     write_capture(tmp_path / "wheels", seed=5, trials=0, **files)
     other = json.loads((tmp_path / "wheels" / "truth.json").read_text())
-    for one, two in zip(told["wheels"], other["wheels"], strict=True):
+    for one, two in zip(shown["wheels"], other["wheels"], strict=True):
         assert {key: one[key] for key in two} == two
         u, v, normal = (np.array(one[key]) for key in ("u", "v", "normal"))
         assert np.allclose(np.cross(u, v), normal, atol=1e-12)
-    assert (told["frame"], told["vehicle"]) == (other["frame"], other["vehicle"])
+    assert (shown["frame"], shown["vehicle"]) == (other["frame"], other["vehicle"])
     text = (tmp_path / "wheels" / "five-point.txt").read_bytes()
     assert (folder / "five-point.txt").read_bytes() == text
 
@@ -236,16 +238,16 @@ def test_same_seed_same_bytes_and_another_seed_others(noisy, tmp_path):
 
 def test_an_e57_holds_the_same_points_in_the_scanners_own_coordinates(noisy, tmp_path):
     pye57 = pytest.importorskip("pye57")
-    folder, told = noisy
+    folder, shown = noisy
     for name in ("one", "two"):
         again = make(tmp_path / name, scanner=DEFAULT, points=60_000, form="e57")
     file = tmp_path / "one" / "vehicle.e57"
     assert file.read_bytes() == (tmp_path / "two" / "vehicle.e57").read_bytes()
     assert again["used"].pop("file") == "vehicle.e57"
-    assert again["used"] == {k: v for k, v in told["used"].items() if k != "file"}
+    assert again["used"] == {k: v for k, v in shown["used"].items() if k != "file"}
     cloud = pye57.E57(str(file))
-    assert cloud.scan_count == len(told["used"]["scans"])
-    for k, (away, intensity, used) in enumerate(by_station(folder, told)):
+    assert cloud.scan_count == len(shown["used"]["scans"])
+    for k, (away, intensity, used) in enumerate(by_station(folder, shown)):
         raw = cloud.read_scan_raw(k)
         own = np.column_stack([raw[f"cartesian{axis}"] for axis in "XYZ"])
         header = cloud.get_header(k)
@@ -321,10 +323,10 @@ def test_rows_of_noise_have_variance_one_and_the_correlation_set(closed):
     assert not low < np.sum((1.2 * field[:, 0, 0]) ** 2) < high
 
 
-def residuals(folder: Path, told):
+def residuals(folder: Path, shown):
     """Of each target well seen from its corner: distances from its true plane along it, in metres,
     in the order of the beams, and the distance of the station."""
-    by_scan = zip(told["wheels"], by_station(folder, told), strict=True)
+    by_scan = zip(shown["wheels"], by_station(folder, shown), strict=True)
     for wheel, (away, _, used) in by_scan:
         centre = np.subtract(wheel["centre_m"], used["station_m"])
         height = centre @ wheel["normal"]
@@ -344,8 +346,8 @@ def test_noise_across_the_plates_is_the_range_noise_as_set(tmp_path, alike_m):
     if alike_m:  # over half a step only: next to independent
         values |= {"beam.range_sigma_m": 0.0, "beam.correlated_sigma_m": 0.0008}
         values |= {"beam.correlation_length_m": alike_m}
-    told = make(tmp_path / "car", scanner=changed(DEFAULT, tmp_path, values))
-    for off, _ in residuals(tmp_path / "car", told):
+    shown = make(tmp_path / "car", scanner=changed(DEFAULT, tmp_path, values))
+    for off, _ in residuals(tmp_path / "car", shown):
         assert len(off) > 200
         low, high = chi_square_bounds(len(off))
         assert low < np.sum((off / 0.0008) ** 2) < high
@@ -357,11 +359,11 @@ def test_noise_is_alike_over_the_length_set_where_the_target_is(tmp_path):
     length_m, sigma_m = 0.02, 0.0008
     values = QUIET | {"beam.range_sigma_m": 0.0, "beam.correlated_sigma_m": sigma_m}
     values |= {"beam.correlation_length_m": length_m}
-    told = make(tmp_path / "car", scanner=changed(DEFAULT, tmp_path, values))
+    shown = make(tmp_path / "car", scanner=changed(DEFAULT, tmp_path, values))
     for twice, fits in ((1.0, True), (2.0, False)):
         ratios = []
-        used = told["used"]["scans"]
-        for (off, far_m), scan in zip(residuals(tmp_path / "car", told), used, strict=True):
+        used = shown["used"]["scans"]
+        for (off, far_m), scan in zip(residuals(tmp_path / "car", shown), used, strict=True):
             apart_m = scan["step_rad"] * far_m
             wanted = 1.0 - np.exp(-0.5 * (apart_m / (twice * length_m)) ** 2)
             # Where one row ends and the next begins neighbours are farther apart: a tenth of them.
@@ -408,10 +410,10 @@ def test_mixed_pixels_hang_between_the_plate_and_what_is_behind(tmp_path):
     share = []
     for spot_m in (0.0, 0.008):
         values = NARROW | {"beam.spot_radius_m": spot_m}
-        told = make(tmp_path / f"{spot_m}", scanner=changed(IDEAL, tmp_path, values))
+        shown = make(tmp_path / f"{spot_m}", scanner=changed(IDEAL, tmp_path, values))
         points, _ = read_ply(tmp_path / f"{spot_m}" / "vehicle.ply")
         hanging = 0
-        for wheel in told["wheels"]:
+        for wheel in shown["wheels"]:
             away = points - wheel["centre_m"]
             off = away @ wheel["normal"]
             radius = np.linalg.norm(away - np.outer(off, wheel["normal"]), axis=1)
@@ -425,10 +427,10 @@ def test_a_place_far_away_costs_no_more_than_the_rounding_of_its_numbers(tmp_pat
     far_m = 1e6
     place = {"placement.x_m": far_m, "placement.y_m": -far_m, "placement.z_m": far_m}
     vehicle = changed(SALOON, tmp_path, place)
-    told = make(tmp_path / "car", scanner=changed(IDEAL, tmp_path, NARROW), vehicle=vehicle)
+    shown = make(tmp_path / "car", scanner=changed(IDEAL, tmp_path, NARROW), vehicle=vehicle)
     tolerance = 1e-12 + 3 * np.sqrt(3) * np.spacing(far_m + 10.0) / 2
     points, _ = read_ply(tmp_path / "car" / "vehicle.ply")
-    for wheel, used in zip(told["wheels"], told["used"]["scans"], strict=True):
+    for wheel, used in zip(shown["wheels"], shown["used"]["scans"], strict=True):
         away = points[slice(*used["rows"])] - wheel["centre_m"]
         near = np.linalg.norm(away, axis=1) < 0.9 * RADIUS_M
         off = np.abs(away[near] @ wheel["normal"])
@@ -436,7 +438,7 @@ def test_a_place_far_away_costs_no_more_than_the_rounding_of_its_numbers(tmp_pat
         assert np.sum(off < tolerance) > 0.7 * used["points_on_target"][wheel["name"]]
 
 
-def test_clamps_boards_and_more_stations_are_told(tmp_path):
+def test_clamps_boards_and_more_stations_are_reported(tmp_path):
     target = changed(DISC, tmp_path, {"clamp_tilt_deg": 0.5, "clamp_shift": 0.002})
     values = NARROW | {"panorama.stations": 6}
     hidden = values | {"scene": {"occluded_fraction": 0.5}}
@@ -444,13 +446,13 @@ def test_clamps_boards_and_more_stations_are_told(tmp_path):
     for given in (values, hidden):
         scanner = changed(IDEAL, tmp_path, given)
         out = tmp_path / f"car-{len(counts)}"
-        told = make(out, scanner=scanner, target=target, points=120_000)
-        scans = told["used"]["scans"]
+        shown = make(out, scanner=scanner, target=target, points=120_000)
+        scans = shown["used"]["scans"]
         assert len(scans) == 6
-        assert sorted(told["used"]["mounts"]) == sorted(WHEELS)
+        assert sorted(shown["used"]["mounts"]) == sorted(WHEELS)
         counts.append([scans[k]["points_on_target"][w] for k, w in enumerate(WHEELS)])
-    assert told["used"]["mounts"]["RR"]["occluded_fraction"] == 0.5
-    assert np.abs(told["used"]["mounts"]["RR"]["clamp_tilt_deg"]).max() > 1e-3
+    assert shown["used"]["mounts"]["RR"]["occluded_fraction"] == 0.5
+    assert np.abs(shown["used"]["mounts"]["RR"]["clamp_tilt_deg"]).max() > 1e-3
     # Along a slanting grid a row of points at either edge of the shadow may come or go.
     assert np.array(counts[1]) / counts[0] == pytest.approx(0.5, abs=0.08)
 
@@ -495,7 +497,7 @@ def test_wrong_options_are_refused_in_one_line(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["full"]
 
 
-def test_a_missing_pye57_is_told_in_one_line_with_the_mend(tmp_path, monkeypatch):
+def test_a_missing_pye57_is_told_in_one_line_with_the_fix(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pye57", None)
     refused(r"vehicle.e57: pye57 does not load .*pip install 'wheelplane\[e57\]'",
             tmp_path / "o", form="e57")  # fmt: skip

@@ -59,12 +59,12 @@ def test_steps_run_from_lock_to_lock_of_the_inner_wheel():
 
 def test_toe_out_on_turns_is_that_of_ackermann():
     car, wheels, _, sweep, _ = made(2)
-    for told, inner, outer in zip(toe_out(wheels, sweep, car), (3, 2), (2, 3), strict=True):
+    for shown, inner, outer in zip(toe_out(wheels, sweep, car), (3, 2), (2, 3), strict=True):
         steer = np.radians(20.0) + wheels[inner].toe_rad
         ratio = car.axles.front_track_m / car.axles.wheelbase_m
         other = np.arctan(np.tan(steer) / (1.0 + ratio * np.tan(steer)))
         true = 20.0 - np.degrees(other + wheels[outer].toe_rad)
-        assert told["difference_deg"] == pytest.approx(true, abs=1e-9)
+        assert shown["difference_deg"] == pytest.approx(true, abs=1e-9)
 
 
 def test_a_run_out_rolls_forwards_and_keeps_the_axle():
@@ -108,10 +108,10 @@ def capture(tmp_path_factory):
 
 
 def test_from_files_to_axes(capture):
-    told = json.loads((capture / "truth.json").read_text())
+    shown = json.loads((capture / "truth.json").read_text())
     with open_capture(capture) as opened:
         measurement = measure_capture(opened, Config())
-    wheels = {wheel["name"]: wheel for wheel in told["wheels"]}
+    wheels = {wheel["name"]: wheel for wheel in shown["wheels"]}
     runouts = measurement.runouts
     for found in runouts:
         assert found.frame == "axle centres"
@@ -119,11 +119,11 @@ def test_from_files_to_axes(capture):
             true = np.radians(wheels[found.wheel][f"{name}_deg"])
             assert abs(angle.value - true) < 4.5 * angle.u
             assert angle.u < 0.05 * found.axial_runout.value
-    for found, pin in zip(measurement.steering_axes, told["kingpins"], strict=True):
+    for found, pin in zip(measurement.steering_axes, shown["kingpins"], strict=True):
         assert found.frame == "axle centres"
         for angle, name in ((found.caster, "caster"), (found.inclination, "inclination")):
             assert abs(angle.value - np.radians(pin[f"{name}_deg"])) < 4.5 * angle.u
-    for found, turn in zip(measurement.toe_out, told["toe_out_on_turns"], strict=True):
+    for found, turn in zip(measurement.toe_out, shown["toe_out_on_turns"], strict=True):
         assert found.of == "axles"
         off = found.difference.value - np.radians(turn["difference_deg"])
         assert abs(off) < 4.5 * found.difference.u < 0.7 * np.radians(0.5)  # of the plates' lean

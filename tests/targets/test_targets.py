@@ -139,7 +139,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_is_wrong_is_told_in_one_line(case):
+def test_what_is_wrong_is_reported_in_one_line(case):
     table, said = WRONG[case]
     with pytest.raises(ConfigError) as error:
         parse_target(table, "plate.toml")

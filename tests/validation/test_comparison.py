@@ -166,8 +166,8 @@ def test_no_choice_of_coordinates_changes_anything():
     assert other.joint.probability == pytest.approx(one.joint.probability, rel=1e-5)
 
 
-def leant(method, wheels, index=None, lean=0.0, shift=None):
-    """The method with one plane leant, or with its centres shifted (4, 3), angles anew."""
+def tilted(method, wheels, index=None, lean=0.0, shift=None):
+    """The method with one plane tilted, or with its centres shifted (4, 3), angles anew."""
     targets = list(method.targets)
     if index is not None:
         axis = np.cross(targets[index].normal, [0.1, 0.2, 0.97])
@@ -184,10 +184,10 @@ def leant(method, wheels, index=None, lean=0.0, shift=None):
     )
 
 
-def test_planes_and_frame_are_told_apart():
+def test_planes_and_frame_are_reported_apart():
     car = Car(6)
-    first = leant(car.dense(normal=0.0, centre=0.0), car.wheels)
-    lean = compare("", car.names, car.wheels, first, leant(first, car.wheels, 1, 1e-3))
+    first = tilted(car.dense(normal=0.0, centre=0.0), car.wheels)
+    lean = compare("", car.names, car.wheels, first, tilted(first, car.wheels, 1, 1e-3))
     np.testing.assert_allclose(lean.frame_rad, 0.0, atol=1e-12)
     np.testing.assert_allclose(lean.planes_rad[[0, 2, 3, 4, 6, 7]], 0.0, atol=1e-12)
     assert np.hypot(*lean.planes_rad[[1, 5]]) == pytest.approx(1e-3, rel=0.01)
@@ -195,7 +195,7 @@ def test_planes_and_frame_are_told_apart():
     forward = build_reference_frame(car.centres[:4]).forward
     shift = np.zeros((4, 3))
     shift[1] = 3e-3 * forward
-    bent = compare("", car.names, car.wheels, first, leant(first, car.wheels, shift=shift))
+    bent = compare("", car.names, car.wheels, first, tilted(first, car.wheels, shift=shift))
     yaw = 3e-3 / bent.first.state[1, 3:].dot(bent.first.state[1, 3:]) ** 0.5
     assert np.abs(bent.difference_rad[:4]).min() > 1e-3
     np.testing.assert_allclose(bent.frame_rad + bent.planes_rad, bent.difference_rad, atol=1e-15)
@@ -240,7 +240,7 @@ def moved(method, wheels, rng):
     for t in method.targets:
         step = sum(c.factor @ rng.standard_normal(c.factor.shape[1]) for c in t.components)
         targets.append(replace(t, normal=t.normal + step[:3], centre_m=t.centre_m + step[3:]))
-    return leant(replace(method, targets=tuple(targets)), wheels)
+    return tilted(replace(method, targets=tuple(targets)), wheels)
 
 
 def test_the_old_estimator_is_ours_where_there_is_no_noise():

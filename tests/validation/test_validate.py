@@ -158,17 +158,17 @@ def test_a_trial_at_another_wheel_is_refused(made, tmp_path):
 
 def test_aiming_is_asked_for_and_counts(made):
     folder, *_ = made
-    told = compared(folder, aiming_m=0.002)
+    shown = compared(folder, aiming_m=0.002)
     silent = compared(folder)
     assert any("--aiming" in note for note in silent.notes)
-    assert not any("--aiming" in note for note in told.notes)
+    assert not any("--aiming" in note for note in shown.notes)
     # 2 mm a point, 0.9 mm the mean, on both centres of an axle 1.5 m apart
-    extra = told.u_second[0] ** 2 - silent.u_second[0] ** 2
+    extra = shown.u_second[0] ** 2 - silent.u_second[0] ** 2
     assert np.sqrt(extra) == pytest.approx(np.sqrt(2 / 5) * 0.002 / 1.5, rel=0.05)
-    assert told.shape_spread.u[4] > 3 * silent.shape_spread.u[4]
+    assert shown.shape_spread.u[4] > 3 * silent.shape_spread.u[4]
 
 
-def test_an_agreement_over_centres_that_contradict_is_told_with_a_but(found, monkeypatch):
+def test_an_agreement_over_centres_that_contradict_is_reported_with_a_but(found, monkeypatch):
     assert found.verdict == "agree"
     assert "contradict each other" not in validation_text(found)
     bent = found.shape + 8.0 * found.shape_spread.u
@@ -201,7 +201,7 @@ def test_virtual_points_are_compared_by_what_they_add(made):
     np.testing.assert_allclose(one.u_second**2, one.u_first**2 + one.spread.u**2, rtol=1e-9)
 
 
-def test_the_old_estimator_is_named_and_its_bias_told(made):
+def test_the_old_estimator_is_named_and_its_bias_shown(made):
     folder, *_ = made
     old = compared(folder, method="tcgc-2013")
     new = compared(folder)

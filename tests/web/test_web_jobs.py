@@ -49,7 +49,7 @@ def jobs_of(site):
     return site.app.config["state"].jobs
 
 
-def begun(site, do, task="measure", state="running", **rest):
+def started(site, do, task="measure", state="running", **rest):
     """A job that does this, once it is in that state."""
     job = jobs_of(site).start(task, "car", {"do": do}, **rest)
     until(lambda: job.state == state)
@@ -72,7 +72,7 @@ def until(holds):
 
 def test_a_report_leaves_alone_what_its_measurement_has_unpacked(site):
     gone = "say(failure={'text': 'the scan is gone'})"
-    job = begun(site, f"{READY}wait('go'); {gone} if not unpacked.exists() else say(done=True)",
+    job = started(site, f"{READY}wait('go'); {gone} if not unpacked.exists() else say(done=True)",
                 state="ready")  # fmt: skip
     assert site.get(f"/api/jobs/{job.id}/report.txt").text == "a report"
     (job.folder / "go").touch()
@@ -101,7 +101,7 @@ def test_angles_that_are_ready_outlive_a_failure_of_the_points(site, end, said):
 
 
 def test_angles_that_are_ready_outlive_a_late_cancel(site):
-    job = begun(site, READY + HANG, state="ready")
+    job = started(site, READY + HANG, state="ready")
     assert site.post(f"/api/jobs/{job.id}/cancel", {}).status_code == 200
     assert site.ended(job.id)["state"] == "done"
     assert job.process.wait(60) == -signal.SIGKILL
@@ -109,7 +109,7 @@ def test_angles_that_are_ready_outlive_a_late_cancel(site):
 
 def test_closing_ends_reports_too(site):
     measured = ended(site, READY + "say(done=True)")
-    report = begun(site, "time.sleep(30)", "report", uses=(measured,))
+    report = started(site, "time.sleep(30)", "report", uses=(measured,))
     site.close()
     assert report.process.returncode == -signal.SIGKILL
     assert report.state == "cancelled"
@@ -119,18 +119,18 @@ def test_closing_ends_reports_too(site):
 def test_reports_wait_in_a_line_of_their_own_which_is_bounded_too(site):
     measured = ended(site, READY + "say(done=True)")
     for _ in range(2):
-        begun(site, HANG, "report", uses=(measured,))
-    begun(site, HANG)
+        started(site, HANG, "report", uses=(measured,))
+    started(site, HANG)
     for task, uses in (("report", (measured,)), ("measure", ())):
         for _ in range(2):
-            begun(site, HANG, task, "waiting", uses=uses)
+            started(site, HANG, task, "waiting", uses=uses)
         with pytest.raises(RefusedError, match="2 jobs are waiting"):
             jobs_of(site).start(task, "car", {}, uses=uses)
 
 
 def test_what_a_job_reads_is_kept_until_it_ends(site):
     first, second = (ended(site, READY + "say(done=True)") for _ in range(2))
-    comparing = begun(site, "wait('go'); say(done=True)", "compare", uses=(first, second))
+    comparing = started(site, "wait('go'); say(done=True)", "compare", uses=(first, second))
     for _ in range(3):
         ended(site, READY + "say(done=True)")
     assert first.folder.is_dir()
@@ -173,7 +173,7 @@ def test_a_report_that_takes_too_long_is_stopped(site, monkeypatch):
 
 def test_an_upload_that_is_refused_for_now_is_kept(site):
     upload = site.send(figure__txt=PAPER.read_bytes())
-    hung = [begun(site, HANG), *(begun(site, HANG, state="waiting") for _ in range(2))]
+    hung = [started(site, HANG), *(started(site, HANG, state="waiting") for _ in range(2))]
     for _ in range(2):
         assert site.post("/api/measure", {"upload": upload}).status_code == 503
     for job in hung:

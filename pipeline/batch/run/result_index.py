@@ -74,7 +74,7 @@ class ResultIndex:
         self._listed.cache_clear()
         self._database.execute("DELETE FROM current")
 
-    def note_present(self, found: FoundCapture) -> None:
+    def mark_present(self, found: FoundCapture) -> None:
         """Note that a capture is in the archive."""
         row = (legible(found.name),)
         self._database.execute("INSERT OR IGNORE INTO current(name) VALUES (?)", row)

@@ -82,7 +82,7 @@ class Batch:
         """Yield the new and changed captures of this shard, as far as known without reading."""
         self._known = 0
         for found in captures:
-            self._index.note_present(found)
+            self._index.mark_present(found)
             if not self.shard.holds(found.name):
                 continue
             if self._index.is_done(found):

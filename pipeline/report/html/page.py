@@ -152,7 +152,9 @@ def _said(measurement: Measurement, dress: ReportOptions, five_point: bool) -> d
     """Return sentences on axis, units, signs and method, and the names of the sections."""
     words, view = dress.words, dress.view
     axis = words.known("axis", view.axis)
-    told = words("conventions.axis", axis=axis, definition=words.known("definition", view.axis))
+    axis_note = words(
+        "conventions.axis", axis=axis, definition=words.known("definition", view.axis)
+    )
     key = "units_" + view.angles.replace("/", "")
     rim = words.number(f"{view.rim_m * 1e3:g}")
     units = words(f"conventions.{key}", rim=rim)
@@ -160,9 +162,9 @@ def _said(measurement: Measurement, dress: ReportOptions, five_point: bool) -> d
     lines += [words(f"conventions.{name}") for name in ("camber", "iso", "thrust", "frame")]
     ids = ["results", "frame", "wheels", "vehicle", "conventions", "uncertainty", "origin"]
     return {
-        "axis_note": told,
+        "axis_note": axis_note,
         "units": units,
-        "conventions": [*lines, told, words("conventions.wheels"), units],
+        "conventions": [*lines, axis_note, words("conventions.wheels"), units],
         "method": words("conventions.five_method" if five_point else "conventions.scan_method"),
         "sections": [(name, words(f"section.{name}")) for name in ids],
     }

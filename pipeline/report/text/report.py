@@ -111,11 +111,11 @@ def _ways(result: WheelResult) -> str:
     if evidence is None or not evidence.target.others:
         return ""
     centre = evidence.target.centre_m
-    told = (
+    offsets = (
         f"{other.method} {np.linalg.norm(other.centre_m - centre) * 1e3:.3f} mm"
         for other in evidence.target.others
     )
-    return f"  {result.observation.name}: off the combined centre: {', '.join(told)}"
+    return f"  {result.observation.name}: off the combined centre: {', '.join(offsets)}"
 
 
 def _plane_section(measurement: Measurement) -> list[str]:

@@ -11,13 +11,14 @@ from ...vehicle import deg_min_sec
 from ..format.layout import aligned
 
 SIGNS = (
-    "Toe-in and top-out are positive; camber is the elevation, as in the paper. u: standard\n"
-    "uncertainty (k = 1). U: of the difference, 95 %. En = difference/U. detectable: smallest\n"
-    "error that this row shows at 95 % confidence and 99 % power."
+    "Toe-in and camber with the top outward are positive; camber is the elevation, as in the\n"
+    "paper. u: standard uncertainty (k = 1). U: expanded uncertainty of the difference (95 %).\n"
+    "En = difference/U. detectable: smallest error that this row reveals at 95 % confidence and\n"
+    "99 % power."
 )
 
 
-SHAPE_DOUBT = 1e-3  # chance of the centres' shape, below which an agreement is told with a but
+SHAPE_DOUBT = 1e-3  # probability of the centres' shape below which an agreement is qualified
 
 
 def validation_text(found: Comparison) -> str:

@@ -2,10 +2,10 @@
   "use strict";
   function read(id) { return JSON.parse(document.getElementById(id).textContent); }
   var root = document.documentElement, stage = document.getElementById("stage");
-  var told = document.getElementById("told"), scene = read("scene");
+  var picked = document.getElementById("picked"), scene = read("scene");
   function tell(name) {
     scene.wheels.forEach(function (wheel) {
-      if (wheel.name === name) { told.textContent = name + ": " + wheel.toe_text + ", " + wheel.camber_text; }
+      if (wheel.name === name) { picked.textContent = name + ": " + wheel.toe_text + ", " + wheel.camber_text; }
     });
   }
   root.classList.add("js");
