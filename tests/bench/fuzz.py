@@ -17,8 +17,9 @@ from collections import defaultdict
 from pathlib import Path
 
 from tests.fuzzing.mutations import mutant
-from tests.fuzzing.samples import DATA, samples
+from tests.fuzzing.samples import samples
 from tests.fuzzing.supervise import Outcome, fuzz
+from tests.support.paths import FORMATS
 
 
 def keep(outcome: Outcome, seed: int, samples_folder: Path, folder: Path) -> None:
@@ -57,7 +58,7 @@ def main() -> None:
     parser.add_argument("--mutants", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", type=int, metavar="I", help="one mutant, by its number")
-    parser.add_argument("--samples", type=Path, default=DATA / "formats", metavar="DIR")
+    parser.add_argument("--samples", type=Path, default=FORMATS, metavar="DIR")
     parser.add_argument("--keep", type=Path, default=Path("fuzz-failures"), metavar="DIR")
     options = parser.parse_args()
     first = 0 if options.only is None else options.only

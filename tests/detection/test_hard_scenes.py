@@ -16,7 +16,7 @@ from tests.bench.detection import (
     find_on_vehicle,
     find_on_wheel,
     measured,
-    score_candidate,
+    judge,
 )
 from tests.support.scenes import WHEEL, make, rotation
 from tests.support.vehicle_scenes import RADIUS_M, face_cloud, hard_wheel, vehicle_scene
@@ -44,20 +44,20 @@ def patches(number):
 @pytest.mark.parametrize("number", VEHICLES)
 def test_four_faces_of_a_car(number):
     scene = drawn(number)
-    assert score_candidate(scene.faces, [measured(patch) for patch in patches(number)]).faults == ()
+    assert judge(scene.faces, [measured(patch) for patch in patches(number)]).faults == ()
 
 
 @pytest.mark.parametrize("number", HARDER)
 def test_the_wheels_of_a_car(number):
     scene = vehicle_scene(number)
-    assert score_candidate(scene.faces, find_on_vehicle(scene)).faults == ()
+    assert judge(scene.faces, find_on_vehicle(scene)).faults == ()
 
 
 @pytest.mark.parametrize("number", WHEELS)
 def test_the_face_of_a_wheel(number):
     scene = hard_wheel(number)
     assert len(scene.faces) == 1
-    assert score_candidate(scene.faces, find_on_wheel(scene)).faults == ()
+    assert judge(scene.faces, find_on_wheel(scene)).faults == ()
 
 
 def test_a_face_is_taken_from_the_scan_that_shows_it_best():
@@ -92,7 +92,7 @@ def test_faces_stay_with_the_cloud_turned_shifted_and_in_any_order():
             for face in scene.faces
         ),
     )
-    assert score_candidate(moved.faces, find_on_vehicle(moved)).faults == ()
+    assert judge(moved.faces, find_on_vehicle(moved)).faults == ()
 
 
 def test_two_equal_plates_side_by_side():
@@ -120,7 +120,7 @@ def test_no_face_where_there_is_none():
     scene = hard_wheel(58)
     assert scene.note.startswith("none")
     found = [measured(patch) for patch in find_targets(scene.points_m, DISC, SEGMENT)]
-    assert score_candidate((), [*found, *find_on_wheel(scene)]).wrong == 0
+    assert judge((), [*found, *find_on_wheel(scene)]).wrong == 0
 
 
 def found_at(face, off_m=0.0, off_rad=0.0):
@@ -133,19 +133,19 @@ def found_at(face, off_m=0.0, off_rad=0.0):
 def test_the_judge_sees_what_is_wrong():
     faces = drawn(12).faces
     right = [found_at(face, 0.9 * NEAR_M, 0.9 * NEAR_RAD) for face in faces]
-    assert score_candidate(faces, right).faults == ()
+    assert judge(faces, right).faults == ()
     first, *others = right
     for item in (found_at(faces[0], 1.1 * NEAR_M), found_at(faces[0], 0.0, 1.1 * NEAR_RAD)):
         assert (
-            score_candidate(faces, [item, *others]).right,
-            score_candidate(faces, [item, *others]).wrong,
+            judge(faces, [item, *others]).right,
+            judge(faces, [item, *others]).wrong,
         ) == (3, 1)
     away = replace(first, normal=-first.normal)
-    assert score_candidate(faces, [away, *others]).wrong == 1
-    assert score_candidate(faces, others).right == 3
-    assert score_candidate(faces, [*right, first]).wrong == 1
-    assert score_candidate(faces, []).right == 0
-    assert score_candidate(faces, [replace(first, status="no-outline"), *others]).wrong == 0
+    assert judge(faces, [away, *others]).wrong == 1
+    assert judge(faces, others).right == 3
+    assert judge(faces, [*right, first]).wrong == 1
+    assert judge(faces, []).right == 0
+    assert judge(faces, [replace(first, status="no-outline"), *others]).wrong == 0
 
 
 @pytest.mark.parametrize("number", VEHICLES)

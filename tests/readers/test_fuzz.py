@@ -21,8 +21,9 @@ from tests.fuzzing import judge, worker
 from tests.fuzzing.e57 import seal_pages
 from tests.fuzzing.headers import STRATEGIES
 from tests.fuzzing.mutations import MUTATIONS, Mutant, mutant
-from tests.fuzzing.samples import DATA, ROWS, samples, scans
+from tests.fuzzing.samples import ROWS, samples, scans
 from tests.fuzzing.supervise import fuzz
+from tests.support.paths import FORMATS
 from wheelplane.errors import InputError
 from wheelplane.readers import READERS, Scan, read_scan
 
@@ -85,7 +86,7 @@ def test_every_mutation_happens_and_changes_files():
 
 
 def test_sealed_pages_are_those_of_other_programs():
-    for path in DATA.glob("formats/*Cube*.e57"):
+    for path in FORMATS.glob("*Cube*.e57"):
         data = path.read_bytes()
         assert seal_pages(data) == data
         assert seal_pages(data[:100] + b"?" + data[101:]) != data
