@@ -15,8 +15,8 @@ from tests.bench.detection import (
     Found,
     find_on_vehicle,
     find_on_wheel,
-    measured,
     judge,
+    measured,
 )
 from tests.support.scenes import WHEEL, make, rotation
 from tests.support.vehicle_scenes import RADIUS_M, face_cloud, hard_wheel, vehicle_scene

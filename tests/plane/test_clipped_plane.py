@@ -11,10 +11,11 @@ from wheelplane.errors import NotMeasuredError
 from wheelplane.plane.clipped_plane import ClippedPlane, ClipSlab, fit_clipped_plane
 from wheelplane.plane.least_squares import total_least_squares
 from wheelplane.plane.sigma_clipping import Clipping, converge
-from wheelplane.targets.plates import ANY_WIDTH, NO_HOLES, Region, rectangle
+from wheelplane.targets.outline import Circle, rectangle
+from wheelplane.targets.region import Region
 
 SIGMA, RADIUS, ACROSS = 0.0008, 0.125, 12
-DISC = Region(RADIUS, ANY_WIDTH, NO_HOLES)
+DISC = Region(Circle(RADIUS))
 RESOLUTION = 1e-12
 
 
@@ -131,7 +132,7 @@ def test_points_outside_the_region_do_not_matter():
     inside = rng.uniform(-1.0, 1.0, (5000, 3)) * [0.09, 0.05, SIGMA]
     outside = rng.uniform(-1.0, 1.0, (5000, 3)) * [0.12, 0.12, SIGMA] + [0.0, 0.0, 2.0 * SIGMA]
     outside = outside[(np.abs(outside[:, 0]) > 0.09) | (np.abs(outside[:, 1]) > 0.05)]
-    region, slab = rectangle(0.18, 0.1), ClipSlab(np.eye(3), 0.0, SIGMA, RESOLUTION)
+    region, slab = Region(rectangle(0.18, 0.1)), ClipSlab(np.eye(3), 0.0, SIGMA, RESOLUTION)
     alone, both = (fit(points, slab, region) for points in (inside, np.vstack([inside, outside])))
     np.testing.assert_array_equal(both.basis, alone.basis)
     assert both.plane.count == alone.plane.count == len(inside)
