@@ -76,7 +76,7 @@ SETUPS = {
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("name", SETUPS)
-def test_finds_the_face(name, seed):
+def test_finds_the_target(name, seed):
     cloud = make(SETUPS[name], seed)
     patch = find(cloud.points_m)
     assert off(patch, cloud) < start_m(cloud.setup)
@@ -85,7 +85,7 @@ def test_finds_the_face(name, seed):
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", ["plain", "wheel", "60 degrees"])
-def test_patch_holds_every_point_of_the_face(name, seed):
+def test_patch_holds_every_point_of_the_target(name, seed):
     cloud = make(SETUPS[name], seed)
     patch = find(cloud.points_m)
     near = {tuple(row) for row in np.round(patch.face_m + patch.origin_m, 9)}
@@ -125,7 +125,7 @@ def test_same_seed_same_patch_and_other_seeds_agree():
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e4, 1e7])
-def test_turned_shifted_permuted_mirrored(shift):
+def test_rotated_shifted_permuted_mirrored(shift):
     cloud = make(WHEEL, 4)
     rng = np.random.default_rng(11)
     R, t = rotation(rng), shift * np.array([1.0, 0.7, -1.0])

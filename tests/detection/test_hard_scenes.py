@@ -1,4 +1,4 @@
-"""Hard scenes: four faces on a car, one on a wheel, each right or with the name of why not."""
+"""Hard scenes: four targets on a car, one on a wheel, each right or with its status."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def patches(number):
 
 
 @pytest.mark.parametrize("number", VEHICLES)
-def test_four_faces_of_a_car(number):
+def test_four_targets_of_a_car(number):
     scene = drawn(number)
     assert judge(scene.faces, [measured(patch) for patch in patches(number)]).faults == ()
 
@@ -54,13 +54,13 @@ def test_the_wheels_of_a_car(number):
 
 
 @pytest.mark.parametrize("number", WHEELS)
-def test_the_face_of_a_wheel(number):
+def test_the_target_of_a_wheel(number):
     scene = hard_wheel(number)
     assert len(scene.faces) == 1
     assert judge(scene.faces, find_on_wheel(scene)).faults == ()
 
 
-def test_a_face_is_taken_from_the_scan_that_shows_it_best():
+def test_a_target_is_taken_from_the_scan_with_most_points_on_it():
     scene = drawn(12)
     for patch in patches(12):
         start, end = scene.parts[patch.part]
@@ -79,7 +79,7 @@ def _on_face(points, face):
     return np.count_nonzero((np.abs(depth) < 0.005) & (square < RADIUS_M**2))
 
 
-def test_faces_stay_with_the_cloud_turned_shifted_and_in_any_order():
+def test_targets_move_with_the_cloud_in_any_order_of_points():
     scene = drawn(12)
     rng = np.random.default_rng(3)
     R, shift = rotation(rng), np.array([40.0, -300.0, 7.0])
@@ -95,7 +95,7 @@ def test_faces_stay_with_the_cloud_turned_shifted_and_in_any_order():
     assert judge(moved.faces, find_on_vehicle(moved)).faults == ()
 
 
-def test_two_equal_plates_side_by_side():
+def test_two_equal_targets_side_by_side():
     cloud = make(WHEEL.but(extra=(), half_width_m=0.2), 6)
     beside = cloud.R @ [0.45, 0.1, -0.02]
     points = np.concatenate([cloud.points_m, cloud.points_m + beside])
@@ -116,7 +116,7 @@ def test_twins_in_a_wheels_scan_are_ambiguous(number):
     assert caught.value.status == "ambiguous-target"
 
 
-def test_no_face_where_there_is_none():
+def test_no_target_where_there_is_none():
     scene = hard_wheel(58)
     assert scene.note.startswith("none")
     found = [measured(patch) for patch in find_targets(scene.points_m, DISC, SEGMENT)]
@@ -149,7 +149,7 @@ def test_the_judge_sees_what_is_wrong():
 
 
 @pytest.mark.parametrize("number", VEHICLES)
-def test_the_true_faces_lie_in_the_scene_where_they_are_said_to(number):
+def test_the_true_targets_lie_in_the_scene_at_their_poses(number):
     """By the points alone: as many in the plane within the radius as beams met the face, and next
     to none just before it."""
     scene = drawn(number)
@@ -161,7 +161,7 @@ def test_the_true_faces_lie_in_the_scene_where_they_are_said_to(number):
     assert sum(end - start for start, end in scene.parts) == len(scene.points_m)
 
 
-def test_a_cloud_of_any_size_shows_its_face():
+def test_the_target_is_found_in_a_cloud_of_any_size():
     cloud = face_cloud(30_000, 4)
     on_face = cloud.points_m[cloud.on_face]
     assert cloud.on_face.mean() == pytest.approx(0.35, abs=4.0 * np.sqrt(0.25 / 30_000))

@@ -1,4 +1,4 @@
-"""Flat pieces of a cloud, the surfaces they hang together to, and where a face may be on them."""
+"""Surfels of a cloud, the surfaces they form, and candidate positions of the target on them."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_sheet_is_one_surface_and_points_in_space_are_none(seed):
 
 @pytest.mark.parametrize("step", [0.005, 0.008, 0.02])
 @pytest.mark.parametrize("sigma", [3e-4, 8e-4])
-def test_a_step_parts_two_surfaces(sigma, step):
+def test_a_step_separates_two_surfaces(sigma, step):
     rng = np.random.default_rng(7)
     plate, behind = sheet(0.24, 0.24, sigma, 1), sheet(0.5, 0.5, sigma, 2)
     behind = behind[np.abs(behind[:, :2]).max(axis=1) > 0.12] - [0.0, 0.0, step]
@@ -75,7 +75,7 @@ def test_a_step_parts_two_surfaces(sigma, step):
     assert two[1] < 6.0 * expected
 
 
-def test_a_curved_surface_hangs_together_but_its_normals_turn():
+def test_a_curved_surface_is_connected_but_its_normals_rotate():
     rng = np.random.default_rng(0)
     turn = rng.uniform(0, np.pi / 2, 60_000)
     points = np.column_stack([np.cos(turn), np.sin(turn), rng.uniform(0, 0.5, len(turn))])
@@ -100,7 +100,7 @@ def test_first_hypothesis_is_the_target(seed):
             assert not (near and abs(one.normal @ other.normal) > 0.9)
 
 
-def test_face_cut_in_two_by_a_shadow_is_one_hypothesis():
+def test_a_target_cut_in_two_by_a_shadow_is_one_hypothesis():
     rng = np.random.default_rng(4)
     disc = sheet(0.25, 0.25, 8e-4, 5)
     disc = disc[np.hypot(disc[:, 0], disc[:, 1]) < 0.125]

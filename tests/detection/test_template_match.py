@@ -1,4 +1,4 @@
-"""A face of known shape is placed where it is, and a part of something larger is no face."""
+"""A target of known shape is matched where it is; part of something larger is no target."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def place(uv, shape):
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("shape", SHAPES)
-def test_whole_face_is_placed_within_a_cell(shape, seed):
+def test_a_whole_target_is_matched_within_a_cell(shape, seed):
     rng = np.random.default_rng([seed, 9])
     turn, centre = rng.uniform(0, np.pi), rng.uniform(-0.5, 0.5, 2)
     found = place(points(SHAPES[shape][0], turn, centre, seed), shape)
@@ -45,7 +45,7 @@ def test_whole_face_is_placed_within_a_cell(shape, seed):
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("shape", SHAPES)
-def test_face_without_a_corner_is_placed_and_matches_by_what_is_seen(shape, seed):
+def test_a_target_without_a_corner_matches_by_its_visible_share(shape, seed):
     uv = points(SHAPES[shape][0], 0.0, np.zeros(2), seed)
     found = place(uv[(uv[:, 0] < 0.02) | (uv[:, 1] < 0.02)], shape)
     assert 0.55 < found.match < 0.9
@@ -54,7 +54,7 @@ def test_face_without_a_corner_is_placed_and_matches_by_what_is_seen(shape, seed
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("behind", ["a step all round", "a wall beneath half of it"])
-def test_what_reaches_the_plane_by_its_noise_alone_is_not_of_the_face(shape, behind):
+def test_points_that_reach_the_plane_by_noise_alone_are_not_of_the_target(shape, behind):
     region, period = SHAPES[shape]
     rng = np.random.default_rng(4)
     face = points(region, 0.0, np.zeros(2), 1, 4000)
@@ -72,7 +72,7 @@ def test_what_reaches_the_plane_by_its_noise_alone_is_not_of_the_face(shape, beh
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("width", [0.6, 2.0])
-def test_part_of_a_larger_surface_is_no_face(shape, width):
+def test_part_of_a_larger_surface_is_no_target(shape, width):
     uv = np.random.default_rng(1).uniform(-width / 2, width / 2, (int(4e5 * width**2), 2))
     assert place(uv, shape).match < 0.25
 
@@ -89,7 +89,7 @@ def test_a_handful_of_points_matches_nothing(count):
     assert place(np.zeros((count, 2)), "disc").match == 0.0
 
 
-def test_peaks_are_the_faces_and_not_the_corners_of_a_panel():
+def test_peaks_are_the_targets_and_not_the_corners_of_a_panel():
     rng = np.random.default_rng(3)
     one, other = np.array([0.0, 0.0]), np.array([0.6, 0.1])
     panel = rng.uniform([-0.1, 0.8], [0.7, 1.6], (4000, 2))

@@ -97,7 +97,7 @@ def test_independent_noise_is_left_alone():
     assert sigma == pytest.approx(5e-4, rel=4.5 / np.sqrt(2 * 4500 * 100))
 
 
-def test_turned_shifted_and_scaled():
+def test_rotated_shifted_and_scaled():
     rng = np.random.default_rng(0)
     uv = rng.uniform(-RADIUS, RADIUS, (6000, 2))
     uv = uv[np.hypot(*uv.T) < RADIUS]
@@ -114,7 +114,7 @@ def test_turned_shifted_and_scaled():
     assert seen.covariance[1, 1] > 0.0
 
 
-def test_a_bent_plate_is_form_not_noise():
+def test_a_bent_target_is_form_error_not_noise():
     rng = np.random.default_rng(3)
     uv = rng.uniform(-RADIUS, RADIUS, (20_000, 2))
     uv = uv[np.hypot(*uv.T) < RADIUS]

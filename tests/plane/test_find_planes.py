@@ -70,7 +70,7 @@ def test_noisy_walls_within_the_formula(seed):
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e4, 1e7])
-def test_turned_shifted_permuted_mirrored_scaled(shift):
+def test_rotated_shifted_permuted_mirrored_scaled(shift):
     points, _, _ = box(1)
     rng = np.random.default_rng(2)
     before = find_planes(points, 3)
@@ -170,7 +170,7 @@ def test_no_plane_in_a_cylinder():
         find_planes(points, 1)
 
 
-def test_a_dense_noisy_face_is_a_plane():
+def test_a_dense_noisy_target_is_a_plane():
     cloud = make(Setup(background_m=None, spacing_m=0.0012, noise_m=0.0008), 1)
     planes = find_planes(cloud.face_m, 1)
     assert tilt(planes[0].normal, cloud.normal) < 5 * 2 * 8e-4 / (

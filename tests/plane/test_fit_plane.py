@@ -1,4 +1,4 @@
-"""The plane of the face: exact without noise, at the Cramér-Rao bound with it, and honest."""
+"""The plane of the target: exact without noise, at the Cramér-Rao bound with it, and honest."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_refining_beats_the_plane_that_was_handed_over():
     assert np.sqrt(np.mean(np.square(start))) > bound * limit
 
 
-def test_agrees_with_a_robust_minimiser_over_the_true_face():
+def test_agrees_with_a_robust_minimiser_over_the_true_target():
     cloud = make(WHEEL, 5)
     _, plane = fit(cloud.points_m)
     local = cloud.in_target(cloud.face_m)
@@ -105,7 +105,7 @@ def test_agrees_with_a_robust_minimiser_over_the_true_face():
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e4, 1e7])
-def test_turned_shifted_permuted_mirrored(shift):
+def test_rotated_shifted_permuted_mirrored(shift):
     cloud = make(COARSE.but(shift_m=(0.0, 0.0, 0.0)), 8)
     _, plane = fit(cloud.points_m)
     rng = np.random.default_rng(3)
@@ -199,7 +199,7 @@ def test_covariance_lies_in_the_plane():
     np.testing.assert_allclose(np.sqrt(values[1:]), sigma, rtol=0.15)
 
 
-def test_bowl_is_no_plane_but_its_residual_says_so():
+def test_a_bowl_is_no_plane_and_its_residual_shows_it():
     cloud = make(COARSE, 6)
     local = cloud.in_target(cloud.points_m)
     depth = 0.002 * (local[:, 0] ** 2 + local[:, 1] ** 2) / 0.125**2

@@ -83,7 +83,7 @@ def test_agrees_with_a_minimiser_of_the_distances(seed):
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("shift", [0.0, 1e3, 1e7])
-def test_turn_and_shift(seed, shift):
+def test_rotation_and_shift(seed, shift):
     points, _ = slab_of_noise(seed)
     rng = np.random.default_rng(seed)
     R, t = rotation(rng), shift * np.array([1.0, -1.0, 0.5])
@@ -140,14 +140,14 @@ CENTRE = np.array([10.2, -4.1, 2.3])
 NORMAL = np.array([2.0, -1.0, 2.0]) / 3.0
 
 
-def test_ball_is_what_one_line_says(cloud):
+def test_ball_is_its_one_line_definition(cloud):
     inside = np.linalg.norm(cloud - CENTRE, axis=1) < 0.5
     np.testing.assert_array_equal(gather_ball(cloud, CENTRE, 0.5), cloud[inside] - CENTRE)
     assert 0 < inside.sum() < len(cloud)
     assert gather_ball(np.zeros((0, 3)), CENTRE, 0.5).shape == (0, 3)
 
 
-def test_slab_is_what_one_line_says(cloud):
+def test_slab_is_its_one_line_definition(cloud):
     expected = np.abs((cloud - CENTRE) @ NORMAL) < 0.1
     np.testing.assert_array_equal(within_slab(cloud, CENTRE, NORMAL, 0.1), expected)
     assert 0 < expected.sum() < len(cloud)

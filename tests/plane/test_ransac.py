@@ -52,7 +52,7 @@ def needed(rate, confidence):
 
 @pytest.mark.parametrize("confidence", [0.9, 0.99, 0.999])
 @pytest.mark.parametrize("rate", [0.9, 0.5, 0.1, 0.02])
-def test_stops_when_a_good_proposal_was_seen_with_the_confidence(rate, confidence):
+def test_stops_when_a_good_proposal_was_drawn_with_the_confidence(rate, confidence):
     result = run(Mock({1: 5.0}, rate=rate), confidence=confidence, max_proposals=100_000, batch=1)
     assert result.proposals <= needed(rate, confidence)
     problem = Mock({1: 5.0}, rate=rate)
