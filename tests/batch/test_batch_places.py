@@ -114,8 +114,9 @@ def test_a_lost_worker_changes_nothing(cluster, tmp_path):
     assert left(results) == left(tmp_path / "undisturbed")
 
 
-def test_no_scheduler_is_one_line(undisturbed, tmp_path):
-    done = run_process(undisturbed[0], tmp_path / "results", "--scheduler", "tcp://127.0.0.1:1")
+def test_no_scheduler_is_one_line(undisturbed, tmp_path, monkeypatch):
+    monkeypatch.setattr("wheelplane.batch.run.cluster.CONNECT_S", 0.5)
+    done = run(undisturbed[0], tmp_path / "results", "--scheduler", "tcp://127.0.0.1:1")
     assert (done.returncode, done.stdout) == (2, "")
     assert "no Dask scheduler answers" in done.stderr
     assert "Traceback" not in done.stderr
@@ -128,6 +129,7 @@ def storage():
         yield address
 
 
+@pytest.mark.slow
 def test_object_storage_that_fails_now_and_then_gives_the_same(
     undisturbed, storage, tmp_path, monkeypatch
 ):
