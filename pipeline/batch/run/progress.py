@@ -55,7 +55,7 @@ class Lines:
 
     @property
     def state(self) -> str:
-        """CompletedCapture, rate, time left, failures."""
+        """Number done, rate, time left, failures."""
         took_s = max(1e-3, time.monotonic() - self._started_s)
         rate = self._done / took_s
         left = f", {_duration(((self._todo or 0) - self._done) / rate)} left" if rate else ""
