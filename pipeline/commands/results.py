@@ -195,7 +195,7 @@ def results(
             if number:
                 click.echo()
             _list(catalogue, query, mode, worst or 0)
-        _note_undated(catalogue, which)
+        _warn_undated(catalogue, which)
         return int(set(listing.by_status(catalogue, which)) - {"ok"} != set())
 
 
@@ -270,7 +270,7 @@ def _export(catalogue: Catalogue, which: Filter, files: dict[str, Path | None]) 
     return bool(named)
 
 
-def _note_undated(catalogue: Catalogue, which: Filter) -> None:
+def _warn_undated(catalogue: Catalogue, which: Filter) -> None:
     """Note how many captures have no date, where --since or --until selects by date."""
     if which.since_day is None and which.until_day is None:
         return
