@@ -10,15 +10,15 @@ import pytest
 from tests.support.paths import CERTIFIED
 from tests.support.sources import opened, table
 from wheelplane.errors import InputError
-from wheelplane.readers.formats import binary
 from wheelplane.readers.formats import npy as npy_format
-from wheelplane.readers.formats.binary import read_exactly, record_blocks
 from wheelplane.readers.formats.npy import read_npy
 from wheelplane.readers.formats.npz import read_npz
 from wheelplane.readers.formats.pcd import read_header as pcd_header
 from wheelplane.readers.formats.pcd import read_pcd
 from wheelplane.readers.formats.ply import read_header as ply_header
 from wheelplane.readers.formats.ply import read_ply
+from wheelplane.readers.parsing import binary
+from wheelplane.readers.parsing.binary import read_exactly, record_blocks
 from wheelplane.readers.source import Layout
 
 RNG = np.random.default_rng(8)

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from tests.support.sources import opened
 from wheelplane.errors import InputError
 from wheelplane.readers.faults import fault, too_long, too_short
-from wheelplane.readers.formats import lines as text_lines
-from wheelplane.readers.formats.ascii import content, has_decimal_comma, table_blocks
-from wheelplane.readers.formats.lines import (
+from wheelplane.readers.parsing import lines as text_lines
+from wheelplane.readers.parsing.ascii import content, has_decimal_comma, table_blocks
+from wheelplane.readers.parsing.lines import (
     Lines,
     count_lines,
     count_of_lines,

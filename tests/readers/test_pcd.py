@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
-from wheelplane.readers.formats.lzf import decompress
+from wheelplane.readers.parsing.lzf import decompress
 
 
 def read(folder, data):

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..faults import fault, too_long, too_short
+from ..parsing.binary import record_blocks
 from ..sandbox.client import find_library, run_child
 from ..sandbox.process import DAMAGED, Job
 from ..source import Block, Layout, RawCloud, Source
-from .binary import record_blocks
 
 # X, Y, Z and the intensity come first in every point format.
 FORMATS, OFFSETS = ["<i4", "<i4", "<i4", "<u2"], [0, 4, 8, 12]

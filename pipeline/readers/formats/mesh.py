@@ -14,9 +14,9 @@ import numpy as np
 from ...vectors import Array
 from ..faults import fault, too_long, too_short
 from ..memory import check_memory
+from ..parsing.ascii import table_blocks
+from ..parsing.lines import Lines
 from ..source import Block, Layout, RawCloud, Source, shown
-from .ascii import table_blocks
-from .lines import Lines
 
 _STL_HEAD, _STL_TRIANGLE = 84, 50
 _PARSED_PER_BYTE = 12  # bytes of memory that trimesh takes per byte of text, measured

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..faults import fault, too_long, too_short
+from ..parsing.binary import CHUNK_BYTES, read_exactly, record_blocks
 from ..source import Block, Layout, RawCloud, Source, shown
-from .binary import CHUNK_BYTES, read_exactly, record_blocks
 
 _LENGTH_FORMATS = {b"\x01\x00": "<H", b"\x02\x00": "<I"}
 _INCOMPLETE = "the copy is incomplete; copy it again"

@@ -11,11 +11,11 @@ import numpy as np
 
 from ..faults import fault, too_long, too_short
 from ..memory import check_memory
+from ..parsing.ascii import table_blocks
+from ..parsing.binary import record_blocks
+from ..parsing.lines import Lines, count_lines
+from ..parsing.lzf import LARGEST_RATIO, decompress
 from ..source import Block, Layout, RawCloud, Source, find_layout, shown
-from .ascii import table_blocks
-from .binary import record_blocks
-from .lines import Lines, count_lines
-from .lzf import LARGEST_RATIO, decompress
 
 # PCL's writers stretch a file to one page plus the data, so that up to a page of zeros follows
 # (pcl::PCDWriter::writeBinary, writeBinaryCompressed).

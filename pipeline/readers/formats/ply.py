@@ -12,10 +12,10 @@ import numpy as np
 
 from ...errors import InputError
 from ..faults import fault, too_long, too_many, too_short
+from ..parsing.ascii import table_blocks
+from ..parsing.binary import record_blocks
+from ..parsing.lines import Lines, count_lines
 from ..source import Block, Layout, RawCloud, Source, find_layout, shown
-from .ascii import table_blocks
-from .binary import record_blocks
-from .lines import Lines, count_lines
 
 
 def read_ply(source: Source) -> RawCloud:

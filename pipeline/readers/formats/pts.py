@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..faults import fault, too_long, too_many, too_short
+from ..parsing.ascii import table_blocks
+from ..parsing.lines import Lines, count_lines, pass_lines
 from ..source import Block, Layout, RawCloud, RawPart, Source, shown
-from .ascii import table_blocks
-from .lines import Lines, count_lines, pass_lines
 
 # Columns of a row: x y z, then an intensity, a colour, both, or both and a normal.
 _LAYOUTS = {

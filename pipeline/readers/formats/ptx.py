@@ -18,9 +18,9 @@ import numpy as np
 from ...errors import InputError
 from ...vectors import Array
 from ..faults import fault, too_many
+from ..parsing.ascii import table_blocks
+from ..parsing.lines import Lines, count_lines, is_number, pass_lines
 from ..source import Block, Layout, RawCloud, RawPart, Source, shown
-from .ascii import table_blocks
-from .lines import Lines, count_lines, is_number, pass_lines
 
 _COLUMNS = (4, 7, 10)  # x y z intensity, then a colour, then a normal
 _NUMBERS_OF_LINE = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)

@@ -14,9 +14,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..faults import fault, too_many, too_short
+from ..parsing.ascii import content, has_decimal_comma, table_blocks
+from ..parsing.lines import Lines, count_lines, is_number
 from ..source import Block, Layout, RawCloud, Source, find_layout, shown
-from .ascii import content, has_decimal_comma, table_blocks
-from .lines import Lines, count_lines, is_number
 
 _MOST_LINES_BEFORE = 100_000
 
