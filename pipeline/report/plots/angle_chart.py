@@ -19,7 +19,7 @@ def angles_text(
     """Return a line per wheel and angle: value, U as a bar, [ and ] for limits, | for zero."""
     found = against(stated(measurement), view.axis)
     names = names_shown(measurement)
-    wide = max(len(cut(name, MOST_NAME)) for name in names)
+    wide = max(len(cut(words.wheel(name), MOST_NAME)) for name in names)
     parts = []
     for kind in ("toe", "camber"):
         rows = {q.subject: q for q in found if q.kind == kind and q.subject in names}
@@ -31,7 +31,10 @@ def angles_text(
         parts.append(f"{words.known('quantity', kind)}  ({MINUS} {ends[0]}, + {ends[1]})")
         for name in names:
             bar = _line(rows[name], verdicts.get(name), low, high)
-            called, value = f"{cut(name, MOST_NAME):<{wide}}", f"{texts[name]:>{numbers}}"
+            called, value = (
+                f"{cut(words.wheel(name), MOST_NAME):<{wide}}",
+                f"{texts[name]:>{numbers}}",
+            )
             parts.append(f"  {called}  {value}  {bar}".rstrip())
         parts.append(" " * (wide + numbers + 6) + words.number(_scale(low, high, step)))
     return "\n".join([*parts, words("plot.text_note"), ""])

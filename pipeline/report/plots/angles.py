@@ -48,7 +48,9 @@ def angles_drawing(
     marks: list[Mark] = [Text(12, 22, title, 15, bold=True)]
     found = against(stated(measurement), axis)
     for index, name in enumerate(names):
-        marks.append(Text(LABEL - 10, HEAD + ROW * index + 16, cut(name, 11), 13, "end"))
+        marks.append(
+            Text(LABEL - 10, HEAD + ROW * index + 16, cut(words.wheel(name), 11), 13, "end")
+        )
     for panel, kind in enumerate(("toe", "camber")):
         rows = {q.subject: q for q in found if q.kind == kind and q.subject in names}
         left = LABEL + panel * (PANEL + GAP)

@@ -103,7 +103,11 @@ def _legend(components: tuple[str, ...], words: Translations) -> list[Mark]:
 def _bar(
     quantity: Stated, components: tuple[str, ...], y: float, words: Translations, alone: bool
 ) -> list[Mark]:
-    of = "" if alone or quantity.subject == "vehicle" else f"{cut(quantity.subject, 14)}  "
+    of = (
+        ""
+        if alone or quantity.subject == "vehicle"
+        else f"{cut(words.wheel(quantity.subject), 14)}  "
+    )
     label = of + words.known("quantity", quantity.kind)
     marks: list[Mark] = [Text(LABEL - 8, y + 15, label, 12, "end")]
     x = LABEL

@@ -55,7 +55,7 @@ def _wheel(wheel: dict[str, Any], project: Any) -> list[Mark]:
         marks += arrow(start, end, colour, 1.6)
         away = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
         x, y = end + 14 * away + (0, 5)
-        marks.append(Text(x, y, wheel["name"], 15, "middle", bold=True, colour=colour))
+        marks.append(Text(x, y, wheel["label"], 15, "middle", bold=True, colour=colour))
     return marks
 
 

@@ -56,7 +56,7 @@ def face_drawing(
     rotation = _to_upright(plane, frame)
     middle = (LEFT + SIDE / 2.0, HEAD + SIDE / 2.0)
     pixels = _pixels(face, FULL_SIGMAS * plane.sigma_m, coarser)
-    title = words("plot.face_title", name=cut(result.observation.name, 18))
+    title = words("plot.face_title", name=cut(words.wheel(result.observation.name), 18))
     marks: list[Mark] = [
         Raster(*middle, SIDE, pixels, _palette(), -math.degrees(rotation)),
         *_outline(face, rotation, middle),

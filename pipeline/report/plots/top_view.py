@@ -115,7 +115,7 @@ def _label(wheel: str, middle: Array, known: Known, words: Translations, view: V
     x = middle[0] + (-24.0 if side == "end" else 24.0)
     toe = words.number(view.angle(known[wheel, "toe"].value, "toe"))
     return [
-        Text(x, middle[1] - 6, wheel, 14, side, bold=True),
+        Text(x, middle[1] - 6, words.wheel(wheel), 14, side, bold=True),
         Text(x, middle[1] + 11, toe, 12, side),
     ]
 
@@ -135,7 +135,7 @@ def _from_behind(known: Known, words: Translations, view: View) -> list[Mark]:
         for wheel, x, side in ((left, middle - 84, -1.0), (right, middle + 84, 1.0)):
             marks += _upright(np.array([x, y]), side * k * tilts[wheel])
             value = words.number(view.angle(tilts[wheel], "camber"))
-            marks.append(Text(x, y + 74, wheel, 14, "middle", bold=True))
+            marks.append(Text(x, y + 74, words.wheel(wheel), 14, "middle", bold=True))
             marks.append(Text(x, y + 90, value, 12, "middle"))
     return marks
 

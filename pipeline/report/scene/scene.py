@@ -76,6 +76,7 @@ def _wheel(
     toe, camber = (words.number(deg_min_sec(x)) for x in (angles.toe_rad, angles.camber_rad))
     return {
         "name": seen.name,
+        "label": words.wheel(seen.name),
         "role": seen.role,
         "wheel": result.wheel,
         "status": seen.status,

@@ -1,11 +1,11 @@
-// Builds pipeline/report/static/viewer.js. Run `npm ci && npm run build` after a change of what lies here.
+// Builds pipeline/report/static/viewer.js. Run `npm ci && npm run build` after a change in this folder.
 import { createHash } from "node:crypto";
 import { copyFileSync, mkdirSync, readFileSync, readdirSync } from "node:fs";
 import { build } from "esbuild";
 
 const OUT = new URL("../../report/static/", import.meta.url).pathname;
 
-// Of every source by its name; tests/test_viewer.py finds the same, or the bundle is stale.
+// Digest of all sources by name; tests/report/test_viewer.py computes the same, or the bundle is stale.
 const sources = ["build.mjs", "package-lock.json", ...readdirSync("src").map((name) => `src/${name}`)];
 const digest = createHash("sha256");
 for (const name of sources.sort()) digest.update(`${name}\0`).update(readFileSync(name)).update("\0");

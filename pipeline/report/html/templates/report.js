@@ -5,7 +5,7 @@
   var picked = document.getElementById("picked"), scene = read("scene");
   function tell(name) {
     scene.wheels.forEach(function (wheel) {
-      if (wheel.name === name) { picked.textContent = name + ": " + wheel.toe_text + ", " + wheel.camber_text; }
+      if (wheel.name === name) { picked.textContent = (wheel.label || name) + ": " + wheel.toe_text + ", " + wheel.camber_text; }
     });
   }
   root.classList.add("js");

@@ -169,8 +169,8 @@ function kindOf({ colour_class: kind, role }) {
   return `${kind === "bad" ? " w3d-bad" : ""}${role === "reference" ? "" : " w3d-brief"}`;
 }
 
-function wordsOf({ name, toe_text: toe, camber_text: camber }) {
-  return [name, ...[toe, camber].filter(Boolean)];
+function wordsOf({ name, label, toe_text: toe, camber_text: camber }) {
+  return [label ?? name, ...[toe, camber].filter(Boolean)];
 }
 
 function mainAxis(from, to) {

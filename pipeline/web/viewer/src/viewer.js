@@ -14,16 +14,16 @@ const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 
 /** Show `scene` (wheelplane/scene/1) in `element`; without WebGL, a sentence in its place. */
 export function mount(element, scene, { onWheel = () => {}, words = {}, controls = true } = {}) {
-  const told = { ...ENGLISH, ...words };
+  const texts = { ...ENGLISH, ...words };
   adoptStyle();
   const root = document.createElement("div");
   root.className = "w3d";
   element.replaceChildren(root);
   try {
-    return new Viewer(root, scene, onWheel, told, controls);
+    return new Viewer(root, scene, onWheel, texts, controls);
   } catch {
     root.classList.add("w3d-none");
-    root.textContent = told.no_webgl;
+    root.textContent = texts.no_webgl;
     return absent(root);
   }
 }

@@ -14,6 +14,6 @@ export const ENGLISH = {
   normals: "Normals",
   frame: "Axles",
   axes: "Axes",
-  kingpin: "Kingpin",
+  kingpin: "Steering axis",
   labels: "Labels",
 };
