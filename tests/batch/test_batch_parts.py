@@ -218,7 +218,7 @@ def test_a_front_given_for_many_captures_passes_over_those_with_a_scan_a_wheel(t
         (folder / f"{wheel}.xyz").write_text("0 0 0\n")
     overrides = CaptureOptions(front=(1.0, 0.0, 0.0))
     with (
-        pytest.raises(InputError, match="--front is of a cloud"),
+        pytest.raises(InputError, match="--front is for a cloud"),
         open_capture(folder, "disc-250", overrides),
     ):
         pass

@@ -79,7 +79,7 @@ def drawn_runout(seed: int, positions: int, turn_deg: float) -> list[Row]:
         toe, camber = np.radians(rng.uniform(-1, 1)), np.radians(rng.uniform(-2, 1))
         truth[wheel] = {"toe": toe, "camber": camber}
         kept.append(partial(
-            rolled, wheel=wheel, turns=turns, toe=toe, camber=camber, shown=shown,
+            rolled, wheel=wheel, turns=turns, toe=toe, camber=camber, stated=shown,
             wobble=np.radians(0.5) * np.array([np.cos(way), np.sin(way)]),
             eccentric_m=0.002 * np.array([np.cos(other), np.sin(other)]),
             u_turn=np.radians(max(turn_deg, 0.1)),

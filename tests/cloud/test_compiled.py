@@ -63,10 +63,13 @@ def test_taken_rows_are_relative_to_the_centre(points):
 
 def test_slab_moments_are_those_of_the_points_inside(points):
     """Region, hole and both limits; cells outside the grid are clipped to its border."""
-    region, hole = np.array([0.9, 0.6, np.inf]), np.array([[0.2, 0.1, 0.3]])
+    sides = np.array([[1.0, 0.0, 0.6], [-1.0, 0.0, 0.6]])  # |u| < 0.6
+    hole = np.array([[0.2, 0.1, 0.3]])
     sums, edge = np.zeros((25, SUMS)), np.empty((COUNT, 3))
     limits, grid = np.array([0.1, 0.3]), np.array([5, 0.3])
-    found = compiled.slab_moments(points, np.eye(3), 0.2, limits, region, hole, grid, sums, edge)
+    found = compiled.slab_moments(
+        points, np.eye(3), 0.2, limits, 0.9, sides, hole, grid, sums, edge
+    )
     off = np.abs(points[:, 2] - 0.2)
     inside = (np.hypot(points[:, 0], points[:, 1]) < 0.9) & (np.abs(points[:, 0]) < 0.6)
     inside &= np.hypot(points[:, 0] - 0.2, points[:, 1] - 0.1) > 0.3

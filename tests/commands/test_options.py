@@ -87,13 +87,13 @@ def test_length_units_are_the_same_everywhere():
 
 def test_the_station_stands_where_it_is_reported_in_metres():
     station = read_station("leica-tm30", "1000,-2000,500", "cartesian", "mm")
-    np.testing.assert_array_equal(station.place_m, [1.0, -2.0, 0.5])
+    np.testing.assert_array_equal(station.position_m, [1.0, -2.0, 0.5])
     assert station.stated.range_sigma_m > 0.0
 
 
 def test_spherical_coordinates_have_the_station_at_their_origin():
     np.testing.assert_array_equal(
-        read_station("leica-tm30", None, "spherical", "m").place_m, np.zeros(3)
+        read_station("leica-tm30", None, "spherical", "m").position_m, np.zeros(3)
     )
     assert read_station(None, None, "spherical", "m") is None
 

@@ -49,14 +49,14 @@ def test_the_axle_is_in_the_scanners_coordinates_and_turns_with_them():
     assert moved.axial_clock_rad == pytest.approx(plain.axial_clock_rad, abs=1e-7)
 
 
-def scores(count, turns, shown=None, u_turn=0.002, spread=0.0, **more):
+def scores(count, turns, u_turn=0.002, spread=0.0, **more):
     """Errors of toe, camber, wobble and eccentricity over u; errors of toe; chances."""
     rows, errors, chances = [], [], []
     for i in range(count):
         jitter = spread * np.random.default_rng([i, 9]).normal(size=len(turns))
         found = one(
             Scene(100 + i).references(), "FL" if i % 2 else "RR", turns + jitter,
-            shown=turns, u_turn=u_turn, **more,
+            stated=turns, u_turn=u_turn, **more,
         )  # fmt: skip
         true = (TOE, CAMBER, np.radians(0.5), np.hypot(*OFF))
         known = (found.angles.toe, found.angles.camber, found.axial_runout, found.radial_runout)
@@ -97,7 +97,7 @@ def test_a_turn_known_badly_costs_two_positions_more_than_four():
     four = one(Scene(4, noise=0.0).references(), turns=QUARTERS, u_turn=loose).angles
     assert four.toe.u < 0.5 * max(two.toe.u, two.camber.u)
     shown = QUARTERS + np.array([0.0, 0.1, -0.08, 0.05])
-    found = one(Scene(4, noise=0.0).references(), turns=QUARTERS, shown=shown, u_turn=0.1)
+    found = one(Scene(4, noise=0.0).references(), turns=QUARTERS, stated=shown, u_turn=0.1)
     spread = np.ptp(np.array(found.turns_rad) - QUARTERS)
     assert spread < 0.05 * np.ptp(shown - QUARTERS)  # the turns were found, not believed
 
@@ -135,10 +135,10 @@ def test_a_vehicle_that_moves_across_the_axle():
 
 
 def test_turns_shown_backwards_are_reported():
-    found = one(Scene(8).references(), turns=QUARTERS, shown=-QUARTERS)
+    found = one(Scene(8).references(), turns=QUARTERS, stated=-QUARTERS)
     assert found.status == "moved"
     assert "are reversed: change them" in found.reason
-    wrong = one(Scene(8).references(), turns=QUARTERS, shown=QUARTERS[[0, 2, 1, 3]])
+    wrong = one(Scene(8).references(), turns=QUARTERS, stated=QUARTERS[[0, 2, 1, 3]])
     assert "are reversed: change them" not in wrong.reason
 
 
@@ -218,16 +218,16 @@ def test_a_plate_that_shows_its_turn_tells_it():
     """The cost of a badly stated angle for two positions is gone; other periods are reported."""
     loose, scene = np.radians(3.0), {"noise": 0.0, "u_turn": 7.5e-5}
     shown = HALF + np.array([0.0, 0.05])
-    found = one(Scene(4, **scene).references(), u_turn=loose, shown=shown)
+    found = one(Scene(4, **scene).references(), u_turn=loose, stated=shown)
     sure = one(Scene(4, noise=0.0).references(), u_turn=1e-4)
     assert (found.status, found.dof) == ("ok", 5 * 2 - 9 + 1)
     assert found.angles.toe.value == pytest.approx(TOE, abs=1e-8)
     assert np.diff(found.turns_rad) == pytest.approx(np.pi, abs=1e-4)
     assert found.angles.toe.u == pytest.approx(sure.angles.toe.u, rel=0.01)
     assert found.angles.camber.u == pytest.approx(sure.angles.camber.u, rel=0.01)
-    disc = one(Scene(4, noise=0.0).references(), u_turn=loose, shown=shown)
+    disc = one(Scene(4, noise=0.0).references(), u_turn=loose, stated=shown)
     assert abs(disc.angles.toe.value - TOE) + abs(disc.angles.camber.value - CAMBER) > 1e-4
-    wrong = one(Scene(4, **scene).references(), shown=HALF + np.array([0.0, np.radians(30.0)]))
+    wrong = one(Scene(4, **scene).references(), stated=HALF + np.array([0.0, np.radians(30.0)]))
     assert (wrong.status, "angle_deg is wrong" in wrong.reason) == ("moved", True)
-    slipped = one(Scene(4, **scene).references(), shown=HALF + np.array([0.0, 0.1]))
+    slipped = one(Scene(4, **scene).references(), stated=HALF + np.array([0.0, 0.1]))
     assert slipped.status == "moved"

@@ -438,7 +438,7 @@ def test_a_target_shown_twice_by_scans_that_are_not_registered_is_refused(bay, t
     path = write(tmp_path / "v.ply", np.concatenate([bay.cloud, twice]))
     text = refused("measure", path, "--target", "disc-250", "--front", bay.front)
     assert "mm apart, so one target is seen twice" in text
-    assert text.endswith("register the scans of the file anew")
+    assert text.endswith("register the scans of the file again")
 
 
 def test_the_wrong_unit_is_refused_with_the_right_one(bay, vehicle, tmp_path):
@@ -453,7 +453,7 @@ def test_the_wrong_unit_is_refused_with_the_right_one(bay, vehicle, tmp_path):
 
 def test_no_target_is_asked_for(bay, vehicle):
     text = refused("measure", vehicle, "--front", bay.front)
-    assert text == f"{vehicle}: no target is named: add --target, for instance --target disc-250"
+    assert text == f"{vehicle}: no target is named: add --target, for example --target disc-250"
 
 
 def test_a_file_that_is_no_cloud_is_refused_as_everywhere(bay, tmp_path):

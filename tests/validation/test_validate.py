@@ -216,7 +216,7 @@ def test_reports_say_units_signs_and_verdict(made, tmp_path):
     done = run("validate", folder, "--five-point", folder / FILE, "-o", tmp_path / "out")
     text = done.stdout
     assert done.return_value == (0 if "Verdict: agree" in text else 1)
-    assert "Toe-in and top-out are positive" in text
+    assert "Toe-in and camber with the top outward are positive" in text
     assert "dense scans less five points" in text
     files = sorted(path.name for path in (tmp_path / "out").iterdir())
     assert files == ["differences.svg", "validation.json", "validation.txt"]

@@ -459,7 +459,7 @@ def wheelplane(capsys, monkeypatch):
         (["--angles", "mm", "--rim", "16mm"], "0.016 m is no rim's"),
         (["--angles", "gon"], "'gon' is not one of"),
         (["--axis", "middle"], "'middle' is not one of"),
-        (["--axis", "centreline", "--method", "tcgc-2013"], "kept as they were printed"),
+        (["--axis", "centreline", "--method", "tcgc-2013"], "reproduced as they were printed"),
     ],
 )
 def test_a_view_that_cannot_be_is_refused_in_one_line(wheelplane, options, says):
