@@ -13,35 +13,35 @@ from ..errors import ConfigError, InputError
 from ..units import LengthUnit
 from ..vehicle import REFERENCE_WHEELS
 
-Wheel = Literal["RR", "RL", "FR", "FL"]
+WheelName = Literal["RR", "RL", "FR", "FL"]
 Upright = Literal["auto", "floor", "z"]
 Vector = tuple[float, float, float]
 
 
-class Trial(Section):
+class DeclaredTrial(Section):
     """A further scan of a wheel; repeats: the wheel or trial scanned again with nothing moved."""
 
     name: str = Field(min_length=1)
     file: str = Field(min_length=1)
-    wheel: Wheel | None = None
+    wheel: WheelName | None = None
     repeats: str | None = None
 
 
-class Sweep(Section):
+class DeclaredSweep(Section):
     """A scan of a front wheel at one position of the steering."""
 
     name: str = Field(min_length=1)
     file: str = Field(min_length=1)
-    wheel: Wheel
+    wheel: WheelName
     position: str | None = Field(None, min_length=1)
 
 
-class Runout(Section):
+class DeclaredRunout(Section):
     """A scan of a lifted wheel, rotated about its axle by angle_deg."""
 
     name: str = Field(min_length=1)
     file: str = Field(min_length=1)
-    wheel: Wheel
+    wheel: WheelName
     angle_deg: float
     u_angle_deg: float = Field(1.0, gt=0.0, le=30.0)
 
@@ -59,9 +59,9 @@ class CaptureFile(Section):
     target: object = None
     scanner: str | None = None
     reference: dict[str, str] | None = None
-    trial: tuple[Trial, ...] = Field((), strict=False)
-    sweep: tuple[Sweep, ...] = Field((), strict=False)
-    runout: tuple[Runout, ...] = Field((), strict=False)
+    trial: tuple[DeclaredTrial, ...] = Field((), strict=False)
+    sweep: tuple[DeclaredSweep, ...] = Field((), strict=False)
+    runout: tuple[DeclaredRunout, ...] = Field((), strict=False)
     cloud: str | None = Field(None, min_length=1)
     front: Vector | None = Field(None, strict=False)
     front_point: Vector | None = Field(None, strict=False)
@@ -70,7 +70,11 @@ class CaptureFile(Section):
 
 def files_of(declared: CaptureFile) -> list[str]:
     """Return the files that a capture declares, by its names: scans, target, scanner."""
-    more: tuple[Trial | Sweep | Runout, ...] = (*declared.trial, *declared.sweep, *declared.runout)
+    more: tuple[DeclaredTrial | DeclaredSweep | DeclaredRunout, ...] = (
+        *declared.trial,
+        *declared.sweep,
+        *declared.runout,
+    )
     scans = [declared.cloud, *(declared.reference or {}).values(), *(scan.file for scan in more)]
     named = [n for n in (declared.target, declared.scanner) if str(n).endswith(".toml")]
     return [name for name in (*scans, *named) if isinstance(name, str)]

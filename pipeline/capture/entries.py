@@ -10,7 +10,7 @@ from pathlib import Path
 from ..errors import InputError
 from ..files import ARCHIVE_SUFFIXES
 from ..vehicle import REFERENCE_WHEELS
-from .declaration import CaptureFile, Runout, Sweep, Trial
+from .declaration import CaptureFile, DeclaredRunout, DeclaredSweep, DeclaredTrial
 from .entry import ScanEntry, Turn
 from .file_names import check_plain, only_cloud
 from .folder import check_path
@@ -41,7 +41,7 @@ def scans_of(
     return tuple(replace(entry, path=_existing(folder, entry.file, where)) for entry in entries)
 
 
-def _of_trial(trial: Trial, trials: tuple[Trial, ...], where: str) -> ScanEntry:
+def _of_trial(trial: DeclaredTrial, trials: tuple[DeclaredTrial, ...], where: str) -> ScanEntry:
     """Return the entry of a trial; check that what it repeats is itself no repeat."""
     fact = f"{where}: trial {trial.name!r} repeats {trial.repeats!r}"
     of = trial.repeats
@@ -57,7 +57,7 @@ def _of_trial(trial: Trial, trials: tuple[Trial, ...], where: str) -> ScanEntry:
     return ScanEntry(trial.name, "trial", first.wheel, trial.file, Path(), of)
 
 
-def _of_sweeps(sweeps: tuple[Sweep, ...], where: str) -> list[ScanEntry]:
+def _of_sweeps(sweeps: tuple[DeclaredSweep, ...], where: str) -> list[ScanEntry]:
     """Return the entries of the sweeps: front wheels, each at one position of the steering."""
     entries, seen = [], set()
     for scan in sweeps:
@@ -75,7 +75,7 @@ def _of_sweeps(sweeps: tuple[Sweep, ...], where: str) -> list[ScanEntry]:
     return entries
 
 
-def _of_runouts(runouts: tuple[Runout, ...], where: str) -> list[ScanEntry]:
+def _of_runouts(runouts: tuple[DeclaredRunout, ...], where: str) -> list[ScanEntry]:
     """Return the entries of the run-outs, two or more per wheel."""
     entries = []
     for scan in runouts:

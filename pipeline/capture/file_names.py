@@ -9,7 +9,7 @@ from ..errors import InputError
 from ..files import COMPRESSED_SUFFIXES
 from ..readers import READERS, scan_suffix
 from ..vehicle import REFERENCE_WHEELS
-from .declaration import CaptureFile, Trial, find_capture_file
+from .declaration import CaptureFile, DeclaredTrial, find_capture_file
 
 TABLES = (".csv", ".txt")  # may be tables of anything
 
@@ -38,7 +38,7 @@ def by_file_names(folder: Path, source: Path) -> CaptureFile:
     trials.sort(key=lambda name: [int(p) if p.isdecimal() else p for p in re.split(r"(\d+)", name)])
     return CaptureFile(
         reference=reference,
-        trial=tuple(Trial(name=_stem(name)[len("trial-") :], file=name) for name in trials),
+        trial=tuple(DeclaredTrial(name=_stem(name)[len("trial-") :], file=name) for name in trials),
     )
 
 

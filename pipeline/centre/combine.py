@@ -14,12 +14,12 @@ from ..uncertainty import f_beyond
 from ..vectors import Array
 from .in_plane_rotation import PlaneRotation, combined_rotation
 
-Method = Literal["rim", "outline", "hole", "holes", "pattern", "combined", "points"]
+CentreMethod = Literal["rim", "outline", "hole", "holes", "pattern", "combined", "points"]
 DISAGREE = 1e-4  # probability of a difference as large, below which two centres disagree
 
 
 @dataclass(frozen=True)
-class Estimate:
+class CentreEstimate:
     """Centre by one method, in the plane's coordinates.
 
     centre_m: (2,). noise_m2: (2, 2) by its points, given the plane, with dof degrees of freedom;
@@ -27,7 +27,7 @@ class Estimate:
     target's axes in the plane, where this method shows it.
     """
 
-    method: Method
+    method: CentreMethod
     centre_m: Array
     noise_m2: Array
     model_m2: Array
@@ -41,7 +41,7 @@ class Estimate:
         return self.noise_m2 + self.model_m2
 
 
-def check_agreement(estimates: Sequence[Estimate], plane_covariance: Array) -> None:
+def check_agreement(estimates: Sequence[CentreEstimate], plane_covariance: Array) -> None:
     """Raise NotMeasuredError 'centres-disagree' where two differ beyond their uncertainties.
 
     plane_covariance: (3, 3) of the plane's height at the centre and its slopes, which moves both.
@@ -66,7 +66,7 @@ def check_agreement(estimates: Sequence[Estimate], plane_covariance: Array) -> N
                 )
 
 
-def combined(estimates: Sequence[Estimate]) -> Estimate:
+def combined(estimates: Sequence[CentreEstimate]) -> CentreEstimate:
     """Return the mean weighted by inverse covariances: W_i = (sum C^-1)^-1 C_i^-1."""
     if len(estimates) == 1:
         return estimates[0]
@@ -77,7 +77,7 @@ def combined(estimates: Sequence[Estimate]) -> Estimate:
     noises = [w @ e.noise_m2 @ w.T for w, e in parts]
     variances = [float(np.trace(noise)) for noise in noises]
     welch = sum(s * s / e.dof for s, e in zip(variances, estimates, strict=True))
-    return Estimate(
+    return CentreEstimate(
         method="combined",
         centre_m=np.asarray(sum((w @ e.centre_m for w, e in parts), np.zeros(2))),
         noise_m2=np.asarray(sum(noises, np.zeros((2, 2)))),

@@ -13,7 +13,7 @@ from ..detection import OFF_PLANE, outnumbered
 from ..errors import NotMeasuredError
 from ..targets import Holes, Outline
 from ..vectors import Array
-from .combine import Estimate, Method
+from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
 from .edge.fit_edge import Behind, EdgeFit, aimed, fit_edge, look_behind
 from .in_plane_rotation import PlaneRotation
@@ -43,7 +43,7 @@ GENTLE = 1.0  # slope below which all points that matter lie within target_view.
 class EdgeCentre:
     """Centre from one outline, in-plane rotation of the target's axes, edge fit if there is one."""
 
-    estimate: Estimate
+    estimate: CentreEstimate
     rotation_rad: float
     edge_fit: EdgeFit | None
 
@@ -87,7 +87,7 @@ def _by_edge(
     view: TargetView,
     outline: Outline,
     start: tuple[Array, float],
-    method: Method,
+    method: CentreMethod,
     beside: EdgeCentre | None,
 ) -> EdgeCentre | None:
     """Locate the centre by one outline; None where less than a quarter of the edge is in the scan.
@@ -114,7 +114,7 @@ def _by_edge(
         edge_m = UNEXPLAINED_EDGE_M if behind.seen and behind.beam is None else OUTLINE_EDGE_M
         centre, rotation = fitted.centre_m + SHORT * grazing_m, fitted.rotation_rad
         method = "outline" if method == "rim" else method
-        estimate = Estimate(
+        estimate = CentreEstimate(
             method=method,
             centre_m=centre,
             noise_m2=fitted.covariance_m2,
@@ -126,7 +126,7 @@ def _by_edge(
     else:
         centre, rotation = edge_fit.centre_m, edge_fit.rotation_rad
         shown = _rotation(view, outline, edge_fit, model, edge_fit.rotation_by_plane)
-        estimate = Estimate(
+        estimate = CentreEstimate(
             method,
             centre,
             edge_fit.covariance_m2,

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..vectors import Array
 
-Mark = Literal["edges", "print"]
+RotationMark = Literal["edges", "print"]
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class PlaneRotation:
     plane's height at the centre, and by its slopes.
     """
 
-    mark: Mark
+    mark: RotationMark
     angle_rad: float
     period_rad: float
     noise: Array
@@ -54,7 +54,7 @@ class InPlaneRotation:
     mark: what shows it; the print's axis may be rotated on a board against the edges'.
     """
 
-    mark: Mark
+    mark: RotationMark
     axis: Array
     period_rad: float
 

@@ -12,7 +12,7 @@ from ..plane import Patch, PlaneFit
 from ..targets import PatternTarget, Target
 from ..uncertainty import UncertaintyComponent, centre_component, plane_component
 from ..vectors import Array, turned
-from .combine import Estimate, Method, check_agreement, combined
+from .combine import CentreEstimate, CentreMethod, check_agreement, combined
 from .edge.fit_edge import EdgeFit
 from .edge_centre import EdgeCentre, centre_by_edge, centre_by_holes
 from .in_plane_rotation import InPlaneRotation, PlaneRotation
@@ -24,7 +24,7 @@ from .target_view import TargetView
 class OtherCentre:
     """Centre by one of several methods: centre_m (3,) scanner frame."""
 
-    method: Method
+    method: CentreMethod
     centre_m: Array
     centre_covariance_m2: Array
 
@@ -46,7 +46,7 @@ class TargetFit:
     components: tuple[UncertaintyComponent, ...]
     plane_rms_m: float
     points_on_target: int
-    method: Method
+    method: CentreMethod
     edge_fit: EdgeFit | None = None
     others: tuple[OtherCentre, ...] = ()
     marker_ids: tuple[int, ...] = ()
@@ -130,7 +130,9 @@ def _printed(view: TargetView, target: Target, outer: EdgeCentre) -> PatternFit 
     )
 
 
-def _by_pattern(printed: PatternFit, target: PatternTarget, edge_fit: EdgeFit | None) -> Estimate:
+def _by_pattern(
+    printed: PatternFit, target: PatternTarget, edge_fit: EdgeFit | None
+) -> CentreEstimate:
     """Return the estimate by the print.
 
     A plane higher by h, or tilted by g, moves features along the beams, where these are known.
@@ -138,7 +140,7 @@ def _by_pattern(printed: PatternFit, target: PatternTarget, edge_fit: EdgeFit | 
     by_plane = np.zeros((2, 3))
     if edge_fit is not None:
         by_plane = -np.outer(edge_fit.beam, [1.0, *target.offset])
-    return Estimate(
+    return CentreEstimate(
         method="pattern",
         centre_m=printed.centre_m,
         noise_m2=printed.covariance_m2,
@@ -171,7 +173,7 @@ def _rotation_by_plane(
     return np.array([0.0, *(-(across @ q) / np.sum(q * q))])
 
 
-def _fit(view: TargetView, estimate: Estimate, edge_fit: EdgeFit | None) -> TargetFit:
+def _fit(view: TargetView, estimate: CentreEstimate, edge_fit: EdgeFit | None) -> TargetFit:
     """Return the target by one estimate of its centre, with its uncertainty components."""
     plane, rotation = view.plane, estimate.rotation
     centre_m = view.to_scanner(estimate.centre_m)
@@ -195,7 +197,7 @@ def _fit(view: TargetView, estimate: Estimate, edge_fit: EdgeFit | None) -> Targ
 
 
 def _plane_components(
-    plane: PlaneFit, lever_m: Array, estimate: Estimate
+    plane: PlaneFit, lever_m: Array, estimate: CentreEstimate
 ) -> list[UncertaintyComponent]:
     """Return components of the plane's scatter: independent noise, correlated noise, flatness."""
     correlated = plane.correlated

@@ -17,7 +17,7 @@ from ..measurement import Measurement
 from ..report.format.layout import aligned
 from ..report.write import write_reports
 from ..vehicle import deg_min_sec
-from .progress import Progress
+from .progress import TerminalProgress
 from .synth import make_capture
 
 
@@ -40,7 +40,7 @@ def demo(folder: Path, seed: int) -> int:
     make_capture(capture, seed, "saloon", "default", "disc-250", trials=2)
     mark.touch()
     click.echo("Measuring it from the scans alone ...\n")
-    with open_capture(capture) as opened, Progress(opened.steps) as progress:
+    with open_capture(capture) as opened, TerminalProgress(opened.steps) as progress:
         measurement = measure_capture(opened, Config(), progress)
     written = write_reports(measurement, results)
     click.echo(compared(measurement, capture / "truth.json"))

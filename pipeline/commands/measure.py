@@ -28,7 +28,7 @@ from .options import (
     view_options,
     whole_vehicle_options,
 )
-from .progress import Progress
+from .progress import TerminalProgress
 from .reporting import plot_to, report_options, show, show_plot
 
 
@@ -102,7 +102,10 @@ def measure(
         raise InputError("--pdf without -o DIR: name the folder that report.pdf goes to")
     limits = None if tolerance is None else load_tolerance(tolerance)
     overrides = capture_options(front, front_point, up, length_unit)
-    with open_capture(capture, target, overrides) as opened, Progress(opened.steps) as progress:
+    with (
+        open_capture(capture, target, overrides) as opened,
+        TerminalProgress(opened.steps) as progress,
+    ):
         settings = with_scanner(settings, scanner or opened.scanner)
         measurement = measure_capture(opened, settings, progress)
     if max_draws:

@@ -35,7 +35,7 @@ class _Line:
             click.echo("\r\x1b[K", nl=False, err=True)
 
 
-class Progress(_Line):
+class TerminalProgress(_Line):
     """Progress through a known number of items; called with the name of each."""
 
     def __init__(self, total: int, doing: str = "measuring") -> None:

@@ -20,7 +20,7 @@ from ..batch.results.query import (
     ALL,
     STATUSES,
     Filter,
-    Range,
+    ValueRange,
     captures,
     count,
     failures,
@@ -298,10 +298,10 @@ def _day(option: str, text: str, end: bool) -> float:
     return (zoned + after * end).timestamp() / 86400.0
 
 
-def _range(quantity: str, text: str) -> Range:
+def _range(quantity: str, text: str) -> ValueRange:
     low, dots, high = text.partition("..")
     try:
-        span = Range(quantity, float(low or "-inf"), float(high or "inf"))
+        span = ValueRange(quantity, float(low or "-inf"), float(high or "inf"))
     except ValueError:
         dots = ""
     if not dots or not span.low <= span.high:

@@ -11,7 +11,7 @@ import click
 
 from ..config import config_file
 from ..errors import InputError, MissingDependencyError
-from .progress import Progress
+from .progress import TerminalProgress
 
 
 @click.command()
@@ -140,7 +140,7 @@ def _make(
     errors = importlib.import_module("wheelplane_synth.errors")
     vehicle, scanner, target = files
     try:
-        with Progress(4 + settings.get("trials", 0), "scanned") as progress:
+        with TerminalProgress(4 + settings.get("trials", 0), "scanned") as progress:
             return writer()(
                 out,
                 seed=seed,

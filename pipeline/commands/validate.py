@@ -35,7 +35,7 @@ from .options import (
     target_option,
     whole_vehicle_options,
 )
-from .progress import Progress
+from .progress import TerminalProgress
 
 BESIDE = Path("five-point.txt")  # in each capture of an archive
 
@@ -153,7 +153,7 @@ def validate(
     _check_used(request, overrides, many)
     found: Comparison | ComparisonStudy
     if many:
-        with Progress(sum(1 for _ in capture.iterdir()), "comparing") as progress:
+        with TerminalProgress(sum(1 for _ in capture.iterdir()), "comparing") as progress:
             found = validate_archive(capture, target, settings, scanner, request, progress)
         complete = found.complete
     else:
@@ -177,7 +177,10 @@ def _one(
     scanner: str | None,
     request: Request,
 ) -> Comparison:
-    with open_capture(source, target, overrides) as opened, Progress(opened.steps) as progress:
+    with (
+        open_capture(source, target, overrides) as opened,
+        TerminalProgress(opened.steps) as progress,
+    ):
         settings = with_scanner(settings, scanner or opened.scanner)
         return validate_capture(opened, settings, request, progress)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ..readers import Block, Placer, PointRows, Progress, RawCloud, open_cloud, silent
+from ..readers import Block, Placer, PointRows, RawCloud, RowProgress, open_cloud, silent
 from ..units import to_metres
 from ..vectors import Array
 
@@ -59,7 +59,7 @@ class ScanSummary:
 
 
 def summarise_scan(
-    path: Path, length_unit: str, name: str | None = None, progress: Progress = silent
+    path: Path, length_unit: str, name: str | None = None, progress: RowProgress = silent
 ) -> ScanSummary:
     """Summarise a scan file in one pass over its points.
 

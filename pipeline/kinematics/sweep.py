@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..capture import Role
-from ..centre import Mark, TargetFit
+from ..centre import RotationMark, TargetFit
 from ..measurement import OF_PLATE, Estimate, Measurement, WheelResult
 from ..uncertainty import Effect, effective_dof, effects_of
 from ..vectors import Array
@@ -139,7 +139,7 @@ class SweepScans:
             d_centres=d_centres,
         )
 
-    def mark_of(self, faces: Sequence[int]) -> Mark | None:
+    def mark_of(self, faces: Sequence[int]) -> RotationMark | None:
         """Return the mark that shows the in-plane rotation of those scans of one wheel."""
         turns = [self.scans[i].observation.fitted.turn for i in faces]
         return next((turn.mark for turn in turns if turn is not None), None)

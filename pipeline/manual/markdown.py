@@ -13,7 +13,7 @@ SECTIONS = ("h1", "h2", "h3")
 
 
 @dataclass(frozen=True)
-class Section:
+class ManualSection:
     """A heading of a chapter and the plain text below it, for the search."""
 
     level: int
@@ -27,7 +27,7 @@ class Rendered:
     """A chapter as HTML, and its sections in order; the first is its title."""
 
     html: str
-    sections: tuple[Section, ...]
+    sections: tuple[ManualSection, ...]
 
 
 def render(text: str, drawing: Callable[[str], str]) -> Rendered:
@@ -93,16 +93,16 @@ def _link(tokens: Sequence[Any]) -> None:
                 child.attrs["href"] = page_of(file) + mark + anchor
 
 
-def _anchor(tokens: Sequence[Any]) -> tuple[Section, ...]:
+def _anchor(tokens: Sequence[Any]) -> tuple[ManualSection, ...]:
     """Set the anchor of every heading, each once; return the sections that they begin."""
-    sections: list[Section] = []
+    sections: list[ManualSection] = []
     seen: set[str] = set()
     words: list[str] = []
 
     def close() -> None:
         if sections:
             last = sections[-1]
-            sections[-1] = Section(last.level, last.anchor, last.title, " ".join(words))
+            sections[-1] = ManualSection(last.level, last.anchor, last.title, " ".join(words))
         words.clear()
 
     for i, token in enumerate(tokens):
@@ -113,7 +113,7 @@ def _anchor(tokens: Sequence[Any]) -> tuple[Section, ...]:
             assert anchor not in seen, f"two headings {title!r} in a chapter: name them apart"
             seen.add(anchor)
             token.attrs["id"] = anchor
-            sections.append(Section(SECTIONS.index(token.tag) + 1, anchor, title, ""))
+            sections.append(ManualSection(SECTIONS.index(token.tag) + 1, anchor, title, ""))
         elif token.type == "inline" and tokens[i - 1].type != "heading_open":
             words.append(_plain(token))
         elif token.type == "fence":

@@ -1,6 +1,6 @@
 """Observations to a measurement: evaluation, repeatability, tolerances, conformity."""
 
-from .conformity import Conformity, Unit, Verdict, assess, conforms
+from .conformity import Conformity, Verdict, assess, conforms
 from .evaluate import align, check_by_monte_carlo
 from .observe import Fit, noisy, observe_entry
 from .observe_vehicle import observe_cloud
@@ -48,7 +48,6 @@ __all__ = [
     "SweepStatus",
     "ToeOut",
     "ToleranceInterval",
-    "Unit",
     "Verdict",
     "WheelResult",
     "against",

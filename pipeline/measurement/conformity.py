@@ -21,13 +21,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..uncertainty import quantile, tail
-from ..vehicle import REFERENCE_WHEELS
+from ..vehicle import REFERENCE_WHEELS, Unit
 from .quantities import Stated, by_name
 from .records import Measurement, WheelResult
 from .tolerance import Tolerance, ToleranceInterval
 
 Decision = Literal["conform", "undecided", "not conform"]
-Unit = Literal["rad", "m"]
 BISECTIONS = 60  # of an interval of 0.3 u: below the rounding of float64
 
 

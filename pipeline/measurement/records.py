@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..capture import Role, Turn
-from ..centre import Mark, TargetFit
+from ..centre import RotationMark, TargetFit
 from ..cloud import CloudSample
 from ..plane import PlaneFit
 from ..uncertainty import LEVEL, AngleUncertainty, MonteCarlo, coverage_factor
@@ -165,7 +165,7 @@ class SteeringAxis:
     dof: int = 0
     probability: float = 1.0
     with_rotation: int = 0
-    mark: Mark | None = None
+    mark: RotationMark | None = None
 
 
 @dataclass(frozen=True)

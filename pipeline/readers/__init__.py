@@ -1,6 +1,6 @@
 """Readers of point-cloud files: PLY, PCD, PTX, PTS, E57, LAS, LAZ, text, NumPy and meshes."""
 
-from .gather import Placer, PointRows, Progress, silent
+from .gather import Placer, PointRows, RowProgress, silent
 from .packed import scan_suffix
 from .read_scan import MESH_SUFFIXES, READERS, open_cloud, read_scan
 from .sandbox.worker import confine, die_with
@@ -14,8 +14,8 @@ __all__ = [
     "Part",
     "Placer",
     "PointRows",
-    "Progress",
     "RawCloud",
+    "RowProgress",
     "Scan",
     "confine",
     "die_with",

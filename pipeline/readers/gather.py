@@ -15,7 +15,7 @@ from .memory import check_memory
 from .scan import Part, Scan
 from .source import Block, RawCloud, RawPart, Source
 
-Progress = Callable[[int, int], None]
+RowProgress = Callable[[int, int], None]
 
 MAX_COORDINATE_M = 1e10  # float64 still resolves 2 um here
 
@@ -131,7 +131,9 @@ def silent(_done: int, _total: int) -> None:
     """Ignore progress."""
 
 
-def gather(cloud: RawCloud, source: Source, length_unit: str, progress: Progress = silent) -> Scan:
+def gather(
+    cloud: RawCloud, source: Source, length_unit: str, progress: RowProgress = silent
+) -> Scan:
     """Fill the arrays block by block, drop invalid points, apply the poses, scale to metres.
 
     progress: called with the number of rows read and the total. Raises InputError for an infinite

@@ -20,7 +20,7 @@ from .formats.ply import read_ply
 from .formats.pts import read_pts
 from .formats.ptx import read_ptx
 from .formats.text import read_text
-from .gather import Progress, gather, silent
+from .gather import RowProgress, gather, silent
 from .packed import unpacked
 from .scan import Scan
 from .signature import BINARY, E57, LAS, NPY, PCD, PLY, STL, TEXT, ZIP, looks_like
@@ -62,7 +62,7 @@ def read_scan(
     name: str | None = None,
     *,
     sample: int | None = None,
-    progress: Progress = silent,
+    progress: RowProgress = silent,
 ) -> Scan:
     """Read a point cloud, plain, compressed, or the only one in a zip or tar; whole or not at all.
 

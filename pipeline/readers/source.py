@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from ..vectors import Array, Mask
 
-Column = npt.NDArray[Any]
+PointColumn = npt.NDArray[Any]
 
 INTENSITY_NAMES = ("intensity", "scalar_intensity", "reflectance", "scalar_reflectance")
 
@@ -56,9 +56,9 @@ class Block:
     The columns may look into a buffer that the next block overwrites.
     """
 
-    xyz: tuple[Column, Column, Column]
-    intensity: Column | None = None
-    grid: tuple[Column, Column] | None = None
+    xyz: tuple[PointColumn, PointColumn, PointColumn]
+    intensity: PointColumn | None = None
+    grid: tuple[PointColumn, PointColumn] | None = None
     invalid: Mask | None = None
     part: int = 0
 

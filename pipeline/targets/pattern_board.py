@@ -14,7 +14,7 @@ from .outline import Circle, rectangle
 from .plates import Plate
 from .region import Region
 
-Wheel = Literal["RR", "RL", "FR", "FL"]
+WheelName = Literal["RR", "RL", "FR", "FL"]
 Dictionary = Literal[
     "DICT_4X4_50",
     "DICT_4X4_100",
@@ -57,7 +57,7 @@ class PatternTarget(Plate):
     marker_size: float | None = Field(None, gt=0.005, lt=1.0)
     dictionary: Dictionary | None = None
     ids: tuple[int, ...] | None = Field(None, strict=False)
-    wheels: dict[Wheel, Annotated[tuple[int, ...], Field(strict=False)]] | None = None
+    wheels: dict[WheelName, Annotated[tuple[int, ...], Field(strict=False)]] | None = None
 
     lengths = (
         *Plate.lengths,

@@ -5,7 +5,7 @@ from .comparison import KINDS, Comparison, check_alike, compare
 from .coverage import nees, scores
 from .five_point import Estimator, FivePointOptions
 from .frame_effect import SHAPE
-from .request import Against, Part, Request, as_method, measured
+from .request import Against, Request, RequestPart, as_method, measured
 from .statistics.bland_altman import Limit
 from .statistics.joint_test import JointTest
 from .statistics.line_fit import Line
@@ -25,8 +25,8 @@ __all__ = [
     "JointTest",
     "Limit",
     "Line",
-    "Part",
     "Request",
+    "RequestPart",
     "Row",
     "as_method",
     "check_alike",

@@ -16,9 +16,9 @@ from ..uncertainty import effects_of
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS, jacobian
 from .frame_effect import frame_share, shape_difference, shape_of, slopes
-from .statistics.joint_test import JointTest, Source, Spread, sources_of
+from .statistics.joint_test import ErrorSource, JointTest, Spread, sources_of
 
-Verdict = Literal["agree", "disagree", "cannot tell"]
+AgreementVerdict = Literal["agree", "disagree", "cannot tell"]
 KINDS = ("toe", "camber")
 
 
@@ -35,11 +35,11 @@ class Comparison:
     source: str
     names: tuple[str, ...]
     wheels: tuple[str, ...]
-    first: Method
-    second: Method
+    first: ComparedMethod
+    second: ComparedMethod
     u_first: Array
     u_second: Array
-    sources: tuple[Source, ...]
+    sources: tuple[ErrorSource, ...]
     spread: Spread
     missing: tuple[tuple[str, str], ...] = ()
     notes: tuple[str, ...] = ()
@@ -79,7 +79,7 @@ class Comparison:
         return self.spread.detectable_jointly(alike[:, None].astype(float))
 
     @property
-    def verdicts(self) -> tuple[Verdict, ...]:
+    def verdicts(self) -> tuple[AgreementVerdict, ...]:
         """(2 n) verdict on each angle by its own En."""
         return tuple(
             self._verdict(abs(en) <= 1.0, float(least))
@@ -87,11 +87,11 @@ class Comparison:
         )
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> AgreementVerdict:
         """Overall verdict by the joint test: correct methods agree in 95 % of comparisons."""
         return self._verdict(self.joint.agrees, self.detectable_in_one_rad)
 
-    def _verdict(self, agrees: bool, detectable_rad: float) -> Verdict:
+    def _verdict(self, agrees: bool, detectable_rad: float) -> AgreementVerdict:
         if not agrees:
             return "disagree"
         undetectable = self.to_detect_rad is not None and detectable_rad > self.to_detect_rad
@@ -134,8 +134,8 @@ def compare(
     source: str,
     names: Sequence[str],
     wheels: Sequence[str],
-    first: Method,
-    second: Method,
+    first: ComparedMethod,
+    second: ComparedMethod,
     missing: Sequence[tuple[str, str]] = (),
     notes: Sequence[str] = (),
     origins: Sequence[Provenance] = (),
@@ -159,7 +159,7 @@ def compare(
     )
 
 
-def independent(first: Method, second: Method) -> tuple[Source, ...]:
+def independent(first: ComparedMethod, second: ComparedMethod) -> tuple[ErrorSource, ...]:
     """Return the sources of two methods that share neither points nor instrument."""
     width = 6 * len(first.targets)
     return (
@@ -168,15 +168,16 @@ def independent(first: Method, second: Method) -> tuple[Source, ...]:
     )
 
 
-def added(deltas: Sequence[TargetFit]) -> tuple[Source, ...]:
+def added(deltas: Sequence[TargetFit]) -> tuple[ErrorSource, ...]:
     """Return the sources of a second method that is the first one with `deltas` added."""
     return tuple(_placed(deltas, before=6 * len(deltas), after=0))
 
 
-def _placed(targets: Sequence[TargetFit], before: int, after: int) -> list[Source]:
+def _placed(targets: Sequence[TargetFit], before: int, after: int) -> list[ErrorSource]:
     pad = ((before, after), (0, 0))
     return [
-        Source(np.pad(source.factor, pad), source.dof) for source in sources_of(effects_of(targets))
+        ErrorSource(np.pad(source.factor, pad), source.dof)
+        for source in sources_of(effects_of(targets))
     ]
 
 
@@ -184,7 +185,7 @@ ALIKE = 0.05  # of track or wheelbase; two methods on one vehicle differ by less
 
 
 @dataclass(frozen=True)
-class Method:
+class ComparedMethod:
     """Result of one method on n wheels; the first four are RR, RL, FR, FL.
 
     angles_rad: (2 n,) toes, then cambers.
@@ -211,7 +212,7 @@ class Method:
         return Spread.of(slopes, sources_of(effects_of(self.targets))).u
 
 
-def check_alike(first: Method, second: Method, source: str) -> None:
+def check_alike(first: ComparedMethod, second: ComparedMethod, source: str) -> None:
     """Raise InputError where the four centres cannot be of one vehicle, in the same order."""
     centres = [np.stack([t.centre_m for t in m.targets[:4]]) for m in (first, second)]
     shapes = [shape_of(c - c.mean(axis=0))[:3] for c in centres]

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..capture import Capture
 from ..measurement import Measurement, WheelResult
-from .comparison import Method
+from .comparison import ComparedMethod
 from .five_point import FivePointOptions
 
 Against = Literal["five-point", "virtual", "truth"]
@@ -35,7 +35,7 @@ class Request:
 
 
 @dataclass(frozen=True)
-class Part:
+class RequestPart:
     """Wheels and trials that were measured, and name and reason of those that were not."""
 
     results: tuple[WheelResult, ...]
@@ -52,20 +52,20 @@ class Part:
         return tuple(str(result.wheel) for result in self.results)
 
 
-def measured(measurement: Measurement) -> Part:
+def measured(measurement: Measurement) -> RequestPart:
     """Select reference wheels and trials, which can be compared."""
     wheels = [w for w in measurement.wheels if w.observation.role in COMPARED]
     missing = [w.observation for w in wheels if w.angles is None]
-    return Part(
+    return RequestPart(
         tuple(w for w in wheels if w.angles is not None),
         tuple((one.name, f"{one.status}: {one.reason}") for one in missing),
     )
 
 
-def as_method(label: str, results: Sequence[WheelResult]) -> Method:
+def as_method(label: str, results: Sequence[WheelResult]) -> ComparedMethod:
     """Return a method with these results, all of them measured."""
     angles = [result.angles for result in results if result.angles is not None]
-    return Method(
+    return ComparedMethod(
         label,
         tuple(result.observation.fitted for result in results),
         np.array([a.toe_rad for a in angles] + [a.camber_rad for a in angles]),

@@ -14,7 +14,7 @@ from ..errors import InputError, WheelplaneError
 from ..files import ARCHIVE_SUFFIXES
 from ..uncertainty import binomial_tail
 from .agreement import Agreement, agreement, bias_probability
-from .comparison import KINDS, Comparison, Verdict
+from .comparison import KINDS, AgreementVerdict, Comparison
 from .request import Request
 from .statistics.power import CONFIDENCE
 from .validate_capture import validate_capture
@@ -76,7 +76,7 @@ class ComparisonStudy:
         return max((one.detectable for one in self.agreements), default=math.inf)
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> AgreementVerdict:
         """Overall verdict: "agree" without bias, and if no more disagree than by chance."""
         bias = self.bias_probability
         if self.chance_of_disagreeing < EACH or (bias is not None and bias < EACH):

@@ -15,12 +15,14 @@ import numpy as np
 
 from ..five_point import tcgc_2013
 from ..vectors import Array
-from .comparison import Method
+from .comparison import ComparedMethod
 
 LABEL = "tcgc-2013"
 
 
-def by_old_estimator(method: Method, blocks_m: Array, wheels: Sequence[str]) -> tuple[Method, str]:
+def by_old_estimator(
+    method: ComparedMethod, blocks_m: Array, wheels: Sequence[str]
+) -> tuple[ComparedMethod, str]:
     """Evaluate the points of `method` by the estimator of 2013; return a note on its bias."""
     angles = old_angles(blocks_m, wheels)
     camber = slice(len(wheels), None)

@@ -13,12 +13,12 @@ import numpy as np
 from ..centre import TargetFit
 from ..errors import InputError
 from ..vectors import Array
-from .comparison import Method
+from .comparison import ComparedMethod
 
 ADVICE = "make the capture anew with `wheelplane synth`, or leave out --truth"
 
 
-def read_truth(path: Path, name: str, names: Sequence[str]) -> Method:
+def read_truth(path: Path, name: str, names: Sequence[str]) -> ComparedMethod:
     """Read the true angles of `names`, in order. Raises InputError if the file lacks them."""
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
@@ -33,7 +33,7 @@ def read_truth(path: Path, name: str, names: Sequence[str]) -> Method:
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         fact = f"{type(error).__name__}: {' '.join(str(error).split())[:100]}"
         raise InputError(f"{name}: not a truth file of these wheels ({fact}): {ADVICE}") from error
-    return Method("truth", targets, np.array(angles))
+    return ComparedMethod("truth", targets, np.array(angles))
 
 
 def _target(wheel: dict[str, Any]) -> TargetFit:

@@ -13,13 +13,13 @@ from ..errors import InputError
 from ..measure import measure_capture
 from ..measurement import WheelResult
 from ..vehicle import REFERENCE_WHEELS
-from .comparison import Comparison, Method, check_alike, compare
+from .comparison import ComparedMethod, Comparison, check_alike, compare
 from .five_point import FivePoints, measure_points, note_of_aiming, with_aiming
 from .request import (
     COMPARED,
     DENSE,
-    Part,
     Request,
+    RequestPart,
     as_method,
     folder_of,
     measured,
@@ -30,11 +30,14 @@ from .truth import read_truth
 from .virtual_five_point import compare_virtual
 
 FIVE = "five points"
-Progress = Callable[[str], None]
+ValidationProgress = Callable[[str], None]
 
 
 def validate_capture(
-    capture: Capture, config: Config, request: Request, progress: Progress = lambda _: None
+    capture: Capture,
+    config: Config,
+    request: Request,
+    progress: ValidationProgress = lambda _: None,
 ) -> Comparison:
     """Compare both methods on one capture. Raises InputError where that is impossible."""
     found = _COMPARE[request.against](capture, config, request, progress)
@@ -44,7 +47,7 @@ def validate_capture(
 
 
 def _with_five_points(
-    capture: Capture, config: Config, request: Request, progress: Progress
+    capture: Capture, config: Config, request: Request, progress: ValidationProgress
 ) -> Comparison:
     points = _points(capture, request)
     dense = measure_capture(capture, config, progress)
@@ -65,7 +68,7 @@ def _with_five_points(
 
 
 def _with_truth(
-    capture: Capture, config: Config, request: Request, progress: Progress
+    capture: Capture, config: Config, request: Request, progress: ValidationProgress
 ) -> Comparison:
     if request.file is None:
         measurement = measure_capture(capture, config, progress)
@@ -96,7 +99,7 @@ def _points(capture: Capture, request: Request) -> FivePoints:
     return measure_points(path, name, scans, request.points)
 
 
-def _in_both(part: Part, points: FivePoints) -> tuple[Part, list[WheelResult]]:
+def _in_both(part: RequestPart, points: FivePoints) -> tuple[RequestPart, list[WheelResult]]:
     """Select what both measured; return also the five points' results in the scans' order."""
     by_name = {points.name_of(result): result for result in points.measurement.wheels}
     missing = list(part.missing)
@@ -116,12 +119,12 @@ def _in_both(part: Part, points: FivePoints) -> tuple[Part, list[WheelResult]]:
         else:
             kept.append(result)
             results.append(other)
-    return Part(tuple(kept), tuple(missing)), results
+    return RequestPart(tuple(kept), tuple(missing)), results
 
 
 def _second(
     points: FivePoints, results: Sequence[WheelResult], request: Request
-) -> tuple[Method, tuple[str, ...]]:
+) -> tuple[ComparedMethod, tuple[str, ...]]:
     """Return the five points as a method, and notes on them."""
     options = request.points
     found = as_method(FIVE, results)

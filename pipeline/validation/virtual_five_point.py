@@ -33,7 +33,7 @@ from ..targets import Target
 from ..uncertainty import UncertaintyComponent, plane_component
 from ..vectors import Array
 from .comparison import Comparison, added
-from .request import DENSE, Part, Request, as_method, measured
+from .request import DENSE, Request, RequestPart, as_method, measured
 from .statistics.joint_test import Spread
 from .tcgc_2013 import LABEL as OLD
 from .tcgc_2013 import by_old_estimator
@@ -224,8 +224,8 @@ def _picked(
 
 
 def _picked_of(
-    part: Part, picks: list[tuple[PlaneFit | None, Picked | NotMeasuredError]], source: str
-) -> tuple[Part, list[Picked]]:
+    part: RequestPart, picks: list[tuple[PlaneFit | None, Picked | NotMeasuredError]], source: str
+) -> tuple[RequestPart, list[Picked]]:
     """Select the wheels whose five points were found. Raises InputError for a reference wheel."""
     kept: list[WheelResult] = []
     found: list[Picked] = []
@@ -241,4 +241,4 @@ def _picked_of(
             raise InputError(f"{source}: {observation.source}: {picked}: give another --radius")
         else:
             missing.append((observation.name, f"{picked.status}: {picked}"))
-    return Part(tuple(kept), tuple(missing)), found
+    return RequestPart(tuple(kept), tuple(missing)), found

@@ -32,7 +32,7 @@ from wheelplane.batch.plan.discover import FoundCapture
 from wheelplane.batch.plan.settings import BatchSettings
 from wheelplane.batch.plan.shard import Shard
 from wheelplane.batch.run import run as run_module
-from wheelplane.batch.run.progress import Lines
+from wheelplane.batch.run.progress import ProgressLines
 from wheelplane.batch.run.result_index import ResultIndex
 from wheelplane.batch.run.run import Batch
 from wheelplane.batch.run.work import RunRequest, work
@@ -197,7 +197,7 @@ class Direct:
 def batch_of(archive, results, scratch, error=None, settings=None) -> Batch:
     scratch.mkdir()
     request = RunRequest(str(archive), str(results), settings or BatchSettings())
-    return Batch(request, Direct(error), scratch, Lines())
+    return Batch(request, Direct(error), scratch, ProgressLines())
 
 
 @pytest.mark.parametrize("error", [InputError("the disk is full"), KeyboardInterrupt("x")])

@@ -24,7 +24,14 @@ from wheelplane.batch.catalogue.catalogue import open_catalogue
 from wheelplane.batch.catalogue.schema import number_of
 from wheelplane.batch.results import export
 from wheelplane.batch.results import series as series_module
-from wheelplane.batch.results.query import Filter, Range, captures, count, failures, quantity_units
+from wheelplane.batch.results.query import (
+    Filter,
+    ValueRange,
+    captures,
+    count,
+    failures,
+    quantity_units,
+)
 from wheelplane.batch.results.series import Series, series
 from wheelplane.batch.results.sql import ask
 from wheelplane.batch.results.trends import drift, drifts, summarised, summary, with_holm, worst
@@ -93,10 +100,10 @@ def test_filters_hold_all_at_once(catalogue):
         for row in captures(catalogue)
         if number_of(row.key) in within and int(row.name[-2:]) >= 4  # 2.604 m and more
     ]
-    spans = (Range("RR toe", low, high), Range("wheelbase_left", 2.6035))
+    spans = (ValueRange("RR toe", low, high), ValueRange("wheelbase_left", 2.6035))
     assert names(catalogue, ranges=spans) == expected
     assert 0 < len(expected) < len(within) == 6
-    trial = names(catalogue, ranges=(Range("1 camber", -90.0, 90.0),))
+    trial = names(catalogue, ranges=(ValueRange("1 camber", -90.0, 90.0),))
     assert trial == [f"site/{i:02d}" for i in range(12)]
 
 
@@ -114,7 +121,7 @@ def test_pages_join_to_the_whole_list_in_every_order(catalogue):
 
 def test_a_quantity_that_is_unknown_is_reported_with_the_nearest(catalogue):
     with pytest.raises(InputError, match=r"'RR tow'.*did you mean 'RR toe'"):
-        count(catalogue, Filter(ranges=(Range("RR tow"),)))
+        count(catalogue, Filter(ranges=(ValueRange("RR tow"),)))
     with pytest.raises(InputError, match=r"'wheelbase_lefd'.*did you mean 'wheelbase_left'"):
         series(catalogue, ["wheelbase_lefd"])
 

@@ -34,7 +34,7 @@ from wheelplane.centre.locate_centre import locate_centre
 from wheelplane.config import Config
 from wheelplane.detection.find_target import find_target
 from wheelplane.plane.fit_plane import PlaneFit, fit_plane
-from wheelplane.report.plots.drawing import Circle, Drawing, Mark, Text
+from wheelplane.report.plots.drawing import CircleMark, Drawing, Mark, Text
 from wheelplane.report.plots.drawing import Path as Line
 from wheelplane.report.plots.validation import BLUE, GREY, ORANGE
 from wheelplane.targets.plates import DiscTarget
@@ -318,7 +318,7 @@ def growth_svg(sizes: Sequence[Size]) -> str:
     ):
         track = [(x(size.points), y(getattr(size, key))) for size in sizes]
         marks.append(Line(track, colour, 1.6))
-        marks += [Circle(a, b, 3.5, colour) for a, b in track]
+        marks += [CircleMark(a, b, 3.5, colour) for a, b in track]
         label = f"{name}, {getattr(end, key):.2g} s"
         marks.append(Text(track[-1][0] + 10, track[-1][1] + 4, label, colour=colour))
     return Drawing(WIDTH, HEIGHT, title, marks).svg

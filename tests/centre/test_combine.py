@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from wheelplane.centre.combine import DISAGREE, Estimate, check_agreement, combined
+from wheelplane.centre.combine import DISAGREE, CentreEstimate, check_agreement, combined
 from wheelplane.errors import NotMeasuredError
 
 NO_PLANE = np.zeros((3, 3))
@@ -21,7 +21,7 @@ def covariance(rng):
 
 
 def estimate(rng, method="rim", **changes):
-    made = Estimate(
+    made = CentreEstimate(
         method=method,
         centre_m=rng.normal(size=2) * 1e-4,
         noise_m2=covariance(rng),

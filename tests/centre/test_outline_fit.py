@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wheelplane.centre.edge.beams import ROTATION, Prior, look_up
-from wheelplane.centre.edge.edge_residuals import Problem, equations
+from wheelplane.centre.edge.edge_residuals import EdgeProblem, equations
 from wheelplane.centre.outline_fit import place_circle
 from wheelplane.config import CentreConfig
 from wheelplane.targets.outline import Circle, Holes, rectangle
@@ -92,7 +92,7 @@ def problem_of(outline, state, rng):
     seen = turned(closest, state[ROTATION]) * (1.0 + state[4] * depth)[:, None]
     plane = state[:2] + seen + depth[:, None] * state[2:4]
     prior = Prior.of(0.008, CentreConfig())
-    return Problem(plane, depth, prior, outline, 0.0008)
+    return EdgeProblem(plane, depth, prior, outline, 0.0008)
 
 
 @pytest.mark.parametrize("name", ["circle", "rectangle", "hub hole", "four holes"])

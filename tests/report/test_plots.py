@@ -20,7 +20,7 @@ from wheelplane.report.format.view import PAPER
 from wheelplane.report.plots.angle_chart import angles_text
 from wheelplane.report.plots.angles import angles_drawing, tick_text
 from wheelplane.report.plots.budget import wheel_budget
-from wheelplane.report.plots.drawing import Circle, Drawing, Path, Raster, Text, png_of
+from wheelplane.report.plots.drawing import CircleMark, Drawing, Path, Raster, Text, png_of
 from wheelplane.report.plots.drawing_png import ZOOM, drawing_png
 from wheelplane.report.plots.files import file_name, plot_files
 from wheelplane.report.plots.histogram import histogram_drawing
@@ -123,7 +123,7 @@ def test_dots_and_limits_are_at_their_values():
     paths = [m for m in drawing.marks if isinstance(m, Path)]
     limits = sorted({round(p.points[0][0], 3) for p in paths if p.stroke == "#009E73"})
     assert len(limits) == 2
-    dots = [(m.x, m.y) for m in drawing.marks if isinstance(m, Circle)]
+    dots = [(m.x, m.y) for m in drawing.marks if isinstance(m, CircleMark)]
     toes = dots[: len(ANGLES)]
     for dot, result in zip(toes, measured(1).wheels, strict=True):
         share = (math.degrees(result.angles.toe_rad) + 0.5) / 1.0
@@ -200,8 +200,8 @@ def test_points_of_a_chart_lie_where_the_ticks_say():
     grid = [np.asarray(m.points) for m in marks if isinstance(m, Path) and m.opacity == 0.12]
     upright = [line[0, 0] for line in grid if line[0, 0] == line[1, 0]]
     level = [line[0, 1] for line in grid if line[0, 1] == line[1, 1]]
-    assert [m.x for m in marks if isinstance(m, Circle)] == pytest.approx(upright)
-    assert {m.y for m in marks if isinstance(m, Circle)} == {level[1]}
+    assert [m.x for m in marks if isinstance(m, CircleMark)] == pytest.approx(upright)
+    assert {m.y for m in marks if isinstance(m, CircleMark)} == {level[1]}
     assert upright == sorted(upright)
     assert level == sorted(level, reverse=True)  # y grows downwards
 
@@ -271,7 +271,7 @@ def test_a_drawing_is_the_same_in_both_forms():
 
 def test_a_circle_is_the_same_in_both_forms():
     """The PNG holds the circle's centre and, within a pixel, its radius with half the line."""
-    drawing = Drawing(100, 80, "x", [Circle(40.0, 30.0, 20.0, "#ff0000", "#0000ff", 4.0)])
+    drawing = Drawing(100, 80, "x", [CircleMark(40.0, 30.0, 20.0, "#ff0000", "#0000ff", 4.0)])
     image = decoded(drawing_png(drawing)).astype(int)
     inside = image[:, :, 1] < 128  # neither red nor blue has green
     np.testing.assert_allclose(np.argwhere(inside).mean(axis=0), [60, 80], atol=0.3)

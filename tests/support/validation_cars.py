@@ -16,7 +16,7 @@ from wheelplane.five_point.components import Station
 from wheelplane.five_point.file import FivePointFile
 from wheelplane.measure import measure_five_point
 from wheelplane.uncertainty.components import UncertaintyComponent
-from wheelplane.validation.comparison import Method, compare
+from wheelplane.validation.comparison import ComparedMethod, compare
 from wheelplane.validation.five_point import FivePointOptions, with_aiming
 from wheelplane.validation.frame_effect import angles_in
 from wheelplane.validation.request import as_method
@@ -93,7 +93,7 @@ class Car:
         angles = angles_in(frame, np.stack([t.normal for t in targets]), self.wheels)
         if toe_error is not None:
             angles[: len(self.wheels)] += toe_error
-        return Method("dense", tuple(targets), angles)
+        return ComparedMethod("dense", tuple(targets), angles)
 
     def blocks(self, station=TM30):
         """Five points a wheel by a total station, (W, 5, 3), and where it stood."""

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from tests.support.scenes import rotation
 from tests.support.validation_cars import TM30, Car, points
 from wheelplane.errors import InputError
-from wheelplane.validation.comparison import Method, check_alike, compare
+from wheelplane.validation.comparison import ComparedMethod, check_alike, compare
 from wheelplane.validation.frame_effect import rigid_rotation, shape_of
-from wheelplane.validation.statistics.joint_test import Source, Spread
+from wheelplane.validation.statistics.joint_test import ErrorSource, Spread
 from wheelplane.validation.statistics.power import (
     captures_needed,
     detectable_alone,
@@ -52,7 +52,7 @@ def test_a_scale_that_was_estimated_is_allowed_for():
     root = rng.normal(size=(8, 8))
     values, known = [], []
     for _ in range(2000):
-        source = Source(root * np.sqrt(rng.chisquare(6) / 6), 6.0)
+        source = ErrorSource(root * np.sqrt(rng.chisquare(6) / 6), 6.0)
         test = Spread.of(np.eye(8), [source]).test(root @ rng.normal(size=8))
         values.append(test.probability)
         known.append(stats.chi2.sf(test.chi_square, 8))
@@ -69,7 +69,7 @@ def test_several_estimated_scales_keep_the_level():
     for _ in range(2000):
         difference = sum(r @ rng.normal(size=r.shape[1]) for r in roots)
         scales = [1.0 if np.isinf(f) else np.sqrt(rng.chisquare(f) / f) for f in dofs]
-        sources = [Source(r * s, f) for r, s, f in zip(roots, scales, dofs, strict=True)]
+        sources = [ErrorSource(r * s, f) for r, s, f in zip(roots, scales, dofs, strict=True)]
         wrong += not Spread.of(np.eye(8), sources).test(difference).agrees
     # the match is of the first order in 1/nu: 5 % may come out as 7
     assert stats.binom.ppf(0.001, 2000, 0.05) <= wrong <= stats.binom.ppf(0.999, 2000, 0.07)
@@ -80,13 +80,13 @@ def test_an_error_of_the_smallest_visible_size_is_seen_in_99_percent(dof, share)
     rng = np.random.default_rng(2)
     root = rng.normal(size=(6, 6))
     runs, alone, joint = 3000, 0, 0
-    exact = Spread.of(np.eye(6), [Source(root, dof)])
+    exact = Spread.of(np.eye(6), [ErrorSource(root, dof)])
     one = np.eye(6)[:, :1]
     size = exact.detectable_jointly(one)
     single = detectable_alone(float(exact.u[0]), dof)
     for _ in range(runs):
         scale = 1.0 if np.isinf(dof) else np.sqrt(rng.chisquare(dof) / dof)
-        spread = Spread.of(np.eye(6), [Source(root * scale, dof)])
+        spread = Spread.of(np.eye(6), [ErrorSource(root * scale, dof)])
         noise = root @ rng.normal(size=6)
         joint += not spread.test(noise + size * one[:, 0]).agrees
         alone += noise[0] + single > spread.expanded[0]
@@ -177,7 +177,7 @@ def tilted(method, wheels, index=None, lean=0.0, shift=None):
         targets[i] = replace(targets[i], centre_m=targets[i].centre_m + shift[i])
     frame = build_reference_frame(np.stack([t.centre_m for t in targets[:4]]))
     angles = [wheel_angles(frame, t.normal, w) for t, w in zip(targets, wheels, strict=True)]
-    return Method(
+    return ComparedMethod(
         method.label,
         tuple(targets),
         np.array([a.toe_rad for a in angles] + [a.camber_rad for a in angles]),

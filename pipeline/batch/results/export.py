@@ -25,7 +25,7 @@ from ..storage.entry import PARTIAL
 from .query import ALL, Filter, captures
 from .series import series
 
-Columns = dict[str, npt.NDArray[Any]]
+ExportColumns = dict[str, npt.NDArray[Any]]
 Cell = str | float | int | None
 LEFT_OUT = ("day", "size", "md5")
 COUNTS = ("wheels", "wheels_ok", "points_total")
@@ -34,7 +34,7 @@ EXCEL_ROWS, EXCEL_CHARACTERS = 1_048_576, 32_767
 EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
-def table(catalogue: Catalogue, which: Filter = ALL) -> Columns:
+def table(catalogue: Catalogue, which: Filter = ALL) -> ExportColumns:
     """Build columns (N,) by name: the fields of each capture, then every quantity and its u.
 
     Names end in the unit: RR_toe_deg, u_RR_toe_deg, wheelbase_m ...; nan where not measured.
@@ -56,7 +56,9 @@ def _column(name: str, rows: list[CaptureRow]) -> npt.NDArray[Any]:
     return np.array([getattr(row, name) for row in rows], np.int64 if name in COUNTS else object)
 
 
-def export(path: Path, columns: Columns, write: Callable[[Path, Columns], None]) -> None:
+def export(
+    path: Path, columns: ExportColumns, write: Callable[[Path, ExportColumns], None]
+) -> None:
     """Write a table, completely or not at all, by one of the writers below. Raises InputError."""
     temporary = path.with_name(f"{PARTIAL}-{uuid.uuid4().hex}{path.suffix}")
     try:
@@ -70,27 +72,27 @@ def export(path: Path, columns: Columns, write: Callable[[Path, Columns], None])
         temporary.unlink(missing_ok=True)
 
 
-def write_csv(path: Path, columns: Columns) -> None:
+def write_csv(path: Path, columns: ExportColumns) -> None:
     """Write RFC 4180 in UTF-8; a text that a spreadsheet would run as a formula is quoted by '."""
     with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as stream:
         _write_csv(stream, columns)
 
 
-def as_csv(columns: Columns) -> bytes:
+def as_csv(columns: ExportColumns) -> bytes:
     """Return the content that `write_csv` writes."""
     text = io.StringIO(newline="")
     _write_csv(text, columns)
     return text.getvalue().encode("utf-8", "backslashreplace")
 
 
-def _write_csv(stream: TextIO, columns: Columns) -> None:
+def _write_csv(stream: TextIO, columns: ExportColumns) -> None:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
     for row in _rows(columns):
         writer.writerow([_escaped_formula(cell) for cell in row])
 
 
-def write_xlsx(path: Path, columns: Columns) -> None:
+def write_xlsx(path: Path, columns: ExportColumns) -> None:
     """Write one sheet, texts never as formulas. Raises InputError beyond Excel's rows."""
     try:
         openpyxl: Any = importlib.import_module("openpyxl")
@@ -114,7 +116,7 @@ def write_xlsx(path: Path, columns: Columns) -> None:
     _without_dates(raw, path)
 
 
-def write_parquet(path: Path, columns: Columns) -> None:
+def write_parquet(path: Path, columns: ExportColumns) -> None:
     """Write by duckdb: texts, 64-bit integers and floats, null where not measured; zstd."""
     try:
         duckdb: Any = importlib.import_module("duckdb")
@@ -132,7 +134,7 @@ def write_parquet(path: Path, columns: Columns) -> None:
         )
 
 
-def _rows(columns: Columns) -> Iterator[list[Cell]]:
+def _rows(columns: ExportColumns) -> Iterator[list[Cell]]:
     count = len(next(iter(columns.values())))
     for start in range(0, count, 10_000):
         block = [column[start : start + 10_000].tolist() for column in columns.values()]

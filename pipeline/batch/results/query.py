@@ -20,7 +20,7 @@ STATUSES = ("ok", "part", "failed", "quarantined", "damaged")
 
 
 @dataclass(frozen=True)
-class Range:
+class ValueRange:
     """Range of a quantity, such as "RR toe" or "rear_total_toe", in its unit."""
 
     quantity: str
@@ -42,7 +42,7 @@ class Filter:
     since_day: float | None = None
     until_day: float | None = None
     status: tuple[str, ...] = ()
-    ranges: tuple[Range, ...] = ()
+    ranges: tuple[ValueRange, ...] = ()
     removed: bool | None = None
 
 
@@ -187,7 +187,7 @@ def condition(catalogue: Catalogue, which: Filter) -> tuple[str, list[object]]:
     return f"WHERE {' AND '.join(terms)}" if terms else "", values
 
 
-def _within(catalogue: Catalogue, span: Range, values: list[object]) -> str:
+def _within(catalogue: Catalogue, span: ValueRange, values: list[object]) -> str:
     """Return the SQL term for a vehicle quantity, or for an angle of a wheel or trial."""
     wheel, _, angle = span.quantity.rpartition(" ")
     of_wheel = "SELECT id FROM wheel_rows WHERE name = ?"

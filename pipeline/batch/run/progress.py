@@ -16,7 +16,7 @@ EVERY_S = 10.0
 MOST_LINES = 20  # failures shown; the catalogue has them all
 
 
-class Lines:
+class ProgressLines:
     """Lines on standard error: one every ten seconds, and one for each of the first failures."""
 
     def __init__(self) -> None:
@@ -72,7 +72,7 @@ class Lines:
         print(" ".join(text.split()), file=sys.stderr, flush=True)
 
 
-class Bar(Lines):
+class Bar(ProgressLines):
     """Progress bar below the lines."""
 
     def __init__(self) -> None:
@@ -106,9 +106,9 @@ class Bar(Lines):
         self._bar.console.print(" ".join(text.split()), markup=False, highlight=False)
 
 
-def progress_listener() -> Lines:
+def progress_listener() -> ProgressLines:
     """Return a bar if standard error is a terminal, otherwise lines."""
-    return Bar() if sys.stderr.isatty() else Lines()
+    return Bar() if sys.stderr.isatty() else ProgressLines()
 
 
 def _duration(seconds: float) -> str:

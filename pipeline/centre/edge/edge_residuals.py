@@ -18,7 +18,7 @@ SECTORS = 24  # of the outline, taken as independent of each other
 
 
 @dataclass(frozen=True)
-class Problem:
+class EdgeProblem:
     """Points near the edge, (N, 2) in the plane and (N,) deep, and the prior of the state."""
 
     plane: Array
@@ -52,7 +52,7 @@ class Equations:
 
 
 def equations(
-    problem: Problem, background: Background, state: Array, converged: bool, consistent: bool
+    problem: EdgeProblem, background: Background, state: Array, converged: bool, consistent: bool
 ) -> Equations:
     """Linearise the residuals of the points near the edge from the profile at `state`.
 

@@ -38,7 +38,7 @@ from .beams import (
     look_up,
     mixed_share,
 )
-from .edge_residuals import OUTER_M, Equations, Problem, equations, spread, step
+from .edge_residuals import OUTER_M, EdgeProblem, Equations, equations, spread, step
 
 MIN_MIXED = 0.04  # share of mixed pixels below which the scanner has filtered them out
 STEP_M, CONVERGED_M = (
@@ -115,7 +115,7 @@ def fit_edge(
         prior, state = Prior.of(thickness_m, config), begin
     beside = carry(uvw_m[:, :2], -uvw_m[:, 2], state, outline).x_m
     near = sample(uvw_m[np.abs(beside) < _reach_m(state)], config.max_points)
-    problem = Problem(near[:, :2], -near[:, 2], prior, outline, sigma_m)
+    problem = EdgeProblem(near[:, :2], -near[:, 2], prior, outline, sigma_m)
     beams = problem.beams(state)
     if mixed_share(beams, problem.depth, look_up(beams, problem.depth, state)) < MIN_MIXED:
         return None
@@ -204,7 +204,7 @@ def _reach_m(state: Array) -> float:
     return max(NEAR_M, float(wall) + RING_M[1] + OUTER_M)
 
 
-def _best(problem: Problem, state: Array, most: int) -> _Converged:
+def _best(problem: EdgeProblem, state: Array, most: int) -> _Converged:
     """Return the solution with consistent slopes, or the first one where that diverged."""
     first = _converge(problem, state, most, consistent=False)
     found = _converge(problem, first.state, most, consistent=True)
@@ -227,7 +227,7 @@ def _diverged(state: Array, first: Array, prior: Prior) -> bool:
     return far and off > first_off
 
 
-def _converge(problem: Problem, state: Array, most: int, consistent: bool) -> _Converged:
+def _converge(problem: EdgeProblem, state: Array, most: int, consistent: bool) -> _Converged:
     """Iterate Gauss-Newton steps until the centre converges; first look up the background."""
     background = look_up(problem.beams(state), problem.depth, state)
     for iteration in range(1, most + 1):
@@ -243,7 +243,7 @@ def _converge(problem: Problem, state: Array, most: int, consistent: bool) -> _C
     return _Converged(state, background, linear, iteration, last_m)
 
 
-def _record(found: _Converged, problem: Problem, covered: float) -> EdgeFit:
+def _record(found: _Converged, problem: EdgeProblem, covered: float) -> EdgeFit:
     state = found.state
     covariance, by_plane, dof = spread(found.equations, problem.outline, problem.prior)
     return EdgeFit(

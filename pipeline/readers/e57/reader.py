@@ -12,7 +12,7 @@ import numpy as np
 from ..faults import fault
 from ..sandbox.client import find_library, run_child
 from ..sandbox.process import Job
-from ..source import Block, Column, RawCloud, Source
+from ..source import Block, PointColumn, RawCloud, Source
 from .pages import Pages, read_xml
 from .scans import CARTESIAN, SPHERICAL, E57Scan, find_scans
 from .section import check_sections
@@ -84,14 +84,14 @@ def _blocks(
         yield _block(table, filled.part, _system(scans[filled.part]))
 
 
-def _check_grid(indices: list[Column], source: Source) -> None:
+def _check_grid(indices: list[PointColumn], source: Source) -> None:
     for index in indices:
         beyond = index[(index >= LARGEST_INDEX) | (index <= -LARGEST_INDEX)]
         if len(beyond):
             raise fault(source, f"a point lies in row or column {beyond[0]}")
 
 
-def _block(table: dict[str, Column], part: int, system: tuple[str, str, str]) -> Block:
+def _block(table: dict[str, PointColumn], part: int, system: tuple[str, str, str]) -> Block:
     first, second, third = (table[name] for name in system)
     invalid = table.get(INVALID[system])
     no_intensity, no_index = (np.broadcast_to(value, len(first)) for value in (np.nan, -1))
@@ -105,8 +105,8 @@ def _block(table: dict[str, Column], part: int, system: tuple[str, str, str]) ->
 
 
 def _to_cartesian(
-    distance: Column, azimuth: Column, elevation: Column
-) -> tuple[Column, Column, Column]:
+    distance: PointColumn, azimuth: PointColumn, elevation: PointColumn
+) -> tuple[PointColumn, PointColumn, PointColumn]:
     """Convert to x, y, z: azimuth from x towards y, elevation from the xy plane, rad (8.4.4)."""
     horizontal = distance * np.cos(elevation)
     return horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), distance * np.sin(elevation)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...files import Member, open_archive
 from ..faults import fault
-from ..source import Block, Column, RawCloud, Source
+from ..source import Block, PointColumn, RawCloud, Source
 from .npy import check_size, read_header, read_npy
 
 _POINTS = ("points", "xyz")
@@ -49,7 +49,7 @@ def _opened(folder: Path, member: Member, source: Source) -> Source:
     return Source.open(folder / member.name, f"{source.name}: {member.name}", source.stack)
 
 
-def _vector(source: Source, rows: int) -> Column:
+def _vector(source: Source, rows: int) -> PointColumn:
     """Map an array (rows,) into memory."""
     header = read_header(source)
     if header.shape != (rows,):
@@ -60,7 +60,7 @@ def _vector(source: Source, rows: int) -> Column:
     return np.memmap(source.path, header.dtype, "r", offset, (rows,)) if rows else np.empty(0)
 
 
-def _with_intensity(cloud: RawCloud, values: Column) -> Iterator[Block]:
+def _with_intensity(cloud: RawCloud, values: PointColumn) -> Iterator[Block]:
     done = 0
     for block in cloud.blocks:
         count = len(block.xyz[0])

@@ -15,7 +15,7 @@ from ..faults import fault
 from ..source import Source, shown
 from .lines import Lines, count_of_lines, is_number
 
-Table = Array
+NumberTable = Array
 
 _COMMA_NUMBER = re.compile(
     r"[+-]?(\d+(,\d+)?(e[+-]?\d+)?|nan|inf(inity)?)", re.IGNORECASE | re.ASCII
@@ -48,7 +48,7 @@ def table_blocks(
     source: Source,
     line: int,
     limit: int | None = None,
-) -> Iterator[Table]:
+) -> Iterator[NumberTable]:
     """Yield tables of rows of `columns` numbers until the end, or until `limit` rows.
 
     lines: the next one is line number `line` of the file.
@@ -94,7 +94,7 @@ def _decimal_mark(piece: str, delimiter: str | None) -> bool | None:
 
 def _parse_fast(
     piece: str, columns: int, delimiter: str | None, comma: bool, memory: int
-) -> Table | None:
+) -> NumberTable | None:
     """Parse with numpy's C parser; None when it finds no table of the right width.
 
     The piece goes through a file: numpy reads a path in blocks, 1.15 times as fast as other
@@ -123,7 +123,7 @@ def _parse_slowly(
     source: Source,
     line: int,
     comma: bool,
-) -> Table:
+) -> NumberTable:
     """Parse line by line, to name the first wrong line and to handle '//' comments."""
     rows = []
     for number, text in enumerate(io.StringIO(piece), start=line):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ...measurement import Conformity, Unit, Verdict
+from ...measurement import Conformity, Verdict
+from ...vehicle import Unit
 
 
 def conformity_tree(conformity: Conformity | None) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from .drawing import (
     INK,
     MINUS,
     PALE,
-    Circle,
+    CircleMark,
     Drawing,
     Mark,
     Path,
@@ -125,7 +125,7 @@ def _value(at: Callable[[float], float], quantity: Stated, y: float, colour: str
         Path([(low, y), (high, y)], colour, 1.6),
         Path(ends[:2], colour, 1.6),
         Path(ends[2:], colour, 1.6),
-        Circle(at(quantity.value), y, 3.2, colour),
+        CircleMark(at(quantity.value), y, 3.2, colour),
     ]
 
 

@@ -41,7 +41,7 @@ class Path:
 
 
 @dataclass(frozen=True)
-class Circle:
+class CircleMark:
     """A circle about (x, y)."""
 
     x: float
@@ -99,7 +99,7 @@ class Raster:
         return self.width * float(rows / columns)
 
 
-Mark = Path | Circle | Dots | Text | Raster
+Mark = Path | CircleMark | Dots | Text | Raster
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def _svg(mark: Mark) -> str:
         return _text(mark)
     if isinstance(mark, Raster):
         return _raster(mark)
-    if isinstance(mark, Circle):
+    if isinstance(mark, CircleMark):
         return f'<circle cx="{mark.x:.2f}" cy="{mark.y:.2f}" r="{mark.radius:g}" {_style(mark)}/>'
     if isinstance(mark, Dots):
         points = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in np.asarray(mark.points, float))
@@ -185,7 +185,7 @@ def _path(mark: Path) -> str:
     return f'<path d="M{points}{"Z" if mark.closed else ""}" {_style(mark)}{dash}{crisp}/>'
 
 
-def _style(mark: Path | Circle) -> str:
+def _style(mark: Path | CircleMark) -> str:
     stroke = f' stroke="{mark.stroke}" stroke-width="{mark.width:g}"'
     return f'fill="{mark.fill}"{stroke if mark.stroke != "none" else ""}{_opacity(mark.opacity)}'
 

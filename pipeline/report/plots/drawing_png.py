@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ...vectors import Array
-from .drawing import Circle, Dots, Drawing, Mark, Path, Raster, Text
+from .drawing import CircleMark, Dots, Drawing, Mark, Path, Raster, Text
 
-Image = npt.NDArray[np.uint8]
+Pixels = npt.NDArray[np.uint8]
 ZOOM = 2.0  # pixels of the image per unit of the drawing
 SHIFT = 4  # fractional bits of OpenCV's fixed-point coordinates
 
@@ -31,10 +31,10 @@ def drawing_png(drawing: Drawing) -> bytes:
     return bytes(cv2.imencode(".png", canvas)[1])
 
 
-def _draw(canvas: Image, mark: Mark) -> None:
+def _draw(canvas: Pixels, mark: Mark) -> None:
     if isinstance(mark, Path):
         _path(canvas, mark)
-    elif isinstance(mark, Circle):
+    elif isinstance(mark, CircleMark):
         _circle(canvas, mark)
     elif isinstance(mark, Text):
         _text(canvas, mark)
@@ -44,7 +44,7 @@ def _draw(canvas: Image, mark: Mark) -> None:
         _dots(canvas, mark)
 
 
-def _path(canvas: Image, mark: Path) -> None:
+def _path(canvas: Pixels, mark: Path) -> None:
     import cv2
 
     points = np.asarray(mark.points, float) * ZOOM
@@ -72,20 +72,20 @@ def _dashes(points: Array, dash: tuple[float, float]) -> list[npt.NDArray[np.int
     return list(np.rint(pieces).astype(np.int32))
 
 
-def _circle(canvas: Image, mark: Circle) -> None:
+def _circle(canvas: Pixels, mark: CircleMark) -> None:
     width = max(1, round(mark.width * ZOOM))
     for colour, thickness in ((mark.fill, -1), (mark.stroke, width)):
         if colour != "none":
             _disc(canvas, (mark.x, mark.y), mark.radius, colour, thickness)
 
 
-def _dots(canvas: Image, mark: Dots) -> None:
+def _dots(canvas: Pixels, mark: Dots) -> None:
     for x, y in np.asarray(mark.points, float):
         _disc(canvas, (x, y), mark.size / 2.0, mark.colour, -1)
 
 
 def _disc(
-    canvas: Image, centre: tuple[float, float], radius: float, colour: str, thickness: int
+    canvas: Pixels, centre: tuple[float, float], radius: float, colour: str, thickness: int
 ) -> None:
     import cv2
 
@@ -94,7 +94,7 @@ def _disc(
     cv2.circle(canvas, (x, y), fixed, _bgr(colour), thickness, cv2.LINE_AA, SHIFT)
 
 
-def _text(canvas: Image, mark: Text) -> None:
+def _text(canvas: Pixels, mark: Text) -> None:
     """Draw text in OpenCV's own font, so that every machine gives the same image."""
     import cv2
 
@@ -114,7 +114,7 @@ def _text(canvas: Image, mark: Text) -> None:
     _lay(canvas, flat, (4.0 + back, 2.0 * size), (mark.x, mark.y), 1.0, mark.turn_deg)
 
 
-def _raster(canvas: Image, mark: Raster) -> None:
+def _raster(canvas: Pixels, mark: Raster) -> None:
     image = np.ascontiguousarray(mark.palette[mark.pixels][:, :, ::-1])
     middle = (image.shape[1] / 2.0 - 0.5, image.shape[0] / 2.0 - 0.5)
     scale = mark.width * ZOOM / image.shape[1]
@@ -122,8 +122,8 @@ def _raster(canvas: Image, mark: Raster) -> None:
 
 
 def _lay(
-    canvas: Image,
-    image: Image,
+    canvas: Pixels,
+    image: Pixels,
     pivot: tuple[float, float],
     position: tuple[float, float],
     scale: float,

@@ -9,7 +9,7 @@ import numpy as np
 from ...centre import marker_modules
 from ...targets import PatternTarget, Target
 from ...vectors import Array, turned
-from .drawing import Circle, Drawing, Mark, Path, Text
+from .drawing import CircleMark, Drawing, Mark, Path, Text
 
 MARGIN_MM = 48.0  # around the target, for its sizes and the title
 INK, SIZE, AXIS, FACE, HOLE = "#333333", "#0072B2", "#D55E00", "#f2f2f2", "#ffffff"
@@ -46,11 +46,11 @@ def _face(target: Target, half: Array, at: ToPage) -> Iterator[Mark]:
     """Draw the outer edge and the holes."""
     corners = target.edge.corners_m * 1e3
     if len(corners) == 0:
-        yield Circle(*at(0.0, 0.0), float(half[0]), FACE, INK, THICK)
+        yield CircleMark(*at(0.0, 0.0), float(half[0]), FACE, INK, THICK)
     else:
         yield Path([at(u, v) for u, v in corners.tolist()], INK, THICK, FACE, closed=True)
     for u, v, radius in (target.region.holes_m * 1e3).tolist():
-        yield Circle(*at(u, v), radius, HOLE, INK, THICK)
+        yield CircleMark(*at(u, v), radius, HOLE, INK, THICK)
 
 
 def _print(target: PatternTarget, at: ToPage) -> Iterator[Mark]:
@@ -58,7 +58,7 @@ def _print(target: PatternTarget, at: ToPage) -> Iterator[Mark]:
     size, angle = target.feature_size_m, np.radians(target.turn_deg)
     if target.kind == "circles":
         for u, v in (target.places_m * 1e3).tolist():
-            yield Circle(*at(u, v), size * 500.0, INK)
+            yield CircleMark(*at(u, v), size * 500.0, INK)
     elif target.kind == "checkerboard":
         row, column = np.indices((target.rows + 1, target.columns + 1)).reshape(2, -1)
         dark = (row + column) % 2 == 0
@@ -92,7 +92,7 @@ def _axes(half: Array, at: ToPage) -> Iterator[Mark]:
     for colour, width, opacity in (("#ffffff", 2.4, 0.8), (AXIS, THICK, 1.0)):
         for line in (line for end in ends for line in _arrow(end, 3.0, 1.5)):
             yield Path([at(*point) for point in line], colour, width, opacity=opacity)
-        yield Circle(*at(0.0, 0.0), 3.0, stroke=colour, width=width, opacity=opacity)
+        yield CircleMark(*at(0.0, 0.0), 3.0, stroke=colour, width=width, opacity=opacity)
     for name, position in (("u", at(reach + 5.0, -2.5)), ("v", at(0.0, reach + 3.0))):
         yield Text(*position, name, LETTERS, "middle", colour=AXIS, halo=2.0)
 

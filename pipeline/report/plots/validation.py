@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...validation import KINDS, Agreement, Comparison, Limit
-from .drawing import INK, Circle, Drawing, Mark, Path, Text, cut, rectangle
+from .drawing import INK, CircleMark, Drawing, Mark, Path, Text, cut, rectangle
 
 WIDTH, HEIGHT = 760.0, 520.0
 LEFT, RIGHT, TOP, BOTTOM = 84.0, 190.0, 64.0, 60.0
 BLUE, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#009E73", "#555555"  # Okabe and Ito
 SIGN = {"toe": "toe-in positive", "camber": "top outward positive"}
-Range = tuple[float, float]
+AxisRange = tuple[float, float]
 
 
 @dataclass
@@ -29,8 +29,8 @@ class Chart:
     subtitle: str
     x_label: str
     y_label: str
-    x_range: Range
-    y_range: Range
+    x_range: AxisRange
+    y_range: AxisRange
     x_names: tuple[str, ...] = ()
     marks: list[Mark] = field(default_factory=list)
 
@@ -59,9 +59,11 @@ class Chart:
 
     def point(self, x: float, y: float, colour: str = BLUE, radius: float = 3.0) -> None:
         """Add a translucent dot."""
-        self.marks.append(Circle(*self.at(x, y), radius, colour, opacity=0.55))
+        self.marks.append(CircleMark(*self.at(x, y), radius, colour, opacity=0.55))
 
-    def line(self, start: Range, end: Range, colour: str, dash: Range | None = None) -> None:
+    def line(
+        self, start: AxisRange, end: AxisRange, colour: str, dash: AxisRange | None = None
+    ) -> None:
         """Add a straight line between two points."""
         self.marks.append(Path([self.at(*start), self.at(*end)], colour, 1.6, dash=dash))
 
@@ -188,7 +190,7 @@ def line_drawing(one: Agreement, first: str, second: str) -> Drawing:
     return chart.drawing
 
 
-def _range(values: list[float], margin: float = 0.06) -> Range:
+def _range(values: list[float], margin: float = 0.06) -> AxisRange:
     """Return lowest and highest value with a margin; never empty."""
     low, high = min(values), max(values)
     room = max(margin * (high - low), 1e-9 + 1e-3 * max(abs(low), abs(high)))

@@ -16,7 +16,7 @@ RANK = 1e-9  # of the largest eigenvalue, below which a direction has no uncerta
 
 
 @dataclass(frozen=True)
-class Source:
+class ErrorSource:
     """Source of uncertainty common to several inputs, with `dof` degrees of freedom.
 
     factor: (k inputs, m); its covariance is factor @ factor.T.
@@ -26,14 +26,14 @@ class Source:
     dof: float
 
 
-def sources_of(effects: Sequence[Effect]) -> list[Source]:
+def sources_of(effects: Sequence[Effect]) -> list[ErrorSource]:
     """Merge effects that were estimated together, and those of infinite degrees of freedom."""
     groups: dict[object, list[Effect]] = {}
     for index, effect in enumerate(effects):
         key: object = effect.name if effect.pooled else index
         groups.setdefault(None if math.isinf(effect.dof) else key, []).append(effect)
     return [
-        Source(np.hstack([effect.factor for effect in group]), group[0].dof)
+        ErrorSource(np.hstack([effect.factor for effect in group]), group[0].dof)
         for group in groups.values()
     ]
 
@@ -65,7 +65,7 @@ class Spread:
     dofs: tuple[float, ...]
 
     @classmethod
-    def of(cls, slopes: Array, sources: Sequence[Source]) -> Spread:
+    def of(cls, slopes: Array, sources: Sequence[ErrorSource]) -> Spread:
         """Propagate the sources, with the derivatives `slopes` (q, k) by their inputs."""
         moved = [slopes @ source.factor for source in sources]
         parts = tuple(m @ m.T for m in moved) or (np.zeros((len(slopes), len(slopes))),)

@@ -16,7 +16,7 @@ from ...measurement import Measurement
 from ...report.format.language import Translations, load_translations
 from ...report.format.writer import Table, size_text
 from ...report.text.validation import validation_text
-from ...validation import Comparison, Part, as_method, check_alike, measured
+from ...validation import Comparison, RequestPart, as_method, check_alike, measured
 from ...validation import compare as compare_methods
 from ...vehicle import REFERENCE_WHEELS, deg_min_sec
 from .panel import table_tree
@@ -72,13 +72,13 @@ def compare_measurements(
     )
 
 
-def _of(part: Part, names: list[str]) -> Part:
+def _of(part: RequestPart, names: list[str]) -> RequestPart:
     known = dict(zip(part.names, part.results, strict=True))
-    return Part(tuple(known[name] for name in names), ())
+    return RequestPart(tuple(known[name] for name in names), ())
 
 
 def _missing(
-    parts: list[Part], shared: list[str], names: tuple[str, str]
+    parts: list[RequestPart], shared: list[str], names: tuple[str, str]
 ) -> tuple[tuple[str, str], ...]:
     return tuple(
         (name, f"only in {label}")
