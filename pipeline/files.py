@@ -81,8 +81,22 @@ class Archive:
                 self._opened.extractall(folder, names)  # noqa: S202 - members were checked
             else:
                 chosen = set(names)
-                files = [m for m in self._opened if m.isfile() and m.name in chosen]
-                self._opened.extractall(folder, files, filter="data")
+                for member in self._opened.getmembers():
+                    if member.isfile() and member.name in chosen:
+                        self._copy(member, folder)
+
+    def _copy(self, member: tarfile.TarInfo, folder: Path) -> None:
+        """Write a file of a tar below `folder`: its bytes alone, no owner, mode or date.
+
+        extractall's filter "data" does the same, but not in Python 3.11.2 of Debian 12.
+        """
+        assert isinstance(self._opened, tarfile.TarFile)
+        path, content = folder / member.name, self._opened.extractfile(member)
+        if content is None or not path.resolve().is_relative_to(folder.resolve()):
+            raise tarfile.TarError(f"{member.name} lies outside the archive")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with content, path.open("wb") as file:
+            shutil.copyfileobj(content, file)
 
 
 def is_archive(path: Path, name: str) -> bool:
