@@ -52,6 +52,7 @@ def test_print_gives_the_centre_to_hundredths_of_a_millimetre(name, changes):
     assert np.linalg.norm(result.error_m) < 3.72 * result.u_m
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TARGETS)
 def test_uncertainty_of_the_print_is_what_its_errors_are(name):
     exact = changed(TARGETS[name], print_shift=0.0)

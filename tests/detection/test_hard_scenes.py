@@ -25,6 +25,8 @@ from wheelplane.detection.find_target import find_target
 from wheelplane.detection.find_targets import find_targets
 from wheelplane.errors import NotMeasuredError
 
+pytestmark = pytest.mark.slow
+
 SEGMENT = Config().segment
 VEHICLES = (12, 18)  # 70 degrees and shared stations; sparse, in range steps of 3.9 mm
 # Half hidden at 700 points; at 70 degrees, and in range steps, where only the station's place tells

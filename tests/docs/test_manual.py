@@ -60,6 +60,7 @@ def scratch(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_every_command_runs_and_prints_the_shown_output(scratch, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(scratch / "cache"))
     monkeypatch.setattr("webbrowser.open", lambda url: True)

@@ -38,6 +38,8 @@ from wheelplane_synth.scanner.spot_average import average
 from wheelplane_synth.scene.site import draw_site
 from wheelplane_synth.vehicle.vehicle import WHEELS, draw_vehicle
 
+pytestmark = pytest.mark.slow
+
 NARROW = {"panorama.window_deg": 110.0, "panorama.lowest_deg": -45.0, "panorama.highest_deg": 15.0}
 POINTS = 400_000
 

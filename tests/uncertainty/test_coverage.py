@@ -14,6 +14,8 @@ from scipy import stats
 from tests.bench.intervals import MODES, Scores, run
 from wheelplane.config import Config
 
+pytestmark = pytest.mark.slow
+
 TRUST = 0.99
 # Coverage of 92 %, where 95 % is stated, is what a normal error has whose u is short by this.
 SHORT = stats.norm.ppf(0.96) / stats.norm.ppf(0.975)

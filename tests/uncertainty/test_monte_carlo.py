@@ -30,6 +30,7 @@ def test_without_uncertainty_it_gives_the_angles_themselves(seed):
 SCENES = 50
 
 
+@pytest.mark.slow
 def test_formula_and_draws_agree_within_five_percent():
     worst = 0.0
     for seed in range(SCENES):
