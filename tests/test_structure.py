@@ -299,7 +299,7 @@ def test_synth_and_pipeline_share_nothing():
 
 
 def test_the_distribution_claims_no_common_name():
-    """What is installed is wheelplane, and no test or module imports the folders by their names."""
+    """Only wheelplane is installed; no test or module imports the folders by their own names."""
     for path in (ROOT / "tests").rglob("*.py"):
         names = {name.split(".")[0] for name in imported(path.read_text(encoding="utf-8"))}
         assert not names & set(INSTALLED), path

@@ -26,7 +26,7 @@ WHEEL_M = make(WHEEL).points_m
 
 
 def declared(points_m, shown, true):
-    """What is read from a file in unit `true` when `stated` is declared, both lengths in metres."""
+    """Lengths read from a file in unit `true` when `stated` is declared, in metres."""
     return points_m / FACTOR[true] * FACTOR[shown]
 
 

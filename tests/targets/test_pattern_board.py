@@ -35,7 +35,7 @@ def test_rotation_and_offset_move_the_print_as_a_rigid_body(name):
 
 @pytest.mark.parametrize("name", BOARDS)
 def test_print_period_maps_the_features_onto_themselves(name):
-    """Of features without ids no smaller part of it does; markers have ids, in their order."""
+    """No smaller part of it fits features without ids; markers have ids, in their order."""
     target = board(name)
     places = target.places_m
 
