@@ -346,7 +346,7 @@ def statuses_of_the_code() -> set[str]:
             elif isinstance(node, ast.keyword) and node.arg == "status":
                 found |= set(constants(node.value) if isinstance(node.value, ast.Constant) else [])
             elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-                if re.search(r"Status$|^Verdict$|^Decision$|^STATUSES$", node.targets[0].id):
+                if re.search(r"(Status|Verdict|Decision|STATUSES)$", node.targets[0].id):
                     found |= set(constants(node.value))
             elif isinstance(node, ast.AnnAssign) and ast.unparse(node.target) == "status":
                 found |= set(constants(node.annotation))
