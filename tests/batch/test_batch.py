@@ -104,6 +104,7 @@ def test_shards_together_are_the_whole(undisturbed, tmp_path):
     assert left(tmp_path / "results") == expected
 
 
+@pytest.mark.slow
 def test_poison_kills_only_its_own_child(undisturbed, tmp_path):
     archive = shutil.copytree(undisturbed[0], tmp_path / "archive")
     for name in ("crash", "hang", "greedy", "once"):

@@ -258,6 +258,7 @@ class PolicyHandler(SimpleHTTPRequestHandler):
         pass
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not CHROMIUM.is_file(), reason="no browser")
 def test_browser_shows_and_searches_it_from_a_folder_and_under_the_policy(tmp_path):
     sync_api = pytest.importorskip("playwright.sync_api")

@@ -36,6 +36,7 @@ def test_five_points_of_the_paper_print_the_shown_output():
     assert [line.rstrip() for line in shown] == [line.rstrip() for line in printed]
 
 
+@pytest.mark.slow
 def test_demo_prints_the_shown_output(tmp_path):
     shown = block("Making a vehicle")
     printed = run("demo", str(tmp_path)).strip("\n").split("\n")

@@ -95,6 +95,7 @@ def test_a_wheel_that_rolled_on_is_not_taken_for_its_reference():
     assert [found.of for found in on] == ["plates"] * 2
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_stated():
     rows = {"inclination": [], "caster": [], "toe-out": []}
     true = car(0, 0.0).toe_out[0].difference.value

@@ -58,6 +58,7 @@ def scanned(seed, white=5e-4, sigma=0.0, length=0.01, count=6000, keep=lambda uv
 SEEDS = 60
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("keep", [lambda uv: uv[:, 0] < 1, lambda uv: uv[:, 0] < 0.02], ids="ab")
 @pytest.mark.parametrize("length", [0.005, 0.01, 0.02])
 def test_tilts_under_correlated_noise_are_as_uncertain_as_said(length, keep):

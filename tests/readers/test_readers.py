@@ -117,7 +117,7 @@ PACKED = {
     "arrays.npz": npz,
     "little.ply.gz": lambda rows: gzip.compress(ply_binary(rows, "<", "little")),
     "blanks.xyz.bz2": lambda rows: bz2.compress(FREE["blanks.xyz"](rows)),
-    "raster.ptx.xz": lambda rows: lzma.compress(ptx(rows)),
+    "raster.ptx.xz": lambda rows: lzma.compress(ptx(rows), preset=0),
     "alone.zip": lambda rows: zipped({"in/a.pcd": pcd_compressed(rows), "in/photo.jpg": b"\xff"}),
     "alone.tgz": lambda rows: tarred({"b.csv.gz": gzip.compress(FREE["commas.csv"](rows))}),
 }

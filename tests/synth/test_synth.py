@@ -500,6 +500,7 @@ def test_a_field_has_variance_one_and_the_correlation_set(length):
     assert not low < np.sum((1.2 * draws[:, 0, 0]) ** 2) < high
 
 
+@pytest.mark.slow
 def test_range_noise_is_alike_over_the_length_set(tmp_path):
     length_m, spacing_m, sigma_m = 0.01, 0.002, 0.0005
     values = CALM | {"beam.angle_sigma_urad": 0.0, "beam.range_sigma_m": 0.0}

@@ -42,6 +42,7 @@ def test_formula_and_draws_agree_within_five_percent():
     assert worst < 4.8 / np.sqrt(2 * 60_000)
 
 
+@pytest.mark.slow
 def test_it_stops_when_the_ends_have_converged():
     result = drawn(car(1), 2_000_000)
     assert result.status == "agree"

@@ -104,6 +104,7 @@ def scatter(seed, centre_m, normal_rad):
 LIMIT = 4.5 / np.sqrt(2 * DRAWS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "centre_m", "normal_rad"),
     [(0, 1e-4, 20 * ARCSEC), (1, 5e-4, 1 * ARCSEC), (2, 1e-6, 60 * ARCSEC)],

@@ -39,6 +39,7 @@ def bounds(share, count=CARS):
     return stats.binom.ppf([0.001, 0.999], count, share)
 
 
+@pytest.mark.slow
 def test_right_methods_agree_in_95_percent():
     low, high = bounds(0.95)
     assert low <= passed([Car(seed).compare() for seed in range(CARS)]) <= high
