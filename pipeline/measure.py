@@ -21,6 +21,7 @@ from .measurement import (
     Provenance,
     align,
     noisy,
+    notes_of_assumptions,
     observe_cloud,
     observe_entry,
     residual_map,
@@ -47,7 +48,9 @@ def measure_capture(
     observations, naming = observe_capture(capture, config, fit or fit_target, progress)
     origin = provenance_of_capture(capture, config, observations, naming)
     notes = [*origin.notes, *noisy(observations, config.instrument)]
-    return solve(align(observations, origin, notes))
+    found = solve(align(observations, origin, notes))
+    assumed = notes_of_assumptions(found, capture.target, config.instrument)
+    return replace(found, notes=(*found.notes, *assumed))
 
 
 def observe_capture(

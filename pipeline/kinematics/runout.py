@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 
-from ..measurement import AxleAngles, FrameThrough, Runout
+from ..measurement import AxleAngles, Runout
 from ..vectors import Array
 from ..vehicle import Dual, atan2, length
 from .axis_fit import OneAxis
@@ -24,7 +24,7 @@ from .wheel_axis import Axle, Framed, outward_sense, size
 def runouts_of(best: Framed, scans: SweepScans) -> tuple[Runout, ...]:
     """Return the run-out of each wheel that was turned about its axle, in the order of the axles.
 
-    best: the scans in the frame that serves best; scans: the same in the frame of the targets.
+    best: the scans in the frame of the axles; scans: the same in the frame of the targets.
     """
     return tuple(_runout(axle, scans, best) for axle in best.axles)
 
@@ -34,8 +34,6 @@ def _runout(axle: Axle, scans: SweepScans, best: Framed) -> Runout:
     fit = axle.fit
     if fit is None:
         return Runout(axle.wheel, names, axle.status, axle.reason)
-    through: FrameThrough = best.through if axle.serves else "plate centres"
-    compensated = through != "plate centres"
     own = scans.inputs_of(axle.members)
     off, d_off, along = _off_axis(fit, own)
     tilt = scans.in_frame(off, d_off)
@@ -45,10 +43,9 @@ def _runout(axle: Axle, scans: SweepScans, best: Framed) -> Runout:
         scans=names,
         status=axle.status,
         reason=axle.reason,
-        with_reference=axle.reference is not None,
-        angles=_angles(scans, fit, axle),
-        on_axles=_angles(best.scans, fit, axle) if compensated else None,
-        frame=through,
+        compensates=axle.serves,
+        angles=_angles(best.scans, fit, axle),
+        frame=best.through,
         axial_runout=scans.estimate(atan2(size(tilt), along)),
         axial_clock_rad=math.atan2(tilt[1].value, tilt[2].value),
         radial_runout=axle.eccentricity,

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..measurement import Measurement
+from ..measurement import Measurement, evaluate
+from .axle_pose import compensated, wheel_poses
 from .runout import runouts_of
 from .steering_axis import fit_steering_axes
 from .sweep import sweep_scans
 from .toe_out_on_turns import toe_out_of
-from .wheel_axis import fit_axles, on_axles
+from .wheel_axis import Framed, fit_axles, on_axles
 
 
 def solve(measurement: Measurement) -> Measurement:
     """Return the measurement with its steering axes, run-outs and toe-out on turns.
 
-    The same measurement where none of its scans is of a sweep or a run-out.
+    Wheels whose axle is known have its angles, and the frame stands on its centre. The same
+    measurement where none of its scans is of a sweep or a run-out.
     """
     if not any(wheel.observation.role in ("sweep", "runout") for wheel in measurement.wheels):
         return measurement
@@ -23,8 +25,22 @@ def solve(measurement: Measurement) -> Measurement:
     best = on_axles(scans, fit_axles(scans, measurement))
     steering_axes = fit_steering_axes(best, measurement)
     return replace(
-        measurement,
+        _compensate(measurement, best),
         steering_axes=steering_axes,
         runouts=runouts_of(best, scans),
         toe_out=toe_out_of(best, steering_axes),
     )
+
+
+def _compensate(plates: Measurement, best: Framed) -> Measurement:
+    """Return the measurement with the angles of the axles; the same where none is known."""
+    names = compensated(best)
+    if not names:
+        return plates
+    observations = [wheel.observation for wheel in plates.wheels]
+    found = evaluate(observations, wheel_poses(best), plates.provenance, plates.notes)
+    wheels = (
+        replace(wheel, compensated=wheel.observation.name in names, plate=plate)
+        for wheel, plate in zip(found.wheels, plates.wheels, strict=True)
+    )
+    return replace(found, wheels=tuple(wheels), plates=plates)

@@ -1,8 +1,9 @@
 """Scans of wheels in several positions, by steering or about their axles, with the frame's wheels.
 
-Every result is a number with its slopes by the same K inputs: normal and centre of RR, RL, FR, FL,
-then of every scan, then the stated rotation of every scan, then the observed in-plane rotation of
-every target that shows it.
+Every result is a number with its slopes by the same K inputs: normal and centre of every measured
+target of the capture, RR, RL, FR, FL first; then those of every scan of a sweep or run-out once
+more, without what is fixed to its target; then the stated rotation of every scan; then the observed
+in-plane rotation of every target that shows it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from ..capture import Role
 from ..centre import RotationMark, TargetFit
 from ..measurement import OF_PLATE, Estimate, Measurement, WheelResult
-from ..uncertainty import Effect, effective_dof, effects_of
+from ..uncertainty import Effect, chi_square_beyond, effective_dof, effects_of
 from ..vectors import Array
 from ..vehicle import Dual, FrameSlopes, VehicleFrame, build_reference_frame, frame_slopes
 from .axis_fit import OneAxis, fit_one_axis
@@ -30,7 +31,8 @@ class SweepScans:
     """All measured scans of sweeps and run-outs, with the uncertainty effects on them.
 
     reference_centres_m: (4, 3), on which the frame stands; d_centres: (12, K) of them by the
-    inputs; slopes: of the frame by them. scans: in the measurement's order. effects: of all
+    inputs; slopes: of the frame by them. measured: all targets, and scans: those of sweeps and
+    run-outs, both in the measurement's order. effects: of all
     components on the K inputs. u_turns_rad: (n,) of the stated rotations, inf where none is. faces:
     indices of the scans whose in-plane rotation is observed.
     """
@@ -39,6 +41,7 @@ class SweepScans:
     slopes: FrameSlopes
     reference_centres_m: Array
     d_centres: Array
+    measured: tuple[WheelResult, ...]
     scans: tuple[WheelResult, ...]
     effects: tuple[Effect, ...]
     u_turns_rad: Array
@@ -47,7 +50,11 @@ class SweepScans:
     @property
     def count(self) -> int:
         """K."""
-        return 6 * (4 + len(self.scans)) + len(self.scans) + len(self.faces)
+        return self._first_turn + len(self.scans) + len(self.faces)
+
+    @property
+    def _first_turn(self) -> int:
+        return 6 * (len(self.measured) + len(self.scans))
 
     def of_wheel(self, wheel: str, role: Role) -> list[int]:
         """Return the indices of a wheel's scans of that role."""
@@ -59,10 +66,16 @@ class SweepScans:
 
     def columns(self, index: int) -> tuple[Array, Array]:
         """Return the slopes (3, K) of a scan's outward normal, and of its centre."""
+        return self._columns(self.scans[index], len(self.measured) + index)
+
+    def columns_of_target(self, row: int) -> tuple[Array, Array]:
+        """Return the slopes (3, K) of a measured target's outward normal, and of its centre."""
+        return self._columns(self.measured[row], row)
+
+    def _columns(self, result: WheelResult, place: int) -> tuple[Array, Array]:
         whole = np.zeros((2, 3, self.count))
-        first = 6 * (4 + index)
-        whole[0, :, first : first + 3] = _facing(self.scans[index]) * np.eye(3)
-        whole[1, :, first + 3 : first + 6] = np.eye(3)
+        whole[0, :, 6 * place : 6 * place + 3] = _facing(result) * np.eye(3)
+        whole[1, :, 6 * place + 3 : 6 * place + 6] = np.eye(3)
         return whole[0], whole[1]
 
     def inputs_of(self, members: Sequence[int]) -> Array:
@@ -72,17 +85,17 @@ class SweepScans:
         """
         own = [part for i in members for part in self.columns(i)]
         turns = np.zeros((len(members), self.count))
-        turns[np.arange(len(members)), 6 * (4 + len(self.scans)) + np.array(members)] = 1.0
+        turns[np.arange(len(members)), self._first_turn + np.array(members)] = 1.0
         mine = self.faces_of(members)
         faces = np.zeros((len(mine), self.count))
         for row, i in enumerate(mine):
-            column = 6 * (4 + len(self.scans)) + len(self.scans) + self.faces.index(i)
+            column = self._first_turn + len(self.scans) + self.faces.index(i)
             faces[row, column] = _facing(self.scans[i])
         return np.vstack([*own, turns, faces])
 
     def without_faces(self) -> SweepScans:
         """Return the scans without their in-plane rotations."""
-        kept = 6 * (4 + len(self.scans)) + len(self.scans)
+        kept = self._first_turn + len(self.scans)
         cut = [replace(effect, factor=effect.factor[:kept]) for effect in self.effects]
         return replace(self, faces=(), d_centres=self.d_centres[:, :kept], effects=tuple(cut))
 
@@ -105,6 +118,13 @@ class SweepScans:
         total = np.sum(np.stack(shares), axis=0)
         dof = effective_dof(self.effects, shares, total)
         return Estimate(number.value, math.sqrt(float(total[0])), float(dof[0]))
+
+    def probability(self, numbers: Sequence[Dual]) -> float:
+        """Return the probability that numbers whose true values are zero deviate as far or more."""
+        values = np.array([number.value for number in numbers])
+        slopes = np.stack([number.slope for number in numbers])
+        V = sum(((slopes @ e.factor) @ (slopes @ e.factor).T for e in self.effects), np.zeros(()))
+        return chi_square_beyond(float(values @ np.linalg.pinv(V) @ values), len(values))
 
     def fit(self, members: Sequence[int], turns_rad: Array, u_turns: Array, axis: Array) -> OneAxis:
         """Fit the axis about which the scans `members` rotated; see `fit_one_axis`."""
@@ -147,30 +167,35 @@ class SweepScans:
 
 def sweep_scans(measurement: Measurement) -> SweepScans:
     """Return the sweep and run-out scans; a measurement's first four wheels are the frame's."""
-    scans = tuple(
-        wheel
-        for wheel in measurement.wheels
-        if wheel.observation.role in ("sweep", "runout") and wheel.normal is not None
-    )
+    measured = tuple(wheel for wheel in measurement.wheels if wheel.normal is not None)
+    scans = tuple(w for w in measured if w.observation.role in ("sweep", "runout"))
     turns = [scan.observation.turn for scan in scans]
     u_turns = np.array([math.inf if t is None or t.u_rad is None else t.u_rad for t in turns])
-    reference = [wheel.observation for wheel in measurement.wheels[:4]]
-    targets = [_of_scan(seen.fitted, seen.source) for seen in reference]
+    targets = [_of_scan(w.observation.fitted, w.observation.source) for w in measured]
     targets += [
         _of_scan(_without_plate(scan.observation.fitted), scan.observation.source) for scan in scans
     ]
     faces = _faces(scans)
-    targets += [_turn_alone(targets[4 + i]) for i in faces]
-    centres = np.stack([seen.fitted.centre_m for seen in reference])
+    targets += [_turn_alone(targets[len(measured) + i]) for i in faces]
+    centres = np.stack([wheel.observation.fitted.centre_m for wheel in measured[:4]])
     slopes = frame_slopes(measurement.frame, centres - centres[0])
-    d_centres = np.zeros((12, 6 * (4 + len(scans)) + len(scans) + len(faces)))
+    d_centres = np.zeros((12, 6 * (len(measured) + len(scans)) + len(scans) + len(faces)))
     for i in range(4):
         d_centres[3 * i : 3 * i + 3, 6 * i + 3 : 6 * i + 6] = np.eye(3)
     effects = [_widened(effect, len(scans), len(faces)) for effect in effects_of(targets)]
     size = d_centres.shape[1]
-    effects += [_of_turn(u, i, len(scans), size) for i, u in enumerate(u_turns) if math.isfinite(u)]
+    first = 6 * (len(measured) + len(scans))
+    effects += [_of_turn(u, first + i, size) for i, u in enumerate(u_turns) if math.isfinite(u)]
     return SweepScans(
-        measurement.frame, slopes, centres, d_centres, scans, tuple(effects), u_turns, faces
+        measurement.frame,
+        slopes,
+        centres,
+        d_centres,
+        measured,
+        scans,
+        tuple(effects),
+        u_turns,
+        faces,
     )
 
 
@@ -237,7 +262,7 @@ def _widened(effect: Effect, turns: int, faces: int) -> Effect:
     return replace(effect, factor=np.vstack([effect.factor[:size], none, effect.factor[size::6]]))
 
 
-def _of_turn(u_rad: float, index: int, count: int, size: int) -> Effect:
+def _of_turn(u_rad: float, row: int, size: int) -> Effect:
     factor = np.zeros((size, 1))
-    factor[6 * (4 + count) + index] = u_rad
+    factor[row] = u_rad
     return Effect("turn", factor, math.inf, pooled=False)

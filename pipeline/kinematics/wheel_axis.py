@@ -1,8 +1,9 @@
 """The axles of wheels with run-out scans, and the frame through the axles' centres.
 
 A target is never mounted exactly on its axle, so that a frame through the targets' centres is
-skewed by their offsets over the track. Where the reference scan is one of a wheel's run-out, the
-centre on the axle is known, and the frame stands on it.
+skewed by their offsets over the track. Where a wheel's axle is known, the frame stands on its
+centre: where the reference scan is one of the wheel's run-out, or its target stands to the axle as
+those of the run-out do.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class Axle:
     """The axle of one wheel; fit: None where the scans show too little.
 
     members: indices of its measured scans. reference: index of the wheel's reference scan where it
-    is one of them, so that the axle is that of the reference. eccentricity: of the target's centre.
+    is one of them. eccentricity: of the target's centre.
     """
 
     wheel: str
@@ -41,8 +42,8 @@ class Axle:
 
     @property
     def serves(self) -> bool:
-        """Whether it is the axle of the reference, and known."""
-        return self.reference is not None and self.status == "ok"
+        """Whether the axle is known."""
+        return self.status == "ok"
 
 
 @dataclass(frozen=True)
@@ -70,12 +71,9 @@ def fit_axles(scans: SweepScans, measurement: Measurement) -> tuple[Axle, ...]:
 
 
 def on_axles(scans: SweepScans, axles: Sequence[Axle]) -> Framed:
-    """Return the scans in the frame of the axle centres of wheels with a reference run-out scan.
-
-    In the frame of the targets' centres where one of these axles is not ok.
-    """
-    serving = [axle for axle in axles if axle.reference is not None]
-    if not serving or not all(axle.serves for axle in serving):
+    """Return the scans in the frame of the known axles' centres, and of the other targets'."""
+    serving = [axle for axle in axles if axle.serves]
+    if not serving:
         return Framed(scans, "plate centres", tuple(axles))
     centres, moved = scans.reference_centres_m.copy(), scans.d_centres.copy()
     for axle in serving:
@@ -119,6 +117,15 @@ def _axle(wheel: str, scans: SweepScans, reference: str) -> Axle:
     moved = (fit.d_centre - fit.d_point) @ scans.inputs_of(members)
     eccentricity = scans.estimate(size(scans.in_frame(fit.centre_m - fit.point_m, moved)))
     status, reason = _assess(scans, members, turns, fit, eccentricity)
+    if status == "ok" and axle.reference is None and not _stands_as_reference(scans, axle, fit):
+        status, reason = (
+            "moved",
+            (
+                "the target of the reference scan stands to the axle otherwise than those of the "
+                "run-out: the wheel was steered, lifted or lowered between, or its target mounted "
+                "anew: make the reference scan one of the run-out"
+            ),
+        )
     return replace(axle, status=status, reason=reason, fit=fit, eccentricity=eccentricity)
 
 
@@ -148,6 +155,36 @@ def _assess(
             "the vehicle moved, or angle_deg is wrong"
         )
     return "ok", ""
+
+
+def _stands_as_reference(scans: SweepScans, axle: Axle, fit: OneAxis) -> bool:
+    """Return whether the reference's target stands to the axle as those of the run-out do.
+
+    Compared: its tilt, its centre's distance from the axle, and its position along the axle.
+    """
+    row = REFERENCE_WHEELS.index(axle.wheel)
+    result, own = scans.measured[row], scans.inputs_of(axle.members)
+    assert result.normal is not None
+    normal_by, centre_by = scans.columns_of_target(row)
+    arm, moved = result.observation.fitted.centre_m - fit.point_m, centre_by - fit.d_point @ own
+    expected, by_fit = fit.centre_m - fit.point_m, (fit.d_centre - fit.d_point) @ own
+    d_axis = fit.d_axis @ own
+    differences = (
+        _off(fit.axis, d_axis, result.normal, normal_by)
+        - _off(fit.axis, d_axis, fit.normal, fit.d_normal @ own),
+        _off(fit.axis, d_axis, arm, moved) - _off(fit.axis, d_axis, expected, by_fit),
+        Dual(float(arm @ fit.axis), fit.axis @ moved + arm @ d_axis),
+    )
+    return scans.probability(differences) >= DOUBT
+
+
+def _off(axis: Array, d_axis: Array, vector: Array, moved: Array) -> Dual:
+    """Return the length of a vector's part across the unit axis."""
+    along = float(vector @ axis)
+    across = vector - along * axis
+    length_m = float(np.linalg.norm(across))
+    unit = across / length_m if length_m else np.zeros(3)
+    return Dual(length_m, unit @ (moved - along * d_axis))
 
 
 def _advice(scans: SweepScans, members: list[int], turns: Array) -> str:

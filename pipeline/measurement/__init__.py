@@ -1,7 +1,8 @@
 """Observations to a measurement: evaluation, repeatability, tolerances, conformity."""
 
+from .assumptions import notes_of_assumptions
 from .conformity import Conformity, Verdict, assess, conforms
-from .evaluate import align, check_by_monte_carlo
+from .evaluate import align, check_by_monte_carlo, evaluate
 from .observe import Fit, noisy, observe_entry
 from .observe_vehicle import observe_cloud
 from .quantities import Stated, against, by_name, stated
@@ -19,6 +20,7 @@ from .records import (
     SteeringAxis,
     SweepStatus,
     ToeOut,
+    WheelPose,
     WheelResult,
 )
 from .repeatability import OF_PLATE, PooledAngle, Repeats, pool_repeats
@@ -49,6 +51,7 @@ __all__ = [
     "ToeOut",
     "ToleranceInterval",
     "Verdict",
+    "WheelPose",
     "WheelResult",
     "against",
     "align",
@@ -56,8 +59,10 @@ __all__ = [
     "by_name",
     "check_by_monte_carlo",
     "conforms",
+    "evaluate",
     "load_tolerance",
     "noisy",
+    "notes_of_assumptions",
     "observe_cloud",
     "observe_entry",
     "pool_repeats",

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import InputError
-from ..uncertainty import AngleUncertainty, monte_carlo, propagate
+from ..uncertainty import AngleUncertainty, UncertainTarget, monte_carlo, propagate
 from ..vectors import Array
 from ..vehicle import (
     REFERENCE_WHEELS,
@@ -37,18 +37,33 @@ def align(
         raise InputError(f"{provenance.source}: {error}") from error
     observations = share_components([_on_a_wheel(one, centres) for one in observations])
     measured = [one for one in observations if one.evidence is not None]
-    wheels = [one.wheel for one in measured if one.wheel is not None]
-    uncertainty = propagate([one.fitted for one in measured], wheels)
+    notes = (*notes, *_upside_down(frame, measured), *_far_from_their_wheel(measured, centres))
+    return evaluate(observations, [one.fitted for one in measured], provenance, notes)
+
+
+def evaluate(
+    observations: Sequence[Observation],
+    poses: Sequence[UncertainTarget],
+    provenance: Provenance,
+    notes: tuple[str, ...],
+) -> Measurement:
+    """Evaluate the angles of observations from the pose of each measured one, in their order.
+
+    The first four observations are RR, RL, FR, FL; the centres of their poses define the frame.
+    """
+    frame = build_reference_frame(np.stack([pose.centre_m for pose in poses[:4]]))
+    measured = [one for one in observations if one.evidence is not None]
+    uncertainty = propagate(poses, [one.wheel for one in measured if one.wheel is not None])
     results = {
-        observation.name: _result(observation, wheel, frame, uncertainty, index)
-        for index, (observation, wheel) in enumerate(zip(measured, wheels, strict=True))
+        observation.name: _result(observation, pose, frame, uncertainty, index)
+        for index, (observation, pose) in enumerate(zip(measured, poses, strict=True))
     }
     return Measurement(
         wheels=tuple(results.get(o.name) or WheelResult(o, o.wheel) for o in observations),
         frame=frame,
         uncertainty=uncertainty,
         provenance=provenance,
-        notes=(*notes, *_upside_down(frame, measured), *_far_from_their_wheel(measured, centres)),
+        notes=notes,
     )
 
 
@@ -56,7 +71,7 @@ def check_by_monte_carlo(measurement: Measurement, max_draws: int, seed: int) ->
     """Return the measurement with a check of its uncertainties by at most `max_draws` draws."""
     measured = [wheel for wheel in measurement.wheels if wheel.angles is not None]
     drawn = monte_carlo(
-        [wheel.observation.fitted for wheel in measured],
+        [wheel.pose for wheel in measured if wheel.pose is not None],
         [wheel.wheel for wheel in measured if wheel.wheel is not None],
         measurement.uncertainty,
         max_draws,
@@ -67,21 +82,24 @@ def check_by_monte_carlo(measurement: Measurement, max_draws: int, seed: int) ->
 
 def _result(
     observation: Observation,
-    wheel: str,
+    pose: UncertainTarget,
     frame: VehicleFrame,
     uncertainty: AngleUncertainty,
     index: int,
 ) -> WheelResult:
-    normal = observation.fitted.normal
+    wheel, dof = str(observation.wheel), uncertainty.wheel_dof(index)
     return WheelResult(
         observation=observation,
         wheel=wheel,
-        angles=wheel_angles(frame, normal, wheel),
-        normal=outward_normal(frame, normal, wheel),
+        pose=pose,
+        angles=wheel_angles(frame, pose.normal, wheel),
+        normal=outward_normal(frame, pose.normal, wheel),
         u_toe_rad=float(uncertainty.toe_rad[index]),
         u_camber_rad=float(uncertainty.camber_rad[index]),
         u_camber_iso_rad=float(uncertainty.camber_iso_rad[index]),
-        **uncertainty.wheel_dof(index),
+        dof_toe=dof["dof_toe"],
+        dof_camber=dof["dof_camber"],
+        dof_camber_iso=dof["dof_camber_iso"],
     )
 
 

@@ -12,7 +12,14 @@ from ..capture import Role, Turn
 from ..centre import RotationMark, TargetFit
 from ..cloud import CloudSample
 from ..plane import PlaneFit
-from ..uncertainty import LEVEL, AngleUncertainty, MonteCarlo, coverage_factor
+from ..uncertainty import (
+    LEVEL,
+    AngleUncertainty,
+    MonteCarlo,
+    UncertainTarget,
+    UncertaintyComponent,
+    coverage_factor,
+)
 from ..vectors import Array
 from ..vehicle import VehicleFrame, WheelAngles
 from .residual_map import ResidualMap
@@ -64,15 +71,35 @@ class Observation:
 
 
 @dataclass(frozen=True)
+class WheelPose:
+    """Normal (3,) and centre (3,) of a wheel, scanner coordinates, with their uncertainty."""
+
+    centre_m: Array
+    normal: Array
+    components: tuple[UncertaintyComponent, ...]
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (6, 6) of the normal (rad), then the centre (m), by all components."""
+        return np.asarray(sum((part.covariance for part in self.components), np.zeros((6, 6))))
+
+
+@dataclass(frozen=True)
 class WheelResult:
     """Observation with its angles; all None where it was not measured.
 
-    normal: (3,) outward, scanner coordinates. u_: standard uncertainties (k = 1), radians, and
-    dof_: their degrees of freedom.
+    The angles are those of `pose`: of the wheel's axle where its run-out is compensated, else of
+    the target as mounted. normal: (3,) of the pose, outward, scanner coordinates. u_: standard
+    uncertainties (k = 1), radians, and dof_: their degrees of freedom. plate: result of the target
+    as mounted, in the frame through the targets' centres; None where no run-out of the vehicle is
+    compensated.
     """
 
     observation: Observation
     wheel: str | None
+    pose: UncertainTarget | None = None
+    compensated: bool = False
+    plate: WheelResult | None = None
     angles: WheelAngles | None = None
     normal: Array | None = None
     u_toe_rad: float | None = None
@@ -181,10 +208,8 @@ class AxleAngles:
 class Runout:
     """The axle of one wheel, by its run-out scans; None where these show too little.
 
-    scans: names of the measured ones. with_reference: the wheel's reference scan is one of them, so
-    that the axle is that of the reference. angles: in the frame of the targets' centres; on_axles:
-    in that of the axles' centres, of every wheel whose reference scan is one of its run-out's; None
-    where one of those is not ok. frame: of the compensated angles. axial_runout: angle between the
+    scans: names of the measured ones. compensates: the axle is that of the reference scan, whose
+    wheel therefore has the axle's angles. frame: of `angles`. axial_runout: angle between the
     target's normal and the axle; radial_runout: distance of its centre from the axle (half the
     total indicator reading); each with its clock angle. turns_rad: of the wheel as fitted, in the
     order of the scans. axis: (3,) unit, outward, and centre_m: (3,) of the axle, level with the
@@ -196,9 +221,8 @@ class Runout:
     scans: tuple[str, ...]
     status: AxleStatus = "ok"
     reason: str = ""
-    with_reference: bool = False
+    compensates: bool = False
     angles: AxleAngles | None = None
-    on_axles: AxleAngles | None = None
     frame: FrameThrough = "plate centres"
     axial_runout: Estimate | None = None
     axial_clock_rad: float = 0.0
@@ -210,11 +234,6 @@ class Runout:
     chi_square: float = 0.0
     dof: int = 0
     probability: float = 1.0
-
-    @property
-    def compensated(self) -> AxleAngles | None:
-        """The angles to use: in the frame of the axles where it is known."""
-        return self.on_axles or self.angles
 
 
 @dataclass(frozen=True)
@@ -238,7 +257,8 @@ class Measurement:
     """All wheels in the capture's order, the frame, all quantities, and their provenance.
 
     steering_axes: FR before FL, and toe_out: left turn, then right, of steering sweeps; runouts: in
-    the order RR, RL, FR, FL. Empty without such scans; `kinematics.solve` adds them.
+    the order RR, RL, FR, FL. Empty without such scans; `kinematics.solve` adds them. plates: the
+    same measurement of the targets as mounted; None where no run-out is compensated.
     """
 
     wheels: tuple[WheelResult, ...]
@@ -250,6 +270,7 @@ class Measurement:
     steering_axes: tuple[SteeringAxis, ...] = ()
     runouts: tuple[Runout, ...] = ()
     toe_out: tuple[ToeOut, ...] = ()
+    plates: Measurement | None = None
 
     @property
     def vehicle(self) -> dict[str, float]:

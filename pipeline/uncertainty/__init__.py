@@ -1,6 +1,12 @@
 """Uncertainty components, their propagation (JCGM 100) and its Monte Carlo check (JCGM 101)."""
 
-from .components import UncertaintyComponent, centre_component, plane_component
+from .components import (
+    UncertainTarget,
+    UncertaintyComponent,
+    centre_component,
+    mounting_component,
+    plane_component,
+)
 from .distributions import (
     binomial_tail,
     chi_square_beyond,
@@ -30,6 +36,7 @@ __all__ = [
     "AngleUncertainty",
     "Effect",
     "MonteCarlo",
+    "UncertainTarget",
     "UncertaintyComponent",
     "binomial_tail",
     "centre_component",
@@ -40,6 +47,7 @@ __all__ = [
     "effects_of",
     "f_beyond",
     "monte_carlo",
+    "mounting_component",
     "plane_component",
     "power_of_f",
     "power_of_t",

@@ -9,10 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from ..centre import TargetFit
 from ..errors import InputError
 from ..measurement import Provenance
-from ..uncertainty import effects_of
+from ..uncertainty import UncertainTarget, effects_of
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS, jacobian
 from .frame_effect import frame_share, shape_difference, shape_of, slopes
@@ -168,12 +167,12 @@ def independent(first: ComparedMethod, second: ComparedMethod) -> tuple[ErrorSou
     )
 
 
-def added(deltas: Sequence[TargetFit]) -> tuple[ErrorSource, ...]:
+def added(deltas: Sequence[UncertainTarget]) -> tuple[ErrorSource, ...]:
     """Return the sources of a second method that is the first one with `deltas` added."""
     return tuple(_placed(deltas, before=6 * len(deltas), after=0))
 
 
-def _placed(targets: Sequence[TargetFit], before: int, after: int) -> list[ErrorSource]:
+def _placed(targets: Sequence[UncertainTarget], before: int, after: int) -> list[ErrorSource]:
     pad = ((before, after), (0, 0))
     return [
         ErrorSource(np.pad(source.factor, pad), source.dof)
@@ -192,7 +191,7 @@ class ComparedMethod:
     """
 
     label: str
-    targets: tuple[TargetFit, ...]
+    targets: tuple[UncertainTarget, ...]
     angles_rad: Array
 
     @property

@@ -10,12 +10,11 @@ from typing import Literal
 
 import numpy as np
 
-from ..centre import TargetFit
 from ..errors import InputError
 from ..five_point import FivePointFile, Station, fit_block, read_five_point
 from ..measure import measure_five_point
-from ..measurement import Measurement, WheelResult
-from ..uncertainty import UncertaintyComponent
+from ..measurement import Measurement, WheelPose, WheelResult
+from ..uncertainty import UncertainTarget, UncertaintyComponent
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
@@ -85,13 +84,14 @@ def _aiming_station(options: FivePointOptions) -> Station | None:
     return replace(options.station, stated=stated)
 
 
-def with_aiming(target: TargetFit, options: FivePointOptions) -> TargetFit:
+def with_aiming(target: UncertainTarget, options: FivePointOptions) -> UncertainTarget:
     """Add the aiming's component to a target, where no total station states it."""
     if options.station is not None or not options.aiming_m:
         return target
     across = np.eye(3) - np.outer(target.normal, target.normal)
     factor = np.vstack([np.zeros((3, 3)), options.aiming_m / math.sqrt(5.0) * across])
-    return replace(target, components=(*target.components, UncertaintyComponent("aiming", factor)))
+    components = (*target.components, UncertaintyComponent("aiming", factor))
+    return WheelPose(target.centre_m, target.normal, components)
 
 
 def note_of_aiming(blocks_m: Array, options: FivePointOptions) -> tuple[str, ...]:

@@ -62,12 +62,22 @@ def measured(measurement: Measurement) -> RequestPart:
     )
 
 
+def note_of_plates(dense: Measurement) -> tuple[str, ...]:
+    """Return a note where axles were measured, but targets are compared."""
+    if dense.plates is None:
+        return ()
+    return (
+        "Compared are the targets as mounted, which both methods measure: the run-outs of the "
+        "capture are not compensated here.",
+    )
+
+
 def as_method(label: str, results: Sequence[WheelResult]) -> ComparedMethod:
     """Return a method with these results, all of them measured."""
     angles = [result.angles for result in results if result.angles is not None]
     return ComparedMethod(
         label,
-        tuple(result.observation.fitted for result in results),
+        tuple(result.pose for result in results if result.pose is not None),
         np.array([a.toe_rad for a in angles] + [a.camber_rad for a in angles]),
     )
 

@@ -23,6 +23,7 @@ from .request import (
     as_method,
     folder_of,
     measured,
+    note_of_plates,
 )
 from .tcgc_2013 import LABEL as OLD
 from .tcgc_2013 import by_old_estimator
@@ -51,7 +52,7 @@ def _with_five_points(
 ) -> Comparison:
     points = _points(capture, request)
     dense = measure_capture(capture, config, progress)
-    part, results = _in_both(measured(dense), points)
+    part, results = _in_both(measured(dense.plates or dense), points)
     first = as_method(DENSE, part.results)
     second, notes = _second(points, results, request)
     check_alike(first, second, points.file.source)
@@ -62,7 +63,7 @@ def _with_five_points(
         first,
         second,
         part.missing,
-        (*dense.notes, *notes),
+        (*dense.notes, *note_of_plates(dense), *notes),
         (dense.provenance, points.measurement.provenance),
     )
 

@@ -14,8 +14,8 @@ its mounting, or the fitted centre about which the five are aimed, move both equ
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -27,13 +27,13 @@ from ..config import Config
 from ..errors import InputError, NotMeasuredError
 from ..five_point import FivePointFile
 from ..measure import fit_target, measure_capture, measure_five_point
-from ..measurement import Evidence, WheelResult
+from ..measurement import Evidence, WheelPose, WheelResult
 from ..plane import Patch, PlaneFit
 from ..targets import Target
-from ..uncertainty import UncertaintyComponent, plane_component
+from ..uncertainty import UncertainTarget, UncertaintyComponent, plane_component
 from ..vectors import Array
 from .comparison import Comparison, added
-from .request import DENSE, Request, RequestPart, as_method, measured
+from .request import DENSE, Request, RequestPart, as_method, measured, note_of_plates
 from .statistics.joint_test import Spread
 from .tcgc_2013 import LABEL as OLD
 from .tcgc_2013 import by_old_estimator
@@ -86,7 +86,7 @@ def pick_five(
     )
 
 
-def aimed(picks: list[Picked], fitted: list[TargetFit]) -> list[TargetFit]:
+def aimed(picks: list[Picked], fitted: Sequence[UncertainTarget]) -> list[WheelPose]:
     """Return the targets with the components of the five points' difference, aiming included.
 
     Five points that miss their corners by sigma along each axis have a mean with a standard
@@ -99,7 +99,7 @@ def aimed(picks: list[Picked], fitted: list[TargetFit]) -> list[TargetFit]:
         across = np.eye(3) - np.outer(target.normal, target.normal)
         factor = np.vstack([np.zeros((3, 3)), sigma / math.sqrt(5.0) * across])
         components = (*pick.components, UncertaintyComponent("aiming", factor, dof, pooled=True))
-        deltas.append(replace(target, components=components))
+        deltas.append(WheelPose(target.centre_m, target.normal, components))
     return deltas
 
 
@@ -182,15 +182,16 @@ def compare_virtual(
         return evidence
 
     dense = measure_capture(capture, config, progress, fit_and_pick)
-    part, found = _picked_of(measured(dense), picks, capture.source)
+    plates = dense.plates or dense
+    part, found = _picked_of(measured(plates), picks, capture.source)
     blocks_m = np.stack([picked.points_m for picked in found])
     points = measure_five_point(FivePointFile(blocks_m, capture.source, "", ()))
     first, second = as_method(DENSE, part.results), as_method(VIRTUAL, points.wheels)
-    notes = dense.notes
+    notes = (*dense.notes, *note_of_plates(dense))
     if request.points.method == OLD:
         second, note = by_old_estimator(second, blocks_m, part.wheels)
         notes = (*notes, note)
-    sources = added(aimed(found, list(first.targets)))
+    sources = added(aimed(found, first.targets))
     by_first, by_second = first.slopes(part.wheels), second.slopes(part.wheels)
     spread = Spread.of(np.hstack([by_first, -by_second]), sources)
     u_first = first.u(by_first)

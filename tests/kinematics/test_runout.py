@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from tests.support.turning import CENTRE_M, NORMAL_RAD, WHEELS, Scene, facing, rolled
 from wheelplane.report.text.kinematics import runout_text
 from wheelplane.uncertainty.components import flatness_component, mounting_component
+from wheelplane.vehicle.angles import wheel_angles
 
 TOE, CAMBER = 0.003, -0.012  # of `rolled`
 WOBBLE = np.radians([0.3, 0.4])  # half a degree
@@ -19,9 +20,17 @@ QUARTERS = np.radians([0.0, 90.0, 180.0, 270.0])
 
 
 def one(scene, wheel="FL", turns=HALF, **more):
-    more = {"wobble": WOBBLE, "eccentric_m": OFF} | more
-    (found,) = rolled(scene, wheel, turns, **more).measure().runouts
+    """Return the run-out of a wheel whose reference scan shows it at a rotation of its own."""
+    plate = {"wobble": WOBBLE, "eccentric_m": OFF}
+    reference(scene, wheel, plate)
+    (found,) = rolled(scene, wheel, turns, **plate | more).measure().runouts
     return found
+
+
+def reference(scene, wheel, plate, **more):
+    seen = rolled(scene, wheel, [1.0], **plate, **more).seen.pop()
+    seen = replace(seen, name=wheel, role="reference", turn=None, source=f"{wheel}.ply")
+    scene.seen[WHEELS.index(wheel)] = seen
 
 
 @pytest.mark.parametrize("wheel", WHEELS)
@@ -175,25 +184,32 @@ def test_plates_off_centre_turn_the_frame_and_axles_set_it_right():
     found = result.runouts
     assert [runout.frame for runout in found] == ["axle centres"] * 4
     for runout in found:
-        assert runout.with_reference
-        assert runout.on_axles.toe.value == pytest.approx(TOE, abs=2e-7)
-        assert runout.on_axles.camber.value == pytest.approx(CAMBER, abs=2e-7)
+        assert runout.compensates
+        assert runout.angles.toe.value == pytest.approx(TOE, abs=2e-7)
+        assert runout.angles.camber.value == pytest.approx(CAMBER, abs=2e-7)
         # two scans a wheel: normals and centres both halve their variance
         spread = np.hypot(NORMAL_RAD, np.sqrt(2) * CENTRE_M / 1.5) / np.sqrt(2)
-        assert runout.on_axles.toe.u == pytest.approx(spread, rel=0.02)
-        assert runout.on_axles.camber.u == pytest.approx(spread, rel=0.02)
-    worst = max(abs(runout.angles.toe.value - TOE) for runout in found)
-    assert worst > 1e-3  # 3 mm over the track
-    # the contract's own angles are still those of the plates
-    assert abs(result.wheels[0].angles.toe_rad - TOE) > 0.5 * WOBBLE[0]
+        assert runout.angles.toe.u == pytest.approx(spread, rel=0.02)
+        assert runout.angles.camber.u == pytest.approx(spread, rel=0.02)
+    for wheel, runout in zip(result.wheels, found, strict=False):
+        assert wheel.compensated
+        assert wheel.angles.toe_rad == pytest.approx(runout.angles.toe.value, abs=1e-15)
+        assert wheel.angles.camber_rad == pytest.approx(runout.angles.camber.value, abs=1e-15)
+        assert wheel.u_toe_rad == pytest.approx(runout.angles.toe.u, rel=1e-9)
+        assert wheel.u_camber_rad == pytest.approx(runout.angles.camber.u, rel=1e-9)
+        # that of the target as mounted stands beside: 0.4 degrees of axial run-out
+        assert abs(wheel.plate.angles.toe_rad - TOE) > 0.5 * WOBBLE[0]
+    skewed = [wheel_angles(result.plates.frame, r.axis, r.wheel).toe_rad for r in found]
+    assert max(abs(toe - TOE) for toe in skewed) > 1e-3  # targets 3 mm off, over the track
 
 
 def test_errors_in_the_frame_of_the_axles_are_as_large_as_stated():
     rows = []
     for seed in range(40):
-        for runout in all_round(200 + seed, 1.0, ECCENTRIC).measure().runouts:
-            if runout.on_axles is not None:
-                known = runout.on_axles
+        result = all_round(200 + seed, 1.0, ECCENTRIC).measure()
+        for runout in result.runouts:
+            if result.complete:
+                known = runout.angles
                 rows.append([(known.toe.value - TOE) / known.toe.u,
                              (known.camber.value - CAMBER) / known.camber.u])  # fmt: skip
     count = len(rows) / 2  # wheels share the frame
@@ -202,16 +218,20 @@ def test_errors_in_the_frame_of_the_axles_are_as_large_as_stated():
     assert np.all((low < means) & (means < high))
 
 
-def test_one_wheel_that_moved_leaves_the_frame_of_the_plates():
+def test_one_wheel_that_moved_keeps_its_target_and_the_others_their_axles():
     scene = all_round(11, 1.0, ECCENTRIC)
     last = scene.seen[-1]
     n = last.fitted.normal
     target = replace(last.fitted, centre_m=last.fitted.centre_m + 1e-3 * n)
     scene.seen[-1] = replace(last, evidence=replace(last.evidence, target=target))
-    found = scene.measure().runouts
-    assert found[-1].status == "moved"
-    assert [runout.on_axles for runout in found] == [None] * 4
-    assert {runout.frame for runout in found} == {"plate centres"}
+    result = scene.measure()
+    assert result.runouts[-1].status == "moved"
+    assert not result.complete
+    assert [wheel.compensated for wheel in result.wheels[:4]] == [True, True, True, False]
+    assert {runout.frame for runout in result.runouts} == {"axle and plate centres"}
+    target = result.wheels[3].observation.fitted
+    np.testing.assert_allclose(np.abs(result.wheels[3].normal), np.abs(target.normal), atol=1e-15)
+    assert result.wheels[3].plate.angles != result.wheels[3].angles  # in another frame
 
 
 def test_a_plate_that_shows_its_turn_tells_it():
@@ -231,3 +251,20 @@ def test_a_plate_that_shows_its_turn_tells_it():
     assert (wrong.status, "angle_deg is wrong" in wrong.reason) == ("moved", True)
     slipped = one(Scene(4, **scene).references(), stated=HALF + np.array([0.0, 0.1]))
     assert slipped.status == "moved"
+
+
+def test_a_reference_that_does_not_stand_as_the_run_out_is_not_compensated():
+    """Steered by 0.3 degrees, or lifted by 5 mm, or its target mounted anew."""
+    lifted, still = (0.0, 0.0, 0.005), {"wobble": WOBBLE, "eccentric_m": OFF}
+    for changed, more in (
+        (still, {"toe": TOE + 0.005}),
+        (still, {"moves": [lifted]}),
+        (still | {"wobble": (0.0, 0.0)}, {}),
+    ):
+        scene = Scene(12).references()
+        reference(scene, "FL", changed, **more)
+        result = rolled(scene, "FL", HALF, **still).measure()
+        (found,) = result.runouts
+        assert (found.status, found.compensates) == ("moved", False)
+        assert "reference scan one of the run-out" in found.reason
+        assert (result.plates, result.wheels[3].compensated) == (None, False)

@@ -54,7 +54,7 @@ def _steering_axis(found: SteeringAxis) -> dict[str, Any]:
 
 
 def _runout(found: Runout) -> dict[str, Any]:
-    angles = found.compensated
+    angles = found.angles
     return {
         "wheel": found.wheel,
         "scans": list(found.scans),

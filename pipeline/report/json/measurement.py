@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ...centre import OtherCentre, TargetFit
+from ...centre import OtherCentre
 from ...measurement import Conformity, Measurement, Naming, WheelResult, against, stated
+from ...uncertainty import UncertainTarget
 from ...vehicle import Axis
 from ..format.language import load_translations
 from ..tables.vehicle import SIGNED, in_words
@@ -97,6 +98,8 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
     angles = result.angles
     fitted = observation.evidence.target if observation.evidence else None
     plane = observation.evidence.plane if observation.evidence else None
+    pose, plate = result.pose, result.plate or result
+    mounted = plate.angles
     return {
         "name": observation.name,
         "role": observation.role,
@@ -109,10 +112,19 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
         "u_toe_deg": _degrees(result.u_toe_rad),
         "u_camber_deg": _degrees(result.u_camber_rad),
         "u_camber_iso_deg": _degrees(result.u_camber_iso_rad),
-        "centre_m": fitted.centre_m.tolist() if fitted else None,
+        "compensated": result.compensated,
+        "plate_toe_deg": _degrees(mounted.toe_rad if mounted else None),
+        "plate_camber_deg": _degrees(mounted.camber_rad if mounted else None),
+        "plate_camber_iso_deg": _degrees(mounted.camber_iso_rad if mounted else None),
+        "u_plate_toe_deg": _degrees(plate.u_toe_rad),
+        "u_plate_camber_deg": _degrees(plate.u_camber_rad),
+        "u_plate_camber_iso_deg": _degrees(plate.u_camber_iso_rad),
+        "centre_m": pose.centre_m.tolist() if pose else None,
         "normal": result.normal.tolist() if result.normal is not None else None,
-        "offset_m": _offset(result, fitted),
-        "u_centre_m": _largest_deviation(fitted) if fitted else None,
+        "offset_m": _offset(result, pose),
+        "u_centre_m": _largest_deviation(pose) if pose else None,
+        "plate_centre_m": fitted.centre_m.tolist() if fitted else None,
+        "plate_normal": plate.normal.tolist() if plate.normal is not None else None,
         "plane_rms_m": fitted.plane_rms_m if fitted else None,
         "points_total": observation.points_total,
         "points_on_target": fitted.points_on_target if fitted else None,
@@ -143,13 +155,14 @@ def _degrees(angle_rad: float | None) -> float | None:
     return None if angle_rad is None or not math.isfinite(angle_rad) else math.degrees(angle_rad)
 
 
-def _offset(result: WheelResult, fitted: TargetFit | None) -> float | None:
+def _offset(result: WheelResult, pose: UncertainTarget | None) -> float | None:
     """Return the offset of the plane, normal . x + offset = 0, metres."""
-    if fitted is None or result.normal is None:
+    if pose is None or result.normal is None:
         return None
-    return -float(result.normal @ fitted.centre_m)
+    return -float(result.normal @ pose.centre_m)
 
 
-def _largest_deviation(fitted: TargetFit) -> float:
+def _largest_deviation(pose: UncertainTarget) -> float:
     """Return the centre's standard uncertainty along its least certain direction, metres."""
-    return float(np.sqrt(np.linalg.eigvalsh(fitted.centre_covariance_m2)[-1].clip(min=0.0)))
+    covariance = sum((part.covariance for part in pose.components), np.zeros((6, 6)))[3:, 3:]
+    return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1].clip(min=0.0)))

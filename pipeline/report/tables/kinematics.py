@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...measurement import Measurement, Runout, SteeringAxis, ToeOut
+from ...measurement import Estimate, Measurement, Runout, SteeringAxis, ToeOut, WheelResult
 from ..format.writer import Column, Table, Writer
 
 Noted = list[tuple[Table, str]]
@@ -28,11 +28,12 @@ def steering_tables(measurement: Measurement, writer: Writer) -> Noted:
 
 
 def runout_tables(measurement: Measurement, writer: Writer) -> Noted:
-    """Return compensated angles, and how the targets were mounted; none without run-outs."""
+    """Return the targets' own angles, and how they were mounted; none without run-outs."""
     words, runouts = writer.words, measurement.runouts
     if not runouts:
         return []
-    tables = [(_runouts_table(runouts, writer), words("turned.runout_note"))]
+    frame = words.known("through", runouts[0].frame)
+    tables = [(_plates_table(measurement, writer), words("turned.runout_note", frame=frame))]
     known = [runout for runout in runouts if runout.axial_runout is not None]
     if known:
         tables.append((_mounting_table(known, writer), words("turned.mounting_note")))
@@ -96,27 +97,35 @@ def _turns_table(turns: Sequence[ToeOut], writer: Writer) -> Table:
     return writer.table(columns, rows, 2, words("turned.toe_out"))
 
 
-def _runouts_table(runouts: Sequence[Runout], writer: Writer) -> Table:
+def _plates_table(measurement: Measurement, writer: Writer) -> Table:
     words = writer.words
+    plates = {wheel.observation.name: wheel.plate or wheel for wheel in measurement.wheels}
     columns = (
         words("results.wheel"), Column(words("status.status"), "page"), words("turned.scans"),
         writer.quantity("toe"), "u", Column("U", "page"), writer.quantity("camber"), "u",
-        Column("U", "page"), writer.quantity("camber_iso"), words("turned.through"), writer.chi,
+        Column("U", "page"), writer.quantity("camber_iso"), writer.chi,
         Column("", "text"),
     )  # fmt: skip
     rows = []
-    for found in runouts:
-        angles = found.compensated
-        toe, camber, iso = (
-            writer.estimate(angle)
-            for angle in ((angles.toe, angles.camber, angles.camber_iso) if angles else (None,) * 3)
-        )
+    for found in measurement.runouts:
+        toe, camber, iso = map(writer.estimate, _plate_estimates(plates[found.wheel]))
         rows.append([
             writer.wheel(found.wheel), writer.status(found.status), str(len(found.scans)), *toe,
-            *camber, iso[0], words.known("through", found.frame),
+            *camber, iso[0],
             writer.reduced_chi_square(found.chi_square, found.dof), _reason(found),
         ])  # fmt: skip
     return writer.table(columns, rows, 2, words("turned.runouts"))
+
+
+def _plate_estimates(plate: WheelResult) -> tuple[Estimate, Estimate, Estimate]:
+    """Return toe, camber and ISO camber of a measured target as mounted."""
+    angles = plate.angles
+    assert angles is not None
+    return (
+        Estimate(angles.toe_rad, plate.u_toe_rad or 0.0, plate.dof_toe),
+        Estimate(angles.camber_rad, plate.u_camber_rad or 0.0, plate.dof_camber),
+        Estimate(angles.camber_iso_rad, plate.u_camber_iso_rad or 0.0, plate.dof_camber_iso),
+    )
 
 
 def _mounting_table(runouts: Sequence[Runout], writer: Writer) -> Table:

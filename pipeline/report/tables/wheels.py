@@ -73,11 +73,10 @@ def centres_table(measurement: Measurement, writer: Writer) -> Table:
     words = writer.words
     rows = []
     for result in measurement.wheels:
-        if result.angles is not None:
-            fitted = result.observation.fitted
-            local = measurement.frame.to_vehicle(fitted.centre_m)
+        if result.pose is not None:
+            local = measurement.frame.to_vehicle(result.pose.centre_m)
             places = (words.number(f"{round(x, 5) + 0.0:+.5f}") for x in local.tolist())
-            method = words.known("method", fitted.method)
+            method = words.known("method", result.observation.fitted.method)
             rows.append([writer.wheel(result.observation.name), *places, method])
     ways = (f"{words(f'scene.{way}')} / m" for way in ("left", "forward", "up"))
     columns: Columns = (Column(words("results.name"), quiet=True), *ways, words("frame.found_by"))

@@ -121,10 +121,11 @@ def _ways(result: WheelResult) -> str:
 def _plane_section(measurement: Measurement) -> list[str]:
     rows: list[tuple[str, ...]] = [("", "a", "b", "c", "d / m", "rms / mm", "points")]
     for result in measurement.wheels:
-        if result.normal is not None:
+        normal = (result.plate or result).normal
+        if normal is not None:
             fitted = result.observation.fitted
-            coefficients = (number(x, 8) for x in result.normal)
-            offset = number(-float(result.normal @ fitted.centre_m), 6)
+            coefficients = (number(x, 8) for x in normal)
+            offset = number(-float(normal @ fitted.centre_m), 6)
             rms = f"{fitted.plane_rms_m * 1e3:.4f}"
             rows.append(
                 (

@@ -1,0 +1,65 @@
+"""Notes on what the angles are of, and on what counts as zero in their uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from ..config import InstrumentConfig
+from ..targets import Target
+from .records import Measurement
+
+
+def notes_of_assumptions(
+    measurement: Measurement, target: Target, instrument: InstrumentConfig
+) -> tuple[str, ...]:
+    """Return what a reader of the first page has to know of axles, mounting and stated errors."""
+    return (
+        *_note_of_axles(measurement),
+        *_note_of_mounting(measurement, target),
+        *_note_of_zeros(target, instrument),
+    )
+
+
+def _note_of_axles(measurement: Measurement) -> Iterator[str]:
+    axles = [w.observation.name for w in measurement.wheels if w.compensated]
+    if axles:
+        yield f"The angles of {_and(axles)} are those of the axle, compensated for run-out."
+
+
+def _note_of_mounting(measurement: Measurement, target: Target) -> Iterator[str]:
+    """Yield a note on wheels, and on trials, whose targets may be mounted off their axles."""
+    shown = {"reference": "the wheels", "trial": "the trials"}
+    for role, scatter in (("reference", measurement.plates is not None), ("trial", False)):
+        of_role = [w for w in measurement.wheels if w.observation.role == role and w.pose]
+        mounted = [wheel.observation.name for wheel in of_role if not wheel.compensated]
+        if not mounted or target.clamp_tilt_deg > 0.0:
+            continue
+        names = shown[role] if len(mounted) == len(of_role) else _and(mounted)
+        start = f"The angles of {names} are those of the targets as mounted"
+        if scatter:
+            yield (
+                f"{start}: their mounting is in the uncertainty as far as the run-outs of the "
+                "other wheels show it."
+            )
+        else:
+            yield (
+                f"{start}: no run-out compensates them, and the target file states no "
+                "clamp_tilt_deg, so that their mounting is not in the uncertainty."
+            )
+
+
+def _note_of_zeros(target: Target, instrument: InstrumentConfig) -> Iterator[str]:
+    scanner = {
+        "range bias": instrument.range_bias_m,
+        "pointing": instrument.pointing_urad,
+        "registration": instrument.registration_m,
+    }
+    missing = [name for name, stated in scanner.items() if stated == 0.0]
+    zeros = [f"{_and(missing)} of the scanner"] if missing else []
+    zeros += ["flatness of the target"] if target.flatness == 0.0 else []
+    if zeros:
+        yield f"Counted as zero, as no file states them: {'; '.join(zeros)}."
+
+
+def _and(names: Sequence[str]) -> str:
+    return ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]

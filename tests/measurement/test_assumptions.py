@@ -1,0 +1,51 @@
+"""Notes on the first page: of what the angles are, and what counts as zero in their uncertainty."""
+
+from dataclasses import replace
+
+import pytest
+
+from tests.kinematics.test_runout import ECCENTRIC, all_round
+from wheelplane.config import InstrumentConfig
+from wheelplane.measurement.assumptions import notes_of_assumptions
+from wheelplane.targets.registry import load_target
+
+DISC = load_target("disc-250")
+STATED = InstrumentConfig(range_bias_m=1e-3, pointing_urad=50.0, registration_m=1e-3)
+
+
+@pytest.fixture(scope="module")
+def plates():
+    return all_round(1, 1.0, ECCENTRIC, wheels=()).measure()
+
+
+def test_a_capture_without_run_outs_is_of_the_targets_as_mounted(plates):
+    mounted, zeros = notes_of_assumptions(plates, DISC, InstrumentConfig())
+    assert mounted.startswith("The angles of the wheels are those of the targets as mounted")
+    assert "clamp_tilt_deg" in mounted
+    for zero in ("range bias", "pointing", "registration", "flatness"):
+        assert zero in zeros
+
+
+def test_what_the_files_state_is_not_noted(plates):
+    target = DISC.model_copy(update={"clamp_tilt_deg": 0.01, "flatness": 1e-4})
+    assert notes_of_assumptions(plates, target, STATED) == ()
+    flat = DISC.model_copy(update={"clamp_tilt_deg": 0.01})
+    (zeros,) = notes_of_assumptions(plates, flat, STATED)
+    assert zeros == "Counted as zero, as no file states them: flatness of the target."
+
+
+def test_wheels_with_run_out_are_named_and_those_without_have_their_scatter():
+    result = all_round(2, 1.0, ECCENTRIC, wheels=("RR", "RL")).measure()
+    axles, mounted, _ = notes_of_assumptions(result, DISC, InstrumentConfig())
+    assert axles == "The angles of RR and RL are those of the axle, compensated for run-out."
+    assert mounted.startswith("The angles of FR and FL are those of the targets as mounted")
+    assert "run-outs of the other wheels" in mounted
+
+
+def test_trials_are_of_their_targets_where_all_wheels_are_compensated():
+    scene = all_round(3, 1.0, ECCENTRIC)
+    scene.seen.append(replace(scene.seen[0], name="1", role="trial", source="1.ply"))
+    axles, mounted, _ = notes_of_assumptions(scene.measure(), DISC, InstrumentConfig())
+    assert axles.startswith("The angles of RR, RL, FR and FL are")
+    assert mounted.startswith("The angles of the trials are those of the targets as mounted")
+    assert "not in the uncertainty" in mounted
