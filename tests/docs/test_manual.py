@@ -384,6 +384,8 @@ def test_every_column_of_the_catalogue_is_listed(tmp_path):
 
 # Modules and functions that write notes.
 NOTES = {
+    "assumptions.py": ("_note_of_axles", "_note_of_mounting", "_note_of_zeros"),
+    "request.py": ("note_of_plates",),
     "evaluate.py": ("_upside_down", "_far_from_their_wheel"),
     "observe_vehicle.py": ("_left_out",),
     "records.py": ("notes",),
