@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 LOCK := .ci/requirements.lock
 
-.PHONY: demo test test-all check bench fuzz lock clean help
+.PHONY: demo test test-all smoke check bench fuzz lock clean help
 
 demo: $(VENV)/ready  ## a synthetic vehicle, scanned, measured, beside its true angles
 	$(BIN)/wheelplane demo demo-output
@@ -14,6 +14,11 @@ test: $(VENV)/ready  ## the tests, but for those marked slow
 
 test-all: $(VENV)/ready  ## all tests, as CI runs them
 	$(BIN)/python -m pytest -n 2
+
+smoke: $(VENV)/ready  ## the demo and the tests of files and commands, for another Python: PYTHON=, VENV=
+	$(BIN)/wheelplane demo $(VENV)/demo
+	$(BIN)/python -m pytest -n 2 -m "not slow" tests/readers/test_readers.py tests/readers/test_packed.py \
+		tests/readers/test_e57.py tests/capture tests/commands/test_cli.py tests/batch/test_batch.py
 
 check: $(VENV)/ready  ## ruff and mypy
 	$(BIN)/ruff check .
