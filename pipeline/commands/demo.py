@@ -13,10 +13,10 @@ from ..capture import open_capture
 from ..config import Config
 from ..errors import InputError
 from ..measure import measure_capture
-from ..measurement import Measurement
+from ..measurement import Measurement, by_name
+from ..report.format.digits import arc, sexagesimal
 from ..report.format.layout import aligned
 from ..report.write import write_reports
-from ..vehicle import deg_min_sec
 from .progress import TerminalProgress
 from .synth import make_capture
 
@@ -59,24 +59,24 @@ def compared(measurement: Measurement, truth: Path) -> str:
     except (OSError, ValueError, KeyError) as error:
         raise InputError(f"{truth}: not a truth file ({error}): run the demo again") from error
     rows: list[tuple[str, ...]] = [("name", "wheel", "angle", "measured", "truth", "error", "u")]
+    known = by_name(measurement)
     for result in measurement.wheels:
         if result.angles is None:
             continue
         name = result.observation.name
         for angle in ("toe", "camber"):
-            value = getattr(result.angles, f"{angle}_rad")
             true = math.radians(wheels[name][f"{angle}_deg"])
-            difference = f'{math.degrees(value - true) * 3600:+.1f}"'
-            u = f'{math.degrees(getattr(result, f"u_{angle}_rad")) * 3600:.1f}"'
+            quantity = known[f"{name}.{angle}"]
+            value, expanded = quantity.value, quantity.expanded
             rows.append(
                 (
                     name,
                     result.wheel or "",
                     angle,
-                    deg_min_sec(value),
-                    deg_min_sec(true),
-                    difference,
-                    u,
+                    sexagesimal(value, expanded),
+                    sexagesimal(true, expanded),
+                    arc(value - true, expanded, "+"),
+                    arc(quantity.u, quantity.u),
                 )
             )
     return aligned(rows, left=3)

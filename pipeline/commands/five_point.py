@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..five_point import read_five_point, tcgc_2013
 from ..measure import measure_five_point
 from ..measurement import assess, check_by_monte_carlo, conforms, load_tolerance
-from ..report.format.view import PAPER, AngleStyle, read_view
+from ..report.format.view import PAPER, AngleStyle, DigitStyle, read_view
 from ..report.json.measurement import to_json
 from ..report.text.report import detailed_report
 from ..report.text.tcgc_2013 import tcgc_2013_text
@@ -98,13 +98,14 @@ def five_point(
     axis: Axis,
     angles: AngleStyle,
     rim: str | None,
+    digits: DigitStyle,
 ) -> int:
     """Measure FILE: five points x y z a plane, blocks RR, RL, FR, FL, then the trials.
 
     Rows of three numbers, separated by commas or blanks, no header. With --tolerance, exits with 1
     unless every quantity that it limits is conforming; undecided is 1 too.
     """
-    view = read_view(axis, angles, rim)
+    view = read_view(axis, angles, rim, digits)
     options = report_options(load_config(config).report, language, view)
     limits = None if tolerance is None else load_tolerance(tolerance)
     points = read_five_point(
@@ -132,8 +133,8 @@ def five_point(
             )
         if view != PAPER:
             raise InputError(
-                "--axis and --angles with --method tcgc-2013: its tables are reproduced as they "
-                "were printed: leave them out"
+                "--axis, --angles and --digits with --method tcgc-2013: its tables are reproduced "
+                "as they were printed: leave them out"
             )
         if html or pdf or plot:
             raise InputError(

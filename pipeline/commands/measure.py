@@ -11,7 +11,7 @@ from ..config import load_config, with_scanner
 from ..errors import InputError
 from ..measure import measure_capture
 from ..measurement import assess, check_by_monte_carlo, conforms, load_tolerance
-from ..report.format.view import AngleStyle, read_view
+from ..report.format.view import AngleStyle, DigitStyle, read_view
 from ..report.json.measurement import to_json
 from ..report.write import ReportFiles, write_reports
 from ..units import LengthUnit
@@ -77,6 +77,7 @@ def measure(
     axis: Axis,
     angles: AngleStyle,
     rim: str | None,
+    digits: DigitStyle,
 ) -> int:
     """Measure CAPTURE: a folder, zip or tar with a scan of each wheel, or a whole-vehicle scan.
 
@@ -95,7 +96,7 @@ def measure(
     unless every quantity that it limits is conforming; undecided is 1 too, so that 0 never passes
     a vehicle in doubt.
     """
-    view = read_view(axis, angles, rim)
+    view = read_view(axis, angles, rim, digits)
     settings = load_config(config)
     options = report_options(settings.report, language, view)
     if pdf and output is None:

@@ -13,7 +13,7 @@ from ..capture import CaptureOptions, Upright
 from ..config import load_station
 from ..errors import InputError
 from ..report.format.language import LANGUAGES
-from ..report.format.view import ANGLE_STYLES
+from ..report.format.view import ANGLE_STYLES, DIGIT_STYLES
 from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates, LengthUnit, in_metres
 from ..vehicle import AXES
 
@@ -115,6 +115,13 @@ def language_and_plot(command: Command) -> Command:
     return added((plot_option, language_option), command)
 
 
+digits_option = click.option(
+    "--digits",
+    type=click.Choice(DIGIT_STYLES),
+    default="uncertainty",
+    show_default=True,
+    help="Digits of the text: two of each uncertainty and values to the same place, or full.",
+)
 VIEW_OPTIONS = (
     click.option(
         "--axis",
@@ -135,11 +142,12 @@ VIEW_OPTIONS = (
         metavar="DIAMETER",
         help="Diameter of the wheel's rim for --angles mm, such as 16in or 406mm.",
     ),
+    digits_option,
 )
 
 
 def view_options(command: Command) -> Command:
-    """Add --axis, --angles and --rim to a command; `report.view.read_view` reads them."""
+    """Add --axis, --angles, --rim and --digits to a command; `report.view.read_view` reads them."""
     return added(VIEW_OPTIONS, command)
 
 

@@ -11,7 +11,8 @@ from ..diagnostics import check_cloud, float32_fact, float32_step
 from ..errors import InputError, NotMeasuredError
 from ..plane import CloudPlane, find_planes, plane_of_all
 from ..readers import MESH_SUFFIXES, Scan, read_scan
-from ..report.format.layout import aligned, number
+from ..report.format.digits import rounded
+from ..report.format.layout import aligned
 from ..units import LENGTH_UNITS
 from .progress import Reading
 
@@ -92,8 +93,8 @@ def plane(
     rows: list[tuple[str, ...]] = [("a", "b", "c", "d / m", "rms / mm", "points", "extents / m")]
     for found in planes:
         extents = f"{found.extents_m[0]:.4f} x {found.extents_m[1]:.4f}"
-        normal = (number(x, 8) for x in found.normal)
-        offset, rms = number(found.offset_m, 6), f"{found.rms_m * 1e3:.4f}"
+        normal = (rounded(x, -8) for x in found.normal)
+        offset, rms = rounded(found.offset_m, -6), f"{found.rms_m * 1e3:.4f}"
         rows.append((*normal, offset, rms, str(found.points), extents))
     click.echo(aligned(rows, left=0))
     return 0

@@ -30,7 +30,7 @@ def show(measurement: Measurement, view: View, conformity: Conformity | None) ->
     for part in extra_parts(measurement, view):
         click.echo(f"\n{part}")
     if conformity:
-        click.echo(f"\n{conformity_text(conformity)}")
+        click.echo(f"\n{conformity_text(conformity, view)}")
 
 
 def report_options(config: ReportConfig, language: str | None, view: View) -> ReportOptions:

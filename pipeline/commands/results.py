@@ -31,7 +31,8 @@ from ..batch.results.query import (
 from ..batch.results.sql import ask
 from ..batch.storage.store import open_store
 from ..errors import InputError
-from ..report.format.view import AngleStyle, View
+from ..report.format.view import AngleStyle, DigitStyle, View
+from .options import digits_option
 from .progress import Reading
 
 SCHEMA = "wheelplane/results/1"
@@ -127,6 +128,7 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     show_default=True,
     help="Angle format of the text: deg-min-sec, degrees; toe in mm/m.",
 )
+@digits_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
 @click.option(
     "--csv", "csv_file", type=FILE, help="CSV file for the captures and all numbers; - prints it."
@@ -151,6 +153,7 @@ def results(
     quantities: tuple[str, ...],
     limit: int | None,
     angles: AngleStyle,
+    digits: DigitStyle,
     as_json: bool,
     csv_file: Path | None,
     xlsx_file: Path | None,
@@ -173,7 +176,7 @@ def results(
         tuple(_range(*span) for span in spans),
         gone,
     )
-    query = Query(which, quantities or None, View(angles=angles), limit, as_json)
+    query = Query(which, quantities or None, View(angles=angles, digits=digits), limit, as_json)
     files = {"csv": csv_file, "xlsx": xlsx_file, "parquet": parquet_file}
     if sql is not None and (modes or any(files.values()) or quantities or limit or which != ALL):
         raise click.UsageError("--sql stands alone: write the selection into the SELECT")

@@ -10,6 +10,7 @@ import click
 from ..capture import CaptureOptions, Upright, open_capture
 from ..config import Config, load_config, with_scanner
 from ..errors import InputError
+from ..report.format.view import DigitStyle, View
 from ..report.json.validation import validation_json
 from ..report.write import validation_report, write_validation
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
@@ -27,6 +28,7 @@ from ..validation import (
 from .options import (
     capture_options,
     config_option,
+    digits_option,
     five_point_options,
     five_point_unit_option,
     option,
@@ -92,6 +94,7 @@ BESIDE = Path("five-point.txt")  # in each capture of an archive
     metavar="DEG",
     help="Require that an error of DEG be detectable; otherwise report 'cannot tell'.",
 )
+@digits_option
 @click.option(
     "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the report."
 )
@@ -116,6 +119,7 @@ def validate(
     aiming: float | None,
     radius: float | None,
     detectable: float | None,
+    digits: DigitStyle,
     output: Path | None,
     as_json: bool,
     target: str | None,
@@ -159,11 +163,12 @@ def validate(
     else:
         found = _one(capture, target, overrides, settings, scanner, request)
         complete = not found.missing
-    written = write_validation(found, output) if output else []
+    view = View(digits=digits)
+    written = write_validation(found, output, view) if output else []
     if as_json:
         click.echo(validation_json(found), nl=False)
     else:
-        click.echo(validation_report(found), nl=False)
+        click.echo(validation_report(found, view), nl=False)
         for path in written:
             click.echo(f"wrote {path}")
     return 0 if complete and found.verdict == "agree" else 1

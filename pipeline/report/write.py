@@ -13,7 +13,7 @@ from ..errors import InputError
 from ..measurement import Conformity, Measurement
 from ..validation import Comparison, ComparisonStudy
 from .format.language import load_translations
-from .format.view import PAPER
+from .format.view import PAPER, View
 from .html.page import ReportOptions, html_report
 from .html.pdf import pdf_report
 from .json.measurement import to_json
@@ -118,15 +118,21 @@ def _umask() -> int:
     return mask
 
 
-def validation_report(found: Comparison | ComparisonStudy) -> str:
+def validation_report(found: Comparison | ComparisonStudy, view: View = PAPER) -> str:
     """Return the text report of one capture or of many; printable whatever bytes a path holds."""
-    text = validation_text(found) if isinstance(found, Comparison) else survey_text(found)
+    if isinstance(found, Comparison):
+        text = validation_text(found, view)
+    else:
+        text = survey_text(found, view)
     return text.encode(errors="backslashreplace").decode()
 
 
-def write_validation(found: Comparison | ComparisonStudy, folder: Path) -> list[Path]:
+def write_validation(
+    found: Comparison | ComparisonStudy, folder: Path, view: View = PAPER
+) -> list[Path]:
     """Write validation.json, validation.txt and the plots to `folder`."""
-    files = {"validation.json": validation_json(found), "validation.txt": validation_report(found)}
+    text = validation_report(found, view)
+    files = {"validation.json": validation_json(found), "validation.txt": text}
     if isinstance(found, Comparison):
         files["differences.svg"] = differences_drawing(found).svg
     else:

@@ -7,7 +7,7 @@ from .five_point import Estimator, FivePointOptions
 from .frame_effect import SHAPE
 from .request import Against, Request, RequestPart, as_method, measured
 from .statistics.bland_altman import Limit
-from .statistics.joint_test import JointTest
+from .statistics.joint_test import JointTest, Spread
 from .statistics.line_fit import Line
 from .study import EACH, ComparisonStudy, Row, is_archive_of_captures, validate_archive
 from .validate_capture import validate_capture
@@ -28,6 +28,7 @@ __all__ = [
     "Request",
     "RequestPart",
     "Row",
+    "Spread",
     "as_method",
     "check_alike",
     "compare",

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.support.printed import arc_s, arc_step_s, says_angle, says_width, seconds_of
 from wheelplane import __version__
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.cli import main
@@ -27,6 +28,7 @@ from wheelplane.commands.demo import compared
 from wheelplane.config import Config, load_config
 from wheelplane.errors import InputError
 from wheelplane.measure import measure_capture
+from wheelplane.measurement.quantities import by_name
 
 ROOT = Path(__file__).resolve().parents[2]
 CONFIGS = ROOT / "configs"
@@ -298,23 +300,19 @@ def test_table_and_report_say_what_the_json_says(measured, capture, wheelplane):
     report = (output / "report.txt").read_text()
     rows = re.findall(r"^ +(\S+) +(\S+) +([+-]\S+) +(\S+)\" +([+-]\S+) +(\S+)\"", text, re.M)
     assert len(rows) == 6
+    expanded_of = {entry["quantity"]: entry["expanded_95"] for entry in run.tree["uncertainty"]}
     for wheel, row in zip(run.tree["wheels"], rows, strict=True):
         assert row[:2] == (wheel["name"], wheel["wheel"])
-        for printed, angle in ((row[2], "toe_deg"), (row[4], "camber_deg")):
-            assert seconds(printed) == pytest.approx(3600 * wheel[angle], abs=0.051)
-        for printed, angle in ((row[3], "u_toe_deg"), (row[5], "u_camber_deg")):
-            assert float(printed) == pytest.approx(3600 * wheel[angle], abs=0.051)
+        for kind, printed, u in (("toe", *row[2:4]), ("camber", *row[4:6])):
+            expanded = expanded_of[f"{wheel['name']}.{kind}"]
+            assert says_angle(printed, wheel[f"{kind}_deg"], expanded)
+            assert says_width(f'{u}"', wheel[f"u_{kind}_deg"])
     notes = "\n".join(run.tree["notes"])
     assert text.startswith(notes)
     assert notes in report
     assert text.removeprefix(notes).strip() in report
     for name, digest in run.tree["provenance"]["inputs"].items():
         assert f"{name}  {digest}" in report
-
-
-def seconds(text: str) -> float:
-    degrees, minutes, rest = re.fullmatch(r"[+-](\d+)°(\d+)'([\d.]+)\"", text).groups()
-    return float(text[0] + "1") * (3600 * int(degrees) + 60 * int(minutes) + float(rest))
 
 
 ANGLES = ("toe_deg", "camber_deg", "camber_iso_deg", "u_toe_deg", "u_camber_deg", "normal")
@@ -709,7 +707,7 @@ def test_five_point_prints_the_table_and_writes_the_report(wheelplane, tmp_path)
     report = (tmp_path / "report.txt").read_text()
     assert list(tmp_path.iterdir()) == [tmp_path / "report.txt"]
     assert f"wrote {tmp_path / 'report.txt'}" in run.out
-    for text in ("+00°25'10.4\"", "1.36527 m", "1.34236 m", "1.52220 m"):
+    for text in ("+00°25'10\"", "1.36527 m", "1.34236 m", "1.52220 m"):
         assert text in run.out
         assert text in report
     for term in ("convergência", "sopé", "eixo traseiro", "plano de referência", "pontos lidos"):
@@ -941,11 +939,14 @@ def test_demo_sets_the_measurement_beside_the_truth(capture, tmp_path):
         for angle in ("toe", "camber")
     ]
     angle_of = {(w["name"], a): w[f"{a}_deg"] for w in truth["wheels"] for a in ("toe", "camber")}
-    for name, _, angle, measured, true, error, u in rows:
-        assert seconds(true) == pytest.approx(3600 * angle_of[name, angle], abs=0.051)
-        off = float(error.rstrip('"'))
-        assert off == pytest.approx(seconds(measured) - seconds(true), abs=0.151)
-        assert abs(off) < 4.5 * float(u.rstrip('"'))
+    known = by_name(measurement)
+    for name, _, angle, value, true, error, u in rows:
+        expanded = np.degrees(known[f"{name}.{angle}"].expanded)
+        assert says_angle(value, np.degrees(known[f"{name}.{angle}"].value), expanded)
+        assert says_angle(true, angle_of[name, angle], expanded)
+        step = arc_step_s(3600 * expanded)
+        assert arc_s(error) == pytest.approx(seconds_of(value) - seconds_of(true), abs=1.5 * step)
+        assert abs(arc_s(error)) < 4.5 * arc_s(u)
     (tmp_path / "truth.json").write_text("{")
     with pytest.raises(InputError, match="not a truth file"):
         compared(measurement, tmp_path / "truth.json")

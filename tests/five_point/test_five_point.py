@@ -17,6 +17,7 @@ from wheelplane.five_point.fit_block import fit_block
 from wheelplane.five_point.tcgc_2013 import tcgc_2013
 from wheelplane.measure import measure_five_point
 from wheelplane.plane.least_squares import total_least_squares
+from wheelplane.report.format.view import View
 from wheelplane.report.text.report import detailed_report, summary_table
 from wheelplane.report.text.tcgc_2013 import tcgc_2013_text
 from wheelplane.vehicle.angles import WheelAngles, nearest_wheel, wheel_angles
@@ -471,5 +472,8 @@ def test_detailed_report_says_all_that_the_paper_lists():
 def test_summary_is_in_degrees_minutes_seconds():
     measurement = measure_five_point(read_five_point(PAPER / "figure-4.txt"))
     row = summary_table(measurement).split("\n")[1].split()
-    assert row[:3] == ["RR", "RR", "-00°19'40.7\""]
-    assert row[4] == "+01°40'11.5\""
+    assert row[:3] == ["RR", "RR", "-00°19'40\""]  # U is 890 seconds
+    assert row[4] == "+01°40'10\""
+    full = summary_table(measurement, View(digits="full")).split("\n")[1].split()
+    assert full[:3] == ["RR", "RR", "-00°19'40.7\""]
+    assert full[4] == "+01°40'11.5\""

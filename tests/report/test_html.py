@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.printed import arc_step_s, two_digits
 from tests.support.reported import ANGLES, lost, many, measured, renamed
 from tests.support.turning import Scene, rolled, swept
 from wheelplane.config import ReportConfig
@@ -170,7 +171,7 @@ def test_the_verdict_comes_first_then_the_tables():
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_every_value_stands_in_the_table(language):
-    """Deg-min-sec with sign, the decimal sign of the language, u and U beside."""
+    """Deg-min-sec with sign, to the place of U, which is seconds here; u beside with two digits."""
     words = load_translations(language)
     read = stated(measured(1), language=language).words
     for result in measured(1).wheels:
@@ -178,11 +179,9 @@ def test_every_value_stands_in_the_table(language):
             (result.angles.toe_rad, result.u_toe_rad),
             (result.angles.camber_rad, result.u_camber_rad),
         ):
-            seconds = f'{np.degrees(u) * 3600:.1f}"'
-            value = deg_min_sec(angle)
-            if language == "pt":
-                value, seconds = value.replace(".", ","), seconds.replace(".", ",")
-            assert f"{value} {seconds}" in read
+            assert arc_step_s(np.degrees(1.96 * u) * 3600) == 1.0
+            seconds = f"{two_digits(np.degrees(u) * 3600):f}"
+            assert f'{deg_min_sec(angle, 0)} {seconds}"' in read
     assert words("results.u_note", factor="").split(":")[0] in read
     if language == "pt":
         assert not re.search(r'\d\.\d+("| mm)', read)
@@ -263,7 +262,11 @@ def test_another_view_of_the_angles():
     view = View("thrust-line", "deg")
     read = Page(html_report(measured(1), None, ReportOptions(EN, view), still=True)).words
     trial = measured(1).wheels[-1].angles.camber_rad
+    assert f"{np.degrees(trial):+.3f}°" in read  # U is 0.012 degrees
+    full = replace(view, digits="full")
+    read = Page(html_report(measured(1), None, ReportOptions(EN, full), still=True)).words
     assert f"{np.degrees(trial):+.5f}°" in read
+    assert EN("conventions.digits_full") in read
     assert EN("axis.thrust_line") in read
     assert EN("conventions.units_deg") in read
 

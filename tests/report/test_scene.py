@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from tests.support.printed import says_angle
 from tests.support.reported import ANGLES, lost, measured, off_m, scan
 from tests.support.turning import PLACES, WHEELS, Scene, facing, kingpin, swept
 from wheelplane.five_point.file import read_five_point
 from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import assess
+from wheelplane.measurement.quantities import by_name
 from wheelplane.measurement.tolerance import Tolerance
 from wheelplane.report.format.language import load_translations
 from wheelplane.report.scene.scene import SYMBOL_M, scene
@@ -168,4 +171,9 @@ def test_the_words_are_those_of_the_language():
         "cima",
     }
     assert all(wheel["toe_text"].startswith("convergência ") for wheel in shown["wheels"])
-    assert all("," in wheel["toe_text"] for wheel in shown["wheels"])
+    shown = scene(measured(1), words=load_translations("pt"))
+    known = by_name(measured(1))
+    for wheel in shown["wheels"]:
+        toe = known[f"{wheel['name']}.toe"]
+        text = wheel["toe_text"].removeprefix("convergência ")
+        assert says_angle(text, math.degrees(toe.value), math.degrees(toe.expanded))

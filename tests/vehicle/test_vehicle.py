@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from tests.five_point.test_components import STATED, file, observed, vehicle
 from tests.support.plain_geometry import all_plain
+from tests.support.printed import says_angle, says_width
 from wheelplane.cli import main
 from wheelplane.five_point.components import Station
 from wheelplane.five_point.file import read_five_point
@@ -320,12 +321,13 @@ def test_words_say_which_side(measured, mirrored):
         known = by_name(measurement)
         value = abs(known["front_setback"].value) * 1e3
         _, words, u = line(text, "front setback")
-        assert words == f"{behind} wheel {value:.3f} mm behind {ahead}"
-        assert u == f"{known['front_setback'].u * 1e3:.3f} mm"
+        # U of all three is some 0.5 mm
+        assert words == f"{behind} wheel {value:.2f} mm behind {ahead}"
+        assert u == f"{known['front_setback'].u * 1e3:.2f} mm"
         offset = abs(known["axle_offset"].value) * 1e3
-        assert line(text, "front axle offset")[1] == f"{offset:.3f} mm to the {side}"
+        assert line(text, "front axle offset")[1] == f"{offset:.2f} mm to the {side}"
         longer = abs(known["wheelbase_difference"].value) * 1e3
-        assert line(text, "wheelbase difference")[1] == f"{ahead} longer by {longer:.3f} mm"
+        assert line(text, "wheelbase difference")[1] == f"{ahead} longer by {longer:.2f} mm"
         assert line(text, "rear setback")[1] == "zero by this axis"
     assert by_name(measured)["front_setback"].value > 0.0  # FL 4.6 mm ahead of FR in the file
 
@@ -341,8 +343,8 @@ def test_the_report_names_its_axis_and_keeps_to_it(measured, axis):
     for row, wheel in zip(rows[1:], measured.wheels, strict=True):
         shown = known[f"{wheel.observation.name}.{named('toe', axis)}"]
         cells = row.split()
-        assert read(cells[2]) == pytest.approx(shown.value, abs=0.051 * SECOND)
-        assert read(cells[3]) == pytest.approx(shown.u, abs=0.051 * SECOND)
+        assert says_angle(cells[2], math.degrees(shown.value), math.degrees(shown.expanded))
+        assert says_width(cells[3], math.degrees(shown.u))
     assert ("front left toe to the thrust line" in text) == (axis != "thrust-line")
 
 
@@ -374,7 +376,7 @@ STYLES = {"dms": 0.05 * SECOND, "deg": math.radians(5e-6), "mm/m": 5e-7, "mm": 5
 @pytest.mark.parametrize("style", STYLES)
 @pytest.mark.parametrize("sort", ["toe", "heading", "camber"])
 def test_every_unit_reads_back(style, sort):
-    view = View(angles=style, rim_m=RIM)
+    view = View(angles=style, rim_m=RIM, digits="full")
     for angle in [0.0, *np.random.default_rng(5).uniform(-0.3, 0.3, 200)]:
         limit = max(STYLES.values()) if sort != "toe" else STYLES[style]
         assert read(view.angle(angle, sort)) == pytest.approx(angle, abs=limit * 1.11)
@@ -390,7 +392,7 @@ def test_every_unit_reads_back(style, sort):
 
 @pytest.mark.parametrize("style", ["mm/m", "mm"])
 def test_a_width_is_the_slope_of_what_is_printed(style):
-    view = View(angles=style, rim_m=RIM)
+    view = View(angles=style, rim_m=RIM, digits="full")
 
     def number(angle):
         return float(view.angle(angle, "toe").split()[0])

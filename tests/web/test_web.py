@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from tests.support.made import write_small_capture
+from tests.support.printed import arc_s, says_angle, seconds_of, step
 from tests.support.web_site import PAPER, Site, write_results
 from wheelplane.batch.results.query import STATUSES
 from wheelplane.errors import InputError
 from wheelplane.report.format.language import LANGUAGES, load_translations
-from wheelplane.vehicle.angles import deg_min_sec
 from wheelplane.web.files.excerpt import failure
 
 WEB = Path(__file__).resolve().parents[2] / "pipeline" / "web"
@@ -100,6 +100,7 @@ def test_an_allowed_folder_that_is_a_capture_is_measured_by_its_own_name(tmp_pat
 
 def test_the_panel_says_the_same_in_every_unit_and_language(site, five):
     tree = file_of(site, five, "measurement.json").json
+    expanded_of = {entry["quantity"]: entry["expanded_95"] for entry in tree["uncertainty"]}
     for language in LANGUAGES:
         panel = file_of(site, five, f"panel-{language}.json").json
         words = load_translations(language)
@@ -107,10 +108,10 @@ def test_the_panel_says_the_same_in_every_unit_and_language(site, five):
         toe = wheels["head"].index(words("quantity.toe"))
         degrees = panel["tables"]["rear-axle"]["deg"][0]
         for i, wheel in enumerate(tree["wheels"]):
-            said = words.number(deg_min_sec(np.radians(wheel["toe_deg"])))
-            assert wheels["rows"][i][toe] == said
+            expanded = expanded_of[f"{wheel['name']}.toe"]
+            assert says_angle(wheels["rows"][i][toe], wheel["toe_deg"], expanded)
             assert float(degrees["rows"][i][toe].strip("°").replace(",", ".")) == pytest.approx(
-                wheel["toe_deg"], abs=6e-6
+                wheel["toe_deg"], abs=0.51 * step(expanded)
             )
         assert panel["tables"]["thrust-line"]["dms"][0]["rows"] != wheels["rows"]
 
@@ -337,7 +338,8 @@ def test_a_capture_agrees_with_its_five_points(site, dense):
     for row in found["table"]["rows"]:
         angles = [next(w for w in tree["wheels"] if w["name"] == row[0])[f"{row[1]}_deg"]
                   for tree in (dense_tree, five_tree)]  # fmt: skip
-        assert row[4] == deg_min_sec(np.radians(angles[0] - angles[1]))
+        expanded_s = arc_s(row[5])  # with two digits; the difference ends at the same place
+        assert says_angle(row[4], angles[0] - angles[1], expanded_s / 3600.0)
 
 
 def test_another_alignment_of_the_wheels_disagrees(site, dense):
@@ -390,9 +392,9 @@ def test_an_archive_is_browsed(site, results):
 def test_a_drift_is_shown(site, results):
     job_state = site.get("/api/archive/trends/0/results").json
     assert job_state["quantities"][0] == "RR toe"
-    # 0.01 degrees a month over eleven months
+    # 0.01 degrees a month over eleven months, stated for 30 days
     row = job_state["table"]["rows"][0]
-    assert float(row[2].rstrip('"')) == pytest.approx(0.12 * 3600, rel=0.03)
+    assert seconds_of(row[2]) == pytest.approx(0.12 * 3600 * 30 / 365.25, rel=0.03)
     assert site.get("/api/archive-plot/0/results?quantity=RR%20toe").data.startswith(b"<svg")
     assert site.get("/api/archive-plot/0/results?quantity=nothing").status_code in (400, 404)
     assert site.get("/api/archive/nothing/0/results").status_code == 404

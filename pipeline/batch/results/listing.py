@@ -7,18 +7,19 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from ...report.format.layout import aligned, number
+from ...measurement import Estimate
+from ...report.format.digits import UNKNOWN, millimetres
+from ...report.format.layout import aligned
 from ...report.format.view import PAPER, View
 from ...vehicle import REFERENCE_WHEELS
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.rows import CaptureRow
 from ..catalogue.schema import number_of
 from .query import ALL, FailureGroup, Filter, captures, condition
-from .trends import Drift, Outlier, Summary
+from .trends import MONTH_DAYS, Drift, Outlier, Summary
 
 ANGLES = tuple(f"{wheel} {angle}" for wheel in REFERENCE_WHEELS for angle in ("toe", "camber"))
 Angles = dict[str, tuple[float, float | None]]  # by "RR toe": degrees and u
-MONTH_DAYS = 30.0
 BLOCK = 500
 SIGNS = "Toe-in and camber with the top outward are positive."
 K1 = "u: standard uncertainty (k = 1)"
@@ -30,7 +31,7 @@ def capture_table(
     """Yield the lines of a table: one capture a line, with wheel angles or the failure's reason."""
     rows = list(captures(catalogue, which, limit=limit))
     widths = [max([len(head), *map(len, map(f, rows))]) for head, f in HEADS.items()]
-    angle_width = len(view.angle(math.radians(-10.0), "camber"))
+    angle_width = len(view.angle(math.radians(-10.0), "camber"))  # with all digits, the widest
     heads = [f"{head:<{width}}" for head, width in zip(HEADS, widths, strict=True)]
     yield "  ".join([*heads, *(f"{name:>{angle_width}}" for name in ANGLES), "largest u"])
     for start in range(0, len(rows), BLOCK):
@@ -77,7 +78,8 @@ def _angle(found: Angles, name: str, view: View) -> str:
     if name not in found:
         return "-"
     sort = "toe" if name.endswith("toe") else "camber"
-    return view.angle(math.radians(found[name][0]), sort)  # type: ignore[arg-type]
+    value, u = found[name]
+    return view.angle(math.radians(value), sort, math.radians(expanded(u)))  # type: ignore[arg-type]
 
 
 def _why(row: CaptureRow) -> list[str]:
@@ -113,12 +115,10 @@ def summary_text(found: tuple[Summary, ...], view: View = PAPER) -> str:
         (
             s.quantity,
             f"{s.n:,}",
-            _value(s.mean, s.unit, view),
+            _value(s.mean, s.unit, view, expanded(s.u_rms)),
             _width(s.sd, s.unit, view),
             _width(s.robust_sd, s.unit, view),
-            _value(s.median, s.unit, view),
-            _value(s.low, s.unit, view),
-            _value(s.high, s.unit, view),
+            *(_value(x, s.unit, view, expanded(s.u_rms)) for x in (s.median, s.low, s.high)),
             _width(s.u_rms, s.unit, view),
         )
         for s in found
@@ -153,7 +153,7 @@ def _drift_row(d: Drift, view: View) -> tuple[str, ...]:
         f"{d.n:,}",
         day_text(d.first_day),
         day_text(d.last_day),
-        _value(d.slope * MONTH_DAYS, d.unit, view),
+        _value(d.slope * MONTH_DAYS, d.unit, view, d.expanded * MONTH_DAYS),
         _width(d.expanded * MONTH_DAYS, d.unit, view),
         _width(d.scatter, d.unit, view),
         f"{d.p:.2g}",
@@ -169,9 +169,9 @@ def worst_text(found: tuple[Outlier, ...], view: View = PAPER) -> str:
             _shown(o.name),
             o.date or "-",
             o.quantity,
-            _value(o.value, o.unit, view),
+            _value(o.value, o.unit, view, expanded(o.u)),
             _width(o.u, o.unit, view),
-            _value(o.median, o.unit, view),
+            _value(o.median, o.unit, view, expanded(o.u)),
             f"{o.score:.1f}",
         )
         for o in found
@@ -203,13 +203,23 @@ def day_text(day: float) -> str:
     return (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=day)).date().isoformat()
 
 
-def _value(x: float, unit: str, view: View) -> str:
+def expanded(u: float | None) -> float:
+    """Return U of a value of which the catalogue holds u, as of infinite degrees of freedom."""
+    return UNKNOWN if u is None else Estimate(0.0, u).expanded
+
+
+def _value(x: float, unit: str, view: View, wide: float) -> str:
+    """Write a value to the place of its U, `wide`."""
     if not math.isfinite(x):
         return "-"
-    return view.angle(math.radians(x), "camber") if unit == "deg" else f"{number(1e3 * x, 3)} mm"
+    if unit == "deg":
+        return view.angle(math.radians(x), "camber", math.radians(wide))
+    return millimetres(x, view.known(wide), "+")
 
 
 def _width(x: float, unit: str, view: View) -> str:
     if not math.isfinite(x):
         return "-"
-    return view.width(math.radians(x), "camber") if unit == "deg" else f"{1e3 * x:.3f} mm"
+    if unit == "deg":
+        return view.width(math.radians(x), "camber")
+    return millimetres(x, view.known(x))

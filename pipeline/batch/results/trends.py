@@ -15,6 +15,7 @@ from .query import ALL, Filter
 from .series import Series, series
 
 __all__ = [
+    "MONTH_DAYS",
     "Drift",
     "Outlier",
     "Series",
@@ -29,6 +30,7 @@ __all__ = [
 ]
 
 LEVEL = 0.95
+MONTH_DAYS = 30.0  # to which slopes are stated
 NORMAL_OF_MAD = 1.482602218505602  # 1 / the normal's upper quartile
 
 

@@ -6,24 +6,20 @@ import textwrap
 from collections.abc import Sequence
 
 from ...vectors import Array
+from .digits import rounded
 
 WIDTH = 100
 
 
-def number(value: float, decimals: int) -> str:
-    """Write a signed number, rounding's -0.0 as +0.0."""
-    return f"{round(value, decimals) + 0.0:+.{decimals}f}"
-
-
 def vector(components: Array, decimals: int = 8) -> str:
     """Write (3,) as [+x +y +z]."""
-    return f"[{' '.join(number(x, decimals) for x in components)}]"
+    return f"[{' '.join(rounded(x, -decimals) for x in components)}]"
 
 
 def equation(normal: Array, offset_m: float) -> str:
     """Write the plane normal . x + offset = 0."""
-    terms = [f"{number(x, 8)} {axis}" for x, axis in zip(normal, "xyz", strict=True)]
-    return f"{' '.join(terms)} {number(offset_m, 6)} m = 0"
+    terms = [f"{rounded(x, -8)} {axis}" for x, axis in zip(normal, "xyz", strict=True)]
+    return f"{' '.join(terms)} {rounded(offset_m, -6)} m = 0"
 
 
 def paragraph(text: str) -> str:

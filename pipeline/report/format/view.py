@@ -1,4 +1,4 @@
-"""How a report is to be read: from which longitudinal axis, and in which unit of angle."""
+"""How a report is to be read: from which longitudinal axis, in which unit of angle, how finely."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from typing import Literal, get_args
 
 from ...errors import InputError
 from ...units import in_metres
-from ...vehicle import Axis, deg_min_sec
+from ...vehicle import Axis
+from .digits import UNKNOWN, arc, decimal, metres, sexagesimal
 
 AngleStyle = Literal["dms", "deg", "mm/m", "mm"]
 ANGLE_STYLES: tuple[AngleStyle, ...] = get_args(AngleStyle)
+DigitStyle = Literal["uncertainty", "full"]
+DIGIT_STYLES: tuple[DigitStyle, ...] = get_args(DigitStyle)
 # In mm at a rim: toe, a difference of distances; in mm/m: toe and every heading, a slope. Camber is
 # customary in neither and stays in degrees.
-Sort = Literal["toe", "heading", "camber"]
+Sort = Literal["toe", "total", "heading", "camber"]
 
 DEFINED: dict[Axis, str] = {
     "rear-axle": "normal to the rear axle",
@@ -36,42 +39,73 @@ UNITS: dict[AngleStyle, str] = {
         "angles in degrees, minutes and seconds of arc."
     ),
 }
+DIGITS: dict[DigitStyle, str] = {
+    "uncertainty": (
+        "Digits: an uncertainty has two; a value ends at the place at which its expanded\n"
+        "uncertainty U (95 %) ends. Vectors and planes, for calculations, keep theirs."
+    ),
+    "full": "Digits: a fixed number, whatever the uncertainty.",
+}
 RIM_M = (0.1, 2.0)
 
 
 @dataclass(frozen=True)
 class View:
-    """The axis in use, the unit of angles, and the rim's diameter, which mm needs."""
+    """The axis in use, the unit of angles, the rim's diameter, which mm needs, and the digits.
+
+    digits: "uncertainty" as `digits.py` explains; "full" without regard to the uncertainty.
+    """
 
     axis: Axis = "rear-axle"
     angles: AngleStyle = "dms"
     rim_m: float = math.nan
+    digits: DigitStyle = "uncertainty"
 
-    def angle(self, angle_rad: float, sort: Sort) -> str:
-        """Write an angle with its sign and unit."""
-        if self.angles == "deg":
-            return f"{_zero(math.degrees(angle_rad), 5):+.5f}°"
-        if self.angles == "mm/m" and sort != "camber":
-            return f"{_zero(1e3 * math.tan(angle_rad), 3):+.3f} mm/m"
-        if self.angles == "mm" and sort == "toe":
-            return _millimetres(self.rim_m * math.sin(angle_rad))
-        return deg_min_sec(angle_rad)
+    def angle(self, angle_rad: float, sort: Sort, expanded_rad: float = UNKNOWN) -> str:
+        """Write an angle with its sign and unit, to the place of its expanded uncertainty."""
+        unit = self._decimal_unit(sort, angle_rad)
+        expanded_rad = self.known(expanded_rad)
+        if unit is None:
+            return sexagesimal(angle_rad, expanded_rad)
+        return decimal(unit.value, unit.slope * expanded_rad, unit.decimals) + unit.mark
 
-    def total_toe(self, left_rad: float, right_rad: float) -> str:
+    def total_toe(self, left_rad: float, right_rad: float, expanded_rad: float = UNKNOWN) -> str:
         """Write the total toe of an axle from the toe of both wheels."""
-        if self.angles == "mm":
-            return _millimetres(self.rim_m * (math.sin(left_rad) + math.sin(right_rad)))
-        return self.angle(left_rad + right_rad, "toe")
+        total_rad = left_rad + right_rad
+        unit = self._decimal_unit("total", total_rad)
+        if self.angles != "mm" or unit is None:
+            return self.angle(total_rad, "total", expanded_rad)
+        total_mm = 1e3 * self.rim_m * (math.sin(left_rad) + math.sin(right_rad))
+        return decimal(total_mm, unit.slope * self.known(expanded_rad), unit.decimals) + unit.mark
 
     def width(self, u_rad: float, sort: Sort, at_rad: float = 0.0) -> str:
-        """Write a standard uncertainty, or another small angle, at the angle at_rad."""
+        """Write an uncertainty, or another small size, at the angle at_rad; two digits."""
+        unit = self._decimal_unit(sort, at_rad)
+        if unit is None:
+            return arc(u_rad, self.known(u_rad))
+        u = unit.slope * u_rad
+        return decimal(u, self.known(u), unit.decimals, "") + unit.mark
+
+    def length(self, length_m: float, expanded_m: float = UNKNOWN) -> str:
+        """Write a length in metres, to the place of its expanded uncertainty."""
+        return metres(length_m, self.known(expanded_m))
+
+    def known(self, expanded: float) -> float:
+        """Return the uncertainty that the digits follow: none with full digits."""
+        return UNKNOWN if self.digits == "full" else expanded
+
+    def _decimal_unit(self, sort: Sort, at_rad: float) -> _DecimalUnit | None:
+        """Return the decimal unit of an angle; None where it is written as degrees-minutes."""
         if self.angles == "deg":
-            return f"{math.degrees(u_rad):.5f}°"
+            return _DecimalUnit(math.degrees(at_rad), math.degrees(1.0), 5, "°")
         if self.angles == "mm/m" and sort != "camber":
-            return f"{1e3 * u_rad / math.cos(at_rad) ** 2:.3f} mm/m"
-        if self.angles == "mm" and sort == "toe":
-            return f"{1e3 * self.rim_m * u_rad * math.cos(at_rad):.3f} mm"
-        return f'{math.degrees(u_rad) * 3600:.1f}"'
+            return _DecimalUnit(1e3 * math.tan(at_rad), 1e3 / math.cos(at_rad) ** 2, 3, " mm/m")
+        if self.angles == "mm" and sort in ("toe", "total"):
+            wheels = 2.0 if sort == "total" else 1.0
+            at_rad, rim_mm = at_rad / wheels, 1e3 * self.rim_m
+            value_mm = wheels * rim_mm * math.sin(at_rad)
+            return _DecimalUnit(value_mm, rim_mm * math.cos(at_rad), 3, " mm")
+        return None
 
     @property
     def units(self) -> str:
@@ -79,15 +113,27 @@ class View:
         return UNITS[self.angles].format(rim=f"{1e3 * self.rim_m:g}")
 
 
+@dataclass(frozen=True)
+class _DecimalUnit:
+    """An angle in a decimal unit, the unit's change per radian there, its digits without U."""
+
+    value: float
+    slope: float
+    decimals: int
+    mark: str
+
+
 PAPER = View()  # as the paper has it: the rear axle's normal; degrees, minutes and seconds
 
 
-def read_view(axis: Axis, angles: AngleStyle, rim: str | None) -> View:
-    """Return a view from the options --axis, --angles and --rim. Raises InputError."""
+def read_view(
+    axis: Axis, angles: AngleStyle, rim: str | None, digits: DigitStyle = "uncertainty"
+) -> View:
+    """Return a view from the options --axis, --angles, --rim and --digits. Raises InputError."""
     if angles != "mm":
         if rim is not None:
             raise InputError(f"--rim {rim} without --angles mm: add it, or leave out the rim")
-        return View(axis, angles)
+        return View(axis, angles, digits=digits)
     if rim is None:
         raise InputError("--angles mm without --rim: name the rim's diameter, such as --rim 16in")
     found = re.fullmatch(r"(\d+(?:\.\d*)?)\s*(mm|in|m)", rim.strip())
@@ -99,13 +145,4 @@ def read_view(axis: Axis, angles: AngleStyle, rim: str | None) -> View:
             f"--rim {rim}: a diameter of {rim_m:g} m is no rim's: name one from {RIM_M[0]:g} to "
             f"{RIM_M[1]:g} m, such as 16in or 406mm"
         )
-    return View(axis, angles, rim_m)
-
-
-def _millimetres(length_m: float) -> str:
-    return f"{_zero(1e3 * length_m, 3):+.3f} mm"
-
-
-def _zero(value: float, decimals: int) -> float:
-    """Round a value, without the sign of a zero."""
-    return round(value, decimals) + 0.0
+    return View(axis, angles, rim_m, digits)

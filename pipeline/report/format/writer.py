@@ -8,15 +8,16 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from ...measurement import Estimate, Stated
-from ...vehicle import Axis, Unit, deg_min_sec
+from ...vehicle import Axis, Unit
+from .digits import UNKNOWN, Sign, arc, decimal, metres, millimetres, sexagesimal
 from .language import Translations
 from .layout import aligned, paragraph
 from .view import Sort, View
 
 SORTS: dict[str, Sort] = {
     "toe": "toe",
-    "rear_total_toe": "toe",
-    "front_total_toe": "toe",
+    "rear_total_toe": "total",
+    "front_total_toe": "total",
     "camber": "camber",
     "camber_iso": "camber",
     "rear_cross_camber": "camber",
@@ -98,51 +99,66 @@ class Writer:
         return Table(head, cells, sum(i < left for i in kept), caption, classes)
 
     def value(self, quantity: Stated) -> str:
-        """Write an angle with its sign, a length in metres."""
+        """Write an angle with its sign, a length in metres, to the place of U."""
         if quantity.unit == "m":
-            return self.words.number(f"{quantity.value:.5f} m")
-        return self.words.number(self.view.angle(quantity.value, sort_of(quantity.kind)))
+            return self.number(quantity.value, "m", quantity.expanded)
+        sort = sort_of(quantity.kind)
+        return self.words.number(self.view.angle(quantity.value, sort, quantity.expanded))
 
     def width(self, quantity: Stated, size: float) -> str:
         """Write an uncertainty of the quantity."""
         if quantity.unit == "m":
-            return self.millimetres(size)
+            return self.size(size, "m")
         sort = sort_of(quantity.kind)
         at = quantity.value if sort != "camber" else 0.0
-        if quantity.kind.endswith("total_toe"):
-            at /= 2.0  # mm at the rim come from each wheel's angle
         return self.words.number(self.view.width(size, sort, at))
 
     def spread(self, quantity: Stated) -> tuple[str, str]:
         """Give u and U."""
         return self.width(quantity, quantity.u), self.width(quantity, quantity.expanded)
 
-    def millimetres(self, length_m: float) -> str:
-        """Write a small length."""
-        return self.words.number(f"{length_m * 1e3:.3f} mm")
+    def millimetres(self, length_m: float, expanded_m: float = UNKNOWN, sign: Sign = "") -> str:
+        """Write a small length, to the place of its U."""
+        return self.words.number(millimetres(length_m, self.view.known(expanded_m), sign))
 
-    def number(self, value: float | None, unit: Unit) -> str:
-        """Write deg-min-sec, or metres."""
+    def number(self, value: float | None, unit: Unit, expanded: float = UNKNOWN) -> str:
+        """Write deg-min-sec, or metres, to the place of U."""
         if value is None or not math.isfinite(value):
             return self.none
-        return self.words.number(deg_min_sec(value) if unit == "rad" else f"{value:.5f} m")
+        if unit == "m":
+            return self.words.number(self.view.length(value, expanded))
+        return self.words.number(sexagesimal(value, self.view.known(expanded)))
+
+    def coordinate(self, value_m: float, u_m: float) -> str:
+        """Write a coordinate in metres with its sign, without the unit."""
+        expanded_m = self.view.known(Estimate(value_m, u_m).expanded)
+        return self.words.number(metres(value_m, expanded_m, "+").removesuffix(" m"))
 
     def size(self, value: float | None, unit: Unit) -> str:
-        """Write seconds of arc, or millimetres."""
+        """Write an uncertainty with two digits, as an arc or in millimetres."""
         if value is None or not math.isfinite(value):
             return self.none
-        return self.words.number(size_text(value, unit))
+        if unit == "m":
+            return self.millimetres(value, value)
+        return self.arc(value, value)
+
+    def arc(self, angle_rad: float, expanded_rad: float = UNKNOWN, sign: Sign = "") -> str:
+        """Write a small angle in seconds, minutes or degrees, to the place of its U."""
+        return self.words.number(arc(angle_rad, self.view.known(expanded_rad), sign))
 
     def estimate(self, known: Estimate | None) -> tuple[str, str, str]:
         """Write value, u and U of an angle; dashes where it is not known."""
         if known is None:
             return self.none, self.none, self.none
         u, expanded = self.size(known.u, "rad"), self.size(known.expanded, "rad")
-        return self.number(known.value, "rad"), u, expanded
+        return self.number(known.value, "rad", known.expanded), u, expanded
 
-    def degrees(self, angle_rad: float, form: str) -> str:
-        """Write decimal degrees."""
-        return self.words.number(f"{math.degrees(angle_rad):{form}}°")
+    def degrees(
+        self, angle_rad: float, decimals: int, expanded_rad: float = UNKNOWN, sign: Sign = "+"
+    ) -> str:
+        """Write decimal degrees, to the place of U."""
+        expanded = math.degrees(self.view.known(expanded_rad))
+        return self.words.number(f"{decimal(math.degrees(angle_rad), expanded, decimals, sign)}°")
 
     def reduced_chi_square(self, chi_square: float, dof: int) -> str:
         """Write chi-square per degree of freedom."""
@@ -152,8 +168,7 @@ class Writer:
         """Write value and u in millimetres."""
         if known is None:
             return self.none, self.none
-        number = self.words.number
-        return number(f"{known.value * 1e3:+.2f} mm"), number(f"{known.u * 1e3:.2f} mm")
+        return self.millimetres(known.value, known.expanded, "+"), self.size(known.u, "m")
 
     def share(self, probability: float | None) -> str:
         """Write per cent, never rounded to the certainty of 0 or 100."""
@@ -188,8 +203,3 @@ class Writer:
 def sort_of(kind: str) -> Sort:
     """Return how an angle's kind is written."""
     return SORTS.get(kind, "heading")
-
-
-def size_text(value: float, unit: str) -> str:
-    """Write an uncertainty in seconds of arc, or millimetres."""
-    return f"{value * 1e3:.3f} mm" if unit == "m" else f'{math.degrees(value) * 3600:.1f}"'

@@ -158,13 +158,14 @@ def _said(measurement: Measurement, dress: ReportOptions, five_point: bool) -> d
     key = "units_" + view.angles.replace("/", "")
     rim = words.number(f"{view.rim_m * 1e3:g}")
     units = words(f"conventions.{key}", rim=rim)
+    digits = words(f"conventions.digits_{view.digits}")
     lines = [words("conventions.toe", axis=axis)]
     lines += [words(f"conventions.{name}") for name in ("camber", "iso", "thrust", "frame")]
     ids = ["results", "frame", "wheels", "vehicle", "conventions", "uncertainty", "origin"]
     return {
         "axis_note": axis_note,
         "units": units,
-        "conventions": [*lines, axis_note, words("conventions.wheels"), units],
+        "conventions": [*lines, axis_note, words("conventions.wheels"), units, digits],
         "method": words("conventions.five_method" if five_point else "conventions.scan_method"),
         "sections": [(name, words(f"section.{name}")) for name in ids],
     }

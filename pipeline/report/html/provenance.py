@@ -95,7 +95,7 @@ def wheel_facts(result: WheelResult, writer: Writer) -> Pairs:
         ]  # fmt: skip
     largest = np.linalg.eigvalsh(target.centre_covariance_m2)[-1].clip(min=0.0)
     pairs += [
-        (words("wheel.centre"), writer.millimetres(math.sqrt(largest))),
+        (words("wheel.centre"), writer.size(math.sqrt(largest), "m")),
         (words("wheel.method"), words.known("method", target.method)),
     ]
     if target.marker_ids:

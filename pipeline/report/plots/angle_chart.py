@@ -25,7 +25,7 @@ def angles_text(
         rows = {q.subject: q for q in found if q.kind == kind and q.subject in names}
         verdicts = judged_by(conformity, rows)
         low, high, step = range_of([*rows.values()], [*verdicts.values()])
-        texts = {n: words.number(view.angle(rows[n].value, kind)) for n in names}
+        texts = {n: words.number(view.angle(rows[n].value, kind, rows[n].expanded)) for n in names}
         numbers = max(map(len, texts.values()))
         ends = [words(f"plot.{kind}_{end}") for end in ("low", "high")]
         parts.append(f"{words.known('quantity', kind)}  ({MINUS} {ends[0]}, + {ends[1]})")

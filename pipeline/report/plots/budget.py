@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 from ...measurement import Measurement, Stated, against, stated
 from ...vehicle import REFERENCE_WHEELS, Axis
+from ..format.digits import size
 from ..format.language import Translations, load_translations
-from ..format.writer import size_text
 from .drawing import GRID, PALE, Drawing, Mark, Path, Text, cut, rectangle
 
 # Okabe and Ito's palette for the colour-blind, in the order of first use.
@@ -119,6 +119,6 @@ def _bar(
     if framed < x:
         marks.append(Path([(framed, y + ROW - 6), (x, y + ROW - 6)], "#ffffff", 4.0))
         marks.append(Path([(framed, y + ROW - 6), (x, y + ROW - 6)], "#000000", 2.5, dash=(3, 3)))
-    sizes = (size_text(value, quantity.unit) for value in (quantity.u, quantity.expanded))
+    sizes = (size(value, quantity.unit) for value in (quantity.u, quantity.expanded))
     marks.append(Text(LABEL + BAR + 12, y + 15, words.number(";  ".join(sizes)), 12))
     return marks

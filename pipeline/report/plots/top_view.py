@@ -81,7 +81,7 @@ def _from_above(
     marks += [Path([(12, y), (36, y)], CENTRE, 1.2, dash=(6.0, 4.0))]
     marks.append(Text(42, y + 4, words.known("axis", view.axis), 12))
     if thrust is not None:
-        value = words.number(view.angle(thrust.value, "heading"))
+        value = words.number(view.angle(thrust.value, "heading", thrust.expanded))
         marks += [Path([(12, y + 18), (36, y + 18)], THRUST, 1.6)]
         marks.append(Text(42, y + 22, f"{words('scene.thrust_line')}: {value}", 12))
     return marks
@@ -113,7 +113,8 @@ def _tyre(middle: Array, scale: float, angle_rad: float) -> list[Mark]:
 def _label(wheel: str, middle: Array, known: Known, words: Translations, view: View) -> list[Mark]:
     side: Anchor = "end" if wheel.endswith("L") else "start"
     x = middle[0] + (-24.0 if side == "end" else 24.0)
-    toe = words.number(view.angle(known[wheel, "toe"].value, "toe"))
+    found = known[wheel, "toe"]
+    toe = words.number(view.angle(found.value, "toe", found.expanded))
     return [
         Text(x, middle[1] - 6, words.wheel(wheel), 14, side, bold=True),
         Text(x, middle[1] + 11, toe, 12, side),
@@ -134,7 +135,8 @@ def _from_behind(known: Known, words: Translations, view: View) -> list[Mark]:
         marks.append(Path([(middle - 84, y), (middle + 84, y)], EDGE, 2.0))
         for wheel, x, side in ((left, middle - 84, -1.0), (right, middle + 84, 1.0)):
             marks += _upright(np.array([x, y]), side * k * tilts[wheel])
-            value = words.number(view.angle(tilts[wheel], "camber"))
+            expanded = known[wheel, "camber"].expanded
+            value = words.number(view.angle(tilts[wheel], "camber", expanded))
             marks.append(Text(x, y + 74, words.wheel(wheel), 14, "middle", bold=True))
             marks.append(Text(x, y + 90, value, 12, "middle"))
     return marks

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...measurement import Estimate
 from ...validation import KINDS, Agreement, Comparison, Limit
+from ..format.digits import decimal
 from .drawing import INK, CircleMark, Drawing, Mark, Path, Text, cut, rectangle
 
 WIDTH, HEIGHT = 760.0, 520.0
@@ -74,7 +76,8 @@ class Chart:
         height = max(bottom - top, 0.5)
         self.marks.append(rectangle(left, top, WIDTH - LEFT - RIGHT, height, colour, opacity=0.15))
         self.line((self.x_range[0], value), (self.x_range[1], value), colour, (6.0, 4.0))
-        for row, text in enumerate((name, f"{value:+.4f}°")):
+        number = decimal(value, (high - low) / 2.0, 4)
+        for row, text in enumerate((name, f"{number}°")):
             y = self.at(0.0, value)[1] + 4 + 16 * row
             self.marks.append(Text(WIDTH - RIGHT + 8, y, text, colour=colour))
 
@@ -166,9 +169,13 @@ def line_drawing(one: Agreement, first: str, second: str) -> Drawing:
     fitted = one.line
     subtitle = "no line fitted: fewer than three points with uncertainties"
     if fitted is not None:
+        slope = Estimate(fitted.slope, fitted.u_slope)
+        intercept = Estimate(math.degrees(fitted.intercept), math.degrees(fitted.u_intercept))
         subtitle = (
-            f"York: slope {fitted.slope:.4f} (u {fitted.u_slope:.4f}), intercept "
-            f"{math.degrees(fitted.intercept):+.4f}° (u {math.degrees(fitted.u_intercept):.4f}°)"
+            f"York: slope {decimal(slope.value, slope.expanded, 4, '')} "
+            f"(u {decimal(slope.u, slope.u, 4, '')}), "
+            f"intercept {decimal(intercept.value, intercept.expanded, 4)}° "
+            f"(u {decimal(intercept.u, intercept.u, 4, '')}°)"
         )
     chart = Chart(
         f"{one.kind.capitalize()}: {second} over {first}",

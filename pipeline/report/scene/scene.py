@@ -6,14 +6,17 @@ Right-handed, metres: x forward, y left, z up, from the middle of the rear axle.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from ...measurement import Conformity, Measurement, WheelResult
+from ...measurement import Conformity, Measurement, Stated, WheelResult, by_name
 from ...vectors import Array
-from ...vehicle import VehicleFrame, deg_min_sec
+from ...vehicle import VehicleFrame
 from ..format.language import Translations, load_translations
+from ..format.view import PAPER
+from ..format.writer import Writer
 from .points import cloud_tree
 from .points import to_view as to_view
 
@@ -32,10 +35,14 @@ def scene(
     """Return the scene as plain data, without wheels that were not measured."""
     words = words or load_translations("en")
     failed = _nonconforming(conformity)
+    writer, known = Writer(words, PAPER), by_name(measurement)
     measured = [wheel for wheel in measurement.wheels if wheel.angles is not None]
     return {
         "schema": SCHEMA,
-        "wheels": [_wheel(wheel, measurement.frame, failed, words) for wheel in measured],
+        "wheels": [
+            _wheel(wheel, measurement.frame, failed) | _texts(wheel.observation.name, known, writer)
+            for wheel in measured
+        ],
         "lines": [
             *_axes(measurement, words),
             *_frame(measurement, words),
@@ -65,26 +72,28 @@ def _nonconforming(conformity: Conformity | None) -> set[str]:
     return {v.quantity.subject for v in verdicts if v.decision == "not conform"}
 
 
-def _wheel(
-    result: WheelResult, frame: VehicleFrame, failed: set[str], words: Translations
-) -> dict[str, Any]:
-    seen, angles = result.observation, result.angles
-    assert angles is not None
+def _texts(name: str, known: Mapping[str, Stated], writer: Writer) -> dict[str, str]:
+    toe, camber = (writer.value(known[f"{name}.{kind}"]) for kind in ("toe", "camber"))
+    return {
+        "label": writer.wheel(name),
+        "toe_text": writer.words("scene.toe", angle=toe),
+        "camber_text": writer.words("scene.camber", angle=camber),
+    }
+
+
+def _wheel(result: WheelResult, frame: VehicleFrame, failed: set[str]) -> dict[str, Any]:
+    seen = result.observation
     assert result.normal is not None
     role = "reference" if seen.role == "reference" else "trial"
     normal = (frame.R_vehicle_scanner @ result.normal)[[1, 0, 2]]
-    toe, camber = (words.number(deg_min_sec(x)) for x in (angles.toe_rad, angles.camber_rad))
     return {
         "name": seen.name,
-        "label": words.wheel(seen.name),
         "role": seen.role,
         "wheel": result.wheel,
         "status": seen.status,
         "centre": _rounded(to_view(frame, seen.fitted.centre_m)),
         "normal": _rounded(normal, 9),
         "outline": [_rounded(to_view(frame, edge)) for edge in outlines(result)],
-        "toe_text": words("scene.toe", angle=toe),
-        "camber_text": words("scene.camber", angle=camber),
         "colour_class": "bad" if seen.name in failed else role,
     }
 

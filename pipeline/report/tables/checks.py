@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ...measurement import Measurement, PooledAngle, pool_repeats, stated
+from ...measurement import Estimate, Measurement, PooledAngle, pool_repeats, stated
 from ...uncertainty import TOLERANCE, MonteCarlo
 from ..format.writer import Column, Table, Writer
 
@@ -26,32 +26,39 @@ def repeats_table(measurement: Measurement, writer: Writer) -> Table | None:
 
 
 def _pooled(angle: PooledAngle, writer: Writer) -> list[str]:
-    words, drift = writer.words, angle.drift
-    seconds = writer.none if drift is None else f'{math.degrees(drift) * 3600:+.1f}"'
+    words = writer.words
+    drifts = writer.none, writer.none
+    if angle.drift is not None and angle.u_drift is not None:
+        drift = Estimate(angle.drift, angle.u_drift)
+        drifts = writer.arc(drift.value, drift.expanded, "+"), writer.size(drift.u, "rad")
+    pooled = Estimate(angle.pooled, angle.u)
     return [
-        writer.quantity(angle.kind), writer.number(angle.pooled, "rad"),
+        writer.quantity(angle.kind), writer.number(angle.pooled, "rad", pooled.expanded),
         writer.size(angle.u, "rad"), writer.reduced_chi_square(angle.chi_square, angle.dof),
-        writer.share(angle.probability), words.number(seconds),
-        writer.size(angle.u_drift, "rad"), words.known("checks", angle.status),
+        writer.share(angle.probability), *drifts, words.known("checks", angle.status),
     ]  # fmt: skip
 
 
 def monte_carlo_table(measurement: Measurement, drawn: MonteCarlo, writer: Writer) -> Table:
-    """Return both uncertainties of each quantity against the axis in use, and their difference."""
+    """Return both uncertainties of each quantity against the axis in use, and their difference.
+
+    Both to the place of U of the second, a standard deviation of so many draws.
+    """
     words, rows = writer.words, []
     for i, quantity in enumerate(stated(measurement)):
         if quantity.axis not in (None, writer.view.axis):
             continue
         formula, draws = float(drawn.formula[i]), float(drawn.standard[i])
+        fine = Estimate(draws, draws / math.sqrt(2.0 * drawn.draws)).expanded
         apart = (
-            f"{100.0 * float(drawn.end_difference[i]) / formula:.2f} %"
+            f"{100.0 * float(drawn.end_difference[i]) / formula:.1f} %"
             if formula > 0.0
             else writer.none
         )
         name = writer.quantity(quantity.name.removeprefix(f"{quantity.subject}."))
         wheel = "" if quantity.subject == "vehicle" else f"{writer.wheel(quantity.subject)} "
-        sizes = (_fine(formula, quantity.unit), _fine(draws, quantity.unit), apart)
-        rows.append([wheel + name, *map(words.number, sizes)])
+        write = writer.millimetres if quantity.unit == "m" else writer.arc
+        rows.append([wheel + name, write(formula, fine), write(draws, fine), words.number(apart)])
     columns = (Column(words("vehicle.quantity"), quiet=True), words("checks.u_formula"),
                words("checks.u_draws"), words("checks.apart"))  # fmt: skip
     return writer.table(columns, rows, 1, words("checks.monte_carlo"))
@@ -66,7 +73,3 @@ def monte_carlo_words(drawn: MonteCarlo, writer: Writer) -> tuple[str, str]:
         words("checks.monte_carlo_note", tolerance=tolerance),
         f"{words('checks.trials', trials=str(drawn.draws))} {verdict}",
     )
-
-
-def _fine(value: float, unit: str) -> str:
-    return f"{value * 1e3:.4f} mm" if unit == "m" else f'{math.degrees(value) * 3600:.2f}"'

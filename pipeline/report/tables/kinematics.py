@@ -62,7 +62,7 @@ def _axes_table(axes: Sequence[SteeringAxis], writer: Writer) -> Table:
     )  # fmt: skip
     rows = [
         [writer.wheel(found.wheel), writer.status(found.status), str(len(found.scans)),
-         writer.degrees(found.sweep_rad, ".1f"), *writer.estimate(found.caster),
+         writer.degrees(found.sweep_rad, 1, sign=""), *writer.estimate(found.caster),
          *writer.estimate(found.inclination), writer.estimate(found.caster_by_camber)[0],
          writer.reduced_chi_square(found.chi_square, found.dof), _reason(found)]
         for found in axes
@@ -131,14 +131,28 @@ def _plate_estimates(plate: WheelResult) -> tuple[Estimate, Estimate, Estimate]:
 def _mounting_table(runouts: Sequence[Runout], writer: Writer) -> Table:
     words, clock = writer.words, writer.words("turned.clock")
     rows = [
-        [writer.wheel(found.wheel), writer.degrees(found.axial_runout.value, ".4f"),
-         writer.size(found.axial_runout.u, "rad"), writer.degrees(found.axial_clock_rad, "+.1f"),
-         *writer.length(found.radial_runout), writer.degrees(found.radial_clock_rad, "+.1f")]
+        [writer.wheel(found.wheel), *_axial(found.axial_runout, writer),
+         _clock(found.axial_clock_rad, found.axial_runout, writer),
+         *writer.length(found.radial_runout),
+         _clock(found.radial_clock_rad, found.radial_runout, writer)]
         for found in runouts if found.axial_runout is not None
     ]  # fmt: skip
     columns = (words("results.wheel"), words("turned.axial"), "u", clock, words("turned.radial"),
                "u", clock)  # fmt: skip
     return writer.table(columns, rows, 1, words("turned.mounting"))
+
+
+def _axial(known: Estimate, writer: Writer) -> tuple[str, str]:
+    """Write an axial run-out, which has no sign, and its u."""
+    value, u, _ = writer.estimate(known)
+    return value.removeprefix("+"), u
+
+
+def _clock(angle_rad: float, runout: Estimate | None, writer: Writer) -> str:
+    """Write the direction of a run-out to the place of its U, which is U of the run-out over it."""
+    if runout is None or runout.expanded >= runout.value:
+        return writer.none
+    return writer.degrees(angle_rad, 1, runout.expanded / runout.value)
 
 
 def _reason(found: SteeringAxis | Runout | ToeOut) -> str:

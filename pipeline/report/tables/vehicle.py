@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 from ...measurement import Measurement, Stated, against, by_name, stated
 from ...vehicle import AXES, VEHICLE, named
+from ..format.digits import UNKNOWN, millimetres
 from ..format.language import Translations
 from ..format.writer import Column, Columns, Table, Writer
 
@@ -44,12 +45,14 @@ def vehicle_table(measurement: Measurement, writer: Writer) -> Table:
     return writer.table(columns, rows, 1, words("vehicle.quantities"))
 
 
-def in_words(kind: str, length_m: float, words: Translations) -> str:
+def in_words(kind: str, length_m: float, words: Translations, expanded_m: float = UNKNOWN) -> str:
     """Return a signed length in words, since manuals differ in the sign."""
-    size = words.number(f"{abs(length_m) * 1e3:.3f} mm")
+    size = words.number(millimetres(abs(length_m), expanded_m))
     sign = "positive" if length_m > 0.0 else "negative"
     key = f"sided.{kind}_{sign}"
-    return words(key, length=size) if key in words.texts else words.number(f"{length_m:+.5f} m")
+    if key in words.texts:
+        return words(key, length=size)
+    return words.number(millimetres(length_m, expanded_m, "+"))
 
 
 def _row(known: Mapping[str, Stated], kind: str, writer: Writer) -> list[str]:
@@ -60,7 +63,8 @@ def _row(known: Mapping[str, Stated], kind: str, writer: Writer) -> list[str]:
     if found is None:
         return [label, words("vehicle.by_definition"), writer.none, writer.none]
     signed = kind in SIGNED
-    text = in_words(kind, found.value, words) if signed else writer.value(found)
+    expanded = writer.view.known(found.expanded)
+    text = in_words(kind, found.value, words, expanded) if signed else writer.value(found)
     return [label, text, *writer.spread(found)]
 
 
@@ -70,7 +74,7 @@ def axes_table(measurement: Measurement, writer: Writer) -> Table:
     rows = []
     for axis in AXES:
         found = known.get(OF_AXES.get(axis, ""))
-        angle = writer.view.angle(found.value if found else 0.0, "heading")
+        angle = writer.value(found) if found else writer.view.angle(0.0, "heading")
         u = writer.width(found, found.u) if found else writer.none
         toes = (writer.value(known[f"{wheel}.{named('toe', axis)}"]) for wheel in WHEELS)
         rows.append([writer.axis(axis), words.number(angle), u, *toes])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ...measurement import Measurement, Stated, WheelResult, against, stated
 from ..format.writer import Column, Columns, Table, Writer
 
@@ -52,7 +54,8 @@ def axles_table(measurement: Measurement, writer: Writer) -> Table:
         toes, cambers = ([known[wheel, kind] for wheel in wheels] for kind in ("toe", "camber"))
         total = known["vehicle", f"{axle}_total_toe"]
         cross = known["vehicle", f"{axle}_cross_camber"]
-        text = words.number(writer.view.total_toe(*(toe.value for toe in toes)))
+        left, right = (toe.value for toe in toes)
+        text = words.number(writer.view.total_toe(left, right, total.expanded))
         rows += [
             [words(f"vehicle.{axle}"), writer.quantity("toe"), *map(writer.value, toes),
              words("results.total"), text, *writer.spread(total)],
@@ -74,8 +77,11 @@ def centres_table(measurement: Measurement, writer: Writer) -> Table:
     rows = []
     for result in measurement.wheels:
         if result.pose is not None:
-            local = measurement.frame.to_vehicle(result.pose.centre_m)
-            places = (words.number(f"{round(x, 5) + 0.0:+.5f}") for x in local.tolist())
+            pose, R = result.pose, measurement.frame.R_vehicle_scanner
+            local = measurement.frame.to_vehicle(pose.centre_m)
+            covariance = sum((part.covariance for part in pose.components), np.zeros((6, 6)))
+            u = np.sqrt(np.diag(R @ covariance[3:, 3:] @ R.T).clip(min=0.0))
+            places = map(writer.coordinate, local.tolist(), u.tolist())
             method = words.known("method", result.observation.fitted.method)
             rows.append([writer.wheel(result.observation.name), *places, method])
     ways = (f"{words(f'scene.{way}')} / m" for way in ("left", "forward", "up"))

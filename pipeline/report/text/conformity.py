@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from ...measurement import Conformity
 from ..format.layout import paragraph
-from ..format.view import PAPER
+from ..format.view import PAPER, View
 from ..tables.conformity import decided, joint, limits_table, rule, subject
 from .plain import plain_writer
 
 
-def conformity_text(conformity: Conformity) -> str:
+def conformity_text(conformity: Conformity, view: View = PAPER) -> str:
     """Return the verdict, the rule, a row a quantity, and why what is undecided is so."""
-    writer = plain_writer(PAPER)
+    writer = plain_writer(view)
     words = writer.words
     title = " ".join(conformity.tolerance.title.split())
     verdict = decided(conformity.decision, words).upper()

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from ...measurement import Conformity, Measurement, WheelResult
-from ..format.layout import aligned, equation, number, paragraph, vector
-from ..format.view import PAPER, View
+from ...measurement import Conformity, Estimate, Measurement, WheelResult, by_name
+from ...vectors import Array
+from ..format.digits import rounded
+from ..format.layout import aligned, equation, paragraph, vector
+from ..format.view import DIGITS, PAPER, View
+from ..format.writer import Writer
 from ..tables.wheels import centres_table, wheels_table
 from .budget import budget_text
 from .checks import monte_carlo_text, repeats_text
@@ -21,7 +26,8 @@ Camber (sopé): positive where the top leans outward, on both sides; elevation o
 normal, as in the paper, the same for every axis. Camber ISO: projected on the plane across the axis
 (ISO 8855).
 {units}
-u: standard uncertainty (k = 1), by the components of the budget."""
+u: standard uncertainty (k = 1), by the components of the budget.
+{digits}"""
 
 
 def summary_table(measurement: Measurement, view: View = PAPER) -> str:
@@ -34,8 +40,8 @@ def extra_parts(measurement: Measurement, view: View = PAPER) -> list[str]:
     drawn = measurement.monte_carlo
     parts = [
         *repeats_text(measurement, view),
-        steering_text(measurement),
-        runout_text(measurement),
+        steering_text(measurement, view),
+        runout_text(measurement, view),
         monte_carlo_text(measurement, drawn, view) if drawn is not None else "",
     ]
     return [part for part in parts if part]
@@ -53,13 +59,13 @@ def detailed_report(
         f"Points read (pontos lidos): {points} in {len(measurement.wheels)} planes.",
         *measurement.notes,
         "",
-        *_frame_section(measurement),
+        *_frame_section(measurement, writer),
         "",
-        *_centre_section(measurement),
+        *_centre_section(measurement, writer),
         "",
         *_plane_section(measurement),
         "",
-        SIGNS.format(units=view.units),
+        SIGNS.format(units=view.units, digits=DIGITS[view.digits]),
         "",
         summary_table(measurement, view),
         "",
@@ -70,9 +76,9 @@ def detailed_report(
         axes_text(measurement, writer),
         "",
         *(f"{part}\n" for part in extra_parts(measurement, view)),
-        budget_text(measurement, view.axis),
+        budget_text(measurement, view),
         "",
-        *([conformity_text(conformity), ""] if conformity else []),
+        *([conformity_text(conformity, view), ""] if conformity else []),
         "Made from",
         *(f"  {name}  {digest}" for name, digest in made.inputs.items()),
     ]
@@ -80,42 +86,50 @@ def detailed_report(
     return text.encode(errors="backslashreplace").decode()  # a path may hold bytes that are no text
 
 
-def _frame_section(measurement: Measurement) -> list[str]:
-    frame = measurement.frame
+def _frame_section(measurement: Measurement, writer: Writer) -> list[str]:
+    frame, known = measurement.frame, by_name(measurement)
     w = -frame.up
     return [
         "Rear axle (eixo traseiro), coordinates of the input",
         f"  unit vector u, right to left (vector unitário): {vector(frame.left)}",
         f"  middle of the axle: {vector(frame.origin_m, 6)} m",
-        f"  rear track (largura): {frame.rear_track_m:.5f} m",
+        f"  rear track (largura): {writer.value(known['rear_track'])}",
         "Front axle (eixo dianteiro)",
-        f"  front track (largura): {frame.front_track_m:.5f} m",
+        f"  front track (largura): {writer.value(known['front_track'])}",
         "Reference plane (plano de referência), coordinates of the input",
         f"  normal w = u x v, downwards (normal): {vector(w)}",
         f"  equation: {equation(w, -float(w @ frame.origin_m))}",
         "Thrust axis (eixo de impulso), coordinates of the input; normal to the rear axle",
         f"  unit vector v, forwards: {vector(frame.forward)}",
-        f"Wheelbase (printed by the paper as distância entre vias): {frame.wheelbase_m:.5f} m",
+        f"Wheelbase (printed by the paper as distância entre vias): "
+        f"{writer.value(known['wheelbase'])}",
     ]
 
 
-def _centre_section(measurement: Measurement) -> list[str]:
+def _centre_section(measurement: Measurement, writer: Writer) -> list[str]:
     title = "Wheel centres (centros das rodas), vehicle frame from the middle of the rear axle, m"
-    table = centres_table(measurement, plain_writer(PAPER))
-    return [title, table.text(), *filter(None, map(_ways, measurement.wheels))]
+    table = centres_table(measurement, writer)
+    ways = (_ways(result, writer) for result in measurement.wheels)
+    return [title, table.text(), *filter(None, ways)]
 
 
-def _ways(result: WheelResult) -> str:
+def _ways(result: WheelResult, writer: Writer) -> str:
     """Return the distance of each single method's centre from the combined centre."""
     evidence = result.observation.evidence
     if evidence is None or not evidence.target.others:
         return ""
     centre = evidence.target.centre_m
     offsets = (
-        f"{other.method} {np.linalg.norm(other.centre_m - centre) * 1e3:.3f} mm"
+        f"{other.method} {_apart(other.centre_m - centre, other.centre_covariance_m2, writer)}"
         for other in evidence.target.others
     )
     return f"  {result.observation.name}: off the combined centre: {', '.join(offsets)}"
+
+
+def _apart(offset_m: Array, covariance_m2: Array, writer: Writer) -> str:
+    u = math.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance_m2)[-1])))
+    distance = Estimate(float(np.linalg.norm(offset_m)), u)
+    return writer.millimetres(distance.value, distance.expanded)
 
 
 def _plane_section(measurement: Measurement) -> list[str]:
@@ -124,8 +138,8 @@ def _plane_section(measurement: Measurement) -> list[str]:
         normal = (result.plate or result).normal
         if normal is not None:
             fitted = result.observation.fitted
-            coefficients = (number(x, 8) for x in normal)
-            offset = number(-float(normal @ fitted.centre_m), 6)
+            coefficients = (rounded(x, -8) for x in normal)
+            offset = rounded(-float(normal @ fitted.centre_m), -6)
             rms = f"{fitted.plane_rms_m * 1e3:.4f}"
             rows.append(
                 (

@@ -6,7 +6,8 @@ import math
 
 from ...five_point import Tcgc2013Result
 from ...vehicle import deg_min_sec
-from ..format.layout import aligned, number
+from ..format.digits import rounded
+from ..format.layout import aligned
 
 
 def tcgc_2013_text(result: Tcgc2013Result) -> str:
@@ -29,7 +30,7 @@ def tcgc_2013_text(result: Tcgc2013Result) -> str:
         f"Distância entre vias {result.frame.wheelbase_m:.3g}",
         "Centros das rodas:",
         "x y z",
-        *(" ".join(number(x, 3) for x in row) for row in result.centres_vehicle_m[:4]),
+        *(" ".join(rounded(x, -3) for x in row) for row in result.centres_vehicle_m[:4]),
         "-----",
         "Ensaio",
         "conv. sopé",

@@ -6,9 +6,12 @@ import math
 
 import numpy as np
 
-from ...validation import KINDS, SHAPE, Comparison, JointTest
-from ...vehicle import deg_min_sec
+from ...validation import KINDS, SHAPE, Comparison, JointTest, Spread
+from ...vectors import Array
 from ..format.layout import aligned
+from ..format.view import PAPER, View
+from ..format.writer import Writer
+from .plain import plain_writer
 
 SIGNS = (
     "Toe-in and camber with the top outward are positive; camber is the elevation, as in the\n"
@@ -21,21 +24,22 @@ SIGNS = (
 SHAPE_DOUBT = 1e-3  # probability of the centres' shape below which an agreement is qualified
 
 
-def validation_text(found: Comparison) -> str:
+def validation_text(found: Comparison, view: View = PAPER) -> str:
     """Differences and verdicts, what was seen, and why the methods differ."""
+    writer = plain_writer(view)
     first, second = found.first.label, found.second.label
     parts = [
         f"{found.source}: {first} against {second}; difference = {first} less {second}",
         *found.notes,
         *missing_lines(found),
         "",
-        _table(found),
+        _table(found, writer),
         "",
         SIGNS,
         "",
         *_whole(found),
         "",
-        *_why(found),
+        *_why(found, writer),
     ]
     return "\n".join(parts) + "\n"
 
@@ -53,11 +57,6 @@ def said(test: JointTest) -> str:
     )
 
 
-def seconds(angle_rad: float) -> str:
-    """Seconds of arc, unsigned quantities."""
-    return f'{math.degrees(angle_rad) * 3600:.1f}"'
-
-
 def degrees(angle_rad: float) -> str:
     """Decimal degrees of a size."""
     return f"{math.degrees(angle_rad):.3g}°" if math.isfinite(angle_rad) else "no size"
@@ -73,23 +72,35 @@ def _rows(found: Comparison) -> list[tuple[int, str, str, str]]:
     ]
 
 
-def _table(found: Comparison) -> str:
+def coverage_factors(spread: Spread) -> Array:
+    """(q,) U over u of each difference, for values of which u alone is known; 0 where u is 0."""
+    return np.divide(spread.expanded, spread.u, out=np.zeros(len(spread.u)), where=spread.u > 0.0)
+
+
+def _table(found: Comparison, writer: Writer) -> str:
     head = ("name", "wheel", "angle", found.first.label, "u", found.second.label, "u")
-    rows = [(*head, "difference", "u", "U", "En", "detectable", "verdict")]
+    rows: list[tuple[str, ...]] = [(*head, "difference", "u", "U", "En", "detectable", "verdict")]
     difference, expanded = found.difference_rad, found.spread.expanded
+    factors = coverage_factors(found.spread)
     for i, name, wheel, kind in _rows(found):
+        methods = (found.first, found.u_first[i]), (found.second, found.u_second[i])
         rows.append(
             (
                 name,
                 wheel,
                 kind,
-                deg_min_sec(found.first.angles_rad[i]),
-                seconds(found.u_first[i]),
-                deg_min_sec(found.second.angles_rad[i]),
-                seconds(found.u_second[i]),
-                deg_min_sec(difference[i]),
-                seconds(found.spread.u[i]),
-                seconds(expanded[i]),
+                *(
+                    text
+                    for method, u in methods
+                    for text in (
+                        # a method without uncertainty, such as the truth: to the difference's place
+                        writer.number(method.angles_rad[i], "rad", factors[i] * u or expanded[i]),
+                        writer.size(u, "rad"),
+                    )
+                ),
+                writer.number(difference[i], "rad", expanded[i]),
+                writer.size(found.spread.u[i], "rad"),
+                writer.size(expanded[i], "rad"),
                 f"{found.en[i]:+.2f}",
                 degrees(found.detectable_rad[i]),
                 found.verdicts[i],
@@ -124,14 +135,16 @@ def _whole(found: Comparison) -> list[str]:
     return lines
 
 
-def _why(found: Comparison) -> list[str]:
+def _why(found: Comparison, writer: Writer) -> list[str]:
     rows: list[tuple[str, ...]] = [
         ("name", "wheel", "angle", "difference", "by the frame", "by the plane", "u")
     ]
     for i, name, wheel, kind in _rows(found):
         parts = (found.difference_rad[i], found.frame_rad[i], found.planes_rad[i])
-        u = seconds(found.planes.u[i])
-        rows.append((name, wheel, kind, *(deg_min_sec(float(x)) for x in parts), u))
+        whole, planes = found.spread.expanded[i], found.planes.expanded[i]
+        expanded = (whole, whole, planes)
+        texts = (writer.number(float(x), "rad", U) for x, U in zip(parts, expanded, strict=True))
+        rows.append((name, wheel, kind, *texts, writer.size(found.planes.u[i], "rad")))
     return [
         "Why they differ: the frame's part, and the planes' with both in one frame (the four "
         "centres fitted).",
@@ -139,19 +152,20 @@ def _why(found: Comparison) -> list[str]:
         f"  Planes together: {said(found.planes.test(found.planes_rad))}.",
         "",
         "The four centres' shape, which no choice of coordinates changes",
-        _shape(found),
+        _shape(found, writer),
         f"  Shape together: {said(found.shape_spread.test(found.shape))}.",
     ]
 
 
-def _shape(found: Comparison) -> str:
+def _shape(found: Comparison, writer: Writer) -> str:
     rows: list[tuple[str, ...]] = [("", "difference", "u", "En")]
     spread = found.shape_spread
     for index, (name, unit) in enumerate(SHAPE.items()):
         value, u, expanded = (float(x[index]) for x in (found.shape, spread.u, spread.expanded))
         en = f"{value / expanded:+.2f}" if expanded > 0.0 else "-"
         if unit == "m":
-            rows.append((name, f"{value * 1e3:+.3f} mm", f"{u * 1e3:.3f} mm", en))
+            text = writer.millimetres(value, expanded, "+")
+            rows.append((name, text, writer.size(u, "m"), en))
         else:
-            rows.append((name, deg_min_sec(value), seconds(u), en))
+            rows.append((name, writer.number(value, "rad", expanded), writer.size(u, "rad"), en))
     return aligned(rows, left=1)

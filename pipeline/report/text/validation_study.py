@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import math
 
-from ...validation import EACH, Agreement, ComparisonStudy, Limit, Row, nees, scores
-from ...vehicle import deg_min_sec
+from ...measurement import Estimate
+from ...validation import EACH, Agreement, ComparisonStudy, Limit, Line, Row, nees, scores
+from ..format.digits import decimal
 from ..format.layout import aligned
-from .validation import degrees, seconds
+from ..format.view import PAPER, View
+from ..format.writer import Writer
+from .plain import plain_writer
+from .validation import degrees
 
 MOST_NOTES = 5
 SETTLED_RAD = math.radians(0.1)  # a bias of this size is settled, where no other is named
 
 
-def survey_text(survey: ComparisonStudy) -> str:
+def survey_text(survey: ComparisonStudy, view: View = PAPER) -> str:
     """Rows, bias and limits of agreement, the line, and what more captures would settle."""
+    writer = plain_writer(view)
     first, second = (m.label for m in (survey.found[0].first, survey.found[0].second))
     parts = [
         f"{survey.source}: {first} against {second}; difference = {first} less {second}",
@@ -27,12 +32,12 @@ def survey_text(survey: ComparisonStudy) -> str:
         *_verdict(survey),
     ]
     for one in survey.agreements:
-        parts += ["", *_agreement(one, survey.to_detect_rad or SETTLED_RAD)]
-    parts += ["", scores_text(survey)]
+        parts += ["", *_agreement(one, survey.to_detect_rad or SETTLED_RAD, writer)]
+    parts += ["", scores_text(survey, writer)]
     return "\n".join(parts) + "\n"
 
 
-def scores_text(survey: ComparisonStudy) -> str:
+def scores_text(survey: ComparisonStudy, writer: Writer) -> str:
     """Errors over all captures, and whether the stated uncertainties hold."""
     rows: list[tuple[str, ...]] = [
         ("", "angles", "bias", "rms", "worst", "inside 95 %", "its 95 % limits")
@@ -40,8 +45,18 @@ def scores_text(survey: ComparisonStudy) -> str:
     for score in scores(survey.found):
         limits = f"{score.low:.1%} - {score.high:.1%}"
         share = f"{score.inside / score.count:.1%}"
-        sizes = (deg_min_sec(x) for x in (score.bias, score.rms, score.worst))
-        rows.append((score.kind, str(score.count), *sizes, share, limits))
+        bias = Estimate(score.bias, score.rms / math.sqrt(score.count))
+        rows.append(
+            (
+                score.kind,
+                str(score.count),
+                writer.number(bias.value, "rad", bias.expanded),
+                writer.size(score.rms, "rad"),
+                writer.number(score.worst, "rad", score.rms),
+                share,
+                limits,
+            )
+        )
     whole = nees(survey.found)
     title = "All differences, each against its own stated uncertainty"
     return "\n".join(
@@ -110,32 +125,46 @@ def _verdict(survey: ComparisonStudy) -> list[str]:
     return lines
 
 
-def _agreement(one: Agreement, size_rad: float) -> list[str]:
+def _agreement(one: Agreement, size_rad: float, writer: Writer) -> list[str]:
     rows: list[tuple[str, ...]] = [
         ("", "value", "95 % limits", ""),
-        ("bias", *_limit(one.bias)),
-        ("lower limit of agreement", *_limit(one.lower)),
-        ("upper limit of agreement", *_limit(one.upper)),
+        ("bias", *_limit(one.bias, writer)),
+        ("lower limit of agreement", *_limit(one.lower, writer)),
+        ("upper limit of agreement", *_limit(one.upper, writer)),
     ]
+    size = writer.size
     lines = [
         f"{one.kind.capitalize()}, Bland-Altman: {len(one.first)} differences of {one.subjects} "
         f"wheels, {one.units} independent captures or vehicles",
         aligned(rows, left=1),
-        f"  Standard deviations: {seconds(one.total)} of a difference; {seconds(one.between)} "
-        f"between wheels, {seconds(one.within)} within (repeated measures)",
+        f"  Standard deviations: {size(one.total, 'rad')} of a difference; "
+        f"{size(one.between, 'rad')} between wheels, {size(one.within, 'rad')} within (repeated "
+        "measures)",
         f"  These captures would see a bias of {degrees(one.detectable)} (95 % confidence, 99 % "
         f"power); one of {degrees(size_rad)} takes {one.captures_for(size_rad)} captures, "
         "if they scatter as much as these can (95 %).",
     ]
-    line = one.line
-    if line is not None:
-        lines.append(
-            f"  Line (York): second = {deg_min_sec(line.intercept)} (u {seconds(line.u_intercept)})"
-            f" + {line.slope:.5f} (u {line.u_slope:.5f}) x first; chi-square "
-            f"{line.chi_square:.1f} of {line.dof}, p = {line.probability:.3g}"
-        )
+    if one.line is not None:
+        lines.append(_line(one.line, writer))
     return lines
 
 
-def _limit(limit: Limit) -> tuple[str, str, str]:
-    return deg_min_sec(limit.value), deg_min_sec(limit.low), deg_min_sec(limit.high)
+def _line(line: Line, writer: Writer) -> str:
+    intercept = Estimate(line.intercept, line.u_intercept)
+    slope = Estimate(line.slope, line.u_slope)
+    widths = map(writer.view.known, (slope.expanded, slope.u))
+    texts = [
+        decimal(x, wide, 5, "") for x, wide in zip((slope.value, slope.u), widths, strict=True)
+    ]
+    return (
+        f"  Line (York): second = {writer.number(intercept.value, 'rad', intercept.expanded)} "
+        f"(u {writer.size(intercept.u, 'rad')}) + {texts[0]} (u {texts[1]}) x first; "
+        f"chi-square {line.chi_square:.1f} of {line.dof}, p = {line.probability:.3g}"
+    )
+
+
+def _limit(limit: Limit, writer: Writer) -> tuple[str, str, str]:
+    """Write a value and its confidence limits to the place of half their distance."""
+    values = (limit.value, limit.low, limit.high)
+    low, middle, high = (writer.number(x, "rad", (limit.high - limit.low) / 2.0) for x in values)
+    return low, middle, high

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...batch.catalogue.catalogue import Catalogue, open_catalogue
+from ...batch.results.listing import expanded
 from ...batch.results.query import (
     STATUSES,
     Filter,
@@ -20,16 +21,16 @@ from ...batch.results.query import (
     wheels_of,
 )
 from ...batch.results.series import series
-from ...batch.results.trends import Drift, drifts
+from ...batch.results.trends import MONTH_DAYS, Drift, drifts
 from ...report.format.language import Translations
-from ...report.format.writer import NONE, Table
-from ...vehicle import deg_min_sec
+from ...report.format.view import PAPER
+from ...report.format.writer import NONE, Table, Writer
+from ...vehicle import Unit
 from ..security import RefusedError
 from .panel import table_tree
 from .trend_plot import trend_drawing
 
 PAGE = 50
-DAYS = 365.25  # of a year
 CLASSES = {"ok": "", "part": "undecided"}
 Parameters = Mapping[str, str]
 
@@ -146,7 +147,7 @@ def _trends(catalogue: Catalogue, parameters: Parameters, words: Translations) -
         drifts(catalogue, None, _filter(parameters)), key=lambda d: (bool(d.reason), d.p)
     )
     rows = [_drift_row(one, words) for one in found]
-    head = [words("page.quantity").lower(), words("page.count"), words("page.per_year"), "U",
+    head = [words("page.quantity").lower(), words("page.count"), words("page.per_month"), "U",
             words("page.chance"), words("page.verdict")]  # fmt: skip
     classes = ["undecided" if one.significant else "" for one in found]
     table = Table(head, rows, 1, words("page.trends"), classes)
@@ -175,15 +176,18 @@ def _drift_row(one: Drift, words: Translations) -> Sequence[str]:
     name = quantity_name(one.quantity, words)
     if one.reason:
         return [name, str(one.n), NONE, NONE, NONE, words("page.no_trend")]
-    rate, width = (_rate(x * DAYS, one.unit, words) for x in (one.slope, one.expanded))
+    rate, width = _rate(one, Writer(words, PAPER))
     verdict = words("page.drifts" if one.significant else "page.no_drift")
-    return [name, str(one.n), rate, width[1:], words.number(f"{one.p:.3f}"), verdict]
+    return [name, str(one.n), rate, width, words.number(f"{one.p:.3f}"), verdict]
 
 
-def _rate(per_year: float, unit: str, words: Translations) -> str:
-    """Format a rate with its sign; without one if it rounds to zero."""
-    scale, decimals, mark = (1e3, 3, " mm") if unit == "m" else (3600.0, 1, '"')
-    return words.number(f"{round(per_year * scale, decimals) + 0.0:+.{decimals}f}{mark}")
+def _rate(one: Drift, writer: Writer) -> tuple[str, str]:
+    """Format the slope per 30 days and its U."""
+    slope, wide = one.slope * MONTH_DAYS, one.expanded * MONTH_DAYS
+    if one.unit == "m":
+        return writer.millimetres(slope, wide, "+"), writer.size(wide, "m")
+    slope, wide = math.radians(slope), math.radians(wide)
+    return writer.number(slope, "rad", wide), writer.size(wide, "rad")
 
 
 def _angle(value_deg: float | None, u_deg: float | None, words: Translations) -> tuple[str, str]:
@@ -194,9 +198,7 @@ def _value(value: float | None, u: float | None, unit: str, words: Translations)
     """Format an angle in deg-min-sec with u in seconds, or a length in m with u in mm."""
     if value is None:
         return NONE, NONE
-    if unit == "m":
-        text, width = f"{value:.5f} m", NONE if u is None else f"{u * 1e3:.3f} mm"
-    else:
-        text = deg_min_sec(math.radians(value))
-        width = NONE if u is None else f'{u * 3600:.1f}"'
-    return words.number(text), words.number(width)
+    writer, scale = Writer(words, PAPER), 1.0 if unit == "m" else math.radians(1.0)
+    of: Unit = "m" if unit == "m" else "rad"
+    text = writer.number(value * scale, of, expanded(u) * scale)
+    return text, writer.size(None if u is None else u * scale, of)

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError
-from ...measurement import Measurement
+from ...measurement import Estimate, Measurement, by_name
 from ...report.format.language import Translations, load_translations
-from ...report.format.writer import Table, size_text
-from ...report.text.validation import validation_text
+from ...report.format.view import PAPER
+from ...report.format.writer import Table, Writer
+from ...report.text.validation import coverage_factors, validation_text
 from ...validation import Comparison, RequestPart, as_method, check_alike, measured
 from ...validation import compare as compare_methods
-from ...vehicle import REFERENCE_WHEELS, deg_min_sec
+from ...vehicle import REFERENCE_WHEELS
 from .panel import table_tree
 
 
@@ -91,14 +92,17 @@ def _missing(
 def _angles(found: Comparison, words: Translations, names: tuple[str, str]) -> Table:
     """Tabulate toe and camber of every wheel by both, the difference and its verdict."""
     rows, classes = [], []
+    writer, factors = Writer(words, PAPER), coverage_factors(found.spread)
     for i, angle in enumerate(np.ravel(found.difference_rad).tolist()):
         kind, index = divmod(i, len(found.names))
         values = (found.first.angles_rad[i], found.second.angles_rad[i], angle)
+        expanded = found.spread.expanded[i]
+        widths = (factors[i] * found.u_first[i], factors[i] * found.u_second[i], expanded)
         verdict = found.verdicts[i]
         rows.append([
             found.names[index], words.known("quantity", ("toe", "camber")[kind]),
-            *(words.number(deg_min_sec(float(value))) for value in values),
-            words.number(size_text(float(found.spread.expanded[i]), "rad")),
+            *(writer.number(float(x), "rad", U) for x, U in zip(values, widths, strict=True)),
+            writer.size(float(expanded), "rad"),
             words.number(f"{found.en[i]:+.2f}"), words.known("page", f"verdict_{verdict}"),
         ])  # fmt: skip
         classes.append({"agree": "conform", "disagree": "not-conform"}.get(verdict, "undecided"))
@@ -111,16 +115,13 @@ def _lengths(
     first: Measurement, second: Measurement, words: Translations, names: tuple[str, str]
 ) -> Table:
     """Tabulate tracks and wheelbase of both, the difference and its standard uncertainty."""
-    rows = []
+    rows, writer = [], Writer(words, PAPER)
     for kind in ("rear_track", "front_track", "wheelbase"):
-        one, other = first.vehicle[kind], second.vehicle[kind]
-        u = math.hypot(*(m.uncertainty.vehicle_standard[kind] for m in (first, second)))
-        texts = (
-            f"{one:.5f} m",
-            f"{other:.5f} m",
-            f"{(one - other) * 1e3:+.3f} mm",
-            f"{u * 1e3:.3f} mm",
+        one, other = (by_name(measurement)[kind] for measurement in (first, second))
+        apart = Estimate(one.value - other.value, math.hypot(one.u, other.u))
+        lengths = writer.millimetres(apart.value, apart.expanded, "+"), writer.size(apart.u, "m")
+        rows.append(
+            [words.known("quantity", kind), writer.value(one), writer.value(other), *lengths]
         )
-        rows.append([words.known("quantity", kind), *map(words.number, texts)])
     head = (words("page.quantity").lower(), *names, words("page.difference"), "u")
     return Table(head, rows, 1, words("page.lengths"))
