@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.support.printed import says_angle, says_width, seconds_of, step, two_digits
 from wheelplane import measure as measuring
 from wheelplane.centre.locate_centre import TargetFit
 from wheelplane.cli import main
@@ -684,11 +685,6 @@ def test_the_tolerance_is_kept_with_the_result(command, tmp_path):
     assert without == {key: plain[key] for key in without}  # it judges, it does not measure
 
 
-def seconds(text: str) -> float:
-    degrees, minutes, rest = re.fullmatch(r"[+-](\d+)°(\d+)'([\d.]+)\"", text).groups()
-    return float(text[0] + "1") * (3600 * int(degrees) + 60 * int(minutes) + float(rest))
-
-
 @both
 def test_table_and_report_say_what_the_json_says(command, tmp_path):
     options = ("--tolerance", "example")
@@ -702,6 +698,7 @@ def test_table_and_report_say_what_the_json_says(command, tmp_path):
         assert sign in section
     rows = re.findall(r"^  (conforming|undecided|nonconforming)  (.*)$", section, re.M)
     assert len(rows) == len(tree["conformity"])
+    expanded = {entry["quantity"]: entry["expanded_95"] for entry in tree["uncertainty"]}
     for (decision, row), entry in zip(rows, tree["conformity"], strict=True):
         name, quantity, *cells = re.split(r"  +", row.strip())
         assert decision == WORDS[entry["decision"]]
@@ -709,15 +706,17 @@ def test_table_and_report_say_what_the_json_says(command, tmp_path):
         assert quantity == entry["quantity"].replace("_", " ")
         value, lower, upper, u, guard, p, risk = cells
         if "value_deg" in entry:
-            for cell, key in ((value, "value_deg"), (lower, "lower_deg"), (upper, "upper_deg")):
-                assert seconds(cell) == pytest.approx(3600 * entry[key], abs=0.051)
-            assert float(u.rstrip('"')) == pytest.approx(3600 * entry["u_deg"], abs=0.051)
-            assert float(guard.rstrip('"')) == pytest.approx(
-                3600 * entry["guard_band_deg"], abs=0.051
-            )
+            vehicle = entry["name"] == "vehicle"
+            named = entry["quantity"] if vehicle else f"{entry['name']}.{entry['quantity']}"
+            assert says_angle(value, entry["value_deg"], expanded[named])
+            for cell, key in ((lower, "lower_deg"), (upper, "upper_deg")):
+                assert seconds_of(cell) == pytest.approx(3600 * entry[key], abs=0.051)
+            assert says_width(u, entry["u_deg"])
+            assert says_width(guard, entry["guard_band_deg"])
         else:
-            assert value == f"{entry['value_m']:.5f} m"
-            assert u == f"{1000 * entry['u_m']:.3f} mm"
+            decimals = -round(math.log10(step(expanded[entry["quantity"]])))
+            assert value == f"{entry['value_m']:.{decimals}f} m"
+            assert u == f"{two_digits(1000 * entry['u_m']):f} mm"
         assert said(p, entry["probability_of_conformity"])
         risks = entry["consumer_risk"], entry["producer_risk"]
         assert (risk == "-") == (risks == (None, None)) == (decision == "undecided")

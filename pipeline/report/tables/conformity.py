@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from ...measurement import Conformity, Verdict
+from ...measurement import Conformity, Estimate, Verdict
+from ..format.digits import UNKNOWN
 from ..format.language import Translations
 from ..format.writer import Column, Columns, Table, Writer
 
@@ -65,10 +66,17 @@ def _row(verdict: Verdict, writer: Writer) -> list[str]:
     return [
         word if writer.plain else f"{SIGNS[verdict.decision]} {word}",
         subject(verdict, writer), writer.quantity(what.name),
-        *(writer.number(x, what.unit) for x in (what.value, lower, upper)),
+        writer.number(what.value, what.unit, _expanded(verdict)),
+        *(writer.number(x, what.unit) for x in (lower, upper)),
         *(writer.size(x, what.unit) for x in (what.u, verdict.guard_band)),
         writer.share(verdict.probability), writer.share(verdict.risk), _why(verdict, writer),
     ]  # fmt: skip
+
+
+def _expanded(verdict: Verdict) -> float:
+    """Return U, to whose place the value is written; its limits are exact."""
+    what = verdict.quantity
+    return UNKNOWN if what.u is None else Estimate(0.0, what.u, what.dof).expanded
 
 
 def _why(verdict: Verdict, writer: Writer) -> str:
