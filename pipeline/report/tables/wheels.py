@@ -11,31 +11,35 @@ AXLES = (("front", "FL", "FR"), ("rear", "RL", "RR"))
 
 
 def wheels_table(measurement: Measurement, writer: Writer) -> Table:
-    """Return toe, camber and ISO camber of each wheel with uncertainty, or why there is none."""
-    words = writer.words
+    """Return toe, camber and ISO camber of each wheel with uncertainty, or why there is none.
+
+    Where run-outs are compensated, a column says whose angles they are.
+    """
+    words, compensated = writer.words, measurement.plates is not None
     known = {(q.subject, q.kind): q for q in against(stated(measurement), writer.view.axis)}
     toe, axis = writer.quantity("toe"), writer.view.axis
     if writer.plain and axis != "rear-axle":
         toe = f"{toe} to {axis}"
     columns: Columns = (
         words("results.name"), words("results.wheel"), Column(words("results.role"), "page"),
-        Column(words("status.status"), "page"),
+        Column(words("status.status"), "page"), *[words("results.of")] * compensated,
         toe, "u", Column("U", "page"),
         writer.quantity("camber"), "u", Column("U", "page"), writer.quantity("camber_iso"),
         Column("", "text"),
     )  # fmt: skip
-    rows = [_wheel_row(result, known, writer) for result in measurement.wheels]
+    rows = [_wheel_row(result, known, compensated, writer) for result in measurement.wheels]
     bad = ["bad" if result.angles is None else "" for result in measurement.wheels]
-    return writer.table(columns, rows, 4, words("results.wheels"), bad)
+    return writer.table(columns, rows, 4 + compensated, words("results.wheels"), bad)
 
 
 def _wheel_row(
-    result: WheelResult, known: dict[tuple[str, str], Stated], writer: Writer
+    result: WheelResult, known: dict[tuple[str, str], Stated], compensated: bool, writer: Writer
 ) -> list[str]:
     seen = result.observation
     wheel = writer.wheel(result.wheel) if result.wheel else "" if writer.plain else writer.none
     role = writer.words.known("role", seen.role)
     row = [writer.wheel(seen.name), wheel, role, writer.status(seen.status)]
+    row += [writer.words(f"results.of_{'axle' if result.compensated else 'target'}")] * compensated
     if result.angles is None:
         return [*row, *[writer.none] * 7, f"{seen.status}: {seen.reason}"]
     toe, camber, iso = (known[seen.name, kind] for kind in ("toe", "camber", "camber_iso"))
