@@ -1,13 +1,14 @@
-"""Coverage of stated uncertainties over many comparisons with the truth."""
+"""Whether stated uncertainties hold over many comparisons: coverage and normalised errors."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from ..uncertainty import chi_square_limits, share_limits
+from ..uncertainty import f_sum_limits, share_limits
 from .comparison import KINDS, Comparison
 from .statistics.power import CONFIDENCE
 
@@ -31,16 +32,24 @@ class Score:
 
 @dataclass(frozen=True)
 class Nees:
-    """Mean normalised squared error over all angles, 1 where uncertainties are correct.
+    """Mean normalised squared error over all angles, about 1 where uncertainties are correct.
 
     Sum of d' V^-1 d over the captures, covariances included, divided by the number of angles.
-    low, high: 95 % interval where uncertainties are correct.
+    low, high: 95 % interval where uncertainties are correct. Where V rests on few degrees of
+    freedom nu, its mean is nu/(nu - 2), and its interval is wider than that of a chi-square.
     """
 
     mean: float
     low: float
     high: float
     count: int
+
+    @property
+    def position(self) -> Literal["within", "above", "below"]:
+        """Where the mean lies relative to its interval."""
+        if self.low <= self.mean <= self.high:
+            return "within"
+        return "above" if self.mean > self.high else "below"
 
 
 def scores(found: Sequence[Comparison]) -> tuple[Score, ...]:
@@ -59,9 +68,14 @@ def scores(found: Sequence[Comparison]) -> tuple[Score, ...]:
 
 
 def nees(found: Sequence[Comparison]) -> Nees:
-    """Return the mean normalised squared error over all angles of all captures."""
-    count = sum(one.joint.count for one in found)
-    total = sum(one.joint.chi_square for one in found)
-    low, high = chi_square_limits(CONFIDENCE, count) if count else (0.0, 0.0)
+    """Return the mean normalised squared error over all angles of all captures.
+
+    V is estimated: of one capture d' V^-1 d is p F(p, nu) (Spread.test), and captures are
+    independent.
+    """
+    tests = [one.joint for one in found if one.joint.count]
+    count = sum(test.count for test in tests)
+    total = sum(test.chi_square for test in tests)
+    low, high = f_sum_limits(CONFIDENCE, [test.count for test in tests], [t.dof for t in tests])
     scale = max(count, 1)
     return Nees(total / scale, low / scale, high / scale, count)

@@ -110,8 +110,20 @@ class Car:
         said = StationConfig(**{k: v * scale for k, v in stated(station).model_dump().items()})
         if known:
             return points(blocks, Station(said, place))
-        found, options = points(blocks), FivePointOptions(aiming_m=said.aiming_sigma_m)
-        return replace(found, targets=tuple(with_aiming(t, options) for t in found.targets))
+        return aimed(points(blocks), said.aiming_sigma_m)
+
+    def compare_by_scatter(self, noise_m=0.0006, aiming_m=0.002):
+        """Dense against five points with equal noise along each axis, which their scatter shows."""
+        phase = 2 * np.pi * np.arange(5) / 5
+        blocks = []
+        for wheel in self.drawn:
+            turn = phase + self.rng.uniform(0, 2 * np.pi)
+            ring = TM30.pentagon_radius_m * np.column_stack([np.cos(turn), np.sin(turn)])
+            ring += self.rng.normal(0.0, aiming_m, (5, 2))
+            T = self.vehicle.T_site_vehicle @ wheel.T_vehicle_target
+            blocks.append(ring @ T[:3, :2].T + T[:3, 3] + self.rng.normal(0.0, noise_m, (5, 3)))
+        second = aimed(points(np.array(blocks)), aiming_m)
+        return compare("car", self.names, self.wheels, self.dense(), second)
 
     def compare(self, **options):
         """Dense against five points."""
@@ -123,6 +135,12 @@ class Car:
 def points(blocks, station=None):
     """The five-point method on blocks (W, 5, 3)."""
     return as_method("five", measure_five_point(FivePointFile(blocks, "", "", ()), station).wheels)
+
+
+def aimed(found, aiming_m):
+    """The five-point method with the aiming that is stated."""
+    options = FivePointOptions(aiming_m=aiming_m)
+    return replace(found, targets=tuple(with_aiming(t, options) for t in found.targets))
 
 
 def write_capture(folder, seed, station=TM30, trials=1, scene=SCENE):

@@ -14,6 +14,7 @@ from wheelplane.uncertainty.distributions import (
     chi_square_limits,
     coverage_factor,
     f_beyond,
+    f_sum_limits,
     power_of_f,
     power_of_t,
     quantile,
@@ -109,3 +110,21 @@ def test_binomial_tail_by_adding_up():
     for hits in range(6):
         added = sum(math.comb(5, k) * 0.2**k * 0.8 ** (5 - k) for k in range(hits, 6))
         assert binomial_tail(hits, 5, 0.2) == pytest.approx(added, rel=1e-12)
+
+
+def test_limits_of_a_sum_of_f_keep_their_level():
+    """One F by its quantiles, known ones by the chi-square, several by other draws."""
+    for count, dof in ((8, 9.0), (12, 30.0), (1, 3.0)):
+        low, high = f_sum_limits(0.95, [count], [dof])
+        levels = stats.f.cdf(np.array([low, high]) / count, count, dof)
+        np.testing.assert_allclose(levels, [0.025, 0.975], atol=5 * 0.0011)
+    known = f_sum_limits(0.95, [8, 12], [math.inf, math.inf])
+    assert known == pytest.approx(chi_square_limits(0.95, 20))
+    assert f_sum_limits(0.95, [], []) == (0.0, 0.0)
+    rng = np.random.default_rng(1)
+    total = rng.chisquare(5, 100_000)
+    for count, dof in ((8, 8.5), (8, 14.0)):
+        total += count * rng.f(count, dof, 100_000)
+    low, high = f_sum_limits(0.95, [8, 8, 5], [8.5, 14.0, math.inf])
+    for limit, level in ((low, 0.025), (high, 0.975)):
+        assert np.mean(total < limit) == pytest.approx(level, abs=5 * 0.0012)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,10 +10,13 @@ import pytest
 from scipy import optimize, stats
 
 from tests.support.validation_cars import Car
+from wheelplane.report.text.validation_study import scores_text
 from wheelplane.validation.agreement import agreement, bias_probability
 from wheelplane.validation.coverage import nees, scores
 from wheelplane.validation.statistics.bland_altman import SPAN, components, limits_of_agreement
+from wheelplane.validation.statistics.joint_test import Spread
 from wheelplane.validation.statistics.line_fit import fit_line
+from wheelplane.validation.study import ComparisonStudy, Row
 
 RUNS = 1500
 
@@ -208,7 +211,60 @@ def test_scores_count_what_lies_inside():
         assert abs(score.bias) < score.rms < abs(score.worst)
     whole = nees(found)
     assert whole.count == 480
-    assert (whole.low, whole.high) == pytest.approx(stats.chi2.ppf([0.025, 0.975], 480) / 480)
+    assert whole.position == "within"
+    known = [one for one in found if np.isinf(one.joint.dof)]
+    few = nees(known)
+    assert (few.low, few.high) == pytest.approx(
+        stats.chi2.ppf([0.025, 0.975], few.count) / few.count
+    )
+    assert len(known) > 50
     low, high = stats.chi2.ppf([0.0005, 0.9995], 480) / 480
     assert low < whole.mean < high
     assert nees([Car(seed).compare(scale=0.7) for seed in range(60)]).mean > high
+
+
+STUDIES, CAPTURES = 60, 4
+
+
+@pytest.fixture(scope="module")
+def steady():
+    """Comparisons whose points have equal noise along each axis, known by their scatter only."""
+    return [Car((9, index)).compare_by_scatter() for index in range(STUDIES * CAPTURES)]
+
+
+def studies(found):
+    return [found[i : i + CAPTURES] for i in range(0, len(found), CAPTURES)]
+
+
+def with_u(found, factor):
+    """Comparisons whose stated uncertainties are `factor` times those of `found`."""
+    return [
+        replace(one, spread=Spread(tuple(factor**2 * p for p in one.spread.parts), one.spread.dofs))
+        for one in found
+    ]
+
+
+def test_nees_keeps_its_limits_where_u_is_estimated_and_right(steady):
+    """V rests on eight degrees of freedom: against a chi-square a third lies outside."""
+    by_definition = [
+        one.difference_rad @ np.linalg.solve(one.spread.covariance, one.difference_rad)
+        for one in steady
+    ]
+    found = [nees(study) for study in studies(steady)]
+    means = np.reshape(by_definition, (STUDIES, -1)).sum(axis=1) / (8 * CAPTURES)
+    np.testing.assert_allclose([one.mean for one in found], means, rtol=1e-9)
+    assert inside(sum(one.position == "within" for one in found), STUDIES)
+    low, high = stats.chi2.ppf([0.025, 0.975], 8 * CAPTURES) / (8 * CAPTURES)
+    assert not inside(sum(low <= one.mean <= high for one in found), STUDIES)
+
+
+def test_nees_tells_uncertainties_that_are_too_small_or_too_large(steady):
+    """Of four captures most, of twelve all."""
+    halved = [nees(study).position for study in studies(with_u(steady, 0.5))]
+    assert halved.count("above") >= stats.binom.ppf(0.0005, STUDIES, 0.9)
+    for factor, position in ((0.5, "above"), (1.0, "within"), (2.0, "below")):
+        found = tuple(with_u(steady[:60], factor))
+        assert nees(found).position == position
+        text = scores_text(ComparisonStudy("", tuple(Row("", one) for one in found), None))
+        assert f"in 95 %: {position}" in text
+        assert ("the stated uncertainties are too" in text) == (factor != 1.0)

@@ -82,7 +82,12 @@ def study_tree(study: ComparisonStudy) -> dict[str, Any]:
             }
             for score in scores(study.found)
         },
-        "nees": {"mean": whole.mean, "limits_95": [whole.low, whole.high], "values": whole.count},
+        "nees": {
+            "mean": whole.mean,
+            "limits_95": [whole.low, whole.high],
+            "position": whole.position,
+            "values": whole.count,
+        },
         "captures": [
             {"name": row.name, "reason": row.reason or None}
             | ({} if row.found is None else comparison_tree(row.found))

@@ -14,6 +14,11 @@ from .plain import plain_writer
 from .validation import degrees
 
 MOST_NOTES = 5
+NEES_MEANS = {
+    "within": "within",
+    "above": "above, so the stated uncertainties are too small, or the methods differ",
+    "below": "below, so the stated uncertainties are too large",
+}
 SETTLED_RAD = math.radians(0.1)  # a bias of this size is settled, where no other is named
 
 
@@ -64,7 +69,7 @@ def scores_text(survey: ComparisonStudy, writer: Writer) -> str:
             title,
             aligned(rows, left=1),
             f"  Mean of d'V^-1 d an angle (NEES): {whole.mean:.3f}; right uncertainties give "
-            f"{whole.low:.3f} - {whole.high:.3f} in 95 %.",
+            f"{whole.low:.3f} - {whole.high:.3f} in 95 %: {NEES_MEANS[whole.position]}.",
         ]
     )
 
