@@ -72,6 +72,8 @@ def _of_vehicle(positions: ComplexArray, found: dict[str, Array]) -> dict[str, A
     return {
         "rear_total_toe": np.angle(rolls[:, 0] / rolls[:, 1]),
         "front_total_toe": np.angle(rolls[:, 2] / rolls[:, 3]),
+        "rear_cross_toe": -np.angle(rolls[:, 0] * rolls[:, 1]),
+        "front_cross_toe": -np.angle(rolls[:, 2] * rolls[:, 3]),
         "rear_cross_camber": camber[:, 1] - camber[:, 0],
         "front_cross_camber": camber[:, 3] - camber[:, 2],
         "steer_ahead": np.angle(thrust / (rolls[:, 2] + rolls[:, 3])),

@@ -13,7 +13,7 @@ not change; ISO camber follows the toe: tan(iso) = tan(camber)/cos(toe).
 
 Signs: thrust angle, steer ahead, axle offset > 0 to the right; setback > 0 where the right wheel
 is behind the left; rear axle skew (key `rear_squareness`) has the sign of the rear setback relative
-to the centreline; cross camber and wheelbase difference: left less right.
+to the centreline; cross toe, cross camber and wheelbase difference: left less right.
 """
 
 from __future__ import annotations

@@ -93,6 +93,8 @@ VEHICLE = (
     VehicleQuantity("rear_total_toe", "rad", lambda v: v.toe(RL) + v.toe(RR)),
     VehicleQuantity("front_total_toe", "rad", lambda v: v.toe(FL) + v.toe(FR)),
     *_against("thrust_angle"),
+    VehicleQuantity("rear_cross_toe", "rad", lambda v: v.toe(RL) - v.toe(RR)),
+    VehicleQuantity("front_cross_toe", "rad", lambda v: v.toe(FL) - v.toe(FR)),
     VehicleQuantity("rear_cross_camber", "rad", lambda v: v.camber(RL) - v.camber(RR)),
     VehicleQuantity("front_cross_camber", "rad", lambda v: v.camber(FL) - v.camber(FR)),
     VehicleQuantity("steer_ahead", "rad", Vehicle.steer_ahead),

@@ -71,6 +71,8 @@ def plain(centres, normals, wheels):
     return found | {
         "rear_total_toe": toe[0] + toe[1],
         "front_total_toe": toe[2] + toe[3],
+        "rear_cross_toe": toe[1] - toe[0],
+        "front_cross_toe": toe[3] - toe[2],
         "rear_cross_camber": camber[1] - camber[0],
         "front_cross_camber": camber[3] - camber[2],
         "steer_ahead": turn(direction["thrust-line"], steered, up),

@@ -126,6 +126,8 @@ def test_a_skewed_vehicle_has_the_angles_that_it_was_given():
         "rear_squareness": -middle,
         "side_bisector_angle": sides,
         "steer_ahead": math.radians((0.4 - 0.2) / 2) - thrust,
+        "rear_cross_toe": math.radians(0.4),
+        "front_cross_toe": math.radians(0.2),
         "rear_cross_camber": 0.02,
         "front_cross_camber": 0.025,
         "wheelbase_left": math.hypot(2.606, 0.020),

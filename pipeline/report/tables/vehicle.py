@@ -17,8 +17,9 @@ from ..format.writer import Column, Columns, Table, Writer
 OF_AXES = dict(zip(AXES[1:], ("centreline_angle", "thrust_angle", "side_bisector_angle"),
                    strict=True))  # fmt: skip
 # Angles that the tables of the axles and of the longitudinal axes show.
-ELSEWHERE = {"rear_total_toe", "front_total_toe", "rear_cross_camber", "front_cross_camber",
-             "centreline_angle", "side_bisector_angle"}  # fmt: skip
+ELSEWHERE = {"rear_total_toe", "front_total_toe", "rear_cross_toe", "front_cross_toe",
+             "rear_cross_camber", "front_cross_camber", "centreline_angle",
+             "side_bisector_angle"}  # fmt: skip
 ANGLES = [q.kind for q in VEHICLE if q.unit == "rad" and q.kind not in ELSEWHERE]
 LENGTHS = [q.kind for q in VEHICLE if q.unit == "m"]
 SIGNED = tuple(dict.fromkeys(q.kind for q in VEHICLE if q.unit == "m" and q.signed))
