@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import NotMeasuredError
-from ..measurement import Estimate, Measurement, SteeringAxis, SweepStatus
+from ..measurement import Estimate, Measurement, SteeringAxis, SweepStatus, weighted_sum
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS, Dual, atan2, length, sin
 from .axis_fit import OneAxis
@@ -35,7 +35,7 @@ MOST_U_RAD = math.radians(1.0)  # an angle less certain is not given
 def fit_steering_axes(best: Framed, measurement: Measurement) -> tuple[SteeringAxis, ...]:
     """Fit the steering axis of each wheel that was swept, FR before FL."""
     swept = {w.wheel for w in measurement.wheels if w.observation.role == "sweep"}
-    return tuple(_steering_axis(wheel, best) for wheel in STEERED if wheel in swept)
+    return tuple(_steering_axis(wheel, best, measurement) for wheel in STEERED if wheel in swept)
 
 
 def toe_and_camber(scans: SweepScans, wheel: str, way: Array, moved: Array) -> tuple[Dual, Dual]:
@@ -45,7 +45,7 @@ def toe_and_camber(scans: SweepScans, wheel: str, way: Array, moved: Array) -> t
     return atan2(forward, outward), -atan2(up, length(outward, forward))
 
 
-def _steering_axis(wheel: str, best: Framed) -> SteeringAxis:
+def _steering_axis(wheel: str, best: Framed, measurement: Measurement) -> SteeringAxis:
     scans = best.scans
     members = scans.of_wheel(wheel, "sweep")
     names = tuple(scans.scans[i].observation.name for i in members)
@@ -71,6 +71,7 @@ def _steering_axis(wheel: str, best: Framed) -> SteeringAxis:
     if status == "not-one-axis":
         reason += _slipped(scans, members)
     faces = scans.faces_of(members)
+    included = weighted_sum([(1.0, inclination), (1.0, _camber(wheel, best, measurement))])
     return SteeringAxis(
         wheel=wheel,
         scans=names,
@@ -83,6 +84,7 @@ def _steering_axis(wheel: str, best: Framed) -> SteeringAxis:
         caster_by_camber=_by_camber(scans, members),
         lateral_offset=inwards,
         longitudinal_offset=ahead,
+        included_angle=_if_known(included),
         axis=fit.axis,
         point_m=point,
         chi_square=fit.chi_square,
@@ -140,6 +142,18 @@ def _beside_the_centre(
     left, ahead = beside[0] + axis[0] * rise, beside[1] + axis[1] * rise
     point = fit.point_m + rise.value * fit.axis
     return point, scans.estimate(left * -outward_sense(wheel)), scans.estimate(ahead)
+
+
+def _camber(wheel: str, best: Framed, measurement: Measurement) -> Estimate:
+    """Return camber straight ahead: of the axle where a run-out shows it, else of the target."""
+    index, axle = REFERENCE_WHEELS.index(wheel), best.axle_of(wheel)
+    scans, reference = best.scans, measurement.wheels[index]
+    if axle is not None and axle.fit is not None:
+        way, moved = axle.fit.axis, axle.fit.d_axis @ scans.inputs_of(axle.members)
+    else:
+        assert reference.normal is not None
+        way, moved = reference.normal, scans.columns_of_target(index)[0]
+    return scans.estimate(toe_and_camber(scans, wheel, way, moved)[1])
 
 
 def _by_camber(scans: SweepScans, members: list[int]) -> Estimate:

@@ -16,8 +16,8 @@ import numpy as np
 
 from ..capture import Role
 from ..centre import RotationMark, TargetFit
-from ..measurement import OF_PLATE, Estimate, Measurement, WheelResult
-from ..uncertainty import Effect, chi_square_beyond, effective_dof, effects_of
+from ..measurement import OF_PLATE, Estimate, Measurement, WheelResult, estimate
+from ..uncertainty import Effect, chi_square_beyond, effects_of
 from ..vectors import Array
 from ..vehicle import Dual, FrameSlopes, VehicleFrame, build_reference_frame, frame_slopes
 from .axis_fit import OneAxis, fit_one_axis
@@ -114,10 +114,7 @@ class SweepScans:
 
     def estimate(self, number: Dual) -> Estimate:
         """Return a number with its uncertainty by all components (JCGM 100, 5.2 and G.4)."""
-        shares = [np.atleast_1d(np.sum((number.slope @ e.factor) ** 2)) for e in self.effects]
-        total = np.sum(np.stack(shares), axis=0)
-        dof = effective_dof(self.effects, shares, total)
-        return Estimate(number.value, math.sqrt(float(total[0])), float(dof[0]))
+        return estimate(number.value, number.slope, self.effects)
 
     def probability(self, numbers: Sequence[Dual]) -> float:
         """Return the probability that numbers whose true values are zero deviate as far or more."""

@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..measurement import Estimate, SteeringAxis, ToeOut
+from ..measurement import SteeringAxis, ToeOut, estimate
 from ..vectors import Array
 from ..vehicle import Dual
 from .plate_pose import turn_about
@@ -127,9 +127,8 @@ def _of_turn(
         return ToeOut(turn, "too-few-pairs", reason)
     nearest = sorted(curve, key=lambda pair: abs(pair[0].value - INNER_RAD))[:LEAST_PAIRS]
     curved, straight = _at_inner(nearest), _at_inner(nearest[:2])
-    known = scans.estimate(curved)
     u_curve = abs(curved.value - straight.value) / 2.0
-    difference = Estimate(known.value, math.hypot(known.u, u_curve), known.dof)
+    difference = estimate(curved.value, curved.slope, scans.effects, u_curve)
     return ToeOut(turn, "ok", "", difference, u_curve)
 
 

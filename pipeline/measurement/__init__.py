@@ -2,6 +2,7 @@
 
 from .assumptions import notes_of_assumptions
 from .conformity import Conformity, Verdict, assess, conforms
+from .estimates import estimate, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate
 from .observe import Fit, noisy, observe_entry
 from .observe_vehicle import observe_cloud
@@ -59,6 +60,7 @@ __all__ = [
     "by_name",
     "check_by_monte_carlo",
     "conforms",
+    "estimate",
     "evaluate",
     "load_tolerance",
     "noisy",
@@ -68,4 +70,5 @@ __all__ = [
     "pool_repeats",
     "residual_map",
     "stated",
+    "weighted_sum",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..plane import PlaneFit
 from ..uncertainty import (
     LEVEL,
     AngleUncertainty,
+    Effect,
     MonteCarlo,
     UncertainTarget,
     UncertaintyComponent,
@@ -150,11 +151,18 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its standard uncertainty and degrees of freedom; radians or metres."""
+    """A value with its standard uncertainty and degrees of freedom; radians or metres.
+
+    slope: (K,) derivatives by the inputs on which `effects` act, so that estimates of one vehicle
+    add up with their covariance (estimates.py). u_own: part of u that no input causes.
+    """
 
     value: float
     u: float
     dof: float = math.inf
+    slope: Array = field(default_factory=lambda: np.zeros(0), repr=False, compare=False)
+    effects: tuple[Effect, ...] = field(default=(), repr=False, compare=False)
+    u_own: float = field(default=0.0, repr=False, compare=False)
 
     @property
     def expanded(self) -> float:
@@ -168,11 +176,13 @@ class SteeringAxis:
 
     scans: names of the measured ones. sweep_rad: largest less smallest toe. frame: the centres that
     define the frame of all values. inclination: steering axis inclination (SAI). caster_by_camber:
-    from the camber of the two outermost scans alone, for comparison. axis: (3,) unit, upwards, and
-    point_m: (3,) on it at the height of the wheel's reference centre, scanner coordinates.
-    lateral_offset, longitudinal_offset: of that point from this centre, metres, > 0 inwards and
-    forwards. chi_square: of the residuals, with `dof` degrees of freedom; probability: of as much
-    or more. with_rotation: the number of scans that show the target's in-plane rotation, by `mark`.
+    from the camber of the two outermost scans alone, for comparison. included_angle: inclination
+    plus the camber of the wheel straight ahead, of its axle where a run-out shows it. axis: (3,)
+    unit, upwards, and point_m: (3,) on it at the height of the wheel's reference centre, scanner
+    coordinates. lateral_offset, longitudinal_offset: of that point from this centre, metres, > 0
+    inwards and forwards. chi_square: of the residuals, with `dof` degrees of freedom; probability:
+    of as much or more. with_rotation: the number of scans that show the target's in-plane rotation,
+    by `mark`.
     """
 
     wheel: str
@@ -186,6 +196,7 @@ class SteeringAxis:
     caster_by_camber: Estimate | None = None
     lateral_offset: Estimate | None = None
     longitudinal_offset: Estimate | None = None
+    included_angle: Estimate | None = None
     axis: Array | None = None
     point_m: Array | None = None
     chi_square: float = 0.0

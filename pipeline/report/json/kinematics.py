@@ -42,6 +42,7 @@ def _steering_axis(found: SteeringAxis) -> dict[str, Any]:
         "sweep_deg": math.degrees(found.sweep_rad),
         **_angle("caster", found.caster),
         **_angle("inclination", found.inclination),
+        **_angle("included_angle", found.included_angle),
         **_angle("caster_by_camber", found.caster_by_camber),
         **_length("inwards", found.lateral_offset),
         **_length("ahead", found.longitudinal_offset),
