@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from ..measurement import SteeringAxis, ToeOut, estimate
+from ..measurement import SteeringAxis, ToeOut, toe_out_at
 from ..vectors import Array
 from ..vehicle import Dual
 from .plate_pose import turn_about
@@ -24,10 +24,6 @@ from .sweep import SweepScans
 from .wheel_axis import Framed
 
 INNER_RAD = math.radians(20.0)
-BEYOND_RAD = math.radians(1.0)  # of extrapolation beyond the positions
-LEAST_PAIRS = 3
-TOGETHER_RAD = math.radians(2.0)  # positions that count as one
-
 MOST_APART = 4.5  # u, between a target and the prediction from its reference
 
 
@@ -46,10 +42,13 @@ def toe_out_of(best: Framed, steering_axes: Sequence[SteeringAxis]) -> tuple[Toe
     pairs = _pairs(best.scans, tilts)
     if not pairs:
         return ()
-    left = [(-toe_left, -(toe_left + toe_right)) for toe_right, toe_left in pairs]
-    right = [(-toe_right, -(toe_left + toe_right)) for toe_right, toe_left in pairs]
-    turns = _of_turn(best.scans, "left", left), _of_turn(best.scans, "right", right)
-    return tuple(replace(turn, of="axles" if tilts else "plates") for turn in turns)
+    of: Literal["axles", "plates"] = "axles" if tilts else "plates"
+    known = best.scans.estimate
+    less = [known(-(right + left)) for right, left in pairs]  # inner less outer, on either turn
+    left = tuple(zip((known(-toe) for _, toe in pairs), less, strict=True))
+    right = tuple(zip((known(-toe) for toe, _ in pairs), less, strict=True))
+    turns = ToeOut("left", curve=left, of=of), ToeOut("right", curve=right, of=of)
+    return tuple(toe_out_at(turn, INNER_RAD) for turn in turns)
 
 
 @dataclass(frozen=True)
@@ -108,62 +107,3 @@ def _pairs(scans: SweepScans, tilts: Mapping[str, _Tilt]) -> list[tuple[Dual, Du
                 way, moved = tilts[wheel].axle(way, moved)
             toes[wheel][turn.position] = toe_and_camber(scans, wheel, way, moved)[0]
     return [(toe, toes["FL"][place]) for place, toe in toes["FR"].items() if place in toes["FL"]]
-
-
-def _of_turn(
-    scans: SweepScans, turn: Literal["left", "right"], curve: list[tuple[Dual, Dual]]
-) -> ToeOut:
-    """Return toe-out from the inner wheel's angle and the difference at every position."""
-    if len(curve) < LEAST_PAIRS:
-        reason = f"both wheels share {len(curve)} positions, {LEAST_PAIRS} or more are needed"
-        return ToeOut(turn, "too-few-pairs", reason)
-    farthest = max(inner.value for inner, _ in curve)
-    if farthest < INNER_RAD - BEYOND_RAD:
-        reason = f"the inner wheel was steered to {math.degrees(farthest):.1f}°, 20° are needed"
-        return ToeOut(turn, "not-reached", reason)
-    curve = _merged(curve)
-    if len(curve) < LEAST_PAIRS:
-        reason = f"only {len(curve)} of the positions differ, {LEAST_PAIRS} or more are needed"
-        return ToeOut(turn, "too-few-pairs", reason)
-    nearest = sorted(curve, key=lambda pair: abs(pair[0].value - INNER_RAD))[:LEAST_PAIRS]
-    curved, straight = _at_inner(nearest), _at_inner(nearest[:2])
-    u_curve = abs(curved.value - straight.value) / 2.0
-    difference = estimate(curved.value, curved.slope, scans.effects, u_curve)
-    return ToeOut(turn, "ok", "", difference, u_curve)
-
-
-def _merged(curve: list[tuple[Dual, Dual]]) -> list[tuple[Dual, Dual]]:
-    """Return means of positions that lie together: a curve through noise must not be steep."""
-    groups: list[list[tuple[Dual, Dual]]] = []
-    for pair in sorted(curve, key=lambda pair: pair[0].value):
-        if groups and pair[0].value - groups[-1][0][0].value < TOGETHER_RAD:
-            groups[-1].append(pair)
-        else:
-            groups.append([pair])
-    return [(_mean([x for x, _ in group]), _mean([y for _, y in group])) for group in groups]
-
-
-def _mean(numbers: list[Dual]) -> Dual:
-    whole = numbers[0]
-    for number in numbers[1:]:
-        whole = whole + number
-    return whole / len(numbers)
-
-
-def _at_inner(pairs: list[tuple[Dual, Dual]]) -> Dual:
-    """Return the polynomial through all pairs at 20 degrees, with its slopes by all pairs.
-
-    Source: Lagrange's form; an error of an abscissa acts by the polynomial's own slope there.
-    """
-    x = np.array([inner.value for inner, _ in pairs])
-    y = np.array([difference.value for _, difference in pairs])
-    powers = np.arange(len(x))
-    at = (INNER_RAD**powers) @ np.linalg.inv(x[:, None] ** powers)
-    coefficients = np.linalg.solve(x[:, None] ** powers, y)
-    rises = (x[:, None] ** (powers[1:] - 1) * powers[1:]) @ coefficients[1:]
-    slope = sum(
-        (w * (d.slope - rise * inner.slope)
-         for w, rise, (inner, d) in zip(at, rises, pairs, strict=True)),
-        np.zeros_like(pairs[0][0].slope),
-    )  # fmt: skip
-    return Dual(float(at @ y), slope)

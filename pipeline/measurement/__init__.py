@@ -27,6 +27,7 @@ from .records import (
 from .repeatability import OF_PLATE, PooledAngle, Repeats, pool_repeats
 from .residual_map import CELLS, ResidualMap, residual_map
 from .tolerance import ToleranceInterval, load_tolerance
+from .turn_curve import toe_out_at
 
 __all__ = [
     "CELLS",
@@ -70,5 +71,6 @@ __all__ = [
     "pool_repeats",
     "residual_map",
     "stated",
+    "toe_out_at",
     "weighted_sum",
 ]

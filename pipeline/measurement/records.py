@@ -249,10 +249,11 @@ class Runout:
 
 @dataclass(frozen=True)
 class ToeOut:
-    """Toe-out on a left turn, whose inner wheel is FL, or on a right turn.
+    """Toe-out on a left turn, whose inner wheel is FL, or on a right turn, at an inner angle.
 
     difference: inner less outer angle, None where it was not reached. u_interpolation_rad: the part
-    of its u that is due to the curve between the positions. of: whose angles these are.
+    of its u that is due to the curve between the positions. of: whose angles these are. curve:
+    inner angle, and inner less outer, at every position that both wheels have.
     """
 
     turn: Literal["left", "right"]
@@ -261,6 +262,8 @@ class ToeOut:
     difference: Estimate | None = None
     u_interpolation_rad: float = 0.0
     of: Literal["axles", "plates"] = "plates"
+    inner_rad: float = math.radians(20.0)
+    curve: tuple[tuple[Estimate, Estimate], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ def turned_tree(measurement: Measurement) -> dict[str, Any]:
             "toe_out_on_turns": [
                 {
                     "turn": found.turn,
-                    "inner_wheel_deg": 20.0,
+                    "inner_wheel_deg": math.degrees(found.inner_rad),
                     "of": found.of,
                     "status": found.status,
                     "reason": found.reason,
