@@ -50,10 +50,12 @@ class CaptureFile(Section):
     """capture.toml: [reference] with one scan per wheel, or `cloud` for one scan of all wheels.
 
     front, front_point, up: of a cloud, whose wheels are identified by geometry. date: the day or
-    time of the scans, as TOML writes it: date = 2026-11-20.
+    time of the scans, as TOML writes it: date = 2026-11-20. vehicle_model: by which its limits are
+    found.
     """
 
     vehicle: str | None = None
+    vehicle_model: str | None = Field(None, min_length=1)
     date: dt.datetime | dt.date | None = None
     length_unit: LengthUnit = "m"
     target: object = None

@@ -30,7 +30,7 @@ class Capture:
     """A capture, ready to be read: entries are RR, RL, FR, FL, the trials, sweeps, run-outs.
 
     cloud: instead of entries, the one scan that shows all wheels, with its `front`, if given, and
-    the method that finds `up`. date: in ISO 8601, if declared.
+    the method that finds `up`. date: in ISO 8601, if declared. vehicle_model: if declared.
     """
 
     source: str
@@ -43,6 +43,7 @@ class Capture:
     front: Front | None = None
     up: Upright = "auto"
     date: str | None = None
+    vehicle_model: str | None = None
 
     @property
     def steps(self) -> int:
@@ -106,6 +107,7 @@ def open_capture(
             front=_front(found, options, source),
             up=options.up or declared.up,
             date=None if declared.date is None else declared.date.isoformat(),
+            vehicle_model=declared.vehicle_model,
         )
 
 

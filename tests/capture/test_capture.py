@@ -68,14 +68,14 @@ def test_names_of_files_fill_in_what_capture_toml_leaves_out(tmp_path):
     plain = fill(tmp_path / "plain", None, files)
     assert entries(source, None) == entries(plain)
     with open_capture(source) as capture:
-        assert capture.vehicle == "AA-00-BB"
+        assert (capture.vehicle, capture.vehicle_model) == ("AA-00-BB", None)
     (source / "rr.ply").unlink()
     assert "one scan rr.* is needed" in refusal(source)
 
 
 def test_capture_toml_says_it_all(tmp_path):
     toml = (
-        'vehicle = "AA-00-BB"\nlength_unit = "mm"\n'
+        'vehicle = "AA-00-BB"\nvehicle_model = "Saloon 1.6"\nlength_unit = "mm"\n'
         + TABLE.format(250)
         + '[reference]\nFL = "a.xyz"\nFR = "b.npy"\nRL = "c.pcd"\nRR = "deep/d.ply"\n'
         + '[[trial]]\nname = "before"\nfile = "e.csv"\nwheel = "FL"\n'
@@ -93,6 +93,7 @@ def test_capture_toml_says_it_all(tmp_path):
     ]
     with open_capture(source) as capture:
         assert (capture.source, capture.vehicle) == (str(source), "AA-00-BB")
+        assert capture.vehicle_model == "Saloon 1.6"
         assert (capture.length_unit, capture.target.diameter) == ("mm", 0.25)
 
 
