@@ -84,6 +84,7 @@ HOMES = {
         "pipeline/targets/plates.py",
         "pipeline/targets/pattern_board.py",
         "pipeline/capture/declaration.py",
+        "pipeline/measurement/limits.py",
         "pipeline/measurement/tolerance.py",
         "synth/parameters/parameters.py",
         "synth/parameters/recipe.py",

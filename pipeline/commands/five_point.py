@@ -11,7 +11,7 @@ from ..config import load_config
 from ..errors import InputError
 from ..five_point import read_five_point, tcgc_2013
 from ..measure import measure_five_point
-from ..measurement import assess, check_by_monte_carlo, conforms, load_tolerance
+from ..measurement import assess, check_by_monte_carlo, conforms, tolerance_for
 from ..report.format.view import PAPER, AngleStyle, DigitStyle, read_view
 from ..report.json.measurement import to_json
 from ..report.text.report import detailed_report
@@ -107,7 +107,7 @@ def five_point(
     """
     view = read_view(axis, angles, rim, digits)
     options = report_options(load_config(config).report, language, view)
-    limits = None if tolerance is None else load_tolerance(tolerance)
+    limits = None if tolerance is None else tolerance_for(tolerance, None, str(file))
     points = read_five_point(
         file,
         length_unit=length_unit,

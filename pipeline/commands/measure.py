@@ -10,7 +10,7 @@ from ..capture import Upright, open_capture
 from ..config import load_config, with_scanner
 from ..errors import InputError
 from ..measure import measure_capture
-from ..measurement import assess, check_by_monte_carlo, conforms, load_tolerance
+from ..measurement import assess, check_by_monte_carlo, conforms, tolerance_for
 from ..report.format.view import AngleStyle, DigitStyle, read_view
 from ..report.json.measurement import to_json
 from ..report.write import ReportFiles, write_reports
@@ -101,13 +101,14 @@ def measure(
     options = report_options(settings.report, language, view)
     if pdf and output is None:
         raise InputError("--pdf without -o DIR: name the folder that report.pdf goes to")
-    limits = None if tolerance is None else load_tolerance(tolerance)
     overrides = capture_options(front, front_point, up, length_unit)
     with (
         open_capture(capture, target, overrides) as opened,
         TerminalProgress(opened.steps) as progress,
     ):
         settings = with_scanner(settings, scanner or opened.scanner)
+        model, name = opened.vehicle_model, str(capture)
+        limits = None if tolerance is None else tolerance_for(tolerance, model, name)
         measurement = measure_capture(opened, settings, progress)
     if max_draws:
         measurement = check_by_monte_carlo(measurement, max_draws, settings.seed)

@@ -94,8 +94,9 @@ monte_carlo_option = click.option(
 )
 tolerance_option = click.option(
     "--tolerance",
-    metavar="NAME|FILE",
-    help="Tolerance file (TOML) to assess conformity with; `example` shows its format.",
+    metavar="NAME|FILE|DIR|auto",
+    help="Tolerance file (TOML) to assess conformity with; `example` shows its format; auto or a "
+    "folder: the file there that has the capture's vehicle_model.",
 )
 plot_option = click.option(
     "--plot",

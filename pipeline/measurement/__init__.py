@@ -4,9 +4,19 @@ from .assumptions import notes_of_assumptions
 from .conformity import Conformity, Verdict, assess, conforms
 from .estimates import estimate, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate
+from .limits import ToleranceInterval
 from .observe import Fit, noisy, observe_entry
 from .observe_vehicle import observe_cloud
-from .quantities import Stated, against, by_name, stated
+from .quantities import (
+    VEHICLE_BY_SWEEP,
+    WHEEL_BY_RUNOUT,
+    WHEEL_BY_SWEEP,
+    Quantity,
+    Stated,
+    against,
+    by_name,
+    stated,
+)
 from .records import (
     AxleAngles,
     AxleStatus,
@@ -26,12 +36,16 @@ from .records import (
 )
 from .repeatability import OF_PLATE, PooledAngle, Repeats, pool_repeats
 from .residual_map import CELLS, ResidualMap, residual_map
-from .tolerance import ToleranceInterval, load_tolerance
+from .tolerance import BY_MODEL, load_tolerance, tolerance_for
 from .turn_curve import toe_out_at
 
 __all__ = [
+    "BY_MODEL",
     "CELLS",
     "OF_PLATE",
+    "VEHICLE_BY_SWEEP",
+    "WHEEL_BY_RUNOUT",
+    "WHEEL_BY_SWEEP",
     "AxleAngles",
     "AxleStatus",
     "Conformity",
@@ -44,6 +58,7 @@ __all__ = [
     "Observation",
     "PooledAngle",
     "Provenance",
+    "Quantity",
     "Repeats",
     "ResidualMap",
     "Runout",
@@ -72,5 +87,6 @@ __all__ = [
     "residual_map",
     "stated",
     "toe_out_at",
+    "tolerance_for",
     "weighted_sum",
 ]

@@ -22,30 +22,22 @@ from typing import Literal
 
 from ..uncertainty import quantile, tail
 from ..vehicle import REFERENCE_WHEELS, Unit
-from .quantities import Stated, by_name
+from .limits import ToleranceInterval
+from .quantities import (
+    VEHICLE_BY_SWEEP,
+    WHEEL_BY_RUNOUT,
+    WHEEL_BY_SWEEP,
+    Quantity,
+    Stated,
+    by_name,
+    steering_quantity,
+    turned_quantity,
+)
 from .records import Measurement, WheelResult
-from .tolerance import Tolerance, ToleranceInterval
+from .tolerance import Tolerance
 
 Decision = Literal["conform", "undecided", "not conform"]
 BISECTIONS = 60  # of an interval of 0.3 u: below the rounding of float64
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """Measured quantity: value and standard uncertainty in its unit, None where unmeasured.
-
-    subject: name of the wheel or trial, or "vehicle". reason: why it was not measured. dof: degrees
-    of freedom of u.
-    """
-
-    name: str
-    subject: str
-    wheel: str | None
-    unit: Unit
-    value: float | None
-    u: float | None
-    reason: str = ""
-    dof: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -94,8 +86,7 @@ class Conformity:
 
 def assess(measurement: Measurement, tolerance: Tolerance) -> Conformity:
     """Assess every quantity that the tolerance limits, each on its own."""
-    known = by_name(measurement)
-    limited = [*_of_wheels(measurement, tolerance, known), *_of_vehicle(tolerance, known)]
+    limited = [*_of_wheels(measurement, tolerance), *_of_vehicle(measurement, tolerance)]
     return Conformity(
         tolerance, tuple(decide(what, interval, tolerance) for what, interval in limited)
     )
@@ -106,9 +97,8 @@ def conforms(conformity: Conformity | None) -> bool:
     return conformity is None or conformity.decision == "conform"
 
 
-def _of_wheels(
-    measurement: Measurement, tolerance: Tolerance, known: Mapping[str, Stated]
-) -> Iterator[Limited]:
+def _of_wheels(measurement: Measurement, tolerance: Tolerance) -> Iterator[Limited]:
+    known = by_name(measurement)
     anywhere = {name: None for wheel in REFERENCE_WHEELS for name in tolerance.of_wheel(wheel)}
     for result in measurement.wheels:
         role = result.observation.role
@@ -116,7 +106,10 @@ def _of_wheels(
             continue
         intervals = anywhere if result.wheel is None else tolerance.of_wheel(result.wheel)
         for name, interval in intervals.items():
-            yield _of_wheel(result, name, known), interval
+            if name not in WHEEL_BY_SWEEP | WHEEL_BY_RUNOUT:
+                yield _of_wheel(result, name, known), interval
+            elif role == "reference":
+                yield turned_quantity(measurement, name, str(result.wheel)), interval
 
 
 def _of_wheel(result: WheelResult, name: str, known: Mapping[str, Stated]) -> Quantity:
@@ -128,11 +121,15 @@ def _of_wheel(result: WheelResult, name: str, known: Mapping[str, Stated]) -> Qu
     return Quantity(name, observation.name, result.wheel, "rad", what.value, what.u, dof=what.dof)
 
 
-def _of_vehicle(tolerance: Tolerance, known: Mapping[str, Stated]) -> Iterator[Limited]:
+def _of_vehicle(measurement: Measurement, tolerance: Tolerance) -> Iterator[Limited]:
+    known = by_name(measurement)
     for name, interval in tolerance.of_vehicle().items():
-        what = known[name]
-        unit, value, u, dof = what.unit, what.value, what.u, what.dof
-        yield Quantity(name, "vehicle", None, unit, value, u, dof=dof), interval
+        if name in VEHICLE_BY_SWEEP:
+            yield steering_quantity(measurement, name, tolerance.inner_rad(name)), interval
+        else:
+            what = known[name]
+            unit, value, u, dof = what.unit, what.value, what.u, what.dof
+            yield Quantity(name, "vehicle", None, unit, value, u, dof=dof), interval
 
 
 def decide(quantity: Quantity, interval: ToleranceInterval | None, tolerance: Tolerance) -> Verdict:

@@ -1,16 +1,18 @@
-"""List of all quantities of a measurement, in the order of its covariance."""
+"""Quantities of a measurement: all in the order of its covariance, and those of turned wheels."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..vectors import Array
 from ..vehicle import VEHICLE, WHEEL, Axis, Unit
-from .records import Measurement
+from .estimates import weighted_sum
+from .records import Estimate, Measurement, Runout, SteeringAxis
+from .turn_curve import toe_out_at
 
 RADIAN: Unit = "rad"
 
@@ -84,3 +86,93 @@ def against(quantities: Sequence[Stated], axis: Axis) -> list[Stated]:
     order = list(dict.fromkeys(quantity.kind for quantity in quantities))
     chosen = [quantity for quantity in quantities if quantity.axis in (None, axis)]
     return sorted(chosen, key=lambda quantity: order.index(quantity.kind))
+
+
+# Quantities of wheels in several positions, by name: attributes of SteeringAxis, of Runout.
+WHEEL_BY_SWEEP = {
+    "caster": "caster",
+    "sai": "inclination",
+    "included_angle": "included_angle",
+    "lateral_offset": "lateral_offset",
+    "longitudinal_offset": "longitudinal_offset",
+}
+WHEEL_BY_RUNOUT = {"axial_runout": "axial_runout", "radial_runout": "radial_runout"}
+CROSS = {"cross_caster": "caster", "cross_sai": "sai"}  # left less right
+TURNS = ("toe_out_left", "toe_out_right", "toe_out_difference")  # left less right
+VEHICLE_BY_SWEEP = (*CROSS, *TURNS)  # of the vehicle
+UNITS: dict[str, Unit] = {
+    "lateral_offset": "m",
+    "longitudinal_offset": "m",
+    "radial_runout": "m",
+}  # of the others: radians
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Measured quantity: value and standard uncertainty in its unit, None where unmeasured.
+
+    subject: name of the wheel or trial, or "vehicle". reason: why it was not measured. dof: degrees
+    of freedom of u. inner_rad: angle of the inner wheel, of toe-out on turns.
+    """
+
+    name: str
+    subject: str
+    wheel: str | None
+    unit: Unit
+    value: float | None
+    u: float | None
+    reason: str = ""
+    dof: float = math.inf
+    inner_rad: float | None = None
+
+
+def turned_quantity(measurement: Measurement, name: str, wheel: str) -> Quantity:
+    """Return a quantity of WHEEL_BY_SWEEP or WHEEL_BY_RUNOUT of one wheel."""
+    return _quantity(name, wheel, wheel, _of_wheel(measurement, name, wheel))
+
+
+def steering_quantity(measurement: Measurement, name: str, inner_rad: float) -> Quantity:
+    """Return a quantity of CROSS, or of TURNS with the inner wheel at an angle."""
+    if name in CROSS:
+        sides = (_of_wheel(measurement, CROSS[name], wheel) for wheel in ("FL", "FR"))
+        return _quantity(name, "vehicle", None, _difference(*sides))
+    left, right = (_toe_out(measurement, turn, inner_rad) for turn in ("left", "right"))
+    chosen = {"toe_out_left": left, "toe_out_right": right}
+    found = _quantity(name, "vehicle", None, chosen.get(name) or _difference(left, right))
+    return replace(found, inner_rad=inner_rad)
+
+
+def _quantity(name: str, subject: str, wheel: str | None, found: Estimate | str) -> Quantity:
+    unit = UNITS.get(name, RADIAN)
+    if isinstance(found, str):
+        return Quantity(name, subject, wheel, unit, None, None, f"not measured{found}")
+    return Quantity(name, subject, wheel, unit, found.value, found.u, dof=found.dof)
+
+
+def _of_wheel(measurement: Measurement, name: str, wheel: str) -> Estimate | str:
+    """Return an estimate, or why there is none; caster may be known where SAI is not."""
+    steered = name in WHEEL_BY_SWEEP
+    records: tuple[SteeringAxis | Runout, ...] = (
+        measurement.steering_axes if steered else measurement.runouts
+    )
+    record = next((one for one in records if one.wheel == wheel), None)
+    if record is None:
+        return f": the capture has no {'steering sweep' if steered else 'run-out scans'} of {wheel}"
+    found: Estimate | None = getattr(record, (WHEEL_BY_SWEEP | WHEEL_BY_RUNOUT)[name])
+    if found is None or record.status not in ("ok", "range-too-small"):
+        return f", {record.status}: {record.reason}"
+    return found
+
+
+def _toe_out(measurement: Measurement, turn: str, inner_rad: float) -> Estimate | str:
+    curve = next((found for found in measurement.toe_out if found.turn == turn), None)
+    if curve is None:
+        return ": the capture has no steering sweep of both front wheels at the same positions"
+    found = toe_out_at(curve, inner_rad)
+    return found.difference or f", {found.status}: {found.reason}"
+
+
+def _difference(left: Estimate | str, right: Estimate | str) -> Estimate | str:
+    if isinstance(left, str) or isinstance(right, str):
+        return left if isinstance(left, str) else right
+    return weighted_sum([(1.0, left), (-1.0, right)])

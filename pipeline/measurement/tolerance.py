@@ -3,95 +3,51 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from contextlib import suppress
+from pathlib import Path
 from statistics import NormalDist
 from typing import Any, Literal, Self
 
 from pydantic import Field, create_model, model_validator  # noqa: TID253 - a tolerance is a pydantic model
 
-from ..config import Section, config_file, parse_section, read_toml
-from ..vehicle import VEHICLE, WHEEL, VehicleQuantity, WheelQuantity
+from ..config import Section, config_file, config_folder, parse_section, read_toml
+from ..errors import ConfigError, InputError
+from ..vehicle import REFERENCE_WHEELS, VEHICLE, WHEEL, Unit
+from .limits import (
+    AngleLimits,
+    LengthLimits,
+    OffsetLimits,
+    ToleranceInterval,
+    TurnLimits,
+    read_value,
+)
+from .quantities import CROSS, RADIAN, TURNS, UNITS, WHEEL_BY_RUNOUT, WHEEL_BY_SWEEP
 
 Rule = Literal["guarded", "simple"]
+# The number of wheels whose toe a quantity sums; only these are given in mm at the rim.
+WHEELS_AT_RIM = {"toe": 1, "total_toe": 2, "cross_toe": 2}
+RIM_M = (0.1, 2.0)
+ALIASES = {"kpi": "sai", "cross_kpi": "cross_sai"}
+BY_MODEL = "auto"  # stands for the shipped file of the capture's vehicle model
 
 
-@dataclass(frozen=True)
-class ToleranceInterval:
-    """Interval from lower to upper, both included, radians or metres; infinite without a limit.
-
-    Raises ValueError where it holds no value, or every value.
-    """
-
-    lower: float
-    upper: float
-
-    def __post_init__(self) -> None:
-        if not self.lower < self.upper or self.lower == -self.upper == -math.inf:
-            raise ValueError(f"no tolerance lies from {self.lower} to {self.upper}")
-
-    @property
-    def width(self) -> float:
-        """Upper less lower limit; inf where one of them is missing."""
-        return self.upper - self.lower
-
-
-class AngleLimits(Section):
-    """Limits of an angle, degrees: lower, upper or both, or nominal with +- tolerance."""
-
-    lower_deg: float | None = Field(None, ge=-90.0, le=90.0)
-    upper_deg: float | None = Field(None, ge=-90.0, le=90.0)
-    nominal_deg: float | None = Field(None, ge=-90.0, le=90.0)
-    tolerance_deg: float | None = Field(None, gt=0.0, le=90.0)
-
-    @model_validator(mode="after")
-    def _make_an_interval(self) -> Self:
-        _check_limits(self, "deg")
-        return self
-
-    @property
-    def interval(self) -> ToleranceInterval:
-        """Tolerance interval, radians."""
-        lower, upper = _limits(self, "deg")
-        return ToleranceInterval(math.radians(lower), math.radians(upper))
-
-
-class LengthLimits(Section):
-    """Limits of a length, metres: lower, upper or both, or nominal with +- tolerance."""
-
-    lower_m: float | None = Field(None, ge=0.0)
-    upper_m: float | None = Field(None, ge=0.0)
-    nominal_m: float | None = Field(None, ge=0.0)
-    tolerance_m: float | None = Field(None, gt=0.0)
-
-    @model_validator(mode="after")
-    def _make_an_interval(self) -> Self:
-        _check_limits(self, "m")
-        return self
-
-    @property
-    def interval(self) -> ToleranceInterval:
-        """Tolerance interval, metres."""
-        return ToleranceInterval(*_limits(self, "m"))
-
-
-class OffsetLimits(LengthLimits):
-    """Limits of a signed length, metres."""
-
-    lower_m: float | None = None
-    upper_m: float | None = None
-    nominal_m: float | None = None
-
-
-def _limits_of(entry: WheelQuantity | VehicleQuantity) -> tuple[object, None]:
-    """Return the type and the default of a quantity's limits."""
-    if isinstance(entry, WheelQuantity) or entry.unit == "rad":
+def _limits(unit: Unit, signed: bool = True) -> Any:
+    """Return the type and the default of a quantity's limits, for `create_model`."""
+    if unit == "rad":
         return AngleLimits | None, None
-    return (OffsetLimits if entry.signed else LengthLimits) | None, None
+    return (OffsetLimits if signed else LengthLimits) | None, None
 
 
-# For a wheel or both of an axle, and for the vehicle: a table for each entry of definitions.py.
-_OF_WHEEL: dict[str, Any] = {entry.name: _limits_of(entry) for entry in WHEEL}
-_OF_VEHICLE: dict[str, Any] = {entry.name: _limits_of(entry) for entry in VEHICLE}
+# A table for each quantity of a wheel, or of both wheels of an axle, and of the vehicle.
+_OF_WHEEL = {entry.name: _limits(RADIAN) for entry in WHEEL}
+_OF_WHEEL |= {
+    name: _limits(UNITS.get(name, RADIAN), name != "radial_runout")
+    for name in (*WHEEL_BY_SWEEP, *WHEEL_BY_RUNOUT)
+}
+_OF_WHEEL["kpi"] = _OF_WHEEL["sai"]
+_OF_VEHICLE = {entry.name: _limits(entry.unit, entry.signed) for entry in VEHICLE}
+_OF_VEHICLE |= {name: _limits(RADIAN) for name in (*CROSS, "cross_kpi")}
+_OF_VEHICLE |= dict.fromkeys(TURNS, (TurnLimits | None, None))
 WheelTolerance = create_model("WheelTolerance", __base__=Section, **_OF_WHEEL)
 VehicleTolerance = create_model("VehicleTolerance", __base__=Section, **_OF_VEHICLE)
 
@@ -100,9 +56,11 @@ class Tolerance(Section):
     """Tolerance file; `configs/tolerances/example.toml` explains it."""
 
     title: str = ""
+    vehicle_model: str | None = Field(None, min_length=1)
     rule: Rule = "guarded"
     confidence: float = Field(0.95, gt=0.5, lt=1.0)
     trials: bool = True
+    rim: str | None = None
     rear: WheelTolerance = WheelTolerance()
     front: WheelTolerance = WheelTolerance()
     RR: WheelTolerance = WheelTolerance()
@@ -111,11 +69,36 @@ class Tolerance(Section):
     FL: WheelTolerance = WheelTolerance()
     vehicle: VehicleTolerance = VehicleTolerance()
 
+    @model_validator(mode="before")
+    @classmethod
+    def _name_the_right_table(cls, tables: Any) -> Any:
+        of_wheel, of_vehicle = WheelTolerance.model_fields, VehicleTolerance.model_fields
+        for table, keys in tables.items() if isinstance(tables, dict) else ():
+            if table in of_wheel or table in of_vehicle:
+                right = "vehicle" if table in of_vehicle else "front"
+                raise ValueError(f"[{table}]: name what it belongs to, as in [{right}.{table}]")
+            for key in keys if isinstance(keys, dict) else ():
+                if table == "vehicle" and key in of_wheel:
+                    raise ValueError(
+                        f"vehicle.{key}: it is a quantity of a wheel: use [front.{key}] or so"
+                    )
+                if table != "vehicle" and key in of_vehicle:
+                    raise ValueError(
+                        f"{table}.{key}: it is a quantity of the vehicle: use [vehicle.{key}]"
+                    )
+        return tables
+
     @model_validator(mode="after")
     def _limit_something(self) -> Self:
-        wheels = ("RR", "RL", "FR", "FL")
-        if not any(self.of_wheel(wheel) for wheel in wheels) and not self.of_vehicle():
+        if not any(self.of_wheel(wheel) for wheel in REFERENCE_WHEELS) and not self.of_vehicle():
             raise ValueError("it holds no limit: add a table such as [rear.toe] with upper_deg")
+        for table in ("rear", "RR", "RL"):
+            for name in (*WHEEL_BY_SWEEP, "kpi"):
+                if getattr(getattr(self, table), name) is not None:
+                    raise ValueError(
+                        f"{table}.{name}: only front wheels are swept for a steering axis: use "
+                        f"[front.{name}], [FR.{name}] or [FL.{name}]"
+                    )
         return self
 
     @property
@@ -123,14 +106,52 @@ class Tolerance(Section):
         """Guard band at a single limit, in standard uncertainties; 0 by the simple rule."""
         return NormalDist().inv_cdf(self.confidence) if self.rule == "guarded" else 0.0
 
+    @property
+    def rim_m(self) -> float | None:
+        """Diameter at which toe in mm is given, metres. Raises ValueError where it is no rim's."""
+        if self.rim is None:
+            return None
+        rim_m = math.nan
+        with suppress(ValueError):
+            value = read_value(self.rim)
+            rim_m = value.number if value.scale == "m" else math.nan
+        if not RIM_M[0] <= rim_m <= RIM_M[1]:
+            raise ValueError(
+                f"rim = {self.rim!r}: a diameter from {RIM_M[0]:g} to {RIM_M[1]:g} m is needed, "
+                "such as 16in or 406mm"
+            )
+        return rim_m
+
     def of_wheel(self, wheel: str) -> dict[str, ToleranceInterval]:
-        """Return the intervals of a wheel's angles, radians; its own table overrides its axle's."""
-        own, axle = getattr(self, wheel), self.rear if wheel.startswith("R") else self.front
-        return _intervals(axle) | _intervals(own)
+        """Return the intervals of a wheel's quantities; its own table overrides its axle's."""
+        axle = "rear" if wheel.startswith("R") else "front"
+        return self._intervals(axle) | self._intervals(wheel)
 
     def of_vehicle(self) -> dict[str, ToleranceInterval]:
         """Return the intervals of the vehicle's angles (radians) and lengths (metres)."""
-        return _intervals(self.vehicle)
+        return self._intervals("vehicle")
+
+    def inner_rad(self, name: str) -> float:
+        """Return the angle of the inner wheel at which toe-out on turns is limited."""
+        limits = getattr(self.vehicle, name)
+        return math.radians(limits.inner_deg) if isinstance(limits, TurnLimits) else math.nan
+
+    def _intervals(self, table: str) -> dict[str, ToleranceInterval]:
+        """Return the intervals of a table by quantity. Raises ValueError that names the key."""
+        rim_m = self.rim_m
+        found: dict[str, ToleranceInterval] = {}
+        for key, limits in getattr(self, table):
+            if limits is None:
+                continue
+            name = ALIASES.get(key, key)
+            if name in found:
+                raise ValueError(f"{table}: {name} and {key} are one quantity: leave out one")
+            kind = name.partition("_to_")[0].removeprefix("rear_").removeprefix("front_")
+            try:
+                found[name] = limits.interval(WHEELS_AT_RIM.get(kind, 0), rim_m)
+            except ValueError as error:
+                raise ValueError(f"{table}.{key}: {error}") from error
+        return found
 
 
 def load_tolerance(name: str) -> Tolerance:
@@ -138,27 +159,50 @@ def load_tolerance(name: str) -> Tolerance:
     return parse_section(Tolerance, read_toml(config_file("tolerances", name)), name)
 
 
-def _intervals(limits: Section) -> dict[str, ToleranceInterval]:
-    return {name: given.interval for name, given in limits if given is not None}
+def tolerance_for(name: str, vehicle_model: str | None, source: str) -> Tolerance:
+    """Load the tolerance for a capture: by name or file, or that of its vehicle model.
 
-
-def _limits(given: AngleLimits | LengthLimits, unit: str) -> tuple[float, float]:
-    """Return lower and upper limit in the file's unit."""
-    lower, upper, nominal, tolerance = (
-        getattr(given, f"{part}_{unit}") for part in ("lower", "upper", "nominal", "tolerance")
-    )
-    if nominal is not None:
-        return nominal - tolerance, nominal + tolerance
-    return -math.inf if lower is None else lower, math.inf if upper is None else upper
-
-
-def _check_limits(given: AngleLimits | LengthLimits, unit: str) -> None:
-    """Raise ValueError where the table does not define one interval."""
-    has = {name.removesuffix(f"_{unit}") for name, value in given if value is not None}
-    if has not in ({"lower"}, {"upper"}, {"lower", "upper"}, {"nominal", "tolerance"}):
-        raise ValueError(
-            f"give lower_{unit}, upper_{unit} or both, or nominal_{unit} with tolerance_{unit}"
+    name: of a tolerance, or a TOML file; BY_MODEL or a folder: the file there that has the
+    capture's vehicle_model. source: name of the capture in messages.
+    Raises ConfigError or InputError where there is none, or it is another model's.
+    """
+    shipped = config_folder() / "tolerances"
+    if name == BY_MODEL:
+        return _by_model(shipped, "configs/tolerances", vehicle_model, source)
+    if name and Path(name).is_dir() and not (shipped / f"{name}.toml").is_file():
+        return _by_model(Path(name), name, vehicle_model, source)
+    found = load_tolerance(name)
+    if vehicle_model and found.vehicle_model and not _alike(found.vehicle_model, vehicle_model):
+        raise InputError(
+            f"{name}: its limits are those of vehicle model {found.vehicle_model!r}, but {source} "
+            f"is of model {vehicle_model!r}: name other limits, or correct vehicle_model"
         )
-    lower, upper = _limits(given, unit)
-    if not lower < upper:
-        raise ValueError(f"lower_{unit} = {lower:g} is not below upper_{unit} = {upper:g}")
+    return found
+
+
+def _by_model(folder: Path, where: str, vehicle_model: str | None, source: str) -> Tolerance:
+    if vehicle_model is None:
+        raise InputError(
+            f"{source}: it names no vehicle_model, by which the limits are found in {where}: add "
+            "it to capture.toml, or give --tolerance a file"
+        )
+    known = {path.name: load_tolerance(str(path)) for path in sorted(folder.glob("*.toml"))}
+    models = {file: found.vehicle_model for file, found in known.items() if found.vehicle_model}
+    fitting = [file for file, model in models.items() if _alike(model, vehicle_model)]
+    if len(fitting) > 1:
+        raise ConfigError(
+            f"{where}: {fitting[0]} and {fitting[1]} both have the limits of vehicle model "
+            f"{vehicle_model!r}: keep one"
+        )
+    if not fitting:
+        there = ", ".join(sorted(map(repr, models.values()))) or "no model"
+        raise ConfigError(
+            f"{where}: it has the limits of {there}, but {source} is of vehicle model "
+            f"{vehicle_model!r}: correct it, or add a file with vehicle_model = {vehicle_model!r}"
+        )
+    return known[fitting[0]]
+
+
+def _alike(one: str, other: str) -> bool:
+    """Return whether two models are the same but for capitals and spaces."""
+    return one.casefold().split() == other.casefold().split()

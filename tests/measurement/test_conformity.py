@@ -33,8 +33,9 @@ from wheelplane.measurement.conformity import (
     guard_band,
     probabilities,
 )
+from wheelplane.measurement.limits import ToleranceInterval
 from wheelplane.measurement.records import Measurement, WheelResult
-from wheelplane.measurement.tolerance import Tolerance, ToleranceInterval, load_tolerance
+from wheelplane.measurement.tolerance import Tolerance, load_tolerance
 from wheelplane.report.json.conformity import conformity_tree
 from wheelplane.report.json.measurement import to_tree
 from wheelplane.report.text.conformity import conformity_text
@@ -328,15 +329,6 @@ def test_the_simple_rule_states_the_risk_that_it_shares():
     )
 
 
-@pytest.mark.parametrize(
-    ("lower", "upper"),
-    [(1.0, 1.0), (2.0, 1.0), (-math.inf, math.inf), (math.nan, 1.0), (math.inf, math.inf)],
-)
-def test_a_zone_holds_something_but_not_everything(lower, upper):
-    with pytest.raises(ValueError, match="no tolerance lies"):
-        ToleranceInterval(lower, upper)
-
-
 # --- several quantities -------------------------------------------------------------------------
 
 
@@ -565,7 +557,7 @@ def test_nominal_and_tolerance_are_lower_and_upper(tmp_path):
 
 BAD = {
     "nothing": ("", ["no limit", "[rear.toe]"]),
-    "unit missing": ("[rear.toe]\nlower = 1", ["'rear.toe.lower'", "'lower_deg'"]),
+    "unit missing": ("[rear.toe]\nlower = 1", ["rear.toe", "write lower_deg = 1"]),
     "misspelt": ("[rear.tow]\nlower_deg = 1", ["'rear.tow'", "'toe'"]),
     "small letters": ("[rr.toe]\nlower_deg = 1", ["'rr'", "'RR'"]),
     "empty": ("[rear.toe]", ["rear.toe", "lower_deg"]),
@@ -640,13 +632,14 @@ def command(request, monkeypatch, tmp_path, wheelplane, measured):
 
     @contextlib.contextmanager
     def opened(path, target, options):
-        yield mock.MagicMock(entries=(), scanner=None)
+        yield mock.MagicMock(entries=(), scanner=None, vehicle_model=MODEL)
 
     monkeypatch.setattr(measure_command, "open_capture", opened, raising=True)
     monkeypatch.setattr(measure_command, "measure_capture", lambda *_: measured, raising=True)
     return lambda *options: wheelplane("measure", tmp_path, *options)
 
 
+MODEL = "Model T"  # of the capture that `measure` opens
 both = pytest.mark.parametrize("command", ["five-point", "measure"], indirect=True)
 LIMITS = {  # the toe of RL is 0.42 deg, with u = 0.116 deg
     "conform": ("[RL.toe]\nlower_deg = -5.0\nupper_deg = 5.0", 0),
@@ -753,6 +746,33 @@ def test_a_tolerance_that_is_not_there_is_refused_in_one_line(command, name, say
     assert (code, out) == (2, "")
     assert err.count("\n") == 1
     assert says in err
+
+
+@both
+def test_the_limits_of_the_capture_s_model_are_found_among_those_of_a_folder(command, tmp_path):
+    """A five-point file names no model, so that it finds none."""
+    folder = tmp_path / "limits"
+    folder.mkdir()
+    for decision, (text, _) in LIMITS.items():
+        model = MODEL if decision == "undecided" else f"not {decision}"
+        text = f"trials = false\nvehicle_model = {model!r}\n{text}"
+        (folder / f"{decision}.toml").write_text(text, encoding="utf-8")
+    code, out, err = command("--tolerance", folder, "--json")
+    if not out:
+        assert code == 2
+        assert err.startswith(f"wheelplane: {FIGURE_4}: it names no vehicle_model")
+        assert err.count("\n") == 1
+        return
+    tree = json.loads(out)
+    assert (code, err, tree["verdict"]["decision"]) == (1, "", "undecided")
+    assert tree["provenance"]["config"]["tolerance"]["vehicle_model"] == MODEL
+    code, out, err = command("--tolerance", "auto")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "configs/tolerances: it has the limits of 'Example Saloon'" in err
+    assert "'Model T'" in err
+    code, out, err = command("--tolerance", folder / "conform.toml")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "vehicle model 'not conform'" in err
 
 
 def test_the_estimator_of_2013_has_no_uncertainty_to_judge_by(wheelplane, tmp_path):

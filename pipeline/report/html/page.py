@@ -22,7 +22,7 @@ from ..plots.sign_convention import signs_drawing
 from ..plots.top_view import top_drawing
 from ..scene.scene import SYMBOL_M, scene
 from ..tables.checks import monte_carlo_table, monte_carlo_words, repeats_table
-from ..tables.conformity import joint, limits_table
+from ..tables.conformity import joint, limits_table, notes
 from ..tables.kinematics import runout_tables, steering_tables
 from ..tables.vehicle import axes_table, vehicle_table
 from ..tables.wheels import axles_table, centres_table, wheels_table
@@ -110,6 +110,7 @@ def _page(
         "axles": axles_table(measurement, writer),
         "limits": limits_table(conformity, writer) if conformity else None,
         "joint": joint(conformity, writer) if conformity else "",
+        "limits_notes": notes(conformity, words) if conformity else "",
         "u_note": words("results.u_note", factor=page_results.factor_words(measurement, words)),
         "plots": {
             "angles": angles_drawing(measurement, conformity, words, view.axis),

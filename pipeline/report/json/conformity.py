@@ -51,6 +51,7 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
         "quantity": quantity.name,
         "name": quantity.subject,
         "wheel": quantity.wheel,
+        "inner_wheel_deg": _in_unit(quantity.inner_rad, "rad"),
         "decision": verdict.decision,
         "reason": verdict.reason,
         **{f"{name}_{suffix}": _in_unit(value, unit) for name, value in numbers.items()},

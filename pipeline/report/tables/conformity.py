@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import math
 
-from ...measurement import Conformity, Estimate, Verdict
+from ...measurement import (
+    VEHICLE_BY_SWEEP,
+    WHEEL_BY_RUNOUT,
+    WHEEL_BY_SWEEP,
+    Conformity,
+    Estimate,
+    Quantity,
+    Verdict,
+)
 from ..format.digits import UNKNOWN
 from ..format.language import Translations
 from ..format.writer import Column, Columns, Table, Writer
@@ -59,13 +67,30 @@ def subject(verdict: Verdict, writer: Writer) -> str:
     return writer.wheel(what.subject) + (f" ({writer.wheel(str(what.wheel))})" if other else "")
 
 
+def quantity(what: Quantity, writer: Writer) -> str:
+    """Name the quantity; of toe-out on turns also the angle at which it is limited."""
+    name = writer.quantity(what.name)
+    if what.inner_rad is None:
+        return name
+    angle = writer.words.number(f"{math.degrees(what.inner_rad):.6g}°")
+    return writer.words("quantity.at", quantity=name, angle=angle)
+
+
+def notes(conformity: Conformity, words: Translations) -> str:
+    """Return the signs of the quantities, and what the columns hold."""
+    names = {verdict.quantity.name for verdict in conformity.verdicts}
+    steered = names & {*WHEEL_BY_SWEEP, *VEHICLE_BY_SWEEP}
+    keys = ["signs_note", *["steering_signs_note"] * bool(steered), "probability_note"]
+    return " ".join(words(f"verdict.{key}") for key in keys)
+
+
 def _row(verdict: Verdict, writer: Writer) -> list[str]:
     what, interval = verdict.quantity, verdict.interval
     lower, upper = (interval.lower, interval.upper) if interval else (None, None)
     word = decided(verdict.decision, writer.words).lower()
     return [
         word if writer.plain else f"{SIGNS[verdict.decision]} {word}",
-        subject(verdict, writer), writer.quantity(what.name),
+        subject(verdict, writer), quantity(what, writer),
         writer.number(what.value, what.unit, _expanded(verdict)),
         *(writer.number(x, what.unit) for x in (lower, upper)),
         *(writer.size(x, what.unit) for x in (what.u, verdict.guard_band)),
@@ -84,8 +109,11 @@ def _why(verdict: Verdict, writer: Writer) -> str:
     what, interval, words = verdict.quantity, verdict.interval, writer.words
     if verdict.decision != "undecided":
         return ""
+    if what.reason and what.name in WHEEL_BY_RUNOUT:
+        return words("verdict.no_runout")
     if what.reason:
-        return words("verdict.not_measured")
+        steered = what.name in (*WHEEL_BY_SWEEP, *VEHICLE_BY_SWEEP)
+        return words("verdict.no_sweep" if steered else "verdict.not_measured")
     if interval is None or what.value is None or what.u is None:
         return words("verdict.unknown")
     if verdict.guard_band is None:
