@@ -172,6 +172,19 @@ def test_limits_are_judged(site):
     assert panel["limits"]["rows"]
 
 
+def test_limits_are_found_by_the_vehicle_model(site):
+    options = {"options": {"tolerance": "auto"}}
+    failed = site.measure({"root": 0, "path": "figure-4.txt", **options})["failure"]
+    assert "it names no vehicle_model" in failed["text"]
+    declared = site.allowed / "capture" / "capture.toml"
+    before = declared.read_text()
+    declared.write_text('vehicle_model = "Example Saloon"\n' + before)
+    job = site.measure({"root": 0, "path": "capture", **options})
+    declared.write_text(before)
+    panel = file_of(site, finished(job), "panel-en.json").json
+    assert {row[1] for row in panel["limits"]["rows"]} >= {"RR", "FL", "vehicle"}
+
+
 def test_what_was_measured_is_remembered_and_no_more_than_is_kept(tmp_path):
     site = Site(tmp_path, jobs=2)
     try:

@@ -7,6 +7,7 @@ import mimetypes
 from typing import Any
 
 from ...config import config_folder
+from ...measurement import BY_MODEL
 from ..security import RefusedError
 
 UNITS = ("m", "mm", "in")
@@ -22,11 +23,12 @@ SCALAR: dict[str, tuple[str, ...]] = {
 
 
 def known() -> dict[str, list[str]]:
-    """Return the names of targets, scanners and tolerances."""
-    return {
+    """Return the names of targets, scanners and tolerances, and that by the vehicle model."""
+    names = {
         kind: sorted(path.stem for path in (config_folder() / kind).glob("*.toml"))
         for kind in ("targets", "scanners", "tolerances")
     }
+    return names | {"tolerances": [BY_MODEL, *names["tolerances"]]}
 
 
 def checked(given: Any) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from ...config import Config, load_station, with_scanner
 from ...errors import InputError
 from ...five_point import Station, read_five_point
 from ...measure import measure_capture, measure_five_point
-from ...measurement import Conformity, Measurement, assess, load_tolerance
+from ...measurement import Conformity, Measurement, assess, tolerance_for
 from ...report.format.language import LANGUAGES, load_translations
 from ...report.json.measurement import to_json
 from ...report.scene.scene import scene
@@ -44,12 +44,15 @@ def measure(plan: dict[str, Any], send: Send) -> None:
     source, options = Path(plan["source"]), plan["options"]
     with ExitStack() as stack:
         capture = None
-        if plan["kind"] == "five-point":
+        if plan["kind"] != "five-point":
+            capture = stack.enter_context(_opened(source, options, allowed))
+        model = None if capture is None else capture.vehicle_model
+        tolerance = options.get("tolerance")
+        limits = tolerance_for(tolerance, model, str(source)) if tolerance else None
+        if capture is None:
             measurement = _five_point(source, options)
         else:
-            capture = stack.enter_context(_opened(source, options, allowed))
             measurement = measure_capture(capture, _config(capture, options), _steps(capture, send))
-        limits = load_tolerance(options["tolerance"]) if options.get("tolerance") else None
         write_results(measurement, assess(measurement, limits) if limits else None, out)
         send("ready", True)
         if capture is not None:
