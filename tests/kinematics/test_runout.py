@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from tests.support.turning import CENTRE_M, NORMAL_RAD, WHEELS, Scene, facing, rolled
+from tests.support.turning import CENTRE_M, NORMAL_RAD, WHEELS, Scene, facing, mounted, rolled
 from wheelplane.report.text.kinematics import runout_text
 from wheelplane.uncertainty.components import flatness_component, mounting_component
 from wheelplane.vehicle.angles import wheel_angles
@@ -22,15 +22,9 @@ QUARTERS = np.radians([0.0, 90.0, 180.0, 270.0])
 def one(scene, wheel="FL", turns=HALF, **more):
     """Return the run-out of a wheel whose reference scan shows it at a rotation of its own."""
     plate = {"wobble": WOBBLE, "eccentric_m": OFF}
-    reference(scene, wheel, plate)
+    mounted(scene, wheel, **plate)
     (found,) = rolled(scene, wheel, turns, **plate | more).measure().runouts
     return found
-
-
-def reference(scene, wheel, plate, **more):
-    seen = rolled(scene, wheel, [1.0], **plate, **more).seen.pop()
-    seen = replace(seen, name=wheel, role="reference", turn=None, source=f"{wheel}.ply")
-    scene.seen[WHEELS.index(wheel)] = seen
 
 
 @pytest.mark.parametrize("wheel", WHEELS)
@@ -262,7 +256,7 @@ def test_a_reference_that_does_not_stand_as_the_run_out_is_not_compensated():
         (still | {"wobble": (0.0, 0.0)}, {}),
     ):
         scene = Scene(12).references()
-        reference(scene, "FL", changed, **more)
+        mounted(scene, "FL", **changed, **more)
         result = rolled(scene, "FL", HALF, **still).measure()
         (found,) = result.runouts
         assert (found.status, found.compensates) == ("moved", False)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.support.turning import PLACES, WHEELS, Scene, facing, rolled, side, swept
+from tests.support.turning import PLACES, WHEELS, Scene, facing, mounted, rolled, side, swept
 from wheelplane.capture.entry import Turn
 from wheelplane.measurement.conformity import Quantity, assess
 from wheelplane.measurement.quantities import (
@@ -56,8 +56,9 @@ def car(seed: int) -> tuple[Measurement, dict[tuple[str, str], float]]:
               ahead=true[wheel, "longitudinal_offset"], positions=PLACED)  # fmt: skip
     wobble, aside = rng.uniform(0.003, 0.01), rng.uniform(0.001, 0.003)
     way, other = rng.uniform(0.0, 2.0 * np.pi, 2)
-    rolled(scene, "RR", HALF, wobble=wobble * np.array([np.cos(way), np.sin(way)]),
-           eccentric_m=aside * np.array([np.cos(other), np.sin(other)]), u_turn=1e-3)  # fmt: skip
+    plate = {"wobble": wobble * np.array([np.cos(way), np.sin(way)]),
+             "eccentric_m": aside * np.array([np.cos(other), np.sin(other)])}  # fmt: skip
+    rolled(mounted(scene, "RR", **plate), "RR", HALF, u_turn=1e-3, **plate)
     true |= {("RR", "axial_runout"): wobble, ("RR", "radial_runout"): aside}
     for name in ("caster", "sai"):
         true["vehicle", f"cross_{name}"] = true["FL", name] - true["FR", name]

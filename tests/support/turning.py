@@ -6,7 +6,7 @@ records in which its stages hand on what they saw.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -214,4 +214,12 @@ def rolled(
             f"{wheel} turn {i}", "runout", wheel, middle + R.apply(aside) + shift, R.apply(plate),
             said, f"{wheel}.ply" if first else "", R.apply(face),
         )  # fmt: skip
+    return scene
+
+
+def mounted(scene: Scene, wheel: str, **plate) -> Scene:
+    """Replace the reference scan by one of the plate of `rolled`, at a rotation of its own."""
+    seen = rolled(scene, wheel, [1.0], **plate).seen.pop()
+    seen = replace(seen, name=wheel, role="reference", turn=None, source=f"{wheel}.ply")
+    scene.seen[WHEELS.index(wheel)] = seen
     return scene

@@ -39,7 +39,8 @@ def _wheel_row(
     wheel = writer.wheel(result.wheel) if result.wheel else "" if writer.plain else writer.none
     role = writer.words.known("role", seen.role)
     row = [writer.wheel(seen.name), wheel, role, writer.status(seen.status)]
-    row += [writer.words(f"results.of_{'axle' if result.compensated else 'target'}")] * compensated
+    of = "results.of_axle" if result.compensated else "results.of_target"
+    row += [writer.words(of)] * compensated
     if result.angles is None:
         return [*row, *[writer.none] * 7, f"{seen.status}: {seen.reason}"]
     toe, camber, iso = (known[seen.name, kind] for kind in ("toe", "camber", "camber_iso"))
