@@ -434,7 +434,8 @@ def test_every_text_of_the_page_is_there_in_every_language():
 
 
 # Names that are made of parts, or that the program gives to what has a status.
-BUILT = ("format_", "kind_", "option_", "verdict_", "read_as_", "coordinates_")
+BUILT = ("format_", "kind_", "option_", "verdict_", "read_as_", "coordinates_",
+         "tolerance_")  # fmt: skip
 STATED = {*STATUSES, "agree", "disagree", "cannot_tell"}
 
 
