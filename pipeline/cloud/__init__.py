@@ -1,6 +1,7 @@
 """Passes over all points of a cloud: sample, crop, voxel grid, first and second moments."""
 
 from .moments import SlabMoments, slab_moments
+from .native import load_opencv
 from .preview import CloudSample, by_wheel, cloud_sample
 from .selection import (
     Slab,
@@ -20,6 +21,7 @@ __all__ = [
     "by_wheel",
     "cloud_sample",
     "gather_ball",
+    "load_opencv",
     "lowest",
     "random_rows",
     "sample",

@@ -9,11 +9,12 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numpy as np
-from numba import njit  # noqa: TID253 - the one file that needs it, imported late
 
 from ..vectors import GRID_PER_M
+from .native import load_numba
 
 F = TypeVar("F", bound=Callable[..., Any])
+njit = load_numba().njit  # loaded with this module, which is imported late
 
 
 def _compiled(function: F) -> F:

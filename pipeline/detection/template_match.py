@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ..cloud import load_opencv
 from ..targets import Region
 from ..vectors import Array, Array32, Mask
 
@@ -51,8 +52,7 @@ def match_template(
     Cells are a sixtieth of the radius, or larger where the points are so sparse that many would be
     empty; above a third of the radius, the outline of so few points carries no information.
     """
-    import cv2
-
+    cv2 = load_opencv()
     if len(uv_m) < 10:
         return Placement(np.zeros(2), 0.0, 0.0, radius_m)
     cell = _cell_size(uv_m, radius_m)
@@ -77,8 +77,7 @@ def peaks(
     Score: occupied share of the target, less twice that of a ring around it; above `floor`.
     So a corner of a larger surface scores less than half a target.
     """
-    import cv2
-
+    cv2 = load_opencv()
     low, occupied = _occupied(uv_m, cell_m, RING_REACH * radius_m)
     occupied = cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     angles = np.arange(0.0, period_rad, 2.0 * COARSE_ROTATION) if period_rad else np.zeros(1)
@@ -120,8 +119,7 @@ def _occupied(
 
 def _about(cell: npt.NDArray[np.int64], along: int, across: int) -> Image:
     """Return the mean number of points of cells (N,) in each cell and its eight neighbours."""
-    import cv2
-
+    cv2 = load_opencv()
     count = np.bincount(cell, minlength=along * across).reshape(along, across)
     return np.asarray(cv2.blur(count.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT))
 
@@ -203,8 +201,7 @@ def _share(mask: Mask) -> Image:
 
 
 def _correlated(occupied: Occupied, kernel: Image) -> Image:
-    import cv2
-
+    cv2 = load_opencv()
     image = occupied.astype(np.float32)
     return np.asarray(cv2.filter2D(image, cv2.CV_32F, kernel, borderType=cv2.BORDER_CONSTANT))
 
@@ -252,8 +249,7 @@ def _outline_match(
 
 def connected(uv_m: Array, radius_m: float) -> Mask:
     """Return which points uv_m (N, 2) are connected, cell to cell, with those about 0, 0: (N,)."""
-    import cv2
-
+    cv2 = load_opencv()
     near = uv_m[np.sum(uv_m**2, axis=1) < radius_m**2]
     if len(near) == 0:
         return np.zeros(len(uv_m), dtype=bool)

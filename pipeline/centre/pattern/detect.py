@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ...cloud import load_opencv
 from ...vectors import Array, Mask
 
 Grey = npt.NDArray[np.uint8]
@@ -29,8 +30,7 @@ class Markers:
 
 def find_circles(grey: Grey, diameter: float) -> Array:
     """Find the centres (K, 2) of dark or bright circles of about that diameter, pixels."""
-    import cv2
-
+    cv2 = load_opencv()
     parameters = cv2.SimpleBlobDetector.Params()
     area = np.pi / 4.0 * diameter**2
     parameters.filterByArea = True  # its defaults, 25 to 5000 pixels, fit no target
@@ -48,8 +48,7 @@ def find_circles(grey: Grey, diameter: float) -> Array:
 
 def find_corners(grey: Grey, rows: int, columns: int) -> Array:
     """Find the inner corners (K, 2) of a checkerboard, or of a part of it, pixels."""
-    import cv2
-
+    cv2 = load_opencv()
     flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_LARGER
     wide = np.pad(grey, QUIET, mode="edge")
     for size in ((columns, rows), (min(MIN_CORNERS, columns), min(MIN_CORNERS, rows))):
@@ -61,8 +60,7 @@ def find_corners(grey: Grey, rows: int, columns: int) -> Array:
 
 def find_markers(grey: Grey, dictionary: str) -> Markers:
     """Find the markers of a dictionary, black on white or white on black."""
-    import cv2
-
+    cv2 = load_opencv()
     parameters = cv2.aruco.DetectorParameters()
     parameters.detectInvertedMarker = True
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
@@ -76,15 +74,13 @@ def find_markers(grey: Grey, dictionary: str) -> Markers:
 
 def marker_bits(dictionary: str) -> int:
     """Return the width of a marker of the dictionary in modules, with its black border."""
-    import cv2
-
+    cv2 = load_opencv()
     return int(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary)).markerSize) + 2
 
 
 def marker_modules(dictionary: str, marker: int) -> Mask:
     """Return which modules (B, B) of a marker are dark, first row at the top, with its border."""
-    import cv2
-
+    cv2 = load_opencv()
     known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     image = cv2.aruco.generateImageMarker(known, marker, marker_bits(dictionary))
     return np.asarray(image == 0)

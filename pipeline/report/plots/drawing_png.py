@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
+from ...cloud import load_opencv
 from ...vectors import Array
 from .drawing import CircleMark, Dots, Drawing, Mark, Path, Raster, Text
 
@@ -18,8 +19,7 @@ SHIFT = 4  # fractional bits of OpenCV's fixed-point coordinates
 
 def drawing_png(drawing: Drawing) -> bytes:
     """Return a PNG with ZOOM pixels per unit of the drawing."""
-    import cv2
-
+    cv2 = load_opencv()
     size = (round(drawing.height * ZOOM), round(drawing.width * ZOOM), 3)
     canvas = np.full(size, 255, np.uint8)
     for mark in drawing.marks:
@@ -45,8 +45,7 @@ def _draw(canvas: Pixels, mark: Mark) -> None:
 
 
 def _path(canvas: Pixels, mark: Path) -> None:
-    import cv2
-
+    cv2 = load_opencv()
     points = np.asarray(mark.points, float) * ZOOM
     fixed = np.rint(points * 2.0**SHIFT).astype(np.int32)
     if mark.fill != "none":
@@ -87,8 +86,7 @@ def _dots(canvas: Pixels, mark: Dots) -> None:
 def _disc(
     canvas: Pixels, centre: tuple[float, float], radius: float, colour: str, thickness: int
 ) -> None:
-    import cv2
-
+    cv2 = load_opencv()
     x, y = np.rint(np.array(centre) * ZOOM * 2.0**SHIFT).astype(int).tolist()
     fixed = max(1, round(radius * ZOOM * 2.0**SHIFT))
     cv2.circle(canvas, (x, y), fixed, _bgr(colour), thickness, cv2.LINE_AA, SHIFT)
@@ -96,8 +94,7 @@ def _disc(
 
 def _text(canvas: Pixels, mark: Text) -> None:
     """Draw text in OpenCV's own font, so that every machine gives the same image."""
-    import cv2
-
+    cv2 = load_opencv()
     font, size = cv2.FontFace("sans"), round(mark.size * ZOOM * 0.95)
     weight = 700 if mark.bold else 400
     _, _, width, _ = cv2.getTextSize((0, 0), mark.text, (0, 0), font, size, weight)
@@ -130,8 +127,7 @@ def _lay(
     turn_deg: float,
 ) -> None:
     """Rotate `image` clockwise about its pivot, move the pivot to `position`; darker pixels win."""
-    import cv2
-
+    cv2 = load_opencv()
     M = cv2.getRotationMatrix2D(pivot, -turn_deg, scale)
     M[:, 2] += np.array(position) * ZOOM - pivot
     size = (canvas.shape[1], canvas.shape[0])
