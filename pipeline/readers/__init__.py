@@ -3,6 +3,7 @@
 from .gather import Placer, PointRows, RowProgress, silent
 from .packed import scan_suffix
 from .read_scan import MESH_SUFFIXES, READERS, open_cloud, read_scan
+from .sandbox.environment import child_environment
 from .sandbox.worker import confine, die_with
 from .scan import Part, Scan
 from .source import Block, RawCloud
@@ -17,6 +18,7 @@ __all__ = [
     "RawCloud",
     "RowProgress",
     "Scan",
+    "child_environment",
     "confine",
     "die_with",
     "open_cloud",

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 
@@ -27,10 +28,11 @@ from tests.support.batches import (
 )
 from tests.support.failing_proxy import FailingProxy
 from tests.support.object_server import object_server
+from tests.support.planted import Planted
 from wheelplane.batch.catalogue.catalogue import FILE, rebuild
 from wheelplane.batch.storage.store import open_store
 
-DASK = f"{sys.executable} -m distributed.cli.dask_{{}} --no-dashboard"
+DASK = [sys.executable, str(Path(sys.executable).with_name("dask"))]  # -m adds the current folder
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +56,7 @@ def cluster(tmp_path):
     common = {"cwd": tmp_path, "env": environment | {"PYTHONPATH": path}}
     with ExitStack() as stack:
         scheduler = subprocess.Popen(
-            [*DASK.format("scheduler").split(), "--host", "127.0.0.1", "--port", "0"],
+            [*DASK, "scheduler", "--no-dashboard", "--host", "127.0.0.1", "--port", "0"],
             stderr=subprocess.PIPE,
             text=True,
             **common,
@@ -70,7 +72,7 @@ def cluster(tmp_path):
         workers = []
         for name in ("a", "b"):
             worker = subprocess.Popen(
-                [*DASK.format("worker").split(), address, "--nthreads", "1", "--name", name],
+                [*DASK, "worker", address, "--no-dashboard", "--nthreads", "1", "--name", name],
                 stderr=subprocess.DEVNULL,
                 start_new_session=True,
                 **common,
@@ -112,6 +114,18 @@ def test_a_lost_worker_changes_nothing(cluster, tmp_path):
         _, err = runner.communicate(timeout=120)
     assert runner.returncode == 0, err
     assert left(results) == left(tmp_path / "undisturbed")
+
+
+@pytest.mark.slow
+def test_a_worker_of_a_cluster_takes_nothing_from_its_folder(cluster, tmp_path):
+    """What lies there when our processes start; it may not have lain there when Dask's did."""
+    planted = Planted(tmp_path / "planted", ("hashlib", "sqlite3", "rich", "sitecustomize"))
+    for path in planted.folder.iterdir():
+        shutil.move(path, tmp_path)
+    done = run_process(
+        archive_of(tmp_path / "archive", 4), tmp_path / "results", "--scheduler", cluster[0]
+    )
+    assert (done.returncode, planted.ran) == (0, []), done.stderr
 
 
 def test_no_scheduler_is_one_line(undisturbed, tmp_path, monkeypatch):

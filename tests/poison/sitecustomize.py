@@ -25,7 +25,7 @@ def poison(measure):
             while True:
                 held.append(bytearray(16 << 20))
         if "once" in name:
-            mark = Path(os.environ["POISON_MARKS"]) / name.replace("/", "-")
+            mark = Path(os.environ["WHEELPLANE_POISON_MARKS"]) / name.replace("/", "-")
             if not mark.exists():
                 mark.touch()
                 ctypes.string_at(0)

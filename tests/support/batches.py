@@ -110,7 +110,7 @@ def call(*arguments: object) -> subprocess.CompletedProcess[str]:
 def poisoned(marks: Path) -> dict[str, str]:
     """The environment in which captures of certain names kill their child."""
     path = [str(ROOT / "tests" / "poison"), *filter(None, [os.environ.get("PYTHONPATH")])]
-    return {"PYTHONPATH": os.pathsep.join(path), "POISON_MARKS": str(marks)}
+    return {"PYTHONPATH": os.pathsep.join(path), "WHEELPLANE_POISON_MARKS": str(marks)}
 
 
 def left(results: Path) -> dict[str, bytes]:

@@ -13,8 +13,12 @@ import multiprocessing
 import os
 import shutil
 import signal
+import sys
 import tempfile
+import threading
 import traceback
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -24,9 +28,11 @@ from ...readers import confine, die_with
 from .measure_one import TransientError
 from .work import CompletedCapture, Task, work
 
-PRELOAD = [f"{__package__}.work"]
+PRELOAD = [__name__]
+SEARCH_PATH = tuple(sys.path)  # in the fork server, which imports this first: of its environment
 LOG, TAIL_BYTES = "log.txt", 4000
 EXTERNAL_SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP)
+STARTING = threading.Lock()  # of this process's variables
 
 Cause = Literal["crashed", "killed", "too long", "memory"]
 
@@ -43,13 +49,17 @@ class WorkerProcess:
     """Process that runs one task after another, and is replaced when it dies.
 
     timeout_s: limit of one task. memory_bytes: limit of memory in addition to that at its start.
-    scratch: existing folder for temporary files, which are removed with the process.
+    scratch: existing folder for temporary files, which are removed with the process. environment:
+    all of its variables.
     """
 
-    def __init__(self, timeout_s: float, memory_bytes: int, scratch: Path) -> None:
+    def __init__(
+        self, timeout_s: float, memory_bytes: int, scratch: Path, environment: Mapping[str, str]
+    ) -> None:
         self._timeout_s = timeout_s
         self._memory_bytes = memory_bytes
         self._scratch = scratch
+        self._environment = environment
         self._running: tuple[BaseProcess, Connection, Path] | None = None
 
     def run(self, task: Task) -> list[CompletedCapture]:
@@ -91,11 +101,13 @@ class WorkerProcess:
         context = multiprocessing.get_context("forkserver")
         context.set_forkserver_preload(PRELOAD)
         folder = Path(tempfile.mkdtemp(dir=self._scratch))
+        environment = {**self._environment, "TMPDIR": str(folder)}
         pipe, theirs = context.Pipe()
         process = context.Process(
-            target=_serve, args=(theirs, self._memory_bytes, folder), daemon=True
+            target=_serve, args=(theirs, self._memory_bytes, folder, environment), daemon=True
         )
-        process.start()
+        with _environment(self._environment):
+            process.start()
         theirs.close()
         self._running = process, pipe, folder
         return self._running
@@ -111,8 +123,35 @@ class WorkerProcess:
         return WorkerError("crashed", f"it crashes the program ({how})", log)
 
 
-def _serve(pipe: Connection, memory_bytes: int, folder: Path) -> None:
+@contextmanager
+def _environment(stated: Mapping[str, str]) -> Iterator[None]:
+    """Replace the variables of this process for a moment.
+
+    multiprocessing starts its fork server and its resource tracker, also again when they died,
+    with the variables of this process, as `python -c`: without PYTHONSAFEPATH in them it finds
+    modules in the current folder.
+    """
+    with STARTING:
+        before = dict(os.environ)
+        _become(stated)
+        try:
+            yield
+        finally:
+            _become(before)
+
+
+def _become(environment: Mapping[str, str]) -> None:
+    for name in os.environ.keys() - environment.keys():
+        del os.environ[name]
+    os.environ.update(environment)
+
+
+def _serve(
+    pipe: Connection, memory_bytes: int, folder: Path, environment: Mapping[str, str]
+) -> None:
     """Serve tasks in the worker process until the parent ends."""
+    _become(environment)
+    sys.path[:] = SEARCH_PATH  # multiprocessing gave it that of the parent
     die_with(os.getppid())  # the fork server, which ends with the program
     parent = multiprocessing.parent_process()
     if parent is None or not parent.is_alive():
@@ -122,7 +161,7 @@ def _serve(pipe: Connection, memory_bytes: int, folder: Path) -> None:
     for stream in (1, 2):
         os.dup2(log, stream)
     faulthandler.enable(log)
-    tempfile.tempdir = os.environ["TMPDIR"] = str(folder)
+    tempfile.tempdir = str(folder)
     confine(memory_bytes)
     while True:
         try:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import InputError
+from ...readers import child_environment
 from .work import CompletedCapture, Task
 from .worker_process import WorkerProcess
 
@@ -28,8 +29,8 @@ class Workers:
     """Workers of this machine, a fixed number."""
 
     def __init__(self, workers: int, limits: Limits, scratch: Path) -> None:
-        if workers > 1:
-            os.environ["WHEELPLANE_THREADS"] = "1"  # inherited by the worker processes
+        one_each = {"WHEELPLANE_THREADS": "1"} if workers > 1 else {}
+        self._environment = child_environment(storage=True, **one_each)
         self.slots = workers
         self._threads = ThreadPoolExecutor(workers)
         self._processes: list[WorkerProcess] = []
@@ -44,7 +45,9 @@ class Workers:
     def run(self, task: Task) -> list[CompletedCapture]:
         """Run a task in the worker process of this thread."""
         if not hasattr(self._per_thread, "process"):
-            process = WorkerProcess(self._timeout_s, self._memory_bytes, self._scratch)
+            process = WorkerProcess(
+                self._timeout_s, self._memory_bytes, self._scratch, self._environment
+            )
             self._per_thread.process = process
             self._processes.append(process)
         process = self._per_thread.process

@@ -22,6 +22,7 @@ from typing import Any
 from ...errors import InputError, MissingDependencyError
 from ..faults import fault
 from ..source import Source, shown
+from .environment import child_environment
 from .worker import ERROR, MEMORY, MESSAGE
 
 SCRIPT = Path(__file__).with_name("worker.py")
@@ -147,6 +148,7 @@ def started(job: Job, source: Source) -> Iterator[Child]:
                 pass_fds=(memory, outbox),
                 process_group=0,  # the parent handles Ctrl-C
                 bufsize=0,
+                env=child_environment(),
             )
         finally:
             os.close(outbox)

@@ -29,8 +29,6 @@ def main() -> None:
     os.dup2(2, 1)  # output of libraries goes to the log
     plan = json.load(sys.stdin)
     die_with(plan["parent"])
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ[variable] = "1"  # same bytes at any number of cores
     try:
         _run(plan, messages)
         send(messages, "done", True)

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
+from ...readers import child_environment
+
 LONGEST_LINE = 100_000
 FINISHED = ("done", "failed", "cancelled")
 SHOWN = ("ready", "done")  # results are available
@@ -62,8 +64,6 @@ class PageJob:
 
 def start_process(job: PageJob) -> subprocess.Popen[str]:
     """Start an interpreter that imports no module from its current folder."""
-    package_parent = str(Path(__file__).parents[3])
-    search_path = [package_parent, *filter(None, [os.environ.get("PYTHONPATH")])]
     job.scratch.mkdir()
     with (job.folder / "log.txt").open("ab") as log:
         return subprocess.Popen(  # noqa: S603
@@ -75,8 +75,7 @@ def start_process(job: PageJob) -> subprocess.Popen[str]:
             encoding="utf-8",
             errors="replace",
             start_new_session=True,  # the server handles Ctrl-C
-            env=os.environ
-            | {"PYTHONPATH": os.pathsep.join(search_path), "TMPDIR": str(job.scratch)},
+            env=child_environment(TMPDIR=str(job.scratch)),
         )
 
 
