@@ -65,7 +65,7 @@ wheelplane validate CAPTURE      the two methods compared
     context_settings={"help_option_names": ["-h", "--help"]},
     help=HELP,
     epilog="Exit codes: 0 measured; 1 measured in part, or not shown to be conforming; "
-    "2 unusable input or arguments.",
+    "2 unusable input or arguments; 3 an internal error.",
 )
 @click.version_option(__version__, prog_name="wheelplane")
 def cli() -> None:
@@ -73,7 +73,7 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Run the command; every error that a user can fix is one line and exit code 2."""
+    """Run the command; an error is one line: exit code 2 if a user can fix it, else 3."""
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[variable] = "1"  # same bytes with any number of cores
     try:
@@ -99,6 +99,10 @@ def main() -> None:
         code = _fail(
             f"{error.filename or 'input or output'}: {error.strerror}: check path and permissions"
         )
+    except SystemExit:
+        raise
+    except BaseException:  # a panic of a native library is no Exception
+        code = _internal_error()
     sys.exit(code if isinstance(code, int) else 0)
 
 
@@ -106,6 +110,29 @@ def _fail(text: str) -> int:
     line = " ".join(text.split())
     click.echo(f"wheelplane: {line}", err=True)
     return 2
+
+
+def _internal_error() -> int:
+    """Write the traceback to a log, and one line that names it; return the exit code 3."""
+    import platform
+    import tempfile
+    import traceback
+
+    text = (
+        f"wheelplane {__version__}, Python {platform.python_version()}, {platform.platform()}\n"
+        f"{sys.argv}\n\n{traceback.format_exc()}"
+    )
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", prefix="wheelplane-error-", suffix=".log", delete=False
+        ) as log:
+            log.write(text)
+        where = f"the log is {log.name}: report the error with this file"
+    except OSError as error:
+        last = text.strip().splitlines()[-1]
+        where = f"no log could be written ({error.strerror}): report this line: {last}"
+    _fail(f"internal error of version {__version__}; {where}")
+    return 3
 
 
 if __name__ == "__main__":

@@ -697,6 +697,41 @@ def test_memory_and_interruption_end_in_one_line(wheelplane, monkeypatch):
         is_refusal(Run(run.code, run.out, run.err.lstrip("\n")), says)
 
 
+class Panic(BaseException):
+    """As a native library raises it."""
+
+
+@pytest.mark.parametrize("error", [KeyError("lost"), TypeError("odd"), Panic("index")])
+def test_an_error_of_our_own_is_one_line_that_names_its_log(
+    wheelplane, tmp_path, monkeypatch, error
+):
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("wheelplane.commands.plane.read_scan", fail)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    run = wheelplane("plane", PCL)
+    line = run.err.lstrip("\n")
+    assert (run.code, line.count("\n")) == (3, 1)
+    assert line.startswith(f"wheelplane: internal error of version {__version__}; the log is ")
+    (log,) = tmp_path.iterdir()
+    assert str(log) in line
+    text = log.read_text()
+    assert f"wheelplane {__version__}, Python 3." in text
+    assert "Traceback" in text
+    assert f"{type(error).__name__}: {error}" in text
+    assert str(PCL) in text
+
+
+def test_an_error_of_our_own_is_told_where_no_log_can_be_written(wheelplane, tmp_path, monkeypatch):
+    monkeypatch.setattr("wheelplane.commands.plane.read_scan", None)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "none"))
+    run = wheelplane("plane", PCL)
+    assert run.code == 3
+    assert run.err.lstrip("\n").count("\n") == 1
+    assert "no log could be written (No such file or directory): report this line: Typ" in run.err
+
+
 # --- the other commands -------------------------------------------------------------------------
 
 
