@@ -1,21 +1,25 @@
 """Readers of point-cloud files: PLY, PCD, PTX, PTS, E57, LAS, LAZ, text, NumPy and meshes."""
 
 from .gather import Placer, PointRows, RowProgress, silent
+from .options import AS_THE_FILE_SAYS, ReadOptions
 from .packed import scan_suffix
-from .read_scan import MESH_SUFFIXES, READERS, open_cloud, read_scan
+from .read_scan import MESH_SUFFIXES, RAW_FORMATS, READERS, open_cloud, read_scan, unknown_format
 from .sandbox.environment import child_environment
 from .sandbox.worker import confine, die_with
 from .scan import Part, Scan
 from .source import Block, RawCloud
 
 __all__ = [
+    "AS_THE_FILE_SAYS",
     "MESH_SUFFIXES",
+    "RAW_FORMATS",
     "READERS",
     "Block",
     "Part",
     "Placer",
     "PointRows",
     "RawCloud",
+    "ReadOptions",
     "RowProgress",
     "Scan",
     "child_environment",
@@ -25,4 +29,5 @@ __all__ = [
     "read_scan",
     "scan_suffix",
     "silent",
+    "unknown_format",
 ]

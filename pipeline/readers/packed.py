@@ -1,4 +1,4 @@
-"""Unpacking of a scan that is compressed, or the only one in a zip or tar, to a temporary file."""
+"""Copies of a scan in a temporary folder: unpacked, or its text as UTF-8."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from pathlib import Path, PurePosixPath
 
 from ..errors import InputError
 from ..files import ARCHIVE_SUFFIXES, COMPRESSED_SUFFIXES, Member, inflate, open_archive
+
+_PIECE = 1 << 20
 
 
 def unpacked(path: Path, name: str, known: Container[str], stack: ExitStack) -> tuple[Path, str]:
@@ -30,6 +32,20 @@ def unpacked(path: Path, name: str, known: Container[str], stack: ExitStack) -> 
         inflate(path, target, name)
         path = target
     return path, name
+
+
+def as_utf8(path: Path, name: str, stack: ExitStack) -> Path:
+    """Copy a text that is UTF-16, by its first bytes, as UTF-8; deleted when `stack` closes."""
+    copy = _folder(stack) / path.name
+    try:
+        with path.open(encoding="utf-16") as text, copy.open("w", encoding="utf-8") as plain:
+            while piece := text.read(_PIECE):
+                plain.write(piece)
+    except UnicodeError:
+        raise InputError(
+            f"{name}: it begins as UTF-16 text, but is not: copy it again, or save it as UTF-8"
+        ) from None
+    return copy
 
 
 def scan_suffix(name: str) -> str:

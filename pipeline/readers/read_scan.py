@@ -11,46 +11,72 @@ from pathlib import Path
 from ..errors import InputError
 from ..units import LENGTH_UNITS
 from .e57.reader import read_e57
+from .faults import fault
 from .formats.las import read_las
-from .formats.mesh import read_obj, read_stl, sample_obj, sample_stl
+from .formats.mesh import read_mesh, sample_mesh
 from .formats.npy import read_npy
 from .formats.npz import read_npz
+from .formats.obj import read_obj
 from .formats.pcd import read_pcd
 from .formats.ply import read_ply
 from .formats.pts import read_pts
 from .formats.ptx import read_ptx
+from .formats.stl import read_stl, sample_stl
 from .formats.text import read_text
 from .gather import RowProgress, gather, silent
-from .packed import unpacked
+from .options import AS_THE_FILE_SAYS, ReadOptions
+from .packed import as_utf8, unpacked
 from .scan import Scan
-from .signature import BINARY, E57, LAS, NPY, PCD, PLY, STL, TEXT, ZIP, looks_like
+from .signature import BINARY, E57, GLB, LAS, NPY, PCD, PLY, STL, TEXT, UTF16, ZIP, looks_like
 from .source import RawCloud, Source
 
 
 @dataclass(frozen=True)
 class Family:
-    """Reader of a format, the signatures its files may begin with, and the sampler of a mesh."""
+    """Reader of a format, the signatures its files may begin with, and the sampler of a mesh.
+
+    takes: options that may be stated of its files; the others say all of themselves.
+    """
 
     read: Callable[[Source], RawCloud]
     signatures: tuple[str, ...]
     sample: Callable[[Source, int], RawCloud] | None = None
+    takes: tuple[str, ...] = ()
 
 
+_TEXT = Family(read_text, (TEXT,), takes=("columns", "pitch"))
 READERS = {
     ".ply": Family(read_ply, (PLY,)),
     ".pcd": Family(read_pcd, (PCD, TEXT)),
     ".ptx": Family(read_ptx, (TEXT,)),
-    ".pts": Family(read_pts, (TEXT,)),
+    ".pts": Family(read_pts, (TEXT,), takes=("columns",)),
     ".e57": Family(read_e57, (E57,)),
     ".las": Family(read_las, (LAS,)),
     ".laz": Family(read_las, (LAS,)),
-    ".xyz": Family(read_text, (TEXT,)),
-    ".csv": Family(read_text, (TEXT,)),
-    ".txt": Family(read_text, (TEXT,)),
-    ".npy": Family(read_npy, (NPY,)),
-    ".npz": Family(read_npz, (ZIP,)),
+    ".xyz": _TEXT,
+    ".asc": _TEXT,
+    ".csv": _TEXT,
+    ".txt": _TEXT,
+    ".npy": Family(read_npy, (NPY,), takes=("columns", "pitch")),
+    ".npz": Family(read_npz, (ZIP,), takes=("columns", "pitch")),
     ".stl": Family(read_stl, (STL, BINARY, TEXT), sample_stl),
-    ".obj": Family(read_obj, (TEXT,), sample_obj),
+    ".obj": Family(read_obj, (TEXT,), sample_mesh),
+    ".off": Family(read_mesh, (TEXT,), sample_mesh),
+    ".glb": Family(read_mesh, (GLB,), sample_mesh),
+    ".3mf": Family(read_mesh, (ZIP,), sample_mesh),
+}
+# What scanners store before anything is exported, by suffix: whose it is, and what writes what.
+RAW_FORMATS = {
+    **dict.fromkeys((".fls", ".fws", ".lsproj"), ("FARO SCENE", "E57, PTX or XYZ")),
+    **dict.fromkeys((".tzf", ".tzs"), ("Trimble RealWorks", "E57 or PTX")),
+    **dict.fromkeys((".rdbx", ".rxp"), ("RIEGL RiSCAN PRO", "E57 or LAS")),
+    **dict.fromkeys((".rcp", ".rcs"), ("Autodesk ReCap", "E57 or PTS")),
+    **dict.fromkeys((".zfs", ".zfprj"), ("Z+F LaserControl", "E57 or PTX")),
+    **dict.fromkeys((".imp", ".lgs"), ("Leica Cyclone", "E57, PTX or PTS")),
+    ".zdf": ("Zivid Studio", "PLY, PCD or XYZ"),
+    ".praw": ("Photoneo PhoXi Control", "PLY"),
+    ".bag": ("RealSense Viewer", "PLY"),
+    **dict.fromkeys((".gprec", ".rec"), ("LMI Gocator", "CSV")),
 }
 
 MESH_SUFFIXES = tuple(suffix for suffix, family in READERS.items() if family.sample)
@@ -60,6 +86,7 @@ def read_scan(
     path: Path,
     length_unit: str = "m",
     name: str | None = None,
+    options: ReadOptions = AS_THE_FILE_SAYS,
     *,
     sample: int | None = None,
     progress: RowProgress = silent,
@@ -68,17 +95,22 @@ def read_scan(
 
     length_unit: of the file's coordinates, "m", "mm" or "in"; never guessed.
     name: the file in messages; the path by default.
+    options: what the user states of the file.
     sample: of a mesh, this many points of its surface instead of its vertices.
     progress: called with the number of rows read so far and the total.
     Raises InputError, one line, when the file is not exactly what it declares.
     """
-    with open_cloud(path, length_unit, name, sample) as (cloud, source):
+    with open_cloud(path, length_unit, name, options, sample) as (cloud, source):
         return gather(cloud, source, length_unit, progress)
 
 
 @contextmanager
 def open_cloud(
-    path: Path, length_unit: str = "m", name: str | None = None, sample: int | None = None
+    path: Path,
+    length_unit: str = "m",
+    name: str | None = None,
+    options: ReadOptions = AS_THE_FILE_SAYS,
+    sample: int | None = None,
 ) -> Iterator[tuple[RawCloud, Source]]:
     """Open a cloud with its checked header, its blocks still to be read; errors are one line."""
     name = " ".join((name or str(path)).splitlines())
@@ -87,7 +119,9 @@ def open_cloud(
         raise InputError(f"{name}: the length unit '{length_unit}' is unknown: use {known}")
     try:
         with ExitStack() as stack:
-            yield _open(path, name, sample, stack)
+            cloud, source = _open(path, name, options, sample, stack)
+            _check_unit(cloud, length_unit, source)
+            yield cloud, source
     except FileNotFoundError:
         raise InputError(f"{name}: there is no such file: check the name") from None
     except PermissionError:
@@ -104,19 +138,25 @@ def open_cloud(
         ) from None
 
 
-def _open(path: Path, name: str, sample: int | None, stack: ExitStack) -> tuple[RawCloud, Source]:
+def _open(
+    path: Path, name: str, options: ReadOptions, sample: int | None, stack: ExitStack
+) -> tuple[RawCloud, Source]:
     _check_file(path, name)
     path, name = unpacked(path, name, READERS, stack)
     family = READERS.get(path.suffix.lower())
     if family is None:
-        raise InputError(
-            f"{name}: the suffix '{path.suffix}' is not of a known point cloud format: use one "
-            f"of {' '.join(READERS)}, packed or not"
-        )
-    source = Source.open(path, name, stack)
+        raise unknown_format(path.suffix, name)
+    for option in ("columns", "pitch"):
+        if getattr(options, option) is not None and option not in family.takes:
+            fact = f"--{option} (or {option} in capture.toml) is not for {path.suffix} files"
+            raise InputError(f"{name}: {fact}, which say it themselves: leave it out")
+    source = Source.open(path, name, stack, options)
     if source.size == 0:
         raise InputError(f"{name}: the file is empty: copy or export it again")
     kind = looks_like(source.stream.read(4096))
+    if kind == UTF16 and TEXT in family.signatures:
+        source = Source.open(as_utf8(path, name, stack), name, stack, options)
+        kind = looks_like(source.stream.read(4096))
     if kind not in family.signatures:
         raise InputError(
             f"{name}: the suffix is '{path.suffix}', but it does not begin like "
@@ -126,8 +166,33 @@ def _open(path: Path, name: str, sample: int | None, stack: ExitStack) -> tuple[
     if sample is None:
         return family.read(source), source
     if family.sample is None:
-        raise InputError(f"{name}: it is a cloud, not a mesh (.stl, .obj): leave out --sample")
+        meshes = ", ".join(MESH_SUFFIXES)
+        raise InputError(f"{name}: it is a cloud, not a mesh ({meshes}): leave out --sample")
     return family.sample(source, sample), source
+
+
+def unknown_format(suffix: str, name: str) -> InputError:
+    """Return the error for a file that no reader is for: what to export instead."""
+    raw = RAW_FORMATS.get(suffix.lower())
+    if raw is not None:
+        program, formats = raw
+        fact = f"{name}: {suffix} is a raw format of {program}, which others cannot read"
+        return InputError(f"{fact}: export {formats} from it")
+    return InputError(
+        f"{name}: the suffix '{suffix}' is not of a known point cloud format: use one "
+        f"of {' '.join(READERS)}, packed or not"
+    )
+
+
+def _check_unit(cloud: RawCloud, length_unit: str, source: Source) -> None:
+    """Raise InputError where the file states a unit other than the one that the user stated."""
+    if cloud.unit in (None, length_unit):
+        return
+    fact = f"the file states lengths in {cloud.unit}, but they would be taken as {length_unit}"
+    action = f'give --length-unit {cloud.unit}, or length_unit = "{cloud.unit}" in capture.toml'
+    if cloud.unit not in LENGTH_UNITS:
+        action = f"export them in {', '.join(LENGTH_UNITS)}"
+    raise fault(source, fact, action)
 
 
 def _check_file(path: Path, name: str) -> None:

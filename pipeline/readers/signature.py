@@ -13,6 +13,8 @@ STL = "an STL file"
 ZIP = "a zip archive"
 BINARY = "binary data"
 TEXT = "text"
+GLB = "a binary glTF file"
+UTF16 = "UTF-16 text"
 
 _MAGIC = (
     (re.compile(rb"ply\s"), PLY),
@@ -21,8 +23,9 @@ _MAGIC = (
     (re.compile(rb"LASF"), LAS),
     (re.compile(rb"ASTM-E57"), E57),
     (re.compile(rb"PK\x03\x04"), ZIP),
+    (re.compile(rb"glTF"), GLB),
     (re.compile(rb"\x1f\x8b"), "a gzip file"),
-    (re.compile(rb"\xff\xfe|\xfe\xff"), "UTF-16 text"),
+    (re.compile(rb"\xff\xfe|\xfe\xff"), UTF16),
     (re.compile(rb"version https://git-lfs"), "a Git LFS pointer, not the file itself"),
     (re.compile(rb"\s*<(!doctype|html|\?xml)", re.IGNORECASE), "a web page or XML"),
 )

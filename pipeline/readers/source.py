@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from io import BufferedReader
@@ -12,10 +12,9 @@ from typing import Any, TextIO, cast
 import numpy.typing as npt
 
 from ..vectors import Array, Mask
+from .options import AS_THE_FILE_SAYS, ReadOptions
 
 PointColumn = npt.NDArray[Any]
-
-INTENSITY_NAMES = ("intensity", "scalar_intensity", "reflectance", "scalar_reflectance")
 
 
 @dataclass(frozen=True)
@@ -25,6 +24,7 @@ class Source:
     text: the same file as lines, from wherever `stream` stands when it is first read.
     path: for libraries that open files themselves; messages use `name`.
     stack: closed when the scan has been read; holds what a reader must keep open until then.
+    options: what the user states of the file.
     """
 
     stream: BufferedReader
@@ -33,12 +33,16 @@ class Source:
     name: str
     path: Path
     stack: ExitStack
+    options: ReadOptions = AS_THE_FILE_SAYS
 
     @classmethod
-    def open(cls, path: Path, name: str, stack: ExitStack) -> Source:
+    def open(
+        cls, path: Path, name: str, stack: ExitStack, options: ReadOptions = AS_THE_FILE_SAYS
+    ) -> Source:
         """Open the file at `path`, until `stack` closes it."""
         text = stack.enter_context(path.open(encoding="utf-8", errors="replace"))
-        return cls(cast(BufferedReader, text.buffer), text, path.stat().st_size, name, path, stack)
+        stream, size = cast(BufferedReader, text.buffer), path.stat().st_size
+        return cls(stream, text, size, name, path, stack, options)
 
     def remaining(self) -> int:
         """Return the bytes from the current position to the end."""
@@ -81,7 +85,8 @@ class RawPart:
 class RawCloud:
     """A file with its checked header: at most `rows` points, to be read block by block.
 
-    rows: includes invalid points. parts: empty when the format has no parts.
+    rows: includes invalid points. parts: empty when the format has no parts. unit: of length, if
+    the file states one.
     """
 
     rows: int
@@ -89,33 +94,21 @@ class RawCloud:
     blocks: Iterator[Block]
     has_grid: bool = False
     parts: tuple[RawPart, ...] = ()
+    unit: str | None = None
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Indices of the file's columns x, y, z and, if any, the intensity."""
+    """Indices of the file's columns x, y, z and, if any, the intensity; the unit of the three."""
 
     xyz: tuple[int, int, int]
     intensity: int | None
+    unit: str | None = None
 
     def block(self, table: Array) -> Block:
         """Return a table (N, columns) as a block."""
         x, y, z = (table[:, column] for column in self.xyz)
         return Block((x, y, z), None if self.intensity is None else table[:, self.intensity])
-
-
-def find_layout(names: Sequence[str]) -> Layout:
-    """Find x, y, z and the intensity by name, in either case.
-
-    Raises ValueError when a coordinate is missing or occurs twice.
-    """
-    lower = [name.lower() for name in names]
-    for axis in "xyz":
-        if lower.count(axis) != 1:
-            fault = "missing" if axis not in lower else f"there {lower.count(axis)} times"
-            raise ValueError(f"{axis} is {fault} among the columns {', '.join(names)[:120]}")
-    known = (lower.index(name) for name in INTENSITY_NAMES if name in lower)
-    return Layout((lower.index("x"), lower.index("y"), lower.index("z")), next(known, None))
 
 
 def shown(text: str | bytes) -> str:

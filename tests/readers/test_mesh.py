@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import json
 import struct
+import zipfile
 
 import numpy as np
 import pytest
@@ -11,7 +14,9 @@ import trimesh
 from tests.support.sources import opened, table
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
-from wheelplane.readers.formats.mesh import read_obj, read_stl, sample_stl
+from wheelplane.readers.formats.mesh import each_once
+from wheelplane.readers.formats.obj import read_obj
+from wheelplane.readers.formats.stl import read_stl, sample_stl
 
 # A tetrahedron whose corners are no float32 numbers of few digits.
 CORNERS = np.array([[0.1, 0.2, 0.3], [1.1, 0.2, 0.3], [0.1, 1.3, 0.3], [0.1, 0.2, 1.4]])
@@ -31,6 +36,66 @@ def stl_text(corners=CORNERS, faces=FACES):
         out += [f"  vertex {' '.join(map(repr, corners[i].tolist()))}" for i in face]
         out += [" endloop", "endfacet"]
     return ("\n".join([*out, "endsolid a"]) + "\n").encode()
+
+
+def off(corners=CORNERS, faces=FACES, counts=None, word="OFF"):
+    counts = counts or f"{len(corners)} {len(faces)} 0"
+    lines = [f"{word} # made by hand", counts, ""]
+    lines += [" ".join(map(repr, row)) for row in corners.tolist()]
+    lines += [f"3 {' '.join(map(str, face))}" for face in faces]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def glb(corners=CORNERS, faces=FACES, shift=None, **changes):
+    """A binary glTF of one mesh; shift: of its node."""
+    flat = np.asarray(corners, "<f4").tobytes()
+    index = np.asarray(faces, "<u4").tobytes()
+    views = [
+        {"buffer": 0, "byteOffset": 0, "byteLength": len(flat)},
+        {"buffer": 0, "byteOffset": len(flat), "byteLength": len(index)},
+    ]
+    tree = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, **({} if shift is None else {"translation": shift})}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": len(corners), "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 3 * len(faces), "type": "SCALAR"},
+        ],
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(flat + index)}],
+        **changes,
+    }
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(flat + index), b"BIN\0") + flat + index
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+MODEL = """<?xml version="1.0" encoding="UTF-8"?>
+<model{unit} xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>
+<object id="1" type="model"><mesh><vertices>{vertices}</vertices>
+<triangles>{triangles}</triangles></mesh></object></resources>
+<build><item objectid="1" transform="1 0 0 0 1 0 0 0 1 5 6 7"/></build></model>
+"""
+
+
+def three_mf(corners=CORNERS, faces=FACES, unit=' unit="millimeter"'):
+    """A 3MF of one object, shifted by 5, 6, 7."""
+    vertices = "".join(f'<vertex x="{x!r}" y="{y!r}" z="{z!r}"/>' for x, y, z in corners.tolist())
+    triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in faces.tolist())
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        text = MODEL.format(unit=unit, vertices=vertices, triangles=triangles)
+        archive.writestr("3D/3dmodel.model", text)
+    return stream.getvalue()
+
+
+def exported(name):
+    return {".off": off, ".glb": glb, ".3mf": three_mf}[name[1:]]()
 
 
 def obj(corners=CORNERS, faces=FACES):
@@ -76,7 +141,8 @@ def test_obj_of_vertices_alone_at_1e7_m(tmp_path, extra):
 
 
 @pytest.mark.parametrize(
-    ("name", "data"), [("a.stl", stl()), ("b.stl", stl_text()), ("a.obj", obj())]
+    ("name", "data"),
+    [("a.stl", stl()), ("b.stl", stl_text()), ("a.obj", obj()), ("a.off", off()), ("a.glb", glb())],
 )
 def test_points_are_sampled_by_area(tmp_path, name, data):
     count = 20_000
@@ -130,15 +196,113 @@ def test_meshes_that_are_refused(tmp_path, name, data, pattern):
     refuse(tmp_path, name, data, pattern)
 
 
-@pytest.mark.parametrize("data", [stl(), stl_text()])
-def test_triangles_that_the_library_lost_are_missed(tmp_path, data, monkeypatch):
+@pytest.mark.parametrize("name", ["a.off", "a.glb"])
+def test_vertices_that_the_library_lost_are_missed(tmp_path, name, monkeypatch):
     """It was seen to return an empty scene for a file that was cut, without a word."""
+    data = exported(name)
     monkeypatch.setattr("trimesh.load", lambda *_, **__: trimesh.Scene())
-    refuse(tmp_path, "a.stl", data, "0 of its 4 triangles could be read")
+    refuse(tmp_path, name, data, "0 of its 4 vertices could be read")
+
+
+@pytest.mark.parametrize("word", ["OFF", "COFF", "NOFF", "STOFF"])
+def test_vertices_of_off(tmp_path, word):
+    assert read(tmp_path, "a.off", off(word=word)).points_m.tolist() == CORNERS.tolist()
+    coloured = off().replace(b"0.3\n", b"0.3 255 0 0\n")
+    assert read(tmp_path, "a.off", coloured).points_m.tolist() == CORNERS.tolist()
+    crlf = off().replace(b"\n", b"\r\n")
+    assert read(tmp_path, "a.off", crlf).points_m.tolist() == CORNERS.tolist()
+
+
+def test_vertices_of_glb_where_its_scene_puts_them(tmp_path):
+    single = np.float64(np.float32(CORNERS))
+    assert read(tmp_path, "a.glb", glb()).points_m.tolist() == single.tolist()
+    moved = read(tmp_path, "a.glb", glb(shift=[1.0, 2.0, 3.0])).points_m
+    np.testing.assert_allclose(moved, single + np.array([1.0, 2.0, 3.0]), rtol=0, atol=1e-15)
+    double = glb(np.vstack([CORNERS, CORNERS]))
+    assert read(tmp_path, "a.glb", double).points_m.tolist() == single.tolist()
+
+
+def test_vertices_of_3mf_where_its_build_puts_them(tmp_path):
+    pytest.importorskip("lxml")
+    expected = (CORNERS + np.array([5.0, 6.0, 7.0])) / 1000
+    for unit in (' unit="millimeter"', ""):  # which is what the format means by no unit
+        scan = read(tmp_path, "a.3mf", three_mf(unit=unit), length_unit="mm")
+        np.testing.assert_allclose(scan.points_m, expected, rtol=0, atol=1e-15)
+        refuse(tmp_path, "a.3mf", three_mf(unit=unit), "states lengths in mm, but they would be")
+        refuse(tmp_path, "a.3mf", three_mf(unit=unit), "states lengths in mm", sample=9)
+    refuse(tmp_path, "a.3mf", three_mf(unit=' unit="micron"'), "in µm, .*: export them in m, mm")
+    sampled = read(tmp_path, "a.3mf", three_mf(), length_unit="mm", sample=500).points_m
+    assert len(sampled) == 500
+    assert (sampled >= expected.min(axis=0) - 1e-12).all()
+    assert (sampled <= expected.max(axis=0) + 1e-12).all()
+
+
+def test_3mf_without_its_library_says_what_to_install(tmp_path, monkeypatch):
+    from wheelplane.errors import MissingDependencyError
+    from wheelplane.readers.sandbox import client
+
+    monkeypatch.setattr(client.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'wheelplane\[mesh\]'"):
+        read(tmp_path, "a.3mf", three_mf())
+
+
+@pytest.mark.parametrize("name", ["a.off", "a.glb"])
+def test_every_cut_of_a_mesh_is_refused(tmp_path, name):
+    data = exported(name)
+    end = len(data.rstrip()) if name == "a.off" else len(data)
+    for length in range(end - (name == "a.off") * 1):
+        refuse(tmp_path, name, data[:length], ".")
+
+
+TREE = {"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 6}]}]}
+DRACO = {"extensionsRequired": ["KHR_draco_mesh_compression"]}
+FLOAT, UINT = {"componentType": 5126, "type": "VEC3"}, {"componentType": 5125, "type": "SCALAR"}
+INDEX = {**UINT, "bufferView": 1, "count": 12}
+SPARSE = {"accessors": [{**FLOAT, "count": 4}, INDEX]}
+FAR = {"accessors": [{**FLOAT, "bufferView": 0, "count": 9}, INDEX]}
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "pattern"),
+    [
+        ("a.glb", glb() + b"\0", "the header declares .* bytes, the file has"),
+        ("a.glb", glb(**DRACO), "needs what is not read here, 'KHR_draco_mesh_compression': exp"),
+        ("a.glb", glb(**SPARSE), "needs what is not read here, 'a sparse accessor'"),
+        ("a.glb", glb(**TREE), "needs what is not read here, 'mode 6'"),
+        ("a.glb", glb(**FAR), "the mesh cannot be read"),
+        ("a.glb", glb(meshes=[{}]), "its description is damaged"),
+        ("a.glb", glb(scenes=[{"nodes": []}], nodes=[]), "0 points"),
+        ("a.glb", b"glTF\2\0\0\0", "the glTF header is cut"),
+        ("a.off", off(counts="5 4 0"), "declares 9 vertices and faces, the file holds 8"),
+        ("a.off", off(counts="3 4 0"), "but 1 lines follow"),
+        ("a.off", off(counts="four 4 0"), "its counts are 'four 4 0'"),
+        ("a.off", off(word="4OFF"), "it begins with '4OFF'"),
+        ("a.off", off().replace(b"1.1", b"x.1"), "the mesh cannot be read"),
+        ("a.off", off(faces=FACES + 9), "the mesh cannot be read"),
+    ],
+)  # fmt: skip
+def test_other_meshes_that_are_refused(tmp_path, name, data, pattern):
+    refuse(tmp_path, name, data, pattern)
+
+
+def test_ascii_stl_of_several_solids(tmp_path):
+    """The library reads them as a scene; its vertices were missed."""
+    more = CORNERS + np.array([3.0, 0.0, 0.0])
+    data = stl_text() + stl_text(more).replace(b"solid a", b"Solid B").replace(b"endS", b"ends")
+    scan = read(tmp_path, "a.stl", data)
+    assert sorted(scan.points_m.tolist()) == sorted([*CORNERS.tolist(), *more.tolist()])
+    sampled = read(tmp_path, "a.stl", data, sample=4000).points_m
+    assert abs((sampled[:, 0] > 2.0).mean() - 0.5) < 5 * np.sqrt(0.25 / 4000)
+    refuse(tmp_path, "a.stl", data[: data.rfind(b"endsolid")], "or no `endsolid` for a `solid`")
 
 
 def test_faces_that_name_no_vertex_are_no_traceback(tmp_path):
     refuse(tmp_path, "a.obj", obj(faces=FACES + 9), "the mesh cannot be read", sample=9)
+
+
+def test_points_that_stand_above_are_left_out_in_their_order():
+    rows = np.array([[3.0, 1, 2], [0, 0, 0], [3, 1, 2], [1, 1, 1], [0, 0, 0]])
+    assert each_once(rows).tolist() == [[3, 1, 2], [0, 0, 0], [1, 1, 1]]
 
 
 def test_the_library_does_not_speak(tmp_path, capfd):

@@ -2,6 +2,7 @@
 
 import struct
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -142,6 +143,36 @@ def test_the_zeros_of_the_last_page_of_pcl_are_no_points(tmp_path):
     assert read(tmp_path, data).points_m.tolist() == [[1, 2, 3], [4, 5, 6]]
     refuse(tmp_path, data[:-1], "bytes follow")
     refuse(tmp_path, data[:-1] + b"\1", "bytes follow")
+
+
+@pytest.mark.parametrize("page", [4096, 16384, 65536])
+@pytest.mark.parametrize("points", [2, 340, 1000])
+def test_whole_pages_of_pcl_s_compressed_files_are_read(tmp_path, page, points):
+    """pcl::PCDWriter::writeBinaryCompressed seeks to the end of the last page and writes a zero."""
+    rows = np.random.default_rng(points).normal(size=(points, 3)).astype("<f4")
+    planes = rows.T.tobytes()
+    packed = lzf(planes)
+    body = struct.pack("<II", len(packed), len(planes)) + packed
+    plain = head("binary_compressed", points, 1, points) + body
+    padded = plain.ljust(-(-len(plain) // page) * page, b"\0")
+    assert read(tmp_path, padded).points_m.tolist() == rows.astype(float).tolist()
+    older = plain.ljust(page + len(body), b"\0")  # one page beyond the data, as of PCL 1.7
+    assert read(tmp_path, older).points_m.tolist() == rows.astype(float).tolist()
+    refuse(tmp_path, padded[:-1], "bytes follow")
+    refuse(tmp_path, padded[:-1] + b"\1", "bytes follow")
+    refuse(tmp_path, padded + bytes(65536), "bytes follow")
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary"])
+def test_an_intensity_of_several_values_is_not_needed(tmp_path, encoding):
+    fields = {"FIELDS": "x y z intensity", "SIZE": "4 4 4 4", "TYPE": "F F F F"}
+    data = head(encoding, COUNT="1 1 1 4", **fields)
+    rows = [(1, 2, 3, 9, 9, 9, 9), (4, 5, 6, 9, 9, 9, 9)]
+    packed = b"".join(struct.pack("<7f", *row) for row in rows)
+    text = "".join(" ".join(map(str, row)) + "\n" for row in rows).encode()
+    scan = read(tmp_path, data + (text if encoding == "ascii" else packed))
+    assert scan.points_m.tolist() == [[1, 2, 3], [4, 5, 6]]
+    assert scan.intensity is None
 
 
 @pytest.mark.parametrize(

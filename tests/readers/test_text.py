@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.support.sources import opened, table
 from wheelplane.errors import InputError
-from wheelplane.readers import read_scan
+from wheelplane.readers import ReadOptions, read_scan
 from wheelplane.readers.formats.text import read_text
 
 
@@ -87,7 +87,6 @@ def test_a_fifth_column_leaves_no_intensity(tmp_path):
         ("# a\n\n1 2 3\n4 5 6 7\n", "line 4 has 4 columns instead of 3"),
         ("1,2,3\n4 5 6\n", "line 2 has 1 columns"),
         ("1 2 3\n4,5,6\n", "line 2 has 1 columns"),
-        ("1,2,3\n4,,6\n", "line 2 holds '', which is not a number: '4,,6'"),
         ("1 2 3\n4 5 6x\n", "line 2 holds '6x', which is not a number: '4 5 6x'"),
         ("1 2 3\n4 5 0x10\n", "line 2 holds '0x10'"),
         ("1 2 3\n4 5 1_0\n", "line 2 holds '1_0'"),
@@ -142,11 +141,16 @@ def test_npy_of_any_number(tmp_path, kind, order, fortran, columns):
     [
         (np.zeros((5, 2)), r"shape '\(5, 2\)'"),
         (np.zeros(9), "shape"),
-        (np.zeros((3, 3, 3)), "shape"),
+        (np.zeros((3, 3, 2)), "shape"),
+        (np.zeros((3, 40)), r"shape '\(3, 40\)': .* give --pitch DX,DY"),
+        (np.zeros((2, 3, 3, 3)), "shape"),
         (np.zeros((0, 3)), "0 points"),
         (np.zeros((5, 3), complex), "type '<c16'"),
         (np.zeros((5, 3), bool), "type"),
-        (np.zeros(5, [("x", "f8"), ("y", "f8")]), "type"),
+        (np.zeros(5, [("x", "f8"), ("y", "f8")]), "z is missing among the columns x, y"),
+        (np.zeros(5, [("x", "f8"), ("y", "f8"), ("z", "U8")]), "of the type '<U8'"),
+        (np.zeros(5, [("x", "f8"), ("y", "f8"), ("z", "f8", 2)]), "of the type"),
+        (np.zeros(5, [("x", "f8"), ("y", "f8"), ("z", "O")]), "type"),
         (np.zeros((1, 3), object), "type '|O'"),
     ],
 )
@@ -154,6 +158,83 @@ def test_npy_that_is_refused(tmp_path, array, pattern):
     path = tmp_path / "rr.npy"
     np.save(path, array)
     refuse(tmp_path, "rr.npy", path.read_bytes(), pattern)
+
+
+@pytest.mark.parametrize("kind", ["<f4", ">f8", "<i4"])
+@pytest.mark.parametrize("fortran", [False, True])
+@pytest.mark.parametrize("columns", [3, 4, 6])
+def test_npy_of_a_raster(tmp_path, kind, fortran, columns):
+    """(H, W, 3), as cameras hand it out; the order of the points is that of the array."""
+    rng = np.random.default_rng(columns)
+    table = rng.integers(-500, 500, (5, 7, columns)).astype(kind, order="F" if fortran else "C")
+    np.save(tmp_path / "rr.npy", table)
+    scan = read_scan(tmp_path / "rr.npy")
+    assert scan.points_m.tolist() == table[..., :3].reshape(-1, 3).tolist()
+    assert (scan.intensity is not None) == (columns == 4)
+    shade = table[..., 0].astype("f4", order="F" if fortran else "C")
+    if columns == 3:
+        np.savez(tmp_path / "rr.npz", xyz=table, intensity=shade)
+        packed = read_scan(tmp_path / "rr.npz")
+        assert packed.points_m.tobytes() == scan.points_m.tobytes()
+        assert packed.intensity.tolist() == shade.ravel().tolist()
+
+
+@pytest.mark.parametrize("columns", [5, 6, 7, 9, 12])
+def test_npy_of_more_columns(tmp_path, columns):
+    table = np.random.default_rng(1).normal(size=(30, columns))
+    np.save(tmp_path / "rr.npy", table)
+    scan = read_scan(tmp_path / "rr.npy")
+    assert scan.points_m.tolist() == table[:, :3].tolist()
+    assert scan.intensity is None
+    names = ("-", "z", "i", "y", "x", *["-"] * (columns - 5))
+    named = read_scan(tmp_path / "rr.npy", options=ReadOptions(names))
+    assert named.points_m.tolist() == table[:, [4, 3, 1]].tolist()
+    assert named.intensity.tolist() == table[:, 2].astype("f4").tolist()
+    with pytest.raises(InputError, match=f"has {columns} columns, --columns names 3"):
+        read_scan(tmp_path / "rr.npy", options=ReadOptions(("x", "y", "z")))
+
+
+def test_npy_whose_first_columns_count_is_refused(tmp_path):
+    row, column = np.mgrid[:6, :8].reshape(2, -1)
+    points = np.random.default_rng(2).normal(size=(48, 3))
+    np.save(tmp_path / "rr.npy", np.column_stack([row, column, points]))
+    with pytest.raises(InputError, match="its first two columns are whole numbers"):
+        read_scan(tmp_path / "rr.npy")
+    names = ("row", "col", "x", "y", "z")
+    scan = read_scan(tmp_path / "rr.npy", options=ReadOptions(names))
+    assert scan.points_m.tolist() == points.tolist()
+
+
+FIELDS = [
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4")],
+    [("label", "U5"), ("Z", ">f8"), ("Intensity", "<u2"), ("Y", "<f8"), ("X", "<i4")],
+    [("X [m]", "<f8"), ("rgb", "u1", 3), ("Y [m]", "<f8"), ("Z [m]", "<f8")],
+    np.dtype([("x", "<f4"), ("a", "u1"), ("y", "<f4"), ("z", "<f4")], align=True),
+]
+
+
+@pytest.mark.parametrize("fields", FIELDS)
+@pytest.mark.parametrize("shape", [(9,), (3, 4)])
+def test_npy_of_named_fields(tmp_path, fields, shape):
+    rng = np.random.default_rng(4)
+    table = np.zeros(shape, fields)
+    names = {name[0].lower(): name for name in table.dtype.names if name[0].lower() in "xyzi"}
+    for name in names.values():
+        table[name] = rng.integers(0, 99, shape)
+    np.save(tmp_path / "rr.npy", table)
+    np.savez_compressed(tmp_path / "rr.npz", points=table)
+    for path in (tmp_path / "rr.npy", tmp_path / "rr.npz"):
+        scan = read_scan(path)
+        expected = np.stack([table[names[axis]].ravel() for axis in "xyz"], axis=1)
+        assert scan.points_m.tolist() == expected.tolist()
+        assert (scan.intensity is None) == ("i" not in names)
+        if "i" in names:
+            assert scan.intensity.tolist() == table[names["i"]].ravel().tolist()
+
+
+def test_a_unit_in_the_name_of_a_field_is_heeded(tmp_path):
+    np.save(tmp_path / "rr.npy", np.zeros(4, [("x_mm", "f8"), ("y_mm", "f8"), ("z_mm", "f8")]))
+    refuse(tmp_path, "rr.npy", (tmp_path / "rr.npy").read_bytes(), "states lengths in mm")
 
 
 def test_an_object_array_is_never_unpickled(tmp_path):
@@ -172,7 +253,7 @@ def test_an_npy_header_that_lies_is_refused(tmp_path, rows):
     for version, width in ((1, 2), (2, 4)):
         prefix = b"\x93NUMPY" + bytes([version, 0]) + len(header).to_bytes(width, "little")
         refuse(tmp_path, "rr.npy", prefix + header + bytes(5 * 24), f"declares {rows} points")
-    refuse(tmp_path, "rr.npy", b"\x93NUMPY\x03\x00" + bytes(40), "version 3.0")
+    refuse(tmp_path, "rr.npy", b"\x93NUMPY\x04\x00" + bytes(40), "version 4.0")
 
 
 def test_the_last_line_may_lack_its_end(tmp_path):

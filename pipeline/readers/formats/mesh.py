@@ -1,124 +1,94 @@
-"""STL and OBJ reader: the vertices of a mesh, or points sampled on its surface by area."""
+"""Reader of meshes through trimesh: OFF, GLB, 3MF; points sampled on a surface by area.
+
+What the library passes over without a word is checked before or after it.
+"""
 
 from __future__ import annotations
 
-import io
+import json
 import logging
+import re
+import struct
 import warnings
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...files import open_archive
 from ...vectors import Array
 from ..faults import fault, too_long, too_short
 from ..memory import check_memory
-from ..parsing.ascii import table_blocks
-from ..parsing.lines import Lines
-from ..source import Block, Layout, RawCloud, Source, shown
+from ..parsing.columns import unit_of
+from ..sandbox.client import find_library
+from ..source import Block, RawCloud, Source, shown
 
-_STL_HEAD, _STL_TRIANGLE = 84, 50
 _PARSED_PER_BYTE = 12  # bytes of memory that trimesh takes per byte of text, measured
 _SAMPLED_BYTES = 200  # that trimesh takes per sampled point
-_VERTEX = ("v ", "v\t")
 _SEED = 0
+_GLB_HEAD = struct.Struct("<4sIIII")  # magic, version, bytes of all, bytes of the JSON, its type
+_DRAWN_MODES = (0, 1, 4, 5)  # points, lines, triangles, a strip of them
+_HARMLESS = ("KHR_materials", "KHR_texture", "EXT_texture", "KHR_lights", "KHR_xmp")
+_INCOMPLETE = "the copy is incomplete; copy it again"
 
 
-def read_obj(source: Source) -> RawCloud:
-    """Read every `v` line, used by a face or not."""
-    count, first = 0, ""
-    for line in source.text:
-        if line.startswith(_VERTEX):
-            count, first = count + 1, first or line
-    if not count:
-        return RawCloud(0, False, iter(()))
-    source.text.seek(0)
-    columns = len(first.split()) - 1
-    if columns not in (3, 4, 6, 7):
-        fact = f"a vertex has {columns} numbers, not x y z [w] [red green blue]: {shown(first)}"
-        raise fault(source, fact)
-    return RawCloud(count, False, _vertex_lines(columns, source))
+def read_mesh(source: Source) -> RawCloud:
+    """Read the vertices of an OFF, GLB or 3MF file where its scene puts them, each once."""
+    mesh, unit = _checked(source)
+    return cloud_of(each_once(_vertices(mesh, source)), unit)
 
 
-def _vertex_lines(columns: int, source: Source) -> Iterator[Block]:
-    layout = Layout((0, 1, 2), None)
-    lines = Lines(source.text, edit=_only_vertices)
-    for table in table_blocks(lines, columns, None, source, 1):
-        yield layout.block(table)
+def sample_mesh(source: Source, count: int) -> RawCloud:
+    """Sample `count` points on the surface of an OBJ, OFF, GLB or 3MF file."""
+    mesh, unit = _checked(source)
+    whole = _whole(mesh, source) if hasattr(mesh, "to_mesh") else mesh
+    return replace(sampled(whole, count, source), unit=unit)
 
 
-def _only_vertices(piece: str) -> str:
-    """Return the numbers of `v` lines, other lines blank, so that lines keep their number."""
-    return "".join(line[1:] if line[:2] in ("v ", "v\t") else "\n" for line in io.StringIO(piece))
-
-
-def read_stl(source: Source) -> RawCloud:
-    """Read the corners of the triangles, each once."""
-    corners = _triangles(source).reshape(-1, 3)
-    _, first = np.unique(corners, axis=0, return_index=True)
-    return _cloud(corners[np.sort(first)])
-
-
-def sample_stl(source: Source, count: int) -> RawCloud:
-    """Sample `count` points on the surface."""
+def sampled(mesh: Any, count: int, source: Source) -> RawCloud:
+    """Sample `count` points on the surface of a mesh of the library, by area."""
     import trimesh
 
-    triangles = _triangles(source)
+    check_memory(count, _SAMPLED_BYTES, source)
+    with _silence():
+        area = float(getattr(mesh, "area", 0.0))
+        if not (isinstance(mesh, trimesh.Trimesh) and 0.0 < area < np.inf):
+            raise fault(source, "it has no faces to sample", "read its vertices, without --sample")
+        points, _ = trimesh.sample.sample_surface(mesh, count, seed=_SEED)
+    return cloud_of(np.asarray(points, dtype=np.float64))
+
+
+def mesh_of(triangles: Array) -> Any:
+    """Return triangles (T, 3, 3) as a mesh of the library."""
+    import trimesh
+
     faces = np.arange(3 * len(triangles)).reshape(-1, 3)
-    mesh = trimesh.Trimesh(triangles.reshape(-1, 3), faces, process=False)
-    return _sampled(mesh, count, source)
+    return trimesh.Trimesh(triangles.reshape(-1, 3), faces, process=False)
 
 
-def sample_obj(source: Source, count: int) -> RawCloud:
-    """Sample `count` points on the surface."""
-    return _sampled(_load(source, "obj"), count, source)
+def cloud_of(points: Array, unit: str | None = None) -> RawCloud:
+    """Return points (N, 3) as a cloud."""
+    x, y, z = points.T
+    return RawCloud(len(points), False, iter([Block((x, y, z))]), unit=unit)
 
 
-def _triangles(source: Source) -> Array:
-    """Read the corners (T, 3, 3) of an STL file, whose length is checked."""
-    import trimesh
-
-    declared = _declared_triangles(source)
-    if declared == 0:
-        return np.empty((0, 3, 3))
-    mesh = _load(source, "stl")
-    found = mesh.triangles if isinstance(mesh, trimesh.Trimesh) else np.empty((0, 3, 3))
-    corners = np.asarray(found, dtype=np.float64)
-    if len(corners) != declared:
-        fact = f"{len(corners)} of its {declared} triangles could be read"
-        raise fault(source, fact, "export it again, or as binary STL")
-    return corners
+def each_once(points: Array) -> Array:
+    """Return points (N, 3) without those that stand above, in their order."""
+    _, first = np.unique(points, axis=0, return_index=True)
+    return np.asarray(points[np.sort(first)])
 
 
-def _declared_triangles(source: Source) -> int:
-    """Return the number that a binary header declares, or that text holds; rewind the stream."""
-    head = source.stream.read(_STL_HEAD)
-    source.stream.seek(0)
-    if head.lstrip()[:5].lower() == b"solid" and b"\0" not in head:
-        text = source.stream.read().lower()
-        source.stream.seek(0)
-        facets, corners = text.count(b"facet normal"), text.count(b"vertex")
-        if b"endsolid" not in text or corners != 3 * facets:
-            fact = f"it has {corners} corners for {facets} triangles, or no `endsolid`"
-            raise fault(source, fact, "the copy is incomplete; copy it again")
-        return facets
-    if len(head) < _STL_HEAD:
-        raise fault(source, "the STL header is cut", "copy the file again")
-    declared = int.from_bytes(head[80:], "little")
-    held, extra = divmod(source.size - _STL_HEAD, _STL_TRIANGLE)
-    if held < declared:
-        raise too_short(source, declared, held, "triangles")
-    if held > declared or extra:
-        more = source.size - _STL_HEAD - declared * _STL_TRIANGLE
-        raise too_long(source, declared, f"{more} bytes", "triangles")
-    return declared
-
-
-def _load(source: Source, kind: str) -> Any:
+def _load(source: Source) -> Any:
+    """Load the file by trimesh: a mesh, a cloud, or a scene of several."""
     import trimesh
 
     check_memory(source.size, _PARSED_PER_BYTE, source)
+    source.stream.seek(0)
+    kind = source.path.suffix.lower().removeprefix(".")
     try:
         with _silence():
             return trimesh.load(
@@ -141,18 +111,108 @@ def _silence() -> Iterator[None]:
         yield
 
 
-def _sampled(mesh: Any, count: int, source: Source) -> RawCloud:
+def _checked(source: Source) -> tuple[Any, str | None]:
+    """Return the mesh, with all vertices that the file declares, and the unit that it states."""
+    checks = {".off": _check_off, ".glb": _check_glb, ".3mf": _check_three_mf}
+    suffix = source.path.suffix.lower()
+    declared = checks[suffix](source) if suffix in checks else None
+    mesh = _load(source)
+    parts = getattr(mesh, "geometry", {"": mesh})
+    held = sum(len(part.vertices) for part in parts.values())
+    if declared is not None and held != declared:
+        raise fault(source, f"{held} of its {declared} vertices could be read", "export it as STL")
+    stated = str(mesh.metadata.get("units", "millimeters")) if suffix == ".3mf" else None
+    return mesh, stated and (unit_of(stated) or stated)
+
+
+def _vertices(mesh: Any, source: Source) -> Array:
+    """Return the vertices (N, 3) of a mesh, or of all parts of a scene where it puts them."""
     import trimesh
 
-    check_memory(count, _SAMPLED_BYTES, source)
-    with _silence():
-        area = float(getattr(mesh, "area", 0.0))
-        if not (isinstance(mesh, trimesh.Trimesh) and 0.0 < area < np.inf):
-            raise fault(source, "it has no faces to sample", "read its vertices, without --sample")
-        points, _ = trimesh.sample.sample_surface(mesh, count, seed=_SEED)
-    return _cloud(np.asarray(points, dtype=np.float64))
+    if not isinstance(mesh, trimesh.Scene):
+        return np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
+    placed = [np.empty((0, 3))]
+    try:
+        for node in mesh.graph.nodes_geometry:
+            T, name = mesh.graph[node]
+            points = np.asarray(mesh.geometry[name].vertices, dtype=np.float64)
+            placed.append(points @ T[:3, :3].T + T[:3, 3])
+    except Exception as error:  # whatever a damaged graph makes of the library
+        raise fault(source, f"its scene cannot be read ({shown(str(error))})") from error
+    return np.concatenate(placed)
 
 
-def _cloud(points: Array) -> RawCloud:
-    x, y, z = points.T
-    return RawCloud(len(points), False, iter([Block((x, y, z))]))
+def _whole(scene: Any, source: Source) -> Any:
+    """Return a scene's meshes as one."""
+    try:
+        with _silence():
+            return scene.to_mesh()
+    except Exception as error:
+        fact = f"its scene cannot be read ({shown(str(error))})"
+        raise fault(source, fact, "export it again") from error
+
+
+def _check_off(source: Source) -> int:
+    """Check that the lines of an OFF file are those that it declares; count its vertices."""
+    lines = [text for line in source.text if (text := line.partition("#")[0].strip())]
+    first = lines.pop(0) if lines else ""
+    found = re.fullmatch(r"(?:ST)?C?N?OFF([\s\d]*)", first)
+    if not found:
+        raise fault(source, f"it begins with {shown(first)}, not with OFF", "export it as STL")
+    counts = (found[1].strip() or (lines.pop(0) if lines else "")).split()
+    if len(counts) not in (2, 3) or not all(re.fullmatch("[0-9]{1,9}", word) for word in counts):
+        raise fault(source, f"its counts are {shown(' '.join(counts))}", "export it again")
+    declared = int(counts[0]) + int(counts[1])
+    if len(lines) < declared:
+        raise too_short(source, declared, len(lines), "vertices and faces")
+    if len(lines) > declared:
+        raise too_long(source, declared, f"{len(lines) - declared} lines", "vertices and faces")
+    for words in (line.split() for line in lines[int(counts[0]) :]):
+        if not words[0].isdecimal() or len(words) <= int(words[0]):
+            raise fault(source, f"one of its faces is cut, {shown(' '.join(words))}", _INCOMPLETE)
+    return int(counts[0])
+
+
+def _check_glb(source: Source) -> int:
+    """Check the length of a binary glTF file and that its geometry is plain; count its vertices."""
+    source.stream.seek(0)
+    head = source.stream.read(_GLB_HEAD.size)
+    if len(head) < _GLB_HEAD.size:
+        raise fault(source, "the glTF header is cut", _INCOMPLETE)
+    _, _, size, json_bytes, _ = _GLB_HEAD.unpack(head)
+    if size != source.size or json_bytes > source.remaining():
+        fact = f"the header declares {size} bytes, the file has {source.size}"
+        raise fault(source, fact, _INCOMPLETE)
+    try:
+        tree = json.loads(source.stream.read(json_bytes))
+        accessors = tree.get("accessors", [])
+        required = tree.get("extensionsRequired", [])
+        odd = [name for name in required if not name.startswith(_HARMLESS)]
+        odd += ["a sparse accessor" for a in accessors if "sparse" in a or "bufferView" not in a]
+        drawn = [p for mesh in tree.get("meshes", []) for p in mesh["primitives"]]
+        odd += [f"mode {p['mode']}" for p in drawn if p.get("mode", 4) not in _DRAWN_MODES]
+        declared = sum(int(accessors[p["attributes"]["POSITION"]]["count"]) for p in drawn)
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
+        raise fault(source, "its description is damaged", "export it again") from None
+    if odd:
+        fact = f"its geometry needs what is not read here, {shown(str(odd[0]))}"
+        raise fault(source, fact, "export it uncompressed, or as STL")
+    return declared
+
+
+def _check_three_mf(source: Source) -> int:
+    """Check the archive of a 3MF file; count the vertices of its models."""
+    for library in ("lxml", "networkx"):
+        find_library(library, "3MF", "mesh", source)
+    scratch = Path(source.path).parent
+    with open_archive(source.path, source.name, scratch) as archive:
+        models = [m for m in archive.members if m.name.lower().endswith(".model")]
+    check_memory(sum(model.size for model in models), _PARSED_PER_BYTE, source)
+    if not models:
+        raise fault(source, "it is a zip without a 3D model", "export it as 3MF or STL")
+    try:
+        with zipfile.ZipFile(source.path) as opened:
+            texts = [opened.read(model.name) for model in models]
+    except (zipfile.BadZipFile, OSError, ValueError, RuntimeError, NotImplementedError):
+        raise fault(source, "the archive is damaged", "copy it again") from None
+    return sum(len(re.findall(rb"<(?:\w+:)?vertex[\s/>]", text)) for text in texts)

@@ -1,6 +1,7 @@
-"""NPY reader: arrays (N, 3) or (N, 4).
+"""NPY reader: arrays of points, of named fields, or of heights.
 
-Format: numpy.lib.format, versions 1.0 and 2.0 (3.0 is for structured arrays only).
+Format: numpy.lib.format, versions 1.0 to 3.0. Points are rows (N, C) of x y z, perhaps an intensity
+and more, or a raster (H, W, C) of them; fields are found by their names.
 """
 
 from __future__ import annotations
@@ -14,14 +15,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ..faults import fault, too_long, too_short
-from ..parsing.binary import CHUNK_BYTES, read_exactly, record_blocks
+from ..parsing.binary import CHUNK_BYTES, record_blocks
+from ..parsing.columns import MOST_UNNAMED, check_unnamed, find_layout, unnamed_layout
+from ..parsing.heights import Heights, height_blocks
 from ..source import Block, Layout, RawCloud, Source, shown
 
-_LENGTH_FORMATS = {b"\x01\x00": "<H", b"\x02\x00": "<I"}
+_LENGTH_FORMATS = {b"\x01\x00": "<H", b"\x02\x00": "<I", b"\x03\x00": "<I"}
 _INCOMPLETE = "the copy is incomplete; copy it again"
 _LONGEST_HEADER = 1 << 16
+_CHECKED_ROWS = 1000
+_NUMBER_KINDS = "fiu"
 
 
 @dataclass(frozen=True)
@@ -32,35 +38,110 @@ class Header:
     fortran_order: bool
     shape: tuple[int, ...]
 
+    @property
+    def values(self) -> int:
+        """Number of the array's elements."""
+        return math.prod(self.shape)
+
 
 def read_npy(source: Source) -> RawCloud:
-    """Read rows x y z, or x y z intensity, of any real dtype, byte order and memory order."""
+    """Read an array of numbers, or of records with named numbers."""
     header = read_header(source)
-    if len(header.shape) != 2 or header.shape[1] not in (3, 4):
-        action = "save rows of x y z or of x y z intensity"
+    columns = header.shape[-1]
+    if header.dtype.names is not None:
+        read = _read_fields
+    elif source.options.pitch is not None and len(header.shape) == 2:
+        read = _read_heights
+    elif len(header.shape) in (2, 3) and 3 <= columns <= MOST_UNNAMED:
+        read = _read_points
+    else:
+        action = "save rows of x y z, or give --pitch DX,DY if it is a matrix of heights"
         raise fault(source, f"the array has the shape {shown(str(header.shape))}", action)
     check_size(source, header)
-    rows, columns = header.shape
-    layout = Layout((0, 1, 2), 3 if columns == 4 else None)
+    return read(header, source) if header.values else RawCloud(0, False, iter(()))
+
+
+def _read_points(header: Header, source: Source) -> RawCloud:
+    columns, names = header.shape[-1], source.options.columns
+    if names is not None and len(names) != columns:
+        fact = f"the array has {columns} columns, --columns names {len(names)}"
+        raise fault(source, fact, "name each, or - to skip it")
+    if names is None:
+        check_unnamed(_first_rows(mapped(header, source)), source)
+    layout = unnamed_layout(columns) if names is None else find_layout(names)
+    rows, width = header.values // columns, header.dtype.itemsize
     if header.fortran_order:
-        blocks = _column_blocks(source, header)
+        blocks = _raster_blocks(mapped(header, source), layout)
     else:
-        width = header.dtype.itemsize
         offsets = [column * width for column in range(columns)]
         formats = [header.dtype.str] * columns
         blocks = record_blocks(source, rows, formats, offsets, columns * width, layout)
-    return RawCloud(rows, columns == 4, blocks)
+    return RawCloud(rows, layout.intensity is not None, blocks)
+
+
+def _read_fields(header: Header, source: Source) -> RawCloud:
+    """Read the fields x, y, z and intensity of records, in their order in the file."""
+    assert header.dtype.names is not None
+    assert header.dtype.fields is not None
+    try:
+        layout = find_layout(header.dtype.names)
+    except ValueError as error:
+        raise fault(source, str(error), "name the fields x, y, z and intensity") from None
+    used = [*layout.xyz] + ([] if layout.intensity is None else [layout.intensity])
+    fields = [header.dtype.fields[header.dtype.names[index]] for index in used]
+    for form, *_ in fields:
+        if form.kind not in _NUMBER_KINDS or form.shape:
+            fact = f"x, y, z or the intensity are of the type {shown(str(form))}"
+            raise fault(source, fact, "save numbers")
+    formats, offsets = [form.str for form, *_ in fields], [int(field[1]) for field in fields]
+    in_order = Layout((0, 1, 2), 3 if len(used) == 4 else None)
+    size = header.dtype.itemsize
+    blocks = record_blocks(source, header.values, formats, offsets, size, in_order)
+    return RawCloud(header.values, layout.intensity is not None, blocks, unit=layout.unit)
+
+
+def _read_heights(header: Header, source: Source) -> RawCloud:
+    assert source.options.pitch is not None
+    heights, table = Heights(source.options.pitch), mapped(header, source)
+    rows = max(1, CHUNK_BYTES // (8 * header.shape[1]))
+    tables = (
+        np.asarray(table[start : start + rows], dtype=np.float64)
+        for start in range(0, header.shape[0], rows)
+    )
+    return RawCloud(header.values, False, height_blocks(heights, tables, source), has_grid=True)
+
+
+def mapped(header: Header, source: Source) -> npt.NDArray[Any]:
+    """Map the array, whose size was checked, into memory."""
+    order = "F" if header.fortran_order else "C"
+    at = source.stream.tell()
+    return np.memmap(source.path, header.dtype, "r", at, header.shape, order)  # type: ignore[call-overload, no-any-return]
+
+
+def _first_rows(array: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    """Return some of the first rows (N, C) of an array of points."""
+    count = _CHECKED_ROWS // (array.shape[1] if array.ndim == 3 else 1)
+    return np.asarray(array[: max(1, count)], dtype=np.float64).reshape(-1, array.shape[-1])
+
+
+def _raster_blocks(array: npt.NDArray[Any], layout: Layout) -> Iterator[Block]:
+    """Yield the blocks of an array whose columns are stored one after the other."""
+    step = max(1, CHUNK_BYTES // (array.itemsize * math.prod(array.shape[1:])))
+    for start in range(0, len(array), step):
+        part = array[start : start + step]
+        x, y, z = (part[..., column].ravel() for column in layout.xyz)
+        shade = layout.intensity
+        yield Block((x, y, z), None if shade is None else part[..., shade].ravel())
 
 
 def check_size(source: Source, header: Header) -> None:
     """Raise InputError unless exactly the declared array follows."""
+    needed, held = header.values * header.dtype.itemsize, source.remaining()
     rows = header.shape[0]
-    itemsize = math.prod(header.shape[1:]) * header.dtype.itemsize
-    held, extra = divmod(source.remaining(), itemsize)
-    if held < rows:
-        raise too_short(source, rows, held)
-    if held > rows or extra:
-        raise too_long(source, rows, f"{source.remaining() - rows * itemsize} bytes")
+    if held < needed:
+        raise too_short(source, rows, held * rows // needed)
+    if held > needed:
+        raise too_long(source, rows, f"{held - needed} bytes")
 
 
 def read_header(source: Source) -> Header:
@@ -76,8 +157,9 @@ def read_header(source: Source) -> Header:
     if length > min(source.remaining(), _LONGEST_HEADER):
         fact = f"the NPY header declares {length} bytes of itself, {source.remaining()} follow"
         raise fault(source, fact, _INCOMPLETE)
+    encoding = "utf-8" if prefix[6] == 3 else "latin-1"
     try:
-        fields = ast.literal_eval(source.stream.read(length).decode("latin-1").strip())
+        fields = ast.literal_eval(source.stream.read(length).decode(encoding).strip())
         descr, shape, order = fields["descr"], fields["shape"], fields["fortran_order"]
     except (ValueError, SyntaxError, TypeError, KeyError, RecursionError, MemoryError):
         raise fault(source, "the NPY header is not valid") from None
@@ -85,13 +167,6 @@ def read_header(source: Source) -> Header:
 
 
 def _checked(source: Source, descr: object, shape: object, fortran_order: object) -> Header:
-    if not (isinstance(descr, str) and re.fullmatch(r"[<>|=]?[fiu](1|2|4|8|16)", descr)):
-        raise fault(source, f"it holds values of the type {shown(str(descr))}", "save numbers")
-    try:
-        dtype = np.dtype(descr)
-    except TypeError:
-        fact = f"this machine has no numbers of the type {descr}"
-        raise fault(source, fact, "save float64") from None
     if (
         not isinstance(shape, tuple)
         or not shape
@@ -99,20 +174,24 @@ def _checked(source: Source, descr: object, shape: object, fortran_order: object
         or not isinstance(fortran_order, bool)
     ):
         raise fault(source, f"the array has the shape {shown(str(shape))}", "save a plain array")
-    return Header(dtype, fortran_order, shape)
+    return Header(_dtype(descr, source), fortran_order, shape)
 
 
-def _column_blocks(source: Source, header: Header) -> Iterator[Block]:
-    """Yield the blocks of an array that stores one column after the other."""
-    start, itemsize = source.stream.tell(), header.dtype.itemsize
-    rows, count = header.shape
-    step = CHUNK_BYTES // itemsize
-    for first in range(0, rows, step):
-        columns = []
-        for column in range(count):
-            values = np.empty(min(step, rows - first), header.dtype)
-            source.stream.seek(start + (column * rows + first) * itemsize)
-            read_exactly(source, values.view(np.uint8).data)
-            columns.append(values)
-        x, y, z = columns[:3]
-        yield Block((x, y, z), columns[3] if count == 4 else None)
+def _dtype(descr: object, source: Source) -> np.dtype[Any]:
+    """Return the type of the elements: numbers, or records without objects."""
+    if not isinstance(descr, list):
+        if not (isinstance(descr, str) and re.fullmatch(r"[<>|=]?[fiu](1|2|4|8|16)", descr)):
+            raise fault(source, f"it holds values of the type {shown(str(descr))}", "save numbers")
+        try:
+            return np.dtype(descr)
+        except TypeError:
+            fact = f"this machine has no numbers of the type {descr}"
+            raise fault(source, fact, "save float64") from None
+    try:
+        dtype = np.lib.format.descr_to_dtype(descr)
+    except Exception:  # whatever a damaged description makes of numpy's own parser
+        dtype = np.dtype(object)
+    if dtype.hasobject or dtype.names is None or not dtype.itemsize:
+        fact = f"it holds values of the type {shown(str(descr))}"
+        raise fault(source, fact, "save records of numbers")
+    return dtype

@@ -12,7 +12,7 @@ import numpy as np
 from ...files import Member, open_archive
 from ..faults import fault
 from ..source import Block, PointColumn, RawCloud, Source
-from .npy import check_size, read_header, read_npy
+from .npy import check_size, mapped, read_header, read_npy
 
 _POINTS = ("points", "xyz")
 _INTENSITY = "intensity"
@@ -46,18 +46,18 @@ def _choose(members: dict[str, Member], source: Source) -> Member:
 
 
 def _opened(folder: Path, member: Member, source: Source) -> Source:
-    return Source.open(folder / member.name, f"{source.name}: {member.name}", source.stack)
+    name = f"{source.name}: {member.name}"
+    return Source.open(folder / member.name, name, source.stack, source.options)
 
 
 def _vector(source: Source, rows: int) -> PointColumn:
-    """Map an array (rows,) into memory."""
+    """Map an array of `rows` elements into memory, in their order."""
     header = read_header(source)
-    if header.shape != (rows,):
+    if header.values != rows or header.dtype.names is not None:
         fact = f"it has the shape {header.shape}, the points are {rows}"
         raise fault(source, fact, "save an intensity for each point")
     check_size(source, header)
-    offset = source.stream.tell()
-    return np.memmap(source.path, header.dtype, "r", offset, (rows,)) if rows else np.empty(0)
+    return mapped(header, source).ravel() if rows else np.empty(0)
 
 
 def _with_intensity(cloud: RawCloud, values: PointColumn) -> Iterator[Block]:

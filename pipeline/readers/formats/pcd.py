@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 
 import numpy as np
@@ -13,12 +13,14 @@ from ..faults import fault, too_long, too_short
 from ..memory import check_memory
 from ..parsing.ascii import table_blocks
 from ..parsing.binary import record_blocks
+from ..parsing.columns import find_layout
 from ..parsing.lines import Lines, count_lines
 from ..parsing.lzf import LARGEST_RATIO, decompress
-from ..source import Block, Layout, RawCloud, Source, find_layout, shown
+from ..source import Block, Layout, RawCloud, Source, shown
 
-# PCL's writers stretch a file to one page plus the data, so that up to a page of zeros follows
-# (pcl::PCDWriter::writeBinary, writeBinaryCompressed).
+# PCL's writers stretch a file, binary to one page plus the data, compressed to whole pages (older
+# ones: as binary), so that up to a page of zeros follows (pcl::PCDWriter::writeBinary,
+# writeBinaryCompressed).
 _PAGES = (4096, 16384, 65536)
 
 
@@ -28,7 +30,8 @@ def read_pcd(source: Source) -> RawCloud:
     blocks = {"ascii": _ascii, "binary": _binary, "binary_compressed": _compressed}[
         header.encoding
     ](header, source)
-    return RawCloud(header.points, header.layout.intensity is not None, blocks)
+    layout = header.layout
+    return RawCloud(header.points, layout.intensity is not None, blocks, unit=layout.unit)
 
 
 def _ascii(header: PcdHeader, source: Source) -> Iterator[Block]:
@@ -109,9 +112,12 @@ def _check_end(header: PcdHeader, source: Source, size: int) -> None:
     """Raise InputError if more follows `size` bytes from here than the zeros of PCL's last page."""
     start = source.stream.tell()
     extra = source.size - start - size
-    # In compressed files the two sizes, 8 bytes, are part of the data.
-    data = size + (8 if header.encoding == "binary_compressed" else 0)
-    if extra and source.size - data in _PAGES:
+    is_packed = header.encoding == "binary_compressed"
+    data = size + 8 * is_packed  # the two sizes are part of the compressed data
+    if any(
+        source.size - data == page or (is_packed and source.size % page == 0 and extra < page)
+        for page in _PAGES
+    ):
         source.stream.seek(start + size)
         extra = len(source.stream.read(extra).rstrip(b"\0"))
         source.stream.seek(start)
@@ -157,10 +163,11 @@ def read_header(source: Source) -> PcdHeader:
         layout = find_layout([field.name for field in fields])
     except ValueError as error:
         raise fault(source, str(error)) from None
-    used = [*layout.xyz] + ([] if layout.intensity is None else [layout.intensity])
-    for field in (fields[index] for index in used):
+    for field in (fields[index] for index in layout.xyz):
         if field.count != 1:
             raise fault(source, f"the field {field.name} has {field.count} values a point")
+    if layout.intensity is not None and fields[layout.intensity].count != 1:
+        layout = replace(layout, intensity=None)
     encoding = " ".join(entries["DATA"])
     if encoding not in _ENCODINGS:
         raise fault(source, f"the encoding {shown(encoding)} is none of {', '.join(_ENCODINGS)}")

@@ -14,8 +14,9 @@ from ...errors import InputError
 from ..faults import fault, too_long, too_many, too_short
 from ..parsing.ascii import table_blocks
 from ..parsing.binary import record_blocks
+from ..parsing.columns import find_layout
 from ..parsing.lines import Lines, count_lines
-from ..source import Block, Layout, RawCloud, Source, find_layout, shown
+from ..source import Block, Layout, RawCloud, Source, shown
 
 
 def read_ply(source: Source) -> RawCloud:
@@ -30,7 +31,8 @@ def read_ply(source: Source) -> RawCloud:
     except ValueError as error:
         raise fault(source, str(error)) from None
     read = _binary if header.order else _ascii
-    return RawCloud(vertex.count, layout.intensity is not None, read(header, layout, source))
+    blocks = read(header, layout, source)
+    return RawCloud(vertex.count, layout.intensity is not None, blocks, unit=layout.unit)
 
 
 def _binary(header: PlyHeader, layout: Layout, source: Source) -> Iterator[Block]:

@@ -1,6 +1,7 @@
 """PTS reader: blocks of rows x y z [intensity] [red green blue], each after its count.
 
-A single block may lack its count. Intensities are kept as they are; Leica's run from -2048 to 2047.
+A single block may lack its count, and may have names of the columns, comments or commas: then it
+is read as other text. Intensities are kept as they are; Leica's run from -2048 to 2047.
 Format: the text that Leica Cyclone exports; all blocks are in one frame.
 """
 
@@ -11,14 +12,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..faults import fault, too_long, too_many, too_short
-from ..parsing.ascii import table_blocks
+from ..parsing.ascii import signs_as_nan, table_blocks
 from ..parsing.lines import Lines, count_lines, pass_lines
 from ..source import Block, Layout, RawCloud, RawPart, Source, shown
+from .text import read_text
 
 # Columns of a row: x y z, then an intensity, a colour, both, or both and a normal.
 _LAYOUTS = {
     count: Layout((0, 1, 2), 3 if count in (4, 7, 10) else None) for count in (3, 4, 6, 7, 10)
 }
+# What other text holds besides numbers, NaN among them.
+_OTHER_TEXT = re.compile(r"[^\s\d.+\-einfaty]", re.IGNORECASE)
+_HEAD_BYTES = 1 << 14
 _LONGEST_LINE = 1 << 16
 _MOST_BLOCKS = 10_000
 
@@ -34,6 +39,10 @@ class _Run:
 
 def read_pts(source: Source) -> RawCloud:
     """Read all blocks; several blocks are parts without a pose."""
+    head = source.stream.read(_HEAD_BYTES).decode("latin-1")
+    source.stream.seek(0)
+    if source.options.columns or _OTHER_TEXT.search(signs_as_nan(head)):
+        return read_text(source, tuple(n for n, layout in _LAYOUTS.items() if layout.intensity))
     lines = count_lines(source)
     runs, first = _index(source, lines)
     columns = len(first.split())

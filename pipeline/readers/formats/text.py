@@ -1,106 +1,117 @@
-"""XYZ, CSV and TXT reader: one point per line.
+"""XYZ, ASC, CSV and TXT reader: one point per line, or a matrix of heights.
 
 Columns are separated by commas, semicolons, tabs or blanks. A comma is a decimal comma where
-there is another separator (`1,5;2,5;3,5`), else it separates (`1,5,2,5`). A first
-line may hold the number of points, the next one the names of the columns; '#' and '//' begin
-comments.
+there is another separator (`1,5;2,5;3,5`), else it separates (`1,5,2,5`). Above the rows may stand
+text, the number of points, the names of the columns, in a comment or not, and their units; below
+them, text. '#' and '//' begin comments. A missing value (an empty cell, `N/A`, `1.#QNAN`) is a
+missing return.
 """
 
 from __future__ import annotations
 
 import codecs
-import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ..faults import fault, too_many, too_short
-from ..parsing.ascii import content, has_decimal_comma, table_blocks
-from ..parsing.lines import Lines, count_lines, is_number
-from ..source import Block, Layout, RawCloud, Source, find_layout, shown
-
-_MOST_LINES_BEFORE = 100_000
+from ..faults import fault, too_short
+from ..parsing.ascii import Cells, NumberTable, is_label, table_blocks
+from ..parsing.columns import MOST_UNNAMED, check_unnamed, find_layout, unnamed_layout
+from ..parsing.heading import Heading, check_prose, named_layout, read_heading
+from ..parsing.heights import Heights, height_blocks, stated_heights
+from ..parsing.lines import Lines, count_lines
+from ..source import Layout, RawCloud, Source, shown
+from .gocator import is_gocator, read_gocator
 
 
 @dataclass(frozen=True)
-class _Preamble:
-    """The lines before the rows.
+class _Form:
+    """Form of the rows: where x, y and z are, or the heights that they are a matrix of."""
 
-    first: the first data line; line: its number in the file; declared: the count, if given.
-    """
-
-    declared: int | None
     columns: int
-    delimiter: str | None
-    layout: Layout
-    first: str
-    line: int
+    holds: Layout | Heights
+    cells: Cells
+    is_unnamed: bool = False
 
 
-def read_text(source: Source) -> RawCloud:
-    """Read three or more columns: x y z and optionally an intensity, or as the header says."""
+def read_text(source: Source, with_intensity: Sequence[int] = (4,)) -> RawCloud:
+    """Read three or more columns: x y z and perhaps an intensity, or as the names say.
+
+    with_intensity: numbers of columns without names of which the fourth is the intensity.
+    """
     if source.stream.read(3) != codecs.BOM_UTF8:
         source.stream.seek(0)
+    if is_gocator(source):
+        return read_gocator(source)
     lines = count_lines(source)
-    preamble = _read_preamble(source)
-    return RawCloud(lines, preamble.layout.intensity is not None, _blocks(preamble, source))
+    heading = read_heading(source)
+    form = _form(heading, source, with_intensity)
+    tables = _tables(form, heading, source)
+    if isinstance(form.holds, Heights):
+        blocks = height_blocks(form.holds, tables, source)
+        rows = lines * form.columns
+        return RawCloud(rows, False, blocks, has_grid=True, unit=form.holds.unit)
+    has_intensity = form.holds.intensity is not None
+    return RawCloud(lines, has_intensity, map(form.holds.block, tables), unit=form.holds.unit)
 
 
-def _read_preamble(source: Source) -> _Preamble:
-    declared: int | None = None
-    names: str | None = None
-    for number, line in enumerate(source.text, start=1):
-        data = content(line)
-        if number > _MOST_LINES_BEFORE:
-            raise too_many(source, _MOST_LINES_BEFORE, "lines before its points")
-        if not data:
-            continue
-        if declared is None and names is None and re.fullmatch(r"[0-9]{1,18}", data):
-            declared = int(data)
-        elif names is None and not any(map(is_number, re.split(r"[\s,;]+", data))):
-            names = data
-        else:
-            delimiter = _delimiter(data)
-            columns = len(data.split(delimiter))
-            layout = _find_columns(names, columns, delimiter, source, f"line {number}", data)
-            return _Preamble(declared, columns, delimiter, layout, line, number)
-    raise too_short(source, declared, 0) if declared else fault(source, "it holds 0 points")
+def _form(heading: Heading, source: Source, with_intensity: Sequence[int]) -> _Form:
+    """Return what the rows are: as the options say, or the names above them; or unnamed columns."""
+    options, columns = source.options, heading.widths[-1]
+    if options.pitch is not None:
+        check_prose(heading.lines, heading, source)
+        return _Form(columns, Heights(options.pitch), Cells(footer=True))
+    if options.columns is not None:
+        if len(options.columns) not in heading.widths:
+            fact = f"{heading.where}, --columns names {len(options.columns)}"
+            raise fault(source, f"{fact}: {shown(heading.first[1])}", "name each, or - to skip it")
+        return _points(len(options.columns), find_layout(options.columns))
+    if named := named_layout(heading, source):
+        return _points(*named)
+    check_prose(heading.lines, heading, source)
+    stated = stated_heights([*heading.comments, *(text for _, text in heading.lines)])
+    if stated and columns > MOST_UNNAMED:
+        return _Form(columns, stated, Cells(footer=True))
+    if stated or columns > MOST_UNNAMED:
+        what = "below a pitch" if stated else "without names"
+        fact = f"{heading.where} {what}: {shown(heading.first[1])}"
+        action = "give --pitch DX,DY if they are a matrix of heights, else name them by --columns"
+        raise fault(source, fact, action)
+    return _unnamed(heading, columns, source, with_intensity)
 
 
-def _delimiter(data: str) -> str | None:
-    """Return the separator of the fields of a data line; None for blanks."""
-    for mark in ";\t":
-        if mark in data:
-            return mark
-    return "," if "," in data and not has_decimal_comma(data, None) else None
-
-
-def _find_columns(
-    names: str | None, columns: int, delimiter: str | None, source: Source, where: str, data: str
-) -> Layout:
+def _unnamed(
+    heading: Heading, columns: int, source: Source, with_intensity: Sequence[int]
+) -> _Form:
+    """Return the form of x y z, perhaps with an intensity, or with a name of the point before."""
+    if columns in (4, 5) and is_label(heading.cells[0]):
+        layout = Layout((1, 2, 3), 4 if columns == 5 else None)
+        return _Form(columns, layout, Cells(tuple(range(1, columns)), label=True, footer=True))
     if columns < 3:
-        fact = f"{where} has {columns} columns, a point needs 3: {shown(data)}"
+        fact = f"{heading.where}, a point needs 3: {shown(heading.first[1])}"
         raise fault(source, fact, "export x y z")
-    if names is None:
-        return Layout((0, 1, 2), 3 if columns == 4 else None)
-    named = [name.strip().strip("\"'") for name in names.split(delimiter)]
-    if len(named) != columns:
-        fact = f"{len(named)} columns are named in {shown(names)}, but {where} has {columns}"
-        raise fault(source, fact, "use the same delimiter and number of columns in both")
-    try:
-        return find_layout(named)
-    except ValueError as error:
-        raise fault(source, str(error), "name the columns x, y, z and intensity") from None
+    layout = unnamed_layout(columns, with_intensity)
+    return _Form(columns, layout, Cells(footer=True), is_unnamed=True)
 
 
-def _blocks(preamble: _Preamble, source: Source) -> Iterator[Block]:
+def _points(columns: int, layout: Layout) -> _Form:
+    needed = layout.xyz if layout.intensity is None else (*layout.xyz, layout.intensity)
+    return _Form(columns, layout, Cells(needed, footer=True))
+
+
+def _tables(form: _Form, heading: Heading, source: Source) -> Iterator[NumberTable]:
+    """Yield the rows in tables; check their number, and the first of columns without names."""
+    lines = Lines(source.text, heading.rows_from)
     rows = 0
-    lines = Lines(source.text, preamble.first)
-    tables = table_blocks(lines, preamble.columns, preamble.delimiter, source, preamble.line)
-    for table in tables:
+    for table in table_blocks(
+        lines, form.columns, heading.delimiter, source, heading.line, cells=form.cells
+    ):
+        if rows == 0 and form.is_unnamed:
+            check_unnamed(table, source)
         rows += len(table)
-        yield preamble.layout.block(table)
-    if preamble.declared is not None and rows < preamble.declared:
-        raise too_short(source, preamble.declared, rows)
-    if preamble.declared is not None and rows > preamble.declared:
-        fact = f"the first line declares {preamble.declared} points, the file holds {rows}"
+        yield table
+    declared = heading.declared
+    if declared is not None and rows < declared:
+        raise too_short(source, declared, rows)
+    if declared is not None and rows > declared:
+        fact = f"the first line declares {declared} points, the file holds {rows}"
         raise fault(source, fact)

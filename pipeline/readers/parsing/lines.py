@@ -22,12 +22,13 @@ _NUMBER = re.compile(
 
 
 class Lines:
-    """Lines of `text` from its position, after the line `first`; `edit` is applied to pieces."""
+    """Lines of `text` from its position, after the lines `first`; `edit` is applied to pieces."""
 
     def __init__(
         self, text: TextIO, first: str = "", edit: Callable[[str], str] | None = None
     ) -> None:
-        self._text, self._ahead, self._edit = text, first, edit
+        self._text, self._first, self._edit = text, first, edit
+        self._ahead = ""
         self._left: int | None = None
 
     def end_after(self, count: int | None) -> None:
@@ -38,7 +39,8 @@ class Lines:
         """Return some whole lines, at most `most`; an empty string at the end."""
         if self._left is not None:
             most = self._left if most is None else min(most, self._left)
-        piece = self._cut(self._ahead or self._text.read(_PIECE), most)
+        piece = self._cut(self._ahead or self._first + self._text.read(_PIECE), most)
+        self._first = ""
         if self._left is not None:
             self._left -= count_of_lines(piece)
         return piece if self._edit is None else self._edit(piece)
@@ -126,9 +128,19 @@ def count_lines(source: Source) -> int:
 
 
 def _is_cut(tail: bytes) -> bool:
-    """Return whether the last number is shorter than those above it, or the only one."""
-    rows = [row.split() for row in re.sub(rb"[,;]", b" ", tail).splitlines()]
-    last = [row[-1].decode("latin-1") for row in rows if row and not row[0].startswith(b"#")]
+    """Return whether the last number is shorter than those above it, or the only one.
+
+    A row that ends with a delimiter is cut too, unless the one above it ends so.
+    """
+    lines = [line.rstrip(b" ") for line in tail.splitlines() if line and not line.startswith(b"#")]
+    if lines and lines[-1].endswith((b",", b";", b"\t")):
+        mark = lines[-1][-1:]
+        above = lines[-2] if len(lines) > 1 else b""
+        return not above.endswith(mark) or above.count(mark) != lines[-1].count(mark)
+    rows = [re.sub(rb"[,;]", b" ", line).split() for line in lines]
+    if not rows or not all(is_number(word.decode("latin-1")) for word in rows[-1]):
+        return False
+    last = [row[-1].decode("latin-1") for row in rows if row]
     decimals = [len(number.partition(".")[2]) for number in last if is_number(number)]
     if len(decimals) == 1:
         return True

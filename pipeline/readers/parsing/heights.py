@@ -1,0 +1,110 @@
+"""Matrices of heights: a point for each cell, and the pitch and unit that a header states."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...vectors import Array
+from ..faults import fault
+from ..source import Block, Source
+from .columns import unit_of
+from .lines import is_number
+
+_KEY_AND_VALUE = re.compile(
+    r"\W*([^\W\d][\w /().\[\]µμ-]*?)[\"'\s]*[\s:=,;][\"'\s]*([-+.\d][\d.e+-]*)[\"'\s,;]*(\S*)",
+    re.IGNORECASE,
+)
+_UNIT = re.compile(
+    r"\W*(?:height |z ?)?units?[\"'\s]*[\s:=,;]+[\"'\s]*([^\s\"',;]+)", re.IGNORECASE
+)
+_OF = "(?:pixel)?(?:pitch|resolution|spacing|interval|step|calibration|size)"
+_PITCH = {
+    "xy": re.compile(f"xy{_OF}|{_OF}xy|pixelpitch|pixelsize|cellsize"),
+    "x": re.compile(f"x{_OF}|{_OF}x"),
+    "y": re.compile(f"y{_OF}|{_OF}y"),
+}
+_METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "in": 0.0254, "ft": 0.3048}
+_INTEGER_LIMITS = (-32768.0, -2147483648.0)
+_FEWEST_NINES, _FEWEST_IN_STEPS = 4, 8
+
+
+@dataclass(frozen=True)
+class Heights:
+    """A matrix of heights: x and y step by `pitch`, in `unit` if stated; `none`: no height."""
+
+    pitch: tuple[float, float]
+    unit: str | None = None
+    none: float | None = None
+
+    def block(self, table: Array, first_row: int) -> Block:
+        """Return the rows (N, C) of the matrix from `first_row` on as a block of N C points."""
+        row, column = np.divmod(np.arange(table.size), table.shape[1])
+        row += first_row
+        z = table.ravel()
+        invalid = np.isnan(z)
+        for value in {self.none, *_marks(z)} - {None}:
+            invalid |= z == value
+        dx, dy = self.pitch
+        return Block((column * dx, row * dy, z), None, (row, column), invalid)
+
+
+def stated_heights(lines: Iterable[str]) -> Heights | None:
+    """Return the pitch and unit of the heights that the lines of a header state, if they do."""
+    steps: dict[str, tuple[float, str | None]] = {}
+    unit = none = None
+    flip = False
+    for line in lines:
+        if found := _UNIT.match(line):
+            unit = unit_of(found[1]) or unit
+            continue
+        found = _KEY_AND_VALUE.match(line)
+        if not found or not is_number(found[2]):
+            continue
+        key, value = re.sub(r"[\W_]+", "", found[1].lower()), float(found[2])
+        for name, pattern in _PITCH.items():
+            if pattern.fullmatch(key) and value > 0.0:
+                steps[name] = value, unit_of(found[3].partition("/")[0])
+        if key == "nodatavalue":
+            none = value
+        flip |= key == "cellsize"  # a grid of Esri begins with its northern row
+    x, y = (steps.get(name, steps.get("xy")) for name in "xy")
+    if x is None or y is None:
+        return None
+    unit = unit or x[1] or y[1]
+    dx, dy = (
+        value * _METRES[own] / _METRES[unit] if own and unit else value for value, own in (x, y)
+    )
+    return Heights((dx, -dy if flip else dy), unit, none)
+
+
+def height_blocks(heights: Heights, tables: Iterable[Array], source: Source) -> Iterator[Block]:
+    """Yield the blocks of successive tables of a matrix. Raises InputError for a first row of x."""
+    row = 0
+    for table in tables:
+        if row == 0 and _counts_up(table):
+            fact = "the first row of its heights rises in equal steps, as positions do"
+            raise fault(source, fact, "delete that row, and a column of positions")
+        if len(table):
+            yield heights.block(table, row)
+        row += len(table)
+
+
+def _marks(heights: Array) -> Iterator[float]:
+    """Yield the lowest and highest value where they mark missing heights: -9999, -99999.9999."""
+    there = heights[np.isfinite(heights)]
+    for value in (there.min(), there.max()) if len(there) else ():
+        digits = f"{abs(value):.4f}".rstrip("0").replace(".", "")
+        if value in _INTEGER_LIMITS or (len(digits) >= _FEWEST_NINES and set(digits) == {"9"}):
+            yield float(value)
+
+
+def _counts_up(table: Array) -> bool:
+    """Return whether the first row, and not the next, rises in equal steps."""
+    if len(table) < 2 or table.shape[1] < _FEWEST_IN_STEPS:
+        return False
+    first, second = (np.diff(row) for row in table[:2])
+    return bool(np.ptp(first) <= 1e-3 * first[0] and not np.ptp(second) <= 1e-3 * abs(second[0]))
