@@ -94,6 +94,7 @@ def provenance_of_capture(
     """Return the inputs and settings of a measurement from scans."""
     used = config.model_dump(exclude={"seed", "report"})
     used |= {"target": capture.target.model_dump(), "length_unit": capture.length_unit}
+    used |= capture.reading.stated()
     inputs = {observation.source: observation.sha256 for observation in observations}
     if capture.cloud is not None:  # its observations name the single scans of the file as well
         inputs = {capture.cloud.file: observations[0].sha256}

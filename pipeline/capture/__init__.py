@@ -3,12 +3,13 @@
 from .declaration import Upright, files_of, find_capture_file, read_capture_file
 from .entry import Role, ScanEntry, Turn
 from .file_names import TABLES, clouds_of, is_capture
-from .open_capture import Capture, CaptureOptions, open_capture, open_entries
+from .open_capture import Capture, CaptureOptions, Entries, open_capture, open_entries
 
 __all__ = [
     "TABLES",
     "Capture",
     "CaptureOptions",
+    "Entries",
     "Role",
     "ScanEntry",
     "Turn",

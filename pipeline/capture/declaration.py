@@ -10,6 +10,7 @@ from pydantic import Field  # noqa: TID253 - capture.toml is a pydantic model
 
 from ..config import Section, parse_section, read_toml
 from ..errors import ConfigError, InputError
+from ..readers import ReadOptions
 from ..units import LengthUnit
 from ..vehicle import REFERENCE_WHEELS
 
@@ -51,13 +52,16 @@ class CaptureFile(Section):
 
     front, front_point, up: of a cloud, whose wheels are identified by geometry. date: the day or
     time of the scans, as TOML writes it: date = 2026-11-20. vehicle_model: by which its limits are
-    found.
+    found. columns, pitch: what the scans do not say themselves, the names of a text's columns or
+    the pitch of a matrix of heights.
     """
 
     vehicle: str | None = None
     vehicle_model: str | None = Field(None, min_length=1)
     date: dt.datetime | dt.date | None = None
     length_unit: LengthUnit = "m"
+    columns: tuple[str, ...] | None = Field(None, strict=False)
+    pitch: tuple[float, float] | None = Field(None, strict=False)
     target: object = None
     scanner: str | None = None
     reference: dict[str, str] | None = None
@@ -68,6 +72,14 @@ class CaptureFile(Section):
     front: Vector | None = Field(None, strict=False)
     front_point: Vector | None = Field(None, strict=False)
     up: Upright = "auto"
+
+
+def reading_of(declared: CaptureFile, where: str) -> ReadOptions:
+    """Return what a capture states of its scans. Raises ConfigError for columns that cannot be."""
+    try:
+        return ReadOptions(declared.columns, declared.pitch)
+    except ValueError as error:
+        raise ConfigError(f"{where}: columns or pitch: {error}") from error
 
 
 def files_of(declared: CaptureFile) -> list[str]:
@@ -97,6 +109,7 @@ def read_capture_file(path: Path, where: str) -> CaptureFile:
     except ConfigError as error:
         raise ConfigError(f"{where}: {str(error).removeprefix(f'{path}: ')}") from error
     declared = parse_section(CaptureFile, table, where)
+    reading_of(declared, where)
     if declared.reference is None:
         _check_cloud(declared, where)
     else:

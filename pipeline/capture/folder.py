@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..files import is_archive, open_archive
-from ..readers import READERS, scan_suffix
+from ..readers import RAW_FORMATS, READERS, scan_suffix, unknown_format
 from ..vehicle import REFERENCE_WHEELS
 
 
@@ -26,6 +26,8 @@ def capture_folder(source: Path) -> Iterator[Path]:
         raise InputError(f"{source}: an empty file: copy it again")
     elif scan_suffix(source.name) in READERS:
         yield source
+    elif source.suffix.lower() in RAW_FORMATS:
+        raise unknown_format(source.suffix, str(source))
     elif is_archive(source, str(source)):
         with tempfile.TemporaryDirectory(prefix="wheelplane-") as scratch:
             folder = Path(scratch) / "capture"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import ConfigError, InputError
+from ..readers import AS_THE_FILE_SAYS, ReadOptions
 from ..targets import Target, load_target, parse_target, scaled, size_of
 from ..units import LengthUnit, in_metres
 from ..vehicle import REFERENCE_WHEELS
@@ -17,6 +18,7 @@ from .declaration import (
     Vector,
     find_capture_file,
     read_capture_file,
+    reading_of,
 )
 from .entries import scans_of
 from .entry import ScanEntry
@@ -30,7 +32,8 @@ class Capture:
     """A capture, ready to be read: entries are RR, RL, FR, FL, the trials, sweeps, run-outs.
 
     cloud: instead of entries, the one scan that shows all wheels, with its `front`, if given, and
-    the method that finds `up`. date: in ISO 8601, if declared. vehicle_model: if declared.
+    the method that finds `up`. date: in ISO 8601, if declared. vehicle_model: if declared. reading:
+    what the scans do not say.
     """
 
     source: str
@@ -44,6 +47,7 @@ class Capture:
     up: Upright = "auto"
     date: str | None = None
     vehicle_model: str | None = None
+    reading: ReadOptions = AS_THE_FILE_SAYS
 
     @property
     def steps(self) -> int:
@@ -60,6 +64,7 @@ class Capture:
 class CaptureOptions:
     """Command-line overrides of capture.toml.
 
+    reading: replaces its columns and pitch, if it states either.
     front, front_point, up: of one cloud of the vehicle, in its file's coordinates and unit.
     of_clouds: these three are given for many captures, and apply to those that are clouds.
     """
@@ -69,6 +74,7 @@ class CaptureOptions:
     front_point: Vector | None = None
     up: Upright | None = None
     of_clouds: bool = False
+    reading: ReadOptions = AS_THE_FILE_SAYS
 
 
 NO_OPTIONS = CaptureOptions()
@@ -108,14 +114,28 @@ def open_capture(
             up=options.up or declared.up,
             date=None if declared.date is None else declared.date.isoformat(),
             vehicle_model=declared.vehicle_model,
+            reading=_reading(found, options.reading),
         )
 
 
+@dataclass(frozen=True)
+class Entries:
+    """The scans of a capture, and how they are read."""
+
+    scans: tuple[ScanEntry, ...]
+    length_unit: str
+    reading: ReadOptions
+
+
 @contextmanager
-def open_entries(source: Path) -> Iterator[tuple[str, tuple[ScanEntry, ...]]]:
-    """Open the capture at `source` without its target: yield the length unit and the scans."""
+def open_entries(source: Path, reading: ReadOptions = AS_THE_FILE_SAYS) -> Iterator[Entries]:
+    """Open the capture at `source` without its target; `reading` is as in CaptureOptions."""
     with _opened(source) as found:
-        yield found.declared.length_unit, found.scans
+        yield Entries(found.scans, found.declared.length_unit, _reading(found, reading))
+
+
+def _reading(found: _Opened, given: ReadOptions) -> ReadOptions:
+    return given if given.stated() else reading_of(found.declared, found.where)
 
 
 @contextmanager

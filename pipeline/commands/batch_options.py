@@ -20,7 +20,9 @@ from .options import (
     config_option,
     five_point_options,
     length_unit_option,
+    read_options,
     read_station,
+    reading_options,
     scanner_option,
     target_option,
     whole_vehicle_options,
@@ -35,6 +37,7 @@ MEMORY = re.compile(r"(\d+(?:\.\d+)?)([KMGT])(?:i?B)?", re.IGNORECASE)
 OPTIONS = (
     target_option,
     length_unit_option,
+    reading_options,
     whole_vehicle_options,
     config_option,
     scanner_option,
@@ -92,7 +95,10 @@ def read_settings(options: dict[str, Any]) -> BatchSettings:
         check_date_pattern(options["date_in_name"])
     unit, target, scanner = options["length_unit"], options["target"], options["scanner"]
     station = options["total_station"], options["total_station_position"], options["coordinates"]
-    overrides = capture_options(options["front"], options["front_point"], options["up"], unit)
+    reading = read_options(options["columns"], options["pitch"])
+    overrides = capture_options(
+        options["front"], options["front_point"], options["up"], unit, reading
+    )
     return BatchSettings(
         config=with_scanner(load_config(options["config"]), scanner),
         scanner=scanner,

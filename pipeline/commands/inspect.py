@@ -12,8 +12,9 @@ from ..capture import ScanEntry, open_entries
 from ..diagnostics import ScanSummary, findings, length, spacing_m, summarise_scan
 from ..errors import WheelplaneError
 from ..files import ARCHIVE_SUFFIXES
+from ..readers import ReadOptions
 from ..report.format.layout import aligned
-from .options import length_unit_option
+from .options import length_unit_option, read_options, reading_options
 from .progress import Reading
 
 SHOWN_SCANS = 8
@@ -22,18 +23,23 @@ SHOWN_SCANS = 8
 @click.command()
 @click.argument("file", type=click.Path(path_type=Path))
 @length_unit_option
+@reading_options
 @click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
-def inspect(file: Path, length_unit: str | None, as_json: bool) -> int:
+def inspect(
+    file: Path, length_unit: str | None, columns: str | None, pitch: str | None, as_json: bool
+) -> int:
     """Summarise FILE: a scan, or a capture as a folder, zip or tar.
 
     Reads every point once and keeps only a sample in memory.
     """
+    given = read_options(columns, pitch)
     if not file.is_dir() and not (file.is_file() and _is_capture(file)):
-        return _show(str(file), _summary(file, length_unit or "m", str(file)), as_json)
-    with open_entries(file) as (unit, entries):
-        unit = length_unit or unit
+        return _show(str(file), _summary(file, length_unit or "m", str(file), given), as_json)
+    with open_entries(file, given) as entries:
+        unit = length_unit or entries.length_unit
         summaries = [
-            (entry, _summary(entry.path, unit, f"{file}: {entry.file}")) for entry in entries
+            (entry, _summary(entry.path, unit, f"{file}: {entry.file}", entries.reading))
+            for entry in entries.scans
         ]
     first, summary = summaries[0]
     if first.role == "vehicle":
@@ -67,9 +73,9 @@ def _is_capture(file: Path) -> bool:
         return False
 
 
-def _summary(path: Path, unit: str, name: str) -> ScanSummary:
+def _summary(path: Path, unit: str, name: str, options: ReadOptions) -> ScanSummary:
     with Reading(name) as progress:
-        return summarise_scan(path, unit, name, progress)
+        return summarise_scan(path, unit, name, progress, options)
 
 
 def _tree(name: str, summary: ScanSummary) -> dict[str, object]:

@@ -22,6 +22,8 @@ from .options import (
     language_and_plot,
     length_unit_option,
     monte_carlo_option,
+    read_options,
+    reading_options,
     scanner_option,
     target_option,
     tolerance_option,
@@ -44,6 +46,7 @@ from .reporting import plot_to, report_options, show, show_plot
 @click.option("--json", "as_json", is_flag=True, help="Print measurement.json and nothing else.")
 @target_option
 @length_unit_option
+@reading_options
 @whole_vehicle_options
 @config_option
 @scanner_option
@@ -62,6 +65,8 @@ def measure(
     as_json: bool,
     target: str | None,
     length_unit: LengthUnit | None,
+    columns: str | None,
+    pitch: str | None,
     front: str | None,
     front_point: str | None,
     up: Upright | None,
@@ -101,7 +106,8 @@ def measure(
     options = report_options(settings.report, language, view)
     if pdf and output is None:
         raise InputError("--pdf without -o DIR: name the folder that report.pdf goes to")
-    overrides = capture_options(front, front_point, up, length_unit)
+    reading = read_options(columns, pitch)
+    overrides = capture_options(front, front_point, up, length_unit, reading)
     with (
         open_capture(capture, target, overrides) as opened,
         TerminalProgress(opened.steps) as progress,

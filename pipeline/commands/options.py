@@ -12,6 +12,7 @@ import click
 from ..capture import CaptureOptions, Upright
 from ..config import load_station
 from ..errors import InputError
+from ..readers import AS_THE_FILE_SAYS, ReadOptions
 from ..report.format.language import LANGUAGES
 from ..report.format.view import ANGLE_STYLES, DIGIT_STYLES
 from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates, LengthUnit, in_metres
@@ -84,6 +85,48 @@ length_unit_option = click.option(
     type=click.Choice(LENGTH_UNITS),
     help="Length unit of the coordinates; by default that of capture.toml, or m.",
 )
+READING_OPTIONS = (
+    click.option(
+        "--columns",
+        metavar="NAMES",
+        help="Names of the columns of text scans, in order, such as row,col,x,y,z,i; - for one "
+        "that is not needed.",
+    ),
+    click.option(
+        "--pitch",
+        metavar="DX,DY",
+        help="Scans that are matrices of heights: step of x from column to column and of y from "
+        "row to row, in the unit of the heights.",
+    ),
+)
+
+
+def reading_options(command: Command) -> Command:
+    """Add --columns and --pitch to a command; `read_options` reads them."""
+    return added(READING_OPTIONS, command)
+
+
+def read_options(columns: str | None, pitch: str | None) -> ReadOptions:
+    """Return what the command line states of scans. Raises InputError that names the option."""
+    names = None if columns is None else tuple(name.strip() for name in columns.split(","))
+    steps = None
+    if pitch is not None:
+        try:
+            dx, dy = (float(part) for part in pitch.split(","))
+        except ValueError:
+            raise InputError(
+                f"--pitch {pitch}: two numbers DX,DY are needed, such as 0.05,0.1"
+            ) from None
+        steps = dx, dy
+    given = " ".join(
+        f"{name} {text}" for name, text in (("--columns", columns), ("--pitch", pitch)) if text
+    )
+    try:
+        return ReadOptions(names, steps)
+    except ValueError as error:
+        raise InputError(f"{given}: {error}") from error
+
+
 monte_carlo_option = click.option(
     "--monte-carlo",
     "max_draws",
@@ -179,7 +222,11 @@ def whole_vehicle_options(command: Command) -> Command:
 
 
 def capture_options(
-    front: str | None, front_point: str | None, up: Upright | None, unit: LengthUnit | None = None
+    front: str | None,
+    front_point: str | None,
+    up: Upright | None,
+    unit: LengthUnit | None = None,
+    reading: ReadOptions = AS_THE_FILE_SAYS,
 ) -> CaptureOptions:
     """Return the command line's overrides of capture.toml.
 
@@ -190,6 +237,7 @@ def capture_options(
         front=None if front is None else three_numbers("--front", front),
         front_point=None if front_point is None else three_numbers("--front-point", front_point),
         up=up,
+        reading=reading,
     )
 
 

@@ -14,6 +14,7 @@ from ..readers import MESH_SUFFIXES, Scan, read_scan
 from ..report.format.digits import rounded
 from ..report.format.layout import aligned
 from ..units import LENGTH_UNITS
+from .options import read_options, reading_options
 from .progress import Reading
 
 NOTED_STEP_M = 0.5e-3
@@ -35,12 +36,14 @@ NOTED_STEP_M = 0.5e-3
     show_default=True,
     help="Length unit of the coordinates.",
 )
+@reading_options
 @click.option("--all-points", is_flag=True, help="Fit one plane to all points, leaving none out.")
 @click.option(
     "--sample",
     type=click.IntRange(1, 10**8),
     metavar="N",
-    help="Number of points to sample on a mesh (.stl, .obj), instead of its vertices.",
+    help="Number of points to sample on a mesh (.stl, .obj, .off, .glb, .3mf), instead of its "
+    "vertices.",
 )
 @click.option(
     "--seed",
@@ -54,6 +57,8 @@ def plane(
     file: Path,
     max_planes: int,
     length_unit: str,
+    columns: str | None,
+    pitch: str | None,
     all_points: bool,
     sample: int | None,
     seed: int,
@@ -63,8 +68,9 @@ def plane(
 
     The distance within which points belong to a plane is estimated from the points themselves.
     """
+    reading = read_options(columns, pitch)
     with Reading(str(file)) as progress:
-        scan = read_scan(file, length_unit, sample=sample, progress=progress)
+        scan = read_scan(file, length_unit, options=reading, sample=sample, progress=progress)
     check_cloud(scan.points_m, length_unit, str(file))
     try:
         if all_points:

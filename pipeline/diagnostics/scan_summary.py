@@ -8,7 +8,17 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ..readers import Block, Placer, PointRows, RawCloud, RowProgress, open_cloud, silent
+from ..readers import (
+    AS_THE_FILE_SAYS,
+    Block,
+    Placer,
+    PointRows,
+    RawCloud,
+    ReadOptions,
+    RowProgress,
+    open_cloud,
+    silent,
+)
 from ..units import to_metres
 from ..vectors import Array
 
@@ -59,14 +69,18 @@ class ScanSummary:
 
 
 def summarise_scan(
-    path: Path, length_unit: str, name: str | None = None, progress: RowProgress = silent
+    path: Path,
+    length_unit: str,
+    name: str | None = None,
+    progress: RowProgress = silent,
+    options: ReadOptions = AS_THE_FILE_SAYS,
 ) -> ScanSummary:
     """Summarise a scan file in one pass over its points.
 
     Raises InputError, one line, for what `read_scan` refuses; a file without points is summarised.
     """
     rng = np.random.default_rng(_SEED)
-    with open_cloud(path, length_unit, name) as (cloud, source):
+    with open_cloud(path, length_unit, name, options) as (cloud, source):
         summary = ScanSummary(
             format=source.path.suffix.lower().removeprefix("."),
             file_bytes=path.stat().st_size,

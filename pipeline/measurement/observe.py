@@ -70,7 +70,7 @@ def _find(
     entry: ScanEntry, source: str, capture: Capture, config: Config
 ) -> tuple[Observation, Patch | NotMeasuredError]:
     """Read the scan and find the patch with its target; the scan itself is freed on return."""
-    scan = read_scan(entry.path, capture.length_unit, source)
+    scan = read_scan(entry.path, capture.length_unit, source, capture.reading)
     check_wheel_scan(scan.points_m, 2.0 * capture.target.radius_m, capture.length_unit, source)
     observation = Observation(
         name=entry.name,

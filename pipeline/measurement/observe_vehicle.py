@@ -66,7 +66,7 @@ def targets_of_cloud(
     Raises InputError when it is unreadable, or cannot be the scan of a vehicle.
     """
     progress(f"{cloud.file}: reading")
-    scan = read_scan(cloud.path, capture.length_unit, source)
+    scan = read_scan(cloud.path, capture.length_unit, source, capture.reading)
     target, unit = capture.target, capture.length_unit
     check_vehicle_cloud(scan.points_m, 2.0 * target.radius_m, unit, source)
     progress(f"{cloud.file}: searching")

@@ -60,7 +60,7 @@ class BatchSettings:
             "config": self.config.model_dump(exclude={"report"}),
             "scanner": self.scanner is not None,
             "target": None if self.target is None else self.target.model_dump(),
-            "told": asdict(self.options),
+            "told": _stated(self.options),
         }
 
     def digest(self, kind: Kind) -> str:
@@ -84,6 +84,13 @@ class BatchSettings:
         named = found.groupdict()
         parts = [named[k] for k in "ymd"] if named else [found[found.re.groups and 1]]
         return None if None in parts else iso_date("-".join(parts))
+
+
+def _stated(options: CaptureOptions) -> dict[str, Any]:
+    """Return the options as plain data; those of reading only where they are stated."""
+    told = asdict(options)
+    del told["reading"]
+    return told | options.reading.stated()
 
 
 def iso_date(text: str) -> str | None:

@@ -52,8 +52,9 @@ def write_points(capture: Capture, measurement: Measurement, path: Path) -> None
 
 
 def _read(capture: Capture, entry: ScanEntry, scans: int) -> Array:
-    points_m = read_scan(entry.path, capture.length_unit, capture.called(entry)).points_m
-    return sample(points_m, MOST_POINTS // scans)
+    name = capture.called(entry)
+    scan = read_scan(entry.path, capture.length_unit, name, capture.reading)
+    return sample(scan.points_m, MOST_POINTS // scans)
 
 
 def _grid(
