@@ -92,7 +92,7 @@ class Archive:
         """
         assert isinstance(self._opened, tarfile.TarFile)
         path, content = folder / member.name, self._opened.extractfile(member)
-        if content is None or not path.resolve().is_relative_to(folder.resolve()):
+        if content is None or not lies_in(path, folder):
             raise tarfile.TarError(f"{member.name} lies outside the archive")
         path.parent.mkdir(parents=True, exist_ok=True)
         with content, path.open("wb") as file:
@@ -203,6 +203,14 @@ def _check_size(name: str, size: int, limit: int, room: int, more: str = "") -> 
     if size > room:
         full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         raise InputError(f"{fact}, {room / 2**30:.3g} GiB are free: make room in TMPDIR") from full
+
+
+def lies_in(path: Path, folder: Path) -> bool:
+    """Return whether a path leads into a folder, both with their links followed."""
+    try:
+        return path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):  # a loop of links, a name that cannot be one
+        return False
 
 
 def sha256(path: Path) -> str:

@@ -1,6 +1,7 @@
 """Captures: capture.toml, file names and archives, and which scan shows which wheel."""
 
 from .declaration import Upright, files_of, find_capture_file, read_capture_file
+from .entries import check_inside
 from .entry import Role, ScanEntry, Turn
 from .file_names import TABLES, clouds_of, is_capture
 from .open_capture import Capture, CaptureOptions, Entries, open_capture, open_entries
@@ -14,6 +15,7 @@ __all__ = [
     "ScanEntry",
     "Turn",
     "Upright",
+    "check_inside",
     "clouds_of",
     "files_of",
     "find_capture_file",

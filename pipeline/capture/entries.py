@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..errors import InputError
-from ..files import ARCHIVE_SUFFIXES
+from ..files import ARCHIVE_SUFFIXES, lies_in
 from ..vehicle import REFERENCE_WHEELS
 from .declaration import CaptureFile, DeclaredRunout, DeclaredSweep, DeclaredTrial
 from .entry import ScanEntry, Turn
@@ -17,12 +17,13 @@ from .folder import check_path
 
 
 def scans_of(
-    declared: CaptureFile, folder: Path, where: str, *, packed: bool
+    declared: CaptureFile, folder: Path, where: str, *, packed: bool, within: Path | None = None
 ) -> tuple[ScanEntry, ...]:
     """Return RR, RL, FR, FL, the trials, the sweeps, the run-outs; or the one cloud of all wheels.
 
-    packed: the folder came out of an archive. Raises InputError for duplicate names, and for files
-    that are missing or outside the archive.
+    packed: the folder came out of an archive. within: folder that all files must lie in, for an
+    archive its own; without it a capture.toml may name files elsewhere, which its owner can read
+    anyway. Raises InputError for duplicate names, and for files that are missing or outside.
     """
     if declared.reference is None:
         cloud = declared.cloud or only_cloud(folder, where)
@@ -35,9 +36,11 @@ def scans_of(
     entries += [_of_trial(t, declared.trial, where) for t in declared.trial]
     entries += _of_sweeps(declared.sweep, where) + _of_runouts(declared.runout, where)
     _check_names(entries, where)
-    if packed:
-        named = [name for name in (declared.target, declared.scanner) if isinstance(name, str)]
-        _check_inside(folder, [*(entry.file for entry in entries), *named], where)
+    named = [name for name in (declared.target, declared.scanner) if isinstance(name, str)]
+    for file in (*(entry.file for entry in entries), *named):
+        check_inside(folder if packed else within, folder / file, file, where)
+        if packed:
+            _check_unpacked(file, where)
     return tuple(replace(entry, path=_existing(folder, entry.file, where)) for entry in entries)
 
 
@@ -117,16 +120,18 @@ def _check_names(entries: list[ScanEntry], where: str) -> None:
             seen.add(key)
 
 
-def _check_inside(folder: Path, files: list[str], where: str) -> None:
-    """Raise InputError for a file outside the archive, and for an archive in it.
+def check_inside(archive: Path | None, path: Path, name: str, where: str) -> None:
+    """Raise InputError if a path leads out of the archive, itself or by a link.
 
-    A folder's capture.toml may name files elsewhere: its owner can read them anyway.
+    name, where: the path and who names it, in the message. archive: None for no limit.
     """
-    for file in files:
-        if not (folder / file).resolve().is_relative_to(folder.resolve()):
-            raise InputError(f"{where}: {file!r} lies outside the archive: pack the file into it")
-        if file.lower().endswith(ARCHIVE_SUFFIXES):
-            raise InputError(f"{where}: {file!r} is an archive in an archive: unpack it by hand")
+    if archive is not None and not lies_in(path, archive):
+        raise InputError(f"{where}: {name!r} lies outside the archive: copy the file into it")
+
+
+def _check_unpacked(file: str, where: str) -> None:
+    if file.lower().endswith(ARCHIVE_SUFFIXES):
+        raise InputError(f"{where}: {file!r} is an archive in an archive: unpack it by hand")
 
 
 def _existing(folder: Path, file: str, where: str) -> Path:

@@ -20,7 +20,7 @@ from .declaration import (
     read_capture_file,
     reading_of,
 )
-from .entries import scans_of
+from .entries import check_inside, scans_of
 from .entry import ScanEntry
 from .file_names import by_file_names, filled_by_names
 from .folder import capture_folder
@@ -92,14 +92,18 @@ class _Opened:
 
 @contextmanager
 def open_capture(
-    source: Path, target: str | Target | None = None, options: CaptureOptions = NO_OPTIONS
+    source: Path,
+    target: str | Target | None = None,
+    options: CaptureOptions = NO_OPTIONS,
+    within: Path | None = None,
 ) -> Iterator[Capture]:
     """Open the capture at `source`; `target`, or its name, overrides the capture's own.
 
-    An archive is unpacked into a temporary folder, which is deleted with the context.
+    An archive is unpacked into a temporary folder, which is deleted with the context. within:
+    folder that the capture and all files that it names must lie in, such as that of a batch.
     Raises InputError or ConfigError for missing or contradictory entries.
     """
-    with _opened(source, options.length_unit) as found:
+    with _opened(source, options.length_unit, within) as found:
         declared = found.declared
         whole = declared.reference is None
         yield Capture(
@@ -128,9 +132,11 @@ class Entries:
 
 
 @contextmanager
-def open_entries(source: Path, reading: ReadOptions = AS_THE_FILE_SAYS) -> Iterator[Entries]:
+def open_entries(
+    source: Path, reading: ReadOptions = AS_THE_FILE_SAYS, within: Path | None = None
+) -> Iterator[Entries]:
     """Open the capture at `source` without its target; `reading` is as in CaptureOptions."""
-    with _opened(source) as found:
+    with _opened(source, within=within) as found:
         yield Entries(found.scans, found.declared.length_unit, _reading(found, reading))
 
 
@@ -139,11 +145,16 @@ def _reading(found: _Opened, given: ReadOptions) -> ReadOptions:
 
 
 @contextmanager
-def _opened(source: Path, length_unit: LengthUnit | None = None) -> Iterator[_Opened]:
+def _opened(
+    source: Path, length_unit: LengthUnit | None = None, within: Path | None = None
+) -> Iterator[_Opened]:
+    check_inside(within, source, source.name, str(source))
     with capture_folder(source) as location:
         path = find_capture_file(location) if location.is_dir() else None
         where = str(source) if path is None else f"{source}: capture.toml"
+        packed = location.is_dir() and not source.is_dir()
         if path is not None:
+            check_inside(None if packed else within, path, path.name, str(source))
             declared = filled_by_names(read_capture_file(path, where), location, source)
         elif location.is_dir():
             declared = by_file_names(location, source)
@@ -152,8 +163,8 @@ def _opened(source: Path, length_unit: LengthUnit | None = None) -> Iterator[_Op
         if length_unit is not None:
             declared = declared.model_copy(update={"length_unit": length_unit})
         folder = location if location.is_dir() else location.parent
-        packed = location.is_dir() and not source.is_dir()
-        yield _Opened(declared, where, folder, scans_of(declared, folder, where, packed=packed))
+        scans = scans_of(declared, folder, where, packed=packed, within=within)
+        yield _Opened(declared, where, folder, scans)
 
 
 def _front(found: _Opened, options: CaptureOptions, source: Path) -> Front | None:

@@ -247,6 +247,17 @@ def test_a_file_is_no_store(tmp_path):
     assert open_store(f"file://{tmp_path}/new%20one").local == tmp_path / "new one"
 
 
+@pytest.mark.parametrize("name", ["../x.toml", "a/../../x.toml", "/x.toml"])
+def test_no_name_of_an_object_leads_out_of_the_folder_that_it_is_copied_to(
+    remote, tmp_path, monkeypatch, name
+):
+    """A bucket may hold objects of such names; a listing gives them as they are."""
+    monkeypatch.setattr(remote, "_request", lambda *_: pytest.fail("it is copied"))
+    with pytest.raises(InputError, match="leads out of the archive: rename it"):
+        remote.fetch(name, tmp_path / "copy")
+    assert list(tmp_path.iterdir()) == []
+
+
 class Faulty:
     """A file system whose requests fail at first, before they are done or after."""
 

@@ -20,7 +20,7 @@ from ...errors import InputError
 from ...files import ARCHIVE_SUFFIXES
 from ...readers import READERS, scan_suffix
 from ...vehicle import REFERENCE_WHEELS
-from ..storage.entry import Entry
+from ..storage.entry import OUTSIDE, Entry
 
 Kind = Literal["folder", "zip", "tar", "cloud", "five-point"]
 
@@ -79,6 +79,9 @@ def discover(entries: Iterable[Entry], spool: Path, source: str) -> Captures:
                 continue
             folder, _, file = entry.name.rpartition("/")
             _go_to(f"{folder}/" if folder else "", opened, stream)
+            if entry.stamp == OUTSIDE:  # a capture, which cannot be measured
+                _put(stream, entry.name, "folder", [[entry.name, entry.size, entry.stamp]])
+                continue
             opened[-1].is_capture |= _marks_a_capture(file)
             if opened[0].is_capture:
                 raise InputError(

@@ -13,7 +13,7 @@ from pathlib import Path
 from ... import __version__
 from ...capture import files_of, find_capture_file, read_capture_file
 from ...errors import WheelplaneError
-from ...files import sha256
+from ...files import lies_in, sha256
 from ...report.json.measurement import SCHEMA
 from ..storage.entry import Entry
 from ..storage.store import Store
@@ -21,16 +21,17 @@ from .discover import FoundCapture
 from .settings import BatchSettings, digest
 
 RACY_NS = 2_000_000_000  # a file this recent may change once more without a new time stamp
-UNREADABLE = "unreadable"
+UNREADABLE, OUTSIDE = "unreadable", "outside the archive"
 
 
 @dataclass(frozen=True)
 class Identity:
     """Capture identified by its content.
 
-    inputs: `sha256:` of each file by its name inside the capture, or "unreadable". files: all
-    files as listed at that time. elsewhere: files outside its folder that its capture.toml names.
-    lasting: the same fingerprint will mean the same content.
+    inputs: `sha256:` of each file by its name inside the capture, or "unreadable", or "outside the
+    archive" of a link to there. files: all files as listed at that time. elsewhere: files outside
+    its folder, but in the archive, that its capture.toml names. lasting: the same fingerprint will
+    mean the same content.
     """
 
     key: str
@@ -42,27 +43,27 @@ class Identity:
 
 @contextmanager
 def local_copy(store: Store, found: FoundCapture) -> Iterator[Path]:
-    """Yield the local path of a capture; for a remote one that of a temporary copy."""
+    """Yield a local folder that holds the capture by its name: the archive, or a temporary copy."""
     if store.local is not None:
-        yield store.local / found.name
+        yield store.local
         return
     with tempfile.TemporaryDirectory(prefix="wheelplane-") as scratch:
-        source = Path(scratch) / found.name
+        archive = Path(scratch)
         for file in found.files:
-            store.fetch(file.name, Path(scratch))
-        for name in _named_elsewhere(found, source):
-            if not name.startswith(("../", "/")) and store.exists(name):
-                store.fetch(name, Path(scratch))
-        yield source
+            store.fetch(file.name, archive)
+        for name in _named_elsewhere(found, archive):
+            if store.exists(name):
+                store.fetch(name, archive)
+        yield archive
 
 
-def identify(store: Store, found: FoundCapture, source: Path, settings: BatchSettings) -> Identity:
-    """Hash all files of the capture, whose local copy is at `source`."""
+def identify(store: Store, found: FoundCapture, archive: Path, settings: BatchSettings) -> Identity:
+    """Hash all files of the capture, which lies in the local folder `archive`."""
     started_ns = time.time_ns()
-    elsewhere = listed(store, _named_elsewhere(found, source))
+    elsewhere = listed(store, _named_elsewhere(found, archive))
     own = found.files if store.local is None else listed(store, [f.name for f in found.files])
     inputs = {
-        _inside(found, file.name): _hash(_path(found, source, file.name))
+        _inside(found, file.name): _hash(archive / file.name, archive)
         for file in sorted((*own, *elsewhere), key=lambda file: file.name)
     }
     settled = own == found.files and UNREADABLE not in inputs.values()
@@ -89,16 +90,18 @@ def listed(store: Store, names: Iterable[str]) -> tuple[Entry, ...]:
     return tuple(store.stat(name) or Entry(name, 0, "missing") for name in names)
 
 
-def _named_elsewhere(found: FoundCapture, source: Path) -> list[str]:
-    """Return the files outside its folder, by name in the archive, that capture.toml names."""
-    path = find_capture_file(source) if found.kind == "folder" else None
-    if path is None:
+def _named_elsewhere(found: FoundCapture, archive: Path) -> list[str]:
+    """Return the other files of the archive, by name, that the capture.toml of a folder names."""
+    folder = archive / found.name
+    path = find_capture_file(folder) if found.kind == "folder" and folder.is_dir() else None
+    if path is None or not lies_in(path, archive):
         return []
     try:
         declared = read_capture_file(path, found.name)
     except WheelplaneError:
         return []  # the measurement will raise the same error
     names = {posixpath.normpath(posixpath.join(found.name, file)) for file in files_of(declared)}
+    names = {name for name in names if not name.startswith(("../", "/")) and name != ".."}
     return sorted(names - {file.name for file in found.files})
 
 
@@ -107,17 +110,15 @@ def _inside(found: FoundCapture, name: str) -> str:
     return posixpath.relpath(name, found.name) if found.kind == "folder" else found.name
 
 
-def _path(found: FoundCapture, source: Path, name: str) -> Path:
-    return source / _inside(found, name) if found.kind == "folder" else source
-
-
 def _key(found: FoundCapture, inputs: dict[str, str], settings: BatchSettings) -> str:
     of_settings = settings.digest(found.kind)
     return digest([SCHEMA, __version__, found.name, found.kind, inputs, of_settings])
 
 
-def _hash(path: Path) -> str:
+def _hash(path: Path, archive: Path) -> str:
     try:
+        if not lies_in(path, archive):
+            return OUTSIDE
         return sha256(path) if path.is_file() else UNREADABLE  # a pipe would never end
     except OSError:
         return UNREADABLE

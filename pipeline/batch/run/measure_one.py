@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ... import __version__
-from ...capture import open_capture
+from ...capture import check_inside, open_capture
 from ...config import with_scanner
 from ...errors import WheelplaneError
 from ...five_point import read_five_point
@@ -29,7 +29,8 @@ from .stages import error_chain, stage_of, transient_fault
 class Subject:
     """Capture called `name`, whose local copy is at `source`, and how to measure it.
 
-    key, inputs: those of its identity, if it has one.
+    key, inputs: those of its identity, if it has one. archive: folder that all its files must lie
+    in; None for no limit.
     """
 
     source: Path
@@ -38,6 +39,7 @@ class Subject:
     settings: BatchSettings
     key: str = ""
     inputs: Mapping[str, str] = field(default_factory=dict)
+    archive: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,7 @@ def failed(subject: Subject, outcome: Outcome, log: str) -> Result:
 def _measure(subject: Subject) -> Measurement:
     settings = subject.settings
     if subject.kind == "five-point":
+        check_inside(subject.archive, subject.source, subject.source.name, str(subject.source))
         points = read_five_point(
             subject.source,
             name=subject.name,
@@ -122,7 +125,7 @@ def _measure(subject: Subject) -> Measurement:
             azimuth=settings.azimuth,
         )
         return measure_five_point(points, settings.station)
-    with open_capture(subject.source, settings.target, settings.options) as opened:
+    with open_capture(subject.source, settings.target, settings.options, subject.archive) as opened:
         named = None if settings.scanner else opened.scanner
         measurement = measure_capture(opened, with_scanner(settings.config, named))
     return replace(measurement, provenance=replace(measurement.provenance, source=subject.name))

@@ -37,7 +37,8 @@ class Batch:
     ) -> None:
         self.request, self.shard, self.counts = request, shard, RunCounts()
         self._engine, self._scratch, self._listener = engine, scratch, listener
-        self._archive, self._results = open_store(request.archive), open_store(request.results)
+        self._archive = open_store(request.archive, confined=True)
+        self._results = open_store(request.results)
         of_settings = request.settings.settings_hash
         self._index = ResultIndex(self._results, of_settings, self._archive, scratch / "index")
         self._index.load()

@@ -54,7 +54,7 @@ def is_complete(found: FoundCapture, folder: Path) -> bool:
     if found.kind != "folder":
         return True
     try:
-        with open_entries(source):
+        with open_entries(source, within=folder):
             return True
     except WheelplaneError:
         return False

@@ -104,11 +104,11 @@ def _one(
 ) -> tuple[CompletedCapture, Future[None] | None]:
     """Measure a capture; return it with its outcome, and the pending write of a new result."""
     with ExitStack() as stack:
-        archive, known, source = _known(found, task, stack)
+        archive, known, folder = _known(found, task, stack)
         exists = results.exists(json_name(known.key))
         if exists and not (task.request.retry and _failed_before(results, known.key)):
             return _done(found, known, RECOGNISED), None
-        result = _result(found, known, source, task)
+        result = _result(found, known, folder, task)
         if not task.blind and not unchanged(archive, known):
             raise TransientError(f"{found.name}: changed while it was measured")
     writing = _writers().submit(_write, results, known.key, result, exists)
@@ -119,21 +119,22 @@ def _one(
 
 
 def _known(found: FoundCapture, task: Task, stack: ExitStack) -> tuple[Store, Identity, Path]:
-    """Return the capture's archive, identity and local copy. Raises ArchiveError."""
+    """Return the capture's archive, its identity, and the local folder. Raises ArchiveError."""
     try:
-        archive = _store(task.request.archive)
+        archive = _store(task.request.archive, confined=True)
         if task.blind:
-            return archive, unreadable(found, task.request.settings), Path(found.name)
-        source = stack.enter_context(local_copy(archive, found))
-        return archive, identify(archive, found, source, task.request.settings), source
+            return archive, unreadable(found, task.request.settings), Path()
+        folder = stack.enter_context(local_copy(archive, found))
+        return archive, identify(archive, found, folder, task.request.settings), folder
     except WheelplaneError as error:
         raise ArchiveError(str(error)) from error
 
 
-def _result(found: FoundCapture, known: Identity, source: Path, task: Task) -> Result:
+def _result(found: FoundCapture, known: Identity, folder: Path, task: Task) -> Result:
     settings = task.request.settings
     name = legible(found.name)
-    subject = Subject(source, name, found.kind, settings, known.key, known.inputs)
+    source = folder / found.name
+    subject = Subject(source, name, found.kind, settings, known.key, known.inputs, folder)
     if task.outcome is not None:
         return failed(subject, task.outcome, "\n".join(task.attempts) + "\n")
     return measure_bytes(subject)
@@ -170,5 +171,5 @@ def _writers() -> ThreadPoolExecutor:
 
 
 @lru_cache(maxsize=4)
-def _store(url: str) -> Store:
-    return open_store(url)
+def _store(url: str, confined: bool = False) -> Store:
+    return open_store(url, confined)

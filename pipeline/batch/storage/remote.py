@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ...errors import InputError, WheelplaneError
+from ...files import lies_in
 from .entry import PARTIAL, Entry
 from .filesystem import TAKEN, code_of, file_system, is_transient
 
@@ -123,6 +124,8 @@ class RemoteStore:
     def fetch(self, name: str, folder: Path) -> Path:
         """Copy the object to `folder` / `name`, completely or not at all; return the path."""
         target = folder / name
+        if not lies_in(target, folder):
+            raise InputError(f"{self.url}/{name}: its name leads out of the archive: rename it")
         target.parent.mkdir(parents=True, exist_ok=True)
         temporary = target.with_name(f"{PARTIAL}-{uuid.uuid4().hex}")
         try:

@@ -60,20 +60,21 @@ class Store(Protocol):
         """Return a local path to the file: its own, or that of a copy at `folder` / `name`."""
 
 
-def open_store(url: str) -> Store:
+def open_store(url: str, confined: bool = False) -> Store:
     """Open the store at a local path, file://, s3://, gs://, az:// or another URL of fsspec.
 
-    A folder need not exist yet; a bucket must. Raises InputError, MissingDependencyError.
+    A folder need not exist yet; a bucket must. confined: links out of the folder are not followed
+    when it is listed. Raises InputError, MissingDependencyError.
     """
     from .local import LocalStore
 
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", url) is None:
-        return LocalStore(Path(url), url)
+        return LocalStore(Path(url), url, confined)
     parts = urlsplit(url)
     if parts.scheme == "file":
         if parts.netloc not in ("", "localhost"):
             raise InputError(f"{url}: has the host {parts.netloc}: write file:///path")
-        return LocalStore(Path(unquote(parts.path)), url)
+        return LocalStore(Path(unquote(parts.path)), url, confined)
 
     from .remote import RemoteStore
 

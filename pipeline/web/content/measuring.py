@@ -21,6 +21,7 @@ from ...capture import (
 )
 from ...config import Config, load_station, with_scanner
 from ...errors import InputError
+from ...files import lies_in
 from ...five_point import Station, read_five_point
 from ...measure import measure_capture, measure_five_point
 from ...measurement import Conformity, Measurement, assess, tolerance_for
@@ -89,7 +90,7 @@ def check_inside(source: Path, allowed: Path) -> None:
 
 
 def _check_path(path: Path, name: str, source: Path, allowed: Path) -> None:
-    if not path.resolve().is_relative_to(allowed.resolve()):
+    if not lies_in(path, allowed):
         raise InputError(
             f"{source}: {name!r} is outside the allowed folder: move it into the capture"
         )
