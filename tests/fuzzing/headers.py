@@ -6,6 +6,7 @@ lie about a count.
 
 from __future__ import annotations
 
+import io
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -208,6 +209,87 @@ def text(draw: st.DrawFn) -> Written:
     return Written(whole(len(rows)), points, 0, _lying(whole, len(rows)) if counted else ())
 
 
+PROSE = ["Export of a wheel", "[Data]", "Offset: 1 2 3", "Speed;7 mm/s", "----", "Größe der Wolke"]
+NONE = ["nan", "-nan(ind)", "1.#QNAN", "-1.#IND00", "1.#INF", "N/A", "null", "#N/A"]
+NAMED = (
+    *(("x", "y", "z"), ("X [m]", "Y [m]", "Z [m]"), ("x(m)", "y(m)", "z(m)")),
+    *(
+        ("Points:0", "Points:1", "Points:2"),
+        ("Easting", "Northing", "Elevation"),
+        ("X_m", "Y_m", "Z_m"),
+    ),
+)
+
+
+@st.composite
+def exported(draw: st.DrawFn) -> Written:
+    """Text as exporters write it: prose, names, units, labels, quotes, missing values."""
+    mark = draw(st.sampled_from([",", ";", "\t"]))
+    names = [
+        *draw(st.sampled_from(NAMED)),
+        *draw(st.sampled_from([(), ("Intensity",), ("a", "b")])),
+    ]
+    labels, quoted, trailing = (draw(st.booleans()) for _ in range(3))
+    names = [*(["Name"] if labels else []), *draw(st.permutations(names))]
+    units = draw(st.booleans())
+    comment = draw(st.sampled_from(["", "", "#", "//"])) if not units else ""
+    above = draw(st.lists(st.sampled_from(PROSE), max_size=3))
+    below = draw(st.lists(st.sampled_from(PROSE[:2]), max_size=2))
+    count = draw(st.integers(1, 5))
+    at = [
+        next(k for k, name in enumerate(names) if name in trio) for trio in zip(*NAMED, strict=True)
+    ]
+    lines, points, missing = [], [], 0
+    for number in range(count):
+        values = draw(st.tuples(*[SMALL] * len(names)))
+        cells = [f"{(value + 0.5) / 8:.4f}" for value in values]
+        points.append([float(cells[k]) for k in at])
+        if number and draw(st.integers(0, 3)) == 0:
+            cells[at[draw(st.integers(0, 2))]] = draw(st.sampled_from([*NONE, ""]))
+            points.pop()
+            missing += 1
+        cells = [f'"{cell}"' if quoted else cell for cell in cells]
+        cells[:1] = [f"P{number}"] if labels else cells[:1]
+        lines.append(mark.join(cells) + mark * trailing)
+    head = [*above, comment + mark.join(names), *([mark.join(["m"] * len(names))] if units else [])]
+    end = draw(st.sampled_from(["\n", "\r\n"]))
+
+    def whole(count: int | None) -> bytes:
+        counted = [] if count is None else [str(count)]
+        return end.join([*head, *counted, *lines, *below, ""]).encode()
+
+    declared = len(lines) if draw(st.booleans()) else None
+    lies = _lying(whole, len(lines)) if declared is not None else ()
+    return Written(whole(declared), np.array(points, float), missing, lies)
+
+
+@st.composite
+def npy(draw: st.DrawFn) -> Written:
+    """Arrays of rows, of rasters, and of records, of any type and order."""
+    kind = draw(st.sampled_from(["<f4", ">f8", "<i2", "|u1", ">u4"]))
+    shape = draw(st.sampled_from([(1,), (4,), (2, 3), (1, 1)]))
+    size = int(np.prod(shape))
+    rows = draw(st.lists(st.tuples(SMALL, SMALL, SMALL), min_size=size, max_size=size))
+    points = np.array(rows, float)
+    if draw(st.booleans()):
+        others = draw(st.lists(st.sampled_from(["a", "b"]), max_size=2, unique=True))
+        names = draw(st.permutations(["x", "y", "z", *others]))
+        types = [draw(st.sampled_from(["S3", "<f8", "u1"])) if n in others else kind for n in names]
+        array = np.zeros(shape, list(zip(names, types, strict=True)))
+        for axis, name in enumerate("xyz"):
+            array[name] = points[:, axis].reshape(shape)
+    else:
+        columns = draw(st.sampled_from([3, 4, 6]))
+        more = np.resize(7.5, (size, columns - 3))
+        array = np.column_stack([points + 0.5 * (kind[1] == "f"), more]).reshape(*shape, columns)
+        points = points + 0.5 * (kind[1] == "f")
+        array = array.astype(kind, order=draw(st.sampled_from("CF")))
+    stream = io.BytesIO()
+    np.save(stream, array)
+    data = stream.getvalue()
+    return Written(data, points, 0, (data + b"\0", data[:-1]))
+
+
 LAS_POINT_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
 LAS_HEAD_BYTES = {1: 227, 2: 227, 3: 235, 4: 375}
 
@@ -251,4 +333,7 @@ def las(draw: st.DrawFn) -> Written:
     return Written(whole(count), np.array(rows) * scale + shift, 0, lies)
 
 
-STRATEGIES = {"ply": ply, "pcd": pcd, "ptx": ptx, "pts": pts, "las": las, "txt": text}
+STRATEGIES = {
+    **{"ply": ply, "pcd": pcd, "ptx": ptx, "pts": pts, "las": las, "txt": text},
+    **{"csv": exported, "npy": npy},
+}

@@ -12,13 +12,13 @@ import numpy as np
 
 from tests.fuzzing.e57 import HELD, PAGE
 from tests.fuzzing.mutations import Mutant
-from tests.fuzzing.samples import capture_files, scans
+from tests.fuzzing.samples import capture_files, heights, scans
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.diagnostics.findings import findings
 from wheelplane.diagnostics.scan_summary import summarise_scan
 from wheelplane.errors import WheelplaneError
 from wheelplane.five_point.file import read_five_point
-from wheelplane.readers import Scan, read_scan
+from wheelplane.readers import ReadOptions, Scan, read_scan
 
 LONGEST_LINE, LONGEST_LIST = 600, 2000  # of one fact; of all the mistakes in a capture.toml
 
@@ -45,23 +45,25 @@ def judge(mutant: Mutant, folder: Path) -> str:
 
 
 def _scan(path: Path, mutant: Mutant) -> None:
+    given = dict(mutant.sample.given)
+    unit, options = given.pop("length_unit", "m"), ReadOptions(**given)
     try:
-        scan = read_scan(path)
+        scan = read_scan(path, unit, options=options)
     except WheelplaneError:
-        _inspect(path, 0, 0)
+        _inspect(path, unit, options, 0, 0)
         raise
     _check_scan(scan)
-    _inspect(path, len(scan.points_m), scan.invalid_points)
+    _inspect(path, unit, options, len(scan.points_m), scan.invalid_points)
     declared = count_declared(mutant)
     seen = len(scan.points_m) + scan.invalid_points
     if declared is not None and declared != seen:
         raise BrokenLawError(f"silent loss: {declared} points declared, {seen} accounted for")
 
 
-def _inspect(path: Path, points: int, missing: int) -> None:
+def _inspect(path: Path, unit: str, options: ReadOptions, points: int, missing: int) -> None:
     """`inspect` sees what is read, and refuses what is refused, or sees no points there."""
     try:
-        survey = summarise_scan(path, "m")
+        survey = summarise_scan(path, unit, options=options)
         findings(survey)
     except WheelplaneError as error:
         _check_line(str(error), path.name)
@@ -125,6 +127,8 @@ def _check_line(line: str, file: str) -> None:
 def count_declared(mutant: Mutant) -> int | None:
     """Points that the file's own header declares, by a look of our own; None where none is sure."""
     suffix, data = Path(mutant.sample.file).suffix, mutant.data
+    if "pitch" in mutant.sample.given or mutant.sample.name in heights():
+        return None
     if suffix == ".gz" and mutant.sample.name.startswith("inner:"):
         data, suffix = gzip.decompress(data), Path(mutant.sample.file).suffixes[-2]
     try:
@@ -150,7 +154,8 @@ def _npy(data: bytes) -> int | None:
     form = np.lib.format
     one = form.read_magic(stream)[0] == 1
     head = (form.read_array_header_1_0 if one else form.read_array_header_2_0)(stream)
-    return int(head[0][0])
+    shape, dtype = head[0], head[2]
+    return int(np.prod(shape if dtype.names else shape[:-1], dtype=np.int64))
 
 
 def _las(data: bytes) -> int | None:
@@ -165,19 +170,31 @@ def _e57(data: bytes) -> int | None:
     return sum(map(int, counts)) if counts else None
 
 
+NUMBER_OR_NONE = re.compile(r"[-+]?(\d[\d.]*|\.\d+|nan|inf)(e[-+]?\d+)?|n/?a|1\.", re.IGNORECASE)
+
+
 def _text(data: bytes) -> int | None:
-    """Rows that begin with a number; a number alone on the first of them is a count."""
-    lines = re.split(r"\r\n|\r|\n", data.decode("utf-8-sig", "replace"))
-    shown = [re.split(r"#|//", line)[0].split() for line in lines]
-    rows = [row for row in shown if row]
-    if rows and len(rows[0]) == 1 and rows[0][0].isdigit():
-        return int(rows[0][0])
-    return len(rows) - bool(rows and re.match(r"[^\W\d]{1,20}([ ,;\t]|$)", " ".join(rows[0]))
-                            and not re.match(r"(nan|inf)", rows[0][0], re.IGNORECASE))  # fmt: skip
+    """Lines of two numbers or more, but for `key: value`; a number alone above them is a count."""
+    if re.search(rb"pitch|cellsize|^Info", data, re.IGNORECASE):
+        return None  # heights
+    utf_16 = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    text = data.decode("utf-16" if utf_16 else "utf-8-sig", "replace")
+    count = rows = 0
+    for line in re.split(r"\r\n|\r|\n", text):
+        content = re.split(r"(?<!1\.)#|//", line)[0].replace('"', "")
+        words = [word for word in re.split(r"[\s,;]+", content) if word]
+        numbers = sum(NUMBER_OR_NONE.match(word) is not None for word in words)
+        if len(words) == 1 and words[0].isdigit() and not rows:
+            count = count or int(words[0])
+        elif numbers > 1 and not re.match(r"[^\W\d][^,;\t]*[:=]", content.strip()):
+            rows += 1
+    return count or rows
 
 
 def _pts(data: bytes) -> int | None:
     """The sum of the numbers that stand alone in a line."""
+    if re.search(rb"[#/,;x]", data):
+        return _text(data)
     rows = [line.split() for line in data.decode("latin-1").splitlines()]
     counts = [int(row[0]) for row in rows if len(row) == 1 and row[0].isdigit()]
     return sum(counts) if counts else None
@@ -203,6 +220,7 @@ LOOKS = {
     ".laz": _las,
     ".e57": _e57,
     ".xyz": _text,
+    ".asc": _text,
     ".csv": _text,
     ".txt": _text,
     ".pts": _pts,

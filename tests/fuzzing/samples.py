@@ -6,14 +6,17 @@ the same seed gives the same bytes wherever it is run.
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import io
+import json
 import struct
 import tarfile
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +36,7 @@ class Sample:
 
     file: its name as the reader sees it. sections: offsets where a part begins. seal: what makes a
     file of the mutated bytes: nothing, checksums put right, or a wrapper around them. door: which
-    part of the program opens it.
+    part of the program opens it. given: what the user states of it.
     """
 
     name: str
@@ -42,6 +45,7 @@ class Sample:
     sections: tuple[int, ...]
     seal: Callable[[bytes], bytes] = as_it_is
     door: str = "scan"
+    given: dict[str, Any] = field(default_factory=dict)
 
     @property
     def format(self) -> str:
@@ -53,8 +57,24 @@ def samples(folder: Path = FORMATS) -> tuple[Sample, ...]:
     """The files in `folder`, those written here, the same inside of wrappers, and captures."""
     files = {p.name: p.read_bytes() for p in sorted(folder.iterdir()) if p.suffix != ".md"}
     given = [Sample(name, name, data, sections(name, data)) for name, data in files.items()]
-    made = [Sample(name, name, data, sections(name, data)) for name, data in scans().items()]
+    made = [
+        Sample(name, name, data, sections(name, data), given=GIVEN.get(name, {}))
+        for name, data in (scans() | heights()).items()
+    ]
     return (*given, *made, *_sealed(given + made), *_wrapped(scans()), *_captures(scans()))
+
+
+PITCH = (0.5, 0.25)
+# What must be stated of some samples: their unit, columns or pitch.
+GIVEN: dict[str, dict[str, Any]] = {
+    "rows.xyz": {"columns": ("row", "col", "x", "y", "z", "i")},
+    "raster-counts.npy": {"columns": ("row", "col", "x", "y", "z", "i")},
+    "matrix.csv": {"pitch": PITCH},
+    "matrix.npy": {"pitch": PITCH},
+    "part.csv": {"length_unit": "mm"},
+    "cloud.csv": {"length_unit": "mm"},
+    "model.3mf": {"length_unit": "mm"},
+}
 
 
 def scans() -> dict[str, bytes]:
@@ -69,8 +89,10 @@ def scans() -> dict[str, bytes]:
         **_ply_files(xyz, table, rows),
         **_pcd_files(xyz, shade, table, rows),
         **_text_files(rows),
+        **_exported_text(rows),
         **_numpy_files(xyz, table),
         **_mesh_files(xyz),
+        **_library_meshes(xyz),
         "las-12.las": las_file(xyz, shade, version=2),
         "las-14.las": las_file(xyz, shade, version=4),
         "posed.e57": e57_file(xyz),
@@ -114,7 +136,9 @@ def _pcd_files(
     packed = b"".join(bytes([len(run) - 1]) + run for run in runs)
     packed += bytes([7 << 5, 132 - 9, 28 - 1])
     sizes = struct.pack("<II", len(packed), len(plain))
+    pages = (head("binary_compressed") + sizes + packed).ljust(4096, b"\0")  # as PCL writes them
     return {
+        "pages.pcd": pages,
         "ascii.pcd": head("ascii") + "\n".join(rows).encode() + b"\n",
         "binary.pcd": head("binary") + table.tobytes(),
         "packed.pcd": head("binary_compressed") + sizes + packed,
@@ -145,6 +169,59 @@ def _text_files(rows: list[str]) -> dict[str, bytes]:
     }
 
 
+def _exported_text(rows: list[str]) -> dict[str, bytes]:
+    """The same points as exporters write them: what stands around the rows and in their cells."""
+    plain = "\n".join(rows) + "\n"
+    labels = "".join(f"P{k:02d};{row.replace(' ', ';')}\n" for k, row in enumerate(rows))
+    raster = "".join(f"{k // 8} {k % 8} {row}\n" for k, row in enumerate(rows))
+    quoted = "".join('"' + row.replace(" ", '","') + '"\n' for row in rows)
+    units = "X [m];Y [m];Z [m];Intensity\nm;m;m;-\n"
+    holes = [
+        row if k % 9 else f"{row.split()[0]} 1.#QNAN -1.#IND 0.5" for k, row in enumerate(rows)
+    ]
+    empty = [row if k % 9 else f"{row.split()[0]} N/A  0.5" for k, row in enumerate(rows)]
+    return {
+        "names.asc": f"//X Y Z Intensity\n{ROWS}\n{plain}".encode(),
+        "prose.txt": (
+            f"Export of a scan\n[Data]\n{units}{plain.replace(' ', ';')}End of file\n"
+        ).encode(),
+        "labels.csv": f"Name;X;Y;Z;I\n{labels}".encode(),
+        "bare-labels.csv": labels.encode(),
+        "rows.xyz": raster.encode(),
+        "quoted.csv": f'"Points:0","Points:1","Points:2","Intensity"\n{quoted}'.encode(),
+        "holes.xyz": ("\n".join(holes) + "\n").encode(),
+        "empty.csv": ("x,y,z,i\n" + "\n".join(empty).replace(" ", ",") + "\n").encode(),
+        "ends.csv": plain.replace(" ", ",").replace("\n", ",\n").encode(),
+        "wide.txt": codecs.BOM_UTF16_LE + plain.replace(" ", "\t").encode("utf-16-le"),
+        "names.pts": f"# made\n{ROWS}\n//X,Y,Z,Intensity\n{plain.replace(' ', ',')}".encode(),
+    }
+
+
+def heights() -> dict[str, bytes]:
+    """Matrices of heights, and the two sections of Gocator's CSV."""
+    z = np.round(np.random.default_rng(6).normal(-1.0, 0.1, (8, 20)), 4)
+    cells = [[f"{value:.4f}" for value in row] for row in z]
+    cells[2][5:9] = ["-99999.9999"] * 4
+    matrix = "\n".join(",".join(row) for row in cells) + "\n"
+    info = "Info\nCSV Version,Sensor Count\n2,1\nEnd\n"
+    names = "Frame,Row Count,Column Count\n"
+    positions = ",".join(f"{PITCH[0] * k:.2f}" for k in range(20))
+    body = "".join(f"{PITCH[1] * k:.2f},{','.join(row)}\n" for k, row in enumerate(cells))
+    part = f"{info}Part\n{names}0,8,20\nY,{positions}\n{body}End\n"
+    points = "\n".join(",".join(row[:15]) for row in cells) + "\n"
+    cloud = f"{info}SurfacePointCloud\n{names}0,8,5\n0,1,2,3,4\n{points}End\n"
+    stream = io.BytesIO()
+    np.save(stream, z)
+    return {
+        "matrix.csv": matrix.encode(),
+        "pitch.csv": f"X pitch,0.5,m\nY pitch,0.25,m\n{matrix}".encode(),
+        "grid.asc": f"ncols 20\nnrows 8\ncellsize 0.5\nNODATA_value -9\n{matrix}".encode(),
+        "matrix.npy": stream.getvalue(),
+        "part.csv": part.encode(),
+        "cloud.csv": cloud.encode(),
+    }
+
+
 def _numpy_files(xyz: np.ndarray, table: np.ndarray) -> dict[str, bytes]:
     def npy(array: np.ndarray) -> bytes:
         stream = io.BytesIO()
@@ -152,7 +229,15 @@ def _numpy_files(xyz: np.ndarray, table: np.ndarray) -> dict[str, bytes]:
         return stream.getvalue()
 
     four = np.column_stack([xyz, table["shade"]])
+    counts = np.column_stack([*np.mgrid[:5, :8].reshape(2, -1), four])
+    fields = np.empty(ROWS, [("label", "S3"), ("Z", ">f8"), ("Y", "<f8"), ("X", "<f8")])
+    fields["label"], fields["X"], fields["Y"], fields["Z"] = b"abc", *xyz.T
     return {
+        "raster.npy": npy(xyz.reshape(5, 8, 3)),
+        "raster-columns.npy": npy(np.asfortranarray(xyz.reshape(5, 8, 3).transpose(1, 0, 2))),
+        "raster-counts.npy": npy(counts),
+        "six.npy": npy(np.column_stack([xyz, xyz])),
+        "fields.npy": npy(fields.reshape(8, 5)),
         "rows.npy": npy(four),
         "columns.npy": npy(np.asfortranarray(xyz)),
         "single.npy": npy(xyz.astype(">f4")),
@@ -172,12 +257,56 @@ def _mesh_files(xyz: np.ndarray) -> dict[str, bytes]:
         vertices = [f"vertex {x:.4f} {y:.4f} {z:.4f}" for x, y, z in corner]
         lines += ["facet normal 0 0 1", "outer loop", *vertices, "endloop", "endfacet"]
     lines += ["endsolid made", ""]
+    solids = "\n".join([*lines, *lines]).replace("solid made\n", "solid\n", 1)
     obj = ["# made", *(f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in xyz), "f 1 2 3", "f 2/1 3/1 4/1"]
     return {
         "binary.stl": bytes(binary),
         "ascii.stl": "\n".join(lines).encode(),
+        "solids.stl": solids.encode(),
         "faces.obj": ("\n".join(obj) + "\n").encode(),
         "points.obj": "\n".join(obj[:-2]).encode() + b"\n",
+    }
+
+
+def _library_meshes(xyz: np.ndarray) -> dict[str, bytes]:
+    """OFF, binary glTF and 3MF: the library reads them."""
+    faces = [(k, k + 1, k + 2) for k in range(0, 30, 3)]
+    off = ["OFF # made", f"{ROWS} {len(faces)} 0", *(f"{x:.4f} {y:.4f} {z:.4f}" for x, y, z in xyz)]
+    off += [f"3 {a} {b} {c}" for a, b, c in faces]
+    flat, index = xyz.astype("<f4").tobytes(), np.array(faces, "<u4").tobytes()
+    tree = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "translation": [0.0, 0.0, 0.0]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": ROWS, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 3 * len(faces), "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": len(flat)},
+            {"buffer": 0, "byteOffset": len(flat), "byteLength": len(index)},
+        ],
+        "buffers": [{"byteLength": len(flat + index)}],
+    }
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    glb = struct.pack("<I4s", len(text), b"JSON") + text
+    glb += struct.pack("<I4s", len(flat + index), b"BIN\0") + flat + index
+    vertices = "".join(f'<vertex x="{x:.1f}" y="{y:.1f}" z="{z:.1f}"/>' for x, y, z in xyz * 1e3)
+    triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in faces)
+    model = (
+        '<?xml version="1.0"?><model unit="millimeter" '
+        'xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>'
+        f'<object id="1" type="model"><mesh><vertices>{vertices}</vertices>'
+        f"<triangles>{triangles}</triangles></mesh></object></resources>"
+        '<build><item objectid="1"/></build></model>'
+    )
+    return {
+        "faces.off": ("\n".join(off) + "\n").encode(),
+        "mesh.glb": struct.pack("<4sII", b"glTF", 2, 12 + len(glb)) + glb,
+        "model.3mf": zipped({"3D/3dmodel.model": model.encode()}, packed=True),
     }
 
 
@@ -229,12 +358,18 @@ def gzipped(data: bytes) -> bytes:
 
 
 def _sealed(plain: list[Sample]) -> list[Sample]:
-    """E57 again, the checksums of the mutated pages put right, so that they are no shield."""
+    """E57 and GLB again, checksums and size of what is mutated put right: they are no shield."""
+    seals = {"e57": seal_pages, "glb": seal_size}
     return [
-        Sample(f"sealed:{s.name}", s.file, s.data, s.sections, seal_pages)
+        Sample(f"sealed:{s.name}", s.file, s.data, s.sections, seals[s.format])
         for s in plain
-        if s.file.endswith(".e57")
+        if s.format in seals
     ]
+
+
+def seal_size(data: bytes) -> bytes:
+    """A binary glTF whose header states its own size."""
+    return data if len(data) < 12 else data[:8] + struct.pack("<I", len(data)) + data[12:]
 
 
 def _wrapped(files: dict[str, bytes]) -> list[Sample]:
@@ -253,7 +388,23 @@ def _wrapped(files: dict[str, bytes]) -> list[Sample]:
         sections("points.npy", member),
         lambda data: zipped({"points.npy": data}),
     )
-    return [*made, inside]
+    wide = Sample(
+        "inner:wide.txt",
+        "wide.txt",
+        files["crlf.txt"],
+        _lines(files["crlf.txt"]),
+        lambda data: codecs.BOM_UTF16_BE + data.decode("latin-1").encode("utf-16-be"),
+    )
+    model = zipfile.ZipFile(io.BytesIO(files["model.3mf"])).read("3D/3dmodel.model")
+    inner_model = Sample(
+        "inner:model.3mf",
+        "model.3mf",
+        model,
+        sections("model.xml", model),
+        lambda data: zipped({"3D/3dmodel.model": data}),
+        given=GIVEN["model.3mf"],
+    )
+    return [*made, inside, wide, inner_model]
 
 
 CAPTURE_TOML = """vehicle = "AA-00-BB"
@@ -321,6 +472,9 @@ MARKS = {
     ".zip": (b"PK\x03\x04", b"PK\x01\x02", b"PK\x05\x06"),
     ".e57": (b"<?xml", b"<data3D", b"<pose", b"<points", b"<prototype", b"</points>"),
     ".stl": (b"facet", b"endfacet", b"endsolid"),
+    ".glb": (b"JSON", b"BIN", b'"nodes"', b'"meshes"', b'"accessors"', b'"bufferViews"'),
+    ".3mf": (b"PK\x03\x04", b"PK\x01\x02", b"PK\x05\x06"),
+    ".xml": (b"<model", b"<vertices>", b"<vertex", b"<triangle", b"<build>", b"<item"),
 }
 STEPS = {".e57": (48, 80, 1024, 2048), ".las": (227, 375), ".laz": (227, 375), ".stl": (80, 84)}
 
@@ -328,7 +482,7 @@ STEPS = {".e57": (48, 80, 1024, 2048), ".las": (227, 375), ".laz": (227, 375), "
 def sections(name: str, data: bytes) -> tuple[int, ...]:
     """Offsets where the parts of a file begin: at its marks, sizes known by heart, or its lines."""
     suffix = Path(name).suffix
-    if suffix in (".xyz", ".csv", ".txt", ".pts", ".ptx", ".obj"):
+    if suffix in (".xyz", ".asc", ".csv", ".txt", ".pts", ".ptx", ".obj", ".off"):
         return _lines(data)
     if suffix == ".tar":
         return tuple(range(512, len(data), 512))
