@@ -28,7 +28,7 @@ def load_numba() -> Any:
     finally:
         del modules["yaml"]
         modules.update(yaml)
-    numba.core.config._config_fname = os.devnull  # no regular file: later, too, none is read
+    numba.core.config._config_fname = ""  # names no file: later, too, none is read
     numba.core.config.reload_config()
     return numba
 

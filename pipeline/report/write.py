@@ -92,8 +92,14 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
 
 
 def write_whole(path: Path, content: bytes) -> Path:
-    """Write `content` under a temporary name beside `path`, then move it there."""
+    """Write `content` under a temporary name beside `path`, then move it there.
+
+    What is no regular file, such as /dev/stdout or a pipe, is written to, never replaced.
+    """
     try:
+        if path.exists() and not path.is_file():
+            path.write_bytes(content)
+            return path
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
         try:
             with os.fdopen(handle, "wb") as stream:

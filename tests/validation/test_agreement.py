@@ -10,6 +10,9 @@ import pytest
 from scipy import optimize, stats
 
 from tests.support.validation_cars import Car
+from wheelplane.report.format.language import load_translations
+from wheelplane.report.format.view import PAPER
+from wheelplane.report.format.writer import Writer
 from wheelplane.report.text.validation_study import scores_text
 from wheelplane.validation.agreement import agreement, bias_probability
 from wheelplane.validation.coverage import nees, scores
@@ -265,6 +268,7 @@ def test_nees_tells_uncertainties_that_are_too_small_or_too_large(steady):
     for factor, position in ((0.5, "above"), (1.0, "within"), (2.0, "below")):
         found = tuple(with_u(steady[:60], factor))
         assert nees(found).position == position
-        text = scores_text(ComparisonStudy("", tuple(Row("", one) for one in found), None))
+        study = ComparisonStudy("", tuple(Row("", one) for one in found), None)
+        text = scores_text(study, Writer(load_translations("en"), PAPER, plain=True))
         assert f"in 95 %: {position}" in text
         assert ("the stated uncertainties are too" in text) == (factor != 1.0)
