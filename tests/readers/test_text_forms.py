@@ -312,6 +312,8 @@ def test_named_columns_replace_those_of_the_file(tmp_path):
     strings = rows(before="12.03.2026 ", shades=False)
     assert read(tmp_path, strings, columns=names).points_m.tolist() == POINTS.tolist()
     refuse(tmp_path, rows(), "line 1 has 4 columns, --columns names 3", columns=("x", "y", "z"))
+    four = ("x", "y", "z", "i")
+    refuse(tmp_path, "abc 2.0 3.x 4.0\n" + rows(), "line 1 is neither a row of", columns=four)
 
 
 @pytest.mark.parametrize("name", ["a.ply", "a.pcd", "a.las", "a.ptx", "a.stl", "a.obj", "a.e57"])

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from ...files import open_archive
+from ...files import archive_errors, open_archive
 from ...vectors import Array
 from ..faults import fault, too_long, too_short
 from ..memory import check_memory
@@ -136,7 +136,8 @@ def _vertices(mesh: Any, source: Source) -> Array:
         for node in mesh.graph.nodes_geometry:
             T, name = mesh.graph[node]
             points = np.asarray(mesh.geometry[name].vertices, dtype=np.float64)
-            placed.append(points @ T[:3, :3].T + T[:3, 3])
+            with np.errstate(all="ignore"):  # coordinates are checked later
+                placed.append(points @ T[:3, :3].T + T[:3, 3])
     except Exception as error:  # whatever a damaged graph makes of the library
         raise fault(source, f"its scene cannot be read ({shown(str(error))})") from error
     return np.concatenate(placed)
@@ -210,9 +211,6 @@ def _check_three_mf(source: Source) -> int:
     check_memory(sum(model.size for model in models), _PARSED_PER_BYTE, source)
     if not models:
         raise fault(source, "it is a zip without a 3D model", "export it as 3MF or STL")
-    try:
-        with zipfile.ZipFile(source.path) as opened:
-            texts = [opened.read(model.name) for model in models]
-    except (zipfile.BadZipFile, OSError, ValueError, RuntimeError, NotImplementedError):
-        raise fault(source, "the archive is damaged", "copy it again") from None
+    with archive_errors(source.name), zipfile.ZipFile(source.path) as opened:
+        texts = [opened.read(model.name) for model in models]
     return sum(len(re.findall(rb"<(?:\w+:)?vertex[\s/>]", text)) for text in texts)

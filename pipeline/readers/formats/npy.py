@@ -121,7 +121,9 @@ def mapped(header: Header, source: Source) -> npt.NDArray[Any]:
 def _first_rows(array: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
     """Return some of the first rows (N, C) of an array of points."""
     count = _CHECKED_ROWS // (array.shape[1] if array.ndim == 3 else 1)
-    return np.asarray(array[: max(1, count)], dtype=np.float64).reshape(-1, array.shape[-1])
+    with np.errstate(invalid="ignore"):  # a signalling NaN
+        first = np.asarray(array[: max(1, count)], dtype=np.float64)
+    return first.reshape(-1, array.shape[-1])
 
 
 def _raster_blocks(array: npt.NDArray[Any], layout: Layout) -> Iterator[Block]:

@@ -48,7 +48,8 @@ def _triangles(source: Source) -> Array:
     check_memory(declared, _PARSED_BYTES, source)
     source.stream.seek(_HEAD)
     records = np.frombuffer(source.stream.read(declared * _TRIANGLE.itemsize), _TRIANGLE)
-    return records["corners"].astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a signalling NaN
+        return records["corners"].astype(np.float64)
 
 
 def _from_text(source: Source) -> Array:

@@ -57,8 +57,9 @@ def read_text(source: Source, with_intensity: Sequence[int] = (4,)) -> RawCloud:
 def _form(heading: Heading, source: Source, with_intensity: Sequence[int]) -> _Form:
     """Return what the rows are: as the options say, or the names above them; or unnamed columns."""
     options, columns = source.options, heading.widths[-1]
-    if options.pitch is not None:
+    if options.stated():
         check_prose(heading.lines, heading, source)
+    if options.pitch is not None:
         return _Form(columns, Heights(options.pitch), Cells(footer=True))
     if options.columns is not None:
         if len(options.columns) not in heading.widths:

@@ -7,7 +7,7 @@ import io
 import math
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import takewhile
@@ -20,6 +20,7 @@ from ..source import Source, shown
 from .lines import Lines, count_of_lines, is_number
 
 NumberTable = Array
+Converters = dict[int | str, Callable[[str], float]]
 
 _COMMA_NUMBER = re.compile(
     r"[+-]?(\d+(,\d+)?(e[+-]?\d+)?|nan|inf(inity)?)", re.IGNORECASE | re.ASCII
@@ -91,7 +92,10 @@ def cells_of(data: str, delimiter: str | None) -> list[str]:
         return [cell.strip() for cell in data.split(delimiter)]
     if delimiter is None:
         return [word.strip('"') for word in _QUOTED_WORD.findall(data)]
-    row = next(csv.reader([data], delimiter=delimiter, skipinitialspace=True), [])
+    try:
+        row = next(csv.reader([data], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:  # a field of more than 128 KiB
+        row = data.split(delimiter)
     return [cell.strip() for cell in row]
 
 
@@ -116,7 +120,7 @@ def is_prose(data: str, columns: int | None = None, delimiter: str | None = None
         return False
     if _FIELD_NAME.match(data):
         return True
-    words = re.split(r"[\s,;]+", data)
+    words = re.split(r"[\s,;\"']+", data)
     numbers = sum(map(is_number, words))
     before = takewhile(lambda word: not is_number(word), words)
     if numbers and not _WORD.search(" ".join(before)):
@@ -174,6 +178,10 @@ class _Parser:
     ) -> None:
         self._columns, self._delimiter, self._source = columns, delimiter, source
         self._cells, self._memory = cells, memory
+        needed = range(columns) if cells.needed is None else cells.needed
+        self._unneeded: Converters = dict.fromkeys(set(range(columns)) - set(needed), _no_number)
+        if cells.label:
+            self._unneeded[0] = _name
         self._comma: bool | None = None
         self._end: tuple[int, str] | None = None
 
@@ -182,15 +190,24 @@ class _Parser:
         piece = signs_as_nan(piece)
         if self._comma is None:
             self._comma = _decimal_mark(piece, self._delimiter)
-        if self._end is None and not self._cells.label:
-            table = self._parse_fast(piece)
-            if table is None and (bare := self._bare(piece)) != piece:
-                table = self._parse_fast(bare)
-            if table is not None:
-                return table
+        if self._end is None:
+            for text, converters in self._attempts(piece):
+                table = self._parse_fast(text, converters)
+                if table is not None:
+                    return table
         return self._parse_slowly(piece, line)
 
-    def _parse_fast(self, piece: str) -> NumberTable | None:
+    def _attempts(self, piece: str) -> Iterator[tuple[str, Converters | None]]:
+        """Yield the piece as it is, with bare numbers, and with converters of unneeded columns."""
+        if not self._cells.label:
+            yield piece, None
+        bare = self._bare(piece)
+        if not self._cells.label and bare != piece:
+            yield bare, None
+        if self._unneeded:
+            yield bare, self._unneeded
+
+    def _parse_fast(self, piece: str, converters: Converters | None) -> NumberTable | None:
         """Parse with numpy's C parser; None when it finds no table of the right width.
 
         The piece goes through a file: numpy reads a path in blocks, 1.15 times as fast as other
@@ -207,7 +224,12 @@ class _Parser:
         path = f"/proc/self/fd/{self._memory}"
         try:
             table = np.loadtxt(
-                path, comments="#", delimiter=self._delimiter, ndmin=2, encoding="utf-8"
+                path,
+                comments="#",
+                delimiter=self._delimiter,
+                converters=converters,
+                ndmin=2,
+                encoding="utf-8",
             )
         except ValueError:
             return None
@@ -276,6 +298,17 @@ class _Parser:
         if self._comma or (self._delimiter == "," and _COMMA_NUMBER.fullmatch(cell)):
             cell = cell.replace(",", ".")  # where commas separate, it was quoted
         return float(cell) if is_number(cell) else math.nan
+
+
+def _no_number(_cell: str) -> float:
+    return math.nan
+
+
+def _name(cell: str) -> float:
+    """Return NaN for the name of a point. Raises ValueError if it is none."""
+    if not is_label(cell.strip()):
+        raise ValueError(cell)
+    return math.nan
 
 
 def _decimal_mark(piece: str, delimiter: str | None) -> bool | None:

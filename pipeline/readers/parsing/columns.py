@@ -37,6 +37,7 @@ _UNITS = {
 _BRACKETED = re.compile(r"(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\))")
 _SUFFIXED = re.compile(r"(.*?)(?:\s*/\s*|_|\s+in\s+|\s+)(\w+)")
 _DECORATION = re.compile(r"coordinates?|coord|position|pos|axis|value|[\s_.-]+")
+_LONGEST_NAME = 100
 MOST_UNNAMED = 12
 _SHOWN_ROWS = 1000
 _FEWEST_ROWS = 3
@@ -78,6 +79,8 @@ def are_known(names: Sequence[str]) -> bool:
 def _part(name: str) -> tuple[str, str | None]:
     """Return a column's name in lower case and the unit behind it, as written, or None."""
     name = name.strip(" \t\"'").lower()
+    if len(name) > _LONGEST_NAME:
+        return name, None
     if found := _BRACKETED.fullmatch(name):
         return found[1], next(unit for unit in found.groups()[1:] if unit is not None)
     found = _SUFFIXED.fullmatch(name)

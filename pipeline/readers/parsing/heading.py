@@ -13,6 +13,7 @@ from .columns import are_known, find_layout, unit_of
 from .lines import is_number
 
 _MOST_LINES_BEFORE = 100_000
+_NAMES_WITHIN = 100  # lines above the rows
 _WORDS = re.compile(r'"[^"]*"|[^\s,;]+')
 
 Line = tuple[int, str]  # its number in the file, its text
@@ -104,7 +105,8 @@ def named_layout(heading: Heading, source: Source) -> tuple[int, Layout] | None:
     Raises InputError for names that do not fit the rows, or lack x, y or z.
     """
     wrong = None
-    for at, (_, text) in reversed(list(enumerate(heading.lines))):
+    first = max(0, len(heading.lines) - _NAMES_WITHIN)
+    for at, (_, text) in reversed(list(enumerate(heading.lines[first:], first))):
         for columns in heading.widths:
             names = _names(text, heading.delimiter, columns)
             try:
@@ -134,7 +136,7 @@ def _may_be_names(cells: Sequence[str], columns: int) -> bool:
 
 
 def _named_in_comment(heading: Heading, source: Source) -> tuple[int, Layout] | None:
-    for comment in reversed(heading.comments):
+    for comment in reversed(heading.comments[-_NAMES_WITHIN:]):
         for columns in heading.widths:
             names = _names(comment, heading.delimiter, columns)
             if not any(name.endswith(":") for name in names) and len(names) == columns:
@@ -167,8 +169,13 @@ def _units(
 
 
 def check_prose(lines: Sequence[Line], heading: Heading, source: Source) -> None:
-    """Raise InputError for one of the lines above the rows that may be a damaged row."""
+    """Raise InputError for one of the lines above the rows that may be a damaged row.
+
+    Names of columns, which are no prose, pass where the user names the columns or gives a pitch.
+    """
     for number, text in lines:
+        if source.options.stated() and not re.search(r"\d", text) and text.isprintable():
+            continue
         if not is_prose(text, len(heading.cells), heading.delimiter):
             fact = f"line {number} is neither a row of numbers nor a heading: {shown(text)}"
             raise fault(source, fact, "correct or delete the line, or export again")

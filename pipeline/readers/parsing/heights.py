@@ -29,7 +29,7 @@ _PITCH = {
 }
 _METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "in": 0.0254, "ft": 0.3048}
 _INTEGER_LIMITS = (-32768.0, -2147483648.0)
-_FEWEST_NINES, _FEWEST_IN_STEPS = 4, 8
+_FEWEST_NINES, _FEWEST_IN_STEPS, _LONGEST_LINE = 4, 8, 200
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def stated_heights(lines: Iterable[str]) -> Heights | None:
     steps: dict[str, tuple[float, str | None]] = {}
     unit = none = None
     flip = False
-    for line in lines:
+    for line in (text for text in lines if len(text) <= _LONGEST_LINE):
         if found := _UNIT.match(line):
             unit = unit_of(found[1]) or unit
             continue
