@@ -164,6 +164,7 @@ def test_a_total_and_its_uncertainty_share_their_place(left, right, expanded, st
 
 
 @given(length=st.floats(-5.0, 5.0), expanded=st.floats(-8.0, -0.5).map(lambda power: 10.0**power))
+@example(length=0.0, expanded=0.001)
 def test_a_length_in_metres_and_its_uncertainty_in_millimetres(length, expanded):
     wide = 1e3 * expanded
     if abs(wide / step(wide) % 1.0 - 0.5) < 1e-6:

@@ -20,7 +20,7 @@ def two_digits(x: float) -> Decimal:
 
 def step(expanded: float) -> float:
     """Return the unit of the last of U's two digits."""
-    return float(Decimal(1).scaleb(two_digits(expanded).as_tuple().exponent))
+    return float(Decimal(1).scaleb(two_digits(expanded).adjusted() - 1))
 
 
 def arc_step_s(expanded_s: float) -> float:

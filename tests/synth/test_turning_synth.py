@@ -112,10 +112,9 @@ def test_from_files_to_axes(capture):
     with open_capture(capture) as opened:
         measurement = measure_capture(opened, Config())
     wheels = {wheel["name"]: wheel for wheel in shown["wheels"]}
-    runouts = measurement.runouts
-    for found in runouts:
+    for found in measurement.runouts:
         assert found.frame == "axle centres"
-        for angle, name in ((found.on_axles.toe, "toe"), (found.on_axles.camber, "camber")):
+        for angle, name in ((found.angles.toe, "toe"), (found.angles.camber, "camber")):
             true = np.radians(wheels[found.wheel][f"{name}_deg"])
             assert abs(angle.value - true) < 4.5 * angle.u
             assert angle.u < 0.05 * found.axial_runout.value
