@@ -72,7 +72,7 @@ HOMES = {
     "fsspec": {"pipeline/batch/storage/filesystem.py"},
     "openpyxl": {"pipeline/batch/results/export.py"},
     "rich": {"pipeline/batch/run/progress.py"},
-    "jinja2": {"pipeline/report/html/page.py", "pipeline/manual/build.py"},
+    "jinja2": {"pipeline/report/html/template.py", "pipeline/manual/build.py"},
     "weasyprint": {"pipeline/report/html/pdf.py"},
     "pydantic": {
         "pipeline/config.py",

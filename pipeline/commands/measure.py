@@ -11,6 +11,7 @@ from ..config import load_config, with_scanner
 from ..errors import InputError
 from ..measure import measure_capture
 from ..measurement import assess, check_by_monte_carlo, conforms, tolerance_for
+from ..report.format.earlier import check_same_vehicle
 from ..report.format.view import AngleStyle, DigitStyle, read_view
 from ..report.json.measurement import to_json
 from ..report.write import ReportFiles, write_reports
@@ -54,6 +55,13 @@ from .reporting import plot_to, report_options, show, show_plot
 @tolerance_option
 @view_options
 @click.option(
+    "--before",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="An earlier measurement.json of the same vehicle, whose values are set beside the new "
+    "ones.",
+)
+@click.option(
     "--pictures/--no-pictures", default=True, help="Write pictures of the targets to DIR."
 )
 @click.option("--html/--no-html", default=True, help="Write the HTML report, report.html, to DIR.")
@@ -83,6 +91,7 @@ def measure(
     angles: AngleStyle,
     rim: str | None,
     digits: DigitStyle,
+    before: Path | None,
 ) -> int:
     """Measure CAPTURE: a folder, zip or tar with a scan of each wheel, or a whole-vehicle scan.
 
@@ -103,7 +112,7 @@ def measure(
     """
     view = read_view(axis, angles, rim, digits)
     settings = load_config(config)
-    options = report_options(settings.report, language, view)
+    options = report_options(settings.report, language, view, before)
     if pdf and output is None:
         raise InputError("--pdf without -o DIR: name the folder that report.pdf goes to")
     reading = read_options(columns, pitch)
@@ -112,6 +121,8 @@ def measure(
         open_capture(capture, target, overrides) as opened,
         TerminalProgress(opened.steps) as progress,
     ):
+        if options.before:
+            check_same_vehicle(options.before, opened.vehicle, str(capture))
         settings = with_scanner(settings, scanner or opened.scanner)
         model, name = opened.vehicle_model, str(capture)
         limits = None if tolerance is None else tolerance_for(tolerance, model, name)
@@ -123,11 +134,11 @@ def measure(
     written = write_reports(measurement, output, conformity, options, files) if output else []
     written += plot_to(plot, measurement, conformity, options)
     if as_json:
-        click.echo(to_json(measurement, conformity, view.axis), nl=False)
+        click.echo(to_json(measurement, conformity, view.axis, options.before), nl=False)
     else:
         for note in measurement.notes:
             click.echo(note)
-        show(measurement, view, conformity)
+        show(measurement, view, conformity, options.before)
         show_plot(plot, measurement, conformity, options)
         for path in written:
             click.echo(f"wrote {path}")

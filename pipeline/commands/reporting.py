@@ -8,6 +8,7 @@ import click
 
 from ..config import ReportConfig
 from ..measurement import Conformity, Measurement
+from ..report.format.earlier import Earlier, read_earlier
 from ..report.format.laboratory import read_laboratory
 from ..report.format.language import load_translations
 from ..report.format.view import View
@@ -16,28 +17,37 @@ from ..report.plots.angle_chart import angles_text
 from ..report.plots.files import plot_files
 from ..report.text.conformity import conformity_text
 from ..report.text.report import extra_parts, summary_table
-from ..report.text.vehicle import vehicle_lines
+from ..report.text.vehicle import before_text, vehicle_lines
 from ..report.write import write_files
 
 SCREEN = "-"  # of --plot
 
 
-def show(measurement: Measurement, view: View, conformity: Conformity | None) -> None:
-    """Print the tables of a measurement, and its conformity where a tolerance is given."""
+def show(
+    measurement: Measurement,
+    view: View,
+    conformity: Conformity | None,
+    before: Earlier | None = None,
+) -> None:
+    """Print the tables of a measurement, what changed, and its conformity, where there are such."""
     click.echo(summary_table(measurement, view))
     click.echo()
     click.echo(vehicle_lines(measurement, view))
+    if before:
+        click.echo(f"\n{before_text(measurement, before, view)}")
     for part in extra_parts(measurement, view):
         click.echo(f"\n{part}")
     if conformity:
         click.echo(f"\n{conformity_text(conformity, view)}")
 
 
-def report_options(config: ReportConfig, language: str | None, view: View) -> ReportOptions:
-    """Return language, view and laboratory of the reports. Raises ConfigError, InputError."""
-    return ReportOptions(
-        load_translations(language or config.language), view, read_laboratory(config)
-    )
+def report_options(
+    config: ReportConfig, language: str | None, view: View, before: Path | None = None
+) -> ReportOptions:
+    """Return language, view, laboratory and earlier values. Raises ConfigError, InputError."""
+    earlier = None if before is None else read_earlier(before)
+    words = load_translations(language or config.language)
+    return ReportOptions(words, view, read_laboratory(config), earlier)
 
 
 def plot_to(

@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from ..batch.catalogue.catalogue import Catalogue, open_catalogue, rebuild
-from ..batch.results import export, listing, trends
+from ..batch.results import export, listing, page, trends
 from ..batch.results.query import (
     ALL,
     STATUSES,
@@ -30,10 +30,15 @@ from ..batch.results.query import (
 )
 from ..batch.results.sql import ask
 from ..batch.storage.store import open_store
+from ..config import load_config
 from ..errors import InputError
 from ..report.format.view import AngleStyle, DigitStyle, View
-from .options import digits_option
+from ..report.format.writer import Writer
+from ..report.html.page import ReportOptions
+from ..report.write import ReportFiles, document_files, write_whole
+from .options import config_option, digits_option, language_option
 from .progress import Reading
+from .reporting import report_options
 
 SCHEMA = "wheelplane/results/1"
 WRITERS = {
@@ -135,6 +140,12 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
 )
 @click.option("--xlsx", "xlsx_file", type=FILE, help="Excel file for the same table.")
 @click.option("--parquet", "parquet_file", type=FILE, help="Parquet file for the same table.")
+@click.option(
+    "--html", "html_file", type=FILE, help="HTML file for a report of the lists, or of all."
+)
+@click.option("--pdf", "pdf_file", type=FILE, help="PDF file for the same report.")
+@language_option
+@config_option
 @click.option("--rebuild", "anew", is_flag=True, help="Rebuild the catalogue from the JSON files.")
 def results(
     results: str,
@@ -158,6 +169,10 @@ def results(
     csv_file: Path | None,
     xlsx_file: Path | None,
     parquet_file: Path | None,
+    html_file: Path | None,
+    pdf_file: Path | None,
+    language: str | None,
+    config: Path | None,
     anew: bool,
 ) -> int:
     """Query the catalogue of RESULTS."""
@@ -178,10 +193,15 @@ def results(
     )
     query = Query(which, quantities or None, View(angles=angles, digits=digits), limit, as_json)
     files = {"csv": csv_file, "xlsx": xlsx_file, "parquet": parquet_file}
-    if sql is not None and (modes or any(files.values()) or quantities or limit or which != ALL):
+    written = [*files.values(), html_file, pdf_file]
+    if sql is not None and (modes or any(written) or quantities or limit or which != ALL):
         raise click.UsageError("--sql stands alone: write the selection into the SELECT")
-    if PIPE in (xlsx_file, parquet_file):
-        raise InputError("--xlsx -, --parquet -: only --csv is printed: give a file")
+    if PIPE in (xlsx_file, parquet_file, html_file, pdf_file):
+        raise InputError(
+            "--xlsx -, --parquet -, --html -, --pdf -: only --csv is printed: give a file"
+        )
+    reports = {"html": html_file, "pdf": pdf_file}
+    options = report_options(load_config(config).report, language, query.view)
     if csv_file == PIPE and (modes or as_json):
         raise click.UsageError("--csv - is printed alone: give a file")
     with Reading("the results") as progress:
@@ -193,8 +213,9 @@ def results(
             return _answer(catalogue, sql, as_json)
         for name in quantities:
             known_quantity(catalogue, name)
-        written = _export(catalogue, which, files)
-        for number, mode in enumerate(modes or ([] if written else ["list"])):
+        exported = _export(catalogue, which, files)
+        exported |= _report(catalogue, results, query, modes, worst, reports, options)
+        for number, mode in enumerate(modes or ([] if exported else ["list"])):
             if number:
                 click.echo()
             _list(catalogue, query, mode, worst or 0)
@@ -219,7 +240,7 @@ def _list(catalogue: Catalogue, query: Query, mode: str, worst: int) -> None:
     else:
         for line in listing.capture_table(catalogue, which, view, query.limit):
             click.echo(line)
-        click.echo(f"\n{listing.SIGNS} {listing.K1}, the largest of the capture's angles.")
+        click.echo(f"\n{listing.captures_note()}")
         gone = 0 if which.removed is False else count(catalogue, replace(which, removed=True))
         click.echo(listing.totals(listing.by_status(catalogue, which), gone))
 
@@ -271,6 +292,32 @@ def _export(catalogue: Catalogue, which: Filter, files: dict[str, Path | None]) 
         export.export(path, columns, WRITERS[kind])
         click.echo(f"wrote {path} ({len(columns['key']):,} captures)", err=True)
     return bool(named)
+
+
+def _report(
+    catalogue: Catalogue,
+    source: str,
+    query: Query,
+    modes: list[str],
+    worst: int | None,
+    files: dict[str, Path | None],
+    options: ReportOptions,
+) -> bool:
+    """Write the report to the named files; return whether there were any."""
+    if not any(files.values()):
+        return False
+    lists = modes or [name for name in page.LISTS if name != "worst"]
+    limit = query.limit or page.MOST_CAPTURES
+    chosen = page.Selection(source, query.which, query.quantities, lists, limit, worst or 0)
+    writer = Writer(options.words, options.view)
+    document = page.results_document(catalogue, chosen, writer)
+    for kind, path in files.items():
+        if path is not None:
+            wanted = ReportFiles(html=kind == "html", pdf=kind == "pdf")
+            (content,) = document_files("results", document, options, wanted).values()
+            write_whole(path, content)
+            click.echo(f"wrote {path}", err=True)
+    return True
 
 
 def _warn_undated(catalogue: Catalogue, which: Filter) -> None:

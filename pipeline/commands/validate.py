@@ -12,7 +12,7 @@ from ..config import Config, load_config, with_scanner
 from ..errors import InputError
 from ..report.format.view import DigitStyle, View
 from ..report.json.validation import validation_json
-from ..report.write import validation_report, write_validation
+from ..report.write import ReportFiles, validation_report, write_validation
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..validation import (
     Against,
@@ -31,6 +31,7 @@ from .options import (
     digits_option,
     five_point_options,
     five_point_unit_option,
+    language_option,
     option,
     read_station,
     scanner_option,
@@ -38,6 +39,7 @@ from .options import (
     whole_vehicle_options,
 )
 from .progress import TerminalProgress
+from .reporting import report_options
 
 BESIDE = Path("five-point.txt")  # in each capture of an archive
 
@@ -99,6 +101,11 @@ BESIDE = Path("five-point.txt")  # in each capture of an archive
     "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the report."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print validation.json and nothing else.")
+@click.option(
+    "--html/--no-html", default=True, help="Write the HTML report, validation.html, to DIR."
+)
+@click.option("--pdf", is_flag=True, help="Write the PDF report, validation.pdf, to DIR.")
+@language_option
 @target_option
 @whole_vehicle_options
 @config_option
@@ -122,6 +129,9 @@ def validate(
     digits: DigitStyle,
     output: Path | None,
     as_json: bool,
+    html: bool,
+    pdf: bool,
+    language: str | None,
     target: str | None,
     front: str | None,
     front_point: str | None,
@@ -145,6 +155,9 @@ def validate(
         method=method,
     )
     settings = load_config(config)
+    options = report_options(settings.report, language, View(digits=digits))
+    if pdf and output is None:
+        raise InputError("--pdf without -o DIR: name the folder that validation.pdf goes to")
     many = is_archive_of_captures(capture)
     request = Request(
         against=_against(file, virtual, truth, many),
@@ -163,12 +176,12 @@ def validate(
     else:
         found = _one(capture, target, overrides, settings, scanner, request)
         complete = not found.missing
-    view = View(digits=digits)
-    written = write_validation(found, output, view) if output else []
+    wanted = ReportFiles(html=html, pdf=pdf)
+    written = write_validation(found, output, options, wanted) if output else []
     if as_json:
         click.echo(validation_json(found), nl=False)
     else:
-        click.echo(validation_report(found, view), nl=False)
+        click.echo(validation_report(found, options.view), nl=False)
         for path in written:
             click.echo(f"wrote {path}")
     return 0 if complete and found.verdict == "agree" else 1

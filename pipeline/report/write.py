@@ -14,6 +14,9 @@ from ..measurement import Conformity, Measurement
 from ..validation import Comparison, ComparisonStudy
 from .format.language import load_translations
 from .format.view import PAPER, View
+from .format.writer import Writer
+from .html.comparison import comparison_document, study_document
+from .html.document import Document, document_html
 from .html.page import ReportOptions, html_report
 from .html.pdf import pdf_report
 from .json.measurement import to_json
@@ -22,9 +25,9 @@ from .plots.budget import budget_svg
 from .plots.files import file_name
 from .plots.target_face import face_png
 from .plots.validation import bland_altman_drawing, differences_drawing, line_drawing
+from .tables.comparison import labels
 from .text.report import detailed_report
-from .text.validation import validation_text
-from .text.validation_study import survey_text
+from .text.validation import survey_text, validation_text
 
 
 @dataclass(frozen=True)
@@ -50,8 +53,8 @@ def write_reports(
     options = options or ReportOptions(load_translations("en"), PAPER)
     view = options.view
     files = {
-        "measurement.json": to_json(measurement, conformity, view.axis).encode(),
-        "report.txt": detailed_report(measurement, conformity, view).encode(),
+        "measurement.json": to_json(measurement, conformity, view.axis, options.before).encode(),
+        "report.txt": detailed_report(measurement, conformity, view, options.before).encode(),
         "budget.svg": budget_svg(measurement, view.axis).encode(),
     }
     if wanted.html:
@@ -134,16 +137,42 @@ def validation_report(found: Comparison | ComparisonStudy, view: View = PAPER) -
 
 
 def write_validation(
-    found: Comparison | ComparisonStudy, folder: Path, view: View = PAPER
+    found: Comparison | ComparisonStudy,
+    folder: Path,
+    options: ReportOptions | None = None,
+    wanted: ReportFiles = EVERYDAY,
 ) -> list[Path]:
-    """Write validation.json, validation.txt and the plots to `folder`."""
-    text = validation_report(found, view)
-    files = {"validation.json": validation_json(found), "validation.txt": text}
+    """Write validation.json, validation.txt, the plots and the wanted reports to `folder`."""
+    options = options or ReportOptions(load_translations("en"), PAPER)
+    record, words = validation_json(found), options.words
+    files = {"validation.json": record, "validation.txt": validation_report(found, options.view)}
     if isinstance(found, Comparison):
-        files["differences.svg"] = differences_drawing(found).svg
+        files["differences.svg"] = differences_drawing(found, words).svg
     else:
-        labels = found.found[0].first.label, found.found[0].second.label
+        methods = labels(found.found[0], words)
         for one in found.agreements:
-            files[f"bland-altman-{one.kind}.svg"] = bland_altman_drawing(one, *labels).svg
-            files[f"line-{one.kind}.svg"] = line_drawing(one, *labels).svg
-    return write_files(folder, {n: t.encode(errors="backslashreplace") for n, t in files.items()})
+            drawing = bland_altman_drawing(one, *methods, words)
+            files[f"bland-altman-{one.kind}.svg"] = drawing.svg
+            files[f"line-{one.kind}.svg"] = line_drawing(one, *methods, words).svg
+    content = {name: text.encode(errors="backslashreplace") for name, text in files.items()}
+    if wanted.html or wanted.pdf:
+        writer = Writer(words, options.view)
+        document = (
+            comparison_document(found, writer, record)
+            if isinstance(found, Comparison)
+            else study_document(found, writer, record)
+        )
+        content |= document_files("validation", document, options, wanted)
+    return write_files(folder, content)
+
+
+def document_files(
+    stem: str, document: Document, options: ReportOptions, wanted: ReportFiles
+) -> dict[str, bytes]:
+    """Return the wanted forms of a document by file name. Raises MissingDependencyError."""
+    page = document_html(document, options.words, options.laboratory)
+    files = {f"{stem}.html": page.encode(errors="backslashreplace")} if wanted.html else {}
+    if wanted.pdf:
+        identifier = hashlib.sha256(page.encode(errors="backslashreplace")).hexdigest()[:32]
+        files[f"{stem}.pdf"] = pdf_report(page, identifier)
+    return files

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import re
 import shutil
 import subprocess
 import sys
+import zlib
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tests.support.reported import measured
+from tests.support.turning import Scene, swept
 from wheelplane.errors import MissingDependencyError
+from wheelplane.measurement.conformity import assess
+from wheelplane.measurement.quantities import by_name
+from wheelplane.measurement.tolerance import Tolerance
+from wheelplane.report.format.digits import sexagesimal
 from wheelplane.report.format.laboratory import Laboratory
 from wheelplane.report.format.language import load_translations
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.html.page import ReportOptions, html_report
 from wheelplane.report.html.pdf import pdf_report
 from wheelplane.report.write import pdf_bytes
-from wheelplane.vehicle.angles import deg_min_sec
 
 LABORATORY = Laboratory("Laboratório 7", ("Rua das Rodas 12",), "", ("Medido por", "Aprovado por"))
 
@@ -51,7 +58,8 @@ def test_it_holds_what_the_page_holds(made, tmp_path):
     pages, text = run.stdout.count("\f"), " ".join(run.stdout.split())
     words = load_translations("pt")
     for result in measured(1).wheels:
-        assert deg_min_sec(result.angles.toe_rad).replace(".", ",") in text
+        toe = by_name(measured(1))[f"{result.observation.name}.toe"]
+        assert sexagesimal(toe.value, toe.expanded).replace(".", ",") in text
     for said in ("Laboratório 7", "Rua das Rodas 12", "Medido por", words("section.signatures"),
                  words("verdict.none"), words("plot.frame_title")[:0]):  # fmt: skip
         assert said in text
@@ -59,6 +67,53 @@ def test_it_holds_what_the_page_holds(made, tmp_path):
     assert text.count(f"{words('head.report')} {number}") >= pages  # at the foot of every page
     assert f"{words('title.page')} {pages} {words('title.of')} {pages}" in text
     assert words("frame.hint") not in text  # of the 3D view, which paper has not
+
+
+def test_it_is_tagged(made):
+    """Structure, language, title and alternative texts, as PDF/UA asks for."""
+    text = unpacked(made)
+    for entry in ("/StructTreeRoot", "/Marked true", "/DisplayDocTitle true", "/S /Table",
+                  "/S /TH", "/S /H2", "/S /Figure", "pdfuaid:part"):  # fmt: skip
+        assert entry in text, entry
+    assert re.search(r"/Lang \(pt", text)
+    assert text.count("/S /Figure") == text.count("/Alt ") > 20
+
+
+def unpacked(made: bytes) -> str:
+    """Return the PDF with its compressed streams laid open."""
+    parts = [made]
+    for found in re.finditer(rb"stream\n(.*?)\nendstream", made, re.DOTALL):
+        with contextlib.suppress(zlib.error):
+            parts.append(zlib.decompress(found[1]))
+    return b"\n".join(parts).decode("latin-1")
+
+
+@pytest.fixture(scope="module", params=["en", "pt"])
+def pages(request):
+    """Ids on each page of a report with limits, a sweep, a run-out, notes and signatures."""
+    weasyprint = pytest.importorskip("weasyprint")
+    made = Scene(seed=3).references()
+    for wheel in ("FL", "FR"):
+        swept(made, wheel, 0.08, 0.2, np.radians([-20.0, 0.0, 20.0]))
+    noted = replace(made.measure(), notes=tuple(f"Note {i}: {'word ' * 30}" for i in range(4)))
+    zone = {"lower_deg": -5.0, "upper_deg": 5.0}
+    rear = {"toe": zone, "camber": zone}
+    tables = {"front": rear | {"caster": zone, "sai": zone}, "rear": rear}
+    judged = assess(noted, Tolerance.model_validate(tables))
+    words = load_translations(request.param)
+    page = html_report(noted, judged, ReportOptions(words, PAPER, LABORATORY), still=True)
+    return [set(one.anchors) for one in weasyprint.HTML(string=page).render().pages]
+
+
+def test_the_first_page_holds_the_results_and_the_notes_and_no_annex(pages):
+    assert {"results", "notes"} <= pages[0]
+    assert not any({"results", "notes"} & ids for ids in pages[1:])
+    assert "values" in pages[1]
+
+
+def test_the_last_page_is_no_leftover(pages):
+    """The settings, a block of some thirty lines, stay together, with what ends the report."""
+    assert {"settings", "signatures"} <= pages[-1]
 
 
 def test_nothing_is_fetched(caplog, tmp_path):

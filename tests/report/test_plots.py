@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 import zlib
@@ -15,18 +16,20 @@ import pytest
 from tests.support.reported import ANGLES, TURNS, lost, measured, off_m, renamed, scan
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.tolerance import Tolerance
-from wheelplane.report.format.language import load_translations
+from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.plots.angle_chart import angles_text
 from wheelplane.report.plots.angles import angles_drawing, tick_text
-from wheelplane.report.plots.budget import wheel_budget
+from wheelplane.report.plots.budget import BAR, wheel_budget
 from wheelplane.report.plots.drawing import CircleMark, Drawing, Path, Raster, Text, png_of
 from wheelplane.report.plots.drawing_png import ZOOM, drawing_png
 from wheelplane.report.plots.files import file_name, plot_files
+from wheelplane.report.plots.frame import frame_drawing
 from wheelplane.report.plots.histogram import histogram_drawing
 from wheelplane.report.plots.target_face import OUTLINE, SIDE, coarseness, face_drawing
 from wheelplane.report.plots.top_view import factor, top_drawing
-from wheelplane.report.plots.validation import Chart, ticks
+from wheelplane.report.plots.validation import GREEN, Chart, ticks
+from wheelplane.report.scene.scene import scene
 
 EN = load_translations("en")
 LIMITS = Tolerance.model_validate(
@@ -188,12 +191,12 @@ def test_budget_bars_are_as_long_as_their_shares():
             rows[low[1]] = rows.get(low[1], 0.0) + high[0] - low[0]
     assert len(rows) == 2
     for length in rows.values():
-        assert length == pytest.approx(420.0)
+        assert length == pytest.approx(BAR)
 
 
 def test_points_of_a_chart_lie_where_the_ticks_say():
     """A point at two ticks' values lies on the crossing of their grid lines."""
-    chart = Chart("t", "s", "x", "y", (-0.3, 1.1), (20.0, 47.0))
+    chart = Chart("t", "s", "x", "y", (-0.3, 1.1), (20.0, 47.0), EN)
     for x in ticks(*chart.x_range):
         chart.point(x, ticks(*chart.y_range)[1])
     marks = chart.drawing.marks
@@ -312,3 +315,45 @@ def test_the_true_board_lies_in_its_scan():
     local = off_m(one.cloud.points_m[one.cloud.on_face], one)
     assert np.abs(local[:, 2]).max() < 0.006
     assert np.abs(local[:, :2]).max() < 0.151
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_names_of_the_axes_stand_clear_of_all_lines(language):
+    """Estimated boxes of the texts, against the lines of the frame and the edges of the targets."""
+    words = load_translations(language)
+    drawing = frame_drawing(scene(measured(1), words=words), words)
+    names = {words(f"scene.{way}") for way in ("forward", "left", "up")}
+    texts = [m for m in drawing.marks if isinstance(m, Text) and m.text in names]
+    lines = [np.asarray(m.points) for m in drawing.marks if isinstance(m, Path)]
+    assert len(texts) == 3
+    for text in texts:
+        wide = 0.5 * text.size * len(text.text)
+        left = {"start": text.x, "middle": text.x - wide / 2, "end": text.x - wide}[text.anchor]
+        for line in lines:
+            along = np.linspace(0.0, 1.0, 200)[:, None]
+            for start, end in itertools.pairwise(line):
+                x, y = (start + along * (end - start)).T
+                within = (x > left) & (x < left + wide) & (y > text.y - 0.7 * text.size)
+                assert not np.any(within & (y < text.y)), (text.text, start, end)
+
+
+@pytest.mark.parametrize("slope", [0.2, 1.0, 1.7, 5.0, -3.0])
+def test_a_line_of_a_chart_stays_within_its_axes(slope):
+    chart = Chart("", "", "", "", (-1.0, 1.0), (-1.0, 1.0), EN)
+    chart.line((-1.0, -slope + 0.1), (1.0, slope + 0.1), GREEN)
+    ((start, end),) = (np.asarray(mark.points) for mark in chart.marks)
+    corners = np.array([chart.at(-1.0, 1.0), chart.at(1.0, -1.0)])
+    for point in (start, end):
+        assert np.all(point >= corners[0] - 1e-9)
+        assert np.all(point <= corners[1] + 1e-9)
+    # still on the line: pixels back to its coordinates
+    zero, unit = np.array(chart.at(0.0, 0.0)), np.array(chart.at(1.0, 1.0))
+    x, y = (np.stack([start, end]) - zero).T / (unit - zero)[:, None]
+    np.testing.assert_allclose(y, slope * x + 0.1, atol=1e-9)
+
+
+def test_a_line_beyond_the_axes_is_not_drawn():
+    chart = Chart("", "", "", "", (-1.0, 1.0), (-1.0, 1.0), EN)
+    chart.line((-1.0, 2.0), (1.0, 3.0), GREEN)
+    chart.line((0.0, 2.0), (0.0, 3.0), GREEN)
+    assert chart.marks == []

@@ -5,14 +5,19 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from tests.support.layout import check_layout
 from tests.support.reported import lost
+from tests.support.turning import Scene, rolled, swept
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.tolerance import Tolerance
+from wheelplane.report.format.earlier import read_earlier
 from wheelplane.report.format.language import load_translations
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.html.page import VIEWER, ReportOptions, html_report
+from wheelplane.report.json.measurement import to_json
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
@@ -61,6 +66,36 @@ def opened(browser, file, width, height, **context):
 def test_it_fits_and_asks_for_nothing(browser, file, width, height):
     page, faults = opened(browser, file, width, height)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert faults == []
+    page.close()
+
+
+@pytest.fixture(scope="module", params=["en", "pt"])
+def turned(request, tmp_path_factory) -> Path:
+    """A report of wheels with long names, limits, a sweep, a run-out and what was before."""
+    made = Scene(seed=3).references()
+    for wheel in ("FL", "FR"):
+        swept(made, wheel, 0.08, 0.2, np.radians([-20.0, 0.0, 20.0]))
+    rolled(made, "RR", np.radians([0.0, 180.0]))
+    measurement = made.measure()
+    folder = tmp_path_factory.mktemp("turned")
+    (folder / "before.json").write_text(to_json(measurement), encoding="utf-8")
+    zone = {"lower_deg": -5.0, "upper_deg": 5.0}
+    rear = {"toe": zone, "camber": zone}
+    limits = {"front": rear | {"caster": zone, "sai": zone}, "rear": rear}
+    judged = assess(measurement, Tolerance.model_validate(limits))
+    words = load_translations(request.param)
+    for name, before in (("plain", None), ("changed", read_earlier(folder / "before.json"))):
+        text = html_report(measurement, judged, ReportOptions(words, PAPER, before=before))
+        (folder / f"{name}.html").write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("name", ["plain", "changed"])
+@pytest.mark.parametrize("width", [390, 1024, 1440])
+def test_results_are_whole_on_every_screen(browser, turned, name, width):
+    page, faults = opened(browser, turned / f"{name}.html", width, 844)
+    check_layout(page, "table.front, #values .scroll:first-of-type table")
     assert faults == []
     page.close()
 

@@ -15,7 +15,8 @@ ARCS = {'"': 1, "'": 60, "°": 3600}
 
 def two_digits(x: float) -> Decimal:
     """Round to two significant digits, from all binary digits of x."""
-    return Context(prec=2).create_decimal_from_float(x)
+    near = Context(prec=2).create_decimal_from_float(x)
+    return near.quantize(Decimal(1).scaleb(near.adjusted() - 1))  # 1 as 1.0
 
 
 def step(expanded: float) -> float:

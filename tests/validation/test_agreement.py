@@ -11,9 +11,7 @@ from scipy import optimize, stats
 
 from tests.support.validation_cars import Car
 from wheelplane.report.format.language import load_translations
-from wheelplane.report.format.view import PAPER
-from wheelplane.report.format.writer import Writer
-from wheelplane.report.text.validation_study import scores_text
+from wheelplane.report.tables.study import nees_line
 from wheelplane.validation.agreement import agreement, bias_probability
 from wheelplane.validation.coverage import nees, scores
 from wheelplane.validation.statistics.bland_altman import SPAN, components, limits_of_agreement
@@ -269,6 +267,6 @@ def test_nees_tells_uncertainties_that_are_too_small_or_too_large(steady):
         found = tuple(with_u(steady[:60], factor))
         assert nees(found).position == position
         study = ComparisonStudy("", tuple(Row("", one) for one in found), None)
-        text = scores_text(study, Writer(load_translations("en"), PAPER, plain=True))
+        text = nees_line(study, load_translations("en"))
         assert f"in 95 %: {position}" in text
         assert ("the stated uncertainties are too" in text) == (factor != 1.0)

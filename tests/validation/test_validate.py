@@ -219,7 +219,7 @@ def test_reports_say_units_signs_and_verdict(made, tmp_path):
     assert "Toe-in and camber with the top outward are positive" in text
     assert "dense scans less five points" in text
     files = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert files == ["differences.svg", "validation.json", "validation.txt"]
+    assert files == ["differences.svg", "validation.html", "validation.json", "validation.txt"]
     picture = (tmp_path / "out" / "differences.svg").read_text(encoding="utf-8")
     ElementTree.fromstring(picture)
     assert "toe-in" in picture

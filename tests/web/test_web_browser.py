@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from werkzeug.serving import make_server
 
+from tests.support.layout import check_layout
 from tests.support.made import write_small_capture
 from tests.support.web_site import PAPER, write_results
 from wheelplane.web.app import create_app
@@ -133,6 +134,22 @@ class Visit:
             (fault["id"], [node["html"][:200] for node in fault["nodes"]]) for fault in found
         ]
         assert reported == [], json.dumps(reported, indent=1)
+
+
+@pytest.mark.parametrize(
+    "visit",
+    [
+        {"viewport": {"width": width, "height": 844}, "locale": language}
+        for width in (390, 1024, 1440)
+        for language in ("en-GB", "pt-PT")
+    ],
+    indirect=True,
+)
+def test_angles_are_whole_on_every_screen(visit):
+    visit.open()
+    page = visit.measure("capture")
+    page.wait_for_timeout(300)
+    check_layout(page, "table.angles")
 
 
 def until(page, expression):

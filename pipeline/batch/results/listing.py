@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from ...measurement import Estimate
-from ...report.format.digits import UNKNOWN, millimetres
-from ...report.format.layout import aligned
+from ...report.format.layout import paragraph
 from ...report.format.view import PAPER, View
+from ...report.format.writer import Table, Writer
+from ...report.text.plain import plain_writer
 from ...vehicle import REFERENCE_WHEELS
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.rows import CaptureRow
 from ..catalogue.schema import number_of
 from .query import ALL, FailureGroup, Filter, captures, condition
-from .trends import MONTH_DAYS, Drift, Outlier, Summary
+from .tables import drift_table, expanded, shown, summary_table, worst_table
+from .trends import Drift, Outlier, Summary
 
 ANGLES = tuple(f"{wheel} {angle}" for wheel in REFERENCE_WHEELS for angle in ("toe", "camber"))
 Angles = dict[str, tuple[float, float | None]]  # by "RR toe": degrees and u
 BLOCK = 500
-SIGNS = "Toe-in and camber with the top outward are positive."
-K1 = "u: standard uncertainty (k = 1)"
 
 
 def capture_table(
@@ -51,12 +49,22 @@ def _angle_cells(found: Angles, width: int, view: View) -> list[str]:
 
 
 HEADS: dict[str, Callable[[CaptureRow], str]] = {
-    "capture": lambda row: _shown(row.name or row.key),
+    "capture": lambda row: shown(row.name or row.key),
     "date": lambda row: row.date or "-",
-    "vehicle": lambda row: _shown(row.vehicle or "-"),
+    "vehicle": lambda row: shown(row.vehicle or "-"),
     "status": lambda row: row.status,
     "wheels": lambda row: f"{row.wheels_ok}/{row.wheels}",
 }
+
+
+def angles_of(catalogue: Catalogue, keys: list[str]) -> dict[str, Angles]:
+    """Load degrees and u of the measured angles of reference wheels, by key; blocks of BLOCK."""
+    found: dict[str, Angles] = {}
+    for start in range(0, len(keys), BLOCK):
+        block = keys[start : start + BLOCK]
+        numbers = _angles(catalogue, list(map(number_of, block)))
+        found |= {key: numbers[number_of(key)] for key in block if number_of(key) in numbers}
+    return found
 
 
 def _angles(catalogue: Catalogue, numbers: list[int]) -> dict[int, Angles]:
@@ -83,12 +91,13 @@ def _angle(found: Angles, name: str, view: View) -> str:
 
 
 def _why(row: CaptureRow) -> list[str]:
-    return [] if row.status == "ok" else [_shown(f"{row.stage}: {row.reason}".strip(": "))]
+    return [] if row.status == "ok" else [shown(f"{row.stage}: {row.reason}".strip(": "))]
 
 
-def _shown(text: str) -> str:
-    """Escape characters that a terminal would interpret."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+def captures_note() -> str:
+    """Return what the table of captures holds."""
+    words = plain_writer(PAPER).words
+    return f"{words('listing.signs')} {words('listing.captures_note')}"
 
 
 def totals(rows: dict[str, int], removed: int = 0) -> str:
@@ -110,74 +119,28 @@ def by_status(catalogue: Catalogue, which: Filter = ALL) -> dict[str, int]:
 
 def summary_text(found: tuple[Summary, ...], view: View = PAPER) -> str:
     """Format a table of statistics."""
-    head = ("quantity", "n", "mean", "sd", "robust sd", "median", "min", "max", "typical u")
-    rows = [
-        (
-            s.quantity,
-            f"{s.n:,}",
-            _value(s.mean, s.unit, view, expanded(s.u_rms)),
-            _width(s.sd, s.unit, view),
-            _width(s.robust_sd, s.unit, view),
-            *(_value(x, s.unit, view, expanded(s.u_rms)) for x in (s.median, s.low, s.high)),
-            _width(s.u_rms, s.unit, view),
-        )
-        for s in found
-    ]
-    notes = (
-        f"{SIGNS}\n"
-        "sd: divisor n - 1; robust sd: 1.4826 times the median absolute deviation from the\n"
-        "median; typical u: root mean square of the stated standard uncertainties (k = 1).\n"
-        "An sd far above the typical u shows real differences between captures."
-    )
-    return f"{aligned([head, *rows], 1)}\n\n{notes}"
+    writer = plain_writer(view)
+    return _noted(summary_table(found, writer), "summary", writer)
 
 
 def drift_text(found: tuple[Drift, ...], view: View = PAPER) -> str:
     """Format a table of drifts, per 30 days."""
-    head = ("quantity", "n", "from", "to", "per 30 days", "+-95 %", "scatter", "p", "drift")
-    rows = [_drift_row(d, view) for d in found]
-    notes = (
-        f"{SIGNS}\n"
-        "Weighted straight line over the captures' dates; scatter: standard deviation between\n"
-        'captures in excess of their u; p: p-value of the slope under no drift; drift: "yes"\n'
-        "where significant at 5 % after Holm's correction for all rows of this table."
-    )
-    return f"{aligned([head, *rows], 1)}\n\n{notes}"
-
-
-def _drift_row(d: Drift, view: View) -> tuple[str, ...]:
-    if d.reason:
-        return (d.quantity, f"{d.n:,}", *("-",) * 6, d.reason)
-    return (
-        d.quantity,
-        f"{d.n:,}",
-        day_text(d.first_day),
-        day_text(d.last_day),
-        _value(d.slope * MONTH_DAYS, d.unit, view, d.expanded * MONTH_DAYS),
-        _width(d.expanded * MONTH_DAYS, d.unit, view),
-        _width(d.scatter, d.unit, view),
-        f"{d.p:.2g}",
-        "yes" if d.significant else "no",
-    )
+    writer = plain_writer(view)
+    return _noted(drift_table(found, writer), "drift", writer)
 
 
 def worst_text(found: tuple[Outlier, ...], view: View = PAPER) -> str:
     """Format a table of outliers."""
-    head = ("capture", "date", "quantity", "value", "u", "median", "deviation")
-    rows = [
-        (
-            _shown(o.name),
-            o.date or "-",
-            o.quantity,
-            _value(o.value, o.unit, view, expanded(o.u)),
-            _width(o.u, o.unit, view),
-            _value(o.median, o.unit, view, expanded(o.u)),
-            f"{o.score:.1f}",
-        )
-        for o in found
-    ]
-    notes = "deviation: from the median, in robust sd, or in typical u where that is larger."
-    return f"{aligned([head, *rows], 3)}\n\n{SIGNS} {K1}.\n{notes}"
+    writer = plain_writer(view)
+    words = writer.words
+    notes = f"{words('listing.signs')} {words('listing.k1')}.\n{words('listing.worst_note')}"
+    return f"{worst_table(found, writer).text()}\n\n{notes}"
+
+
+def _noted(table: Table, name: str, writer: Writer) -> str:
+    words = writer.words
+    notes = paragraph(words(f"listing.{name}_note"))
+    return f"{table.text()}\n\n{words('listing.signs')}\n{notes}"
 
 
 def failures_text(found: tuple[FailureGroup, ...], _view: View = PAPER) -> str:
@@ -185,8 +148,8 @@ def failures_text(found: tuple[FailureGroup, ...], _view: View = PAPER) -> str:
     lines = []
     for group in found:
         stage = group.stage or "-"
-        lines.append(f"{group.count:>7,}  {group.status}  {stage}: {_shown(group.reason)}")
-        lines += [f"{'':9}{_shown(name)}" for name in group.examples]
+        lines.append(f"{group.count:>7,}  {group.status}  {stage}: {shown(group.reason)}")
+        lines += [f"{'':9}{shown(name)}" for name in group.examples]
     return "\n".join(lines) or "No failures."
 
 
@@ -196,30 +159,3 @@ def plain(row: Any) -> dict[str, Any]:
         key: None if isinstance(value, float) and not math.isfinite(value) else value
         for key, value in vars(row).items()
     }
-
-
-def day_text(day: float) -> str:
-    """Format days since 1970-01-01 as a date."""
-    return (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=day)).date().isoformat()
-
-
-def expanded(u: float | None) -> float:
-    """Return U of a value of which the catalogue holds u, as of infinite degrees of freedom."""
-    return UNKNOWN if u is None else Estimate(0.0, u).expanded
-
-
-def _value(x: float, unit: str, view: View, wide: float) -> str:
-    """Write a value to the place of its U, `wide`."""
-    if not math.isfinite(x):
-        return "-"
-    if unit == "deg":
-        return view.angle(math.radians(x), "camber", math.radians(wide))
-    return millimetres(x, view.known(wide), "+")
-
-
-def _width(x: float, unit: str, view: View) -> str:
-    if not math.isfinite(x):
-        return "-"
-    if unit == "deg":
-        return view.width(math.radians(x), "camber")
-    return millimetres(x, view.known(x))

@@ -8,6 +8,7 @@ from U. Source: JCGM 100 (GUM), 7.2.6; EA-4/02, 6.3.
 from __future__ import annotations
 
 import math
+import re
 from typing import Literal
 
 from ...vehicle import Unit, deg_min_sec
@@ -64,6 +65,18 @@ def sexagesimal(angle_rad: float, expanded_rad: float) -> str:
         return deg_min_sec(angle_rad)
     text = deg_min_sec(round(angle_rad / step_rad) * step_rad, 0)
     return text[: len(text) - finer]
+
+
+def brief(angle_rad: float) -> str:
+    """Write an exact angle to 0.1" without what is zero: 0°, +30', -1°30', +12'07.5"."""
+    degrees, minutes, seconds = re.split("[°']", deg_min_sec(angle_rad)[1:-1])
+    parts = [f"{int(degrees)}°", f"{minutes}'", f'{seconds.removesuffix(".0")}"']
+    kept = [part for part in parts if part.strip("0°'\"")]
+    if not kept:
+        return "0°"
+    first, last = parts.index(kept[0]), parts.index(kept[-1])
+    text = "".join(parts[first : last + 1])
+    return f"{'-' if angle_rad < 0 else '+'}{text.removeprefix('0')}"
 
 
 def arc(angle_rad: float, expanded_rad: float, sign: Sign = "") -> str:

@@ -10,7 +10,7 @@ from typing import Literal, get_args
 from ...errors import InputError
 from ...units import in_metres
 from ...vehicle import Axis
-from .digits import UNKNOWN, arc, decimal, metres, sexagesimal
+from .digits import UNKNOWN, arc, brief, decimal, metres, rounded, sexagesimal
 
 AngleStyle = Literal["dms", "deg", "mm/m", "mm"]
 ANGLE_STYLES: tuple[AngleStyle, ...] = get_args(AngleStyle)
@@ -85,6 +85,14 @@ class View:
             return arc(u_rad, self.known(u_rad))
         u = unit.slope * u_rad
         return decimal(u, self.known(u), unit.decimals, "") + unit.mark
+
+    def limit(self, angle_rad: float, sort: Sort) -> str:
+        """Write an exact angle, such as a limit, as briefly as its fixed digits allow."""
+        unit = self._decimal_unit(sort, angle_rad)
+        if unit is None:
+            return brief(angle_rad)
+        text = rounded(unit.value, -unit.decimals).rstrip("0").rstrip(".")
+        return ("0" if text == "+0" else text) + unit.mark
 
     def length(self, length_m: float, expanded_m: float = UNKNOWN) -> str:
         """Write a length in metres, to the place of its expanded uncertainty."""

@@ -18,6 +18,8 @@ SORTS: dict[str, Sort] = {
     "toe": "toe",
     "rear_total_toe": "total",
     "front_total_toe": "total",
+    "rear_cross_toe": "total",
+    "front_cross_toe": "total",
     "camber": "camber",
     "camber_iso": "camber",
     "rear_cross_camber": "camber",
@@ -35,6 +37,7 @@ class Table:
     left: int = 1
     caption: str = ""
     classes: Sequence[str] = field(default_factory=tuple)  # of each row
+    minor: Sequence[int] = field(default_factory=tuple)  # columns that a narrow screen leaves out
 
     def text(self) -> str:
         """Write the table as aligned columns of plain text."""
@@ -50,12 +53,13 @@ class Column:
     """A column of a table definition.
 
     on: where it is shown, on the page, in plain text or on both. quiet: plain text shows its cells
-    without the head.
+    without the head. minor: a narrow screen leaves it out, as it does u beside U.
     """
 
     head: str
     on: Literal["page", "text", "both"] = "both"
     quiet: bool = False
+    minor: bool = False
 
 
 Columns = Sequence[str | Column]
@@ -96,7 +100,13 @@ class Writer:
         kept = [i for i, column in enumerate(all_of) if column.on != hidden]
         head = ["" if all_of[i].quiet and self.plain else all_of[i].head for i in kept]
         cells = [[row[i] for i in kept] for row in rows]
-        return Table(head, cells, sum(i < left for i in kept), caption, classes)
+        heads = [all_of[i].head for i in kept]
+        minor = [
+            column
+            for column, i in enumerate(kept)
+            if all_of[i].minor or (heads[column] == "u" and "U" in heads)
+        ]
+        return Table(head, cells, sum(i < left for i in kept), caption, classes, minor)
 
     def value(self, quantity: Stated) -> str:
         """Write an angle with its sign, a length in metres, to the place of U."""

@@ -9,6 +9,7 @@ from typing import Any
 
 from ...measurement import Conformity, Measurement
 from ...vehicle import AXES
+from ..format.earlier import Earlier
 from ..format.laboratory import NOBODY, Laboratory
 from ..format.language import Translations
 from ..format.view import View
@@ -25,24 +26,25 @@ from ..tables.checks import monte_carlo_table, monte_carlo_words, repeats_table
 from ..tables.conformity import joint, limits_table, notes
 from ..tables.kinematics import runout_tables, steering_tables
 from ..tables.vehicle import axes_table, vehicle_table
-from ..tables.wheels import axles_table, centres_table, wheels_table
+from ..tables.wheels import centres_table, wheels_table
 from . import provenance as page_origin
 from . import results as page_results
+from .document import NUMBER_DIGITS
+from .front import front
+from .template import render
 from .wheels import cards
 
-HERE = Path(__file__).parent
-VIEWER = HERE.parent / "static" / "viewer.js"
-PLAIN = "\n\u00a0"  # a new line, and the space between digits
-NUMBER_DIGITS = 12  # of the record's digest, which make the report's number
+VIEWER = Path(__file__).parents[1] / "static" / "viewer.js"
 
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """How a report looks: its language, who issues it, and the view of the angles."""
+    """How a report looks: its language, who issues it, the view of the angles, what was before."""
 
     words: Translations
     view: View
     laboratory: Laboratory = NOBODY
+    before: Earlier | None = None
 
 
 def html_report(
@@ -55,34 +57,7 @@ def html_report(
     page = _page(measurement, conformity, dress)
     if still:
         page |= {"viewer": "", "scene": None}
-    return str(_template().render(page))
-
-
-def _template() -> Any:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-    from markupsafe import Markup
-
-    def finalize(value: Any) -> Any:
-        return (
-            printable(value) if isinstance(value, str) and not isinstance(value, Markup) else value
-        )
-
-    loader = FileSystemLoader(HERE / "templates")
-    # `include` brings script and style, which hold no text of a user's
-    made = Environment(
-        loader=loader,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=finalize,
-        undefined=StrictUndefined,
-    )
-    return made.get_template("report.html")
-
-
-def printable(text: str) -> str:
-    """Escape control characters and those that change the direction of reading."""
-    return "".join(c if c.isprintable() or c in PLAIN else repr(c)[1:-1] for c in text)
+    return render("report.html", page)
 
 
 def _page(
@@ -90,7 +65,7 @@ def _page(
 ) -> dict[str, Any]:
     words, view = dress.words, dress.view
     writer = Writer(words, view)
-    record = to_json(measurement, conformity, view.axis).encode()
+    record = to_json(measurement, conformity, view.axis, dress.before).encode()
     digest = hashlib.sha256(record).hexdigest()
     number = digest[:NUMBER_DIGITS]
     made = measurement.provenance
@@ -98,6 +73,7 @@ def _page(
     five_point = page_origin.is_five_point(measurement)
     return {
         "words": words,
+        "title": words("title.report"),
         "font": FONT,
         "number": number,
         "digest": digest,
@@ -107,7 +83,8 @@ def _page(
         "head": page_origin.head_pairs(measurement, number, words),
         "verdict": page_results.headline(measurement, conformity, words),
         "wheels": wheels_table(measurement, writer),
-        "axles": axles_table(measurement, writer),
+        "front": front(measurement, conformity, writer, dress.before),
+        "before": dress.before,
         "limits": limits_table(conformity, writer) if conformity else None,
         "joint": joint(conformity, writer) if conformity else "",
         "limits_notes": notes(conformity, words) if conformity else "",
@@ -162,7 +139,16 @@ def _said(measurement: Measurement, dress: ReportOptions, five_point: bool) -> d
     digits = words(f"conventions.digits_{view.digits}")
     lines = [words("conventions.toe", axis=axis)]
     lines += [words(f"conventions.{name}") for name in ("camber", "iso", "thrust", "frame")]
-    ids = ["results", "frame", "wheels", "vehicle", "conventions", "uncertainty", "origin"]
+    ids = [
+        "results",
+        "values",
+        "frame",
+        "wheels",
+        "vehicle",
+        "conventions",
+        "uncertainty",
+        "origin",
+    ]
     return {
         "axis_note": axis_note,
         "units": units,

@@ -6,9 +6,11 @@ from typing import Any
 
 from ...errors import MissingDependencyError
 
+VARIANT = "pdf/ua-1"  # tagged, for readers of all kinds: ISO 14289-1
+
 
 def pdf_report(page: str, identifier: str) -> bytes:
-    """Print the HTML page `page`, without 3D view, as PDF; the same page gives the same bytes.
+    """Print the HTML page `page`, without 3D view, as tagged PDF; same page, same bytes.
 
     identifier: that the file carries. Raises MissingDependencyError where WeasyPrint, or Pango
     below it, is not installed.
@@ -21,7 +23,7 @@ def pdf_report(page: str, identifier: str) -> bytes:
             "libpango-1.0-0 and libpangoft2-1.0-0 by the system's package manager"
         ) from error
     made = HTML(string=page, url_fetcher=_within())
-    return bytes(made.write_pdf(pdf_identifier=identifier.encode()))
+    return bytes(made.write_pdf(pdf_identifier=identifier.encode(), pdf_variant=VARIANT))
 
 
 def _within() -> Any:

@@ -12,9 +12,11 @@ from ...centre import OtherCentre
 from ...measurement import Conformity, Measurement, Naming, WheelResult, against, stated
 from ...uncertainty import UncertainTarget
 from ...vehicle import Axis
+from ..format.earlier import Earlier
 from ..format.language import load_translations
 from ..tables.vehicle import SIGNED, in_words
 from .axes import axes_tree, pair
+from .before import before_tree
 from .conformity import conformity_tree, tolerance_tree
 from .kinematics import turned_tree
 from .uncertainty import monte_carlo_tree, repeats_tree, uncertainty_tree
@@ -24,10 +26,13 @@ SCHEMA = "wheelplane/measurement/1"
 
 
 def to_json(
-    measurement: Measurement, conformity: Conformity | None = None, axis: Axis = "rear-axle"
+    measurement: Measurement,
+    conformity: Conformity | None = None,
+    axis: Axis = "rear-axle",
+    before: Earlier | None = None,
 ) -> str:
     """Return the text of measurement.json; same measurement, same bytes."""
-    tree = to_tree(measurement, conformity, axis)
+    tree = to_tree(measurement, conformity, axis, before)
     text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     return text.encode(
         errors="backslashreplace"
@@ -35,7 +40,10 @@ def to_json(
 
 
 def to_tree(
-    measurement: Measurement, conformity: Conformity | None = None, axis: Axis = "rear-axle"
+    measurement: Measurement,
+    conformity: Conformity | None = None,
+    axis: Axis = "rear-axle",
+    before: Earlier | None = None,
 ) -> dict[str, Any]:
     """Return the measurement as plain data: degrees, metres, null where unmeasured.
 
@@ -77,6 +85,7 @@ def to_tree(
         "repeats": repeats_tree(measurement),
         **turned_tree(measurement),
         "monte_carlo": monte_carlo_tree(measurement),
+        "before": before_tree(measurement, before),
         "notes": list(measurement.notes),
         "provenance": {
             "version": provenance.version,

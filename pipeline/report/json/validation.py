@@ -19,7 +19,7 @@ from ...validation import (
     nees,
     scores,
 )
-from ..text.validation_study import SETTLED_RAD
+from ..tables.study import SETTLED_RAD
 
 SCHEMA = "wheelplane/validation/1"
 

@@ -32,6 +32,7 @@ from .drawing import (
 
 LABEL, PANEL, GAP, ROW, HEAD, FOOT = 96.0, 300.0, 34.0, 24.0, 66.0, 62.0
 MOST_ROWS = 48
+BAR_WIDE, BAR_HIGH, BAR_END = 150.0, 16.0, 5.0
 STEPS_MIN = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1800)  # minutes of arc
 COLOURS = {"conform": "#00694d", "undecided": "#8a5a00", "not conform": "#b3261e", "": "#0072B2"}
 BAND, LIMIT = "#cfe9de", "#009E73"
@@ -101,6 +102,60 @@ def _panel(
         colour = COLOURS[verdict.decision if verdict else ""]
         marks += _value(at, rows[name], HEAD + ROW * index + ROW / 2, colour)
     return marks
+
+
+def bar_drawing(
+    title: str,
+    row: tuple[float, float, float | None],
+    interval: ToleranceInterval | None,
+    scale: tuple[float, float],
+    decision: str,
+) -> Drawing:
+    """Draw one angle on a line: a dot with U, a ring for its earlier value, a band for its limits.
+
+    row: value, U and earlier value. The band takes the middle half; without limits the line spans
+    `scale`. What lies beyond is drawn at the end, as an arrowhead.
+    """
+    value, expanded, before = row
+    low, high = scale if interval is None else _around(interval, value, expanded)
+
+    def at(angle: float) -> float:
+        share = (min(max(angle, low), high) - low) / (high - low)
+        return BAR_END + (BAR_WIDE - 2 * BAR_END) * share
+
+    y, colour = BAR_HIGH / 2.0, COLOURS[decision]
+    marks: list[Mark] = []
+    if interval is not None:
+        left, right = at(interval.lower), at(interval.upper)
+        marks.append(rectangle(left, 1.5, right - left, BAR_HIGH - 3.0, BAND))
+    marks.append(Path([(BAR_END, y), (BAR_WIDE - BAR_END, y)], GRID, 1.0))
+    if low < 0.0 < high:
+        marks.append(Path([(at(0.0), 1.5), (at(0.0), BAR_HIGH - 1.5)], PALE, 0.8))
+    ends = () if interval is None else (interval.lower, interval.upper)
+    marks += [
+        Path([(at(x), 0.5), (at(x), BAR_HIGH - 0.5)], LIMIT, 1.8) for x in ends if math.isfinite(x)
+    ]
+    if before is not None and low <= before <= high:
+        marks.append(CircleMark(at(before), y, 3.0, "#ffffff", PALE, 1.2))
+    if low <= value <= high:
+        U_ends = [(at(value - expanded), y), (at(value + expanded), y)]
+        marks += [Path(U_ends, colour, 2.2), CircleMark(at(value), y, 3.2, colour)]
+    else:
+        way = 1.0 if value > high else -1.0
+        tip = at(value) + way * BAR_END
+        head = [(tip, y), (tip - way * 8.0, y - 5.0), (tip - way * 8.0, y + 5.0)]
+        marks.append(Path(head, fill=colour, closed=True))
+    return Drawing(BAR_WIDE, BAR_HIGH, title, marks, ground="none")
+
+
+def _around(interval: ToleranceInterval, value: float, expanded: float) -> tuple[float, float]:
+    """Return a range of which the limits take the middle half; with one limit, one as wide."""
+    lower, upper = interval.lower, interval.upper
+    if math.isinf(interval.width):
+        limit = lower if math.isfinite(lower) else upper
+        reach = max(1.5 * abs(value - limit), 4.0 * expanded, 1e-9)
+        lower, upper = (limit, limit + reach) if math.isfinite(lower) else (limit - reach, limit)
+    return lower - (upper - lower) / 2.0, upper + (upper - lower) / 2.0
 
 
 def judged_by(conformity: Conformity | None, rows: Mapping[str, Stated]) -> dict[str, Verdict]:

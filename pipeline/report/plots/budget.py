@@ -29,7 +29,7 @@ COLOURS = {
     "aiming": "#D55E00",
 }
 OTHER = "#222222"
-LABEL, BAR, VALUE, ROW, HEAD = 190.0, 420.0, 150.0, 24.0, 62.0  # pixels
+LABEL, BAR, VALUE, ROW, HEAD = 204.0, 404.0, 164.0, 24.0, 62.0  # pixels
 COLUMNS, LEGEND = 4, 186.0
 
 

@@ -106,7 +106,8 @@ Mark = Path | CircleMark | Dots | Text | Raster
 class Drawing:
     """Marks from back to front.
 
-    title: text alternative for screen readers. unit: of all lengths; "mm" prints to scale.
+    title: text alternative for screen readers. unit: of all lengths; "mm" prints to scale. ground:
+    colour behind the marks.
     """
 
     width: float
@@ -114,6 +115,7 @@ class Drawing:
     title: str
     marks: Sequence[Mark]
     unit: Literal["", "mm"] = ""
+    ground: str = "#ffffff"
 
     @property
     def svg(self) -> str:
@@ -124,7 +126,7 @@ class Drawing:
             f'width="{width}{self.unit}" height="{height}{self.unit}" role="img" '
             f'font-family="{FONT}">',
             f"<title>{_plain(self.title)}</title>",
-            f'<rect width="{width}" height="{height}" fill="#ffffff"/>',
+            f'<rect width="{width}" height="{height}" fill="{self.ground}"/>',
             *map(_svg, self.marks),
         ]
         return "\n".join([*parts, "</svg>\n"])

@@ -10,13 +10,14 @@ import numpy as np
 
 from ...vectors import Array
 from ..format.language import Translations
-from .drawing import Dots, Drawing, Mark, Path, Text, arrow
+from .drawing import Anchor, Dots, Drawing, Mark, Path, Text, arrow
 
 WIDTH, HEIGHT, MARGIN = 760.0, 430.0, 42.0
 MOST_DOTS = 4_000
 AZIMUTH, ELEVATION = math.radians(38.0), math.radians(27.0)  # viewpoint: front left, above
 COLOURS = {"reference": "#0072B2", "trial": "#CC79A7", "bad": "#D55E00"}
 LINES = {"frame": "#444444", "axes": "#009E73", "kingpin": "#8a5a00"}
+AXIS_NAME, BESIDE = "#00694d", 8.0  # colour, and distance from the arrow
 NORMAL_M = 0.3
 
 
@@ -25,19 +26,28 @@ def frame_drawing(scene: dict[str, Any], words: Translations) -> Drawing:
     project = _fitted(scene)
     cloud = _points(scene["cloud"])
     marks: list[Mark] = [Dots(project(cloud), 1.1, "#9a9a9a")] if len(cloud) else []
+    axes: list[Mark] = []
     for line in scene["lines"]:
         start, end = project(np.array([line["from"], line["to"]]))
         colour = LINES[line["layer"]]
         if line["layer"] == "axes":
-            marks += arrow(start, end, colour, 2.0)
-            marks.append(Text(end[0] + 6, end[1] - 6, line["name"], 12, colour="#00694d"))
+            axes += [*arrow(start, end, colour, 2.0), _axis_name(line["name"], start, end)]
         else:
             dash = (7.0, 4.0) if line["layer"] == "frame" else None
             marks.append(Path([start, end], colour, 1.4, dash=dash))
     for wheel in scene["wheels"]:
         marks += _wheel(wheel, project)
     title = words("plot.frame_title")
-    return Drawing(WIDTH, HEIGHT, title, marks)
+    return Drawing(WIDTH, HEIGHT, title, [*marks, *axes])
+
+
+def _axis_name(name: str, start: Array, end: Array) -> Text:
+    """Return the name of an axis above its arrow, clear of the lines along it."""
+    along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9)
+    above = np.array([along[1], -along[0]]) * (1.0 if along[0] >= 0.0 else -1.0)
+    x, y = start + 0.6 * (end - start) + BESIDE * above
+    anchor: Anchor = "start" if above[0] > 0.0 else "end"
+    return Text(x, y, name, 12, anchor, colour=AXIS_NAME, halo=3.0)
 
 
 def _wheel(wheel: dict[str, Any], project: Any) -> list[Mark]:

@@ -14,7 +14,7 @@ from ..format.view import View
 from .drawing import GRID, INK, PALE, Anchor, Drawing, Mark, Path, Text, arrow
 
 WIDTH, HEIGHT, SPLIT = 760.0, 470.0, 430.0
-TOP, BOTTOM, ASIDE = 74.0, 60.0, 128.0
+TOP, BOTTOM, ASIDE = 80.0, 60.0, 128.0
 FACTORS = (200, 100, 50, 20, 10, 5, 2, 1)
 MOST_DEG = 14.0  # the largest angle is drawn at no more
 TYRE_M = (0.62, 0.2)  # length and width drawn
@@ -62,8 +62,8 @@ def _from_above(
 
     marks: list[Mark] = [
         Text(12, 42, words("plot.top_above", factor=str(k)), 12, colour=PALE),
-        *arrow((SPLIT / 2, TOP - 8), (SPLIT / 2, TOP - 30), PALE, 1.4),
-        Text(SPLIT / 2 + 8, TOP - 18, words("scene.forward"), 11, colour=PALE),
+        *arrow((SPLIT / 2, TOP - 6), (SPLIT / 2, TOP - 26), PALE, 1.4),
+        Text(SPLIT / 2 + 8, TOP - 14, words("scene.forward"), 11, colour=PALE),
     ]
     for one, other in (("RR", "RL"), ("FR", "FL")):
         marks.append(Path([at(*positions[w][:2]) for w in (one, other)], EDGE, 2.0))

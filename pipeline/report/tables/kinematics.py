@@ -56,7 +56,8 @@ def _rotations(axes: Sequence[SteeringAxis], writer: Writer) -> list[str]:
 def _axes_table(axes: Sequence[SteeringAxis], writer: Writer) -> Table:
     words = writer.words
     columns = (
-        words("results.wheel"), Column(words("status.status"), "page"), words("turned.scans"),
+        words("results.wheel"), Column(words("status.status"), "page", minor=True),
+        Column(words("turned.scans"), minor=True),
         words("turned.swept"), words("turned.caster"), "u", "U", words("turned.inclination"),
         "u", "U", words("turned.by_camber"), writer.chi, Column("", "text"),
     )  # fmt: skip
@@ -84,7 +85,8 @@ def _offsets_table(axes: Sequence[SteeringAxis], writer: Writer) -> Table:
 def _turns_table(turns: Sequence[ToeOut], writer: Writer) -> Table:
     words = writer.words
     columns = (
-        words("turned.turn"), Column(words("status.status"), "page"), words("turned.difference"),
+        words("turned.turn"), Column(words("status.status"), "page", minor=True),
+        words("turned.difference"),
         "u", "U", words("turned.u_curve"), Column("", "text"),
     )  # fmt: skip
     rows = [
@@ -101,7 +103,8 @@ def _plates_table(measurement: Measurement, writer: Writer) -> Table:
     words = writer.words
     plates = {wheel.observation.name: wheel.plate or wheel for wheel in measurement.wheels}
     columns = (
-        words("results.wheel"), Column(words("status.status"), "page"), words("turned.scans"),
+        words("results.wheel"), Column(words("status.status"), "page", minor=True),
+        Column(words("turned.scans"), minor=True),
         writer.quantity("toe"), "u", Column("U", "page"), writer.quantity("camber"), "u",
         Column("U", "page"), writer.quantity("camber_iso"), writer.chi,
         Column("", "text"),

@@ -21,10 +21,13 @@ def wheels_table(measurement: Measurement, writer: Writer) -> Table:
     if writer.plain and axis != "rear-axle":
         toe = f"{toe} to {axis}"
     columns: Columns = (
-        words("results.name"), words("results.wheel"), Column(words("results.role"), "page"),
-        Column(words("status.status"), "page"), *[words("results.of")] * compensated,
+        words("results.name"), Column(words("results.wheel"), minor=True),
+        Column(words("results.role"), "page", minor=True),
+        Column(words("status.status"), "page", minor=True),
+        *[Column(words("results.of"), minor=True)] * compensated,
         toe, "u", Column("U", "page"),
-        writer.quantity("camber"), "u", Column("U", "page"), writer.quantity("camber_iso"),
+        writer.quantity("camber"), "u", Column("U", "page"),
+        Column(writer.quantity("camber_iso"), minor=True),
         Column("", "text"),
     )  # fmt: skip
     rows = [_wheel_row(result, known, compensated, writer) for result in measurement.wheels]
@@ -70,7 +73,8 @@ def axles_table(measurement: Measurement, writer: Writer) -> Table:
     columns: Columns = (
         Column(words("vehicle.axle"), quiet=True), Column(words("vehicle.quantity"), quiet=True),
         words("vehicle.left"), words("vehicle.right"),
-        Column(words("results.together"), quiet=True), Column(words("vehicle.value"), quiet=True),
+        Column(words("results.together"), quiet=True, minor=True),
+        Column(words("vehicle.value"), quiet=True),
         "u", Column("U", "page"),
     )  # fmt: skip
     return writer.table(columns, rows, 2, words("results.axles"))
@@ -90,5 +94,6 @@ def centres_table(measurement: Measurement, writer: Writer) -> Table:
             method = words.known("method", result.observation.fitted.method)
             rows.append([writer.wheel(result.observation.name), *places, method])
     ways = (f"{words(f'scene.{way}')} / m" for way in ("left", "forward", "up"))
-    columns: Columns = (Column(words("results.name"), quiet=True), *ways, words("frame.found_by"))
+    columns: Columns = (Column(words("results.name"), quiet=True), *ways,
+               Column(words("frame.found_by"), minor=True))  # fmt: skip
     return writer.table(columns, rows, 1, words("frame.numbers"))

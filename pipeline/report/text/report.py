@@ -9,6 +9,7 @@ import numpy as np
 from ...measurement import Conformity, Estimate, Measurement, WheelResult, by_name
 from ...vectors import Array
 from ..format.digits import rounded
+from ..format.earlier import Earlier
 from ..format.layout import aligned, equation, paragraph, vector
 from ..format.view import DIGITS, PAPER, View
 from ..format.writer import Writer
@@ -18,7 +19,7 @@ from .checks import monte_carlo_text, repeats_text
 from .conformity import conformity_text
 from .kinematics import runout_text, steering_text
 from .plain import plain_writer
-from .vehicle import axes_text, vehicle_lines
+from .vehicle import axes_text, before_text, vehicle_lines
 
 SIGNS = """\
 Toe (convergência): positive is toe-in, on both sides; measured from the longitudinal axis in use.
@@ -48,7 +49,10 @@ def extra_parts(measurement: Measurement, view: View = PAPER) -> list[str]:
 
 
 def detailed_report(
-    measurement: Measurement, conformity: Conformity | None = None, view: View = PAPER
+    measurement: Measurement,
+    conformity: Conformity | None = None,
+    view: View = PAPER,
+    before: Earlier | None = None,
 ) -> str:
     """Return the paper's report: frame, centres, planes, angles, provenance."""
     made, writer = measurement.provenance, plain_writer(view)
@@ -75,6 +79,7 @@ def detailed_report(
         "",
         axes_text(measurement, writer),
         "",
+        *([before_text(measurement, before, view), ""] if before else []),
         *(f"{part}\n" for part in extra_parts(measurement, view)),
         budget_text(measurement, view),
         "",

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from ...measurement import Measurement
+from ..format.earlier import Earlier
 from ..format.layout import paragraph
 from ..format.view import DEFINED, PAPER, View
 from ..format.writer import Writer
+from ..tables.front import changes_table
 from ..tables.vehicle import axes_table, vehicle_table
 from ..tables.wheels import axles_table
 from .plain import plain_writer
@@ -23,6 +25,15 @@ def vehicle_lines(measurement: Measurement, view: View = PAPER) -> str:
             vehicle_table(measurement, writer).text(),
         ]
     )
+
+
+def before_text(measurement: Measurement, before: Earlier, view: View) -> str:
+    """Return what was before, what is now, and the change."""
+    writer = plain_writer(view)
+    words = writer.words
+    date = before.date or words("front.undated")
+    note = words("front.note_before", capture=before.capture, date=date)
+    return changes_table(measurement, before, writer).block(note)
 
 
 def axes_text(measurement: Measurement, writer: Writer) -> str:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from ...batch.catalogue.catalogue import Catalogue, open_catalogue
-from ...batch.results.listing import expanded
 from ...batch.results.query import (
     STATUSES,
     Filter,
@@ -21,14 +20,15 @@ from ...batch.results.query import (
     wheels_of,
 )
 from ...batch.results.series import series
-from ...batch.results.trends import MONTH_DAYS, Drift, drifts
+from ...batch.results.tables import drift_table, expanded, failures_table
+from ...batch.results.trend_plot import trend_drawing
+from ...batch.results.trends import drifts
 from ...report.format.language import Translations
 from ...report.format.view import PAPER
 from ...report.format.writer import NONE, Table, Writer
 from ...vehicle import Unit
 from ..security import RefusedError
 from .panel import table_tree
-from .trend_plot import trend_drawing
 
 PAGE = 50
 CLASSES = {"ok": "", "part": "undecided"}
@@ -131,14 +131,7 @@ def _capture(catalogue: Catalogue, parameters: Parameters, words: Translations) 
 def _failures(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
     """Return the groups of failures, the most frequent first."""
     found = failures(catalogue, _filter(parameters))
-    rows = [
-        [str(f.count), words(f"page.{f.status}"), f.stage, f.reason, ", ".join(f.examples)]
-        for f in found
-    ]
-    head = [
-        words(f"page.{name}").lower() for name in ("count", "status", "stage", "reason", "captures")
-    ]
-    return {"table": table_tree(Table(head, rows, 5, words("page.failures")))}
+    return {"table": table_tree(failures_table(found, Writer(words, PAPER)))}
 
 
 def _trends(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
@@ -146,11 +139,7 @@ def _trends(catalogue: Catalogue, parameters: Parameters, words: Translations) -
     found = sorted(
         drifts(catalogue, None, _filter(parameters)), key=lambda d: (bool(d.reason), d.p)
     )
-    rows = [_drift_row(one, words) for one in found]
-    head = [words("page.quantity").lower(), words("page.count"), words("page.per_month"), "U",
-            words("page.chance"), words("page.verdict")]  # fmt: skip
-    classes = ["undecided" if one.significant else "" for one in found]
-    table = Table(head, rows, 1, words("page.trends"), classes)
+    table = drift_table(found, Writer(words, PAPER))
     return {"table": table_tree(table), "quantities": [one.quantity for one in found]}
 
 
@@ -170,24 +159,6 @@ def _filter(parameters: Parameters) -> Filter:
         vehicle=parameters.get("vehicle") or None,
         status=(status,) if status in STATUSES else (),
     )
-
-
-def _drift_row(one: Drift, words: Translations) -> Sequence[str]:
-    name = quantity_name(one.quantity, words)
-    if one.reason:
-        return [name, str(one.n), NONE, NONE, NONE, words("page.no_trend")]
-    rate, width = _rate(one, Writer(words, PAPER))
-    verdict = words("page.drifts" if one.significant else "page.no_drift")
-    return [name, str(one.n), rate, width, words.number(f"{one.p:.3f}"), verdict]
-
-
-def _rate(one: Drift, writer: Writer) -> tuple[str, str]:
-    """Format the slope per 30 days and its U."""
-    slope, wide = one.slope * MONTH_DAYS, one.expanded * MONTH_DAYS
-    if one.unit == "m":
-        return writer.millimetres(slope, wide, "+"), writer.size(wide, "m")
-    slope, wide = math.radians(slope), math.radians(wide)
-    return writer.number(slope, "rad", wide), writer.size(wide, "rad")
 
 
 def _angle(value_deg: float | None, u_deg: float | None, words: Translations) -> tuple[str, str]:

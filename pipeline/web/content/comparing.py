@@ -9,14 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...errors import InputError
 from ...measurement import Estimate, Measurement, by_name
 from ...report.format.language import Translations, load_translations
 from ...report.format.view import PAPER
 from ...report.format.writer import Table, Writer
-from ...report.text.validation import coverage_factors, validation_text
+from ...report.tables.comparison import differences_table
+from ...report.text.validation import validation_text
 from ...validation import Comparison, RequestPart, as_method, check_alike, measured
 from ...validation import compare as compare_methods
 from ...vehicle import REFERENCE_WHEELS
@@ -30,7 +29,7 @@ def compare(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
     words = load_translations(plan["language"])
     tree = {
         "verdict": found.verdict,
-        "table": table_tree(_angles(found, words, plan["names"])),
+        "table": table_tree(differences_table(found, Writer(words, PAPER))),
         "lengths": table_tree(_lengths(first, second, words, plan["names"])),
         "missing": [{"name": name, "reason": reason} for name, reason in found.missing],
         "text": validation_text(found),
@@ -89,28 +88,6 @@ def _missing(
     )
 
 
-def _angles(found: Comparison, words: Translations, names: tuple[str, str]) -> Table:
-    """Tabulate toe and camber of every wheel by both, the difference and its verdict."""
-    rows, classes = [], []
-    writer, factors = Writer(words, PAPER), coverage_factors(found.spread)
-    for i, angle in enumerate(np.ravel(found.difference_rad).tolist()):
-        kind, index = divmod(i, len(found.names))
-        values = (found.first.angles_rad[i], found.second.angles_rad[i], angle)
-        expanded = found.spread.expanded[i]
-        widths = (factors[i] * found.u_first[i], factors[i] * found.u_second[i], expanded)
-        verdict = found.verdicts[i]
-        rows.append([
-            found.names[index], words.known("quantity", ("toe", "camber")[kind]),
-            *(writer.number(float(x), "rad", U) for x, U in zip(values, widths, strict=True)),
-            writer.size(float(expanded), "rad"),
-            words.number(f"{found.en[i]:+.2f}"), words.known("page", f"verdict_{verdict}"),
-        ])  # fmt: skip
-        classes.append({"agree": "conform", "disagree": "not-conform"}.get(verdict, "undecided"))
-    head = (words("page.name").lower(), words("page.angle"), *names, words("page.difference"),
-            words("page.expanded"), words("page.en"), words("page.verdict"))  # fmt: skip
-    return Table(head, rows, 2, words("page.angles"), classes)
-
-
 def _lengths(
     first: Measurement, second: Measurement, words: Translations, names: tuple[str, str]
 ) -> Table:
@@ -123,5 +100,5 @@ def _lengths(
         rows.append(
             [words.known("quantity", kind), writer.value(one), writer.value(other), *lengths]
         )
-    head = (words("page.quantity").lower(), *names, words("page.difference"), "u")
-    return Table(head, rows, 1, words("page.lengths"))
+    head = (words("page.quantity").lower(), *names, words("comparison.difference"), "u")
+    return Table(head, rows, 1, words("comparison.lengths"))

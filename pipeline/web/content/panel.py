@@ -81,4 +81,5 @@ def table_tree(table: Table) -> dict[str, Any]:
         "rows": [list(row) for row in table.rows],
         "left": table.left,
         "classes": list(table.classes),
+        "minor": list(table.minor),
     }

@@ -23,12 +23,14 @@ export function el(tag, properties = {}, ...children) {
 }
 
 /** Table element of {caption, head, rows, left, classes}: the first cell of a row is its head. */
-export function tableOf({ caption, head, rows, left = 1, classes = [] }, { kind = "", hidden = [] } = {}) {
+export function tableOf({ caption, head, rows, left = 1, classes = [], minor = [] }, { kind = "", hidden = [] } = {}) {
   const shown = (_, column) => !hidden.includes(column);
-  const cell = (text, column, tag) => el(tag, { class: [column < left && "words", /^U?u?$/.test(head[column]) && "spread"].filter(Boolean).join(" ") || null }, String(text));
-  const headRow = el("tr", {}, ...head.map((text, i) => el("th", { scope: "col", class: i < left ? "words" : null }, text)).filter(shown));
+  const kindsOf = (column) => [column < left && "words", /^U?u?$/.test(head[column]) && "spread", minor.includes(column) && "minor"].filter(Boolean).join(" ") || null;
+  const cell = (text, column, tag) => el(tag, { class: kindsOf(column) }, String(text));
+  const headRow = el("tr", {}, ...head.map((text, i) => el("th", { scope: "col", class: kindsOf(i) }, text)).filter(shown));
   const body = rows.map((row, i) => el("tr", { class: classes[i] || null }, ...row.map((text, column) => {
     const element = cell(text, column, column ? "td" : "th");
+    if (String(text).length > 18) element.classList.add("long");
     if (!column) element.scope = "row";
     return element;
   }).filter(shown)));

@@ -65,6 +65,7 @@ export class Result {
 assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} ${headline.title}`) : null,
           el("span", { class: "tools" }, this.#before(), el("button", { type: "button", onclick: () => this.#leave() }, t("another")))),
 ...(assessed ? [el("p", { class: "says" }, [...headline.says, joint].join(" "))] : []),
+        ...notes.map((note) => el("p", { class: "note", lang: "en" }, note)),
         el("div", { class: "tools" },
           select("style", t("unit"), STYLES.map(([value, word]) => [value, t(word)]), this.style, (value) => this.#setView({ style: value })),
           select("axis", t("axis"), Object.entries(this.panel.axes), this.axis, (value) => this.#setView({ axis: value }))),
@@ -75,7 +76,7 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
       this.axles,
       ...(limits ? [el("div", { class: "card" }, tableOf(limits))] : []),
       ...extra.map((table) => el("div", { class: "card" }, tableOf(table))),
-      el("details", { class: "card" }, el("summary", {}, t("more")), factsOf(head), ...notes.map((note) => el("p", { class: "note" }, note))));
+      el("details", { class: "card" }, el("summary", {}, t("more")), factsOf(head)));
     this.#setView({});
   }
 

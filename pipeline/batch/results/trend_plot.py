@@ -6,11 +6,11 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from ...batch.results.series import Series
-from ...batch.results.trends import Drift
 from ...report.format.language import Translations
 from ...report.plots.drawing import GRID, PALE, Dots, Drawing, Mark, Path, Text
 from ...report.plots.validation import ticks
+from .series import Series
+from .trends import Drift
 
 WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 900.0, 320.0, 90.0, 40.0, 20.0, 40.0
 MOST_DOTS = 4000

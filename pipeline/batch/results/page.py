@@ -1,0 +1,135 @@
+"""Results of a batch as a report: the selected captures, statistics, drift, outliers, failures."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ...report.format.writer import NONE, Column, Columns, Table, Writer
+from ...report.html.document import Document, Part, Section
+from ...report.html.results import Headline
+from ..catalogue.catalogue import Catalogue
+from .listing import ANGLES, angles_of, by_status
+from .query import Filter, captures, failures
+from .series import series
+from .tables import (
+    drift_table,
+    expanded,
+    failures_table,
+    shown,
+    summary_table,
+    value,
+    width,
+    worst_table,
+)
+from .trend_plot import trend_drawing
+from .trends import drifts, summary, worst
+
+MOST_CAPTURES = 500  # of the table of captures
+MOST_TRENDS = 12  # drawn, of the significant drifts
+LISTS = ("list", "summary", "drift", "worst", "failures")
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What a report holds of a catalogue: captures, quantities, and which of LISTS."""
+
+    source: str
+    which: Filter
+    quantities: Sequence[str] | None
+    lists: Sequence[str]
+    limit: int
+    worst: int
+
+
+def results_document(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Document:
+    """Return the report; its number is that of the selection and of the captures' JSON."""
+    words = writer.words
+    counts = by_status(catalogue, chosen.which)
+    fine = set(counts) <= {"ok"}
+    says = [f"{words(f'page.{status}')}: {words.count(n)}" for status, n in counts.items()]
+    title = words("listing.all_well" if fine else "listing.not_all")
+    sections = [_section(catalogue, chosen, name, writer) for name in chosen.lists]
+    first = Section("results", sections[0].title, sections[0].parts)
+    return Document(
+        title=words("listing.title"),
+        record=_record(catalogue, chosen),
+        head=[(words("listing.results"), chosen.source)],
+        headline=Headline("none", NONE, title, tuple(says)),
+        results=[first],
+        annexes=sections[1:],
+    )
+
+
+def _record(catalogue: Catalogue, chosen: Selection) -> str:
+    held = [(row.key, row.md5) for row in captures(catalogue, chosen.which)]
+    selection = {key: str(x) for key, x in vars(chosen).items()}
+    return json.dumps({"selection": selection, "captures": held})
+
+
+def _section(catalogue: Catalogue, chosen: Selection, name: str, writer: Writer) -> Section:
+    words, which, quantities = writer.words, chosen.which, chosen.quantities
+    signs = words("listing.signs")
+    if name == "list":
+        return _captures(catalogue, chosen, writer)
+    if name == "summary":
+        table = summary_table(summary(catalogue, quantities, which), writer)
+        return Section(name, table.caption, [table, signs, words("listing.summary_note")])
+    if name == "drift":
+        return _drifts(catalogue, chosen, writer)
+    if name == "worst":
+        table = worst_table(worst(catalogue, chosen.worst, quantities, which), writer)
+        note = f"{signs} {words('listing.k1')}. {words('listing.worst_note')}"
+        return Section(name, table.caption, [table, note])
+    table = failures_table(failures(catalogue, which), writer)
+    return Section(name, table.caption, [table])
+
+
+def _drifts(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Section:
+    words = writer.words
+    found = drifts(catalogue, chosen.quantities, chosen.which)
+    table = drift_table(found, writer)
+    marked = [one for one in found if one.significant][:MOST_TRENDS]
+    names = [one.quantity for one in marked]
+    drawn = series(catalogue, names, chosen.which) if names else ()
+    pictures = [
+        trend_drawing(one, line, writer.words.known("quantity", one.quantity), words)
+        for one, line in zip(drawn, marked, strict=True)
+    ]
+    parts: list[Part] = [
+        table, words("listing.signs"), words("listing.drift_note"), *pictures,
+    ]  # fmt: skip
+    return Section("drift", table.caption, parts)
+
+
+def _captures(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Section:
+    """Return a row per capture: its angles and the largest u, or why there are none."""
+    words = writer.words
+    rows = list(captures(catalogue, chosen.which, limit=chosen.limit))
+    angles = angles_of(catalogue, [row.key for row in rows])
+    cells, classes = [], []
+    for row in rows:
+        found = angles.get(row.key, {})
+        known = [u for _, u in found.values() if u is not None]
+        cells.append([
+            shown(row.name or row.key), row.date or writer.none, words(f"page.{row.status}"),
+            f"{row.wheels_ok}/{row.wheels}",
+            *(value(found[name][0], "deg", writer, expanded(found[name][1]))
+              if name in found else writer.none for name in ANGLES),
+            width(max(known, default=math.nan), "deg", writer),
+        ])  # fmt: skip
+        classes.append({"ok": "", "part": "undecided"}.get(row.status, "not-conform"))
+    heads = [f"{writer.wheel(wheel)} {writer.quantity(kind)}" for wheel, kind in
+             (name.split() for name in ANGLES)]  # fmt: skip
+    columns: Columns = (
+        words("listing.capture"), words("listing.date"), words("listing.status"),
+        Column(words("listing.wheels"), minor=True), *heads, words("listing.largest_u"),
+    )  # fmt: skip
+    table: Table = writer.table(columns, cells, 3, words("listing.captures"), classes)
+    total = sum(by_status(catalogue, chosen.which).values())
+    parts: list[Part] = [table, f"{words('listing.signs')} {words('listing.captures_note')}"]
+    if total > len(rows):
+        parts.append(words("listing.some", shown=words.count(len(rows)), total=words.count(total)))
+    return Section("captures", table.caption, parts)

@@ -1,0 +1,133 @@
+"""Statistics, drifts and outliers of many captures as tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+
+from ...measurement import Estimate
+from ...report.format.digits import UNKNOWN
+from ...report.format.writer import Table, Writer
+from .query import FailureGroup
+from .trends import MONTH_DAYS, Drift, Outlier, Summary
+
+REASONS = {"fewer than three dated values": "few_values", "all on one date": "one_date"}
+
+
+def summary_table(found: Sequence[Summary], writer: Writer) -> Table:
+    """Return the statistics of each quantity; single values to the place of the typical U."""
+    words = writer.words
+    head = [words(f"listing.{name}") for name in
+            ("quantity", "n", "mean", "sd", "robust_sd", "median", "min", "max",
+             "typical_u")]  # fmt: skip
+    rows = []
+    for s in found:
+        wide = expanded(s.u_rms)
+        mean, median, low, high = (
+            value(x, s.unit, writer, wide) for x in (s.mean, s.median, s.low, s.high)
+        )
+        sd, robust, u = (width(x, s.unit, writer) for x in (s.sd, s.robust_sd, s.u_rms))
+        name = quantity_name(s.quantity, writer)
+        rows.append([name, writer.words.count(s.n), mean, sd, robust, median, low, high, u])
+    return writer.table(head, rows, 1, words("listing.summary"))
+
+
+def drift_table(found: Sequence[Drift], writer: Writer) -> Table:
+    """Return the slope of each quantity over time, per 30 days."""
+    words = writer.words
+    head = [words(f"listing.{name}") for name in
+            ("quantity", "n", "from", "to", "per_month", "half", "scatter", "p",
+             "drift")]  # fmt: skip
+    rows = [_drift_row(one, writer) for one in found]
+    classes = ["undecided" if one.significant else "" for one in found]
+    return writer.table(head, rows, 1, words("listing.drifts"), classes)
+
+
+def _drift_row(d: Drift, writer: Writer) -> list[str]:
+    words = writer.words
+    row = [quantity_name(d.quantity, writer), words.count(d.n)]
+    if d.reason:
+        reason = words(f"listing.{REASONS[d.reason]}") if d.reason in REASONS else d.reason
+        return [*row, *[writer.none] * 6, reason]
+    wide = d.expanded * MONTH_DAYS
+    return [
+        *row,
+        day_text(d.first_day),
+        day_text(d.last_day),
+        value(d.slope * MONTH_DAYS, d.unit, writer, wide),
+        width(wide, d.unit, writer),
+        width(d.scatter, d.unit, writer),
+        words.number(f"{d.p:.2g}"),
+        words("listing.yes" if d.significant else "listing.no"),
+    ]
+
+
+def worst_table(found: Sequence[Outlier], writer: Writer) -> Table:
+    """Return values far from the median."""
+    words = writer.words
+    head = [*(words(f"listing.{name}") for name in ("capture", "date", "quantity", "value")), "u",
+            words("listing.median"), words("listing.deviation")]  # fmt: skip
+    rows = []
+    for o in found:
+        wide = expanded(o.u)
+        texts = (value(o.value, o.unit, writer, wide), width(o.u, o.unit, writer),
+                 value(o.median, o.unit, writer, wide))  # fmt: skip
+        rows.append([shown(o.name), o.date or writer.none, quantity_name(o.quantity, writer),
+                     *texts, words.number(f"{o.score:.1f}")])  # fmt: skip
+    return writer.table(head, rows, 3, words("listing.worst"))
+
+
+def failures_table(found: Sequence[FailureGroup], writer: Writer) -> Table:
+    """Return the groups of failures, the most frequent first."""
+    words = writer.words
+    head = [words(f"listing.{name}") for name in
+            ("count", "status", "stage", "reason", "examples")]  # fmt: skip
+    rows = [
+        [words.count(group.count), words(f"page.{group.status}"), group.stage or writer.none,
+         shown(group.reason), ", ".join(map(shown, group.examples))]
+        for group in found
+    ]  # fmt: skip
+    return writer.table(head, rows, 5, words("listing.failures"))
+
+
+def quantity_name(quantity: str, writer: Writer) -> str:
+    """Return the name of a quantity of the catalogue, such as `RR toe`; plain text keeps it."""
+    if writer.plain:
+        return quantity
+    wheel, _, kind = quantity.rpartition(" ")
+    return f"{writer.wheel(wheel)} {writer.words.known('quantity', kind)}".strip()
+
+
+def expanded(u: float | None) -> float:
+    """Return U of a value of which the catalogue holds u, as of infinite degrees of freedom."""
+    return UNKNOWN if u is None else Estimate(0.0, u).expanded
+
+
+def value(x: float, unit: str, writer: Writer, wide: float) -> str:
+    """Write a value in degrees or metres to the place of its U, `wide`."""
+    if not math.isfinite(x):
+        return writer.none
+    if unit == "deg":
+        text = writer.view.angle(math.radians(x), "camber", math.radians(wide))
+        return writer.words.number(text)
+    return writer.millimetres(x, wide, "+")
+
+
+def width(x: float, unit: str, writer: Writer) -> str:
+    """Write an uncertainty or a standard deviation with two digits."""
+    if not math.isfinite(x):
+        return writer.none
+    if unit == "deg":
+        return writer.words.number(writer.view.width(math.radians(x), "camber"))
+    return writer.size(x, "m")
+
+
+def day_text(day: float) -> str:
+    """Format days since 1970-01-01 as a date."""
+    return (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=day)).date().isoformat()
+
+
+def shown(text: str) -> str:
+    """Escape characters that a terminal would interpret."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

@@ -1,0 +1,93 @@
+"""An earlier measurement of the same vehicle, from its measurement.json, and what changed since."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...errors import InputError
+
+SCHEMA = "wheelplane/measurement/1"
+SCALE = {"deg": math.radians(1.0), "m": 1.0}
+STEERING = ("caster", "inclination")
+
+
+@dataclass(frozen=True)
+class Known:
+    """A value with its standard and expanded uncertainty, radians or metres."""
+
+    value: float
+    u: float
+    expanded: float
+
+    def less(self, other: Known) -> Known:
+        """Return the difference of two independent values."""
+        u, expanded = math.hypot(self.u, other.u), math.hypot(self.expanded, other.expanded)
+        return Known(self.value - other.value, u, expanded)
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """What measurement.json holds, by name: `RR.toe`, `thrust_angle`, `FL.caster`."""
+
+    source: str
+    sha256: str
+    capture: str
+    vehicle: str | None
+    date: str | None
+    values: Mapping[str, Known]
+
+
+def read_earlier(path: Path) -> Earlier:
+    """Read measurement.json. Raises InputError that names the file and the fact."""
+    try:
+        data = path.read_bytes()
+        tree = json.loads(data)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}: check the path") from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not JSON: give a measurement.json") from error
+    if not isinstance(tree, dict) or tree.get("schema") != SCHEMA:
+        raise InputError(f"{path}: no measurement of schema {SCHEMA!r}: give a measurement.json")
+    try:
+        return Earlier(
+            source=str(path),
+            sha256=hashlib.sha256(data).hexdigest(),
+            capture=str(tree["capture"]),
+            vehicle=tree["vehicle_name"],
+            date=tree["date"],
+            values=dict(_values(tree)),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{path}: a measurement.json that is incomplete ({error!r}): measure that capture again"
+        ) from error
+
+
+def check_same_vehicle(earlier: Earlier, vehicle: str | None, source: str) -> None:
+    """Raise InputError where both name their vehicle, and not the same one."""
+    if earlier.vehicle and vehicle and earlier.vehicle != vehicle:
+        raise InputError(
+            f"{earlier.source}: is of the vehicle {earlier.vehicle!r}, {source} of {vehicle!r}: "
+            "give an earlier measurement of the same vehicle"
+        )
+
+
+def _values(tree: Mapping[str, Any]) -> Iterator[tuple[str, Known]]:
+    for entry in tree["uncertainty"]:
+        numbers = (entry["value"], entry["u"], entry["expanded_95"])
+        yield entry["quantity"], _known(numbers, SCALE[entry["unit"]])
+    for axis in tree["steering"]["kingpins"]:
+        for name in STEERING:
+            numbers = (axis[f"{name}_deg"], axis[f"u_{name}_deg"], axis[f"expanded_{name}_deg"])
+            if None not in numbers:
+                yield f"{axis['wheel']}.{name}", _known(numbers, SCALE["deg"])
+
+
+def _known(numbers: tuple[float, float, float], scale: float) -> Known:
+    return Known(*(float(number) * scale for number in numbers))

@@ -1,0 +1,66 @@
+"""A report of tables and pictures as one HTML page: letterhead, verdict, results, annexes."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ... import __version__
+from ..format.laboratory import NOBODY, Laboratory
+from ..format.language import Translations
+from ..format.writer import Table
+from ..plots.drawing import FONT, Drawing
+from .provenance import Pairs
+from .results import Headline
+from .template import render
+
+NUMBER_DIGITS = 12  # of the record's digest, which make the report's number
+Part = Table | Drawing | str
+
+
+@dataclass(frozen=True)
+class Section:
+    """Tables, drawings and paragraphs under a title; name: its anchor."""
+
+    name: str
+    title: str
+    parts: Sequence[Part]
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a report holds; record: the JSON whose digest numbers it. notes: in English."""
+
+    title: str
+    record: str
+    head: Pairs
+    headline: Headline | None
+    results: Sequence[Section]
+    annexes: Sequence[Section]
+    notes: Sequence[str] = field(default_factory=tuple)
+
+
+def document_html(made: Document, words: Translations, laboratory: Laboratory = NOBODY) -> str:
+    """Return the page; same document, same text."""
+    digest = hashlib.sha256(made.record.encode(errors="backslashreplace")).hexdigest()
+    number = digest[:NUMBER_DIGITS]
+    sections = [*made.results, *made.annexes]
+    return render(
+        "document.html",
+        {
+            "words": words,
+            "font": FONT,
+            "number": number,
+            "version": __version__,
+            "title": made.title,
+            "vehicle": "",
+            "laboratory": laboratory,
+            "head": [*made.head, (words("head.report"), number)],
+            "sections": [(section.name, section.title) for section in sections],
+            "verdict": made.headline,
+            "results": made.results,
+            "annexes": made.annexes,
+            "notes": made.notes,
+        },
+    )
