@@ -101,4 +101,4 @@ def _lengths(
             [words.known("quantity", kind), writer.value(one), writer.value(other), *lengths]
         )
     head = (words("page.quantity").lower(), *names, words("comparison.difference"), "u")
-    return Table(head, rows, 1, words("comparison.lengths"))
+    return Table(head, rows, 1, words("page.lengths"))
