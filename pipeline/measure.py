@@ -47,7 +47,8 @@ def measure_capture(
     """
     observations, naming = observe_capture(capture, config, fit or fit_target, progress)
     origin = provenance_of_capture(capture, config, observations, naming)
-    notes = [*origin.notes, *noisy(observations, config.instrument)]
+    of_scans = [observation.note for observation in observations if observation.note]
+    notes = [*origin.notes, *of_scans, *noisy(observations, config.instrument)]
     found = solve(align(observations, origin, notes))
     assumed = notes_of_assumptions(found, capture.target, config.instrument)
     return replace(found, notes=(*found.notes, *assumed))

@@ -8,6 +8,7 @@ from .plausibility import (
     float32_fact,
     float32_step,
     length,
+    lone_points,
 )
 from .scan_summary import ScanSummary, summarise_scan
 from .selftest import BOUND, Check, Figure, digest, run_selftest
@@ -25,6 +26,7 @@ __all__ = [
     "float32_fact",
     "float32_step",
     "length",
+    "lone_points",
     "run_selftest",
     "spacing_m",
     "summarise_scan",

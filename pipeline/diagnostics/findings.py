@@ -25,7 +25,7 @@ def spacing_m(summary: ScanSummary) -> float | None:
     Points thinned at random are a Poisson process of density d on a surface, whose median distance
     to the nearest is sqrt(ln 2 / (pi d)); a file's own points are a raster of spacing 1 / sqrt(d).
     """
-    sample = summary.sample_m
+    sample = summary.near_sample_m
     if len(sample) < 2:
         return None
     chosen = np.random.default_rng(0).permutation(len(sample))[:QUERIES]
@@ -46,11 +46,12 @@ def findings(summary: ScanSummary) -> list[str]:
         return [f"it holds no point ({summary.declared} rows, all invalid points)"]
     found = [
         _few_points(summary),
+        summary.lone,
         _size(summary),
         _steps(summary),
         _duplicates(summary),
         _origin(summary),
-        _flat(summary.sample_m),
+        _flat(summary.near_sample_m),
         *(_pose(scan.name, scan.T_file_scan) for scan in summary.scans),
         *(f"scan {scan.name}: {scan.note}" for scan in summary.scans if scan.note),
         *(f"scan {scan.name} holds no point" for scan in summary.scans if not scan.points),
@@ -69,7 +70,7 @@ def _is_short(summary: ScanSummary, rows: int) -> bool:
 
 
 def _size(summary: ScanSummary) -> str:
-    size = float((summary.high_m - summary.low_m).max())
+    size = float(summary.extent_m.max())
     if size == 0.0 or USUAL_SIZES_M[0] <= size <= USUAL_SIZES_M[1]:
         return ""
     hint = better_unit(size, summary.length_unit, "--length-unit {}")
@@ -77,13 +78,14 @@ def _size(summary: ScanSummary) -> str:
 
 
 def _steps(summary: ScanSummary) -> str:
-    step, distance = float32_step(summary.sample_m, summary.length_unit)
+    sample = summary.near_sample_m
+    step, distance = float32_step(sample, summary.length_unit)
     if step >= COARSE_STEP_M:
         return float32_fact(step, distance)
     unit_m = in_metres(1.0, summary.length_unit)
     for decimals in DECIMALS:
         step = unit_m * 10.0**-decimals
-        ticks = summary.sample_m / step
+        ticks = sample / step
         if step >= COARSE_STEP_M and np.abs(ticks - np.rint(ticks)).max() < 1e-3:
             return f"its coordinates lie in steps of {length(step)}"
     return ""

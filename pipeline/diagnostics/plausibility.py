@@ -12,6 +12,7 @@ from ..vectors import Array
 
 # A laser resolves nothing within the smaller, and no single cloud is wider than the larger.
 CLOUD_SIZES_M = (1e-3, 20e3)
+FEW = 0.01  # of the points, that may be wrong without the unit being wrong
 WHEEL_SCAN_M = 2.0  # a typical scan of a wheel
 VEHICLE_SCAN_M = 10.0  # and of a vehicle
 VEHICLE_SIZES_M = (1.5, 100.0)  # the shortest wheelbase; a hall
@@ -74,6 +75,30 @@ def check_vehicle_cloud(points_m: Array, diameter_m: float, unit: str, source: s
         fact = f"the cloud is {length(size)} wide in {unit}, {largest:g} m at most: crop it, or"
     option = '--length-unit {0}, or length_unit = "{0}" in a capture.toml'
     raise InputError(f"{source}: {fact}: {better_unit(size, unit, option, VEHICLE_SCAN_M)}")
+
+
+def lone_points(points_m: Array) -> str:
+    """Return a note on the few points of a cloud (N, 3) that lie further off than any scan reaches.
+
+    Empty where there are none, or so many that the cloud is as wide: a wrong unit.
+    """
+    reach_m = CLOUD_SIZES_M[1]
+    if not len(points_m) or _size(points_m) <= reach_m:
+        return ""
+    middle_m = np.median(_some(points_m), axis=0)
+    far = np.zeros(len(points_m), bool)
+    for column, middle in zip(points_m.T, middle_m, strict=True):
+        far |= np.abs(column - middle) > reach_m
+    farthest_m = float(np.linalg.norm(points_m[far] - middle_m, axis=1).max())
+    return lone_fact(int(far.sum()), len(points_m), farthest_m)
+
+
+def lone_fact(far: int, points: int, farthest_m: float) -> str:
+    """Describe points far from the others; empty where they are none, or not few."""
+    if not 0 < far <= FEW * points:
+        return ""
+    lie = "lies" if far == 1 else "lie up to"
+    return f"{far} of {points} points {lie} {length(farthest_m)} from the others"
 
 
 def float32_step(points_m: Array, unit: str) -> tuple[float, float]:

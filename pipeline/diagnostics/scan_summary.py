@@ -21,6 +21,7 @@ from ..readers import (
 )
 from ..units import to_metres
 from ..vectors import Array
+from .plausibility import CLOUD_SIZES_M, lone_fact
 
 SAMPLE = 100_000
 _SEED = 0
@@ -48,7 +49,9 @@ class ScanSummary:
 
     declared: rows by the header. at_origin: points at 0 0 0. raster: rows and columns. sample_m:
     (S, 3) one random point of each run of `stride` rows. keys: hashes of the points whose hash is a
-    multiple of `stride`, so that equal points are either all among them or none.
+    multiple of `stride`, so that equal points are either all among them or none. middle_m: (3,) of
+    the first points. far: number of points further from it than any scan reaches, farthest_m: the
+    farthest; near_low_m, near_high_m: corners of the box without them.
     """
 
     format: str
@@ -66,6 +69,30 @@ class ScanSummary:
     scans: list[PointCounts] = field(default_factory=list)
     sample_m: Array = field(default_factory=lambda: np.empty((0, 3)))
     keys: npt.NDArray[np.uint64] = field(default_factory=lambda: np.empty(0, np.uint64))
+    middle_m: Array = field(default_factory=lambda: np.empty(0))
+    far: int = 0
+    farthest_m: float = 0.0
+    near_low_m: Array = field(default_factory=lambda: np.full(3, np.inf))
+    near_high_m: Array = field(default_factory=lambda: np.full(3, -np.inf))
+
+    @property
+    def lone(self) -> str:
+        """Note on few points far from the others; empty without."""
+        return lone_fact(self.far, self.points, self.farthest_m)
+
+    @property
+    def extent_m(self) -> Array:
+        """(3,) sides of the box, without lone points."""
+        if self.lone:
+            return np.asarray(self.near_high_m - self.near_low_m)
+        return np.asarray(self.high_m - self.low_m)
+
+    @property
+    def near_sample_m(self) -> Array:
+        """Sample (S, 3) without lone points."""
+        if not self.lone:
+            return self.sample_m
+        return self.sample_m[_near(self.sample_m, self.middle_m)]
 
 
 def summarise_scan(
@@ -124,9 +151,26 @@ def _place(placer: Placer, block: Block, cloud: RawCloud, summary: ScanSummary) 
     return rows
 
 
+def _near(points_m: Array, middle_m: Array) -> npt.NDArray[np.bool_]:
+    """Return which points (N, 3) lie within the reach of a scan."""
+    return np.asarray(np.abs(points_m - middle_m).max(axis=1) <= CLOUD_SIZES_M[1])
+
+
 def _extend(summary: ScanSummary, rows: PointRows) -> None:
-    summary.low_m = np.minimum(summary.low_m, rows.points.min(axis=0))
-    summary.high_m = np.maximum(summary.high_m, rows.points.max(axis=0))
+    low, high = rows.points.min(axis=0), rows.points.max(axis=0)
+    summary.low_m = np.minimum(summary.low_m, low)
+    summary.high_m = np.maximum(summary.high_m, high)
+    if not len(summary.middle_m):
+        summary.middle_m = np.median(rows.points, axis=0)
+    if not _near(np.stack([low, high]), summary.middle_m).all():
+        near = _near(rows.points, summary.middle_m)
+        off = np.linalg.norm(rows.points[~near] - summary.middle_m, axis=1)
+        summary.far += len(off)
+        summary.farthest_m = max(summary.farthest_m, float(off.max()))
+        low = rows.points[near].min(axis=0, initial=np.inf)
+        high = rows.points[near].max(axis=0, initial=-np.inf)
+    summary.near_low_m = np.minimum(summary.near_low_m, low)
+    summary.near_high_m = np.maximum(summary.near_high_m, high)
     summary.at_origin += int((rows.points == 0.0).all(axis=1).sum())
     # Of several scans some may have no intensity.
     if rows.intensity is not None and not np.isnan(rows.intensity).all():

@@ -9,12 +9,13 @@ from ..capture import Capture, ScanEntry
 from ..cloud import cloud_sample
 from ..config import Config, InstrumentConfig
 from ..detection import find_target
-from ..diagnostics import check_wheel_scan
+from ..diagnostics import check_wheel_scan, lone_points
 from ..errors import InputError, NotMeasuredError
 from ..files import sha256
 from ..plane import Patch
 from ..readers import read_scan
 from ..targets import Target
+from ..vectors import Array
 from .records import Evidence, Observation
 
 NOISY = 1.5  # times the stated range noise
@@ -83,6 +84,7 @@ def _find(
         repeats=entry.repeats,
         turn=entry.turn,
         cloud=cloud_sample(scan.points_m),
+        note=note_on_lone_points(scan.points_m, entry.file),
     )
     try:
         patch = find_target(
@@ -92,6 +94,12 @@ def _find(
         return observation, error.with_traceback(None)
     station_m = scan.parts[0].station_m if len(scan.parts) == 1 else None
     return observation, replace(patch, station_m=station_m)
+
+
+def note_on_lone_points(points_m: Array, name: str) -> str:
+    """Return a note on the few points of a scan far from all others; empty without."""
+    lone = lone_points(points_m)
+    return f"{name}: {lone}: check its export." if lone else ""
 
 
 def noisy(observations: Sequence[Observation], instrument: InstrumentConfig) -> Iterator[str]:

@@ -29,7 +29,7 @@ from ..readers import Part, read_scan
 from ..targets import PatternTarget, Target
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
-from .observe import Fit
+from .observe import Fit, note_on_lone_points
 from .records import Evidence, Naming, Observation
 
 SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
@@ -39,7 +39,8 @@ SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
 class Found:
     """Targets found in a whole-vehicle scan, with a sample of its points.
 
-    scans: name of the file's scan that each patch is from; '' if the file holds one only.
+    scans: name of the file's scan that each patch is from; '' if the file holds one only. note: a
+    finding about the points.
     """
 
     patches: tuple[Patch, ...]
@@ -47,6 +48,7 @@ class Found:
     sample_m: Array
     points: int
     invalid_points: int
+    note: str = ""
 
     @property
     def targets(self) -> tuple[FoundTarget, ...]:
@@ -84,6 +86,7 @@ def targets_of_cloud(
         sample_m=sample(scan.points_m, SAMPLE),
         points=len(scan.points_m),
         invalid_points=scan.invalid_points,
+        note=note_on_lone_points(scan.points_m, cloud.file),
     )
 
 
@@ -125,6 +128,7 @@ def observe_cloud(
             invalid_points=found.invalid_points,
             evidence=evidence[named[wheel]],
             cloud=shown,
+            note=found.note if wheel == REFERENCE_WHEELS[0] else "",
         )
         for wheel, shown in zip(REFERENCE_WHEELS, by_wheel(found.sample_m, centres_m), strict=True)
     ]

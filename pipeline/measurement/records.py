@@ -46,7 +46,7 @@ class Observation:
 
     repeats: name of the scan that it repeats. turn: of a scan of a sweep or a run-out. evidence is
     None where nothing could be measured; `status` then is the kind of cause and `reason` explains
-    it. cloud: a sample of the points; None for five points.
+    it. cloud: a sample of the points; None for five points. note: a finding about the scan.
     """
 
     name: str
@@ -62,6 +62,7 @@ class Observation:
     reason: str = ""
     turn: Turn | None = None
     cloud: CloudSample | None = None
+    note: str = ""
 
     @property
     def fitted(self) -> TargetFit:

@@ -207,3 +207,18 @@ def test_progress_stays_out_of_a_pipe(tmp_path):
         cwd=ROOT, capture_output=True, text=True, check=True,
     )  # fmt: skip
     assert run.stderr == ""
+
+
+def test_a_lone_point_far_off_is_a_finding_and_changes_no_other(tmp_path):
+    points = raster(300, 0.003)
+    plain = summarise_scan(ply(tmp_path / "plain.ply", points), "m")
+    points[777, 0] = 9.9e9
+    lone = summarise_scan(ply(tmp_path / "lone.ply", points), "m")
+    assert findings(lone) == ["1 of 90000 points lies 9.9e+06 km from the others"]
+    assert findings(plain) == []
+    assert lone.high_m[0] == 9.9e9
+    np.testing.assert_allclose(lone.extent_m, plain.extent_m, atol=0.01)
+    assert spacing_m(lone) == pytest.approx(spacing_m(plain), rel=0.1)
+    points[777, 0] = 0.0
+    points[:, 0] += 1e9 * (np.arange(len(points)) % 2)  # half of them: no lone points
+    assert "wide" in findings(summarise_scan(ply(tmp_path / "half.ply", points), "m"))[0]

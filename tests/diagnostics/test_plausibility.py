@@ -14,6 +14,7 @@ from wheelplane.diagnostics.plausibility import (
     check_vehicle_cloud,
     check_wheel_scan,
     float32_step,
+    lone_points,
 )
 from wheelplane.diagnostics.selftest import certified_folder
 from wheelplane.errors import InputError
@@ -155,3 +156,22 @@ def test_certified_data_without_a_unit_are_believed(file):
     numbers = np.array(file.read_text().split()[1:], float).reshape(-1, 3)
     for unit in FACTOR:
         check_cloud(numbers * FACTOR[unit], unit, file.name)
+
+
+@pytest.mark.parametrize(("count", "shift"), [(1, 9.9e9), (3, -1e12), (40, 30e3)])
+def test_few_points_far_off_are_a_note(count, shift):
+    points = WHEEL_M + SITE
+    rows = np.random.default_rng(4).choice(len(points), count, replace=False)
+    points[rows, 1] = shift
+    text = lone_points(points)
+    assert text.startswith(f"{count} of {len(points)} points lie")
+    assert text.endswith(" km from the others")
+    assert lone_points(WHEEL_M + SITE) == ""
+
+
+def test_many_points_far_off_are_no_lone_ones():
+    points = WHEEL_M.copy()
+    points[: len(points) // 50] += 1e9
+    assert lone_points(points) == ""
+    assert lone_points(WHEEL_M * 1e6) == ""
+    assert lone_points(np.empty((0, 3))) == ""

@@ -132,3 +132,16 @@ def test_noise_is_noted_beyond_the_stated_one(scan, factor):
 def test_without_stated_noise_nothing_is_noted(scan):
     found = observe(scan, fit_target)
     assert list(noisy([found], InstrumentConfig(range_sigma_m=None))) == []
+
+
+def test_a_lone_point_far_off_is_noted_and_changes_nothing(scan, cloud, tmp_path):
+    points = np.vstack([cloud.points_m, [[9.9e9, 0.0, 0.0]]])
+    np.save(tmp_path / "rl.npy", points)
+    found = observe(tmp_path / "rl.npy", fit_target)
+    assert found.note == (
+        f"rl.npy: 1 of {len(points)} points lies 9.9e+06 km from the others: check its export."
+    )
+    plain = observe(scan, fit_target)
+    assert plain.note == ""
+    np.testing.assert_allclose(found.fitted.centre_m, plain.fitted.centre_m, atol=1e-4)
+    np.testing.assert_allclose(found.fitted.normal, plain.fitted.normal, atol=1e-3)
