@@ -20,6 +20,7 @@ from .options import (
     config_option,
     five_point_options,
     length_unit_option,
+    radius_option,
     read_options,
     read_station,
     reading_options,
@@ -42,6 +43,7 @@ OPTIONS = (
     config_option,
     scanner_option,
     five_point_options(former_position="--station"),
+    radius_option,
     click.option(
         "--date-in-name",
         metavar="REGEX",
@@ -108,6 +110,7 @@ def read_settings(options: dict[str, Any]) -> BatchSettings:
         angle_unit=options["angle_unit"],
         azimuth=options["azimuth"],
         station=read_station(*station, unit or "m"),
+        radius_m=None if options["radius"] is None else options["radius"] / 1e3,
         date_in_name=options["date_in_name"],
     )
 

@@ -9,7 +9,7 @@ import click
 
 from ..config import load_config
 from ..errors import InputError
-from ..five_point import read_five_point, tcgc_2013
+from ..five_point import FivePointFile, check_blocks, read_five_point, tcgc_2013
 from ..measure import measure_five_point
 from ..measurement import assess, check_by_monte_carlo, conforms, tolerance_for
 from ..report.format.view import PAPER, AngleStyle, DigitStyle, read_view
@@ -24,6 +24,7 @@ from .options import (
     five_point_unit_option,
     language_and_plot,
     monte_carlo_option,
+    radius_option,
     read_station,
     tolerance_option,
     view_options,
@@ -45,6 +46,7 @@ from .reporting import plot_to, report_options, show, show_plot
 )
 @five_point_unit_option
 @five_point_options("--scanner", former_position="--station")
+@radius_option
 @click.option(
     "--method",
     type=click.Choice(["tls", "tcgc-2013"]),
@@ -88,6 +90,7 @@ def five_point(
     table: Literal["report", "matrix"],
     total_station: str | None,
     total_station_position: str | None,
+    radius: float | None,
     max_draws: int | None,
     tolerance: str | None,
     html: Path | None,
@@ -105,6 +108,7 @@ def five_point(
     Rows of three numbers, separated by commas or blanks, no header. With --tolerance, exits with 1
     unless every quantity that it limits is conforming; undecided is 1 too.
     """
+    radius = None if radius is None else radius / 1e3
     view = read_view(axis, angles, rim, digits)
     options = report_options(load_config(config).report, language, view)
     limits = None if tolerance is None else tolerance_for(tolerance, None, str(file))
@@ -145,9 +149,9 @@ def five_point(
         if output:
             write_whole(output, text.encode())
         click.echo(text, nl=False)
-        return 0
+        return 1 if _name_implausible(points, radius) else 0
     station = read_station(total_station, total_station_position, coordinates, length_unit)
-    measurement = measure_five_point(points, station)
+    measurement = measure_five_point(points, station, radius)
     if max_draws:
         measurement = check_by_monte_carlo(measurement, max_draws, 0)
     conformity = assess(measurement, limits) if limits else None
@@ -165,7 +169,7 @@ def five_point(
         return code
     planes = len(points.blocks_m)
     click.echo(f"{points.source}: {5 * planes} points read, {planes} planes of five")
-    for note in points.notes:
+    for note in measurement.notes:
         click.echo(note)
     click.echo()
     show(measurement, view, conformity)
@@ -173,3 +177,14 @@ def five_point(
     for path in written:
         click.echo(f"wrote {path}")
     return code
+
+
+def _name_implausible(points: FivePointFile, radius_m: float | None) -> bool:
+    """Name the blocks that are not plausible, on standard error; return whether there are any."""
+    checks = check_blocks(points.blocks_m, None, radius_m)
+    bad = [index for index, check in enumerate(checks) if check.status != "ok"]
+    for index in bad:
+        first = points.first_line(index)
+        fact = f"lines {first}-{first + 4}: {checks[index].status}"
+        click.echo(f"{points.source}: {fact}: leave out --method for its suspect point", err=True)
+    return bool(bad)

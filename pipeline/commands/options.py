@@ -308,6 +308,14 @@ def five_point_options(
     return lambda command: added(options, command)
 
 
+radius_option = click.option(
+    "--radius",
+    type=click.FloatRange(min=1.0),
+    metavar="MM",
+    help="Radius of the circle through the five points of a target, which every block must have.",
+)
+
+
 def read_station(
     name: str | None, position: str | None, coordinates: Coordinates, unit: LengthUnit
 ) -> Station | None:

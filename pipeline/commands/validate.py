@@ -87,7 +87,8 @@ BESIDE = Path("five-point.txt")  # in each capture of an archive
     "--radius",
     type=click.FloatRange(min=1.0),
     metavar="MM",
-    help="Radius of the pentagon of the virtual five points.",
+    help="Radius of the circle through the five points of a target: that of --virtual, or what "
+    "those of --five-point must have.",
 )
 @option(
     "--detectable",
@@ -152,6 +153,7 @@ def validate(
         blocks=blocks,
         station=read_station(total_station, total_station_position, coordinates, length_unit),
         aiming_m=None if aiming is None else aiming / 1e3,
+        radius_m=None if radius is None or virtual else radius / 1e3,
         method=method,
     )
     settings = load_config(config)
@@ -163,7 +165,7 @@ def validate(
         against=_against(file, virtual, truth, many),
         file=_file(file, virtual, truth, many),
         points=points,
-        radius_m=None if radius is None else radius / 1e3,
+        radius_m=radius / 1e3 if radius is not None and virtual else None,
         to_detect_rad=None if detectable is None else math.radians(detectable),
     )
     overrides = capture_options(front, front_point, up)
@@ -220,8 +222,10 @@ def _check_used(request: Request, overrides: CaptureOptions, many: bool) -> None
             "--front, --front-point and --up with a folder of captures: leave them out, and give "
             "front, front_point and up in the capture.toml of each"
         )
-    if request.radius_m is not None and request.against != "virtual":
-        raise InputError("--radius without --virtual: leave it out, or add --virtual")
+    if request.points.radius_m is not None and request.file is None:
+        raise InputError(
+            "--radius without --virtual or --five-point: leave it out, or add one of them"
+        )
     method = request.points.method if request.against == "virtual" else "tls"
     if request.file is None and request.points != FivePointOptions(method=method):
         raise InputError(

@@ -35,14 +35,16 @@ class PooledNoise:
 def point_components(
     points_m: Array, fit: BlockFit, noise: PooledNoise, station: Station | None
 ) -> tuple[UncertaintyComponent, ...]:
-    """Return the components of one block (5, 3): stated by the station, else from residuals.
+    """Return the components of a block, or of what is left of it, (n, 3).
+
+    They are stated by the station, else from residuals.
 
     With a station, `noise` is what its statement does not explain (see unexplained_noise).
     """
     components = [] if station is None else _station_components(points_m, fit, station)
     if noise.sigma_m > 0.0:
         name = "point noise" if station is None else "unexplained scatter"
-        shifts = noise.sigma_m * np.tile(np.eye(3), (5, 1, 1))
+        shifts = noise.sigma_m * np.tile(np.eye(3), (len(points_m), 1, 1))
         components.append(
             UncertaintyComponent(name, _own_factor(points_m, fit, shifts), noise.dof, pooled=True)
         )
@@ -53,12 +55,8 @@ def unexplained_noise(
     noise: PooledNoise, blocks_m: Array, fits: list[BlockFit], station: Station
 ) -> PooledNoise:
     """Return the noise beyond the stated one; zero unless a chi-square test rejects the latter."""
-    stated = [
-        np.sum((directions.transpose(0, 2, 1) @ fit.normal) ** 2) / 5.0
-        for block, fit in zip(blocks_m, fits, strict=True)
-        for directions in [np.concatenate(_noise_directions(block, station), axis=2)]
-    ]
-    expected = float(np.mean(stated))
+    each = zip(blocks_m, fits, strict=True)
+    expected = float(np.mean([stated_variance(block, fit, station) for block, fit in each]))
     square = noise.sigma_m**2
     if (
         expected > 0.0
@@ -66,6 +64,12 @@ def unexplained_noise(
     ):
         return PooledNoise(0.0, noise.dof)
     return PooledNoise(math.sqrt(max(square - expected, 0.0)), noise.dof)
+
+
+def stated_variance(points_m: Array, fit: BlockFit, station: Station) -> float:
+    """Return the variance across the plane of one point (n, 3), as the station states it."""
+    directions = np.concatenate(_noise_directions(points_m, station), axis=2)
+    return float(np.sum((directions.transpose(0, 2, 1) @ fit.normal) ** 2) / len(points_m))
 
 
 def _station_components(
@@ -87,7 +91,7 @@ def _station_components(
 
 
 def _noise_directions(points_m: Array, station: Station) -> tuple[Array, Array]:
-    """Return the standard shifts of each point by range (5, 3, 1) and by angles (5, 3, 2).
+    """Return the standard shifts of each point by range (n, 3, 1) and by angles (n, 3, 2).
 
     The errors of azimuth and zenith are stated on the arc, across the sight d: x = r d gives
     dx = r da e, with e horizontal or in the vertical plane.
@@ -96,7 +100,7 @@ def _noise_directions(points_m: Array, station: Station) -> tuple[Array, Array]:
     distance = np.linalg.norm(from_station, axis=1)
     sight = from_station / distance[:, None]
     range_sigma = stated.range_sigma_m + stated.range_sigma_ppm * 1e-6 * distance
-    horizontal = np.stack([-sight[:, 1], sight[:, 0], np.zeros(5)], axis=1)
+    horizontal = np.stack([-sight[:, 1], sight[:, 0], np.zeros(len(sight))], axis=1)
     horizontal /= np.maximum(np.linalg.norm(horizontal, axis=1), 1e-12)[:, None]
     arc = (stated.angle_sigma_arcsec * ARCSEC * distance)[:, None]
     across = np.stack([arc * horizontal, arc * np.cross(sight, horizontal)], axis=2)
@@ -109,9 +113,9 @@ def _sight(points_m: Array, station: Station) -> Array:
 
 
 def _own_factor(points_m: Array, fit: BlockFit, shifts: Array) -> Array:
-    """Return the factor (6, 5 k) of independent shifts (5, 3, k) of the points."""
+    """Return the factor (6, n k) of independent shifts (n, 3, k) of the points."""
     parts = []
-    for index in range(5):
+    for index in range(len(points_m)):
         single = np.zeros_like(shifts)
         single[index] = shifts[index]
         parts.append(_joint_factor(points_m, fit, single))
@@ -119,7 +123,7 @@ def _own_factor(points_m: Array, fit: BlockFit, shifts: Array) -> Array:
 
 
 def _joint_factor(points_m: Array, fit: BlockFit, shifts: Array) -> Array:
-    """Return the factor (6, k) of errors that shift all points (5, 3, k) together.
+    """Return the factor (6, k) of errors that shift all points (n, 3, k) together.
 
     The plane's slope along axis a is sum q_a (n . dx) / sum q_a^2; the normal tilts against it.
     """

@@ -33,13 +33,19 @@ class FivePointFile:
     """The blocks of one file: RR, RL, FR, FL, then the trials.
 
     blocks_m: (M, 5, 3) in file coordinates, metres. source: the file, as the user named it.
-    notes: assumptions and warnings of the reader, one sentence each.
+    notes: assumptions and warnings of the reader, one sentence each. order: number of each block
+    in the file, from 0; empty where all are in their order.
     """
 
     blocks_m: Array
     source: str
     sha256: str
     notes: tuple[str, ...]
+    order: tuple[int, ...] = ()
+
+    def first_line(self, index: int) -> int:
+        """Return the line of the first point of block `index`."""
+        return 5 * (self.order[index] if self.order else index) + 1
 
 
 def read_five_point(
@@ -75,15 +81,15 @@ def read_five_point(
     _check_size(points_m, source)
     digest = sha256(Path(path))
     count = len(points_m) // 5
-    order = range(count) if arrange is None else arrange(count)
+    order = tuple(range(count) if arrange is None else arrange(count))
     blocks_m = points_m.reshape(-1, 5, 3)[list(order)]
     up_z = _up_z(blocks_m, order, source)
     if angle_unit is None:
-        return FivePointFile(blocks_m, source, digest, _note_if_upside_down(up_z))
+        return FivePointFile(blocks_m, source, digest, _note_if_upside_down(up_z), order)
     sense = _upright_sense(up_z, azimuth, source)
     if sense == "counterclockwise":
         blocks_m = np.ascontiguousarray(blocks_m[..., [1, 0, 2]])
-    return FivePointFile(blocks_m, source, digest, _note_of_sense(sense, azimuth))
+    return FivePointFile(blocks_m, source, digest, _note_of_sense(sense, azimuth), order)
 
 
 def _check_options(

@@ -1,16 +1,21 @@
-"""Observations from five points: plane and centre of each block, with the pooled noise of all."""
+"""Observations from five points: plane and centre of each block, with their pooled noise."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from ..centre import TargetFit
-from ..measurement import Evidence, Observation
+from ..errors import InputError
+from ..measurement import Evidence, Observation, SuspectPoint
+from ..uncertainty import UncertaintyComponent
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
+from .check_blocks import BlockCheck, Remainder
 from .components import PooledNoise, Station, point_components, unexplained_noise
 from .file import FivePointFile
-from .fit_block import fit_block
+from .fit_block import BlockFit, fit_block
 
 
 def pooled_noise(blocks_m: Array, station: Station | None) -> PooledNoise:
@@ -23,21 +28,20 @@ def pooled_noise(blocks_m: Array, station: Station | None) -> PooledNoise:
 
 
 def observe_block(
-    file: FivePointFile, index: int, noise: PooledNoise, station: Station | None
+    file: FivePointFile,
+    index: int,
+    noise: PooledNoise,
+    station: Station | None,
+    check: BlockCheck | None = None,
 ) -> Observation:
-    """Return the observation of block `index` of the paper's file."""
-    fit = fit_block(file.blocks_m[index])
-    target = TargetFit(
-        centre_m=fit.centre_m,
-        normal=fit.normal,
-        components=point_components(file.blocks_m[index], fit, noise, station),
-        plane_rms_m=fit.rms_m,
-        points_on_target=5,
-        method="points",
-    )
+    """Return the observation of block `index` of the paper's file.
+
+    Of a block that is not plausible it holds the other four points, if they are; else a trial holds
+    nothing, and of a reference wheel InputError is raised.
+    """
     reference = index < len(REFERENCE_WHEELS)
     name = REFERENCE_WHEELS[index] if reference else str(index - len(REFERENCE_WHEELS) + 1)
-    return Observation(
+    observation = Observation(
         name=name,
         role="reference" if reference else "trial",
         wheel=name if reference else None,
@@ -45,5 +49,63 @@ def observe_block(
         sha256=file.sha256,
         points_total=5,
         invalid_points=0,
-        evidence=Evidence(target),
+    )
+    points_m = file.blocks_m[index]
+    if check is None or check.status == "ok":
+        fit = fit_block(points_m)
+        target = _target(points_m, fit, fit.centre_m, noise, station)
+        return replace(observation, evidence=Evidence(target))
+    observation = replace(observation, status=check.status)
+    first, rest = file.first_line(index), check.remainder
+    if rest is not None:
+        target = _target(rest.points_m, rest.fit, rest.centre_m, noise, station)
+        target = replace(target, components=(*target.components, _missing_point(rest)))
+        suspect = SuspectPoint(rest.suspect + 1, first + rest.suspect, rest.off_m)
+        return replace(
+            observation, evidence=Evidence(target), suspect=suspect, reason=_suspicion(suspect)
+        )
+    reason = _contradiction(check)
+    if reference:
+        raise InputError(
+            f"{file.source}: lines {first}-{first + 4}: {name} was not measured ({check.status}): "
+            f"{reason}: check these rows"
+        )
+    return replace(observation, reason=f"lines {first}-{first + 4}: {reason}")
+
+
+def _target(
+    points_m: Array, fit: BlockFit, centre_m: Array, noise: PooledNoise, station: Station | None
+) -> TargetFit:
+    return TargetFit(
+        centre_m=centre_m,
+        normal=fit.normal,
+        components=point_components(points_m, fit, noise, station),
+        plane_rms_m=fit.rms_m,
+        points_on_target=len(points_m),
+        method="points",
+    )
+
+
+def _missing_point(rest: Remainder) -> UncertaintyComponent:
+    """Return the component of a centre that follows from four points of a pentagon."""
+    factor = np.vstack([np.zeros((3, 2)), rest.u_centre_m * rest.fit.axes[1:].T])
+    return UncertaintyComponent("missing point", factor, rest.dof, pooled=True)
+
+
+def _suspicion(suspect: SuspectPoint) -> str:
+    off_mm = suspect.off_m * 1e3
+    along = ", ".join(f"{axis} {x:+.1f}" for axis, x in zip("xyz", off_mm, strict=True))
+    return (
+        f"line {suspect.line}: point {suspect.number} of the block is {np.linalg.norm(off_mm):.1f} "
+        f"mm from where the other four place it ({along})"
+    )
+
+
+def _contradiction(check: BlockCheck) -> str:
+    off_m, form = check.off_plane_m, "their plane"
+    if check.status == "block-not-regular":
+        off_m, form = check.off_pentagon_m, "a regular pentagon"
+    return (
+        f"its points lie {off_m * 1e3:.1f} mm rms off {form}, other than those of the other "
+        "blocks, and no single one of them accounts for it"
     )

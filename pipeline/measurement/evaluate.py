@@ -14,12 +14,16 @@ from ..vehicle import (
     REFERENCE_WHEELS,
     VehicleFrame,
     build_reference_frame,
+    deg_min_sec,
     nearest_wheel,
     outward_normal,
     wheel_angles,
 )
 from .records import Measurement, Observation, Provenance, WheelResult
 from .repeatability import share_components
+
+# Largest differences of one vehicle, as shares of the larger: of its tracks, of its wheelbases.
+TRACKS, WHEELBASES = 0.25, 0.1
 
 
 def align(
@@ -37,7 +41,13 @@ def align(
         raise InputError(f"{provenance.source}: {error}") from error
     observations = share_components([_on_a_wheel(one, centres) for one in observations])
     measured = [one for one in observations if one.evidence is not None]
-    notes = (*notes, *_upside_down(frame, measured), *_far_from_their_wheel(measured, centres))
+    notes = (
+        *notes,
+        *_upside_down(frame, measured),
+        *_unlike_axles(frame, centres),
+        *_far_from_their_wheel(measured, centres),
+        *_without_a_point(measured),
+    )
     return evaluate(observations, [one.fitted for one in measured], provenance, notes)
 
 
@@ -69,7 +79,7 @@ def evaluate(
 
 def check_by_monte_carlo(measurement: Measurement, max_draws: int, seed: int) -> Measurement:
     """Return the measurement with a check of its uncertainties by at most `max_draws` draws."""
-    measured = [wheel for wheel in measurement.wheels if wheel.angles is not None]
+    measured = [wheel for wheel in measurement.wheels if wheel.evaluated is not None]
     drawn = monte_carlo(
         [wheel.pose for wheel in measured if wheel.pose is not None],
         [wheel.wheel for wheel in measured if wheel.wheel is not None],
@@ -88,11 +98,16 @@ def _result(
     index: int,
 ) -> WheelResult:
     wheel, dof = str(observation.wheel), uncertainty.wheel_dof(index)
+    angles = wheel_angles(frame, pose.normal, wheel)
+    if observation.suspect is not None:
+        without = f"toe {deg_min_sec(angles.toe_rad)}, camber {deg_min_sec(angles.camber_rad)}"
+        observation = replace(observation, reason=f"{observation.reason}; without it {without}")
+        return WheelResult(observation, wheel, pose, provisional=angles)
     return WheelResult(
         observation=observation,
         wheel=wheel,
         pose=pose,
-        angles=wheel_angles(frame, pose.normal, wheel),
+        angles=angles,
         normal=outward_normal(frame, pose.normal, wheel),
         u_toe_rad=float(uncertainty.toe_rad[index]),
         u_camber_rad=float(uncertainty.camber_rad[index]),
@@ -112,6 +127,32 @@ def _upside_down(frame: VehicleFrame, measured: Sequence[Observation]) -> list[s
         f"The vehicle's up direction is opposite to z ({frame.up[2]:+.2f}): if z points up, left "
         "and right, or front and rear, are exchanged: check the order "
         f"{', '.join(REFERENCE_WHEELS)}."
+    ]
+
+
+def _unlike_axles(frame: VehicleFrame, centres: Array) -> list[str]:
+    """Return a note where the four centres are not those of a vehicle's two axles."""
+    right_m, left_m = np.linalg.norm(centres[2:] - centres[:2], axis=1)
+    pairs = (
+        (frame.rear_track_m, frame.front_track_m, TRACKS, "tracks"),
+        (left_m, right_m, WHEELBASES, "wheelbases"),
+    )
+    order = ", ".join(REFERENCE_WHEELS)
+    return [
+        f"The wheels are not placed as on two axles: {what} of {one:.3f} m and {other:.3f} m: "
+        f"check the order {order}, and the points of each."
+        for one, other, most, what in pairs
+        if abs(one - other) > most * max(one, other)
+    ]
+
+
+def _without_a_point(measured: Sequence[Observation]) -> list[str]:
+    """Return a note for every reference wheel whose block is not plausible."""
+    return [
+        f"{observation.name} stands in the frame and in the vehicle's quantities without its "
+        f"suspect point, line {observation.suspect.line} of the file."
+        for observation in measured[:4]
+        if observation.suspect is not None
     ]
 
 

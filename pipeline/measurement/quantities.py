@@ -47,7 +47,7 @@ class Stated:
 
 
 def stated(measurement: Measurement) -> list[Stated]:
-    """Return every quantity of the measured wheels, then of the vehicle, with its budget."""
+    """Return every quantity of the evaluated wheels, then of the vehicle, with its budget."""
     known = measurement.uncertainty
     total = np.diag(known.covariance)
     whole = np.where(total > 0.0, total, math.inf)
@@ -55,7 +55,7 @@ def stated(measurement: Measurement) -> list[Stated]:
     through_frame = (known.through_frame / whole).tolist()
     values, dof = known.values.tolist(), known.dof.tolist()
     standard, factor = known.standard.tolist(), known.coverage_factor.tolist()
-    wheels = [w.observation.name for w in measurement.wheels if w.angles is not None]
+    wheels = [w.observation.name for w in measurement.wheels if w.evaluated is not None]
     of_wheels = [
         (wheel, entry.kind, entry.axis, f"{wheel}.{entry.name}", RADIAN)
         for entry in WHEEL

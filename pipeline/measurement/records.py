@@ -41,12 +41,25 @@ class Evidence:
 
 
 @dataclass(frozen=True)
+class SuspectPoint:
+    """Point of a five-point block that contradicts the other four.
+
+    number: in the block, from 1. line: in the file. off_m: (3,) from where the other four place it.
+    """
+
+    number: int
+    line: int
+    off_m: Array
+
+
+@dataclass(frozen=True)
 class Observation:
     """Target observed in one scan, or in one block of five points.
 
     repeats: name of the scan that it repeats. turn: of a scan of a sweep or a run-out. evidence is
     None where nothing could be measured; `status` then is the kind of cause and `reason` explains
     it. cloud: a sample of the points; None for five points. note: a finding about the scan.
+    suspect: of a block that is not plausible, whose evidence is then that of the other four points.
     """
 
     name: str
@@ -63,6 +76,7 @@ class Observation:
     turn: Turn | None = None
     cloud: CloudSample | None = None
     note: str = ""
+    suspect: SuspectPoint | None = None
 
     @property
     def fitted(self) -> TargetFit:
@@ -94,7 +108,8 @@ class WheelResult:
     the target as mounted. normal: (3,) of the pose, outward, scanner coordinates. u_: standard
     uncertainties (k = 1), radians, and dof_: their degrees of freedom. plate: result of the target
     as mounted, in the frame through the targets' centres; None where no run-out of the vehicle is
-    compensated.
+    compensated. provisional: angles without the suspect point of a block that is not plausible,
+    which stand for the wheel in the frame and in the vehicle's quantities.
     """
 
     observation: Observation
@@ -103,6 +118,7 @@ class WheelResult:
     compensated: bool = False
     plate: WheelResult | None = None
     angles: WheelAngles | None = None
+    provisional: WheelAngles | None = None
     normal: Array | None = None
     u_toe_rad: float | None = None
     u_camber_rad: float | None = None
@@ -110,6 +126,11 @@ class WheelResult:
     dof_toe: float = math.inf
     dof_camber: float = math.inf
     dof_camber_iso: float = math.inf
+
+    @property
+    def evaluated(self) -> WheelAngles | None:
+        """Angles that the measurement's uncertainty covers, provisional ones among them."""
+        return self.angles or self.provisional
 
 
 @dataclass(frozen=True)
@@ -286,6 +307,11 @@ class Measurement:
     runouts: tuple[Runout, ...] = ()
     toe_out: tuple[ToeOut, ...] = ()
     plates: Measurement | None = None
+
+    @property
+    def provisional(self) -> frozenset[str]:
+        """Names of the wheels that stand in the vehicle's quantities without a suspect point."""
+        return frozenset(wheel.observation.name for wheel in self.wheels if wheel.provisional)
 
     @property
     def vehicle(self) -> dict[str, float]:

@@ -75,7 +75,7 @@ def _share(observation: Observation, plate: str) -> Observation:
 
 def pool_repeats(measurement: Measurement) -> tuple[Repeats, ...]:
     """Pool every group of two or more measured scans of one wheel or trial, in result order."""
-    measured = [wheel for wheel in measurement.wheels if wheel.angles is not None]
+    measured = [wheel for wheel in measurement.wheels if wheel.evaluated is not None]
     groups: dict[str, list[int]] = {}
     for index, wheel in enumerate(measured):
         groups.setdefault(wheel.observation.repeats or wheel.observation.name, []).append(index)

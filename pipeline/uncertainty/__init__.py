@@ -19,6 +19,7 @@ from .distributions import (
     quantile,
     share_limits,
     tail,
+    tails,
 )
 from .monte_carlo import TOLERANCE, MonteCarlo, monte_carlo
 from .propagation import (
@@ -57,5 +58,6 @@ __all__ = [
     "quantile",
     "share_limits",
     "tail",
+    "tails",
     "with_type_b",
 ]

@@ -32,6 +32,14 @@ def tail(x: float, dof: float = math.inf) -> float:
     return float(stdtr(dof, -x))
 
 
+def tails(x: Array, dof: Array) -> Array:
+    """Return the probabilities that Student's t, standard normal for inf, exceeds each x."""
+    from scipy.special import ndtr, stdtr
+
+    finite = np.isfinite(dof)
+    return np.asarray(np.where(finite, stdtr(np.where(finite, dof, 1.0), -x), ndtr(-x)))
+
+
 def quantile(probability: float, dof: float = math.inf) -> float:
     """Return the quantile of Student's t, standard normal for inf."""
     if math.isinf(dof):

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InputError
-from ..five_point import FivePointFile, Station, fit_block, read_five_point
+from ..five_point import FivePointFile, Station, fit_block, fit_pentagon, read_five_point
 from ..measure import measure_five_point
 from ..measurement import Measurement, WheelPose, WheelResult
 from ..uncertainty import UncertainTarget, UncertaintyComponent
@@ -27,7 +27,8 @@ class FivePointOptions:
     """Conventions of the five-point files, and what is known of the instrument.
 
     blocks: name of the scan of each block, by commas; None: in the order of the scans. aiming_m:
-    standard uncertainty of aiming at a point, along each axis of the target.
+    standard uncertainty of aiming at a point, along each axis of the target. radius_m: of the
+    circle that the five points of every block lie on.
     """
 
     length_unit: LengthUnit = "m"
@@ -37,6 +38,7 @@ class FivePointOptions:
     blocks: str | None = None
     station: Station | None = None
     aiming_m: float | None = None
+    radius_m: float | None = None
     method: Estimator = "tls"
 
 
@@ -73,7 +75,8 @@ def measure_points(
         azimuth=options.azimuth,
         arrange=arrange,
     )
-    return FivePoints(file, tuple(matched), measure_five_point(file, _aiming_station(options)))
+    measurement = measure_five_point(file, _aiming_station(options), options.radius_m)
+    return FivePoints(file, tuple(matched), measurement)
 
 
 def _aiming_station(options: FivePointOptions) -> Station | None:
@@ -111,17 +114,13 @@ def note_of_aiming(blocks_m: Array, options: FivePointOptions) -> tuple[str, ...
 def pentagon_scatter_m(blocks_m: Array) -> float:
     """Return the scatter (each axis) of blocks (M, 5, 3) about regular pentagons, metres.
 
-    A pentagon has a centre, a size and a rotation, so 6 of 10 coordinates are left. As complex
-    numbers, in the order round the centre, its points are c + a w^k, w = exp(2 pi i / 5): two of
-    the five terms of a Fourier series; the other three are scatter.
+    A pentagon has a centre, a size and a rotation, so 6 of 10 coordinates are left.
     """
-    left = 0.0
-    for block in blocks_m:
-        fit = fit_block(block)
-        uv = (block - fit.centre_m) @ fit.axes[1:].T
-        z = uv[:, 0] + 1j * uv[:, 1]
-        terms = np.fft.fft(z[np.argsort(np.angle(z))])
-        left += float(np.sum(np.abs(terms[2:]) ** 2)) / 5.0
+    fits = [fit_block(block) for block in blocks_m]
+    flat = (
+        (block - fit.centre_m) @ fit.axes[1:].T for block, fit in zip(blocks_m, fits, strict=True)
+    )
+    left = sum(fit_pentagon(uv_m).square_m2 for uv_m in flat)
     return math.sqrt(left / (6.0 * len(blocks_m)))
 
 

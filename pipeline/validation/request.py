@@ -36,14 +36,17 @@ class Request:
 
 @dataclass(frozen=True)
 class RequestPart:
-    """Wheels and trials that were measured, and name and reason of those that were not."""
+    """Wheels and trials that can be compared, and name and reason of those not measured.
+
+    A reference wheel with provisional angles is among both, since the frame needs it.
+    """
 
     results: tuple[WheelResult, ...]
     missing: tuple[tuple[str, str], ...]
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the measured ones."""
+        """Names of the compared ones."""
         return tuple(result.observation.name for result in self.results)
 
     @property
@@ -55,10 +58,10 @@ class RequestPart:
 def measured(measurement: Measurement) -> RequestPart:
     """Select reference wheels and trials, which can be compared."""
     wheels = [w for w in measurement.wheels if w.observation.role in COMPARED]
-    missing = [w.observation for w in wheels if w.angles is None]
+    missing = [w for w in wheels if w.angles is None]
     return RequestPart(
-        tuple(w for w in wheels if w.angles is not None),
-        tuple((one.name, f"{one.status}: {one.reason}") for one in missing),
+        tuple(w for w in wheels if comparable(w)),
+        tuple((w.observation.name, why_missing(w)) for w in missing),
     )
 
 
@@ -72,9 +75,22 @@ def note_of_plates(dense: Measurement) -> tuple[str, ...]:
     )
 
 
+def comparable(result: WheelResult) -> bool:
+    """Return whether it was measured, or provisionally and the frame needs it."""
+    needed = result.observation.role == "reference" and result.evaluated is not None
+    return needed or result.angles is not None
+
+
+def why_missing(result: WheelResult) -> str:
+    """Return the status of a wheel or trial that was not measured, and its reason."""
+    seen = result.observation
+    shown = "; its row below is without that point" if comparable(result) else ""
+    return f"{seen.status}: {seen.reason}{shown}"
+
+
 def as_method(label: str, results: Sequence[WheelResult]) -> ComparedMethod:
-    """Return a method with these results, all of them measured."""
-    angles = [result.angles for result in results if result.angles is not None]
+    """Return a method with these results, all of them comparable."""
+    angles = [result.evaluated for result in results if result.evaluated is not None]
     return ComparedMethod(
         label,
         tuple(result.pose for result in results if result.pose is not None),

@@ -21,9 +21,11 @@ from .request import (
     Request,
     RequestPart,
     as_method,
+    comparable,
     folder_of,
     measured,
     note_of_plates,
+    why_missing,
 )
 from .tcgc_2013 import LABEL as OLD
 from .tcgc_2013 import by_old_estimator
@@ -110,16 +112,18 @@ def _in_both(part: RequestPart, points: FivePoints) -> tuple[RequestPart, list[W
         other = by_name.get(name)
         if other is None:
             missing.append((name, "no block of five points is named for it"))
-        elif other.angles is None:
-            missing.append((name, f"five points: {other.observation.reason}"))
-        elif other.wheel != result.wheel:
+            continue
+        if other.angles is None:
+            missing.append((name, f"five points: {why_missing(other)}"))
+        if not comparable(other):
+            continue
+        if other.wheel != result.wheel:
             raise InputError(
                 f"{points.file.source}: the block for scan {name} is at {other.wheel}, the scan "
                 f"at {result.wheel}: name the scan of each block with --blocks"
             )
-        else:
-            kept.append(result)
-            results.append(other)
+        kept.append(result)
+        results.append(other)
     return RequestPart(tuple(kept), tuple(missing)), results
 
 
@@ -131,7 +135,8 @@ def _second(
     found = as_method(FIVE, results)
     targets = tuple(with_aiming(target, options) for target in found.targets)
     blocks = points.file.blocks_m
-    notes = (*points.file.notes, *note_of_aiming(blocks, options))
+    plausible = [wheel.angles is not None for wheel in points.measurement.wheels]
+    notes = (*points.measurement.notes, *note_of_aiming(blocks[plausible], options))
     method = replace(found, targets=targets)
     if options.method != OLD:
         return method, notes

@@ -261,3 +261,25 @@ def test_wheels_in_a_line_are_no_car():
     ]
     with pytest.raises(InputError, match=r"lie on one line|apart"):
         align([observation(n, t) for n, t in zip(NAMES, line, strict=True)], NOWHERE)
+
+
+@pytest.mark.parametrize(
+    ("shift", "noted"),
+    [
+        (0.0, ()),
+        (0.1, ()),
+        (0.5, ("tracks of 1.5", "wheelbases of")),
+        (-0.6, ("tracks of 1.5",)),
+    ],
+)
+def test_centres_that_are_not_those_of_two_axles_are_noted(shift, noted):
+    """The front left wheel is moved sideways, or sideways and forward, by metres."""
+    targets = exact(car(6), 6)
+    across = targets[1].centre_m - targets[0].centre_m
+    along = targets[3].centre_m - targets[1].centre_m
+    step = shift * (across + along * (shift > 0)) / np.linalg.norm(across)
+    moved = TargetFit(targets[3].centre_m + step, *list(vars(targets[3]).values())[1:])
+    seen = [observation(n, t) for n, t in zip(NAMES, [*targets[:3], moved], strict=True)]
+    notes = align(seen, NOWHERE).notes
+    assert len(notes) == len(noted)
+    assert all("not placed as on two axles" in note for note in notes)

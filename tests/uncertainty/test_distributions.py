@@ -20,6 +20,7 @@ from wheelplane.uncertainty.distributions import (
     quantile,
     share_limits,
     tail,
+    tails,
 )
 
 DOF = [1.0, 2.5, 8.0, 300.0, math.inf]
@@ -38,6 +39,12 @@ def test_tail_and_quantile_are_those_of_students_t(dof):
         found = quantile(probability, dof)
         assert found == pytest.approx(student(dof).ppf(probability), rel=1e-9, abs=1e-12)
         assert tail(found, dof) == pytest.approx(1.0 - probability, rel=1e-9)
+
+
+def test_tails_of_an_array_are_those_of_its_elements():
+    x = np.array([[-2.0, 0.3, 7.0, 1.0, 30.0]] * 2)
+    expected = [tail(a, dof) for a, dof in zip(x[0], DOF, strict=True)]
+    np.testing.assert_allclose(tails(x, np.array([DOF] * 2)), [expected] * 2, rtol=1e-9)
 
 
 @pytest.mark.parametrize("level", LEVELS)

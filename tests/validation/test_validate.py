@@ -123,6 +123,42 @@ def test_blocks_go_by_order_or_by_name(made, found, tmp_path):
         compared(capture, blocks="1,FR,FL,-,RL,RR")
 
 
+@pytest.mark.parametrize(("line", "name", "rows"), [(2, "RR", 10), (23, "1", 8)])
+def test_a_wrong_digit_is_named_and_does_not_disagree(made, found, tmp_path, line, name, rows):
+    """A reference wheel is compared by its other four points; a trial is not compared."""
+    folder, *_ = made
+    capture = shutil.copytree(folder, tmp_path / "capture")
+    points = np.loadtxt(folder / FILE, delimiter=",")
+    points[line - 1, 2] += 0.04
+    np.savetxt(capture / FILE, points, delimiter=",", fmt="%.6f")
+    done = run("validate", capture, "--five-point", capture / FILE, "--json")
+    tree = json.loads(done.stdout)
+    assert done.return_value == 1
+    (missing,) = tree["missing"]
+    assert missing["name"] == name
+    assert "block-not-" in missing["reason"]
+    assert f"line {line}: point " in missing["reason"]
+    assert ("row below" in missing["reason"]) == (name == "RR")
+    assert len(tree["angles"]) == rows
+    assert tree["verdict"] == "agree"
+    assert tree["joint"]["probability"] > 1e-3
+    others = [a for a in tree["angles"] if a["name"] == "RL"]
+    plain = np.degrees(found.difference_rad[[1, 6]])
+    for angle, before in zip(others, plain, strict=True):
+        assert angle["difference_deg"] == pytest.approx(before, abs=3 * angle["u_deg"])
+    against_truth = run("validate", capture, "--five-point", capture / FILE, "--truth", "--json")
+    assert json.loads(against_truth.stdout)["missing"][0]["name"] == name
+    assert against_truth.return_value == 1
+
+
+def test_the_radius_of_five_points_is_stated(made):
+    folder, *_ = made
+    fine = run("validate", folder, "--five-point", folder / FILE, "--radius", 88, "--json")
+    assert json.loads(fine.stdout)["missing"] == []
+    with pytest.raises(InputError, match=r"five-point.txt: .* circles of 88 mm"):
+        compared(folder, radius_m=0.12)
+
+
 @pytest.mark.parametrize(
     ("count", "mapping", "said"),
     [

@@ -27,8 +27,9 @@ class BatchSettings:
     """All that changes a result apart from the capture itself.
 
     config: includes the scanner file if `scanner` was given. target: overrides that of a capture.
-    options: overrides of capture.toml. coordinates, angle_unit, azimuth, station: for five-point
-    files. date_in_name: pattern whose group, or groups y, m and d, match the date in a name.
+    options: overrides of capture.toml. coordinates, angle_unit, azimuth, station, radius_m: for
+    five-point files. date_in_name: pattern whose group, or groups y, m and d, match the date in a
+    name.
     """
 
     config: Config = DEFAULT
@@ -39,6 +40,7 @@ class BatchSettings:
     angle_unit: AngleUnit | None = None
     azimuth: Azimuth = "auto"
     station: Station | None = None
+    radius_m: float | None = None
     date_in_name: str | None = None
 
     def effective(self, kind: Kind) -> dict[str, Any]:
@@ -49,6 +51,8 @@ class BatchSettings:
         }
         if kind == "five-point":
             station = self.station
+            if self.radius_m is not None:
+                stated["radius_m"] = self.radius_m
             return stated | {
                 "coordinates": self.coordinates,
                 "angle_unit": self.angle_unit,

@@ -124,7 +124,7 @@ def _measure(subject: Subject) -> Measurement:
             angle_unit=settings.angle_unit,
             azimuth=settings.azimuth,
         )
-        return measure_five_point(points, settings.station)
+        return measure_five_point(points, settings.station, settings.radius_m)
     with open_capture(subject.source, settings.target, settings.options, subject.archive) as opened:
         named = None if settings.scanner else opened.scanner
         measurement = measure_capture(opened, with_scanner(settings.config, named))

@@ -115,6 +115,7 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
         "wheel": result.wheel,
         "status": observation.status,
         "reason": observation.reason,
+        "suspect": _suspect(result),
         "toe_deg": _degrees(angles.toe_rad if angles else None),
         "camber_deg": _degrees(angles.camber_rad if angles else None),
         "camber_iso_deg": _degrees(angles.camber_iso_rad if angles else None),
@@ -148,6 +149,20 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
         "centre_method": fitted.method if fitted else None,
         "centres": [_other(other) for other in fitted.others] if fitted else [],
         "marker_ids": list(fitted.marker_ids) if fitted else [],
+    }
+
+
+def _suspect(result: WheelResult) -> dict[str, Any] | None:
+    """Return the point that contradicts the others of its block, and the angles without it."""
+    suspect, angles = result.observation.suspect, result.provisional
+    if suspect is None or angles is None:
+        return None
+    return {
+        "point": suspect.number,
+        "line": suspect.line,
+        "off_m": suspect.off_m.tolist(),
+        "toe_without_deg": _degrees(angles.toe_rad),
+        "camber_without_deg": _degrees(angles.camber_rad),
     }
 
 

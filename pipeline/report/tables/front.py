@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, replace
 
 from ...measurement import (
     Conformity,
@@ -86,7 +87,9 @@ def front_groups(
     chosen = against(stated(measurement), writer.view.axis)
     known = {(q.subject, q.kind): q for q in chosen}
     sources = {
-        words(f"vehicle.{axle}_axle"): list(_axle(axle, wheels, known, verdicts, writer))
+        words(f"vehicle.{axle}_axle"): list(
+            _axle(axle, wheels, known, verdicts, measurement.provisional, writer)
+        )
         for axle, *wheels in AXLES
     }
     sources[words("front.vehicle")] = list(_thrust(known, verdicts, writer))
@@ -121,9 +124,13 @@ def _axle(
     wheels: list[str],
     known: Mapping[tuple[str, str], Stated],
     verdicts: Verdicts,
+    provisional: AbstractSet[str],
     writer: Writer,
 ) -> Iterator[_Source]:
-    """Yield toe left, right and total, then camber left, right and cross."""
+    """Yield toe left, right and total, then camber left, right and cross.
+
+    Wheels with provisional angles have none here; the vehicle's quantities have theirs.
+    """
     words = writer.words
     for kind, both, together in (
         ("toe", "total_toe", words("results.total")),
@@ -131,8 +138,9 @@ def _axle(
     ):
         called = writer.quantity(kind)
         left, right = (known[wheel, kind] for wheel in wheels)
-        yield _stated(f"{called}, {words('vehicle.left')}", kind, left, verdicts)
-        yield _stated(f"{called}, {words('vehicle.right')}", kind, right, verdicts)
+        for found, side in ((left, "left"), (right, "right")):
+            source = _stated(f"{called}, {words(f'vehicle.{side}')}", kind, found, verdicts)
+            yield replace(source, at=None) if found.subject in provisional else source
         whole, text = known["vehicle", f"{axle}_{both}"], ""
         if kind == "toe":
             total = writer.view.total_toe(left.value, right.value, whole.expanded)

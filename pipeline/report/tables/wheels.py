@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from ...measurement import Measurement, Stated, WheelResult, against, stated
@@ -55,9 +57,13 @@ def _wheel_row(
 
 def axles_table(measurement: Measurement, writer: Writer) -> Table:
     """Return toe with its total and camber with its cross value, axle by axle."""
-    words = writer.words
+    words, unsure = writer.words, measurement.provisional
     known = {(q.subject, q.kind): q for q in against(stated(measurement), writer.view.axis)}
     rows = []
+
+    def own(angles: Iterable[Stated]) -> list[str]:
+        return [writer.none if a.subject in unsure else writer.value(a) for a in angles]
+
     for axle, *wheels in AXLES:
         toes, cambers = ([known[wheel, kind] for wheel in wheels] for kind in ("toe", "camber"))
         total = known["vehicle", f"{axle}_total_toe"]
@@ -65,9 +71,9 @@ def axles_table(measurement: Measurement, writer: Writer) -> Table:
         left, right = (toe.value for toe in toes)
         text = words.number(writer.view.total_toe(left, right, total.expanded))
         rows += [
-            [words(f"vehicle.{axle}"), writer.quantity("toe"), *map(writer.value, toes),
+            [words(f"vehicle.{axle}"), writer.quantity("toe"), *own(toes),
              words("results.total"), text, *writer.spread(total)],
-            ["", writer.quantity("camber"), *map(writer.value, cambers),
+            ["", writer.quantity("camber"), *own(cambers),
              words("results.cross"), writer.value(cross), *writer.spread(cross)],
         ]  # fmt: skip
     columns: Columns = (
