@@ -15,10 +15,10 @@ test: $(VENV)/ready  ## the tests, but for those marked slow
 test-all: $(VENV)/ready  ## all tests, as CI runs them
 	$(BIN)/python -m pytest -n 2
 
-smoke: $(VENV)/ready  ## the demo and the tests of files and commands, for another Python: PYTHON=, VENV=
+smoke: $(VENV)/ready  ## the demo and the tests of files and batches, for another Python: PYTHON=, VENV=
 	$(BIN)/wheelplane demo $(VENV)/demo
 	$(BIN)/python -m pytest -n 2 -m "not slow" tests/readers/test_readers.py tests/readers/test_packed.py \
-		tests/readers/test_e57.py tests/capture tests/commands/test_cli.py tests/batch/test_batch.py
+		tests/readers/test_e57.py tests/capture tests/batch/test_batch.py
 
 check: $(VENV)/ready  ## ruff and mypy
 	$(BIN)/ruff check .
