@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..measurement import WheelPose, WheelResult
+from ..measurement import Observation, WheelPose, WheelResult
 from ..uncertainty import UncertaintyComponent, mounting_component
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
@@ -78,19 +78,25 @@ def mounting_scatter(best: Framed) -> MountingScatter:
     return MountingScatter(tilt_rad, shift_m, 2.0 * len(fits))
 
 
+def beyond_stated(scatter: MountingScatter, seen: Observation) -> MountingScatter:
+    """Return the scatter beyond the mounting repeatability that the target file states."""
+    stated = [part for part in seen.fitted.components if part.name == "clamp"]
+    covariance = sum((part.covariance for part in stated), np.zeros((6, 6)))
+    tilt2, shift2 = (np.trace(covariance[i : i + 3, i : i + 3]) / 2.0 for i in (0, 3))
+    return MountingScatter(
+        math.sqrt(max(scatter.tilt_rad**2 - tilt2, 0.0)),
+        math.sqrt(max(scatter.shift_m**2 - shift2, 0.0)),
+        scatter.dof,
+    )
+
+
 def _as_mounted(pose: WheelPose, result: WheelResult, scatter: MountingScatter) -> WheelPose:
     """Return a reference wheel's pose, or its repeat's, with the scatter beyond what is stated."""
     seen = result.observation
     if seen.role != "reference" and seen.repeats not in REFERENCE_WHEELS:
         return pose
-    stated = [part for part in seen.fitted.components if part.name == "clamp"]
-    covariance = sum((part.covariance for part in stated), np.zeros((6, 6)))
-    tilt2, shift2 = (np.trace(covariance[i : i + 3, i : i + 3]) / 2.0 for i in (0, 3))
-    component = mounting_component(
-        math.sqrt(max(scatter.tilt_rad**2 - tilt2, 0.0)),
-        math.sqrt(max(scatter.shift_m**2 - shift2, 0.0)),
-        pose.normal,
-    )
+    rest = beyond_stated(scatter, seen)
+    component = mounting_component(rest.tilt_rad, rest.shift_m, pose.normal)
     component = replace(
         component, dof=scatter.dof, pooled=True, shared=f"plate of {seen.repeats or seen.name}"
     )

@@ -19,10 +19,11 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import NotMeasuredError
-from ..measurement import Estimate, Measurement, SteeringAxis, SweepStatus, weighted_sum
+from ..measurement import Estimate, Measurement, SteeringAxis, SweepStatus, weighted_sum, with_part
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS, Dual, atan2, length, sin
 from .axis_fit import OneAxis
+from .axle_pose import beyond_stated, mounting_scatter
 from .sweep import DOUBT, SweepScans
 from .wheel_axis import Framed, outward_sense
 
@@ -71,7 +72,7 @@ def _steering_axis(wheel: str, best: Framed, measurement: Measurement) -> Steeri
     if status == "not-one-axis":
         reason += _slipped(scans, members)
     faces = scans.faces_of(members)
-    included = weighted_sum([(1.0, inclination), (1.0, _camber(wheel, best, measurement))])
+    included = _included(inclination, wheel, best, measurement)
     return SteeringAxis(
         wheel=wheel,
         scans=names,
@@ -144,8 +145,14 @@ def _beside_the_centre(
     return point, scans.estimate(left * -outward_sense(wheel)), scans.estimate(ahead)
 
 
-def _camber(wheel: str, best: Framed, measurement: Measurement) -> Estimate:
-    """Return camber straight ahead: of the axle where a run-out shows it, else of the target."""
+def _included(
+    inclination: Estimate, wheel: str, best: Framed, measurement: Measurement
+) -> Estimate:
+    """Return inclination plus camber straight ahead.
+
+    Camber of the axle where a run-out shows it, else of the target; beside wheels with known
+    run-outs, its u includes how targets are mounted on these.
+    """
     index, axle = REFERENCE_WHEELS.index(wheel), best.axle_of(wheel)
     scans, reference = best.scans, measurement.wheels[index]
     if axle is not None and axle.fit is not None:
@@ -153,7 +160,12 @@ def _camber(wheel: str, best: Framed, measurement: Measurement) -> Estimate:
     else:
         assert reference.normal is not None
         way, moved = reference.normal, scans.columns_of_target(index)[0]
-    return scans.estimate(toe_and_camber(scans, wheel, way, moved)[1])
+    camber = scans.estimate(toe_and_camber(scans, wheel, way, moved)[1])
+    included = weighted_sum([(1.0, inclination), (1.0, camber)])
+    if axle is not None or best.through == "plate centres":
+        return included
+    rest = beyond_stated(mounting_scatter(best), reference.observation)
+    return with_part(included, rest.tilt_rad, rest.dof)
 
 
 def _by_camber(scans: SweepScans, members: list[int]) -> Estimate:

@@ -2,7 +2,7 @@
 
 from .assumptions import notes_of_assumptions
 from .conformity import Conformity, Verdict, assess, conforms
-from .estimates import estimate, weighted_sum
+from .estimates import estimate, weighted_sum, with_part
 from .evaluate import align, check_by_monte_carlo, evaluate
 from .limits import ToleranceInterval
 from .observe import Fit, noisy, observe_entry
@@ -91,4 +91,5 @@ __all__ = [
     "toe_out_at",
     "tolerance_for",
     "weighted_sum",
+    "with_part",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,18 @@ def estimate(value: float, slope: Array, effects: Sequence[Effect], u_own: float
     dof = effective_dof(effects, shares, total)
     known = tuple(effects)
     return Estimate(value, math.sqrt(float(total[0])), float(dof[0]), slope, known, u_own)
+
+
+def with_part(known: Estimate, u: float, dof: float) -> Estimate:
+    """Return the estimate with an error of its own, independent of all inputs.
+
+    Source: Welch and Satterthwaite, JCGM 100, G.4.
+    """
+    if u == 0.0:
+        return known
+    total = math.hypot(known.u, u)
+    dof = total**4 / (known.u**4 / known.dof + u**4 / dof)
+    return replace(known, u=total, dof=dof, u_own=math.hypot(known.u_own, u))
 
 
 def weighted_sum(terms: Sequence[tuple[float, Estimate]]) -> Estimate:

@@ -244,7 +244,7 @@ def test_five_point_prints_status_point_and_angles_without_it(wrong, tmp_path):
     assert second["toe_deg"] == pytest.approx(0.4195, abs=0.02)
     assert re.search(r"rear +toe +\+00°\S+ +- +total", done.stdout)
     page = (tmp_path / "page.html").read_text("utf-8")
-    assert re.search(r"toe, right</th>\s*<td[^>]*>–<", page)
+    assert re.search(r"toe, right</th>\s*<td[^>]*>\u2013<", page)
     clean = run("five-point", PAPER, "--digits", "full")
     assert clean.return_value == 0
     assert '-00°19\'40.7"  419.4"' in clean.stdout

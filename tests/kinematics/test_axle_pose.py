@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
-from tests.kinematics.test_runout import CAMBER, ECCENTRIC, TOE, WOBBLE, all_round
+from tests.kinematics.test_runout import CAMBER, ECCENTRIC, HALF, TOE, WOBBLE, all_round
+from tests.support.turning import PLACES, Scene, facing, mounted, rolled, swept
 from wheelplane.kinematics.axle_pose import mounting_scatter
 from wheelplane.kinematics.sweep import sweep_scans
 from wheelplane.kinematics.wheel_axis import fit_axles, on_axles
@@ -60,18 +62,18 @@ def test_covariance_of_axles_is_that_of_errors_over_many_captures():
 def test_a_wheel_without_run_out_is_as_uncertain_as_the_others_are_mounted():
     """Half a degree and 2.2 mm: 0.35 degrees and 1.6 mm per axis, by 6 degrees of freedom."""
     result = all_round(15, 1.0, ECCENTRIC, wheels=("RR", "RL", "FR")).measure()
-    known, mounted = by_name(result), result.wheels[3]
+    known, without = by_name(result), result.wheels[3]
     plates = result.plates
     scans = sweep_scans(plates)
     scatter = mounting_scatter(on_axles(scans, fit_axles(scans, plates)))
     assert scatter.dof == 6
     assert scatter.tilt_rad == pytest.approx(np.radians(0.5) / np.sqrt(2.0), rel=0.02)
-    assert (mounted.compensated, mounted.plate.compensated) == (False, False)
-    assert mounted.u_toe_rad == pytest.approx(np.radians(0.5) / np.sqrt(2.0), rel=0.05)
-    assert abs(mounted.angles.toe_rad - TOE) < known["FL.toe"].expanded
-    assert mounted.dof_toe == pytest.approx(6.0, rel=0.1)
-    assert result.plates.wheels[3].u_toe_rad < 0.1 * mounted.u_toe_rad
-    assert known["RR.toe"].u < 0.1 * mounted.u_toe_rad
+    assert (without.compensated, without.plate.compensated) == (False, False)
+    assert without.u_toe_rad == pytest.approx(np.radians(0.5) / np.sqrt(2.0), rel=0.05)
+    assert abs(without.angles.toe_rad - TOE) < known["FL.toe"].expanded
+    assert without.dof_toe == pytest.approx(6.0, rel=0.1)
+    assert result.plates.wheels[3].u_toe_rad < 0.1 * without.u_toe_rad
+    assert known["RR.toe"].u < 0.1 * without.u_toe_rad
     shift_m = np.sqrt(np.mean(np.sum(np.square(ECCENTRIC[:3]), axis=1)) / 2.0)
     assert known["wheelbase_left"].u == pytest.approx(shift_m, rel=0.05)
 
@@ -84,3 +86,31 @@ def test_what_a_target_file_states_of_mounting_is_not_counted_twice():
     scene.seen[3] = replace(scene.seen[3], evidence=replace(scene.seen[3].evidence, target=target))
     u_toe = scene.measure().wheels[3].u_toe_rad
     assert u_toe == pytest.approx(np.radians(2.0), rel=0.01)
+
+
+def test_the_included_angle_counts_the_mounting_that_camber_has_and_sai_has_not():
+    """Rear run-outs, a swept front wheel without: Student's 95 % of 4 degrees of freedom."""
+    tilt, sai, camber, inside = np.radians(0.4), np.radians(12.0), -0.01, []
+    for seed in range(120):
+        rng = np.random.default_rng([seed, 21])
+        scene = Scene(seed).references()
+        for wheel in ("RR", "RL"):
+            off = {"wobble": rng.normal(0.0, tilt, 2), "eccentric_m": rng.normal(0.0, 1e-3, 2)}
+            mounted(scene, wheel, **off)
+            rolled(scene, wheel, HALF, u_turn=1e-3, **off)
+        plate = Rotation.from_rotvec(rng.normal(0.0, tilt, 3))
+        normal = plate.apply(facing("FL", 0.0, camber))
+        front = Scene(seed + 1000)
+        front.R, front.shift = scene.R, scene.shift
+        front.look("FL", "reference", "FL", PLACES["FL"], normal)
+        scene.seen[3] = front.seen[0]
+        swept(scene, "FL", np.radians(4.0), sai, np.radians([-20.0, 0.0, 20.0]), camber=camber,
+              plate=plate)  # fmt: skip
+        found = scene.measure().steering_axes[0]
+        assert found.inclination.dof == np.inf
+        assert found.included_angle.dof < 30.0
+        inside.append(
+            abs(found.included_angle.value - sai - camber) < found.included_angle.expanded
+        )
+    low, high = stats.binom.ppf([0.0005, 0.9995], len(inside), 0.95)
+    assert low <= sum(inside) <= high, sum(inside)
