@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
@@ -371,6 +372,10 @@ def test_a_broken_capture_is_a_row_with_its_reason(archive, tmp_path):
             ElementTree.fromstring(picture)
             assert picture.count("<circle") == 19
             assert "positive)" in picture
+    page = (tmp_path / "validation.html").read_text(encoding="utf-8")
+    for name in ("c0", "c1", "lame", "packed.zip"):  # every file of every capture has its digest
+        for file in ("rr.ply", "rl.ply", "fr.ply", "fl.ply", "trial-1.ply", FILE):
+            assert re.search(rf">{name}: {file}<.*?>[0-9a-f]{{64}}<", page, re.DOTALL)
     bias = tree["agreement"]["toe"]["bias_deg"]
     assert bias["low"] < bias["value"] < bias["high"]
     assert tree["agreement"]["toe"]["captures_needed"]["bias_deg"] == pytest.approx(0.1)

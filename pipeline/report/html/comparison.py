@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import PurePath
 
 from ...measurement import Provenance
 from ...validation import Comparison, ComparisonStudy
@@ -62,7 +63,7 @@ def comparison_document(found: Comparison, writer: Writer, record: str) -> Docum
         head=_head(found.source, found, words),
         headline=_headline(found.verdict, whole_lines(found, words), words),
         results=[results],
-        annexes=[why, _origin(found.origins, words)],
+        annexes=[why, _origin(_inputs(found.origins), words)],
         notes=found.notes,
     )
 
@@ -88,14 +89,19 @@ def study_document(study: ComparisonStudy, writer: Writer, record: str) -> Docum
         annexes.append(Section(one.kind, writer.quantity(one.kind).capitalize(), parts))
     scored: list[Part] = [scores_table(study, writer), nees_line(study, words)]
     annexes.append(Section("coverage", words("section.uncertainty"), scored))
-    origins = [origin for one in found for origin in one.origins]
+    inputs = {
+        f"{row.name}: {name}": digest
+        for row in study.rows
+        if row.found is not None
+        for name, digest in _inputs(row.found.origins).items()
+    }
     return Document(
         title=words("comparison.title"),
         record=record,
         head=_head(study.source, found[0], words),
         headline=_headline(study.verdict, verdict_lines(study, words), words),
         results=[results],
-        annexes=[*annexes, _origin(origins, words)],
+        annexes=[*annexes, _origin(inputs, words)],
         notes=shared_notes(study, words),
     )
 
@@ -116,8 +122,16 @@ def _headline(verdict: str, lines: Sequence[str], words: Translations) -> Headli
     return Headline(decision.replace(" ", "-"), SIGNS[decision], shown, tuple(lines))
 
 
-def _origin(origins: Sequence[Provenance], words: Translations) -> Section:
-    inputs = {name: digest for origin in origins for name, digest in origin.inputs.items()}
+def _inputs(origins: Sequence[Provenance]) -> dict[str, str]:
+    """Return the digest of each input file by its name, without its capture and folder."""
+    return {
+        PurePath(name.rpartition(": ")[2]).name: digest
+        for origin in origins
+        for name, digest in origin.inputs.items()
+    }
+
+
+def _origin(inputs: Mapping[str, str], words: Translations) -> Section:
     rows = [[name, digest.removeprefix("sha256:")] for name, digest in inputs.items()]
     head = (words("origin.file"), words("origin.digest"))
     files = Table(head, rows, 2, words("origin.inputs"))
