@@ -34,6 +34,7 @@ from .measurement import (
     observe_cloud,
     observe_entry,
     residual_map,
+    rounded,
 )
 from .plane import Patch, fit_plane
 from .targets import Target
@@ -57,8 +58,8 @@ def measure_capture(
     observations, naming = observe_capture(capture, config, fit or fit_target, progress)
     origin = provenance_of_capture(capture, config, observations, naming)
     of_scans = [observation.note for observation in observations if observation.note]
-    notes = [*origin.notes, *of_scans, *noisy(observations, config.instrument)]
-    found = solve(align(observations, origin, notes))
+    noted = [*of_scans, *noisy(observations, config.instrument), *rounded(observations)]
+    found = solve(align(observations, origin, [*origin.notes, *noted]))
     assumed = notes_of_assumptions(found, capture.target, config.instrument)
     return replace(found, notes=(*found.notes, *assumed))
 

@@ -19,6 +19,8 @@ from .in_plane_rotation import InPlaneRotation, PlaneRotation
 from .pattern.fit_pattern import IntensityPoints, PatternFit, find_pattern
 from .target_view import TargetView
 
+EDGE_SHIFT = 0.6  # of step times sqrt(step / radius): shift of a centre by its rounded edge
+
 
 @dataclass(frozen=True)
 class OtherCentre:
@@ -185,6 +187,7 @@ def _fit(view: TargetView, estimate: CentreEstimate, edge_fit: EdgeFit | None) -
         normal=plane.normal,
         components=(
             *_plane_components(plane, centre_m - plane.centroid_m, estimate),
+            *_rounding(plane, centre_m - plane.centroid_m, estimate, view.target.radius_m),
             centre_component("centre noise", noise, plane.basis, estimate.dof),
             centre_component("centre model", model, plane.basis),
         ),
@@ -214,9 +217,37 @@ def _plane_components(
     ]
 
 
+def _rounding(
+    plane: PlaneFit, lever_m: Array, estimate: CentreEstimate, radius_m: float
+) -> list[UncertaintyComponent]:
+    """Return the component of rounded coordinates: of the plane, and of the centre in it.
+
+    Where an edge runs along an axis of the coordinates, all its points are rounded alike: on an arc
+    of sqrt(s R). The factor is measured on synthetic scans (tests/bench/rounding.py).
+    """
+    if plane.rounding is None:
+        return []
+    rotation = None if estimate.rotation is None else estimate.rotation.by_plane
+    covariance = plane.rounding.covariance
+    by_plane = plane_component(
+        "rounding",
+        covariance,
+        plane.basis,
+        lever_m,
+        estimate.by_plane,
+        turn_by_plane=rotation,
+    )
+    steps = plane.rounding.steps
+    shift_m = EDGE_SHIFT * steps.step_m * np.sqrt(steps.step_m / radius_m)
+    across = (steps.axes * shift_m[:, None]) @ plane.basis[:2].T
+    in_plane = np.vstack([np.zeros((3, 3)), plane.basis[:2].T @ across.T])
+    turn = None if by_plane.turn is None else np.append(by_plane.turn, np.zeros(3))
+    return [replace(by_plane, factor=np.hstack([by_plane.factor, in_plane]), turn=turn)]
+
+
 def _at(plane: PlaneFit, centre_m: Array) -> Array:
     """Return the covariance (3, 3) of the plane's height at the centre (3,) and of its slopes."""
     carried = np.eye(3)
     carried[0, 1:] = plane.basis[:2] @ (centre_m - plane.centroid_m)
-    covariance = plane.noise_covariance + plane.correlated.covariance
+    covariance = plane.point_covariance + plane.correlated.covariance
     return np.asarray(carried @ covariance @ carried.T)

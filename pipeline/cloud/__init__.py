@@ -11,15 +11,21 @@ from .selection import (
     surroundings,
     within_slab,
 )
+from .steps import EXACT, Levels, Steps, coordinate_levels, coordinate_steps
 from .voxel_grid import VoxelGrid, lowest, voxel_key, voxel_moments, within_voxels
 
 __all__ = [
+    "EXACT",
     "CloudSample",
+    "Levels",
     "Slab",
     "SlabMoments",
+    "Steps",
     "VoxelGrid",
     "by_wheel",
     "cloud_sample",
+    "coordinate_levels",
+    "coordinate_steps",
     "gather_ball",
     "load_opencv",
     "lowest",

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import click
 
-from ..diagnostics import check_cloud, float32_fact, float32_step
+from ..diagnostics import check_cloud, float32_fact, float32_step, length
 from ..errors import InputError, NotMeasuredError
 from ..plane import CloudPlane, find_planes, plane_of_all
 from ..readers import MESH_SUFFIXES, Scan, read_scan
@@ -18,6 +20,7 @@ from .options import read_options, reading_options
 from .progress import Reading
 
 NOTED_STEP_M = 0.5e-3
+COARSE = 1.4  # distance of levels over the rms across a plane, above which they draw it
 
 
 @click.command()
@@ -81,7 +84,7 @@ def plane(
         raise InputError(f"{file}: {error}: {_advice(file, scan, length_unit, sample)}") from error
     except InputError as error:
         raise InputError(f"{file}: {error}: use a scan with more points") from error
-    notes = _notes(scan, length_unit)
+    notes = [*_notes(scan, length_unit), *_coarse(planes)]
     if as_json:
         tree = {
             "planes": [_tree(found) for found in planes],
@@ -121,6 +124,21 @@ def _notes(scan: Scan, length_unit: str) -> list[str]:
     return [float32_fact(step, position)] if step >= NOTED_STEP_M else []
 
 
+def _coarse(planes: Sequence[CloudPlane]) -> Iterator[str]:
+    """Yield a note for each plane whose points lie on so few levels that its tilt is uncertain.
+
+    Rounding moves a point by half a level at most, and the slope of a face of side a by 1.5 levels
+    over a.
+    """
+    for number, found in enumerate(planes, start=1):
+        if found.level_m > COARSE * found.rms_m:
+            off_deg = math.degrees(1.5 * found.level_m / max(found.extents_m[1], found.level_m))
+            yield (
+                f"the coordinates across plane {number} lie {length(found.level_m)} apart, "
+                f"coarse against its rms: its normal is uncertain by up to {off_deg:.2g}°"
+            )
+
+
 def _tree(found: CloudPlane) -> dict[str, object]:
     return {
         "normal": found.normal.tolist(),
@@ -129,4 +147,5 @@ def _tree(found: CloudPlane) -> dict[str, object]:
         "rms_m": found.rms_m,
         "points": found.points,
         "extents_m": list(found.extents_m),
+        "step_m": found.level_m,
     }

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..cloud import gather_ball
+from ..cloud import EXACT, Steps, gather_ball
 from ..config import SegmentConfig
 from ..errors import NotMeasuredError
-from ..plane import Clipping, RansacOptions, converge, first_sigma, ransac
+from ..plane import SPANNED, Clipping, RansacOptions, converge, first_sigma, ransac
 from ..targets import Target
 from ..vectors import Array, Mask, plane_basis
 from . import template_match
@@ -54,12 +54,18 @@ class Candidate:
 
 
 def score_candidate(
-    points_m: Array, point: Array, normal: Array, target: Target, limit_m: float
+    points_m: Array,
+    point: Array,
+    normal: Array,
+    target: Target,
+    limit_m: float,
+    steps: Steps = EXACT,
 ) -> Candidate:
     """Fit the plane about `point`, match the target on it, and score the outline.
 
     points_m: (N, 3) in random order, so that any part of them covers the target.
-    limit_m: distance from the first plane within which points count.
+    limit_m: distance from the first plane within which points count. steps: of the coordinates;
+    points on steps beside that of the plane are its own.
     """
     radius = target.radius_m
     near = gather_ball(points_m, point, REACH * radius)
@@ -68,18 +74,21 @@ def score_candidate(
     inner = gather_ball(near, np.zeros(3), INNER * target.edge.size_m) @ axes.T
     inner = inner[np.abs(inner[:, 2]) < FIRST_LIMITS * limit_m]
     inner = inner[:: max(1, len(inner) // FITTED_POINTS)]
+    spanned = SPANNED * float(steps.across(normal))
     try:
         sigma = first_sigma(inner[:, 2], WIDEST_BAND * radius)
         start = Clipping(np.eye(3), np.zeros(3), sigma, cap=WIDEST_BAND * radius)
-        clipping, moments = converge(inner, start, 1e-6 * radius)
+        clipping, moments = converge(inner, start, max(1e-6 * radius, spanned))
     except NotMeasuredError:
         return rejected
-    if _is_curved((inner - moments.centroid_m) @ moments.basis.T, clipping.sigma, radius):
+    local = (inner - moments.centroid_m) @ moments.basis.T
+    if _is_curved(local, clipping.sigma, radius, float(steps.across(normal))):
         return rejected
     normal, sigma = moments.normal @ axes, clipping.sigma
     centre = normal * ((moments.centroid_m @ axes) @ normal)
     band = float(np.clip(FACE_SIGMAS * sigma, FACE_BAND * radius, WIDEST_BAND * radius))
-    found, basis = _match(near - centre, normal, target, max(3.0 * sigma, THIN * radius))
+    thin = max(3.0 * sigma, THIN * radius, spanned)
+    found, basis = _match(near - centre, normal, target, thin)
     centre = centre + found.centre_m @ basis[:2]
     basis = _rotated(basis, found.rotation_rad)
     local = (near - centre) @ basis.T
@@ -110,9 +119,10 @@ def _rotated(basis: Array, rotation_rad: float) -> Array:
     return np.stack([cos * u + sin * v, cos * v - sin * u, w])
 
 
-def _is_curved(uvw: Array, sigma: float, radius_m: float) -> bool:
+def _is_curved(uvw: Array, sigma: float, radius_m: float, step_m: float) -> bool:
     """Return whether the points uvw (N, 3) lie on a curved surface rather than a bent target.
 
+    step_m: of their coordinates across the target, which bends its points by half of it.
     A paraboloid explains a third of the variance of w and 0.4 % of the radius, or nearly all of it
     and 0.05 % of the radius: ranges in coarse steps cut such caps out of a wall.
     """
@@ -123,17 +133,21 @@ def _is_curved(uvw: Array, sigma: float, radius_m: float) -> bool:
     fitted = terms @ np.linalg.lstsq(terms.T @ terms, terms.T @ w, rcond=None)[0]
     explained, variance = float(np.var(fitted)), float(np.var(w))
     return any(
-        explained > max(share * variance, bend**2)
+        explained > max(share * variance, (bend + 0.5 * step_m / radius_m) ** 2)
         for share, bend in ((1.0 / 3.0, CURVED_OF_RADIUS), (0.9, BENT_OF_RADIUS))
     )
 
 
 def ransac_candidates(
-    points_m: Array, target: Target, config: SegmentConfig, rng: np.random.Generator
+    points_m: Array,
+    target: Target,
+    config: SegmentConfig,
+    rng: np.random.Generator,
+    steps: Steps = EXACT,
 ) -> list[Candidate]:
     """Find planes of points_m (N, 3) by RANSAC, each removed before the next search."""
     options = RansacOptions(max_proposals=config.max_proposals)
-    limit = threshold_m(target, config)
+    limit = threshold_m(target, config, steps)
     found = []
     for _ in range(config.max_planes):
         if len(points_m) < MIN_POINTS:
@@ -143,15 +157,15 @@ def ransac_candidates(
         if result is None or result.score < config.min_support:
             break
         point = result.model[:3]
-        candidate = score_candidate(points_m, point, result.model[3:], target, limit)
+        candidate = score_candidate(points_m, point, result.model[3:], target, limit, steps)
         found.append(candidate)
         points_m = points_m[~_surface(points_m, point, candidate, target.radius_m)]
     return found
 
 
-def threshold_m(target: Target, config: SegmentConfig) -> float:
+def threshold_m(target: Target, config: SegmentConfig, steps: Steps = EXACT) -> float:
     """Return the distance within which points belong to a plane before the noise is known."""
-    return config.threshold_of_diameter * 2.0 * target.radius_m
+    return max(config.threshold_of_diameter * 2.0 * target.radius_m, float(steps.step_m.max()))
 
 
 def _surface(points_m: Array, point: Array, candidate: Candidate, radius_m: float) -> Mask:

@@ -11,7 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..cloud import Slab, VoxelGrid, lowest, sample, surroundings, voxel_moments
+from ..cloud import (
+    EXACT,
+    Slab,
+    Steps,
+    VoxelGrid,
+    coordinate_steps,
+    lowest,
+    sample,
+    surroundings,
+    voxel_moments,
+)
 from ..config import SegmentConfig
 from ..errors import NotMeasuredError
 from ..plane import Patch
@@ -42,21 +52,27 @@ def find_target(
     config: SegmentConfig,
     seed: int,
     intensity: Array32 | None = None,
+    axes: Array | None = None,
 ) -> Patch:
     """Find the target in points_m (N, 3) and cut its patch; intensity: (N,) or None.
 
+    axes: (3, 3) rows along which the coordinates were rounded, where a pose was applied since.
     Raises NotMeasuredError: 'too-few-points', 'no-plane', 'no-target' (with the best match) or
     'ambiguous-target'.
     """
-    found = find_candidates(points_m, target, config, seed)
+    steps = coordinate_steps(points_m, axes=axes)
+    found = find_candidates(points_m, target, config, seed, steps)
     _check_best(found, target, config)
-    return cut_patch(points_m, intensity, found[0], target, config.around_points)
+    patch = cut_patch(points_m, intensity, found[0], target, config.around_points)
+    return replace(patch, steps=coordinate_steps(points_m, patch.origin_m, axes))
 
 
 def find_candidates(
-    points_m: Array, target: Target, config: SegmentConfig, seed: int
+    points_m: Array, target: Target, config: SegmentConfig, seed: int, steps: Steps = EXACT
 ) -> list[Candidate]:
     """Find all planes of points_m (N, 3) that may be the target, best match first.
+
+    steps: of the coordinates.
 
     Raises NotMeasuredError 'too-few-points' or 'no-plane'.
     """
@@ -65,12 +81,12 @@ def find_candidates(
     points = sample(points_m, config.subset_points)
     origin = np.median(points, axis=0)
     points -= origin
-    found = _candidates(points, target, config, seed)
+    found = _candidates(points, target, config, seed, steps)
     if not found:
         raise NotMeasuredError("no-plane", "no plane stands out among the points")
     found = [replace(c, centre_m=c.centre_m + origin) for c in found]
     if len(points_m) > len(points):
-        found = _rescore_sparse(points_m, found, target, config)
+        found = _rescore_sparse(points_m, found, target, config, steps)
     return found
 
 
@@ -80,10 +96,12 @@ def voxels_of(points_m: Array, target: Target) -> VoxelGrid:
     return voxel_moments(points_m, lowest(points_m) - edge, edge)
 
 
-def _candidates(points: Array, target: Target, config: SegmentConfig, seed: int) -> list[Candidate]:
+def _candidates(
+    points: Array, target: Target, config: SegmentConfig, seed: int, steps: Steps
+) -> list[Candidate]:
     """Return the planes that may be the target, best match first."""
-    limit = threshold_m(target, config)
-    surfels = find_surfels(voxels_of(points, target), limit)
+    limit = threshold_m(target, config, steps)
+    surfels = find_surfels(voxels_of(points, target), limit, steps)
     found: list[Candidate] = []
     best = 0.0
     for stage in _stages(surfels, target, limit):
@@ -91,12 +109,12 @@ def _candidates(points: Array, target: Target, config: SegmentConfig, seed: int)
             if best > SURE and position.score < RIVAL_SCORE:
                 break
             centre, normal = position.centre_m, position.normal
-            found.append(score_candidate(points, centre, normal, target, limit))
+            found.append(score_candidate(points, centre, normal, target, limit, steps))
             best = max(best, found[-1].match)
         if best > SURE:
             break
     if best < CLEAR:
-        found += ransac_candidates(points, target, config, np.random.default_rng(seed))
+        found += ransac_candidates(points, target, config, np.random.default_rng(seed), steps)
     return sorted(found, key=lambda candidate: -candidate.match)
 
 
@@ -109,12 +127,16 @@ def _stages(surfels: Surfels, target: Target, limit_m: float) -> Iterator[list[H
 
 
 def _rescore_sparse(
-    points_m: Array, found: list[Candidate], target: Target, config: SegmentConfig
+    points_m: Array,
+    found: list[Candidate],
+    target: Target,
+    config: SegmentConfig,
+    steps: Steps,
 ) -> list[Candidate]:
     """Score the likely candidates of few points again, by all points of the scan."""
     bar = LIKELY * max(config.min_match, found[0].match)
     again = [
-        _score_again(points_m, candidate, target, config)
+        _score_again(points_m, candidate, target, config, steps)
         if candidate.match > bar and candidate.points < SPARSE
         else candidate
         for candidate in found
@@ -123,20 +145,29 @@ def _rescore_sparse(
 
 
 def _score_again(
-    points_m: Array, at: Candidate | Hypothesis, target: Target, config: SegmentConfig
+    points_m: Array,
+    at: Candidate | Hypothesis,
+    target: Target,
+    config: SegmentConfig,
+    steps: Steps,
 ) -> Candidate:
     """Score the candidate at a position by all of points_m (N, 3) about it."""
     ball = Slab(REACH * target.radius_m, REACH * target.radius_m)
     near = surroundings(points_m, at.centre_m, at.normal, ball, ball, 0.0).face_m
-    return score_near(near, at, target, config)
+    return score_near(near, at, target, config, steps)
 
 
 def score_near(
-    near: Array, at: Candidate | Hypothesis, target: Target, config: SegmentConfig
+    near: Array,
+    at: Candidate | Hypothesis,
+    target: Target,
+    config: SegmentConfig,
+    steps: Steps = EXACT,
 ) -> Candidate:
     """Score the candidate at a position by the points near (N, 3) relative to it."""
     near = sample(near, config.subset_points)
-    found = score_candidate(near, np.zeros(3), at.normal, target, threshold_m(target, config))
+    limit = threshold_m(target, config, steps)
+    found = score_candidate(near, np.zeros(3), at.normal, target, limit, steps)
     return replace(found, centre_m=found.centre_m + at.centre_m)
 
 

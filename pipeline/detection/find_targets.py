@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..cloud import Slab, VoxelGrid, within_voxels
+from ..cloud import EXACT, Slab, Steps, VoxelGrid, coordinate_steps, within_voxels
 from ..config import SegmentConfig
 from ..plane import Patch
 from ..targets import Target
@@ -34,27 +34,33 @@ def find_targets(
     intensity: Array32 | None = None,
     parts: Sequence[tuple[int, int]] = (),
     stations_m: Sequence[Array | None] = (),
+    axes: Sequence[Array | None] = (),
 ) -> tuple[Patch, ...]:
     """Find all targets in points_m (N, 3), the cloud of a vehicle; patches, best match first.
 
     intensity: (N,) or None. parts: row ranges of the scans that make up the cloud; each target is
     taken from the one with most points on it, since every scan has its own pose and noise.
-    stations_m: (3,) each, positions of the scanner for the parts, None where unknown.
+    stations_m: (3,) each, positions of the scanner for the parts, None where unknown; axes: (3, 3)
+    each, rows along which their coordinates were rounded.
     """
+    parts = parts or [(0, len(points_m))]
+    axes = axes or [None] * len(parts)
+    steps = _coarsest(points_m, parts, axes)
+    limit = threshold_m(target, config, steps)
     voxels = voxels_of(points_m, target)
-    surfels = find_surfels(voxels, threshold_m(target, config))
+    surfels = find_surfels(voxels, limit, steps)
     positions = hypotheses(surfels, target)[:MOST_IN_CLOUD]
-    scored = _score_all(points_m, voxels, positions, target, config)
+    scored = _score_all(points_m, voxels, positions, target, config, steps)
     if not _are_a_vehicle(_sure(scored, target, config)):
-        positions = joined(positions, surfels, target, threshold_m(target, config))
-        scored += _score_all(points_m, voxels, positions, target, config)
+        positions = joined(positions, surfels, target, limit)
+        scored += _score_all(points_m, voxels, positions, target, config, steps)
     found = _targets(scored, target, config)
     slab = around_slab(target)
     regions = [_voxels_within(voxels, c.centre_m, c.normal, slab) for c in found]
     rows = _rows(points_m, voxels, regions)
     near = points_m[rows]
     near_intensity = None if intensity is None else intensity[rows]
-    bounds = np.searchsorted(rows, np.array(parts or [(0, len(points_m))]))
+    bounds = np.searchsorted(rows, np.array(parts))
     patches = []
     for candidate in found:
         part = _best_part(near, bounds, candidate, target)
@@ -67,8 +73,20 @@ def find_targets(
             config.around_points,
         )
         station_m = stations_m[part] if stations_m else None
-        patches.append(replace(patch, part=part, station_m=station_m))
+        local = coordinate_steps(near[start:stop], patch.origin_m, axes[part])
+        patches.append(replace(patch, part=part, station_m=station_m, steps=local))
     return tuple(patches)
+
+
+def _coarsest(
+    points_m: Array, parts: Sequence[tuple[int, int]], axes: Sequence[Array | None]
+) -> Steps:
+    """Return the coarsest steps of the parts' coordinates."""
+    found = [
+        coordinate_steps(points_m[start:stop], axes=own)
+        for (start, stop), own in zip(parts, axes, strict=True)
+    ]
+    return max(found, key=lambda steps: float(steps.step_m.max()), default=EXACT)
 
 
 def _score_all(
@@ -77,6 +95,7 @@ def _score_all(
     positions: list[Hypothesis],
     target: Target,
     config: SegmentConfig,
+    steps: Steps,
 ) -> list[Candidate]:
     """Score candidate positions until a vehicle's targets are sure and no rival remains."""
     ball = Slab(REACH * target.radius_m, REACH * target.radius_m)
@@ -87,22 +106,26 @@ def _score_all(
     for at in positions:
         if at.score < FIFTH_SCORE and is_whole:
             break
-        found.append(_score_in_cloud(near, at, target, config))
+        found.append(_score_in_cloud(near, at, target, config, steps))
         if found[-1].match > SURE:
             is_whole = _are_a_vehicle(_sure(found, target, config))
     return found
 
 
 def _score_in_cloud(
-    columns_m: Array, at: Candidate | Hypothesis, target: Target, config: SegmentConfig
+    columns_m: Array,
+    at: Candidate | Hypothesis,
+    target: Target,
+    config: SegmentConfig,
+    steps: Steps,
 ) -> Candidate:
     """Score a candidate position by the points columns_m (3, N); again where that has moved it."""
     reach = REACH * target.radius_m
-    found = score_near(_ball(columns_m, at.centre_m, reach), at, target, config)
+    found = score_near(_ball(columns_m, at.centre_m, reach), at, target, config, steps)
     moved = float(np.linalg.norm(found.centre_m - at.centre_m))
     if found.match < LIKELY * config.face_match or moved < MOVED * target.radius_m:
         return found
-    again = score_near(_ball(columns_m, found.centre_m, reach), found, target, config)
+    again = score_near(_ball(columns_m, found.centre_m, reach), found, target, config, steps)
     return max(found, again, key=lambda candidate: candidate.match)
 
 

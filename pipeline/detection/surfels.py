@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..cloud import VoxelGrid, voxel_key
+from ..cloud import EXACT, Steps, VoxelGrid, voxel_key
 from ..vectors import Array, Rows
 
 MIN_IN_VOXEL = 5  # points, the least for a plane
@@ -38,12 +38,12 @@ class Surfels:
         return slice(*np.searchsorted(self.row, [*self.voxels.between(low_m, high_m)]).tolist())
 
 
-def find_surfels(voxels: VoxelGrid, thickness_m: float) -> Surfels:
+def find_surfels(voxels: VoxelGrid, thickness_m: float, steps: Steps = EXACT) -> Surfels:
     """Find the voxels whose points lie within thickness_m (rms) of a plane; join them to surfaces.
 
     Two neighbours belong to one surface if their normals and their noise are alike and the centroid
     of each lies on the other's plane. A voxel across a step of a few sigma may be as flat, but is
-    rougher than its neighbours.
+    rougher than its neighbours; across a step of the coordinates, it is not.
     """
     row = np.nonzero(voxels.sums[:, 0] >= MIN_IN_VOXEL)[0]
     centroid, normal, spread = planes_of(voxels.sums[row])
@@ -55,10 +55,13 @@ def find_surfels(voxels: VoxelGrid, thickness_m: float) -> Surfels:
     one, other = pairs.T
     dof = voxels.sums[row, 0] - 3.0
     sigma = spread[flat, 0] * np.sqrt((dof + 3.0) / dof)
-    noise, floor = _local_noise(sigma, pairs), 0.05 * thickness_m
+    noise, across = _local_noise(sigma, pairs), steps.across(normal)
+    floor = np.maximum(0.05 * thickness_m, 0.5 * across)
     smooth = sigma < (1.6 + 1.5 / np.sqrt(dof)) * noise + floor
-    limit = 2.5 * np.minimum(noise[one], noise[other]) + 3.0 * floor
+    limit = 2.5 * np.minimum(noise[one], noise[other])
+    limit += 3.0 * np.maximum(floor[one], floor[other])
     slope = noise * np.sqrt(12.0 / voxels.sums[row, 0]) / voxels.edge_m
+    slope = np.maximum(slope, across / voxels.edge_m)
     bend = np.minimum(BEND + 2.5 * np.hypot(slope[one], slope[other]), MOST_BEND)
     joined = np.abs(np.einsum("ij,ij->i", normal[one], normal[other])) > np.cos(bend)
     joined &= smooth[one] & smooth[other]

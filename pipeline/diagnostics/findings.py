@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..units import in_metres
+from ..cloud import coordinate_steps
 from ..vectors import Array
 from .plausibility import better_unit, float32_fact, float32_step, length
 from .scan_summary import ScanSummary
@@ -16,7 +16,6 @@ COARSE_STEP_M = 0.5e-3
 FLAT = 1e-4  # rms across a plane, over the spread along it
 RIGID = 1e-5  # how far a pose may be from a rotation
 QUERIES = 200
-DECIMALS = (0, 1, 2, 3)
 
 
 def spacing_m(summary: ScanSummary) -> float | None:
@@ -82,13 +81,9 @@ def _steps(summary: ScanSummary) -> str:
     step, distance = float32_step(sample, summary.length_unit)
     if step >= COARSE_STEP_M:
         return float32_fact(step, distance)
-    unit_m = in_metres(1.0, summary.length_unit)
-    for decimals in DECIMALS:
-        step = unit_m * 10.0**-decimals
-        ticks = sample / step
-        if step >= COARSE_STEP_M and np.abs(ticks - np.rint(ticks)).max() < 1e-3:
-            return f"its coordinates lie in steps of {length(step)}"
-    return ""
+    step = float(coordinate_steps(sample).step_m.max())
+    coarse = step >= COARSE_STEP_M * (1.0 - 1e-6)
+    return f"its coordinates lie in steps of {length(step)}" if coarse else ""
 
 
 def _duplicates(summary: ScanSummary) -> str:

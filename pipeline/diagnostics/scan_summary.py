@@ -11,11 +11,13 @@ import numpy.typing as npt
 from ..readers import (
     AS_THE_FILE_SAYS,
     Block,
+    Markers,
     Placer,
     PointRows,
     RawCloud,
     ReadOptions,
     RowProgress,
+    find_markers,
     open_cloud,
     silent,
 )
@@ -102,10 +104,26 @@ def summarise_scan(
     progress: RowProgress = silent,
     options: ReadOptions = AS_THE_FILE_SAYS,
 ) -> ScanSummary:
-    """Summarise a scan file in one pass over its points.
+    """Summarise a scan file in one pass over its points; two where points mark missing returns.
 
     Raises InputError, one line, for what `read_scan` refuses; a file without points is summarised.
     """
+    summary = _one_pass(path, length_unit, name, progress, options)
+    markers = find_markers(summary.sample_m)
+    if not markers:
+        return summary
+    return _one_pass(path, length_unit, name, progress, options, markers)
+
+
+def _one_pass(
+    path: Path,
+    length_unit: str,
+    name: str | None,
+    progress: RowProgress,
+    options: ReadOptions,
+    markers: Markers | None = None,
+) -> ScanSummary:
+    """Summarise the points of a scan file but for those that mark missing returns."""
     rng = np.random.default_rng(_SEED)
     with open_cloud(path, length_unit, name, options) as (cloud, source):
         summary = ScanSummary(
@@ -119,7 +137,7 @@ def summarise_scan(
                 for p in cloud.parts
             ],
         )
-        placer = Placer(cloud, source, length_unit)
+        placer = Placer(cloud, source, length_unit, markers)
         samples, keys = [], []
         with np.errstate(over="ignore", invalid="ignore"):
             for block in cloud.blocks:

@@ -86,14 +86,31 @@ def _find(
         cloud=cloud_sample(scan.points_m),
         note=note_on_lone_points(scan.points_m, entry.file),
     )
+    part = scan.parts[0] if len(scan.parts) == 1 else None
+    axes = None if part is None else part.axes
     try:
         patch = find_target(
-            scan.points_m, capture.target, config.segment, config.seed, scan.intensity
+            scan.points_m, capture.target, config.segment, config.seed, scan.intensity, axes
         )
     except NotMeasuredError as error:
         return observation, error.with_traceback(None)
-    station_m = scan.parts[0].station_m if len(scan.parts) == 1 else None
-    return observation, replace(patch, station_m=station_m)
+    return observation, replace(patch, station_m=None if part is None else part.station_m)
+
+
+def rounded(observations: Sequence[Observation]) -> Iterator[str]:
+    """Yield a note for scans in which rounded coordinates add to the uncertainty, one a step."""
+    names: dict[str, list[str]] = {}
+    for observation in observations:
+        plane = observation.evidence.plane if observation.evidence else None
+        if plane is not None and plane.rounding is not None:
+            step = f"{float(plane.rounding.steps.step_m.max()) * 1e3:.3g} mm"
+            names.setdefault(step, []).append(observation.name)
+    for step, scans in names.items():
+        yield (
+            f"The coordinates of {', '.join(scans)} lie in steps of {step}, which is not fine "
+            "against their noise: rounding adds to the uncertainty, as a component of its own; "
+            "export more decimals to avoid it."
+        )
 
 
 def note_on_lone_points(points_m: Array, name: str) -> str:

@@ -74,9 +74,10 @@ def targets_of_cloud(
     progress(f"{cloud.file}: searching")
     parts = scan.parts or (Part("", 0, len(scan.points_m), None),)
     rows, stations = [(p.start, p.stop) for p in parts], [p.station_m for p in parts]
+    axes = [p.axes for p in parts]
     try:
         patches = find_targets(
-            scan.points_m, target, config.segment, scan.intensity, rows, stations
+            scan.points_m, target, config.segment, scan.intensity, rows, stations, axes
         )
     except NotMeasuredError as error:
         raise InputError(f"{source}: {error}: check the file, and --target") from error

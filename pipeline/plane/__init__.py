@@ -2,13 +2,14 @@
 
 from .clipped_plane import ClippedFit, ClipSlab, fit_clipped_plane
 from .find_planes import CloudPlane, find_planes, plane_of_all
-from .fit_plane import PlaneFit, fit_plane
+from .fit_plane import SPANNED, PlaneFit, Rounding, fit_plane
 from .least_squares import total_least_squares
 from .patch import Patch
 from .ransac import RansacOptions, ransac
 from .sigma_clipping import Clipping, converge, first_sigma
 
 __all__ = [
+    "SPANNED",
     "ClipSlab",
     "ClippedFit",
     "Clipping",
@@ -16,6 +17,7 @@ __all__ = [
     "Patch",
     "PlaneFit",
     "RansacOptions",
+    "Rounding",
     "converge",
     "find_planes",
     "first_sigma",

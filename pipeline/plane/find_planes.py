@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..cloud import random_rows, within_slab
+from ..cloud import Levels, coordinate_levels, random_rows, within_slab
 from ..errors import InputError, NotMeasuredError
 from ..vectors import Array
+from .extents import smallest_rectangle
 from .least_squares import PlaneMoments, total_least_squares
 from .ransac import RansacOptions, ransac
 from .sigma_clipping import Clipping, converge
@@ -20,7 +21,11 @@ SAMPLED_POINTS = 50_000
 MIN_SCORE = 6.0  # a plane as good occurs by chance once in e^6 clouds
 MIN_CONTRAST = 2.0  # a slab of a curved or solid cloud is as dense as its neighbours: contrast 1
 MAX_THICKNESS = 0.05  # rms of a plane's residuals over the spread of its points along it
+NO_PLANE = "no plane stands out among the points"
+ODDS = f"e^{MIN_SCORE:.0f} needed"
 NEIGHBOURS, SEEDS = 24, 48  # for the noise: at first this many points about this many points
+MAX_GAP = 0.02  # of the cloud's span: levels farther apart are surfaces, not rounding
+SPANNED = 1.5  # distances of levels: no point within them of the plane is clipped
 MAX_ROUGHNESS = 0.25  # noise over a neighbourhood's spread: above it larger ones are tried
 
 
@@ -29,8 +34,9 @@ class CloudPlane:
     """Plane of a cloud: normal . x + offset = 0.
 
     normal: (3,) unit, largest component positive. centroid_m: (3,) mean of its points.
-    rms_m: of its points' distances. extents_m: (2,) along the points' two main directions, the
-    longer first.
+    rms_m: of its points' distances. extents_m: (2,) sides of the smallest rectangle about its
+    points, the longer first. level_m: distance across it between the levels of rounded coordinates,
+    0 where they are exact.
     """
 
     normal: Array
@@ -39,6 +45,7 @@ class CloudPlane:
     rms_m: float
     points: int
     extents_m: tuple[float, float]
+    level_m: float = 0.0
 
 
 def find_planes(points_m: Array, max_planes: int, seed: int = 0) -> tuple[CloudPlane, ...]:
@@ -46,6 +53,7 @@ def find_planes(points_m: Array, max_planes: int, seed: int = 0) -> tuple[CloudP
 
     Each is found by RANSAC with a threshold from the points themselves (a contrario), fitted by
     total least squares over all its points at 3 sigma, and removed before the next search.
+    Levels of equal coordinates, which rounding, a raster or a profile makes, are no planes.
     Raises NotMeasuredError 'no-plane', InputError for fewer than 4 points.
     """
     if len(points_m) < 4:
@@ -53,20 +61,22 @@ def find_planes(points_m: Array, max_planes: int, seed: int = 0) -> tuple[CloudP
     origin = np.median(random_rows(points_m, SAMPLED_POINTS, np.random.default_rng(seed)), axis=0)
     remaining = points_m - origin
     widest = _widest_slab(remaining, np.random.default_rng(seed))
+    levels = coordinate_levels(points_m, MAX_GAP * _span(points_m))
     found: list[CloudPlane] = []
     while len(found) < max_planes and len(remaining) >= 4:
         rng = np.random.default_rng([seed, len(found)])
-        plane = _next_plane(remaining, origin, widest, rng)
-        if plane is None:
-            break
-        moments, limit = plane
+        try:
+            moments, limit = _next_plane(remaining, origin, widest, levels, rng)
+        except NotMeasuredError as error:
+            if found:
+                break
+            raise NotMeasuredError("no-plane", f"{NO_PLANE}: {error}") from error
         here = within_slab(remaining, moments.centroid_m, moments.normal, limit)
-        found.append(_describe(moments, remaining[here], origin))
+        level = levels.beside(origin + moments.centroid_m, moments.normal)
+        found.append(replace(_describe(moments, remaining[here], origin), level_m=level))
         remaining = remaining[
             ~within_slab(remaining, moments.centroid_m, moments.normal, 2.0 * limit)
         ]
-    if not found:
-        raise NotMeasuredError("no-plane", "no plane stands out among the points")
     return tuple(sorted(found, key=lambda plane: -plane.points))
 
 
@@ -78,26 +88,38 @@ def plane_of_all(points_m: Array) -> CloudPlane:
     return _describe(total_least_squares(points_m - origin), points_m - origin, origin)
 
 
+def _span(points: Array) -> float:
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
+
+
 def _next_plane(
-    points: Array, origin: Array, widest: float, rng: np.random.Generator
-) -> tuple[PlaneMoments, float] | None:
-    """Return the most significant plane and the distance within which points belong to it."""
+    points: Array, origin: Array, widest: float, levels: Levels, rng: np.random.Generator
+) -> tuple[PlaneMoments, float]:
+    """Return the most significant plane and the distance within which points belong to it.
+
+    Raises NotMeasuredError with the test that refused it.
+    """
     scored = random_rows(points, SCORED_POINTS, rng)
-    resolution = 16.0 * np.finfo(float).eps * float(np.abs(origin).max() + np.abs(points).max())
-    span = float(np.linalg.norm(np.ptp(scored, axis=0)))
-    problem = _AnyPlane(scored, span, resolution, widest)
+    largest_m = float(np.abs(origin).max() + np.abs(points).max())
+    resolution = 16.0 * float(np.finfo(float).eps) * largest_m
+    problem = _AnyPlane(scored, origin, resolution, widest, levels)
     result = ransac(problem, RansacOptions(max_proposals=1000), rng)
     if result is None or result.score < MIN_SCORE:
-        return None
+        score = 0.0 if result is None else result.score
+        raise _refused(f"the best would occur by chance in one of e^{score:.1f} clouds, {ODDS}")
     scale, _ = problem.best_scale(result.model)
+    point, normal = origin + result.model[:3], result.model[3:]
+    resolution = max(resolution, SPANNED * levels.beside(point, normal))
     start = Clipping(_basis(result.model[3:]), result.model[:3], scale / 2.0, cap=1.5 * scale)
-    try:
-        first, _ = converge(random_rows(points, SAMPLED_POINTS, rng), start, resolution)
-        clipping, moments = converge(points, first, resolution)
-    except NotMeasuredError:
-        return None
+    first, _ = converge(random_rows(points, SAMPLED_POINTS, rng), start, resolution)
+    clipping, moments = converge(points, first, resolution)
     limit = clipping.limit(resolution)
-    return (moments, limit) if _stands_out(points, moments, limit) else None
+    _check_standing_out(points, moments, limit)
+    return moments, limit
+
+
+def _refused(fact: str) -> NotMeasuredError:
+    return NotMeasuredError("no-plane", fact)
 
 
 def _widest_slab(points: Array, rng: np.random.Generator) -> float:
@@ -107,17 +129,21 @@ def _widest_slab(points: Array, rng: np.random.Generator) -> float:
     neighbourhoods gives 2 % of its span. Raises NotMeasuredError 'no-plane' where nothing is flat.
     """
     cloud = random_rows(points, 2 * SAMPLED_POINTS, rng)
-    span = float(np.linalg.norm(np.ptp(cloud, axis=0)))
+    span = _span(cloud)
     if len(cloud) < 2 * NEIGHBOURS:
         return 0.02 * span
     seeds = cloud[rng.integers(len(cloud), size=SEEDS)]
-    count = NEIGHBOURS
+    count, least = NEIGHBOURS, math.inf
     while 2 * count <= len(cloud):
         noise, roughness = np.array([_flatness(cloud, seed, count) for seed in seeds]).T
-        if np.quantile(roughness, 0.25) < MAX_ROUGHNESS:
+        least = min(least, float(np.quantile(roughness, 0.25)))
+        if least < MAX_ROUGHNESS:
             return min(5.0 * float(np.quantile(noise, 0.25)), 0.02 * span)
         count *= 4
-    raise NotMeasuredError("no-plane", "no plane stands out among the points")
+    raise _refused(
+        f"{NO_PLANE}: nothing in it is flat: its flattest parts are {least:.0%} as thick as wide, "
+        f"{MAX_ROUGHNESS:.0%} at most"
+    )
 
 
 def _flatness(cloud: Array, seed: Array, count: int) -> tuple[float, float]:
@@ -134,26 +160,36 @@ def _basis(normal: Array) -> Array:
     return np.stack([np.zeros(3), np.zeros(3), normal])
 
 
-def _stands_out(points: Array, moments: PlaneMoments, limit: float) -> bool:
-    """Return whether the slab is denser than the slabs beside it."""
+def _check_standing_out(points: Array, moments: PlaneMoments, limit: float) -> None:
+    """Raise NotMeasuredError where the slab is no denser than those beside it, or no plane's."""
     residual = np.abs((points - moments.centroid_m) @ moments.normal)
     inside = np.count_nonzero(residual < limit)
     beside = np.count_nonzero(residual < 3.0 * limit) - inside
-    thickness = math.sqrt(moments.scatter_m2[2] / max(moments.scatter_m2[1], 1e-300))
-    return bool(inside >= 4 and inside >= MIN_CONTRAST * beside / 2.0 and thickness < MAX_THICKNESS)
+    across, along = np.sqrt(moments.scatter_m2[[2, 1]] / max(moments.count, 1))
+    held = f"the best holds {inside} of {len(points)} points"
+    if inside < 4 or inside < MIN_CONTRAST * beside / 2.0:
+        raise _refused(
+            f"{held} within {limit * 1e3:.3g} mm, and as thick slabs beside it {beside / 2.0:.0f} "
+            f"each, of which it needs {MIN_CONTRAST:g} times as many"
+        )
+    if not across < MAX_THICKNESS * along:
+        raise _refused(
+            f"{held}, but their noise across it, {across * 1e3:.3g} mm, is "
+            f"{across / max(along, 1e-300):.1%} of their spread along its narrower side, "
+            f"{along * 1e3:.3g} mm (both rms), {MAX_THICKNESS:.0%} at most"
+        )
 
 
 def _describe(moments: PlaneMoments, points: Array, origin: Array) -> CloudPlane:
     centroid = origin + moments.centroid_m
     across = (points - moments.centroid_m) @ moments.basis.T
-    extents = np.sort(np.ptp(across[:, :2], axis=0))[::-1]
     return CloudPlane(
         normal=moments.normal,
         offset_m=-float(moments.normal @ centroid),
         centroid_m=centroid,
         rms_m=float(np.sqrt(np.mean(across[:, 2] ** 2))),
         points=len(points),
-        extents_m=(float(extents[0]), float(extents[1])),
+        extents_m=smallest_rectangle(across[:, :2]),
     )
 
 
@@ -166,9 +202,12 @@ class _AnyPlane:
     Source: Moisan, Stival, Int. J. Comput. Vision 57 (2004) 201.
     """
 
-    def __init__(self, points: Array, span: float, resolution: float, widest: float) -> None:
-        self._points, self._span = points, span
-        self._floor = max(resolution, 1e-12 * span)
+    def __init__(
+        self, points: Array, origin: Array, resolution: float, widest: float, levels: Levels
+    ) -> None:
+        self._points, self._span = points, _span(points)
+        self._origin, self._levels = origin, levels
+        self._floor = max(resolution, 1e-12 * self._span)
         self._widest = max(widest, self._floor)
         count = np.arange(1, len(points) + 1)
         log_factorial = np.concatenate([[0.0], np.cumsum(np.log(count))])
@@ -198,12 +237,14 @@ class _AnyPlane:
 
     def best_scale(self, model: Array) -> tuple[float, float]:
         """Return the distance at which a plane is most significant, and its score there."""
+        level = self._levels.beside(self._origin + model[:3], model[3:])
+        floor, widest = max(self._floor, 0.5 * level), max(self._widest, SPANNED * level)
         residual = np.sort(np.abs((self._points - model[:3]) @ model[3:]))
-        share = np.clip(2.0 * np.maximum(residual, self._floor) / self._span, None, 1.0)
+        share = np.clip(2.0 * np.maximum(residual, floor) / self._span, None, 1.0)
         log_alarms = self._log_tests + self._powers * np.log(share)
-        within = max(int(np.searchsorted(residual, self._widest, side="right")), 4)
+        within = max(int(np.searchsorted(residual, widest, side="right")), 4)
         best = int(np.argmin(log_alarms[:within]))
-        return float(max(residual[best], self._floor)), -float(log_alarms[best])
+        return float(max(residual[best], floor)), -float(log_alarms[best])
 
     def refine(self, model: Array) -> Array:
         for _ in range(3):

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..cloud import Steps
 from ..config import PlaneConfig
-from ..targets import Target
+from ..targets import Region, Target
 from ..vectors import Array
-from .clipped_plane import ClipSlab, fit_clipped_plane
+from .clipped_plane import ClippedFit, ClipSlab, fit_clipped_plane
 from .correlated_noise import (
     CorrelatedNoise,
     cells_across,
@@ -17,7 +18,28 @@ from .correlated_noise import (
     correlated_noise,
 )
 from .patch import Patch
+from .rounded_plane import fit_rounded
 from .sigma_clipping import CLIPPED_SIGMA_RATIO
+
+LEAST_STEP_M = 1e-6  # finer steps are no coarser than the target is flat
+NOTED = 0.35  # of the noise: a finer step adds less than 1 % to its variance
+COARSE = 2.0  # step squared over the variance of the residuals, above which least squares are wrong
+SPANNED = 1.5  # steps: no point within them of the plane is clipped
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """Effect of rounded coordinates on a plane.
+
+    steps: of the coordinates. step_m: the longest of their parts across the plane. sigma_m: noise
+    across the plane before rounding. covariance: (3, 3) what rounding adds to that of the height
+    (m) at the centroid and of the slopes along u and v.
+    """
+
+    steps: Steps
+    step_m: float
+    sigma_m: float
+    covariance: Array
 
 
 @dataclass(frozen=True)
@@ -28,7 +50,8 @@ class PlaneFit:
     plane, then the unit normal towards the scanner. sigma_m: noise across the plane, corrected for
     the clipping; rms_m: root mean square of the residuals of the points used. scatter_m2: (2, 2)
     in-plane scatter along u and v. count: points used. iterations: until the set of points
-    converged. correlated: noise correlated from point to point, from the residuals.
+    converged. correlated: noise correlated from point to point, from the residuals. rounding: of
+    the coordinates, None where it does not matter.
     """
 
     centroid_m: Array
@@ -39,6 +62,7 @@ class PlaneFit:
     count: int
     iterations: int
     correlated: CorrelatedNoise
+    rounding: Rounding | None = None
 
     @property
     def normal(self) -> Array:
@@ -48,14 +72,19 @@ class PlaneFit:
     @property
     def noise_covariance(self) -> Array:
         """Covariance (3, 3) of the height (m) at the centroid and two slopes, independent noise."""
-        covariance = np.diag([1.0 / self.count, 0.0, 0.0])
-        covariance[1:, 1:] = np.linalg.inv(self.scatter_m2)
-        return self._white_variance * covariance
+        return self._white_variance * _covariance(self.count, self.scatter_m2)
+
+    @property
+    def point_covariance(self) -> Array:
+        """Covariance (3, 3) of the height and two slopes by independent noise and rounding."""
+        if self.rounding is None:
+            return self.noise_covariance
+        return self.noise_covariance + self.rounding.covariance
 
     @property
     def normal_covariance(self) -> Array:
         """Covariance (3, 3) of the normal, rad^2, by all noise, independent and correlated."""
-        slopes = (self.noise_covariance + self.correlated.covariance)[1:, 1:]
+        slopes = (self.point_covariance + self.correlated.covariance)[1:, 1:]
         return np.asarray(self.basis[:2].T @ slopes @ self.basis[:2])
 
     @property
@@ -78,9 +107,9 @@ class PlaneFit:
     @property
     def _white_variance(self) -> float:
         """Variance of the independent noise: of all noise where no correlation was found."""
-        if not self.correlated.sigma_m > 0.0:
-            return self.sigma_m**2
-        return min(self.sigma_m, self.correlated.white_sigma_m / CLIPPED_SIGMA_RATIO) ** 2
+        if self.rounding is not None:
+            return self.rounding.sigma_m**2
+        return _white_variance(self.sigma_m, self.correlated)
 
 
 def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
@@ -89,18 +118,24 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
     Total least squares over points within 3 sigma, sigma estimated from the points themselves,
     until the set of points converges; at 3 sigma one step leaves 2.7 % of the error, so few steps
     suffice. Points nearer to an edge than the margin are left out: there the laser spot mixes
-    target and background. Raises NotMeasuredError 'too-few-points'.
+    target and background. Where the coordinates were rounded to steps that are not fine compared
+    with the noise, the plane of the greatest likelihood follows (see rounded_plane.py).
+    Raises NotMeasuredError 'too-few-points' or 'steps-too-coarse'.
     """
     region = target.region.shrunk(config.edge_margin_m)
     across = cells_across(len(patch.face_m))
     resolution = 16.0 * np.finfo(float).eps
     resolution *= float(np.abs(patch.origin_m).max() + target.radius_m)
-    slab = ClipSlab(patch.basis, 0.0, patch.sigma_m, resolution)
+    spanned = SPANNED * float(patch.steps.across(patch.basis[2]))
+    slab = ClipSlab(patch.basis, 0.0, patch.sigma_m, max(resolution, spanned))
     radius, most = target.radius_m, config.max_iterations
     fit = fit_clipped_plane(patch.face_m, region, slab, radius, across, most)
     plane = fit.plane
     rms = float(np.sqrt(plane.square_m2 / plane.count))
+    if _step_across(patch.steps, fit.normal) ** 2 > COARSE * rms**2:
+        return _by_steps(patch, region, fit, radius, across, resolution)
     cells = cells_of(plane.residual_sums(), across, fit.side_m)
+    correlated = correlated_noise(cells, radius, rms, resolution)
     return PlaneFit(
         centroid_m=patch.origin_m + fit.centroid_m,
         basis=fit.basis,
@@ -109,5 +144,81 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
         scatter_m2=plane.scatter_m2,
         count=plane.count,
         iterations=fit.iterations,
-        correlated=correlated_noise(cells, radius, rms, resolution),
+        correlated=correlated,
+        rounding=_as_noise(patch.steps, fit, correlated),
     )
+
+
+def _step_across(steps: Steps, normal: Array) -> float:
+    """Return the longest part across the plane of steps that matter, metres."""
+    return float(steps.along(normal).max()) if steps.step_m.max() > LEAST_STEP_M else 0.0
+
+
+def _as_noise(steps: Steps, fit: ClippedFit, correlated: CorrelatedNoise) -> Rounding | None:
+    """Return the rounding of steps finer than the noise: independent noise, s^2 / 12 an axis."""
+    plane = fit.plane
+    if not steps.step_m.max() > max(NOTED * plane.sigma_m, LEAST_STEP_M):
+        return None
+    white = _white_variance(plane.sigma_m, correlated)
+    variance = min(float(np.sum(steps.along(fit.normal) ** 2)) / 12.0, white)
+    return Rounding(
+        steps=steps,
+        step_m=_step_across(steps, fit.normal),
+        sigma_m=float(np.sqrt(white - variance)),
+        covariance=variance * _covariance(plane.count, plane.scatter_m2),
+    )
+
+
+def _by_steps(
+    patch: Patch, region: Region, fit: ClippedFit, radius_m: float, across: int, resolution_m: float
+) -> PlaneFit:
+    """Fit the plane of points on coarse steps, from that of least squares."""
+    steps, basis, centroid = patch.steps, fit.basis, fit.centroid_m
+    axis = int(np.argmax(steps.along(fit.normal)))
+    step_m = _step_across(steps, fit.normal)
+    uvw = patch.face_m @ basis.T
+    uvw[:, 2] -= centroid @ basis[2]
+    limit = max(3.0 * fit.plane.sigma_m, SPANNED * float(steps.across(fit.normal)))
+    used = region.holds(uvw[:, :2]) & (np.abs(uvw[:, 2]) < limit)
+    along = (patch.face_m[used] - patch.face_m[0]) @ steps.axes[axis]
+    level = np.rint(along / steps.step_m[axis]).astype(np.int64)
+    found = fit_rounded(uvw[used], level, step_m, fit.plane.sigma_m, across, fit.side_m)
+    uv = uvw[used, :2][found.kept]
+    mean, count = uv.mean(axis=0), len(uv)
+    scatter = (uv - mean).T @ (uv - mean)
+    at_mean = np.eye(3)
+    at_mean[0, 1:] = mean
+    cells = None if found.cells is None else replace(found.cells, uv_m=found.cells.uv_m - mean)
+    height = centroid @ basis[2] + found.height_m + found.slopes @ mean
+    normal = basis[2] - found.slopes @ basis[:2]
+    normal /= np.linalg.norm(normal)
+    first = basis[0] - (basis[0] @ normal) * normal
+    first /= np.linalg.norm(first)
+    noise = found.sigma_m**2 * _covariance(count, scatter)
+    return PlaneFit(
+        centroid_m=patch.origin_m + np.append(mean, height) @ basis,
+        basis=np.stack([first, np.cross(normal, first), normal]),
+        sigma_m=found.rms_m * float(np.sqrt(count / (count - 3))),
+        rms_m=found.rms_m,
+        scatter_m2=scatter,
+        count=count,
+        iterations=fit.iterations,
+        correlated=correlated_noise(cells, radius_m, found.rms_m, resolution_m),
+        rounding=Rounding(
+            steps, step_m, found.sigma_m, at_mean @ found.covariance @ at_mean.T - noise
+        ),
+    )
+
+
+def _covariance(count: int, scatter_m2: Array) -> Array:
+    """Return the covariance (3, 3) of height at the centroid and slopes by noise of variance 1."""
+    covariance = np.diag([1.0 / count, 0.0, 0.0])
+    covariance[1:, 1:] = np.linalg.inv(scatter_m2)
+    return covariance
+
+
+def _white_variance(sigma_m: float, correlated: CorrelatedNoise) -> float:
+    """Return the variance of the independent noise, of all noise where no correlation was found."""
+    if not correlated.sigma_m > 0.0:
+        return sigma_m**2
+    return min(sigma_m, correlated.white_sigma_m / CLIPPED_SIGMA_RATIO) ** 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..cloud import EXACT, Steps
 from ..vectors import Array, Array32
 
 
@@ -18,7 +19,7 @@ class Patch:
     match: score of the outline. sigma_m: rough noise across the plane.
     basis: (3, 3) rows: the target's axes u and v, then the normal towards the scanner.
     part: index of the cloud's part that holds the points. station_m: (3,) scanner frame, position
-    of the scanner, if the file states it.
+    of the scanner, if the file states it. steps: in which the coordinates were rounded.
     """
 
     origin_m: Array
@@ -30,3 +31,4 @@ class Patch:
     face_intensity: Array32 | None = None
     part: int = 0
     station_m: Array | None = None
+    steps: Steps = EXACT

@@ -1,6 +1,7 @@
 """Readers of point-cloud files: PLY, PCD, PTX, PTS, E57, LAS, LAZ, text, NumPy and meshes."""
 
 from .gather import Placer, PointRows, RowProgress, silent
+from .missing import Markers, find_markers
 from .options import AS_THE_FILE_SAYS, ReadOptions
 from .packed import scan_suffix
 from .read_scan import MESH_SUFFIXES, RAW_FORMATS, READERS, open_cloud, read_scan, unknown_format
@@ -15,6 +16,7 @@ __all__ = [
     "RAW_FORMATS",
     "READERS",
     "Block",
+    "Markers",
     "Part",
     "Placer",
     "PointRows",
@@ -25,6 +27,7 @@ __all__ = [
     "child_environment",
     "confine",
     "die_with",
+    "find_markers",
     "open_cloud",
     "read_scan",
     "scan_suffix",

@@ -12,6 +12,7 @@ from ..units import to_metres
 from ..vectors import Array, Array32, Mask
 from .faults import fault
 from .memory import check_memory
+from .missing import Markers, find_markers, is_huge
 from .scan import Part, Scan
 from .source import Block, RawCloud, RawPart, Source
 
@@ -50,12 +51,25 @@ class PointRows:
             None if self.grid is None else self.grid[start:stop],
         )
 
+    def keep(self, chosen: Mask) -> int:
+        """Move the chosen ones of the first rows to the front and return their number."""
+        count = int(chosen.sum())
+        for column in (self.points, self.intensity, self.grid):
+            if column is not None:
+                column[:count] = column[: len(chosen)][chosen]
+        return count
+
 
 class Placer:
-    """Writer of the successive blocks of a cloud into rows of points in metres."""
+    """Writer of the successive blocks of a cloud into rows of points in metres.
 
-    def __init__(self, cloud: RawCloud, source: Source, length_unit: str) -> None:
-        self._source, self._unit = source, length_unit
+    markers: of missing returns, where they are known; such points are dropped as well.
+    """
+
+    def __init__(
+        self, cloud: RawCloud, source: Source, length_unit: str, markers: Markers | None = None
+    ) -> None:
+        self._source, self._unit, self._markers = source, length_unit, markers
         self._poses = [checked_pose(part, source) for part in cloud.parts]
         self.seen = 0
 
@@ -76,7 +90,9 @@ class Placer:
             to_metres(rows.points[:kept], self._unit)
             self._check_size(rows.points[:kept])
         self.seen += count
-        return kept
+        if not self._markers:
+            return kept
+        return rows.keep(~self._markers.mask(rows.points[:kept]))
 
     def _drop_invalid(self, block: Block, rows: PointRows, count: int) -> int:
         valid = self._valid(rows.points[:count])
@@ -84,21 +100,20 @@ class Placer:
             valid = ~block.invalid if valid is None else valid & ~block.invalid
         if valid is None:
             return count
-        kept = int(valid.sum())
-        for column in (rows.points, rows.intensity, rows.grid):
-            if column is not None:
-                column[:kept] = column[:count][valid]
-        return kept
+        return rows.keep(valid)
 
     def _valid(self, points: Array) -> Mask | None:
         """Return the mask of the rows that hold a point; None when all do."""
-        if np.isfinite(points.sum()):
+        if np.isfinite(points.sum()) and _is_usual(points):
             return None
         infinite = np.flatnonzero(np.isinf(points))
         if len(infinite):
             number = self.seen + infinite[0] // 3 + 1
             raise fault(self._source, f"point {number} has an infinite coordinate")
-        return np.asarray(~np.isnan(points).any(axis=1))
+        missing = np.isnan(points)
+        huge = np.abs(points) > MAX_COORDINATE_M
+        missing[huge] = is_huge(points[huge])
+        return np.asarray(~missing.any(axis=1))
 
     def _check_size(self, points: Array) -> None:
         if len(points) and max(points.max(), -points.min()) > MAX_COORDINATE_M:
@@ -136,6 +151,7 @@ def gather(
 ) -> Scan:
     """Fill the arrays block by block, drop invalid points, apply the poses, scale to metres.
 
+    Points that mark missing returns (see missing.py) are dropped as invalid ones are.
     progress: called with the number of rows read and the total. Raises InputError for an infinite
     coordinate, and when no point is left.
     """
@@ -157,6 +173,11 @@ def gather(
             progress(placer.seen, cloud.rows)
     if kept == 0:
         raise fault(source, f"all its {placer.seen} points are invalid (no return)")
+    missing = find_markers(all_rows.points[:kept]).mask(all_rows.points[:kept])
+    if missing.any():
+        ends = np.concatenate([[0], np.cumsum(held)]).astype(np.int64)
+        held = [n - int(missing[a:b].sum()) for n, a, b in zip(held, ends, ends[1:], strict=False)]
+        kept = all_rows.keep(~missing)
     rows = all_rows.part(0, kept)
     return Scan(
         points_m=rows.points,

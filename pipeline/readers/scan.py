@@ -28,6 +28,11 @@ class Part:
         """Position of the scanner (3,) in the file's coordinates, if the file states a pose."""
         return None if self.T_file_scan is None else self.T_file_scan[:3, 3]
 
+    @property
+    def axes(self) -> Array | None:
+        """Axes (3, 3) of the scan, rows in the file's coordinates, if the file states a pose."""
+        return None if self.T_file_scan is None else self.T_file_scan[:3, :3].T
+
 
 @dataclass(frozen=True)
 class Scan:

@@ -134,8 +134,8 @@ def added_components(
     lever = fitted.centre_m - plane.centroid_m
     to_centre = np.eye(3)
     to_centre[0, 1:] = plane.basis[:2] @ lever
-    of_all = to_centre @ plane.noise_covariance @ to_centre.T
-    white = float(plane.noise_covariance[0, 0]) * plane.count
+    of_all = to_centre @ plane.point_covariance @ to_centre.T
+    white = float(plane.point_covariance[0, 0]) * plane.count
     components = [
         plane_component("points less cloud", white * A5 @ A5.T - of_all, plane.basis, none)
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -176,3 +177,55 @@ def test_a_dense_noisy_target_is_a_plane():
     assert tilt(planes[0].normal, cloud.normal) < 5 * 2 * 8e-4 / (
         0.125 * np.sqrt(len(cloud.face_m))
     )
+
+
+def bent_floor(seed, step, pitch=None):
+    """A floor 0.18 degrees off z with 2 mm of noise, its coordinates rounded; its true normal."""
+    rng = np.random.default_rng(seed)
+    points = np.column_stack([rng.uniform(0.0, 2.2, (20_000, 2)), np.zeros(20_000)])
+    if pitch:
+        points[:, :2] = np.round(points[:, :2] / pitch) * pitch
+    normal = np.array([0.0026, -0.0017, 1.0])
+    points[:, 2] = 68.0 - points[:, :2] @ normal[:2] + rng.normal(0.0, 2e-3, len(points))
+    return np.round(points / step) * step if step else points, normal
+
+
+@pytest.mark.parametrize("step", [5e-3, 1e-2])
+def test_slices_of_rounded_coordinates_are_no_planes(step):
+    points, normal = bent_floor(1, step)
+    assert len(np.unique(points[:, 2])) < 12
+    (plane,) = find_planes(points, 5)
+    assert plane.points > 0.99 * len(points)
+    # Rounding moves the slope of a face by 1.5 steps over its side at most.
+    assert tilt(plane.normal, normal) < 1.5 * step / 2.2
+    assert plane.level_m == pytest.approx(step, rel=1e-6)
+    assert tilt(np.array([0.0, 0.0, 1.0]), normal) > 0.003
+    exact = bent_floor(1, None)[0]
+    assert find_planes(exact, 1)[0].level_m == 0.0
+
+
+def test_rows_of_a_raster_and_profiles_are_no_planes():
+    rng = np.random.default_rng(3)
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(120) * 0.01, np.arange(90) * 0.01))
+    hills = 0.05 * np.sin(4.0 * x) * np.cos(5.0 * y) + rng.normal(0.0, 1e-3, len(x))
+    for jitter in (0.0, 3e-3):  # a raster; profiles along x, each at one y
+        points = np.column_stack([x + rng.normal(0.0, jitter, len(x)), y, hills])
+        try:
+            found = find_planes(points, 3)
+        except NotMeasuredError:
+            continue
+        assert all(abs(plane.normal[2]) > 0.5 for plane in found)
+
+
+def test_the_test_that_refused_is_named_with_its_figures():
+    rng = np.random.default_rng(6)
+    board = rng.uniform(-0.5, 0.5, (4981, 3)) * [1.2, 0.25, 0.0] + rng.normal(0, 0.012, (4981, 3))
+    cloud = np.vstack([board, rng.uniform(-0.6, 0.6, (313, 3))])
+    with pytest.raises(NotMeasuredError) as caught:
+        find_planes(cloud, 1)
+    assert "of 5294 points" in str(caught.value)
+    noise_mm = float(re.search(r"their noise across it, ([\d.]+) mm", str(caught.value))[1])
+    assert noise_mm == pytest.approx(12.0, rel=0.04)  # clipped at three sigma
+    assert "5% at most" in str(caught.value)
+    with pytest.raises(NotMeasuredError, match=r"nothing in it is flat: .* 25% at most"):
+        find_planes(rng.normal(size=(3000, 3)), 1)

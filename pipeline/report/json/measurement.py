@@ -10,6 +10,7 @@ import numpy as np
 
 from ...centre import OtherCentre
 from ...measurement import Conformity, Measurement, Naming, WheelResult, against, stated
+from ...plane import PlaneFit
 from ...uncertainty import UncertainTarget
 from ...vehicle import Axis
 from ..format.earlier import Earlier
@@ -144,6 +145,7 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
         "correlation_length_m": plane.correlated.length_m if plane else None,
         "u_plane_deg": _degrees(plane.tilt_rad if plane else None),
         "u_plane_if_independent_deg": _degrees(plane.tilt_if_independent_rad if plane else None),
+        **_rounding(plane),
         "missing_returns": observation.invalid_points,
         "file": observation.source,
         "centre_method": fitted.method if fitted else None,
@@ -163,6 +165,18 @@ def _suspect(result: WheelResult) -> dict[str, Any] | None:
         "off_m": suspect.off_m.tolist(),
         "toe_without_deg": _degrees(angles.toe_rad),
         "camber_without_deg": _degrees(angles.camber_rad),
+    }
+
+
+def _rounding(plane: PlaneFit | None) -> dict[str, Any]:
+    """Return the steps of a scan's coordinates and what they add to u; null where it is nothing."""
+    rounding = plane.rounding if plane else None
+    if plane is None or rounding is None:
+        return {"steps_m": None, "u_rounding_deg": None}
+    by_axis = np.trace(rounding.covariance[1:, 1:]).clip(min=0.0) / 2.0
+    return {
+        "steps_m": rounding.steps.step_m.tolist(),
+        "u_rounding_deg": math.degrees(math.sqrt(by_axis)),
     }
 
 

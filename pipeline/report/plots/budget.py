@@ -16,6 +16,7 @@ COLOURS = {
     "plane noise": "#0072B2",
     "correlated noise": "#56B4E9",
     "flatness": "#009E73",
+    "rounding": "#882255",
     "clamp": "#F0E442",
     "centre noise": "#D55E00",
     "centre model": "#E69F00",

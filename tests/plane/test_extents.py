@@ -1,0 +1,39 @@
+"""Sides of the smallest rectangle about points."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wheelplane.plane.extents import smallest_rectangle
+from wheelplane.plane.find_planes import find_planes
+from wheelplane.vectors import turned
+
+
+@pytest.mark.parametrize("degrees", [0.0, 0.3, 17.0, 45.0, 89.9])
+@pytest.mark.parametrize("sides", [(1.0, 1.0), (2.0, 0.1), (0.3, 0.2)])
+def test_a_rectangle_has_its_sides_however_it_lies(sides, degrees):
+    rng = np.random.default_rng(1)
+    corners = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
+    points = np.vstack([corners, rng.random((9000, 2))]) * sides + 50.0
+    long, short = smallest_rectangle(turned(points, np.radians(degrees)))
+    assert long == pytest.approx(max(sides), rel=1e-3)
+    assert short == pytest.approx(min(sides), rel=1e-3)
+
+
+def test_a_point_and_a_line():
+    assert smallest_rectangle(np.ones((5, 2))) == (0.0, 0.0)
+    long, short = smallest_rectangle(np.outer(np.linspace(0.0, 1.0, 30), [3.0, 4.0]))
+    assert (long, short) == (pytest.approx(5.0), pytest.approx(0.0, abs=1e-3))
+
+
+def test_the_faces_of_a_cube_are_squares():
+    rng = np.random.default_rng(2)
+    points = rng.random((60_000, 3))
+    for side in range(6):
+        points[side * 10_000 : (side + 1) * 10_000, side % 3] = side // 3
+    planes = find_planes(points + rng.normal(0.0, 1e-4, points.shape), 6)
+    assert len(planes) == 6
+    for plane in planes:
+        # Points of the next faces within three sigma of this one lie on its edges.
+        np.testing.assert_allclose(plane.extents_m, 1.0, atol=0.002)

@@ -1,0 +1,141 @@
+"""Missing returns that are written as points are dropped and counted; no surface ever is."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.support.scenes import WHEEL, Setup, make
+from wheelplane.diagnostics.scan_summary import summarise_scan
+from wheelplane.errors import InputError
+from wheelplane.plane.find_planes import find_planes
+from wheelplane.readers import read_scan
+from wheelplane.readers.missing import find_markers, is_huge
+
+SCAN = make(WHEEL.but(spacing_m=0.004), 1).points_m
+LEVEL = Setup(turned=False, incidence_deg=5.0, half_width_m=0.2, spacing_m=0.004, pairs=4)
+
+
+def mixed(extra, points=SCAN, seed=2):
+    return np.random.default_rng(seed).permutation(np.vstack([points, extra]))
+
+
+def on_plane(value, count=3000):
+    """Some points of the scan with their third coordinate lost."""
+    points = SCAN[:count].copy()
+    points[:, 2] = value
+    return points
+
+
+MARKED = {
+    "origin": np.zeros((3000, 3)),
+    "few at the origin": np.zeros((40, 3)),
+    "most at the origin": np.zeros((4 * len(SCAN), 3)),
+    "-9999": np.full((3000, 3), -9999.0),
+    "5": np.full((3000, 3), 5.0),
+    "two places": np.repeat([[0.0, 0.0, 0.0], [-1.0, -1.0, -1.0]], [4000, 700], axis=0),
+    "height -9999": on_plane(-9999.0),
+    "end of the range": on_plane(SCAN[:, 2].max() + 0.5),
+    "height within the scan": on_plane(float(np.median(SCAN[:, 2])) + 1e-7),
+}
+
+
+@pytest.mark.parametrize("step", [None, 1e-3])
+@pytest.mark.parametrize("name", MARKED)
+def test_all_of_them_and_nothing_else(tmp_path, name, step):
+    points = mixed(MARKED[name])
+    if step is not None:
+        if name in ("end of the range", "height within the scan"):
+            pytest.skip("a surface on one step of rounded coordinates looks alike")
+        points = np.round(points / step) * step
+    np.save(tmp_path / "a.npy", points)
+    scan = read_scan(tmp_path / "a.npy")
+    assert scan.invalid_points == len(MARKED[name])
+    assert len(scan.points_m) == len(SCAN)
+    survey = summarise_scan(tmp_path / "a.npy", "m")
+    assert (survey.points, survey.invalid_points) == (len(SCAN), len(MARKED[name]))
+    assert survey.low_m.tolist() == scan.points_m.min(axis=0).tolist()
+    assert survey.high_m.tolist() == scan.points_m.max(axis=0).tolist()
+
+
+def walls(seed, count=8000):
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(0.0, 1.0, (3 * count, 3))
+    for axis in range(3):
+        points[axis * count : (axis + 1) * count, axis] = 0.5 * axis
+    return points
+
+
+def ball(seed, count=8000):
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    return 0.3 * points / np.linalg.norm(points, axis=1, keepdims=True) + [0.5, 0.5, 1.6]
+
+
+SURFACES = {
+    "a scan": SCAN,
+    "its scan of 1 mm": np.round(SCAN, 3),
+    "its scan of 10 mm": np.round(SCAN, 2),
+    "exact walls": walls(1),
+    "one exact wall": walls(1)[:8000],
+    "exact wall and ball": np.vstack([ball(3), walls(2)[:8000]]),
+    "one place": np.ones((500, 3)),
+    "a line": np.outer(np.linspace(0.0, 1.0, 500), [1.0, 0.0, 0.0]),
+    **{
+        f"square to z, {noise:g} in steps of {step:g}": (
+            np.round(make(LEVEL.but(noise_m=noise), 3).points_m / step) * step
+        )
+        for noise in (0.0, 1e-5, 1e-3)
+        for step in (1e-4, 1e-3, 1e-2)
+    },
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_no_surface_is_taken_for_missing_returns(name):
+    assert not find_markers(SURFACES[name])
+
+
+def test_numbers_that_stand_for_none(tmp_path):
+    values = np.array([1e30, -1e30, 1e10, 1e38, np.finfo(np.float32).max, -np.finfo(float).max])
+    assert is_huge(values).all()
+    assert is_huge(values[:4].astype(np.float32).astype(float)).all()
+    assert not is_huge(np.array([1e9, 5e30, 1.0001e30, 0.0, 3.4e38])).any()
+    points = SCAN.copy()
+    points[::7, 2] = 1e30
+    points[3] = np.finfo(np.float32).max
+    np.save(tmp_path / "a.npy", points)
+    for unit in ("m", "mm"):
+        scan = read_scan(tmp_path / "a.npy", unit)
+        assert scan.invalid_points == len(points[::7]) + 1
+        assert summarise_scan(tmp_path / "a.npy", unit).invalid_points == scan.invalid_points
+    points[5, 0] = 3.7e21
+    np.save(tmp_path / "a.npy", points)
+    with pytest.raises(InputError, match="beyond any site"):
+        read_scan(tmp_path / "a.npy")
+
+
+def test_those_of_a_posed_part_lie_at_its_station(tmp_path):
+    """An E57 or PTX of scans whose reader lets 0 0 0 pass: here two PTS runs have no pose."""
+    points = mixed(np.zeros((2000, 3)))
+    lines = [f"{x:.17g} {y:.17g} {z:.17g} 5" for x, y, z in points.tolist()]
+    text = "\n".join([str(len(lines)), *lines]) + "\n"
+    (tmp_path / "a.pts").write_text(text * 2)
+    scan = read_scan(tmp_path / "a.pts")
+    assert scan.invalid_points == 4000
+    assert [part.stop - part.start for part in scan.parts] == [len(SCAN)] * 2
+    assert len(scan.points_m) == len(scan.intensity) == 2 * len(SCAN)
+
+
+def test_the_plane_that_they_would_make_is_not_listed(tmp_path):
+    """A board of an organised cloud, a third of which is 0 0 0, and another third -1 -1 -1."""
+    rng = np.random.default_rng(5)
+    board = rng.uniform(-0.5, 0.5, (4000, 3)) * [1.0, 0.7, 0.0] + [0.0, 0.0, 1.1]
+    board += rng.normal(0.0, 1e-3, board.shape)
+    lost = np.repeat([[0.0, 0.0, 0.0], [-1.0, -1.0, -1.0]], [16000, 4000], axis=0)
+    np.save(tmp_path / "a.npy", mixed(lost, board))
+    (plane,) = find_planes(read_scan(tmp_path / "a.npy").points_m, 3)
+    assert abs(plane.normal[2]) > 0.9999
+    assert plane.points > 3900
+    assert json.dumps(plane.extents_m)
