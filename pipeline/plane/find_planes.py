@@ -109,12 +109,13 @@ def _next_plane(
         raise _refused(f"the best would occur by chance in one of e^{score:.1f} clouds, {ODDS}")
     scale, _ = problem.best_scale(result.model)
     point, normal = origin + result.model[:3], result.model[3:]
-    resolution = max(resolution, SPANNED * levels.beside(point, normal))
+    level = levels.beside(point, normal)
+    resolution = max(resolution, SPANNED * level)
     start = Clipping(_basis(result.model[3:]), result.model[:3], scale / 2.0, cap=1.5 * scale)
     first, _ = converge(random_rows(points, SAMPLED_POINTS, rng), start, resolution)
     clipping, moments = converge(points, first, resolution)
     limit = clipping.limit(resolution)
-    _check_standing_out(points, moments, limit)
+    _check_standing_out(points, moments, limit, level)
     return moments, limit
 
 
@@ -160,8 +161,11 @@ def _basis(normal: Array) -> Array:
     return np.stack([np.zeros(3), np.zeros(3), normal])
 
 
-def _check_standing_out(points: Array, moments: PlaneMoments, limit: float) -> None:
-    """Raise NotMeasuredError where the slab is no denser than those beside it, or no plane's."""
+def _check_standing_out(points: Array, moments: PlaneMoments, limit: float, level: float) -> None:
+    """Raise NotMeasuredError where the slab is no denser than those beside it, or no plane's.
+
+    level: distance between levels of coordinates across it, half of which rounding may move points.
+    """
     residual = np.abs((points - moments.centroid_m) @ moments.normal)
     inside = np.count_nonzero(residual < limit)
     beside = np.count_nonzero(residual < 3.0 * limit) - inside
@@ -172,7 +176,7 @@ def _check_standing_out(points: Array, moments: PlaneMoments, limit: float) -> N
             f"{held} within {limit * 1e3:.3g} mm, and as thick slabs beside it {beside / 2.0:.0f} "
             f"each, of which it needs {MIN_CONTRAST:g} times as many"
         )
-    if not across < MAX_THICKNESS * along:
+    if not across - 0.5 * level < MAX_THICKNESS * along:
         raise _refused(
             f"{held}, but their noise across it, {across * 1e3:.3g} mm, is "
             f"{across / max(along, 1e-300):.1%} of their spread along its narrower side, "

@@ -49,13 +49,14 @@ CLAIM = 0.93
 class Scores:
     """Scores of N scans: angle and centre (N, 2) each, error over u brought to the normal one.
 
-    u_rad: (N,) of the angle. refused: statuses of the scans that gave none.
+    u_rad: (N,) of the angle; ratio: (N,) larger error of the two angles over u. refused: statuses
+    of the scans that gave none.
     """
 
     angle: np.ndarray
     centre: np.ndarray
     u_rad: np.ndarray
-    error_rad: np.ndarray
+    ratio: np.ndarray
     refused: tuple[str, ...]
 
     @property
@@ -88,7 +89,7 @@ def face(
 
 
 def judge(cloud: Cloud, points_m: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Scores of a scan's angle and centre (2,), u and error of the angle. Raises a refusal."""
+    """Scores of a scan's angle and centre (2,), u, and error over u. Raises a refusal."""
     check_wheel_scan(points_m, DISC.diameter, "m", "scan")
     fitted = fit_target(find_target(points_m, DISC, CONFIG.segment, 0), DISC, CONFIG).target
     along = cloud.R[:, :2].T
@@ -98,7 +99,12 @@ def judge(cloud: Cloud, points_m: np.ndarray) -> tuple[np.ndarray, ...]:
     u_centre = np.sqrt(np.diag(along @ fitted.centre_covariance_m2 @ along.T))
     dof = u**4 / np.maximum(sum(variance**2 / dof for variance, dof in parts), 1e-300)
     tail = stats.t.sf(np.abs(angle / u), np.minimum(dof, 1e9)).clip(1e-300)
-    return np.sign(angle) * stats.norm.isf(tail), centre / u_centre, u.mean(), np.hypot(*angle)
+    return (
+        np.sign(angle) * stats.norm.isf(tail),
+        centre / u_centre,
+        u.mean(),
+        np.abs(angle / u).max(),
+    )
 
 
 def cell(
@@ -129,7 +135,7 @@ def cell(
 def tables(options: argparse.Namespace) -> Iterator[str]:
     """Lines of Markdown."""
     heads = ("step / mm", "tilt / °", "noise / mm", "measured", "refused", "inside 95 %", "p")
-    heads += ("worst", 'u / "', "centre")
+    heads += ("worst / u", 'u / "', "centre")
     yield "| " + " | ".join(heads) + " |"
     yield "|" + "---|" * len(heads)
     every, least = [], []
@@ -145,11 +151,12 @@ def tables(options: argparse.Namespace) -> Iterator[str]:
                     least.append(chance(found))
     angle = np.concatenate([found.angle.ravel() for found in every])
     centre = np.concatenate([found.centre.ravel() for found in every])
+    worst = max(found.ratio.max() for found in every)
     inside = np.mean(np.abs(angle) <= stats.norm.ppf(0.975))
     yield ""
     yield (
         f"{len(angle)} angles, {inside:.2%} inside, mean NEES {np.mean(angle**2):.3f}, worst "
-        f"{np.abs(angle).max():.2f}; centres: mean NEES {np.mean(centre**2):.3f}, worst "
+        f"{worst:.2f}; centres: mean NEES {np.mean(centre**2):.3f}, worst "
         f"{np.abs(centre).max():.2f}"
     )
     yield (
@@ -171,7 +178,7 @@ def row(size: float, tilt: float, noise: float, found: Scores, single: bool) -> 
         inside, total = found.inside
         centre = np.sqrt(np.mean(found.centre**2))
         u = np.median(found.u_rad) * ARCSEC
-        worst = np.abs(found.angle).max()
+        worst = found.ratio.max()
         cells += [f"{inside / total:.1%}", f"{chance(found):.3f}", f"{worst:.2f}", f"{u:.1f}"]
         cells.append(f"{centre:.2f}")
     return "| " + " | ".join(cells) + " |"

@@ -198,7 +198,7 @@ def test_a_part_of_the_study(how):
         assert set(found.refused) <= {"steps-too-coarse"}
         inside, total = inside + found.inside[0], total + found.inside[1]
         measured += len(found.angle)
-        worst = max(worst, np.abs(found.angle).max(initial=0.0))
+        worst = max(worst, found.ratio.max(initial=0.0))
     assert measured > 20
     assert worst < 4.0
     assert stats.binom.cdf(inside, total, 0.93) > TRUST
