@@ -19,7 +19,7 @@ from .in_plane_rotation import InPlaneRotation, PlaneRotation
 from .pattern.fit_pattern import IntensityPoints, PatternFit, find_pattern
 from .target_view import TargetView
 
-EDGE_SHIFT = 0.6  # of step times sqrt(step / radius): shift of a centre by its rounded edge
+EDGE_SHIFT = 0.6  # of s sqrt(s / R) along an axis, s^2 / R across: shift of a centre by its edge
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,8 @@ def _rounding(
     """Return the component of rounded coordinates: of the plane, and of the centre in it.
 
     Where an edge runs along an axis of the coordinates, all its points are rounded alike: on an arc
-    of sqrt(s R). The factor is measured on synthetic scans (tests/bench/rounding.py).
+    of sqrt(s R). Steps across the plane move which points are the edge's, by about s^2 / R. The
+    factor is measured on synthetic scans (tests/bench/rounding.py).
     """
     if plane.rounding is None:
         return []
@@ -240,8 +241,10 @@ def _rounding(
     steps = plane.rounding.steps
     shift_m = EDGE_SHIFT * steps.step_m * np.sqrt(steps.step_m / radius_m)
     across = (steps.axes * shift_m[:, None]) @ plane.basis[:2].T
-    in_plane = np.vstack([np.zeros((3, 3)), plane.basis[:2].T @ across.T])
-    turn = None if by_plane.turn is None else np.append(by_plane.turn, np.zeros(3))
+    depth_m = EDGE_SHIFT * plane.rounding.step_m**2 / radius_m
+    shift = plane.basis[:2].T @ np.hstack([across.T, depth_m * np.eye(2)])
+    in_plane = np.vstack([np.zeros_like(shift), shift])
+    turn = None if by_plane.turn is None else np.append(by_plane.turn, np.zeros(shift.shape[1]))
     return [replace(by_plane, factor=np.hstack([by_plane.factor, in_plane]), turn=turn)]
 
 

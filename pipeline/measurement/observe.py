@@ -47,10 +47,16 @@ def observe_entry(
         if entry.role == "reference":
             raise InputError(
                 f"{source}: the target of reference wheel {entry.name} was not measured "
-                f"({error.status}): {error}: scan this wheel again, or check "
-                "--target and length_unit"
+                f"({error.status}): {error}: {_advice(error)}"
             ) from error
         return replace(observation, status=error.status, reason=str(error))
+
+
+def _advice(error: NotMeasuredError) -> str:
+    """Return what to do where the target of a reference wheel was not measured."""
+    if error.status == "steps-too-coarse":
+        return "export this scan again with more decimals, or as double"
+    return "scan this wheel again, or check --target and length_unit"
 
 
 def _wheel_of(entry: ScanEntry, evidence: Evidence, source: str) -> str | None:

@@ -173,8 +173,9 @@ def gather(
             progress(placer.seen, cloud.rows)
     if kept == 0:
         raise fault(source, f"all its {placer.seen} points are invalid (no return)")
-    missing = find_markers(all_rows.points[:kept]).mask(all_rows.points[:kept])
-    if missing.any():
+    markers = find_markers(all_rows.points[:kept])
+    if markers:
+        missing = markers.mask(all_rows.points[:kept])
         ends = np.concatenate([[0], np.cumsum(held)]).astype(np.int64)
         held = [n - int(missing[a:b].sum()) for n, a, b in zip(held, ends, ends[1:], strict=False)]
         kept = all_rows.keep(~missing)
