@@ -173,8 +173,7 @@ def gather(
             progress(placer.seen, cloud.rows)
     if kept == 0:
         raise fault(source, f"all its {placer.seen} points are invalid (no return)")
-    markers = find_markers(all_rows.points[:kept])
-    if markers:
+    if not cloud.is_mesh and (markers := find_markers(all_rows.points[:kept])):
         missing = markers.mask(all_rows.points[:kept])
         ends = np.concatenate([[0], np.cumsum(held)]).astype(np.int64)
         held = [n - int(missing[a:b].sum()) for n, a, b in zip(held, ends, ends[1:], strict=False)]

@@ -86,7 +86,7 @@ class RawCloud:
     """A file with its checked header: at most `rows` points, to be read block by block.
 
     rows: includes invalid points. parts: empty when the format has no parts. unit: of length, if
-    the file states one.
+    the file states one. is_mesh: whether the points are the corners of a mesh, not returns.
     """
 
     rows: int
@@ -95,6 +95,7 @@ class RawCloud:
     has_grid: bool = False
     parts: tuple[RawPart, ...] = ()
     unit: str | None = None
+    is_mesh: bool = False
 
 
 @dataclass(frozen=True)

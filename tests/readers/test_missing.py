@@ -128,6 +128,27 @@ def test_those_of_a_posed_part_lie_at_its_station(tmp_path):
     assert len(scan.points_m) == len(scan.intensity) == 2 * len(SCAN)
 
 
+def test_corners_of_a_mesh_are_no_returns(tmp_path):
+    """A fan of triangles has its apex as often as it has triangles."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 101)
+    ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(101)])
+    apex = np.broadcast_to([0.0, 0.0, 1.0], (100, 3))
+    corners = np.stack([apex, ring[:-1], ring[1:]], axis=1).reshape(-1, 3)
+    assert find_markers(corners)
+    lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in corners.tolist()]
+    (tmp_path / "a.obj").write_text("\n".join(lines) + "\n")
+    facets = "".join(
+        "facet normal 0 0 1\nouter loop\n"
+        + "".join(f"vertex {x:.6f} {y:.6f} {z:.6f}\n" for x, y, z in facet)
+        + "endloop\nendfacet\n"
+        for facet in corners.reshape(-1, 3, 3).tolist()
+    )
+    (tmp_path / "a.stl").write_text(f"solid fan\n{facets}endsolid fan\n")
+    for name in ("a.obj", "a.stl"):
+        assert read_scan(tmp_path / name).invalid_points == 0
+        assert summarise_scan(tmp_path / name, "m").invalid_points == 0
+
+
 def test_the_plane_that_they_would_make_is_not_listed(tmp_path):
     """A board of an organised cloud, a third of which is 0 0 0, and another third -1 -1 -1."""
     rng = np.random.default_rng(5)

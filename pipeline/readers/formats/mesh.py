@@ -73,7 +73,7 @@ def mesh_of(triangles: Array) -> Any:
 def cloud_of(points: Array, unit: str | None = None) -> RawCloud:
     """Return points (N, 3) as a cloud."""
     x, y, z = points.T
-    return RawCloud(len(points), False, iter([Block((x, y, z))]), unit=unit)
+    return RawCloud(len(points), False, iter([Block((x, y, z))]), unit=unit, is_mesh=True)
 
 
 def each_once(points: Array) -> Array:

@@ -26,7 +26,7 @@ def read_obj(source: Source) -> RawCloud:
     if columns not in (3, 4, 6, 7):
         fact = f"a vertex has {columns} numbers, not x y z [w] [red green blue]: {shown(first)}"
         raise fault(source, fact)
-    return RawCloud(count, False, _vertex_lines(columns, source))
+    return RawCloud(count, False, _vertex_lines(columns, source), is_mesh=True)
 
 
 def _vertex_lines(columns: int, source: Source) -> Iterator[Block]:
