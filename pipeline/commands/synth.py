@@ -154,5 +154,5 @@ def _make(
         raise InputError(str(error)) from error
     except ImportError as error:
         raise MissingDependencyError(
-            f"the generator cannot be imported ({error}): pip install trimesh open3d libusb-package"
+            f"the generator cannot be imported ({error}): pip install 'wheelplane[synth]'"
         ) from error

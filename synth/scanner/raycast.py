@@ -58,7 +58,7 @@ def _open3d() -> Any:
     except (ImportError, OSError) as error:
         text = " ".join(str(error).split())
         raise SynthError(
-            f"ray casting: Open3D does not load ({text}); pip install open3d libusb-package, "
+            f"ray casting: Open3D does not load ({text}); pip install 'wheelplane[synth]', "
             f"and on Debian or Ubuntu apt install {DEBIAN}"
         ) from error
     return open3d
