@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 LOCK := .ci/requirements.lock
 
-.PHONY: demo test test-all smoke check bench fuzz lock clean help
+.PHONY: demo test test-all smoke check bench fuzz lock sbom audit clean help
 
 demo: $(VENV)/ready  ## a synthetic vehicle, scanned, measured, beside its true angles
 	$(BIN)/wheelplane demo demo-output
@@ -39,14 +39,26 @@ fuzz: $(VENV)/ready  ## 20,000 damaged files through every reader
 $(VENV)/ready: pyproject.toml $(LOCK)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "Python 3.11 or later is needed; name it: make PYTHON=python3.11 $(MAKECMDGOALS)"; exit 1; }
+	@mkdir -p .ci/editable
+	@[ -e .ci/editable/wheelplane ] || ln -s ../../pipeline .ci/editable/wheelplane
+	@[ -e .ci/editable/wheelplane_synth ] || ln -s ../../synth .ci/editable/wheelplane_synth
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(LOCK)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
-lock:  ## pin every dependency, for all systems and Pythons of pyproject.toml (needs uv)
-	uv pip compile --universal --extra dev --generate-hashes --no-header --upgrade -q \
+lock: $(VENV)/ready  ## pin every dependency, for all systems and Pythons of pyproject.toml
+	$(BIN)/uv pip compile --universal --extra dev --generate-hashes --no-header --upgrade -q \
 		pyproject.toml -o $(LOCK)
+
+sbom: $(VENV)/ready  ## sbom.cdx.json: bill of materials of the program with all extras (CycloneDX)
+	$(BIN)/uv pip compile --quiet --universal --extra all --generate-hashes --no-header \
+		--constraint $(LOCK) pyproject.toml -o $(VENV)/all.txt
+	$(BIN)/uv tool run --quiet --from cyclonedx-bom==7.* cyclonedx-py requirements $(VENV)/all.txt \
+		--pyproject pyproject.toml --output-reproducible --of JSON -o sbom.cdx.json
+
+audit: $(VENV)/ready  ## known vulnerabilities of the locked packages
+	$(BIN)/uv tool run --quiet pip-audit -r $(LOCK) --disable-pip --require-hashes
 
 clean:  ## remove .venv and the demo's output
 	rm -rf $(VENV) demo-output
