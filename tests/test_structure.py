@@ -73,6 +73,7 @@ HOMES = {
     "openpyxl": {"pipeline/batch/results/export.py"},
     "rich": {"pipeline/batch/run/progress.py"},
     "jinja2": {"pipeline/report/html/template.py", "pipeline/manual/build.py"},
+    "waitress": {"pipeline/web/listener.py"},
     "weasyprint": {"pipeline/report/html/pdf.py"},
     "pydantic": {
         "pipeline/config.py",

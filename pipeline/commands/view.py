@@ -8,9 +8,7 @@ from urllib.parse import quote
 import click
 
 from ..errors import InputError
-from ..web.settings import GIB, PageSettings
-
-PORT = 8765
+from ..web.settings import GIB, Endpoint, PageSettings
 
 
 @click.command()
@@ -27,17 +25,23 @@ PORT = 8765
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
-    default=PORT,
+    default=Endpoint.port,
     show_default=True,
-    help="TCP port to serve at; 0 takes a free one.",
+    help="TCP port to serve at; 0 takes a free one. With --socket: the port forwarded to it.",
 )
 @click.option(
     "--host",
-    default="127.0.0.1",
+    default=Endpoint.host,
     show_default=True,
     metavar="ADDRESS",
     help="Address to serve at. Any but a loopback address opens the page to the network: to "
     "anyone with the token in the printed address, unencrypted.",
+)
+@click.option(
+    "--socket",
+    type=click.Path(path_type=Path),
+    metavar="PATH",
+    help="Unix socket to serve at instead of a port, which only you can open; for ssh -L.",
 )
 @click.option("--no-browser", is_flag=True, help="Do not open a browser.")
 @click.option(
@@ -57,6 +61,7 @@ def view(
     folders: tuple[Path, ...],
     port: int,
     host: str,
+    socket: Path | None,
     no_browser: bool,
     upload_limit: float,
     memory_limit: float,
@@ -66,8 +71,9 @@ def view(
     report.
 
     SOURCE, a capture, a five-point file or a folder of results, is opened at once. The page is
-    served to this machine only, and shows only files that are dropped on it or lie in the allowed
-    folders; SOURCE itself, or the folder of a file, is one of them.
+    served to this machine only, to browsers that open the printed address with its token, and
+    shows only files that are dropped on it or lie in the allowed folders; SOURCE itself, or the
+    folder of a file, is one of them.
     """
     from ..web.server import serve
 
@@ -84,7 +90,8 @@ def view(
         seconds=time_limit,
         memory_bytes=int(memory_limit * GIB),
     )
-    serve(settings, host, port, start_at, not no_browser, click.echo)
+    endpoint = Endpoint(host, port, socket)
+    serve(settings, endpoint, start_at, not no_browser, click.echo)
     return 0
 
 
@@ -104,4 +111,4 @@ def opened(source: Path, folders: tuple[Path, ...]) -> tuple[tuple[Path, ...], s
         return allowed, ""
     relative = path.relative_to(root.resolve()).as_posix()
     view = "archive" if kind == "results" else "open"
-    return allowed, f"#{view}={allowed.index(root)}/{quote('' if relative == '.' else relative)}"
+    return allowed, f"{view}={allowed.index(root)}/{quote('' if relative == '.' else relative)}"

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from flask import Flask, Response, current_app, g, jsonify, request
 from werkzeug.exceptions import HTTPException
+from werkzeug.http import parse_cookie
 
 from ..errors import WheelplaneError
 from .front import add_front
@@ -28,11 +31,22 @@ def create_app(settings: PageSettings, guard: Guard) -> Flask:
     return app
 
 
+def admit(state: PageState, method: str, path: str, headers: Mapping[str, str]) -> None:
+    """Raise RefusedError for a request whose body need not be received."""
+    cookie = parse_cookie(headers.get("Cookie")).get(state.guard.cookie, "")
+    state.guard.check(method, path, headers, cookie)
+    if int(headers.get("Content-Length") or 0) > _most_bytes(state, method):
+        raise RefusedError(413, "the request is too large: give a larger --upload-limit")
+
+
 def _check_request(state: PageState) -> None:
     cookie = request.cookies.get(state.guard.cookie, "")
     state.guard.check(request.method, request.path, dict(request.headers), cookie)
-    is_upload = request.method == "PUT"
-    request.max_content_length = state.settings.upload_bytes if is_upload else REQUEST_BYTES
+    request.max_content_length = _most_bytes(state, request.method)
+
+
+def _most_bytes(state: PageState, method: str) -> int:
+    return state.settings.upload_bytes if method == "PUT" else REQUEST_BYTES
 
 
 def _add_headers(response: Response) -> Response:

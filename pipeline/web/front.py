@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from flask import Flask, Response, redirect, render_template, request
+from flask import Flask, Response, make_response, render_template, request
 
 from .. import __version__
 from ..report.format.language import LANGUAGES, load_translations
 from .content import choices
 from .files.uploads import SENT_SUFFIXES
-from .security import RefusedError
+from .security import ENTRY, SESSION, RefusedError
 from .state import PageState
 
 VIEWER = Path(__file__).parents[1] / "report" / "static" / "viewer.js"
@@ -20,17 +20,25 @@ YEAR_S = 365 * 86400
 
 
 def add_front(app: Flask, state: PageState) -> None:
-    """Add the addresses for visitors with the session's cookie; `/` sets that cookie."""
+    """Add the start page, for visitors with the session's cookie, and how they get that."""
+    guard = state.guard
 
     @app.get("/")
-    def first() -> Any:
-        guard = state.guard
-        cookie = request.cookies.get(guard.cookie, "")
-        if not guard.admits(request.args.get("token", ""), cookie):
-            raise RefusedError(403, "open the complete address that was printed, with its token")
-        answer: Any = redirect("/") if "token" in request.args else Response(_page(state))
-        answer.set_cookie(guard.cookie, guard.session, httponly=True, samesite="Strict")
+    def first() -> Response:
+        known = guard.knows(request.cookies.get(guard.cookie, ""))
+        answer = make_response(_page(state)) if known else _entry(403)
         answer.headers["Cache-Control"] = "no-store"
+        return answer
+
+    @app.get(ENTRY)
+    def enter() -> Response:
+        return _entry(200)
+
+    @app.post(SESSION)
+    def session() -> Response:
+        cookie = guard.exchange(str(given().get("token", "")))
+        answer = Response(status=204)
+        answer.set_cookie(guard.cookie, cookie, httponly=True, samesite="Strict")
         return answer
 
     @app.get("/viewer.js")
@@ -57,11 +65,27 @@ def add_front(app: Flask, state: PageState) -> None:
         return Response(built[name], mimetype=choices.type_of(name))
 
 
+def given() -> dict[str, Any]:
+    """Return the JSON object of a request. Raises RefusedError."""
+    try:
+        found = request.get_json(silent=True)
+    except RecursionError:
+        raise RefusedError(400, "the request is nested too deep") from None
+    if not isinstance(found, dict):
+        raise RefusedError(400, "the request contains no JSON object")
+    return found
+
+
 def language() -> str:
     """Return the language chosen before, otherwise the one the browser prefers."""
     chosen = request.cookies.get(LANGUAGE_COOKIE, "")
     best = request.accept_languages.best_match(LANGUAGES) or "en"
     return chosen if chosen in LANGUAGES else best
+
+
+def _entry(code: int) -> Response:
+    """Return the page that shows the server the token in its address, or asks for it."""
+    return make_response(render_template("enter.html", words=load_translations(language())), code)
 
 
 def _page(state: PageState) -> str:

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from flask import Flask, Response, g, jsonify, request
+from werkzeug.wsgi import wrap_file
 
 from ..report.format.language import load_translations
 from .content import archive, choices
 from .content.reporting import TYPES
-from .files.folders import kind_of_file
-from .front import language
+from .files.folders import check_name, kind_of_file
+from .front import given, language
 from .jobs.process import PageJob
 from .jobs.saving import report_file, save
 from .security import RefusedError
@@ -51,9 +52,9 @@ def add_jobs(app: Flask, state: PageState) -> None:
 
     @app.post("/api/measure")
     def measure() -> Response:
-        given = _given()
-        options = choices.checked(given.get("options", {}))
-        with _source(state, given) as (source, plan):
+        asked = given()
+        options = choices.checked(asked.get("options", {}))
+        with _source(state, asked) as (source, plan):
             kind = options.pop("read_as", None) or kind_of_file(source)
             plan["kind"] = "five-point" if kind == "five-point" and source.is_file() else "capture"
             plan["options"] = options
@@ -61,8 +62,8 @@ def add_jobs(app: Flask, state: PageState) -> None:
 
     @app.post("/api/compare")
     def compare() -> Response:
-        given = _given()
-        both = tuple(state.jobs.shown(str(given.get(key))) for key in ("first", "second"))
+        asked = given()
+        both = tuple(state.jobs.shown(str(asked.get(key))) for key in ("first", "second"))
         plan = {"folders": [str(job.folder) for job in both], "names": [job.name for job in both],
                 "language": language()}  # fmt: skip
         return jsonify(
@@ -89,13 +90,14 @@ def add_jobs(app: Flask, state: PageState) -> None:
         is_shown = file in SHOWN_FILES or file.startswith(SHOWN_KINDS)
         if not is_shown or not path.is_file():
             raise RefusedError(404, f"{file[:60]}: no such result")
-        return Response(path.read_bytes(), mimetype=choices.type_of(file))
+        return _sent(path, choices.type_of(file))
 
     @app.get("/api/jobs/<name>/report.<kind>")
     def report(name: str, kind: str) -> Response:
         job, path = _report(state, name, kind, request.args)
         g.is_report = kind == "html"
         download_name = request.args.get("name") or f"{_stem(job)}.{kind}"
+        check_name(download_name)
         answer = Response(path.read_bytes(), content_type=TYPES[kind])
         if "download" in request.args:
             answer.headers.set("Content-Disposition", "attachment", filename=download_name)
@@ -103,24 +105,32 @@ def add_jobs(app: Flask, state: PageState) -> None:
 
     @app.post("/api/jobs/<name>/save")
     def keep(name: str) -> Response:
-        given = _given()
-        _, path = _report(state, name, str(given.get("format")), given)
+        asked = given()
+        _, path = _report(state, name, str(asked.get("format")), asked)
         target = state.folders.free_name(
-            _whole_number(given.get("root")), str(given.get("path", "")), str(given.get("name", ""))
+            _whole_number(asked.get("root")), str(asked.get("path", "")), str(asked.get("name", ""))
         )
         return jsonify(saved=save(path, target))
 
 
+def _sent(path: Path, mimetype: str) -> Response:
+    """Return a file that the server reads as it is sent: points may be 100 MB."""
+    stream = wrap_file(request.environ, path.open("rb"))
+    answer = Response(stream, mimetype=mimetype, direct_passthrough=True)
+    answer.content_length = path.stat().st_size
+    return answer
+
+
 @contextmanager
-def _source(state: PageState, given: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
+def _source(state: PageState, asked: dict[str, Any]) -> Iterator[tuple[Path, dict[str, Any]]]:
     """Yield the path to be measured, and the part of the plan that locates it."""
-    if "upload" in given:
-        with state.uploads.taken(str(given["upload"])) as upload:
+    if "upload" in asked:
+        with state.uploads.taken(str(asked["upload"])) as upload:
             source = upload.source
             yield source, _plan(source, source.parent) | {"owned": str(upload.folder.parent)}
     else:
-        root = _whole_number(given.get("root"))
-        source = state.folders.existing(root, str(given.get("path", "")))
+        root = _whole_number(asked.get("root"))
+        source = state.folders.existing(root, str(asked.get("path", "")))
         yield source, _plan(source, state.folders.roots[root])
 
 
@@ -131,22 +141,14 @@ def _plan(source: Path, allowed: Path) -> dict[str, Any]:
     return {"base": str(base), "allowed": str(allowed), "source": named}
 
 
-def _given() -> dict[str, Any]:
-    """Return the JSON object of a request. Raises RefusedError."""
-    given = request.get_json(silent=True)
-    if not isinstance(given, dict):
-        raise RefusedError(400, "the request contains no JSON object")
-    return given
-
-
 def _whole_number(value: Any) -> int:
     return value if isinstance(value, int) else -1
 
 
-def _report(state: PageState, name: str, kind: str, given: Any) -> tuple[PageJob, Path]:
+def _report(state: PageState, name: str, kind: str, asked: Any) -> tuple[PageJob, Path]:
     job = state.jobs.shown(name)
-    chosen = str(given.get("language", language()))
-    return job, report_file(state.jobs, job, kind, chosen, given.get("axis"), given.get("style"))
+    chosen = str(asked.get("language", language()))
+    return job, report_file(state.jobs, job, kind, chosen, asked.get("axis"), asked.get("style"))
 
 
 def _stem(job: PageJob) -> str:

@@ -1,4 +1,8 @@
-"""Access control: hosts, origins, the session's cookie and key, and response headers.
+"""Access control: token, hosts, origins, the session's cookie and key, and response headers.
+
+Other users of this machine can connect to any port of it. The token, which only the user who
+started the server sees, is exchanged for the cookie by a page without data (ENTRY); it stands in
+the fragment of that page's address, which no browser sends.
 
 A page of another site can make a browser send requests here. It cannot forge the Host or Origin
 header, read the key in our pages, add our header without a preflight (which is never granted), or
@@ -20,7 +24,8 @@ from ..errors import WheelplaneError
 
 KEY_HEADER = "X-Wheelplane-Key"
 SAFE_METHODS = ("GET", "HEAD")
-OPEN_PATHS = ("/", "/static/", "/viewer.js")  # without data of the user
+ENTRY, SESSION = "/enter", "/api/session"
+OPEN_PATHS = ("/", ENTRY, SESSION, "/viewer.js")  # without data of the user, and /static/
 LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "[::1]"})
 
 _ONLY_OURS = (
@@ -55,42 +60,49 @@ class RefusedError(WheelplaneError):
 class Guard:
     """Requirements on requests.
 
-    names: hosts by which this server may be addressed. addresses: any numeric address may be a
-    host, for a server open to the network. token: part of the start address of a server open to
-    the network; None on loopback.
+    port: None for a Unix socket, to which any port may be forwarded. names: hosts by which this
+    server may be addressed. addresses: any numeric address may be a host, for a server open to the
+    network. token: admits a browser.
     """
 
-    port: int
+    port: int | None
     names: frozenset[str] = LOCAL_NAMES
     addresses: bool = False
-    token: str | None = None
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(32))
     session: str = field(default_factory=lambda: secrets.token_urlsafe(32))
     key: str = field(default_factory=lambda: secrets.token_urlsafe(32))
 
     @property
     def cookie(self) -> str:
         """Name of the session's cookie, with the port: all ports of a host share cookies."""
-        return f"wheelplane-{self.port}"
+        return f"wheelplane-{self.port or 'socket'}"
 
     def check(self, method: str, path: str, headers: Mapping[str, str], cookie: str) -> None:
         """Raise RefusedError unless the request comes from our own page."""
         self._check_host(headers.get("Host", ""))
-        self._check_origin(headers)
-        is_open = path == "/" or path.startswith(OPEN_PATHS[1:])
-        if not is_open and not same(cookie, self.session):
-            raise RefusedError(403, "no session with this server: open the start page again")
-        if method not in SAFE_METHODS and not same(headers.get(KEY_HEADER, ""), self.key):
+        is_safe = method in SAFE_METHODS
+        if not (is_safe and path == ENTRY):  # a file of the user's, or a link, may lead there
+            self._check_origin(headers)
+        if path not in OPEN_PATHS and not path.startswith("/static/") and not self.knows(cookie):
+            raise RefusedError(403, "no session with this server: open the printed address again")
+        if not is_safe and path != SESSION and not same(headers.get(KEY_HEADER, ""), self.key):
             raise RefusedError(403, "the request lacks this page's key: reload the page")
 
-    def admits(self, token: str, cookie: str) -> bool:
-        """Return whether the start page may be shown: on loopback, or with the token."""
-        return self.token is None or same(cookie, self.session) or same(token, self.token)
+    def knows(self, cookie: str) -> bool:
+        """Return whether the cookie is that of a browser that has shown the token."""
+        return same(cookie, self.session)
+
+    def exchange(self, token: str) -> str:
+        """Return the session's cookie for the token. Raises RefusedError for any other."""
+        if not same(token, self.token):
+            raise RefusedError(403, "this is not the token of the server: open the printed address")
+        return self.session
 
     def _check_host(self, host: str) -> None:
         name, _, port = host.rpartition(":")
         if host.endswith("]") or ":" not in host:
             name, port = host, "80"
-        if port != str(self.port) or not (
+        if port != str(self.port or port) or not (
             name.lower() in self.names or (self.addresses and _is_address(name))
         ):
             raise RefusedError(
@@ -105,14 +117,14 @@ class Guard:
             raise RefusedError(403, "the request comes from another site")
 
 
-def guard_for(host: str, port: int) -> Guard:
-    """Create the guard of a server bound to `host`, with a token unless on loopback."""
+def guard_for(host: str, port: int | None) -> Guard:
+    """Create the guard of a server bound to `host`."""
     names = LOCAL_NAMES | {in_address(host).lower()}
     if is_loopback(host):
         return Guard(port, names)
     own = socket.gethostname().lower()
     names |= {own, f"{own.partition('.')[0]}.local"}
-    return Guard(port, names, addresses=True, token=secrets.token_urlsafe(24))
+    return Guard(port, names, addresses=True)
 
 
 def in_address(host: str) -> str:
@@ -136,7 +148,7 @@ def response_headers(*, report: bool = False, api: bool = False) -> dict[str, st
 
 def same(given: str, expected: str) -> bool:
     """Compare two secrets in constant time."""
-    return hmac.compare_digest(given.encode(), expected.encode())
+    return hmac.compare_digest(given.encode(errors="replace"), expected.encode())
 
 
 def _is_address(name: str) -> bool:

@@ -1,61 +1,114 @@
-"""Server of the page: port, printed address, clean shutdown."""
+"""Server of the page: where it listens, the address for its user alone, clean shutdown."""
 
 from __future__ import annotations
 
 import errno
-import logging
+import os
 import signal
 import socket
+import sys
 import tempfile
 import threading
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
+from html import escape
 from pathlib import Path
 
 from ..errors import InputError
-from .security import Guard, guard_for, in_address
-from .settings import PageSettings
+from .security import ENTRY, Guard, guard_for, in_address
+from .settings import Endpoint, PageSettings
 
 TRIED_PORTS = 20
+OPENING = """<!doctype html>
+<meta charset="utf-8"><meta name="referrer" content="no-referrer">
+<meta http-equiv="refresh" content="0; url={address}">
+<title>wheelplane</title><a href="{address}">wheelplane</a>
+"""
 
 
 def serve(
     settings: PageSettings,
-    host: str,
-    port: int,
+    endpoint: Endpoint,
     start_at: str,
     browse: bool,
     notify: Callable[[str], None],
 ) -> None:
     """Serve until interrupted.
 
-    start_at: fragment of the address (`#...`) that selects the first view. notify: called with
-    messages to the user.
+    start_at: the first view, as `open=0/path`. notify: called with messages to the user.
     """
-    from werkzeug.serving import make_server
+    from .app import admit, create_app
+    from .listener import Listener
 
-    from .app import create_app
+    with listening_at(endpoint) as (listening, port):
+        if endpoint.socket is None and endpoint.port not in (port, 0):
+            notify(f"Port {endpoint.port} is in use; using port {port} instead.")
+        guard = guard_for(endpoint.host, port)
+        with tempfile.TemporaryDirectory(prefix="wheelplane-page-") as scratch:
+            app = create_app(replace(settings, scratch=Path(scratch)), guard)
+            state = app.config["state"]
+            listener = Listener(app, listening, partial(admit, state), settings.upload_bytes)
+            address = address_of(endpoint, guard, start_at)
+            opening = write_opening(Path(scratch), address)
+            notify(announcement(endpoint, address, opening, sys.stdout.isatty()))
+            if browse and endpoint.socket is None:  # arguments are seen by all users of a machine
+                open_it = partial(webbrowser.open, opening.as_uri())
+                threading.Thread(target=open_it, daemon=True).start()
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
+            try:
+                listener.run()  # returns on Ctrl-C
+            finally:
+                state.jobs.close()
+                listener.close()
+    notify("Stopped.")
 
-    listening = free_port(host, port)
-    bound = int(listening.getsockname()[1])
-    if port not in (bound, 0):
-        notify(f"Port {port} is in use; using port {bound} instead.")
-    guard = guard_for(host, bound)
-    with tempfile.TemporaryDirectory(prefix="wheelplane-page-") as scratch, listening:
-        app = create_app(replace(settings, scratch=Path(scratch)), guard)
-        server = make_server(host, bound, app, threaded=True, fd=listening.fileno())
-        logging.getLogger("werkzeug").setLevel(logging.ERROR)  # no line for each request
-        address = address_of(host, guard) + start_at
-        notify(f"The page is at {address}\nPress Ctrl-C to stop it.")
-        if browse:
-            threading.Thread(target=webbrowser.open, args=[address], daemon=True).start()
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+def announcement(endpoint: Endpoint, address: str, opening: Path, private: bool) -> str:
+    """Return what is printed at the start; the token only if private, never to a log."""
+    complete = address if private else f"the address in {opening}"
+    if endpoint.socket is not None:
+        forward = f"ssh -L {endpoint.port}:{endpoint.socket.absolute()} {socket.gethostname()}"
+        line = f"The page is at the socket {endpoint.socket}: {forward}, then open {complete}"
+    elif private:
+        line = f"The page is at {address}"
+    else:
+        line = f"The page is at {address.partition(ENTRY)[0]}/: open {complete}"
+    return f"{line}\nPress Ctrl-C to stop it."
+
+
+def address_of(endpoint: Endpoint, guard: Guard, start_at: str = "") -> str:
+    """Return the address for the browser, with the token in its fragment."""
+    everywhere = endpoint.host in ("0.0.0.0", "::")  # noqa: S104 - compared, not bound
+    name = in_address(socket.gethostname() if everywhere else endpoint.host)
+    port = endpoint.port if guard.port is None else guard.port  # forwarded to the Unix socket
+    view = f"&{start_at}" if start_at else ""
+    return f"http://{name}:{port}{ENTRY}#token={guard.token}{view}"
+
+
+def write_opening(folder: Path, address: str) -> Path:
+    """Write a page that leads to the address, to be read by this user alone."""
+    path = folder / "open.html"
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(OPENING.format(address=escape(address)))
+    return path
+
+
+@contextmanager
+def listening_at(endpoint: Endpoint) -> Iterator[tuple[socket.socket, int | None]]:
+    """Yield a socket that listens, and its port; None for a Unix socket. Raises InputError."""
+    if endpoint.socket is None:
+        with free_port(endpoint.host, endpoint.port) as listening:
+            yield listening, int(listening.getsockname()[1])
+        return
+    with unix_socket(endpoint.socket) as listening:
         try:
-            server.serve_forever()  # returns on Ctrl-C
+            yield listening, None
         finally:
-            app.config["state"].jobs.close()
-        notify("Stopped.")
+            endpoint.socket.unlink(missing_ok=True)
 
 
 def free_port(host: str, port: int) -> socket.socket:
@@ -78,8 +131,29 @@ def free_port(host: str, port: int) -> socket.socket:
     raise InputError(f"--port {port}: this and the next {TRIED_PORTS - 1} are in use: give another")
 
 
-def address_of(host: str, guard: Guard) -> str:
-    """Return the address for the browser, with the token if one is required."""
-    everywhere = host in ("0.0.0.0", "::")  # noqa: S104 - compared, not bound
-    name = in_address(socket.gethostname() if everywhere else host)
-    return f"http://{name}:{guard.port}/" + (f"?token={guard.token}" if guard.token else "")
+def unix_socket(path: Path) -> socket.socket:
+    """Listen at a socket that only this user can open. Raises InputError."""
+    if not hasattr(socket, "AF_UNIX"):
+        raise InputError("--socket: this system has no Unix sockets: use --port")
+    if path.is_socket() and not _answers(path):
+        path.unlink()  # of a program that was killed
+    listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    before = os.umask(0o177)
+    try:
+        listening.bind(str(path))
+    except OSError as error:
+        listening.close()
+        fact = error.strerror or str(error)
+        raise InputError(f"--socket {path}: cannot be used ({fact}): give another path") from error
+    finally:
+        os.umask(before)
+    return listening
+
+
+def _answers(path: Path) -> bool:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+        try:
+            client.connect(str(path))
+        except OSError as error:
+            return error.errno != errno.ECONNREFUSED
+    return True

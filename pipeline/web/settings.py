@@ -1,4 +1,4 @@
-"""Settings of the page: allowed folders and limits."""
+"""Settings of the page: where it is served, allowed folders and limits."""
 
 from __future__ import annotations
 
@@ -7,6 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 GIB = 2**30
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """Where the page is served: a host and port, or a Unix socket, to which a port is forwarded."""
+
+    host: str = "127.0.0.1"
+    port: int = 8765
+    socket: Path | None = None
 
 
 @dataclass(frozen=True)

@@ -21,19 +21,22 @@ PAPER = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
 class Site:
     """An application whose folder is `allowed`, with the cookie and the key that a page has."""
 
-    def __init__(
-        self, place: Path, token: str | None = None, port: int = PORT, **limits: float
-    ) -> None:
+    def __init__(self, place: Path, port: int = PORT, **limits: float) -> None:
         self.allowed = place / "allowed"
         scratch = place / "scratch"
         for folder in (self.allowed, scratch):
             folder.mkdir(parents=True, exist_ok=True)
-        self.guard = Guard(port, token=token)
+        self.guard = Guard(port)
         settings = PageSettings(folders=(self.allowed,), scratch=scratch, **limits)
         self.app = create_app(settings, self.guard)
         self.client = self.app.test_client()
         for name in ("127.0.0.1", "localhost"):
             self.client.set_cookie(self.guard.cookie, self.guard.session, domain=name)
+
+    def as_a_stranger(self) -> None:
+        """Forget the cookie, as the browser of another user of this machine has none."""
+        for name in ("127.0.0.1", "localhost"):
+            self.client.delete_cookie(self.guard.cookie, domain=name)
 
     def close(self) -> None:
         self.app.config["state"].jobs.close()

@@ -8,18 +8,19 @@ from __future__ import annotations
 import json
 import threading
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
-from werkzeug.serving import make_server
 
 from tests.support.layout import check_layout
 from tests.support.made import write_small_capture
 from tests.support.web_site import PAPER, write_results
-from wheelplane.web.app import create_app
-from wheelplane.web.security import Guard
-from wheelplane.web.server import free_port
-from wheelplane.web.settings import PageSettings
+from wheelplane.web.app import admit, create_app
+from wheelplane.web.listener import Listener
+from wheelplane.web.security import ENTRY, Guard
+from wheelplane.web.server import address_of, free_port, write_opening
+from wheelplane.web.settings import Endpoint, PageSettings
 
 CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = [
@@ -56,19 +57,20 @@ def folder(tmp_path_factory):
 
 @contextmanager
 def serving(folder, scratch):
-    """The address of a page that may open this folder."""
+    """The address, as it is printed, of a page that may open this folder."""
     with free_port("127.0.0.1", 0) as listening:
-        port = listening.getsockname()[1]
+        guard = Guard(listening.getsockname()[1])
         settings = PageSettings(folders=(folder,), scratch=scratch)
-        app = create_app(settings, Guard(port))
-        server = make_server("127.0.0.1", port, app, threaded=True, fd=listening.fileno())
-        thread = threading.Thread(target=server.serve_forever)
+        app = create_app(settings, guard)
+        state = app.config["state"]
+        server = Listener(app, listening, partial(admit, state), settings.upload_bytes)
+        thread = threading.Thread(target=server.run)
         thread.start()
-        yield f"http://127.0.0.1:{port}/"
-        server.shutdown()
+        yield address_of(Endpoint(), guard)
+        server.stop()
         thread.join()
-        server.server_close()
-        app.config["state"].jobs.close()
+        state.jobs.close()
+        server.close()
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +94,9 @@ class Visit:
     def __init__(self, browser, address, **options):
         self.context = browser.new_context(**{"locale": "en-GB", "viewport": SMALL} | options)
         self.context.set_default_timeout(TIMEOUT_MS)
-        self.faults, self.address = [], address
+        self.faults, self.printed = [], address
+        self.address = f"{address.partition(ENTRY)[0]}/"
+        self.known = (self.address, "blob:", "data:")
         self.refusal = None  # status of an answer that a test provokes
         self.context.on("page", self._watch)
         self.context.on("request", self._request)
@@ -109,11 +113,13 @@ class Visit:
             self.faults.append(f"{message.type}: {message.text}")
 
     def _request(self, request):
-        if not request.url.startswith((self.address, "blob:", "data:")):
+        if not request.url.startswith(self.known):
             self.faults.append(f"request to {request.url}")
 
-    def open(self, hash_=""):
-        self.page.goto(self.address + hash_)
+    def open(self, view=""):
+        """Open the printed address, as at the start with that view."""
+        self.page.goto(f"{self.printed}&{view}" if view else self.printed)
+        self.page.wait_for_url(lambda url: ENTRY not in url)
         return self.page
 
     def measure(self, name):
@@ -181,6 +187,44 @@ def test_the_watch_sees_errors_and_foreign_requests(browser, address):
     for part in ("error: made", "error: told", "Content Security Policy"):
         assert part in text
     visit.context.close()
+
+
+def test_without_the_token_the_page_is_shut(visit):
+    visit.refusal = 403
+    page = visit.page
+    for address in (visit.address, visit.printed.partition("#")[0], f"{visit.printed}x"):
+        page.goto("about:blank")
+        page.goto(address)
+        page.wait_for_selector("#shut:not([hidden])")
+        assert "the complete address" in page.locator("#shut").inner_text()
+        assert page.evaluate("location.hash") == ""
+        assert visit.context.cookies() == []
+        visit.check_with_axe()
+    page.evaluate("token => { location.hash = token }", visit.printed.partition("#")[2])
+    page.wait_for_selector(".items")  # pasted into the shut page
+    assert page.url == visit.address
+
+
+def test_the_token_is_exchanged_for_a_cookie_and_seen_no_more(visit):
+    page = visit.open("open=0/figure-4.txt")
+    page.wait_for_selector("#result:not([hidden]) table.angles")
+    assert page.url == f"{visit.address}#measure"
+    (cookie,) = (c for c in visit.context.cookies() if c["name"] != "wheelplane-language")
+    assert (cookie["httpOnly"], cookie["sameSite"]) == (True, "Strict")
+    assert cookie["value"] not in visit.printed
+    page.goto(visit.address)
+    page.wait_for_selector(".items")
+    assert visit.printed.partition("token=")[2].partition("&")[0] not in page.content()
+
+
+def test_the_file_that_the_browser_opens_leads_to_the_page(browser, address, tmp_path):
+    opening = write_opening(tmp_path, f"{address}&open=0/figure-4.txt")
+    visit = Visit(browser, address)
+    visit.known = ("file://", *visit.known)
+    visit.page.goto(opening.as_uri())
+    visit.page.wait_for_selector("#result:not([hidden]) table.angles")
+    visit.context.close()
+    assert visit.faults == []
 
 
 @pytest.mark.parametrize(
@@ -471,7 +515,7 @@ def test_an_archive_is_browsed(visit, folder):
 def test_a_folder_that_is_allowed_is_itself_opened(browser, folder, tmp_path):
     with serving(folder / "capture", tmp_path) as address:
         visit = Visit(browser, address)
-        page = visit.open("#open=0/")
+        page = visit.open("open=0/")
         page.wait_for_selector("#result:not([hidden]) table.angles")
         assert page.locator("#result-title").inner_text() == "capture"
         tree = page.evaluate("fetch('/api/jobs').then(a => a.json())")["jobs"][0]
@@ -484,7 +528,7 @@ def test_a_folder_that_is_allowed_is_itself_opened(browser, folder, tmp_path):
     assert visit.faults == []
     with serving(results, tmp_path) as address:
         visit = Visit(browser, address)
-        page = visit.open("#archive=0/")
+        page = visit.open("archive=0/")
         page.wait_for_selector("#archive table")
         assert page.locator("#archive tbody tr").count() == 12
         visit.context.close()

@@ -75,12 +75,16 @@ def _overview(catalogue: Catalogue, _: Parameters, words: Translations) -> dict[
     }
 
 
+def _offset(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and len(text) < 10):
+        raise RefusedError(400, f"offset: {text[:40]!r} is not a whole number from 0")
+    return int(text)
+
+
 def _captures(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
     """Return a page of the captures that match a filter."""
     which = _filter(parameters)
-    offset = (
-        max(0, int(parameters.get("offset", "0"))) if parameters.get("offset", "0").isdigit() else 0
-    )
+    offset = _offset(parameters.get("offset", "0"))
     found = list(captures(catalogue, which, "name", PAGE, offset))
     rows = [
         [row.name, row.vehicle, row.date or NONE, words(f"page.{row.status}"), row.reason,
