@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import signal
 import sys
 
 import click
@@ -76,6 +77,9 @@ def main() -> None:
     """Run the command; an error is one line: exit code 2 if a user can fix it, else 3."""
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[variable] = "1"  # same bytes with any number of cores
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores the latter
+            signal.signal(number, _end)
     try:
         code = cli.main(prog_name="wheelplane", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -99,11 +103,27 @@ def main() -> None:
         code = _fail(
             f"{error.filename or 'input or output'}: {error.strerror}: check path and permissions"
         )
+    except EndedError as ended:
+        _fail(f"ended by {ended.signal.name}: nothing more was written")
+        code = 128 + ended.signal
     except SystemExit:
         raise
     except BaseException:  # a panic of a native library is no Exception
         code = _internal_error()
     sys.exit(code if isinstance(code, int) else 0)
+
+
+class EndedError(BaseException):
+    """A signal that asks the program to end, raised so that temporary files are removed."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.signal = signal.Signals(number)
+
+
+def _end(number: int, _frame: object) -> None:
+    signal.signal(number, signal.SIG_IGN)  # nothing interrupts the removal
+    raise EndedError(number)
 
 
 def _fail(text: str) -> int:

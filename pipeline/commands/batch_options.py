@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ import click
 from ..config import load_config, with_scanner
 from ..errors import InputError
 from ..targets import load_target
+from .limits import size_in_bytes
 from .options import (
     added,
     capture_options,
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from ..batch.plan.settings import BatchSettings
     from ..batch.run.tasks import Engine
 
-MEMORY = re.compile(r"(\d+(?:\.\d+)?)([KMGT])(?:i?B)?", re.IGNORECASE)
 
 OPTIONS = (
     target_option,
@@ -120,7 +119,7 @@ def make_engine(options: dict[str, Any], scratch: Path) -> Engine:
     from ..batch.run.cluster import Cluster
     from ..batch.run.workers import Limits, Workers, processors
 
-    limits = Limits(options["timeout"], _bytes(options["memory"]))
+    limits = Limits(options["timeout"], size_in_bytes(options["memory"]))
     if options["scheduler"] is None:
         return Workers(options["workers"] or processors(), limits, scratch)
     if options["workers"] is not None:
@@ -133,12 +132,3 @@ def make_engine(options: dict[str, Any], scratch: Path) -> Engine:
 def absolute(path: str) -> str:
     """Return a URL as it is and a local path as an absolute one, the same in every process."""
     return path if "://" in path else os.path.abspath(path)  # noqa: PTH100 - keeps links
-
-
-def _bytes(size: str | None) -> int | None:
-    if size is None:
-        return None
-    match = MEMORY.fullmatch(size)
-    if match is None:
-        raise InputError(f"--memory {size}: a size such as 900M or 4G is needed")
-    return int(float(match[1]) * 2 ** (10 * (1 + "KMGT".index(match[2].upper()))))

@@ -14,6 +14,7 @@ from ..errors import WheelplaneError
 from ..files import ARCHIVE_SUFFIXES
 from ..readers import ReadOptions
 from ..report.format.layout import aligned
+from .limits import limited
 from .options import length_unit_option, read_options, reading_options
 from .progress import Reading
 
@@ -25,6 +26,7 @@ SHOWN_SCANS = 8
 @length_unit_option
 @reading_options
 @click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
+@limited
 def inspect(
     file: Path, length_unit: str | None, columns: str | None, pitch: str | None, as_json: bool
 ) -> int:

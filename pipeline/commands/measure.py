@@ -17,6 +17,7 @@ from ..report.json.measurement import to_json
 from ..report.write import ReportFiles, write_reports
 from ..units import LengthUnit
 from ..vehicle import Axis
+from .limits import limited
 from .options import (
     capture_options,
     config_option,
@@ -67,6 +68,7 @@ from .reporting import plot_to, report_options, show, show_plot
 @click.option("--html/--no-html", default=True, help="Write the HTML report, report.html, to DIR.")
 @click.option("--pdf", is_flag=True, help="Write the PDF report, report.pdf, to DIR.")
 @language_and_plot
+@limited
 def measure(
     capture: Path,
     output: Path | None,

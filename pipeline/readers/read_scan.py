@@ -24,6 +24,7 @@ from .formats.ptx import read_ptx
 from .formats.stl import read_stl, sample_stl
 from .formats.text import read_text
 from .gather import RowProgress, gather, silent
+from .memory import remedy
 from .options import AS_THE_FILE_SAYS, ReadOptions
 from .packed import as_utf8, unpacked
 from .scan import Scan
@@ -129,9 +130,7 @@ def open_cloud(
             f"{name}: no permission to read it: change the file's permissions"
         ) from None
     except MemoryError:
-        raise InputError(
-            f"{name}: the cloud does not fit into memory: thin it, or use a larger machine"
-        ) from None
+        raise InputError(f"{name}: the cloud does not fit into memory: {remedy('it')}") from None
     except OSError as error:
         raise InputError(
             f"{name}: it cannot be read ({error.strerror}): check the path and the disk"

@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import InputError
-from ...readers import child_environment
+from ...readers import child_environment, machine_bytes
 from .work import CompletedCapture, Task
 from .worker_process import WorkerProcess
 
@@ -68,10 +67,7 @@ def processors() -> int:
 
 def memory_of_each(workers: int) -> int:
     """Return a worker's share of the memory of machine or control group, a tenth kept free."""
-    total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    with suppress(OSError, ValueError):
-        total = min(total, int(Path("/sys/fs/cgroup/memory.max").read_text()))
-    share = int(0.9 * total / workers)
+    share = int(0.9 * machine_bytes() / workers)
     if share < LEAST_BYTES:
         raise InputError(
             f"--workers {workers}: each gets {share / 2**20:.0f} MB of memory, at least "

@@ -1,0 +1,88 @@
+"""Limits of memory and time of a command that reads files in this process."""
+
+from __future__ import annotations
+
+import re
+import resource
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from types import FrameType
+from typing import Any
+
+import click
+
+from ..errors import InputError
+from ..readers import held_bytes, machine_bytes
+
+MEMORY = re.compile(r"(\d+(?:\.\d+)?)\s*([KMGT])i?B?", re.IGNORECASE)
+
+
+class TimeLimitError(BaseException):
+    """End of the time; not an Exception, so that nothing takes it for a fault of one file."""
+
+
+def limited(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add --timeout and --memory to a command, and run it within them."""
+
+    @click.option(
+        "--timeout", type=click.FloatRange(min=1), default=3600.0, show_default=True,
+        metavar="SECONDS", help="Time limit, after which it ends.",
+    )  # fmt: skip
+    @click.option(
+        "--memory", metavar="SIZE",
+        help="Memory limit, such as 4G; by default, nine tenths of the machine's.",
+    )  # fmt: skip
+    @wraps(command)
+    def run(*values: Any, timeout: float, memory: str | None, **options: Any) -> Any:
+        with within(timeout, size_in_bytes(memory) or int(0.9 * machine_bytes())):
+            return command(*values, **options)
+
+    return run
+
+
+def size_in_bytes(size: str | None) -> int | None:
+    """Return the bytes of a size such as 900M. Raises InputError."""
+    if size is None:
+        return None
+    match = MEMORY.fullmatch(size)
+    if match is None:
+        raise InputError(f"--memory {size}: a size such as 900M or 4G is needed")
+    return int(float(match[1]) * 2 ** (10 * (1 + "KMGT".index(match[2].upper()))))
+
+
+@contextmanager
+def within(seconds: float, more_bytes: int) -> Iterator[None]:
+    """Allow that many seconds, and bytes of memory beyond what the process holds now.
+
+    Raises InputError that names the option, once all temporary files have been removed.
+    """
+    before, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    most = held_bytes() + more_bytes
+    if resource.RLIM_INFINITY not in (before, hard):
+        most = min(most, before)
+    resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
+    is_main = threading.current_thread() is threading.main_thread()
+    handler = signal.signal(signal.SIGALRM, _end) if is_main else None
+    try:
+        if is_main:
+            signal.setitimer(signal.ITIMER_REAL, seconds)
+        yield
+    except TimeLimitError:
+        raise InputError(f"it takes more than {seconds:g} s: allow more by --timeout") from None
+    except MemoryError:
+        raise InputError(
+            f"it needs more than {more_bytes / 2**20:.0f} MB of memory: allow more by --memory, "
+            "or measure fewer points at once"
+        ) from None
+    finally:
+        if is_main:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, handler)
+        resource.setrlimit(resource.RLIMIT_DATA, (before, hard))
+
+
+def _end(_number: int, _frame: FrameType | None) -> None:
+    raise TimeLimitError
