@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import tomllib
 from pathlib import Path
 from typing import TypeVar, get_args
@@ -17,6 +18,13 @@ from pydantic import (  # noqa: TID253 - the models need it to exist; nothing el
 from .errors import ConfigError
 
 T = TypeVar("T", bound="Section")
+# Of a TOML file: more is no settings of anybody, and `tomllib` takes quadratic time and memory.
+MAX_TOML_BYTES = 256 << 10
+MAX_TOML_TABLES = 2000  # [[...]]
+MAX_KEY_PARTS = 32
+_TABLES = re.compile(r"^[ \t]*+\[\[", re.MULTILINE)
+_PART = r"""(?:(?<![\w-])[\w-]++|"(?:[^"\\\n]++|\\.)*+"|'[^'\n]*+')[ \t]*+"""
+_LONG_KEY = re.compile(rf"(?:{_PART}\.[ \t]*+){{{MAX_KEY_PARTS}}}")
 MOST_FAULTS = 6  # named in one line; the others are counted
 TABLE_FAULTS = ("model_type", "dict_type")
 
@@ -182,7 +190,12 @@ def _instrument(model: type[T], kind: str, name: str) -> T:
 def read_toml(path: Path) -> dict[str, object]:
     """Parse a TOML file. Raises ConfigError that names the file and the error."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors write a BOM
+        with path.open(encoding="utf-8-sig") as file:  # some editors write a BOM
+            text = file.read(MAX_TOML_BYTES + 1)
+        _check_extent(text, path)
+        table = tomllib.loads(text)
+        _check_whole_numbers(table, path)
+        return table
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}: check the path") from error
     except UnicodeDecodeError as error:
@@ -191,6 +204,29 @@ def read_toml(path: Path) -> dict[str, object]:
         raise ConfigError(f"{path}: not valid TOML: brackets are nested too deep") from error
     except ValueError as error:  # of tomllib, and of int for 4300 digits
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
+
+
+def _check_extent(text: str, path: Path) -> None:
+    """Raise ConfigError for a TOML text that would take long to parse."""
+    tables = len(_TABLES.findall(text))
+    fact = ""
+    if len(text) > MAX_TOML_BYTES:
+        fact = f"it is longer than {MAX_TOML_BYTES >> 10} kB"
+    elif tables > MAX_TOML_TABLES:
+        fact = f"it holds {tables} tables [[...]], {MAX_TOML_TABLES} at most"
+    elif _LONG_KEY.search(text):
+        fact = f"a key has more than {MAX_KEY_PARTS} parts"
+    if fact:
+        raise ConfigError(f"{path}: {fact}: shorten it")
+
+
+def _check_whole_numbers(value: object, path: Path) -> None:
+    """Raise ConfigError for a whole number of more than TOML's 64 bits."""
+    if isinstance(value, dict | list):
+        for inner in value.values() if isinstance(value, dict) else value:
+            _check_whole_numbers(inner, path)
+    elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise ConfigError(f"{path}: the whole number {_short(value)} is too large: correct it")
 
 
 def parse_section(model: type[T], table: dict[str, object], where: str) -> T:

@@ -8,6 +8,7 @@ import gzip
 import hashlib
 import lzma
 import os
+import re
 import shutil
 import struct
 import tarfile
@@ -16,19 +17,30 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from io import BufferedIOBase
+from io import BufferedIOBase, FileIO
+from itertools import islice
 from pathlib import Path, PurePosixPath
 
 from .errors import InputError
 
 MAX_UNPACKED_BYTES = 64 * 2**30
 MAX_RATIO = 200  # the unpacked of the packed size: text of `0 0 0 0.5` packs to a 300th, ...
-FREE_BYTES = 2**30  # ... and is bounded by this size instead
+FREE_BYTES = 2**28  # ... and is bounded by this size instead
 MAX_MEMBERS = 10_000
+MAX_LISTED_BYTES = 4 << 20  # the list of files of a zip, names and all
+MAX_HEADER_BYTES = 16 << 10  # a long name or the attributes of a member of a tar
+MAX_DIGITS = 200  # in a row in attributes: Python before 3.11.10 reads them in quadratic time
 ARCHIVE_SUFFIXES = (".zip", ".tar", ".tgz", ".tar.gz", ".tar.bz2", ".tar.xz")
 COMPRESSED_SUFFIXES = (".gz", ".bz2", ".xz")
 
 _TAR_BLOCK = 512
+_TAR_HEADERS = (
+    tarfile.GNUTYPE_LONGNAME,
+    tarfile.GNUTYPE_LONGLINK,
+    tarfile.XHDTYPE,
+    tarfile.XGLTYPE,
+    tarfile.SOLARIS_XHDTYPE,
+)
 _CHUNK = 1 << 20
 _DECOMPRESSORS: dict[bytes, Callable[[Path], BufferedIOBase]] = {
     b"\x1f\x8b": gzip.GzipFile,
@@ -69,7 +81,7 @@ class Archive:
                 raise InputError(f"{name}: is locked with a password: unpack it by hand")
             self.members = tuple(Member(info.filename, info.file_size) for info in infos)
         else:
-            files = [member for member in opened.getmembers() if member.isfile()]
+            files = [member for member in _counted(opened, name) if member.isfile()]
             _check_end(opened)
             self.members = tuple(Member(member.name, member.size) for member in files)
 
@@ -102,7 +114,7 @@ class Archive:
 def is_archive(path: Path, name: str) -> bool:
     """Return whether the file is a zip or a tar, compressed or not."""
     with archive_errors(name):
-        return zipfile.is_zipfile(path) or tarfile.is_tarfile(path)
+        return zipfile.is_zipfile(path) or _is_tar(path)
 
 
 @contextmanager
@@ -115,10 +127,12 @@ def open_archive(path: Path, name: str, scratch: Path) -> Iterator[Archive]:
     with ExitStack() as stack:
         with archive_errors(name):
             if zipfile.is_zipfile(path):
-                archive = Archive(stack.enter_context(zipfile.ZipFile(path)), name)
+                listed = stack.enter_context(_Listed(path))
+                archive = Archive(stack.enter_context(zipfile.ZipFile(listed)), name)
             else:
                 plain = _plain(path, name, scratch)
-                archive = Archive(stack.enter_context(tarfile.open(plain, "r:")), name)
+                tar = tarfile.open(plain, "r:", tarinfo=_TarMember)  # noqa: SIM115 - in the stack
+                archive = Archive(stack.enter_context(tar), name)
         _check_members(archive.members, path.stat().st_size, name, scratch)
         yield archive
 
@@ -158,10 +172,63 @@ def _decompressor(path: Path) -> Callable[[Path], BufferedIOBase] | None:
     )
 
 
+class _Listed(FileIO):
+    """A zip whose list of files, which `zipfile` reads at once, is bounded."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Read bytes. Raises BadZipFile for more than the longest list."""
+        if size is not None and size > MAX_LISTED_BYTES:
+            raise zipfile.BadZipFile(
+                f"its list of files takes {size / 2**20:.3g} MiB, {MAX_LISTED_BYTES >> 20} at most"
+            )
+        return super().read(size) or b""
+
+
+class _TarMember(tarfile.TarInfo):
+    """A member of a tar whose long name and attributes are bounded."""
+
+    def _proc_member(self, tar: tarfile.TarFile) -> tarfile.TarInfo:
+        """Read what describes the member: the entry point for subclasses, as `tarfile` says."""
+        if self.type in _TAR_HEADERS:
+            if self.size > MAX_HEADER_BYTES:
+                fact = f"a name or attribute of {self.size} bytes, {MAX_HEADER_BYTES} at most"
+                raise tarfile.ReadError(fact)
+            assert tar.fileobj is not None
+            start = tar.fileobj.tell()
+            if re.search(rb"\d{%d}" % MAX_DIGITS, tar.fileobj.read(self.size)):
+                raise tarfile.ReadError(f"a name or attribute of {MAX_DIGITS} digits in a row")
+            tar.fileobj.seek(start)
+        return super()._proc_member(tar)  # type: ignore[misc,no-any-return]
+
+
+def _counted(tar: tarfile.TarFile, name: str) -> list[tarfile.TarInfo]:
+    """Return the members of a tar, no more than MAX_MEMBERS."""
+    members = list(islice(tar, MAX_MEMBERS + 1))
+    if len(members) > MAX_MEMBERS:
+        raise _too_many(name, f"more than {MAX_MEMBERS}")
+    return members
+
+
+def _is_tar(path: Path) -> bool:
+    """Return whether the file begins with the header of a tar's member, or ends a tar."""
+    opener = _decompressor(path) or FileIO
+    try:
+        with opener(path) as file:
+            head = file.read(_TAR_BLOCK)
+            if head != bytes(_TAR_BLOCK):  # zeros: a tar of nothing
+                tarfile.TarInfo.frombuf(head, "utf-8", "surrogateescape")
+    except (tarfile.HeaderError, EOFError, OSError, zlib.error, lzma.LZMAError):
+        return False
+    return True
+
+
 def _plain(path: Path, name: str, scratch: Path) -> Path:
     """Return the tar itself, unpacked within the limits if it is compressed."""
-    if _decompressor(path) is None:
+    opener = _decompressor(path)
+    if opener is None:
         return path
+    with opener(path) as packed:  # its first header, before all is unpacked
+        tarfile.open(fileobj=packed, mode="r:", tarinfo=_TarMember).close()
     plain = scratch / "plain.tar"
     inflate(path, plain, name)
     return plain
@@ -177,9 +244,7 @@ def _check_end(tar: tarfile.TarFile) -> None:
 
 def _check_members(members: tuple[Member, ...], packed: int, name: str, scratch: Path) -> None:
     if len(members) > MAX_MEMBERS:
-        raise InputError(
-            f"{name}: holds {len(members)} files, {MAX_MEMBERS} at most: unpack it by hand"
-        )
+        raise _too_many(name, str(len(members)))
     for member in members:
         path = PurePosixPath(member.name.replace("\\", "/"))
         if path.is_absolute() or ".." in path.parts or not path.parts:
@@ -188,6 +253,11 @@ def _check_members(members: tuple[Member, ...], packed: int, name: str, scratch:
             )
     room = shutil.disk_usage(scratch).free
     _check_size(name, sum(member.size for member in members), _limit(packed), room)
+
+
+def _too_many(name: str, count: str) -> InputError:
+    """Return the error for an archive of more than MAX_MEMBERS files."""
+    return InputError(f"{name}: holds {count} files, {MAX_MEMBERS} at most: unpack it by hand")
 
 
 def _limit(packed: int) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import posixpath
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,7 +34,8 @@ def scans_of(
             ScanEntry(wheel, "reference", wheel, declared.reference[wheel], Path())
             for wheel in REFERENCE_WHEELS
         ]
-    entries += [_of_trial(t, declared.trial, where) for t in declared.trial]
+    trials = {trial.name: trial for trial in reversed(declared.trial)}  # the first of a name
+    entries += [_of_trial(trial, trials, where) for trial in declared.trial]
     entries += _of_sweeps(declared.sweep, where) + _of_runouts(declared.runout, where)
     _check_names(entries, where)
     named = [name for name in (declared.target, declared.scanner) if isinstance(name, str)]
@@ -44,7 +46,7 @@ def scans_of(
     return tuple(replace(entry, path=_existing(folder, entry.file, where)) for entry in entries)
 
 
-def _of_trial(trial: DeclaredTrial, trials: tuple[DeclaredTrial, ...], where: str) -> ScanEntry:
+def _of_trial(trial: DeclaredTrial, trials: dict[str, DeclaredTrial], where: str) -> ScanEntry:
     """Return the entry of a trial; check that what it repeats is itself no repeat."""
     fact = f"{where}: trial {trial.name!r} repeats {trial.repeats!r}"
     of = trial.repeats
@@ -52,8 +54,8 @@ def _of_trial(trial: DeclaredTrial, trials: tuple[DeclaredTrial, ...], where: st
         if of is not None and trial.wheel not in (None, of):
             raise InputError(f"{fact}, but its wheel is {trial.wheel}: leave its wheel out")
         return ScanEntry(trial.name, "trial", of or trial.wheel, trial.file, Path(), of)
-    first = next((other for other in trials if other.name == of and other is not trial), None)
-    if first is None or first.repeats is not None:
+    first = trials.get(of)
+    if first is None or first is trial or first.repeats is not None:
         raise InputError(f"{fact}: name a reference wheel, or a trial that repeats no other")
     if trial.wheel is not None and trial.wheel != first.wheel:
         raise InputError(f"{fact}, whose wheel is {first.wheel}: leave its wheel out")
@@ -81,8 +83,9 @@ def _of_sweeps(sweeps: tuple[DeclaredSweep, ...], where: str) -> list[ScanEntry]
 def _of_runouts(runouts: tuple[DeclaredRunout, ...], where: str) -> list[ScanEntry]:
     """Return the entries of the run-outs, two or more per wheel."""
     entries = []
+    scans = Counter(scan.wheel for scan in runouts)
     for scan in runouts:
-        if sum(other.wheel == scan.wheel for other in runouts) < 2:
+        if scans[scan.wheel] < 2:
             raise InputError(
                 f"{where}: runout {scan.name!r} is the only one of {scan.wheel}: add a scan with "
                 "the wheel rotated about its axle, best by 180 degrees"
@@ -92,17 +95,9 @@ def _of_runouts(runouts: tuple[DeclaredRunout, ...], where: str) -> list[ScanEnt
     return entries
 
 
-def _is_reference_scan(entry: ScanEntry, value: str, entries: list[ScanEntry]) -> bool:
-    """Return whether a reference wheel's scan is also one of its sweep or run-out."""
-    return entry.role in ("sweep", "runout") and any(
-        other.role == "reference"
-        and other.wheel == entry.wheel
-        and posixpath.normpath(other.file) == value
-        for other in entries
-    )
-
-
 def _check_names(entries: list[ScanEntry], where: str) -> None:
+    """Check that names and files are unique; a sweep or run-out may show the reference scan too."""
+    reference = {e.wheel: posixpath.normpath(e.file) for e in entries if e.role == "reference"}
     for kind in ("name", "file"):
         seen: set[object] = set()
         for entry in entries:
@@ -111,7 +106,7 @@ def _check_names(entries: list[ScanEntry], where: str) -> None:
             key: object = value
             if kind == "file":
                 value = key = posixpath.normpath(value)
-                if _is_reference_scan(entry, value, entries):
+                if entry.role in ("sweep", "runout") and value == reference.get(entry.wheel):
                     key = (value, entry.role)
             if key in seen:
                 raise InputError(

@@ -78,6 +78,8 @@ def _size(summary: ScanSummary) -> str:
 
 def _steps(summary: ScanSummary) -> str:
     sample = summary.near_sample_m
+    if not len(sample):  # a few points among many rows
+        return ""
     step, distance = float32_step(sample, summary.length_unit)
     if step >= COARSE_STEP_M:
         return float32_fact(step, distance)

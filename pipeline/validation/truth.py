@@ -30,7 +30,7 @@ def read_truth(path: Path, name: str, names: Sequence[str]) -> ComparedMethod:
         raise InputError(
             f"{name}: no such file, so there is no truth to compare with: {ADVICE}"
         ) from None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+    except (OSError, ArithmeticError, ValueError, KeyError, TypeError, RecursionError) as error:
         fact = f"{type(error).__name__}: {' '.join(str(error).split())[:100]}"
         raise InputError(f"{name}: not a truth file of these wheels ({fact}): {ADVICE}") from error
     return ComparedMethod("truth", targets, np.array(angles))

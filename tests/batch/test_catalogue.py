@@ -161,6 +161,9 @@ def test_results_moved_in_with_their_old_dates_are_found(store, tmp_path):
     assert len(shown(store.local)) == 70
 
 
+LONG, DEEP = b"9" * 400, b"[" * 990 + b"]" * 990
+
+
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
@@ -169,6 +172,15 @@ def test_results_moved_in_with_their_old_dates_are_found(store, tmp_path):
         (lambda data: data[:-200] + b"\0" * 200, "zero byte"),
         (lambda data: data.replace(b"five-point", b"five-\xff\xfeint", 1), "not UTF-8"),
         (lambda data: data.replace(b'"toe_deg": ', b'"toe_deg": "high", "x": ', 1), "not a number"),
+        (
+            lambda data: data.replace(b'"toe_deg": ', b'"toe_deg": ' + LONG + b', "x": ', 1),
+            "not a number",
+        ),
+        (
+            lambda data: data.replace(b'"wheels": [', b'"wheels": [{"points_total": 1e30}, '),
+            "1e+30",
+        ),
+        (lambda data: data.replace(b'"wheels": [', b'"wheels": [' + DEEP + b", "), "not JSON"),
         (lambda data: data.replace(b"measurement/1", b"measurement/9"), "schema"),
         (lambda data: b"[1, 2]\n", "schema None"),
         (lambda data: b'{"schema": "wheelplane/measurement/1"}', "`wheels` or `batch` is missing"),

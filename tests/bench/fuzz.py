@@ -2,7 +2,7 @@
 
     .venv/bin/python -m tests.bench.fuzz --mutants 20000 --seed 0 [--only I] [--keep DIR]
 
-Within 10 s and 2 GiB each; no crash, hang, traceback, warning, word on a stream, nor silent loss.
+Within 10 s and 500 MB each; no crash, hang, traceback, warning, word on a stream, nor silent loss.
 They are read in a child process, so that a crash is distinguished from a refusal and a hang is
 ended. What fails is kept in DIR, with a line in failures.txt; `--only I` repeats mutant I of that
 seed.

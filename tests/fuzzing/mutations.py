@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tests.fuzzing.samples import Sample
+from tests.fuzzing.swollen import ENTRY_BYTES, many_entries, tar_header
 
 Rng = np.random.Generator
 HEAD_BYTES = 600  # most headers end within these
@@ -28,6 +29,9 @@ ODD_NUMBERS += (b"1_0", b"1,5", b"--1", b"1.2.3", b"", b"1e11", b"\xd9\xa1", b"1
 JUNK = (b"\0", b"\r", b"\n", b"\n\n", b"\x1a", b"#", b"//", b'"', b",", b";", b"\t", b" ", b"-")
 JUNK += (b"\xef\xbb\xbf", b"\xff\xfe", b"\x80", b"\xc3", b"\x0c", b"\xe2\x80\xa8", b"\x85", b"&a;")
 JUNK += (b"\0" * 512, b"9" * 5000, b"9" * 100_000, b"(" * 300, b"<a>" * 300, b"\n" * 300)
+SWOLLEN = (b"1", b"x", b"1 ", b"1,", b"[", b"{a=", b"a.", b'"a".', b" ", b"#", b"\n", b"\r")
+SWOLLEN += (b"nan nan nan\n", b"1 2 3\n", b"[[runout]]\n", b"[a.b.c]\n")
+SWOLLEN += (b'[[trial]]\nname="a"\nfile="b"\n',)
 NUMBER = re.compile(rb"[-+]?\d+(\.\d*)?(e[-+]?\d+)?", re.IGNORECASE)
 WHOLE = re.compile(rb"(?<![\d.])\d+(?![\d.])")
 
@@ -165,6 +169,18 @@ def _other_marks(rng: Rng, data: bytes, sample: Sample, pool: Sequence[Sample]) 
     return data.replace(old, new)
 
 
+def _swell(rng: Rng, data: bytes, sample: Sample, pool: Sequence[Sample]) -> bytes:
+    """A name, a list of files, a key or a line without end, of up to 16 MB."""
+    size = int(2 ** rng.uniform(7.0, 24.0))
+    if ".tar" in sample.file:
+        return tar_header(size, pax=rng.random() < 0.5, packed=sample.file.endswith("gz")) + data
+    if data.startswith(b"PK"):
+        return many_entries(data, size // ENTRY_BYTES) if rng.random() < 0.8 else data
+    word = SWOLLEN[rng.integers(len(SWOLLEN))]
+    start = _boundary(rng, sample) if rng.random() < 0.8 else _place(rng, data)
+    return data[:start] + word * (size // len(word)) + data[start:]
+
+
 MUTATIONS: dict[str, Callable[[Rng, bytes, Sample, Sequence[Sample]], bytes]] = {
     "cut at a section": _cut_at_section,
     "cut": _cut,
@@ -182,6 +198,7 @@ MUTATIONS: dict[str, Callable[[Rng, bytes, Sample, Sequence[Sample]], bytes]] = 
     "insert": _insert,
     "append": _append,
     "other marks": _other_marks,
+    "swell": _swell,
 }
 
 

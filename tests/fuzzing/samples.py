@@ -424,6 +424,23 @@ wheel = "RR"
 """
 
 
+WHEEL = {
+    **{"name": "RR", "role": "reference", "wheel": "RR", "status": "ok", "points_on_target": 12},
+    **dict.fromkeys(("toe_deg", "camber_deg", "u_toe_deg", "u_camber_deg", "plane_rms_m"), 0.125),
+    "points_total": 40,
+}
+BATCH = {"key": "k", "kind": "folder", "status": "ok", "date": "2026-11-20", "config_sha256": "0"}
+RESULT = json.dumps(
+    {
+        **{"schema": "wheelplane/measurement/1", "capture": "one", "vehicle_name": "AA-00-BB"},
+        **{"wheels": [WHEEL, WHEEL], "frame": {"rear_track_m": 1.5, "u_rear_track_m": 0.001}},
+        **{"vehicle": {"rear_total_toe_deg": 0.25, "u_rear_total_toe_deg": 0.125}},
+        **{"batch": BATCH, "provenance": {"version": "1"}},
+    },
+    indent=1,
+).encode()
+
+
 def capture_files(files: dict[str, bytes]) -> dict[str, bytes]:
     """A whole capture, by file name, with its capture.toml."""
     return {
@@ -459,6 +476,7 @@ def _captures(files: dict[str, bytes]) -> list[Sample]:
     )
     toml = CAPTURE_TOML.encode()
     made.append(Sample("capture.toml", "capture.toml", toml, _lines(toml), door="capture.toml"))
+    made.append(Sample("result.json", "result.json", RESULT, _lines(RESULT), door="result"))
     paper = FIGURE_4.read_bytes()
     made.append(Sample("figure-4.txt", "five.txt", paper, _lines(paper), door="five-point"))
     return made

@@ -22,7 +22,7 @@ from tests.fuzzing.judge import BrokenLawError, judge
 from tests.fuzzing.mutations import Mutant, mutant
 from tests.fuzzing.samples import samples
 
-SECONDS, BYTES = 10.0, 2 << 30
+SECONDS, BYTES, PEAK_MB = 10.0, 2 << 30, 500.0
 
 
 def main() -> None:
@@ -56,14 +56,17 @@ def look(damaged: Mutant, folder: Path, temporary: Path) -> dict[str, object]:
     seconds = time.perf_counter() - start
     sys.stdout.flush()
     sys.stderr.flush()
+    peak = _peak_mb()
     left = [path.name for path in temporary.iterdir() if not path.name.startswith("pymp-")]
     if seconds > SECONDS:
         verdict = f"slow: {seconds:.1f} s, then {verdict}"
+    elif peak > PEAK_MB:
+        verdict = f"large: {peak:.0f} MB, then {verdict}"
     elif os.fstat(1).st_size != spoken:
         verdict = f"it spoke: {os.pread(1, 300, spoken)!r}, then {verdict}"
     elif left:
         verdict = f"left behind: {left[0]}, then {verdict}"
-    return {"verdict": verdict, "seconds": round(seconds, 4), "peak_mb": _peak_mb()}
+    return {"verdict": verdict, "seconds": round(seconds, 4), "peak_mb": peak}
 
 
 def _where(error: BaseException) -> str:

@@ -432,6 +432,7 @@ def test_the_verdict_of_many_is_of_bias_and_of_single_captures():
         (lambda t: t.replace('"toe_deg": ', '"toe_deg": true, "x": '), "finite number"),
         (lambda t: "[]", "not a truth file"),
         (lambda t: "[" * 100000, "not a truth file"),
+        (lambda t: t.replace('"toe_deg": ', '"toe_deg": ' + "9" * 400, 1), "not a truth file"),
         (None, "no such file"),
     ],
 )

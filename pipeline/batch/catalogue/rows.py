@@ -14,6 +14,7 @@ from typing import Any
 
 from ...report.json.measurement import SCHEMA
 
+MOST_POINTS = 2**53  # of a scan; a catalogue counts in 64 bits
 FRAME_KINDS = ("rear_track", "front_track", "wheelbase")
 UNITS = ("deg", "m")
 SURROGATE = re.compile("[\ud800-\udfff]")
@@ -110,7 +111,7 @@ def _sections(data: bytes) -> list[Any]:
         sections = json.loads(found)
     except UnicodeDecodeError as error:
         raise _DamagedError(f"not UTF-8 at byte {error.start} of {len(data)}") from error
-    except (sqlite3.Error, ValueError, TypeError) as error:
+    except (sqlite3.Error, ValueError, TypeError, RecursionError) as error:
         raise _DamagedError(f"not JSON, or incomplete ({len(data)} bytes)") from error
     assert isinstance(sections, list)
     return sections
@@ -191,7 +192,10 @@ def _quantities(frame: Any, vehicle: Any) -> list[QuantityRow]:
 def _points(wheels: list[Any], of_cloud: bool) -> int:
     """Return the points of all scans; those of one cloud, stated by each wheel, count once."""
     stated = [_count(wheel, "points_total") or 0 for wheel in wheels]
-    return max(stated, default=0) if of_cloud else sum(stated)
+    total = max(stated, default=0) if of_cloud else sum(stated)
+    if total > MOST_POINTS:
+        raise _DamagedError(f"its scans hold {total} points")
+    return total
 
 
 def _day(date: str) -> float:
@@ -216,11 +220,18 @@ def _number(tree: dict[str, Any], key: str) -> float | None:
     value = tree.get(key)
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise _DamagedError(f"`{key}` is {value!r:.60}, not a number")
-    return float(value)
+    try:
+        if isinstance(value, bool) or not math.isfinite(value):
+            raise TypeError
+        return float(value)
+    except (TypeError, OverflowError) as error:
+        raise _DamagedError(f"`{key}` is {value!r:.60}, not a number") from error
 
 
 def _count(tree: dict[str, Any], key: str) -> int | None:
     value = _number(tree, key)
-    return None if value is None else int(value)
+    if value is None:
+        return None
+    if not 0 <= value < MOST_POINTS:
+        raise _DamagedError(f"`{key}` is {value:g}, no number of points")
+    return int(value)

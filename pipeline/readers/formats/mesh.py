@@ -24,6 +24,7 @@ from ...vectors import Array
 from ..faults import fault, too_long, too_short
 from ..memory import check_memory
 from ..parsing.columns import unit_of
+from ..parsing.lines import check_lines
 from ..sandbox.client import find_library
 from ..source import Block, RawCloud, Source, shown
 
@@ -33,6 +34,14 @@ _SEED = 0
 _GLB_HEAD = struct.Struct("<4sIIII")  # magic, version, bytes of all, bytes of the JSON, its type
 _DRAWN_MODES = (0, 1, 4, 5)  # points, lines, triangles, a strip of them
 _HARMLESS = ("KHR_materials", "KHR_texture", "EXT_texture", "KHR_lights", "KHR_xmp")
+_DAMAGED_JSON = (
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    RecursionError,
+    TypeError,
+    ValueError,
+)
 _INCOMPLETE = "the copy is incomplete; copy it again"
 
 
@@ -155,6 +164,7 @@ def _whole(scene: Any, source: Source) -> Any:
 
 def _check_off(source: Source) -> int:
     """Check that the lines of an OFF file are those that it declares; count its vertices."""
+    check_lines(source)
     lines = [text for line in source.text if (text := line.partition("#")[0].strip())]
     first = lines.pop(0) if lines else ""
     found = re.fullmatch(r"(?:ST)?C?N?OFF([\s\d]*)", first)
@@ -193,7 +203,7 @@ def _check_glb(source: Source) -> int:
         drawn = [p for mesh in tree.get("meshes", []) for p in mesh["primitives"]]
         odd += [f"mode {p['mode']}" for p in drawn if p.get("mode", 4) not in _DRAWN_MODES]
         declared = sum(int(accessors[p["attributes"]["POSITION"]]["count"]) for p in drawn)
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, RecursionError):
+    except _DAMAGED_JSON:
         raise fault(source, "its description is damaged", "export it again") from None
     if odd:
         fact = f"its geometry needs what is not read here, {shown(str(odd[0]))}"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from ..faults import fault
 from ..parsing.ascii import table_blocks
-from ..parsing.lines import Lines
+from ..parsing.lines import Lines, check_lines
 from ..source import Block, Layout, RawCloud, Source, shown
 
 _VERTEX = ("v ", "v\t")
@@ -15,6 +15,7 @@ _VERTEX = ("v ", "v\t")
 
 def read_obj(source: Source) -> RawCloud:
     """Read every `v` line."""
+    check_lines(source)
     count, first = 0, ""
     for line in source.text:
         if line.startswith(_VERTEX):

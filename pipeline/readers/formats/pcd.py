@@ -9,7 +9,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from ..faults import fault, too_long, too_short
+from ..faults import fault, too_long, too_many, too_short
 from ..memory import check_memory
 from ..parsing.ascii import table_blocks
 from ..parsing.binary import record_blocks
@@ -132,6 +132,7 @@ _KEYS = (
 _TYPES = {"F": (4, 8), "I": (1, 2, 4, 8), "U": (1, 2, 4, 8)}
 _ENCODINGS = ("ascii", "binary", "binary_compressed")
 _LONGEST_LINE = 1 << 16
+_MOST_LINES = 5000
 
 
 @dataclass(frozen=True)
@@ -180,6 +181,8 @@ def _read_entries(source: Source) -> tuple[dict[str, list[str]], int]:
     while "DATA" not in entries:
         raw = source.stream.readline(_LONGEST_LINE)
         lines += 1
+        if lines > _MOST_LINES:
+            raise too_many(source, _MOST_LINES, "lines in its header")
         if not raw.endswith(b"\n"):
             raise fault(source, "the PCD header has no whole DATA line", "copy the file again")
         key, *values = raw.decode("latin-1").partition("#")[0].split() or [""]

@@ -11,7 +11,7 @@ from ...vectors import Array
 from ..faults import fault, too_long, too_short
 from ..memory import check_memory
 from ..parsing.ascii import table_blocks
-from ..parsing.lines import Lines
+from ..parsing.lines import Lines, check_lines
 from ..source import RawCloud, Source
 from .mesh import cloud_of, each_once, mesh_of, sampled
 
@@ -54,6 +54,8 @@ def _triangles(source: Source) -> Array:
 
 def _from_text(source: Source) -> Array:
     """Read the corners of triangles written as text, whose keywords must be in balance."""
+    source.stream.seek(0)
+    check_lines(source)
     text = source.stream.read().lower()
     facets, corners = _count(b"facet", text), _count(b"vertex", text)
     if corners != 3 * facets or not 0 < _count(b"solid", text) == _count(b"endsolid", text):

@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from itertools import takewhile
 
 import numpy as np
@@ -38,6 +39,7 @@ _MISSING_WORD = re.compile(rf"(?<![^\s,;])(?:{_MISSING})(?![^\s,;])", re.IGNOREC
 _QUOTED_COMMA = re.compile(r'"([+-]?\d+),(\d[\de+-]*)"', re.IGNORECASE)
 _QUOTED_WORD = re.compile(r'"[^"]*"|[^\s"]+')
 _WORD = re.compile(r"[^\W\d_]{3,}")
+_LONGEST_FOOTER = 10_000  # lines
 _FIELD_NAME = re.compile(r"[\"'(\[]?[^\W\d][^,;\t]*[:=]")
 
 
@@ -149,7 +151,11 @@ def table_blocks(
     left = limit
     with _memory_file() as memory:
         parser = _Parser(columns, delimiter, source, cells, memory)
-        while (left is None or left > 0) and (piece := lines.piece(left)):
+        while left is None or left > 0:
+            is_row = partial(content, delimiter=delimiter)
+            piece = lines.piece() if left is None else lines.rows(left, is_row)
+            if not piece:
+                return
             table = parser.parse(piece, line)
             yield table
             line += count_of_lines(piece)
@@ -213,7 +219,9 @@ class _Parser:
         The piece goes through a file: numpy reads a path in blocks, 1.15 times as fast as other
         sources, which it reads line by line.
         """
-        if not content(piece[: piece.find("\n")]) and not any(map(content, io.StringIO(piece))):
+        if not content(piece[: piece.find("\n")]) and not any(
+            content(line) for line in io.StringIO(piece) if not line.isspace()
+        ):
             return np.empty((0, self._columns))
         if self._comma:
             if "." in piece:
@@ -271,7 +279,8 @@ class _Parser:
             return [self._number(cell) for cell in cells]
         if self._cells.footer and is_prose(data, self._columns, self._delimiter):
             self._end = self._end or (number, data)
-            return None
+            if number - self._end[0] < _LONGEST_FOOTER:
+                return None
         if self._end is not None:
             first, text = self._end
             wrong = f"line {first} is no row, but rows follow it: {shown(text)}"
@@ -305,8 +314,8 @@ def _no_number(_cell: str) -> float:
 
 
 def _name(cell: str) -> float:
-    """Return NaN for the name of a point. Raises ValueError if it is none."""
-    if not is_label(cell.strip()):
+    """Return NaN for the name of a point. Raises ValueError if it is none, or a comment."""
+    if not is_label(cell.strip()) or cell.lstrip().startswith("//"):
         raise ValueError(cell)
     return math.nan
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from io import BufferedReader
 from itertools import islice
 from typing import TextIO
@@ -14,7 +15,9 @@ from ..faults import fault
 from ..source import Source
 
 _PIECE = 1 << 19
+_LONGEST_LINE = 1 << 20  # of heights too: a row of 80,000
 _TAIL_BYTES = 1 << 12
+_FEWEST_LINES = 1 << 12  # looked at together
 _LF = 10
 _NUMBER = re.compile(
     r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf(inity)?)", re.IGNORECASE | re.ASCII
@@ -45,6 +48,23 @@ class Lines:
             self._left -= count_of_lines(piece)
         return piece if self._edit is None else self._edit(piece)
 
+    def rows(self, most: int, is_row: Callable[[str], object]) -> str:
+        """Return some whole lines, at most `most` rows among them; an empty string at the end.
+
+        is_row: called with each line that is not blank.
+        """
+        piece = self.piece(max(most, _FEWEST_LINES))
+        if count_of_lines(piece) <= most:
+            return piece
+        end = rows = 0
+        for line in io.StringIO(piece):
+            if rows == most:
+                break
+            rows += not line.isspace() and bool(is_row(line))
+            end += len(line)
+        self._ahead = piece[end:] + self._ahead
+        return piece[:end]
+
     def skip(self, lines: int) -> None:
         """Skip that many lines, or all that are left."""
         while lines and (piece := self.piece(lines)):
@@ -53,7 +73,7 @@ class Lines:
     def skip_rows(self, rows: int) -> int:
         """Skip that many non-blank lines; return the number of lines skipped."""
         skipped = 0
-        while rows and (piece := self.piece(rows)):
+        while rows and (piece := self.rows(rows, bool)):
             skipped += count_of_lines(piece)
             rows -= rows_of(piece)
         return skipped
@@ -109,7 +129,7 @@ def count_lines(source: Source) -> int:
     evidently cut: its last number has fewer decimals than those above it, which all have as many.
     """
     start, lines, last = source.stream.tell(), 0, b""
-    while chunk := source.stream.read(_PIECE):
+    for chunk in _chunks(source):
         lines += _line_feeds(chunk)
         if b"\r" in chunk:
             lines += chunk.count(b"\r") - chunk.count(b"\r\n")
@@ -125,6 +145,26 @@ def count_lines(source: Source) -> int:
             )
     source.stream.seek(start)
     return lines
+
+
+def check_lines(source: Source) -> None:
+    """Raise InputError for a line longer than any row; the stream keeps its position."""
+    start = source.stream.tell()
+    for _ in _chunks(source):
+        pass
+    source.stream.seek(start)
+
+
+def _chunks(source: Source) -> Iterator[bytes]:
+    """Yield the text from here to the end. Raises InputError for a line longer than any row."""
+    length = 0
+    while chunk := source.stream.read(_PIECE):
+        end = max(chunk.rfind(b"\n"), chunk.rfind(b"\r"))
+        length = len(chunk) - end - 1 + (length if end < 0 else 0)
+        if length > _LONGEST_LINE:
+            fact = f"a line is longer than {_LONGEST_LINE} characters"
+            raise fault(source, fact, "export the scan with a point a line")
+        yield chunk
 
 
 def _is_cut(tail: bytes) -> bool:
