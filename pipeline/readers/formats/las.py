@@ -144,6 +144,7 @@ def _int_at(source: Source, at: int, end: int) -> int:
 POINT_BYTES = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
 HEADER_BYTES = (227, 227, 227, 235, 375)  # by minor version
 COMPRESSED = 0xC0  # LASzip marks the point format with the upper bits
+LASZIP = (b"laszip encoded", 22204)
 INCOMPLETE = "the copy is incomplete; copy it again"
 _FRONT = struct.Struct("<HIIBHI")  # at 94: header, points at, records, format, point bytes, count
 _SCALES = struct.Struct("<6d")  # at 131
@@ -202,12 +203,10 @@ def read_header(source: Source) -> LasHeader:
     scales = _SCALES.unpack_from(head, 131)
     if not all(map(math.isfinite, scales)) or 0.0 in scales[:3]:
         raise fault(source, f"its scales and offsets are {scales}")
-    laszip = [
-        data
-        for user, number, data in _variable_records(source, header_bytes, records, points_at)
-        if (user, number) == (b"laszip encoded", 22204)
-    ]
     compressed = kind & COMPRESSED != 0
+    # The points do not depend on other records, whose count some writers get wrong.
+    found = _variable_records(source, header_bytes, records, points_at) if compressed else ()
+    laszip = [data for user, number, data in found if (user, number) == LASZIP]
     if compressed and len(laszip) != 1:
         raise fault(source, f"it is compressed, and has {len(laszip)} LASzip records")
     return LasHeader(
