@@ -42,7 +42,10 @@ def spacing_m(summary: ScanSummary) -> float | None:
 def findings(summary: ScanSummary) -> list[str]:
     """Return one sentence for each unusual property."""
     if not summary.points:
-        return [f"it holds no point ({summary.declared} rows, all invalid points)"]
+        rows = summary.invalid_points
+        if not rows:
+            return ["it declares 0 points"]
+        return [f"it holds no point ({rows} rows, all invalid points)"]
     found = [
         _few_points(summary),
         summary.lone,
@@ -65,7 +68,7 @@ def _few_points(summary: ScanSummary) -> str:
 
 def _is_short(summary: ScanSummary, rows: int) -> bool:
     # A text's rows are bounded by its lines, of which some are a header or blank.
-    return rows < summary.declared and summary.format not in ("xyz", "csv", "txt", "pts")
+    return rows < summary.declared and summary.format not in ("xyz", "asc", "csv", "txt", "pts")
 
 
 def _size(summary: ScanSummary) -> str:

@@ -104,16 +104,23 @@ def lone_fact(far: int, points: int, farthest_m: float) -> str:
 def float32_step(points_m: Array, unit: str) -> tuple[float, float]:
     """Return the largest step of float32 coordinates and the coordinate where; 0 for none; metres.
 
-    unit: that of the file, in which the coordinates were rounded.
+    unit: that of the file, in which the coordinates were rounded. Whole numbers of it are no sign
+    of float32: text and integers hold them too.
     """
     step, distance = 0.0, 0.0
     for column in _some(points_m).T:
         nearest = float(np.abs(column).min()) / in_metres(1.0, unit)
         tick = in_metres(float(np.spacing(np.float32(nearest))), unit)
         ticks = column / tick
-        if np.ptp(column) > 0.0 and tick > step and np.abs(ticks - np.rint(ticks)).max() < 1e-3:
+        if tick <= in_metres(1.0, unit) and _are_whole(column / in_metres(1.0, unit)):
+            continue
+        if np.ptp(column) > 0.0 and tick > step and _are_whole(ticks):
             step, distance = tick, float(np.abs(column).max())
     return step, distance
+
+
+def _are_whole(numbers: Array) -> bool:
+    return bool(np.abs(numbers - np.rint(numbers)).max() < 1e-3)
 
 
 def better_unit(size_m: float, unit: str, option: str, usual_m: float = WHEEL_SCAN_M) -> str:

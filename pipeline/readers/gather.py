@@ -172,7 +172,8 @@ def gather(
                 held[block.part] += placed
             progress(placer.seen, cloud.rows)
     if kept == 0:
-        raise fault(source, f"all its {placer.seen} points are invalid (no return)")
+        invalid = f"all its {placer.seen} points are invalid (no return)"
+        raise fault(source, invalid if placer.seen else "it holds 0 points")
     if not cloud.is_mesh and (markers := find_markers(all_rows.points[:kept])):
         missing = markers.mask(all_rows.points[:kept])
         ends = np.concatenate([[0], np.cumsum(held)]).astype(np.int64)

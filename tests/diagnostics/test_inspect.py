@@ -53,6 +53,14 @@ def raster(count, spacing, seed=0):
     return np.stack([u, v, w], axis=-1).reshape(-1, 3) @ rotation(rng).T + rng.uniform(-3, 3, 3)
 
 
+@pytest.mark.parametrize("name", ["a.obj", "a.stl"])
+def test_an_empty_mesh_is_not_all_missing_returns(name, tmp_path, inspect):
+    (tmp_path / name).write_bytes(b"f 1 2 3\n" if name == "a.obj" else bytes(84))
+    code, out, err = inspect(tmp_path / name)
+    assert (code, err) == (0, "")
+    assert "  warning: it declares 0 points\n" in out
+
+
 @pytest.mark.parametrize("name", SAMPLES)
 def test_it_agrees_with_what_is_read(name, inspect):
     code, out, err = inspect(FORMATS / name, "--json")

@@ -108,6 +108,17 @@ def test_doubles_and_near_float32_are_not_blamed():
     check_wheel_scan(single(WHEEL_M, "m"), DIAMETER, "m", "rr")
 
 
+@pytest.mark.parametrize("unit", FACTOR)
+@pytest.mark.parametrize("shift", [0.0, 5e6, 9e6, 12e6])
+def test_whole_numbers_are_no_float32(unit, shift):
+    """Millimetres as integers in a text, where float32 lies in steps of a half or of one."""
+    whole = np.rint(WHEEL_M * 1e4) + shift
+    assert float32_step(whole * FACTOR[unit], unit) == (0.0, 0.0)
+    half = whole + np.random.default_rng(1).integers(0, 2, whole.shape) / 2
+    if shift == 5e6:
+        assert float32_step(half * FACTOR[unit], unit)[0] == pytest.approx(FACTOR[unit] / 2)
+
+
 def vehicle(size, strays=0):
     """A cloud that long, half as wide, a quarter as high; strays lie 20 times as far."""
     rng = np.random.default_rng(3)
