@@ -141,18 +141,22 @@ def _one_pass(
             ],
         )
         placer = Placer(cloud, source, length_unit, markers)
-        samples, keys = [], []
+        samples, keys, whole = [], [], []
         with np.errstate(over="ignore", invalid="ignore"):
             for block in cloud.blocks:
                 rows = _place(placer, block, cloud, summary)
                 picked = np.arange(0, len(rows.points), summary.stride)
                 picked += rng.integers(summary.stride, size=len(picked))
                 samples.append(rows.points[picked[picked < len(rows.points)]])
+                if summary.points <= SAMPLE:  # fewer than declared, it may be
+                    whole.append(rows.points)
                 hashes = _hash(rows.points)
                 keys.append(hashes[hashes % np.uint64(summary.stride) == 0])
                 progress(placer.seen, cloud.rows)
     if samples:
-        summary.sample_m, summary.keys = np.concatenate(samples), np.concatenate(keys)
+        few = summary.points <= SAMPLE
+        summary.sample_m = np.concatenate(whole if few else samples)
+        summary.keys = np.concatenate(keys)
     return summary
 
 

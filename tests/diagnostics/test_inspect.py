@@ -116,6 +116,20 @@ def shown(folder, points, name="a.ply", unit="m", **options):
     return " | ".join(findings(summarise_scan(ply(folder / name, points, **options), unit)))
 
 
+def test_few_points_among_many_blank_lines_are_all_looked_at(tmp_path):
+    """Missing returns among them are those that a reading drops."""
+    points = np.random.default_rng(8).normal(0.0, 1.0, (40, 3))
+    points[:15] = 0.0
+    path = tmp_path / "rows.xyz"
+    rows = [" ".join(f"{x:.6f}" for x in row) + "\n" for row in points]
+    path.write_text("".join([*rows[:20], "\n" * 4 * SAMPLE, *rows[20:]]))
+    survey = summarise_scan(path, "m")
+    scan = read_scan(path)
+    assert survey.declared > 2 * SAMPLE
+    assert (survey.points, survey.invalid_points) == (len(scan.points_m), scan.invalid_points)
+    assert (survey.points, len(survey.sample_m)) == (25, 25)
+
+
 def test_nothing_is_odd_about_an_ordinary_scan(tmp_path):
     assert shown(tmp_path, make(WHEEL).points_m) == ""
     assert shown(tmp_path, make(WHEEL).points_m + SITE) == ""

@@ -17,6 +17,7 @@ from wheelplane.readers.parsing.lines import (
     count_lines,
     count_of_lines,
     is_number,
+    pass_blank_lines,
     pass_lines,
     rows_of,
 )
@@ -42,6 +43,17 @@ def test_pieces_are_whole_lines_and_join_to_the_text(body, size):
         body == ""
     )
     assert sum(map(rows_of, pieces)) == sum(bool(line.strip()) for line in body.split("\n"))
+
+
+@given(st.lists(st.sampled_from(["", " \t", "\r", " 1 2", "x"]), max_size=20), st.integers(1, 9))
+def test_blank_lines_are_passed_up_to_the_first_other_one(body, size):
+    stream = io.BufferedReader(io.BytesIO("".join(f"{line}\n" for line in body).encode()))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(text_lines, "_PIECE", size)
+        passed = pass_blank_lines(stream)
+    blank = [not line.strip() for line in body]
+    assert passed == (blank.index(False) if False in blank else len(body))
+    assert stream.read() == "".join(f"{line}\n" for line in body[passed:]).encode()
 
 
 @given(st.lists(st.sampled_from(["", " ", "1 2", "x"]), max_size=20), st.data())

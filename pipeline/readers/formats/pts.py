@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from ..faults import fault, too_long, too_many, too_short
 from ..parsing.ascii import signs_as_nan, table_blocks
-from ..parsing.lines import Lines, count_lines, pass_lines
+from ..parsing.lines import Lines, count_lines, pass_blank_lines, pass_lines
 from ..source import Block, Layout, RawCloud, RawPart, Source, shown
 from .text import read_text
 
@@ -64,6 +64,7 @@ def _index(source: Source, lines: int) -> tuple[list[_Run], bytes]:
     while raw := stream.readline(_LONGEST_LINE):
         line += 1
         if not raw.strip():
+            line += pass_blank_lines(stream)
             continue
         if not re.fullmatch(rb"\s*[0-9]{1,18}\s*", raw):
             if runs:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 from collections.abc import Callable, Iterator
 from io import BufferedReader
@@ -100,6 +101,19 @@ class Lines:
 def pass_lines(stream: BufferedReader, count: int) -> int:
     """Read past at most `count` lines that end with LF; return how many there were."""
     return sum(1 for _ in islice(stream, count))
+
+
+def pass_blank_lines(stream: BufferedReader) -> int:
+    """Read past lines of white space, which end with LF; return how many there were."""
+    passed = 0
+    while chunk := stream.read(_PIECE) + stream.readline(_LONGEST_LINE):
+        rest = len(chunk.lstrip())
+        blank = chunk[: len(chunk) - rest]
+        passed += _line_feeds(blank)
+        if rest:
+            stream.seek(blank.rfind(b"\n") + 1 - len(chunk), os.SEEK_CUR)
+            break
+    return passed
 
 
 def count_of_lines(piece: str) -> int:
