@@ -19,6 +19,7 @@ from wheelplane.batch.run.stages import STAGES, stage_of, transient_fault
 from wheelplane.batch.run.tasks import MOST_TOGETHER, Run, tasks_of
 from wheelplane.batch.run.work import ArchiveError, CompletedCapture, RunRequest, Task
 from wheelplane.batch.run.worker_process import WorkerError
+from wheelplane.batch.storage import scratch
 from wheelplane.batch.storage.entry import Entry
 from wheelplane.batch.storage.scratch import PREFIX, scratch_folder
 from wheelplane.capture.open_capture import CaptureOptions, open_capture
@@ -308,6 +309,24 @@ def test_scratch_of_the_killed_is_cleared_and_that_of_the_living_is_not(tmp_path
         assert one.is_dir()
         assert other.is_dir()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_scratch_is_not_taken_for_abandoned_before_it_is_locked(tmp_path, monkeypatch):
+    """Another run looks for what is left while this one makes its folder."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    lock, others = scratch.fcntl.flock, iter([scratch_folder()])
+
+    def flock(handle, how):
+        for other in others:
+            with other:
+                pass
+        lock(handle, how)
+
+    monkeypatch.setattr(scratch.fcntl, "flock", flock)
+    with scratch_folder() as one:
+        assert one.is_dir()
+        with scratch_folder():
+            assert one.is_dir()
 
 
 def test_small_captures_go_together_and_large_ones_alone():

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-PREFIX = "wheelplane-run-"
+PREFIX, UNLOCKED = "wheelplane-run-", "wheelplane-new-"
 
 
 @contextmanager
@@ -19,10 +19,12 @@ def scratch_folder() -> Iterator[Path]:
     for left in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
         if _is_abandoned(left):
             shutil.rmtree(left, ignore_errors=True)
-    folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+    folder = Path(tempfile.mkdtemp(prefix=UNLOCKED))
     handle = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
+        # Only now by a name under which others look: a folder that is not locked is abandoned.
+        folder = folder.rename(folder.with_name(folder.name.replace(UNLOCKED, PREFIX)))
         yield folder
     finally:
         os.close(handle)
