@@ -12,6 +12,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+import distributed
 import pytest
 
 from tests.support.batches import (
@@ -80,6 +81,8 @@ def cluster(tmp_path):
             workers.append(worker)
             stack.enter_context(worker)
             stack.callback(os.killpg, worker.pid, signal.SIGKILL)
+        with distributed.Client(address) as client:
+            client.wait_for_workers(len(workers), timeout=60)
         yield address, workers
 
 
