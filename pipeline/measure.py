@@ -35,6 +35,7 @@ from .measurement import (
     observe_entry,
     residual_map,
     rounded,
+    shaded,
 )
 from .plane import Patch, fit_plane
 from .targets import Target
@@ -58,7 +59,8 @@ def measure_capture(
     observations, naming = observe_capture(capture, config, fit or fit_target, progress)
     origin = provenance_of_capture(capture, config, observations, naming)
     of_scans = [observation.note for observation in observations if observation.note]
-    noted = [*of_scans, *noisy(observations, config.instrument), *rounded(observations)]
+    noted = [*of_scans, *noisy(observations, config.instrument)]
+    noted += [*rounded(observations), *shaded(observations)]
     found = solve(align(observations, origin, [*origin.notes, *noted]))
     assumed = notes_of_assumptions(found, capture.target, config.instrument)
     return replace(found, notes=(*found.notes, *assumed))

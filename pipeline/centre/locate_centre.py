@@ -187,6 +187,7 @@ def _fit(view: TargetView, estimate: CentreEstimate, edge_fit: EdgeFit | None) -
         normal=plane.normal,
         components=(
             *_plane_components(plane, centre_m - plane.centroid_m, estimate),
+            *_brightness(plane, centre_m - plane.centroid_m, estimate),
             *_rounding(plane, centre_m - plane.centroid_m, estimate, view.target.radius_m),
             centre_component("centre noise", noise, plane.basis, estimate.dof),
             centre_component("centre model", model, plane.basis),
@@ -214,6 +215,21 @@ def _plane_components(
             ("flatness", correlated.form_covariance, correlated.dof),
         )
         if covariance.any() or name == "plane noise"
+    ]
+
+
+def _brightness(
+    plane: PlaneFit, lever_m: Array, estimate: CentreEstimate
+) -> list[UncertaintyComponent]:
+    """Return the component of fitting range by brightness together with the plane."""
+    if plane.brightness is None:
+        return []
+    covariance, by_plane = plane.brightness.covariance, estimate.by_plane
+    rotation = None if estimate.rotation is None else estimate.rotation.by_plane
+    return [
+        plane_component(
+            "brightness", covariance, plane.basis, lever_m, by_plane, turn_by_plane=rotation
+        )
     ]
 
 

@@ -5,7 +5,7 @@ from .conformity import Conformity, Verdict, assess, conforms
 from .estimates import estimate, weighted_sum, with_part
 from .evaluate import align, check_by_monte_carlo, evaluate
 from .limits import ToleranceInterval
-from .observe import Fit, noisy, observe_entry, rounded
+from .observe import Fit, noisy, observe_entry, rounded, shaded
 from .observe_vehicle import observe_cloud
 from .quantities import (
     VEHICLE_BY_SWEEP,
@@ -88,6 +88,7 @@ __all__ = [
     "pool_repeats",
     "residual_map",
     "rounded",
+    "shaded",
     "stated",
     "toe_out_at",
     "tolerance_for",

@@ -119,6 +119,22 @@ def rounded(observations: Sequence[Observation]) -> Iterator[str]:
         )
 
 
+def shaded(observations: Sequence[Observation]) -> Iterator[str]:
+    """Yield a note where ranges follow the brightness of a target beyond doubt, with the size."""
+    steps = []
+    for observation in observations:
+        plane = observation.evidence.plane if observation.evidence else None
+        brightness = plane.brightness if plane else None
+        if brightness is not None and brightness.significant:
+            steps.append(f"{brightness.step_m * 1e3:+.2f} mm ({observation.name})")
+    if steps:
+        yield (
+            "Ranges follow brightness: bright parts of the target lie nearer to the scanner than "
+            f"its dark ones, across its plane, by {', '.join(steps)}. This is fitted with the "
+            "plane and removed; a target of one brightness avoids it."
+        )
+
+
 def note_on_lone_points(points_m: Array, name: str) -> str:
     """Return a note on the few points of a scan far from all others; empty without."""
     lone = lone_points(points_m)

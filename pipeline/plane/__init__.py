@@ -1,5 +1,6 @@
-"""Plane fits: least squares, sigma clipping, RANSAC, and correlated noise."""
+"""Plane fits: least squares, sigma clipping, RANSAC, correlated noise, range by brightness."""
 
+from .brightness import RangeByBrightness
 from .clipped_plane import ClippedFit, ClipSlab, fit_clipped_plane
 from .find_planes import CloudPlane, find_planes, plane_of_all
 from .fit_plane import SPANNED, PlaneFit, Rounding, fit_plane
@@ -16,6 +17,7 @@ __all__ = [
     "CloudPlane",
     "Patch",
     "PlaneFit",
+    "RangeByBrightness",
     "RansacOptions",
     "Rounding",
     "converge",

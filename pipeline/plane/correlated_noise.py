@@ -9,7 +9,7 @@ residuals, which allows for the part of the field that the plane has absorbed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +31,9 @@ class CorrelatedNoise:
 
     sigma_m, length_m: standard deviation and length L of the noise; 0 where there is none.
     covariance: (3, 3) of the plane's height (m) at the centroid and its slopes along u and v, by
-    this noise. form_covariance: the same by longer waves. dof: degrees of freedom of the estimate.
-    white_sigma_m: of the noise within a cell: the independent part and some of the correlated.
+    this noise; (3 + K, 3 + K) where K columns more were fitted to the cells. form_covariance: the
+    same by longer waves. dof: degrees of freedom of the estimate. white_sigma_m: of the noise
+    within a cell: the independent part and some of the correlated.
     """
 
     sigma_m: float
@@ -42,13 +43,20 @@ class CorrelatedNoise:
     dof: float
     white_sigma_m: float
 
+    @property
+    def of_plane(self) -> CorrelatedNoise:
+        """The same without further columns: covariances (3, 3)."""
+        parts = (self.covariance[:3, :3], self.form_covariance[:3, :3])
+        return replace(self, covariance=parts[0], form_covariance=parts[1])
+
 
 @dataclass(frozen=True)
 class Cells:
     """Residuals averaged over square cells.
 
     uv_m: (C, 2) mean position of the points; mean_m: (C,) of the residuals; count: (C,); index:
-    (C, 2) column and row; side_m: of a cell; white_variance: of the residuals within cells.
+    (C, 2) column and row; side_m: of a cell; white_variance: of the residuals within cells. extra:
+    (C, K) columns that were fitted besides the plane.
     """
 
     uv_m: Array
@@ -57,11 +65,13 @@ class Cells:
     index: npt.NDArray[np.int64]
     side_m: float
     white_variance: float
+    extra: Array | None = None
 
     @property
     def slopes(self) -> Array:
-        """Derivatives (C, 3) of each mean with respect to a height and two tilts."""
-        return np.column_stack([np.ones(len(self.uv_m)), self.uv_m])
+        """Derivatives (C, 3 + K) of each mean by a height, two tilts and the further columns."""
+        plane = np.column_stack([np.ones(len(self.uv_m)), self.uv_m])
+        return plane if self.extra is None else np.hstack([plane, self.extra])
 
 
 def correlated_noise(
@@ -77,6 +87,7 @@ def correlated_noise(
     nothing = np.zeros((3, 3))
     if cells is None or not cells.white_variance > resolution_m**2:
         return CorrelatedNoise(0.0, 0.0, nothing, nothing, math.inf, spread_m)
+    nothing = np.zeros(2 * cells.slopes.shape[1:])
     white = math.sqrt(cells.white_variance)
     rest = _residual_projection(cells)
     if not any(_Field.of(cells, rest, k * radius_m).is_suspect() for k in LENGTHS_OF_RADIUS[::2]):
@@ -125,10 +136,12 @@ def cells_of(sums: Array, across: int, side_m: float) -> Cells | None:
 
 
 def _residual_projection(cells: Cells) -> Array:
-    """Return (C-3, C), which whitens the means and projects them onto what no plane explains."""
+    """Return (C-3-K, C), which whitens the means and projects them onto what no fit explains."""
     root = np.sqrt(cells.count)
     basis, _ = np.linalg.qr(cells.slopes * root[:, None], mode="complete")
-    return np.asarray(basis[:, 3:].T * (root / math.sqrt(cells.white_variance)))
+    return np.asarray(
+        basis[:, cells.slopes.shape[1] :].T * (root / math.sqrt(cells.white_variance))
+    )
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from ..cloud import Steps
 from ..config import PlaneConfig
 from ..targets import Region, Target
 from ..vectors import Array
+from .brightness import FittedBrightness, RangeByBrightness, fit_brightness
 from .clipped_plane import ClippedFit, ClipSlab, fit_clipped_plane
 from .correlated_noise import (
     CorrelatedNoise,
@@ -51,7 +52,8 @@ class PlaneFit:
     the clipping; rms_m: root mean square of the residuals of the points used. scatter_m2: (2, 2)
     in-plane scatter along u and v. count: points used. iterations: until the set of points
     converged. correlated: noise correlated from point to point, from the residuals. rounding: of
-    the coordinates, None where it does not matter.
+    the coordinates, None where it does not matter. brightness: what ranges follow of it, None where
+    none was fitted; the plane is that of the mean brightness.
     """
 
     centroid_m: Array
@@ -63,6 +65,7 @@ class PlaneFit:
     iterations: int
     correlated: CorrelatedNoise
     rounding: Rounding | None = None
+    brightness: RangeByBrightness | None = None
 
     @property
     def normal(self) -> Array:
@@ -76,10 +79,9 @@ class PlaneFit:
 
     @property
     def point_covariance(self) -> Array:
-        """Covariance (3, 3) of the height and two slopes by independent noise and rounding."""
-        if self.rounding is None:
-            return self.noise_covariance
-        return self.noise_covariance + self.rounding.covariance
+        """Covariance (3, 3) of the same by independent noise, rounding and brightness."""
+        parts = [part.covariance for part in (self.rounding, self.brightness) if part is not None]
+        return np.asarray(sum(parts, self.noise_covariance))
 
     @property
     def normal_covariance(self) -> Array:
@@ -119,7 +121,8 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
     until the set of points converges; at 3 sigma one step leaves 2.7 % of the error, so few steps
     suffice. Points nearer to an edge than the margin are left out: there the laser spot mixes
     target and background. Where the coordinates were rounded to steps that are not fine compared
-    with the noise, the plane of the greatest likelihood follows (see rounded_plane.py).
+    with the noise, the plane of the greatest likelihood follows (see rounded_plane.py); otherwise,
+    where ranges may follow the intensities, that is fitted with the plane (see brightness.py).
     Raises NotMeasuredError 'too-few-points' or 'steps-too-coarse'.
     """
     region = target.region.shrunk(config.edge_margin_m)
@@ -130,12 +133,14 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
     slab = ClipSlab(patch.basis, 0.0, patch.sigma_m, max(resolution, spanned))
     radius, most = target.radius_m, config.max_iterations
     fit = fit_clipped_plane(patch.face_m, region, slab, radius, across, most)
-    plane = fit.plane
-    rms = float(np.sqrt(plane.square_m2 / plane.count))
-    if _step_across(patch.steps, fit.normal) ** 2 > COARSE * rms**2:
+    if _step_across(patch.steps, fit.normal) ** 2 > COARSE * _rms(fit) ** 2:
         return _by_steps(patch, region, fit, radius, across, resolution)
-    cells = cells_of(plane.residual_sums(), across, fit.side_m)
-    correlated = correlated_noise(cells, radius, rms, resolution)
+    shaded = _by_brightness(patch, region, fit, across, most, resolution)
+    fit = fit if shaded is None else shaded.fit
+    plane, rms = fit.plane, _rms(fit)
+    cells = shaded.cells if shaded else cells_of(plane.residual_sums(), across, fit.side_m)
+    correlated = correlated_noise(cells, radius, rms, resolution).of_plane
+    white = _white_variance(plane.sigma_m, correlated)
     return PlaneFit(
         centroid_m=patch.origin_m + fit.centroid_m,
         basis=fit.basis,
@@ -146,6 +151,27 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
         iterations=fit.iterations,
         correlated=correlated,
         rounding=_as_noise(patch.steps, fit, correlated),
+        brightness=None if shaded is None else shaded.found(white),
+    )
+
+
+def _rms(fit: ClippedFit) -> float:
+    return float(np.sqrt(fit.plane.square_m2 / fit.plane.count))
+
+
+def _by_brightness(
+    patch: Patch,
+    region: Region,
+    fit: ClippedFit,
+    across: int,
+    max_iterations: int,
+    resolution_m: float,
+) -> FittedBrightness | None:
+    """Fit range by brightness, where there are intensities; None where there is nothing to fit."""
+    if patch.face_intensity is None:
+        return None
+    return fit_brightness(
+        patch.face_m, patch.face_intensity, region, fit, across, max_iterations, resolution_m
     )
 
 

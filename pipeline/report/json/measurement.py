@@ -146,6 +146,7 @@ def _wheel(result: WheelResult) -> dict[str, Any]:
         "u_plane_deg": _degrees(plane.tilt_rad if plane else None),
         "u_plane_if_independent_deg": _degrees(plane.tilt_if_independent_rad if plane else None),
         **_rounding(plane),
+        **_brightness(plane),
         "missing_returns": observation.invalid_points,
         "file": observation.source,
         "centre_method": fitted.method if fitted else None,
@@ -177,6 +178,19 @@ def _rounding(plane: PlaneFit | None) -> dict[str, Any]:
     return {
         "steps_m": rounding.steps.step_m.tolist(),
         "u_rounding_deg": math.degrees(math.sqrt(by_axis)),
+    }
+
+
+def _brightness(plane: PlaneFit | None) -> dict[str, Any]:
+    """Return by how much bright points lie nearer than dark ones; null where it was not fitted."""
+    brightness = plane.brightness if plane else None
+    if brightness is None:
+        return {"brightness_step_m": None, "u_brightness_step_m": None, "u_brightness_deg": None}
+    by_axis = np.trace(brightness.covariance[1:, 1:]) / 2.0
+    return {
+        "brightness_step_m": brightness.step_m,
+        "u_brightness_step_m": brightness.u_m,
+        "u_brightness_deg": math.degrees(math.sqrt(by_axis)),
     }
 
 

@@ -17,6 +17,7 @@ COLOURS = {
     "correlated noise": "#56B4E9",
     "flatness": "#009E73",
     "rounding": "#882255",
+    "brightness": "#AA4499",
     "clamp": "#F0E442",
     "centre noise": "#D55E00",
     "centre model": "#E69F00",
