@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from ..config import InstrumentConfig
-from ..targets import Target
+from ..targets import PatternTarget, Target
 from .records import Measurement
 
 
@@ -16,7 +16,7 @@ def notes_of_assumptions(
     return (
         *_note_of_axles(measurement),
         *_note_of_mounting(measurement, target),
-        *_note_of_zeros(target, instrument),
+        *_note_of_zeros(measurement, target, instrument),
     )
 
 
@@ -48,7 +48,9 @@ def _note_of_mounting(measurement: Measurement, target: Target) -> Iterator[str]
             )
 
 
-def _note_of_zeros(target: Target, instrument: InstrumentConfig) -> Iterator[str]:
+def _note_of_zeros(
+    measurement: Measurement, target: Target, instrument: InstrumentConfig
+) -> Iterator[str]:
     scanner = {
         "range bias": instrument.range_bias_m,
         "pointing": instrument.pointing_urad,
@@ -57,8 +59,16 @@ def _note_of_zeros(target: Target, instrument: InstrumentConfig) -> Iterator[str
     missing = [name for name, stated in scanner.items() if stated == 0.0]
     zeros = [f"{_and(missing)} of the scanner"] if missing else []
     zeros += ["flatness of the target"] if target.flatness == 0.0 else []
+    zeros += ["range by brightness of the print"] if _hides_brightness(measurement, target) else []
     if zeros:
         yield f"Counted as zero, as no file states them: {'; '.join(zeros)}."
+
+
+def _hides_brightness(measurement: Measurement, target: Target) -> bool:
+    """Return whether a print may tilt a plane with which range by brightness was not fitted."""
+    found = (wheel.observation.evidence for wheel in measurement.wheels)
+    planes = [evidence.plane for evidence in found if evidence and evidence.plane]
+    return isinstance(target, PatternTarget) and any(plane.brightness is None for plane in planes)
 
 
 def _and(names: Sequence[str]) -> str:

@@ -5,8 +5,10 @@ from dataclasses import replace
 import pytest
 
 from tests.kinematics.test_runout import ECCENTRIC, all_round
-from wheelplane.config import InstrumentConfig
+from tests.support.shaded_discs import Disc, halves
+from wheelplane.config import InstrumentConfig, PlaneConfig
 from wheelplane.measurement.assumptions import notes_of_assumptions
+from wheelplane.plane import fit_plane
 from wheelplane.targets.registry import load_target
 
 DISC = load_target("disc-250")
@@ -49,3 +51,23 @@ def test_trials_are_of_their_targets_where_all_wheels_are_compensated():
     assert axles.startswith("The angles of RR, RL, FR and FL are")
     assert mounted.startswith("The angles of the trials are those of the targets as mounted")
     assert "not in the uncertainty" in mounted
+
+
+def test_a_print_scanned_without_intensities_is_noted(plates):
+    target = load_target("pattern-circles")
+    known = target.model_copy(update={"clamp_tilt_deg": 0.01, "flatness": 1e-4})
+    patch, _ = Disc(halves(0.0)).scan(1)
+    shown = with_plane(plates, fit_plane(patch, DISC, PlaneConfig()))
+    assert notes_of_assumptions(shown, known, STATED) == ()
+    blind = replace(patch, face_intensity=None)
+    hidden = with_plane(plates, fit_plane(blind, DISC, PlaneConfig()))
+    (zeros,) = notes_of_assumptions(hidden, known, STATED)
+    assert zeros == "Counted as zero, as no file states them: range by brightness of the print."
+
+
+def with_plane(measurement, plane):
+    wheels = []
+    for wheel in measurement.wheels:
+        evidence = replace(wheel.observation.evidence, plane=plane)
+        wheels.append(replace(wheel, observation=replace(wheel.observation, evidence=evidence)))
+    return replace(measurement, wheels=tuple(wheels))
