@@ -120,7 +120,7 @@ def _write_scan(
     hidden = kit.scanner_recipe.draw("scene", Obstacle, rng).occluded_fraction
     position_m = stand.position_vehicle_m
     obstacles = [draw_board(kit.target, wheel.to_target(position_m), hidden, rng)] if hidden else []
-    scene = build_scene(car, wheel, kit.target, position_m, mount, obstacles)
+    scene = build_scene(car, wheel, kit.target, position_m, mount, obstacles, kit.surfaces)
     R_site_vehicle = car.T_site_vehicle[:3, :3]
     centre_station_m = R_site_vehicle @ (wheel.centre_vehicle_m - stand.position_vehicle_m)
     found = scan(scene, centre_station_m, kit.grid, kit.beam, rng)
@@ -151,6 +151,7 @@ def _used(
         "body": car.body.model_dump(),
         "grid": kit.grid.model_dump(),
         "beam": kit.beam.model_dump(exclude_unset=True),
+        **kit.stated(),
         "total_station": {
             **kit.total_station.model_dump(),
             "station_m": site_point(car, station_vehicle_m),

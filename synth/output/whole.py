@@ -153,6 +153,7 @@ def _used(
         "body": car.body.model_dump(),
         "panorama": site.panorama.model_dump(),
         "beam": kit.beam.model_dump(exclude_unset=True),
+        **kit.stated(),
         "total_station": {
             **kit.total_station.model_dump(),
             "station_m": site_point(car, station_vehicle_m),

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from .parameters import Beam, Grid, ScannerFile, TotalStation, VehicleFile
+from .parameters import Beam, Grid, ScannerFile, Surfaces, TotalStation, VehicleFile
 from .plate_file import TargetFile
 from .recipe import Recipe, read_recipe
 from .target_file import read_target
@@ -23,12 +24,18 @@ class Instruments:
     grid: Grid
     beam: Beam
     total_station: TotalStation
+    surfaces: Surfaces
+
+    def stated(self) -> dict[str, Any]:
+        """Return what the scanner file states of the optional tables, ready for JSON."""
+        tables = {"surfaces": self.surfaces.model_dump(exclude_unset=True)}
+        return {name: table for name, table in tables.items() if table}
 
 
 def draw_instruments(
     vehicle: Path, scanner: Path, target: Path, rng: np.random.Generator
 ) -> Instruments:
-    """Read the parameter files and draw grid, beam and total station. Raises SynthError."""
+    """Read the parameter files and draw the instruments. Raises SynthError."""
     vehicle_recipe = read_recipe(vehicle, VehicleFile)
     scanner_recipe = read_recipe(scanner, ScannerFile)
     target_file = read_target(target)
@@ -39,4 +46,5 @@ def draw_instruments(
         scanner_recipe.draw("grid", Grid, rng),
         scanner_recipe.draw("beam", Beam, rng),
         scanner_recipe.draw("total_station", TotalStation, rng),
+        scanner_recipe.draw("surfaces", Surfaces, rng),
     )

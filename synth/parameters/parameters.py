@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 from pydantic import (  # noqa: TID253  a class needs its base at once
     BaseModel,
@@ -131,7 +131,14 @@ class Grid(Section):
 
 
 class Beam(Section):
-    """Errors of one beam; the formulas are in scanner.py.
+    """Footprint and errors of one beam; the formulas are in footprint.py and scanner.py.
+
+    spot_radius_m: across the beam at the exit, level; of the uniform disc, or where a Gaussian
+    beam's power density is 1/e^2 of its axis, which has the same second moment. It grows by
+    spot_divergence_mrad (half-angle) along the beam; upwards it is spot_aspect as large.
+    spot_truncation: radius at which a Gaussian is cut, in units of the 1/e^2 radius.
+    power_weighted: each part of the spot counts with the power that it returns, albedo times
+    cosine; otherwise all parts that return anything count alike, and half a spot must.
 
     correlated_sigma_m: of the part of the range noise that is correlated over
     correlation_length_m, L: exp(-d^2 / (2 L^2)) at the distance d across the beams at the target.
@@ -145,12 +152,35 @@ class Beam(Section):
     intensity_sigma: float = Field(ge=0.0)
     correlated_sigma_m: float = Field(0.0, ge=0.0)
     correlation_length_m: float = Field(0.0, ge=0.0, le=1.0)
+    spot_profile: Literal["uniform", "gaussian"] = "uniform"
+    spot_divergence_mrad: float = Field(0.0, ge=0.0, le=5.0)
+    spot_aspect: float = Field(1.0, ge=0.1, le=10.0)
+    spot_truncation: float = Field(2.0, ge=0.5, le=3.0)
+    power_weighted: bool = False
+
+    @property
+    def is_thin(self) -> bool:
+        """Whether the beam has no footprint."""
+        return self.spot_radius_m == 0.0 and self.spot_divergence_mrad == 0.0
 
     @model_validator(mode="after")
     def _has_a_length(self) -> Beam:
         if self.correlated_sigma_m > 0.0 and self.correlation_length_m == 0.0:
             raise ValueError("correlated_sigma_m needs a correlation_length_m above 0")
         return self
+
+
+class Surfaces(Section):
+    """Albedos of surfaces (Lambert's reflectance); those left out keep the generator's own.
+
+    face, wall: of the target, its measured face and its other sides.
+    """
+
+    face: float | None = Field(None, ge=0.0, le=1.0)
+    wall: float | None = Field(None, ge=0.0, le=1.0)
+    rim: float | None = Field(None, ge=0.0, le=1.0)
+    tyre: float | None = Field(None, ge=0.0, le=1.0)
+    floor: float | None = Field(None, ge=0.0, le=1.0)
 
 
 class Obstacle(Section):
@@ -201,6 +231,7 @@ class ScannerFile(Section):
     beam: Beam
     total_station: TotalStation
     scene: Obstacle = Obstacle()
+    surfaces: Surfaces = Surfaces()
     panorama: Panorama = Panorama()
     corner: Corner = Corner()
     unread: ClassVar[frozenset[str]] = frozenset({"instrument"})

@@ -68,7 +68,7 @@ class _RowScanner:
     def reach(self) -> int:
         """Largest number of steps within a spot radius."""
         ends = directions(np.zeros(2), self.grid.elevation_rad[[0, -1]])
-        return spot_reach(self.nearest_m, ends, self.grid.step_rad, self.beam.spot_radius_m)
+        return spot_reach(self.nearest_m, ends, self.grid.step_rad, self.beam)
 
     def scan(self, rows: range) -> Scan:
         beyond = self.reach + 1  # rows on either side whose edges a spot may reach
@@ -97,17 +97,17 @@ class _RowScanner:
 
     def _echoes(self, span: slice, streams: Sequence[np.random.Generator], inner: slice) -> Echoes:
         """Return the echoes of the rows `inner` of the span."""
-        width, radius_m = len(self.grid.azimuth_rad), self.beam.spot_radius_m
+        width = len(self.grid.azimuth_rad)
         jitter = np.stack([rng.normal(0.0, 1.0, (2, width)) for rng in streams])
         true = self.grid.jittered(span, jitter * self.beam.angle_sigma_urad * 1e-6)
         thin = trace(self.scene, self.caster, 0.0, true.reshape(-1, 3))
         kept = _rows(thin, slice(inner.start * width, inner.stop * width))
-        if radius_m == 0.0:
+        if self.beam.is_thin:
             return kept
-        edge = near_edges(self.scene, thin, true, self.grid.step_rad, radius_m, self.reach)[inner]
+        edge = near_edges(self.scene, thin, true, self.grid.step_rad, self.beam, self.reach)[inner]
         beams = true[inner].reshape(-1, 3)
         numbers = np.arange(len(beams)) + (span.start + inner.start) * width
-        return with_spots(self.scene, self.caster, kept, beams, edge.ravel(), radius_m, numbers)
+        return with_spots(self.scene, self.caster, kept, beams, edge.ravel(), self.beam, numbers)
 
     def _correlated(self, rows: range) -> Array:
         """Return the part of the noise that is correlated between beams, unit variance: (H, W)."""

@@ -87,7 +87,7 @@ def scan(
     jitter = rng.normal(0.0, 1.0, (2, *elevation.shape)) * beam.angle_sigma_urad * 1e-6
     true = directions(azimuth + jitter[0] / np.cos(elevation), elevation + jitter[1])
     caster = RayCaster(scene.vertices_m, scene.faces)
-    echoes = spot_echoes(scene, caster, true, step, beam.spot_radius_m)
+    echoes = spot_echoes(scene, caster, true, step, beam)
     nominal = directions(azimuth, elevation).reshape(-1, 3)
     noise_m = _range_noise(echoes, elevation, grid, beam, rng)
     return report(echoes, nominal, noise_m, beam, rng)

@@ -6,8 +6,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import Array, Mask
+from ..parameters.parameters import Beam
 from ..scene.scene import Scene
 from .echoes import Echoes, trace
+from .footprint import extent_m
 from .raycast import RayCaster
 from .spot_average import average
 
@@ -16,41 +18,42 @@ BEND_M = 0.0001
 
 
 def spot_echoes(
-    scene: Scene, caster: RayCaster, directions: Array, step_rad: float, radius_m: float
+    scene: Scene, caster: RayCaster, directions: Array, step_rad: float, beam: Beam
 ) -> Echoes:
-    """Return the echoes of a grid of beams, directions (H, W, 3), with this footprint radius.
+    """Return the echoes of a grid of beams, directions (H, W, 3), with their footprint.
 
     On a plane the range is linear across the beam, so its average over a symmetric spot is that
     of the centre; only beams near an edge need sub-rays.
     """
     beams = directions.reshape(-1, 3)
     centres = trace(scene, caster, 0.0, beams)
-    if radius_m == 0.0 or not np.any(centres.facet >= 0):
+    if beam.is_thin or not np.any(centres.facet >= 0):
         return centres
-    edge = near_edges(scene, centres, directions, step_rad, radius_m)
-    return with_spots(scene, caster, centres, beams, edge.ravel(), radius_m)
+    edge = near_edges(scene, centres, directions, step_rad, beam)
+    return with_spots(scene, caster, centres, beams, edge.ravel(), beam)
 
 
 def with_spots(
     scene: Scene,
     caster: RayCaster,
     thin: Echoes,
-    beams: Array,
+    directions: Array,
     edge: Mask,
-    radius_m: float,
+    beam: Beam,
     numbers: npt.NDArray[np.int64] | None = None,
 ) -> Echoes:
-    """Average the echoes of beams (N, 3) at an `edge` (N,) over their spots.
+    """Average the echoes of beams, directions (N, 3), at an `edge` (N,) over their spots.
 
-    The reflectance of beams on a print likewise. thin: echoes of the centres, changed in place;
-    numbers: see average().
+    The reflectance of beams on a print likewise, and all else if it weights the spot. thin:
+    echoes of the centres, changed in place; numbers: see average().
     """
     printed = np.array([target.pattern is not None for target in scene.targets] + [False])
     on_print = printed[thin.target] & ~edge
-    for chosen, names in ((edge, vars(thin)), (on_print, ("reflectance",))):
+    of_print = tuple(vars(thin)) if beam.power_weighted else ("reflectance",)
+    for chosen, names in ((edge, tuple(vars(thin))), (on_print, of_print)):
         if np.any(chosen):
             own = None if numbers is None else numbers[chosen]
-            better = average(scene, caster, beams[chosen], radius_m, own)
+            better = average(scene, caster, directions[chosen], beam, own)
             for name in names:
                 getattr(thin, name)[chosen] = getattr(better, name)
     return thin
@@ -61,7 +64,7 @@ def near_edges(
     centres: Echoes,
     directions: Array,
     step_rad: float,
-    radius_m: float,
+    beam: Beam,
     reach: int | None = None,
 ) -> Mask:
     """Return the beams (H, W) of a grid whose spot may reach an edge, or past the window.
@@ -75,7 +78,7 @@ def near_edges(
     """
     shape = directions.shape[:2]
     if reach is None:
-        reach = spot_reach(float(np.nanmin(centres.range_m)), directions, step_rad, radius_m)
+        reach = spot_reach(float(np.nanmin(centres.range_m)), directions, step_rad, beam)
     facet, range_m = centres.facet.reshape(shape), centres.range_m.reshape(shape)
     surface = np.where(facet < 0, -1, scene.surface[facet])
     normals, offsets_m = scene.normals[facet], scene.offsets_m[facet]
@@ -94,10 +97,10 @@ def near_edges(
     return _dilated(_dilated(edge, reach).T, reach).T
 
 
-def spot_reach(nearest_m: float, directions: Array, step_rad: float, radius_m: float) -> int:
+def spot_reach(nearest_m: float, directions: Array, step_rad: float, beam: Beam) -> int:
     """Return the steps of a grid, directions (..., 3), within a spot radius at their closest."""
     level = float(np.sqrt(1 - np.max(directions[..., 2] ** 2)))
-    return int(np.ceil(radius_m / (nearest_m * step_rad * level)))
+    return int(np.ceil(extent_m(beam, nearest_m) / (nearest_m * step_rad * level)))
 
 
 def _dilated(mask: Mask, reach: int) -> Mask:

@@ -45,7 +45,8 @@ def _walls(base_m: float, side: float) -> list[Solid]:
         ((front, -side - 0.1, 0.0), (front + 0.1, -2.2, WALL_M), 0.7),
         ((0.5, side - 0.02, 1.2), (1.1, side, 2.0), 0.85),
     ]
-    return [box(low, high, reflectance) for low, high, reflectance in slabs]
+    floor, *walls = (box(low, high, reflectance) for low, high, reflectance in slabs)
+    return [floor.of("floor"), *walls]
 
 
 def _lift(x_m: float, across_m: float) -> list[Solid]:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import Array
-from ..parameters.parameters import Body
+from ..parameters.parameters import Body, Surfaces
 from ..parameters.plate_file import TargetFile
 from ..vehicle.vehicle import FORWARD, UP, Vehicle, Wheel
 from ..vehicle.wheel_solids import adapter, check_wheel, rolling
@@ -19,6 +19,7 @@ from .solids import Solid, arch_panel, box, joined
 from .target import Mount, target_solid
 
 NEUTRAL = Mount()
+BUILT = Surfaces()
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,7 @@ def build_scene(
     station_vehicle_m: Array,
     mount: Mount = NEUTRAL,
     obstacles: Sequence[Solid] = (),
+    surfaces: Surfaces = BUILT,
 ) -> Scene:
     """Build the scene of one wheel for the scanner at `station_vehicle_m` (3,).
 
@@ -94,11 +96,15 @@ def build_scene(
     solids += [solid.placed(wheel.T_vehicle_target) for solid in obstacles]
     solids += [solid.placed(_upright(wheel)) for solid in _panels(vehicle.body, wheel)]
     solids += [_floor(vehicle, wheel)]
-    return seen_from(station_vehicle_m, solids, [mounted], vehicle)
+    return seen_from(station_vehicle_m, solids, [mounted], vehicle, surfaces)
 
 
 def seen_from(
-    station_vehicle_m: Array, solids: Sequence[Solid], mounted: Sequence[Mounted], vehicle: Vehicle
+    station_vehicle_m: Array,
+    solids: Sequence[Solid],
+    mounted: Sequence[Mounted],
+    vehicle: Vehicle,
+    surfaces: Surfaces = BUILT,
 ) -> Scene:
     """Transform solids in vehicle coordinates to the scene of the scanner at that station.
 
@@ -106,6 +112,7 @@ def seen_from(
     to the station before they are rotated, so that large site coordinates cost no digits.
     """
     whole, reflectance = joined(solids)
+    reflectance = _albedos(solids, reflectance, surfaces)
     R_site_vehicle = vehicle.T_site_vehicle[:3, :3]
     vertices = (whole.vertices_m - station_vehicle_m) @ R_site_vehicle.T
     normals, offsets = _planes(vertices[whole.faces])
@@ -131,6 +138,20 @@ def _placed_target(
     mount = mounted.mount
     printed = pattern_on(mounted.target, mounted.wheel.wheel, mount.print_shift_m)
     return PlacedTarget(pose, mount.form, printed)
+
+
+def _albedos(solids: Sequence[Solid], built: Array, surfaces: Surfaces) -> Array:
+    """Return the albedo (F,) of every facet: that of its surface if stated, else as built."""
+    stated = surfaces.model_dump()
+    facets = [len(solid.faces) for solid in solids]
+    own = np.repeat([_or_nan(stated.get(solid.material)) for solid in solids], facets)
+    front = np.concatenate([solid.front for solid in solids])
+    own = np.where(front, _or_nan(surfaces.face), own)
+    return np.where(np.isnan(own), built, own)
+
+
+def _or_nan(value: float | None) -> float:
+    return np.nan if value is None else value
 
 
 def _numbered(solids: Sequence[Solid]) -> npt.NDArray[np.int64]:
@@ -173,7 +194,8 @@ def _upright(wheel: Wheel) -> Array:
 def _floor(vehicle: Vehicle, wheel: Wheel) -> Solid:
     x, y, _ = wheel.centre_vehicle_m
     top = vehicle.floor_m
-    return box((x - 5.0, y - 5.0, top - 0.1), (x + 5.0, y + 5.0, top), reflectance=0.3)
+    slab = box((x - 5.0, y - 5.0, top - 0.1), (x + 5.0, y + 5.0, top), reflectance=0.3)
+    return slab.of("floor")
 
 
 def _planes(corners_m: Array) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ import numpy as np
 from ..arrays import Array
 from ..errors import SynthError
 from ..parameters.instruments import Instruments
-from ..parameters.parameters import Obstacle, Panorama
+from ..parameters.parameters import Obstacle, Panorama, Surfaces
 from ..scanner.stations import Station, draw_stations
 from ..vehicle.body import body_solids
 from ..vehicle.turning import draw_turning
@@ -38,10 +38,12 @@ class Site:
     stations: Sequence[Station]
     hidden: Sequence[float]
     panorama: Panorama
+    surfaces: Surfaces
 
     def scene(self, station: Station) -> Scene:
         """Return the scene of a station."""
-        return seen_from(station.position_vehicle_m, self.solids, self.mounted, self.vehicle)
+        position_m = station.position_vehicle_m
+        return seen_from(position_m, self.solids, self.mounted, self.vehicle, self.surfaces)
 
     def to_station(self, point_vehicle_m: Array, station: Station) -> Array:
         """Transform a point (3,) of the vehicle to station coordinates."""
@@ -86,7 +88,7 @@ def draw_site(
             solid = draw_board(kit.target, station_m, board.occluded_fraction, rng)
             solids.append(solid.placed(one.wheel.T_vehicle_target))
     shares = [board.occluded_fraction for board in hidden]
-    return Site(vehicle, mounted, solids, stations, shares, panorama)
+    return Site(vehicle, mounted, solids, stations, shares, panorama, kit.surfaces)
 
 
 def _refuse_turning(kit: Instruments, seed: int) -> None:

@@ -21,6 +21,7 @@ class Solid:
 
     vertices_m: (V, 3). faces: (F, 3) indices. surface: (F,) number of the smooth surface.
     front: (F,) True for the measured face of a target, exactly on z = 0 in its own coordinates.
+    material: name of a surface in the scanner file whose albedo may replace the reflectance.
     """
 
     vertices_m: Array
@@ -28,6 +29,7 @@ class Solid:
     surface: npt.NDArray[np.int64]
     front: Mask
     reflectance: float
+    material: str = ""
 
     @property
     def corners_m(self) -> Array:
@@ -37,6 +39,10 @@ class Solid:
     def with_front(self, front: Mask) -> Solid:
         """Return the solid with these facets (F,) as the measured face."""
         return replace(self, front=front)
+
+    def of(self, material: str) -> Solid:
+        """Return the solid with its material."""
+        return replace(self, material=material)
 
     def placed(self, T_to_from: Array) -> Solid:
         """Return the solid in other coordinates, T_to_from (4, 4)."""

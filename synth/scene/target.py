@@ -85,7 +85,7 @@ def target_solid(target: TargetFile) -> Solid:
     """
     solid = _body(target)
     front = np.all(np.abs(solid.corners_m[:, :, 2]) < 1e-12, axis=1)
-    return solid.with_front(front)
+    return solid.with_front(front).of("wall")
 
 
 def _body(target: TargetFile) -> Solid:

@@ -50,13 +50,13 @@ def rolling(body: Body, wheel: Wheel) -> list[Solid]:
     spokes = [_spoke(k / max(body.spokes, 1), face, rim) for k in range(body.spokes)]
     barrel = [(rim - 0.014, face), (rim + 0.002, face + 0.006), (rim + 0.002, out - width),
               (rim - 0.014, out - width), (rim - 0.014, face)]  # fmt: skip
-    return [
-        _tyre(body, out),
+    rim_parts = [
         revolved(barrel, 240, reflectance=0.55),
         _cylinder(0.075, face - 0.05, face, reflectance=0.55),
         _cylinder(0.15, out - 0.11, out - 0.09, reflectance=0.35),
         *spokes,
     ]
+    return [_tyre(body, out).of("tyre"), *(part.of("rim") for part in rim_parts)]
 
 
 def _tyre(body: Body, out_m: float) -> Solid:

@@ -12,6 +12,7 @@ from scipy import stats
 
 from tests.support.paths import CONFIGS
 from wheelplane_synth.output.archive import write_capture
+from wheelplane_synth.parameters.parameters import Beam
 
 SALOON = CONFIGS / "vehicles" / "saloon.toml"
 DEFAULT = CONFIGS / "scanners" / "default.toml"
@@ -49,6 +50,14 @@ def write_small_capture(folder: Path, trials: int = 1, seed: int = 1) -> Path:
         trials=trials,
     )
     return folder
+
+
+def of_spot(radius_m: float, **more: object) -> Beam:
+    """A beam without errors and with that footprint."""
+    calm = dict.fromkeys(
+        ("range_sigma_m", "angle_sigma_urad", "dropout_fraction", "stray_fraction"), 0.0
+    )
+    return Beam(**calm, intensity_sigma=0.0, spot_radius_m=radius_m, **more)
 
 
 def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -20,6 +20,7 @@ from tests.support.made import (
     SALOON,
     changed,
     chi_square_bounds,
+    of_spot,
     read_ply,
 )
 from tests.support.paths import ROOT
@@ -30,11 +31,12 @@ from wheelplane_synth.parameters.plate_file import DiscFile
 from wheelplane_synth.parameters.recipe import read_recipe
 from wheelplane_synth.parameters.target_file import read_target
 from wheelplane_synth.scanner.echoes import trace
+from wheelplane_synth.scanner.footprint import spot_pattern
 from wheelplane_synth.scanner.noise import gaussian_field
 from wheelplane_synth.scanner.raycast import RayCaster
 from wheelplane_synth.scanner.scanner import directions, draw_stand, range_sigma_m, scan
 from wheelplane_synth.scanner.spot import BEND_M, near_edges, spot_echoes
-from wheelplane_synth.scanner.spot_average import average, spot_pattern
+from wheelplane_synth.scanner.spot_average import average
 from wheelplane_synth.scene.form import draw_form
 from wheelplane_synth.scene.obstacle import draw_board
 from wheelplane_synth.scene.scene import Scene, build_scene
@@ -290,7 +292,7 @@ def test_noise_free_face_is_flat_to_rounding_in_station_coordinates(tmp_path):
 
 
 def test_spot_pattern_has_the_moments_of_a_disc():
-    x, y = spot_pattern().T
+    x, y = spot_pattern(of_spot(0.0015)).T
     wanted = {(1, 0): 0, (0, 1): 0, (2, 0): 1 / 4, (0, 2): 1 / 4, (1, 1): 0, (3, 0): 0, (2, 1): 0}
     for (i, j), moment in wanted.items():
         assert np.mean(x**i * y**j) == pytest.approx(moment, abs=1e-15)
@@ -306,13 +308,13 @@ def test_away_from_edges_the_average_over_the_spot_is_its_centre():
     beams = directions(*np.meshgrid(azimuth, elevation))
     caster = RayCaster(scene.vertices_m, scene.faces)
     echoes = trace(scene, caster, 0.0, beams.reshape(-1, 3))
-    edge = near_edges(scene, echoes, beams, float(step), beam.spot_radius_m).ravel()
+    edge = near_edges(scene, echoes, beams, float(step), beam).ravel()
     rng = np.random.default_rng(1)
     inner = rng.choice(np.flatnonzero(~edge), 10_000, replace=False)
     outer = rng.choice(np.flatnonzero(edge), 10_000, replace=False)
 
     def shift_m(chosen):
-        mean = average(scene, caster, beams.reshape(-1, 3)[chosen], beam.spot_radius_m)
+        mean = average(scene, caster, beams.reshape(-1, 3)[chosen], beam)
         return np.abs(mean.range_m - echoes.range_m[chosen])
 
     on_face = echoes.target[inner] >= 0
@@ -334,16 +336,17 @@ def test_every_beam_whose_spot_straddles_a_step_is_averaged():
     flat = beams.reshape(-1, 3)
     centres = trace(scene, caster, 0.0, flat)
     thin_m = centres.range_m
-    wide_m = average(scene, caster, flat, beam.spot_radius_m).range_m
+    wide_m = average(scene, caster, flat, beam).range_m
     straddles = np.abs(wide_m - thin_m) > 0.0003
-    edge = near_edges(scene, centres, beams, float(step), beam.spot_radius_m).ravel()
+    edge = near_edges(scene, centres, beams, float(step), beam).ravel()
     assert straddles.sum() > 1000
     assert not np.any(straddles & ~edge)
     assert edge.mean() < 0.25
-    found_m = spot_echoes(scene, caster, beams, float(step), beam.spot_radius_m).range_m
+    found_m = spot_echoes(scene, caster, beams, float(step), beam).range_m
     assert np.array_equal(found_m[~edge], thin_m[~edge])
     assert np.mean(found_m[straddles] != thin_m[straddles]) > 0.97
-    assert spot_echoes(scene, caster, beams, float(step), 0.0).range_m == pytest.approx(thin_m)
+    centre_m = spot_echoes(scene, caster, beams, float(step), of_spot(0.0)).range_m
+    assert centre_m == pytest.approx(thin_m)
 
 
 def test_half_a_spot_must_return():
@@ -358,7 +361,7 @@ def test_half_a_spot_must_return():
     beams /= np.linalg.norm(beams, axis=1, keepdims=True)
     thin = trace(scene, caster, 0.0, beams)
     assert list(thin.facet >= 0) == [False, False, True, True]
-    wide_m = average(scene, caster, beams, 0.0015).range_m
+    wide_m = average(scene, caster, beams, of_spot(0.0015)).range_m
     assert list(np.isnan(wide_m)) == list(np.isnan(thin.range_m)) == [True, True, False, False]
     assert wide_m[2:] == pytest.approx(2.0, abs=1e-5)
 

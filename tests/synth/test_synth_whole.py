@@ -20,6 +20,7 @@ from tests.support.made import (
     SALOON,
     changed,
     chi_square_bounds,
+    of_spot,
     read_ply,
 )
 from wheelplane_synth.errors import SynthError
@@ -385,7 +386,7 @@ def test_every_spot_that_straddles_a_step_is_averaged(tmp_path):
     beams = directions(*np.meshgrid(grid.azimuth_rad, grid.elevation_rad)).reshape(-1, 3)
     scene = site.scene(station)
     caster = RayCaster(scene.vertices_m, scene.faces)
-    wide_m = average(scene, caster, beams, 0.02, np.arange(len(beams))).range_m
+    wide_m = average(scene, caster, beams, of_spot(0.02), np.arange(len(beams))).range_m
     thin_m = trace(scene, caster, 0.0, beams).range_m
     wide_m, thin_m = wide_m[~np.isnan(wide_m)], thin_m[~np.isnan(wide_m)]
     range_m = np.linalg.norm(points, axis=1)
