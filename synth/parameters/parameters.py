@@ -139,6 +139,8 @@ class Beam(Section):
     spot_truncation: radius at which a Gaussian is cut, in units of the 1/e^2 radius.
     power_weighted: each part of the spot counts with the power that it returns, albedo times
     cosine; otherwise all parts that return anything count alike, and half a spot must.
+    brightness_bias_m: range error of a surface of albedo 0.1 against one of 0.8, linear in albedo;
+    incidence_bias_m, b: range error b (1 / cos - 1) at the incidence.
 
     correlated_sigma_m: of the part of the range noise that is correlated over
     correlation_length_m, L: exp(-d^2 / (2 L^2)) at the distance d across the beams at the target.
@@ -157,6 +159,8 @@ class Beam(Section):
     spot_aspect: float = Field(1.0, ge=0.1, le=10.0)
     spot_truncation: float = Field(2.0, ge=0.5, le=3.0)
     power_weighted: bool = False
+    brightness_bias_m: float = Field(0.0, ge=-0.1, le=0.1)
+    incidence_bias_m: float = Field(0.0, ge=-0.1, le=0.1)
 
     @property
     def is_thin(self) -> bool:
@@ -173,7 +177,9 @@ class Beam(Section):
 class Surfaces(Section):
     """Albedos of surfaces (Lambert's reflectance); those left out keep the generator's own.
 
-    face, wall: of the target, its measured face and its other sides.
+    face, wall: of the target, its measured face and its other sides. dark_part: of every face, of
+    albedo `dark`: the half at dark_turn_deg from the axis u towards v, or the squares of a
+    checkerboard of dark_pitch_m so rotated, one corner at the centre.
     """
 
     face: float | None = Field(None, ge=0.0, le=1.0)
@@ -181,6 +187,10 @@ class Surfaces(Section):
     rim: float | None = Field(None, ge=0.0, le=1.0)
     tyre: float | None = Field(None, ge=0.0, le=1.0)
     floor: float | None = Field(None, ge=0.0, le=1.0)
+    dark_part: Literal["none", "half", "squares"] = "none"
+    dark: float = Field(0.1, ge=0.0, le=1.0)
+    dark_turn_deg: float = 0.0
+    dark_pitch_m: float = Field(0.05, gt=0.0, le=1.0)
 
 
 class Obstacle(Section):

@@ -16,6 +16,7 @@ from ..parameters.parameters import Beam, Grid, Station
 from ..parameters.recipe import Recipe
 from ..scene.scene import Scene
 from ..vehicle.vehicle import Vehicle, Wheel
+from .bias import biased
 from .echoes import Echoes
 from .noise import gaussian_field
 from .raycast import RayCaster
@@ -159,6 +160,7 @@ def report(
     It has range noise, strays, drop-outs and intensity; beams without an echo are left out.
     """
     count = len(nominal)
+    echoes = biased(echoes, beam)
     true_m = echoes.range_m
     range_m = true_m + noise_m
     stray = rng.random(count) < beam.stray_fraction

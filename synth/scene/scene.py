@@ -14,9 +14,10 @@ from ..parameters.plate_file import TargetFile
 from ..vehicle.vehicle import FORWARD, UP, Vehicle, Wheel
 from ..vehicle.wheel_solids import adapter, check_wheel, rolling
 from .form import FLAT, Form
-from .pattern import Pattern, pattern_on
+from .pattern import Pattern
+from .shade import Shade, print_on
 from .solids import Solid, arch_panel, box, joined
-from .target import Mount, target_solid
+from .target import REFLECTANCE, Mount, target_solid
 
 NEUTRAL = Mount()
 BUILT = Surfaces()
@@ -28,7 +29,7 @@ class PlacedTarget:
 
     T_station_target: Array
     form: Form = FLAT
-    pattern: Pattern | None = None
+    pattern: Pattern | Shade | None = None
 
     def uv_m(self, points_station_m: Array) -> Array:
         """Return points (N, 3) along the axes of the face, (N, 2)."""
@@ -116,7 +117,9 @@ def seen_from(
     R_site_vehicle = vehicle.T_site_vehicle[:3, :3]
     vertices = (whole.vertices_m - station_vehicle_m) @ R_site_vehicle.T
     normals, offsets = _planes(vertices[whole.faces])
-    targets = tuple(_placed_target(one, R_site_vehicle, station_vehicle_m) for one in mounted)
+    targets = tuple(
+        _placed_target(one, R_site_vehicle, station_vehicle_m, surfaces) for one in mounted
+    )
     number = _numbered(solids)
     for k, target in enumerate(targets):
         normal = target.T_station_target[:3, 2]
@@ -128,7 +131,7 @@ def seen_from(
 
 
 def _placed_target(
-    mounted: Mounted, R_site_vehicle: Array, station_vehicle_m: Array
+    mounted: Mounted, R_site_vehicle: Array, station_vehicle_m: Array, surfaces: Surfaces
 ) -> PlacedTarget:
     target = mounted.pose
     pose = np.eye(4)
@@ -136,7 +139,9 @@ def _placed_target(
     pose[:3, 2] = R_site_vehicle @ target.normal_vehicle
     pose[:3, 3] = R_site_vehicle @ (target.centre_vehicle_m - station_vehicle_m)
     mount = mounted.mount
-    printed = pattern_on(mounted.target, mounted.wheel.wheel, mount.print_shift_m)
+    light = REFLECTANCE if surfaces.face is None else surfaces.face
+    name = mounted.wheel.wheel
+    printed = print_on(mounted.target, name, mount.print_shift_m, light, surfaces)
     return PlacedTarget(pose, mount.form, printed)
 
 

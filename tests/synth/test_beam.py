@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from tests.support.made import DEFAULT, DISC, SALOON, changed, of_spot
+from tests.support.made import DEFAULT, DISC, IDEAL, SALOON, changed, of_spot, read_ply
+from tests.support.paths import CONFIGS
 from wheelplane_synth.errors import SynthError
 from wheelplane_synth.output.archive import write_capture
 from wheelplane_synth.parameters.parameters import ScannerFile, Surfaces, VehicleFile
 from wheelplane_synth.parameters.recipe import read_recipe
 from wheelplane_synth.parameters.target_file import read_target
+from wheelplane_synth.scanner.bias import biased
+from wheelplane_synth.scanner.echoes import Echoes
 from wheelplane_synth.scanner.footprint import extent_m, spot_pattern
 from wheelplane_synth.scanner.raycast import RayCaster
 from wheelplane_synth.scanner.spot_average import average
@@ -180,3 +183,63 @@ def test_a_wrong_profile_or_surface_is_named_in_one_line(tmp_path):
     assert "beam.spot_profile" in text
     assert "nearest: 'surfaces.tyre'" in text
     assert "surfaces.rim" in text
+
+
+LEVEL = {"grid.spacing_m": 0.004, "grid.half_width_m": 0.15, "station.incidence_deg": 30.0}
+
+
+def heights_m(tmp_path, values, target=DISC):
+    """Of one scan without noise: points on the face in its axes, and their range errors."""
+    scanner = changed(IDEAL, tmp_path, LEVEL | values)
+    files = {"vehicle": SALOON, "scanner": scanner, "target": target}
+    truth = write_capture(tmp_path / "c", seed=4, trials=0, **files)
+    wheel, used = truth.to_json()["wheels"][0], truth.used["scans"][0]
+    points, intensity = read_ply(tmp_path / "c" / used["file"])
+    off = points - wheel["centre_m"]
+    sight = points - used["station_m"]
+    cosine = -sight @ wheel["normal"] / np.linalg.norm(sight, axis=1)
+    error_m = -(off @ wheel["normal"]) / cosine
+    face = (np.abs(error_m) < 0.01) & (np.linalg.norm(off, axis=1) < 0.12)
+    level = np.array(truth.wheels[0].T_vehicle_target[:3, :2])
+    axes = truth.vehicle.T_site_vehicle[:3, :3] @ level
+    return (off @ axes)[face], error_m[face], cosine[face], intensity[face]
+
+
+def test_brightness_bias_moves_the_dark_half_by_exactly_b(tmp_path):
+    turn = np.radians(30.0)
+    values = {"surfaces": {"dark_part": "half", "dark": 0.1, "dark_turn_deg": 30.0}}
+    uv, error_m, _, intensity = heights_m(tmp_path, values | {"beam.brightness_bias_m": 0.0003})
+    dark = uv @ [np.cos(turn), np.sin(turn)] > 0
+    assert 0.45 < dark.mean() < 0.55
+    assert error_m[dark] == pytest.approx(0.0003, abs=1e-12)
+    assert error_m[~dark] == pytest.approx(0.0, abs=1e-12)
+    assert intensity[dark].max() < intensity[~dark].min() / 4
+
+
+def test_dark_squares_lie_where_the_file_states(tmp_path):
+    values = {"surfaces": {"dark_part": "squares", "dark": 0.45, "dark_pitch_m": 0.04}}
+    uv, error_m, _, _ = heights_m(tmp_path, values | {"beam.brightness_bias_m": -0.001})
+    dark = np.floor(uv / 0.04).sum(axis=1) % 2 == 0
+    # The bias moves a point along its ray, by 0.5 mm * sin 30 deg on the face.
+    inside = np.all(np.abs(uv / 0.04 - np.rint(uv / 0.04)) * 0.04 > 0.0003, axis=1)
+    assert inside.mean() > 0.9
+    assert error_m[inside] == pytest.approx(np.where(dark, -0.0005, 0.0)[inside], abs=1e-12)
+
+
+def test_incidence_bias_is_b_times_secant_minus_one(tmp_path):
+    _, error_m, cosine, _ = heights_m(tmp_path, {"beam.incidence_bias_m": 0.001})
+    assert np.ptp(np.degrees(np.arccos(cosine))) > 3
+    assert error_m == pytest.approx(0.001 * (1 / cosine - 1), abs=1e-12)
+    steep = biased(echoes_of([2.0, np.nan], [0.05, 0.5]), of_spot(0.0, incidence_bias_m=0.001))
+    assert steep.range_m == pytest.approx([2.009, np.nan], nan_ok=True)
+
+
+def echoes_of(range_m, cosine) -> Echoes:
+    none = np.zeros(len(range_m), dtype=np.int64)
+    return Echoes(np.array(range_m), np.array(cosine), np.full(len(none), 0.8), none, none)
+
+
+def test_a_printed_target_takes_no_dark_part(tmp_path):
+    values = {"surfaces": {"dark_part": "half"}}
+    with pytest.raises(SynthError, match="the target has a print of its own"):
+        heights_m(tmp_path, values, CONFIGS / "targets" / "pattern-circles.toml")
