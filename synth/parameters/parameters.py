@@ -141,6 +141,10 @@ class Beam(Section):
     cosine; otherwise all parts that return anything count alike, and half a spot must.
     brightness_bias_m: range error of a surface of albedo 0.1 against one of 0.8, linear in albedo;
     incidence_bias_m, b: range error b (1 / cos - 1) at the incidence.
+    return_mode: which return of a spot that meets several surfaces is reported: the average of
+    all, or the first, last or strongest of those that are range_gate_m or more apart.
+    detector_threshold: least power detected, albedo * cosine / range^2 of a whole spot, as the
+    intensity.
 
     correlated_sigma_m: of the part of the range noise that is correlated over
     correlation_length_m, L: exp(-d^2 / (2 L^2)) at the distance d across the beams at the target.
@@ -161,6 +165,9 @@ class Beam(Section):
     power_weighted: bool = False
     brightness_bias_m: float = Field(0.0, ge=-0.1, le=0.1)
     incidence_bias_m: float = Field(0.0, ge=-0.1, le=0.1)
+    return_mode: Literal["average", "first", "last", "strongest"] = "average"
+    range_gate_m: float = Field(0.0, ge=0.0, le=10.0)
+    detector_threshold: float = Field(0.0, ge=0.0)
 
     @property
     def is_thin(self) -> bool:
@@ -171,6 +178,14 @@ class Beam(Section):
     def _has_a_length(self) -> Beam:
         if self.correlated_sigma_m > 0.0 and self.correlation_length_m == 0.0:
             raise ValueError("correlated_sigma_m needs a correlation_length_m above 0")
+        return self
+
+    @model_validator(mode="after")
+    def _parts_returns(self) -> Beam:
+        if self.return_mode != "average" and not (self.power_weighted and self.range_gate_m > 0.0):
+            raise ValueError(
+                f"return_mode '{self.return_mode}' needs a range_gate_m above 0 and power_weighted"
+            )
         return self
 
 

@@ -168,6 +168,7 @@ def report(
     range_m = np.where(stray, anywhere_m, range_m)
     kept = (rng.random(count) >= beam.dropout_fraction) & ~np.isnan(true_m)
     power = echoes.reflectance * echoes.cosine / np.maximum(range_m, NEAREST_STRAY_M) ** 2
+    kept &= power >= beam.detector_threshold
     speckle = 1 + beam.intensity_sigma * rng.normal(0.0, 1.0, count)
     intensity = np.maximum(power * speckle, 0.0).astype(np.float32)
     points = nominal[kept] * range_m[kept, None]

@@ -11,6 +11,7 @@ from ..scene.scene import Scene
 from .echoes import Echoes, trace
 from .footprint import spot_pattern, sub_rays
 from .raycast import RayCaster
+from .returns import reported_return
 
 # Beams whose sub-rays are traced together.
 CHUNK = 16_000
@@ -26,8 +27,8 @@ def average(
     """Return the echoes of beams (N, 3) averaged over their spots; none below half a spot.
 
     With `beam.power_weighted` every sub-ray counts with the power that it returns, and one is
-    enough. numbers: (N,), rotate the pattern of sub-rays of each beam; by default its index in the
-    chunk.
+    enough; of several returns the beam's mode reports one. numbers: (N,), rotate the pattern of
+    sub-rays of each beam; by default its index in the chunk.
     """
     if numbers is None:
         numbers = np.arange(len(directions)) % CHUNK
@@ -47,6 +48,8 @@ def _average_chunk(
     count = len(spot_pattern(beam))
     hit = (rays.facet >= 0).reshape(-1, count)
     power = np.where(hit, (rays.reflectance * rays.cosine).reshape(-1, count), 0.0)
+    if beam.return_mode != "average":
+        power *= reported_return(rays.range_m.reshape(-1, count), power, beam)
     weight = power if beam.power_weighted else hit.astype(np.float64)
     total = np.sum(weight, axis=1)
     enough = total > 0.0 if beam.power_weighted else 2 * total >= count

@@ -149,7 +149,7 @@ def scene_of(surfaces: Surfaces):
 def test_every_surface_has_the_albedo_that_the_scanner_file_states():
     built = scene_of(Surfaces())
     facets = {}
-    for name in Surfaces.model_fields:
+    for name in ("face", "wall", "rim", "tyre", "floor"):
         painted = scene_of(Surfaces(**{name: 0.123}))
         facets[name] = np.flatnonzero(painted.reflectance != built.reflectance)
         assert set(painted.reflectance[facets[name]]) == {0.123}
@@ -243,3 +243,55 @@ def test_a_printed_target_takes_no_dark_part(tmp_path):
     values = {"surfaces": {"dark_part": "half"}}
     with pytest.raises(SynthError, match="the target has a print of its own"):
         heights_m(tmp_path, values, CONFIGS / "targets" / "pattern-circles.toml")
+
+
+MODES = {"spot_profile": "gaussian", "power_weighted": True, "range_gate_m": 0.02}
+
+
+def one_return(mode, aside_m, scene, **more):
+    """Ranges of beams past the edge: 2 m and 2.05 m, or between."""
+    beam = of_spot(W_M, **(MODES | {"return_mode": mode} | more))
+    aim = np.array([NEAR_M, aside_m, 0.0])
+    aims = np.tile(aim / np.linalg.norm(aim), (BEAMS, 1))
+    return average(scene, caster_of(scene), aims, beam, np.arange(BEAMS))
+
+
+@pytest.mark.parametrize(
+    ("aside", "far_albedo"), [(-0.2, 0.8), (0.2, 0.8), (-0.2, 0.2), (0.2, 0.2)]
+)
+def test_returns_further_apart_than_the_gate_are_never_mixed(aside, far_albedo):
+    """First and last are the near and the far plane; the strongest, the brighter part of both."""
+    scene, g = half_planes((0.8, far_albedo)), beyond(aside, 1.0)
+    stronger = 0.8 * (1 - g) < far_albedo * g
+    for mode, is_far in (("first", False), ("last", True), ("strongest", stronger)):
+        echoes = one_return(mode, aside * W_M, scene)
+        wanted_m = NEAR_M + DEEP_M * is_far
+        assert echoes.range_m == pytest.approx(wanted_m, abs=1e-5)
+        share = far_albedo * g if is_far else 0.8 * (1 - g)
+        power = (echoes.reflectance * echoes.cosine).mean()
+        assert power == pytest.approx(share, abs=0.004)
+    assert one_return("first", aside * W_M, scene, range_gate_m=0.06).range_m.std() > 1e-4
+
+
+@pytest.mark.parametrize(("threshold", "far"), [(0, False), (0.05, False), (0.1, True), (1, None)])
+def test_the_first_return_is_the_first_that_the_detector_sees(threshold, far):
+    """With 42 % of the spot on the near plane: 0.8 * 0.42 / 2^2 = 0.084 of power, beyond 0.116."""
+    g = beyond(0.1, 1.0)
+    assert 0.8 * (1 - g) / 4 == pytest.approx(0.084, abs=0.001)
+    echoes = one_return("first", 0.1 * W_M, half_planes(), detector_threshold=float(threshold))
+    wanted_m = np.nan if far is None else NEAR_M + DEEP_M * far
+    assert np.mean(np.isclose(echoes.range_m, wanted_m, atol=1e-5, equal_nan=True)) > 0.98
+
+
+def test_a_surface_that_returns_less_than_the_threshold_is_not_there(tmp_path):
+    """Albedos of 0.05 and 0.8 at 2 to 3 m: at most 0.0125 and at least 0.07 of power."""
+    values = {"surfaces": {"dark_part": "half", "dark": 0.05}, "beam.detector_threshold": 0.02}
+    uv, _, _, intensity = heights_m(tmp_path, values)
+    assert intensity.min() >= 0.02
+    assert uv[:, 0].max() < 0.0
+    assert uv[:, 0].min() < -0.11
+
+
+def test_a_return_mode_needs_its_gate(tmp_path):
+    with pytest.raises(SynthError, match="return_mode 'last' needs a range_gate_m above 0"):
+        read_recipe(changed(DEFAULT, tmp_path, {"beam.return_mode": "last"}), ScannerFile)
