@@ -145,6 +145,9 @@ class Beam(Section):
     all, or the first, last or strongest of those that are range_gate_m or more apart.
     detector_threshold: least power detected, albedo * cosine / range^2 of a whole spot, as the
     intensity.
+    line_sigma_m: standard deviation of a range error that is common to a scan line; lines are
+    columns (the mirror turns about a level axis) or rows of the grid. correlation_aspect: the
+    correlation length along azimuth over that along elevation, which is correlation_length_m.
 
     correlated_sigma_m: of the part of the range noise that is correlated over
     correlation_length_m, L: exp(-d^2 / (2 L^2)) at the distance d across the beams at the target.
@@ -168,6 +171,9 @@ class Beam(Section):
     return_mode: Literal["average", "first", "last", "strongest"] = "average"
     range_gate_m: float = Field(0.0, ge=0.0, le=10.0)
     detector_threshold: float = Field(0.0, ge=0.0)
+    line_sigma_m: float = Field(0.0, ge=0.0, le=0.1)
+    scan_lines: Literal["columns", "rows"] = "columns"
+    correlation_aspect: float = Field(1.0, ge=0.01, le=100.0)
 
     @property
     def is_thin(self) -> bool:

@@ -23,7 +23,7 @@ from .scanner import Scan, directions, range_sigma_m, report
 from .spot import near_edges, spot_reach, with_spots
 
 BLOCK = 400_000  # beams per block
-ROWS, CORRELATED = 3, 5  # streams of random numbers, with the seed
+ROWS, CORRELATED, LINES = 3, 5, 6  # streams of random numbers, with the seed
 
 
 def scan_rows(
@@ -89,11 +89,19 @@ class _RowScanner:
             noise_m = rng.normal(0.0, 1.0, width) * sigma_m
             if len(correlated):
                 noise_m += correlated[k] * range_sigma_m(self.beam.correlated_sigma_m, row.cosine)
+            if self.beam.line_sigma_m > 0.0:
+                noise_m += self.beam.line_sigma_m * self._line_offsets(rows[k])
             scans.append(report(row, nominal, noise_m, self.beam, rng))
         return _joined(scans)
 
     def _stream(self, kind: int, row: int) -> np.random.Generator:
         return np.random.default_rng([self.seed, kind, self.station, row])
+
+    def _line_offsets(self, row: int) -> Array | float:
+        """Return the offsets of the scan lines that the beams of a row belong to."""
+        if self.beam.scan_lines == "rows":
+            return float(self._stream(LINES, row).standard_normal())
+        return self._stream(LINES, 0).standard_normal(len(self.grid.azimuth_rad))
 
     def _echoes(self, span: slice, streams: Sequence[np.random.Generator], inner: slice) -> Echoes:
         """Return the echoes of the rows `inner` of the span."""
@@ -116,14 +124,15 @@ class _RowScanner:
         far_m = float(np.linalg.norm(self.target_m))
         level = float(np.hypot(*self.target_m[:2])) / far_m
         steps = self.beam.correlation_length_m / (far_m * self.grid.step_rad)
+        across = self.beam.correlation_aspect * steps / level
         width = len(self.grid.azimuth_rad)
         if not self.grid.closed:
-            width += 2 * margin(steps / level)
+            width += 2 * margin(across)
 
         def white(row: int) -> Array:
             return self._stream(CORRELATED, row + margin(steps)).standard_normal(width)
 
-        return correlated_rows(white, rows, (steps, steps / level), closed=self.grid.closed)
+        return correlated_rows(white, rows, (steps, across), closed=self.grid.closed)
 
 
 def _rows(echoes: Echoes, span: slice) -> Echoes:

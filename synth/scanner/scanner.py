@@ -137,7 +137,7 @@ def _window(
 def _range_noise(
     echoes: Echoes, elevation: Array, grid: Grid, beam: Beam, rng: np.random.Generator
 ) -> Array:
-    """Draw the range noise (H * W,): independent, and correlated over the correlation length.
+    """Draw the range noise (H * W,): independent, correlated over a length, and by scan lines.
 
     Columns of the grid are closer than its rows by the cosine of the elevation.
     """
@@ -147,9 +147,19 @@ def _range_noise(
     if beam.correlated_sigma_m > 0.0:
         steps = beam.correlation_length_m / grid.spacing_m
         level = float(np.cos(np.mean(elevation)))
-        correlated = gaussian_field(elevation.shape, (steps, steps / level), rng).ravel()
+        lengths = (steps, beam.correlation_aspect * steps / level)
+        correlated = gaussian_field(elevation.shape, lengths, rng).ravel()
         noise_m += correlated * range_sigma_m(beam.correlated_sigma_m, echoes.cosine)
+    if beam.line_sigma_m > 0.0:
+        lines = elevation.shape[0] if beam.scan_lines == "rows" else elevation.shape[1]
+        noise_m += beam.line_sigma_m * along_lines(rng.standard_normal(lines), elevation, beam)
     return noise_m
+
+
+def along_lines(offset: Array, grid: Array, beam: Beam) -> Array:
+    """Return for each beam of a grid (H, W), flat, the offset of its scan line."""
+    of_line = offset[:, None] if beam.scan_lines == "rows" else offset
+    return np.broadcast_to(of_line, grid.shape).ravel()
 
 
 def report(
