@@ -16,6 +16,7 @@ from ..parameters.parameters import Obstacle
 from ..parameters.plate_file import DiscFile
 from ..parameters.recipe import Recipe
 from ..scanner.scanner import draw_stand, scan
+from ..scanner.stations import draw_misplacement
 from ..scene.obstacle import draw_board
 from ..scene.scene import build_scene
 from ..scene.target import Mount, draw_mount
@@ -123,10 +124,12 @@ def _write_scan(
     scene = build_scene(car, wheel, kit.target, position_m, mount, obstacles, kit.surfaces)
     R_site_vehicle = car.T_site_vehicle[:3, :3]
     centre_station_m = R_site_vehicle @ (wheel.centre_vehicle_m - stand.position_vehicle_m)
-    found = scan(scene, centre_station_m, kit.grid, kit.beam, rng)
+    found = scan(scene, centre_station_m, kit.grid, kit.beam, rng, kit.calibration)
+    misplaced = draw_misplacement(kit.registration, rng)
     station_m = site_point(car, stand.position_vehicle_m)
     name = scan_file(wheel)
-    (folder / name).write_bytes(ply(found.points_station_m + station_m, found.intensity))
+    points_m = misplaced.of(found.points_station_m) + station_m
+    (folder / name).write_bytes(ply(points_m, found.intensity))
     return {
         "file": name,
         "station_m": station_m,
@@ -138,6 +141,7 @@ def _write_scan(
         "points_on_target": int(found.on_front.sum()),
         **({"occluded_fraction": hidden} if hidden else {}),
         **mount.to_json(kit.target),
+        **misplaced.to_json(),
     }
 
 

@@ -16,7 +16,7 @@ from ..parameters.instruments import Instruments, draw_instruments
 from ..parameters.parameters import Panorama
 from ..scanner.lattice import Preview, draw_lattice, preview_scene
 from ..scanner.panorama import scan_rows
-from ..scanner.stations import Station
+from ..scanner.stations import Station, draw_misplacement
 from ..scene.site import Site, draw_site
 from ..vehicle.vehicle import WHEELS, draw_vehicle
 from .cloud_files import Cloud, PlyCloud
@@ -27,6 +27,7 @@ from .folder import check_free, check_seed, new_folder, write_text
 from .truth import Truth, site_point
 
 FORMS = ("ply", "e57")
+REGISTRATION = 7  # stream of random numbers, with the seed
 
 
 def _silent(_: str) -> None:
@@ -122,9 +123,18 @@ def _write_station(
     target_m = site.nearest_target_m(station)
     grid = draw_lattice(site.panorama, site.middle_m(station), step_rad, stream)
     on_targets = np.zeros(len(WHEELS) + 1, dtype=np.int64)
-    blocks = scan_rows(site.scene(station), grid, kit.beam, target_m, preview.nearest_m, stream)
-    for block in blocks:
-        cloud.add(block.points_station_m, block.intensity)
+    rng = np.random.default_rng([seed, REGISTRATION, station.number])
+    misplaced = draw_misplacement(kit.registration, rng)
+    for block in scan_rows(
+        site.scene(station),
+        grid,
+        kit.beam,
+        target_m,
+        preview.nearest_m,
+        stream,
+        calibration=kit.calibration,
+    ):
+        cloud.add(misplaced.of(block.points_station_m), block.intensity)
         on_targets += np.bincount(block.target + 1, minlength=len(on_targets))
     return {
         "station": station.number,
@@ -134,6 +144,7 @@ def _write_station(
         "beams": grid.beams,
         "points": int(on_targets.sum()),
         "points_on_target": dict(zip(WHEELS, on_targets[1:].tolist(), strict=True)),
+        **misplaced.to_json(),
     }
 
 

@@ -8,7 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from .parameters import Beam, Grid, ScannerFile, Surfaces, TotalStation, VehicleFile
+from .parameters import (
+    Beam,
+    Calibration,
+    Grid,
+    Registration,
+    ScannerFile,
+    Surfaces,
+    TotalStation,
+    VehicleFile,
+)
 from .plate_file import TargetFile
 from .recipe import Recipe, read_recipe
 from .target_file import read_target
@@ -25,10 +34,13 @@ class Instruments:
     beam: Beam
     total_station: TotalStation
     surfaces: Surfaces
+    calibration: Calibration
+    registration: Registration
 
     def stated(self) -> dict[str, Any]:
         """Return what the scanner file states of the optional tables, ready for JSON."""
-        tables = {"surfaces": self.surfaces.model_dump(exclude_unset=True)}
+        names = ("surfaces", "calibration", "registration")
+        tables = {name: getattr(self, name).model_dump(exclude_unset=True) for name in names}
         return {name: table for name, table in tables.items() if table}
 
 
@@ -47,4 +59,6 @@ def draw_instruments(
         scanner_recipe.draw("beam", Beam, rng),
         scanner_recipe.draw("total_station", TotalStation, rng),
         scanner_recipe.draw("surfaces", Surfaces, rng),
+        scanner_recipe.draw("calibration", Calibration, rng),
+        scanner_recipe.draw("registration", Registration, rng),
     )

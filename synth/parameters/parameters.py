@@ -195,6 +195,35 @@ class Beam(Section):
         return self
 
 
+class Calibration(Section):
+    """Systematic errors of the instrument, the same in all scans; formulas in systematic.py.
+
+    range_scale_ppm: per million of the range. eccentricity: amplitude of an encoder's first
+    harmonic, and the angle at which it is zero and rises. beam_offset_m: of the beam from the
+    vertical axis, to the side. face: 2 reverses all angular terms, so that the mean of both faces
+    has none.
+    """
+
+    range_offset_m: float = Field(0.0, ge=-0.1, le=0.1)
+    range_scale_ppm: float = Field(0.0, ge=-1000.0, le=1000.0)
+    collimation_arcsec: float = Field(0.0, ge=-3600.0, le=3600.0)
+    trunnion_arcsec: float = Field(0.0, ge=-3600.0, le=3600.0)
+    vertical_index_arcsec: float = Field(0.0, ge=-3600.0, le=3600.0)
+    azimuth_eccentricity_arcsec: float = Field(0.0, ge=-3600.0, le=3600.0)
+    azimuth_eccentricity_at_deg: float = 0.0
+    elevation_eccentricity_arcsec: float = Field(0.0, ge=-3600.0, le=3600.0)
+    elevation_eccentricity_at_deg: float = 0.0
+    beam_offset_m: float = Field(0.0, ge=-0.01, le=0.01)
+    face: int = Field(1, ge=1, le=2)
+
+
+class Registration(Section):
+    """Standard deviations, along and about each axis, of the pose of each station from its own."""
+
+    shift_sigma_m: float = Field(0.0, ge=0.0, le=0.1)
+    turn_sigma_arcsec: float = Field(0.0, ge=0.0, le=3600.0)
+
+
 class Surfaces(Section):
     """Albedos of surfaces (Lambert's reflectance); those left out keep the generator's own.
 
@@ -263,6 +292,8 @@ class ScannerFile(Section):
     total_station: TotalStation
     scene: Obstacle = Obstacle()
     surfaces: Surfaces = Surfaces()
+    calibration: Calibration = Calibration()
+    registration: Registration = Registration()
     panorama: Panorama = Panorama()
     corner: Corner = Corner()
     unread: ClassVar[frozenset[str]] = frozenset({"instrument"})

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import Array
-from ..parameters.parameters import Beam
+from ..parameters.parameters import Beam, Calibration
 from ..scene.scene import Scene
 from .echoes import Echoes, trace
 from .lattice import Lattice
@@ -21,6 +21,7 @@ from .noise import correlated_rows, margin
 from .raycast import RayCaster
 from .scanner import Scan, directions, range_sigma_m, report
 from .spot import near_edges, spot_reach, with_spots
+from .systematic import EXACT, measured_angles
 
 BLOCK = 400_000  # beams per block
 ROWS, CORRELATED, LINES = 3, 5, 6  # streams of random numbers, with the seed
@@ -34,6 +35,7 @@ def scan_rows(
     nearest_m: float,
     stream: tuple[int, int],
     block: int = BLOCK,
+    calibration: Calibration = EXACT,
 ) -> Iterator[Scan]:
     """Yield the scan in blocks of rows, from the lowest.
 
@@ -41,7 +43,7 @@ def scan_rows(
     nearest_m: lower bound of the range; stream: seed and number of the station; block: beams per
     block.
     """
-    row_scanner = _RowScanner(scene, grid, beam, target_m, nearest_m, *stream)
+    row_scanner = _RowScanner(scene, grid, beam, target_m, nearest_m, *stream, calibration)
     count = len(grid.elevation_rad)
     height = max(1, block // len(grid.azimuth_rad))
     for first in range(0, count, height):
@@ -59,6 +61,7 @@ class _RowScanner:
     nearest_m: float
     seed: int
     station: int
+    calibration: Calibration
 
     @cached_property
     def caster(self) -> RayCaster:
@@ -82,8 +85,9 @@ class _RowScanner:
         scans = []
         for k, rng in enumerate(streams[inner]):
             row = _rows(echoes, slice(k * width, (k + 1) * width))
-            nominal = directions(
-                self.grid.azimuth_rad, np.full(width, self.grid.elevation_rad[rows[k]])
+            elevation = np.full(width, self.grid.elevation_rad[rows[k]])
+            angles = measured_angles(
+                self.grid.azimuth_rad, elevation, row.range_m, self.calibration
             )
             sigma_m = range_sigma_m(self.beam.range_sigma_m, row.cosine)
             noise_m = rng.normal(0.0, 1.0, width) * sigma_m
@@ -91,7 +95,9 @@ class _RowScanner:
                 noise_m += correlated[k] * range_sigma_m(self.beam.correlated_sigma_m, row.cosine)
             if self.beam.line_sigma_m > 0.0:
                 noise_m += self.beam.line_sigma_m * self._line_offsets(rows[k])
-            scans.append(report(row, nominal, noise_m, self.beam, rng))
+            scans.append(
+                report(row, directions(*angles), noise_m, self.beam, rng, self.calibration)
+            )
         return _joined(scans)
 
     def _stream(self, kind: int, row: int) -> np.random.Generator:

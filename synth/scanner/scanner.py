@@ -12,15 +12,15 @@ import numpy.typing as npt
 
 from ..arrays import Array, Array32, Mask
 from ..errors import SynthError
-from ..parameters.parameters import Beam, Grid, Station
+from ..parameters.parameters import Beam, Calibration, Grid, Station
 from ..parameters.recipe import Recipe
 from ..scene.scene import Scene
 from ..vehicle.vehicle import Vehicle, Wheel
-from .bias import biased
 from .echoes import Echoes
 from .noise import gaussian_field
 from .raycast import RayCaster
 from .spot import spot_echoes
+from .systematic import EXACT, biased, measured_angles, measured_range_m
 
 NEAREST_STRAY_M = 0.5
 TRIES = 1000
@@ -77,11 +77,17 @@ def draw_stand(vehicle: Vehicle, wheel: Wheel, recipe: Recipe, rng: np.random.Ge
 
 
 def scan(
-    scene: Scene, centre_station_m: Array, grid: Grid, beam: Beam, rng: np.random.Generator
+    scene: Scene,
+    centre_station_m: Array,
+    grid: Grid,
+    beam: Beam,
+    rng: np.random.Generator,
+    calibration: Calibration = EXACT,
 ) -> Scan:
     """Scan the window round the target's centre (3,).
 
-    The beam's direction is jittered about the nominal one, which is the one reported.
+    The beam's direction is jittered about the nominal one, which is the one reported, with the
+    errors of the instrument's calibration.
     """
     step = grid.spacing_m / float(np.linalg.norm(centre_station_m))
     azimuth, elevation = _window(centre_station_m, grid, step, rng)
@@ -89,9 +95,10 @@ def scan(
     true = directions(azimuth + jitter[0] / np.cos(elevation), elevation + jitter[1])
     caster = RayCaster(scene.vertices_m, scene.faces)
     echoes = spot_echoes(scene, caster, true, step, beam)
-    nominal = directions(azimuth, elevation).reshape(-1, 3)
+    range_m = echoes.range_m.reshape(elevation.shape)
+    angles = measured_angles(azimuth, elevation, range_m, calibration)
     noise_m = _range_noise(echoes, elevation, grid, beam, rng)
-    return report(echoes, nominal, noise_m, beam, rng)
+    return report(echoes, directions(*angles).reshape(-1, 3), noise_m, beam, rng, calibration)
 
 
 def directions(azimuth_rad: Array, elevation_rad: Array) -> Array:
@@ -163,7 +170,12 @@ def along_lines(offset: Array, grid: Array, beam: Beam) -> Array:
 
 
 def report(
-    echoes: Echoes, nominal: Array, noise_m: Array, beam: Beam, rng: np.random.Generator
+    echoes: Echoes,
+    nominal: Array,
+    noise_m: Array,
+    beam: Beam,
+    rng: np.random.Generator,
+    calibration: Calibration = EXACT,
 ) -> Scan:
     """Return the scan of beams with unit vectors nominal (N, 3), as the scanner reports it.
 
@@ -172,7 +184,7 @@ def report(
     count = len(nominal)
     echoes = biased(echoes, beam)
     true_m = echoes.range_m
-    range_m = true_m + noise_m
+    range_m = measured_range_m(true_m, calibration) + noise_m
     stray = rng.random(count) < beam.stray_fraction
     anywhere_m = NEAREST_STRAY_M + rng.random(count) * (1.2 * true_m - NEAREST_STRAY_M)
     range_m = np.where(stray, anywhere_m, range_m)

@@ -1,4 +1,4 @@
-"""Stations of the scanner round a whole vehicle."""
+"""Stations of the scanner round a whole vehicle, and the errors of their registration."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import numpy as np
 
 from ..arrays import Array
 from ..output.truth import site_point
-from ..parameters.parameters import Corner
+from ..parameters.parameters import Corner, Registration
 from ..parameters.recipe import Recipe
 from ..scene.scene import Mounted
-from ..vehicle.vehicle import FORWARD, LEFT, UP, WHEELS, Vehicle
+from ..vehicle.vehicle import FORWARD, LEFT, UP, WHEELS, Vehicle, about
+from .systematic import ARCSEC
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,38 @@ class Station:
     position_vehicle_m: Array
     position_site_m: Array
     heading_rad: float
+
+
+@dataclass(frozen=True)
+class Misplacement:
+    """Error of the registration of one station: a rotation vector about the scanner, and a shift.
+
+    Both along the axes of the site.
+    """
+
+    turn_rad: Array
+    shift_m: Array
+
+    def of(self, points_station_m: Array) -> Array:
+        """Return points (N, 3), so misplaced."""
+        angle = float(np.linalg.norm(self.turn_rad))
+        if angle > 0.0:
+            points_station_m = points_station_m @ about(self.turn_rad / angle, angle).T
+        return np.asarray(points_station_m + self.shift_m)
+
+    def to_json(self) -> dict[str, list[float]]:
+        """Return the drawn values, if any."""
+        if not np.any([self.turn_rad, self.shift_m]):
+            return {}
+        turn = (self.turn_rad / ARCSEC).tolist()
+        return {"registration_turn_arcsec": turn, "registration_shift_m": self.shift_m.tolist()}
+
+
+def draw_misplacement(registration: Registration, rng: np.random.Generator) -> Misplacement:
+    """Draw the error of one station; exact values draw nothing."""
+    sigmas = registration.turn_sigma_arcsec * ARCSEC, registration.shift_sigma_m
+    turn, shift = (rng.normal(0.0, one, 3) if one > 0.0 else np.zeros(3) for one in sigmas)
+    return Misplacement(turn, shift)
 
 
 def draw_stations(

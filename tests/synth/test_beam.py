@@ -13,11 +13,11 @@ from wheelplane_synth.output.archive import write_capture
 from wheelplane_synth.parameters.parameters import ScannerFile, Surfaces, VehicleFile
 from wheelplane_synth.parameters.recipe import read_recipe
 from wheelplane_synth.parameters.target_file import read_target
-from wheelplane_synth.scanner.bias import biased
 from wheelplane_synth.scanner.echoes import Echoes
 from wheelplane_synth.scanner.footprint import extent_m, spot_pattern
 from wheelplane_synth.scanner.raycast import RayCaster
 from wheelplane_synth.scanner.spot_average import average
+from wheelplane_synth.scanner.systematic import biased
 from wheelplane_synth.scene.scene import Scene, build_scene
 from wheelplane_synth.vehicle.vehicle import draw_vehicle, draw_wheel
 
