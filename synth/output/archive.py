@@ -16,6 +16,7 @@ from ..parameters.parameters import Obstacle
 from ..parameters.plate_file import DiscFile
 from ..parameters.recipe import Recipe
 from ..scanner.scanner import draw_stand, scan
+from ..scanner.sensors import sense
 from ..scanner.stations import draw_misplacement
 from ..scene.obstacle import draw_board
 from ..scene.scene import build_scene
@@ -124,7 +125,10 @@ def _write_scan(
     scene = build_scene(car, wheel, kit.target, position_m, mount, obstacles, kit.surfaces)
     R_site_vehicle = car.T_site_vehicle[:3, :3]
     centre_station_m = R_site_vehicle @ (wheel.centre_vehicle_m - stand.position_vehicle_m)
-    found = scan(scene, centre_station_m, kit.grid, kit.beam, rng, kit.calibration)
+    if kit.sensor.kind == "laser-scanner":
+        found = scan(scene, centre_station_m, kit.grid, kit.beam, rng, kit.calibration)
+    else:
+        found = sense(scene, centre_station_m, kit.sensor, kit.grid, kit.beam, rng)
     misplaced = draw_misplacement(kit.registration, rng)
     station_m = site_point(car, stand.position_vehicle_m)
     name = scan_file(wheel)

@@ -60,6 +60,11 @@ def write_whole(
         np.random.default_rng(child) for child in seeds
     )
     kit = draw_instruments(vehicle, scanner, target, instruments_rng)
+    if kit.sensor.kind != "laser-scanner":
+        raise SynthError(
+            f"{scanner}: sensor.kind '{kit.sensor.kind}' scans wheel by wheel; leave --whole out, "
+            "or name a laser scanner"
+        )
     car = draw_vehicle(kit.vehicle_recipe, vehicle_rng)
     site = draw_site(car, kit, seed, points, wheel_rngs)
     with new_folder(out) as folder:

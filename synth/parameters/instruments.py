@@ -14,6 +14,7 @@ from .parameters import (
     Grid,
     Registration,
     ScannerFile,
+    Sensor,
     Surfaces,
     TotalStation,
     VehicleFile,
@@ -34,12 +35,13 @@ class Instruments:
     beam: Beam
     total_station: TotalStation
     surfaces: Surfaces
+    sensor: Sensor
     calibration: Calibration
     registration: Registration
 
     def stated(self) -> dict[str, Any]:
         """Return what the scanner file states of the optional tables, ready for JSON."""
-        names = ("surfaces", "calibration", "registration")
+        names = ("surfaces", "sensor", "calibration", "registration")
         tables = {name: getattr(self, name).model_dump(exclude_unset=True) for name in names}
         return {name: table for name, table in tables.items() if table}
 
@@ -59,6 +61,7 @@ def draw_instruments(
         scanner_recipe.draw("beam", Beam, rng),
         scanner_recipe.draw("total_station", TotalStation, rng),
         scanner_recipe.draw("surfaces", Surfaces, rng),
+        scanner_recipe.draw("sensor", Sensor, rng),
         scanner_recipe.draw("calibration", Calibration, rng),
         scanner_recipe.draw("registration", Registration, rng),
     )

@@ -195,6 +195,18 @@ class Beam(Section):
         return self
 
 
+class Sensor(Section):
+    """Kind of the instrument that scans a wheel; the geometry is in sensors.py.
+
+    baseline_m: from the camera to the projector of structured light, from the laser to the camera
+    of a profile sensor, in the direction turn_deg of the image, anticlockwise from level.
+    """
+
+    kind: Literal["laser-scanner", "structured-light", "line-profile"] = "laser-scanner"
+    baseline_m: float = Field(0.3, ge=0.0, le=5.0)
+    turn_deg: float = 0.0
+
+
 class Calibration(Section):
     """Systematic errors of the instrument, the same in all scans; formulas in systematic.py.
 
@@ -292,8 +304,18 @@ class ScannerFile(Section):
     total_station: TotalStation
     scene: Obstacle = Obstacle()
     surfaces: Surfaces = Surfaces()
+    sensor: Sensor = Sensor()
     calibration: Calibration = Calibration()
     registration: Registration = Registration()
     panorama: Panorama = Panorama()
     corner: Corner = Corner()
     unread: ClassVar[frozenset[str]] = frozenset({"instrument"})
+
+    @model_validator(mode="after")
+    def _suits_its_kind(self) -> ScannerFile:
+        kind = self.sensor.kind
+        if kind != "laser-scanner" and not self.beam.is_thin:
+            raise ValueError(f"sensor.kind '{kind}': it has no spot; set beam.spot_radius_m to 0")
+        if kind != "laser-scanner" and self.calibration != Calibration():
+            raise ValueError(f"sensor.kind '{kind}': [calibration] is of laser scanners; remove it")
+        return self

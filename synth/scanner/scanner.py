@@ -176,6 +176,7 @@ def report(
     beam: Beam,
     rng: np.random.Generator,
     calibration: Calibration = EXACT,
+    origins_m: Array | float = 0.0,
 ) -> Scan:
     """Return the scan of beams with unit vectors nominal (N, 3), as the scanner reports it.
 
@@ -193,5 +194,5 @@ def report(
     kept &= power >= beam.detector_threshold
     speckle = 1 + beam.intensity_sigma * rng.normal(0.0, 1.0, count)
     intensity = np.maximum(power * speckle, 0.0).astype(np.float32)
-    points = nominal[kept] * range_m[kept, None]
+    points = (nominal * range_m[:, None] + origins_m)[kept]
     return Scan(points, intensity[kept], np.where(stray, -1, echoes.target)[kept], count)

@@ -1,0 +1,95 @@
+"""Triangulating sensors: a regular grid, clean edges, and the shadow of their partner."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.support.made import DEFAULT, DISC, SALOON, changed, of_spot, read_ply
+from tests.synth.test_beam import DEEP_M, NEAR_M, half_planes
+from wheelplane_synth.errors import SynthError
+from wheelplane_synth.output.archive import write_capture
+from wheelplane_synth.output.whole import write_whole
+from wheelplane_synth.parameters.parameters import Grid, ScannerFile, Sensor
+from wheelplane_synth.parameters.recipe import read_recipe
+from wheelplane_synth.scanner.sensors import sense
+
+GRID = Grid(spacing_m=0.001, half_width_m=0.1)
+CENTRE_M = np.array([NEAR_M, 0.0, 0.0])  # the image's x is -y, its y is z
+KINDS = ["structured-light", "line-profile"]
+
+
+def points_m(kind, baseline_m, turn_deg=0.0):
+    sensor = Sensor(kind=kind, baseline_m=baseline_m, turn_deg=turn_deg)
+    seen = sense(half_planes(), CENTRE_M, sensor, GRID, of_spot(0.0), np.random.default_rng(1))
+    return seen.points_station_m
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_points_lie_on_a_surface_or_are_not_there(kind):
+    points = points_m(kind, 0.3)
+    near = np.abs(points[:, 0] - NEAR_M) < 1e-12
+    far = np.abs(points[:, 0] - NEAR_M - DEEP_M) < 1e-12
+    assert np.all(near | far)
+    assert near.sum() > 10_000
+    assert far.sum() > 10_000
+    assert points[near, 1].max() < 0 < points[far, 1].min()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_grid_is_regular_in_the_image(kind):
+    """Spacing in the plane of the centre; a profile sensor's rows are parallel at any depth."""
+    points = points_m(kind, 0.0)
+    across = points[:, 1] * NEAR_M / points[:, 0]
+    along = points[:, 2] * (NEAR_M / points[:, 0] if kind == "structured-light" else 1.0)
+    for one in (across, along):
+        steps = (one - one.min()) / GRID.spacing_m
+        assert steps == pytest.approx(np.rint(steps), abs=1e-7)
+        assert len(np.unique(np.rint(steps))) == 201
+    assert len(points) == 201**2
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("baseline_m", [0.2, 0.5])
+def test_the_partner_s_shadow_is_baseline_times_depth_over_distance(kind, baseline_m):
+    """The edge at y = 0 cuts the sight of y = -b to the far plane at y < b d / z."""
+    for turn_deg, shadow_m in ((0.0, baseline_m * DEEP_M / NEAR_M), (180.0, 0.0)):
+        points = points_m(kind, baseline_m, turn_deg)
+        nearest_m = points[points[:, 0] > NEAR_M + DEEP_M / 2, 1].min()
+        assert shadow_m < nearest_m + 1e-6
+        assert nearest_m < shadow_m + 1.1 * GRID.spacing_m
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_capture_of_such_a_sensor_shows_its_discs_to_the_edge(tmp_path, kind):
+    values = {"sensor": {"kind": kind}, "beam.spot_radius_m": 0.0, "beam.range_sigma_m": 0.0}
+    values |= {"beam.stray_fraction": 0.0, "grid.spacing_m": 0.002, "grid.half_width_m": 0.18}
+    scanner = changed(DEFAULT, tmp_path, values)
+    files = {"vehicle": SALOON, "scanner": scanner, "target": DISC}
+    write_capture(tmp_path / "c", seed=2, trials=0, **files)
+    truth = json.loads((tmp_path / "c" / "truth.json").read_text())
+    assert truth["used"]["sensor"] == {"kind": kind}
+    for wheel, used in zip(truth["wheels"], truth["used"]["scans"], strict=True):
+        off = read_ply(tmp_path / "c" / used["file"])[0] - wheel["centre_m"]
+        height = off @ wheel["normal"]
+        on_face = np.abs(height) < 1e-9
+        radius = np.linalg.norm(off[on_face], axis=1)
+        assert on_face.sum() == used["points_on_target"] > 5000
+        assert 0.1235 < radius.max() < 0.125
+        beside = (np.abs(height) > 1e-9) & (np.abs(height) < 0.005)
+        assert np.linalg.norm(off[beside], axis=1).max(initial=0.1249) < 0.1256  # the wall
+
+
+def test_what_such_a_sensor_has_not_is_refused(tmp_path):
+    values = {"sensor": {"kind": "line-profile"}}
+    with pytest.raises(SynthError, match=r"it has no spot; set beam\.spot_radius_m to 0"):
+        read_recipe(changed(DEFAULT, tmp_path, values), ScannerFile)
+    values |= {"beam.spot_radius_m": 0.0}
+    turned = changed(DEFAULT, tmp_path, values | {"calibration": {"range_offset_m": 0.001}})
+    with pytest.raises(SynthError, match=r"\[calibration\] is of laser scanners"):
+        read_recipe(turned, ScannerFile)
+    scanner = changed(DEFAULT, tmp_path, values)
+    with pytest.raises(SynthError, match="scans wheel by wheel"):
+        write_whole(tmp_path / "w", seed=1, vehicle=SALOON, scanner=scanner, target=DISC)
