@@ -159,7 +159,7 @@ def _range_noise(
         noise_m += correlated * range_sigma_m(beam.correlated_sigma_m, echoes.cosine)
     if beam.line_sigma_m > 0.0:
         lines = elevation.shape[0] if beam.scan_lines == "rows" else elevation.shape[1]
-        noise_m += beam.line_sigma_m * along_lines(rng.standard_normal(lines), elevation, beam)
+        noise_m += beam.line_sigma_m * along_lines(rng.standard_normal((lines,)), elevation, beam)
     return noise_m
 
 
