@@ -11,6 +11,7 @@ import click
 
 from . import __version__
 from .errors import WheelplaneError
+from .system import signals
 
 COMMANDS = {
     "batch": ("commands.batch:batch", "Measure every capture of an archive; a catalogue."),
@@ -77,7 +78,7 @@ def main() -> None:
     """Run the command; an error is one line: exit code 2 if a user can fix it, else 3."""
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[variable] = "1"  # same bytes with any number of cores
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in signals("SIGTERM", "SIGHUP"):
         if signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores the latter
             signal.signal(number, _end)
     try:

@@ -21,7 +21,7 @@ CLOUD = ROOT / "pipeline" / "diagnostics" / "certified" / "pcl" / "sac_plane_tes
 # A room may import those that stand above it, and none below; a part of a room likewise.
 # fmt: off
 ROOMS = [
-    "errors", "vectors", "units", "config", "files",
+    "errors", "system", "vectors", "units", "config", "files",
     "cloud", "vehicle",
     "targets", "readers",
     "uncertainty", "capture",
@@ -50,8 +50,8 @@ PARTS = {
 # one by one, so that --help loads none of them.
 # fmt: off
 DOORS = [
-    "cloud", "vehicle", "targets", "readers", "uncertainty", "capture", "plane", "detection",
-    "diagnostics", "centre", "measurement", "kinematics", "five_point", "validation",
+    "system", "cloud", "vehicle", "targets", "readers", "uncertainty", "capture", "plane",
+    "detection", "diagnostics", "centre", "measurement", "kinematics", "five_point", "validation",
 ]
 # fmt: on
 MOST_AT_ROOT, MOST_IN_A_ROOM = 8, 13

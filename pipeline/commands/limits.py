@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import re
-import resource
-import signal
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
-from types import FrameType
 from typing import Any
 
 import click
 
 from ..errors import InputError
-from ..readers import held_bytes, machine_bytes
+from ..system import machine_bytes, memory_limit, time_limit
 
 MEMORY = re.compile(r"(\d+(?:\.\d+)?)\s*([KMGT])i?B?", re.IGNORECASE)
 
@@ -59,17 +55,9 @@ def within(seconds: float, more_bytes: int) -> Iterator[None]:
 
     Raises InputError that names the option, once all temporary files have been removed.
     """
-    before, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    most = held_bytes() + more_bytes
-    if resource.RLIM_INFINITY not in (before, hard):
-        most = min(most, before)
-    resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
-    is_main = threading.current_thread() is threading.main_thread()
-    handler = signal.signal(signal.SIGALRM, _end) if is_main else None
     try:
-        if is_main:
-            signal.setitimer(signal.ITIMER_REAL, seconds)
-        yield
+        with memory_limit(more_bytes), time_limit(seconds, TimeLimitError):
+            yield
     except TimeLimitError:
         raise InputError(f"it takes more than {seconds:g} s: allow more by --timeout") from None
     except MemoryError:
@@ -77,12 +65,3 @@ def within(seconds: float, more_bytes: int) -> Iterator[None]:
             f"it needs more than {more_bytes / 2**20:.0f} MB of memory: allow more by --memory, "
             "or measure fewer points at once"
         ) from None
-    finally:
-        if is_main:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-            signal.signal(signal.SIGALRM, handler)
-        resource.setrlimit(resource.RLIMIT_DATA, (before, hard))
-
-
-def _end(_number: int, _frame: FrameType | None) -> None:
-    raise TimeLimitError

@@ -1,7 +1,6 @@
 """Readers of point-cloud files: PLY, PCD, PTX, PTS, E57, LAS, LAZ, text, NumPy and meshes."""
 
 from .gather import Placer, PointRows, RowProgress, silent
-from .memory import held_bytes, machine_bytes
 from .missing import Markers, find_markers
 from .options import AS_THE_FILE_SAYS, ReadOptions
 from .packed import scan_suffix
@@ -29,8 +28,6 @@ __all__ = [
     "confine",
     "die_with",
     "find_markers",
-    "held_bytes",
-    "machine_bytes",
     "open_cloud",
     "read_scan",
     "scan_suffix",

@@ -21,11 +21,12 @@ from wheelplane.batch.run.work import ArchiveError, CompletedCapture, RunRequest
 from wheelplane.batch.run.worker_process import WorkerError
 from wheelplane.batch.storage import scratch
 from wheelplane.batch.storage.entry import Entry
-from wheelplane.batch.storage.scratch import PREFIX, scratch_folder
+from wheelplane.batch.storage.scratch import LOCK, PREFIX, scratch_folder
 from wheelplane.capture.open_capture import CaptureOptions, open_capture
 from wheelplane.config import Config
 from wheelplane.errors import InputError
 from wheelplane.measure import measure_capture
+from wheelplane.system import acquire
 
 SINGLE = {
     "a.zip": "zip",
@@ -304,6 +305,7 @@ def test_what_cannot_be_read_is_a_row_and_what_cannot_be_written_ends_the_run(mo
 def test_scratch_of_the_killed_is_cleared_and_that_of_the_living_is_not(tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     (tmp_path / f"{PREFIX}left" / "capture").mkdir(parents=True)
+    (tmp_path / f"{PREFIX}left" / LOCK).write_bytes(b"held")
     with scratch_folder() as one, scratch_folder() as other:
         assert not (tmp_path / f"{PREFIX}left").exists()
         assert one.is_dir()
@@ -314,15 +316,15 @@ def test_scratch_of_the_killed_is_cleared_and_that_of_the_living_is_not(tmp_path
 def test_scratch_is_not_taken_for_abandoned_before_it_is_locked(tmp_path, monkeypatch):
     """Another run looks for what is left while this one makes its folder."""
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    lock, others = scratch.fcntl.flock, iter([scratch_folder()])
+    others = iter([scratch_folder()])
 
-    def flock(handle, how):
+    def late(handle, wait=True):
         for other in others:
             with other:
                 pass
-        lock(handle, how)
+        return acquire(handle, wait)
 
-    monkeypatch.setattr(scratch.fcntl, "flock", flock)
+    monkeypatch.setattr(scratch, "acquire", late)
     with scratch_folder() as one:
         assert one.is_dir()
         with scratch_folder():

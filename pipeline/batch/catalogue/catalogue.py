@@ -7,7 +7,6 @@ any order, whether the catalogue was updated or rebuilt.
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 import sqlite3
@@ -20,6 +19,7 @@ from pathlib import Path
 from typing import IO
 
 from ...errors import InputError
+from ...system import acquire, sync_folder
 from ..storage.entry import PARTIAL
 from ..storage.store import Store, open_store
 from .changes import Changes, in_folder, in_storage
@@ -105,7 +105,7 @@ def _workspace(store: Store, reading: bool = False) -> Iterator[_Workspace]:
     if store.local is not None and (lock := _lock_file(store.local)) is not None:
         file = store.local / FILE
         with lock:
-            locked = _acquire(lock, wait=not (reading and file.exists()))
+            locked = acquire(lock.fileno(), wait=not (reading and file.exists()))
             yield _Workspace(store.local / PARTIAL, file, locked)
         return
     if store.local is not None and not reading:
@@ -178,9 +178,7 @@ def _draft(
 def _publish(store: Store, workspace: _Workspace, final: Path) -> None:
     final.replace(workspace.file)
     if store.local is not None:
-        handle = os.open(workspace.file.parent, os.O_RDONLY)
-        os.fsync(handle)
-        os.close(handle)
+        sync_folder(workspace.file.parent)
     elif workspace.publish:
         store.send(FILE, workspace.file)
 
@@ -192,11 +190,3 @@ def _lock_file(folder: Path) -> IO[str] | None:
         return (folder / PARTIAL / LOCK).open("w")
     except OSError:
         return None
-
-
-def _acquire(lock: IO[str], wait: bool) -> bool:
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except BlockingIOError:
-        return False
-    return True

@@ -25,13 +25,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ...readers import confine, die_with
+from ...system import signals, start_method
 from .measure_one import TransientError
 from .work import CompletedCapture, Task, work
 
 PRELOAD = [__name__]
 SEARCH_PATH = tuple(sys.path)  # in the fork server, which imports this first: of its environment
 LOG, TAIL_BYTES = "log.txt", 4000
-EXTERNAL_SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGHUP)
+EXTERNAL_SIGNALS = signals("SIGKILL", "SIGTERM", "SIGHUP")
 STARTING = threading.Lock()  # of this process's variables
 
 Cause = Literal["crashed", "killed", "too long", "memory"]
@@ -98,8 +99,8 @@ class WorkerProcess:
         return log
 
     def _start(self) -> tuple[BaseProcess, Connection, Path]:
-        context = multiprocessing.get_context("forkserver")
-        context.set_forkserver_preload(PRELOAD)
+        context = multiprocessing.get_context(start_method())
+        context.set_forkserver_preload(PRELOAD)  # no other method heeds it
         folder = Path(tempfile.mkdtemp(dir=self._scratch))
         environment = {**self._environment, "TMPDIR": str(folder)}
         pipe, theirs = context.Pipe()

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...errors import InputError
-from ...readers import child_environment, machine_bytes
+from ...readers import child_environment
+from ...system import machine_bytes
 from .work import CompletedCapture, Task
 from .worker_process import WorkerProcess
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import time
 import uuid
@@ -13,6 +12,7 @@ from pathlib import Path
 
 from ...errors import InputError
 from ...files import lies_in
+from ...system import acquire, sync_folder
 from .entry import OUTSIDE, PARTIAL, Entry
 
 STALE_S = 3600.0  # a write takes milliseconds: older temporary files are of killed processes
@@ -97,7 +97,7 @@ class LocalStore:
                 if temporary.stat().st_nlink == 1:
                     return False
                 # else NFS did link, in answer to a first request whose reply was lost
-            _sync_folder(path.parent)
+            sync_folder(path.parent)
         return True
 
     def write(self, name: str, data: bytes) -> None:
@@ -105,7 +105,7 @@ class LocalStore:
         path = self.folder / name
         with self._whole(name, data) as temporary:
             temporary.replace(path)
-            _sync_folder(path.parent)
+            sync_folder(path.parent)
 
     def send(self, name: str, path: Path) -> None:
         """Write or replace a file by a copy of the one at `path`."""
@@ -191,7 +191,7 @@ def _link(temporary: Path, path: Path) -> None:
         if error.errno not in NO_LINKS:
             raise
         with (temporary.parent / LOCK).open("w") as lock:  # FAT and some network disks
-            fcntl.flock(lock, fcntl.LOCK_EX)
+            acquire(lock.fileno())
             if path.exists():
                 raise FileExistsError(errno.EEXIST, "File exists", str(path)) from error
             temporary.rename(path)
@@ -203,16 +203,4 @@ def _make_folder(folder: Path) -> None:
         return
     _make_folder(folder.parent)
     folder.mkdir(exist_ok=True)
-    _sync_folder(folder.parent)
-
-
-def _sync_folder(folder: Path) -> None:
-    """Sync the names in a folder to disk, if the file system supports it."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
-            raise
-    finally:
-        os.close(handle)
+    sync_folder(folder.parent)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 import tempfile
@@ -10,7 +9,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-PREFIX, UNLOCKED = "wheelplane-run-", "wheelplane-new-"
+from ...system import acquire
+
+PREFIX, LOCK = "wheelplane-run-", "lock"
 
 
 @contextmanager
@@ -19,12 +20,11 @@ def scratch_folder() -> Iterator[Path]:
     for left in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
         if _is_abandoned(left):
             shutil.rmtree(left, ignore_errors=True)
-    folder = Path(tempfile.mkdtemp(prefix=UNLOCKED))
-    handle = os.open(folder, os.O_RDONLY)
+    folder = Path(tempfile.mkdtemp(prefix=PREFIX))
+    handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT)
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        # Only now by a name under which others look: a folder that is not locked is abandoned.
-        folder = folder.rename(folder.with_name(folder.name.replace(UNLOCKED, PREFIX)))
+        acquire(handle)
+        os.write(handle, b"held")
         yield folder
     finally:
         os.close(handle)
@@ -32,15 +32,17 @@ def scratch_folder() -> Iterator[Path]:
 
 
 def _is_abandoned(folder: Path) -> bool:
-    """Return whether its owner has ended: the lock on a folder ends with its process."""
+    """Return whether its owner has ended: the lock ends with its process.
+
+    An empty lock is one that its owner has not come to hold yet.
+    """
     try:
-        handle = os.open(folder, os.O_RDONLY)
+        handle = os.open(folder / LOCK, os.O_RDWR)
     except OSError:
-        return False  # another user's, or just removed
+        return False  # another user's, just made, or just removed
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return acquire(handle, wait=False) and os.fstat(handle).st_size > 0
     except OSError:
         return False
     finally:
         os.close(handle)
-    return True

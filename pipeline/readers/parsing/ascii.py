@@ -5,16 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import math
-import os
 import re
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import takewhile
 
 import numpy as np
 
+from ...system import MemoryFile, memory_file
 from ...vectors import Array
 from ..faults import fault
 from ..source import Source, shown
@@ -149,7 +148,7 @@ def table_blocks(
     Raises InputError that names the first line that is no such row.
     """
     left = limit
-    with _memory_file() as memory:
+    with memory_file() as memory:
         parser = _Parser(columns, delimiter, source, cells, memory)
         while left is None or left > 0:
             is_row = partial(content, delimiter=delimiter)
@@ -162,16 +161,6 @@ def table_blocks(
             left = None if left is None else left - len(table)
 
 
-@contextmanager
-def _memory_file() -> Iterator[int]:
-    """Open a file in memory, by its descriptor."""
-    descriptor = os.memfd_create("table")
-    try:
-        yield descriptor
-    finally:
-        os.close(descriptor)
-
-
 class _Parser:
     """Parser of successive pieces of a table.
 
@@ -180,7 +169,12 @@ class _Parser:
     """
 
     def __init__(
-        self, columns: int, delimiter: str | None, source: Source, cells: Cells, memory: int
+        self,
+        columns: int,
+        delimiter: str | None,
+        source: Source,
+        cells: Cells,
+        memory: MemoryFile,
     ) -> None:
         self._columns, self._delimiter, self._source = columns, delimiter, source
         self._cells, self._memory = cells, memory
@@ -227,12 +221,10 @@ class _Parser:
             if "." in piece:
                 return None
             piece = piece.replace(",", ".")
-        data = piece.encode("utf-8", "replace")
-        os.ftruncate(self._memory, os.pwrite(self._memory, data, 0))
-        path = f"/proc/self/fd/{self._memory}"
+        self._memory.replace(piece.encode("utf-8", "replace"))
         try:
             table = np.loadtxt(
-                path,
+                self._memory.path,
                 comments="#",
                 delimiter=self._delimiter,
                 converters=converters,

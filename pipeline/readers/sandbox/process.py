@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import mmap
 import os
-import select
 import signal
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, MissingDependencyError
+from ...system import MemoryFile, apart, inherits_descriptors, memory_file, read_within
 from ..faults import fault
 from ..source import Source, shown
 from .environment import child_environment
@@ -78,7 +78,7 @@ class Child:
         """Free the oldest slot of the child, if it still runs."""
         try:
             os.write(self.process.stdin.fileno(), b".")  # type: ignore[union-attr]
-        except BrokenPipeError:
+        except OSError:  # EPIPE, or on Windows EINVAL
             return
 
     def protocol_error(self) -> InputError:
@@ -97,13 +97,11 @@ class Child:
 
     def _read(self, size: int, deadline: float) -> bytes:
         data = b""
-        poll = select.poll()
-        poll.register(self.inbox, select.POLLIN)
         while len(data) < size:
-            left_s = deadline - time.monotonic()
-            if not poll.poll(max(0.0, left_s) * 1000.0):
-                raise fault(self.source, "decoding it makes no progress", DAMAGED)
-            more = os.read(self.inbox, size - len(data))
+            try:
+                more = read_within(self.inbox, size - len(data), deadline - time.monotonic())
+            except TimeoutError:
+                raise fault(self.source, "decoding it makes no progress", DAMAGED) from None
             if not more:
                 raise self._ended()
             data += more
@@ -132,31 +130,39 @@ def started(job: Job, source: Source) -> Iterator[Child]:
         }
     ).encode()
     with ExitStack() as stack:
-        memory = _kept(stack, os.memfd_create("wheelplane"))
-        os.ftruncate(memory, max(SLOTS * job.slot_bytes, len(plan)))
-        area = mmap.mmap(memory, 0)  # unmapped with the last view of it
+        memory = stack.enter_context(memory_file())
+        os.ftruncate(memory.descriptor, max(SLOTS * job.slot_bytes, len(plan)))
+        area = mmap.mmap(memory.descriptor, 0)  # unmapped with the last view of it
         area[: len(plan)] = plan
-        inbox, outbox = os.pipe()
-        _kept(stack, inbox)
-        arguments = [str(n) for n in (os.getpid(), memory, outbox, len(plan))]
-        try:
-            process = subprocess.Popen(  # noqa: S603 - this interpreter, a script of this package
-                [sys.executable, "-P", "-S", str(job.script), *arguments],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                pass_fds=(memory, outbox),
-                process_group=0,  # the parent handles Ctrl-C
-                bufsize=0,
-                env=child_environment(),
-            )
-        finally:
-            os.close(outbox)
-        stack.enter_context(process)
-        stack.callback(process.kill)
+        process, inbox = _start(job, memory, len(plan), stack)
         yield Child(process, inbox, memoryview(area), source)
 
 
-def _kept(stack: ExitStack, descriptor: int) -> int:
-    stack.callback(os.close, descriptor)
-    return descriptor
+def _start(
+    job: Job, memory: MemoryFile, plan_bytes: int, stack: ExitStack
+) -> tuple[subprocess.Popen[bytes], int]:
+    """Start the child, until `stack` closes; return it and the pipe of its messages."""
+    arguments = [sys.executable, "-P", "-S", str(job.script), str(os.getpid())]
+    options: dict[str, Any] = {
+        "stdin": subprocess.PIPE,
+        "stderr": subprocess.DEVNULL,
+        "bufsize": 0,
+        "env": child_environment(),
+        **apart(),  # the parent handles Ctrl-C
+    }
+    if inherits_descriptors():
+        inbox, outbox = os.pipe()
+        stack.callback(os.close, inbox)
+        arguments += [str(memory.descriptor), str(outbox), str(plan_bytes)]
+        options |= {"pass_fds": (memory.descriptor, outbox), "stdout": subprocess.DEVNULL}
+        try:
+            process = subprocess.Popen(arguments, **options)  # noqa: S603 - a script of ours
+        finally:
+            os.close(outbox)
+    else:
+        arguments += [memory.path, "1", str(plan_bytes)]
+        process = subprocess.Popen(arguments, stdout=subprocess.PIPE, **options)  # noqa: S603
+        inbox = process.stdout.fileno()  # type: ignore[union-attr]
+    stack.enter_context(process)
+    stack.callback(process.kill)
+    return process, inbox

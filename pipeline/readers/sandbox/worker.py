@@ -12,12 +12,20 @@ import importlib.util
 import json
 import mmap
 import os
-import resource
 import signal
 import struct
 import sys
+import threading
+import time
 from collections.abc import Callable
 from types import ModuleType, SimpleNamespace
+from typing import Any
+
+resource: Any
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None
 
 MESSAGE = struct.Struct("<cIQ")
 READY, BLOCK, DONE, MEMORY, ERROR = b"R", b"B", b"D", b"M", b"E"
@@ -111,18 +119,56 @@ TASKS: dict[str, tuple[Load, Fill]] = {
 
 
 def confine(memory_bytes: int) -> None:
-    """Allow no core file, and only `memory_bytes` beyond what the process holds now."""
+    """Allow no core file, and only `memory_bytes` beyond what the process holds now.
+
+    Where the system does not tell what it holds, or has no limits, memory is not limited.
+    """
+    if resource is None:
+        return
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    with open("/proc/self/statm") as pages:  # noqa: PTH123
-        held = int(pages.read().split()[5]) * resource.getpagesize()
+    try:
+        with open("/proc/self/statm") as pages:  # noqa: PTH123
+            held = int(pages.read().split()[5]) * resource.getpagesize()
+    except OSError:
+        return
     resource.setrlimit(resource.RLIMIT_DATA, (held + memory_bytes, held + memory_bytes))
 
 
 def die_with(parent: int) -> None:
-    """Have the kernel kill this process when the thread that started it ends, however it ends."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    """End this process when the one that started it ends, however it ends.
+
+    On Linux the kernel kills it, elsewhere a thread looks every second. Windows tells neither, and
+    its processes end with their input.
+    """
+    if not hasattr(os, "fork"):
+        return
+    prctl = getattr(ctypes.CDLL(None), "prctl", None)
+    if prctl is None:
+        threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+    else:
+        prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(0)
+
+
+def _watch(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(0)
+
+
+def opened(memory: str) -> int:
+    """Return the shared memory's descriptor, which is inherited, or opened by its path."""
+    return int(memory) if memory.isdigit() else os.open(memory, os.O_RDWR)
+
+
+def claimed(outbox: str) -> int:
+    """Return the descriptor for messages; standard output is left to the noise of libraries."""
+    descriptor = int(outbox)
+    if descriptor == 1:
+        descriptor = os.dup(1)
+        os.dup2(2, 1)
+    return descriptor
 
 
 def main(parent: int, memory: int, outbox: int, plan_bytes: int) -> None:
@@ -148,4 +194,4 @@ def main(parent: int, memory: int, outbox: int, plan_bytes: int) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main(int(sys.argv[1]), opened(sys.argv[2]), claimed(sys.argv[3]), int(sys.argv[4]))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 import subprocess
 import sys
 import threading
@@ -13,6 +11,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from ...readers import child_environment
+from ...system import end_with_children
 
 LONGEST_LINE = 100_000
 FINISHED = ("done", "failed", "cancelled")
@@ -121,7 +120,4 @@ def kill(job: PageJob) -> None:
     """Kill the process and all processes that it started."""
     process = job.process
     if process is not None and process.poll() is None:
-        try:
-            os.killpg(process.pid, signal.SIGKILL)
-        except ProcessLookupError:
-            return
+        end_with_children(process)

@@ -1,0 +1,26 @@
+"""What systems differ in: memory, locks, files in memory, processes, time; a fall-back for each."""
+
+from .folders import sync_folder
+from .locks import acquire
+from .memory import free_bytes, machine_bytes, memory_limit, unlimited_bytes
+from .memory_file import MemoryFile, memory_file
+from .processes import apart, end_with_children, inherits_descriptors, signals, start_method
+from .waiting import read_within, time_limit
+
+__all__ = [
+    "MemoryFile",
+    "acquire",
+    "apart",
+    "end_with_children",
+    "free_bytes",
+    "inherits_descriptors",
+    "machine_bytes",
+    "memory_file",
+    "memory_limit",
+    "read_within",
+    "signals",
+    "start_method",
+    "sync_folder",
+    "time_limit",
+    "unlimited_bytes",
+]
