@@ -1,9 +1,9 @@
 """What systems differ in: memory, locks, files in memory, processes, time; a fall-back for each."""
 
+from .files_in_memory import MemoryFile, memory_file
 from .folders import sync_folder
 from .locks import acquire
 from .memory import free_bytes, machine_bytes, memory_limit, unlimited_bytes
-from .memory_file import MemoryFile, memory_file
 from .processes import apart, end_with_children, inherits_descriptors, signals, start_method
 from .waiting import read_within, time_limit
 
