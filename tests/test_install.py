@@ -97,9 +97,10 @@ def test_from_an_empty_folder_without_home(installed, capture, expected, tmp_pat
 
 def test_in_read_only_packages(installed, capture, expected):
     site = str(installed)
-    prefix = unshared(f"mount --bind '{site}' '{site}' && mount -o remount,ro,bind '{site}'")
+    read_only = f"mount --bind '{site}' '{site}' && mount -o remount,ro,bind '{site}'"
+    prefix = unshared(f"{read_only} && ! touch '{site}/new' 2>/dev/null")
     before = sorted(installed.rglob("*"))
-    got = run(installed, "measure", capture, "--json", prefix=prefix, **PLAIN)
+    got = run(installed, "measure", capture, "--json", prefix=prefix, HOME="/none", **PLAIN)
     assert wheels(got) == expected
     assert sorted(installed.rglob("*")) == before
 

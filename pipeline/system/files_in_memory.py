@@ -6,18 +6,17 @@ import atexit
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 
-@dataclass(frozen=True)
-class MemoryFile:
+class MemoryFile(NamedTuple):
     """An open file, and the path by which this process opens it again."""
 
     descriptor: int
     path: str
 
-    def replace(self, content: bytes) -> None:
+    def write(self, content: bytes) -> None:
         """Replace its content."""
         os.lseek(self.descriptor, 0, os.SEEK_SET)
         os.ftruncate(self.descriptor, os.write(self.descriptor, content))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from subprocess import Popen
@@ -16,7 +16,7 @@ def inherits_descriptors() -> bool:
     return hasattr(os, "fork")
 
 
-def start_method() -> Literal["forkserver", "spawn"]:
+def start_method() -> str:
     """Return how multiprocessing starts workers: by a fork server, where forks are safe."""
     return "forkserver" if hasattr(os, "fork") and sys.platform != "darwin" else "spawn"
 

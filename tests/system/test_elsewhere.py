@@ -66,6 +66,7 @@ def test_measure_gives_the_same_bytes(small, tmp_path, system):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_native_libraries_and_text_give_the_same_points(tmp_path, system):
     read = there("-c", READ, *SCANS, system=system, tmp=tmp_path)
@@ -74,6 +75,7 @@ def test_native_libraries_and_text_give_the_same_points(tmp_path, system):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_a_batch_gives_the_same_files(tmp_path, system):
     archive = archive_of(tmp_path / "archive", 3)

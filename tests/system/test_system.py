@@ -122,7 +122,7 @@ def test_a_memory_file_is_opened_by_its_path_and_leaves_nothing(tmp_path, monkey
         monkeypatch.delattr(os, "memfd_create")
     with files_in_memory.memory_file() as file:
         for content in (b"a longer one", b"short"):
-            file.replace(content)
+            file.write(content)
             with open(file.path, "rb") as opened:  # noqa: PTH123
                 assert opened.read() == content
         assert len(list(tmp_path.iterdir())) == hidden

@@ -20,9 +20,10 @@ import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from ...readers import confine, die_with
 from ...system import signals, start_method
@@ -99,7 +100,7 @@ class WorkerProcess:
         return log
 
     def _start(self) -> tuple[BaseProcess, Connection, Path]:
-        context = multiprocessing.get_context(start_method())
+        context = cast(SpawnContext, multiprocessing.get_context(start_method()))
         context.set_forkserver_preload(PRELOAD)  # no other method heeds it
         folder = Path(tempfile.mkdtemp(dir=self._scratch))
         environment = {**self._environment, "TMPDIR": str(folder)}

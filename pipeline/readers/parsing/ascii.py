@@ -221,7 +221,7 @@ class _Parser:
             if "." in piece:
                 return None
             piece = piece.replace(",", ".")
-        self._memory.replace(piece.encode("utf-8", "replace"))
+        self._memory.write(piece.encode("utf-8", "replace"))
         try:
             table = np.loadtxt(
                 self._memory.path,
