@@ -180,7 +180,7 @@ def test_every_room_of_a_stage_is_there_and_only_tools_have_none():
     named = {room for rooms in STAGES.values() for room in rooms.split()}
     modules = {name.partition(".")[2] for name in sources("pipeline")}
     assert named <= modules | {name.rpartition(".")[0] for name in modules}
-    tools = {"errors", "vectors", "units", "config", "cloud", "targets"}
+    tools = {"errors", "vectors", "units", "config", "cloud", "targets", "system"}
     measuring = set(ROOMS[: ROOMS.index("measure") + 1])
     assert measuring - tools <= named
     assert not tools & named
