@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from tests.support.made import DEFAULT, DISC, SALOON, changed, of_spot, read_ply
+from tests.support.paths import CONFIGS
 from tests.synth.test_beam import DEEP_M, NEAR_M, half_planes
+from wheelplane.config import Config, with_scanner
 from wheelplane_synth.errors import SynthError
 from wheelplane_synth.output.archive import write_capture
 from wheelplane_synth.output.whole import write_whole
@@ -93,3 +95,14 @@ def test_what_such_a_sensor_has_not_is_refused(tmp_path):
     scanner = changed(DEFAULT, tmp_path, values)
     with pytest.raises(SynthError, match="scans wheel by wheel"):
         write_whole(tmp_path / "w", seed=1, vehicle=SALOON, scanner=scanner, target=DISC)
+
+
+SHIPPED = ["phase-shift", "pulse", "structured-light", "line-profile"]
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_shipped_scanner_is_valid_for_scans_and_for_their_measurement(name):
+    recipe = read_recipe(CONFIGS / "scanners" / f"{name}.toml", ScannerFile)
+    stated = with_scanner(Config(), name).instrument
+    assert stated.range_sigma_m == recipe.tree["beam"]["range_sigma_m"]
+    assert recipe.tree.get("sensor", {}).get("kind", name) == name
