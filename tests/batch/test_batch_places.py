@@ -53,6 +53,7 @@ def cluster(tmp_path):
         "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
         **poisoned(tmp_path),
     }
+    environment.pop("LD_LIBRARY_PATH", None)  # in which OpenCV, imported by tests, left this folder
     path = f"{ROOT}{os.pathsep}{environment['PYTHONPATH']}"
     common = {"cwd": tmp_path, "env": environment | {"PYTHONPATH": path}}
     with ExitStack() as stack:
