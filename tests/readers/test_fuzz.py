@@ -168,6 +168,8 @@ def look(tmp_path, monkeypatch):
     (tmp_path / "files").mkdir()
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+    # The peak of this process is that of all tests before.
+    monkeypatch.setattr(worker, "PEAK_MB", float("inf"))
 
     def run(reader, sample=XYZ):
         monkeypatch.setattr(judge, "read_scan", lambda *path, **options: reader())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import subprocess
 import sys
 
@@ -120,27 +119,33 @@ def test_a_row_behind_a_comment_sign_is_none_where_rows_begin_with_names(tmp_pat
     assert read_scan(path).points_m.tolist() == [[1, 2, 3], [7, 8, 9]]
 
 
+# A small process between: the peak of a process counts that of the one that it was forked from.
+STARTER = """
+import os, resource, sys
+child = os.fork()
+if child == 0:
+    resource.setrlimit(resource.RLIMIT_AS, ({bytes}, {bytes}))
+    resource.setrlimit(resource.RLIMIT_CPU, ({seconds}, {seconds}))
+    os.execv(sys.executable, [sys.executable, "-P", "-m", "wheelplane", *sys.argv[2:]])
+_, status, used = os.wait4(child, 0)
+with open(sys.argv[1], "w") as told:
+    print(os.waitstatus_to_exitcode(status), used.ru_maxrss, file=told)
+""".format(bytes=MOST_BYTES, seconds=int(MOST_S))
+
+
 def ran(folder, *arguments):
     """Exit code, output and peak memory of a command, within limits; nothing is left behind."""
-    scratch = folder / "scratch"
+    scratch, told = folder / "scratch", folder.with_name(f"{folder.name}-told")
     scratch.mkdir()
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-m", "wheelplane", *arguments],
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", STARTER, told, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
         cwd=folder,
         env={**os.environ, "TMPDIR": str(scratch)},
-        preexec_fn=limit,
+        check=True,
     )
-    text = process.stdout.read()
-    process.stdout.close()
-    _, status, used = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
+    code, peak_kb = map(int, told.read_text().split())
     assert list(scratch.iterdir()) == []
-    return process.returncode, text, used.ru_maxrss / 1024
-
-
-def limit():
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
-    resource.setrlimit(resource.RLIMIT_CPU, (int(MOST_S), int(MOST_S)))
+    return code, done.stdout, peak_kb / 1024
