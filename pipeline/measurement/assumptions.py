@@ -59,7 +59,7 @@ def _note_of_zeros(
     missing = [name for name, stated in scanner.items() if stated == 0.0]
     zeros = [f"{_and(missing)} of the scanner"] if missing else []
     zeros += ["flatness of the target"] if target.flatness == 0.0 else []
-    zeros += ["range by brightness of the print"] if _hides_brightness(measurement, target) else []
+    zeros += ["range bias of the print"] if _hides_brightness(measurement, target) else []
     if zeros:
         yield f"Counted as zero, as no file states them: {'; '.join(zeros)}."
 

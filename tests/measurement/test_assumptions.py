@@ -62,7 +62,7 @@ def test_a_print_scanned_without_intensities_is_noted(plates):
     blind = replace(patch, face_intensity=None)
     hidden = with_plane(plates, fit_plane(blind, DISC, PlaneConfig()))
     (zeros,) = notes_of_assumptions(hidden, known, STATED)
-    assert zeros == "Counted as zero, as no file states them: range by brightness of the print."
+    assert zeros == "Counted as zero, as no file states them: range bias of the print."
 
 
 def with_plane(measurement, plane):
