@@ -121,9 +121,18 @@ _EXTRACT = f"SELECT json_extract(?, {', '.join(map(repr, SECTIONS.split()))})"
 _per_thread = threading.local()
 
 
+class _Parser(sqlite3.Connection):
+    """Connection that closes with the thread whose it is; Python 3.13 warns of open ones."""
+
+    def __del__(self) -> None:
+        self.close()
+
+
 def _connection() -> sqlite3.Connection:
     if not hasattr(_per_thread, "connection"):
-        _per_thread.connection = sqlite3.connect(":memory:", check_same_thread=False)
+        _per_thread.connection = sqlite3.connect(
+            ":memory:", check_same_thread=False, factory=_Parser
+        )
     connection = _per_thread.connection
     assert isinstance(connection, sqlite3.Connection)
     return connection

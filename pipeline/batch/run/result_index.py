@@ -47,6 +47,9 @@ class ResultIndex:
         self._lines: list[str] = []
         self._flushed_s = time.monotonic()
 
+    def __del__(self) -> None:
+        self._database.close()
+
     def load(self) -> None:
         """Read the indices of earlier runs, and which results exist and of which captures."""
         keys = ((entry.name[-69:-5],) for entry in self._results.list("measurements/"))
