@@ -199,7 +199,7 @@ def _is_significant(cells: Cells, radius_m: float, resolution_m: float) -> bool:
 
 
 def _is_distinct(cells: Cells) -> bool:
-    """Return whether the brightness differs enough from a tilt to be told from one."""
+    """Return whether the brightness differs enough from a tilt to be distinguished from one."""
     column = _shade(cells)
     total = _square(cells, np.ones((len(column), 1)), column)
     return _square(cells, _plane(cells), column) > (1.0 - MOST_ALIKE) * total

@@ -1,4 +1,4 @@
-"""What systems differ in: memory, locks, files in memory, processes, time; a fall-back for each."""
+"""Differences between systems, each with a fall-back: memory, locks, memory files, processes, time."""
 
 from .files_in_memory import MemoryFile, memory_file
 from .folders import sync_folder

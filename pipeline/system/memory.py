@@ -1,6 +1,6 @@
 """Memory of the machine and of this process, and its limit.
 
-Linux tells both in /proc and limits it. Elsewhere the machine's size is known, and nothing is
+Linux reports both in /proc and limits it. Elsewhere the machine's size is known, and nothing is
 limited: a limit counts from what the process holds at its start.
 """
 
@@ -31,7 +31,7 @@ def machine_bytes() -> int:
 
 
 def free_bytes() -> int:
-    """Return the free memory of the machine; all its memory where the system tells no more."""
+    """Return the free memory of the machine; all its memory where only that is known."""
     with suppress(OSError):
         for line in Path("/proc/meminfo").read_text().splitlines():
             if line.startswith("MemAvailable:"):
@@ -85,7 +85,7 @@ def _physical_bytes() -> int:
 
 
 def _windows_bytes() -> tuple[int, int] | None:
-    """Return all and free memory as Windows tells it; None elsewhere."""
+    """Return all and free memory as Windows reports it; None elsewhere."""
     import ctypes
 
     windll = getattr(ctypes, "windll", None)

@@ -128,17 +128,17 @@ if child == 0:
     resource.setrlimit(resource.RLIMIT_CPU, ({seconds}, {seconds}))
     os.execv(sys.executable, [sys.executable, "-P", "-m", "wheelplane", *sys.argv[2:]])
 _, status, used = os.wait4(child, 0)
-with open(sys.argv[1], "w") as told:
-    print(os.waitstatus_to_exitcode(status), used.ru_maxrss, file=told)
+with open(sys.argv[1], "w") as report:
+    print(os.waitstatus_to_exitcode(status), used.ru_maxrss, file=report)
 """.format(bytes=MOST_BYTES, seconds=int(MOST_S))
 
 
 def ran(folder, *arguments):
     """Exit code, output and peak memory of a command, within limits; nothing is left behind."""
-    scratch, told = folder / "scratch", folder.with_name(f"{folder.name}-told")
+    scratch, report = folder / "scratch", folder.with_name(f"{folder.name}-report")
     scratch.mkdir()
     done = subprocess.run(
-        [sys.executable, "-P", "-c", STARTER, told, *arguments],
+        [sys.executable, "-P", "-c", STARTER, report, *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -146,6 +146,6 @@ def ran(folder, *arguments):
         env={**os.environ, "TMPDIR": str(scratch)},
         check=True,
     )
-    code, peak_kb = map(int, told.read_text().split())
+    code, peak_kb = map(int, report.read_text().split())
     assert list(scratch.iterdir()) == []
     return code, done.stdout, peak_kb / 1024

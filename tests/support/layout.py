@@ -1,4 +1,4 @@
-"""What a browser makes of a page: whether it fits, and whether words stay whole."""
+"""Layout of a page in a browser: whether it fits, and whether words stay whole."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the system gives, and the fall-back where it does not."""
+"""Services of the system, and the fall-back where there are none."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ _per_thread = threading.local()
 
 
 class _Parser(sqlite3.Connection):
-    """Connection that closes with the thread whose it is; Python 3.13 warns of open ones."""
+    """Connection that is closed when its thread ends; Python 3.13 warns of open ones."""
 
     def __del__(self) -> None:
         self.close()

@@ -34,7 +34,7 @@ LISTS = ("list", "summary", "drift", "worst", "failures")
 
 @dataclass(frozen=True)
 class Selection:
-    """What a report holds of a catalogue: captures, quantities, and which of LISTS."""
+    """Content of a report on a catalogue: captures, quantities, and which of LISTS."""
 
     source: str
     which: Filter

@@ -121,7 +121,7 @@ TASKS: dict[str, tuple[Load, Fill]] = {
 def confine(memory_bytes: int) -> None:
     """Allow no core file, and only `memory_bytes` beyond what the process holds now.
 
-    Where the system does not tell what it holds, or has no limits, memory is not limited.
+    Where the system does not report what it holds, or has no limits, memory is not limited.
     """
     if resource is None:
         return

@@ -33,7 +33,7 @@ class Known:
 
 @dataclass(frozen=True)
 class Earlier:
-    """What measurement.json holds, by name: `RR.toe`, `thrust_angle`, `FL.caster`."""
+    """Content of measurement.json, by name: `RR.toe`, `thrust_angle`, `FL.caster`."""
 
     source: str
     sha256: str

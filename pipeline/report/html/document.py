@@ -30,7 +30,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Document:
-    """What a report holds; record: the JSON whose digest numbers it. notes: in English."""
+    """Content of a report; record: the JSON whose digest numbers it. notes: in English."""
 
     title: str
     record: str

@@ -1,4 +1,4 @@
-"""What an earlier measurement held, and what changed since, as plain data."""
+"""Values of an earlier measurement and the changes since, as plain data."""
 
 from __future__ import annotations
 
