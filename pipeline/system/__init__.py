@@ -1,4 +1,4 @@
-"""Differences between systems, each with a fall-back: memory, locks, memory files, processes, time."""
+"""Differences between systems, each with a fall-back: memory, locks, memory files, processes."""
 
 from .files_in_memory import MemoryFile, memory_file
 from .folders import sync_folder
