@@ -2,8 +2,8 @@
 
 No deadline for an example of hypothesis: how long it takes is no law.
 
-SIGINT as in a terminal: a runner started in the background (nohup ... &) ignores it, and so would
-every process that a test starts and interrupts.
+SIGINT and SIGHUP as in a terminal: a runner started in the background (nohup ... &) ignores them,
+and so would every process that a test starts and interrupts.
 """
 
 import os
@@ -15,5 +15,9 @@ settings.register_profile("wheelplane", deadline=None)
 settings.load_profile("wheelplane")
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ[variable] = "1"
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+for number, handler in (
+    (signal.SIGINT, signal.default_int_handler),
+    (signal.SIGHUP, signal.SIG_DFL),
+):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, handler)
