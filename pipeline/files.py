@@ -137,8 +137,13 @@ def open_archive(path: Path, name: str, scratch: Path) -> Iterator[Archive]:
         yield archive
 
 
-def inflate(path: Path, target: Path, name: str) -> None:
-    """Write the contents of a gzip, bzip2 or xz file to `target`."""
+def inflate(
+    path: Path, target: Path, name: str, check: Callable[[bytes], None] = lambda _: None
+) -> None:
+    """Write the contents of a gzip, bzip2 or xz file to `target`, piece by piece.
+
+    check: called with each piece before it is written; what it raises ends the writing.
+    """
     opener = _decompressor(path)
     if opener is None:
         raise InputError(f"{name}: it is not compressed, though its suffix says so: rename it")
@@ -149,6 +154,7 @@ def inflate(path: Path, target: Path, name: str) -> None:
         while chunk := packed.read(_CHUNK):
             written += len(chunk)
             _check_size(name, written, limit, room, "more than ")
+            check(chunk)
             plain.write(chunk)
 
 

@@ -12,6 +12,7 @@ import click
 
 from ..config import load_config, with_scanner
 from ..errors import InputError
+from ..system import check_temporary_folder
 from ..targets import load_target
 from .limits import size_in_bytes
 from .options import (
@@ -121,6 +122,7 @@ def make_engine(options: dict[str, Any], scratch: Path) -> Engine:
 
     limits = Limits(options["timeout"], size_in_bytes(options["memory"]))
     if options["scheduler"] is None:
+        check_temporary_folder()
         return Workers(options["workers"] or processors(), limits, scratch)
     if options["workers"] is not None:
         raise InputError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Container
 from contextlib import ExitStack
@@ -9,8 +10,11 @@ from pathlib import Path, PurePosixPath
 
 from ..errors import InputError
 from ..files import ARCHIVE_SUFFIXES, COMPRESSED_SUFFIXES, Member, inflate, open_archive
+from .parsing.lines import RowLengths
+from .signature import TEXT, looks_like
 
-_PIECE = 1 << 20
+_PIECE, _HEAD_BYTES = 1 << 20, 1 << 12
+_ASCII_BODY = re.compile(rb"^(format|DATA) ascii", re.MULTILINE)
 
 
 def unpacked(path: Path, name: str, known: Container[str], stack: ExitStack) -> tuple[Path, str]:
@@ -29,7 +33,7 @@ def unpacked(path: Path, name: str, known: Container[str], stack: ExitStack) -> 
         lower = path.name.lower()
     if lower.endswith(COMPRESSED_SUFFIXES):
         target = _folder(stack) / path.stem
-        inflate(path, target, name)
+        inflate(path, target, name, _RowsOfText(name))
         path = target
     return path, name
 
@@ -52,6 +56,21 @@ def scan_suffix(name: str) -> str:
     """Return the suffix of the scan's format, below that of a compression."""
     path = PurePosixPath(name.lower())
     return PurePosixPath(path.stem).suffix if path.suffix in COMPRESSED_SUFFIXES else path.suffix
+
+
+class _RowsOfText:
+    """A check of a scan while it is unpacked: no line of a text is longer than any row."""
+
+    def __init__(self, name: str) -> None:
+        self._rows, self._is_text = RowLengths(name), False
+        self._first = True
+
+    def __call__(self, piece: bytes) -> None:
+        if self._first:
+            head, self._first = piece[:_HEAD_BYTES], False
+            self._is_text = looks_like(head) == TEXT or _ASCII_BODY.search(head) is not None
+        if self._is_text:
+            self._rows.check(piece)
 
 
 def _folder(stack: ExitStack) -> Path:

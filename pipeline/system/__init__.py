@@ -4,13 +4,21 @@ from .files_in_memory import MemoryFile, memory_file
 from .folders import sync_folder
 from .locks import acquire
 from .memory import free_bytes, machine_bytes, memory_limit, unlimited_bytes
-from .processes import apart, end_with_children, inherits_descriptors, signals, start_method
+from .processes import (
+    apart,
+    check_temporary_folder,
+    end_with_children,
+    inherits_descriptors,
+    signals,
+    start_method,
+)
 from .waiting import read_within, time_limit
 
 __all__ = [
     "MemoryFile",
     "acquire",
     "apart",
+    "check_temporary_folder",
     "end_with_children",
     "free_bytes",
     "inherits_descriptors",

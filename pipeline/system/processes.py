@@ -5,10 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import tempfile
 from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
 
 if TYPE_CHECKING:
     from subprocess import Popen
+
+LONGEST_TEMPORARY_FOLDER = 107 - len("/pymp-12345678/listener-12345678")
 
 
 def inherits_descriptors() -> bool:
@@ -19,6 +24,17 @@ def inherits_descriptors() -> bool:
 def start_method() -> str:
     """Return how multiprocessing starts workers: by a fork server, where forks are safe."""
     return "forkserver" if hasattr(os, "fork") and sys.platform != "darwin" else "spawn"
+
+
+def check_temporary_folder() -> None:
+    """Raise InputError where the fork server's socket would get too long a path."""
+    folder = tempfile.gettempdir()
+    length = len(os.fsencode(folder))
+    if start_method() == "forkserver" and length > LONGEST_TEMPORARY_FOLDER:
+        raise InputError(
+            f"{folder}: the temporary folder's path has {length} bytes, at most "
+            f"{LONGEST_TEMPORARY_FOLDER} leave room for a socket: set TMPDIR to a shorter one"
+        )
 
 
 def apart() -> dict[str, Any]:

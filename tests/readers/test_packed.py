@@ -153,6 +153,28 @@ def test_bombs_are_refused_at_the_limit(tmp_path, monkeypatch, scratch):
     assert ratio <= max(200, (1 << 20) / bomb.stat().st_size)
 
 
+PLY = b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n"
+
+
+@pytest.mark.parametrize(("suffix", "head"), [("xyz", b""), ("csv", TEXT), ("ply", PLY)])
+def test_a_line_longer_than_any_row_ends_the_unpacking(tmp_path, suffix, head):
+    """The end of the file is cut off: who reads so far reports that, and not the line."""
+    packed = tmp_path / f"rr.{suffix}.gz"
+    digits = random.Random(0).randbytes(4 << 20).hex().encode()
+    packed.write_bytes(gzip.compress(head + digits)[:-20])
+    assert "a line is longer than 1048576 characters" in refusal(packed)
+
+
+def test_binary_data_has_no_lines(tmp_path):
+    points = np.full((100_000, 3), 1.5)
+    points[:, 0] = np.arange(1.0, 2.0, 1e-5)
+    data = io.BytesIO()
+    np.save(data, points)
+    packed = tmp_path / "rr.npy.gz"
+    packed.write_bytes(gzip.compress(data.getvalue()))
+    assert len(read_scan(packed).points_m) == len(points)
+
+
 def test_a_bomb_in_a_member_that_is_not_read_is_refused_too(tmp_path, monkeypatch):
     monkeypatch.setattr("wheelplane.files.FREE_BYTES", 1 << 20)
     assert "unpacks to" in refusal(

@@ -5,15 +5,21 @@ from __future__ import annotations
 import ctypes
 import os
 import select
+import shutil
 import signal
+import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
+from contextlib import closing
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from wheelplane.errors import InputError
 from wheelplane.readers.sandbox import worker
 from wheelplane.system import files_in_memory, folders, locks, memory, processes, waiting
 
@@ -251,3 +257,24 @@ def test_a_child_ends_with_its_parent_where_no_kernel_kills_it(tmp_path):
 def test_a_worker_without_limits_goes_on(monkeypatch):
     monkeypatch.setattr(worker, "resource", None)
     worker.confine(1)
+
+
+@pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="a system without such sockets")
+def test_the_longest_temporary_folder_just_leaves_room_for_a_socket(tmp_path, monkeypatch):
+    """The kernel says how long a path may be: one character more than is allowed fails there."""
+    end = "/pymp-12345678/listener-12345678"
+    for length, fits in ((processes.LONGEST_TEMPORARY_FOLDER, True), (76, False)):
+        base = tempfile.mkdtemp(prefix="w", dir="/tmp")
+        folder = base + "/" + "x" * (length - len(base) - 1)
+        Path(folder + end).parent.mkdir(parents=True)
+        monkeypatch.setattr(tempfile, "tempdir", folder)
+        with closing(socket.socket(socket.AF_UNIX)) as one:
+            if fits:
+                processes.check_temporary_folder()
+                one.bind(folder + end)
+            else:
+                with pytest.raises(InputError, match=r"has 76 bytes, at most 75 .*TMPDIR"):
+                    processes.check_temporary_folder()
+                with pytest.raises(OSError, match="too long"):
+                    one.bind(folder + end)
+        shutil.rmtree(base)

@@ -12,6 +12,7 @@ from typing import TextIO
 
 import numpy as np
 
+from ...errors import InputError
 from ..faults import fault
 from ..source import Source
 
@@ -98,6 +99,23 @@ class Lines:
         return piece
 
 
+class RowLengths:
+    """Lengths of the lines of a text that is given piece by piece; `name` is the file's."""
+
+    def __init__(self, name: str) -> None:
+        self._name, self._open = name, 0
+
+    def check(self, piece: bytes) -> None:
+        """Raise InputError for a line longer than any row."""
+        end = max(piece.rfind(b"\n"), piece.rfind(b"\r"))
+        self._open = len(piece) - end - 1 + (self._open if end < 0 else 0)
+        if self._open > _LONGEST_LINE:
+            raise InputError(
+                f"{self._name}: a line is longer than {_LONGEST_LINE} characters: "
+                "export the scan with a point a line"
+            )
+
+
 def pass_lines(stream: BufferedReader, count: int) -> int:
     """Read past at most `count` lines that end with LF; return how many there were."""
     return sum(1 for _ in islice(stream, count))
@@ -171,13 +189,9 @@ def check_lines(source: Source) -> None:
 
 def _chunks(source: Source) -> Iterator[bytes]:
     """Yield the text from here to the end. Raises InputError for a line longer than any row."""
-    length = 0
+    rows = RowLengths(source.name)
     while chunk := source.stream.read(_PIECE):
-        end = max(chunk.rfind(b"\n"), chunk.rfind(b"\r"))
-        length = len(chunk) - end - 1 + (length if end < 0 else 0)
-        if length > _LONGEST_LINE:
-            fact = f"a line is longer than {_LONGEST_LINE} characters"
-            raise fault(source, fact, "export the scan with a point a line")
+        rows.check(chunk)
         yield chunk
 
 
