@@ -91,13 +91,15 @@ class Sweep(Section):
 class Runout(Section):
     """Scans of each wheel rotated about its axle in equal steps; none by default.
 
-    wobble_deg, eccentricity_m: of a target against its axle, each in a drawn direction.
+    wobble_deg, eccentricity_m: of a target against its axle, each in a drawn direction; their root
+    mean square where scatter = "normal": components along two axes are drawn from it.
     turn_sigma_deg: standard deviation of a rotation from that stated in the capture.
     """
 
     positions: int = Field(0, ge=0, le=36)
     wobble_deg: float = Field(0.5, ge=0.0, le=5.0)
     eccentricity_m: float = Field(0.001, ge=0.0, le=0.02)
+    scatter: Literal["fixed", "normal"] = "fixed"
     turn_sigma_deg: float = Field(0.0, ge=0.0, le=20.0)
 
 

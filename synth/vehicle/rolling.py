@@ -70,13 +70,15 @@ def _draw(name: str, stated: Runout, rng: np.random.Generator) -> RunoutScans:
     stated_deg = 360.0 / stated.positions * np.arange(stated.positions)
     errors = rng.normal(0.0, 1.0, stated.positions) * stated.turn_sigma_deg
     errors[0] = 0.0
-    wobble = np.radians(stated.wobble_deg)
+    wobble, shift = np.radians(stated.wobble_deg), stated.eccentricity_m
+    if stated.scatter == "normal":
+        wobble, shift = (wobble, shift) * np.sqrt(rng.standard_exponential(2))
     return RunoutScans(
         name,
         (float(wobble * np.cos(one)), float(wobble * np.sin(one))),
         (
-            float(stated.eccentricity_m * np.cos(other)),
-            float(stated.eccentricity_m * np.sin(other)),
+            float(shift * np.cos(other)),
+            float(shift * np.sin(other)),
         ),
         tuple(stated_deg.tolist()),
         tuple((stated_deg + errors).tolist()),

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from tests.support.paths import CONFIGS
@@ -77,6 +78,20 @@ def test_a_run_out_rolls_forwards_and_keeps_the_axle():
         turn = half.T_vehicle_target[:3, :3] @ wheel.T_vehicle_target[:3, :3].T
         assert np.trace(turn) == pytest.approx(-1.0)  # half a turn
     assert rolled.to_json()["wobble_deg"] == pytest.approx(0.5)
+
+
+def test_normal_mounting_has_the_stated_scatter_along_each_axis(tmp_path):
+    text = (CONFIGS / "vehicles" / "saloon-turning.toml").read_text()
+    path = tmp_path / "normal.toml"
+    path.write_text(text.replace("[0.0, 0.003]", '0.003\nscatter = "normal"'))
+    recipe, rng = read_recipe(path, VehicleFile), np.random.default_rng(0)
+    found = [one for _ in range(500) for one in draw_runouts(recipe, WHEELS, rng)]
+    for values, sigma in (
+        ([np.degrees(one.tilt_rad) for one in found], 0.5 / np.sqrt(2.0)),
+        ([one.shift_m for one in found], 0.003 / np.sqrt(2.0)),
+    ):
+        for along in np.transpose(values):
+            assert stats.kstest(along / sigma, "norm").pvalue > 0.01
 
 
 def test_nothing_turns_unless_asked():
