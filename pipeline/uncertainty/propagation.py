@@ -118,13 +118,18 @@ def effective_dof(effects: Sequence[Effect], variances: Sequence[Array], total: 
     The sum runs over the independent estimates; pooled components are one estimate.
     """
     estimates: dict[object, tuple[Array, float]] = {}
-    for index, (effect, variance) in enumerate(zip(effects, variances, strict=True)):
-        key = effect.name if effect.pooled else index
+    keys = estimates_of(effects)
+    for key, effect, variance in zip(keys, effects, variances, strict=True):
         before = estimates[key][0] if key in estimates else 0.0
         estimates[key] = (before + variance, effect.dof)
     fourths = sum((v**2 / dof for v, dof in estimates.values()), np.zeros(len(total)))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(fourths > 0.0, total**2 / fourths, math.inf))
+
+
+def estimates_of(effects: Sequence[Effect]) -> list[object]:
+    """Return for each effect the key of the estimate of its size; pooled ones share theirs."""
+    return [effect.name if effect.pooled else index for index, effect in enumerate(effects)]
 
 
 @dataclass(frozen=True)

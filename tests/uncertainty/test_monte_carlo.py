@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from tests.support.given import components
 from tests.uncertainty.test_propagation import WHEELS, car, values
 from wheelplane.uncertainty.components import UncertaintyComponent
-from wheelplane.uncertainty.monte_carlo import BLOCK, TOLERANCE, monte_carlo
-from wheelplane.uncertainty.propagation import propagate
+from wheelplane.uncertainty.monte_carlo import BLOCK, TOLERANCE, _moved, monte_carlo
+from wheelplane.uncertainty.propagation import Effect, propagate
 
 
 def drawn(targets, draws=30_000, seed=0, known=None):
@@ -75,6 +76,46 @@ def test_nonlinearity_is_detected():
         replace(t, components=components(0.2**2 * np.eye(3), np.zeros((3, 3)))) for t in targets
     ]
     assert drawn(wild, 1_000_000).status == "disagree"
+
+
+def few(targets, dof, pooled):
+    return [
+        replace(t, components=tuple(replace(c, dof=dof, pooled=pooled) for c in t.components))
+        for t in targets
+    ]
+
+
+@pytest.mark.parametrize("dof", [3, 8])
+def test_few_degrees_of_freedom_are_drawn_from_student(dof):
+    """One estimate of all noise: every quantity is Student's t of its degrees of freedom."""
+    targets = [replace(t, components=t.components[:1]) for t in few(car(6), dof, pooled=True)]
+    known, draws = propagate(targets, WHEELS), 60_000
+    angles = known.standard > 0.0  # lengths depend on the centres alone, which are exact here
+    np.testing.assert_allclose(known.dof[angles], dof)
+    result = drawn(targets, draws)
+    k = stats.t.ppf(0.975, dof)
+    spread = np.sqrt(0.025 * 0.975 / result.draws) / stats.t.pdf(k, dof)  # of an end, over u
+    off = result.end_difference[angles] / result.formula[angles]
+    assert np.all(off < 5.0 * spread)
+    np.testing.assert_allclose(result.expanded[angles], k * result.formula[angles])
+    # normal draws end 1.96 u from the value, far outside
+    normal = drawn(few(targets, np.inf, pooled=True), draws, known=known)
+    assert normal.status == "disagree"
+    off = normal.end_difference[angles] / normal.formula[angles]
+    assert np.all(off > 5.0 * spread)
+
+
+def test_each_estimate_is_drawn_with_a_scale_of_its_own():
+    """Of two estimates squares are independent; pooled, they rise and fall together."""
+    pair = [Effect(name, np.eye(2)[:, [i]], 8.0, False) for i, name in enumerate("ab")]
+    pooled = [replace(effect, name="a", pooled=True) for effect in pair]
+    for effects, together in ((pair, False), (pooled, True)):
+        moved = _moved(effects, 2, np.random.default_rng(1))
+        assert moved.std(axis=0) == pytest.approx(np.sqrt(8.0 / 6.0), rel=0.05)
+        alike = stats.spearmanr(*np.abs(moved.T)).statistic
+        assert (alike > 0.05) == together
+        assert alike > -4.5 / np.sqrt(BLOCK)
+        assert together or alike < 4.5 / np.sqrt(BLOCK)
 
 
 def test_shared_components_are_drawn_together():

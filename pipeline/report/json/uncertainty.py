@@ -56,13 +56,12 @@ def monte_carlo_tree(measurement: Measurement) -> dict[str, Any] | None:
     if drawn is None:
         return None
     found = stated(measurement)
-    rows = zip(
-        found, drawn.mean, drawn.standard, drawn.low, drawn.high, drawn.end_difference, strict=True
-    )
+    columns = (drawn.mean, drawn.standard, drawn.low, drawn.high, drawn.half, drawn.end_difference)
+    rows = zip(found, *columns, strict=True)
     entries = []
     for quantity, *numbers in rows:
         scale, unit = IN_REPORT[quantity.unit]
-        mean, u, low, high, difference = (float(number) * scale for number in numbers)
+        mean, u, low, high, half, difference = (float(number) * scale for number in numbers)
         entries.append(
             {
                 "quantity": quantity.name,
@@ -70,6 +69,7 @@ def monte_carlo_tree(measurement: Measurement) -> dict[str, Any] | None:
                 "mean": mean,
                 "u": u,
                 "interval_95": [low, high],
+                "expanded_95": half,
                 "apart": difference,
             }
         )

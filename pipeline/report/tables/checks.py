@@ -40,27 +40,27 @@ def _pooled(angle: PooledAngle, writer: Writer) -> list[str]:
 
 
 def monte_carlo_table(measurement: Measurement, drawn: MonteCarlo, writer: Writer) -> Table:
-    """Return both uncertainties of each quantity against the axis in use, and their difference.
+    """Return both U of each quantity against the axis in use, and their difference.
 
-    Both to the place of U of the second, a standard deviation of so many draws.
+    Both to the place to which so many draws determine the second, half of an interval.
     """
     words, rows = writer.words, []
     for i, quantity in enumerate(stated(measurement)):
         if quantity.axis not in (None, writer.view.axis):
             continue
-        formula, draws = float(drawn.formula[i]), float(drawn.standard[i])
-        fine = Estimate(draws, draws / math.sqrt(2.0 * drawn.draws)).expanded
+        u, formula, draws = (float(x[i]) for x in (drawn.formula, drawn.expanded, drawn.half))
+        fine = Estimate(draws, draws / math.sqrt(drawn.draws)).expanded
         apart = (
-            f"{100.0 * float(drawn.end_difference[i]) / formula:.1f} %"
-            if formula > 0.0
+            f"{100.0 * float(drawn.end_difference[i]) / u:.1f} %"
+            if u > 0.0
             else writer.none
         )
         name = writer.quantity(quantity.name.removeprefix(f"{quantity.subject}."))
         wheel = "" if quantity.subject == "vehicle" else f"{writer.wheel(quantity.subject)} "
         write = writer.millimetres if quantity.unit == "m" else writer.arc
         rows.append([wheel + name, write(formula, fine), write(draws, fine), words.number(apart)])
-    columns = (Column(words("vehicle.quantity"), quiet=True), words("checks.u_formula"),
-               words("checks.u_draws"), words("checks.apart"))  # fmt: skip
+    columns = (Column(words("vehicle.quantity"), quiet=True), words("checks.formula"),
+               words("checks.draws"), words("checks.apart"))  # fmt: skip
     return writer.table(columns, rows, 1, words("checks.monte_carlo"))
 
 
