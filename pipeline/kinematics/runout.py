@@ -6,14 +6,13 @@ by its axial and radial run-out, so that the rotation is stated with each scan, 
 these determine it better. A target with edges or print shows its in-plane rotation itself.
 
 Signs: a rotation is > 0 as the wheel rolls forwards; clock angles of the run-outs are measured from
-the top, > 0 forwards, at the stated rotation 0. Toe and camber as in `vehicle/angles.py`.
+the top, > 0 forwards, at the stated rotation 0, in the frame that is named with the angles. Toe and
+camber as in `vehicle/angles.py`.
 """
 
 from __future__ import annotations
 
-import math
-
-from ..measurement import AxleAngles, Runout
+from ..measurement import AxleAngles, Estimate, Runout
 from ..vectors import Array
 from ..vehicle import Dual, atan2, length
 from .axis_fit import OneAxis
@@ -21,15 +20,16 @@ from .sweep import SweepScans
 from .wheel_axis import Axle, Framed, outward_sense, size
 
 
-def runouts_of(best: Framed, scans: SweepScans) -> tuple[Runout, ...]:
+def runouts_of(best: Framed) -> tuple[Runout, ...]:
     """Return the run-out of each wheel that was turned about its axle, in the order of the axles.
 
-    best: the scans in the frame of the axles; scans: the same in the frame of the targets.
+    All values are in the frame of the axles.
     """
-    return tuple(_runout(axle, scans, best) for axle in best.axles)
+    return tuple(_runout(axle, best) for axle in best.axles)
 
 
-def _runout(axle: Axle, scans: SweepScans, best: Framed) -> Runout:
+def _runout(axle: Axle, best: Framed) -> Runout:
+    scans = best.scans
     names = tuple(scans.scans[i].observation.name for i in axle.members)
     fit = axle.fit
     if fit is None:
@@ -44,12 +44,12 @@ def _runout(axle: Axle, scans: SweepScans, best: Framed) -> Runout:
         status=axle.status,
         reason=axle.reason,
         compensates=axle.serves,
-        angles=_angles(best.scans, fit, axle),
+        angles=_angles(scans, fit, axle),
         frame=best.through,
         axial_runout=scans.estimate(atan2(size(tilt), along)),
-        axial_clock_rad=math.atan2(tilt[1].value, tilt[2].value),
+        axial_clock=_clock(tilt, scans),
         radial_runout=axle.eccentricity,
-        radial_clock_rad=math.atan2(aside[1].value, aside[2].value),
+        radial_clock=_clock(aside, scans),
         turns_rad=tuple((fit.turns_rad * outward_sense(axle.wheel)).tolist()),
         axis=fit.axis,
         centre_m=fit.point_m,
@@ -66,6 +66,12 @@ def _off_axis(fit: OneAxis, own: Array) -> tuple[Array, Array, Dual]:
     off = fit.normal - cosine * fit.axis
     d_off = fit.d_normal - fit.axis[:, None] * d_cosine - cosine * fit.d_axis
     return off, d_off @ own, Dual(cosine, d_cosine @ own)
+
+
+def _clock(off: tuple[Dual, Dual, Dual], scans: SweepScans) -> Estimate | None:
+    """Return the direction of a run-out from the top, > 0 forwards; None where there is none."""
+    _, forward, up = off
+    return scans.estimate(atan2(forward, up)) if forward.value or up.value else None
 
 
 def _angles(scans: SweepScans, fit: OneAxis, axle: Axle) -> AxleAngles:

@@ -27,7 +27,7 @@ def solve(measurement: Measurement) -> Measurement:
     return replace(
         _compensate(measurement, best),
         steering_axes=steering_axes,
-        runouts=runouts_of(best, scans),
+        runouts=runouts_of(best),
         toe_out=toe_out_of(best, steering_axes),
     )
 

@@ -242,9 +242,10 @@ class Runout:
     """The axle of one wheel, by its run-out scans; None where these show too little.
 
     scans: names of the measured ones. compensates: the axle is that of the reference scan, whose
-    wheel therefore has the axle's angles. frame: of `angles`. axial_runout: angle between the
-    target's normal and the axle; radial_runout: distance of its centre from the axle (half the
-    total indicator reading); each with its clock angle. turns_rad: of the wheel as fitted, in the
+    wheel therefore has the axle's angles. frame: of `angles` and clock angles. axial_runout: angle
+    between the target's normal and the axle; radial_runout: distance of its centre from the axle
+    (half the total indicator reading); each with its clock angle, from the top, > 0 forwards, at
+    the stated rotation 0; None where there is no run-out. turns_rad: of the wheel as fitted, in the
     order of the scans. axis: (3,) unit, outward, and centre_m: (3,) of the axle, level with the
     target's centre, scanner coordinates. chi_square: of the residuals, with `dof` degrees of
     freedom; probability: of as much or more.
@@ -258,9 +259,9 @@ class Runout:
     angles: AxleAngles | None = None
     frame: FrameThrough = "plate centres"
     axial_runout: Estimate | None = None
-    axial_clock_rad: float = 0.0
+    axial_clock: Estimate | None = None
     radial_runout: Estimate | None = None
-    radial_clock_rad: float = 0.0
+    radial_clock: Estimate | None = None
     turns_rad: tuple[float, ...] = ()
     axis: Array | None = None
     centre_m: Array | None = None

@@ -7,7 +7,16 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from tests.support.turning import CENTRE_M, NORMAL_RAD, WHEELS, Scene, facing, mounted, rolled
+from tests.support.turning import (
+    CENTRE_M,
+    NORMAL_RAD,
+    WHEELS,
+    Scene,
+    across_axle,
+    facing,
+    mounted,
+    rolled,
+)
 from wheelplane.report.text.kinematics import runout_text
 from wheelplane.uncertainty.components import flatness_component, mounting_component
 from wheelplane.vehicle.angles import wheel_angles
@@ -36,8 +45,8 @@ def test_exact_scans_give_the_axle_that_was_set(wheel, turns):
     assert found.angles.camber.value == pytest.approx(CAMBER, abs=1e-9)
     assert found.axial_runout.value == pytest.approx(np.radians(0.5), abs=1e-8)
     assert found.radial_runout.value == pytest.approx(np.hypot(*OFF), abs=1e-9)
-    assert np.tan(found.axial_clock_rad) == pytest.approx(0.75, rel=0.02)
-    assert np.tan(found.radial_clock_rad) == pytest.approx(18 / 11, rel=0.02)
+    assert np.tan(found.axial_clock.value) == pytest.approx(0.75, rel=0.02)
+    assert np.tan(found.radial_clock.value) == pytest.approx(18 / 11, rel=0.02)
     np.testing.assert_allclose(found.turns_rad, turns, atol=1e-7)
     # a plate left as it is would be half a degree off
     assert np.hypot(found.angles.toe.u, found.angles.camber.u) < 0.02 * found.axial_runout.value
@@ -49,7 +58,7 @@ def test_the_axle_is_in_the_scanners_coordinates_and_turns_with_them():
     moved = one(Scene(2, noise=0.0, turned=turn).references())
     np.testing.assert_allclose(moved.axis, turn.apply(plain.axis), atol=1e-9)
     assert moved.angles.toe.u == pytest.approx(plain.angles.toe.u, rel=1e-6)
-    assert moved.axial_clock_rad == pytest.approx(plain.axial_clock_rad, abs=1e-7)
+    assert moved.axial_clock.value == pytest.approx(plain.axial_clock.value, abs=1e-7)
 
 
 def scores(count, turns, u_turn=0.002, spread=0.0, **more):
@@ -195,6 +204,42 @@ def test_plates_off_centre_turn_the_frame_and_axles_set_it_right():
         assert abs(wheel.plate.angles.toe_rad - TOE) > 0.5 * WOBBLE[0]
     skewed = [wheel_angles(result.plates.frame, r.axis, r.wheel).toe_rad for r in found]
     assert max(abs(toe - TOE) for toe in skewed) > 1e-3  # targets 3 mm off, over the track
+
+
+def true_clock(wheel, off):
+    """Direction of an offset across the axle, in the car's own axes."""
+    fore, top = across_axle(wheel, TOE, CAMBER)
+    ahead, _, up = off[0] * fore + off[1] * top
+    return np.arctan2(ahead, up)
+
+
+def test_clock_angles_are_in_the_frame_that_is_named():
+    """Exact scans of targets 3 mm off centre: their own frame is pitched by a milliradian."""
+    exact = all_round(10, 0.0, ECCENTRIC)
+    for found, off in zip(exact.measure().runouts, ECCENTRIC, strict=True):
+        assert found.frame == "axle centres"
+        assert found.axial_clock.value == pytest.approx(true_clock(found.wheel, WOBBLE), abs=3e-5)
+        assert found.radial_clock.value == pytest.approx(true_clock(found.wheel, off), abs=3e-5)
+
+
+@pytest.mark.parametrize("turns", [HALF, QUARTERS])
+def test_errors_of_clock_angles_are_as_large_as_stated(turns):
+    rows = []
+    for i in range(60):
+        u_turn = 0.02
+        wheel = "FL" if i % 2 else "RR"
+        jitter = u_turn * np.random.default_rng([i, 3]).normal(size=len(turns))
+        scene = Scene(400 + i).references()
+        found = one(scene, wheel, turns + jitter, stated=turns, u_turn=u_turn)
+        rows.append([
+            (clock.value - true_clock(wheel, off)) / clock.u
+            for clock, off in ((found.axial_clock, WOBBLE), (found.radial_clock, OFF))
+        ])  # fmt: skip
+        tangential = found.radial_runout.u / found.radial_runout.value
+        assert found.radial_clock.u > 0.5 * tangential
+    low, high = stats.chi2.ppf([0.0005, 0.9995], len(rows)) / len(rows)
+    means = np.mean(np.square(rows), axis=0)
+    assert np.all((low < means) & (means < high))
 
 
 def test_errors_in_the_frame_of_the_axles_are_as_large_as_stated():

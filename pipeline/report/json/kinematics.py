@@ -66,11 +66,9 @@ def _runout(found: Runout) -> dict[str, Any]:
         **_angle("camber", angles.camber if angles else None),
         **_angle("camber_iso", angles.camber_iso if angles else None),
         **_angle("wobble", found.axial_runout),
-        "wobble_clock_deg": math.degrees(found.axial_clock_rad) if found.axial_runout else None,
+        **_angle("wobble_clock", found.axial_clock),
         **_length("eccentricity", found.radial_runout),
-        "eccentricity_clock_deg": math.degrees(found.radial_clock_rad)
-        if found.radial_runout
-        else None,
+        **_angle("eccentricity_clock", found.radial_clock),
         "turns_deg": [math.degrees(turn) for turn in found.turns_rad],
         "axis": None if found.axis is None else found.axis.tolist(),
         "axle_centre_m": None if found.centre_m is None else found.centre_m.tolist(),

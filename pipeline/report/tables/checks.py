@@ -50,11 +50,7 @@ def monte_carlo_table(measurement: Measurement, drawn: MonteCarlo, writer: Write
             continue
         u, formula, draws = (float(x[i]) for x in (drawn.formula, drawn.expanded, drawn.half))
         fine = Estimate(draws, draws / math.sqrt(drawn.draws)).expanded
-        apart = (
-            f"{100.0 * float(drawn.end_difference[i]) / u:.1f} %"
-            if u > 0.0
-            else writer.none
-        )
+        apart = f"{100.0 * float(drawn.end_difference[i]) / u:.1f} %" if u > 0.0 else writer.none
         name = writer.quantity(quantity.name.removeprefix(f"{quantity.subject}."))
         wheel = "" if quantity.subject == "vehicle" else f"{writer.wheel(quantity.subject)} "
         write = writer.millimetres if quantity.unit == "m" else writer.arc

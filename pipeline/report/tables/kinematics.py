@@ -8,6 +8,7 @@ from ...measurement import Estimate, Measurement, Runout, SteeringAxis, ToeOut, 
 from ..format.writer import Column, Table, Writer
 
 Noted = list[tuple[Table, str]]
+UNDETERMINED_RAD = 1.0  # U of a clock angle where that of its run-out is as large as the run-out
 
 
 def steering_tables(measurement: Measurement, writer: Writer) -> Noted:
@@ -135,13 +136,12 @@ def _mounting_table(runouts: Sequence[Runout], writer: Writer) -> Table:
     words, clock = writer.words, writer.words("turned.clock")
     rows = [
         [writer.wheel(found.wheel), *_axial(found.axial_runout, writer),
-         _clock(found.axial_clock_rad, found.axial_runout, writer),
-         *writer.length(found.radial_runout),
-         _clock(found.radial_clock_rad, found.radial_runout, writer)]
+         *_clock(found.axial_clock, writer), *writer.length(found.radial_runout),
+         *_clock(found.radial_clock, writer)]
         for found in runouts if found.axial_runout is not None
     ]  # fmt: skip
-    columns = (words("results.wheel"), words("turned.axial"), "u", clock, words("turned.radial"),
-               "u", clock)  # fmt: skip
+    columns = (words("results.wheel"), words("turned.axial"), "u", clock, "u",
+               words("turned.radial"), "u", clock, "u")  # fmt: skip
     return writer.table(columns, rows, 1, words("turned.mounting"))
 
 
@@ -151,11 +151,12 @@ def _axial(known: Estimate, writer: Writer) -> tuple[str, str]:
     return value.removeprefix("+"), u
 
 
-def _clock(angle_rad: float, runout: Estimate | None, writer: Writer) -> str:
-    """Write the direction of a run-out to the place of its U, which is U of the run-out over it."""
-    if runout is None or runout.expanded >= runout.value:
-        return writer.none
-    return writer.degrees(angle_rad, 1, runout.expanded / runout.value)
+def _clock(known: Estimate | None, writer: Writer) -> tuple[str, str]:
+    """Write the direction of a run-out and its u; dashes where it is not determined."""
+    if known is None or known.expanded >= UNDETERMINED_RAD:
+        return writer.none, writer.none
+    size = writer.degrees(known.u, 1, known.u, sign="")
+    return writer.degrees(known.value, 1, known.expanded), size
 
 
 def _reason(found: SteeringAxis | Runout | ToeOut) -> str:
