@@ -9,7 +9,9 @@ t distribution replaces the normal.
   conforming where the limits are closer than 2 Phi^-1((1 + confidence)/2) u;
 - nonconforming: y is beyond one limit by k u or more, so that limit is exceeded with at least this
   confidence; else undecided. Simple rule: k = g = 0, so nothing that was measured is undecided;
-- specific consumer's risk of a conforming verdict: 1 - p; producer's of a nonconforming one: p.
+- specific consumer's risk of a conforming verdict: 1 - p; producer's of a nonconforming one: p;
+- probability that all conform: each distributed as above, jointly by the covariance (a normal
+  copula), by draws.
 Source: JCGM 106:2012, clauses 7 to 9; ISO 14253-1:2017, whose default confidence is 95 %.
 """
 
@@ -17,11 +19,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
-from ..uncertainty import quantile, tail
+import numpy as np
+
+from ..uncertainty import box_probability, normal_scores, quantile, tail
 from ..vehicle import REFERENCE_WHEELS, Unit
+from .estimates import joint_covariance
 from .limits import ToleranceInterval
 from .quantities import (
     VEHICLE_BY_SWEEP,
@@ -47,7 +52,8 @@ class Verdict:
     interval: of its limits; None for a trial that was not measured and belongs to no wheel.
     guard_band: inwards from each limit, in the quantity's unit; None where no value is conforming.
     probability: of conformity. risk: of a wrong verdict: the specific consumer's of a conforming,
-    the specific producer's of a nonconforming one. reason: of an undecided one.
+    the specific producer's of a nonconforming one. reason: of an undecided one. factor: k
+    of the guard at a single limit.
     """
 
     quantity: Quantity
@@ -57,6 +63,7 @@ class Verdict:
     probability: float | None = None
     risk: float | None = None
     reason: str = ""
+    factor: float | None = None
 
 
 Limited = tuple[Quantity, ToleranceInterval | None]
@@ -64,10 +71,14 @@ Limited = tuple[Quantity, ToleranceInterval | None]
 
 @dataclass(frozen=True)
 class Conformity:
-    """Verdicts by one tolerance, wheels in the measurement's order, then the vehicle."""
+    """Verdicts by one tolerance, wheels in the measurement's order, then the vehicle.
+
+    probability: that all conform, by their covariance; None where one was not measured.
+    """
 
     tolerance: Tolerance
     verdicts: tuple[Verdict, ...]
+    probability: float | None = None
 
     @property
     def decision(self) -> Decision:
@@ -77,7 +88,14 @@ class Conformity:
         return next((decision for decision in worst if decision in found), "conform")
 
     @property
-    def joint_probability(self) -> tuple[float, float]:
+    def factors(self) -> tuple[float, float]:
+        """Least and largest k by which a single limit is guarded."""
+        used = [verdict.factor for verdict in self.verdicts if verdict.factor is not None]
+        used = used or [self.tolerance.coverage_factor]
+        return min(used), max(used)
+
+    @property
+    def joint_bounds(self) -> tuple[float, float]:
         """Bounds of the probability that all are conforming, for any correlation (Bonferroni)."""
         each = [verdict.probability for verdict in self.verdicts]
         missed = math.fsum(1.0 if p is None else 1.0 - p for p in each)
@@ -87,14 +105,33 @@ class Conformity:
 def assess(measurement: Measurement, tolerance: Tolerance) -> Conformity:
     """Assess every quantity that the tolerance limits, each on its own."""
     limited = [*_of_wheels(measurement, tolerance), *_of_vehicle(measurement, tolerance)]
-    return Conformity(
-        tolerance, tuple(decide(what, interval, tolerance) for what, interval in limited)
-    )
+    verdicts = tuple(decide(what, interval, tolerance) for what, interval in limited)
+    found = Conformity(tolerance, verdicts)
+    return replace(found, probability=_joint_probability(measurement, found))
 
 
 def conforms(conformity: Conformity | None) -> bool:
     """Return whether every limited quantity is conforming; True without a tolerance."""
     return conformity is None or conformity.decision == "conform"
+
+
+def _joint_probability(measurement: Measurement, found: Conformity) -> float | None:
+    """Return the probability that all conform, within its bounds for any correlation."""
+    items, sources = [], []
+    for verdict in found.verdicts:
+        what, interval = verdict.quantity, verdict.interval
+        if verdict.probability is None or interval is None or what.source is None:
+            return None
+        if what.u:
+            items.append((what.value, what.u, what.dof, interval.lower, interval.upper))
+            sources.append(what.source)
+    low, high = found.joint_bounds
+    if not items:
+        return high
+    y, u, dof, lower, upper = np.array(items).T
+    correlation = joint_covariance(measurement, sources) / np.outer(u, u)
+    least, most = (normal_scores((limit - y) / u, dof) for limit in (lower, upper))
+    return min(max(box_probability(least, most, correlation), low), high)
 
 
 def _of_wheels(measurement: Measurement, tolerance: Tolerance) -> Iterator[Limited]:
@@ -118,7 +155,13 @@ def _of_wheel(result: WheelResult, name: str, known: Mapping[str, Stated]) -> Qu
         reason = f"not measured, {observation.status}: {observation.reason}"
         return Quantity(name, observation.name, result.wheel, "rad", None, None, reason)
     what = known[f"{observation.name}.{name}"]
-    return Quantity(name, observation.name, result.wheel, "rad", what.value, what.u, dof=what.dof)
+    return _quantity(what, name, observation.name, result.wheel)
+
+
+def _quantity(what: Stated, name: str, subject: str, wheel: str | None) -> Quantity:
+    return Quantity(
+        name, subject, wheel, what.unit, what.value, what.u, dof=what.dof, source=what.row
+    )
 
 
 def _of_vehicle(measurement: Measurement, tolerance: Tolerance) -> Iterator[Limited]:
@@ -127,9 +170,7 @@ def _of_vehicle(measurement: Measurement, tolerance: Tolerance) -> Iterator[Limi
         if name in VEHICLE_BY_SWEEP:
             yield steering_quantity(measurement, name, tolerance.inner_rad(name)), interval
         else:
-            what = known[name]
-            unit, value, u, dof = what.unit, what.value, what.u, what.dof
-            yield Quantity(name, "vehicle", None, unit, value, u, dof=dof), interval
+            yield _quantity(known[name], name, "vehicle", None), interval
 
 
 def decide(quantity: Quantity, interval: ToleranceInterval | None, tolerance: Tolerance) -> Verdict:
@@ -139,18 +180,19 @@ def decide(quantity: Quantity, interval: ToleranceInterval | None, tolerance: To
         reason = quantity.reason or "its value or its uncertainty is not known"
         return Verdict(quantity, interval, "undecided", reason=reason)
     dof = quantity.dof
-    g, outer = guard_band(u, interval, tolerance, dof), _one_sided(tolerance, dof) * u
+    g, k = guard_band(u, interval, tolerance, dof), _one_sided(tolerance, dof)
+    outer = k * u
     inside, outside = probabilities(y, u, interval, dof)
     if g is not None and interval.lower + g <= y <= interval.upper - g:
-        return Verdict(quantity, interval, "conform", g, inside, outside)
+        return Verdict(quantity, interval, "conform", g, inside, outside, factor=k)
     if y <= interval.lower - outer or y >= interval.upper + outer:
-        return Verdict(quantity, interval, "not conform", g, inside, inside)
+        return Verdict(quantity, interval, "not conform", g, inside, inside, factor=k)
     side = "lower" if y - interval.lower < interval.upper - y else "upper"
     reason = f"nearer to the {side} limit than its uncertainty allows"
     if g is None:
         needed = _text(interval.width / (2.0 * _two_sided(tolerance, dof)), quantity.unit)
         reason = f"u is too large for this tolerance: it must be {needed} or less"
-    return Verdict(quantity, interval, "undecided", g, inside, reason=reason)
+    return Verdict(quantity, interval, "undecided", g, inside, reason=reason, factor=k)
 
 
 def probabilities(

@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..uncertainty import Effect, effective_dof
+from ..uncertainty import Effect, effective_dof, effects_of
 from ..vectors import Array
-from .records import Estimate
+from ..vehicle import linearise
+from .records import Estimate, Measurement
 
 
 def estimate(value: float, slope: Array, effects: Sequence[Effect], u_own: float = 0.0) -> Estimate:
@@ -47,3 +48,44 @@ def weighted_sum(terms: Sequence[tuple[float, Estimate]]) -> Estimate:
         effects,
         math.hypot(*(weight * term.u_own for weight, term in terms)),
     )
+
+
+def joint_covariance(measurement: Measurement, sources: Sequence[int | Estimate]) -> Array:
+    """Return the covariance (n, n) of rows of the measurement's covariance and of estimates.
+
+    Between the two by all effects on the inputs; `u_own` and a mounting that no run-out shows are
+    shared by none.
+    """
+    rows = [i for i, source in enumerate(sources) if isinstance(source, int)]
+    chosen = [source for source in sources if isinstance(source, int)]
+    found = [(i, source) for i, source in enumerate(sources) if isinstance(source, Estimate)]
+    V = np.zeros((len(sources), len(sources)))
+    if found:
+        effects = found[0][1].effects
+        slopes, factors = _by_poses(measurement, effects)
+        for effect, factor in zip(effects, factors, strict=True):
+            moved = np.zeros((len(sources), factor.shape[1]))
+            moved[rows] = slopes[chosen] @ factor
+            for i, known in found:
+                moved[i] = known.slope @ effect.factor
+            V += moved @ moved.T
+        for i, known in found:
+            V[i, i] += known.u_own**2
+    V[np.ix_(rows, rows)] = measurement.uncertainty.covariance[np.ix_(chosen, chosen)]
+    return V
+
+
+def _by_poses(measurement: Measurement, effects: Sequence[Effect]) -> tuple[Array, list[Array]]:
+    """Return the derivatives (Q, 6 W) of all quantities, and how each effect moves the W poses.
+
+    The poses of compensated wheels begin with these effects; others are the first inputs.
+    """
+    wheels = [wheel for wheel in measurement.wheels if wheel.evaluated is not None]
+    poses = [wheel.pose for wheel in wheels if wheel.pose is not None]
+    centres, normals = (
+        np.stack([getattr(p, name) for p in poses]) for name in ("centre_m", "normal")
+    )
+    slopes = linearise(centres[:4], normals, [str(wheel.wheel) for wheel in wheels]).slopes
+    if measurement.plates is not None:
+        return slopes, [effect.factor for effect in effects_of(poses)[: len(effects)]]
+    return slopes, [effect.factor[: slopes.shape[1]] for effect in effects]

@@ -21,13 +21,14 @@ RADIAN: Unit = "rad"
 class Stated:
     """Quantity with its uncertainty, radians or metres.
 
-    subject: name of the wheel, or "vehicle". kind: such as "toe" or "wheelbase". axis: longitudinal
-    axis to which it refers, None where that does not matter. name: such as "RR.toe" or
-    "front_setback_to_centreline". coverage_factor: for 95 %. contributions: (K,) shares of the
-    variance by uncertainty component. through_frame: share that arises through the centres, which
-    define the frame.
+    row: its place in the measurement's covariance. subject: name of the wheel, or "vehicle". kind:
+    such as "toe" or "wheelbase". axis: longitudinal axis to which it refers, None where that does
+    not matter. name: such as "RR.toe" or "front_setback_to_centreline". coverage_factor: for 95 %.
+    contributions: (K,) shares of the variance by uncertainty component. through_frame: share that
+    arises through the centres, which define the frame.
     """
 
+    row: int
     subject: str
     kind: str
     axis: Axis | None
@@ -64,6 +65,7 @@ def stated(measurement: Measurement) -> list[Stated]:
     of_vehicle = [("vehicle", entry.kind, entry.axis, entry.name, entry.unit) for entry in VEHICLE]
     return [
         Stated(
+            i,
             *names,
             value=values[i],
             u=standard[i],
@@ -112,7 +114,8 @@ class Quantity:
     """Measured quantity: value and standard uncertainty in its unit, None where unmeasured.
 
     subject: name of the wheel or trial, or "vehicle". reason: why it was not measured. dof: degrees
-    of freedom of u. inner_rad: angle of the inner wheel, of toe-out on turns.
+    of freedom of u. inner_rad: angle of the inner wheel, of toe-out on turns. source: its row in
+    the measurement's covariance, or the estimate that it is, by which it covaries with others.
     """
 
     name: str
@@ -124,6 +127,7 @@ class Quantity:
     reason: str = ""
     dof: float = math.inf
     inner_rad: float | None = None
+    source: int | Estimate | None = None
 
 
 def turned_quantity(measurement: Measurement, name: str, wheel: str) -> Quantity:
@@ -146,7 +150,7 @@ def _quantity(name: str, subject: str, wheel: str | None, found: Estimate | str)
     unit = UNITS.get(name, RADIAN)
     if isinstance(found, str):
         return Quantity(name, subject, wheel, unit, None, None, f"not measured{found}")
-    return Quantity(name, subject, wheel, unit, found.value, found.u, dof=found.dof)
+    return Quantity(name, subject, wheel, unit, found.value, found.u, dof=found.dof, source=found)
 
 
 def _of_wheel(measurement: Measurement, name: str, wheel: str) -> Estimate | str:

@@ -34,12 +34,14 @@ from wheelplane.measurement.conformity import (
     probabilities,
 )
 from wheelplane.measurement.limits import ToleranceInterval
+from wheelplane.measurement.quantities import by_name
 from wheelplane.measurement.records import Measurement, WheelResult
 from wheelplane.measurement.tolerance import Tolerance, load_tolerance
 from wheelplane.report.json.conformity import conformity_tree
 from wheelplane.report.json.measurement import to_tree
 from wheelplane.report.text.conformity import conformity_text
 from wheelplane.uncertainty.components import UncertaintyComponent
+from wheelplane.uncertainty.distributions import box_probability, normal_scores
 from wheelplane.uncertainty.propagation import propagate
 
 FIGURE_4 = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
@@ -360,7 +362,7 @@ def test_joint_probability_lies_within_its_bounds(correlation):
     each = [
         probabilities(0.0, 1.0, ToleranceInterval(-math.inf, limit))[0] for limit in limits.tolist()
     ]
-    low, high = Conformity(GUARDED, tuple(verdict("conform", p) for p in each)).joint_probability
+    low, high = Conformity(GUARDED, tuple(verdict("conform", p) for p in each)).joint_bounds
     slack = 4.5 * 0.5 / math.sqrt(draws)
     assert low - slack <= joint <= high + slack
     if abs(correlation) == 1.0:
@@ -370,7 +372,33 @@ def test_joint_probability_lies_within_its_bounds(correlation):
 
 def test_what_was_not_measured_leaves_nothing_sure():
     unmeasured = Conformity(GUARDED, (verdict("conform", 0.99), verdict("undecided", None)))
-    assert unmeasured.joint_probability == (0.0, 0.99)
+    assert unmeasured.joint_bounds == (0.0, 0.99)
+
+
+def test_box_probability_is_that_of_scipy():
+    """Also of a singular correlation: a third variable that the first two determine."""
+    rng = np.random.default_rng(3)
+    for count in (1, 2, 5):
+        root = rng.normal(size=(count, count))
+        V = root @ root.T
+        R = V / np.sqrt(np.outer(np.diag(V), np.diag(V)))
+        lower, upper = -rng.uniform(0.2, 2.0, count), rng.uniform(0.2, 3.0, count)
+        exact = stats.multivariate_normal(cov=R).cdf(upper, lower_limit=lower)
+        assert box_probability(lower, upper, R) == pytest.approx(exact, abs=5e-3)
+    half = math.sqrt(0.5)
+    together = np.array([[1.0, 0.0, half], [0.0, 1.0, half], [half, half, 1.0]])
+    free = np.array([-math.inf, -math.inf, -0.3]), np.array([0.5, 0.8, math.inf])
+    one, other = rng.normal(size=(2, 10**6))
+    share = np.mean((one <= 0.5) & (other <= 0.8) & ((one + other) * half >= -0.3))
+    assert box_probability(*free, together) == pytest.approx(share, abs=7e-3)
+
+
+@pytest.mark.parametrize("dof", [3.0, 30.0, math.inf])
+def test_normal_scores_are_as_probable(dof):
+    x = np.array([-math.inf, -40.0, -2.0, 0.0, 1.5, math.inf])
+    scores = normal_scores(x, np.full(6, dof))
+    t = stats.norm if math.isinf(dof) else stats.t(dof)
+    np.testing.assert_allclose(stats.norm.cdf(scores), t.cdf(x), rtol=1e-9)
 
 
 # --- a whole vehicle ----------------------------------------------------------------------------
@@ -449,6 +477,90 @@ def test_cross_camber_takes_the_covariance_of_both_sides(measured, name, rows):
     assert judged.u == pytest.approx(spread, rel=4.5 / math.sqrt(2 * 20_000))
     assert judged.u != pytest.approx(
         np.sqrt(sum(np.var(draws[:, wheels + row]) for row in rows)), rel=0.03
+    )
+
+
+NEAR = {
+    wheel: {"toe": {"lower_deg": lower, "upper_deg": upper}}
+    for wheel, lower, upper in (("RR", -0.5, -0.2), ("RL", 0.1, 0.6), ("FR", -0.6, 0.2))
+}
+
+
+def test_joint_probability_is_that_of_draws_by_the_covariance(measured):
+    """Toes of both rear wheels, their total and the thrust angle: singular, and far from free."""
+    y = measured.uncertainty.values
+    known = by_name(measured)
+
+    def near(name: str, side: float, reach: float) -> dict:
+        what = known[name]
+        end = math.degrees(what.value + side * reach * what.u)
+        return {"upper_deg" if side > 0 else "lower_deg": end}
+
+    table = {
+        "trials": False,
+        "RR": {"toe": near("RR.toe", 1.0, 0.4)},
+        "RL": {"toe": near("RL.toe", -1.0, 0.6)},
+        "vehicle": {
+            "rear_total_toe": near("rear_total_toe", 1.0, 0.5),
+            "thrust_angle": near("thrust_angle", -1.0, 0.7),
+        },
+    }
+    whole = assess(measured, tolerance(table))
+    rows = [v.quantity.source for v in whole.verdicts]
+    draws = 200_000
+    # every input moves by one scale: the noise of all blocks is one estimate
+    dof = whole.verdicts[0].quantity.dof
+    true = np.random.default_rng(5).multivariate_normal(
+        np.zeros(len(rows)), measured.uncertainty.covariance[np.ix_(rows, rows)], draws
+    )
+    limits = np.array([
+        [v.interval.lower - y[v.quantity.source], v.interval.upper - y[v.quantity.source]]
+        for v in whole.verdicts
+    ])  # fmt: skip
+    inside = np.mean(np.all((true >= limits[:, 0]) & (true <= limits[:, 1]), axis=1))
+    scaled = true * np.sqrt(dof / np.random.default_rng(6).chisquare(dof, (draws, 1)))
+    student = np.mean(np.all((scaled >= limits[:, 0]) & (scaled <= limits[:, 1]), axis=1))
+    slack = 4.5 * 0.5 * math.sqrt(2.0 / draws)
+    # the copula of Student's t differs from the normal one by less than the two differ
+    assert whole.probability == pytest.approx(student, abs=slack + abs(student - inside) + 0.01)
+    low, high = whole.joint_bounds
+    assert low <= whole.probability <= high
+    assert high - low > 20 * slack
+    apart = math.prod(v.probability for v in whole.verdicts)
+    assert abs(whole.probability - apart) > 5 * slack
+    text = conformity_text(whole)
+    assert f"at once: {100 * whole.probability:.1f} %" in " ".join(text.split())
+    assert conformity_tree(whole)["verdict"]["joint_probability_of_conformity"] == whole.probability
+
+
+def test_one_quantity_alone_has_its_own_probability(measured):
+    whole = assess(measured, tolerance({"trials": False, "RR": NEAR["RR"]}))
+    assert whole.probability == whole.verdicts[0].probability
+
+
+def test_the_guard_factor_that_is_printed_is_the_one_used(measured):
+    """Student's, of the degrees of freedom of each quantity; a range where they differ."""
+    whole = assess(measured, tolerance({"trials": False, **NEAR}))
+    tree = conformity_tree(whole)
+    used = []
+    for found, entry in zip(whole.verdicts, tree["conformity"], strict=True):
+        k = float(stats.t.ppf(0.95, found.quantity.dof))
+        assert entry["coverage_factor"] == pytest.approx(k, rel=1e-9)
+        assert k > K + 0.01
+        one_sided = replace(found.interval, lower=-math.inf)
+        beyond = replace(found.quantity, value=one_sided.upper + 1.0001 * k * found.quantity.u)
+        assert decide(beyond, one_sided, GUARDED).decision == "not conform"
+        before = replace(found.quantity, value=one_sided.upper + 0.9999 * k * found.quantity.u)
+        assert decide(before, one_sided, GUARDED).decision == "undecided"
+        used.append(k)
+    assert tree["verdict"]["coverage_factor"] == pytest.approx(max(used), rel=1e-9)
+    assert f"by {used[0]:.3f} u or more" in " ".join(conformity_text(whole).split())
+    mixed = replace(
+        whole, verdicts=(*whole.verdicts, decide(quantity(0.0), INTERVALS["wide"], GUARDED))
+    )
+    low, high = K, max(used)
+    assert f"by {low:.3f} u to {high:.3f} u, by the degrees" in " ".join(
+        conformity_text(mixed).split()
     )
 
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.support.turning import WHEELS, Scene, rolled, swept
-from wheelplane.measurement.estimates import estimate, weighted_sum
+from tests.support.turning import WHEELS, Scene, mounted, rolled, swept
+from wheelplane.measurement.estimates import estimate, joint_covariance, weighted_sum
+from wheelplane.measurement.quantities import by_name
 from wheelplane.uncertainty.propagation import Effect
 
 STEERS = np.radians([-20.0, -10.0, 0.0, 10.0, 20.0])
@@ -98,3 +99,32 @@ def test_cross_and_included_angles_err_as_their_covariance_states(axles):
             assert not low < np.mean((error / apart) ** 2) < high, name
     assert ratios["cross inclination"] > 1.1
     assert max(ratios["cross caster"], ratios["included"]) < 0.8
+
+
+@pytest.mark.parametrize("rolls", [(), ("RR",), ("FL",), tuple(WHEELS)])
+def test_estimates_covary_with_the_wheels_angles(rolls):
+    """SAI plus camber is the included angle, whose u counts what both share."""
+    scene, turns = Scene(3, centre_m=3e-4).references(), np.array([0.0, np.pi])
+    for wheel in ("FR", "FL"):
+        swept(scene, wheel, 0.07, 0.2, STEERS, camber=-0.012)
+    for wheel in rolls:
+        plate = {"wobble": (0.004, 0.002), "eccentric_m": (0.001, 0.002), "camber": -0.012}
+        rolled(mounted(scene, wheel, **plate), wheel, turns, u_turn=1e-3, **plate)
+    measured = scene.measure()
+    known, kingpins = by_name(measured), {axis.wheel: axis for axis in measured.steering_axes}
+    for wheel in ("FR", "FL"):
+        axis = kingpins[wheel]
+        V = joint_covariance(
+            measured,
+            [axis.inclination, known[f"{wheel}.camber"].row, axis.caster, axis.inclination],
+        )
+        assert np.sqrt(V[0, 0]) == pytest.approx(axis.inclination.u, rel=1e-12)
+        assert np.sqrt(V[1, 1]) == pytest.approx(known[f"{wheel}.camber"].u, rel=1e-12)
+        assert V[0, 3] == pytest.approx(V[0, 0], rel=1e-12)
+        both = V[0, 0] + V[1, 1] + 2.0 * V[0, 1]
+        if len(rolls) in (0, len(WHEELS)):
+            assert np.sqrt(both) == pytest.approx(axis.included_angle.u, rel=1e-6)
+        else:  # camber alone counts how the other wheels' targets are mounted, in the frame
+            assert np.sqrt(both) >= axis.included_angle.u
+        assert abs(V[0, 1]) > 1e-3 * both  # they share the frame
+        assert np.linalg.eigvalsh(V[:3, :3]).min() > -1e-12 * V.max()

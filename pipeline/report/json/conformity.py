@@ -16,14 +16,15 @@ def conformity_tree(conformity: Conformity | None) -> dict[str, Any]:
     """
     if conformity is None:
         return {"verdict": None, "conformity": None}
-    tolerance, (at_least, at_most) = conformity.tolerance, conformity.joint_probability
+    tolerance, (at_least, at_most) = conformity.tolerance, conformity.joint_bounds
     return {
         "verdict": {
             "decision": conformity.decision,
             "rule": tolerance.rule,
             "confidence": tolerance.confidence,
-            "coverage_factor": tolerance.coverage_factor,
+            "coverage_factor": conformity.factors[1],
             "probability_all_conform": [at_least, at_most],
+            "joint_probability_of_conformity": conformity.probability,
         },
         "conformity": [_verdict(verdict) for verdict in conformity.verdicts],
     }
@@ -55,6 +56,7 @@ def _verdict(verdict: Verdict) -> dict[str, Any]:
         "decision": verdict.decision,
         "reason": verdict.reason,
         **{f"{name}_{suffix}": _in_unit(value, unit) for name, value in numbers.items()},
+        "coverage_factor": verdict.factor,
         "probability_of_conformity": verdict.probability,
         "consumer_risk": verdict.risk if verdict.decision == "conform" else None,
         "producer_risk": verdict.risk if verdict.decision == "not conform" else None,

@@ -44,18 +44,24 @@ def decided(decision: str, words: Translations) -> str:
 def rule(conformity: Conformity, words: Translations) -> str:
     """Return the decision rule in words."""
     tolerance = conformity.tolerance
+    low, high = (words.number(f"{factor:.3f}") for factor in conformity.factors)
+    one = low == high
     parts = {
         "confidence": words.number(f"{tolerance.confidence:.12g}"),
-        "factor": words.number(f"{tolerance.coverage_factor:.3f}"),
+        "factor": f"{low} u" if one else words("verdict.factors", low=low, high=high),
     }
     return f"{words('verdict.rule')}: {words(f'verdict.rule_{tolerance.rule}', **parts)}"
 
 
 def joint(conformity: Conformity, writer: Writer) -> str:
-    """Return the least probability that all conform, in words."""
-    at_least = math.floor(conformity.joint_probability[0] * 1000) / 10
-    text = writer.words.number(f"{at_least:.1f} %")
-    return writer.words("verdict.joint", probability=text)
+    """Return the probability that all conform, and its bounds for any correlation, in words."""
+    words = writer.words
+    if conformity.probability is None:
+        return words("verdict.joint_unknown")
+    low, high = conformity.joint_bounds
+    least, most = math.floor(low * 1000) / 10, math.ceil(high * 1000) / 10
+    bounds = {"low": words.number(f"{least:.1f}"), "high": words.number(f"{most:.1f} %")}
+    return words("verdict.joint", probability=writer.share(conformity.probability), **bounds)
 
 
 def subject(verdict: Verdict, writer: Writer) -> str:
