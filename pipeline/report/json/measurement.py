@@ -20,6 +20,7 @@ from .axes import axes_tree, pair
 from .before import before_tree
 from .conformity import conformity_tree, tolerance_tree
 from .kinematics import turned_tree
+from .poses import poses_tree
 from .uncertainty import monte_carlo_tree, repeats_tree, uncertainty_tree
 
 OF_FRAME = ("rear_track", "front_track", "wheelbase")
@@ -83,6 +84,7 @@ def to_tree(
         "axes": axes_tree(measurement),
         **conformity_tree(conformity),
         **uncertainty_tree(measurement),
+        "poses": poses_tree(measurement),
         "repeats": repeats_tree(measurement),
         **turned_tree(measurement),
         "monte_carlo": monte_carlo_tree(measurement),
