@@ -287,6 +287,7 @@ for i in range(30):
 """
 
 
+@pytest.mark.slow
 def test_readers_see_whole_catalogues_while_a_runner_writes(store):
     rebuild(store)
     writer = subprocess.Popen([sys.executable, "-c", WRITER, str(store.local)], cwd=ROOT)
@@ -330,6 +331,7 @@ def test_progress_is_reported(store):
     assert expected == [(i, 40) for i in range(1, 41)]
 
 
+@pytest.mark.slow
 def test_a_catalogue_in_object_storage(remote, tmp_path, monkeypatch):  # noqa: F811
     trees = some(20)
     with pytest.raises(InputError, match="no results found"):

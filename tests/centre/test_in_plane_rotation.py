@@ -64,6 +64,7 @@ def test_round_plates_show_none(name):
     assert all(component.factor.shape[1] in (2, 3) for component in fitted.components)
 
 
+@pytest.mark.slow
 def test_errors_are_no_larger_than_stated():
     """And no smaller than half of that, which is more of the model than its noise alone."""
     square, of_noise = [], []

@@ -260,6 +260,7 @@ def nees(setup, seeds):
 COVERED = PLAIN.but(spacing_m=0.0035, noise_m=0.0015, pairs=12)
 
 
+@pytest.mark.slow
 def test_stated_uncertainty_of_the_centre_is_not_too_small():
     count = 30
     total = nees(COVERED, range(count)).sum()
@@ -289,6 +290,7 @@ SHORT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "setup",
     [

@@ -99,6 +99,7 @@ def nees(name, seeds, **changes):
     return np.array([seen(name, seed, **changes)[1].nees for seed in seeds])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TARGETS)
 def test_stated_uncertainty_of_the_centre_is_what_the_errors_are(name):
     count = 16

@@ -260,6 +260,7 @@ def test_accuracy_against_truth_within_the_uncertainty_that_is_reported(measured
         assert abs(vehicle[angle] - true) < 4.5 * vehicle[f"u_{angle}"] < 0.15
 
 
+@pytest.mark.slow
 def test_reports_in_the_language_and_of_the_kinds_that_are_asked_for(capture, wheelplane, tmp_path):
     output, plots = tmp_path / "o", tmp_path / "plots"
     run = wheelplane(

@@ -19,6 +19,7 @@ def synth(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_a_whole_vehicle_is_one_cloud_with_its_truth(tmp_path):
     out = tmp_path / "car"
     run = synth(out, "--whole", "--points", "2e4", "--seed", 3)
@@ -31,6 +32,7 @@ def test_a_whole_vehicle_is_one_cloud_with_its_truth(tmp_path):
     assert sum(scan["points"] for scan in shown["used"]["scans"]) == len(points)
 
 
+@pytest.mark.slow
 def test_an_e57_is_asked_for_by_name(tmp_path):
     pytest.importorskip("pye57")
     run = synth(tmp_path / "car", "--whole", "e57", "--points", 1e4)

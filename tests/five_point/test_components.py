@@ -102,6 +102,7 @@ def normalised():
     return np.array(rows)
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_the_instrument_makes_them():
     found = normalised()
     low, high = stats.chi2.ppf([0.0005, 0.9995], VEHICLES) / VEHICLES

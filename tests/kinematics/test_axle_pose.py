@@ -41,6 +41,7 @@ def test_quantities_of_the_vehicle_are_those_of_its_axles_and_agree_with_random_
     np.testing.assert_allclose(drawn.standard, result.uncertainty.standard, rtol=0.02)
 
 
+@pytest.mark.slow
 def test_covariance_of_axles_is_that_of_errors_over_many_captures():
     """Whitened errors of all wheels and the vehicle together: chi-square of their number."""
     names = ("rear_track", "front_track", "wheelbase", "front_setback")
@@ -88,6 +89,7 @@ def test_what_a_target_file_states_of_mounting_is_not_counted_twice():
     assert u_toe == pytest.approx(np.radians(2.0), rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_included_angle_counts_the_mounting_that_camber_has_and_sai_has_not():
     """Rear run-outs, a swept front wheel without: Student's 95 % of 4 degrees of freedom."""
     tilt, sai, camber, inside = np.radians(0.4), np.radians(12.0), -0.01, []

@@ -78,6 +78,7 @@ def scores(count, turns, u_turn=0.002, spread=0.0, **more):
     return np.array(rows), np.array(errors), np.array(chances)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("turns", "spread"), [(HALF, 0.0175), (QUARTERS, 0.0175), (QUARTERS, 0.1), (HALF, 0.002)]
 )
@@ -242,6 +243,7 @@ def test_errors_of_clock_angles_are_as_large_as_stated(turns):
     assert np.all((low < means) & (means < high))
 
 
+@pytest.mark.slow
 def test_errors_in_the_frame_of_the_axles_are_as_large_as_stated():
     rows = []
     for seed in range(40):

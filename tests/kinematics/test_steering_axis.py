@@ -105,6 +105,7 @@ def drawn(count, seed, **more):
     return np.array(scores), np.array(chances)
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_stated_and_the_fit_as_good():
     scores, chances = drawn(100, 1000)
     low, high = stats.chi2.ppf([0.0005, 0.9995], len(scores)) / len(scores)
@@ -304,6 +305,7 @@ def test_a_turn_hangs_on_the_sine_where_the_normal_hangs_on_the_sagitta():
     assert loose.inclination.u == pytest.approx(disc.inclination.u, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_centre", [0.0, 0.9])
 def test_errors_with_turns_are_as_large_as_stated_and_the_fit_as_good(with_centre):
     scores, chances, errors = [], [], []

@@ -81,6 +81,7 @@ def car(seed: int, *, axles: bool) -> dict[str, tuple[float, float, float]]:
     return found | {"included": (error, left.included_angle.u, apart)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axles", [False, True])
 def test_cross_and_included_angles_err_as_their_covariance_states(axles):
     """Both sides share the frame: its roll acts on SAI left and right with opposite signs.

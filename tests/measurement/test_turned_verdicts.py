@@ -250,6 +250,7 @@ def car_of(seed: int) -> tuple[Measurement, dict[tuple[str, str], float]]:
     return car(1000 + seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", [
     "caster", "sai", "included_angle", "lateral_offset", "longitudinal_offset", "axial_runout",
     "radial_runout", "cross_caster", "cross_sai",

@@ -189,6 +189,7 @@ def test_steps_of_a_turned_scan_are_along_its_own_axes():
     assert fit_plane(blind, DISC, PlaneConfig()).rms_m < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [{"step_m": 1e-3}, {"offset_m": 5e3}], ids=["1 mm", "float32"])
 def test_a_part_of_the_study(how):
     """tests/bench/rounding.py at its hardest: nothing far outside, and as many inside as wanted."""

@@ -32,6 +32,7 @@ POOL = samples()
 MUTANTS = 500
 
 
+@pytest.mark.slow
 def test_short_run():
     """Each mutant ends in a reading or in one clear line; see tests/fuzzing/judge.py."""
     outcomes = list(fuzz(0, MUTANTS, seed=20))

@@ -37,6 +37,7 @@ def made() -> bytes:
     return pdf_bytes(measured(1), None, ReportOptions(load_translations("pt"), PAPER, LABORATORY))
 
 
+@pytest.mark.slow
 def test_same_measurement_same_bytes(made):
     again = pdf_bytes(measured(1), None, ReportOptions(load_translations("pt"), PAPER, LABORATORY))
     assert again == made
