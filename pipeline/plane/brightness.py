@@ -48,12 +48,17 @@ class RangeByBrightness:
 
 @dataclass(frozen=True)
 class FittedBrightness:
-    """Plane without range by brightness; cells: its residuals, with the brightness of each."""
+    """Plane without range by brightness; cells: its residuals, with the brightness of each.
+
+    level_m: (N, 3) the points without it; shade: (N,) their brightness about its mean.
+    """
 
     fit: ClippedFit
     cells: Cells
     step_m: float
     significant: bool
+    level_m: Array
+    shade: Array
 
     def found(self, white_variance_m2: float) -> RangeByBrightness:
         """Return the difference of heights, by independent noise of that variance."""
@@ -107,7 +112,9 @@ def fit_brightness(
         square = _square(cells, _plane(cells), _shade(cells))
         if abs(change) < SETTLED * math.sqrt(cells.white_variance / square):
             break
-    return None if refined is None else FittedBrightness(fit, refined, step_m, significant)
+    if refined is None:
+        return None
+    return FittedBrightness(fit, refined, step_m, significant, level, shade)
 
 
 @dataclass(frozen=True)

@@ -3,33 +3,40 @@
 The residuals are averaged over cells and modelled as y = X b + f + e: X b the error of the fitted
 plane, e independent with the variance found within the cells, f a stationary field of variance s^2
 and correlation exp(-d^2 / (2 L^2)). s and L maximise the restricted likelihood (REML) of the
-residuals, which allows for the part of the field that the plane has absorbed.
+residuals, which allows for the part of the field that the plane has absorbed. In cells along scan
+lines (see scan_lines.py) the correlation is exp(-a^2 / (2 A^2) - b^2 / (2 B^2)): over A along the
+lines, the whole target for offsets of single lines, over B across them.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from ..vectors import Array
+from ..vectors import Array, Mask
 
 CELLS = 12  # across the target: 113 cells on a full disc
 POINTS_A_CELL = 8  # on average; fewer points get larger cells
 MIN_CELLS = 12
 LENGTHS_OF_RADIUS = (0.02, 0.035, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5)
+ALONG_OF_RADIUS = (0.1, 0.25, 0.5, 1.0, 3.0, math.inf)  # lengths in cells along scan lines
+ACROSS_OF_RADIUS = (0.01, 0.03, 0.09)
 FORM_OF_RADIUS = 0.3  # longer waves are the target's form error, not noise of the scanner
 SUSPECT = 2.5  # standard deviations of the score test above which the likelihood is maximised
 SIGNIFICANT = 9.0  # of twice the gain in log-likelihood, before correlation is believed
+SIGNIFICANT_LINED = 12.0  # the same in cells along scan lines, which show more kinds of noise
 
 
 @dataclass(frozen=True)
 class CorrelatedNoise:
     """Correlated noise and form error found in the residuals of a plane.
 
-    sigma_m, length_m: standard deviation and length L of the noise; 0 where there is none.
+    sigma_m, length_m: standard deviation and length L of the noise; 0 where there is none; along
+    scan lines the root of the product of both lengths.
     covariance: (3, 3) of the plane's height (m) at the centroid and its slopes along u and v, by
     this noise; (3 + K, 3 + K) where K columns more were fitted to the cells. form_covariance: the
     same by longer waves. dof: degrees of freedom of the estimate. white_sigma_m: of the noise
@@ -55,17 +62,29 @@ class Cells:
     """Residuals averaged over square cells.
 
     uv_m: (C, 2) mean position of the points; mean_m: (C,) of the residuals; count: (C,); index:
-    (C, 2) column and row; side_m: of a cell; white_variance: of the residuals within cells. extra:
-    (C, K) columns that were fitted besides the plane.
+    (C, 2) column and row; side_m: of a cell, (2,) where they are not square; white_variance: of the
+    residuals within cells. extra: (C, K) columns that were fitted besides the plane.
     """
 
     uv_m: Array
     mean_m: Array
     count: Array
     index: npt.NDArray[np.int64]
-    side_m: float
+    side_m: float | Array
     white_variance: float
     extra: Array | None = None
+
+    @property
+    def sides_m(self) -> Array:
+        """Sides (2,) of a cell, along columns and rows."""
+        return np.broadcast_to(self.side_m, 2)
+
+    def lengths_m(self, radius_m: float) -> list[tuple[float, float]]:
+        """Return the correlation lengths along columns and rows that these cells can show."""
+        if np.ndim(self.side_m) == 0:
+            return [(share * radius_m, share * radius_m) for share in LENGTHS_OF_RADIUS]
+        pairs = [(a * radius_m, b * radius_m) for b in ALONG_OF_RADIUS for a in ACROSS_OF_RADIUS]
+        return pairs if self.sides_m[0] < self.sides_m[1] else [(b, a) for a, b in pairs]
 
     @property
     def slopes(self) -> Array:
@@ -75,12 +94,17 @@ class Cells:
 
 
 def correlated_noise(
-    cells: Cells | None, radius_m: float, spread_m: float, resolution_m: float = 0.0
+    cells: Cells | None,
+    radius_m: float,
+    spread_m: float,
+    resolution_m: float = 0.0,
+    lined: Sequence[Cells] = (),
 ) -> CorrelatedNoise:
     """Estimate correlated noise in the residuals of a plane, averaged over cells (None: too few).
 
     radius_m: of the target. spread_m: rms of the residuals. resolution_m: of the coordinates; noise
-    below it counts as none.
+    below it counts as none. lined: the same residuals in cells along scan lines. Each kind of cells
+    weighs by how clearly it shows the noise.
     Source: REML, Patterson and Thompson, Biometrika 58 (1971) 545; the effective degrees of freedom
     are those of the variance's information.
     """
@@ -89,28 +113,42 @@ def correlated_noise(
         return CorrelatedNoise(0.0, 0.0, nothing, nothing, math.inf, spread_m)
     nothing = np.zeros(2 * cells.slopes.shape[1:])
     white = math.sqrt(cells.white_variance)
-    rest = _residual_projection(cells)
-    if not any(_Field.of(cells, rest, k * radius_m).is_suspect() for k in LENGTHS_OF_RADIUS[::2]):
+    found = _likely_fields(cells, radius_m, SIGNIFICANT)
+    found += [pair for one in lined for pair in _likely_fields(one, radius_m, SIGNIFICANT_LINED)]
+    if not found:
         return CorrelatedNoise(0.0, 0.0, nothing, nothing, math.inf, white)
-    fields = [_Field.of(cells, rest, share * radius_m) for share in LENGTHS_OF_RADIUS]
-    fits = [field.maximise() for field in fields]
+    fields, fits = zip(*found, strict=True)
     gain = np.array([fit.gain for fit in fits])
-    if 2.0 * gain.max() < SIGNIFICANT:
-        return CorrelatedNoise(0.0, 0.0, nothing, nothing, math.inf, white)
     belief = np.exp(gain - gain.max())
     belief /= belief.sum()
     noise, form = nothing.copy(), nothing.copy()
-    for share, field, fit, weight in zip(LENGTHS_OF_RADIUS, fields, fits, belief, strict=True):
-        part = noise if share <= FORM_OF_RADIUS else form
+    for field, fit, weight in zip(fields, fits, belief, strict=True):
+        part = noise if min(field.lengths_m) <= FORM_OF_RADIUS * radius_m else form
         part += weight * fit.variance * field.plane_covariance
+    reach = [np.minimum(field.lengths_m, radius_m) for field in fields]
     return CorrelatedNoise(
         sigma_m=math.sqrt(float(belief @ [fit.variance for fit in fits])),
-        length_m=math.exp(float(belief @ [math.log(field.length_m) for field in fields])),
+        length_m=math.exp(float(belief @ np.log(reach).mean(axis=1))),
         covariance=noise,
         form_covariance=form,
         dof=float(belief @ [fit.dof for fit in fits]),
-        white_sigma_m=white,
+        white_sigma_m=math.sqrt(float(belief @ [field.white_variance for field in fields])),
     )
+
+
+def _likely_fields(
+    cells: Cells, radius_m: float, significant: float
+) -> list[tuple[_Field, _Maximum]]:
+    """Return the fields that these cells can show and their likelihoods, if one is clear."""
+    rest = _residual_projection(cells)
+    lengths = cells.lengths_m(radius_m)
+    if not any(_Field.of(cells, rest, pair).is_suspect() for pair in lengths[::2]):
+        return []
+    fields = [_Field.of(cells, rest, pair) for pair in lengths]
+    fits = [field.maximise() for field in fields]
+    if 2.0 * max(fit.gain for fit in fits) < significant:
+        return []
+    return list(zip(fields, fits, strict=True))
 
 
 def cells_across(points: int) -> int:
@@ -125,14 +163,20 @@ def cells_of(sums: Array, across: int, side_m: float) -> Cells | None:
     None where too few cells are filled.
     """
     count = sums[:, 0]
-    full = count > max(2.0, 0.2 * float(count.max()))
-    if np.count_nonzero(full) < MIN_CELLS:
+    full = filled(count)
+    if full is None:
         return None
     n = count[full]
     u, v, mean = (sums[full, axis] / n for axis in (1, 2, 3))
     within = float(np.sum(sums[full, 9] - n * mean**2) / np.sum(n - 1.0))
     index = np.stack([np.flatnonzero(full) % across, np.flatnonzero(full) // across], axis=1)
     return Cells(np.stack([u, v], axis=1), mean, n, index, side_m, within)
+
+
+def filled(count: Array) -> Mask | None:
+    """Return which cells hold enough of the points, count (C,); None where too few cells do."""
+    full = count > max(2.0, 0.2 * float(count.max()))
+    return full if np.count_nonzero(full) >= MIN_CELLS else None
 
 
 def _residual_projection(cells: Cells) -> Array:
@@ -155,24 +199,28 @@ class _Maximum:
 
 @dataclass(frozen=True)
 class _Field:
-    """Field of length L in the whitened residual space of the cells.
+    """Field of lengths (2,) in the whitened residual space of the cells.
 
     residual: (C-3,) of unit variance if there is no field; kernel: (C-3, C-3) what a field of unit
     variance adds to its covariance; plane_covariance: (3, 3) what it adds to the plane's.
+    white_variance: of the residuals within the cells.
     """
 
-    length_m: float
+    lengths_m: tuple[float, float]
     residual: Array
     kernel: Array
     plane_covariance: Array
+    white_variance: float
 
     @classmethod
-    def of(cls, cells: Cells, rest: Array, length_m: float) -> _Field:
+    def of(cls, cells: Cells, rest: Array, lengths_m: tuple[float, float]) -> _Field:
         """Return the field over these cells; rest: (C-3, C) of `_residual_projection`."""
-        kernel = _averaged_kernel(cells, length_m)
+        kernel = _averaged_kernel(cells, lengths_m)
         weighted = cells.slopes.T * cells.count
         solve = np.linalg.solve(weighted @ cells.slopes, weighted)
-        return cls(length_m, rest @ cells.mean_m, rest @ kernel @ rest.T, solve @ kernel @ solve.T)
+        residual, added = rest @ cells.mean_m, rest @ kernel @ rest.T
+        of_plane = solve @ kernel @ solve.T
+        return cls(lengths_m, residual, added, of_plane, cells.white_variance)
 
     def is_suspect(self) -> bool:
         """Test s = 0 by the score: z'Kz against its mean tr K and variance 2 tr K^2 for white z."""
@@ -198,19 +246,23 @@ class _Field:
         return _Maximum(variance, max(gain, 0.0), max(dof, 1.0))
 
 
-def _averaged_kernel(cells: Cells, length_m: float) -> Array:
+def _averaged_kernel(cells: Cells, lengths_m: tuple[float, float]) -> Array:
     """Return the covariances (C, C) of the cell means of a field of unit variance.
 
     exp(-d^2 / (2 L^2)) is a product over the axes, so its mean over two cells is as well. With g
     the second integral of the kernel, the mean over two sides h that lie d apart is
     (g(d + h) - 2 g(d) + g(d - h)) / h^2.
     """
-    apart = cells.side_m * np.arange(-1.0, float(cells.index.max()) + 2.0)
-    t = apart / (math.sqrt(2.0) * length_m)
-    g = apart * math.sqrt(math.pi / 2.0) * length_m * erf(t) + length_m**2 * np.exp(-t * t)
-    table = (g[2:] - 2.0 * g[1:-1] + g[:-2]) / cells.side_m**2
-    column, row = (np.abs(axis[:, None] - axis[None, :]) for axis in cells.index.T)
-    return np.asarray(table[column] * table[row])
+    kernel = np.ones((len(cells.index),) * 2)
+    for place, side_m, length_m in zip(cells.index.T, cells.sides_m, lengths_m, strict=True):
+        if math.isinf(length_m):
+            continue
+        apart = side_m * np.arange(-1.0, float(place.max()) + 2.0)
+        t = apart / (math.sqrt(2.0) * length_m)
+        g = apart * math.sqrt(math.pi / 2.0) * length_m * erf(t) + length_m**2 * np.exp(-t * t)
+        table = (g[2:] - 2.0 * g[1:-1] + g[:-2]) / side_m**2
+        kernel *= table[np.abs(place[:, None] - place[None, :])]
+    return kernel
 
 
 def erf(x: Array) -> Array:

@@ -13,6 +13,7 @@ from ..vectors import Array
 from .brightness import FittedBrightness, RangeByBrightness, fit_brightness
 from .clipped_plane import ClippedFit, ClipSlab, fit_clipped_plane
 from .correlated_noise import (
+    Cells,
     CorrelatedNoise,
     cells_across,
     cells_of,
@@ -20,6 +21,7 @@ from .correlated_noise import (
 )
 from .patch import Patch
 from .rounded_plane import fit_rounded
+from .scan_lines import cells_along_lines
 from .sigma_clipping import CLIPPED_SIGMA_RATIO
 
 LEAST_STEP_M = 1e-6  # finer steps are no coarser than the target is flat
@@ -139,7 +141,8 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
     fit = fit if shaded is None else shaded.fit
     plane, rms = fit.plane, _rms(fit)
     cells = shaded.cells if shaded else cells_of(plane.residual_sums(), across, fit.side_m)
-    correlated = correlated_noise(cells, radius, rms, resolution).of_plane
+    lined = _along_lines(patch, region, fit, shaded)
+    correlated = correlated_noise(cells, radius, rms, resolution, lined).of_plane
     white = _white_variance(plane.sigma_m, correlated)
     return PlaneFit(
         centroid_m=patch.origin_m + fit.centroid_m,
@@ -153,6 +156,19 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
         rounding=_as_noise(patch.steps, fit, correlated),
         brightness=None if shaded is None else shaded.found(white),
     )
+
+
+def _along_lines(
+    patch: Patch, region: Region, fit: ClippedFit, shaded: FittedBrightness | None
+) -> list[Cells]:
+    """Return the residuals of the points used in cells along the scan lines."""
+    points = patch.face_m if shaded is None else shaded.level_m
+    uvw = points @ fit.slab.basis.T
+    off = fit.plane.distance_m(uvw)
+    used = region.holds(uvw[:, :2]) & (np.abs(off) < fit.slab.limit_m)
+    uvw[:, 2] = off
+    uvw[:, :2] -= fit.plane.centroid_m[:2]
+    return list(cells_along_lines(uvw[used], None if shaded is None else shaded.shade[used]))
 
 
 def _rms(fit: ClippedFit) -> float:

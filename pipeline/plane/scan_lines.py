@@ -1,0 +1,150 @@
+"""Cells along the scan lines of a target, in which noise that differs along and across them shows.
+
+A rotating mirror, an encoder or a profile gives errors of its own to each scan line, and noise is
+often correlated over a longer way along lines than across. Both are fields over the grid of the
+beams. Its lines are found from the points, whatever their order in the file: a lattice has wave
+vectors k, square to its lines, at which exp(i k.x) is the same at all points x. Noise w along the
+beams moves points by w q in the plane, which a factor exp(-i c w), c = k.q, takes back. Along each
+of the two kinds of lines, the target is divided into long narrow cells.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..vectors import Array
+from .correlated_noise import POINTS_A_CELL, Cells, filled
+
+NARROW, LONG = 40, 5  # cells across the lines, and along them
+LEAST_NARROW = 16  # fewer are no narrower than the square cells
+SAMPLED = 500  # points near the middle that show the grid
+LONGEST, SHORTEST = 3.0, 0.6  # waves, in mean distances of the points
+APART = math.radians(40.0)  # least angle between both kinds of lines
+ALIKE = 0.5  # of the strongest wave: those as strong are of the lattice
+STEEPEST, MOST_SHIFTS = 1.2, 12  # q: 50 degrees of incidence; factors exp(-i c w) tried
+ZOOM, ZOOMED = 0.4, 6
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Grid of the beams on a plane.
+
+    directions: (2, 2) unit rows, along the lines of both kinds. beam: (2,) by how much noise of one
+    off the plane moves a point in it.
+    """
+
+    directions: Array
+    beam: Array
+
+
+def cells_along_lines(uvw_m: Array, extra: Array | None = None) -> Iterator[Cells]:
+    """Yield the cells along the two kinds of scan lines, of points uvw_m (N, 3), w a residual.
+
+    u, v: about the centroid. extra: (N,) of a column that was fitted besides the plane. None where
+    points are too few.
+    """
+    narrow = min(NARROW, int(len(uvw_m) / (POINTS_A_CELL * LONG)))
+    if narrow < LEAST_NARROW:
+        return
+    grid = grid_of(uvw_m)
+    # In place: noise would sort the points of a line between the cells on either side.
+    uv = uvw_m[:, :2] - uvw_m[:, 2:] * grid.beam
+    along = uv @ np.linalg.inv(grid.directions)
+    for shape in ((narrow, LONG), (LONG, narrow)):
+        cells = _cells(uvw_m, along, shape, extra)
+        if cells is not None:
+            yield cells
+
+
+def grid_of(uvw_m: Array) -> Grid:
+    """Return the grid of the beams that points uvw_m (N, 3), w off the plane, lie on.
+
+    From the two longest waves of the lattice; lines of one kind only have the other across. Of
+    points on no grid any.
+    """
+    away = np.hypot(*(uvw_m[:, :2] - uvw_m[:, :2].mean(axis=0)).T)
+    some = uvw_m[np.argpartition(away, SAMPLED)[:SAMPLED]] if len(uvw_m) > SAMPLED else uvw_m
+    apart_m = float(np.sort(away)[len(some) - 1]) * math.sqrt(math.pi / len(some))
+    noise_m = max(float(np.std(some[:, 2])), 1e-9 * apart_m)
+    x = some / [apart_m, apart_m, noise_m]
+    most, step = 2.0 * math.pi / SHORTEST, 1.4 / math.sqrt(len(some) / math.pi)
+    k = np.arange(-most, most + step, step)
+    reach = min(math.ceil(STEEPEST * 2.0 * math.pi * noise_m / apart_m), MOST_SHIFTS)
+    axes = (k, k[k >= 0.0], np.arange(-reach, reach + 1.0))
+    power = _power(x, axes)
+    length = np.hypot(axes[0][:, None], axes[1])
+    angle = np.arctan2(axes[1], axes[0][:, None])
+    power *= ((length > 2.0 * math.pi / LONGEST) & (length < most))[:, :, None]
+    least = ALIKE * float(power.max())
+    waves = [_zoomed(x, _longest_wave(axes, power, least), step)]
+    apart = np.abs(np.sin(angle - math.atan2(waves[0][1], waves[0][0]))) > math.sin(APART)
+    power *= apart[:, :, None]
+    if float(power.max()) > least:
+        waves.append(_zoomed(x, _longest_wave(axes, power, least), step))
+    else:
+        waves.append(np.array([-waves[0][1], waves[0][0], 0.0]))
+    found = np.stack(waves)
+    rows = np.stack([-found[:, 1], found[:, 0]], axis=1)
+    rows /= np.linalg.norm(rows, axis=1)[:, None]
+    beam = np.asarray(np.linalg.solve(found[:, :2], found[:, 2]) * (apart_m / noise_m))
+    return Grid(rows, beam)
+
+
+def _power(points: Array, waves: tuple[Array, Array, Array]) -> Array:
+    """Return |mean exp(i (k u + m v - c w))|^2 (K, M, C) over points u, v, w (N, 3)."""
+    x, k, m, c = (one.astype(np.float32) for one in (points, *waves))  # twice as fast
+    u, v = np.exp(1j * np.outer(k, x[:, 0])), np.exp(1j * np.outer(x[:, 1], m))
+    w = np.exp(-1j * np.outer(c, x[:, 2])) / np.float32(len(x))
+    return np.stack([np.abs((u * one) @ v) ** 2 for one in w], axis=2)
+
+
+def _longest_wave(axes: tuple[Array, Array, Array], power: Array, least: float) -> Array:
+    """Return k, m and c (3,) of the strongest of the longest waves of at least that power."""
+    length = np.hypot(axes[0][:, None], axes[1])[:, :, None]
+    strong = power >= least
+    shortest = float(np.where(strong, length, np.inf).min())
+    near = strong & (length < 1.06 * shortest)
+    place = np.unravel_index(np.argmax(np.where(near, power, -1.0)), power.shape)
+    return np.array([axis[i] for axis, i in zip(axes, place, strict=True)])
+
+
+def _zoomed(x: Array, wave: Array, step: float) -> Array:
+    """Return k, m and c (3,) of the greatest power near `wave`."""
+    about, reach = np.linspace(-1.0, 1.0, 5), np.array([step, step, 1.0])
+    for _ in range(ZOOMED):
+        around = wave + reach * about[:, None]
+        power = _power(x, (around[:, 0], around[:, 1], around[:, 2]))
+        place = np.unravel_index(np.argmax(power), power.shape)
+        wave, reach = around[place, range(3)], ZOOM * reach
+    return wave
+
+
+def _cells(
+    uvw_m: Array, along_m: Array, shape: tuple[int, int], extra: Array | None
+) -> Cells | None:
+    """Return the cells, shape of them along either direction; along_m: (N, 2) coordinates."""
+    number = np.array(shape)
+    side_m = 2.0 * np.abs(along_m).max(axis=0) / number
+    place = (along_m / side_m + 0.5 * number).astype(np.int64).clip(0, number - 1)
+    cell = place[:, 1] * shape[0] + place[:, 0]
+    columns = [*uvw_m.T, uvw_m[:, 2] ** 2, *([] if extra is None else [extra])]
+    sums = np.stack([np.bincount(cell, column, number.prod()) for column in columns])
+    count = np.bincount(cell, minlength=number.prod()).astype(np.float64)
+    full = filled(count)
+    if full is None:
+        return None
+    n, (u, v, mean, square, *more) = count[full], sums[:, full] / count[full]
+    index = np.stack([np.flatnonzero(full) % shape[0], np.flatnonzero(full) // shape[0]], axis=1)
+    return Cells(
+        uv_m=np.stack([u, v], axis=1),
+        mean_m=mean,
+        count=n,
+        index=index,
+        side_m=side_m,
+        white_variance=float(np.sum(n * (square - mean**2)) / np.sum(n - 1.0)),
+        extra=np.stack(more, axis=1) if more else None,
+    )

@@ -1,0 +1,125 @@
+"""Scan lines: found whatever the order of the points, and tilts by their offsets as u states."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from wheelplane.plane.correlated_noise import cells_of, correlated_noise
+from wheelplane.plane.scan_lines import cells_along_lines, grid_of
+
+RADIUS, PITCH, WHITE = 0.12, 0.0013, 8e-4  # cells hold no whole number of lines
+
+
+def lattice(rng, first_deg=7.0, between_deg=84.0, aspect=1.0):
+    """Points (N, 2) of a disc on an oblique grid, the lines (N, 2) of both kinds that each is on.
+
+    Lines of the first kind run along first_deg.
+    """
+    first, second = np.radians([first_deg, first_deg + between_deg])
+    steps = PITCH * np.array([[np.cos(first), np.sin(first)], [np.cos(second), np.sin(second)]])
+    steps[1] *= aspect
+    reach = int(2.0 * RADIUS / PITCH)
+    number = np.stack(np.meshgrid(*[np.arange(-reach, reach)] * 2), axis=-1).reshape(-1, 2)
+    uv = (number + rng.uniform(-0.5, 0.5, 2)) @ steps
+    kept = (np.hypot(*uv.T) < RADIUS) & (rng.random(len(uv)) > 0.02)
+    return uv[kept], number[kept, ::-1] + reach
+
+
+def scanned(rng, offset=0.0, kind=0, beam=(0.3, -0.2), **grid):
+    """Points uvw (N, 3), noise w, moved along the beam; lines of one kind are offset as well."""
+    uv, line = lattice(rng, **grid)
+    noise = WHITE * rng.standard_normal(len(uv))
+    noise += offset * rng.standard_normal(line.max() + 1)[line[:, kind]]
+    return np.column_stack([uv + noise[:, None] * np.array(beam), noise])
+
+
+def fitted(uvw):
+    """Error of a plane's slopes (2,) and their covariance by lines and by squares alone."""
+    uvw[:, :2] -= uvw[:, :2].mean(axis=0)
+    terms = np.column_stack([np.ones(len(uvw)), uvw[:, :2]])
+    wrong = np.linalg.lstsq(terms, uvw[:, 2], rcond=None)[0]
+    residual = np.column_stack([uvw[:, :2], uvw[:, 2] - terms @ wrong])
+    side = 2.0 * RADIUS / 12
+    index = (residual[:, :2] / side + 6.0).astype(int).clip(0, 11) @ [1, 12]
+    terms_of = (np.ones(len(uvw)), *residual.T, *np.zeros((5, len(uvw))), residual[:, 2] ** 2)
+    sums = np.stack([np.bincount(index, one, 144) for one in terms_of], axis=1)
+    cells = cells_of(sums, 12, side)
+    white = np.linalg.inv(terms.T @ terms)
+    found = []
+    for lined in (list(cells_along_lines(residual)), []):
+        noise = correlated_noise(cells, RADIUS, WHITE, lined=lined)
+        whole = white * noise.white_sigma_m**2 + noise.covariance + noise.form_covariance
+        found.append(whole[1:, 1:])
+    return wrong[1:], *found
+
+
+def off_deg(direction, degrees):
+    return abs((np.degrees(np.arctan2(*direction[::-1])) - degrees + 90.0) % 180.0 - 90.0)
+
+
+@pytest.mark.parametrize("between", [70.0, 84.0, 90.0])
+@pytest.mark.parametrize("first", [0.0, 33.0, 125.0])
+@pytest.mark.parametrize("beam", [(0.0, 0.0), (0.6, 0.2), (-0.3, 0.7)])
+def test_lines_are_found_under_noise_that_moves_the_points_along_the_beams(between, first, beam):
+    rng = np.random.default_rng(5)
+    uvw = scanned(rng, beam=beam, first_deg=first, between_deg=between)
+    for points in (uvw, rng.permutation(uvw)):
+        directions = grid_of(points).directions
+        assert grid_of(points).beam == pytest.approx(beam, abs=0.1)
+        assert np.linalg.norm(directions, axis=1) == pytest.approx([1.0, 1.0])
+        for wanted in (first, first + between):
+            assert min(off_deg(direction, wanted) for direction in directions) < 0.5
+
+
+def test_lines_twice_as_far_apart_as_their_points():
+    uvw = scanned(np.random.default_rng(6), aspect=2.0)
+    directions = grid_of(uvw).directions
+    for wanted in (7.0, 91.0):
+        assert min(off_deg(direction, wanted) for direction in directions) < 0.5
+
+
+@pytest.mark.parametrize("kind", [0, 1])
+def test_tilts_by_offsets_of_scan_lines_are_as_uncertain_as_stated(kind):
+    count = 40
+    found = [fitted(scanned(np.random.default_rng([s, 3]), 2e-4, kind)) for s in range(count)]
+    nees, squares = (
+        sum(tilt @ np.linalg.solve(one[k], tilt) for tilt, *one in found) for k in (0, 1)
+    )
+    low, high = stats.chi2.ppf([0.0005, 0.9995], 2 * count)
+    assert 0.8 * low < nees < 1.1 * high  # the offsets' size is an estimate of 25 dof
+    assert squares > 1.5 * nees
+    _, line = lattice(np.random.default_rng([0, 3]))
+    uvw = scanned(np.random.default_rng([0, 3]))
+    slope = np.linalg.pinv(uvw[:, :2] - uvw[:, :2].mean(axis=0))
+    by_line = np.stack([np.bincount(line[:, kind], one) for one in slope])
+    wanted = WHITE**2 * slope @ slope.T + 2e-4**2 * by_line @ by_line.T
+    mean = np.mean([one for _, one, _ in found], axis=0)
+    u, wanted_u = np.sqrt(np.linalg.eigvalsh(mean)), np.sqrt(np.linalg.eigvalsh(wanted))
+    np.testing.assert_allclose(u, wanted_u, rtol=0.15)
+    assert wanted_u[1] > 2.0 * wanted_u[0]
+
+
+@pytest.mark.parametrize("beam", [(0.0, 0.0), (0.3, -0.2), (-0.1, 0.6)])
+def test_independent_noise_is_left_alone(beam):
+    """Noise that moves points along oblique beams also parts those of a line at a cell's side."""
+    found = [fitted(scanned(np.random.default_rng([s, 4]), beam=beam)) for s in range(40)]
+    changed = sum(not np.array_equal(lined, squares) for _, lined, squares in found)
+    assert changed <= stats.binom.ppf(0.999, 40, 0.015)
+
+
+@pytest.mark.parametrize("count", [0, 3, 600])
+def test_few_points_show_no_lines(count):
+    assert list(cells_along_lines(np.random.default_rng(1).normal(size=(count, 3)))) == []
+
+
+def test_points_on_no_grid_and_exact_points_do_no_harm():
+    rng = np.random.default_rng(2)
+    cloud = np.column_stack([rng.uniform(-1, 1, (5000, 2)), np.zeros(5000)])
+    assert np.all(np.isfinite(grid_of(cloud).directions))
+    assert all(np.all(np.isfinite(cells.mean_m)) for cells in cells_along_lines(cloud))
+
+
+def test_a_column_fitted_besides_the_plane_is_averaged_likewise():
+    uvw = scanned(np.random.default_rng(3))
+    for cells in cells_along_lines(uvw, 2.0 * uvw[:, 2]):
+        np.testing.assert_allclose(cells.extra[:, 0], 2.0 * cells.mean_m, rtol=1e-9)
