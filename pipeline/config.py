@@ -71,12 +71,23 @@ class InstrumentConfig(Section):
 
     A scanner's file states them in its table [instrument]. range_sigma_m: noise of one range, with
     which that of the scans is compared. spot_radius_m: overrides that of [centre]. distance_m: from
-    scanner to target, for scans that do not state the scanner's position.
+    scanner to target, for scans that do not state the scanner's position. range_scale_ppm: error of
+    all ranges, per million. incidence_bias_m: b of the range error b (1 / cos(incidence) - 1).
+    collimation, trunnion, vertical index, and beam offset: errors of the axes, about the scan's z;
+    of an eccentricity the rms amplitude. pointing, registration: of a station against the others.
     """
 
     range_sigma_m: float | None = Field(None, gt=0.0)
     spot_radius_m: float | None = Field(None, gt=0.0)
     range_bias_m: float = Field(0.0, ge=0.0)
+    range_scale_ppm: float = Field(0.0, ge=0.0)
+    incidence_bias_m: float = Field(0.0, ge=0.0)
+    collimation_arcsec: float = Field(0.0, ge=0.0)
+    trunnion_arcsec: float = Field(0.0, ge=0.0)
+    vertical_index_arcsec: float = Field(0.0, ge=0.0)
+    azimuth_eccentricity_arcsec: float = Field(0.0, ge=0.0)
+    elevation_eccentricity_arcsec: float = Field(0.0, ge=0.0)
+    beam_offset_m: float = Field(0.0, ge=0.0)
     pointing_urad: float = Field(0.0, ge=0.0)
     registration_m: float = Field(0.0, ge=0.0)
     distance_m: float = Field(3.0, gt=0.0)

@@ -84,7 +84,8 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     plane = fit_plane(patch, target, config.plane)
     fitted = locate_centre(patch, plane, target, config.centre)
     sight_m = fitted.sight_m(plane, config.instrument.distance_m)
-    components = with_type_b(fitted.components, fitted.normal, sight_m, target, config.instrument)
+    of_fit, stated = (fitted.components, fitted.normal, sight_m), config.instrument
+    components = with_type_b(*of_fit, target, stated, patch.station)
     fitted = replace(fitted, components=components)
     residuals = residual_map(patch, plane, fitted, target, config.plane.edge_margin_m)
     return Evidence(fitted, plane, residuals)

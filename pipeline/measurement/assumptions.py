@@ -8,6 +8,22 @@ from ..config import InstrumentConfig
 from ..targets import PatternTarget, Target
 from .records import Measurement
 
+# Terms of [instrument] by their names in the notes.
+RANGE = {
+    "range bias": "range_bias_m",
+    "range scale": "range_scale_ppm",
+    "range by incidence": "incidence_bias_m",
+}
+AXES = {
+    "collimation": "collimation_arcsec",
+    "trunnion axis": "trunnion_arcsec",
+    "vertical index": "vertical_index_arcsec",
+    "azimuth eccentricity": "azimuth_eccentricity_arcsec",
+    "elevation eccentricity": "elevation_eccentricity_arcsec",
+    "beam offset": "beam_offset_m",
+}
+STATION = {"pointing": "pointing_urad", "registration": "registration_m"}
+
 
 def notes_of_assumptions(
     measurement: Measurement, target: Target, instrument: InstrumentConfig
@@ -51,17 +67,19 @@ def _note_of_mounting(measurement: Measurement, target: Target) -> Iterator[str]
 def _note_of_zeros(
     measurement: Measurement, target: Target, instrument: InstrumentConfig
 ) -> Iterator[str]:
-    scanner = {
-        "range bias": instrument.range_bias_m,
-        "pointing": instrument.pointing_urad,
-        "registration": instrument.registration_m,
-    }
-    missing = [name for name, stated in scanner.items() if stated == 0.0]
+    missing = _missing(instrument, RANGE)
+    axes = _missing(instrument, AXES)
+    missing += ["axis errors"] if len(axes) == len(AXES) else axes
+    missing += _missing(instrument, STATION)
     zeros = [f"{_and(missing)} of the scanner"] if missing else []
     zeros += ["flatness of the target"] if target.flatness == 0.0 else []
     zeros += ["range bias of the print"] if _hides_brightness(measurement, target) else []
     if zeros:
         yield f"Counted as zero, as no file states them: {'; '.join(zeros)}."
+
+
+def _missing(instrument: InstrumentConfig, terms: dict[str, str]) -> list[str]:
+    return [name for name, key in terms.items() if getattr(instrument, key) == 0.0]
 
 
 def _hides_brightness(measurement: Measurement, target: Target) -> bool:

@@ -32,3 +32,13 @@ class Patch:
     part: int = 0
     station_m: Array | None = None
     steps: Steps = EXACT
+
+    @property
+    def station(self) -> str | None:
+        """Name of the scanner's station, by its position.
+
+        None if that is not stated, or lies behind the target, which contradicts the scan.
+        """
+        if self.station_m is None or not (self.station_m - self.origin_m) @ self.basis[2] > 0.0:
+            return None
+        return "station {:.3f} {:.3f} {:.3f}".format(*(self.station_m.round(3) + 0.0))

@@ -129,16 +129,22 @@ def range_bias_component(bias_m: float, sight_m: Array, normal: Array) -> Uncert
     )
 
 
-def pointing_component(angle_rad: float, sight_m: Array, normal: Array) -> UncertaintyComponent:
-    """Return the component of a scan rotated about the scanner, by angle_rad per axis (k = 1)."""
+def pointing_component(
+    angle_rad: float, sight_m: Array, normal: Array, station: str | None = None
+) -> UncertaintyComponent:
+    """Return the component of a station rotated about its scanner, by angle_rad per axis (k = 1).
+
+    station: shared by the scans of that name; None: one scan alone.
+    """
     rotations = angle_rad * np.eye(3)
     moved = np.vstack([np.cross(rotations, normal).T, np.cross(rotations, sight_m).T])
-    return UncertaintyComponent("pointing", moved, turn=rotations @ normal)
+    return UncertaintyComponent("pointing", moved, shared=station, turn=rotations @ normal)
 
 
-def registration_component(shift_m: float) -> UncertaintyComponent:
-    """Return the component of a scan shifted against the others, by shift_m per axis (k = 1)."""
-    return UncertaintyComponent("registration", np.vstack([np.zeros((3, 3)), shift_m * np.eye(3)]))
+def registration_component(shift_m: float, station: str | None = None) -> UncertaintyComponent:
+    """Return the component of a station shifted against the others, by shift_m per axis (k = 1)."""
+    factor = np.vstack([np.zeros((3, 3)), shift_m * np.eye(3)])
+    return UncertaintyComponent("registration", factor, shared=station)
 
 
 def _across(normal: Array) -> Array:

@@ -18,6 +18,7 @@ from .components import (
     range_bias_component,
     registration_component,
 )
+from .instrument import instrument_components
 
 
 def with_type_b(
@@ -26,11 +27,13 @@ def with_type_b(
     sight_m: Array,
     target: Target,
     instrument: InstrumentConfig,
+    station: str | None = None,
 ) -> tuple[UncertaintyComponent, ...]:
     """Return a fitted target's components with the type B components added (JCGM 100, 4.3).
 
     Waviness observed in the residuals and the stated flatness are one component: the larger counts.
     normal: (3,) unit; sight_m: (3,) from the scanner to the target's centre, scanner coordinates.
+    station: by which scans of one station are known; None where that is not known.
     """
     observed = [component for component in components if component.name == "flatness"]
     stated = [flatness_component(target.flatness, target.radius_m, normal)]
@@ -40,8 +43,9 @@ def with_type_b(
         form,
         mounting_component(math.radians(target.clamp_tilt_deg), target.clamp_shift, normal),
         range_bias_component(instrument.range_bias_m, sight_m, normal),
-        pointing_component(instrument.pointing_urad * 1e-6, sight_m, normal),
-        registration_component(instrument.registration_m),
+        *instrument_components(instrument, sight_m, normal, target.radius_m, station),
+        pointing_component(instrument.pointing_urad * 1e-6, sight_m, normal, station),
+        registration_component(instrument.registration_m, station),
     ]
     return tuple(component for component in every if component.factor.any())
 

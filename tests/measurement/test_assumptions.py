@@ -12,7 +12,16 @@ from wheelplane.plane import fit_plane
 from wheelplane.targets.registry import load_target
 
 DISC = load_target("disc-250")
-STATED = InstrumentConfig(range_bias_m=1e-3, pointing_urad=50.0, registration_m=1e-3)
+AXES = {
+    "collimation_arcsec": 10.0,
+    "trunnion_arcsec": 10.0,
+    "vertical_index_arcsec": 10.0,
+    "azimuth_eccentricity_arcsec": 10.0,
+    "elevation_eccentricity_arcsec": 10.0,
+    "beam_offset_m": 1e-4,
+}
+RANGE = {"range_bias_m": 1e-3, "range_scale_ppm": 10.0, "incidence_bias_m": 1e-4}
+STATED = InstrumentConfig(**AXES, **RANGE, pointing_urad=50.0, registration_m=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +33,19 @@ def test_a_capture_without_run_outs_is_of_the_targets_as_mounted(plates):
     mounted, zeros = notes_of_assumptions(plates, DISC, InstrumentConfig())
     assert mounted.startswith("The angles of the wheels are those of the targets as mounted")
     assert "clamp_tilt_deg" in mounted
-    for zero in ("range bias", "pointing", "registration", "flatness"):
+    for zero in ("range bias", "range by incidence", "axis errors", "pointing", "registration"):
         assert zero in zeros
+    assert "flatness" in zeros
+    assert "collimation" not in zeros
+
+
+@pytest.mark.parametrize("key", AXES)
+def test_each_axis_error_that_is_not_stated_is_named_beside_those_that_are(plates, key):
+    target = DISC.model_copy(update={"clamp_tilt_deg": 0.01, "flatness": 1e-4})
+    missing = STATED.model_copy(update={key: 0.0})
+    (zeros,) = notes_of_assumptions(plates, target, missing)
+    name = key.rpartition("_")[0].replace("_", " ")
+    assert zeros.startswith(f"Counted as zero, as no file states them: {name}")
 
 
 def test_what_the_files_state_is_not_noted(plates):

@@ -60,3 +60,16 @@ def test_a_patch_is_not_changed_by_a_fit_nor_otherwise():
     np.testing.assert_array_equal(here.face_m, before)
     with pytest.raises(FrozenInstanceError):
         here.sigma_m = 1.0
+
+
+def test_a_station_is_named_by_its_position_unless_that_contradicts_the_scan():
+    stated = [replace(patch(), station_m=np.array([3.0, z, 1.5 + z])) for z in (2.0, 2.0004, 2.2)]
+    names = [one.station for one in stated]
+    assert names[0] == names[1] != names[2]
+    assert patch().station is None
+    behind = replace(patch(), station_m=np.array([3.0, -7.0, -1.0]))
+    assert behind.station is None
+    zero = replace(
+        patch(), origin_m=np.array([0.0, 0.0, -2.0]), station_m=np.array([-0.0, 0.0, 1e-9])
+    )
+    assert zero.station == "station 0.000 0.000 0.000"

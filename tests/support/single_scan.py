@@ -12,8 +12,12 @@ from wheelplane.uncertainty.type_b import with_type_b
 
 def measure_scan(scan, target, config):
     """Plane and centre of the one target that a scan shows."""
-    patch = find_target(scan.points_m, target, config.segment, config.seed, scan.intensity)
-    return fit_target(patch, target, config)
+    return fit_target(patch_of(scan, target, config), target, config)
+
+
+def patch_of(scan, target, config):
+    """The patch of the one target that a scan shows."""
+    return find_target(scan.points_m, target, config.segment, config.seed, scan.intensity)
 
 
 def with_stated(fitted, plane, target, instrument):

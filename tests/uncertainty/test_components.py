@@ -1,6 +1,7 @@
 """Uncertainty components: each builder against drawn errors of the kind that it describes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -213,3 +214,24 @@ def test_a_scan_noisier_than_its_scanner_gives_a_note(evidence):
     assert "3.0 times" in note
     assert not list(noisy([seen], InstrumentConfig(range_sigma_m=sigma)))
     assert not list(noisy([seen], InstrumentConfig()))
+
+
+def test_scans_of_one_station_share_its_errors_where_its_position_is_stated(evidence):
+    from tests.support.single_scan import patch_of
+    from wheelplane.config import Config
+    from wheelplane.measure import fit_target
+    from wheelplane.readers import Scan
+
+    cloud, _ = evidence
+    stated = {"collimation_arcsec": 10.0, "pointing_urad": 20.0, "registration_m": 1e-4}
+    config = Config(instrument=InstrumentConfig(**stated))
+    patch = patch_of(Scan(cloud.points_m, None, "memory", 0), PLATE, config)
+    for station_m, shared in ((None, False), (cloud.viewpoint_m, True)):
+        target = fit_target(replace(patch, station_m=station_m), PLATE, config).target
+        of_station = {c.name: c.shared for c in target.components if c.name in NAMES}
+        assert set(of_station) == NAMES
+        assert all((key is not None) == shared for key in of_station.values())
+        assert len(set(of_station.values())) == 1
+
+
+NAMES = {"axes", "pointing", "registration"}

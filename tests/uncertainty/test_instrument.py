@@ -1,0 +1,154 @@
+"""Errors of range and axes: what they do to a target, against moving every one of its points."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.support.scenes import rotation
+from wheelplane.config import InstrumentConfig
+from wheelplane.plane import total_least_squares
+from wheelplane.uncertainty.instrument import instrument_components
+from wheelplane.uncertainty.propagation import effects_of
+
+ARCSEC = math.radians(1.0 / 3600.0)
+RADIUS = 0.12
+
+
+def scene(seed):
+    """Unit normal towards the scanner, and the vector from the scanner to the centre."""
+    rng = np.random.default_rng(seed)
+    R, azimuth = rotation(rng), rng.uniform(-np.pi, np.pi)
+    sight = 2.5 * np.array([np.cos(azimuth), np.sin(azimuth), rng.uniform(-0.6, 0.3)])
+    aside = np.cross(sight, R[0])
+    normal = -sight / np.linalg.norm(sight) + 0.5 * aside / np.linalg.norm(aside)
+    return normal / np.linalg.norm(normal), sight
+
+
+def spherical(p):
+    x, y, z = p.T
+    return np.arctan2(y, x), np.arctan2(z, np.hypot(x, y)), np.linalg.norm(p, axis=1)
+
+
+def cartesian(a, e, r):
+    return np.stack([r * np.cos(e) * np.cos(a), r * np.cos(e) * np.sin(a), r * np.sin(e)], axis=1)
+
+
+S = 15.0 * ARCSEC
+# Of each term: its value in the file, the rows that it gives, the component, and how it moves
+# azimuth, elevation and range of one phase (a, e, r, cosine of incidence).
+TERMS = {
+    "incidence_bias_m": (1e-3, "incidence", lambda a, e, r, c: (a, e, r + 1e-3 * (1.0 / c - 1.0))),
+    "range_scale_ppm": (200.0, "range scale", lambda a, e, r, c: (a, e, r * (1.0 + 2e-4))),
+    "collimation_arcsec": (15.0, "axes", lambda a, e, r, c: (a + S / np.cos(e), e, r)),
+    "trunnion_arcsec": (15.0, "axes", lambda a, e, r, c: (a + S * np.tan(e), e, r)),
+    "vertical_index_arcsec": (15.0, "axes", lambda a, e, r, c: (a, e + S, r)),
+    "beam_offset_m": (1e-4, "axes", lambda a, e, r, c: (a + 1e-4 / (r * np.cos(e)), e, r)),
+}
+
+
+def change(normal, sight, move):
+    """Change of normal and centre (6,) by moving the points of a disc, and its in-plane rotation.
+
+    Every point keeps the incidence that it has; the centre is the point at the centre.
+    """
+    turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    u = np.cross(normal, [0.0, 0.0, 1.0])
+    u /= np.linalg.norm(u)
+    across = np.stack([u, np.cross(normal, u)])
+    ring = np.column_stack([np.cos(turn), np.sin(turn)])
+    points = sight + np.vstack([np.zeros(2), RADIUS * ring, 0.5 * RADIUS * ring]) @ across
+    cosine = np.abs(points @ normal) / np.linalg.norm(points, axis=1)
+    moved = cartesian(*move(*spherical(points), cosine))
+    after = total_least_squares(moved).normal
+    away, shift = (points - sight) @ across.T, (moved - points - (moved - points)[0]) @ across.T
+    rotated = np.sum(away[:, 0] * shift[:, 1] - away[:, 1] * shift[:, 0]) / np.sum(away**2)
+    return np.concatenate([after * np.sign(after @ normal) - normal, moved[0] - points[0]]), rotated
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("key", TERMS)
+def test_a_term_moves_the_target_as_it_moves_every_point(key, seed):
+    value, name, move = TERMS[key]
+    normal, sight = scene(seed)
+    (found,) = stated({key: value}, normal, sight)
+    assert found.name == name
+    column = found.factor[:, np.any(found.factor != 0.0, axis=0)]
+    assert column.shape == (6, 1)
+    wanted, rotated = change(normal, sight, move)
+    size = np.linalg.norm(wanted[3:])
+    # First order in target over distance.
+    np.testing.assert_allclose(column[:3, 0], wanted[:3], atol=0.06 * size / 2.5 + 1e-9)
+    np.testing.assert_allclose(column[3:, 0], wanted[3:], atol=1e-3 * size + 1e-10)
+    assert np.abs(found.turn).sum() == pytest.approx(abs(rotated), abs=0.06 * size / 2.5 + 1e-9)
+    assert np.linalg.norm(wanted[:3]) > 0.2 * size / 2.5 or key in ("range_scale_ppm",)
+
+
+def stated(values, normal, sight, station=None):
+    instrument = InstrumentConfig(**values)
+    found = instrument_components(instrument, sight, normal, RADIUS, station)
+    return [component for component in found if component.factor.any()]
+
+
+@pytest.mark.parametrize("which", ["azimuth", "elevation"])
+def test_an_eccentricity_is_that_of_all_phases(which):
+    normal, sight = scene(7)
+    (found,) = stated({f"{which}_eccentricity_arcsec": 15.0}, normal, sight)
+    total = np.zeros((6, 6))
+    phases = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    for phase in phases:
+
+        def move(a, e, r, c, at=phase):
+            if which == "azimuth":
+                return a + S * np.sin(a - at), e, r
+            return a, e + S * np.sin(e - at), r
+
+        moved, _ = change(normal, sight, move)
+        total += np.outer(moved, moved) / len(phases)
+    for part, within in ((slice(0, 3), 0.1), (slice(3, 6), 1e-3)):
+        size = np.trace(total[part, part])
+        found_part = found.covariance[part, part] / size
+        np.testing.assert_allclose(found_part, total[part, part] / size, atol=within)
+
+
+def test_incidence_tilts_a_target_as_the_opposite_range_bias():
+    """1 / cos - 1 along the beam is one along the normal less one along the beam."""
+    from wheelplane.uncertainty.components import range_bias_component
+
+    normal, sight = scene(3)
+    (found,) = stated({"incidence_bias_m": 1e-3}, normal, sight)
+    bias = range_bias_component(1e-3, sight, normal)
+    np.testing.assert_allclose(
+        found.factor[:3, 0], -bias.factor[:3, 0], atol=1e-3 * np.abs(bias.factor[:3]).max()
+    )
+    assert np.abs(bias.factor[:3]).max() > 1e-5
+
+
+def test_what_is_not_stated_is_nothing_and_twice_the_value_is_twice_the_movement():
+    normal, sight = scene(1)
+    assert stated({}, normal, sight) == []
+    once = {key: value for key, (value, _, _) in TERMS.items()}
+    for one, two in zip(
+        stated(once, normal, sight),
+        stated({key: 2.0 * value for key, value in once.items()}, normal, sight),
+        strict=True,
+    ):
+        np.testing.assert_allclose(two.factor, 2.0 * one.factor, rtol=1e-12)
+
+
+def test_ranges_are_shared_by_the_scanner_and_axes_by_the_station():
+    values = {key: value for key, (value, _, _) in TERMS.items()}
+    normal, sight = scene(2)
+    ranges = {"incidence": "scanner", "range scale": "scanner"}
+    for station in (None, "station 0 0 0"):
+        found = {c.name: c.shared for c in stated(values, normal, sight, station)}
+        assert found == {**ranges, "axes": station}
+
+    class Target:
+        def __init__(self, station):
+            self.components = stated(values, normal, sight, station)
+
+    two = effects_of([Target("station 0 0 0"), Target("station 0 0 0")])
+    assert [effect.name for effect in two] == ["incidence", "range scale", "axes"]
+    apart = effects_of([Target("station 0 0 0"), Target("station 5 0 0")])
+    assert [effect.name for effect in apart].count("axes") == 2
