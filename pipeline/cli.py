@@ -22,6 +22,7 @@ COMMANDS = {
     "measure": ("commands.measure:measure", "Measure laser scans of the wheels."),
     "plane": ("commands.plane:plane", "Find the planes of a point cloud."),
     "results": ("commands.results:results", "List and summarise the results of a batch."),
+    "scanner": ("commands.scanner:scanner", "Derive a scanner's file from field tests."),
     "selftest": ("commands.selftest:selftest", "Fit certified data; a table for the records."),
     "synth": ("commands.synth:synth", "Make a synthetic capture with known angles."),
     "targets": ("commands.targets:targets", "List and draw the known targets."),

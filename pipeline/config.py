@@ -74,7 +74,9 @@ class InstrumentConfig(Section):
     scanner to target, for scans that do not state the scanner's position. range_scale_ppm: error of
     all ranges, per million. incidence_bias_m: b of the range error b (1 / cos(incidence) - 1).
     collimation, trunnion, vertical index, and beam offset: errors of the axes, about the scan's z;
-    of an eccentricity the rms amplitude. pointing, registration: of a station against the others.
+    of an eccentricity the rms amplitude. same_face: all scans were taken in one face of the
+    instrument, so that errors of its axes are the same at every station. pointing, registration: of
+    a station against the others.
     """
 
     range_sigma_m: float | None = Field(None, gt=0.0)
@@ -88,6 +90,7 @@ class InstrumentConfig(Section):
     azimuth_eccentricity_arcsec: float = Field(0.0, ge=0.0)
     elevation_eccentricity_arcsec: float = Field(0.0, ge=0.0)
     beam_offset_m: float = Field(0.0, ge=0.0)
+    same_face: bool = False
     pointing_urad: float = Field(0.0, ge=0.0)
     registration_m: float = Field(0.0, ge=0.0)
     distance_m: float = Field(3.0, gt=0.0)

@@ -23,6 +23,7 @@ from .distributions import (
     tail,
     tails,
 )
+from .field_tests import FieldTests, FoundTerm, evaluate_tests
 from .monte_carlo import TOLERANCE, MonteCarlo, monte_carlo
 from .propagation import (
     LEVEL,
@@ -39,6 +40,8 @@ __all__ = [
     "TOLERANCE",
     "AngleUncertainty",
     "Effect",
+    "FieldTests",
+    "FoundTerm",
     "MonteCarlo",
     "UncertainTarget",
     "UncertaintyComponent",
@@ -50,6 +53,7 @@ __all__ = [
     "coverage_factor",
     "effective_dof",
     "effects_of",
+    "evaluate_tests",
     "f_beyond",
     "f_sum_limits",
     "monte_carlo",

@@ -37,7 +37,7 @@ def instrument_components(
     sight_m: (3,) from the scanner to the centre; normal: (3,) unit. Errors of the range are shared
     by all scans of the scanner. Those of the axes are shared by the scans of one station, whose
     name is None where it is not known: between stations the face of the instrument may change,
-    which reverses their signs.
+    which reverses their signs. All scans share them if they were taken in the same face.
     """
     stated = instrument
     by_incidence = [_along(lambda p: _steepness(p, normal), stated.incidence_bias_m)]
@@ -54,7 +54,8 @@ def instrument_components(
     of_range = [
         _component(name, moved, sight_m, normal, radius_m, "scanner") for name, moved in ranges
     ]
-    return [*of_range, _component("axes", axes, sight_m, normal, radius_m, station)]
+    common = "scanner" if stated.same_face else station
+    return [*of_range, _component("axes", axes, sight_m, normal, radius_m, common)]
 
 
 def _component(

@@ -1,6 +1,8 @@
 """Error and stated uncertainty of toe, camber and centres, for one kind of physics at a time.
 
 .venv/bin/python -m tests.bench.physics [--wheels 60] [--target disc-250] [--only NAME ...]
+
+--stated: measure with the [instrument] of the scanner's file, as `measure --scanner` does.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from wheelplane.capture.open_capture import open_capture
-from wheelplane.config import Config, config_file
+from wheelplane.config import Config, config_file, with_scanner
 from wheelplane.errors import InputError
 from wheelplane.measure import measure_capture
 from wheelplane_synth.output.archive import write_capture
@@ -48,6 +50,16 @@ ANGLES: Values = {
     "registration.turn_sigma_arcsec": 15.0,
     "registration.shift_sigma_m": 0.0005,
 }
+SAME = ("collimation", "trunnion", "vertical_index", "azimuth_eccentricity")
+STATED_ANGLES: Values = {
+    **{f"instrument.{name}_arcsec": 15.0 for name in SAME},
+    "instrument.same_face": True,
+    "instrument.elevation_eccentricity_arcsec": 15.0,
+    "instrument.pointing_urad": 72.7,
+    "instrument.registration_m": 0.0005,
+}
+INCIDENCE: Values = {"station.incidence_deg": [20.0, 45.0], "beam.incidence_bias_m": 0.001}
+AXES: Values = {key: value for key, value in ANGLES.items() if "registration" not in key}
 CASES: dict[str, Values] = {
     "independent": {},
     "quiet": QUIET,
@@ -63,9 +75,19 @@ CASES: dict[str, Values] = {
     "dark-half-0.1": {**HALF, "beam.brightness_bias_m": 0.0001},
     "dark-half-0.3": {**HALF, "beam.brightness_bias_m": 0.0003},
     "dark-half-1.0": {**HALF, "beam.brightness_bias_m": 0.001},
-    "incidence": {"station.incidence_deg": [20.0, 45.0], "beam.incidence_bias_m": 0.001},
+    "incidence": INCIDENCE,
+    "incidence-stated": {**INCIDENCE, "instrument.incidence_bias_m": 0.001},
     "lines": LINES,
+    "lines-level": {**LINES, "beam.scan_lines": "rows"},
+    "axes": AXES,
+    "axes-stated": {
+        **AXES,
+        **STATED_ANGLES,
+        "instrument.pointing_urad": 0.0,
+        "instrument.registration_m": 0.0,
+    },
     "angles": ANGLES,
+    "angles-stated": {**ANGLES, **STATED_ANGLES},
     "first": {**RETURNS, "beam.return_mode": "first"},
     "strongest": {**RETURNS, "beam.return_mode": "strongest"},
     "points-300": {"grid.spacing_m": 0.0128},
@@ -96,7 +118,9 @@ def scanner_file(folder: Path, values: Values, base: str = "default") -> Path:
     return file
 
 
-def vehicle_rows(seed: int, values: Values, target: str, scanner: str) -> list[list[float]]:
+def vehicle_rows(
+    seed: int, values: Values, target: str, scanner: str, stated: bool
+) -> list[list[float]]:
     """Return a row per wheel: errors and u of toe and camber (arcsec), of the centre (mm)."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "capture"
@@ -104,13 +128,14 @@ def vehicle_rows(seed: int, values: Values, target: str, scanner: str) -> list[l
             folder,
             seed=seed,
             vehicle=config_file("vehicles", "saloon"),
-            scanner=scanner_file(Path(scratch), values, scanner),
+            scanner=(file := scanner_file(Path(scratch), values, scanner)),
             target=config_file("targets", target),
             trials=0,
         )
         truth = {w["name"]: w for w in json.loads((folder / "truth.json").read_text())["wheels"]}
         with open_capture(folder) as capture:
-            measurement = measure_capture(capture, Config())
+            config = with_scanner(Config(), str(file) if stated else None)
+            measurement = measure_capture(capture, config)
     rows = []
     for wheel in measurement.wheels:
         true, fitted = truth[wheel.observation.name], wheel.observation.fitted
@@ -130,14 +155,17 @@ def vehicle_rows(seed: int, values: Values, target: str, scanner: str) -> list[l
     return rows
 
 
-def case_line(name: str, values: Values, wheels: int, target: str, scanner: str) -> str:
+def case_line(
+    name: str, values: Values, wheels: int, target: str, scanner: str, stated: bool = False
+) -> str:
     """Measure that many wheels of one kind of physics, and return its line of the table."""
     rows: list[list[float]] = []
     refused: list[str] = []
     vehicles = -(-wheels // 4)
+    stated = stated or any(key.startswith("instrument.") for key in values)
     for seed in range(vehicles):
         try:
-            rows += vehicle_rows(seed, values, target, scanner)
+            rows += vehicle_rows(seed, values, target, scanner, stated)
         except InputError as error:
             refused.append(str(error)[:100])
     if not rows:
@@ -157,16 +185,18 @@ def main() -> None:
     parser.add_argument("--wheels", type=int, default=60)
     parser.add_argument("--target", default="disc-250")
     parser.add_argument("--only", nargs="+", choices=[*CASES, *KINDS])
+    parser.add_argument("--stated", action="store_true")
     options = parser.parse_args()
     print(f"{options.wheels} wheels a case, {options.target}: rms error / rms u, inside 1.96 u")
     print(f"{'':17s} {'toe':>24s}   {'camber':>24s}   {'centre':>17s}   points")
     for name, values in CASES.items():
         if options.only is None or name in options.only:
-            line = case_line(name, PLAIN | values, options.wheels, options.target, "default")
-            print(line, flush=True)
+            run = (options.wheels, options.target, "default", options.stated)
+            print(case_line(name, PLAIN | values, *run), flush=True)
     for name in KINDS:
         if options.only is None or name in options.only:
-            print(case_line(name, {}, options.wheels, options.target, name), flush=True)
+            run = (options.wheels, options.target, name, options.stated)
+            print(case_line(name, {}, *run), flush=True)
 
 
 KINDS = ("phase-shift", "pulse", "structured-light", "line-profile")

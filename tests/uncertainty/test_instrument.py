@@ -148,6 +148,9 @@ def test_ranges_are_shared_by_the_scanner_and_axes_by_the_station():
         def __init__(self, station):
             self.components = stated(values, normal, sight, station)
 
+    (same,) = [c for c in stated({**values, "same_face": True}, normal, sight) if c.name == "axes"]
+    assert same.shared == "scanner"
+
     two = effects_of([Target("station 0 0 0"), Target("station 0 0 0")])
     assert [effect.name for effect in two] == ["incidence", "range scale", "axes"]
     apart = effects_of([Target("station 0 0 0"), Target("station 5 0 0")])
