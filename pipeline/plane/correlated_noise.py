@@ -142,7 +142,8 @@ def _likely_fields(
     """Return the fields that these cells can show and their likelihoods, if one is clear."""
     rest = _residual_projection(cells)
     lengths = cells.lengths_m(radius_m)
-    if not any(_Field.of(cells, rest, pair).is_suspect() for pair in lengths[::2]):
+    some = lengths[:: len(lengths) // 4]
+    if not any(_Field.of(cells, rest, pair).is_suspect() for pair in some):
         return []
     fields = [_Field.of(cells, rest, pair) for pair in lengths]
     fits = [field.maximise() for field in fields]

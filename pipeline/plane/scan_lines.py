@@ -11,7 +11,7 @@ of the two kinds of lines, the target is divided into long narrow cells.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from .correlated_noise import POINTS_A_CELL, Cells, filled
 
 NARROW, LONG = 40, 5  # cells across the lines, and along them
 LEAST_NARROW = 16  # fewer are no narrower than the square cells
-SAMPLED = 500  # points near the middle that show the grid
+SAMPLED = 350  # points near the middle that show the grid
 LONGEST, SHORTEST = 3.0, 0.6  # waves, in mean distances of the points
 APART = math.radians(40.0)  # least angle between both kinds of lines
 ALIKE = 0.5  # of the strongest wave: those as strong are of the lattice
@@ -51,11 +51,14 @@ def cells_along_lines(uvw_m: Array, extra: Array | None = None) -> Iterator[Cell
     if narrow < LEAST_NARROW:
         return
     grid = grid_of(uvw_m)
+    u, v, w = rows = np.ascontiguousarray(uvw_m.T)
     # In place: noise would sort the points of a line between the cells on either side.
-    uv = uvw_m[:, :2] - uvw_m[:, 2:] * grid.beam
-    along = uv @ np.linalg.inv(grid.directions)
+    in_place = np.stack([u - grid.beam[0] * w, v - grid.beam[1] * w])
+    along = np.linalg.inv(grid.directions).T @ in_place
+    columns = [*rows, w * w, *([] if extra is None else [extra])]
+    half_m = np.abs(along).max(axis=1)
     for shape in ((narrow, LONG), (LONG, narrow)):
-        cells = _cells(uvw_m, along, shape, extra)
+        cells = _cells(columns, along, half_m, shape)
         if cells is not None:
             yield cells
 
@@ -66,9 +69,9 @@ def grid_of(uvw_m: Array) -> Grid:
     From the two longest waves of the lattice; lines of one kind only have the other across. Of
     points on no grid any.
     """
-    away = np.hypot(*(uvw_m[:, :2] - uvw_m[:, :2].mean(axis=0)).T)
+    away = np.hypot(uvw_m[:, 0], uvw_m[:, 1])
     some = uvw_m[np.argpartition(away, SAMPLED)[:SAMPLED]] if len(uvw_m) > SAMPLED else uvw_m
-    apart_m = float(np.sort(away)[len(some) - 1]) * math.sqrt(math.pi / len(some))
+    apart_m = float(np.hypot(*some[:, :2].T).max()) * math.sqrt(math.pi / len(some))
     noise_m = max(float(np.std(some[:, 2])), 1e-9 * apart_m)
     x = some / [apart_m, apart_m, noise_m]
     most, step = 2.0 * math.pi / SHORTEST, 1.4 / math.sqrt(len(some) / math.pi)
@@ -124,16 +127,21 @@ def _zoomed(x: Array, wave: Array, step: float) -> Array:
 
 
 def _cells(
-    uvw_m: Array, along_m: Array, shape: tuple[int, int], extra: Array | None
+    columns: Sequence[Array], along_m: Array, half_m: Array, shape: tuple[int, int]
 ) -> Cells | None:
-    """Return the cells, shape of them along either direction; along_m: (N, 2) coordinates."""
-    number = np.array(shape)
-    side_m = 2.0 * np.abs(along_m).max(axis=0) / number
-    place = (along_m / side_m + 0.5 * number).astype(np.int64).clip(0, number - 1)
-    cell = place[:, 1] * shape[0] + place[:, 0]
-    columns = [*uvw_m.T, uvw_m[:, 2] ** 2, *([] if extra is None else [extra])]
-    sums = np.stack([np.bincount(cell, column, number.prod()) for column in columns])
-    count = np.bincount(cell, minlength=number.prod()).astype(np.float64)
+    """Return the cells, shape of them along either direction.
+
+    columns: (N,) each: u, v, w, its square, and those fitted besides the plane. along_m: (2, N)
+    coordinates, half_m (2,) at most.
+    """
+    side_m = 2.0 * half_m / shape
+    one, two = (
+        (at / side + 0.5 * number).astype(np.int64).clip(0, number - 1)
+        for at, side, number in zip(along_m, side_m, shape, strict=True)
+    )
+    cell, number = two * shape[0] + one, shape[0] * shape[1]
+    sums = np.stack([np.bincount(cell, column, number) for column in columns])
+    count = np.bincount(cell, minlength=number).astype(np.float64)
     full = filled(count)
     if full is None:
         return None
