@@ -28,7 +28,9 @@ from .measurement import (
     Naming,
     Observation,
     Provenance,
+    VerticalKind,
     align,
+    find_verticals,
     noisy,
     notes_of_assumptions,
     observe_cloud,
@@ -47,10 +49,12 @@ def measure_capture(
     config: Config,
     progress: Callable[[str], None] = lambda _: None,
     fit: Fit | None = None,
+    vertical: VerticalKind = "wheels",
 ) -> Measurement:
     """Measure toe, camber and the vehicle's quantities from a capture of scans.
 
     fit: measures the target in a scan; `fit_target`, or one that calls it and looks at the points.
+    vertical: from which camber, caster and SAI are measured.
 
     Raises InputError for a scan that cannot be read, for wheels that cannot be identified, and for
     a reference wheel whose target cannot be measured; a trial that cannot be measured stays in the
@@ -61,7 +65,8 @@ def measure_capture(
     of_scans = [observation.note for observation in observations if observation.note]
     noted = [*of_scans, *noisy(observations, config.instrument)]
     noted += [*rounded(observations), *shaded(observations)]
-    found = solve(align(observations, origin, [*origin.notes, *noted]))
+    verticals = find_verticals(capture.verticals, vertical, capture.source)
+    found = solve(align(observations, origin, [*origin.notes, *noted], verticals))
     assumed = notes_of_assumptions(found, capture.target, config.instrument)
     return replace(found, notes=(*found.notes, *assumed))
 

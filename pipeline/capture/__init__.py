@@ -5,6 +5,7 @@ from .entries import check_inside
 from .entry import Role, ScanEntry, Turn
 from .file_names import TABLES, clouds_of, is_capture
 from .open_capture import Capture, CaptureOptions, Entries, open_capture, open_entries
+from .vertical import StatedVertical
 
 __all__ = [
     "TABLES",
@@ -13,6 +14,7 @@ __all__ = [
     "Entries",
     "Role",
     "ScanEntry",
+    "StatedVertical",
     "Turn",
     "Upright",
     "check_inside",

@@ -53,7 +53,8 @@ class CaptureFile(Section):
     front, front_point, up: of a cloud, whose wheels are identified by geometry. date: the day or
     time of the scans, as TOML writes it: date = 2026-11-20. vehicle_model: by which its limits are
     found. columns, pitch: what the scans do not say themselves, the names of a text's columns or
-    the pitch of a matrix of heights.
+    the pitch of a matrix of heights. gravity: the way in which things fall, and floor: the normal
+    of the floor, upwards, scan coordinates; u: standard uncertainties about each axis.
     """
 
     vehicle: str | None = None
@@ -72,6 +73,10 @@ class CaptureFile(Section):
     front: Vector | None = Field(None, strict=False)
     front_point: Vector | None = Field(None, strict=False)
     up: Upright = "auto"
+    gravity: Vector | None = Field(None, strict=False)
+    gravity_u_deg: float | None = Field(None, ge=0.0, le=10.0)
+    floor: Vector | None = Field(None, strict=False)
+    floor_u_deg: float | None = Field(None, ge=0.0, le=10.0)
 
 
 def reading_of(declared: CaptureFile, where: str) -> ReadOptions:

@@ -25,6 +25,7 @@ from .entry import ScanEntry
 from .file_names import by_file_names, filled_by_names
 from .folder import capture_folder
 from .front import Front
+from .vertical import StatedVertical, stated_verticals
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class Capture:
 
     cloud: instead of entries, the one scan that shows all wheels, with its `front`, if given, and
     the method that finds `up`. date: in ISO 8601, if declared. vehicle_model: if declared. reading:
-    what the scans do not say.
+    what the scans do not say. verticals: the floor's normal and gravity, as far as they are stated.
     """
 
     source: str
@@ -48,6 +49,7 @@ class Capture:
     date: str | None = None
     vehicle_model: str | None = None
     reading: ReadOptions = AS_THE_FILE_SAYS
+    verticals: tuple[StatedVertical, ...] = ()
 
     @property
     def steps(self) -> int:
@@ -119,6 +121,7 @@ def open_capture(
             date=None if declared.date is None else declared.date.isoformat(),
             vehicle_model=declared.vehicle_model,
             reading=_reading(found, options.reading),
+            verticals=stated_verticals(declared, found.where),
         )
 
 

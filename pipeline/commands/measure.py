@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -10,8 +11,8 @@ from ..capture import Upright, open_capture
 from ..config import load_config, with_scanner
 from ..errors import InputError
 from ..measure import measure_capture
-from ..measurement import assess, check_by_monte_carlo, conforms, tolerance_for
-from ..report.format.earlier import check_same_vehicle
+from ..measurement import VerticalKind, assess, check_by_monte_carlo, conforms, tolerance_for
+from ..report.format.earlier import check_same_vehicle, check_same_vertical
 from ..report.format.view import AngleStyle, DigitStyle, read_view
 from ..report.json.measurement import to_json
 from ..report.write import ReportFiles, write_reports
@@ -29,6 +30,7 @@ from .options import (
     scanner_option,
     target_option,
     tolerance_option,
+    vertical_option,
     view_options,
     whole_vehicle_options,
 )
@@ -52,6 +54,7 @@ from .reporting import plot_to, report_options, show, show_plot
 @whole_vehicle_options
 @config_option
 @scanner_option
+@vertical_option
 @monte_carlo_option
 @tolerance_option
 @view_options
@@ -82,6 +85,7 @@ def measure(
     up: Upright | None,
     config: Path | None,
     scanner: str | None,
+    vertical: VerticalKind,
     max_draws: int | None,
     tolerance: str | None,
     pictures: bool,
@@ -112,7 +116,7 @@ def measure(
     unless every quantity that it limits is conforming; undecided is 1 too, so that 0 never passes
     a vehicle in doubt.
     """
-    view = read_view(axis, angles, rim, digits)
+    view = replace(read_view(axis, angles, rim, digits), vertical=vertical)
     settings = load_config(config)
     options = report_options(settings.report, language, view, before)
     if pdf and output is None:
@@ -124,11 +128,12 @@ def measure(
         TerminalProgress(opened.steps) as progress,
     ):
         if options.before:
+            check_same_vertical(options.before, vertical)
             check_same_vehicle(options.before, opened.vehicle, str(capture))
         settings = with_scanner(settings, scanner or opened.scanner)
         model, name = opened.vehicle_model, str(capture)
         limits = None if tolerance is None else tolerance_for(tolerance, model, name)
-        measurement = measure_capture(opened, settings, progress)
+        measurement = measure_capture(opened, settings, progress, vertical=vertical)
     if max_draws:
         measurement = check_by_monte_carlo(measurement, max_draws, settings.seed)
     conformity = assess(measurement, limits) if limits else None

@@ -12,6 +12,7 @@ import click
 from ..capture import CaptureOptions, Upright
 from ..config import load_station
 from ..errors import InputError
+from ..measurement import VerticalKind
 from ..readers import AS_THE_FILE_SAYS, ReadOptions
 from ..report.format.language import LANGUAGES
 from ..report.format.view import ANGLE_STYLES, DIGIT_STYLES
@@ -134,6 +135,15 @@ monte_carlo_option = click.option(
     metavar="N",
     help="Number of Monte Carlo draws, at most, to check the uncertainties with (JCGM 101); "
     "500000 are enough.",
+)
+vertical_option = click.option(
+    "--vertical",
+    type=click.Choice(get_args(VerticalKind)),
+    default="wheels",
+    show_default=True,
+    help="Direction from which camber, caster and SAI are measured: the normal to the plane of the "
+    "wheel centres, the normal of the floor in the scans or in capture.toml, or gravity in "
+    "capture.toml.",
 )
 tolerance_option = click.option(
     "--tolerance",

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..measurement import Observation, WheelPose, WheelResult
+from ..measurement import Observation, Vertical, WheelPose, WheelResult
 from ..uncertainty import UncertaintyComponent, mounting_component
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
@@ -67,6 +67,19 @@ def wheel_poses(best: Framed) -> list[WheelPose]:
         pose if result.observation.name in axles else _as_mounted(pose, result, scatter)
         for pose, result in zip(poses, measured, strict=True)
     ]
+
+
+def vertical_as_effect(best: Framed) -> Vertical | None:
+    """Return the vertical in use with its components named as the effects that they are."""
+    vertical, count = best.scans.vertical, len(best.scans.effects)
+    if vertical is None:
+        return None
+    first = count - len(vertical.components)
+    components = (
+        replace(component, shared=f"effect {first + i}")
+        for i, component in enumerate(vertical.components)
+    )
+    return replace(vertical, components=tuple(components))
 
 
 def mounting_scatter(best: Framed) -> MountingScatter:

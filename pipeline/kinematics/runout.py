@@ -14,8 +14,9 @@ from __future__ import annotations
 
 from ..measurement import AxleAngles, Estimate, Runout
 from ..vectors import Array
-from ..vehicle import Dual, atan2, length
+from ..vehicle import Dual, atan2, cos, sin
 from .axis_fit import OneAxis
+from .steering_axis import toe_and_camber
 from .sweep import SweepScans
 from .wheel_axis import Axle, Framed, outward_sense, size
 
@@ -76,11 +77,6 @@ def _clock(off: tuple[Dual, Dual, Dual], scans: SweepScans) -> Estimate | None:
 
 def _angles(scans: SweepScans, fit: OneAxis, axle: Axle) -> AxleAngles:
     own = scans.inputs_of(axle.members)
-    left, forward, up = scans.in_frame(fit.axis, fit.d_axis @ own)
-    outward = left * outward_sense(axle.wheel)
-    angles = (
-        atan2(forward, outward),
-        -atan2(up, length(outward, forward)),
-        -atan2(up, outward),
-    )
-    return AxleAngles(*(scans.estimate(angle) for angle in angles))
+    toe, camber = toe_and_camber(scans, axle.wheel, fit.axis, fit.d_axis @ own)
+    iso = atan2(sin(camber), cos(camber) * cos(toe))
+    return AxleAngles(*(scans.estimate(angle) for angle in (toe, camber, iso)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..measurement import Measurement, evaluate
-from .axle_pose import compensated, wheel_poses
+from .axle_pose import compensated, vertical_as_effect, wheel_poses
 from .runout import runouts_of
 from .steering_axis import fit_steering_axes
 from .sweep import sweep_scans
@@ -38,9 +38,10 @@ def _compensate(plates: Measurement, best: Framed) -> Measurement:
     if not names:
         return plates
     observations = [wheel.observation for wheel in plates.wheels]
-    found = evaluate(observations, wheel_poses(best), plates.provenance, plates.notes)
+    above = vertical_as_effect(best)
+    found = evaluate(observations, wheel_poses(best), plates.provenance, plates.notes, above)
     wheels = (
         replace(wheel, compensated=wheel.observation.name in names, plate=plate)
         for wheel, plate in zip(found.wheels, plates.wheels, strict=True)
     )
-    return replace(found, wheels=tuple(wheels), plates=plates)
+    return replace(found, wheels=tuple(wheels), plates=plates, verticals=plates.verticals)

@@ -8,7 +8,8 @@ whole rotation, and the inclination depends on its sine.
 Signs, alike on both sides: caster > 0 where the top leans backwards, projected on the side plane,
 atan2(-a.forward, a.up); steering axis inclination (SAI, kingpin inclination) > 0 where the top
 leans inwards, projected on the plane across, atan2(-a.outward, a.up); a is the axis' unit vector
-that points up.
+that points up. Both are measured from the vertical in use, the normal to the plane of the wheel
+centres by default.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 from ..errors import NotMeasuredError
 from ..measurement import Estimate, Measurement, SteeringAxis, SweepStatus, weighted_sum, with_part
 from ..vectors import Array
-from ..vehicle import REFERENCE_WHEELS, Dual, atan2, length, sin
+from ..vehicle import REFERENCE_WHEELS, Dual, atan2, length, over, sin
 from .axis_fit import OneAxis
 from .axle_pose import beyond_stated, mounting_scatter
 from .sweep import DOUBT, SweepScans
@@ -41,9 +42,10 @@ def fit_steering_axes(best: Framed, measurement: Measurement) -> tuple[SteeringA
 
 def toe_and_camber(scans: SweepScans, wheel: str, way: Array, moved: Array) -> tuple[Dual, Dual]:
     """Return toe and camber of an outward direction (3,) with slopes (3, K), radians."""
-    left, forward, up = scans.in_frame(way, moved)
+    left, forward, _ = scans.in_frame(way, moved)
     outward = left * outward_sense(wheel)
-    return atan2(forward, outward), -atan2(up, length(outward, forward))
+    aside, ahead, rise = scans.upright(way, moved)
+    return atan2(forward, outward), -atan2(rise, length(aside, ahead))
 
 
 def _steering_axis(wheel: str, best: Framed, measurement: Measurement) -> SteeringAxis:
@@ -124,7 +126,7 @@ def _fit(scans: SweepScans, members: list[int]) -> OneAxis:
 
 def _tilts(scans: SweepScans, fit: OneAxis, wheel: str) -> tuple[Estimate, Estimate]:
     own = scans.inputs_of(scans.of_wheel(wheel, "sweep"))
-    left, forward, up = scans.in_frame(fit.axis, fit.d_axis @ own)
+    left, forward, up = scans.upright(fit.axis, fit.d_axis @ own)
     outward = left * outward_sense(wheel)
     return scans.estimate(-atan2(forward, up)), scans.estimate(-atan2(outward, up))
 
@@ -139,7 +141,7 @@ def _beside_the_centre(
     axis = scans.in_frame(fit.axis, fit.d_axis @ own)
     moved = fit.d_point @ own - scans.d_centres[3 * index : 3 * index + 3]
     beside = scans.in_frame(fit.point_m - centre, moved)
-    rise = _over(-beside[2], axis[2])
+    rise = over(-beside[2], axis[2])
     left, ahead = beside[0] + axis[0] * rise, beside[1] + axis[1] * rise
     point = fit.point_m + rise.value * fit.axis
     return point, scans.estimate(left * -outward_sense(wheel)), scans.estimate(ahead)
@@ -175,7 +177,7 @@ def _by_camber(scans: SweepScans, members: list[int]) -> Estimate:
     """
     seen = sorted((_of_plate(scans, i) for i in members), key=lambda pair: pair[0].value)
     (toe_out, camber_out), (toe_in, camber_in) = seen[0], seen[-1]
-    return scans.estimate(_over(camber_out - camber_in, sin(toe_in) - sin(toe_out)))
+    return scans.estimate(over(camber_out - camber_in, sin(toe_in) - sin(toe_out)))
 
 
 def _assess(
@@ -208,8 +210,3 @@ def _slipped(scans: SweepScans, members: list[int]) -> str:
 
 def _if_known(angle: Estimate) -> Estimate | None:
     return angle if angle.u <= MOST_U_RAD else None
-
-
-def _over(top: Dual, bottom: Dual) -> Dual:
-    ratio = top.value / bottom.value
-    return Dual(ratio, (top.slope - ratio * bottom.slope) / bottom.value)

@@ -3,7 +3,8 @@
 Every result is a number with its slopes by the same K inputs: normal and centre of every measured
 target of the capture, RR, RL, FR, FL first; then those of every scan of a sweep or run-out once
 more, without what is fixed to its target; then the stated rotation of every scan; then the observed
-in-plane rotation of every target that shows it.
+in-plane rotation of every target that shows it; last, where one is in use, the vertical with a
+centre of zeros.
 """
 
 from __future__ import annotations
@@ -16,13 +17,21 @@ import numpy as np
 
 from ..capture import Role
 from ..centre import RotationMark, TargetFit
-from ..measurement import OF_PLATE, Estimate, Measurement, WheelResult, estimate
+from ..measurement import OF_PLATE, Estimate, Measurement, Vertical, WheelResult, estimate
 from ..uncertainty import Effect, chi_square_beyond, effects_of
 from ..vectors import Array
-from ..vehicle import Dual, FrameSlopes, VehicleFrame, build_reference_frame, frame_slopes
+from ..vehicle import (
+    Dual,
+    FrameSlopes,
+    VehicleFrame,
+    build_reference_frame,
+    frame_slopes,
+    upright,
+)
 from .axis_fit import OneAxis, fit_one_axis
 from .plate_pose import Poses
 
+OF_VERTICAL = 6  # inputs: its normal, and a centre that is not used
 DOUBT = 1e-3  # probability of a fit below which the scans do not rotate about one axis
 
 
@@ -46,10 +55,15 @@ class SweepScans:
     effects: tuple[Effect, ...]
     u_turns_rad: Array
     faces: tuple[int, ...] = ()
+    vertical: Vertical | None = None
 
     @property
     def count(self) -> int:
         """K."""
+        return self._first_vertical + OF_VERTICAL * (self.vertical is not None)
+
+    @property
+    def _first_vertical(self) -> int:
         return self._first_turn + len(self.scans) + len(self.faces)
 
     @property
@@ -95,9 +109,10 @@ class SweepScans:
 
     def without_faces(self) -> SweepScans:
         """Return the scans without their in-plane rotations."""
-        kept = self._first_turn + len(self.scans)
-        cut = [replace(effect, factor=effect.factor[:kept]) for effect in self.effects]
-        return replace(self, faces=(), d_centres=self.d_centres[:, :kept], effects=tuple(cut))
+        faces = slice(self._first_turn + len(self.scans), self._first_vertical)
+        cut = [replace(e, factor=np.delete(e.factor, faces, axis=0)) for e in self.effects]
+        d_centres = np.delete(self.d_centres, faces, axis=1)
+        return replace(self, faces=(), d_centres=d_centres, effects=tuple(cut))
 
     def in_frame(self, vector: Array, moved: Array) -> tuple[Dual, Dual, Dual]:
         """Return the parts of a vector (3,) with slopes (3, K) to the left, forward and up."""
@@ -110,6 +125,16 @@ class SweepScans:
             Dual(float(vector @ axis), axis @ moved + (vector @ turned) @ self.d_centres)
             for axis, turned in axes
         )
+        return left, forward, up
+
+    def upright(self, vector: Array, moved: Array) -> tuple[Dual, Dual, Dual]:
+        """Return the parts of a vector (3,) to the left, forward and up in the vertical's frame."""
+        parts = self.in_frame(vector, moved)
+        if self.vertical is None:
+            return parts
+        columns = np.zeros((3, self.count))
+        columns[:, self._first_vertical : self._first_vertical + 3] = np.eye(3)
+        left, forward, up = upright(parts, self.in_frame(self.vertical.normal, columns))
         return left, forward, up
 
     def estimate(self, number: Dual) -> Estimate:
@@ -176,13 +201,18 @@ def sweep_scans(measurement: Measurement) -> SweepScans:
     targets += [_turn_alone(targets[len(measured) + i]) for i in faces]
     centres = np.stack([wheel.observation.fitted.centre_m for wheel in measured[:4]])
     slopes = frame_slopes(measurement.frame, centres - centres[0])
-    d_centres = np.zeros((12, 6 * (len(measured) + len(scans)) + len(scans) + len(faces)))
+    own = OF_VERTICAL * (measurement.vertical is not None)
+    d_centres = np.zeros((12, 6 * (len(measured) + len(scans)) + len(scans) + len(faces) + own))
     for i in range(4):
         d_centres[3 * i : 3 * i + 3, 6 * i + 3 : 6 * i + 6] = np.eye(3)
-    effects = [_widened(effect, len(scans), len(faces)) for effect in effects_of(targets)]
+    effects = [_widened(effect, len(scans), len(faces), own) for effect in effects_of(targets)]
     size = d_centres.shape[1]
     first = 6 * (len(measured) + len(scans))
     effects += [_of_turn(u, first + i, size) for i, u in enumerate(u_turns) if math.isfinite(u)]
+    if measurement.vertical is not None:
+        for effect in effects_of([measurement.vertical]):
+            above = np.zeros((size - OF_VERTICAL, effect.factor.shape[1]))
+            effects.append(replace(effect, factor=np.vstack([above, effect.factor])))
     return SweepScans(
         measurement.frame,
         slopes,
@@ -193,6 +223,7 @@ def sweep_scans(measurement: Measurement) -> SweepScans:
         tuple(effects),
         u_turns,
         faces,
+        measurement.vertical,
     )
 
 
@@ -252,11 +283,15 @@ def _of_scan(target: TargetFit, source: str) -> TargetFit:
     )
 
 
-def _widened(effect: Effect, turns: int, faces: int) -> Effect:
-    """Return the effect with rows for the stated rotations, and one of six of each observed one."""
+def _widened(effect: Effect, turns: int, faces: int, own: int) -> Effect:
+    """Return the effect with rows for the stated rotations, and one of six of each observed one.
+
+    own: number of rows of the vertical, on which no target's effect acts.
+    """
     size = len(effect.factor) - 6 * faces
-    none = np.zeros((turns, effect.factor.shape[1]))
-    return replace(effect, factor=np.vstack([effect.factor[:size], none, effect.factor[size::6]]))
+    none, last = (np.zeros((count, effect.factor.shape[1])) for count in (turns, own))
+    rows = (effect.factor[:size], none, effect.factor[size::6], last)
+    return replace(effect, factor=np.vstack(rows))
 
 
 def _of_turn(u_rad: float, row: int, size: int) -> Effect:

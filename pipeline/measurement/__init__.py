@@ -2,8 +2,8 @@
 
 from .assumptions import notes_of_assumptions
 from .conformity import Conformity, Verdict, assess, conforms
-from .estimates import estimate, weighted_sum, with_part
-from .evaluate import align, check_by_monte_carlo, evaluate
+from .estimates import estimate, vertical_tilts, weighted_sum, with_part
+from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
 from .limits import ToleranceInterval
 from .observe import Fit, noisy, observe_entry, rounded, shaded
 from .observe_vehicle import observe_cloud
@@ -32,6 +32,8 @@ from .records import (
     SuspectPoint,
     SweepStatus,
     ToeOut,
+    Vertical,
+    VerticalKind,
     WheelPose,
     WheelResult,
 )
@@ -70,6 +72,8 @@ __all__ = [
     "ToeOut",
     "ToleranceInterval",
     "Verdict",
+    "Vertical",
+    "VerticalKind",
     "WheelPose",
     "WheelResult",
     "against",
@@ -80,6 +84,7 @@ __all__ = [
     "conforms",
     "estimate",
     "evaluate",
+    "find_verticals",
     "load_tolerance",
     "noisy",
     "notes_of_assumptions",
@@ -92,6 +97,7 @@ __all__ = [
     "stated",
     "toe_out_at",
     "tolerance_for",
+    "vertical_tilts",
     "weighted_sum",
     "with_part",
 ]

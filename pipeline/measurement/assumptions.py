@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from ..config import InstrumentConfig
 from ..targets import PatternTarget, Target
-from .records import Measurement
+from .estimates import vertical_tilts
+from .records import Estimate, Measurement, VerticalKind
 
 # Terms of [instrument] by their names in the notes.
 RANGE = {
@@ -30,10 +32,44 @@ def notes_of_assumptions(
 ) -> tuple[str, ...]:
     """Return what a reader of the first page has to know of axles, mounting and stated errors."""
     return (
+        *_notes_of_verticals(measurement),
         *_note_of_axles(measurement),
         *_note_of_mounting(measurement, target),
         *_note_of_zeros(measurement, target, instrument),
     )
+
+
+NAMES: dict[VerticalKind, str] = {
+    "wheels": "the normal to the plane of the wheel centres",
+    "floor": "the floor's normal",
+    "gravity": "gravity",
+}
+
+
+def _notes_of_verticals(measurement: Measurement) -> Iterator[str]:
+    """Yield a note on the vertical in use, unless it is the default, and on others that differ."""
+    used = measurement.vertical
+    if used is not None:
+        named = NAMES[used.kind]
+        yield f"Camber, caster and SAI are measured from {named} ({used.by})."
+    for vertical in measurement.verticals:
+        aside, ahead = vertical_tilts(measurement, vertical)
+        in_use = vertical is used or (used is not None and used.kind == vertical.kind)
+        if (
+            not in_use
+            and max(abs(aside.value) - aside.expanded, abs(ahead.value) - ahead.expanded) < 0
+        ):
+            continue
+        yield (
+            f"From {NAMES[vertical.kind]} ({vertical.by}) against {NAMES['wheels']}: camber "
+            f"{_arc(-aside.value, aside)} on the left and {_arc(aside.value, aside)} on the right, "
+            f"SAI the other way, caster {_arc(ahead.value, ahead)}."
+        )
+
+
+def _arc(value: float, known: Estimate) -> str:
+    """Write a difference of angles with its U, minutes of arc."""
+    return f"{math.degrees(value) * 60:+.1f}' (U {math.degrees(known.expanded) * 60:.1f}')"
 
 
 def _note_of_axles(measurement: Measurement) -> Iterator[str]:

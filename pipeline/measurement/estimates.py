@@ -10,8 +10,8 @@ import numpy as np
 
 from ..uncertainty import Effect, effective_dof, effects_of
 from ..vectors import Array
-from ..vehicle import linearise
-from .records import Estimate, Measurement
+from ..vehicle import Dual, atan2, frame_slopes, linearise
+from .records import Estimate, Measurement, Vertical
 
 
 def estimate(value: float, slope: Array, effects: Sequence[Effect], u_own: float = 0.0) -> Estimate:
@@ -75,6 +75,34 @@ def joint_covariance(measurement: Measurement, sources: Sequence[int | Estimate]
     return V
 
 
+def vertical_tilts(measurement: Measurement, vertical: Vertical) -> tuple[Estimate, Estimate]:
+    """Return by how much a vertical leans to the left and forward of the frame's up, radians.
+
+    From it, against the plane of the wheel centres, camber of a left wheel is less and SAI more by
+    the first, of a right wheel the other way; caster is more by the second.
+    """
+    frame = measurement.frame
+    poses = [wheel.pose for wheel in measurement.wheels[:4] if wheel.pose is not None]
+    centres = np.stack([pose.centre_m for pose in poses])
+    slopes = frame_slopes(frame, centres - centres[0])
+    effects = effects_of([*poses, vertical])
+
+    def along(axis: Array, d_axis: Array) -> Dual:
+        by_inputs = np.zeros((len(poses) + 1, 2, 3))
+        by_inputs[:-1, 1] = (vertical.normal @ d_axis).reshape(-1, 3)
+        by_inputs[-1, 0] = axis
+        return Dual(float(vertical.normal @ axis), by_inputs.reshape(-1))
+
+    left, forward, up = (
+        along(frame.left, slopes.left),
+        along(frame.forward, slopes.forward),
+        along(frame.up, slopes.up),
+    )
+    tilts = (atan2(left, up), atan2(forward, up))
+    to_left, ahead = (estimate(tilt.value, tilt.slope, effects) for tilt in tilts)
+    return to_left, ahead
+
+
 def _by_poses(measurement: Measurement, effects: Sequence[Effect]) -> tuple[Array, list[Array]]:
     """Return the derivatives (Q, 6 W) of all quantities, and how each effect moves the W poses.
 
@@ -85,7 +113,14 @@ def _by_poses(measurement: Measurement, effects: Sequence[Effect]) -> tuple[Arra
     centres, normals = (
         np.stack([getattr(p, name) for p in poses]) for name in ("centre_m", "normal")
     )
-    slopes = linearise(centres[:4], normals, [str(wheel.wheel) for wheel in wheels]).slopes
+    vertical, names = measurement.vertical, [str(wheel.wheel) for wheel in wheels]
+    above = None if vertical is None else vertical.normal
+    slopes = linearise(centres[:4], normals, names, above).slopes
+    inputs = poses if vertical is None else [*poses, vertical]
     if measurement.plates is not None:
-        return slopes, [effect.factor for effect in effects_of(poses)[: len(effects)]]
-    return slopes, [effect.factor[: slopes.shape[1]] for effect in effects]
+        return slopes, [effect.factor for effect in effects_of(inputs)[: len(effects)]]
+    size = 6 * len(poses)
+    last = [effect.factor[len(effect.factor) - slopes.shape[1] + size :] for effect in effects]
+    return slopes, [
+        np.vstack([effect.factor[:size], end]) for effect, end in zip(effects, last, strict=True)
+    ]

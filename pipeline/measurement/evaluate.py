@@ -2,37 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from ..capture import StatedVertical
 from ..errors import InputError
-from ..uncertainty import AngleUncertainty, UncertainTarget, monte_carlo, propagate
+from ..uncertainty import (
+    AngleUncertainty,
+    UncertainTarget,
+    monte_carlo,
+    propagate,
+    vertical_component,
+)
 from ..vectors import Array
 from ..vehicle import (
     REFERENCE_WHEELS,
     VehicleFrame,
     build_reference_frame,
     deg_min_sec,
+    fit_floor,
     nearest_wheel,
     outward_normal,
     wheel_angles,
 )
-from .records import Measurement, Observation, Provenance, WheelResult
+from .records import Measurement, Observation, Provenance, Vertical, VerticalKind, WheelResult
 from .repeatability import share_components
+
+MOST_OFF_RAD = math.radians(30.0)  # no car leans as far: of a stated vertical from the wheels' up
+MISSING = {
+    "floor": "the scans show no floor beside all four wheels, and capture.toml states none: scan "
+    "the floor too, or add floor = [x, y, z], its normal upwards, with floor_u_deg",
+    "gravity": "add gravity = [x, y, z], the way in which things fall in the coordinates of the "
+    "scans, with gravity_u_deg, to capture.toml",
+}
+Verticals = Callable[
+    [VehicleFrame, Sequence[Observation]], tuple[Vertical | None, tuple[Vertical, ...]]
+]
 
 # Largest differences of one vehicle, as shares of the larger: of its tracks, of its wheelbases.
 TRACKS, WHEELBASES = 0.25, 0.1
 
 
 def align(
-    observations: Sequence[Observation], provenance: Provenance, notes: Iterable[str] = ()
+    observations: Sequence[Observation],
+    provenance: Provenance,
+    notes: Iterable[str] = (),
+    verticals: Verticals | None = None,
 ) -> Measurement:
     """Evaluate all observations; the first four are RR, RL, FR, FL and were measured.
 
-    A trial that belongs to no wheel gets a status. Raises InputError where the four centres define
-    no frame.
+    verticals: finds those that are known, and the one in use. A trial that belongs to no wheel gets
+    a status. Raises InputError where the four centres define no frame, and where the vertical in
+    use is not known.
     """
     centres = np.stack([observation.fitted.centre_m for observation in observations[:4]])
     try:
@@ -48,7 +72,9 @@ def align(
         *_far_from_their_wheel(measured, centres),
         *_without_a_point(measured),
     )
-    return evaluate(observations, [one.fitted for one in measured], provenance, notes)
+    used, known = verticals(frame, observations) if verticals else (None, ())
+    found = evaluate(observations, [one.fitted for one in measured], provenance, notes, used)
+    return replace(found, verticals=known)
 
 
 def evaluate(
@@ -56,6 +82,7 @@ def evaluate(
     poses: Sequence[UncertainTarget],
     provenance: Provenance,
     notes: tuple[str, ...],
+    vertical: Vertical | None = None,
 ) -> Measurement:
     """Evaluate the angles of observations from the pose of each measured one, in their order.
 
@@ -63,9 +90,11 @@ def evaluate(
     """
     frame = build_reference_frame(np.stack([pose.centre_m for pose in poses[:4]]))
     measured = [one for one in observations if one.evidence is not None]
-    uncertainty = propagate(poses, [one.wheel for one in measured if one.wheel is not None])
+    wheels = [one.wheel for one in measured if one.wheel is not None]
+    uncertainty = propagate(poses, wheels, vertical)
+    above = None if vertical is None else vertical.normal
     results = {
-        observation.name: _result(observation, pose, frame, uncertainty, index)
+        observation.name: _result(observation, pose, frame, uncertainty, index, above)
         for index, (observation, pose) in enumerate(zip(measured, poses, strict=True))
     }
     return Measurement(
@@ -74,7 +103,64 @@ def evaluate(
         uncertainty=uncertainty,
         provenance=provenance,
         notes=notes,
+        vertical=vertical,
     )
+
+
+def find_verticals(
+    stated: Sequence[StatedVertical], wanted: VerticalKind, source: str
+) -> Verticals:
+    """Return how the verticals of a capture are found: those stated, and the floor in its scans.
+
+    wanted: the one in use. A floor that is stated replaces that of the scans. The function raises
+    InputError where the one in use is not known, or a stated one is far from the wheels' up.
+    """
+
+    def find(
+        frame: VehicleFrame, observations: Sequence[Observation]
+    ) -> tuple[Vertical | None, tuple[Vertical, ...]]:
+        known = [_stated_vertical(one, frame, source) for one in stated]
+        if not any(one.kind == "floor" for one in known):
+            known += _floor_of_scans(frame, observations[:4])
+        used = next((one for one in known if one.kind == wanted), None)
+        if used is None and wanted != "wheels":
+            raise InputError(f"{source}: --vertical {wanted}: {MISSING[wanted]}")
+        return used, tuple(known)
+
+    return find
+
+
+def _stated_vertical(stated: StatedVertical, frame: VehicleFrame, source: str) -> Vertical:
+    up = np.array(stated.up)
+    off = math.atan2(float(np.linalg.norm(np.cross(up, frame.up))), float(up @ frame.up))
+    if off > MOST_OFF_RAD:
+        raise InputError(
+            f"{source}: {stated.note}: it is {math.degrees(off):.0f}° off the wheels' upright: "
+            f"give {stated.meaning}, in the coordinates of the scans"
+        )
+    tilt = stated.u_rad * np.eye(3)
+    component = vertical_component("vertical", up, tilt, math.inf)
+    return Vertical(stated.kind, up, (component,), stated.note)
+
+
+def _floor_of_scans(frame: VehicleFrame, references: Sequence[Observation]) -> list[Vertical]:
+    """Return the floor beside the four wheels, if their scans show it."""
+    clouds = [one.cloud.points_m for one in references if one.cloud is not None]
+    if not clouds:
+        return []
+    wheels = np.stack([one.fitted.centre_m for one in references])
+    floor = fit_floor(frame.to_vehicle(np.concatenate(clouds)), frame.to_vehicle(wheels))
+    if floor is None:
+        return []
+    aside, ahead = floor.slopes
+    up = frame.up - aside * frame.left - ahead * frame.forward
+    values, vectors = np.linalg.eigh(floor.covariance)
+    axes = np.column_stack([frame.left, frame.forward])
+    tilt = axes @ (vectors * np.sqrt(values.clip(min=0.0)))
+    up = up / np.linalg.norm(up)
+    component = vertical_component("vertical", up, tilt, float(floor.dof))
+    by = f"the floor in the scans, {floor.depth_m:.2f} m below the wheel centres"
+    return [Vertical("floor", up, (component,), by)]
 
 
 def check_by_monte_carlo(measurement: Measurement, max_draws: int, seed: int) -> Measurement:
@@ -86,6 +172,7 @@ def check_by_monte_carlo(measurement: Measurement, max_draws: int, seed: int) ->
         measurement.uncertainty,
         max_draws,
         seed,
+        measurement.vertical,
     )
     return replace(measurement, monte_carlo=drawn)
 
@@ -96,9 +183,10 @@ def _result(
     frame: VehicleFrame,
     uncertainty: AngleUncertainty,
     index: int,
+    vertical: Array | None,
 ) -> WheelResult:
     wheel, dof = str(observation.wheel), uncertainty.wheel_dof(index)
-    angles = wheel_angles(frame, pose.normal, wheel)
+    angles = wheel_angles(frame, pose.normal, wheel, vertical)
     if observation.suspect is not None:
         without = f"toe {deg_min_sec(angles.toe_rad)}, camber {deg_min_sec(angles.camber_rad)}"
         observation = replace(observation, reason=f"{observation.reason}; without it {without}")

@@ -28,6 +28,7 @@ from .residual_map import ResidualMap
 SweepStatus = Literal["ok", "too-few-positions", "range-too-small", "no-axis", "not-one-axis"]
 AxleStatus = Literal["ok", "too-few-positions", "turn-too-small", "no-axis", "moved"]
 ToeOutStatus = Literal["ok", "too-few-pairs", "not-reached"]
+VerticalKind = Literal["wheels", "floor", "gravity"]
 FrameThrough = Literal["axle centres", "axle and plate centres", "plate centres"]
 
 
@@ -98,6 +99,24 @@ class WheelPose:
     def covariance(self) -> Array:
         """Covariance (6, 6) of the normal (rad), then the centre (m), by all components."""
         return np.asarray(sum((part.covariance for part in self.components), np.zeros((6, 6))))
+
+
+@dataclass(frozen=True)
+class Vertical:
+    """Direction from which camber, caster and SAI can be measured, with its uncertainty.
+
+    normal: (3,) unit, upwards, scanner coordinates. by: its source, in words.
+    """
+
+    kind: VerticalKind
+    normal: Array
+    components: tuple[UncertaintyComponent, ...]
+    by: str
+
+    @property
+    def centre_m(self) -> Array:
+        """Zero: a direction has no place."""
+        return np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -295,7 +314,9 @@ class Measurement:
 
     steering_axes: FR before FL, and toe_out: left turn, then right, of steering sweeps; runouts: in
     the order RR, RL, FR, FL. Empty without such scans; `kinematics.solve` adds them. plates: the
-    same measurement of the targets as mounted; None where no run-out is compensated.
+    same measurement of the targets as mounted; None where no run-out is compensated. vertical: from
+    which camber, caster and SAI are measured, None for the normal to the plane of the wheel
+    centres; verticals: all that are known.
     """
 
     wheels: tuple[WheelResult, ...]
@@ -308,6 +329,8 @@ class Measurement:
     runouts: tuple[Runout, ...] = ()
     toe_out: tuple[ToeOut, ...] = ()
     plates: Measurement | None = None
+    vertical: Vertical | None = None
+    verticals: tuple[Vertical, ...] = ()
 
     @property
     def provisional(self) -> frozenset[str]:

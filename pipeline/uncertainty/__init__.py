@@ -6,6 +6,7 @@ from .components import (
     centre_component,
     mounting_component,
     plane_component,
+    vertical_component,
 )
 from .distributions import (
     binomial_tail,
@@ -67,5 +68,6 @@ __all__ = [
     "share_limits",
     "tail",
     "tails",
+    "vertical_component",
     "with_type_b",
 ]

@@ -147,6 +147,12 @@ def registration_component(shift_m: float, station: str | None = None) -> Uncert
     return UncertaintyComponent("registration", factor, shared=station)
 
 
+def vertical_component(name: str, normal: Array, tilt: Array, dof: float) -> UncertaintyComponent:
+    """Return the component of a vertical, whose unit vector moves by the columns of tilt (3, k)."""
+    across = _across(normal) @ tilt
+    return UncertaintyComponent(name, np.vstack([across, np.zeros_like(across)]), dof)
+
+
 def _across(normal: Array) -> Array:
     """Return the projection (3, 3) onto the plane across the normal."""
     return np.asarray(np.eye(3) - np.outer(normal, normal))

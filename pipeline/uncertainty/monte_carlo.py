@@ -60,16 +60,19 @@ def monte_carlo(
     known: AngleUncertainty,
     max_draws: int,
     seed: int,
+    vertical: UncertainTarget | None = None,
 ) -> MonteCarlo:
     """Propagate the same components by random draws, block by block, until the results converge.
 
-    max_draws: at least two blocks are drawn. Components are drawn from normal distributions, from
-    Student's t where their size was estimated with finite degrees of freedom.
+    max_draws: at least two blocks are drawn. vertical: see `propagate`. Components are drawn from
+    normal distributions, from Student's t where their size was estimated with finite degrees of
+    freedom.
     Source: JCGM 101, 6.4.9 (Student's t), 7.9 (adaptive procedure), 8 (comparison with the
     formula); JCGM 102, 5.3.2, for what was estimated together.
     """
-    base = independent_quantities(*_inputs(targets), wheels)[0]
-    effects = effects_of(targets)
+    inputs = targets if vertical is None else [*targets, vertical]
+    base = independent_quantities(*_inputs(inputs), wheels)[0]
+    effects = effects_of(inputs)
     rng = np.random.default_rng(seed)
     tolerance = TOLERANCE * known.standard
     half = known.coverage_factor * known.standard
@@ -77,8 +80,8 @@ def monte_carlo(
     results: list[Array] = []  # both ends of each block
     status: Status = "not-converged"
     while len(blocks) < 2 or (status == "not-converged" and (len(blocks) + 1) * BLOCK <= max_draws):
-        moved = _moved(effects, 6 * len(targets), rng).reshape(BLOCK, -1, 6)
-        block = independent_quantities(*_inputs(targets, moved), wheels) - base
+        moved = _moved(effects, 6 * len(inputs), rng).reshape(BLOCK, -1, 6)
+        block = independent_quantities(*_inputs(inputs, moved), wheels) - base
         blocks.append(block)
         results.append(_ends(block))
         if len(blocks) > 2:

@@ -20,6 +20,8 @@ ComplexArray = npt.NDArray[np.complex128]
 def independent_quantities(normals: Array, centres: Array, wheels: Sequence[str]) -> Array:
     """Return all quantities (T, Q) of normals and centres (T, W, 3), normals of either sense.
 
+    One normal more than wheels is the vertical from which camber is measured.
+
     The point FR + a f of the front axle's line with (FR + a f - c_R) . r = 0, r the rear axle, is
     the foot of the wheelbase; up runs along foot x r.
     """
@@ -32,7 +34,9 @@ def independent_quantities(normals: Array, centres: Array, wheels: Sequence[str]
     axes = np.stack([foot / wheelbase[:, None], r / rear_track[:, None], up], axis=2)
     axes[:, :, 2] /= np.sqrt(_dot(up, up))[:, None]
     left = np.array([wheel.endswith("L") for wheel in wheels])
-    found = _of_wheels(normals @ axes, left)
+    found = _of_wheels(normals[:, : len(wheels)] @ axes, left)
+    if normals.shape[1] > len(wheels):
+        found |= _from_vertical(normals[:, : len(wheels)], normals[:, -1], r, left, found["toe"])
     ahead, across, _ = np.moveaxis((centres[:, :4] - middle[:, None]) @ axes, 2, 0)
     found |= _of_vehicle(ahead + 1j * across, found)
     found |= _against_axes(ahead + 1j * across, found, left)
@@ -55,6 +59,17 @@ def _of_wheels(parts: Array, left: Mask) -> dict[str, Array]:
         "camber": -np.arcsin(up / whole),
         "camber_iso": -np.angle(out + 1j * up),
     }
+
+
+def _from_vertical(
+    normals: Array, vertical: Array, r: Array, left: Mask, toe: Array
+) -> dict[str, Array]:
+    """Return cambers (T, W) by the angle between a wheel's plane and the vertical (T, 3)."""
+    facing = np.where((np.sum(normals * r[:, None], axis=2) > 0.0) == left, 1.0, -1.0)
+    whole = np.linalg.norm(normals, axis=2) * np.linalg.norm(vertical, axis=1)[:, None]
+    sine = facing * np.sum(normals * vertical[:, None], axis=2) / whole
+    camber = np.arccos(sine) - np.pi / 2.0
+    return {"camber": camber, "camber_iso": np.arctan(np.tan(camber) / np.cos(toe))}
 
 
 def _of_vehicle(positions: ComplexArray, found: dict[str, Array]) -> dict[str, Array]:

@@ -84,8 +84,14 @@ def _by_name(numbers: Array) -> dict[str, float]:
     return {entry.name: number for entry, number in zip(VEHICLE, of_vehicle, strict=True)}
 
 
-def propagate(targets: Sequence[UncertainTarget], wheels: Sequence[str]) -> AngleUncertainty:
+def propagate(
+    targets: Sequence[UncertainTarget],
+    wheels: Sequence[str],
+    vertical: UncertainTarget | None = None,
+) -> AngleUncertainty:
     """Propagate the uncertainty of W targets to all quantities; the first four: RR, RL, FR, FL.
+
+    vertical: its normal is the direction from which camber is measured; None: the frame's up.
 
     J Sigma J^T by component: Sigma is the sum over the components of factor factor^T, where a
     shared component acts on all its targets at once.
@@ -93,11 +99,11 @@ def propagate(targets: Sequence[UncertainTarget], wheels: Sequence[str]) -> Angl
     """
     centres = np.stack([target.centre_m for target in targets[:4]])
     normals = np.stack([target.normal for target in targets])
-    linear = linearise(centres, normals, wheels)
+    linear = linearise(centres, normals, wheels, None if vertical is None else vertical.normal)
     J = linear.slopes
     by_centres = J.reshape(len(J), -1, 6).copy()
     by_centres[:, :, :3] = 0.0
-    effects = effects_of(targets)
+    effects = effects_of(targets if vertical is None else [*targets, vertical])
     names = tuple(dict.fromkeys(effect.name for effect in effects))
     contributions, through_frame = np.zeros((len(J), len(names))), np.zeros(len(J))
     covariance = np.zeros((len(J), len(J)))

@@ -7,8 +7,8 @@ from .angles import (
     outward_normal,
     wheel_angles,
 )
-from .autodiff import Dual, atan2, length, sin
-from .axes import AXES, Axis
+from .autodiff import Dual, atan2, cos, length, over, sin
+from .axes import AXES, Axis, upright
 from .definitions import (
     AGAINST_AN_AXIS,
     OF_SECOND_ORDER,
@@ -27,6 +27,7 @@ from .frame import (
     rotation_by_basis,
 )
 from .jacobian import FrameSlopes, frame_slopes, jacobian, linearise
+from .vertical import fit_floor
 
 __all__ = [
     "AGAINST_AN_AXIS",
@@ -46,7 +47,9 @@ __all__ = [
     "WheelQuantity",
     "atan2",
     "build_reference_frame",
+    "cos",
     "deg_min_sec",
+    "fit_floor",
     "frame_slopes",
     "jacobian",
     "length",
@@ -54,7 +57,9 @@ __all__ = [
     "named",
     "nearest_wheel",
     "outward_normal",
+    "over",
     "rotation_by_basis",
     "sin",
+    "upright",
     "wheel_angles",
 ]

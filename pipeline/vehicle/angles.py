@@ -36,16 +36,24 @@ class WheelAngles:
     camber_iso_rad: float
 
 
-def wheel_angles(frame: VehicleFrame, normal: npt.ArrayLike, wheel: str) -> WheelAngles:
+def wheel_angles(
+    frame: VehicleFrame, normal: npt.ArrayLike, wheel: str, vertical: Array | None = None
+) -> WheelAngles:
     """Return the angles of one wheel plane.
 
     normal: (3,) in scanner coordinates, either sense, any length. wheel: RR, RL, FR or FL.
+    vertical: (3,) unit, from which camber is measured; None: the frame's up.
     Raises InputError as `outward_normal` does.
     """
     n = outward_normal(frame, normal, wheel)
     n_outward, n_forward, n_up = n @ _outward(frame, wheel), n @ frame.forward, n @ frame.up
+    toe_rad = math.atan2(n_forward, n_outward)
+    if vertical is not None:
+        rise, level = float(n @ vertical), float(np.linalg.norm(np.cross(n, vertical)))
+        iso_rad = -math.atan2(rise, level * math.cos(toe_rad))
+        return WheelAngles(toe_rad, -math.atan2(rise, level), iso_rad)
     return WheelAngles(
-        toe_rad=math.atan2(n_forward, n_outward),
+        toe_rad=toe_rad,
         camber_rad=-math.atan2(n_up, math.hypot(n_outward, n_forward)),
         camber_iso_rad=-math.atan2(n_up, n_outward),
     )

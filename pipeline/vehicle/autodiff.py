@@ -60,6 +60,12 @@ def atan2(y: Dual, x: Dual) -> Dual:
     return Dual(math.atan2(y.value, x.value), (x.value * y.slope - y.value * x.slope) / square)
 
 
+def over(top: Dual, bottom: Dual) -> Dual:
+    """Return a quotient; bottom must not be 0."""
+    ratio = top.value / bottom.value
+    return Dual(ratio, (top.slope - ratio * bottom.slope) / bottom.value)
+
+
 def length(*parts: Dual) -> Dual:
     """Return the Euclidean norm of the parts, which must not all be zero."""
     whole = math.hypot(*(part.value for part in parts))

@@ -11,6 +11,10 @@ The angle of an axis is measured from the rear-axle normal, > 0 to the right. Re
 angle a, toe is toe - a on the left and toe + a on the right; total toe and the elevation camber do
 not change; ISO camber follows the toe: tan(iso) = tan(camber)/cos(toe).
 
+A vertical other than the normal to the plane of the wheel centres, the floor's normal or gravity,
+changes what is measured from it: camber, caster and steering axis inclination. Toe stays in the
+plane of the wheel centres.
+
 Signs: thrust angle, steer ahead, axle offset > 0 to the right; setback > 0 where the right wheel
 is behind the left; rear axle skew (key `rear_squareness`) has the sign of the rear setback relative
 to the centreline; cross toe, cross camber and wheelbase difference: left less right.
@@ -21,7 +25,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from .autodiff import Dual, atan2, constant, cos, length, sin
+from .autodiff import Dual, atan2, constant, cos, length, over, sin
 
 Axis = Literal["rear-axle", "centreline", "thrust-line", "side-bisector"]
 AXES: tuple[Axis, ...] = ("rear-axle", "centreline", "thrust-line", "side-bisector")
@@ -30,12 +34,17 @@ RR, RL, FR, FL = range(4)
 
 @dataclass(frozen=True)
 class Wheel:
-    """Components of a wheel's outward unit normal; side: +1 on the left, -1 on the right."""
+    """Components of a wheel's outward unit normal; side: +1 on the left, -1 on the right.
+
+    rise, level: its parts along the vertical and across it; None where that is up.
+    """
 
     side: float
     outward: Dual
     forward: Dual
     up: Dual
+    rise: Dual | None = None
+    level: Dual | None = None
 
 
 @dataclass(frozen=True)
@@ -64,16 +73,15 @@ class Vehicle:
 
     def camber(self, index: int) -> Dual:
         """Return camber as elevation, positive with the top outward; no axis changes it."""
-        wheel = self.wheels[index]
-        return -atan2(wheel.up, length(wheel.outward, wheel.forward))
+        return -atan2(*_rise_and_level(self.wheels[index]))
 
     def camber_iso(self, index: int, axis: Axis = "rear-axle") -> Dual:
         """Return ISO camber, projected on the plane across an axis."""
         wheel = self.wheels[index]
-        if axis == "rear-axle":
+        if axis == "rear-axle" and wheel.rise is None:
             return -atan2(wheel.up, wheel.outward)
-        level = length(wheel.outward, wheel.forward)
-        return -atan2(wheel.up, level * cos(self.toe(index, axis)))
+        rise, level = _rise_and_level(wheel)
+        return -atan2(rise, level * cos(self.toe(index, axis)))
 
     def axis(self, axis: Axis) -> Dual:
         """Return the angle of an axis from the rear-axle normal, > 0 to the right."""
@@ -115,3 +123,25 @@ class Vehicle:
         a, b = self.positions[FL], self.positions[FR]
         angle = self.axis(axis)
         return -((a.forward + b.forward) * sin(angle) + (a.left + b.left) * cos(angle)) / 2.0
+
+
+def _rise_and_level(wheel: Wheel) -> tuple[Dual, Dual]:
+    if wheel.rise is None or wheel.level is None:
+        return wheel.up, length(wheel.outward, wheel.forward)
+    return wheel.rise, wheel.level
+
+
+def upright(parts: tuple[Dual, Dual, Dual], vertical: tuple[Dual, Dual, Dual]) -> tuple[Dual, ...]:
+    """Return the parts of a vector to the left, forwards and up, in the frame of a vertical.
+
+    parts, vertical: to the left, forward and up of the vehicle frame; the vertical is a unit vector
+    e. Forward there is forward less its part along e, left is e x forward.
+    """
+    (left, forward, up), (e_left, e_forward, e_up) = parts, vertical
+    rise = left * e_left + forward * e_forward + up * e_up
+    level = length(e_left, e_up)
+    return (
+        over(left * e_up - up * e_left, level),
+        over(forward - e_forward * rise, level),
+        rise,
+    )

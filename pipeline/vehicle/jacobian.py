@@ -9,8 +9,8 @@ import numpy as np
 
 from ..vectors import Array
 from .angles import outward_normal
-from .autodiff import Dual
-from .axes import Position, Vehicle, Wheel
+from .autodiff import Dual, length
+from .axes import Position, Vehicle, Wheel, upright
 from .definitions import VEHICLE, WHEEL
 from .frame import VehicleFrame, build_reference_frame
 
@@ -40,12 +40,16 @@ class FrameSlopes:
     lengths: Array
 
 
-def linearise(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Linear:
+def linearise(
+    centres_m: Array, normals: Array, wheels: Sequence[str], vertical: Array | None = None
+) -> Linear:
     """Compute every quantity of W targets and its derivatives; the first four: RR, RL, FR, FL.
 
     centres_m: (4, 3) of these four; normals: (W, 3) unit, either sense; wheels: (W,) names.
+    vertical: (3,) unit, upwards, from which camber is measured, an input like a target's normal,
+    with six more derivatives; None: the frame's up.
     """
-    vehicle = _dual_vehicle(centres_m, normals, wheels)
+    vehicle = _dual_vehicle(centres_m, normals, wheels, vertical)
     rows = [entry.of(vehicle, i) for entry in WHEEL for i in range(len(normals))]
     rows += [entry.of(vehicle) for entry in VEHICLE]
     return Linear(np.array([row.value for row in rows]), np.stack([row.slope for row in rows]))
@@ -56,20 +60,28 @@ def jacobian(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Array:
     return linearise(centres_m, normals, wheels).slopes
 
 
-def _dual_vehicle(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Vehicle:
+def _dual_vehicle(
+    centres_m: Array, normals: Array, wheels: Sequence[str], vertical: Array | None
+) -> Vehicle:
     """Return the vehicle in its frame, with derivatives by scanner-frame normals and centres."""
     frame = build_reference_frame(centres_m)
     centres = centres_m - centres_m[0]
     slopes = frame_slopes(frame, centres)
-    columns = np.eye(6 * len(normals)).reshape(len(normals), 2, 3, -1)  # normal, centre
+    count = len(normals) + (vertical is not None)
+    columns = np.eye(6 * count).reshape(count, 2, 3, -1)  # normal, centre
+    above = None if vertical is None else _in_frame(frame, slopes, vertical, columns[-1, 0])
     origin, d_origin = centres[:2].mean(axis=0), columns[:2, 1].mean(axis=0)
     found = []
-    for normal, wheel, own in zip(normals, wheels, columns[:, 0], strict=True):
+    for normal, wheel, own in zip(normals, wheels, columns[: len(normals), 0], strict=True):
         n = outward_normal(frame, normal, wheel)
         facing = 1.0 if n @ normal > 0.0 else -1.0
         left, forward, up = _in_frame(frame, slopes, n, facing * own)
         side = 1.0 if wheel.endswith("L") else -1.0
-        found.append(Wheel(side, left * side, forward, up))
+        rise = level = None
+        if above is not None:
+            aside, ahead, rise = upright((left, forward, up), above)
+            level = length(aside, ahead)
+        found.append(Wheel(side, left * side, forward, up, rise, level))
     rear_right, rear_left, front_right, front_left = (
         Position(*_in_frame(frame, slopes, centre - origin, own - d_origin))
         for centre, own in zip(centres, columns[:4, 1], strict=True)
@@ -79,8 +91,8 @@ def _dual_vehicle(centres_m: Array, normals: Array, wheels: Sequence[str]) -> Ve
         tuple(found),
         (rear_right, rear_left, front_right, front_left),
         *(
-            Dual(length, _by_centres(slope, len(normals)))
-            for length, slope in zip(lengths, slopes.lengths, strict=True)
+            Dual(value, _by_centres(slope, count))
+            for value, slope in zip(lengths, slopes.lengths, strict=True)
         ),
     )
 

@@ -59,13 +59,17 @@ class Placement(Section):
 
 
 class Body(Section):
-    """Sizes of tyre, rim and wheel arch."""
+    """Sizes of tyre, rim and wheel arch.
+
+    left_rise_m: how much farther from the floor the left wheel centres are than the right ones.
+    """
 
     tyre_radius_m: float = Field(gt=0.1)
     tyre_width_m: float = Field(gt=0.05)
     rim_diameter_m: float = Field(gt=0.1)
     spokes: int = Field(ge=0, le=60)
     arch_radius_m: float = Field(gt=0.1)
+    left_rise_m: float = Field(0.0, ge=-0.05, le=0.05)
 
 
 class Kingpin(Section):

@@ -22,6 +22,8 @@ def bay_solids(vehicle: Vehicle, rng: np.random.Generator) -> list[Solid]:
     base = vehicle.axles.wheelbase_m
     ground = np.eye(4)
     ground[2, 3] = vehicle.floor_m
+    roll = np.arctan2(vehicle.body.left_rise_m, vehicle.axles.rear_track_m)
+    ground[1:3, 1:3] = [[np.cos(roll), np.sin(roll)], [-np.sin(roll), np.cos(roll)]]
     half = max(vehicle.axles.rear_track_m, vehicle.axles.front_track_m) / 2
     solids = _walls(base, half + BESIDE_M)
     solids += _lift(base / 2 + rng.uniform(-0.1, 0.1), half + rng.uniform(0.65, 1.15))

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from tests.kinematics.test_runout import ECCENTRIC, HALF, WOBBLE, all_round
-from tests.support.turning import Scene, mounted, rolled
+from tests.measurement.test_verticals import measured, scene
+from tests.support.turning import WHEELS, Scene, mounted, rolled
 from wheelplane import measure as measuring
 from wheelplane.five_point.file import read_five_point
 from wheelplane.report.json.measurement import to_json
@@ -24,7 +25,10 @@ def unit(vector):
 
 
 def quantities(normals, centres, wheels):
-    """By name, radians and metres; wheels: names, the first four RR, RL, FR, FL."""
+    """By name, radians and metres; wheels: names, the first four RR, RL, FR, FL.
+
+    One normal more than wheels is the vertical.
+    """
     rr, rl, fr, fl = centres[:4]
     left, front = unit(rl - rr), unit(fl - fr)
     rear_middle, front_middle = (rr + rl) / 2, (fr + fl) / 2
@@ -32,13 +36,15 @@ def quantities(normals, centres, wheels):
     ahead = front_middle - front * ((front_middle - rear_middle) @ left) / (front @ left)
     forward = unit(ahead - rear_middle)
     up = np.cross(forward, left)
+    vertical = unit(normals[-1]) if len(normals) > len(wheels) else up
     found = {}
     for i, (name, wheel) in enumerate(wheels):
         n = normals[i]
         outward = left if wheel.endswith("L") else -left
         found[f"{name}.toe"] = np.arctan((n @ forward) / (n @ outward))
-        found[f"{name}.camber"] = -np.arcsin(n @ up / np.linalg.norm(n))
-        found[f"{name}.camber_iso"] = -np.arctan((n @ up) / (n @ outward))
+        camber = -np.arcsin(n @ vertical / np.linalg.norm(n))
+        found[f"{name}.camber"] = camber
+        found[f"{name}.camber_iso"] = np.arctan(np.tan(camber) / np.cos(found[f"{name}.toe"]))
     toe = [found[f"{name}.toe"] for name, _ in wheels[:4]]
     camber = [found[f"{name}.camber"] for name, _ in wheels[:4]]
     left_side, right_side = fl - rl, fr - rr
@@ -56,10 +62,19 @@ def quantities(normals, centres, wheels):
     }
 
 
-def recomputed(poses):
-    """Values, u and degrees of freedom by name."""
+def recomputed(poses, vertical=None):
+    """Values, u and degrees of freedom by name; vertical: the one in use, of `verticals`."""
+    components = list(poses["components"])
     wheels = [(entry["name"], entry["wheel"]) for entry in poses["wheels"]]
     x = np.array([[entry["normal"], entry["centre_m"]] for entry in poses["wheels"]])
+    names = [name for name, _ in wheels]
+    if vertical is not None:
+        x = np.concatenate([x, [[vertical["direction"], [0.0] * 3]]])
+        names.append("vertical")
+        components += [
+            component | {"acts_on": [{"name": "vertical", "factor": component["factor"]}]}
+            for component in vertical["components"]
+        ]
 
     def at(change):
         moved = x + change.reshape(x.shape)
@@ -69,12 +84,12 @@ def recomputed(poses):
     steps = STEP * np.eye(x.size)
     J = np.stack([(at(step) - at(-step)) / (2 * STEP) for step in steps], axis=1)
     total, by_estimate = 0.0, {}
-    for index, component in enumerate(poses["components"]):
+    for index, component in enumerate(components):
         columns = len(component["acts_on"][0]["factor"][0])
         F = np.zeros((x.size, columns))
         for part in component["acts_on"]:
-            place = 6 * [name for name, _ in wheels].index(part["name"])
-            F[place : place + 6] = part["factor"][:6]
+            place, rows = 6 * names.index(part["name"]), part["factor"][:6]
+            F[place : place + len(rows)] = rows
         variance = np.sum((J @ F) ** 2, axis=1)
         total = total + variance
         dof = component["degrees_of_freedom"] or np.inf
@@ -94,7 +109,9 @@ def agrees(one, other):
 def check(measured):
     """Compare all that a file prints with what follows from its poses."""
     tree = json.loads(to_json(measured))
-    known = recomputed(tree["poses"]["evaluated"])
+    used = tree["vertical_in_use"]
+    vertical = next((one for one in tree["verticals"] if one["kind"] == used), None)
+    known = recomputed(tree["poses"]["evaluated"], vertical)
     printed = {entry["quantity"]: entry for entry in tree["uncertainty"]}
     assert known.keys() <= printed.keys()
     for name, (value, u, dof) in known.items():
@@ -102,8 +119,9 @@ def check(measured):
         scale = np.degrees(1.0) if entry["unit"] == "deg" else 1.0
         assert agrees(value * scale, entry["value"]), name
         assert u * scale == pytest.approx(entry["u"], rel=1e-6), name
-        assert dof == pytest.approx(entry["degrees_of_freedom"] or np.inf, rel=1e-5), name
-    mounted_as = recomputed(tree["poses"]["as_mounted"] or tree["poses"]["evaluated"])
+        inverse = 1.0 / (entry["degrees_of_freedom"] or np.inf)
+        assert 1.0 / dof == pytest.approx(inverse, rel=1e-5, abs=1e-12), name
+    mounted_as = recomputed(tree["poses"]["as_mounted"] or tree["poses"]["evaluated"], vertical)
     for wheel in tree["wheels"]:
         for angle in ("toe", "camber", "camber_iso"):
             for prefix, results in (("", known), ("plate_", mounted_as)):
@@ -126,14 +144,20 @@ def test_run_outs_of_all_wheels_and_of_one():
     plate = {"wobble": WOBBLE, "eccentric_m": ECCENTRIC[0]}
     one = rolled(mounted(Scene(4).references(), "FL", **plate), "FL", HALF, **plate).measure()
     assert [w.compensated for w in one.wheels[:4]] == [False, False, False, True]
-    for measured in (every, one):
-        tree = check(measured)
+    for result in (every, one):
+        tree = check(result)
         mounted_as = tree["poses"]["as_mounted"]
         for entry, wheel in zip(mounted_as["wheels"], tree["wheels"], strict=True):
             assert entry["centre_m"] == wheel["plate_centre_m"]
             assert entry["normal"] == pytest.approx(wheel["plate_normal"], abs=1e-15)
             stated = wheel["role"] == "runout"
             assert (entry["stated_rotation_deg"] is not None) == stated
+
+
+@pytest.mark.parametrize("rolls", [(), ("FL",), WHEELS])
+def test_from_gravity(rolls):
+    tree = check(measured(scene(6, rolls=rolls)))
+    assert tree["vertical_in_use"] == "gravity"
 
 
 def test_a_plate_that_shows_its_rotation_states_it_with_its_covariance():

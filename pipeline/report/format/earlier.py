@@ -41,6 +41,7 @@ class Earlier:
     vehicle: str | None
     date: str | None
     values: Mapping[str, Known]
+    vertical: str = "wheels"
 
 
 def read_earlier(path: Path) -> Earlier:
@@ -62,11 +63,21 @@ def read_earlier(path: Path) -> Earlier:
             vehicle=tree["vehicle_name"],
             date=tree["date"],
             values=dict(_values(tree)),
+            vertical=tree.get("vertical_in_use", "wheels"),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{path}: a measurement.json that is incomplete ({error!r}): measure that capture again"
         ) from error
+
+
+def check_same_vertical(earlier: Earlier, vertical: str) -> None:
+    """Raise InputError where the cambers of the two are not measured from the same vertical."""
+    if earlier.vertical != vertical:
+        raise InputError(
+            f"{earlier.source}: its camber, caster and SAI are those of --vertical "
+            f"{earlier.vertical}, not {vertical}: give that, or another earlier measurement"
+        )
 
 
 def check_same_vehicle(earlier: Earlier, vehicle: str | None, source: str) -> None:

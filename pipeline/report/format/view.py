@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from ...errors import InputError
+from ...measurement import VerticalKind
 from ...units import in_metres
 from ...vehicle import Axis
 from .digits import UNKNOWN, arc, brief, decimal, metres, rounded, sexagesimal
@@ -54,12 +55,14 @@ class View:
     """The axis in use, the unit of angles, the rim's diameter, which mm needs, and the digits.
 
     digits: "uncertainty" as `digits.py` explains; "full" without regard to the uncertainty.
+    vertical: from which camber, caster and SAI are measured.
     """
 
     axis: Axis = "rear-axle"
     angles: AngleStyle = "dms"
     rim_m: float = math.nan
     digits: DigitStyle = "uncertainty"
+    vertical: VerticalKind = "wheels"
 
     def angle(self, angle_rad: float, sort: Sort, expanded_rad: float = UNKNOWN) -> str:
         """Write an angle with its sign and unit, to the place of its expanded uncertainty."""

@@ -25,6 +25,10 @@ SORTS: dict[str, Sort] = {
     "rear_cross_camber": "camber",
     "front_cross_camber": "camber",
 }
+FROM_VERTICAL = {
+    "camber", "camber_iso", "rear_cross_camber", "front_cross_camber", "caster", "sai",
+    "cross_caster", "cross_sai",
+}  # fmt: skip
 NONE = "\N{EN DASH}"
 
 
@@ -193,9 +197,20 @@ class Writer:
         """Return the name of a quantity, such as `toe_to_thrust_line`."""
         kind, _, axis = name.partition("_to_")
         called = self.words.known("quantity", kind)
+        if kind in FROM_VERTICAL:
+            called = self.upright(called)
         if not axis:
             return called
         return self.words("quantity.to", quantity=called, axis=self.words.known("axis", axis))
+
+    def upright(self, called: str) -> str:
+        """Return the name of an angle with the vertical in use, unless that is the default."""
+        vertical = self.view.vertical
+        if vertical == "wheels":
+            return called
+        return self.words(
+            "vertical.from", quantity=called, vertical=self.words(f"vertical.{vertical}")
+        )
 
     def wheel(self, name: str) -> str:
         """Return the name of a wheel in this language; of a scan, its own name."""

@@ -22,6 +22,7 @@ from .conformity import conformity_tree, tolerance_tree
 from .kinematics import turned_tree
 from .poses import poses_tree
 from .uncertainty import monte_carlo_tree, repeats_tree, uncertainty_tree
+from .verticals import verticals_tree
 
 OF_FRAME = ("rear_track", "front_track", "wheelbase")
 SCHEMA = "wheelplane/measurement/1"
@@ -82,6 +83,7 @@ def to_tree(
         | {kind: in_words(kind, vehicle[kind], english) for kind in SIGNED if kind in vehicle},
         "axis_in_use": axis,
         "axes": axes_tree(measurement),
+        **verticals_tree(measurement),
         **conformity_tree(conformity),
         **uncertainty_tree(measurement),
         "poses": poses_tree(measurement),

@@ -91,4 +91,9 @@ def _factor(component: UncertaintyComponent, sense: float, rotations: bool) -> l
     rows: Sequence[Array] = [*(sense * component.factor[:3]), *component.factor[3:]]
     if rotations and component.turn is not None:
         rows = [*rows, sense * component.turn]
+    return rounded_rows(rows)
+
+
+def rounded_rows(rows: Sequence[Array] | Array) -> list[list[float]]:
+    """Return the rows of a factor with DIGITS significant digits."""
     return [[float(f"{x:.{DIGITS}g}") for x in np.asarray(row).tolist()] for row in rows]

@@ -171,7 +171,8 @@ def _steering(measurement: Measurement, verdicts: Verdicts, writer: Writer) -> I
         for wheel, side in (("FL", "left"), ("FR", "right")):
             known: Estimate | None = getattr(axes.get(wheel), kind, None)
             if known is not None:
-                label = f"{words(f'turned.{kind}')}, {words(f'vehicle.{side}')}"
+                called = writer.upright(words(f"turned.{kind}"))
+                label = f"{called}, {words(f'vehicle.{side}')}"
                 at = Known(known.value, known.u, known.expanded)
                 verdict = verdicts.get((wheel, LIMITED_AS.get(kind, kind)))
                 yield _Source(label, kind, "camber", at, f"{wheel}.{kind}", verdict)

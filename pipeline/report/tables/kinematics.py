@@ -59,7 +59,8 @@ def _axes_table(axes: Sequence[SteeringAxis], writer: Writer) -> Table:
     columns = (
         words("results.wheel"), Column(words("status.status"), "page", minor=True),
         Column(words("turned.scans"), minor=True),
-        words("turned.swept"), words("turned.caster"), "u", "U", words("turned.inclination"),
+        words("turned.swept"), writer.upright(words("turned.caster")), "u", "U",
+        writer.upright(words("turned.inclination")),
         "u", "U", words("turned.by_camber"), writer.chi, Column("", "text"),
     )  # fmt: skip
     rows = [
