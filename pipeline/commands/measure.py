@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
 from ..capture import Upright, open_capture
 from ..config import load_config, with_scanner
@@ -13,7 +14,7 @@ from ..errors import InputError
 from ..measure import measure_capture
 from ..measurement import VerticalKind, assess, check_by_monte_carlo, conforms, tolerance_for
 from ..report.format.earlier import check_same_vehicle, check_same_vertical
-from ..report.format.view import AngleStyle, DigitStyle, read_view
+from ..report.format.view import AngleStyle, Convention, DigitStyle, read_view
 from ..report.json.measurement import to_json
 from ..report.write import ReportFiles, write_reports
 from ..units import LengthUnit
@@ -22,6 +23,7 @@ from .limits import limited
 from .options import (
     capture_options,
     config_option,
+    convention_option,
     language_and_plot,
     length_unit_option,
     monte_carlo_option,
@@ -55,6 +57,7 @@ from .reporting import plot_to, report_options, show, show_plot
 @config_option
 @scanner_option
 @vertical_option
+@convention_option
 @monte_carlo_option
 @tolerance_option
 @view_options
@@ -86,6 +89,7 @@ def measure(
     config: Path | None,
     scanner: str | None,
     vertical: VerticalKind,
+    convention: Convention,
     max_draws: int | None,
     tolerance: str | None,
     pictures: bool,
@@ -116,7 +120,10 @@ def measure(
     unless every quantity that it limits is conforming; undecided is 1 too, so that 0 never passes
     a vehicle in doubt.
     """
-    view = replace(read_view(axis, angles, rim, digits), vertical=vertical)
+    chosen = click.get_current_context().get_parameter_source("axis")
+    if convention != "default" and chosen is ParameterSource.DEFAULT:
+        axis = "centreline"
+    view = replace(read_view(axis, angles, rim, digits), vertical=vertical, convention=convention)
     settings = load_config(config)
     options = report_options(settings.report, language, view, before)
     if pdf and output is None:

@@ -15,7 +15,7 @@ from ..errors import InputError
 from ..measurement import VerticalKind
 from ..readers import AS_THE_FILE_SAYS, ReadOptions
 from ..report.format.language import LANGUAGES
-from ..report.format.view import ANGLE_STYLES, DIGIT_STYLES
+from ..report.format.view import ANGLE_STYLES, CONVENTIONS, DIGIT_STYLES
 from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates, LengthUnit, in_metres
 from ..vehicle import AXES
 
@@ -144,6 +144,14 @@ vertical_option = click.option(
     help="Direction from which camber, caster and SAI are measured: the normal to the plane of the "
     "wheel centres, the normal of the floor in the scans or in capture.toml, or gravity in "
     "capture.toml.",
+)
+convention_option = click.option(
+    "--convention",
+    type=click.Choice(CONVENTIONS),
+    default="default",
+    show_default=True,
+    help="Signs and angles of the text and reports: the manual's, those of ISO 8855, or those of "
+    "German workshops; the latter two with --axis centreline by default.",
 )
 tolerance_option = click.option(
     "--tolerance",

@@ -16,6 +16,7 @@ from .quantities import (
     against,
     by_name,
     stated,
+    workshop_angles,
 )
 from .records import (
     AxleAngles,
@@ -100,4 +101,5 @@ __all__ = [
     "vertical_tilts",
     "weighted_sum",
     "with_part",
+    "workshop_angles",
 ]

@@ -46,6 +46,10 @@ class ToleranceInterval:
         if not self.lower < self.upper or self.lower == -self.upper == -math.inf:
             raise ValueError(f"no tolerance lies from {self.lower} to {self.upper}")
 
+    def times(self, sense: float) -> ToleranceInterval:
+        """Return the interval of a quantity whose sign is reversed where sense is -1."""
+        return self if sense > 0.0 else ToleranceInterval(-self.upper, -self.lower)
+
     @property
     def width(self) -> float:
         """Upper less lower limit; inf where one of them is missing."""

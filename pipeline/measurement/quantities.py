@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..uncertainty import LEVEL, coverage_factor
 from ..vectors import Array
 from ..vehicle import VEHICLE, WHEEL, Axis, Unit
 from .estimates import weighted_sum
@@ -81,6 +82,38 @@ def stated(measurement: Measurement) -> list[Stated]:
 def by_name(measurement: Measurement) -> dict[str, Stated]:
     """Return the quantities by name: `RR.toe`, `thrust_angle`."""
     return {quantity.name: quantity for quantity in stated(measurement)}
+
+
+def workshop_angles(measurement: Measurement) -> list[Stated]:
+    """Return Radversatz front and rear, and Radstandsdifferenz, as the angles of German workshops.
+
+    Radversatz: of the line through an axle's wheel centres against the normal of the thrust line,
+    positive with the right wheel ahead. Radstandsdifferenz: front less rear, positive with the
+    right wheelbase longer.
+    """
+    known = by_name(measurement)
+    values, slopes = {}, {}
+    for axle in ("front", "rear"):
+        back, track = known[f"{axle}_setback_to_thrust_line"], known[f"{axle}_track"]
+        ratio = back.value / track.value
+        slope = np.zeros(len(measurement.uncertainty.values))
+        slope[[back.row, track.row]] = np.array([-1.0, ratio]) / (
+            track.value * math.sqrt(1.0 - ratio**2)
+        )
+        values[axle], slopes[axle] = -math.asin(ratio), slope
+    kinds = {f"{axle}_setback_angle": (values[axle], slopes[axle]) for axle in values}
+    kinds["wheelbase_angle"] = values["front"] - values["rear"], slopes["front"] - slopes["rear"]
+    return [_combined(measurement, kind, value, slope) for kind, (value, slope) in kinds.items()]
+
+
+def _combined(measurement: Measurement, kind: str, value: float, slope: Array) -> Stated:
+    """Return a function of quantities, by its derivatives (Q,); nu: the least of those it uses."""
+    known = measurement.uncertainty
+    u = math.sqrt(max(0.0, float(slope @ known.covariance @ slope)))
+    dof = float(known.dof[slope != 0.0].min())
+    factor = float(coverage_factor(LEVEL, np.array([dof]))[0])
+    none = np.zeros(len(known.components))
+    return Stated(-1, "vehicle", kind, None, kind, RADIAN, value, u, dof, factor, none, math.nan)
 
 
 def against(quantities: Sequence[Stated], axis: Axis) -> list[Stated]:

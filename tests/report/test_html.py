@@ -384,7 +384,8 @@ def test_nothing_is_left_untranslated():
     names = {"jcgm", "student", "home", "scripts", "webgl", "sigma", "scanner", "capture", "toml",
              "monte", "carlo", "wheelplane", "json", "measurement", "html", "view",
              "batch", "validation", "hotelling", "validate", "archive", "bland", "altman", "york",
-             "nees", "aiming", "divisor", "holm", "double"}  # fmt: skip
+             "nees", "aiming", "divisor", "holm", "double", "fahrachswinkel", "radversatz",
+             "radstandsdifferenz"}  # fmt: skip
     both = names | {"normal", "total", "zero", "face", "manual", "linear", "vertical",
                     "longitudinal", "lateral", "axial", "regular", "terminal",
                     "javascript"}  # fmt: skip

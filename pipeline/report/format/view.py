@@ -17,6 +17,10 @@ AngleStyle = Literal["dms", "deg", "mm/m", "mm"]
 ANGLE_STYLES: tuple[AngleStyle, ...] = get_args(AngleStyle)
 DigitStyle = Literal["uncertainty", "full"]
 DIGIT_STYLES: tuple[DigitStyle, ...] = get_args(DigitStyle)
+Convention = Literal["default", "iso-8855", "german-workshop"]
+CONVENTIONS: tuple[Convention, ...] = get_args(Convention)
+# Counted to the right by default; about Z_V, to the left, by ISO 8855 and in German workshops.
+HEADINGS = ("thrust_angle", "steer_ahead", "centreline_angle", "side_bisector_angle")
 # In mm at a rim: toe, a difference of distances; in mm/m: toe and every heading, a slope. Camber is
 # customary in neither and stays in degrees.
 Sort = Literal["toe", "total", "heading", "camber"]
@@ -55,7 +59,7 @@ class View:
     """The axis in use, the unit of angles, the rim's diameter, which mm needs, and the digits.
 
     digits: "uncertainty" as `digits.py` explains; "full" without regard to the uncertainty.
-    vertical: from which camber, caster and SAI are measured.
+    vertical: from which camber, caster and SAI are measured. convention: signs, and further angles.
     """
 
     axis: Axis = "rear-axle"
@@ -63,6 +67,12 @@ class View:
     rim_m: float = math.nan
     digits: DigitStyle = "uncertainty"
     vertical: VerticalKind = "wheels"
+    convention: Convention = "default"
+
+    def sense(self, name: str) -> float:
+        """Return -1 for a quantity whose sign is reversed in this convention, else 1."""
+        kind = name.partition("_to_")[0]
+        return -1.0 if self.convention != "default" and kind in HEADINGS else 1.0
 
     def angle(self, angle_rad: float, sort: Sort, expanded_rad: float = UNKNOWN) -> str:
         """Write an angle with its sign and unit, to the place of its expanded uncertainty."""

@@ -116,8 +116,8 @@ class Writer:
         """Write an angle with its sign, a length in metres, to the place of U."""
         if quantity.unit == "m":
             return self.number(quantity.value, "m", quantity.expanded)
-        sort = sort_of(quantity.kind)
-        return self.words.number(self.view.angle(quantity.value, sort, quantity.expanded))
+        sort, value = sort_of(quantity.kind), self.view.sense(quantity.kind) * quantity.value
+        return self.words.number(self.view.angle(value, sort, quantity.expanded))
 
     def width(self, quantity: Stated, size: float) -> str:
         """Write an uncertainty of the quantity."""
@@ -202,6 +202,17 @@ class Writer:
         if not axis:
             return called
         return self.words("quantity.to", quantity=called, axis=self.words.known("axis", axis))
+
+    def sign(self, kind: str) -> str:
+        """Return which sense of a quantity is positive, in words; '' where no words are needed."""
+        key = f"sign.{kind}" if self.view.sense(kind) > 0.0 else f"sign_left.{kind}"
+        return self.words.texts.get(key, "")
+
+    @property
+    def heading_side(self) -> str:
+        """Side to which headings are positive, in words."""
+        side = "right" if self.view.sense("thrust_angle") > 0.0 else "left"
+        return self.words(f"convention.{side}")
 
     def upright(self, called: str) -> str:
         """Return the name of an angle with the vertical in use, unless that is the default."""

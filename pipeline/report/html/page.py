@@ -87,14 +87,14 @@ def _page(
         "before": dress.before,
         "limits": limits_table(conformity, writer) if conformity else None,
         "joint": joint(conformity, writer) if conformity else "",
-        "limits_notes": notes(conformity, words) if conformity else "",
+        "limits_notes": notes(conformity, writer) if conformity else "",
         "u_note": words("results.u_note", factor=page_results.factor_words(measurement, words)),
         "plots": {
             "angles": angles_drawing(measurement, conformity, words, view.axis),
             "frame": frame_drawing(shown, words),
             "top": top_drawing(measurement, words, view),
             "budget": vehicle_budget(measurement, words, view.axis),
-            "signs": signs_drawing(words),
+            "signs": signs_drawing(words, view.sense("thrust_angle")),
         },
         "troubles": page_origin.troubles(measurement, words),
         "cards": cards(measurement, writer),
@@ -138,7 +138,11 @@ def _said(measurement: Measurement, dress: ReportOptions, five_point: bool) -> d
     units = words(f"conventions.{key}", rim=rim)
     digits = words(f"conventions.digits_{view.digits}")
     lines = [words("conventions.toe", axis=axis)]
-    lines += [words(f"conventions.{name}") for name in ("camber", "iso", "thrust", "frame")]
+    side = Writer(words, view).heading_side
+    names = ("camber", "iso", "thrust", "frame")
+    lines += [words(f"conventions.{name}", side=side) for name in names]
+    if view.convention != "default":
+        lines.append(words.known("convention", view.convention))
     ids = [
         "results",
         "values",

@@ -7,15 +7,15 @@ import math
 import numpy as np
 
 from ..format.language import Translations
-from .drawing import INK, PALE, Drawing, Mark, Path, Text, arrow
+from .drawing import INK, PALE, Anchor, Drawing, Mark, Path, Text, arrow
 
 WIDTH, HEIGHT = 760.0, 250.0
 EDGE, TYRE, ANGLE, LINE = "#37474f", "#dfe5ea", "#b3261e", "#0072B2"
 DRAWN_RAD = math.radians(14.0)
 
 
-def signs_drawing(words: Translations) -> Drawing:
-    """Draw three sketches with the positive sense of each angle."""
+def signs_drawing(words: Translations, thrust: float = 1.0) -> Drawing:
+    """Draw three sketches with the positive sense of each angle; thrust: -1 to the left."""
     title = words("plot.signs_title")
     marks: list[Mark] = []
     for index, name in enumerate(("toe", "camber", "thrust")):
@@ -23,7 +23,9 @@ def signs_drawing(words: Translations) -> Drawing:
         marks.append(Text(x, 22, words(f"plot.signs_{name}"), 14, "middle", bold=True))
         marks.append(Text(x, HEIGHT - 12, words(f"plot.signs_{name}_from"), 12, "middle",
                           colour=PALE))  # fmt: skip
-    return Drawing(WIDTH, HEIGHT, title, [*marks, *_toe(words), *_camber(words), *_thrust(words)])
+    return Drawing(
+        WIDTH, HEIGHT, title, [*marks, *_toe(words), *_camber(words), *_thrust(words, thrust)]
+    )
 
 
 def _tyre(x: float, y: float, angle_rad: float, half: tuple[float, float]) -> list[Mark]:
@@ -74,18 +76,19 @@ def _camber(words: Translations) -> list[Mark]:
     return marks
 
 
-def _thrust(words: Translations) -> list[Mark]:
-    x, y, reach = WIDTH * 5 / 6, 190.0, 140.0
-    end = (x + reach * math.sin(DRAWN_RAD), y - reach * math.cos(DRAWN_RAD))
-    arc = [(x + 105 * math.sin(t), y - 105 * math.cos(t)) for t in np.linspace(0, DRAWN_RAD, 9)]
+def _thrust(words: Translations, sense: float) -> list[Mark]:
+    x, y, reach, drawn = WIDTH * 5 / 6, 190.0, 140.0, sense * DRAWN_RAD
+    end = (x + reach * math.sin(drawn), y - reach * math.cos(drawn))
+    arc = [(x + 105 * math.sin(t), y - 105 * math.cos(t)) for t in np.linspace(0, drawn, 9)]
+    ends: tuple[Anchor, Anchor] = ("start", "end") if sense > 0.0 else ("end", "start")
     marks: list[Mark] = [
         Path([(x - 52, y), (x + 52, y)], EDGE, 2.0),
         Path([(x, y), (x, y - reach)], PALE, 1.0, dash=(4.0, 3.0)),
         *arrow((x, y), end, LINE, 1.6),
         Path(arc[:-1], ANGLE, 1.6),
         *arrow(arc[-2], arc[-1], ANGLE, 1.6),
-        Text(x + 24, y - 62, words("scene.thrust_line"), 12, colour="#00528a"),
-        Text(x - 8, y - 90, words("plot.signs_axis"), 12, "end", colour=PALE),
+        Text(x + sense * 24, y - 62, words("scene.thrust_line"), 12, ends[0], colour="#00528a"),
+        Text(x - sense * 8, y - 90, words("plot.signs_axis"), 12, ends[1], colour=PALE),
     ]
     for side in (-52.0, 52.0):
         way = [(x + side, y + 24), (x + side, y - 24)]

@@ -81,7 +81,9 @@ def _from_above(
     marks += [Path([(12, y), (36, y)], CENTRE, 1.2, dash=(6.0, 4.0))]
     marks.append(Text(42, y + 4, words.known("axis", view.axis), 12))
     if thrust is not None:
-        value = words.number(view.angle(thrust.value, "heading", thrust.expanded))
+        value = words.number(
+            view.angle(view.sense("thrust_angle") * thrust.value, "heading", thrust.expanded)
+        )
         marks += [Path([(12, y + 18), (36, y + 18)], THRUST, 1.6)]
         marks.append(Text(42, y + 22, f"{words('scene.thrust_line')}: {value}", 12))
     return marks

@@ -82,26 +82,39 @@ def quantity(what: Quantity, writer: Writer) -> str:
     return writer.words("quantity.at", quantity=name, angle=angle)
 
 
-def notes(conformity: Conformity, words: Translations) -> str:
+def notes(conformity: Conformity, writer: Writer) -> str:
     """Return the signs of the quantities, and what the columns hold."""
+    words, side = writer.words, writer.heading_side
     names = {verdict.quantity.name for verdict in conformity.verdicts}
     steered = names & {*WHEEL_BY_SWEEP, *VEHICLE_BY_SWEEP}
     keys = ["signs_note", *["steering_signs_note"] * bool(steered), "probability_note"]
-    return " ".join(words(f"verdict.{key}") for key in keys)
+    return " ".join(words(f"verdict.{key}", side=side) for key in keys)
 
 
 def _row(verdict: Verdict, writer: Writer) -> list[str]:
     what, interval = verdict.quantity, verdict.interval
-    lower, upper = (interval.lower, interval.upper) if interval else (None, None)
+    sense = writer.view.sense(what.name)
+    shown = interval.times(sense) if interval else None
+    lower, upper = (shown.lower, shown.upper) if shown else (None, None)
+    value = None if what.value is None else sense * what.value
     word = decided(verdict.decision, writer.words).lower()
     return [
         word if writer.plain else f"{SIGNS[verdict.decision]} {word}",
         subject(verdict, writer), quantity(what, writer),
-        writer.number(what.value, what.unit, _expanded(verdict)),
+        writer.number(value, what.unit, _expanded(verdict)),
         *(writer.number(x, what.unit) for x in (lower, upper)),
         *(writer.size(x, what.unit) for x in (what.u, verdict.guard_band)),
         writer.share(verdict.probability), writer.share(verdict.risk), _why(verdict, writer),
     ]  # fmt: skip
+
+
+def reason(verdict: Verdict, writer: Writer) -> str:
+    """Return why a quantity is undecided, in English, with its limits as they are printed."""
+    if writer.view.sense(verdict.quantity.name) > 0.0:
+        return verdict.reason
+    swapped = {"lower limit": "upper limit", "upper limit": "lower limit"}
+    found = next((side for side in swapped if side in verdict.reason), "")
+    return verdict.reason.replace(found, swapped[found]) if found else verdict.reason
 
 
 def _expanded(verdict: Verdict) -> float:
@@ -125,4 +138,5 @@ def _why(verdict: Verdict, writer: Writer) -> str:
     if verdict.guard_band is None:
         return words("verdict.undecidable")
     lower = what.value - interval.lower < interval.upper - what.value
+    lower = lower == (writer.view.sense(what.name) > 0.0)
     return words("verdict.near_lower" if lower else "verdict.near_upper")

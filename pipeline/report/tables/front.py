@@ -154,7 +154,7 @@ def _thrust(
     """Yield the thrust angle, but from the thrust line itself."""
     found = known.get(("vehicle", "thrust_angle"))
     if found is not None:
-        label = f"{writer.quantity('thrust_angle')}, {writer.words('sign.thrust_angle')}"
+        label = f"{writer.quantity('thrust_angle')}, {writer.sign('thrust_angle')}"
         yield _stated(label, "thrust_angle", found, verdicts)
 
 
@@ -196,10 +196,10 @@ def _others(verdicts: list[Verdict], writer: Writer) -> Iterator[_Source]:
 
 
 def _written(source: _Source, earlier: Mapping[str, Known], writer: Writer) -> FrontRow:
-    at, verdict, sort = source.at, source.verdict, source.sort
-    before = earlier.get(source.name)
+    verdict, sort, sense = source.verdict, source.sort, writer.view.sense(source.kind)
+    at, before = (_times(known, sense) for known in (source.at, earlier.get(source.name)))
     change = at.less(before) if at and before else None
-    interval = verdict.interval if verdict else None
+    interval = verdict.interval.times(sense) if verdict and verdict.interval else None
     limits = (interval.lower, interval.upper) if interval else (math.inf, math.inf)
     lower, upper = (_limit(x, sort, writer) for x in limits)
     now = _pair(at, sort, writer)
@@ -217,6 +217,10 @@ def _written(source: _Source, earlier: Mapping[str, Known], writer: Writer) -> F
         interval=interval,
         at_before=before,
     )
+
+
+def _times(known: Known | None, sense: float) -> Known | None:
+    return replace(known, value=sense * known.value) if known else None
 
 
 def _pair(known: Known | None, sort: Sort | None, writer: Writer) -> tuple[str, str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ...measurement import Measurement, Stated, against, by_name, stated
+from ...measurement import Measurement, Stated, against, by_name, stated, workshop_angles
 from ...vehicle import AXES, VEHICLE, named
 from ..format.digits import UNKNOWN, millimetres
 from ..format.language import Translations
@@ -38,6 +38,9 @@ def vehicle_table(measurement: Measurement, writer: Writer) -> Table:
             toe = names[f"{wheel}.{named('toe', 'thrust-line')}"]
             label = words("vehicle.toe_to_thrust", wheel=words(f"vehicle.{wheel}"))
             rows.append([label, writer.value(toe), *writer.spread(toe)])
+    if writer.view.convention == "german-workshop":
+        angles = workshop_angles(measurement)
+        rows += [_row({a.kind: a for a in angles}, angle.kind, writer) for angle in angles]
     rows += [_row(known, kind, writer) for kind in dict.fromkeys(LENGTHS)]
     columns: Columns = (
         Column(words("vehicle.quantity"), quiet=True), Column(words("vehicle.value"), quiet=True),
@@ -59,8 +62,8 @@ def in_words(kind: str, length_m: float, words: Translations, expanded_m: float 
 def _row(known: Mapping[str, Stated], kind: str, writer: Writer) -> list[str]:
     words, found = writer.words, known.get(kind)
     label = writer.quantity(kind)
-    if f"sign.{kind}" in words.texts:
-        label += f", {words(f'sign.{kind}')}"
+    if writer.sign(kind):
+        label += f", {writer.sign(kind)}"
     if found is None:
         return [label, words("vehicle.by_definition"), writer.none, writer.none]
     signed = kind in SIGNED

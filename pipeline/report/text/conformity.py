@@ -5,7 +5,7 @@ from __future__ import annotations
 from ...measurement import Conformity
 from ..format.layout import paragraph
 from ..format.view import PAPER, View
-from ..tables.conformity import decided, joint, limits_table, notes, quantity, rule, subject
+from ..tables.conformity import decided, joint, limits_table, notes, quantity, reason, rule, subject
 from .plain import plain_writer
 
 
@@ -21,11 +21,11 @@ def conformity_text(conformity: Conformity, view: View = PAPER) -> str:
             paragraph(rule(conformity, words)),
             limits_table(conformity, writer).text(),
             *(
-                f"  {subject(v, writer)} {quantity(v.quantity, writer)}: {v.reason}"
+                f"  {subject(v, writer)} {quantity(v.quantity, writer)}: {reason(v, writer)}"
                 for v in conformity.verdicts
                 if v.reason
             ),
             joint(conformity, writer),
-            paragraph(notes(conformity, words)),
+            paragraph(notes(conformity, writer)),
         ]
     )

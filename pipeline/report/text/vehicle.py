@@ -19,12 +19,21 @@ def vehicle_lines(measurement: Measurement, view: View = PAPER) -> str:
     return "\n".join(
         [
             f"Longitudinal axis in use ({view.axis}): the {DEFINED[view.axis]}.",
+            *_convention(writer),
             paragraph(writer.words("results.axles_note")),
             axles_table(measurement, writer).text(),
             "",
             vehicle_table(measurement, writer).text(),
         ]
     )
+
+
+def _convention(writer: Writer) -> list[str]:
+    """Return a sentence on the convention in use, unless it is the default."""
+    convention = writer.view.convention
+    if convention == "default":
+        return []
+    return [paragraph(writer.words.known("convention", convention))]
 
 
 def before_text(measurement: Measurement, before: Earlier, view: View) -> str:

@@ -1,0 +1,135 @@
+"""Conventions: signs and workshop angles that are printed, of the same measurement.json."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tests.report.test_poses import STEP, unit
+from tests.support.validation_cars import write_capture
+from wheelplane import measure as measuring
+from wheelplane.cli import cli
+from wheelplane.five_point.file import read_five_point
+from wheelplane.measurement.conformity import assess
+from wheelplane.measurement.quantities import by_name, workshop_angles
+from wheelplane.measurement.tolerance import Tolerance
+from wheelplane.report.format.language import load_translations
+from wheelplane.report.format.view import CONVENTIONS, PAPER, View
+from wheelplane.report.format.writer import Writer
+from wheelplane.report.plots.sign_convention import signs_drawing
+from wheelplane.report.tables.conformity import limits_table, notes
+from wheelplane.report.tables.front import front_groups
+from wheelplane.report.tables.vehicle import vehicle_table
+from wheelplane.report.text.vehicle import vehicle_lines
+from wheelplane.uncertainty.propagation import effects_of
+
+FIGURE_4 = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
+TURNED = [name for name in CONVENTIONS if name != "default"]
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return measuring.measure_five_point(read_five_point(FIGURE_4))
+
+
+def writer(convention, language="en"):
+    return Writer(load_translations(language), View(convention=convention), plain=True)
+
+
+def workshop(x):
+    """Radversatz front, rear and Radstandsdifferenz from normals and centres (4, 2, 3)."""
+    rr, rl, fr, fl = x[:, 1]
+    left = unit(rl - rr)
+    ahead = (fl + fr - rl - rr) / 2
+    # the front axle's line meets the plane across the rear one ahead of its middle
+    ahead = ahead - unit(fl - fr) * (ahead @ left) / (unit(fl - fr) @ left)
+    up = np.cross(unit(ahead), left)
+    rolls = [np.cross(n * np.sign(n @ left), up) for n in x[:2, 0]]
+    thrust = unit(unit(rolls[0]) + unit(rolls[1]))
+    thrust = thrust * np.sign(thrust @ ahead)
+    front, rear = (np.arcsin(unit(right - other) @ thrust) for right, other in ((fr, fl), (rr, rl)))
+    return np.array([front, rear, front - rear])
+
+
+def test_workshop_angles_are_those_of_the_lines(measured):
+    poses = [wheel.pose for wheel in measured.wheels[:4]]
+    x = np.array([[pose.normal, pose.centre_m] for pose in poses])
+    found = workshop_angles(measured)
+    assert [angle.kind for angle in found] == [
+        "front_setback_angle", "rear_setback_angle", "wheelbase_angle",
+    ]  # fmt: skip
+    assert [angle.value for angle in found] == pytest.approx(workshop(x), abs=1e-9)
+    steps = STEP * np.eye(x.size).reshape(-1, *x.shape)
+    J = np.stack([(workshop(x + s) - workshop(x - s)) / (2 * STEP) for s in steps], axis=1)
+    V = sum((J @ e.factor) @ (J @ e.factor).T for e in effects_of(poses))
+    assert [angle.u for angle in found] == pytest.approx(np.sqrt(np.diag(V)), rel=1e-5)
+    right_longer = by_name(measured)["wheelbase_difference"].value < 0.0
+    assert (found[2].value > 0.0) == right_longer
+
+
+@pytest.mark.parametrize("language", ["en", "pt"])
+@pytest.mark.parametrize("convention", TURNED)
+def test_headings_are_positive_to_the_left(measured, convention, language):
+    rows = {}
+    for name in ("default", convention):
+        table = vehicle_table(measured, writer(name, language))
+        rows[name] = {row[0].partition(",")[0]: row for row in table.rows}
+    known, words = by_name(measured), load_translations(language)
+    for kind in ("thrust_angle", "steer_ahead"):
+        label = words(f"quantity.{kind}")
+        before, after = (rows[name][label] for name in ("default", convention))
+        assert known[kind].value != 0.0
+        assert before[1].translate(str.maketrans("+-", "-+")) == after[1]
+        assert before[2] == after[2]
+        assert after[0] == f"{label}, {words(f'sign_left.{kind}')}"
+    workshop_rows = words("quantity.front_setback_angle") in rows[convention]
+    assert workshop_rows == (convention == "german-workshop")
+
+
+@pytest.mark.parametrize("convention", TURNED)
+def test_limits_are_turned_with_their_quantity(measured, convention):
+    value = np.degrees(by_name(measured)["thrust_angle"].value)
+    limits = {"lower_deg": float(value) - 3.0, "upper_deg": float(value) + 5.0}
+    tolerance = Tolerance.model_validate({"vehicle": {"thrust_angle": limits}})
+    verdicts = assess(measured, tolerance)
+    (plain,) = limits_table(verdicts, writer("default")).rows
+    (turned,) = limits_table(verdicts, writer(convention)).rows
+    signs = str.maketrans("+-", "-+")
+    assert turned[3] == plain[3].translate(signs)
+    assert (turned[4], turned[5]) == (plain[5].translate(signs), plain[4].translate(signs))
+    assert turned[6:] == plain[6:]
+    assert "thrust to the left" in notes(verdicts, writer(convention))
+    assert "thrust to the right" in notes(verdicts, writer("default"))
+    fronts = [
+        next(
+            row
+            for group in front_groups(measured, verdicts, writer(name))
+            for row in group.rows
+            if row.kind == "thrust_angle"
+        )
+        for name in ("default", convention)
+    ]
+    assert fronts[1].at.value == -fronts[0].at.value
+    assert fronts[1].interval.upper == -fronts[0].interval.lower
+
+
+def test_text_and_drawing_say_which_convention_is_in_use(measured):
+    assert "onvention" not in vehicle_lines(measured, PAPER)
+    for convention in TURNED:
+        text = vehicle_lines(measured, replace(PAPER, convention=convention))
+        assert load_translations("en").known("convention", convention)[:20] in text
+    words = load_translations("en")
+    assert repr(signs_drawing(words)) != repr(signs_drawing(words, -1.0))
+
+
+def test_the_json_is_the_same_in_every_convention(tmp_path):
+    write_capture(tmp_path / "car", 3, trials=0)
+    command = ["measure", str(tmp_path / "car"), "--axis", "rear-axle"]
+    printed = {name: CliRunner().invoke(cli, [*command, "--json", "--convention", name]).output
+               for name in CONVENTIONS}  # fmt: skip
+    assert len(set(printed.values())) == 1
+    assert printed["default"].startswith("{")
+    text = CliRunner().invoke(cli, [*command[:2], "--convention", "iso-8855"]).output
+    assert "Longitudinal axis in use (centreline)" in text
