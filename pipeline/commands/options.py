@@ -134,7 +134,7 @@ monte_carlo_option = click.option(
     type=click.IntRange(min=20_000),
     metavar="N",
     help="Number of Monte Carlo draws, at most, to check the uncertainties with (JCGM 101); "
-    "500000 are enough.",
+    "500000 are enough, 2000000 where u has few degrees of freedom.",
 )
 vertical_option = click.option(
     "--vertical",
