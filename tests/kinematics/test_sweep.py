@@ -80,7 +80,7 @@ def test_one_axle_that_is_not_ok_leaves_its_target_in_the_frame():
     np.testing.assert_array_equal(best.scans.reference_centres_m[0], axles[0].fit.point_m)
     np.testing.assert_array_equal(best.scans.reference_centres_m[1:], scans.reference_centres_m[1:])
     assert on_axles(scans, axles[1:]).through == "plate centres"
-    found = runouts_of(on_axles(scans, axles), scans)
+    found = runouts_of(on_axles(scans, axles))
     assert [runout.wheel for runout in found] == ["RR", "RL"]
     assert [runout.compensates for runout in found] == [True, False]
 
