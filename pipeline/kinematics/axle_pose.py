@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..measurement import Observation, Vertical, WheelPose, WheelResult
-from ..uncertainty import UncertaintyComponent, mounting_component
+from ..uncertainty import Effect, UncertaintyComponent, mounting_component
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
 from .wheel_axis import Axle, Framed
@@ -46,11 +46,10 @@ def wheel_poses(best: Framed) -> list[WheelPose]:
     all of them through their slopes: one component for each effect, shared by all poses.
     """
     axles, measured = compensated(best), best.scans.measured
-    scatter = mounting_scatter(best)
     posed = [
         _pose(best, row, axles.get(result.observation.name)) for row, result in enumerate(measured)
     ]
-    poses = [
+    return [
         WheelPose(
             centre,
             normal,
@@ -63,10 +62,28 @@ def wheel_poses(best: Framed) -> list[WheelPose]:
         )
         for normal, centre, slopes in posed
     ]
-    return [
-        pose if result.observation.name in axles else _as_mounted(pose, result, scatter)
-        for pose, result in zip(poses, measured, strict=True)
-    ]
+
+
+def with_mounting(best: Framed) -> Framed:
+    """Return the scans with the mounting of reference targets whose axle is not known as effects.
+
+    They act on the target, its repeat scans, and through its centre on the frame, by the scatter of
+    the known ones beyond what the target file states.
+    """
+    if best.through != "axle and plate centres":
+        return best
+    scans, scatter = best.scans, mounting_scatter(best)
+    effects = []
+    for wheel in (wheel for wheel in REFERENCE_WHEELS if best.axle_of(wheel) is None):
+        factor = np.zeros((scans.count, 6))
+        for row, result in enumerate(scans.measured):
+            seen = result.observation
+            if wheel in (seen.name, seen.repeats):
+                rest, (normal, _) = beyond_stated(scatter, seen), _seen(result)
+                component = mounting_component(rest.tilt_rad, rest.shift_m, normal)
+                factor[6 * row : 6 * row + 6] = component.factor
+        effects.append(Effect("clamp", factor, scatter.dof, pooled=True))
+    return replace(best, scans=replace(scans, effects=(*effects, *scans.effects)))
 
 
 def vertical_as_effect(best: Framed) -> Vertical | None:
@@ -101,19 +118,6 @@ def beyond_stated(scatter: MountingScatter, seen: Observation) -> MountingScatte
         math.sqrt(max(scatter.shift_m**2 - shift2, 0.0)),
         scatter.dof,
     )
-
-
-def _as_mounted(pose: WheelPose, result: WheelResult, scatter: MountingScatter) -> WheelPose:
-    """Return a reference wheel's pose, or its repeat's, with the scatter beyond what is stated."""
-    seen = result.observation
-    if seen.role != "reference" and seen.repeats not in REFERENCE_WHEELS:
-        return pose
-    rest = beyond_stated(scatter, seen)
-    component = mounting_component(rest.tilt_rad, rest.shift_m, pose.normal)
-    component = replace(
-        component, dof=scatter.dof, pooled=True, shared=f"plate of {seen.repeats or seen.name}"
-    )
-    return replace(pose, components=(*pose.components, component))
 
 
 def _pose(best: Framed, row: int, axle: Axle | None) -> tuple[Array, Array, Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..measurement import Measurement, evaluate
-from .axle_pose import compensated, vertical_as_effect, wheel_poses
+from .axle_pose import compensated, vertical_as_effect, wheel_poses, with_mounting
 from .runout import runouts_of
 from .steering_axis import fit_steering_axes
 from .sweep import sweep_scans
@@ -22,7 +22,7 @@ def solve(measurement: Measurement) -> Measurement:
     if not any(wheel.observation.role in ("sweep", "runout") for wheel in measurement.wheels):
         return measurement
     scans = sweep_scans(measurement)
-    best = on_axles(scans, fit_axles(scans, measurement))
+    best = with_mounting(on_axles(scans, fit_axles(scans, measurement)))
     steering_axes = fit_steering_axes(best, measurement)
     return replace(
         _compensate(measurement, best),

@@ -20,11 +20,10 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import NotMeasuredError
-from ..measurement import Estimate, Measurement, SteeringAxis, SweepStatus, weighted_sum, with_part
+from ..measurement import Estimate, Measurement, SteeringAxis, SweepStatus, weighted_sum
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS, Dual, atan2, length, over, sin
 from .axis_fit import OneAxis
-from .axle_pose import beyond_stated, mounting_scatter
 from .sweep import DOUBT, SweepScans
 from .wheel_axis import Framed, outward_sense
 
@@ -152,8 +151,7 @@ def _included(
 ) -> Estimate:
     """Return inclination plus camber straight ahead.
 
-    Camber of the axle where a run-out shows it, else of the target; beside wheels with known
-    run-outs, its u includes how targets are mounted on these.
+    Camber of the axle where a run-out shows it, else of the target.
     """
     index, axle = REFERENCE_WHEELS.index(wheel), best.axle_of(wheel)
     scans, reference = best.scans, measurement.wheels[index]
@@ -163,11 +161,7 @@ def _included(
         assert reference.normal is not None
         way, moved = reference.normal, scans.columns_of_target(index)[0]
     camber = scans.estimate(toe_and_camber(scans, wheel, way, moved)[1])
-    included = weighted_sum([(1.0, inclination), (1.0, camber)])
-    if axle is not None or best.through == "plate centres":
-        return included
-    rest = beyond_stated(mounting_scatter(best), reference.observation)
-    return with_part(included, rest.tilt_rad, rest.dof)
+    return weighted_sum([(1.0, inclination), (1.0, camber)])
 
 
 def _by_camber(scans: SweepScans, members: list[int]) -> Estimate:

@@ -2,7 +2,7 @@
 
 from .assumptions import notes_of_assumptions
 from .conformity import Conformity, Verdict, assess, conforms
-from .estimates import estimate, vertical_tilts, weighted_sum, with_part
+from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
 from .limits import ToleranceInterval
 from .observe import Fit, noisy, observe_entry, rounded, shaded
@@ -100,6 +100,5 @@ __all__ = [
     "tolerance_for",
     "vertical_tilts",
     "weighted_sum",
-    "with_part",
     "workshop_angles",
 ]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -27,18 +26,6 @@ def estimate(value: float, slope: Array, effects: Sequence[Effect], u_own: float
     return Estimate(value, math.sqrt(float(total[0])), float(dof[0]), slope, known, u_own)
 
 
-def with_part(known: Estimate, u: float, dof: float) -> Estimate:
-    """Return the estimate with an error of its own, independent of all inputs.
-
-    Source: Welch and Satterthwaite, JCGM 100, G.4.
-    """
-    if u == 0.0:
-        return known
-    total = math.hypot(known.u, u)
-    dof = total**4 / (known.u**4 / known.dof + u**4 / dof)
-    return replace(known, u=total, dof=dof, u_own=math.hypot(known.u_own, u))
-
-
 def weighted_sum(terms: Sequence[tuple[float, Estimate]]) -> Estimate:
     """Return the sum of weight times estimate, all of one vehicle, with their covariance."""
     effects = terms[0][1].effects
@@ -53,8 +40,7 @@ def weighted_sum(terms: Sequence[tuple[float, Estimate]]) -> Estimate:
 def joint_covariance(measurement: Measurement, sources: Sequence[int | Estimate]) -> Array:
     """Return the covariance (n, n) of rows of the measurement's covariance and of estimates.
 
-    Between the two by all effects on the inputs; `u_own` and a mounting that no run-out shows are
-    shared by none.
+    Between the two by all effects on the inputs; `u_own` is shared by none.
     """
     rows = [i for i, source in enumerate(sources) if isinstance(source, int)]
     chosen = [source for source in sources if isinstance(source, int)]

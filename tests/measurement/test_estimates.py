@@ -123,9 +123,6 @@ def test_estimates_covary_with_the_wheels_angles(rolls):
         assert np.sqrt(V[1, 1]) == pytest.approx(known[f"{wheel}.camber"].u, rel=1e-12)
         assert V[0, 3] == pytest.approx(V[0, 0], rel=1e-12)
         both = V[0, 0] + V[1, 1] + 2.0 * V[0, 1]
-        if len(rolls) in (0, len(WHEELS)):
-            assert np.sqrt(both) == pytest.approx(axis.included_angle.u, rel=1e-6)
-        else:  # camber alone counts how the other wheels' targets are mounted, in the frame
-            assert np.sqrt(both) >= axis.included_angle.u
+        assert np.sqrt(both) == pytest.approx(axis.included_angle.u, rel=1e-6)
         assert abs(V[0, 1]) > 1e-3 * both  # they share the frame
         assert np.linalg.eigvalsh(V[:3, :3]).min() > -1e-12 * V.max()
