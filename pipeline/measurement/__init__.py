@@ -1,10 +1,10 @@
 """Observations to a measurement: evaluation, repeatability, tolerances, conformity."""
 
 from .assumptions import notes_of_assumptions
-from .conformity import Conformity, Verdict, assess, conforms
+from .conformity import Conformity, Deciding, Verdict, assess, conforms, decide
 from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
-from .limits import ToleranceInterval
+from .limits import ToleranceInterval, Value, angle_rad, read_value, rim_diameter
 from .observe import Fit, noisy, observe_entry, rounded, shaded
 from .observe_vehicle import observe_cloud
 from .quantities import (
@@ -53,6 +53,7 @@ __all__ = [
     "AxleAngles",
     "AxleStatus",
     "Conformity",
+    "Deciding",
     "Estimate",
     "Evidence",
     "Fit",
@@ -72,6 +73,7 @@ __all__ = [
     "SweepStatus",
     "ToeOut",
     "ToleranceInterval",
+    "Value",
     "Verdict",
     "Vertical",
     "VerticalKind",
@@ -79,10 +81,12 @@ __all__ = [
     "WheelResult",
     "against",
     "align",
+    "angle_rad",
     "assess",
     "by_name",
     "check_by_monte_carlo",
     "conforms",
+    "decide",
     "estimate",
     "evaluate",
     "find_verticals",
@@ -92,7 +96,9 @@ __all__ = [
     "observe_cloud",
     "observe_entry",
     "pool_repeats",
+    "read_value",
     "residual_map",
+    "rim_diameter",
     "rounded",
     "shaded",
     "stated",

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -43,6 +43,15 @@ from .tolerance import Tolerance
 
 Decision = Literal["conform", "undecided", "not conform"]
 BISECTIONS = 60  # of an interval of 0.3 u: below the rounding of float64
+
+
+class Deciding(Protocol):
+    """Decision rule, and the confidence of a guarded one: a tolerance's, or a calibration's."""
+
+    @property
+    def rule(self) -> str: ...  # noqa: D102
+    @property
+    def confidence(self) -> float: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -173,7 +182,7 @@ def _of_vehicle(measurement: Measurement, tolerance: Tolerance) -> Iterator[Limi
             yield _quantity(known[name], name, "vehicle", None), interval
 
 
-def decide(quantity: Quantity, interval: ToleranceInterval | None, tolerance: Tolerance) -> Verdict:
+def decide(quantity: Quantity, interval: ToleranceInterval | None, tolerance: Deciding) -> Verdict:
     """Decide on one quantity by the tolerance's rule; undecided without a finite value."""
     y, u = quantity.value, quantity.u
     if interval is None or y is None or u is None or not (math.isfinite(y) and math.isfinite(u)):
@@ -208,7 +217,7 @@ def probabilities(
 
 
 def guard_band(
-    u: float, interval: ToleranceInterval, tolerance: Tolerance, dof: float = math.inf
+    u: float, interval: ToleranceInterval, tolerance: Deciding, dof: float = math.inf
 ) -> float | None:
     """Return the least distance from both limits at which p >= confidence; None if there is none.
 
@@ -229,11 +238,11 @@ def guard_band(
     return high * u
 
 
-def _one_sided(tolerance: Tolerance, dof: float) -> float:
+def _one_sided(tolerance: Deciding, dof: float) -> float:
     return quantile(tolerance.confidence, dof) if tolerance.rule == "guarded" else 0.0
 
 
-def _two_sided(tolerance: Tolerance, dof: float) -> float:
+def _two_sided(tolerance: Deciding, dof: float) -> float:
     return quantile((1.0 + tolerance.confidence) / 2.0, dof)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Self
 
@@ -22,6 +23,8 @@ WHOLE = (
     {"nominal", "tolerance"},
     {"nominal", "lower_deviation", "upper_deviation"},
 )
+
+RIM_M = (0.1, 2.0)
 
 _NUMBER = r"(\d+(?:\.\d*)?|\.\d+)"
 _SIGN = r"\s*([-+\N{MINUS SIGN}]?)\s*"
@@ -227,6 +230,20 @@ def _degrees(text: str, parts: tuple[str | None, ...]) -> float:
             f"{text!r}: whole degrees and minutes, minutes and seconds below 60, as in 1°10'30\""
         )
     return math.fsum(float(part) * scale for part, scale in given)
+
+
+def rim_diameter(text: str) -> float:
+    """Return the diameter at which toe in mm is given, metres. Raises ValueError for no rim's."""
+    rim_m = math.nan
+    with suppress(ValueError):
+        value = read_value(text)
+        rim_m = value.number if value.scale == "m" else math.nan
+    if not RIM_M[0] <= rim_m <= RIM_M[1]:
+        raise ValueError(
+            f"rim = {text!r}: a diameter from {RIM_M[0]:g} to {RIM_M[1]:g} m is needed, "
+            "such as 16in or 406mm"
+        )
+    return rim_m
 
 
 def angle_rad(value: Value, rim_m: float | None, wheels: int) -> float:

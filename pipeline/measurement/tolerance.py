@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any, Literal, Self
@@ -19,14 +18,13 @@ from .limits import (
     OffsetLimits,
     ToleranceInterval,
     TurnLimits,
-    read_value,
+    rim_diameter,
 )
 from .quantities import CROSS, RADIAN, TURNS, UNITS, WHEEL_BY_RUNOUT, WHEEL_BY_SWEEP
 
 Rule = Literal["guarded", "simple"]
 # The number of wheels whose toe a quantity sums; only these are given in mm at the rim.
 WHEELS_AT_RIM = {"toe": 1, "total_toe": 2, "cross_toe": 2}
-RIM_M = (0.1, 2.0)
 ALIASES = {"kpi": "sai", "cross_kpi": "cross_sai"}
 BY_MODEL = "auto"  # stands for the shipped file of the capture's vehicle model
 
@@ -109,18 +107,7 @@ class Tolerance(Section):
     @property
     def rim_m(self) -> float | None:
         """Diameter at which toe in mm is given, metres. Raises ValueError where it is no rim's."""
-        if self.rim is None:
-            return None
-        rim_m = math.nan
-        with suppress(ValueError):
-            value = read_value(self.rim)
-            rim_m = value.number if value.scale == "m" else math.nan
-        if not RIM_M[0] <= rim_m <= RIM_M[1]:
-            raise ValueError(
-                f"rim = {self.rim!r}: a diameter from {RIM_M[0]:g} to {RIM_M[1]:g} m is needed, "
-                "such as 16in or 406mm"
-            )
-        return rim_m
+        return None if self.rim is None else rim_diameter(self.rim)
 
     def of_wheel(self, wheel: str) -> dict[str, ToleranceInterval]:
         """Return the intervals of a wheel's quantities; its own table overrides its axle's."""

@@ -8,7 +8,8 @@ from .frame_effect import SHAPE
 from .request import Against, Request, RequestPart, as_method, measured
 from .statistics.bland_altman import Limit
 from .statistics.joint_test import JointTest, Spread
-from .statistics.line_fit import Line
+from .statistics.line_fit import Line, fit_line
+from .statistics.power import detectable_alone
 from .study import EACH, ComparisonStudy, Row, is_archive_of_captures, validate_archive
 from .validate_capture import validate_capture
 
@@ -32,6 +33,8 @@ __all__ = [
     "as_method",
     "check_alike",
     "compare",
+    "detectable_alone",
+    "fit_line",
     "is_archive_of_captures",
     "measured",
     "nees",
