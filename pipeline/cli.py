@@ -15,6 +15,7 @@ from .system import signals
 
 COMMANDS = {
     "batch": ("commands.batch:batch", "Measure every capture of an archive; a catalogue."),
+    "calibrate": ("commands.calibrate:calibrate", "Calibrate a wheel alignment machine."),
     "demo": ("commands.demo:demo", "Measure a synthetic vehicle with known angles."),
     "five-point": ("commands.five_point:five_point", "Measure five points a wheel."),
     "inspect": ("commands.inspect:inspect", "Summarise a scan file or a capture."),

@@ -33,6 +33,7 @@ ROOMS = [
     "kinematics", "five_point",
     "measure",
     "validation",
+    "calibration",
     "report",
     "batch",
     "manual", "web",
@@ -43,6 +44,7 @@ ROOMS = [
 PARTS = {
     "centre": ["edge", "pattern", "."],
     "validation": ["statistics", "."],
+    "calibration": ["forms", "."],
     "report": ["format", "tables", "scene", "text", "json", "plots", "html", "."],
     "batch": ["storage", "plan", "catalogue", "results", "run", "."],
 }
@@ -52,6 +54,7 @@ PARTS = {
 DOORS = [
     "system", "cloud", "vehicle", "targets", "readers", "uncertainty", "capture", "plane",
     "detection", "diagnostics", "centre", "measurement", "kinematics", "five_point", "validation",
+    "calibration",
 ]
 # fmt: on
 MOST_AT_ROOT, MOST_IN_A_ROOM = 8, 13
@@ -70,7 +73,7 @@ HOMES = {
     "distributed": {"pipeline/batch/run/cluster.py"},
     "duckdb": {"pipeline/batch/results/export.py"},
     "fsspec": {"pipeline/batch/storage/filesystem.py"},
-    "openpyxl": {"pipeline/batch/results/export.py"},
+    "openpyxl": {"pipeline/batch/results/export.py", "pipeline/calibration/forms/table_file.py"},
     "rich": {"pipeline/batch/run/progress.py"},
     "jinja2": {"pipeline/report/html/template.py", "pipeline/manual/build.py"},
     "waitress": {"pipeline/web/listener.py"},
@@ -80,8 +83,10 @@ HOMES = {
         "pipeline/targets/plates.py",
         "pipeline/targets/pattern_board.py",
         "pipeline/capture/declaration.py",
+        "pipeline/calibration/forms/item.py",
         "pipeline/measurement/limits.py",
         "pipeline/measurement/tolerance.py",
+        "synth/parameters/machine.py",
         "synth/parameters/parameters.py",
         "synth/parameters/recipe.py",
         "synth/parameters/pattern_file.py",

@@ -45,6 +45,12 @@ from .progress import TerminalProgress
     help="Target on the wheels, by name or file (TOML).",
 )
 @click.option(
+    "--machine",
+    metavar="NAME|FILE",
+    help="Wheel alignment machine under test, by name or file (TOML), whose item.toml and "
+    "readings.csv are written too.",
+)
+@click.option(
     "--trials",
     type=click.IntRange(min=0),
     default=None,
@@ -73,6 +79,7 @@ def synth(
     vehicle: str,
     scanner: str,
     target: str,
+    machine: str | None,
     trials: int | None,
     whole: str | None,
     points: float | None,
@@ -92,12 +99,19 @@ def synth(
     if whole is None:
         if points is not None:
             raise click.UsageError("--points without --whole: add --whole, or leave --points out")
-        scans = make_capture(out, seed, vehicle, scanner, target, 2 if trials is None else trials)
-        click.echo(f"wrote {out}: {scans} scans, five-point.txt, capture.toml, truth.json")
+        count = 2 if trials is None else trials
+        scans = make_capture(out, seed, vehicle, scanner, target, count, machine)
+        more = "" if machine is None else "item.toml, readings.csv, "
+        click.echo(f"wrote {out}: {scans} scans, five-point.txt, capture.toml, {more}truth.json")
         return 0
     if trials is not None:
         raise click.UsageError(
             "--trials with --whole: trials are scans of single wheels: leave one of them out"
+        )
+    if machine is not None:
+        raise click.UsageError(
+            "--machine with --whole: it reads trials, which are scans of single wheels: leave one "
+            "of them out"
         )
     files = (vehicle, scanner, target)
     settings = {"form": whole, "points": None if points is None else round(points)}
@@ -113,9 +127,20 @@ def synth(
     return 0
 
 
-def make_capture(out: Path, seed: int, vehicle: str, scanner: str, target: str, trials: int) -> int:
+def make_capture(
+    out: Path,
+    seed: int,
+    vehicle: str,
+    scanner: str,
+    target: str,
+    trials: int,
+    machine: str | None = None,
+) -> int:
     """Write a capture of single wheels; return the number of scans."""
-    files, settings = (vehicle, scanner, target), {"trials": trials}
+    files = (vehicle, scanner, target)
+    settings: dict[str, Any] = {"trials": trials}
+    if machine is not None:
+        settings["machine"] = config_file("machines", machine)
     made = _make(
         lambda: importlib.import_module("wheelplane_synth.output.archive").write_capture,
         out,

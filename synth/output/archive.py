@@ -11,7 +11,11 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import SynthError
+from ..machine.forms import item_toml, machine_truth, readings_csv
+from ..machine.indicate import indicate
+from ..machine.read import read_machine
 from ..parameters.instruments import Instruments, draw_instruments
+from ..parameters.machine import MachineFile
 from ..parameters.parameters import Obstacle
 from ..parameters.plate_file import DiscFile
 from ..parameters.recipe import Recipe
@@ -41,11 +45,13 @@ def write_capture(
     scanner: Path,
     target: Path,
     trials: int = 2,
+    machine: Path | None = None,
     progress: Callable[[str], None] = _silent,
 ) -> Truth:
     """Write the folder `out`, all of it or nothing, and return its truth.
 
-    vehicle, scanner, target: parameter files. `progress` is called with the name of each file when
+    vehicle, scanner, target: parameter files; machine: that of a machine under test, whose item
+    file and readings are written too. `progress` is called with the name of each file when
     it is written. The same arguments give the same bytes; the draws of a scan do not depend on the
     number of trials that follow. Raises SynthError.
     """
@@ -53,6 +59,7 @@ def write_capture(
     if trials < 0:
         raise SynthError(f"--trials {trials}: negative; give a whole number from 0")
     check_free(out)
+    tested = None if machine is None else read_machine(machine, seed)
     seeds = np.random.SeedSequence(seed).spawn(3 + len(WHEELS) + trials)
     vehicle_rng, instruments_rng, survey_rng, *scan_rngs = (
         np.random.default_rng(child) for child in seeds
@@ -60,7 +67,7 @@ def write_capture(
     instruments = draw_instruments(vehicle, scanner, target, instruments_rng)
     car = draw_vehicle(instruments.vehicle_recipe, vehicle_rng)
     with new_folder(out) as folder:
-        return _fill(folder, seed, car, instruments, survey_rng, scan_rngs, progress)
+        return _fill(folder, seed, car, instruments, survey_rng, scan_rngs, progress, tested)
 
 
 def _fill(
@@ -71,6 +78,7 @@ def _fill(
     survey_rng: np.random.Generator,
     scan_rngs: list[np.random.Generator],
     progress: Callable[[str], None],
+    machine: MachineFile | None,
 ) -> Truth:
     wheels: list[Wheel] = []
     mounts: list[Mount] = []
@@ -97,9 +105,21 @@ def _fill(
     all_wheels = (*wheels, *more.wheels)
     face = None if isinstance(kit.target, DiscFile) else kit.target
     truth = Truth(seed, car, all_wheels, _used(car, kit, used, position_m), more.truth, face)
-    write_text(folder / "truth.json", json.dumps(truth.to_json(), indent=1) + "\n")
+    tree = truth.to_json()
+    if machine is not None:
+        tree["machine"] = _write_machine(folder, tree, machine, np.random.default_rng((seed, 19)))
+    write_text(folder / "truth.json", json.dumps(tree, indent=1) + "\n")
     progress("truth.json")
     return truth
+
+
+def _write_machine(
+    folder: Path, truth: dict[str, Any], machine: MachineFile, rng: np.random.Generator
+) -> dict[str, Any]:
+    """Write the item file and the readings of a machine under test; return its truth."""
+    write_text(folder / "item.toml", item_toml(machine))
+    write_text(folder / "readings.csv", readings_csv(indicate(truth, machine, rng)))
+    return machine_truth(truth, machine)
 
 
 def _next_wheel(number: int, car: Vehicle, recipe: Recipe, rng: np.random.Generator) -> Wheel:

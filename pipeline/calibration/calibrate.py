@@ -1,0 +1,73 @@
+"""Calibration of a machine: readings against references, the whole story."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from .. import __version__
+from ..errors import InputError
+from .conventions import convention_warnings
+from .evaluate import adjustments, evaluate_quantity
+from .forms.item import ItemFile
+from .forms.quantities import QUANTITIES
+from .forms.readings import STATES, Readings, WhyNot, read_readings
+from .forms.table_file import Faults
+from .records import Calibration, ReferenceRecord
+from .reference import Reference, reference_of
+
+
+def calibrate(
+    references: Sequence[Reference], item_file: ItemFile, readings: Readings
+) -> Calibration:
+    """Evaluate readings against references. Raises FaultyTableError with all that is missing."""
+    item, rule = item_file.item, item_file.decision
+    faults = Faults(readings.source)
+    groups = [
+        [one for one in readings.rows if (one.quantity, one.state) == (kind, state)]
+        for kind in QUANTITIES
+        for state in STATES
+    ]
+    found = [evaluate_quantity(group, references, item, rule, faults) for group in groups if group]
+    faults.check()
+    results = tuple(result for result in found if result is not None)
+    return Calibration(
+        item=item,
+        rule=rule,
+        references=tuple(ReferenceRecord(r.series, r.measurement.provenance) for r in references),
+        readings=readings,
+        results=results,
+        adjustments=adjustments(results),
+        warnings=convention_warnings(results, references, item),
+        notes=tuple(dict.fromkeys(note for r in references for note in r.measurement.notes)),
+        version=__version__,
+    )
+
+
+def calibrate_file(references: Sequence[Reference], item_file: ItemFile, path: Path) -> Calibration:
+    """Read the readings at `path` and evaluate them. Raises FaultyTableError, InputError."""
+    readings = read_readings(path, item_file.item, why_not_of(references, item_file))
+    return calibrate(references, item_file, readings)
+
+
+def why_not_of(references: Sequence[Reference], item_file: ItemFile) -> WhyNot:
+    """Return the check of readings that says why a point has no reference value in a series."""
+
+    def why_not(kind: str, point: str, series: str) -> str:
+        reference = reference_of(references, series)
+        if reference is None:
+            known = ", ".join(str(one.series) for one in references)
+            return f"series {series!r} has no reference: those given are of series {known}"
+        found = reference.value(kind, point, item_file.item)
+        return found if isinstance(found, str) else ""
+
+    return why_not
+
+
+def by_series(references: Sequence[Reference]) -> tuple[Reference, ...]:
+    """Return references in their order as those of series 1, 2, ...; a single one is of all."""
+    if not references:
+        raise InputError("no reference is given: name a capture, or five-point files")
+    if len(references) == 1:
+        return (Reference(references[0].measurement),)
+    return tuple(Reference(one.measurement, str(k)) for k, one in enumerate(references, 1))

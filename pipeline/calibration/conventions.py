@@ -1,0 +1,86 @@
+"""Check of the declared axis, sign and definition: do the readings fit another one far better?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ..measurement import Estimate
+from ..vectors import Array
+from ..vehicle import AXES
+from .forms.item import Item, ItemQuantity
+from .forms.quantities import QUANTITIES
+from .records import QuantityResult
+from .reference import Reference
+
+FAR_BETTER = 3.0  # ratio of root mean squares, and least size of that of the declared one in u
+
+
+def convention_warnings(
+    results: Sequence[QuantityResult], references: Sequence[Reference], item: Item
+) -> tuple[str, ...]:
+    """Return a sentence for every quantity whose readings fit another convention far better.
+
+    Errors are compared about their mean, and as they are, so that a zero error hides nothing; the
+    one must be far smaller and the other not larger.
+    """
+    found = []
+    for result in results:
+        kind, reference = result.quantity, references[0]
+        readings = np.array([point.reading for point in result.points])
+        typical = float(np.median([point.error.u for point in result.points]))
+        declared = np.array([point.error.value for point in result.points])
+        best: tuple[float, str] | None = None
+        for words, other in _others(kind, item.declared()[kind]):
+            tried = item.model_copy(update={kind: other})
+            values = [reference.value(kind, point.point, tried) for point in result.points]
+            known = [one.value for one in values if isinstance(one, Estimate)]
+            if len(known) < len(values):
+                continue
+            errors = readings - np.array(known)
+            if _fits_far_better(errors, declared, typical):
+                size = _rms(errors)
+                best = min(best or (math.inf, ""), (size, words))
+        if best is not None:
+            sizes = f"{_text(best[0], result.unit)} instead of {_text(_rms(declared), result.unit)}"
+            found.append(
+                f"{kind}, {result.state}: the readings fit {best[1]} far better (root mean square "
+                f"error {sizes}): check the item file, and how the values were copied."
+            )
+    return tuple(dict.fromkeys(found))
+
+
+def _others(kind: str, stated: ItemQuantity) -> Iterator[tuple[str, ItemQuantity]]:
+    """Return the other conventions in words, and the table that would declare them."""
+    for sense in QUANTITIES[kind].signs:
+        if stated.positive is not None and sense != stated.positive:
+            yield f'the opposite sign, positive = "{sense}",', _with(stated, positive=sense)
+    for axis in AXES:
+        if stated.axis is not None and axis != stated.axis:
+            yield f'another axis, axis = "{axis}",', _with(stated, axis=axis)
+
+
+def _with(stated: ItemQuantity, **changed: str) -> ItemQuantity:
+    return stated.model_copy(update=changed)
+
+
+def _fits_far_better(other: Array, declared: Array, u: float) -> bool:
+    about_mean = len(other) > 2 and (
+        _far(_rms(other - other.mean()), _rms(declared - declared.mean()), u)
+        and _rms(other) <= _rms(declared)
+    )
+    return about_mean or _far(_rms(other), _rms(declared), u)
+
+
+def _far(other: float, declared: float, u: float) -> bool:
+    return declared > FAR_BETTER * max(other, u)
+
+
+def _rms(errors: Array) -> float:
+    return math.sqrt(float(np.mean(errors**2)))
+
+
+def _text(size: float, unit: str) -> str:
+    return f"{size * 1e3:.2g} mm" if unit == "m" else f"{math.degrees(size) * 60.0:.2g}'"

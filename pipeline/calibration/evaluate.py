@@ -1,0 +1,310 @@
+"""Readings of one quantity in one state to errors of indication, their U and the verdicts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..measurement import Estimate, Quantity, ToleranceInterval, Verdict, decide, estimate
+from ..uncertainty import Effect, effective_dof
+from .forms.item import DecisionRule, Item
+from .forms.quantities import QUANTITIES
+from .forms.readings import Reading
+from .forms.table_file import Faults
+from .gauge_rr import GaugeRR, gauge_rr
+from .line import characteristic
+from .records import (
+    Adjustment,
+    CalibrationPoint,
+    Contribution,
+    DirectionMean,
+    Origin,
+    QuantityResult,
+)
+from .reference import Reference, joint_effects, reference_of
+from .scatter import Scatter, scatter_of
+
+NEGLIGIBLE = 1e-9  # share of a variance that a budget leaves out
+Level = tuple[str, str]  # series and operator
+Budget = Sequence[tuple[Origin, Effect]]
+
+
+def evaluate_quantity(
+    readings: Sequence[Reading],
+    references: Sequence[Reference],
+    item: Item,
+    rule: DecisionRule | None,
+    faults: Faults,
+) -> QuantityResult | None:
+    """Evaluate the readings of one quantity in one state; None where a fault is noted."""
+    kind, state = readings[0].quantity, readings[0].state
+    points = list(dict.fromkeys(one.point for one in readings))
+    levels = list(dict.fromkeys((one.series, one.operator) for one in readings))
+    ways = sorted({one.direction for one in readings}, reverse=True)  # up before down
+    cells = _cells(readings, points, levels, ways)
+    if _incomplete(cells, readings, points, levels, ways, faults):
+        return None
+    values = _reference_values(points, levels, references, item, kind)
+    errors = [
+        [[[v - values[k][i].value for v in cell] for cell in level] for k, level in enumerate(row)]
+        for i, row in enumerate(cells)
+    ]
+    scatter, resolution = scatter_of(errors), item.resolution(kind)
+    known, budget = _references(values, scatter, resolution)
+    effects = [effect for _, effect in budget]
+    of_means = scatter.errors
+    estimates = [
+        estimate(float(error), row, effects)
+        for error, row in zip(of_means, np.eye(len(points)), strict=True)
+    ]
+    found = tuple(
+        _point(i, name, readings, known[i], estimates[i], budget, scatter, item, rule)
+        for i, name in enumerate(points)
+    )
+    study, why_not = _gauge_rr(readings, cells, values, points, levels)
+    labels = tuple(_label(level, levels) for level in levels)
+    hysteresis = None
+    if len(ways) == 2:
+        differences, of_difference = scatter.hysteresis(resolution)
+        mean = np.full(len(points), 1.0 / len(points))
+        hysteresis = estimate(float(differences.mean()), mean, of_difference)
+    return QuantityResult(
+        quantity=kind,
+        state=state,
+        unit=QUANTITIES[kind].unit,
+        declared=item.declared()[kind],
+        points=found,
+        levels=labels,
+        characteristic=characteristic(points, known, of_means, effects),
+        repeatability=scatter.deviation,
+        dof_repeatability=int(scatter.dofs.sum()),
+        reproducibility=_between(scatter),
+        hysteresis=hysteresis,
+        gauge_rr=study,
+        no_gauge_rr=why_not,
+    )
+
+
+Cells = list[list[list[list[float]]]]  # by point, level and direction
+
+
+def _cells(
+    readings: Sequence[Reading], points: list[str], levels: list[Level], ways: list[str]
+) -> Cells:
+    cells: Cells = [[[[] for _ in ways] for _ in levels] for _ in points]
+    for one in readings:
+        level = levels.index((one.series, one.operator))
+        cells[points.index(one.point)][level][ways.index(one.direction)].append(one.value)
+    return cells
+
+
+def _incomplete(
+    cells: Cells,
+    readings: Sequence[Reading],
+    points: list[str],
+    levels: list[Level],
+    ways: list[str],
+    faults: Faults,
+) -> bool:
+    """Note what a quantity lacks; return whether it lacks anything."""
+    what = f"{readings[0].quantity}, {readings[0].state}"
+    before = len(faults.found)
+    for i, point in enumerate(points):
+        for k, level in enumerate(levels):
+            for d, way in enumerate(ways):
+                if not cells[i][k][d]:
+                    where = f"{_label(level, levels)}{f', {way}' if way else ''}"
+                    fact = f"{what}: point {point} has no reading in {where}: enter it, or leave "
+                    faults.add(None, None, f"{fact}out the other readings of {where}")
+    alone = all(len(cell) == 1 for row in cells for level in row for cell in level)
+    if alone and len(levels) == 1:
+        faults.add(
+            None, None, f"{what}: no reading is repeated, so that its repeatability is not known: "
+            "read each point twice or more"
+        )  # fmt: skip
+    return len(faults.found) > before
+
+
+def _label(level: Level, levels: Sequence[Level]) -> str:
+    """Return the name of a level; with its operator where one is stated."""
+    series, operator = level
+    return f"series {series}" + (f", {operator}" if operator else "")
+
+
+def _reference_values(
+    points: list[str], levels: list[Level], references: Sequence[Reference], item: Item, kind: str
+) -> list[list[Estimate]]:
+    """Return the reference value of every point, by level."""
+    found = []
+    for series, _ in levels:
+        reference = reference_of(references, series)
+        assert reference is not None  # checked with the readings
+        values = [reference.value(kind, point, item) for point in points]
+        found.append([one for one in values if isinstance(one, Estimate)])
+    return found
+
+
+def _references(
+    values: list[list[Estimate]], scatter: Scatter, resolution: float
+) -> tuple[list[Estimate], list[tuple[Origin, Effect]]]:
+    """Return the mean reference value of every point, and the budget of the errors.
+
+    Several references, one a series: what is stated (type B) counts as common to all of them, so
+    that their mean has no less of it; what scatters from one to the other is in the scatter of the
+    errors between series, and in that budget only there.
+    """
+    distinct = [v for k, v in enumerate(values) if v[0] not in [w[0] for w in values[:k]]]
+    count = len(distinct)
+    mean = np.mean([[one.value for one in level] for level in values], axis=0)
+    of_readings: list[tuple[Origin, Effect]] = [
+        ("readings", effect) for effect in scatter.effects(resolution)
+    ]
+    if count == 1:
+        shared = joint_effects(distinct[0])
+        return distinct[0], [*(("reference", effect) for effect in shared), *of_readings]
+    effects = [effect for level in distinct for effect in joint_effects(level)]
+    stated = [replace(e, factor=e.factor / math.sqrt(count)) for e in effects if math.isinf(e.dof)]
+    drawn = [replace(e, factor=e.factor / count) for e in effects if math.isfinite(e.dof)]
+    rows = zip(mean.tolist(), np.eye(len(mean)), strict=True)
+    known = [estimate(value, row, [*stated, *drawn]) for value, row in rows]
+    return known, [*(("reference", effect) for effect in stated), *of_readings]
+
+
+def _point(
+    index: int,
+    name: str,
+    readings: Sequence[Reading],
+    reference: Estimate,
+    error: Estimate,
+    budget: Budget,
+    scatter: Scatter,
+    item: Item,
+    rule: DecisionRule | None,
+) -> CalibrationPoint:
+    own = [one for one in readings if one.point == name]
+    kind, unit = own[0].quantity, QUANTITIES[own[0].quantity].unit
+    ways = sorted({one.direction for one in own}, reverse=True)
+    means = [[one.value for one in own if one.direction == way] for way in ways]
+    dof = int(scatter.dofs[index])
+    mpe, stated = item.value(kind, "mpe"), item.value(kind, "uncertainty")
+    return CalibrationPoint(
+        point=name,
+        quantity=kind,
+        unit=unit,
+        state=own[0].state,
+        reference=reference,
+        reading=reference.value + error.value,
+        directions=tuple(
+            DirectionMean(way, float(np.mean(each)), len(each))
+            for way, each in zip(ways, means, strict=True)
+        ),
+        n=len(own),
+        repeatability=math.sqrt(scatter.squares[index] / dof) if dof else math.nan,
+        dof_repeatability=dof,
+        error=error,
+        budget=_contributions(budget, index),
+        resolution=item.resolution(kind),
+        en=None if stated is None else abs(error.value) / math.hypot(error.expanded, stated),
+        mpe=mpe,
+        verdict=None if mpe is None or rule is None else _verdict(kind, name, error, mpe, rule),
+    )
+
+
+def _contributions(budget: Budget, index: int) -> tuple[Contribution, ...]:
+    """Return the lines of one error's budget, one for each name and origin."""
+    names = dict.fromkeys((origin, effect.name) for origin, effect in budget)
+    whole = sum(float(np.sum(effect.factor[index] ** 2)) for _, effect in budget)
+    found = []
+    for origin, name in names:
+        effects = [e for o, e in budget if (o, e.name) == (origin, name)]
+        shares = [np.atleast_1d(np.sum(effect.factor[index] ** 2)) for effect in effects]
+        total = np.sum(shares, axis=0)
+        if total[0] > NEGLIGIBLE * whole:
+            dof = float(effective_dof(effects, shares, total)[0])
+            found.append(Contribution(name, origin, math.sqrt(float(total[0])), dof))
+    return tuple(found)
+
+
+def _verdict(kind: str, name: str, error: Estimate, mpe: float, rule: DecisionRule) -> Verdict:
+    """Decide whether an error is within the maximum permissible one."""
+    unit = QUANTITIES[kind].unit
+    what = Quantity(kind, name, None, unit, error.value, error.u, dof=error.dof)
+    interval = ToleranceInterval(-mpe, mpe)
+    alone = rule.model_copy(update={"rule": "simple"}) if rule.rule == "shared" else rule
+    found = decide(what, interval, alone)
+    if rule.rule == "shared" and error.expanded > mpe / rule.ratio:
+        reason = f"MPE/U is {mpe / error.expanded:.2g}, below the ratio of {rule.ratio:g} agreed on"
+        return replace(found, decision="undecided", risk=None, reason=reason)
+    return found
+
+
+def _between(scatter: Scatter) -> float | None:
+    """Return the standard deviation of level means beyond that of their interaction."""
+    points, levels, _ = scatter.means.shape
+    if levels == 1:
+        return None
+    common, rest = scatter.between_levels()
+    return math.sqrt(max(0.0, common - rest) / points)
+
+
+def _gauge_rr(
+    readings: Sequence[Reading],
+    cells: Cells,
+    values: list[list[Estimate]],
+    points: list[str],
+    levels: list[Level],
+) -> tuple[GaugeRR | None, str]:
+    """Analyse by operators where there are several, else by series; or why that is impossible."""
+    operators = list(dict.fromkeys(operator for _, operator in levels))
+    series = list(dict.fromkeys(name for name, _ in levels))
+    column, appraisers = (1, operators) if len(operators) > 1 else (0, series)
+    if len(points) < 2 or len(appraisers) < 2:
+        return None, "it takes two points and two operators or series, or more"
+    mean = np.mean([[one.value for one in level] for level in values], axis=0)
+    table = [
+        [
+            [
+                value - values[k][i].value + mean[i]
+                for k, level in enumerate(levels)
+                if level[column] == appraiser
+                for cell in cells[i][k]
+                for value in cell
+            ]
+            for appraiser in appraisers
+        ]
+        for i in range(len(points))
+    ]
+    numbers = {len(cell) for row in table for cell in row}
+    if len(numbers) > 1 or min(numbers) < 2:
+        return None, "it takes the same number of readings, two or more, of every point by each"
+    return gauge_rr(np.array(table), tuple(appraisers)), ""
+
+
+def adjustments(results: Sequence[QuantityResult]) -> tuple[Adjustment, ...]:
+    """Compare the points that were read both as found and as left."""
+    found = {(p.quantity, p.point): p for r in results if r.state == "as found" for p in r.points}
+    left = [p for r in results if r.state == "as left" for p in r.points]
+    return tuple(
+        Adjustment(
+            point.point,
+            point.quantity,
+            point.unit,
+            found[point.quantity, point.point].error,
+            point.error,
+            _change(found[point.quantity, point.point], point),
+        )
+        for point in left
+        if (point.quantity, point.point) in found
+    )
+
+
+def _change(before: CalibrationPoint, after: CalibrationPoint) -> Estimate:
+    """Return the change of an error, with the contributions of both sets of readings alone."""
+    shares = [c for point in (before, after) for c in point.budget if c.origin == "readings"]
+    u = math.sqrt(math.fsum(share.u**2 for share in shares))
+    fourths = math.fsum(share.u**4 / share.dof for share in shares)
+    dof = u**4 / fourths if fourths > 0.0 else math.inf
+    return Estimate(after.error.value - before.error.value, u, dof)

@@ -1,0 +1,85 @@
+"""Quantities that a wheel alignment machine indicates: their points, signs, units and limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from ...measurement import Value, angle_rad
+from ...vehicle import Unit
+
+Subject = Literal["wheel", "axle", "vehicle", "turn"]
+AXLES, TURNS, VEHICLE = ("front", "rear"), ("left", "right"), ("vehicle",)
+
+
+@dataclass(frozen=True)
+class MachineQuantity:
+    """A quantity of a machine under test.
+
+    subject: what its points are: a wheel or trial; an axle (for total toe also two targets, A+B);
+    the vehicle; or a turn. signs: the sense that the machine may count as positive, and its factor
+    to this program's sign; one name for a length without sign. axis: whether it depends on the
+    longitudinal axis. largest: plausible size, radians or metres. wheels_at_rim: as of `angle_rad`.
+    """
+
+    kind: str
+    subject: Subject
+    unit: Unit
+    signs: Mapping[str, float]
+    largest: float
+    axis: bool = False
+    wheels_at_rim: int = 0
+
+
+_TOE = {"toe-in": 1.0, "toe-out": -1.0}
+_SIDE = {"right": 1.0, "left": -1.0}
+_BACK = {"top-backwards": 1.0, "top-forwards": -1.0}
+_BEHIND = {"right-behind": 1.0, "left-behind": -1.0}
+
+
+def _angle(
+    kind: str,
+    subject: Subject,
+    signs: Mapping[str, float],
+    largest_deg: float,
+    axis: bool = False,
+    wheels_at_rim: int = 0,
+) -> MachineQuantity:
+    largest = math.radians(largest_deg)
+    return MachineQuantity(kind, subject, "rad", signs, largest, axis, wheels_at_rim)
+
+
+QUANTITIES = {
+    quantity.kind: quantity
+    for quantity in (
+        _angle("toe", "wheel", _TOE, 30.0, axis=True, wheels_at_rim=1),
+        _angle("camber", "wheel", {"top-out": 1.0, "top-in": -1.0}, 20.0),
+        _angle("total_toe", "axle", _TOE, 30.0, wheels_at_rim=2),
+        _angle("thrust_angle", "vehicle", _SIDE, 15.0, axis=True),
+        _angle("caster", "wheel", _BACK, 40.0),
+        _angle("sai", "wheel", {"top-in": 1.0, "top-out": -1.0}, 40.0),
+        _angle("toe_out_on_turns", "turn", {"toe-out": 1.0, "toe-in": -1.0}, 20.0),
+        MachineQuantity("setback", "axle", "m", _BEHIND, 1.0, axis=True),
+        MachineQuantity("track", "axle", "m", {"length": 1.0}, 5.0),
+    )
+}
+ANGLE_UNITS = ("deg", "dms", "min", "mm/m", "mm")
+LENGTH_UNITS = ("mm", "m")
+
+
+def units_of(quantity: MachineQuantity) -> tuple[str, ...]:
+    """Return the units in which a machine may indicate the quantity; mm of toe is at the rim."""
+    if quantity.unit == "m":
+        return LENGTH_UNITS
+    return ANGLE_UNITS if quantity.wheels_at_rim else ANGLE_UNITS[:-1]
+
+
+def indicated(value: Value, quantity: MachineQuantity, rim_m: float | None) -> float:
+    """Return a value with its unit in radians or metres. Raises ValueError for another kind."""
+    if quantity.unit == "m":
+        if value.scale != "m":
+            raise ValueError("an angle, but a length is needed, such as 12 mm")
+        return value.number
+    return angle_rad(value, rim_m, quantity.wheels_at_rim)

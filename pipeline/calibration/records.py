@@ -1,0 +1,185 @@
+"""Records of a calibration: everything that a certificate prints. Radians and metres.
+
+Reference values, readings and errors are in the item's own axis and sign, as its file declares
+them; an error is reading less reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from ..measurement import Estimate, Provenance, Verdict
+from ..vehicle import Unit
+from .forms.item import DecisionRule, Item, ItemQuantity
+from .forms.readings import Readings, State
+from .gauge_rr import GaugeRR
+
+Origin = Literal["reference", "readings"]
+Decision = Literal["conform", "undecided", "not conform"]
+
+
+@dataclass(frozen=True)
+class Contribution:
+    """One line of the budget of an error: standard uncertainty and degrees of freedom."""
+
+    name: str
+    origin: Origin
+    u: float
+    dof: float
+
+
+@dataclass(frozen=True)
+class DirectionMean:
+    """Mean reading of one direction of approach, "" where none is stated, and its number."""
+
+    direction: str
+    mean: float
+    n: int
+
+
+@dataclass(frozen=True)
+class CalibrationPoint:
+    """One quantity at one point, as found or as left.
+
+    reading: mean over all readings, each direction counted alike. n: number of readings.
+    repeatability: standard deviation of single readings at this point, about the mean of their
+    series, operator and direction, with dof_repeatability; nan where none is repeated. error: of
+    indication, with the u of reference and readings. budget: of its u. en: |error| over the root of
+    the sum of squares of its U and the item's own; None where the item states none. mpe, verdict:
+    None where no maximum permissible error is stated.
+    """
+
+    point: str
+    quantity: str
+    unit: Unit
+    state: State
+    reference: Estimate
+    reading: float
+    directions: tuple[DirectionMean, ...]
+    n: int
+    repeatability: float
+    dof_repeatability: int
+    error: Estimate
+    budget: tuple[Contribution, ...]
+    resolution: float
+    en: float | None = None
+    mpe: float | None = None
+    verdict: Verdict | None = None
+
+
+@dataclass(frozen=True)
+class Characteristic:
+    """Straight line reading = zero error + sensitivity * reference, fitted to all points.
+
+    zero: error of indication at reference zero. sensitivity: slope of the line; None below three
+    points, or without spread. linearity: the largest distance of a point's reading from the line,
+    with its sign, and the name of that point. fits: probability of residuals as large by chance.
+    """
+
+    zero: Estimate
+    sensitivity: Estimate | None = None
+    linearity: Estimate | None = None
+    worst_point: str = ""
+    fits: float | None = None
+
+
+@dataclass(frozen=True)
+class QuantityResult:
+    """All points of one quantity in one state, and what they show of the machine.
+
+    declared: its table of the item file. levels: series, and operators where there are several, in
+    which every point was read. repeatability: pooled standard deviation of a single reading.
+    reproducibility: standard deviation between levels, None for one. hysteresis: mean of upward
+    less downward readings; None without both. gauge_rr: None, and why, where its scheme does not
+    apply. notes: sentences.
+    """
+
+    quantity: str
+    state: State
+    unit: Unit
+    declared: ItemQuantity
+    points: tuple[CalibrationPoint, ...]
+    levels: tuple[str, ...]
+    characteristic: Characteristic
+    repeatability: float
+    dof_repeatability: int
+    reproducibility: float | None = None
+    hysteresis: Estimate | None = None
+    gauge_rr: GaugeRR | None = None
+    no_gauge_rr: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def decision(self) -> Decision | None:
+        """Worst verdict of its points; None where no maximum permissible error is stated."""
+        return worst(self.points)
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """Change of one point by the adjustment: error as left less error as found.
+
+    The reference value is common to both and cancels from u.
+    """
+
+    point: str
+    quantity: str
+    unit: Unit
+    found: Estimate
+    left: Estimate
+    change: Estimate
+
+
+@dataclass(frozen=True)
+class ReferenceRecord:
+    """Origin of the reference values of a series; all series where series is None."""
+
+    series: str | None
+    provenance: Provenance
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Calibration of one item: input, results, decision and what was noticed.
+
+    rule: the decision rule, None where no maximum permissible error is stated. warnings: readings
+    that fit another convention than the declared one far better. notes: sentences.
+    """
+
+    item: Item
+    rule: DecisionRule | None
+    references: tuple[ReferenceRecord, ...]
+    readings: Readings
+    results: tuple[QuantityResult, ...]
+    adjustments: tuple[Adjustment, ...] = ()
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    version: str = ""
+
+    @property
+    def final(self) -> tuple[QuantityResult, ...]:
+        """Results in the state in which each quantity was left: as left, else as found."""
+        left = {result.quantity for result in self.results if result.state == "as left"}
+        return tuple(
+            one for one in self.results if one.state == "as left" or one.quantity not in left
+        )
+
+    @property
+    def date(self) -> str | None:
+        """Latest date of the references (ISO 8601), if known."""
+        dates = [one.provenance.date for one in self.references if one.provenance.date]
+        return max(dates, default=None)
+
+    @property
+    def decision(self) -> Decision | None:
+        """Worst verdict of the final results; None where no MPE is stated."""
+        return worst([point for result in self.final for point in result.points])
+
+
+def worst(points: Sequence[CalibrationPoint]) -> Decision | None:
+    """Return the worst verdict of points; None where there is none."""
+    found = {point.verdict.decision for point in points if point.verdict is not None}
+    order: tuple[Decision, ...] = ("not conform", "undecided", "conform")
+    return next((decision for decision in order if decision in found), None)

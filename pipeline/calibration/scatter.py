@@ -1,0 +1,136 @@
+"""Scatter of the readings of one quantity: repeatability, reproducibility, rounding, as effects.
+
+Readings stand in cells: one point, one level (series and operator), one direction of approach.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..uncertainty import Effect
+from ..vectors import Array
+
+REPEATABILITY, REPRODUCIBILITY, RESOLUTION = "repeatability", "reproducibility", "resolution"
+HARMONICS, BISECTIONS = 1000, 60
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Errors of indication of P points, L levels, D directions, n readings each.
+
+    means: (P, L, D) mean error of each cell; counts: (P, L, D) its number; squares: (P,) sums of
+    squares about the cells' means, and dofs: (P,) their degrees of freedom.
+    """
+
+    means: Array
+    counts: Array
+    squares: Array
+    dofs: Array
+
+    @property
+    def deviation(self) -> float:
+        """Pooled standard deviation of a single reading; nan where none is repeated."""
+        return math.sqrt(self.squares.sum() / self.dofs.sum()) if self.dofs.sum() else math.nan
+
+    @property
+    def errors(self) -> Array:
+        """Errors of indication (P,): means over levels and directions."""
+        return np.asarray(self.means.mean(axis=(1, 2)))
+
+    def between_levels(self) -> tuple[float, float]:
+        """Return the variance of level means common to all points, and of point by level.
+
+        Mean squares of the two-way table of P points by L levels, per cell mean:
+        P sum (m.l - m..)^2 / (L - 1), and that of the interaction.
+        """
+        cells = self.means.mean(axis=2)
+        points, levels = cells.shape
+        of_levels = cells.mean(axis=0)
+        common = points * float(np.var(of_levels, ddof=1))
+        if points == 1:
+            return common, 0.0
+        rest = cells - cells.mean(axis=1, keepdims=True) - of_levels + cells.mean()
+        return common, float(np.sum(rest**2)) / ((points - 1) * (levels - 1))
+
+    def effects(self, resolution: float) -> list[Effect]:
+        """Return the effects of the readings on the P errors; factors (P, k).
+
+        One level: the pooled repeatability of each mean. Several: the mean squares of the two-way
+        table, which hold repeatability as well; the covariance of the points' means is
+        MS_PL/L (I - 11'/P) + MS_L/L 11'/P. Source: ISO 5725-2, 7.4; JCGM 100, H.5.
+        """
+        points, levels, _ = self.means.shape
+        own = math.sqrt(rounding_variance(self.deviation, resolution))
+        rounding = Effect(RESOLUTION, own * np.eye(points), math.inf, False)
+        if levels == 1:
+            factor = np.diag(self.deviation * np.sqrt(self._spread()))
+            return [Effect(REPEATABILITY, factor, float(self.dofs.sum()), False), rounding]
+        common, rest = self.between_levels()
+        equal = np.full((points, 1), math.sqrt(common / levels / points))
+        found = [Effect(REPRODUCIBILITY, equal, levels - 1.0, False), rounding]
+        if points > 1:
+            across = np.eye(points) - 1.0 / points
+            dof = (points - 1.0) * (levels - 1.0)
+            found.insert(0, Effect(REPEATABILITY, math.sqrt(rest / levels) * across, dof, False))
+        return found
+
+    def _spread(self) -> Array:
+        """Return the variances (P,) of the means for readings of unit variance."""
+        cells = self.counts.shape[1] * self.counts.shape[2]
+        return np.asarray((1.0 / self.counts).sum(axis=(1, 2)) / cells**2)
+
+    def hysteresis(self, resolution: float) -> tuple[Array, list[Effect]]:
+        """Return upward less downward means (P,) of D = 2 directions, and the effects on them."""
+        points, levels, _ = self.means.shape
+        differences = (self.means[:, :, 0] - self.means[:, :, 1]).mean(axis=1)
+        spread = (1.0 / self.counts).sum(axis=(1, 2)) / levels**2
+        factor = np.diag(self.deviation * np.sqrt(spread))
+        own = math.sqrt(2.0 * rounding_variance(self.deviation, resolution))
+        return differences, [
+            Effect(REPEATABILITY, factor, float(self.dofs.sum()), False),
+            Effect(RESOLUTION, own * np.eye(points), math.inf, False),
+        ]
+
+
+def rounding_variance(deviation: float, step: float) -> float:
+    """Return the variance that rounding to `step` leaves in a mean of many readings.
+
+    step^2/12 without scatter; less where the scatter sigma of the readings before rounding spreads
+    them over several steps: B = sum over k of step^2/(2 pi^2 k^2) exp(-(2 pi k sigma/step)^2).
+    deviation: of the rounded readings, whose square is sigma^2 + step^2/12 - B on average; nan
+    where it is not known, which counts as none.
+    Source: Widrow and Kollar, Quantization Noise, Cambridge 2008, chapter 4.
+    """
+    if step == 0.0:
+        return 0.0
+    square = 0.0 if math.isnan(deviation) else (deviation / step) ** 2
+    low, high = 0.0, square
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2.0
+        if middle + 1.0 / 12.0 - _left(middle) < square:
+            low = middle
+        else:
+            high = middle
+    return step**2 * _left(low)
+
+
+def _left(variance: float) -> float:
+    """Return B by the variance of the readings before rounding, both in steps squared."""
+    k = np.arange(1, HARMONICS + 1)
+    terms = np.exp(-((2.0 * math.pi * k) ** 2) * variance) / (2.0 * (math.pi * k) ** 2)
+    return 1.0 / 12.0 if variance == 0.0 else float(terms.sum())
+
+
+def scatter_of(cells: Sequence[Sequence[Sequence[Sequence[float]]]]) -> Scatter:
+    """Return the scatter of errors by point, level and direction, each cell with one or more."""
+    means = np.array([[[np.mean(c) for c in level] for level in point] for point in cells])
+    counts = np.array([[[len(c) for c in level] for level in point] for point in cells], float)
+    squares = [
+        sum(float(np.sum((np.array(c) - np.mean(c)) ** 2)) for level in point for c in level)
+        for point in cells
+    ]
+    return Scatter(means, counts, np.array(squares), (counts - 1.0).sum(axis=(1, 2)))

@@ -1,0 +1,244 @@
+"""`wheelplane calibrate`: a wheel alignment machine's readings against reference angles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from ..batch.results import export
+from ..calibration import (
+    ITEM_FORM,
+    FaultyTableError,
+    Reference,
+    by_series,
+    calibrate_file,
+    load_item,
+    readings_form,
+)
+from ..capture import CaptureOptions, Upright, open_capture
+from ..config import Config, load_config, with_scanner
+from ..errors import InputError, MissingDependencyError
+from ..five_point import FivePointFile, Station, read_five_point
+from ..measure import measure_capture, measure_five_point
+from ..measurement import Measurement
+from ..report.format.view import DigitStyle, View
+from ..report.json.calibration import calibration_json
+from ..report.text.calibration import calibration_text
+from ..report.write import write_files
+from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
+from ..vehicle import REFERENCE_WHEELS
+from .options import (
+    capture_options,
+    config_option,
+    digits_option,
+    five_point_options,
+    five_point_unit_option,
+    read_station,
+    scanner_option,
+    target_option,
+    whole_vehicle_options,
+)
+from .progress import TerminalProgress
+
+FILE = click.Path(path_type=Path, dir_okay=False)
+FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+@dataclass(frozen=True)
+class Opening:
+    """How the references are read and measured."""
+
+    five_point: bool
+    target: str | None
+    overrides: CaptureOptions
+    scanner: str | None
+    config: Config
+    length_unit: LengthUnit
+    coordinates: Coordinates
+    angle_unit: AngleUnit | None
+    azimuth: Azimuth
+    station: Station | None
+
+    def read_points(self, source: Path) -> FivePointFile:
+        """Read a five-point file."""
+        return read_five_point(
+            source,
+            length_unit=self.length_unit,
+            coordinates=self.coordinates,
+            angle_unit=self.angle_unit,
+            azimuth=self.azimuth,
+        )
+
+    def measure(self, source: Path) -> Measurement:
+        """Measure a capture, or a five-point file."""
+        if self.five_point:
+            return measure_five_point(self.read_points(source), self.station)
+        with (
+            open_capture(source, self.target, self.overrides) as opened,
+            TerminalProgress(opened.steps) as progress,
+        ):
+            config = with_scanner(self.config, self.scanner or opened.scanner)
+            return measure_capture(opened, config, progress)
+
+    def targets(self, source: Path) -> list[str]:
+        """Return the names of the reference wheels and trials, without measuring them."""
+        if self.five_point:
+            trials = len(self.read_points(source).blocks_m) - len(REFERENCE_WHEELS)
+            return [*REFERENCE_WHEELS, *(str(number) for number in range(1, trials + 1))]
+        with open_capture(source, self.target, self.overrides) as opened:
+            roles = ("reference", "trial")
+            names = [entry.name for entry in opened.entries if entry.role in roles]
+            return names if opened.cloud is None else [*REFERENCE_WHEELS, *names]
+
+
+@click.command()
+@click.argument("references", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--item",
+    "item_path",
+    type=FILE,
+    metavar="FILE",
+    help="Item file (TOML) of the machine under test; --template writes a form of it.",
+)
+@click.option(
+    "--readings", "readings_path", type=FILE, metavar="FILE", help="Its readings, CSV or XLSX."
+)
+@click.option("-o", "--output", type=FOLDER, metavar="DIR", help="Folder for the results.")
+@click.option("--json", "as_json", is_flag=True, help="Print calibration.json and nothing else.")
+@click.option(
+    "--template",
+    type=FOLDER,
+    metavar="DIR",
+    help="Folder for empty forms of the item file and of the readings of all trials, instead.",
+)
+@click.option(
+    "--repeats",
+    type=click.IntRange(1, 100),
+    default=None,
+    metavar="N",
+    help="--template: number of rows for each point.  [default: 3]",
+)
+@click.option(
+    "--directions", is_flag=True, help="--template: approach each point upwards and downwards."
+)
+@click.option(
+    "--five-point", "five_point", is_flag=True, help="The references are five-point files."
+)
+@five_point_unit_option
+@five_point_options(former_position="--station")
+@digits_option
+@target_option
+@whole_vehicle_options
+@config_option
+@scanner_option
+def calibrate(
+    references: tuple[Path, ...],
+    item_path: Path | None,
+    readings_path: Path | None,
+    output: Path | None,
+    as_json: bool,
+    template: Path | None,
+    repeats: int | None,
+    directions: bool,
+    five_point: bool,
+    length_unit: LengthUnit,
+    coordinates: Coordinates,
+    angle_unit: AngleUnit | None,
+    azimuth: Azimuth,
+    total_station: str | None,
+    total_station_position: str | None,
+    digits: DigitStyle,
+    target: str | None,
+    front: str | None,
+    front_point: str | None,
+    up: Upright | None,
+    config: Path | None,
+    scanner: str | None,
+) -> int:
+    """Calibrate a wheel alignment machine: its readings against the angles of REFERENCES.
+
+    REFERENCES is a capture, or with --five-point a five-point file, whose wheels and trials the
+    machine has read as well; or several of them, the references of series 1, 2, ... in this order.
+
+    \b
+    wheelplane calibrate bay --template forms
+    wheelplane calibrate bay --item forms/item.toml --readings forms/readings.csv -o results
+
+    Exits with 1 unless every point with a maximum permissible error is conforming, or where
+    readings fit another axis or sign than the declared one far better.
+    """  # noqa: D301 - click's mark for lines as they stand is a backspace
+    opening = Opening(
+        five_point=five_point,
+        target=target,
+        overrides=capture_options(front, front_point, up),
+        scanner=scanner,
+        config=load_config(config),
+        length_unit=length_unit,
+        coordinates=coordinates,
+        angle_unit=angle_unit,
+        azimuth=azimuth,
+        station=read_station(total_station, total_station_position, coordinates, length_unit),
+    )
+    if template is not None:
+        if readings_path or output or as_json:
+            raise InputError(
+                "--template with --readings, -o or --json: it writes empty forms: leave these out"
+            )
+        return _write_forms(references, opening, item_path, template, repeats or 3, directions)
+    if directions or repeats is not None:
+        raise InputError("--repeats and --directions are of --template: add it, or leave them out")
+    if item_path is None or readings_path is None:
+        missing = "--item" if item_path is None else "--readings"
+        raise InputError(f"{missing} is needed: give the file; --template DIR writes forms of both")
+    item = load_item(item_path)
+    measured = [Reference(opening.measure(source)) for source in references]
+    try:
+        found = calibrate_file(by_series(measured), item, readings_path)
+    except FaultyTableError as error:
+        for fault in error.faults:
+            click.echo(f"wheelplane: {' '.join(fault.split())}", err=True)
+        return 2
+    record, text = calibration_json(found), calibration_text(found, View(digits=digits))
+    files = {"calibration.json": record.encode(), "calibration.txt": text.encode()}
+    written = write_files(output, files) if output else []
+    if as_json:
+        click.echo(record, nl=False)
+    else:
+        click.echo(text, nl=False)
+        for path in written:
+            click.echo(f"wrote {path}")
+    return 0 if found.decision in (None, "conform") and not found.warnings else 1
+
+
+def _write_forms(
+    references: Sequence[Path],
+    opening: Opening,
+    item_path: Path | None,
+    folder: Path,
+    repeats: int,
+    directions: bool,
+) -> int:
+    """Write the forms; of the item only where none is given. Nothing is overwritten."""
+    if len(references) > 1:
+        raise InputError("--template with several references: give one of them")
+    item = None if item_path is None else load_item(item_path).item
+    columns = readings_form(opening.targets(references[0]), item, repeats, directions)
+    names = ["item.toml"] * (item is None) + ["readings.csv", "readings.xlsx"]
+    there = [name for name in names if (folder / name).exists()]
+    if there:
+        raise InputError(f"{folder / there[0]}: there already: name another folder for --template")
+    written = write_files(folder, {"item.toml": ITEM_FORM.encode()} if item is None else {})
+    path = folder / "readings.csv"
+    export.export(path, columns, export.write_csv)
+    written.append(path)
+    try:
+        export.export(folder / "readings.xlsx", columns, export.write_xlsx)
+        written.append(folder / "readings.xlsx")
+    except MissingDependencyError as error:
+        click.echo(f"readings.xlsx is not written: {error}", err=True)
+    for path in written:
+        click.echo(f"wrote {path}")
+    return 0

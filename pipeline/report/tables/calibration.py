@@ -1,0 +1,258 @@
+"""Tables of a calibration: points, budgets, what each quantity shows, gauge R&R, adjustments."""
+
+from __future__ import annotations
+
+import math
+
+from ...calibration import (
+    Adjustment,
+    Calibration,
+    CalibrationPoint,
+    GaugeRR,
+    ItemQuantity,
+    QuantityResult,
+)
+from ...measurement import Estimate
+from ..format.digits import rounded
+from ..format.language import Translations
+from ..format.writer import Columns, Table, Writer
+from .conformity import decided
+
+STATES = {"as found": "found", "as left": "left"}
+
+
+def title(result: QuantityResult, words: Translations) -> str:
+    """Return the quantity, and whether as found or as left."""
+    state = words(f"calibration.{STATES[result.state]}")
+    return f"{quantity(result.quantity, words)}, {state}"
+
+
+def quantity(kind: str, words: Translations) -> str:
+    """Return the name of a machine's quantity."""
+    return words(f"calibration.quantity_{kind}")
+
+
+def declared(result: QuantityResult, writer: Writer) -> str:
+    """Return in words what the item declares of a quantity."""
+    words, stated = writer.words, result.declared
+    parts = [words("calibration.resolution_of", value=stated.resolution)]
+    parts += [words(f"calibration.{name}", value=value) for name, value in _given(stated, words)]
+    return "; ".join(parts)
+
+
+def _given(stated: ItemQuantity, words: Translations) -> list[tuple[str, str]]:
+    sense = (stated.positive or "").replace("-", "_")
+    found = [
+        ("positive_is", stated.positive and words(f"calibration.sense_{sense}")),
+        ("from_axis", stated.axis and words.known("axis", stated.axis)),
+        ("defined", stated.definition and words(f"calibration.camber_{stated.definition}")),
+        ("inner", stated.inner_deg and words.number(f"{stated.inner_deg:g}°")),
+        ("mpe_of", stated.mpe and f"±{stated.mpe}"),
+        ("own_u", stated.uncertainty),
+    ]
+    return [(name, str(value)) for name, value in found if value]
+
+
+def points_table(result: QuantityResult, writer: Writer) -> Table:
+    """Return a row for each point: reference, reading, error, U, En, verdict and its risk."""
+    words = writer.words
+    limited = any(point.verdict is not None for point in result.points)
+    compared = any(point.en is not None for point in result.points)
+    columns: Columns = (
+        words("calibration.point"), words("calibration.reference"), "U",
+        words("calibration.reading"), words("calibration.error"), "u", "k", "U", "s", "n",
+        *(["En"] if compared else []),
+        *([words("verdict.decision"), "P", words("verdict.risk")] if limited else []),
+    )  # fmt: skip
+    rows = [_row(point, writer, compared, limited) for point in result.points]
+    return writer.table(columns, rows, 1, title(result, words))
+
+
+def _row(point: CalibrationPoint, writer: Writer, compared: bool, limited: bool) -> list[str]:
+    unit, words, error = point.unit, writer.words, point.error
+    finest = error.expanded
+    row = [
+        point.point,
+        writer.number(point.reference.value, unit, finest),
+        writer.size(point.reference.expanded, unit),
+        writer.number(point.reading, unit, finest),
+        signed(error, point, writer),
+        writer.size(error.u, unit),
+        _factor(error, words),
+        writer.size(finest, unit),
+        writer.size(point.repeatability, unit),
+        str(point.n),
+    ]
+    if compared:
+        row.append(writer.none if point.en is None else words.number(f"{point.en:.2f}"))
+    if limited:
+        row += _decided(point, writer)
+    return row
+
+
+def _decided(point: CalibrationPoint, writer: Writer) -> list[str]:
+    if point.verdict is None:
+        return [writer.none] * 3
+    word = decided(point.verdict.decision, writer.words).lower()
+    return [word, writer.share(point.verdict.probability), writer.share(point.verdict.risk)]
+
+
+def _factor(error: Estimate, words: Translations) -> str:
+    return words.number(f"{error.expanded / error.u:.2f}") if error.u > 0.0 else "-"
+
+
+def signed(
+    error: Estimate, point: CalibrationPoint | QuantityResult | Adjustment, writer: Writer
+) -> str:
+    """Write an error with its sign, to the place of its U."""
+    if point.unit == "m":
+        return writer.millimetres(error.value, error.expanded, "+")
+    return writer.arc(error.value, error.expanded, "+")
+
+
+def budget_table(result: QuantityResult, writer: Writer) -> Table:
+    """Return the budget of the point of the largest u: a row for each contribution."""
+    words = writer.words
+    point = max(result.points, key=lambda one: one.error.u)
+    rows = [
+        [
+            words(f"calibration.{line.origin}"),
+            _cause(line.name, words),
+            writer.size(line.u, point.unit),
+            _dof(line.dof, writer),
+            writer.share((line.u / point.error.u) ** 2),
+        ]
+        for line in point.budget
+    ]
+    rows.append([words("calibration.sum"), "", writer.size(point.error.u, point.unit),
+                 _dof(point.error.dof, writer), ""])  # fmt: skip
+    columns = (words("calibration.origin"), words("calibration.component"), "u",
+               words("calibration.dof"), words("calibration.share"))  # fmt: skip
+    caption = words("calibration.budget", point=point.point)
+    return writer.table(columns, rows, 2, caption)
+
+
+def _cause(name: str, words: Translations) -> str:
+    key = f"calibration.cause_{name}"
+    return words(key) if key in words.texts else words.known("cause", name)
+
+
+def _dof(dof: float, writer: Writer) -> str:
+    return writer.words.number(f"{dof:.0f}") if dof < 1e4 else "inf" if writer.plain else "∞"
+
+
+def shown_lines(result: QuantityResult, writer: Writer) -> list[str]:
+    """Return in words zero error, sensitivity, linearity, hysteresis and the two scatters."""
+    words, line, unit = writer.words, result.characteristic, result.unit
+    lines = [_stated("zero", line.zero, result, writer)]
+    if line.sensitivity is None:
+        lines[0] = _stated("mean", line.zero, result, writer)
+    else:
+        place = math.floor(math.log10(max(line.sensitivity.expanded, 1e-9))) - 1
+        value = rounded(line.sensitivity.value, place, "")
+        spread = rounded(line.sensitivity.expanded, place, "")
+        parts = {"value": words.number(value), "expanded": words.number(spread)}
+        lines.append(words("calibration.sensitivity", **parts))
+    if line.linearity is not None:
+        lines.append(_stated("linearity", line.linearity, result, writer, point=line.worst_point))
+    if line.fits is not None:
+        lines.append(words("calibration.fits", probability=writer.share(line.fits)))
+    if result.hysteresis is not None:
+        lines.append(_stated("hysteresis", result.hysteresis, result, writer))
+    size, dof = writer.size(result.repeatability, unit), result.dof_repeatability
+    lines.append(words("calibration.repeatability", value=size, dof=dof))
+    if result.reproducibility is not None:
+        size = writer.size(result.reproducibility, unit)
+        levels = "; ".join(result.levels)
+        lines.append(words("calibration.reproducibility", value=size, levels=levels))
+    return lines
+
+
+def _stated(
+    key: str, known: Estimate, result: QuantityResult, writer: Writer, **parts: object
+) -> str:
+    value, expanded = signed(known, result, writer), writer.size(known.expanded, result.unit)
+    return writer.words(f"calibration.{key}", value=value, expanded=expanded, **parts)
+
+
+def anova_table(study: GaugeRR, result: QuantityResult, writer: Writer) -> Table:
+    """Return the analysis of variance; squares in minutes of arc or millimetres, squared."""
+    words = writer.words
+    scale = (math.degrees(60.0) if result.unit == "rad" else 1e3) ** 2
+    rows = [
+        [
+            words.known("calibration", f"anova {row.source}"),
+            str(row.dof),
+            words.number(f"{row.sum_of_squares * scale:.4g}"),
+            words.number(f"{row.mean_square * scale:.4g}") if row.source != "total" else "",
+            "" if row.f is None else words.number(f"{row.f:.2f}"),
+            "" if row.p is None else words.number(f"{row.p:.2g}"),
+        ]
+        for row in study.rows
+    ]
+    unit = "'" if result.unit == "rad" else "mm"
+    squares = (words(f"calibration.{mean}", unit=unit) for mean in ("ss", "ms"))
+    head = (words("calibration.source"), words("calibration.dof"), *squares, "F", "p")
+    return writer.table(head, rows, 1, words("calibration.anova"))
+
+
+def gauge_rr_table(study: GaugeRR, result: QuantityResult, writer: Writer) -> Table:
+    """Return the variation of equipment, appraisers and parts, and their share of the total."""
+    words = writer.words
+    parts = (("ev", study.ev), ("av", study.av), ("int", study.interaction), ("grr", study.grr),
+             ("pv", study.pv), ("tv", study.tv))  # fmt: skip
+    rows = [
+        [
+            words(f"calibration.grr_{name}"),
+            writer.size(size, result.unit),
+            words.number(f"{100.0 * size / study.tv:.1f} %") if study.tv else writer.none,
+            words.number(f"{100.0 * (size / study.tv) ** 2:.1f} %") if study.tv else writer.none,
+        ]
+        for name, size in parts
+    ]
+    head = (words("calibration.variation"), "s", words("calibration.of_total"),
+            words("calibration.contribution"))  # fmt: skip
+    return writer.table(head, rows, 1, words("calibration.grr", ndc=study.distinct_categories))
+
+
+def adjustments_table(found: Calibration, writer: Writer) -> Table:
+    """Return the errors as found and as left, and their change."""
+    words = writer.words
+    rows = [
+        [
+            quantity(one.quantity, words),
+            one.point,
+            *(signed(known, one, writer) for known in (one.found, one.left, one.change)),
+            writer.size(one.change.expanded, one.unit),
+        ]
+        for one in found.adjustments
+    ]
+    head = (words("calibration.of"), words("calibration.point"), words("calibration.found"),
+            words("calibration.left"), words("front.change"), "U")  # fmt: skip
+    return writer.table(head, rows, 2, words("calibration.adjustments"))
+
+
+def rule_words(found: Calibration, words: Translations) -> str:
+    """Return the decision rule in words."""
+    rule = found.rule
+    if rule is None:
+        return words("calibration.no_rule")
+    parts = {
+        "confidence": words.number(f"{rule.confidence:g}"),
+        "ratio": words.number(f"{rule.ratio:g}"),
+    }
+    return f"{words('verdict.rule')}: {words(f'calibration.rule_{rule.rule}', **parts)}"
+
+
+def reasons(result: QuantityResult, writer: Writer) -> list[str]:
+    """Return why points are undecided."""
+    words = writer.words
+    found = []
+    for point in result.points:
+        verdict = point.verdict
+        if verdict is not None and verdict.decision == "undecided":
+            key = "undecidable" if verdict.guard_band is None else "near"
+            shared = "MPE/U" in verdict.reason
+            text = verdict.reason if shared else words(f"calibration.{key}")
+            found.append(f"{point.point}: {words.number(text)}")
+    return found

@@ -1,0 +1,1 @@
+"""A wheel alignment machine under test, with known errors."""

@@ -1,0 +1,210 @@
+"""Tests of errors of indication, their budget and verdicts, on machines whose errors are known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.support.calibration_bay import (
+    CAMBER,
+    TOE,
+    Bay,
+    Protocol,
+    as_readings,
+    changed,
+    item_of,
+    machine,
+    minutes,
+)
+from wheelplane.calibration.calibrate import calibrate
+from wheelplane.calibration.evaluate import adjustments
+from wheelplane.calibration.forms.item import DecisionRule
+from wheelplane.calibration.forms.table_file import FaultyTableError
+from wheelplane.calibration.records import Calibration, worst
+
+EXACT = changed(TOE, repeatability=1e-9, resolution=1e-9, mpe=None)
+
+
+def run(bay, tested, rng=None, noisy=True, **changes):
+    rule = changes.pop("rule", None)
+    item = item_of(tested)
+    item = item.model_copy(update={"decision": rule}) if rule else item
+    return calibrate([bay.reference(noisy=noisy)], item, bay.readings(tested, rng))
+
+
+def errors(found: Calibration) -> dict[str, float]:
+    return {p.point: float(minutes(p.error.value)) for p in found.results[0].points}
+
+
+def test_an_exact_machine_and_reference_give_the_planted_errors_exactly():
+    bay = Bay(seed=1)
+    found = run(bay, machine(toe=EXACT), noisy=False)
+    (result,) = found.results
+    for wheel in bay.truth["wheels"]:
+        true = 1.0 + 0.02 * 60.0 * wheel["toe_deg"]
+        assert errors(found)[wheel["name"]] == pytest.approx(true, abs=1e-7)
+    assert minutes(result.characteristic.zero.value) == pytest.approx(1.0, abs=1e-7)
+    assert result.characteristic.sensitivity.value == pytest.approx(1.02, abs=1e-9)
+    assert minutes(result.hysteresis.value) == pytest.approx(1.0, abs=1e-7)
+    assert abs(minutes(result.characteristic.linearity.value)) < 1e-6
+    assert found.warnings == ()
+
+
+def test_errors_turn_with_the_declared_sign():
+    plain, turned = (
+        run(Bay(seed=1), machine(toe=changed(EXACT, positive=sense, zero=zero)), noisy=False)
+        for sense, zero in (("toe-in", 1.0), ("toe-out", -1.0))
+    )
+    for one, other in zip(plain.results[0].points, turned.results[0].points, strict=True):
+        assert other.error.value == pytest.approx(-one.error.value, abs=1e-9)
+        assert other.error.u == pytest.approx(one.error.u, rel=1e-6)
+
+
+def test_the_budget_adds_up_and_the_order_of_readings_does_not_matter():
+    bay = Bay(seed=2)
+    tested = machine(protocol=Protocol(series=2), camber=CAMBER)
+    reference, readings = bay.reference(), bay.readings(tested)
+    found = calibrate([reference], item_of(tested), readings)
+    for result in found.results:
+        assert len(result.points) == 12
+        for point in result.points:
+            assert math.fsum(c.u**2 for c in point.budget) == pytest.approx(point.error.u**2)
+            assert point.reading - point.reference.value == pytest.approx(point.error.value)
+            assert point.reference.u < point.error.u
+            assert point.n == 12
+    rows = list(readings.rows)
+    np.random.default_rng(0).shuffle(rows)
+    mixed = calibrate([reference], item_of(tested), replace(readings, rows=tuple(rows)))
+    by_point = {p.point: p for p in found.results[0].points}
+    for point in mixed.results[0].points:
+        assert point.error.value == pytest.approx(by_point[point.point].error.value, abs=1e-15)
+        assert point.error.u == pytest.approx(by_point[point.point].error.u)
+        assert point.error.dof == pytest.approx(by_point[point.point].error.dof)
+
+
+def test_en_compares_the_error_with_both_expanded_uncertainties():
+    bay, tested = Bay(seed=3), machine()
+    item = item_of(tested)
+    toe = item.item.toe.model_copy(update={"uncertainty": "2'"})
+    item = item.model_copy(update={"item": item.item.model_copy(update={"toe": toe})})
+    found = calibrate([bay.reference()], item, bay.readings(tested))
+    for point in found.results[0].points:
+        own = math.radians(2.0 / 60.0)
+        known = abs(point.error.value) / math.hypot(point.error.expanded, own)
+        assert point.en == pytest.approx(known)
+    assert run(bay, tested).results[0].points[0].en is None
+
+
+@pytest.mark.parametrize(("scatter", "u"), [(0.3, 0.0), (0.0, 0.03 / math.sqrt(12.0))])
+def test_resolution_is_in_the_budget_where_no_scatter_spreads_the_readings(scatter, u):
+    toe = changed(TOE, resolution=0.03, repeatability=scatter)
+    for point in run(Bay(seed=4), machine(toe=toe)).results[0].points:
+        budget = {c.name: c.u for c in point.budget if c.origin == "readings"}
+        assert minutes(budget.get("resolution", 0.0)) == pytest.approx(u, rel=1e-6)
+
+
+def test_several_references_keep_what_is_stated_and_average_nothing_of_it():
+    """Type B components are common to the series: U of the mean has them in full."""
+    bay = Bay(seed=5)
+    tested = machine(protocol=Protocol(series=3), toe=changed(TOE, repeatability=0.01))
+    item, readings = item_of(tested), bay.readings(tested)
+    exact = bay.reference("1", noisy=False)
+    same = [replace(exact, series=str(k)) for k in (1, 2, 3)]
+    several = [bay.reference(str(k)) for k in (1, 2, 3)]
+    alone, alike, found = (
+        calibrate(known, item, readings).results[0].points[0]
+        for known in ([replace(exact, series=None)], same, several)
+    )
+    assert alike.reference.u == pytest.approx(alone.reference.u, rel=1e-6)
+    assert found.reference.u == pytest.approx(alone.reference.u, rel=1e-3)
+    assert found.error.u > alone.error.u  # the references scatter from series to series as well
+
+
+def test_a_series_shift_is_reproducibility_and_does_not_average_out_over_points():
+    bay = Bay(seed=6)
+    toe = changed(TOE, reproducibility=2.0, repeatability=0.1)
+    found = run(bay, machine(toe=toe, protocol=Protocol(series=6)))
+    (result,) = found.results
+    assert minutes(result.reproducibility) == pytest.approx(2.0, rel=4.0 / math.sqrt(10.0))
+    point = result.points[0]
+    shares = {c.name: c for c in point.budget if c.origin == "readings"}
+    assert shares["reproducibility"].dof == 5.0
+    assert result.characteristic.zero.u == pytest.approx(shares["reproducibility"].u, rel=0.2)
+    assert result.gauge_rr is not None
+    assert result.gauge_rr.appraisers == ("1", "2", "3", "4", "5", "6")
+
+
+def test_operators_are_appraisers_where_there_are_several():
+    tested = machine(protocol=Protocol(operators=("Ana", "Rui"), series=2))
+    (result,) = run(Bay(seed=7), tested).results
+    assert result.gauge_rr.appraisers == ("Ana", "Rui")
+    assert result.levels == ("series 1, Ana", "series 1, Rui", "series 2, Ana", "series 2, Rui")
+    assert run(Bay(seed=7), machine()).results[0].no_gauge_rr
+
+
+def test_as_left_less_as_found_leaves_the_reference_out():
+    bay, tested = Bay(seed=8), machine()
+    better = machine(toe=changed(TOE, zero=0.0, gain=0.0))
+    found = bay.readings(tested)
+    left = tuple(as_readings(bay.truth, better, bay.car.rng, "as left"))
+    both = replace(found, rows=(*found.rows, *left))
+    done = calibrate([bay.reference()], item_of(tested), both)
+    assert [one.state for one in done.results] == ["as found", "as left"]
+    assert [one.state for one in done.final] == ["as left"]
+    assert adjustments(done.results) == done.adjustments
+    for one in done.adjustments:
+        assert one.change.value == pytest.approx(one.left.value - one.found.value)
+        assert one.change.u < one.found.u
+        own = 0.3 * math.sqrt(2.0 / 6.0)
+        assert minutes(one.change.u) == pytest.approx(own, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("error", "rule", "decision"),
+    [
+        (0.0, DecisionRule(rule="guarded"), "conform"),
+        (5.9, DecisionRule(rule="guarded"), "undecided"),
+        (5.9, DecisionRule(rule="simple"), "conform"),
+        (6.1, DecisionRule(rule="simple"), "not conform"),
+        (5.9, DecisionRule(rule="shared", ratio=3.0), "conform"),
+        (0.0, DecisionRule(rule="shared", ratio=100.0), "undecided"),
+        (9.0, DecisionRule(rule="guarded"), "not conform"),
+    ],
+)
+def test_each_rule_decides_as_jcgm_106_says(error, rule, decision):
+    toe = changed(TOE, zero=error, gain=0.0, repeatability=0.01, resolution=0.001, hysteresis=0.0)
+    found = run(Bay(seed=9), machine(toe=toe), noisy=False, rule=rule)
+    assert {p.verdict.decision for p in found.results[0].points} == {decision}
+    assert found.decision == worst(found.results[0].points) == decision
+    for point in found.results[0].points:
+        if decision == "conform":
+            assert point.verdict.risk == pytest.approx(1.0 - point.verdict.probability)
+
+
+def test_what_is_missing_is_named_all_at_once():
+    bay, tested = Bay(seed=10), machine(protocol=Protocol(series=2), camber=CAMBER)
+    readings = bay.readings(tested)
+    gone = [r for r in readings.rows if not (r.point == "RR" and r.series == "2")]
+    single = [r for r in gone if r.quantity == "toe" or (r.series, r.repeat) == ("1", 1)]
+    rows = [r for r in single if r.quantity == "toe" or r.direction == "up"]
+    with pytest.raises(FaultyTableError) as error:
+        calibrate([bay.reference()], item_of(tested), replace(readings, rows=tuple(rows)))
+    faults = error.value.faults
+    assert sum("toe, as found: point RR has no reading in series 2" in f for f in faults) == 2
+    assert any("camber, as found: no reading is repeated" in fault for fault in faults)
+
+
+def test_two_points_show_a_mean_error_and_no_sensitivity():
+    bay, tested = Bay(seed=11), machine(toe=EXACT)
+    readings = bay.readings(tested)
+    rows = tuple(r for r in readings.rows if r.point in ("FR", "FL"))
+    reference = bay.reference(noisy=False)
+    found = calibrate([reference], item_of(tested), replace(readings, rows=rows))
+    line = found.results[0].characteristic
+    assert line.sensitivity is None
+    assert line.zero.value == pytest.approx(
+        np.mean([p.error.value for p in found.results[0].points])
+    )

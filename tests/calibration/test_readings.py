@@ -1,0 +1,230 @@
+"""Tests of the table of readings: units, and every fault with its row and column, all at once."""
+
+from __future__ import annotations
+
+import csv
+import math
+import random
+from contextlib import suppress
+
+import openpyxl
+import pytest
+
+from tests.support.calibration_bay import CAMBER, item_of, machine
+from wheelplane.calibration.forms.item import Item
+from wheelplane.calibration.forms.readings import COLUMNS, decimal_number, read_readings
+from wheelplane.calibration.forms.table_file import FaultyTableError
+from wheelplane.errors import InputError
+
+HEAD = "point,quantity,value,unit,series,repeat,state,direction\n"
+ITEM: Item = item_of(machine(camber=CAMBER)).item.model_copy(update={"rim": "400mm"})
+MINUTE = math.radians(1 / 60)
+
+
+def known(kind, point, series):
+    return "" if point in ("RR", "1") else f"{point!r} is no wheel or trial of bay: known are RR, 1"
+
+
+def read(tmp_path, text, name="r.csv", item=ITEM):
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_readings(path, item, known)
+
+
+def faults(tmp_path, text, name="r.csv"):
+    with pytest.raises(FaultyTableError) as error:
+        read(tmp_path, text, name)
+    assert "; ".join(error.value.faults) == str(error.value)
+    return error.value.faults
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "angle_rad"),
+    [
+        ("-0.25", "deg", math.radians(-0.25)),
+        ("0°15'", "dms", math.radians(0.25)),
+        ("-0°00'30\"", "dms", -math.radians(30 / 3600)),
+        ("15.5", "min", 15.5 * MINUTE),
+        ("75", "min", 75 * MINUTE),
+        ("2.5", "mm/m", math.atan(2.5e-3)),
+        ("2", "mm", math.asin(2e-3 / 0.4)),
+        ("\N{MINUS SIGN}12", "min", -12 * MINUTE),
+        (".5", "deg", math.radians(0.5)),
+    ],
+)
+def test_a_value_is_read_in_its_unit(tmp_path, value, unit, angle_rad):
+    found = read(
+        tmp_path, HEAD + f'RR,toe,"{value.replace(chr(34), chr(34) * 2)}",{unit},1,1,as found,\n'
+    )
+    (one,) = found.rows
+    assert one.value == pytest.approx(angle_rad, rel=1e-12)
+    assert (one.point, one.quantity, one.series, one.repeat, one.row) == ("RR", "toe", "1", 1, 2)
+    assert (one.state, one.direction) == ("as found", "")
+
+
+def test_all_faults_of_a_file_are_named_at_once_with_row_and_column(tmp_path):
+    rows = [
+        "7,toe,1,min,1,1,as found,",
+        "RR,toe,1,,1,1,as found,",
+        "RR,toe,1,min,1,1,as found,up",
+        "RR,toe,2,min,1,1,as found,up",
+        "RR,camber,80,deg,1,1,as found,",
+        'RR,camber,"1,234",min,1,2,as found,',
+        "RR,camber,2,mm,1,3,as found,",
+        "RR,caster,2,deg,1,4,as found,",
+        "RR,convergence,2,deg,1,5,as found,",
+        "RR,camber,about 2,deg,1,6,as found,",
+        "RR,camber,,deg,1,7,as found,",
+        "RR,camber,1,deg,1,8,found,",
+        "RR,camber,1,deg,1,0,as found,",
+        "RR,camber,1,deg,1,9,as found,sideways",
+        "RR,toe,3,min,1,2,as found,",
+    ]
+    found = faults(tmp_path, HEAD + "\n".join(rows))
+    expected = [
+        "r.csv: row 2, column point: '7' is no wheel or trial of bay: known are RR, 1",
+        "r.csv: row 3, column unit: it is empty: fill it in, or delete the row",
+        "r.csv: row 6, column value: 80 deg is no plausible camber (at most 20°): check value "
+        "and unit",
+        "r.csv: row 7, column value: '1,234' may be 1.234 or 1234: write it with a point",
+        "r.csv: row 8, column unit: 'mm' is no unit of camber: known are deg, dms, min, mm/m",
+        "r.csv: row 9, column quantity: the item file has no [item.caster]: declare it there",
+        "r.csv: row 10, column quantity: 'convergence': known are toe, camber, total_toe, "
+        "thrust_angle, caster, sai, toe_out_on_turns, setback, track",
+        "r.csv: row 11, column value: 'about 2' is no number: write it as -0.25, "
+        "its unit in the column unit",
+        "r.csv: row 12, column value: it is empty: fill it in, or delete the row",
+        "r.csv: row 13, column state: 'found': write 'as found' or 'as left'",
+        "r.csv: row 14, column repeat: '0': a whole number from 1 is needed",
+        "r.csv: row 15, column direction: 'sideways': write up or down, or leave it empty",
+        "r.csv: row 5, column repeat: 1 of toe at RR stands in row 4 already: number each "
+        "repeat once",
+        "r.csv: row 16, column direction: it is empty, but other rows of toe state it: "
+        "fill in up or down",
+    ]  # fmt: skip
+    assert list(found) == expected
+
+
+@pytest.mark.parametrize(
+    ("head", "fault"),
+    [
+        (HEAD.replace("value", "valeu"), "column valeu: unknown column: did you mean 'value'?"),
+        (HEAD.replace(",unit", ""), "row 1, column unit: the heading lacks it: add the column"),
+        (HEAD.replace("direction", "unit"), "row 1, column unit: the heading has it twice"),
+    ],
+)  # fmt: skip
+def test_a_heading_that_cannot_be_used_is_named(tmp_path, head, fault):
+    assert any(fault in one for one in faults(tmp_path, head + "RR,toe,1,min,1,1,as found,\n"))
+
+
+@pytest.mark.parametrize("content", [b"", b"\n\n", b"\xff\xfe", b"PK\x03\x04 no archive", b"\0"])
+def test_a_file_that_is_no_table_is_refused_in_one_line(tmp_path, content):
+    with pytest.raises(InputError) as error:
+        read(tmp_path, content)
+    assert str(error.value).startswith("r.csv: ")
+
+
+def test_a_heading_without_readings_is_refused(tmp_path):
+    assert faults(tmp_path, HEAD) == ("r.csv: it has no reading below its heading: enter them",)
+
+
+def test_decimal_commas_are_read_where_they_are_unambiguous(tmp_path):
+    semicolons = HEAD.replace(",", ";") + "RR;toe;12,5;min;1;1;as found;\n"
+    assert read(tmp_path, semicolons).rows[0].value == pytest.approx(12.5 * MINUTE)
+    quoted = HEAD + 'RR,toe,"12,5",min,1,1,as found,\n'
+    assert read(tmp_path, quoted).rows[0].value == pytest.approx(12.5 * MINUTE)
+    unquoted = HEAD + "RR,toe,12,5,min,1,1,as found,up\n"
+    assert any("put values with a decimal comma in quotes" in f for f in faults(tmp_path, unquoted))
+    arc = HEAD + 'RR,toe,"0°12\'30,5""",dms,1,1,as found,\n'
+    assert read(tmp_path, arc).rows[0].value == pytest.approx(math.radians(12 / 60 + 30.5 / 3600))
+
+
+def test_numbers_are_read_as_python_reads_them_and_ambiguous_ones_are_not():
+    rng = random.Random(1)
+    for _ in range(500):
+        number = rng.choice([1, -1]) * round(rng.uniform(0, 3000), rng.randint(0, 5))
+        text = repr(number) if abs(number) > 1e-3 else f"{number:.6f}"
+        assert decimal_number(text) == pytest.approx(number, rel=1e-15)
+        comma = text.replace(".", ",")
+        whole, _, rest = comma.lstrip("-").partition(",")
+        if len(rest) == 3 and len(whole) <= 3 and not whole.startswith("0"):
+            with pytest.raises(ValueError, match="write it with a point"):
+                decimal_number(comma)
+        else:
+            assert decimal_number(comma) == decimal_number(text)
+    for text in ("1,234.5", "1.234,5", "1 5", "1e3", "nan", "inf", "--1", ".", ",", "0x1"):
+        with pytest.raises(ValueError, match="is no number"):
+            decimal_number(text)
+
+
+def workbook(path, rows):
+    book = openpyxl.Workbook()
+    for row in rows:
+        book.active.append(row)
+    return book, book.active, path
+
+
+ROWS = [COLUMNS[:8], ["1", "toe", 12.5, "min", 1, 1, "as found", "up"],
+        ["RR", "toe", -3, "min", 1, 2, "as found", "down"]]  # fmt: skip
+
+
+def test_xlsx_and_csv_give_the_same_readings(tmp_path):
+    book, _, path = workbook(tmp_path / "r.xlsx", ROWS)
+    book.save(path)
+    text = "\n".join(",".join(map(str, row)) for row in ROWS)
+    found = read_readings(path, ITEM, known).rows
+    assert found == read(tmp_path, text).rows
+    assert [one.value for one in found] == pytest.approx([12.5 * MINUTE, -3 * MINUTE])
+
+
+def test_formulas_merged_cells_dates_and_errors_are_named_with_their_place(tmp_path):
+    import datetime
+
+    book, sheet, path = workbook(tmp_path / "r.xlsx", ROWS)
+    sheet["C2"] = "=1+1"
+    sheet["A3"] = datetime.date(2026, 2, 1)
+    sheet["H3"] = True
+    sheet.append(["RR", "toe", "#DIV/0!", "min", 1, 3, "as found", "up"])
+    sheet.merge_cells("E2:E3")
+    book.save(path)
+    with pytest.raises(FaultyTableError) as error:
+        read_readings(path, ITEM, known)
+    found = error.value.faults
+    assert "r.xlsx: rows 2-3: E2:E3 are merged: unmerge and fill in each cell" in found
+    assert "r.xlsx: row 2, column C: a formula: paste it as a value" in found
+    assert any("row 3, column A: 2026-02-01" in one and "is a date" in one for one in found)
+    assert any("row 3, column H: True is a date or a truth value" in one for one in found)
+    assert "r.xlsx: row 4, column C: the error #DIV/0!: enter the reading" in found
+
+
+def test_a_workbook_of_two_filled_sheets_is_refused(tmp_path):
+    book, _, path = workbook(tmp_path / "r.xlsx", ROWS)
+    for row in ROWS:
+        book.create_sheet("more") if "more" not in book.sheetnames else None
+        book["more"].append(row)
+    book.save(path)
+    with pytest.raises(InputError, match="2 sheets have content: keep the readings in one"):
+        read_readings(path, ITEM, known)
+
+
+def test_cut_or_spoilt_files_raise_one_line_and_nothing_else(tmp_path):
+    rng = random.Random(2)
+    book, _, path = workbook(tmp_path / "r.xlsx", ROWS)
+    book.save(path)
+    text = (HEAD + "RR,toe,1,min,1,1,as found,up\n" * 3).encode()
+    for content in (path.read_bytes(), text):
+        for _ in range(60):
+            spoilt = bytearray(content[: rng.randrange(len(content))])
+            for _ in range(rng.randint(0, 5)):
+                if spoilt:
+                    spoilt[rng.randrange(len(spoilt))] = rng.randrange(256)
+            with suppress(InputError):
+                read(tmp_path, bytes(spoilt))
+
+
+def test_the_csv_is_what_a_spreadsheet_writes(tmp_path):
+    path = tmp_path / "r.csv"
+    with path.open("w", newline="", encoding="utf-8-sig") as stream:
+        writer = csv.writer(stream)
+        writer.writerows([[*COLUMNS[:8]], [], *ROWS[1:], ["", "", "", "", "", "", "", ""]])
+    assert [one.row for one in read_readings(path, ITEM, known).rows] == [3, 4]

@@ -1,0 +1,90 @@
+"""Tests of the scatter of readings: variances of means by simulation, rounding, single ones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from wheelplane.calibration.scatter import rounding_variance, scatter_of
+
+
+def cells(values):
+    """Cells by point, level and direction of an array (P, L, D, n)."""
+    return values.tolist()
+
+
+def variance(scatter, resolution=0.0):
+    return sum(effect.factor @ effect.factor.T for effect in scatter.effects(resolution))
+
+
+def test_pooled_deviation_and_means_are_those_of_the_cells():
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=(4, 1, 2, 5))
+    found = scatter_of(cells(values))
+    np.testing.assert_allclose(found.errors, values.mean(axis=(1, 2, 3)))
+    assert found.deviation == pytest.approx(math.sqrt(values.var(axis=3, ddof=1).mean()))
+    assert found.dofs.sum() == 4 * 2 * 4
+    (repeatability, _) = found.effects(0.0)
+    np.testing.assert_allclose(
+        np.diag(repeatability.factor) ** 2, found.deviation**2 / 10, rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize("levels", [1, 4])
+def test_the_stated_covariance_of_means_is_that_of_many_experiments(levels):
+    rng = np.random.default_rng(1)
+    points, count = 5, 4000
+    common = rng.normal(0.0, 0.7 * (levels > 1), (count, 1, levels, 1, 1))
+    own = rng.normal(0.0, 0.4 * (levels > 1), (count, points, levels, 1, 1))
+    values = common + own + rng.normal(0.0, 1.0, (count, points, levels, 2, 3))
+    found = [scatter_of(cells(one)) for one in values]
+    stated = np.mean([variance(one) for one in found], axis=0)
+    seen = np.cov([one.errors for one in found], rowvar=False)
+    bound = 5.0 * math.sqrt(2.0 / count) * np.diag(seen).mean()
+    np.testing.assert_allclose(stated, seen, atol=bound)
+    if levels > 1:
+        assert seen[0, 1] > 0.05  # what is common to a series does not average out over points
+
+
+def test_one_point_in_several_series_has_the_scatter_of_their_means():
+    values = np.array([[[[1.0, 2.0]], [[4.0, 5.0]], [[2.0, 2.0]]]])
+    found = scatter_of(cells(values))
+    assert variance(found)[0, 0] == pytest.approx(np.var([1.5, 4.5, 2.0], ddof=1) / 3)
+
+
+def test_single_readings_in_one_series_have_no_deviation():
+    assert math.isnan(scatter_of([[[[1.0]]], [[[2.0]]]]).deviation)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.05, 0.2, 0.35, 0.5, 1.0, 3.0])
+def test_rounding_leaves_the_variance_that_simulation_finds(sigma):
+    rng = np.random.default_rng(2)
+    phases, count = 4000, 400
+    true = rng.uniform(-0.5, 0.5, phases)
+    seen = np.round(true[:, None] + sigma * rng.normal(size=(phases, count)))
+    scatter = seen.var(axis=1, ddof=1)
+    left = np.mean((seen.mean(axis=1) - true) ** 2) - np.mean(scatter) / count
+    found = rounding_variance(math.sqrt(np.mean(scatter)), 1.0)
+    assert found == pytest.approx(left, abs=0.003)
+    assert rounding_variance(7.0 * math.sqrt(np.mean(scatter)), 7.0) == pytest.approx(49.0 * found)
+
+
+def test_rounding_without_scatter_is_a_twelfth_and_without_a_step_nothing():
+    assert rounding_variance(0.0, 2.0) == pytest.approx(4.0 / 12.0)
+    assert rounding_variance(math.nan, 2.0) == pytest.approx(4.0 / 12.0)
+    assert rounding_variance(1.0, 0.0) == 0.0
+
+
+def test_hysteresis_is_the_mean_difference_of_directions():
+    rng = np.random.default_rng(3)
+    values = rng.normal(size=(6, 2, 2, 3))
+    values[:, :, 0] += 2.0
+    found = scatter_of(cells(values))
+    differences, effects = found.hysteresis(0.0)
+    np.testing.assert_allclose(
+        differences, (values[:, :, 0] - values[:, :, 1]).mean(axis=(1, 2)), rtol=1e-12
+    )
+    u = math.sqrt(np.sum((effects[0].factor.T @ np.full(6, 1 / 6)) ** 2))
+    assert u == pytest.approx(found.deviation * math.sqrt(2.0 / 36.0))

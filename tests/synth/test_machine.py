@@ -1,0 +1,107 @@
+"""Tests of the machine under test: planted errors, wrong declarations, its files and its truth."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from tests.support.made import DEFAULT, DISC, SALOON, changed
+from tests.support.paths import CONFIGS
+from wheelplane_synth.errors import SynthError
+from wheelplane_synth.machine.forms import item_toml, readings_csv
+from wheelplane_synth.machine.indicate import error, indicate, reading, true_values
+from wheelplane_synth.machine.read import read_machine
+from wheelplane_synth.output.archive import write_capture
+from wheelplane_synth.parameters.machine import Indication
+
+EXAMPLE = CONFIGS / "machines" / "example.toml"
+TRUTH = {
+    "wheels": [
+        {"name": "RR", "role": "reference", "wheel": "RR", "toe_deg": 0.1, "camber_deg": -1.0},
+        {"name": "RL", "role": "reference", "wheel": "RL", "toe_deg": 0.3, "camber_deg": 0.5},
+        {"name": "swept", "role": "sweep", "wheel": "FL", "toe_deg": 9.0, "camber_deg": 0.0},
+    ],
+    "frame": {"front_track_m": 1.5, "rear_track_m": 1.6},
+    "vehicle": {"rear_total_toe_deg": 0.4, "front_total_toe_deg": 0.0, "thrust_angle_deg": 0.1},
+}
+
+
+def test_true_values_are_in_minutes_and_millimetres_in_the_machine_s_sense():
+    plain = Indication(positive="toe-in", resolution=0.1)
+    known = true_values(TRUTH, plain, "toe")
+    assert known == pytest.approx({"RR": 6.0, "RL": 18.0})
+    out = Indication(positive="toe-out", resolution=0.1)
+    assert true_values(TRUTH, out, "toe") == pytest.approx({"RR": -6.0, "RL": -18.0})
+    thrust = Indication(positive="toe-in", axis="thrust-line", resolution=0.1)
+    assert true_values(TRUTH, thrust, "toe") == pytest.approx({"RR": 12.0, "RL": 12.0})
+    assert true_values(TRUTH, plain, "track") == {"front": 1500.0, "rear": 1600.0}
+    assert true_values(TRUTH, plain, "total_toe")["rear"] == pytest.approx(24.0)
+    assert true_values(TRUTH, plain, "thrust_angle") == pytest.approx({"vehicle": 6.0})
+
+
+def test_readings_have_the_planted_errors_and_are_whole_steps():
+    table = Indication(
+        positive="toe-in", zero=2.0, gain=0.1, hysteresis=3.0, repeatability=0.5, resolution=0.2
+    )
+    rng = np.random.default_rng(0)
+    up, down = (
+        np.array([reading(table, 10.0, w, rng) for _ in range(4000)]) for w in ("up", "down")
+    )
+    limit = 5.0 * 0.5 / np.sqrt(4000)
+    assert up.mean() == pytest.approx(10.0 + error(table, 10.0) + 1.5, abs=limit)
+    assert (up - down).mean() == pytest.approx(3.0, abs=limit * np.sqrt(2.0))
+    assert up.std() == pytest.approx(np.hypot(0.5, 0.2 / np.sqrt(12.0)), rel=0.05)
+    np.testing.assert_allclose(up / 0.2, np.round(up / 0.2), atol=1e-9)
+    assert error(table, 10.0) == pytest.approx(3.0)
+
+
+def test_every_point_is_read_by_the_protocol_and_the_files_say_so(tmp_path):
+    values = {
+        "protocol.series": 2,
+        "protocol.operators": ["A", "B"],
+        "toe.declared_axis": "thrust-line",
+        "toe.declared_positive": "toe-out",
+    }
+    machine = read_machine(changed(EXAMPLE, tmp_path, values), 0)
+    found = indicate(TRUTH, machine, np.random.default_rng(0))
+    assert len(found) == (2 + 2 + 2 + 2) * 2 * 2 * 3 * 2
+    keys = {(o.point, o.quantity, o.series, o.operator, o.repeat, o.direction) for o in found}
+    assert len(keys) == len(found)
+    rows = list(csv.DictReader(readings_csv(found).splitlines()))
+    assert [float(row["value"]) for row in rows] == pytest.approx([one.value for one in found])
+    item = tomllib.loads(item_toml(machine))
+    assert item["item"]["toe"]["axis"] == "thrust-line"
+    assert item["item"]["toe"]["positive"] == "toe-out"
+    assert item["decision"]["rule"] == "guarded"
+
+
+def test_a_capture_has_the_machine_s_files_and_the_same_scans_as_without_it(tmp_path):
+    files = {"vehicle": SALOON, "scanner": changed(DEFAULT, tmp_path, {"grid.spacing_m": 0.02}),
+             "target": DISC}  # fmt: skip
+    for name, machine in (("with", EXAMPLE), ("again", EXAMPLE), ("without", None)):
+        write_capture(tmp_path / name, seed=1, trials=1, machine=machine, **files)
+    names = sorted(path.name for path in (tmp_path / "with").iterdir())
+    assert {"item.toml", "readings.csv"} <= set(names)
+    for name in names:
+        content = (tmp_path / "with" / name).read_bytes()
+        assert (tmp_path / "again" / name).read_bytes() == content
+        if name.endswith(".ply"):
+            assert (tmp_path / "without" / name).read_bytes() == content
+    truth = json.loads((tmp_path / "with" / "truth.json").read_text())
+    toe = truth["machine"]["quantities"]["toe"]
+    assert toe["zero_deg"] == pytest.approx(1.0 / 60.0)
+    wheel = truth["wheels"][0]
+    point = toe["points"][wheel["name"]]
+    assert point["value_deg"] == pytest.approx(wheel["toe_deg"])
+    assert point["error_deg"] == pytest.approx(1.0 / 60.0 + 0.02 * wheel["toe_deg"])
+    plain = json.loads((tmp_path / "without" / "truth.json").read_text())
+    assert "machine" not in plain
+
+
+def test_a_wrong_machine_file_is_refused_in_one_line(tmp_path):
+    with pytest.raises(SynthError, match=r"unknown key 'toe\.zeroes'"):
+        read_machine(changed(EXAMPLE, tmp_path, {"toe.zeroes": 1.0}), 0)
