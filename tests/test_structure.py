@@ -84,6 +84,7 @@ HOMES = {
         "pipeline/targets/pattern_board.py",
         "pipeline/capture/declaration.py",
         "pipeline/calibration/forms/item.py",
+        "pipeline/calibration/forms/plan_file.py",
         "pipeline/measurement/limits.py",
         "pipeline/measurement/tolerance.py",
         "synth/parameters/machine.py",

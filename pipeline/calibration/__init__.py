@@ -2,11 +2,14 @@
 
 from .calibrate import by_series, calibrate, calibrate_file
 from .forms.item import DecisionRule, Item, ItemFile, ItemQuantity, load_item
+from .forms.plan_file import PLAN_FORM, Plan, load_plan
 from .forms.quantities import QUANTITIES
 from .forms.readings import Reading, Readings, State
 from .forms.table_file import FaultyTableError
 from .forms.template import ITEM_FORM, readings_form
 from .gauge_rr import AnovaRow, GaugeRR
+from .plan import CalibrationPlan, Detection, QuantityPlan, plan_calibration
+from .planned_bay import planned_reference
 from .records import (
     Adjustment,
     Calibration,
@@ -21,20 +24,25 @@ from .reference import Reference
 
 __all__ = [
     "ITEM_FORM",
+    "PLAN_FORM",
     "QUANTITIES",
     "Adjustment",
     "AnovaRow",
     "Calibration",
+    "CalibrationPlan",
     "CalibrationPoint",
     "Characteristic",
     "Contribution",
     "DecisionRule",
+    "Detection",
     "DirectionMean",
     "FaultyTableError",
     "GaugeRR",
     "Item",
     "ItemFile",
     "ItemQuantity",
+    "Plan",
+    "QuantityPlan",
     "QuantityResult",
     "Reading",
     "Readings",
@@ -45,5 +53,8 @@ __all__ = [
     "calibrate",
     "calibrate_file",
     "load_item",
+    "load_plan",
+    "plan_calibration",
+    "planned_reference",
     "readings_form",
 ]

@@ -57,26 +57,11 @@ class Scatter:
         return common, float(np.sum(rest**2)) / ((points - 1) * (levels - 1))
 
     def effects(self, resolution: float) -> list[Effect]:
-        """Return the effects of the readings on the P errors; factors (P, k).
-
-        One level: the pooled repeatability of each mean. Several: the mean squares of the two-way
-        table, which hold repeatability as well; the covariance of the points' means is
-        MS_PL/L (I - 11'/P) + MS_L/L 11'/P. Source: ISO 5725-2, 7.4; JCGM 100, H.5.
-        """
-        points, levels, _ = self.means.shape
-        own = math.sqrt(rounding_variance(self.deviation, resolution))
-        rounding = Effect(RESOLUTION, own * np.eye(points), math.inf, False)
-        if levels == 1:
-            factor = np.diag(self.deviation * np.sqrt(self._spread()))
-            return [Effect(REPEATABILITY, factor, float(self.dofs.sum()), False), rounding]
-        common, rest = self.between_levels()
-        equal = np.full((points, 1), math.sqrt(common / levels / points))
-        found = [Effect(REPRODUCIBILITY, equal, levels - 1.0, False), rounding]
-        if points > 1:
-            across = np.eye(points) - 1.0 / points
-            dof = (points - 1.0) * (levels - 1.0)
-            found.insert(0, Effect(REPEATABILITY, math.sqrt(rest / levels) * across, dof, False))
-        return found
+        """Return the effects of the readings on the P errors."""
+        levels = self.means.shape[1]
+        between = self.between_levels() if levels > 1 else None
+        dof = float(self.dofs.sum())
+        return mean_effects(self._spread(), self.deviation, dof, levels, between, resolution)
 
     def _spread(self) -> Array:
         """Return the variances (P,) of the means for readings of unit variance."""
@@ -85,15 +70,52 @@ class Scatter:
 
     def hysteresis(self, resolution: float) -> tuple[Array, list[Effect]]:
         """Return upward less downward means (P,) of D = 2 directions, and the effects on them."""
-        points, levels, _ = self.means.shape
+        levels = self.means.shape[1]
         differences = (self.means[:, :, 0] - self.means[:, :, 1]).mean(axis=1)
         spread = (1.0 / self.counts).sum(axis=(1, 2)) / levels**2
-        factor = np.diag(self.deviation * np.sqrt(spread))
-        own = math.sqrt(2.0 * rounding_variance(self.deviation, resolution))
-        return differences, [
-            Effect(REPEATABILITY, factor, float(self.dofs.sum()), False),
-            Effect(RESOLUTION, own * np.eye(points), math.inf, False),
-        ]
+        dof = float(self.dofs.sum())
+        return differences, difference_effects(spread, self.deviation, dof, resolution)
+
+
+def mean_effects(
+    spread: Array,
+    deviation: float,
+    dof: float,
+    levels: int,
+    between: tuple[float, float] | None,
+    resolution: float,
+) -> list[Effect]:
+    """Return the effects of readings on P mean errors; factors (P, k).
+
+    spread: (P,) variances of the means for readings of unit variance. One level: the pooled
+    repeatability of each mean. Several: the mean squares `between` of the two-way table, which hold
+    repeatability as well; the covariance of the points' means is
+    MS_PL/L (I - 11'/P) + MS_L/L 11'/P. Source: ISO 5725-2, 7.4; JCGM 100, H.5.
+    """
+    points = len(spread)
+    own = math.sqrt(rounding_variance(deviation, resolution))
+    rounding = Effect(RESOLUTION, own * np.eye(points), math.inf, False)
+    if between is None:
+        factor = np.diag(deviation * np.sqrt(spread))
+        return [Effect(REPEATABILITY, factor, dof, False), rounding]
+    common, rest = between
+    equal = np.full((points, 1), math.sqrt(common / levels / points))
+    found = [Effect(REPRODUCIBILITY, equal, levels - 1.0, False), rounding]
+    if points > 1:
+        across = math.sqrt(rest / levels) * (np.eye(points) - 1.0 / points)
+        found.insert(0, Effect(REPEATABILITY, across, (points - 1.0) * (levels - 1.0), False))
+    return found
+
+
+def difference_effects(
+    spread: Array, deviation: float, dof: float, resolution: float
+) -> list[Effect]:
+    """Return the effects of readings on P differences of directions; spread: of these."""
+    own = math.sqrt(2.0 * rounding_variance(deviation, resolution))
+    return [
+        Effect(REPEATABILITY, np.diag(deviation * np.sqrt(spread)), dof, False),
+        Effect(RESOLUTION, own * np.eye(len(spread)), math.inf, False),
+    ]
 
 
 def rounding_variance(deviation: float, step: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 import click
@@ -11,11 +12,15 @@ import click
 from ..batch.results import export
 from ..calibration import (
     ITEM_FORM,
+    PLAN_FORM,
     FaultyTableError,
     Reference,
     by_series,
     calibrate_file,
     load_item,
+    load_plan,
+    plan_calibration,
+    planned_reference,
     readings_form,
 )
 from ..capture import CaptureOptions, Upright, open_capture
@@ -25,9 +30,11 @@ from ..five_point import FivePointFile, Station, read_five_point
 from ..measure import measure_capture, measure_five_point
 from ..measurement import Measurement
 from ..report.format.view import DigitStyle, View
-from ..report.json.calibration import calibration_json
+from ..report.json.calibration import calibration_json, plan_json
 from ..report.text.calibration import calibration_text
+from ..report.text.calibration_plan import plan_text
 from ..report.write import write_files
+from ..targets import load_target
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vehicle import REFERENCE_WHEELS
 from .options import (
@@ -95,7 +102,7 @@ class Opening:
 
 
 @click.command()
-@click.argument("references", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("references", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
     "--item",
     "item_path",
@@ -125,6 +132,14 @@ class Opening:
     "--directions", is_flag=True, help="--template: approach each point upwards and downwards."
 )
 @click.option(
+    "--plan",
+    "plan_path",
+    type=FILE,
+    metavar="FILE",
+    help="Plan file (TOML) of a calibration to be planned, instead; without REFERENCES the "
+    "reference is that of --scanner and --target. --template writes a form of it.",
+)
+@click.option(
     "--five-point", "five_point", is_flag=True, help="The references are five-point files."
 )
 @five_point_unit_option
@@ -143,6 +158,7 @@ def calibrate(
     template: Path | None,
     repeats: int | None,
     directions: bool,
+    plan_path: Path | None,
     five_point: bool,
     length_unit: LengthUnit,
     coordinates: Coordinates,
@@ -182,6 +198,15 @@ def calibrate(
         azimuth=azimuth,
         station=read_station(total_station, total_station_position, coordinates, length_unit),
     )
+    if not references and plan_path is None:
+        raise click.UsageError("REFERENCES are missing: name a capture, or five-point files")
+    if plan_path is not None:
+        if readings_path or output or template:
+            raise InputError(
+                "--plan with --readings, -o or --template: it computes before anything is read: "
+                "leave these out"
+            )
+        return _plan(references, opening, plan_path, item_path, as_json, View(digits=digits))
     if template is not None:
         if readings_path or output or as_json:
             raise InputError(
@@ -226,11 +251,12 @@ def _write_forms(
         raise InputError("--template with several references: give one of them")
     item = None if item_path is None else load_item(item_path).item
     columns = readings_form(opening.targets(references[0]), item, repeats, directions)
-    names = ["item.toml"] * (item is None) + ["readings.csv", "readings.xlsx"]
+    forms = {"item.toml": ITEM_FORM, "plan.toml": PLAN_FORM} if item is None else {}
+    names = [*forms, "readings.csv", "readings.xlsx"]
     there = [name for name in names if (folder / name).exists()]
     if there:
         raise InputError(f"{folder / there[0]}: there already: name another folder for --template")
-    written = write_files(folder, {"item.toml": ITEM_FORM.encode()} if item is None else {})
+    written = write_files(folder, {name: form.encode() for name, form in forms.items()})
     path = folder / "readings.csv"
     export.export(path, columns, export.write_csv)
     written.append(path)
@@ -241,4 +267,35 @@ def _write_forms(
         click.echo(f"readings.xlsx is not written: {error}", err=True)
     for path in written:
         click.echo(f"wrote {path}")
+    return 0
+
+
+def _plan(
+    references: Sequence[Path],
+    opening: Opening,
+    path: Path,
+    item_path: Path | None,
+    as_json: bool,
+    view: View,
+) -> int:
+    """Print what a planned set shows; of a capture, or of the scanner's and the target's files."""
+    if item_path is None:
+        raise InputError("--item is needed: give the file; --template DIR writes a form of it")
+    if len(references) > 1:
+        raise InputError("--plan with several references: give one of them, or none")
+    item, plan = load_item(item_path).item, load_plan(path)
+    config = with_scanner(opening.config, opening.scanner)
+    try:
+        if references:
+            known = Reference(opening.measure(references[0]))
+            found = plan_calibration(plan, item, known, None)
+        else:
+            if opening.target is None:
+                raise InputError("--plan without REFERENCES needs --target and --scanner: add them")
+            target = load_target(opening.target)
+            new = cache(partial(planned_reference, plan, item, target=target, config=config))
+            found = plan_calibration(plan, item, new(plan.trials), new)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+    click.echo(plan_json(found) if as_json else plan_text(found, view), nl=False)
     return 0

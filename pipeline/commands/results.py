@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from ..batch.catalogue.catalogue import Catalogue, open_catalogue, rebuild
-from ..batch.results import export, listing, page, trends
+from ..batch.results import calibrations, export, listing, page, trends
 from ..batch.results.query import (
     ALL,
     STATUSES,
@@ -106,6 +106,13 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
 )
 @click.option("--summary", is_flag=True, help="Print statistics of each quantity.")
 @click.option("--drift", is_flag=True, help="Print the slope over time of each quantity.")
+@click.option(
+    "--item",
+    "serial",
+    metavar="SERIAL",
+    help="Serial number of a machine, whose calibrations below the folder RESULTS --drift takes "
+    "instead of captures; proposes an interval.",
+)
 @click.option("--failures", "failing", is_flag=True, help="List what was not measured, and why.")
 @click.option(
     "--worst",
@@ -158,6 +165,7 @@ def results(
     spans: tuple[tuple[str, str], ...],
     summary: bool,
     drift: bool,
+    serial: str | None,
     failing: bool,
     worst: int | None,
     sql: str | None,
@@ -178,6 +186,10 @@ def results(
     """Query the catalogue of RESULTS."""
     given = {"summary": summary, "drift": drift, "failures": failing, "worst": worst is not None}
     modes = [mode for mode, chosen in given.items() if chosen]
+    if serial is not None:
+        if modes != ["drift"]:
+            raise click.UsageError("--item is of --drift: add it, and leave out other lists")
+        return _of_machine(results, serial, as_json)
     if as_json and len(modes) > 1:
         raise click.UsageError(
             "--json with several lists: choose one of --summary, --drift, --failures, --worst"
@@ -221,6 +233,23 @@ def results(
             _list(catalogue, query, mode, worst or 0)
         _warn_undated(catalogue, which)
         return int(set(listing.by_status(catalogue, which)) - {"ok"} != set())
+
+
+def _of_machine(folder: str, serial: str, as_json: bool) -> int:
+    """Print the drift of a machine over its calibrations, and the interval that it proposes."""
+    found = calibrations.machine_history(Path(folder), serial)
+    if as_json:
+        tree = {
+            "schema": SCHEMA,
+            "item": found.serial,
+            "files": list(found.files),
+            "drift": [listing.plain(row) for row in found.drifts],
+            "intervals": [listing.plain(row) for row in found.intervals],
+        }
+        click.echo(json.dumps(tree, indent=1, ensure_ascii=False))
+    else:
+        click.echo(calibrations.history_text(found), nl=False)
+    return 0
 
 
 def _list(catalogue: Catalogue, query: Query, mode: str, worst: int) -> None:

@@ -9,15 +9,18 @@ from typing import Any
 from ...calibration import (
     Adjustment,
     Calibration,
+    CalibrationPlan,
     CalibrationPoint,
     Characteristic,
     GaugeRR,
+    QuantityPlan,
     QuantityResult,
 )
 from ...measurement import Estimate
 from ...vehicle import Unit
 
 SCHEMA = "wheelplane/calibration/1"
+PLAN_SCHEMA = "wheelplane/calibration-plan/1"
 
 
 def calibration_json(found: Calibration) -> str:
@@ -55,6 +58,43 @@ def calibration_tree(found: Calibration) -> dict[str, Any]:
             for one in found.references
         ],
         "notes": list(found.notes),
+    }
+
+
+def plan_json(found: CalibrationPlan) -> str:
+    """Return a plan as JSON; degrees and metres."""
+    tree = {
+        "schema": PLAN_SCHEMA,
+        "source": found.source,
+        "plan": found.plan.model_dump(exclude_none=True),
+        "quantities": [_planned(one) for one in found.quantities],
+        "trials": [
+            {"name": name, "wheel": wheel, "toe_deg": math.degrees(toe),
+             "camber_deg": math.degrees(camber)}
+            for name, wheel, toe, camber in found.places
+        ],
+    }  # fmt: skip
+    return json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _planned(one: QuantityPlan) -> dict[str, Any]:
+    unit, slope = one.unit, one.sensitivity
+    return {
+        "quantity": one.quantity,
+        "points": list(one.points),
+        **_of("u_reference", one.reference, unit),
+        "error": _estimate(one.error, unit),
+        "mpe_over_u": one.ratio,
+        "zero_error": _estimate(one.zero, unit),
+        "expanded_95_sensitivity": None if slope is None else slope.expanded,
+        "hysteresis": _estimate(one.hysteresis, unit),
+        "detections": [
+            {"name": error.name, "power": error.power, "trials": error.trials}
+            for error in one.detections
+        ],
+        **_of("wanted", one.wanted, unit),
+        "repeats_needed": one.repeats,
+        **_of("u_reference_needed", one.u_reference, unit),
     }
 
 

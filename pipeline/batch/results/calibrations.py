@@ -1,0 +1,182 @@
+"""Calibrations of one machine over time: drift of its errors, and the interval that it proposes."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from ...uncertainty import quantile
+from .series import Series
+from .trends import LEVEL, MONTH_DAYS, Drift, drift, with_holm
+
+NAME = "calibration.json"
+SCHEMA = "wheelplane/calibration/1"
+LONGEST_DAYS = 5.0 * 365.25  # beyond which no interval is proposed
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Interval until the next calibration by one quantity's drift, days from the last one.
+
+    days: until an error may reach the MPE, at 95 % confidence: 0 where it may have done so by now;
+    None where that is not within LONGEST_DAYS. margin: MPE less the largest distance of a point's
+    error from the zero error at the last calibration, in unit.
+    """
+
+    quantity: str
+    unit: str
+    days: float | None
+    margin: float
+
+
+@dataclass(frozen=True)
+class MachineHistory:
+    """Calibrations of a machine by its serial number: files in the order of their dates."""
+
+    serial: str
+    files: tuple[str, ...]
+    drifts: tuple[Drift, ...]
+    intervals: tuple[Interval, ...]
+
+
+def machine_history(folder: Path, serial: str) -> MachineHistory:
+    """Return drift and interval of a machine, by every calibration.json below a folder.
+
+    Drifts are those of the final zero error and sensitivity of each quantity. Raises InputError.
+    """
+    found = sorted(_calibrations(folder, serial), key=lambda one: (_day(one[1]), one[0]))
+    names = dict.fromkeys(name for _, tree in found for name in _values(tree))
+    drifts = with_holm([drift(_series(name, [tree for _, tree in found])) for name in names])
+    last = found[-1][1]
+    intervals = tuple(
+        interval for one in drifts if not one.reason for interval in _interval(one, last)
+    )
+    return MachineHistory(serial, tuple(name for name, _ in found), drifts, intervals)
+
+
+def _calibrations(folder: Path, serial: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield name and content of a machine's calibrations; each has a date."""
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no folder: name one with the results of calibrations")
+    serials = set()
+    own = 0
+    for path in sorted(folder.rglob(NAME)):
+        try:
+            tree = json.loads(path.read_text(encoding="utf-8"))
+            found = tree["item"]["serial"] if tree["schema"] == SCHEMA else None
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError(
+                f"{path}: not a calibration of `wheelplane calibrate` ({error}): remove it"
+            ) from error
+        serials.add(str(found))
+        if found != serial:
+            continue
+        own += 1
+        if tree["date"] is None:
+            raise InputError(f"{path}: it has no date: give it as date in the capture.toml")
+        yield str(path), tree
+    if not own:
+        known = ", ".join(sorted(serials)) or "none"
+        raise InputError(
+            f"{folder}: no calibration of serial {serial!r}: there are those of {known}"
+        )
+
+
+def _day(tree: dict[str, Any]) -> float:
+    """Return days since 1970-01-01, UTC unless the date names a zone."""
+    moment = datetime.fromisoformat(tree["date"])
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp() / 86400.0
+
+
+def _values(tree: dict[str, Any]) -> dict[str, tuple[str, float, float]]:
+    """Return by name unit, value and u of the final zero errors and sensitivities."""
+    found = {}
+    for quantity in _final(tree):
+        name, line = quantity["quantity"], quantity["characteristic"]
+        unit = "m" if "value_m" in line["zero_error"] else "deg"
+        zero = line["zero_error"]
+        found[f"{name} zero error"] = (unit, zero[f"value_{unit}"], zero[f"u_{unit}"])
+        if line["sensitivity"] is not None:
+            slope = line["sensitivity"]
+            found[f"{name} sensitivity"] = ("1", slope["value"], slope["u"])
+    return found
+
+
+def _final(tree: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the results in the state in which each quantity was left."""
+    left = {q["quantity"] for q in tree["quantities"] if q["state"] == "as left"}
+    return [q for q in tree["quantities"] if q["state"] == "as left" or q["quantity"] not in left]
+
+
+def _series(name: str, trees: Sequence[dict[str, Any]]) -> Series:
+    rows = [(_day(tree), *_values(tree)[name]) for tree in trees if name in _values(tree)]
+    days, units, values, u = zip(*rows, strict=True)
+    numbers = np.arange(len(rows), dtype=np.int64)
+    return Series(name, units[0], numbers, *(np.array(x, float) for x in (days, values, u)))
+
+
+def _interval(one: Drift, last: dict[str, Any]) -> Iterator[Interval]:
+    """Yield the interval of a zero error's drift, where its quantity has an MPE.
+
+    The predicted zero error has a standard deviation from the slope, the scatter between
+    calibrations and the last zero error's u; Student's t of n - 2 degrees of freedom.
+    """
+    quantity, _, what = one.quantity.partition(" ")
+    now = next((q for q in _final(last) if q["quantity"] == quantity), None)
+    if what != "zero error" or now is None:
+        return
+    key = f"mpe_{one.unit}"
+    mpe = now["points"][0][key]
+    if mpe is None:
+        return
+    line = now["characteristic"]["zero_error"]
+    zero, u = line[f"value_{one.unit}"], line[f"u_{one.unit}"]
+    errors = [point["error"][f"value_{one.unit}"] for point in now["points"]]
+    margin = mpe - max(abs(error - zero) for error in errors)
+    t = quantile(LEVEL, one.n - 2)
+
+    def reached(days: float) -> bool:
+        ahead = one.last_day + days - one.mean_day
+        spread = math.hypot(ahead * one.u_slope, one.scatter, u)
+        return bool(abs(one.at_mean + one.slope * ahead) + t * spread >= margin)
+
+    low, high = 0.0, LONGEST_DAYS
+    if reached(low) or not reached(high):
+        yield Interval(quantity, one.unit, 0.0 if reached(low) else None, margin)
+        return
+    while high - low > 0.5:
+        middle = (low + high) / 2.0
+        low, high = (low, middle) if reached(middle) else (middle, high)
+    yield Interval(quantity, one.unit, low, margin)
+
+
+def history_text(found: MachineHistory) -> str:
+    """Format drifts per 30 days, and the proposed intervals."""
+    lines = [f"Machine {found.serial}: {len(found.files)} calibrations", ""]
+    for one in found.drifts:
+        if one.reason:
+            lines.append(f"  {one.quantity}: {one.reason}")
+            continue
+        scale, unit = {"deg": (60.0, "'"), "m": (1e3, " mm"), "1": (1.0, "")}[one.unit]
+        slope, spread = (x * MONTH_DAYS * scale for x in (one.slope, one.expanded))
+        mark = " (significant)" if one.significant else ""
+        lines.append(
+            f"  {one.quantity}: {slope:+.3g}{unit} in 30 days (U {spread:.2g}{unit}), "
+            f"p = {one.p:.2g}{mark}"
+        )
+    lines.append("")
+    for interval in found.intervals:
+        days = interval.days
+        until = (
+            f"more than {LONGEST_DAYS / 365.25:.0f} years" if days is None else f"{days:.0f} days"
+        )
+        lines.append(f"  {interval.quantity}: next calibration within {until} of the last")
+    return "\n".join(lines).rstrip() + "\n"

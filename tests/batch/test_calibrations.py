@@ -1,0 +1,75 @@
+"""Tests of a machine's drift over its calibrations, and of the interval that it proposes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from tests.support.calibration_bay import ORIGIN, TOE, Bay, changed, item_of, machine
+from wheelplane.batch.results.calibrations import LONGEST_DAYS, machine_history
+from wheelplane.calibration import Reference, calibrate
+from wheelplane.commands.results import results as command
+from wheelplane.errors import InputError
+from wheelplane.report.json.calibration import calibration_json
+
+
+def write(folder, months, drift=0.0, start=0.0, seed=0, **changes):
+    """Calibrations 30 days apart of a machine whose zero error drifts, minutes a month."""
+    for month in range(months):
+        bay = Bay(seed=(seed, month))
+        toe = changed(TOE, gain=0.0, zero=start + drift * month, **changes)
+        tested = machine(toe=toe)
+        reference = bay.reference()
+        date = np.datetime64("2026-01-01") + 30 * month
+        origin = replace(ORIGIN, date=str(date))
+        dated = Reference(replace(reference.measurement, provenance=origin))
+        found = calibrate([dated], item_of(tested), bay.readings(tested))
+        place = folder / f"{month}"
+        place.mkdir(parents=True)
+        (place / "calibration.json").write_text(calibration_json(found), encoding="utf-8")
+    return folder
+
+
+def test_a_planted_drift_is_found_and_limits_the_interval(tmp_path):
+    found = machine_history(write(tmp_path, 8, drift=0.2), "7")
+    zero = next(one for one in found.drifts if one.quantity == "toe zero error")
+    assert abs(zero.slope * 30.0 * 60.0 - 0.2) < 1.5 * zero.expanded * 30.0 * 60.0
+    assert zero.significant
+    (interval,) = found.intervals
+    # 6' less what points scatter about the line, from 1.4' at 0.2' a month: 20 months at most.
+    assert 0.0 < interval.days < 30.0 * (6.0 - 1.4) / 0.2
+    assert [name.split("/")[-2] for name in found.files] == [str(k) for k in range(8)]
+
+
+def test_a_machine_that_does_not_drift_has_a_long_interval_and_a_bad_one_none(tmp_path):
+    steady = machine_history(write(tmp_path / "steady", 12), "7")
+    assert not any(one.significant for one in steady.drifts)
+    assert steady.intervals[0].days is None or steady.intervals[0].days > LONGEST_DAYS / 10.0
+    bad = machine_history(write(tmp_path / "bad", 4, start=8.0), "7")
+    assert bad.intervals[0].days == 0.0
+
+
+def test_two_calibrations_show_no_drift_and_say_so(tmp_path):
+    found = machine_history(write(tmp_path, 2), "7")
+    assert {one.reason for one in found.drifts} == {"fewer than three dated values"}
+    assert found.intervals == ()
+
+
+def test_the_command_prints_it_and_refuses_what_is_not_there(tmp_path):
+    write(tmp_path, 3, drift=1.0)
+    run = CliRunner().invoke(command, [str(tmp_path), "--drift", "--item", "7"])
+    assert run.exit_code == 0, run.output
+    assert "Machine 7: 3 calibrations" in run.output
+    assert "next calibration within" in run.output
+    run = CliRunner().invoke(command, [str(tmp_path), "--drift", "--item", "7", "--json"])
+    assert len(json.loads(run.output)["files"]) == 3
+    with pytest.raises(InputError, match="no calibration of serial '8': there are those of 7"):
+        machine_history(tmp_path, "8")
+    (tmp_path / "0" / "calibration.json").write_text("{}")
+    with pytest.raises(InputError, match="not a calibration of `wheelplane calibrate`"):
+        machine_history(tmp_path, "7")
+    assert CliRunner().invoke(command, [str(tmp_path), "--item", "7"]).exit_code == 2

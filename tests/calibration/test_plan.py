@@ -1,0 +1,159 @@
+"""Tests of the plan: what it predicts is what calibrations state; what it asks for is enough."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from tests.support.calibration_bay import CAMBER, TOE, Bay, Protocol, changed, item_of, machine
+from tests.support.paths import CONFIGS
+from wheelplane.calibration.calibrate import calibrate
+from wheelplane.calibration.forms.plan_file import PLAN_FORM, Plan, PlannedQuantity, load_plan
+from wheelplane.calibration.plan import plan_calibration, planned_set, power
+from wheelplane.calibration.planned_bay import planned_reference
+from wheelplane.config import Config, InstrumentConfig, load_config, with_scanner
+from wheelplane.errors import ConfigError
+from wheelplane.measurement import Estimate
+from wheelplane.report.json.calibration import plan_json
+from wheelplane.report.text.calibration_plan import plan_text
+from wheelplane.targets import load_target
+
+ITEM = item_of(machine(camber=CAMBER)).item
+TABLE = PlannedQuantity(
+    repeatability="0.3'", lower="-1°", upper="1°", zero="1'", gain=0.02, hysteresis="1'"
+)
+PLAN = Plan(trials=8, repeats=3, directions=True, spacing="1.5 mm", toe=TABLE)
+CONFIG = Config(instrument=InstrumentConfig(range_sigma_m=8e-4))
+DISC = load_target("disc-250")
+
+
+def planned(plan=PLAN, trials=None, config=CONFIG):
+    return planned_reference(plan, ITEM, plan.trials if trials is None else trials, DISC, config)
+
+
+@pytest.mark.parametrize("series", [1, 4])
+def test_the_planned_uncertainties_are_those_of_calibrations(series):
+    tested = machine(
+        toe=changed(TOE, reproducibility=0.5 * (series > 1)), protocol=Protocol(series=series)
+    )
+    table = TABLE.model_copy(update={"reproducibility": "0.5'"})
+    plan = PLAN.model_copy(update={"series": series, "toe": table})
+    squares = []
+    for seed in range(60):
+        bay = Bay(seed=(9, seed))
+        (result,) = calibrate([bay.reference()], item_of(tested), bay.readings(tested)).results
+        known = planned_set("toe", plan, ITEM, bay.reference(noisy=False))
+        line = result.characteristic
+        pairs = [(result.points[0].error, known.errors[0]), (line.zero, known.zero),
+                 (line.sensitivity, known.sensitivity),
+                 (result.hysteresis, known.hysteresis)]  # fmt: skip
+        squares.append([(one.u / other.u) ** 2 for one, other in pairs])
+        if series == 1:
+            assert result.hysteresis.dof == known.hysteresis.dof == 48.0
+    mean = np.mean(squares, axis=0)
+    np.testing.assert_allclose(mean, 1.0, atol=4.0 * math.sqrt(2.0 / 3.0 / 60.0))
+
+
+def test_power_is_that_of_the_t_test_and_grows_with_the_error():
+    known = Estimate(0.0, 2.0, 10.0)
+    assert power(0.0, known) == pytest.approx(0.025, abs=1e-6)
+    assert power(known.expanded, known) == pytest.approx(0.5, abs=0.03)
+    assert power(-50.0, known) == pytest.approx(1.0)
+    assert power(1.0, Estimate(0.0, 0.0)) == 1.0
+
+
+def test_the_planned_reference_has_the_textbook_u_of_a_disc():
+    """2 sigma/(r sqrt N) of each tilt; camber of a trial has little else."""
+    sigma, spacing, radius = 8e-4, 1.5e-3, 0.125
+    config = CONFIG.model_copy(update={"instrument": InstrumentConfig(range_sigma_m=sigma)})
+    bare = DISC.model_copy(update={"flatness": 0.0, "clamp_tilt_deg": 0.0, "clamp_shift": 0.0})
+    found = planned_reference(PLAN, ITEM, 4, bare, config).value("camber", "1", ITEM)
+    number = math.pi * radius**2 / spacing**2
+    assert found.u == pytest.approx(2.0 * sigma / (radius * math.sqrt(number)), rel=0.1)
+
+
+def test_trials_are_spread_over_the_range_of_toe_and_camber():
+    plan = PLAN.model_copy(update={"camber": TABLE.model_copy(update={"lower": "-3°"})})
+    reference = planned(plan)
+    toes = [math.degrees(reference.value("toe", str(k), ITEM).value) for k in range(1, 9)]
+    cambers = [math.degrees(reference.value("camber", str(k), ITEM).value) for k in range(1, 9)]
+    np.testing.assert_allclose(toes, np.linspace(-1.0, 1.0, 8), atol=0.02)
+    np.testing.assert_allclose(cambers, np.linspace(1.0, -3.0, 8), atol=0.02)
+
+
+def test_the_repeats_and_the_reference_asked_for_are_just_enough():
+    table = PlannedQuantity(repeatability="2'", wanted="1.5'")
+    plan = Plan(trials=4, repeats=3, toe=table, spacing="1.5 mm")
+    reference = planned(plan)
+    (one,) = plan_calibration(plan, ITEM, reference, None).quantities
+    assert one.repeats is not None
+    assert one.error.expanded > one.wanted
+    for repeats, enough in ((one.repeats, True), (one.repeats - 1, False)):
+        errors = planned_set(
+            "toe", plan.model_copy(update={"repeats": repeats}), ITEM, reference
+        ).errors
+        assert (max(e.expanded for e in errors) <= one.wanted) == enough
+    fine = plan.model_copy(update={"toe": table.model_copy(update={"repeatability": "0.1'"})})
+    coarse = CONFIG.model_copy(update={"instrument": InstrumentConfig(range_sigma_m=1e-2)})
+    (far,) = plan_calibration(fine, ITEM, planned(plan, config=coarse), None).quantities
+    assert far.repeats is None  # no readings make up for a reference that coarse
+    assert far.u_reference < far.reference
+
+
+def test_the_trials_asked_for_detect_the_gain_and_fewer_do_not():
+    table = PlannedQuantity(repeatability="1'", lower="-1°", upper="1°", gain=0.02)
+    plan = Plan(trials=2, repeats=3, toe=table, spacing="1.5 mm")
+    found = plan_calibration(plan, ITEM, planned(plan), lambda n: planned(plan, n))
+    (gain,) = found.quantities[0].detections
+    assert gain.trials is not None
+    assert gain.power < 0.95
+    powers = [
+        power(0.02, planned_set("toe", plan, ITEM, planned(plan, n)).sensitivity)
+        for n in (gain.trials - 1, gain.trials)
+    ]
+    assert powers[0] < 0.95 <= powers[1]
+
+
+def test_the_form_is_a_plan_and_its_text_and_json_hold_every_part(tmp_path):
+    path = tmp_path / "plan.toml"
+    path.write_text(PLAN_FORM, encoding="utf-8")
+    plan = load_plan(path)
+    config = with_scanner(load_config(None), "phase-shift")
+    new = planned_reference(plan, ITEM, plan.trials, DISC, config)
+    found = plan_calibration(plan, ITEM, new, None)
+    assert [one.quantity for one in found.quantities] == ["toe", "camber"]
+    tree = json.loads(plan_json(found))
+    assert len(tree["trials"]) == 8
+    assert "Errors to be detected" in plan_text(found)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ("repeats = 3 ", "repeats = 1 ", "shows no repeatability"),
+        ('track = "1.5 m"', 'track = "1.5°"', "track: a length above zero is needed"),
+        ("trials = 8", "trails = 8", "did you mean 'trials'?"),
+        ('repeatability = "0.5\'"  #', "# ", "'plan.toe.repeatability' is missing"),
+    ],
+)
+def test_a_wrong_plan_is_refused_with_what_to_write(tmp_path, old, new, fault):
+    path = tmp_path / "plan.toml"
+    text = PLAN_FORM.replace(old, new).replace("series = 1", "series = 1")
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError) as error:
+        load_plan(path)
+    assert fault in str(error.value)
+
+
+def test_what_the_files_do_not_state_is_named():
+    with pytest.raises(ValueError, match="states no range_sigma_m"):
+        planned(config=Config())
+    with pytest.raises(ValueError, match=r"plan\.spacing is missing"):
+        planned(PLAN.model_copy(update={"spacing": None}))
+    total = Plan(trials=0, repeats=2, total_toe=TABLE)
+    with pytest.raises(ValueError, match=r"the item file has no \[item\.total_toe\]"):
+        plan_calibration(total, ITEM, planned(), None)
+    assert (CONFIGS / "machines" / "example.toml").is_file()
