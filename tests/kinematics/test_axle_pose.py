@@ -122,7 +122,7 @@ def test_the_frame_of_caster_and_sai_counts_how_targets_without_run_out_are_moun
 
 @pytest.mark.slow
 def test_u_of_sai_holds_where_the_targets_of_the_other_side_lean_the_frame():
-    """Right run-outs: Student's 95 % of 4 degrees of freedom; without that share, 70 % are inside."""
+    """Right run-outs: of 4 degrees of freedom; without that share, 70 % are inside U."""
     inside = []
     for seed in range(100):
         found = off_centre(seed, ("RR", "FR")).steering_axes[0].inclination
