@@ -143,7 +143,7 @@ class Opening:
     "--five-point", "five_point", is_flag=True, help="The references are five-point files."
 )
 @five_point_unit_option
-@five_point_options(former_position="--station")
+@five_point_options()
 @digits_option
 @target_option
 @whole_vehicle_options

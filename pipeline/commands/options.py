@@ -280,7 +280,7 @@ five_point_unit_option = click.option(
 
 
 def five_point_options(
-    former_station: str | None = None, *, former_position: str
+    former_station: str | None = None, *, former_position: str | None = None
 ) -> Callable[[Command], Command]:
     """Add the options of a five-point file, and of the total station that observed it.
 

@@ -747,7 +747,9 @@ def command(request, monkeypatch, tmp_path, wheelplane, measured):
         yield mock.MagicMock(entries=(), scanner=None, vehicle_model=MODEL)
 
     monkeypatch.setattr(measure_command, "open_capture", opened, raising=True)
-    monkeypatch.setattr(measure_command, "measure_capture", lambda *_: measured, raising=True)
+    monkeypatch.setattr(
+        measure_command, "measure_capture", lambda *_, vertical: measured, raising=True
+    )
     return lambda *options: wheelplane("measure", tmp_path, *options)
 
 
