@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import difflib
 import re
 import tomllib
@@ -27,6 +28,8 @@ _PART = r"""(?:(?<![\w-])[\w-]++|"(?:[^"\\\n]++|\\.)*+"|'[^'\n]*+')[ \t]*+"""
 _LONG_KEY = re.compile(rf"(?:{_PART}\.[ \t]*+){{{MAX_KEY_PARTS}}}")
 MOST_FAULTS = 6  # named in one line; the others are counted
 TABLE_FAULTS = ("model_type", "dict_type")
+# Sections of who issues a report, which change no result.
+ISSUER = frozenset({"report", "laboratory", "standard", "environment"})
 
 
 class Section(BaseModel):
@@ -124,6 +127,50 @@ class ReportConfig(Section):
     language: str = "en"
 
 
+class LaboratoryConfig(Section):
+    """Laboratory that issues certificates; name, address and logo head every report.
+
+    They override those of [report], of which they are the longer form.
+    address: lines. place: where it calibrates, if elsewhere. code: of its accreditation. country:
+    two letters (ISO 3166-1), for the digital certificate. traceability: sentences of its own.
+    """
+
+    name: str = ""
+    address: str = ""
+    logo: str | None = None
+    place: str = ""
+    email: str = ""
+    phone: str = ""
+    code: str = ""
+    country: str = Field("", pattern=r"^([A-Z]{2})?$")
+    traceability: str = ""
+
+
+class StandardConfig(Section):
+    """A reference standard or a sensor. issuer: of its certificate. due: of its recalibration."""
+
+    name: str = Field(min_length=1)
+    description: str = ""
+    serial: str = ""
+    certificate: str = ""
+    issuer: str = ""
+    calibrated: datetime.date | None = None
+    due: datetime.date | None = None
+
+
+class EnvironmentConfig(Section):
+    """Conditions during a calibration, each the lowest and the highest value.
+
+    sensors: names of the [[standard]] tables of the sensors.
+    """
+
+    temperature_c: tuple[float, float] | None = Field(None, strict=False)
+    humidity_percent: tuple[float, float] | None = Field(None, strict=False)
+    pressure_hpa: tuple[float, float] | None = Field(None, strict=False)
+    sensors: tuple[str, ...] = Field((), strict=False)
+    note: str = ""
+
+
 class Config(Section):
     """All sections; `configs/default.toml` shows them with their defaults."""
 
@@ -132,6 +179,9 @@ class Config(Section):
     centre: CentreConfig = CentreConfig()
     instrument: InstrumentConfig = InstrumentConfig()
     report: ReportConfig = ReportConfig()
+    laboratory: LaboratoryConfig = LaboratoryConfig()
+    standard: tuple[StandardConfig, ...] = Field((), strict=False)
+    environment: EnvironmentConfig = EnvironmentConfig()
     seed: int = Field(0, ge=0)
 
 
@@ -166,10 +216,14 @@ def load_config(path: Path | None) -> Config:
     if path is None:
         return Config()
     config = parse_section(Config, read_toml(path), str(path))
-    if config.report.logo is None:
-        return config
-    logo = str(path.parent / config.report.logo)
-    return config.model_copy(update={"report": config.report.model_copy(update={"logo": logo})})
+    issuer, head = config.laboratory, config.report
+    logo = head.logo if issuer.logo is None else issuer.logo
+    update = {
+        "laboratory": issuer.name or head.laboratory,
+        "address": issuer.address or head.address,
+        "logo": None if logo is None else str(path.parent / logo),
+    }
+    return config.model_copy(update={"report": head.model_copy(update=update)})
 
 
 def with_scanner(config: Config, name: str | None) -> Config:

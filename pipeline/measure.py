@@ -11,7 +11,7 @@ import numpy as np
 from . import __version__
 from .capture import Capture
 from .centre import locate_centre
-from .config import Config
+from .config import ISSUER, Config
 from .five_point import (
     FivePointFile,
     Station,
@@ -127,7 +127,7 @@ def provenance_of_capture(
     capture: Capture, config: Config, observations: Sequence[Observation], naming: Naming | None
 ) -> Provenance:
     """Return the inputs and settings of a measurement from scans."""
-    used = config.model_dump(exclude={"seed", "report"})
+    used = config.model_dump(exclude={"seed", *ISSUER})
     used |= {"target": capture.target.model_dump(), "length_unit": capture.length_unit}
     used |= capture.reading.stated()
     inputs = {observation.source: observation.sha256 for observation in observations}

@@ -44,7 +44,7 @@ ROOMS = [
 PARTS = {
     "centre": ["edge", "pattern", "."],
     "validation": ["statistics", "."],
-    "calibration": ["forms", "."],
+    "calibration": ["forms", ".", "certificate"],
     "report": ["format", "tables", "scene", "text", "json", "plots", "html", "."],
     "batch": ["storage", "plan", "catalogue", "results", "run", "."],
 }
@@ -83,6 +83,7 @@ HOMES = {
         "pipeline/targets/plates.py",
         "pipeline/targets/pattern_board.py",
         "pipeline/capture/declaration.py",
+        "pipeline/calibration/certificate/file.py",
         "pipeline/calibration/forms/item.py",
         "pipeline/calibration/forms/plan_file.py",
         "pipeline/measurement/limits.py",

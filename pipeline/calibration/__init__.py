@@ -1,6 +1,8 @@
 """Calibration of wheel alignment machines: readings against reference angles."""
 
 from .calibrate import by_series, calibrate, calibrate_file
+from .certificate.file import CERTIFICATE_FORM, CertificateFile, load_certificate
+from .certificate.issue import Certificate, Missing, issue
 from .forms.item import DecisionRule, Item, ItemFile, ItemQuantity, load_item
 from .forms.plan_file import PLAN_FORM, Plan, load_plan
 from .forms.quantities import QUANTITIES
@@ -23,6 +25,7 @@ from .records import (
 from .reference import Reference
 
 __all__ = [
+    "CERTIFICATE_FORM",
     "ITEM_FORM",
     "PLAN_FORM",
     "QUANTITIES",
@@ -31,6 +34,8 @@ __all__ = [
     "Calibration",
     "CalibrationPlan",
     "CalibrationPoint",
+    "Certificate",
+    "CertificateFile",
     "Characteristic",
     "Contribution",
     "DecisionRule",
@@ -41,6 +46,7 @@ __all__ = [
     "Item",
     "ItemFile",
     "ItemQuantity",
+    "Missing",
     "Plan",
     "QuantityPlan",
     "QuantityResult",
@@ -52,6 +58,8 @@ __all__ = [
     "by_series",
     "calibrate",
     "calibrate_file",
+    "issue",
+    "load_certificate",
     "load_item",
     "load_plan",
     "plan_calibration",

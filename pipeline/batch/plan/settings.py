@@ -11,7 +11,7 @@ from typing import Any
 
 from ... import __version__
 from ...capture import CaptureOptions
-from ...config import Config
+from ...config import ISSUER, Config
 from ...errors import InputError
 from ...five_point import Station
 from ...report.json.measurement import SCHEMA
@@ -61,7 +61,7 @@ class BatchSettings:
                 "place_m": None if station is None else station.position_m.tolist(),
             }
         return stated | {
-            "config": self.config.model_dump(exclude={"report"}),
+            "config": self.config.model_dump(exclude=set(ISSUER)),
             "scanner": self.scanner is not None,
             "target": None if self.target is None else self.target.model_dump(),
             "told": _stated(self.options),
