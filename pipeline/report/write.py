@@ -9,12 +9,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from ..calibration import Certificate
 from ..errors import InputError
 from ..measurement import Conformity, Measurement
 from ..validation import Comparison, ComparisonStudy
 from .format.language import load_translations
 from .format.view import PAPER, View
 from .format.writer import Writer
+from .html.certificate import certificate_document
 from .html.comparison import comparison_document, study_document
 from .html.document import Document, document_html
 from .html.page import ReportOptions, html_report
@@ -164,6 +166,18 @@ def write_validation(
         )
         content |= document_files("validation", document, options, wanted)
     return write_files(folder, content)
+
+
+def certificate_files(
+    made: Certificate, record: str, options: ReportOptions, wanted: ReportFiles
+) -> dict[str, bytes]:
+    """Return the wanted forms of a certificate by file name; record: calibration.json.
+
+    Raises MissingDependencyError.
+    """
+    writer = Writer(options.words, options.view)
+    document = certificate_document(made, writer, record)
+    return document_files("certificate", document, options, wanted)
 
 
 def document_files(

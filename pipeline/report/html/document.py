@@ -30,7 +30,11 @@ class Section:
 
 @dataclass(frozen=True)
 class Document:
-    """Content of a report; record: the JSON whose digest numbers it. notes: in English."""
+    """Content of a report; record: the JSON whose digest numbers it. notes: in English.
+
+    number: of a certificate, in the place of the digest's. running, ending: words before it, at the
+    foot of each page and at the end. draft: why it is one. names: of those who sign it.
+    """
 
     title: str
     record: str
@@ -39,12 +43,18 @@ class Document:
     results: Sequence[Section]
     annexes: Sequence[Section]
     notes: Sequence[str] = field(default_factory=tuple)
+    number: str = ""
+    running: str = ""
+    ending: str = ""
+    draft: Sequence[str] = field(default_factory=tuple)
+    names: Sequence[str] = field(default_factory=tuple)
 
 
 def document_html(made: Document, words: Translations, laboratory: Laboratory = NOBODY) -> str:
     """Return the page; same document, same text."""
     digest = hashlib.sha256(made.record.encode(errors="backslashreplace")).hexdigest()
-    number = digest[:NUMBER_DIGITS]
+    number = made.number or digest[:NUMBER_DIGITS]
+    head = made.head if made.number else [*made.head, (words("head.report"), number)]
     sections = [*made.results, *made.annexes]
     return render(
         "document.html",
@@ -56,7 +66,11 @@ def document_html(made: Document, words: Translations, laboratory: Laboratory = 
             "title": made.title,
             "vehicle": "",
             "laboratory": laboratory,
-            "head": [*made.head, (words("head.report"), number)],
+            "head": head,
+            "running": made.running or words("head.report"),
+            "ending": made.ending or words("title.end"),
+            "draft": made.draft,
+            "names": made.names,
             "sections": [(section.name, section.title) for section in sections],
             "verdict": made.headline,
             "results": made.results,

@@ -74,6 +74,7 @@ def _page(
     return {
         "words": words,
         "title": words("title.report"),
+        "running": words("head.report"),
         "font": FONT,
         "number": number,
         "digest": digest,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from ...calibration import (
+    QUANTITIES,
     Adjustment,
     Calibration,
     CalibrationPoint,
@@ -32,10 +33,17 @@ def quantity(kind: str, words: Translations) -> str:
     return words(f"calibration.quantity_{kind}")
 
 
+def point_name(point: str, kind: str, words: Translations) -> str:
+    """Return the name of a point: of a wheel, an axle, the vehicle or a turn; else its own."""
+    if QUANTITIES[kind].subject == "wheel":
+        return words.wheel(point)
+    return words.texts.get(f"calibration.at_{point}", point)
+
+
 def declared(result: QuantityResult, writer: Writer) -> str:
     """Return in words what the item declares of a quantity."""
     words, stated = writer.words, result.declared
-    parts = [words("calibration.resolution_of", value=stated.resolution)]
+    parts = [words("calibration.resolution_of", value=words.number(stated.resolution))]
     parts += [words(f"calibration.{name}", value=value) for name, value in _given(stated, words)]
     return "; ".join(parts)
 
@@ -47,8 +55,8 @@ def _given(stated: ItemQuantity, words: Translations) -> list[tuple[str, str]]:
         ("from_axis", stated.axis and words.known("axis", stated.axis)),
         ("defined", stated.definition and words(f"calibration.camber_{stated.definition}")),
         ("inner", stated.inner_deg and words.number(f"{stated.inner_deg:g}°")),
-        ("mpe_of", stated.mpe and f"±{stated.mpe}"),
-        ("own_u", stated.uncertainty),
+        ("mpe_of", stated.mpe and words.number(f"±{stated.mpe}")),
+        ("own_u", stated.uncertainty and words.number(stated.uncertainty)),
     ]
     return [(name, str(value)) for name, value in found if value]
 
@@ -72,7 +80,7 @@ def _row(point: CalibrationPoint, writer: Writer, compared: bool, limited: bool)
     unit, words, error = point.unit, writer.words, point.error
     finest = error.expanded
     row = [
-        point.point,
+        point_name(point.point, point.quantity, words),
         writer.number(point.reference.value, unit, finest),
         writer.size(point.reference.expanded, unit),
         writer.number(point.reading, unit, finest),
@@ -128,7 +136,7 @@ def budget_table(result: QuantityResult, writer: Writer) -> Table:
                  _dof(point.error.dof, writer), ""])  # fmt: skip
     columns = (words("calibration.origin"), words("calibration.component"), "u",
                words("calibration.dof"), words("calibration.share"))  # fmt: skip
-    caption = words("calibration.budget", point=point.point)
+    caption = words("calibration.budget", point=point_name(point.point, point.quantity, words))
     return writer.table(columns, rows, 2, caption)
 
 
@@ -154,7 +162,15 @@ def shown_lines(result: QuantityResult, writer: Writer) -> list[str]:
         parts = {"value": words.number(value), "expanded": words.number(spread)}
         lines.append(words("calibration.sensitivity", **parts))
     if line.linearity is not None:
-        lines.append(_stated("linearity", line.linearity, result, writer, point=line.worst_point))
+        lines.append(
+            _stated(
+                "linearity",
+                line.linearity,
+                result,
+                writer,
+                point=point_name(line.worst_point, result.quantity, words),
+            )
+        )
     if line.fits is not None:
         lines.append(words("calibration.fits", probability=writer.share(line.fits)))
     if result.hysteresis is not None:
@@ -221,7 +237,7 @@ def adjustments_table(found: Calibration, writer: Writer) -> Table:
     rows = [
         [
             quantity(one.quantity, words),
-            one.point,
+            point_name(one.point, one.quantity, words),
             *(signed(known, one, writer) for known in (one.found, one.left, one.change)),
             writer.size(one.change.expanded, one.unit),
         ]
@@ -254,5 +270,6 @@ def reasons(result: QuantityResult, writer: Writer) -> list[str]:
             key = "undecidable" if verdict.guard_band is None else "near"
             shared = "MPE/U" in verdict.reason
             text = verdict.reason if shared else words(f"calibration.{key}")
-            found.append(f"{point.point}: {words.number(text)}")
+            name = point_name(point.point, point.quantity, words)
+            found.append(f"{name}: {words.number(text)}")
     return found
