@@ -28,6 +28,7 @@ COMMANDS = {
     "synth": ("commands.synth:synth", "Make a synthetic capture with known angles."),
     "targets": ("commands.targets:targets", "List and draw the known targets."),
     "validate": ("commands.validate:validate", "Compare dense scans with five points."),
+    "verify": ("commands.verify:verify", "Check a certificate: its schema, its signature."),
     "view": ("commands.view:view", "Open the web page: load, measure, save reports."),
 }
 

@@ -45,7 +45,7 @@ PARTS = {
     "centre": ["edge", "pattern", "."],
     "validation": ["statistics", "."],
     "calibration": ["forms", ".", "certificate"],
-    "report": ["format", "tables", "scene", "text", "json", "plots", "html", "."],
+    "report": ["format", "tables", "scene", "text", "json", "plots", "html", "dcc", "."],
     "batch": ["storage", "plan", "catalogue", "results", "run", "."],
 }
 # Rooms that others enter by their door alone, `__init__.py`; renderers and commands are imported
@@ -69,6 +69,8 @@ HOMES = {
     "pye57": {"pipeline/readers/sandbox/worker.py", "synth/output/e57.py"},
     "lazrs": {"pipeline/readers/sandbox/worker.py"},
     "laspy": set(),
+    "lxml": {"pipeline/report/dcc/xml.py"},
+    "cryptography": {"pipeline/report/signature.py"},
     "markdown_it": {"pipeline/manual/markdown.py"},
     "distributed": {"pipeline/batch/run/cluster.py"},
     "duckdb": {"pipeline/batch/results/export.py"},

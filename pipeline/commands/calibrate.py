@@ -11,6 +11,7 @@ import click
 
 from ..batch.results import export
 from ..calibration import (
+    CERTIFICATE_FORM,
     ITEM_FORM,
     PLAN_FORM,
     FaultyTableError,
@@ -37,6 +38,7 @@ from ..report.write import write_files
 from ..targets import load_target
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vehicle import REFERENCE_WHEELS
+from .certificate import CertificateOptions, certificate_options
 from .options import (
     capture_options,
     config_option,
@@ -149,6 +151,7 @@ class Opening:
 @whole_vehicle_options
 @config_option
 @scanner_option
+@certificate_options
 def calibrate(
     references: tuple[Path, ...],
     item_path: Path | None,
@@ -173,6 +176,7 @@ def calibrate(
     up: Upright | None,
     config: Path | None,
     scanner: str | None,
+    issuing: CertificateOptions,
 ) -> int:
     """Calibrate a wheel alignment machine: its readings against the angles of REFERENCES.
 
@@ -218,6 +222,7 @@ def calibrate(
     if item_path is None or readings_path is None:
         missing = "--item" if item_path is None else "--readings"
         raise InputError(f"{missing} is needed: give the file; --template DIR writes forms of both")
+    issuing.check(output)
     item = load_item(item_path)
     measured = [Reference(opening.measure(source)) for source in references]
     try:
@@ -226,8 +231,11 @@ def calibrate(
         for fault in error.faults:
             click.echo(f"wheelplane: {' '.join(fault.split())}", err=True)
         return 2
-    record, text = calibration_json(found), calibration_text(found, View(digits=digits))
+    view = View(digits=digits)
+    record, text = calibration_json(found), calibration_text(found, view)
     files = {"calibration.json": record.encode(), "calibration.txt": text.encode()}
+    if output:
+        files |= issuing.files(found, opening.config, view, record)
     written = write_files(output, files) if output else []
     if as_json:
         click.echo(record, nl=False)
@@ -251,7 +259,13 @@ def _write_forms(
         raise InputError("--template with several references: give one of them")
     item = None if item_path is None else load_item(item_path).item
     columns = readings_form(opening.targets(references[0]), item, repeats, directions)
-    forms = {"item.toml": ITEM_FORM, "plan.toml": PLAN_FORM} if item is None else {}
+    forms = {
+        "item.toml": ITEM_FORM,
+        "plan.toml": PLAN_FORM,
+        "certificate.toml": CERTIFICATE_FORM,
+    }
+    if item is not None:
+        forms = {}
     names = [*forms, "readings.csv", "readings.xlsx"]
     there = [name for name in names if (folder / name).exists()]
     if there:

@@ -13,6 +13,7 @@ from ..calibration import Certificate
 from ..errors import InputError
 from ..measurement import Conformity, Measurement
 from ..validation import Comparison, ComparisonStudy
+from .dcc.certificate import dcc_bytes
 from .format.language import load_translations
 from .format.view import PAPER, View
 from .format.writer import Writer
@@ -169,15 +170,18 @@ def write_validation(
 
 
 def certificate_files(
-    made: Certificate, record: str, options: ReportOptions, wanted: ReportFiles
+    made: Certificate, record: str, options: ReportOptions, wanted: ReportFiles, dcc: bool = False
 ) -> dict[str, bytes]:
     """Return the wanted forms of a certificate by file name; record: calibration.json.
 
-    Raises MissingDependencyError.
+    Raises InputError for the digital form of a draft, MissingDependencyError.
     """
     writer = Writer(options.words, options.view)
     document = certificate_document(made, writer, record)
-    return document_files("certificate", document, options, wanted)
+    files = document_files("certificate", document, options, wanted)
+    if dcc:
+        files["certificate.xml"] = dcc_bytes(made, options.words.language)
+    return files
 
 
 def document_files(

@@ -1,0 +1,226 @@
+"""Tests of the digital certificate: required elements in their order, D-SI numbers, the schema.
+
+Set WHEELPLANE_DCC_SCHEMA to a folder with dcc.xsd 3.3.0, and what it imports, for the last of them.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.support.certificates import calibrated, certificate, given
+from wheelplane.errors import InputError
+from wheelplane.report.dcc.certificate import dcc_bytes
+from wheelplane.report.dcc.conformity import conformity_of, overall
+from wheelplane.report.dcc.xml import element, schema_faults, to_bytes
+
+etree = pytest.importorskip("lxml.etree")
+NAMES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
+SCHEMA = os.environ.get("WHEELPLANE_DCC_SCHEMA", "")
+# D-SI 2.2.1: decimalType, kValueType.
+DECIMAL = re.compile(r"[-+]?((\d*\.\d+)|(\d+\.\d*)|(\d+\.?))([Ee][-+]?\d+)?")
+FACTOR = re.compile(r"([1-9]\d*\.\d*)|([1-9]\d*)")
+
+# Children in the order of the schema, "?" for those that may be missing.
+ORDER = {
+    "digitalCalibrationCertificate": "administrativeData measurementResults",
+    "administrativeData": "dccSoftware coreData items calibrationLaboratory respPersons customer "
+    "statements?",
+    "coreData": "countryCodeISO3166_1 usedLangCodeISO639_1 usedLangCodeISO639_1 "
+    "mandatoryLangCodeISO639_1 uniqueIdentifier receiptDate beginPerformanceDate "
+    "endPerformanceDate performanceLocation issueDate reportAmendedSubstituted?",
+    "item": "name installedSoftwares manufacturer model identifications",
+    "identification": "issuer value name",
+    "calibrationLaboratory": "calibrationLaboratoryCode? contact",
+    "contact": "name eMail? phone? location",
+    "customer": "name location",
+    "respPerson": "person role mainSigner",
+    "measuringEquipment": "name identifications",
+    "influenceCondition": "name status? data",
+    "measurementResult": "name influenceConditions? results",
+    "result": "name data",
+    "statement": "traceable? declaration conformity?",
+    "metaData": "declaration conformityXMLList",
+    "realListXMLList": "labelXMLList valueXMLList unitXMLList "
+    "measurementUncertaintyUnivariateXMLList?",
+    "expandedMUXMLList": "valueExpandedMUXMLList coverageFactorXMLList coverageProbabilityXMLList",
+    "real": "value unit measurementUncertaintyUnivariate?",
+}  # fmt: skip
+
+
+def tree(made=None, language="en"):
+    return etree.fromstring(dcc_bytes(made or certificate(), language))
+
+
+def every(root, path):
+    return root.findall(f".//{path}", NAMES)
+
+
+def text(root, path):
+    return root.find(f".//{path}", NAMES).text
+
+
+@pytest.mark.parametrize("adjusted", [False, True])
+def test_elements_stand_in_the_order_of_the_schema(adjusted):
+    root = tree(certificate(given(replaces="1", reason="Wrong serial."), adjusted))
+    assert root.get("schemaVersion") == "3.3.0"
+    seen = set()
+    for node in root.iter():
+        name = etree.QName(node).localname
+        if name in ORDER:
+            words = ORDER[name].split()
+            pattern = "".join(f"({w[:-1]} )?" if w.endswith("?") else f"{w} " for w in words)
+            found = "".join(f"{etree.QName(child).localname} " for child in node)
+            assert re.fullmatch(pattern, found), (name, found)
+            seen.add(name)
+    assert seen == set(ORDER)
+    assert not [node for node in root.iter() if len(node) == 0 and not (node.text or "").strip()]
+
+
+def test_it_says_what_the_certificate_says():
+    root = tree(language="pt")
+    core = {
+        "dcc:uniqueIdentifier": "2026-0142", "dcc:countryCodeISO3166_1": "PT",
+        "dcc:mandatoryLangCodeISO639_1": "pt", "dcc:receiptDate": "2026-11-02",
+        "dcc:beginPerformanceDate": "2026-11-03", "dcc:endPerformanceDate": "2026-11-03",
+        "dcc:performanceLocation": "laboratory", "dcc:issueDate": "2026-11-05",
+        "dcc:calibrationLaboratoryCode": "M0999", "dcc:model": "Bay", "dcc:role":
+        "technical manager", "dcc:respPerson//dcc:content": "Ana Silva",
+        "dcc:customer//dcc:content": "Oficina Exemplo",
+    }  # fmt: skip
+    assert {path: text(root, path) for path in core} == core
+    assert [node.text for node in every(root, "dcc:usedLangCodeISO639_1")] == ["en", "pt"]
+    values = {node.text for node in every(root, "dcc:measuringEquipment//dcc:value")}
+    assert {"LS-0815", "C-2026-17", "National institute", "2027-03-01", "4711"} <= values
+
+
+def test_an_amendment_names_what_it_replaces():
+    root = tree(certificate(given(replaces="2026-0100", reason="Wrong serial.")))
+    assert text(root, "dcc:typeOfChange") == "amended"
+    assert text(root, "dcc:replacedUniqueIdentifier") == "2026-0100"
+    assert every(tree(), "dcc:reportAmendedSubstituted") == []
+
+
+def test_values_are_those_of_the_calibration_to_the_place_of_u():
+    root = tree()
+    results = every(root, "dcc:measurementResult")
+    assert len(results) == len(calibrated().results)
+    for node, result in zip(results, calibrated().results, strict=True):
+        lists = {
+            one.get("refType"): one.find("si:realListXMLList", NAMES)
+            for one in every(node, "dcc:list/dcc:quantity")
+        }
+        assert {text(one, "si:unitXMLList") for one in lists.values()} == {r"\degree"}
+        errors = lists["basic_measurementError"]
+        assert text(errors, "si:labelXMLList").split() == [one.point for one in result.points]
+        numbers = text(errors, "si:valueXMLList").split()
+        sizes = text(errors, "si:valueExpandedMUXMLList").split()
+        factors = text(errors, "si:coverageFactorXMLList").split()
+        for point, number, size, factor in zip(result.points, numbers, sizes, factors, strict=True):
+            assert len(number.partition(".")[2]) == len(size.partition(".")[2])
+            half = 0.5 * 10.0 ** -len(size.partition(".")[2])
+            assert abs(float(number) - math.degrees(point.error.value)) <= half * 1.0001
+            assert abs(float(size) - math.degrees(point.error.expanded)) <= half * 1.0001
+            assert abs(float(factor) - point.error.expanded / point.error.u) <= 0.00501
+        indicated = text(lists["basic_measuredValue"], "si:valueXMLList").split()
+        known = text(lists["basic_referenceValue"], "si:valueXMLList").split()
+        for number, size, reading, reference in zip(numbers, sizes, indicated, known, strict=True):
+            step = 10.0 ** -len(size.partition(".")[2])
+            assert abs(float(reading) - float(reference) - float(number)) <= 1.5 * step
+
+
+def test_numbers_are_as_d_si_writes_them():
+    root = tree(certificate(adjusted=True))
+    for node in root.iter():
+        name = etree.QName(node).localname
+        named = name.startswith(("valueXML", "valueExpandedMU")) or name == "value"
+        if named and etree.QName(node).namespace == NAMES["si"]:
+            assert all(DECIMAL.fullmatch(one) for one in node.text.split())
+        if name.startswith("coverageFactor"):
+            assert all(FACTOR.fullmatch(one) for one in node.text.split())
+
+
+@pytest.mark.parametrize("mpe", [6.0, 1.5, 0.05])
+def test_verdicts_are_words_of_the_schema(mpe):
+    made = certificate(mpe=mpe)
+    found = text(tree(made), "dcc:conformityXMLList").split()
+    points = made.calibration.results[0].points
+    assert found == [conformity_of(point) for point in points]
+    simple = {"conform": {"pass"}, "not conform": {"fail"},
+              "undecided": {"conditionalPass", "conditionalFail"}}  # fmt: skip
+    for word, point in zip(found, points, strict=True):
+        assert word in simple[point.verdict.decision]
+    assert text(tree(made), "dcc:statement/dcc:conformity") == overall(made.calibration)
+    assert (overall(made.calibration) == "pass") == (made.calibration.decision == "conform")
+
+
+def test_states_before_and_after_adjustment_are_named():
+    states = [one.text for one in every(tree(certificate(adjusted=True)), "dcc:status")]
+    assert states == ["beforeAdjustment", "afterAdjustment"] * 2
+    assert every(tree(), "dcc:status") == []
+
+
+def test_a_draft_has_no_digital_form():
+    with pytest.raises(InputError, match=r"number of the certificate is missing .*, and 1 more"):
+        tree(certificate(given(number="", method="")))
+    with pytest.raises(InputError, match="country"):
+        tree(certificate(given("laboratory", country="")))
+
+
+def test_same_certificate_same_bytes_and_no_markup_of_a_user():
+    assert dcc_bytes(certificate(), "en") == dcc_bytes(certificate(), "en")
+    made = replace(certificate(), stated=given(customer="<x>&\x01\u202e y").certificate)
+    assert text(tree(made), "dcc:customer//dcc:content") == "<x>& y"
+    assert to_bytes(element("dcc:a", "x", refType="y")).endswith(b'refType="y">x</dcc:a>\n')
+
+
+SMALL = """<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" xmlns:si="https://ptb.de/si"
+ targetNamespace="https://ptb.de/dcc" elementFormDefault="qualified">
+ <xs:import namespace="https://ptb.de/si" schemaLocation="https://ptb.de/si/v2/SI_Format.xsd"/>
+ <xs:element name="a"><xs:complexType><xs:sequence><xs:element ref="si:b"/></xs:sequence>
+ </xs:complexType></xs:element></xs:schema>"""
+IMPORTED = """<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema"
+ targetNamespace="https://ptb.de/si"><xs:element name="b" type="xs:int"/></xs:schema>"""
+
+
+def test_a_schema_is_read_with_what_it_imports_from_beside_it(tmp_path):
+    (tmp_path / "dcc.xsd").write_text(SMALL)
+    (tmp_path / "a.xml").write_bytes(to_bytes(element("dcc:a", element("si:b", "1"))))
+    (tmp_path / "b.xml").write_bytes(to_bytes(element("dcc:a", element("si:b", "x"))))
+    with pytest.raises(InputError, match=r"dcc.xsd: .* imports https://ptb.de/si/v2/SI_Format.xsd"):
+        schema_faults(tmp_path / "a.xml", tmp_path)
+    (tmp_path / "si").mkdir()
+    (tmp_path / "si" / "si_format.xsd").write_text(IMPORTED)
+    assert schema_faults(tmp_path / "a.xml", tmp_path) == []
+    assert schema_faults(tmp_path / "a.xml", tmp_path / "dcc.xsd") == []
+    (fault,) = schema_faults(tmp_path / "b.xml", tmp_path)
+    assert fault.startswith("line 3: Element 'si:b'")
+
+
+def test_unusable_files_are_named(tmp_path):
+    (tmp_path / "dcc.xsd").write_text("<nothing")
+    (tmp_path / "a.xml").write_text("<a/>")
+    with pytest.raises(InputError, match=r"dcc\.xsd: no well-formed XML"):
+        schema_faults(tmp_path / "a.xml", tmp_path)
+    with pytest.raises(InputError, match="no such file"):
+        schema_faults(tmp_path / "a.xml", tmp_path / "other.xsd")
+    (tmp_path / "dcc.xsd").write_text("<a/>")
+    with pytest.raises(InputError, match="no usable schema"):
+        schema_faults(tmp_path / "a.xml", tmp_path)
+
+
+@pytest.mark.skipif(not SCHEMA, reason="WHEELPLANE_DCC_SCHEMA names no folder with dcc.xsd")
+@pytest.mark.parametrize("adjusted", [False, True])
+def test_it_is_valid_by_the_published_schema(adjusted, tmp_path):
+    made = certificate(given(replaces="1", reason="Wrong serial."), adjusted, mpe=1.5)
+    path = tmp_path / "certificate.xml"
+    path.write_bytes(dcc_bytes(made, "pt"))
+    assert schema_faults(path, Path(SCHEMA)) == []
+    path.write_text(path.read_text().replace("<dcc:issueDate>2026-11-05</dcc:issueDate>",
+                                             "<dcc:issueDate>soon</dcc:issueDate>"))  # fmt: skip
+    assert len(schema_faults(path, Path(SCHEMA))) == 1
