@@ -51,6 +51,7 @@ def test_it_states_what_each_clause_asks_for(language):
     words = load_translations(language)
     made = certificate(given(deviations="No warm-up."), adjusted=True)
     seen = read(page(made, language))
+    left = words("calibration.left").capitalize()
     mpe = words.number(f"±{made.calibration.item.toe.mpe}")
     clauses = {
         "a": words("certificate.title"),
@@ -74,7 +75,7 @@ def test_it_states_what_each_clause_asks_for(language):
         "7.8.4.1 c": words("certificate.traceable"),
         "7.8.4.1 c, its own": "Angle by laser tracker.",
         "7.8.4.1 d": words("calibration.adjustments"),
-        "7.8.6.2 a": words("certificate.conform_says"),
+        "7.8.6.2 a": words("certificate.conform_says", state=left),
         "7.8.6.2 b": words("calibration.mpe_of", value=mpe),
         "7.8.6.2 c": words("verdict.rule"),
         "copies": words("certificate.copy"),
@@ -145,7 +146,7 @@ def test_an_amendment_names_what_it_replaces_and_why():
 def test_the_statement_of_conformity_is_that_of_the_calibration(mpe, key):
     made = certificate(mpe=mpe)
     assert made.calibration.decision == key.replace("_", " ")
-    assert EN(f"certificate.{key}_says") in read(page(made))
+    assert EN(f"certificate.{key}_says", state="As found") in read(page(made))
 
 
 def test_without_mpe_no_conformity_is_stated():

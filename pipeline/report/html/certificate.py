@@ -103,7 +103,9 @@ def _headline(found: Calibration, words: Translations) -> Headline | None:
     if decision is None:
         return None
     key = decision.replace(" ", "_")
-    says = (words(f"certificate.{key}_says"),)
+    left = any(result.state == "as left" for result in found.final)
+    state = words(f"calibration.{'left' if left else 'found'}").capitalize()
+    says = (words(f"certificate.{key}_says", state=state),)
     return Headline(decision.replace(" ", "-"), SIGNS[decision], decided(decision, words), says)
 
 
@@ -112,7 +114,7 @@ def _results(found: Calibration, writer: Writer) -> list[Part]:
     parts: list[Part] = [words("calibration.signs")]
     for result in found.results:
         parts += [points_table(result, writer), f"{declared(result, writer)}."]
-        parts += reasons(result, writer)
+        parts += ["; ".join(why) + "."] if (why := reasons(result, writer)) else []
         parts.append(_sentences([*shown_lines(result, writer), *result.notes]))
     if found.adjustments:
         parts.append(adjustments_table(found, writer))
