@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..measurement import Observation, Vertical, WheelPose, WheelResult
+from ..measurement import Observation, Vertical, WheelPose, WheelResult, estimate
 from ..uncertainty import Effect, UncertaintyComponent, mounting_component
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
+from .sweep import SweepScans
 from .wheel_axis import Axle, Framed
 
 
@@ -83,7 +84,16 @@ def with_mounting(best: Framed) -> Framed:
                 component = mounting_component(rest.tilt_rad, rest.shift_m, normal)
                 factor[6 * row : 6 * row + 6] = component.factor
         effects.append(Effect("clamp", factor, scatter.dof, pooled=True))
-    return replace(best, scans=replace(scans, effects=(*effects, *scans.effects)))
+    scans = replace(scans, effects=(*effects, *scans.effects))
+    return replace(best, scans=scans, axles=tuple(_by(axle, scans) for axle in best.axles))
+
+
+def _by(axle: Axle, scans: SweepScans) -> Axle:
+    """Return the axle with its estimate by the effects of these scans, as all others are."""
+    known = axle.eccentricity
+    if known is None:
+        return axle
+    return replace(axle, eccentricity=estimate(known.value, known.slope, scans.effects))
 
 
 def vertical_as_effect(best: Framed) -> Vertical | None:
