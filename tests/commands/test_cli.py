@@ -25,7 +25,7 @@ from wheelplane import __version__
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.cli import main
 from wheelplane.commands.demo import compared
-from wheelplane.config import Config, load_config
+from wheelplane.config import ISSUER, Config, load_config
 from wheelplane.errors import InputError
 from wheelplane.measure import measure_capture
 from wheelplane.measurement.quantities import by_name
@@ -212,7 +212,7 @@ def test_provenance_lets_the_measurement_be_repeated(measured, capture):
         "clamp_shift": 0.0,
     }
     assert config["length_unit"] == "m"
-    defaults = Config().model_dump(exclude={"seed", "report"})  # which changes no result
+    defaults = Config().model_dump(exclude={"seed", *ISSUER})  # which change no result
     assert {key: config[key] for key in defaults} == defaults
 
 
