@@ -48,7 +48,7 @@ class Detection:
 
 @dataclass(frozen=True)
 class QuantityPlan:
-    """What is to be expected of one quantity; radians or metres.
+    """Expected uncertainties of one quantity; radians or metres.
 
     error: of the point with the largest u; reference: u of its reference value. ratio: of MPE to U.
     zero, sensitivity, hysteresis: estimates without their values; None where the set shows none.

@@ -28,7 +28,7 @@ MAX_BYTES = 4 << 20
 DISTINCT = 0.2  # share of a term's column that those before it leave, below which it is left out
 IN_LINE = 0.1  # of an offset of the ranges in a length, below which it is taken for none
 LEAST_DOF = 3  # a standard deviation of Student's t needs as many
-LEVEL_DEG = 85.0  # elevation beyond which azimuths tell nothing
+LEVEL_DEG = 85.0  # elevation beyond which azimuths show nothing
 MOST_APART_DEG = 0.5  # of two faces; more is another target
 
 

@@ -189,7 +189,7 @@ LEVEL = {"grid.spacing_m": 0.004, "grid.half_width_m": 0.15, "station.incidence_
 
 
 def heights_m(tmp_path, values, target=DISC):
-    """Of one scan without noise: points on the face in its axes, and their range errors."""
+    """Return points of one scan on the face in its axes, without noise, and their range errors."""
     scanner = changed(IDEAL, tmp_path, LEVEL | values)
     files = {"vehicle": SALOON, "scanner": scanner, "target": target}
     truth = write_capture(tmp_path / "c", seed=4, trials=0, **files)

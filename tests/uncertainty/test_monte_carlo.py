@@ -106,7 +106,7 @@ def test_few_degrees_of_freedom_are_drawn_from_student(dof):
 
 
 def test_each_estimate_is_drawn_with_a_scale_of_its_own():
-    """Of two estimates squares are independent; pooled, they rise and fall together."""
+    """Squares of two estimates are independent; pooled, they rise and fall together."""
     pair = [Effect(name, np.eye(2)[:, [i]], 8.0, False) for i, name in enumerate("ab")]
     pooled = [replace(effect, name="a", pooled=True) for effect in pair]
     for effects, together in ((pair, False), (pooled, True)):

@@ -59,7 +59,7 @@ class Signature(Section):
 
 
 class CertificateConfig(Section):
-    """What is of this certificate alone; all may be missing from a draft.
+    """Data of this certificate alone; all may be missing from a draft.
 
     customer_address: lines, with contact. performed: the first day, performed_until the last.
     at: at the laboratory, at the customer's or elsewhere; place names it. condition: of the item as

@@ -16,7 +16,7 @@ Rule = Literal["guarded", "simple", "shared"]
 
 
 class ItemQuantity(Section):
-    """What the item declares of one quantity; values are texts with their units.
+    """Declaration of one quantity by the item; values are texts with their units.
 
     positive: the sense that it counts as positive. axis: the longitudinal axis that it counts from.
     definition: of camber. inner_deg: angle of the inner wheel of toe-out on turns. mpe: maximum

@@ -44,7 +44,7 @@ zero = "1'"
 
 
 class PlannedQuantity(Section):
-    """What is known of a quantity's readings, and wanted of it; values are texts with units.
+    """Known scatter of one quantity's readings, and its wanted U; values are texts with units.
 
     lower, upper: between which its trials are placed; only of toe and camber. wanted: U of the
     error of a point; ratio: of MPE to U instead. zero, gain, hysteresis: errors to be detected.

@@ -137,8 +137,8 @@ def confine(memory_bytes: int) -> None:
 def die_with(parent: int) -> None:
     """End this process when the one that started it ends, however it ends.
 
-    On Linux the kernel kills it, elsewhere a thread looks every second. Windows tells neither, and
-    its processes end with their input.
+    On Linux the kernel kills it, elsewhere a thread looks every second. Windows reports
+    neither, and its processes end with their input.
     """
     if not hasattr(os, "fork"):
         return
