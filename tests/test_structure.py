@@ -6,6 +6,7 @@ import ast
 import subprocess
 import sys
 from collections.abc import Iterable
+from functools import cache
 from graphlib import TopologicalSorter
 from importlib.machinery import PathFinder
 from pathlib import Path
@@ -113,7 +114,8 @@ def sources(package: str) -> dict[str, str]:
     }
 
 
-def imported(text: str, here: str = "") -> set[str]:
+@cache
+def imported(text: str, here: str = "") -> frozenset[str]:
     """Dotted names that the module `here` imports, at its top or inside a function, or by a string.
 
     A package is `a.b.__init__` here; what it is imported as is `a.b`.
@@ -135,29 +137,38 @@ def imported(text: str, here: str = "") -> set[str]:
             "__import__",
         ):
             names |= {a.value for a in node.args if isinstance(a, ast.Constant)}
-    return names
+    return frozenset(names)
+
+
+@cache
+def exported(text: str) -> frozenset[str]:
+    """Names that a door exports."""
+    return frozenset(
+        alias.name
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    )
 
 
 def exports(texts: dict[str, str]) -> set[str]:
     """Names that the doors export, dotted: a function may bear the name of its module."""
     return {
-        f"{name.removesuffix('.__init__')}.{alias.name}"
+        f"{name.removesuffix('.__init__')}.{one}"
         for name, text in texts.items()
         if name.endswith("__init__")
-        for node in ast.walk(ast.parse(text))
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
+        for one in exported(text)
     }
 
 
 def graph(texts: dict[str, str]) -> dict[str, set[str]]:
     """Each module, and the modules among `texts` that it imports; packages by their doors."""
     known = {name.removesuffix(".__init__"): name for name in texts}
-    exported = exports(texts)
+    of_doors = exports(texts)
     found = {}
     for name, text in texts.items():
         others = {other for other in imported(text, name) if other in known}
-        by_door = {o for o in others & exported if o.rpartition(".")[0] in others}
+        by_door = {o for o in others & of_doors if o.rpartition(".")[0] in others}
         inside = {o for o in by_door if room_of(o) == room_of(name)}
         found[name] = {known[other] for other in others - (by_door - inside)} - {name}
     return found

@@ -53,7 +53,8 @@ def lzf(data):
 
     while at < len(data):
         best, where = 0, 0
-        for start in range(max(0, at - 8192), at):
+        first = data.find(data[at : at + 3], max(0, at - 8192), at + 2)
+        for start in range(first, at) if first >= 0 else ():
             length = 0
             while (
                 at + length < len(data)
