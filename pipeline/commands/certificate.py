@@ -12,9 +12,10 @@ import click
 from ..calibration import Calibration, issue, load_certificate
 from ..config import Config
 from ..errors import InputError
+from ..report.certificate import certificate_files
 from ..report.format.view import View
 from ..report.signature import read_private_key, signature_of
-from ..report.write import ReportFiles, certificate_files
+from ..report.write import ReportFiles
 from .options import Command, added, language_option
 from .reporting import report_options
 

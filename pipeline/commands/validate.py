@@ -12,7 +12,8 @@ from ..config import Config, load_config, with_scanner
 from ..errors import InputError
 from ..report.format.view import DigitStyle, View
 from ..report.json.validation import validation_json
-from ..report.write import ReportFiles, validation_report, write_validation
+from ..report.validation import validation_report, write_validation
+from ..report.write import ReportFiles
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..validation import (
     Against,

@@ -9,28 +9,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..calibration import Certificate
 from ..errors import InputError
 from ..measurement import Conformity, Measurement
-from ..validation import Comparison, ComparisonStudy
-from .dcc.certificate import dcc_bytes
 from .format.language import load_translations
-from .format.view import PAPER, View
-from .format.writer import Writer
-from .html.certificate import certificate_document
-from .html.comparison import comparison_document, study_document
+from .format.view import PAPER
 from .html.document import Document, document_html
 from .html.page import ReportOptions, html_report
 from .html.pdf import pdf_report
 from .json.measurement import to_json
-from .json.validation import validation_json
 from .plots.budget import budget_svg
 from .plots.files import file_name
 from .plots.target_face import face_png
-from .plots.validation import bland_altman_drawing, differences_drawing, line_drawing
-from .tables.comparison import labels
 from .text.report import detailed_report
-from .text.validation import survey_text, validation_text
 
 
 @dataclass(frozen=True)
@@ -86,6 +76,18 @@ def pdf_bytes(
     return pdf_report(page, hashlib.sha256(page.encode()).hexdigest()[:32])
 
 
+def document_files(
+    stem: str, document: Document, options: ReportOptions, wanted: ReportFiles
+) -> dict[str, bytes]:
+    """Return the wanted forms of a document by file name. Raises MissingDependencyError."""
+    page = document_html(document, options.words, options.laboratory)
+    files = {f"{stem}.html": page.encode(errors="backslashreplace")} if wanted.html else {}
+    if wanted.pdf:
+        identifier = hashlib.sha256(page.encode(errors="backslashreplace")).hexdigest()[:32]
+        files[f"{stem}.pdf"] = pdf_report(page, identifier)
+    return files
+
+
 def write_files(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
     """Write files, content by name, to `folder`; create the folder where it is missing."""
     try:
@@ -128,69 +130,3 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
-
-
-def validation_report(found: Comparison | ComparisonStudy, view: View = PAPER) -> str:
-    """Return the text report of one capture or of many; printable whatever bytes a path holds."""
-    if isinstance(found, Comparison):
-        text = validation_text(found, view)
-    else:
-        text = survey_text(found, view)
-    return text.encode(errors="backslashreplace").decode()
-
-
-def write_validation(
-    found: Comparison | ComparisonStudy,
-    folder: Path,
-    options: ReportOptions | None = None,
-    wanted: ReportFiles = EVERYDAY,
-) -> list[Path]:
-    """Write validation.json, validation.txt, the plots and the wanted reports to `folder`."""
-    options = options or ReportOptions(load_translations("en"), PAPER)
-    record, words = validation_json(found), options.words
-    files = {"validation.json": record, "validation.txt": validation_report(found, options.view)}
-    if isinstance(found, Comparison):
-        files["differences.svg"] = differences_drawing(found, words).svg
-    else:
-        methods = labels(found.found[0], words)
-        for one in found.agreements:
-            drawing = bland_altman_drawing(one, *methods, words)
-            files[f"bland-altman-{one.kind}.svg"] = drawing.svg
-            files[f"line-{one.kind}.svg"] = line_drawing(one, *methods, words).svg
-    content = {name: text.encode(errors="backslashreplace") for name, text in files.items()}
-    if wanted.html or wanted.pdf:
-        writer = Writer(words, options.view)
-        document = (
-            comparison_document(found, writer, record)
-            if isinstance(found, Comparison)
-            else study_document(found, writer, record)
-        )
-        content |= document_files("validation", document, options, wanted)
-    return write_files(folder, content)
-
-
-def certificate_files(
-    made: Certificate, record: str, options: ReportOptions, wanted: ReportFiles, dcc: bool = False
-) -> dict[str, bytes]:
-    """Return the wanted forms of a certificate by file name; record: calibration.json.
-
-    Raises InputError for the digital form of a draft, MissingDependencyError.
-    """
-    writer = Writer(options.words, options.view)
-    document = certificate_document(made, writer, record)
-    files = document_files("certificate", document, options, wanted)
-    if dcc:
-        files["certificate.xml"] = dcc_bytes(made, options.words.language)
-    return files
-
-
-def document_files(
-    stem: str, document: Document, options: ReportOptions, wanted: ReportFiles
-) -> dict[str, bytes]:
-    """Return the wanted forms of a document by file name. Raises MissingDependencyError."""
-    page = document_html(document, options.words, options.laboratory)
-    files = {f"{stem}.html": page.encode(errors="backslashreplace")} if wanted.html else {}
-    if wanted.pdf:
-        identifier = hashlib.sha256(page.encode(errors="backslashreplace")).hexdigest()[:32]
-        files[f"{stem}.pdf"] = pdf_report(page, identifier)
-    return files

@@ -13,6 +13,7 @@ import pytest
 
 from tests.support.certificates import DAY, SENSOR, calibrated, certificate, given
 from wheelplane.calibration.certificate.issue import REQUIRED
+from wheelplane.report.certificate import certificate_files
 from wheelplane.report.format.laboratory import Laboratory
 from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER
@@ -21,7 +22,7 @@ from wheelplane.report.html.page import ReportOptions
 from wheelplane.report.json.calibration import calibration_json
 from wheelplane.report.tables.calibration import points_table, title
 from wheelplane.report.tables.certificate import lacking, standards_table, statements
-from wheelplane.report.write import ReportFiles, certificate_files
+from wheelplane.report.write import ReportFiles
 
 HEAD = Laboratory("Laboratório 7", ("Rua das Rodas 12",), "", ())
 EN = load_translations("en")

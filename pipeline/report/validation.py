@@ -1,0 +1,56 @@
+"""Write the reports of a validation to a folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..validation import Comparison, ComparisonStudy
+from .format.language import load_translations
+from .format.view import PAPER, View
+from .format.writer import Writer
+from .html.comparison import comparison_document, study_document
+from .html.page import ReportOptions
+from .json.validation import validation_json
+from .plots.validation import bland_altman_drawing, differences_drawing, line_drawing
+from .tables.comparison import labels
+from .text.validation import survey_text, validation_text
+from .write import EVERYDAY, ReportFiles, document_files, write_files
+
+
+def validation_report(found: Comparison | ComparisonStudy, view: View = PAPER) -> str:
+    """Return the text report of one capture or of many; printable whatever bytes a path holds."""
+    if isinstance(found, Comparison):
+        text = validation_text(found, view)
+    else:
+        text = survey_text(found, view)
+    return text.encode(errors="backslashreplace").decode()
+
+
+def write_validation(
+    found: Comparison | ComparisonStudy,
+    folder: Path,
+    options: ReportOptions | None = None,
+    wanted: ReportFiles = EVERYDAY,
+) -> list[Path]:
+    """Write validation.json, validation.txt, the plots and the wanted reports to `folder`."""
+    options = options or ReportOptions(load_translations("en"), PAPER)
+    record, words = validation_json(found), options.words
+    files = {"validation.json": record, "validation.txt": validation_report(found, options.view)}
+    if isinstance(found, Comparison):
+        files["differences.svg"] = differences_drawing(found, words).svg
+    else:
+        methods = labels(found.found[0], words)
+        for one in found.agreements:
+            drawing = bland_altman_drawing(one, *methods, words)
+            files[f"bland-altman-{one.kind}.svg"] = drawing.svg
+            files[f"line-{one.kind}.svg"] = line_drawing(one, *methods, words).svg
+    content = {name: text.encode(errors="backslashreplace") for name, text in files.items()}
+    if wanted.html or wanted.pdf:
+        writer = Writer(words, options.view)
+        document = (
+            comparison_document(found, writer, record)
+            if isinstance(found, Comparison)
+            else study_document(found, writer, record)
+        )
+        content |= document_files("validation", document, options, wanted)
+    return write_files(folder, content)
