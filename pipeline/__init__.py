@@ -1,24 +1,103 @@
 """Toe and camber of a vehicle's wheels from dense laser scans of targets clamped to them.
 
-    from pathlib import Path
-    from wheelplane.capture import open_capture
-    from wheelplane.config import Config
-    from wheelplane.measure import measure_capture
+    import wheelplane as wp
 
-    with open_capture(Path("capture")) as capture:
-        measurement = measure_capture(capture, Config())
-    for wheel in measurement.wheels:
-        print(wheel.observation.name, wheel.angles, wheel.u_toe_rad)
+    m = wp.measure({"RR": rr, "RL": rl, "FR": fr, "FL": fl}, target="disc-250")
+    print(m.wheels["FL"].toe.deg, m.wheels["FL"].toe.U_deg)
 
-The flow, each step a folder: capture (which scan shows which wheel), readers (scan), detection
-(patch: the target's points), plane, centre (from the target's edge or pattern), vehicle (frame,
-toe and camber), uncertainty, measurement, kinematics (steering axis, run-out), report.
-`measure` tells it on one screen; `five_point` and `validation` are the other two methods.
+The public names are those of `__all__`; each is loaded when it is first used. Below them the flow,
+each step a folder: capture (which scan shows which wheel), readers (scan), detection (patch: the
+target's points), plane, centre (from the target's edge or pattern), vehicle (frame, toe and
+camber), uncertainty, measurement, kinematics (steering axis, run-out), report. The module `measure`
+tells it on one screen; `five_point` and `validation` are the other two methods.
 """
 
-from importlib.metadata import PackageNotFoundError, version
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
 
-try:
-    __version__ = version("wheelplane")
-except PackageNotFoundError:  # run from a checkout that was never installed
-    __version__ = "0+unknown"
+if TYPE_CHECKING:
+    from .errors import ConfigError, InputError, MissingDependencyError, NotMeasuredError
+    from .errors import WheelplaneError as WheelplaneError
+    from .five_point import FivePointFile, read_five_point
+    from .library import (
+        Alignment,
+        Covariance,
+        FoundTarget,
+        Plane,
+        Value,
+        Wheel,
+        find_planes,
+        find_target,
+        fit_plane,
+        measure,
+        validate,
+    )
+    from .validation import Comparison
+
+    __version__: str
+
+__all__ = [
+    "Alignment",
+    "Comparison",
+    "ConfigError",
+    "Covariance",
+    "FivePointFile",
+    "FoundTarget",
+    "InputError",
+    "MissingDependencyError",
+    "NotMeasuredError",
+    "Plane",
+    "Value",
+    "Wheel",
+    "WheelplaneError",
+    "find_planes",
+    "find_target",
+    "fit_plane",
+    "measure",
+    "read_five_point",
+    "validate",
+]
+_ROOMS = {
+    ".errors": {name for name in __all__ if name.endswith("Error")},
+    ".five_point": {"FivePointFile", "read_five_point"},
+    ".validation": {"Comparison"},
+}
+
+
+class _Package(ModuleType):
+    """The package, whose function `measure` stands before its module of that name."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name == "measure" and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+if not TYPE_CHECKING:
+    sys.modules[__name__].__class__ = _Package
+
+    def __getattr__(name):
+        """Load a public name, or find the version."""
+        if name == "__version__":
+            found = _version()
+        elif name in __all__:
+            room = next((room for room, names in _ROOMS.items() if name in names), ".library")
+            found = getattr(import_module(room, __name__), name)
+        else:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = found
+        return found
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])
+
+
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("wheelplane")
+    except PackageNotFoundError:  # run from a checkout that was never installed
+        return "0+unknown"

@@ -293,3 +293,8 @@ def sha256(path: Path) -> str:
     """Return the digest of a file's bytes as `sha256:` and 64 hexadecimal digits."""
     with path.open("rb") as stream:
         return f"sha256:{hashlib.file_digest(stream, 'sha256').hexdigest()}"
+
+
+def sha256_of(content: memoryview) -> str:
+    """Return the digest of bytes in memory, or of an array in C order."""
+    return f"sha256:{hashlib.sha256(content).hexdigest()}"

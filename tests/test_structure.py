@@ -36,6 +36,7 @@ ROOMS = [
     "validation",
     "calibration",
     "report",
+    "library",
     "batch",
     "manual", "web",
     "commands",
@@ -55,7 +56,7 @@ PARTS = {
 DOORS = [
     "system", "cloud", "vehicle", "targets", "readers", "uncertainty", "capture", "plane",
     "detection", "diagnostics", "centre", "measurement", "kinematics", "five_point", "validation",
-    "calibration",
+    "calibration", "library",
 ]
 # fmt: on
 MOST_AT_ROOT, MOST_IN_A_ROOM = 8, 13

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
+
+from ..files import sha256, sha256_of
+from ..readers import ReadOptions, Scan, read_scan
 
 Role = Literal["reference", "trial", "sweep", "runout", "vehicle"]
 
@@ -28,7 +31,8 @@ class ScanEntry:
     """One scan: its name in the result, its role, its wheel if named, its file.
 
     repeats: the reference wheel or trial that it shows again, with nothing moved. turn: position of
-    the wheel in a sweep or a run-out. The role 'vehicle' is that of a cloud of all wheels.
+    the wheel in a sweep or a run-out. The role 'vehicle' is that of a cloud of all wheels. scan: of
+    points in memory, which no file holds.
     """
 
     name: str
@@ -38,3 +42,15 @@ class ScanEntry:
     path: Path
     repeats: str | None = None
     turn: Turn | None = None
+    scan: Scan | None = field(default=None, repr=False, compare=False)
+
+    def read(self, length_unit: str, source: str, options: ReadOptions) -> Scan:
+        """Return the scan, read from its file unless it is in memory."""
+        if self.scan is not None:
+            return self.scan
+        return read_scan(self.path, length_unit, source, options)
+
+    @property
+    def sha256(self) -> str:
+        """Digest of the file, or of the points in memory: float64, metres, row by row."""
+        return sha256(self.path) if self.scan is None else sha256_of(self.scan.points_m.data)

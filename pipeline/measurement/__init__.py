@@ -8,6 +8,8 @@ from .limits import ToleranceInterval, Value, angle_rad, read_value, rim_diamete
 from .observe import Fit, noisy, observe_entry, rounded, shaded
 from .observe_vehicle import observe_cloud
 from .quantities import (
+    CROSS,
+    UNITS,
     VEHICLE_BY_SWEEP,
     WHEEL_BY_RUNOUT,
     WHEEL_BY_SWEEP,
@@ -16,6 +18,8 @@ from .quantities import (
     against,
     by_name,
     stated,
+    steering_quantity,
+    turned_quantity,
     workshop_angles,
 )
 from .records import (
@@ -46,7 +50,9 @@ from .turn_curve import toe_out_at
 __all__ = [
     "BY_MODEL",
     "CELLS",
+    "CROSS",
     "OF_PLATE",
+    "UNITS",
     "VEHICLE_BY_SWEEP",
     "WHEEL_BY_RUNOUT",
     "WHEEL_BY_SWEEP",
@@ -102,8 +108,10 @@ __all__ = [
     "rounded",
     "shaded",
     "stated",
+    "steering_quantity",
     "toe_out_at",
     "tolerance_for",
+    "turned_quantity",
     "vertical_tilts",
     "weighted_sum",
     "workshop_angles",

@@ -11,9 +11,7 @@ from ..config import Config, InstrumentConfig
 from ..detection import find_target
 from ..diagnostics import check_wheel_scan, lone_points
 from ..errors import InputError, NotMeasuredError
-from ..files import sha256
 from ..plane import Patch
-from ..readers import read_scan
 from ..targets import Target
 from ..vectors import Array
 from .records import Evidence, Observation
@@ -77,14 +75,14 @@ def _find(
     entry: ScanEntry, source: str, capture: Capture, config: Config
 ) -> tuple[Observation, Patch | NotMeasuredError]:
     """Read the scan and find the patch with its target; the scan itself is freed on return."""
-    scan = read_scan(entry.path, capture.length_unit, source, capture.reading)
+    scan = entry.read(capture.length_unit, source, capture.reading)
     check_wheel_scan(scan.points_m, 2.0 * capture.target.radius_m, capture.length_unit, source)
     observation = Observation(
         name=entry.name,
         role=entry.role,
         wheel=entry.wheel,
         source=entry.file,
-        sha256=sha256(entry.path),
+        sha256=entry.sha256,
         points_total=len(scan.points_m),
         invalid_points=scan.invalid_points,
         repeats=entry.repeats,

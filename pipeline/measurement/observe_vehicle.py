@@ -23,9 +23,8 @@ from ..detection import (
 )
 from ..diagnostics import check_vehicle_cloud
 from ..errors import InputError, NotMeasuredError
-from ..files import sha256
 from ..plane import Patch
-from ..readers import Part, read_scan
+from ..readers import Part
 from ..targets import PatternTarget, Target
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
@@ -68,7 +67,7 @@ def targets_of_cloud(
     Raises InputError when it is unreadable, or cannot be the scan of a vehicle.
     """
     progress(f"{cloud.file}: reading")
-    scan = read_scan(cloud.path, capture.length_unit, source, capture.reading)
+    scan = cloud.read(capture.length_unit, source, capture.reading)
     target, unit = capture.target, capture.length_unit
     check_vehicle_cloud(scan.points_m, 2.0 * target.radius_m, unit, source)
     progress(f"{cloud.file}: searching")
@@ -104,7 +103,7 @@ def observe_cloud(
     """
     source = capture.called(cloud)
     with ThreadPoolExecutor(1) as beside:
-        digest = beside.submit(sha256, cloud.path)
+        digest = beside.submit(lambda: cloud.sha256)
         found = targets_of_cloud(cloud, source, capture, config, progress)
     try:
         ways, naming = _ways(found, capture)

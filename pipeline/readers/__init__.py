@@ -1,5 +1,6 @@
 """Readers of point-cloud files: PLY, PCD, PTX, PTS, E57, LAS, LAZ, text, NumPy and meshes."""
 
+from .arrays import scan_of_points
 from .gather import Placer, PointRows, RowProgress, silent
 from .missing import Markers, find_markers
 from .options import AS_THE_FILE_SAYS, ReadOptions
@@ -30,6 +31,7 @@ __all__ = [
     "find_markers",
     "open_cloud",
     "read_scan",
+    "scan_of_points",
     "scan_suffix",
     "silent",
     "unknown_format",

@@ -3,7 +3,7 @@
 from .agreement import Agreement
 from .comparison import KINDS, Comparison, check_alike, compare
 from .coverage import nees, scores
-from .five_point import Estimator, FivePointOptions
+from .five_point import Estimator, FivePointOptions, points_of
 from .frame_effect import SHAPE
 from .request import Against, Request, RequestPart, as_method, measured
 from .statistics.bland_altman import Limit
@@ -11,7 +11,7 @@ from .statistics.joint_test import JointTest, Spread
 from .statistics.line_fit import Line, fit_line
 from .statistics.power import detectable_alone
 from .study import EACH, ComparisonStudy, Row, is_archive_of_captures, validate_archive
-from .validate_capture import validate_capture
+from .validate_capture import compare_with_points, validate_capture
 
 __all__ = [
     "EACH",
@@ -33,11 +33,13 @@ __all__ = [
     "as_method",
     "check_alike",
     "compare",
+    "compare_with_points",
     "detectable_alone",
     "fit_line",
     "is_archive_of_captures",
     "measured",
     "nees",
+    "points_of",
     "scores",
     "validate_archive",
     "validate_capture",

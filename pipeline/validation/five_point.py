@@ -79,6 +79,12 @@ def measure_points(
     return FivePoints(file, tuple(matched), measurement)
 
 
+def points_of(file: FivePointFile, scans: Sequence[str]) -> FivePoints:
+    """Measure a file that was read, its blocks in the order of `scans`. Raises InputError."""
+    matched = match_blocks(scans, len(file.blocks_m), None, file.source)
+    return FivePoints(file, tuple(matched), measure_five_point(file))
+
+
 def _aiming_station(options: FivePointOptions) -> Station | None:
     """Return the total station, with the stated aiming in place of its file's."""
     if options.station is None or options.aiming_m is None:

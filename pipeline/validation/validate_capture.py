@@ -11,7 +11,7 @@ from ..capture import Capture
 from ..config import Config
 from ..errors import InputError
 from ..measure import measure_capture
-from ..measurement import WheelResult
+from ..measurement import Measurement, WheelResult
 from ..vehicle import REFERENCE_WHEELS
 from .comparison import ComparedMethod, Comparison, check_alike, compare
 from .five_point import FivePoints, measure_points, note_of_aiming, with_aiming
@@ -54,12 +54,20 @@ def _with_five_points(
 ) -> Comparison:
     points = _points(capture, request)
     dense = measure_capture(capture, config, progress)
+    return compare_with_points(dense, points, request)
+
+
+def compare_with_points(dense: Measurement, points: FivePoints, request: Request) -> Comparison:
+    """Compare the targets of a measurement from scans with five points, by the request's options.
+
+    Raises InputError where the two cannot be of one vehicle.
+    """
     part, results = _in_both(measured(dense.plates or dense), points)
     first = as_method(DENSE, part.results)
     second, notes = _second(points, results, request)
     check_alike(first, second, points.file.source)
     return compare(
-        capture.source,
+        dense.provenance.source,
         part.names,
         part.wheels,
         first,

@@ -66,14 +66,14 @@ def test_shown_capture_file_is_valid(tmp_path):
 
 def test_every_named_command_exists():
     known = run("--help")
-    for name in set(re.findall(r"`?wheelplane ([a-z][a-z-]+)", README)):
+    for name in set(re.findall(r"`?wheelplane (?!as )([a-z][a-z-]+)", README)):
         assert re.search(rf"^  {name} ", known, re.MULTILINE), name
 
 
 def test_the_library_is_used_as_shown(tmp_path, capsys):
     capture = write_small_capture(tmp_path / "capture", trials=0)
-    code = "\n".join(block("from pathlib import Path")).replace("demo-output/capture", str(capture))
-    exec("from pathlib import Path\n" + code, {})
+    code = "\n".join(block("import wheelplane as wp")).replace("demo-output/capture", str(capture))
+    exec("import wheelplane as wp\n" + code, {})
     rows = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert [row[0] for row in rows] == ["RR", "RL", "FR", "FL"]
-    assert all(abs(float(toe)) < 0.02 and 0.0 < float(u) < 1e-3 for _, toe, u in rows)
+    assert all(abs(float(toe)) < 2.0 and 0.0 < float(u) < 0.1 for _, toe, u, _ in rows)

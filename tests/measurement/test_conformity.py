@@ -16,13 +16,13 @@ import pytest
 from scipy import stats
 
 from tests.support.printed import says_angle, says_width, seconds_of, step, two_digits
-from wheelplane import measure as measuring
 from wheelplane.centre.locate_centre import TargetFit
 from wheelplane.cli import main
 from wheelplane.commands import measure as measure_command
 from wheelplane.config import config_folder
 from wheelplane.errors import ConfigError
 from wheelplane.five_point.file import read_five_point
+from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import (
     Conformity,
     Quantity,
@@ -406,7 +406,7 @@ def test_normal_scores_are_as_probable(dof):
 
 @pytest.fixture(scope="module")
 def measured() -> Measurement:
-    return measuring.measure_five_point(read_five_point(FIGURE_4))
+    return measure_five_point(read_five_point(FIGURE_4))
 
 
 WIDE = {"lower_deg": -20.0, "upper_deg": 20.0}
@@ -631,7 +631,7 @@ def test_a_mirrored_vehicle_is_judged_alike(measured):
             {key: v.probability for key, v in verdicts.items()},
         )
 
-    mirror = measuring.measure_five_point(other)
+    mirror = measure_five_point(other)
     decided, probability = shown(measured, ONE_SIDED, {})
     there = shown(mirror, mirrored(ONE_SIDED), SWAP)
     assert there[0] == decided

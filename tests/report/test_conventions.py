@@ -9,9 +9,9 @@ from click.testing import CliRunner
 
 from tests.report.test_poses import STEP, unit
 from tests.support.validation_cars import write_capture
-from wheelplane import measure as measuring
 from wheelplane.cli import cli
 from wheelplane.five_point.file import read_five_point
+from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import by_name, workshop_angles
 from wheelplane.measurement.tolerance import Tolerance
@@ -31,7 +31,7 @@ TURNED = [name for name in CONVENTIONS if name != "default"]
 
 @pytest.fixture(scope="module")
 def measured():
-    return measuring.measure_five_point(read_five_point(FIGURE_4))
+    return measure_five_point(read_five_point(FIGURE_4))
 
 
 def writer(convention, language="en"):

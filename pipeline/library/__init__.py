@@ -1,0 +1,21 @@
+"""The library's public functions and their results; `import wheelplane` exports them."""
+
+from .alignment import Alignment, Covariance, Wheel
+from .comparison import validate
+from .measure_vehicle import measure
+from .single_scan import FoundTarget, Plane, find_planes, find_target, fit_plane
+from .value import Value
+
+__all__ = [
+    "Alignment",
+    "Covariance",
+    "FoundTarget",
+    "Plane",
+    "Value",
+    "Wheel",
+    "find_planes",
+    "find_target",
+    "fit_plane",
+    "measure",
+    "validate",
+]

@@ -1,0 +1,286 @@
+"""Result of a measurement, as a program reads it: wheels, values, covariance, tables, report."""
+
+from __future__ import annotations
+
+import html
+import tempfile
+import webbrowser
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from ..errors import MissingDependencyError, NotMeasuredError
+from ..measurement import (
+    CROSS,
+    UNITS,
+    WHEEL_BY_RUNOUT,
+    WHEEL_BY_SWEEP,
+    Estimate,
+    Measurement,
+    WheelResult,
+    stated,
+    steering_quantity,
+    turned_quantity,
+)
+from ..report.format.language import load_translations
+from ..report.format.view import PAPER
+from ..report.html.page import ReportOptions, html_report
+from ..report.json.measurement import to_json
+from ..report.text.report import detailed_report, summary_table
+from ..report.write import ReportFiles, write_reports
+from ..vectors import Array
+from .value import Value
+
+
+@dataclass(frozen=True, repr=False)
+class Wheel:
+    """One reference wheel or trial; its angles raise NotMeasuredError where there are none.
+
+    wheel: RR, RL, FR or FL. status: ok, or the kind of cause that `reason` explains. centre_m (3,)
+    and normal (3,), outward: of the axle where its run-out is compensated, else of the target as
+    mounted; coordinates of the scans; None where unmeasured.
+    """
+
+    name: str
+    wheel: str | None
+    status: str
+    reason: str
+    compensated: bool
+    centre_m: Array | None
+    normal: Array | None
+    _values: Mapping[str, Value]
+
+    @property
+    def toe(self) -> Value:
+        """Toe against the normal of the rear axle, > 0 with toe-in."""
+        return self["toe"]
+
+    @property
+    def camber(self) -> Value:
+        """Camber: elevation of the normal, > 0 with the top outwards."""
+        return self["camber"]
+
+    @property
+    def camber_iso(self) -> Value:
+        """Camber as ISO 8855 defines it."""
+        return self["camber_iso"]
+
+    def __getitem__(self, name: str) -> Value:
+        """Return a value by its name without the wheel's, such as `caster`."""
+        try:
+            return self._values[name]
+        except KeyError:
+            if self.status != "ok":
+                raise NotMeasuredError(self.status, f"{self.name}: {self.reason}") from None
+            known = ", ".join(self._values)
+            raise KeyError(f"{self.name} has no {name!r}: it has {known}") from None
+
+    def __repr__(self) -> str:
+        if "toe" not in self._values:
+            return f"<Wheel {self.name}: {self.status}>"
+        return f"<Wheel {self.name}: {self.toe}; {self.camber}>"
+
+
+@dataclass(frozen=True, repr=False)
+class Covariance:
+    """Covariance of all angles (rad) and lengths (m): `covariance["FL.toe", "FR.toe"]`.
+
+    names: (Q,). matrix: (Q, Q).
+    """
+
+    names: tuple[str, ...]
+    matrix: Array
+
+    def __getitem__(self, pair: tuple[str, str]) -> float:
+        rows = []
+        for name in pair:
+            if name not in self.names:
+                raise KeyError(f"the covariance has no {name!r}: its names are in `names`")
+            rows.append(self.names.index(name))
+        return float(self.matrix[rows[0], rows[1]])
+
+    def table(self) -> Any:
+        """Return a pandas DataFrame. Raises MissingDependencyError."""
+        return _pandas().DataFrame(self.matrix, index=self.names, columns=self.names)
+
+    def __repr__(self) -> str:
+        return f"<Covariance of {len(self.names)} quantities, rad and m>"
+
+
+@dataclass(frozen=True, repr=False)
+class Alignment(Mapping[str, Value]):
+    """Alignment of one vehicle: a mapping of all quantities by name, such as `FL.toe`.
+
+    measurement: the record with the evidence behind it.
+    """
+
+    measurement: Measurement = field(repr=False)
+
+    @cached_property
+    def wheels(self) -> Mapping[str, Wheel]:
+        """Reference wheels RR, RL, FR, FL, then the trials, by name."""
+        made = {
+            one.observation.name: _wheel(one, self._values)
+            for one in self.measurement.wheels
+            if one.observation.role in ("reference", "trial")
+        }
+        return MappingProxyType(made)
+
+    @cached_property
+    def vehicle(self) -> Mapping[str, Value]:
+        """Quantities of the vehicle: `rear_total_toe`, `thrust_angle`, `wheelbase` ..."""
+        return MappingProxyType({k: v for k, v in self._values.items() if "." not in k})
+
+    @cached_property
+    def covariance(self) -> Covariance:
+        """Covariance of the quantities of one position; those of a sweep are not among them."""
+        names = tuple(one.name for one in stated(self.measurement))
+        return Covariance(names, self.measurement.uncertainty.covariance)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what the user should know: what counts as zero, what was left out."""
+        return self.measurement.notes
+
+    @property
+    def complete(self) -> bool:
+        """Whether every wheel, trial, sweep and run-out was measured."""
+        return self.measurement.complete
+
+    def __getitem__(self, name: str) -> Value:
+        if name not in self._values:
+            raise KeyError(f"there is no {name!r}: list(...) of the alignment names them all")
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __hash__(self) -> int:
+        return id(self)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    @cached_property
+    def _values(self) -> dict[str, Value]:
+        found = {
+            one.name: Value(one.name, one.unit, one.value, one.u, one.expanded, one.dof)
+            for one in stated(self.measurement)
+        }
+        return found | dict(_turned(self.measurement))
+
+    def table(self) -> Any:
+        """Return a pandas DataFrame: value, u, U, unit, k, dof by name, in ° and mm.
+
+        Raises MissingDependencyError.
+        """
+        rows = [(*v.shown, v.k, v.dof) for v in self.values()]
+        columns = ["value", "u", "U", "unit", "k", "dof"]
+        return _pandas().DataFrame(rows, index=list(self), columns=columns)
+
+    def json(self) -> str:
+        """Return measurement.json, the contract `wheelplane/measurement/1`."""
+        return to_json(self.measurement)
+
+    def text(self) -> str:
+        """Return report.txt."""
+        return detailed_report(self.measurement)
+
+    def html(self, language: str = "en") -> str:
+        """Return report.html, one file that needs no network."""
+        return html_report(self.measurement, None, _options(language))
+
+    def save(self, folder: str | Path, *, pdf: bool = False, language: str = "en") -> list[Path]:
+        """Write measurement.json and the reports to `folder`; return their paths."""
+        wanted = ReportFiles(pdf=pdf)
+        return write_reports(
+            self.measurement, Path(folder), options=_options(language), wanted=wanted
+        )
+
+    def show(self) -> None:
+        """Show the report: inline in a notebook, else in the browser."""
+        try:
+            notebook = import_module("IPython").get_ipython() is not None
+        except ImportError:
+            notebook = False
+        if notebook:
+            display = import_module("IPython.display")
+            display.display(display.HTML(_framed(self.html())))
+            return
+        with tempfile.NamedTemporaryFile(
+            "w", suffix=".html", encoding="utf-8", delete=False
+        ) as file:
+            file.write(self.html())
+        webbrowser.open(Path(file.name).as_uri())
+
+    def _repr_html_(self) -> str:
+        notes = "".join(f"<p>{html.escape(note)}</p>" for note in self.notes)
+        return f"<pre>{html.escape(summary_table(self.measurement))}</pre>{notes}"
+
+    def __repr__(self) -> str:
+        made = self.measurement.provenance
+        what = made.vehicle or made.source
+        state = "complete" if self.complete else "incomplete"
+        wheels = ", ".join(self.wheels)
+        return f"<Alignment of {what}: {wheels}; {len(self)} quantities, {state}>"
+
+
+def _wheel(result: WheelResult, values: Mapping[str, Value]) -> Wheel:
+    seen, start = result.observation, f"{result.observation.name}."
+    own = {k.removeprefix(start): v for k, v in values.items() if k.startswith(start)}
+    return Wheel(
+        seen.name,
+        result.wheel,
+        seen.status,
+        seen.reason,
+        result.compensated,
+        None if result.pose is None else result.pose.centre_m,
+        result.normal,
+        MappingProxyType(own),
+    )
+
+
+def _turned(measurement: Measurement) -> Iterator[tuple[str, Value]]:
+    """Yield the quantities of sweeps and run-outs that were measured."""
+    of_wheels = [
+        turned_quantity(measurement, name, record.wheel)
+        for records, names in (
+            (measurement.steering_axes, WHEEL_BY_SWEEP),
+            (measurement.runouts, WHEEL_BY_RUNOUT),
+        )
+        for record in records
+        for name in names
+    ]
+    cross = [steering_quantity(measurement, name, 0.0) for name in CROSS]
+    for one in [*of_wheels, *cross]:
+        if isinstance(one.source, Estimate):
+            name = one.name if one.wheel is None else f"{one.wheel}.{one.name}"
+            known = one.source
+            unit = UNITS.get(one.name, "rad")
+            yield name, Value(name, unit, known.value, known.u, known.expanded, known.dof)
+
+
+def _options(language: str) -> ReportOptions:
+    return ReportOptions(load_translations(language), PAPER)
+
+
+def _framed(page: str) -> str:
+    """Return a report as a frame of its own, so that its styles stay its own."""
+    source = html.escape(page, quote=True)
+    return f'<iframe srcdoc="{source}" style="width:100%;height:800px;border:0"></iframe>'
+
+
+def _pandas() -> Any:
+    try:
+        return import_module("pandas")
+    except ImportError as error:
+        raise MissingDependencyError(
+            "pandas: a table needs it: install it with pip install pandas"
+        ) from error

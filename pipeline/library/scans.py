@@ -1,0 +1,45 @@
+"""Clouds as the library's users hold them: files, arrays, or clouds of other libraries."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from ..config import Config, load_config, with_scanner
+from ..readers import Scan, read_scan, scan_of_points
+from ..targets import Target, load_target, parse_target
+from ..units import LengthUnit
+
+TargetName = str | Mapping[str, object] | Target
+Settings = Config | str | Path | None
+
+
+def as_scan(points: object, length_unit: LengthUnit, name: str) -> Scan:
+    """Read a file, or copy points to metres. Raises InputError, one line."""
+    if isinstance(points, Scan):
+        return points
+    if is_path(points):
+        return read_scan(Path(os.fspath(points)), length_unit)  # type: ignore[call-overload]
+    return scan_of_points(points, length_unit, name)
+
+
+def is_path(points: object) -> bool:
+    """Return whether it names a file."""
+    return isinstance(points, (str, os.PathLike))
+
+
+def as_target(target: TargetName) -> Target:
+    """Return the target by its name, the path of its file, or its table in metres."""
+    if isinstance(target, str):
+        return load_target(target)
+    if isinstance(target, Mapping):
+        return parse_target(dict(target), "target")
+    return target
+
+
+def as_config(config: Settings, scanner: str | None) -> Config:
+    """Return the settings, read from their file, with the scanner's."""
+    if not isinstance(config, Config):
+        config = load_config(None if config is None else Path(config))
+    return with_scanner(config, scanner)

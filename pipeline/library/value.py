@@ -1,0 +1,78 @@
+"""Value of a quantity with its uncertainty, in the units that people use."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ..report.format.digits import decimal
+from ..vehicle import Unit
+
+
+@dataclass(frozen=True, repr=False)
+class Value:
+    """Quantity in rad or m, with its standard uncertainty u and U = k u, which holds 95 %.
+
+    name: such as `FL.toe` or `thrust_angle`. k: by Student's t of `dof` degrees of freedom. Signs
+    and axes are those of measurement.json.
+    """
+
+    name: str
+    unit: Unit
+    value: float
+    u: float
+    U: float
+    dof: float = math.inf
+
+    @property
+    def k(self) -> float:
+        """Coverage factor."""
+        return self.U / self.u if self.u > 0.0 else math.nan
+
+    @property
+    def deg(self) -> float:
+        """Value in degrees; raises TypeError of a length, as the next two do."""
+        return math.degrees(self._of("rad", self.value))
+
+    @property
+    def u_deg(self) -> float:
+        """Standard uncertainty in degrees."""
+        return math.degrees(self._of("rad", self.u))
+
+    @property
+    def U_deg(self) -> float:
+        """Expanded uncertainty in degrees."""
+        return math.degrees(self._of("rad", self.U))
+
+    @property
+    def mm(self) -> float:
+        """Value in millimetres; raises TypeError of an angle, as the next two do."""
+        return 1e3 * self._of("m", self.value)
+
+    @property
+    def u_mm(self) -> float:
+        """Standard uncertainty in millimetres."""
+        return 1e3 * self._of("m", self.u)
+
+    @property
+    def U_mm(self) -> float:
+        """Expanded uncertainty in millimetres."""
+        return 1e3 * self._of("m", self.U)
+
+    def _of(self, unit: Unit, number: float) -> float:
+        if self.unit != unit:
+            kind, use = ("length", "mm") if self.unit == "m" else ("angle", "deg")
+            raise TypeError(f"{self.name} is a {kind}: use {use}")
+        return number
+
+    @property
+    def shown(self) -> tuple[float, float, float, str]:
+        """Value, u and U in degrees or millimetres, and that unit."""
+        if self.unit == "rad":
+            return self.deg, self.u_deg, self.U_deg, "°"
+        return self.mm, self.u_mm, self.U_mm, "mm"
+
+    def __repr__(self) -> str:
+        value, _, expanded, unit = self.shown
+        number, spread = decimal(value, expanded, 6), decimal(expanded, expanded, 6, "")
+        return f"{self.name} = ({number} ± {spread}) {unit}, k = {self.k:.2f}"

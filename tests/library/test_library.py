@@ -1,0 +1,290 @@
+"""The library: what goes in, what comes out, and that it is what the commands give."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import typing
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import wheelplane as wp
+from tests.support.made import write_small_capture
+from wheelplane.cli import main
+from wheelplane.library.alignment import Alignment, Covariance
+from wheelplane.library.comparison import validate
+from wheelplane.library.measure_vehicle import measure
+from wheelplane.library.scans import as_config, as_scan, as_target, is_path
+from wheelplane.library.single_scan import find_planes, find_target, fit_plane
+from wheelplane.library.value import Value
+from wheelplane.readers import read_scan
+
+WHEELS = ("RR", "RL", "FR", "FL")
+DISC = {"shape": "disc", "diameter": 0.25}  # as the capture states it
+PUBLIC = {
+    "Alignment", "Comparison", "ConfigError", "Covariance", "FivePointFile", "FoundTarget",
+    "InputError", "MissingDependencyError", "NotMeasuredError", "Plane", "Value", "Wheel",
+    "WheelplaneError", "find_planes", "find_target", "fit_plane", "measure", "read_five_point",
+    "validate",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory) -> Path:
+    return write_small_capture(tmp_path_factory.mktemp("library") / "capture")
+
+
+@pytest.fixture(scope="module")
+def clouds(capture) -> dict[str, np.ndarray]:
+    """Points with intensities, by wheel."""
+    found = {}
+    for wheel in WHEELS:
+        scan = read_scan(capture / f"{wheel.lower()}.ply")
+        found[wheel] = np.column_stack([scan.points_m, scan.intensity])
+    return found
+
+
+@pytest.fixture(scope="module")
+def measured(capture) -> wp.Alignment:
+    return wp.measure(str(capture))
+
+
+def values(alignment: wp.Alignment) -> dict[str, tuple[float, float]]:
+    return {name: (one.value, one.u) for name, one in alignment.items()}
+
+
+def test_what_is_public_is_listed_and_there():
+    assert set(wp.__all__) == PUBLIC
+    assert set(dir(wp)) >= PUBLIC
+    assert all(getattr(wp, name).__doc__ for name in PUBLIC)
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        _ = wp.nothing
+    assert wp.measure is measure
+    assert (wp.validate, wp.find_target, wp.find_planes) == (validate, find_target, find_planes)
+    for function in (wp.measure, wp.validate, wp.fit_plane, wp.find_target, wp.find_planes):
+        hints = typing.get_type_hints(function)
+        assert "return" in hints
+
+
+def test_the_function_stands_before_the_module_of_its_name():
+    code = (
+        "from wheelplane.measure import measure_capture\n"
+        "import wheelplane as wp, wheelplane.measure, sys\n"
+        "assert wp.measure.__module__ == 'wheelplane.library.measure_vehicle'\n"
+        "assert sys.modules['wheelplane.measure'].measure_capture is measure_capture\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_importing_loads_nothing_heavy():
+    code = "import wheelplane, sys; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    loaded = {name.split(".")[0] for name in run.stdout.split()}
+    assert not loaded & {"numpy", "pydantic", "click", "email"}
+
+
+def test_a_capture_gives_what_the_command_gives(capture, measured, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["wheelplane", "measure", str(capture), "--json"])
+    with pytest.raises(SystemExit):
+        main()
+    assert measured.json() == capsys.readouterr().out
+    tree = json.loads(measured.json())
+    for wheel in tree["wheels"]:
+        own = measured.wheels[wheel["name"]]
+        assert (own.toe.deg, own.camber.deg) == (wheel["toe_deg"], wheel["camber_deg"])
+        assert own.toe.u_deg == pytest.approx(wheel["u_toe_deg"], rel=1e-12)
+        assert own.status == wheel["status"] == "ok"
+    assert measured.vehicle["wheelbase"].mm == pytest.approx(1e3 * tree["frame"]["wheelbase_m"])
+
+
+@pytest.mark.parametrize("form", ["array", "rows last", "list", "open3d", "paths", "mm", "masked"])
+def test_every_form_of_the_same_points_gives_the_same(form, capture, clouds, measured):
+    """Bit for bit; in mm, to what dividing by 1000 costs."""
+    given = dict(clouds)
+    if form == "rows last":
+        given = {wheel: np.asfortranarray(cloud) for wheel, cloud in clouds.items()}
+    elif form == "list":
+        given["FL"] = clouds["FL"].tolist()
+    elif form == "open3d":
+        given["FL"] = SimpleNamespace(points=clouds["FL"])
+    elif form == "paths":
+        given = {wheel: capture / f"{wheel.lower()}.ply" for wheel in WHEELS}
+    elif form == "mm":
+        given = {wheel: cloud * [1e3, 1e3, 1e3, 1.0] for wheel, cloud in clouds.items()}
+    elif form == "masked":
+        rows = np.insert(clouds["FL"], 5, 9.0, axis=0)
+        mask = np.zeros(rows.shape, dtype=bool)
+        mask[5] = True
+        given["FL"] = np.ma.MaskedArray(rows, mask)
+    before = {wheel: np.array(cloud, copy=True) for wheel, cloud in clouds.items()}
+    found = wp.measure(given, DISC, length_unit="mm" if form == "mm" else "m")
+    for wheel in WHEELS:
+        assert np.array_equal(before[wheel], clouds[wheel])
+        own, known = found.wheels[wheel].toe, measured.wheels[wheel].toe
+        assert own.value == pytest.approx(known.value, abs=1e-9 if form == "mm" else 0.0)
+        assert own.u == pytest.approx(known.u, rel=1e-6 if form == "mm" else 0.0)
+
+
+def test_trials_are_what_is_no_reference_wheel(capture, clouds, measured):
+    given = clouds | {"1": capture / "trial-1.ply"}
+    found = wp.measure(given, DISC, vehicle="mine")
+    assert values(found) == values(measured)
+    assert repr(found).startswith("<Alignment of mine: RR, RL, FR, FL, 1; ")
+    given["2"] = np.random.default_rng(0).uniform(size=(5000, 3))
+    broken = wp.measure(given, target="disc-250")
+    assert not broken.complete
+    assert broken.wheels["2"].status != "ok"
+    with pytest.raises(wp.NotMeasuredError, match="2: ") as caught:
+        _ = broken.wheels["2"].toe
+    assert caught.value.status == broken.wheels["2"].status
+    assert "2: " in repr(broken.wheels["2"])
+
+
+def test_covariance_and_values_are_those_of_the_measurement(measured):
+    covariance = measured.covariance
+    assert isinstance(covariance, Covariance)
+    total = covariance["RL.toe", "RL.toe"] + covariance["RR.toe", "RR.toe"]
+    total += 2.0 * covariance["RL.toe", "RR.toe"]
+    assert measured["rear_total_toe"].u ** 2 == pytest.approx(total, rel=1e-9)
+    assert set(covariance.names) <= set(measured)
+    with pytest.raises(KeyError, match="no 'toe'"):
+        _ = covariance["toe", "RR.toe"]
+    with pytest.raises(KeyError, match="no 'toe'"):
+        _ = measured["toe"]
+    with pytest.raises(KeyError, match="FL has no 'caster'"):
+        _ = measured.wheels["FL"]["caster"]
+    toe = measured.wheels["FL"].toe
+    assert toe.U_deg == pytest.approx(toe.k * toe.u_deg)
+    assert toe is measured["FL.toe"]
+    with pytest.raises(TypeError, match="is a angle"):
+        _ = toe.mm
+    with pytest.raises(TypeError, match="a length"):
+        _ = measured["wheelbase"].deg
+
+
+def test_reprs_are_short_and_digits_follow_the_uncertainty(measured):
+    assert repr(
+        Value("a", "rad", np.radians(0.123456), np.radians(0.001), np.radians(0.00196))
+    ) == ("a = (+0.1235 ± 0.0020) °, k = 1.96")
+    for one in (measured, measured.covariance, measured.wheels["FL"], measured["FL.toe"]):
+        assert len(repr(one)) < 120
+        assert "\n" not in repr(one)
+
+
+def test_reports_are_those_of_the_command(measured, tmp_path, monkeypatch):
+    names = {path.name for path in measured.save(tmp_path / "out")}
+    assert {"measurement.json", "report.txt", "report.html"} <= names
+    assert (tmp_path / "out" / "report.html").read_text() == measured.html()
+    assert (tmp_path / "out" / "report.txt").read_text() == measured.text()
+    assert (tmp_path / "out" / "measurement.json").read_text() == measured.json()
+    assert measured._repr_html_().startswith("<pre>")
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    measured.show()
+    [page] = opened
+    assert Path(page.removeprefix("file://")).read_text() == measured.html()
+
+
+def test_a_notebook_shows_the_report_in_a_frame(measured, monkeypatch):
+    shown: list[str] = []
+    display = SimpleNamespace(display=shown.append, HTML=str)
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=object))
+    monkeypatch.setitem(sys.modules, "IPython.display", display)
+    measured.show()
+    [frame] = shown
+    assert frame.startswith('<iframe srcdoc="&lt;!')
+    assert frame.count('"') == 4  # the report's own are escaped
+
+
+def test_tables_are_of_pandas(measured, monkeypatch):
+    made = SimpleNamespace(DataFrame=lambda rows, index, columns: (rows, index, columns))
+    monkeypatch.setitem(sys.modules, "pandas", made)
+    rows, index, columns = measured.table()
+    assert list(index) == list(measured)
+    row = dict(zip(columns, rows[list(index).index("FL.toe")], strict=True))
+    assert (row["value"], row["unit"]) == (measured["FL.toe"].deg, "°")
+    assert row["U"] == pytest.approx(row["k"] * row["u"])
+    assert measured.covariance.table()[1] == measured.covariance.names
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(wp.MissingDependencyError, match="pip install pandas"):
+        measured.table()
+
+
+def test_one_scan_gives_its_target_as_the_measurement_has_it(clouds, measured):
+    found = wp.find_target(clouds["FL"], DISC)
+    wheel = measured.wheels["FL"]
+    assert np.array_equal(found.centre_m, wheel.centre_m)
+    assert abs(found.normal @ wheel.normal) == pytest.approx(1.0, abs=1e-15)
+    assert found.normal @ (np.median(clouds["FL"][:, :3], axis=0)) < 0.0  # the scanner at 0 0 0
+    assert found.covariance.shape == (6, 6)
+    assert len(repr(found)) < 200
+    with pytest.raises(wp.NotMeasuredError) as caught:
+        wp.find_target(np.random.default_rng(0).uniform(size=(5000, 3)), "disc-250")
+    assert caught.value.status
+
+
+def test_planes_of_arrays():
+    rng = np.random.default_rng(1)
+    square = np.column_stack([rng.uniform(size=(4000, 2)), rng.normal(0.0, 1e-4, 4000)])
+    plane = fit_plane(square)
+    assert abs(plane.normal[2]) == pytest.approx(1.0, abs=1e-6)
+    assert plane.rms_m == pytest.approx(1e-4, rel=0.05)
+    [found] = wp.find_planes(square)
+    assert found.points > 0.98 * len(square)
+    assert "4000 points" in repr(plane)
+    assert fit_plane(square.astype(np.float32)[::-1]).points == len(square)
+    assert fit_plane(1e3 * square, length_unit="mm").rms_m == pytest.approx(plane.rms_m)
+
+
+def test_five_points_agree_and_are_measured_too(capture, measured):
+    file = wp.read_five_point(capture / "five-point.txt")
+    comparison = wp.validate(measured, file)
+    assert isinstance(comparison, wp.Comparison)
+    assert comparison.verdict == wp.validate(measured, str(capture / "five-point.txt")).verdict
+    assert comparison.names == tuple(measured.wheels)
+    own = wp.measure(file)
+    assert isinstance(own, Alignment)
+    assert own["FL.toe"].value != measured["FL.toe"].value
+    with pytest.raises(wp.InputError, match="no alignment"):
+        wp.validate(file, file)
+    with pytest.raises(wp.InputError, match="no five-point file"):
+        wp.validate(measured, 3)
+
+
+@pytest.mark.parametrize(
+    ("scans", "more", "says"),
+    [
+        ({"RR": np.zeros((3, 3))}, {}, "lack RL, FR, FL"),
+        (dict.fromkeys(WHEELS, np.zeros((3, 3))), {"target": None}, "no target is named"),
+        (dict.fromkeys(WHEELS, np.zeros((3, 3))), {"target": "nothing"}, "nothing"),
+        (3, {}, "a int is no set of scans"),
+        ("nowhere", {}, "no such file or folder"),
+        (dict.fromkeys(WHEELS, np.ones((3, 3))), {"length_unit": "ft"}, "'ft' is unknown"),
+        (dict.fromkeys(WHEELS, np.ones((3, 3))), {"scanner": "nothing"}, "nothing"),
+    ],
+)
+def test_what_cannot_be_measured_is_one_clear_line(scans, more, says):
+    with pytest.raises(wp.WheelplaneError, match=says) as caught:
+        wp.measure(scans, **({"target": "disc-250"} | more))
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_given_is_read_as_it_is(tmp_path):
+    assert is_path("a.ply")
+    assert is_path(Path("a.ply"))
+    assert not is_path(np.zeros(3))
+    scan = as_scan(np.eye(3) + 1.0, "m", "here")
+    assert as_scan(scan, "m", "here") is scan
+    target = as_target("disc-250")
+    assert as_target(target) is target
+    settings = as_config(None, None)
+    assert as_config(settings, None) is settings
+    path = tmp_path / "own.toml"
+    path.write_text("seed = 7\n")
+    assert as_config(path, None).seed == 7
+    assert as_config(str(path), "default").seed == 7

@@ -1,0 +1,98 @@
+"""Points in memory as a scan: what is taken, and what is refused in one line."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import open3d
+import pytest
+import trimesh
+
+from wheelplane.errors import InputError
+from wheelplane.readers import scan_of_points
+from wheelplane.readers.arrays import BLOCK_ROWS
+
+POINTS = np.random.default_rng(0).normal(size=(50, 3))
+INDEXED = np.column_stack([np.arange(50.0), POINTS])
+MASK = np.zeros(POINTS.shape, dtype=bool)
+MASK[3, 1] = True
+
+
+@pytest.mark.parametrize(
+    ("given", "wanted"),
+    [
+        (POINTS, POINTS),
+        (POINTS.T, POINTS),
+        (np.asfortranarray(POINTS), POINTS),
+        (POINTS.reshape(5, 10, 3), POINTS),
+        (POINTS[::-1], POINTS[::-1]),
+        (POINTS.tolist(), POINTS),
+        (tuple(map(tuple, POINTS)), POINTS),
+        (POINTS.astype(np.float32), POINTS.astype(np.float32)),
+        ((1e3 * POINTS).astype(np.int16), (1e3 * POINTS).astype(np.int16)),
+        (np.ma.MaskedArray(POINTS, MASK), np.delete(POINTS, 3, axis=0)),
+        (np.where(MASK, np.nan, POINTS), np.delete(POINTS, 3, axis=0)),
+        (open3d.geometry.PointCloud(open3d.utility.Vector3dVector(POINTS)), POINTS),
+        (open3d.t.geometry.PointCloud(POINTS), POINTS),
+        (trimesh.PointCloud(POINTS), POINTS),
+    ],
+)
+def test_points_of_any_holder_are_copied_once(given, wanted):
+    scan = scan_of_points(given)
+    assert np.array_equal(scan.points_m, wanted)
+    assert scan.points_m.dtype == np.float64
+    assert scan.points_m.flags.c_contiguous
+    assert scan.invalid_points == len(POINTS) - len(wanted)
+    assert scan.intensity is None
+    if isinstance(given, np.ndarray):
+        assert not np.shares_memory(scan.points_m, given)
+
+
+def test_a_fourth_column_is_the_intensity_and_blocks_join():
+    rows = np.random.default_rng(1).normal(size=(2 * BLOCK_ROWS + 7, 4))
+    rows[BLOCK_ROWS, 2] = np.nan
+    before = rows.copy()
+    scan = scan_of_points(rows, "mm")
+    kept = np.delete(rows, BLOCK_ROWS, axis=0)
+    assert np.allclose(scan.points_m, kept[:, :3] / 1e3, rtol=1e-15)
+    assert np.array_equal(scan.intensity, kept[:, 3].astype(np.float32))
+    assert np.array_equal(rows, before, equal_nan=True)
+
+
+def test_missing_returns_are_dropped_as_of_files():
+    rows = np.vstack([POINTS, np.zeros((40, 3))])
+    assert scan_of_points(rows).invalid_points == 40
+
+
+def test_an_unknown_unit_is_one_line():
+    with pytest.raises(InputError, match="'ft' is unknown"):
+        scan_of_points(POINTS, "ft")
+
+
+def test_a_cloud_without_points_of_another_library_is_no_cloud():
+    with pytest.raises(InputError, match="a SimpleNamespace of the type object"):
+        scan_of_points(SimpleNamespace(points=None))
+
+
+@pytest.mark.parametrize(
+    ("points", "says"),
+    [
+        (None, "a NoneType"),
+        (np.zeros((5, 2)), r"shape \(5, 2\)"),
+        (np.zeros((5, 7)), r"shape \(5, 7\)"),
+        ([[1, 2, 3], [4]], "a list"),
+        (np.array([["a", "b", "c"]]), "type <U1"),
+        (np.zeros((4, 3), dtype=complex), "type complex128"),
+        (np.full((4, 3), np.inf), "infinite"),
+        (np.full((4, 3), np.nan), "all its 4 points are invalid"),
+        (np.full((4, 3), 3e11), "beyond any site"),
+        (np.zeros((0, 3)), "0 points"),
+        (INDEXED, "counts the rows"),
+    ],
+)
+def test_what_is_no_cloud_is_one_clear_line(points, says):
+    with pytest.raises(InputError, match=says) as caught:
+        scan_of_points(points, name="mine")
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith("mine: ")
