@@ -21,6 +21,7 @@ MINUTE = math.radians(1.0 / 60.0)
 COUNT = 80
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("series", "shift"), [(1, 0.0), (4, 0.5)])
 def test_u_covers_the_true_errors_and_nothing_is_biased(series, shift):
     toe = changed(TOE, repeatability=0.8, reproducibility=shift)
@@ -48,6 +49,7 @@ def test_u_covers_the_true_errors_and_nothing_is_biased(series, shift):
         assert least <= np.sum(np.abs(ratios) <= 1.0) <= most
 
 
+@pytest.mark.slow
 def test_a_gain_is_detected_as_often_as_the_plan_says():
     tested = machine(toe=changed(TOE, repeatability=1.2))
     table = PlannedQuantity(repeatability="1.2'", gain=0.02)
@@ -67,6 +69,7 @@ def test_a_gain_is_detected_as_often_as_the_plan_says():
     assert 0.3 < np.mean(planned) < 0.97
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ["guarded", "simple", "shared"])
 def test_acceptance_and_rejection_are_those_of_jcgm_106_for_every_true_error(rule):
     """From the verdicts of many calibrations of one point, against the normal integral."""

@@ -33,6 +33,7 @@ def test_an_exact_line_is_found_exactly():
     assert line.fits == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_the_estimates_are_unbiased_and_their_u_is_that_of_many_experiments():
     """References share errors of their frame: taken as independent, u would be far too small."""
     rng, count, found = np.random.default_rng(1), 3000, []

@@ -34,6 +34,7 @@ def planned(plan=PLAN, trials=None, config=CONFIG):
     return planned_reference(plan, ITEM, plan.trials if trials is None else trials, DISC, config)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("series", [1, 4])
 def test_the_planned_uncertainties_are_those_of_calibrations(series):
     tested = machine(
@@ -103,6 +104,7 @@ def test_the_repeats_and_the_reference_asked_for_are_just_enough():
     assert far.u_reference < far.reference
 
 
+@pytest.mark.slow
 def test_the_trials_asked_for_detect_the_gain_and_fewer_do_not():
     table = PlannedQuantity(repeatability="1'", lower="-1°", upper="1°", gain=0.02)
     plan = Plan(trials=2, repeats=3, toe=table, spacing="1.5 mm")

@@ -97,6 +97,7 @@ def test_exact_scans_give_the_angles_from_gravity(rolls):
     assert np.tan([aside.value, ahead.value]) == pytest.approx(UP[[1, 0]] / UP[2], abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rolls", [(), WHEELS])
 def test_errors_are_as_large_as_stated(rolls):
     """Camber, caster, SAI of both sides jointly: gravity's error is shared by all."""

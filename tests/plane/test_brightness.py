@@ -31,6 +31,7 @@ def errors(plane, true):
     return axes @ true, np.sqrt(np.diag(axes @ plane.normal_covariance @ axes.T))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bias_mm", [0.1, 0.3, 1.0])
 @pytest.mark.parametrize(("points", "incidence_deg"), [(300, 20.0), (3000, 0.0), (3000, 45.0)])
 def test_errors_are_those_stated_where_half_of_the_face_is_dark(points, incidence_deg, bias_mm):

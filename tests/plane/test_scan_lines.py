@@ -78,6 +78,7 @@ def test_lines_twice_as_far_apart_as_their_points():
         assert min(off_deg(direction, wanted) for direction in directions) < 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [0, 1])
 def test_tilts_by_offsets_of_scan_lines_are_as_uncertain_as_stated(kind):
     count = 40
