@@ -1,6 +1,11 @@
 """Exceptions of the program: one family, each with a message of one line."""
 
 
+def printable(text: str) -> str:
+    """Escape characters by which text from a file could control the terminal."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 class WheelplaneError(Exception):
     """Any error that the user can correct.
 
@@ -9,7 +14,7 @@ class WheelplaneError(Exception):
     """
 
     def __init__(self, text: str) -> None:
-        super().__init__("".join(c if c.isprintable() else repr(c)[1:-1] for c in text))
+        super().__init__(printable(text))
 
 
 class InputError(WheelplaneError):

@@ -19,7 +19,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from io import BufferedIOBase, FileIO
 from itertools import islice
-from pathlib import Path, PurePosixPath
+from pathlib import Path
+from typing import IO
 
 from .errors import InputError
 
@@ -29,6 +30,8 @@ FREE_BYTES = 2**28  # ... and is bounded by this size instead
 MAX_MEMBERS = 10_000
 MAX_LISTED_BYTES = 4 << 20  # the list of files of a zip, names and all
 MAX_HEADER_BYTES = 16 << 10  # a long name or the attributes of a member of a tar
+MAX_PART_BYTES = 255  # of a name between two "/": what file systems take
+CONTROL = re.compile("[\x00-\x1f\x7f-\x9f]")
 MAX_DIGITS = 200  # in a row in attributes: Python before 3.11.10 reads them in quadratic time
 ARCHIVE_SUFFIXES = (".zip", ".tar", ".tgz", ".tar.gz", ".tar.bz2", ".tar.xz")
 COMPRESSED_SUFFIXES = (".gz", ".bz2", ".xz")
@@ -87,28 +90,24 @@ class Archive:
 
     def unpack(self, folder: Path, members: tuple[Member, ...] | None = None) -> None:
         """Unpack `members`, or all, below `folder`, without links and devices."""
-        names = [member.name for member in (self.members if members is None else members)]
+        names = {member.name for member in (self.members if members is None else members)}
         with archive_errors(self._name):
-            if isinstance(self._opened, zipfile.ZipFile):
-                self._opened.extractall(folder, names)  # noqa: S202 - members were checked
-            else:
-                chosen = set(names)
-                for member in self._opened.getmembers():
-                    if member.isfile() and member.name in chosen:
-                        self._copy(member, folder)
+            for name, content in self._contents(names):
+                path = path_below(folder, _plain_name(name), self._name)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with content, path.open("wb") as file:  # no owner, mode or date
+                    shutil.copyfileobj(content, file)
 
-    def _copy(self, member: tarfile.TarInfo, folder: Path) -> None:
-        """Write a file of a tar below `folder`: its bytes alone, no owner, mode or date.
-
-        extractall's filter "data" does the same, but not in Python 3.11.2 of Debian 12.
-        """
-        assert isinstance(self._opened, tarfile.TarFile)
-        path, content = folder / member.name, self._opened.extractfile(member)
-        if content is None or not lies_in(path, folder):
-            raise tarfile.TarError(f"{member.name} lies outside the archive")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with content, path.open("wb") as file:
-            shutil.copyfileobj(content, file)
+    def _contents(self, names: set[str]) -> Iterator[tuple[str, IO[bytes]]]:
+        """Yield the files of these names, opened one after another."""
+        if isinstance(self._opened, zipfile.ZipFile):
+            yield from ((name, self._opened.open(name)) for name in sorted(names))
+            return
+        for member in self._opened.getmembers():
+            if member.isfile() and member.name in names:
+                content = self._opened.extractfile(member)
+                assert content is not None
+                yield member.name, content
 
 
 def is_archive(path: Path, name: str) -> bool:
@@ -252,11 +251,9 @@ def _check_members(members: tuple[Member, ...], packed: int, name: str, scratch:
     if len(members) > MAX_MEMBERS:
         raise _too_many(name, str(len(members)))
     for member in members:
-        path = PurePosixPath(member.name.replace("\\", "/"))
-        if path.is_absolute() or ".." in path.parts or not path.parts:
-            raise InputError(
-                f"{name}: its member {member.name[:100]!r} points outside: pack it again"
-            )
+        fault = improper(_plain_name(member.name).replace("\\", "/"))
+        if fault is not None:
+            raise InputError(f"{name}: its member {member.name[:100]!r} {fault}: pack it again")
     room = shutil.disk_usage(scratch).free
     _check_size(name, sum(member.size for member in members), _limit(packed), room)
 
@@ -279,6 +276,45 @@ def _check_size(name: str, size: int, limit: int, room: int, more: str = "") -> 
     if size > room:
         full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         raise InputError(f"{fact}, {room / 2**30:.3g} GiB are free: make room in TMPDIR") from full
+
+
+def _plain_name(name: str) -> str:
+    """Return a member's name without the "./" that `tar` begins it with."""
+    return name.removeprefix("./")
+
+
+def improper(name: str) -> str | None:
+    """Return why a file of this name cannot be copied below a folder; None if it can.
+
+    "/" separates the parts of a name, as in archives, keys of object storage and addresses.
+    """
+    parts = name.split("/")
+    if name.startswith("/"):
+        return "points outside: it is absolute"
+    if ".." in parts:
+        return "points outside by a part '..'"
+    if "" in parts or "." in parts:
+        return "has an empty part" if "" in parts else "has a part '.'"
+    if CONTROL.search(name):
+        return "has a control character"
+    longest = max(len(part.encode(errors="replace")) for part in parts)
+    if longest > MAX_PART_BYTES:
+        return f"has a part of {longest} bytes, {MAX_PART_BYTES} at most"
+    return None
+
+
+def path_below(folder: Path, name: str, where: str) -> Path:
+    """Return the path below a folder at which a file of this name is written.
+
+    All that is copied, unpacked or uploaded goes through here. where: what holds the file, for the
+    message. Raises InputError for an improper name, and if a link leads the path out of the folder.
+    """
+    fault = improper(name)
+    if fault is None and not lies_in(folder / name, folder):
+        fault = "leads out of its folder"
+    if fault is not None:
+        raise InputError(f"{where}: the name {name[:100]!r} {fault}: rename it")
+    return folder / name
 
 
 def lies_in(path: Path, folder: Path) -> bool:

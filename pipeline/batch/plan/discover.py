@@ -17,15 +17,16 @@ from typing import BinaryIO, Literal
 
 from ...capture import TABLES
 from ...errors import InputError
-from ...files import ARCHIVE_SUFFIXES
+from ...files import ARCHIVE_SUFFIXES, improper
 from ...readers import READERS, scan_suffix
 from ...vehicle import REFERENCE_WHEELS
-from ..storage.entry import OUTSIDE, Entry
+from ..storage.entry import IMPROPER, OUTSIDE, Entry
 
 Kind = Literal["folder", "zip", "tar", "cloud", "five-point"]
 
 NO_DATA = re.compile(r"(readme|licen[cs]e|changelog|copying)\b", re.IGNORECASE)
-PASSED_OVER = re.compile(r"(^|/)(\.|__MACOSX/|~\$)")
+PASSED_OVER = re.compile(r"(^|/)(\.(?!\.?(/|$))|__MACOSX/|~\$)")  # . and .. are no hidden files
+UNUSABLE = (OUTSIDE, IMPROPER)
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,13 @@ class FoundCapture:
     def size(self) -> int:
         """Bytes of all its files."""
         return sum(file.size for file in self.files)
+
+    @property
+    def refusal(self) -> str | None:
+        """Reason why it cannot be copied from the archive, if that is known from its name."""
+        if any(file.stamp == IMPROPER for file in self.files):
+            return f"{self.name[:200]}: the key {improper(self.name)}: rename the object"
+        return None
 
     @property
     def fingerprint(self) -> str:
@@ -79,19 +87,19 @@ def discover(entries: Iterable[Entry], spool: Path, source: str) -> Captures:
                 continue
             folder, _, file = entry.name.rpartition("/")
             _go_to(f"{folder}/" if folder else "", opened, stream)
-            if entry.stamp == OUTSIDE:  # a capture, which cannot be measured
-                _put(stream, entry.name, "folder", [[entry.name, entry.size, entry.stamp]])
+            kind = "folder" if entry.stamp == OUTSIDE else kind_of(file)
+            if kind is None and not _may_belong(file):
+                passed_over[Path(file).suffix.lower()] += 1
                 continue
-            opened[-1].is_capture |= _marks_a_capture(file)
+            if entry.stamp in UNUSABLE:  # a capture, which cannot be measured
+                kind = kind or "folder"
+            else:
+                opened[-1].is_capture |= _marks_a_capture(file)
             if opened[0].is_capture:
                 raise InputError(
                     f"{source}: contains {file}, so it is itself a capture: use "
                     "`wheelplane measure`, give the folder above it, or move that file"
                 )
-            kind = kind_of(file)
-            if kind is None and not _may_belong(file):
-                passed_over[Path(file).suffix.lower()] += 1
-                continue
             _put(stream, entry.name, kind, [[entry.name, entry.size, entry.stamp]])
         _go_to("", opened, stream)
     return Captures(spool, passed_over)
@@ -133,7 +141,11 @@ def _close(folder: _Folder, stream: BinaryIO) -> None:
         files = [file for line in stream for file in json.loads(line)[2]]
         stream.seek(folder.start)
         stream.truncate()
-        _put(stream, folder.path.rstrip("/"), "folder", files)
+        own = [file for file in files if file[2] != IMPROPER]
+        _put(stream, folder.path.rstrip("/"), "folder", own)
+        for file in files:
+            if file[2] == IMPROPER:
+                _put(stream, file[0], "folder", [file])
 
 
 def _put(stream: BinaryIO, name: str, kind: Kind | None, files: list[list[str | int]]) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from ... import __version__
 from ...capture import files_of, find_capture_file, read_capture_file
 from ...errors import WheelplaneError
-from ...files import lies_in, sha256
+from ...files import improper, lies_in, sha256
 from ...report.json.measurement import SCHEMA
 from ..storage.entry import Entry
 from ..storage.store import Store
@@ -77,7 +77,8 @@ def identify(store: Store, found: FoundCapture, archive: Path, settings: BatchSe
 def unreadable(found: FoundCapture, settings: BatchSettings) -> Identity:
     """Return the identity of a capture none of whose files can be read."""
     inputs = {_inside(found, file.name): UNREADABLE for file in found.files}
-    return Identity(_key(found, inputs, settings), inputs, found.files, (), lasting=False)
+    lasting = found.refusal is not None
+    return Identity(_key(found, inputs, settings), inputs, found.files, (), lasting)
 
 
 def unchanged(store: Store, known: Identity) -> bool:
@@ -101,7 +102,7 @@ def _named_elsewhere(found: FoundCapture, archive: Path) -> list[str]:
     except WheelplaneError:
         return []  # the measurement will raise the same error
     names = {posixpath.normpath(posixpath.join(found.name, file)) for file in files_of(declared)}
-    names = {name for name in names if not name.startswith(("../", "/")) and name != ".."}
+    names = {name for name in names if improper(name) is None}
     return sorted(names - {file.name for file in found.files})
 
 

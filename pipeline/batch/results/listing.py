@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from ...errors import printable
 from ...report.format.layout import paragraph
 from ...report.format.view import PAPER, View
 from ...report.format.writer import Table, Writer
@@ -15,7 +16,7 @@ from ..catalogue.catalogue import Catalogue
 from ..catalogue.rows import CaptureRow
 from ..catalogue.schema import number_of
 from .query import ALL, FailureGroup, Filter, captures, condition
-from .tables import drift_table, expanded, shown, summary_table, worst_table
+from .tables import drift_table, expanded, summary_table, worst_table
 from .trends import Drift, Outlier, Summary
 
 ANGLES = tuple(f"{wheel} {angle}" for wheel in REFERENCE_WHEELS for angle in ("toe", "camber"))
@@ -49,9 +50,9 @@ def _angle_cells(found: Angles, width: int, view: View) -> list[str]:
 
 
 HEADS: dict[str, Callable[[CaptureRow], str]] = {
-    "capture": lambda row: shown(row.name or row.key),
+    "capture": lambda row: printable(row.name or row.key),
     "date": lambda row: row.date or "-",
-    "vehicle": lambda row: shown(row.vehicle or "-"),
+    "vehicle": lambda row: printable(row.vehicle or "-"),
     "status": lambda row: row.status,
     "wheels": lambda row: f"{row.wheels_ok}/{row.wheels}",
 }
@@ -91,7 +92,7 @@ def _angle(found: Angles, name: str, view: View) -> str:
 
 
 def _why(row: CaptureRow) -> list[str]:
-    return [] if row.status == "ok" else [shown(f"{row.stage}: {row.reason}".strip(": "))]
+    return [] if row.status == "ok" else [printable(f"{row.stage}: {row.reason}".strip(": "))]
 
 
 def captures_note() -> str:
@@ -148,8 +149,8 @@ def failures_text(found: tuple[FailureGroup, ...], _view: View = PAPER) -> str:
     lines = []
     for group in found:
         stage = group.stage or "-"
-        lines.append(f"{group.count:>7,}  {group.status}  {stage}: {shown(group.reason)}")
-        lines += [f"{'':9}{shown(name)}" for name in group.examples]
+        lines.append(f"{group.count:>7,}  {group.status}  {stage}: {printable(group.reason)}")
+        lines += [f"{'':9}{printable(name)}" for name in group.examples]
     return "\n".join(lines) or "No failures."
 
 

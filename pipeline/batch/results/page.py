@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ...errors import printable
 from ...report.format.writer import NONE, Column, Columns, Table, Writer
 from ...report.html.document import Document, Part, Section
 from ...report.html.results import Headline
@@ -18,7 +19,6 @@ from .tables import (
     drift_table,
     expanded,
     failures_table,
-    shown,
     summary_table,
     value,
     width,
@@ -114,7 +114,7 @@ def _captures(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Sectio
         found = angles.get(row.key, {})
         known = [u for _, u in found.values() if u is not None]
         cells.append([
-            shown(row.name or row.key), row.date or writer.none, words(f"page.{row.status}"),
+            printable(row.name or row.key), row.date or writer.none, words(f"page.{row.status}"),
             f"{row.wheels_ok}/{row.wheels}",
             *(value(found[name][0], "deg", writer, expanded(found[name][1]))
               if name in found else writer.none for name in ANGLES),

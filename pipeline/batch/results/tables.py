@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 
+from ...errors import printable
 from ...measurement import Estimate
 from ...report.format.digits import UNKNOWN
 from ...report.format.writer import Table, Writer
@@ -73,7 +74,7 @@ def worst_table(found: Sequence[Outlier], writer: Writer) -> Table:
         wide = expanded(o.u)
         texts = (value(o.value, o.unit, writer, wide), width(o.u, o.unit, writer),
                  value(o.median, o.unit, writer, wide))  # fmt: skip
-        rows.append([shown(o.name), o.date or writer.none, quantity_name(o.quantity, writer),
+        rows.append([printable(o.name), o.date or writer.none, quantity_name(o.quantity, writer),
                      *texts, words.number(f"{o.score:.1f}")])  # fmt: skip
     return writer.table(head, rows, 3, words("listing.worst"))
 
@@ -85,7 +86,7 @@ def failures_table(found: Sequence[FailureGroup], writer: Writer) -> Table:
             ("count", "status", "stage", "reason", "examples")]  # fmt: skip
     rows = [
         [words.count(group.count), words(f"page.{group.status}"), group.stage or writer.none,
-         shown(group.reason), ", ".join(map(shown, group.examples))]
+         printable(group.reason), ", ".join(map(printable, group.examples))]
         for group in found
     ]  # fmt: skip
     return writer.table(head, rows, 5, words("listing.failures"))
@@ -126,8 +127,3 @@ def width(x: float, unit: str, writer: Writer) -> str:
 def day_text(day: float) -> str:
     """Format days since 1970-01-01 as a date."""
     return (datetime(1970, 1, 1, tzinfo=UTC) + timedelta(days=day)).date().isoformat()
-
-
-def shown(text: str) -> str:
-    """Escape characters that a terminal would interpret."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)

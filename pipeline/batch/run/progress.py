@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, Self
 
+from ...errors import printable
 from .work import CompletedCapture
 
 EVERY_S = 10.0
@@ -69,7 +70,7 @@ class ProgressLines:
             self._print(self.state)
 
     def _print(self, text: str) -> None:
-        print(" ".join(text.split()), file=sys.stderr, flush=True)
+        print(_line(text), file=sys.stderr, flush=True)
 
 
 class Bar(ProgressLines):
@@ -103,12 +104,16 @@ class Bar(ProgressLines):
         self._bar.update(self._task, completed=self._done, description=self.state)
 
     def _print(self, text: str) -> None:
-        self._bar.console.print(" ".join(text.split()), markup=False, highlight=False)
+        self._bar.console.print(_line(text), markup=False, highlight=False)
 
 
 def progress_listener() -> ProgressLines:
     """Return a bar if standard error is a terminal, otherwise lines."""
     return Bar() if sys.stderr.isatty() else ProgressLines()
+
+
+def _line(text: str) -> str:
+    return printable(" ".join(text.split()))
 
 
 def _duration(seconds: float) -> str:

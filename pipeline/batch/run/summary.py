@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 
+from ...errors import printable
 from ..catalogue.catalogue import Catalogue
 from ..plan.shard import ALL, Shard
 from ..results.query import STATUSES, Filter, count, failures
@@ -50,7 +51,7 @@ def summary(
         others = f"{rest:7} for {kinds} other reason{'s' * (kinds > 1)}"
         lines.append(f"{others}: wheelplane results {results} --failures")
     lines += ["", f"next: wheelplane results {results}"]
-    return "\n".join(lines), held["ok"] == held.total()
+    return "\n".join(map(printable, lines)), held["ok"] == held.total()
 
 
 def _numbers(counts: Counter[str]) -> str:

@@ -39,6 +39,10 @@ def tasks_of(request: RunRequest, captures: Iterable[FoundCapture]) -> Iterator[
     """Group small captures into tasks; larger ones get a task each."""
     together: list[FoundCapture] = []
     for found in captures:
+        if found.refusal is not None:
+            refused = Outcome("failed", "discover", found.refusal)
+            yield Task(request, (found,), outcome=refused, blind=True)
+            continue
         if found.size > SMALL_BYTES:
             yield Task(request, (found,))
             continue

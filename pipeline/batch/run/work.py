@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -133,7 +134,7 @@ def _known(found: FoundCapture, task: Task, stack: ExitStack) -> tuple[Store, Id
 def _result(found: FoundCapture, known: Identity, folder: Path, task: Task) -> Result:
     settings = task.request.settings
     name = legible(found.name)
-    source = folder / found.name
+    source = Path(os.devnull) if task.blind else folder / found.name
     subject = Subject(source, name, found.kind, settings, known.key, known.inputs, folder)
     if task.outcome is not None:
         return failed(subject, task.outcome, "\n".join(task.attempts) + "\n")

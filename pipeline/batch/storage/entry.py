@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 
 OUTSIDE = "link to a folder outside"  # stamp
+IMPROPER = "a name that no file can have"  # stamp
 PARTIAL = ".partial"  # folder of files being written, which is never listed
 NO_TEXT = re.compile("[\udc80-\udcff]")  # a byte that is not UTF-8, as Python keeps it (PEP 383)
 

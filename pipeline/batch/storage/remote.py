@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ...errors import InputError, WheelplaneError
-from ...files import lies_in
-from .entry import PARTIAL, Entry
+from ...files import improper, path_below
+from .entry import IMPROPER, PARTIAL, Entry
 from .filesystem import TAKEN, code_of, file_system, is_transient
 
 T = TypeVar("T")
@@ -62,12 +62,15 @@ class RemoteStore:
         return self._exclusive
 
     def list(self, prefix: str = "") -> Iterator[Entry]:
-        """Yield objects whose name begins with `prefix`, sorted; in pages of 1,000 on S3."""
+        """Yield objects whose name begins with `prefix`, sorted; in pages of 1,000 on S3.
+
+        One that cannot be copied to a folder by its name has the stamp IMPROPER.
+        """
         skip = len(self._path(""))
         for path, size, stamp in self._listed(prefix):
             name = path[skip:]
             if name.startswith(prefix) and not name.endswith("/") and _shown(name):
-                yield Entry(name, size, stamp)
+                yield Entry(name, size, stamp if improper(name) is None else IMPROPER)
 
     def _listed(self, prefix: str) -> Iterator[tuple[str, int, str]]:
         if hasattr(self._fs, "call_s3"):
@@ -123,10 +126,12 @@ class RemoteStore:
 
     def fetch(self, name: str, folder: Path) -> Path:
         """Copy the object to `folder` / `name`, completely or not at all; return the path."""
-        target = folder / name
-        if not lies_in(target, folder):
-            raise InputError(f"{self.url}/{name}: its name leads out of the archive: rename it")
-        target.parent.mkdir(parents=True, exist_ok=True)
+        target = path_below(folder, name, self.url)
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+        except (FileExistsError, NotADirectoryError) as error:
+            fact = "a folder of its name is an object too"
+            raise InputError(f"{self.url}/{name}: {fact}: rename one of them") from error
         temporary = target.with_name(f"{PARTIAL}-{uuid.uuid4().hex}")
         try:
             self._request(lambda: self._fs.get_file(self._path(name), str(temporary)), name)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
-from ...files import ARCHIVE_SUFFIXES, COMPRESSED_SUFFIXES
+from ...files import ARCHIVE_SUFFIXES, COMPRESSED_SUFFIXES, path_below
 from ...readers import READERS
 from ..security import RefusedError
 from ..settings import PageSettings
@@ -70,6 +70,7 @@ class Uploads:
         key = "/".join(parts).casefold()
         with self._lock:
             upload = self._found(name)
+            path = path_below(upload.folder, file, "the upload")
             if declared is None:
                 raise RefusedError(411, f"{file[:100]}: the request does not state its size")
             if len(upload.names) >= self._settings.upload_files:
@@ -91,7 +92,6 @@ class Uploads:
                 )
             upload.names.add(key)
             upload.bytes += declared
-        path = upload.folder.joinpath(*parts)
         try:
             _write(path, stream, declared, file)
         except BaseException:
