@@ -19,14 +19,11 @@ from wheelplane.batch.run.stages import STAGES, stage_of, transient_fault
 from wheelplane.batch.run.tasks import MOST_TOGETHER, Run, tasks_of
 from wheelplane.batch.run.work import ArchiveError, CompletedCapture, RunRequest, Task
 from wheelplane.batch.run.worker_process import WorkerError
-from wheelplane.batch.storage import scratch
 from wheelplane.batch.storage.entry import Entry
-from wheelplane.batch.storage.scratch import LOCK, PREFIX, scratch_folder
 from wheelplane.capture.open_capture import CaptureOptions, open_capture
 from wheelplane.config import Config
 from wheelplane.errors import InputError
 from wheelplane.measure import measure_capture
-from wheelplane.system import acquire
 
 SINGLE = {
     "a.zip": "zip",
@@ -300,35 +297,6 @@ def test_what_cannot_be_read_is_a_row_and_what_cannot_be_written_ends_the_run(mo
         outcomes({f"c{k}": [TransientError("disk full")] * 9 for k in range(120)})
     found, _ = outcomes({"c7": [TransientError("disk full")] * 3})
     assert {outcome.status for outcome in found.values()} == {"ok"}
-
-
-def test_scratch_of_the_killed_is_cleared_and_that_of_the_living_is_not(tmp_path, monkeypatch):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    (tmp_path / f"{PREFIX}left" / "capture").mkdir(parents=True)
-    (tmp_path / f"{PREFIX}left" / LOCK).write_bytes(b"held")
-    with scratch_folder() as one, scratch_folder() as other:
-        assert not (tmp_path / f"{PREFIX}left").exists()
-        assert one.is_dir()
-        assert other.is_dir()
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_scratch_is_not_taken_for_abandoned_before_it_is_locked(tmp_path, monkeypatch):
-    """Another run looks for what is left while this one makes its folder."""
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    others = iter([scratch_folder()])
-
-    def late(handle, wait=True):
-        for other in others:
-            with other:
-                pass
-        return acquire(handle, wait)
-
-    monkeypatch.setattr(scratch, "acquire", late)
-    with scratch_folder() as one:
-        assert one.is_dir()
-        with scratch_folder():
-            assert one.is_dir()
 
 
 def test_small_captures_go_together_and_large_ones_alone():

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from types import ModuleType
@@ -39,6 +40,24 @@ def archive_of(folder: Path, count: int, first: int = 0) -> Path:
         five_points(folder / f"{k // 10:02d}" / f"car-{k:04d}.txt", k)
     settle(folder)
     return folder
+
+
+def zip_of_discs(path: Path, seed: int, spacing_m: float = 0.006) -> Path:
+    """A zip of four scans of a disc each, which are measured in a fifth of a second."""
+    rng = np.random.default_rng(seed)
+    steps = np.arange(-0.125, 0.126, spacing_m)
+    u, v = (grid.ravel() for grid in np.meshgrid(steps, steps))
+    inside = np.hypot(u, v) < 0.125
+    disc = np.column_stack([u, np.zeros(u.size), v])[inside]
+    centres = {"rr": (0, -0.75), "rl": (0, 0.75), "fr": (2.6, -0.75), "fl": (2.6, 0.75)}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with zipfile.ZipFile(path, "w") as packed:
+        packed.writestr(zipfile.ZipInfo("capture.toml"), 'target = "disc-250"\n')
+        for wheel, (x, y) in centres.items():
+            points = disc + np.array([x, y, 0.3]) + rng.normal(0.0, 0.0003, disc.shape)
+            text = "".join("{:.5f} {:.5f} {:.5f}\n".format(*point) for point in points)
+            packed.writestr(zipfile.ZipInfo(f"{wheel}.xyz"), text)
+    return path
 
 
 def settle(folder: Path) -> None:

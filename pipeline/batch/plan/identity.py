@@ -22,6 +22,7 @@ from .settings import BatchSettings, digest
 
 RACY_NS = 2_000_000_000  # a file this recent may change once more without a new time stamp
 UNREADABLE, OUTSIDE = "unreadable", "outside the archive"
+MISSING = "missing"  # stamp
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,11 @@ class Identity:
     files: tuple[Entry, ...]
     elsewhere: tuple[Entry, ...]
     lasting: bool
+
+    @property
+    def vanished(self) -> bool:
+        """Whether a file of it is no longer in the archive."""
+        return is_incomplete(self.files[: len(self.files) - len(self.elsewhere)])
 
 
 @contextmanager
@@ -87,8 +93,13 @@ def unchanged(store: Store, known: Identity) -> bool:
 
 
 def listed(store: Store, names: Iterable[str]) -> tuple[Entry, ...]:
-    """List files as they are now; a missing one has the stamp "missing"."""
-    return tuple(store.stat(name) or Entry(name, 0, "missing") for name in names)
+    """List files as they are now; a missing one has the stamp MISSING."""
+    return tuple(store.stat(name) or Entry(name, 0, MISSING) for name in names)
+
+
+def is_incomplete(files: Iterable[Entry]) -> bool:
+    """Return whether any of the files is missing."""
+    return any(file.stamp == MISSING for file in files)
 
 
 def _named_elsewhere(found: FoundCapture, archive: Path) -> list[str]:

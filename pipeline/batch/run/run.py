@@ -18,7 +18,7 @@ from ..storage.store import Store, open_store
 from .progress import ProgressListener, RunCounts
 from .result_index import ResultIndex
 from .tasks import Engine, Run, tasks_of
-from .work import RunRequest
+from .work import VANISHED, RunRequest
 
 
 class Batch:
@@ -102,7 +102,8 @@ class Batch:
         run = Run(tasks, self._engine, self._probe, self._listener.note)
         try:
             for done in run.outcomes():
-                self._index.add(done)
+                if done.outcome != VANISHED:
+                    self._index.add(done)
                 if done.record is not None:
                     self._segments.add(done.record)
                 self.counts.done[done.outcome.status] += 1

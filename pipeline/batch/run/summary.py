@@ -9,7 +9,7 @@ from ..catalogue.catalogue import Catalogue
 from ..plan.shard import ALL, Shard
 from ..results.query import STATUSES, Filter, count, failures
 from .progress import RunCounts
-from .work import RECOGNISED
+from .work import RECOGNISED, VANISHED
 
 WORST, REASON_LENGTH = 5, 140
 
@@ -55,5 +55,5 @@ def summary(
 
 
 def _numbers(counts: Counter[str]) -> str:
-    statuses = (*STATUSES, RECOGNISED.status)
+    statuses = (*STATUSES, RECOGNISED.status, VANISHED.status)
     return ", ".join(f"{counts[status]} {status}" for status in statuses if counts[status])

@@ -89,7 +89,7 @@ class Run:
                     self._died(task, error)
                 except TransientError as error:
                     self._failed(task, error)
-                except OSError as error:  # no more processes, or no more files open
+                except (OSError, EOFError) as error:  # no more processes or files, no fork server
                     self._failed(task, TransientError(f"no worker process can start: {error}"))
                 else:
                     self._faults = 0

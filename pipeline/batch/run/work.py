@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -14,7 +15,15 @@ from ...errors import WheelplaneError
 from ..catalogue.load_records import json_name
 from ..catalogue.rows import FAILED, Record, read_record
 from ..plan.discover import FoundCapture
-from ..plan.identity import Identity, identify, local_copy, unchanged, unreadable
+from ..plan.identity import (
+    Identity,
+    identify,
+    is_incomplete,
+    listed,
+    local_copy,
+    unchanged,
+    unreadable,
+)
 from ..plan.settings import BatchSettings
 from ..storage.entry import Entry, legible
 from ..storage.store import Store, open_store
@@ -29,6 +38,7 @@ from .measure_one import (
 
 WRITERS = 16  # simultaneous syncs to disk, or requests to storage
 RECOGNISED = Outcome("recognised")
+VANISHED = Outcome("vanished")
 
 
 @dataclass(frozen=True)
@@ -66,7 +76,10 @@ class ArchiveError(TransientError):
 
 @dataclass(frozen=True)
 class CompletedCapture:
-    """Capture with its outcome; status "recognised": its result existed before.
+    """Capture with its outcome.
+
+    Status "recognised": its result existed before. "vanished": a file of it is no longer in the
+    archive, and it has no result.
 
     fingerprint: of its files as listed, None if it does not identify the capture reliably.
     record: of a new result in object storage, where reading it back is expensive.
@@ -106,12 +119,16 @@ def _one(
     """Measure a capture; return it with its outcome, and the pending write of a new result."""
     with ExitStack() as stack:
         archive, known, folder = _known(found, task, stack)
+        if known.vanished:
+            return _done(found, known, VANISHED), None
         exists = results.exists(json_name(known.key))
         if exists and not (task.request.retry and _failed_before(results, known.key)):
             return _done(found, known, RECOGNISED), None
         result = _result(found, known, folder, task)
         if not task.blind and not unchanged(archive, known):
             raise TransientError(f"{found.name}: changed while it was measured")
+        if not Path(tempfile.gettempdir()).is_dir():
+            raise TransientError(f"{found.name}: the folder of temporary files was removed")
     writing = _writers().submit(_write, results, known.key, result, exists)
     done = _done(found, known, result.outcome)
     if results.local is None:
@@ -121,12 +138,19 @@ def _one(
 
 def _known(found: FoundCapture, task: Task, stack: ExitStack) -> tuple[Store, Identity, Path]:
     """Return the capture's archive, its identity, and the local folder. Raises ArchiveError."""
+    settings = task.request.settings
     try:
         archive = _store(task.request.archive, confined=True)
         if task.blind:
-            return archive, unreadable(found, task.request.settings), Path()
-        folder = stack.enter_context(local_copy(archive, found))
-        return archive, identify(archive, found, folder, task.request.settings), folder
+            return archive, unreadable(found, settings), Path()
+        try:
+            folder = stack.enter_context(local_copy(archive, found))
+        except WheelplaneError:
+            now = listed(archive, [file.name for file in found.files])
+            if not is_incomplete(now):
+                raise
+            return archive, unreadable(replace(found, files=now), settings), Path()
+        return archive, identify(archive, found, folder, settings), folder
     except WheelplaneError as error:
         raise ArchiveError(str(error)) from error
 

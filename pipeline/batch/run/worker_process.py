@@ -33,6 +33,7 @@ from .work import CompletedCapture, Task, work
 PRELOAD = [__name__]
 SEARCH_PATH = tuple(sys.path)  # in the fork server, which imports this first: of its environment
 LOG, TAIL_BYTES = "log.txt", 4000
+UNKNOWN_CODE = 255  # of multiprocessing, for a process whose fork server ended before it could say
 EXTERNAL_SIGNALS = signals("SIGKILL", "SIGTERM", "SIGHUP")
 STARTING = threading.Lock()  # of this process's variables
 
@@ -118,6 +119,8 @@ class WorkerProcess:
         process.join()
         code = process.exitcode or 0
         log = self.close()
+        if code == UNKNOWN_CODE:
+            return WorkerError("killed", "it was killed with its fork server", log)
         if -code in EXTERNAL_SIGNALS:
             name = signal.Signals(-code).name
             return WorkerError("killed", f"it was killed ({name}), perhaps for lack of memory", log)
@@ -158,6 +161,7 @@ def _serve(
     parent = multiprocessing.parent_process()
     if parent is None or not parent.is_alive():
         return
+    threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     log = os.open(folder / LOG, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     for stream in (1, 2):
@@ -171,6 +175,12 @@ def _serve(
         except EOFError:
             return
         pipe.send(_answer(task))
+
+
+def _end_with(program: int) -> None:
+    """End this process with the program, of which the fork server may learn later."""
+    wait([program])
+    os._exit(0)
 
 
 def _answer(task: Task) -> tuple[str, Any]:

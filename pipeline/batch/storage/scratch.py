@@ -6,43 +6,60 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ...system import acquire
 
-PREFIX, LOCK = "wheelplane-run-", "lock"
+PREFIX, LOCK, GONE = "wheelplane-run-", ".lock", "wheelplane-gone-"
 
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Create a folder and remove it at the end; remove those of killed processes first."""
-    for left in Path(tempfile.gettempdir()).glob(f"{PREFIX}*"):
-        if _is_abandoned(left):
-            shutil.rmtree(left, ignore_errors=True)
-    folder = Path(tempfile.mkdtemp(prefix=PREFIX))
-    handle = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT)
+    """Create a folder and remove it at the end; remove those of killed processes first.
+
+    Its lock, a file beside it, is held before the folder is there and until it is gone.
+    """
+    for lock in Path(tempfile.gettempdir()).glob(f"{PREFIX}*{LOCK}"):
+        _clear(lock)
+    handle, lock = _held_lock()
+    folder = lock.with_suffix("")
     try:
-        acquire(handle)
-        os.write(handle, b"held")
+        folder.mkdir(mode=0o700)
         yield folder
     finally:
+        _remove(folder, lock)
         os.close(handle)
-        shutil.rmtree(folder, ignore_errors=True)
 
 
-def _is_abandoned(folder: Path) -> bool:
-    """Return whether its owner has ended: the lock ends with its process.
+def _held_lock() -> tuple[int, Path]:
+    """Create a lock and hold it, unless another process took it for an abandoned one before."""
+    while True:
+        handle, path = tempfile.mkstemp(prefix=PREFIX, suffix=LOCK)
+        acquire(handle)
+        if os.fstat(handle).st_nlink:
+            return handle, Path(path)
+        os.close(handle)
 
-    An empty lock is one that its owner has not come to hold yet.
-    """
+
+def _clear(lock: Path) -> None:
+    """Remove the folder of a lock that nobody holds: it ends with its process."""
     try:
-        handle = os.open(folder / LOCK, os.O_RDWR)
+        handle = os.open(lock, os.O_RDWR)
     except OSError:
-        return False  # another user's, just made, or just removed
+        return  # another user's, or just removed
     try:
-        return acquire(handle, wait=False) and os.fstat(handle).st_size > 0
-    except OSError:
-        return False
+        if acquire(handle, wait=False):
+            _remove(lock.with_suffix(""), lock)
     finally:
         os.close(handle)
+
+
+def _remove(folder: Path, lock: Path) -> None:
+    """Remove a folder, all at once for those that still work in it, and then its lock."""
+    gone = folder.with_name(folder.name.replace(PREFIX, GONE))
+    with suppress(OSError):  # not there
+        folder.rename(gone)
+    shutil.rmtree(gone, ignore_errors=True)
+    with suppress(OSError):  # Windows: it is open
+        lock.unlink()
