@@ -15,7 +15,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.batch.test_store import remote, server  # noqa: F401
 from tests.support.records import add, key_of, place, result, text
 from wheelplane.batch.catalogue import catalogue as catalogue_module
 from wheelplane.batch.catalogue import segments
@@ -332,7 +331,7 @@ def test_progress_is_reported(store):
 
 
 @pytest.mark.slow
-def test_a_catalogue_in_object_storage(remote, tmp_path, monkeypatch):  # noqa: F811
+def test_a_catalogue_in_object_storage(remote, tmp_path, monkeypatch):
     trees = some(20)
     with pytest.raises(InputError, match="no results found"):
         open_catalogue(remote.url)
@@ -363,7 +362,7 @@ def spied(real, names: list[str]):
     return read
 
 
-def test_where_an_etag_is_no_md5_the_size_decides(remote, monkeypatch):  # noqa: F811
+def test_where_an_etag_is_no_md5_the_size_decides(remote, monkeypatch):
     trees = some(6)
     add(remote, *trees)
     real = type(remote).list
@@ -382,7 +381,7 @@ def test_where_an_etag_is_no_md5_the_size_decides(remote, monkeypatch):  # noqa:
     assert update(remote) == 1
 
 
-def test_segments_spare_the_reading_and_change_nothing(remote, monkeypatch):  # noqa: F811
+def test_segments_spare_the_reading_and_change_nothing(remote, monkeypatch):
     monkeypatch.setattr(segments, "WORTH", 5)
     monkeypatch.setattr(segments, "RESULTS", 4)
     trees = some(14)
