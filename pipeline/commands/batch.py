@@ -26,12 +26,11 @@ MOST_SHOWN = 3
 
 
 @click.command()
-@click.argument("archive")
+@click.argument("archive", required=False)
 @click.option(
     "-o",
     "--output",
     "results",
-    required=True,
     metavar="RESULTS",
     help="Folder or URL for the results.",
 )
@@ -40,7 +39,18 @@ MOST_SHOWN = 3
     is_flag=True,
     help="Measure all anew, without asking, in RESULTS created with other settings.",
 )
-@click.option("--retry", is_flag=True, help="Measure again what failed before.")
+@click.option(
+    "--retry",
+    is_flag=False,
+    flag_value="failed",
+    metavar="[failed|STATUS|NAME]",
+    help="Measure again what failed before, or has this status, or the capture of this name.",
+)
+@click.option(
+    "--why",
+    metavar="NAME",
+    help="Print the status, reason, inputs and log of a capture in RESULTS.",
+)
 @click.option(
     "--limit",
     type=click.IntRange(min=1),
@@ -59,7 +69,7 @@ MOST_SHOWN = 3
 )
 @work_options
 @measuring_options
-def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
+def batch(archive: str | None, results: str | None, resume: bool, **options: Any) -> int:
     """Measure every capture in ARCHIVE, a folder or URL, each on its own, and catalogue them.
 
     Captures are folders, zips and tars with a scan of each wheel, clouds of a whole vehicle, and
@@ -72,6 +82,22 @@ def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
 
     Exits with 1 when a capture failed, or was measured in part.
     """
+    if archive is None and options["retry"] is not None:  # it follows --retry, which takes no value
+        archive, options["retry"] = options["retry"], "failed"
+    if results is None:
+        raise click.UsageError("Missing option '-o' / '--output': a folder or URL for the results")
+    if options["why"] is not None:
+        from ..batch.results.why import account
+
+        click.echo(account(results, options["why"]))
+        return 0
+    if archive is None:
+        raise click.UsageError("Missing argument 'ARCHIVE'.")
+    return _measure(archive, results, resume, options)
+
+
+def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) -> int:
+    """Measure an archive, and print what was done."""
     from ..batch.catalogue.catalogue import open_catalogue
     from ..batch.plan.shard import ALL, read_shard
     from ..batch.run.progress import progress_listener
@@ -82,7 +108,7 @@ def batch(archive: str, results: str, resume: bool, **options: Any) -> int:
     from ..batch.storage.scratch import scratch_folder
 
     places = absolute(archive), absolute(results)
-    request = RunRequest(*places, read_settings(options), retry=options["retry"])
+    request = RunRequest(*places, read_settings(options), retry=options["retry"] or "")
     shard = read_shard(options["shard"]) if options["shard"] else ALL
     _begin(request, resume, watch=options["watch"])
     signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -15,10 +15,10 @@ from typing import Any
 import click
 
 from ..batch.catalogue.catalogue import Catalogue, open_catalogue, rebuild
+from ..batch.catalogue.rows import STATUSES
 from ..batch.results import calibrations, export, listing, page, trends
 from ..batch.results.query import (
     ALL,
-    STATUSES,
     Filter,
     ValueRange,
     captures,

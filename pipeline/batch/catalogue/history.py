@@ -9,8 +9,9 @@ from ...errors import InputError
 from ..storage.store import Store
 from .catalogue import open_catalogue, update
 from .load_records import json_name
-from .rows import FAILED
+from .rows import FAILED, STATUSES, CaptureRow
 
+ANY_FAILURE = "failed"  # of --retry: failed, quarantined or damaged
 REMOVED = "gone.json"  # name of a file that users hold
 
 
@@ -19,15 +20,30 @@ def holds_results(results: Store) -> bool:
     return next(results.list("measurements/"), None) is not None
 
 
-def failures(results: Store) -> list[str]:
-    """Return the keys of the results that `--retry` measures again."""
+def retried(results: Store, retry: str) -> list[str]:
+    """Return the keys of the results that `--retry` measures again.
+
+    Raises InputError if `retry` is neither a status nor the name of a capture.
+    """
     if not holds_results(results):
         return []
     update(results)
     question = "SELECT key FROM captures WHERE status IN (SELECT value FROM json_each(?))"
+    values = json.dumps(FAILED if retry == ANY_FAILURE else [retry])
     with open_catalogue(results.url) as catalogue:
-        rows = catalogue.connection.execute(question, (json.dumps(FAILED),))
-        return [key for (key,) in rows]
+        rows = catalogue.connection.execute(f"{question} OR name = ?", (values, retry))
+        keys = [key for (key,) in rows]
+    if not keys and retry not in STATUSES:
+        raise InputError(
+            f"--retry {retry}: {results.url} has no result of this name: give failed, a status, or "
+            "a name as `wheelplane results` lists it"
+        )
+    return keys
+
+
+def is_retried(row: CaptureRow, retry: str) -> bool:
+    """Return whether `--retry` measures a capture again: all that failed, a status, or a name."""
+    return row.name == retry or row.status in (FAILED if retry == ANY_FAILURE else (retry,))
 
 
 def supersede(results: Store, key: str) -> None:

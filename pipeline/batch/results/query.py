@@ -16,7 +16,6 @@ from ..catalogue.rows import CaptureRow, QuantityRow, WheelRow
 from ..catalogue.schema import CAPTURE_COLUMNS, WHEEL_COLUMNS, number_of
 
 Order = Literal["name", "date", "vehicle", "status"]
-STATUSES = ("ok", "part", "failed", "quarantined", "damaged")
 
 
 @dataclass(frozen=True)

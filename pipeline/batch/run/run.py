@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ...errors import InputError, WheelplaneError
 from ..catalogue.catalogue import update
-from ..catalogue.history import failures, holds_results, supersede, write_removed
+from ..catalogue.history import holds_results, retried, supersede, write_removed
 from ..catalogue.segments import Segments
 from ..plan.discover import Captures, FoundCapture, discover
 from ..plan.shard import ALL, Shard
@@ -43,7 +43,7 @@ class Batch:
         self._index = ResultIndex(self._results, of_settings, self._archive, scratch / "index")
         self._index.load()
         if request.retry:
-            self._index.mark_undone(failures(self._results))
+            self._index.mark_undone(retried(self._results, request.retry))
         self._segments = Segments(self._results)
         self._known = 0
 

@@ -6,8 +6,9 @@ from collections import Counter
 
 from ...errors import printable
 from ..catalogue.catalogue import Catalogue
+from ..catalogue.rows import STATUSES
 from ..plan.shard import ALL, Shard
-from ..results.query import STATUSES, Filter, count, failures
+from ..results.query import Filter, count, failures
 from .progress import RunCounts
 from .work import RECOGNISED, VANISHED
 

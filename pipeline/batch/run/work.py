@@ -12,8 +12,9 @@ from pathlib import Path
 
 from ... import __version__
 from ...errors import WheelplaneError
+from ..catalogue.history import is_retried
 from ..catalogue.load_records import json_name
-from ..catalogue.rows import FAILED, Record, read_record
+from ..catalogue.rows import Record, read_record
 from ..plan.discover import FoundCapture
 from ..plan.identity import (
     Identity,
@@ -45,14 +46,14 @@ VANISHED = Outcome("vanished")
 class RunRequest:
     """Request of a run, common to all its tasks.
 
-    archive, results: URLs, or absolute paths. retry: measure again what failed before.
+    archive, results: URLs, or absolute paths. retry: which results are replaced, see `is_retried`.
     """
 
     archive: str
     results: str
     settings: BatchSettings
     version: str = __version__
-    retry: bool = False
+    retry: str = ""
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ def _one(
         if known.vanished:
             return _done(found, known, VANISHED), None
         exists = results.exists(json_name(known.key))
-        if exists and not (task.request.retry and _failed_before(results, known.key)):
+        if exists and not _is_retried(results, known.key, task.request.retry):
             return _done(found, known, RECOGNISED), None
         result = _result(found, known, folder, task)
         if not task.blind and not unchanged(archive, known):
@@ -170,8 +171,10 @@ def _done(found: FoundCapture, known: Identity, outcome: Outcome) -> CompletedCa
     return CompletedCapture(found.name, known.key, outcome, fingerprint, known.elsewhere)
 
 
-def _failed_before(results: Store, key: str) -> bool:
-    return read_record(key, results.read(json_name(key))).capture.status in FAILED
+def _is_retried(results: Store, key: str, retry: str) -> bool:
+    if not retry:
+        return False
+    return is_retried(read_record(key, results.read(json_name(key))).capture, retry)
 
 
 def _write(results: Store, key: str, result: Result, replace_failure: bool) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ...batch.catalogue.catalogue import Catalogue, open_catalogue
+from ...batch.catalogue.rows import STATUSES
 from ...batch.results.query import (
-    STATUSES,
     Filter,
     capture_of,
     captures,

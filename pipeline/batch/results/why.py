@@ -1,0 +1,56 @@
+"""Account of one capture's result: its status, reason, inputs and log."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from ...errors import InputError, printable
+from ..catalogue.catalogue import open_catalogue
+from ..catalogue.load_records import json_name
+from ..storage.store import Store, open_store
+
+MANIFEST = "run/begun.json"
+PACKED = ("zip", "tar")
+
+
+def account(results: str, name: str) -> str:
+    """Return why the result of the capture `name` is as it is. Raises InputError if it has none."""
+    with open_catalogue(results) as catalogue:
+        rows = catalogue.connection.execute("SELECT key FROM captures WHERE name = ?", (name,))
+        keys = [key for (key,) in rows]
+    if not keys:
+        raise InputError(
+            f"{name}: {results} has no result of this name: `wheelplane results {results}` lists "
+            "the names"
+        )
+    store = open_store(results)
+    lines = [line for key in keys for line in _lines(store, key)]
+    return "\n".join(map(printable, [*lines, "", _next(store, results, name)]))
+
+
+def _lines(store: Store, key: str) -> list[str]:
+    tree: dict[str, Any] = json.loads(store.read(json_name(key)))
+    batch, origin = tree["batch"], tree["provenance"]
+    where = f" at {batch['stage']}" * bool(batch["stage"])
+    lines = [f"{tree['capture']}: {batch['status']}{where}", f"  {batch['reason'] or 'no reason'}"]
+    lines += [f"  result     {json_name(key)}", f"  wheelplane {origin['version']}"]
+    for wheel in tree["wheels"]:
+        told = f": {wheel['reason']}" if wheel.get("reason") else ""
+        lines.append(f"  wheel      {wheel['name']}: {wheel['status']}{told}")
+    inputs = origin["inputs"].items()
+    lines += [f"  input      {file}  {digest}" for file, digest in inputs]
+    log = f"logs/{key}.log"
+    if store.exists(log):
+        text = store.read(log).decode(errors="replace").rstrip()
+        lines += ["", f"{log}:", *(f"  {line}" for line in text.split("\n"))]
+    return lines
+
+
+def _next(store: Store, results: str, name: str) -> str:
+    """Return the commands that show the capture's targets, and that measure it again."""
+    again = f"measure it again: wheelplane batch ARCHIVE -o {results} --retry '{name}'"
+    if not store.exists(MANIFEST):
+        return again
+    archive = json.loads(store.read(MANIFEST))["archive"]
+    return f"see its targets: wheelplane measure '{archive}/{name}' --plot DIR\n{again}"
