@@ -6,7 +6,7 @@ import signal
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
@@ -47,6 +47,12 @@ MOST_SHOWN = 3
     help="Measure again what failed before, or has this status, or the capture of this name.",
 )
 @click.option(
+    "--status",
+    "watched",
+    metavar="RESULTS",
+    help="Print what the runs on RESULTS have done, are at, and how fast, from any machine.",
+)
+@click.option(
     "--why",
     metavar="NAME",
     help="Print the status, reason, inputs and log of a capture in RESULTS.",
@@ -58,6 +64,9 @@ MOST_SHOWN = 3
     help="Number of captures to measure now, at most.",
 )
 @click.option("--shard", metavar="K/N", help="Part K of N, from 1, for array jobs.")
+@click.option(
+    "--log", type=click.Path(dir_okay=False), help="File to which each event is added, as JSON."
+)
 @click.option("--watch", is_flag=True, help="Wait for new captures in ARCHIVE until Ctrl-C.")
 @click.option(
     "--settle",
@@ -84,6 +93,12 @@ def batch(archive: str | None, results: str | None, resume: bool, **options: Any
     """
     if archive is None and options["retry"] is not None:  # it follows --retry, which takes no value
         archive, options["retry"] = options["retry"], "failed"
+    if options["watched"] is not None:
+        from ..batch.results.run_state import states_text
+        from ..batch.storage.store import open_store
+
+        click.echo(states_text(open_store(options["watched"])))
+        return 0
     if results is None:
         raise click.UsageError("Missing option '-o' / '--output': a folder or URL for the results")
     if options["why"] is not None:
@@ -100,12 +115,13 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
     """Measure an archive, and print what was done."""
     from ..batch.catalogue.catalogue import open_catalogue
     from ..batch.plan.shard import ALL, read_shard
-    from ..batch.run.progress import progress_listener
+    from ..batch.run.progress import RunReport, progress_listener
     from ..batch.run.run import Batch
     from ..batch.run.summary import summary
     from ..batch.run.watch import watch
     from ..batch.run.work import RunRequest
     from ..batch.storage.scratch import scratch_folder
+    from ..batch.storage.store import open_store
 
     places = absolute(archive), absolute(results)
     request = RunRequest(*places, read_settings(options), retry=options["retry"] or "")
@@ -117,7 +133,11 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
         scratch = stack.enter_context(scratch_folder())
         engine = make_engine(options, scratch)
         stack.callback(engine.close)
-        tell = stack.enter_context(progress_listener())
+        shown = stack.enter_context(progress_listener())
+        log = stack.enter_context(_log(options["log"])) if options["log"] else None
+        to = open_store(request.results)
+        part = f"{shard.k}/{shard.n}"
+        tell = stack.enter_context(RunReport(shown, to, engine, part, log))
         work = Batch(request, engine, scratch, tell, shard)
         try:
             if options["watch"]:
@@ -125,6 +145,7 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
             else:
                 work.run(options["limit"])
         except KeyboardInterrupt:
+            tell.interrupted = True
             interrupted = not options["watch"]
     with ExitStack() as stack:
         whole = None
@@ -135,6 +156,13 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
     if interrupted:
         raise InputError("interrupted: run the same command to go on")
     return 0 if fine else 1
+
+
+def _log(path: str) -> TextIO:
+    try:
+        return Path(path).open("a", encoding="utf-8", errors="backslashreplace")
+    except OSError as error:
+        raise InputError(f"--log {path}: cannot be written ({error.strerror})") from error
 
 
 def _begin(request: RunRequest, resume: bool, watch: bool) -> None:

@@ -3,7 +3,7 @@
 from .files_in_memory import MemoryFile, memory_file
 from .folders import sync_folder
 from .locks import acquire
-from .memory import free_bytes, machine_bytes, memory_limit, unlimited_bytes
+from .memory import free_bytes, machine_bytes, memory_limit, peak_bytes, unlimited_bytes
 from .processes import (
     apart,
     check_temporary_folder,
@@ -25,6 +25,7 @@ __all__ = [
     "machine_bytes",
     "memory_file",
     "memory_limit",
+    "peak_bytes",
     "read_within",
     "signals",
     "start_method",

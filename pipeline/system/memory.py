@@ -7,6 +7,7 @@ limited: a limit counts from what the process holds at its start.
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -48,6 +49,14 @@ def unlimited_bytes() -> int:
             if limit != resource.RLIM_INFINITY:
                 least = min(least, limit - (_held_bytes(column) or 0))
     return least
+
+
+def peak_bytes() -> int:
+    """Return the most memory that this process has held; 0 where that is not known."""
+    if resource is None:
+        return 0
+    unit = 1 if sys.platform == "darwin" else 1024
+    return int(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) * unit
 
 
 @contextmanager

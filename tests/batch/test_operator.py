@@ -2,9 +2,25 @@
 
 from __future__ import annotations
 
+import json
+import signal
+import time
+
 import pytest
 
-from tests.support.batches import archive_of, call, run, settle, trees
+from tests.support.batches import (
+    archive_of,
+    call,
+    five_points,
+    poisoned,
+    run,
+    settle,
+    start,
+    trees,
+)
+from wheelplane.batch.results.run_state import AtWork, RunState, states_text, write_state
+from wheelplane.batch.run.tasks import SMALL_BYTES
+from wheelplane.batch.storage.store import open_store
 
 
 @pytest.fixture
@@ -84,3 +100,96 @@ def test_why_of_an_unknown_name_is_one_line(finished):
 def test_what_is_missing_is_said(arguments):
     done = call("batch", *arguments)
     assert (done.returncode, "Missing" in done.stderr) == (2, True)
+
+
+# Runs at work
+
+
+def test_the_status_of_a_run_is_read_from_its_results_while_it_works(tmp_path):
+    archive = archive_of(tmp_path / "archive", 3)
+    with five_points(archive / "hang.txt", 1).open("a") as file:
+        file.write("\n" * SMALL_BYTES)  # so that it is a task of its own
+    (archive / "bad.txt").write_text("1 2 3\n4 5\n")
+    settle(archive)
+    results = tmp_path / "results"
+    options = ("--workers", "2", "--timeout", "600")
+    process = start(archive, results, *options, **poisoned(tmp_path))
+    try:
+        end = time.monotonic() + 60.0
+        while "1 failed, read: " not in (text := status(results)):
+            assert time.monotonic() < end, text
+            time.sleep(0.2)
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+    assert f"process {process.pid}: running for" in text
+    assert "0 done before; now 1 failed, 3 ok; 1 to do" in text
+    assert "at work: hang.txt, for" in text
+    after = status(results)
+    assert f"process {process.pid}: interrupted after" in after
+    assert "at work" not in after
+
+
+def status(results) -> str:
+    done = call("batch", "--status", results)
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
+
+
+def test_a_run_that_ended_is_forgotten_by_the_next(finished):
+    archive, results = finished
+    assert "finished after" in status(results)
+    run(archive, results)
+    text = status(results)
+    assert text.count("finished after") == 1
+    assert "4 done before; now none; 0 to do" in text
+    assert [path.parent.name for path in results.glob("run/state/*")] == ["state"]
+
+
+def test_a_run_without_a_sign_and_one_that_works(tmp_path):
+    results = open_store(str(tmp_path))
+    assert "no run has begun" in states_text(results)
+    now_s = time.time()
+    task = AtWork(("a/\x1b[2J.zip", "b", "c"), now_s - 30.0, "worker 2")
+    works = RunState("node1, process 7", "2/4", now_s - 100.0, now_s, 5, 1000, at_work=(task,))
+    works.done, works.failures = {"ok": 180, "failed": 20}, {"failed, read: no number": 20}
+    write_state(results, "b", works)
+    lost = RunState("node2, process 8", "1/1", now_s - 900.0, now_s - 600.0, 0, 10)
+    write_state(results, "a", lost)
+    results.write("run/state/c.json", b"{}")
+    assert states_text(results).split("\n") == [
+        "node2, process 8: no sign for 10 min: killed, or its machine is not reached",
+        "  0 done before; now none; 10 to do",
+        "node1, process 7, shard 2/4: running for 2 min, 2/s, 7 min left",
+        "  5 done before; now 20 failed, 180 ok; 800 to do",
+        r"  at work: a/\x1b[2J.zip and 2 small ones, for 30 s, worker 2",
+        "     20 failed, read: no number",
+    ]
+
+
+def test_the_log_holds_an_event_a_line(tmp_path):
+    archive = archive_of(tmp_path / "archive", 1)
+    (archive / "bad.txt").write_text("1 2 3\n4 5\n")
+    settle(archive)
+    log = tmp_path / "log.jsonl"
+    for _ in range(2):
+        run(archive, tmp_path / "results", "--log", str(log))
+    events = [json.loads(line) for line in log.read_text().splitlines()]
+    names = [event["event"] for event in events]
+    assert names == ["planned", "finished", "finished", "ended", "planned", "ended"]
+    of_bad = next(event for event in events if event.get("capture") == "bad.txt")
+    batch = trees(tmp_path / "results")["bad.txt"]["batch"]
+    assert {key: of_bad[key] for key in ("key", "status", "stage", "reason")} == {
+        key: batch[key] for key in ("key", "status", "stage", "reason")
+    }
+    assert set(of_bad["seconds"]) == {"copy", "identify", "measure"}
+    assert all(0.0 <= seconds < 600.0 for seconds in of_bad["seconds"].values())
+    assert of_bad["memory_bytes"] > 10_000_000
+    assert events[-1]["time"] > events[0]["time"]
+
+
+def test_a_log_that_cannot_be_written_is_one_line(tmp_path):
+    archive = archive_of(tmp_path / "archive", 1)
+    done = run(archive, tmp_path / "results", "--log", str(tmp_path / "none" / "log"))
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert "--log" in done.stderr

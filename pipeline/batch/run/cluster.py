@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import importlib
 import multiprocessing
+import time
 from concurrent.futures import Future
 from contextlib import ExitStack
 from functools import lru_cache
@@ -12,6 +13,7 @@ from typing import Any
 
 from ... import __version__
 from ...errors import InputError, MissingDependencyError
+from ..results.run_state import AtWork
 from ..storage.scratch import scratch_folder
 from .measure_one import TransientError
 from .work import CompletedCapture, Task
@@ -37,6 +39,7 @@ class Cluster:
             ) from error
         self._executor = self._client.get_executor(pure=False)
         self._limits = limits
+        self._at_work: dict[int, AtWork] = {}
         self._check(address)
 
     @property
@@ -47,9 +50,17 @@ class Cluster:
     def submit(self, task: Task) -> Future[list[CompletedCapture]]:
         """Submit a task; a lost Dask worker is reported as a worker process that was killed."""
         result: Future[list[CompletedCapture]] = Future()
+        names = tuple(found.name for found in task.captures)
+        self._at_work[id(result)] = AtWork(names, time.time(), "given to the cluster")
+        result.add_done_callback(lambda done: self._at_work.pop(id(done), None))
         sent = self._executor.submit(run_in_worker, task, self._limits)
         sent.add_done_callback(lambda done: self._forward(done, result))
         return result
+
+    @property
+    def at_work(self) -> tuple[AtWork, ...]:
+        """Captures given to the cluster and not yet done."""
+        return tuple(self._at_work.copy().values())
 
     def close(self) -> None:
         """Cancel the tasks not yet done."""

@@ -3,17 +3,31 @@
 from __future__ import annotations
 
 import importlib
+import json
+import os
+import socket
 import sys
+import threading
 import time
+import uuid
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any, Protocol, Self
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
+from typing import Any, Protocol, Self, TextIO
 
-from ...errors import printable
+from ...errors import WheelplaneError, printable
+from ..catalogue.rows import FAILED
+from ..results.query import NUMBERS
+from ..results.run_state import AtWork, RunState, duration, forget_states, write_state
+from ..storage.entry import legible
+from ..storage.store import Store
 from .work import CompletedCapture
 
 EVERY_S = 10.0
+WRITE_S = 5.0  # between states in the results
+MOST_KINDS = 50  # of reasons in a state
 MOST_LINES = 20  # failures shown; the catalogue has them all
 
 
@@ -59,7 +73,7 @@ class ProgressLines:
         """Number done, rate, time left, failures."""
         took_s = max(1e-3, time.monotonic() - self._started_s)
         rate = self._done / took_s
-        left = f", {_duration(((self._todo or 0) - self._done) / rate)} left" if rate else ""
+        left = f", {duration(((self._todo or 0) - self._done) / rate)} left" if rate else ""
         failed = f", {self._failed} failed" if self._failed else ""
         return f"{self._done} of {self._todo or 0}, {rate:.3g}/s{left}{failed}"
 
@@ -116,12 +130,6 @@ def _line(text: str) -> str:
     return printable(" ".join(text.split()))
 
 
-def _duration(seconds: float) -> str:
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
 class ProgressListener(Protocol):
     """Listener to the progress of a run."""
 
@@ -133,6 +141,106 @@ class ProgressListener(Protocol):
 
     def note(self, text: str) -> None:
         """Take a message."""
+
+
+class RunReport:
+    """Listener that also keeps the state of a run in its results, and its events in a log.
+
+    engine: whose captures are at work. log: gets an event a line, as JSON.
+    """
+
+    def __init__(
+        self,
+        listener: ProgressListener,
+        results: Store,
+        engine: Working,
+        shard: str,
+        log: TextIO | None = None,
+    ) -> None:
+        now_s, pid = time.time(), os.getpid()
+        self._listener, self._results, self._engine, self._log = listener, results, engine, log
+        self._name = f"{now_s:.0f}-{uuid.uuid4().hex[:12]}"
+        self._state = RunState(f"{socket.gethostname()}, process {pid}", shard, now_s, now_s)
+        self.interrupted = False
+        self._lock, self._end = threading.Lock(), threading.Event()
+        self._writer = threading.Thread(target=self._keep, daemon=True)
+
+    def __enter__(self) -> Self:
+        forget_states(self._results)
+        self._write()
+        self._writer.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self._end.set()
+        self._writer.join()
+        self._state.ended = "finished" if kind is None else "stopped by an error"
+        if self.interrupted:
+            self._state.ended = "interrupted"
+        self._event("ended", how=self._state.ended, done=self._state.done)
+        with suppress(WheelplaneError):  # what ended the run is reported, not this
+            self._write()
+
+    def planned(self, known: int, todo: int) -> None:
+        """Take the numbers of captures done before and to be done now."""
+        self._state.known, self._state.todo = known, todo
+        self._event("planned", known=known, todo=todo)
+        self._listener.planned(known, todo)
+
+    def finished(self, done: CompletedCapture) -> None:
+        """Take one more finished capture."""
+        outcome = done.outcome
+        with self._lock:
+            count(self._state.done, outcome.status)
+            if outcome.status in FAILED:
+                reason = NUMBERS.sub("#", outcome.reason.replace(done.name, ""))
+                count(self._state.failures, f"{outcome.status}, {outcome.stage}: {reason}")
+        self._event(
+            "finished",
+            capture=legible(done.name),
+            key=done.key,
+            **asdict(outcome),
+            seconds={stage: round(seconds, 4) for stage, seconds in done.seconds},
+            memory_bytes=done.memory_bytes,
+        )
+        self._listener.finished(done)
+
+    def note(self, text: str) -> None:
+        """Take a message."""
+        self._event("note", text=text)
+        self._listener.note(text)
+
+    def _keep(self) -> None:
+        while not self._end.wait(WRITE_S):
+            with suppress(WheelplaneError):
+                self._write()
+
+    def _write(self) -> None:
+        with self._lock:
+            self._state.updated_s, self._state.at_work = time.time(), self._engine.at_work
+            state = replace(self._state)
+            write_state(self._results, self._name, state)
+
+    def _event(self, event: str, **fields: Any) -> None:
+        if self._log is not None:
+            moment = datetime.now(UTC).isoformat(timespec="milliseconds")
+            line = json.dumps({"time": moment, "event": event, **fields}, ensure_ascii=False)
+            print(legible(line), file=self._log, flush=True)
+
+
+def count(counts: dict[str, int], what: str) -> None:
+    """Count one more; beyond MOST_KINDS all others together."""
+    known = what in counts or len(counts) < MOST_KINDS
+    what = what if known else "other reasons"
+    counts[what] = counts.get(what, 0) + 1
+
+
+class Working(Protocol):
+    """Engine of which the captures at work are known."""
+
+    @property
+    def at_work(self) -> tuple[AtWork, ...]:
+        """Captures at work now, by worker."""
 
 
 @dataclass

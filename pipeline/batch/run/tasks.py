@@ -11,6 +11,7 @@ from typing import Protocol
 
 from ...errors import InputError
 from ..plan.discover import FoundCapture
+from ..results.run_state import AtWork
 from .measure_one import Outcome, TransientError
 from .work import ArchiveError, CompletedCapture, RunRequest, Task
 from .worker_process import WorkerError
@@ -27,6 +28,10 @@ class Engine(Protocol):
     @property
     def slots(self) -> int:
         """Number of tasks that it runs at the same time."""
+
+    @property
+    def at_work(self) -> tuple[AtWork, ...]:
+        """Captures at work now, by worker."""
 
     def submit(self, task: Task) -> Future[list[CompletedCapture]]:
         """Submit a task; the future raises WorkerError or TransientError."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from ... import __version__
 from ...errors import WheelplaneError
+from ...system import peak_bytes
 from ..catalogue.history import is_retried
 from ..catalogue.load_records import json_name
 from ..catalogue.rows import Record, read_record
@@ -83,7 +85,8 @@ class CompletedCapture:
     archive, and it has no result.
 
     fingerprint: of its files as listed, None if it does not identify the capture reliably.
-    record: of a new result in object storage, where reading it back is expensive.
+    record: of a new result in object storage, where reading it back is expensive. seconds: by
+    stage (copy, identify, measure). memory_bytes: the most that its worker process has held.
     """
 
     name: str
@@ -92,6 +95,8 @@ class CompletedCapture:
     fingerprint: str | None
     elsewhere: tuple[Entry, ...]
     record: Record | None = None
+    seconds: tuple[tuple[str, float], ...] = ()
+    memory_bytes: int = 0
 
 
 def work(task: Task) -> list[CompletedCapture]:
@@ -118,26 +123,45 @@ def _one(
     found: FoundCapture, task: Task, results: Store
 ) -> tuple[CompletedCapture, Future[None] | None]:
     """Measure a capture; return it with its outcome, and the pending write of a new result."""
+    watch = _Stopwatch()
     with ExitStack() as stack:
-        archive, known, folder = _known(found, task, stack)
+        archive, known, folder = _known(found, task, stack, watch)
         if known.vanished:
             return _done(found, known, VANISHED), None
         exists = results.exists(json_name(known.key))
         if exists and not _is_retried(results, known.key, task.request.retry):
             return _done(found, known, RECOGNISED), None
         result = _result(found, known, folder, task)
+        watch.lap("measure")
         if not task.blind and not unchanged(archive, known):
             raise TransientError(f"{found.name}: changed while it was measured")
         if not Path(tempfile.gettempdir()).is_dir():
             raise TransientError(f"{found.name}: the folder of temporary files was removed")
     writing = _writers().submit(_write, results, known.key, result, exists)
     done = _done(found, known, result.outcome)
+    done = replace(done, seconds=tuple(watch.laps), memory_bytes=peak_bytes())
     if results.local is None:
         done = replace(done, record=read_record(known.key, result.data))
     return done, writing
 
 
-def _known(found: FoundCapture, task: Task, stack: ExitStack) -> tuple[Store, Identity, Path]:
+class _Stopwatch:
+    """Seconds of the stages of one capture, by name."""
+
+    def __init__(self) -> None:
+        self.laps: list[tuple[str, float]] = []
+        self._last_s = time.monotonic()
+
+    def lap(self, stage: str) -> None:
+        """End a stage."""
+        now_s = time.monotonic()
+        self.laps.append((stage, now_s - self._last_s))
+        self._last_s = now_s
+
+
+def _known(
+    found: FoundCapture, task: Task, stack: ExitStack, watch: _Stopwatch
+) -> tuple[Store, Identity, Path]:
     """Return the capture's archive, its identity, and the local folder. Raises ArchiveError."""
     settings = task.request.settings
     try:
@@ -151,7 +175,10 @@ def _known(found: FoundCapture, task: Task, stack: ExitStack) -> tuple[Store, Id
             if not is_incomplete(now):
                 raise
             return archive, unreadable(replace(found, files=now), settings), Path()
-        return archive, identify(archive, found, folder, settings), folder
+        watch.lap("copy")
+        known = identify(archive, found, folder, settings)
+        watch.lap("identify")
+        return archive, known, folder
     except WheelplaneError as error:
         raise ArchiveError(str(error)) from error
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 from ...errors import InputError
 from ...readers import child_environment
 from ...system import machine_bytes
+from ..results.run_state import AtWork
 from .work import CompletedCapture, Task
 from .worker_process import WorkerProcess
 
@@ -35,6 +37,7 @@ class Workers:
         self._threads = ThreadPoolExecutor(workers)
         self._processes: list[WorkerProcess] = []
         self._per_thread = threading.local()
+        self._at_work: dict[int, AtWork] = {}
         self._timeout_s, self._scratch = limits.timeout_s, scratch
         self._memory_bytes = limits.memory_bytes or memory_of_each(workers)
 
@@ -52,7 +55,18 @@ class Workers:
             self._processes.append(process)
         process = self._per_thread.process
         assert isinstance(process, WorkerProcess)
-        return process.run(task)
+        number = self._processes.index(process) + 1
+        names = tuple(found.name for found in task.captures)
+        self._at_work[number] = AtWork(names, time.time(), f"worker {number}")
+        try:
+            return process.run(task)
+        finally:
+            del self._at_work[number]
+
+    @property
+    def at_work(self) -> tuple[AtWork, ...]:
+        """Captures at work now, by worker."""
+        return tuple(self._at_work.copy().values())
 
     def close(self) -> None:
         """Kill all worker processes, which wakes the threads that wait for them."""
