@@ -10,6 +10,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from wheelplane.batch.results.query import capture_of, captures, count, quantiti
 from wheelplane.batch.storage.entry import PARTIAL, Entry
 from wheelplane.batch.storage.store import open_store
 from wheelplane.errors import InputError
+from wheelplane.system import acquire
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -404,3 +406,55 @@ def test_segments_spare_the_reading_and_change_nothing(remote, monkeypatch):
     jsons = {name for name in read if name.startswith("measurements/")}
     assert jsons == {place(trees[i]["batch"]["key"]) for i in (11, 12, 13)}
     assert remote.read(FILE) == expected
+
+
+@pytest.fixture
+def locked(store):
+    """Results whose catalogue another process holds, as while it updates it."""
+    update(store)
+    with (store.local / PARTIAL / catalogue_module.LOCK).open("w") as file:
+        acquire(file.fileno())
+        yield store
+
+
+def test_a_reader_does_not_wait_for_a_writer(locked):
+    add(locked, *some(1, start=40))  # which the writer, who holds the lock, will find
+    assert len(shown(locked.url)) == 40
+
+
+def test_a_reader_of_a_damaged_catalogue_says_that_it_is_at_work(locked):
+    path = locked.local / FILE
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(InputError, match="damaged, and being rebuilt"):
+        shown(locked.url)
+
+
+def test_a_reader_waits_for_the_first_catalogue(store):
+    (store.local / PARTIAL).mkdir(exist_ok=True)
+    file = (store.local / PARTIAL / catalogue_module.LOCK).open("w")
+    acquire(file.fileno())
+    writer = threading.Timer(0.3, file.close)
+    writer.start()
+    assert len(shown(store.url)) == 40
+    writer.join()
+
+
+def test_the_time_of_a_catalogue_is_that_at_which_it_was_begun(store, monkeypatch):
+    """A result that is written while it is made is newer, and found by the next update."""
+    real = catalogue_module.in_folder
+
+    def slow(*arguments):
+        changes = real(*arguments)
+        time.sleep(5.0 * GRAIN_NS / 1e9)
+        begun.append(time.time_ns())
+        return changes
+
+    begun: list[int] = []
+    monkeypatch.setattr(catalogue_module, "in_folder", slow)
+    update(store)
+    path = store.local / FILE
+    assert path.stat().st_mtime_ns < begun[-1] - 2 * GRAIN_NS
+    update(store)  # of which nothing is written
+    assert begun[-2] < path.stat().st_mtime_ns < begun[-1] - 2 * GRAIN_NS

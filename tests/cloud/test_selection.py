@@ -215,3 +215,15 @@ def test_a_full_table_grows(backend):
 def test_lowest_is_the_least(cloud):
     np.testing.assert_array_equal(lowest(cloud), cloud.min(axis=0))
     np.testing.assert_array_equal(lowest(cloud[:5]), cloud[:5].min(axis=0))
+
+
+@pytest.mark.parametrize("slope", [0.0, 1e-12, 0.7])
+@pytest.mark.parametrize("most_m", [0.2, 0.35, np.inf])
+def test_a_slab_grows_with_depth_up_to_its_most(slope, most_m):
+    rng = np.random.default_rng(4)
+    radius_m, depth_m = rng.uniform(0.0, 0.6, 4000), rng.uniform(0.0, 0.2, 4000)
+    slab = Slab(0.3, 0.15, slope, most_m)
+    reach_m = np.minimum(0.3 + slope * depth_m, most_m)
+    expected = (depth_m < 0.15) & (radius_m < reach_m)
+    np.testing.assert_array_equal(slab.holds(radius_m**2, depth_m), expected)
+    assert 0 < expected.sum() < len(expected)

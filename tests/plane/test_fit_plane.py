@@ -12,7 +12,8 @@ from tests.support.scenes import WHEEL, Setup, Sheet, make, rotation
 from wheelplane.config import PlaneConfig, SegmentConfig
 from wheelplane.detection.find_target import find_target
 from wheelplane.errors import NotMeasuredError
-from wheelplane.plane.fit_plane import fit_plane
+from wheelplane.plane.correlated_noise import CorrelatedNoise
+from wheelplane.plane.fit_plane import PlaneFit, _white_variance, fit_plane
 from wheelplane.targets.plates import DiscTarget
 
 DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)
@@ -238,3 +239,28 @@ def test_threads_change_no_bit(monkeypatch):
         _, plane = fit(cloud.points_m)
         answers.append((plane.normal.tobytes(), plane.centroid_m.tobytes(), plane.sigma_m))
     assert answers[0] == answers[1] == answers[2]
+
+
+def test_independent_noise_makes_the_tilt_that_is_stated():
+    """Slopes of many planes through the same points scatter as tilt_if_independent_rad says."""
+    rng = np.random.default_rng(3)
+    uv = rng.uniform(-0.1, 0.1, (60, 2)) * [1.0, 0.4]
+    uv -= uv.mean(axis=0)
+    sigma_m, count = 0.001, 20_000
+    slopes = np.linalg.lstsq(uv, rng.normal(0.0, sigma_m, (60, count)), rcond=None)[0]
+    none = CorrelatedNoise(0.0, 0.0, np.zeros((3, 3)), np.zeros((3, 3)), 1.0, sigma_m)
+    plane = PlaneFit(np.zeros(3), np.eye(3), sigma_m, sigma_m, uv.T @ uv, 60, 1, none)
+    found = np.sqrt(np.mean(slopes**2))
+    assert plane.tilt_if_independent_rad == pytest.approx(found, rel=5 / np.sqrt(4 * count))
+    assert plane.tilt_rad == pytest.approx(plane.tilt_if_independent_rad, rel=1e-12)
+    assert plane.effective_count == pytest.approx(60)
+
+
+def test_noise_within_cells_is_corrected_for_the_clipping():
+    """What lies beyond three sigma is not in the cells, which show 1.3 % less."""
+    noise = np.random.default_rng(5).normal(0.0, 1.0, 4_000_000)
+    clipped = float(np.std(noise[np.abs(noise) < 3.0]))
+    found = CorrelatedNoise(0.1, 0.01, np.zeros((3, 3)), np.zeros((3, 3)), 9.0, clipped)
+    variance = _white_variance(1.2, found)
+    assert variance == pytest.approx(1.0, abs=5 * np.sqrt(2 / len(noise)))
+    assert _white_variance(0.5, found) == 0.25  # no more than all noise

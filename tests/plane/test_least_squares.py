@@ -10,7 +10,7 @@ from scipy import linalg, optimize
 
 from tests.support.scenes import rotation
 from wheelplane.cloud.selection import gather_ball, random_rows, within_slab
-from wheelplane.plane.least_squares import total_least_squares
+from wheelplane.plane.least_squares import _tilted, total_least_squares
 from wheelplane.vectors import CHUNK_ROWS, plane_basis
 
 EPS = np.finfo(float).eps
@@ -174,3 +174,23 @@ def test_random_rows_are_a_copy_and_follow_the_seed():
     first, again, other = (random_rows(points, 9, np.random.default_rng(s)) for s in (3, 3, 4))
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
+
+
+@pytest.mark.parametrize("tilts", [(2e-4, -1e-4), (0.0, 3e-4), (-3e-4, 0.0)])
+def test_the_scatter_in_axes_near_the_plane_gives_the_plane(tilts):
+    """Axes a little off an exact plane: the tilt and what is across it, to the third order."""
+    uv = np.random.default_rng(1).uniform(-1.0, 1.0, (1000, 2)) * [1.0, 0.6]
+    uv = (uv - uv.mean(axis=0)) @ linalg.eigh(np.cov(uv.T))[1]  # along the axes
+    points = np.column_stack([uv, uv @ tilts])
+    basis, across = _tilted(np.eye(3), points.T @ points)
+    truth = np.array([*np.negative(tilts), 1.0]) / np.linalg.norm([*tilts, 1.0])
+    first_order = np.linalg.norm(tilts)
+    assert tilt(basis[2], truth) < 10.0 * first_order**3
+    assert across < 10.0 * first_order**4 * np.sum(uv**2)
+    assert np.linalg.det(basis) == pytest.approx(1.0, abs=8 * EPS)
+
+
+def test_a_scatter_that_is_not_wider_than_thick_is_left():
+    basis, across = _tilted(np.eye(3), np.diag([2.0, 1.0, 1.0]))
+    np.testing.assert_array_equal(basis, np.eye(3))
+    assert across == 1.0

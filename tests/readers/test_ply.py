@@ -174,3 +174,10 @@ def test_memory_stays_near_the_result(tmp_path):
     # One chunk of 1 MiB and what its conversion needs.
     assert result <= peak < result + 2 * (1 << 20)
     assert scan.points_m.tolist() == body[:, :3].tolist()
+
+
+def test_rows_of_other_elements_are_no_vertices_and_are_counted_first(tmp_path):
+    """The file is too short for what precedes the vertices and these: said before any is read."""
+    text = head("ascii", "element group 400", "property int a", "element vertex 500", *XYZ)
+    refuse(tmp_path, text + b"1\n" * 400 + b"1 2 3\n" * 200, "500 vertices, the file holds 200")
+    refuse(tmp_path, text + b"1\n" * 300 + b"x y z\n" * 250, "500 vertices, the file holds 150")

@@ -141,3 +141,27 @@ def test_text_of_an_angle_reads_back():
         assert int(minutes) < 60
         assert float(rest.rstrip('"')) < 60
         assert (back if text[0] == "+" else -back) == pytest.approx(seconds, abs=0.05 + 1e-9)
+
+
+def test_a_normal_is_outward_within_84_degrees_of_the_axle():
+    """The bound is a cosine of 0.1: beyond it, the side is a matter of noise."""
+    frame = build_reference_frame(CENTRES)
+    for cosine in (0.101, 0.5, 1.0):
+        sine = np.sqrt(1.0 - cosine**2)
+        inward = -cosine * frame.left + sine * frame.forward
+        np.testing.assert_allclose(outward_normal(frame, inward, "RL"), -inward, atol=1e-12)
+    for cosine in (0.099, 0.06, 0.0):
+        sine = np.sqrt(1.0 - cosine**2)
+        with pytest.raises(InputError, match="its outer side is undefined"):
+            outward_normal(frame, cosine * frame.left + sine * frame.forward, "RL")
+
+
+@pytest.mark.parametrize("ratio", [0.89, 0.91, 0.94])
+def test_a_trial_is_nearest_if_it_is_a_tenth_nearer(ratio):
+    rear_right, rear_left = CENTRES[0], CENTRES[1]
+    trial = rear_right + (rear_left - rear_right) * ratio / (1.0 + ratio)
+    if ratio < 0.9:
+        assert nearest_wheel(CENTRES, trial) == "RR"
+        return
+    with pytest.raises(InputError, match="name its wheel"):
+        nearest_wheel(CENTRES, trial)

@@ -190,3 +190,35 @@ def test_limit_of_collinearity_is_a_share_of_the_spread(height):
             build_reference_frame(centres)
     else:
         build_reference_frame(centres)
+
+
+def bounded(closest: float = 1.0, height: float = 1.0, base: float = 1.0) -> np.ndarray:
+    """Four centres whose largest distance is 1 m, with one small length; 1: none is small."""
+    if closest < 1.0:
+        return np.array([[0, 0, 0], [0, closest, 0], [1, 0, 0], [0.9, 0.4, 0]], dtype=float)
+    if height < 1.0:
+        return np.array([[0, 0, 0], [0, 0.9, 0], [height, 0.45, 0], [0.4, 0.9, 0]])
+    angle = 1.2  # of the front axle to the rear one: a cosine of 0.36
+    along = np.array([np.sin(angle), np.cos(angle), 0.0])
+    across = np.array([np.cos(angle), -np.sin(angle), 0.0])
+    rear = np.array([[0, -0.25, 0], [0, 0.25, 0]])
+    front = (
+        np.array([0.5 * -along, 0.5 * along]) + base * np.cos(angle) * across
+    )  # it meets the x axis at base
+    return np.vstack([rear, front])
+
+
+@pytest.mark.parametrize(
+    ("case", "words"),
+    [
+        ("closest", "are only 0.0.* m apart"),
+        ("height", "lie on one line within 0.0"),
+        ("base", "passes 0.0.* m from the middle of the rear axle"),
+    ],
+)
+def test_no_length_of_a_frame_is_under_a_twentieth_of_its_spread(case, words):
+    for share in (0.056, 0.08):
+        build_reference_frame(bounded(**{case: share}))
+    for share in (0.0481, 0.03, 0.001):
+        with pytest.raises(InputError, match=words):
+            build_reference_frame(bounded(**{case: share}))

@@ -15,7 +15,7 @@ import pytest
 from tests.support.made import write_small_capture
 from tests.support.printed import arc_s, says_angle, seconds_of, step
 from tests.support.web_site import PAPER, Site, write_results
-from wheelplane.batch.results.query import STATUSES
+from wheelplane.batch.catalogue.rows import STATUSES
 from wheelplane.errors import InputError
 from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.web.files.excerpt import failure

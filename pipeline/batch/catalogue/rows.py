@@ -19,7 +19,7 @@ FRAME_KINDS = ("rear_track", "front_track", "wheelbase")
 UNITS = ("deg", "m")
 SURROGATE = re.compile("[\ud800-\udfff]")
 DAMAGED = "damaged"
-STATUSES = ("ok", "part", "failed", "quarantined", DAMAGED)
+STATUSES = ("ok", "part", "failed", "quarantined", "damaged")
 FAILED = ("failed", "quarantined", DAMAGED)
 SECTIONS = (
     "$.schema $.capture $.vehicle_name $.wheels $.frame $.vehicle $.batch $.provenance.version"
