@@ -8,12 +8,12 @@ from pathlib import Path
 from .. import __version__
 from ..errors import InputError
 from .conventions import convention_warnings
-from .evaluate import adjustments, evaluate_quantity
+from .evaluate import adjustments, complete_points, evaluate_quantity
 from .forms.item import ItemFile
 from .forms.quantities import QUANTITIES
-from .forms.readings import STATES, Readings, WhyNot, read_readings
+from .forms.readings import STATES, Reading, Readings, WhyNot, read_readings, sound_readings
 from .forms.table_file import Faults
-from .records import Calibration, ReferenceRecord
+from .records import Calibration, QuantityResult, ReferenceRecord
 from .reference import Reference, reference_of
 
 
@@ -21,24 +21,61 @@ def calibrate(
     references: Sequence[Reference], item_file: ItemFile, readings: Readings
 ) -> Calibration:
     """Evaluate readings against references. Raises FaultyTableError with all that is missing."""
-    item, rule = item_file.item, item_file.decision
     faults = Faults(readings.source)
-    groups = [
+    results = [
+        evaluate_quantity(group, references, item_file.item, item_file.decision, faults)
+        for group in _groups(readings)
+    ]
+    faults.check()
+    return _calibration(references, item_file, readings, results)
+
+
+def calibrate_unfinished(
+    references: Sequence[Reference], item_file: ItemFile, path: Path
+) -> tuple[Calibration, tuple[str, ...]]:
+    """Evaluate the points at `path` that are read completely; return also every fault of the file.
+
+    Of a quantity, the points are evaluated that were read in each series and direction that it has.
+    Raises InputError for a file that is no table.
+    """
+    faults = Faults(path.name)
+    item, rule = item_file.item, item_file.decision
+    readings = sound_readings(path, item, why_not_of(references, item_file), faults)
+    results = []
+    for group in _groups(readings):
+        result = evaluate_quantity(group, references, item, rule, faults)
+        whole = complete_points(group)
+        if result is None and 0 < len(whole) < len(group):
+            result = evaluate_quantity(whole, references, item, rule, Faults(path.name))
+        results.append(result)
+    return _calibration(references, item_file, readings, results), tuple(faults.found)
+
+
+def _groups(readings: Readings) -> list[list[Reading]]:
+    """Return readings by quantity and state, in the order of `QUANTITIES`."""
+    found = [
         [one for one in readings.rows if (one.quantity, one.state) == (kind, state)]
         for kind in QUANTITIES
         for state in STATES
     ]
-    found = [evaluate_quantity(group, references, item, rule, faults) for group in groups if group]
-    faults.check()
+    return [group for group in found if group]
+
+
+def _calibration(
+    references: Sequence[Reference],
+    item_file: ItemFile,
+    readings: Readings,
+    found: Sequence[QuantityResult | None],
+) -> Calibration:
     results = tuple(result for result in found if result is not None)
     return Calibration(
-        item=item,
-        rule=rule,
+        item=item_file.item,
+        rule=item_file.decision,
         references=tuple(ReferenceRecord(r.series, r.measurement.provenance) for r in references),
         readings=readings,
         results=results,
         adjustments=adjustments(results),
-        warnings=convention_warnings(results, references, item),
+        warnings=convention_warnings(results, references, item_file.item),
         notes=tuple(dict.fromkeys(note for r in references for note in r.measurement.notes)),
         version=__version__,
     )

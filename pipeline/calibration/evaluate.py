@@ -88,6 +88,20 @@ def evaluate_quantity(
     )
 
 
+def complete_points(readings: Sequence[Reading]) -> list[Reading]:
+    """Return the readings of points that were read in each series, by each operator and way."""
+    points = list(dict.fromkeys(one.point for one in readings))
+    levels = list(dict.fromkeys((one.series, one.operator) for one in readings))
+    ways = sorted({one.direction for one in readings})
+    cells = _cells(readings, points, levels, ways)
+    whole = {
+        point
+        for point, row in zip(points, cells, strict=True)
+        if all(cell for level in row for cell in level)
+    }
+    return [one for one in readings if one.point in whole]
+
+
 Cells = list[list[list[list[float]]]]  # by point, level and direction
 
 

@@ -7,8 +7,10 @@ from urllib.parse import quote
 
 import click
 
+from ..config import load_config
 from ..errors import InputError
 from ..web.settings import GIB, Endpoint, PageSettings
+from .options import config_option
 
 
 @click.command()
@@ -22,6 +24,7 @@ from ..web.settings import GIB, Endpoint, PageSettings
     help="Folder that the page may read from and save reports to; may be repeated. By default, "
     "without SOURCE, the current folder.",
 )
+@config_option
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
@@ -59,6 +62,7 @@ from ..web.settings import GIB, Endpoint, PageSettings
 def view(
     source: Path | None,
     folders: tuple[Path, ...],
+    config: Path | None,
     port: int,
     host: str,
     socket: Path | None,
@@ -82,6 +86,7 @@ def view(
             raise InputError(f"{folder}: no such folder: check the path")
     if source is not None and not source.exists():
         raise InputError(f"{source}: no such file or folder: check the path")
+    load_config(config)  # a fault of it is reported before the page opens
     allowed, start_at = opened(source, folders) if source else (folders or (Path.cwd(),), "")
     settings = PageSettings(
         folders=allowed,
@@ -89,6 +94,7 @@ def view(
         upload_bytes=int(upload_limit * 1e9),
         seconds=time_limit,
         memory_bytes=int(memory_limit * GIB),
+        config=None if config is None else config.resolve(),
     )
     endpoint = Endpoint(host, port, socket)
     serve(settings, endpoint, start_at, not no_browser, click.echo)

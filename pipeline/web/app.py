@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 from flask import Flask, Response, current_app, g, jsonify, request
@@ -9,13 +10,16 @@ from werkzeug.exceptions import HTTPException
 from werkzeug.http import parse_cookie
 
 from ..errors import WheelplaneError
+from .calibrations import add_calibrations
 from .front import add_front
 from .routes import add_archive, add_files, add_jobs
 from .security import Guard, RefusedError, response_headers
 from .settings import PageSettings
 from .state import PageState
 
-REQUEST_BYTES = 100_000  # of every request but an upload
+REQUEST_BYTES = 100_000  # of every request but an upload, and the readings of a calibration
+READINGS_BYTES = 1_000_000
+READINGS_PATH = re.compile(r"/api/jobs/\w+/calibration(/save)?")
 
 
 def create_app(settings: PageSettings, guard: Guard) -> Flask:
@@ -26,7 +30,7 @@ def create_app(settings: PageSettings, guard: Guard) -> Flask:
     app.before_request(lambda: _check_request(state))
     app.after_request(_add_headers)
     app.register_error_handler(Exception, _error_response)
-    for add in (add_front, add_files, add_jobs, add_archive):
+    for add in (add_front, add_files, add_jobs, add_calibrations, add_archive):
         add(app, state)
     return app
 
@@ -35,18 +39,20 @@ def admit(state: PageState, method: str, path: str, headers: Mapping[str, str]) 
     """Raise RefusedError for a request whose body need not be received."""
     cookie = parse_cookie(headers.get("Cookie")).get(state.guard.cookie, "")
     state.guard.check(method, path, headers, cookie)
-    if int(headers.get("Content-Length") or 0) > _most_bytes(state, method):
+    if int(headers.get("Content-Length") or 0) > _most_bytes(state, method, path):
         raise RefusedError(413, "the request is too large: give a larger --upload-limit")
 
 
 def _check_request(state: PageState) -> None:
     cookie = request.cookies.get(state.guard.cookie, "")
     state.guard.check(request.method, request.path, dict(request.headers), cookie)
-    request.max_content_length = _most_bytes(state, request.method)
+    request.max_content_length = _most_bytes(state, request.method, request.path)
 
 
-def _most_bytes(state: PageState, method: str) -> int:
-    return state.settings.upload_bytes if method == "PUT" else REQUEST_BYTES
+def _most_bytes(state: PageState, method: str, path: str) -> int:
+    if method == "PUT":
+        return state.settings.upload_bytes
+    return READINGS_BYTES if READINGS_PATH.fullmatch(path) else REQUEST_BYTES
 
 
 def _add_headers(response: Response) -> Response:

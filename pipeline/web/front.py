@@ -9,7 +9,7 @@ from flask import Flask, Response, make_response, render_template, request
 
 from .. import __version__
 from ..report.format.language import LANGUAGES, load_translations
-from .content import choices
+from .content import calibrating, choices
 from .files.uploads import SENT_SUFFIXES
 from .security import ENTRY, SESSION, RefusedError
 from .state import PageState
@@ -94,6 +94,7 @@ def _page(state: PageState) -> str:
         "words": words.section("page"),
         "viewer": words.section("viewer"),
         "language": words.language,
+        "machine": calibrating.choices(words),
         "limits": {"bytes": state.settings.upload_bytes, "suffixes": SENT_SUFFIXES},
     }
     return render_template(

@@ -25,6 +25,7 @@ class PageSettings:
     folders: the page reads and saves only here. scratch: own folder for uploads and results.
     upload_bytes, upload_files: limits of one upload. seconds, memory_bytes: limits of one
     measuring process. jobs: number of results kept. waiting: number of measurements that may wait.
+    config: settings file (TOML) of measurements, and of who issues reports and certificates.
     """
 
     folders: tuple[Path, ...]
@@ -35,4 +36,5 @@ class PageSettings:
     memory_bytes: int = 8 * GIB
     jobs: int = 40
     waiting: int = 16
+    config: Path | None = None
     workers: int = 1 if (os.cpu_count() or 1) < 4 else 2

@@ -15,7 +15,15 @@ from click.testing import CliRunner
 
 from tests.support.calibration_bay import TOE, Bay, changed, item_of, machine
 from tests.support.paths import CONFIGS
-from wheelplane.calibration.calibrate import by_series, calibrate, calibrate_file, why_not_of
+from wheelplane.calibration.calibrate import (
+    by_series,
+    calibrate,
+    calibrate_file,
+    calibrate_unfinished,
+    why_not_of,
+)
+from wheelplane.calibration.forms.readings import COLUMNS, read_texts
+from wheelplane.calibration.forms.table_file import FaultyTableError
 from wheelplane.calibration.forms.template import ITEM_FORM, readings_form
 from wheelplane.commands.calibrate import calibrate as command
 from wheelplane.errors import InputError
@@ -221,3 +229,36 @@ def test_the_form_without_an_item_asks_for_the_everyday_quantities():
     assert set(columns["quantity"]) == {"toe", "camber", "total_toe"}
     assert len(columns["point"]) == 3 * (5 + 5 + 2)
     assert set(columns["value"]) == {""}
+
+
+def test_unfinished_readings_have_the_faults_and_finished_ones_the_results_of_the_command(tmp_path):
+    bay, tested = Bay(seed=2), machine()
+    item, path = item_of(tested), tmp_path / "r.csv"
+    lines = readings_csv(indicate(bay.truth, tested, bay.car.rng)).splitlines()
+    references = by_series([bay.reference()])
+    path.write_text("\n".join(lines))
+    whole, none = calibrate_unfinished(references, item, path)
+    assert none == ()
+    assert calibration_json(whole) == calibration_json(calibrate_file(references, item, path))
+    path.write_text("\n".join(lines[:8]))  # of the second point a single reading
+    part, missing = calibrate_unfinished(references, item, path)
+    with pytest.raises(FaultyTableError) as refused:
+        calibrate_file(references, item, path)
+    assert missing == refused.value.faults
+    assert [point.point for point in part.results[0].points] == ["RR"]
+    path.write_text("\n".join([*lines, lines[1], lines[2].replace(",min,", ",,")]))
+    rest, faults = calibrate_unfinished(references, item, path)
+    assert len(faults) == 2
+    assert rest.results == whole.results
+
+
+def test_a_table_of_readings_is_read_as_it_would_be_typed(tmp_path):
+    book = openpyxl.Workbook()
+    book.active.append(["point", "quantity", "value", "unit", "series", "repeat", "state"])
+    for value in (1e-7, 2.0, 0.1234567890123, -1234567.5, "12,5"):
+        book.active.append([1, "toe", value, "min", 1, 1, "as found"])
+    book.save(tmp_path / "r.xlsx")
+    rows = read_texts(tmp_path / "r.xlsx")
+    written = ["0.0000001", "2", "0.1234567890123", "-1234567.5", "12,5"]
+    assert [row[COLUMNS.index("value")] for row in rows] == written
+    assert {row[0] for row in rows} == {"1"}

@@ -8,6 +8,7 @@ import json
 import shutil
 import time
 from pathlib import Path
+from typing import Any
 
 from wheelplane.web.app import create_app
 from wheelplane.web.security import KEY_HEADER, Guard
@@ -21,7 +22,7 @@ PAPER = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
 class Site:
     """An application whose folder is `allowed`, with the cookie and the key that a page has."""
 
-    def __init__(self, place: Path, port: int = PORT, **limits: float) -> None:
+    def __init__(self, place: Path, port: int = PORT, **limits: Any) -> None:
         self.allowed = place / "allowed"
         scratch = place / "scratch"
         for folder in (self.allowed, scratch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Literal, Self
 
@@ -170,3 +171,21 @@ def _sign_faults(quantity: MachineQuantity, stated: ItemQuantity) -> list[str]:
 def load_item(path: Path) -> ItemFile:
     """Load an item file (TOML). Raises ConfigError."""
     return parse_section(ItemFile, read_toml(path), str(path))
+
+
+def item_toml(item_file: ItemFile) -> str:
+    """Return the text of an item file, which `load_item` reads as the same."""
+    tree = item_file.model_dump(exclude_none=True)
+    item, decision = tree["item"], tree.get("decision")
+    tables = {"item": {key: value for key, value in item.items() if not isinstance(value, dict)}}
+    tables |= {f"item.{kind}": item[kind] for kind in item_file.item.declared()}
+    tables |= {} if decision is None else {"decision": decision}
+    return "\n".join(
+        "\n".join([f"[{name}]", *(f"{key} = {_toml(value)}" for key, value in table.items()), ""])
+        for name, table in tables.items()
+    )
+
+
+def _toml(value: str | float) -> str:
+    """Return a text or a number as TOML writes it: JSON's text, but DEL escaped."""
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

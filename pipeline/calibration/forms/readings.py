@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -63,16 +64,37 @@ def read_readings(path: Path, item: Item, why_not: WhyNot) -> Readings:
     why_not: of quantity, point and series.
     """
     faults = Faults(path.name)
+    found = sound_readings(path, item, why_not, faults)
+    faults.check()
+    return found
+
+
+def sound_readings(path: Path, item: Item, why_not: WhyNot, faults: Faults) -> Readings:
+    """Read the readings of an item that are without fault, and note every fault of the others."""
     table = read_table(path, REQUIRED, OPTIONAL, faults)
     found = [_reading(row, item, why_not, faults) for row in table]
     kept = [reading for reading in found if reading is not None]
-    _check_once(kept, faults)
-    _check_directions(kept, faults)
+    kept = _with_directions(_once(kept, faults), faults)
     if not table:
         faults.add(None, None, "it has no reading below its heading: enter them")
-    faults.check()
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return Readings(path.name, f"sha256:{digest}", tuple(kept))
+
+
+def read_texts(path: Path) -> list[tuple[str, ...]]:
+    """Read a table of readings as texts in the order of COLUMNS, whatever their values.
+
+    Raises FaultyTableError for a heading or cells that cannot be used, InputError for no table.
+    """
+    faults = Faults(path.name)
+    table = read_table(path, REQUIRED, OPTIONAL, faults)
+    faults.check()
+    return [tuple(_written(row.cells.get(column, "")) for column in COLUMNS) for row in table]
+
+
+def _written(cell: Cell) -> str:
+    """Return a cell as it would be typed; a number with every digit and no exponent."""
+    return f"{Decimal(repr(cell)).normalize():f}" if isinstance(cell, float) else cell
 
 
 def _reading(row: Row, item: Item, why_not: WhyNot, faults: Faults) -> Reading | None:
@@ -182,8 +204,8 @@ def decimal_number(text: str) -> float:
     return float(f"{sign}{whole or 0}.{rest or 0}")
 
 
-def _check_once(readings: list[Reading], faults: Faults) -> None:
-    """Note readings that stand twice."""
+def _once(readings: list[Reading], faults: Faults) -> list[Reading]:
+    """Return readings, the first of each; note those that stand twice."""
     rows: dict[tuple[object, ...], int] = {}
     for one in readings:
         key = (one.state, one.quantity, one.point, one.series, one.operator, one.direction,
@@ -192,12 +214,15 @@ def _check_once(readings: list[Reading], faults: Faults) -> None:
             faults.add(one.row, "repeat", f"{one.repeat} of {one.quantity} at {one.point} stands "
                        f"in row {rows[key]} already: number each repeat once")  # fmt: skip
         rows.setdefault(key, one.row)
+    first = set(rows.values())
+    return [one for one in readings if one.row in first]
 
 
-def _check_directions(readings: list[Reading], faults: Faults) -> None:
-    """Note readings without a direction, of quantities that have one elsewhere."""
+def _with_directions(readings: list[Reading], faults: Faults) -> list[Reading]:
+    """Return readings less those without a direction, of quantities that have one elsewhere."""
     stated = {(one.state, one.quantity) for one in readings if one.direction}
     for one in readings:
         if not one.direction and (one.state, one.quantity) in stated:
             fact = f"it is empty, but other rows of {one.quantity} state it: fill in up or down"
             faults.add(one.row, "direction", fact)
+    return [one for one in readings if one.direction or (one.state, one.quantity) not in stated]

@@ -19,7 +19,7 @@ from ...capture import (
     open_capture,
     read_capture_file,
 )
-from ...config import Config, load_station, with_scanner
+from ...config import Config, load_config, load_station, with_scanner
 from ...errors import InputError
 from ...files import lies_in
 from ...five_point import Station, read_five_point
@@ -53,7 +53,7 @@ def measure(plan: dict[str, Any], send: Send) -> None:
         if capture is None:
             measurement = _five_point(source, options)
         else:
-            measurement = measure_capture(capture, _config(capture, options), _steps(capture, send))
+            measurement = measure_capture(capture, _config(capture, plan), _steps(capture, send))
         write_results(measurement, assess(measurement, limits) if limits else None, out)
         send("ready", True)
         if capture is not None:
@@ -115,8 +115,9 @@ def _steps(capture: Capture, send: Send) -> Callable[[str], None]:
     return lambda name: send("progress", [next(done), capture.steps, name])
 
 
-def _config(capture: Capture, options: dict[str, Any]) -> Config:
-    return with_scanner(Config(), options.get("scanner") or capture.scanner)
+def _config(capture: Capture, plan: dict[str, Any]) -> Config:
+    stated = Path(plan["config"]) if plan["config"] else None
+    return with_scanner(load_config(stated), plan["options"].get("scanner") or capture.scanner)
 
 
 def _five_point(source: Path, options: dict[str, Any]) -> Measurement:

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ...config import load_config
+from ...report.format.laboratory import read_laboratory
 from ...report.format.language import load_translations
 from ...report.format.view import View
 from ...report.html.page import ReportOptions, html_report
@@ -27,7 +29,9 @@ def report(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
     out = Path(plan["out"])
     measurement, conformity = load(out)
     view = View(plan["axis"], plan["style"])
-    options = ReportOptions(load_translations(plan["language"]), view)
+    settings = load_config(Path(plan["config"]) if plan["config"] else None)
+    laboratory = read_laboratory(settings.report)
+    options = ReportOptions(load_translations(plan["language"]), view, laboratory)
     kind = plan["format"]
     if kind == "txt":
         content = detailed_report(measurement, conformity, view).encode()

@@ -20,6 +20,7 @@ TASKS = {
     "measure": "content.measuring:measure",
     "compare": "content.comparing:compare",
     "report": "content.reporting:report",
+    "table": "content.calibration_files:read_table",
 }
 
 

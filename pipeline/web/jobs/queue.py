@@ -27,6 +27,8 @@ from .process import (
     start_process,
 )
 
+OF_ANOTHER = ("report", "table")  # tasks that write into the folder of a measurement
+
 
 class Jobs:
     """Jobs of a server; closing ends them all."""
@@ -44,7 +46,7 @@ class Jobs:
         """Queue a task.
 
         given: plan for the process; the folder given["owned"] is removed when the job ends.
-        uses: jobs whose results it reads; for a report its measurement. Raises RefusedError while
+        uses: jobs whose results it reads; of OF_ANOTHER its measurement. Raises RefusedError while
         too many jobs wait, or if a used one is no longer kept.
         """
         is_long = task == "measure"
@@ -57,7 +59,7 @@ class Jobs:
                 raise RefusedError(503, f"{waiting} jobs are waiting: wait for one to end")
             new = secrets.token_hex(12)
             own = self._settings.scratch / f"job-{new}"
-            job = PageJob(new, task, name, uses[0].folder if task == "report" else own, uses)
+            job = PageJob(new, task, name, uses[0].folder if task in OF_ANOTHER else own, uses)
             job.folder.mkdir(exist_ok=True)
             self._jobs[new] = job
         (self._pool if is_long else self._quick).submit(self._run, job, given)
@@ -108,9 +110,9 @@ class Jobs:
         with self._lock:
             ended = [job for job in self._jobs.values() if job.finished.is_set()]
             for job in ended:
-                if job.task == "report":
+                if job.task in OF_ANOTHER:
                     del self._jobs[job.id]
-            known = [job for job in self._jobs.values() if job.task != "report"]
+            known = [job for job in self._jobs.values() if job.task not in OF_ANOTHER]
             read = {used.id for job in self._jobs.values() if job not in ended for used in job.uses}
             free = [job for job in known if job in ended and job.id not in read]
             for job in free[: max(0, len(known) - self._settings.jobs)]:
@@ -129,7 +131,9 @@ class Jobs:
             job.finished.set()
 
     def _work(self, job: PageJob, given: dict[str, Any]) -> None:
-        limits = {"memory_bytes": self._settings.memory_bytes, "parent": os.getpid()}
+        settings = self._settings
+        config = None if settings.config is None else str(settings.config)
+        limits = {"memory_bytes": settings.memory_bytes, "parent": os.getpid(), "config": config}
         plan = {"task": job.task, "out": str(job.folder), **limits, **given}
         with start_process(job) as process:
             self._begin(job, process)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import json
+import secrets
+import shutil
+from collections.abc import Mapping
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from ...report.format.language import LANGUAGES
 from ...report.format.view import AngleStyle
-from ...report.write import write_whole
+from ...report.write import write_files, write_whole
 from ...vehicle import AXES
 from ..content.reporting import TYPES
 from ..security import RefusedError
 from .process import PageJob
 from .queue import Jobs
 
-REPORT_SECONDS = 120.0
+REPORT_SECONDS, TABLE_SECONDS = 120.0, 60.0
 
 
 def report_file(
@@ -37,6 +41,40 @@ def report_file(
         failure = report.failure or {"text": "the report was not written in time: try again"}
         raise RefusedError(500, failure["text"])
     return path
+
+
+def table_rows(jobs: Jobs, job: PageJob, content: bytes, name: str) -> Any:
+    """Return the rows of a table of readings, read by a process of its own.
+
+    name: of the file, which its faults name. Raises RefusedError with every fault.
+    """
+    token = secrets.token_hex(8)
+    folder = job.folder / f"table-{token}"
+    folder.mkdir()
+    (folder / name).write_bytes(content)
+    plan = {"table": str(folder / name), "file": f"rows-{token}.json", "owned": str(folder)}
+    reading = jobs.start("table", name, plan, uses=(job,))
+    reading.finished.wait(TABLE_SECONDS)
+    if reading.state != "done":
+        jobs.cancel(reading)
+        failure = reading.failure or {"text": f"{name}: not read in time: give readings only"}
+        raise RefusedError(400, failure["text"])
+    return json.loads((job.folder / plan["file"]).read_text(encoding="utf-8"))
+
+
+def save_folder(files: Mapping[str, bytes], target: Path) -> str:
+    """Write files to a new folder `target`, all or none, and return that path."""
+    try:
+        target.mkdir()
+    except OSError as error:
+        fact = f"{target}: cannot be created ({error.strerror}): choose another name or folder"
+        raise RefusedError(409, fact) from error
+    try:
+        write_files(target, files)
+    except BaseException:
+        shutil.rmtree(target, ignore_errors=True)
+        raise
+    return str(target)
 
 
 def save(report: Path, target: Path) -> str:

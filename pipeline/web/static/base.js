@@ -2,7 +2,7 @@
 const data = JSON.parse(document.getElementById("page-data").textContent);
 const key = document.querySelector("meta[name=wheelplane-key]").content;
 
-export const { language, viewer: viewerWords, limits } = data;
+export const { language, viewer: viewerWords, limits, machine } = data;
 export const byId = (id) => document.getElementById(id);
 
 /** Text of the page in the user's language, with its {parts} filled in. */
@@ -66,7 +66,7 @@ export async function ask(path, { method = "GET", body } = {}) {
 
 export const post = (path, body = {}) => ask(path, { method: "POST", body });
 
-/** Send one file; onShare is called with the fraction sent, from 0 to 1. */
+/** Send one file, and resolve with the answer; onShare is called with the fraction sent, from 0 to 1. */
 export function send(path, file, onShare) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
@@ -76,7 +76,7 @@ export function send(path, file, onShare) {
     request.upload.onprogress = (event) => onShare(event.loaded / Math.max(1, event.total));
     request.onerror = () => reject(new ServerError(t("lost")));
     request.onload = async () => {
-      if (request.status < 300) resolve();
+      if (request.status < 300) resolve(JSON.parse(request.responseText));
       else reject(new ServerError(await reason(request.responseText, request.status)));
     };
     request.send(file);

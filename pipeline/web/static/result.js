@@ -1,5 +1,6 @@
 // Steps 2 and 3: table of angles, 3D view, details of a wheel, report.
 import { ask, byId, el, follow, language, select, session, t, tableOf, viewerWords } from "./base.js";
+import { Machine } from "./machine.js";
 import { Saver } from "./save.js";
 import { streamPoints } from "./stream.js";
 
@@ -73,6 +74,7 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
         ...troubles.map(troubleOf)),
       el("div", { class: "look" }, el("div", {}, this.stage, this.count), this.evidence),
       this.saver.card,
+      new Machine(this.job).card,
       this.axles,
       ...(limits ? [el("div", { class: "card" }, tableOf(limits))] : []),
       ...extra.map((table) => el("div", { class: "card" }, tableOf(table))),

@@ -1,0 +1,186 @@
+"""The calibration of a machine in a real browser: typed, loaded, corrected, saved."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.calibration_bay import CAMBER, TOE, item_of, machine
+from tests.support.layout import check_layout
+from tests.support.made import write_small_capture
+from tests.web.test_web_browser import (  # noqa: F401 - browser is a fixture
+    CHROMIUM,
+    Visit,
+    browser,
+    serving,
+    until,
+)
+from wheelplane.calibration import item_toml
+from wheelplane_synth.machine.forms import readings_csv
+from wheelplane_synth.machine.indicate import indicate
+
+TESTED = machine(toe=TOE, camber=CAMBER)
+CELLS = "ul.readings .cell input"
+
+pytestmark = pytest.mark.skipif(
+    not CHROMIUM.exists(), reason=f"there is no {CHROMIUM}, the browser that these tests drive"
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A capture with trials, and the files of a machine that has read them."""
+    place = tmp_path_factory.mktemp("allowed")
+    write_small_capture(place / "capture", trials=2)
+    truth = json.loads((place / "capture" / "truth.json").read_text())
+    (place / "item.toml").write_text(item_toml(item_of(TESTED)))
+    table = readings_csv(indicate(truth, TESTED, np.random.default_rng(0)))
+    (place / "readings.csv").write_text(table)
+    return place
+
+
+@pytest.fixture(scope="module")
+def address(folder, tmp_path_factory):
+    with serving(folder, tmp_path_factory.mktemp("scratch")) as made:
+        yield made
+
+
+@pytest.fixture
+def visit(browser, address, request):  # noqa: F811
+    made = Visit(browser, address, **getattr(request, "param", {}))
+    yield made
+    made.context.close()
+    assert made.faults == []
+
+
+def opened(visit):
+    """The page with the panel of the machine, of which nothing is stated yet."""
+    visit.open()
+    page = visit.measure("capture")
+    page.locator("#machine > summary").click()
+    return page
+
+
+def loaded(visit, folder: Path):
+    """The panel with item and readings from their files."""
+    page = opened(visit)
+    page.set_input_files("#machine input[accept='.toml'] >> nth=0", str(folder / "item.toml"))
+    page.wait_for_selector(".sheet section")
+    page.set_input_files("#machine input[accept='.csv,.xlsx']", str(folder / "readings.csv"))
+    page.wait_for_selector(".found .verdict")
+    return page
+
+
+def test_a_machine_is_stated_and_read_by_keyboard_alone(visit, folder):
+    page = visit.open()
+    visit.measure("capture")
+    page.locator("#machine > summary").focus()
+    page.keyboard.press("Enter")
+    page.locator("#machine input[name=maker]").focus()
+    for text in ("Maker", "Model", "7", "1.0", ""):
+        page.keyboard.type(text)
+        page.keyboard.press("Tab")
+    page.keyboard.press("Space")  # toe
+    page.locator("#machine input[name=resolution]").fill("0.1'")
+    page.locator("#machine input[name=mpe]").fill("6'")
+    page.select_option("#machine select[name=positive]", "toe-in")
+    said = "document.querySelector('#machine .status.bad').innerText"
+    until(page, f"{said}.includes('toe has no axis')")
+    page.select_option("#machine select[name=axis]", "rear-axle")
+    until(page, f"{said}.includes('no decision rule is named')")
+    page.select_option("#machine select[name=rule]", "guarded")
+    page.wait_for_selector(".sheet section")
+    first = page.locator(CELLS)
+    assert first.nth(0).is_disabled()  # until its unit is chosen: nothing is guessed
+    page.select_option("select[name=unit_toe]", "min")
+    first.nth(0).focus()
+    found = page.locator("ul.readings li").nth(0).locator(".found")
+    page.keyboard.type("-15.8")
+    page.wait_for_selector(".faults li")
+    assert "no reading is repeated" in page.locator(".faults").inner_text()
+    assert found.inner_text() == ""
+    page.keyboard.press("Enter")
+    page.keyboard.type("-15.7")
+    until(page, "document.querySelector('.found').innerText.startsWith('error')")
+    assert "U " in found.inner_text()
+    assert page.locator(".found .verdict").count() == 1
+    page.keyboard.press("Tab")
+    page.keyboard.type("-15x")
+    page.keyboard.press("Tab")
+    page.wait_for_selector("[aria-invalid]")
+    fault = page.locator("ul.readings li").nth(0).locator(".fault")
+    assert fault.inner_text().startswith("3: '-15x' is no number: write it as -0.25")
+    wrong = page.locator("[aria-invalid]")
+    assert wrong.get_attribute("aria-describedby") == fault.get_attribute("id")
+    assert page.evaluate("document.activeElement.closest('li').innerText").startswith("RL")
+    visit.check_with_axe()
+
+
+def test_readings_are_loaded_corrected_and_saved(visit, folder):
+    page = loaded(visit, folder)
+    assert page.locator(".found .verdict").count() == 12  # toe and camber of 6 targets
+    assert page.locator("#machine table.figures").count() == 2
+    page.locator("#machine input[name=name]").fill("machine 7")
+    page.locator("#machine form.save button").click()
+    page.wait_for_selector("#machine .status.good a")
+    files = {path.name for path in (folder / "machine 7").iterdir()}
+    assert files == {"item.toml", "readings.csv", "calibration.json", "calibration.txt",
+                     "certificate.html"}  # fmt: skip
+    with visit.context.expect_page() as shown:
+        page.locator("#machine .status.good a").click()
+    certificate = shown.value
+    certificate.wait_for_selector("table")
+    assert "DRAFT" in certificate.content()
+    certificate.close()
+    page.locator(CELLS).nth(0).fill("99999")
+    page.wait_for_selector("[aria-invalid]")
+    visit.refusal = 400
+    page.locator("#machine input[name=name]").fill("machine 8")
+    page.locator("#machine form.save button").click()
+    page.wait_for_selector("#machine form.save + .status.bad")
+    assert "no plausible toe" in page.locator("#machine form.save + .status").inner_text()
+    assert not (folder / "machine 8").exists()
+
+
+def test_what_was_typed_outlives_a_change_of_language(visit, folder):
+    page = loaded(visit, folder)
+    page.locator(CELLS).nth(0).fill("-12.3")
+    until(page, "JSON.stringify({...sessionStorage}).includes('-12.3')")
+    page.select_option("#language", "pt")
+    page.wait_for_selector("text=Calibrar um equipamento")
+    page.wait_for_selector(".found .verdict")
+    assert page.locator(".cell input").nth(0).input_value() == "-12.3"
+    assert page.locator(".found").nth(0).inner_text().startswith("erro")
+
+
+def test_another_series_is_another_sheet(visit, folder):
+    page = loaded(visit, folder)
+    page.locator("#machine input[name=series]").fill("2")
+    page.keyboard.press("Tab")
+    until(page, "document.querySelector('.cell input').value === ''")
+    page.locator(CELLS).nth(0).fill("-15")
+    until(page, "document.querySelector('.faults').innerText.includes('series 2, down')")
+    page.get_by_role("button", name="as found, Series 1").click()
+    until(page, "document.querySelector('.cell input').value !== ''")
+
+
+@pytest.mark.parametrize(
+    "visit",
+    [
+        {"viewport": {"width": width, "height": 844}, "locale": language, "color_scheme": scheme}
+        for width, language, scheme in (
+            (390, "en-GB", "light"), (390, "pt-PT", "dark"), (1024, "pt-PT", "light"),
+            (1440, "en-GB", "dark"),
+        )
+    ],
+    indirect=True,
+)  # fmt: skip
+def test_it_fits_on_every_screen(visit, folder):
+    page = loaded(visit, folder)
+    page.locator(CELLS).nth(0).fill("x")
+    page.wait_for_selector("[aria-invalid]")
+    check_layout(page, "ul.readings, .readings li > div, #machine fieldset")
+    visit.check_with_axe()
