@@ -17,6 +17,13 @@ import click
 from ..batch.catalogue.catalogue import Catalogue, open_catalogue, rebuild
 from ..batch.catalogue.rows import STATUSES
 from ..batch.results import calibrations, export, listing, page, trends
+from ..batch.results.calibration_list import (
+    calibration_columns,
+    calibrations_text,
+    serials,
+    trees_of,
+)
+from ..batch.results.calibration_list import calibrations as list_calibrations
 from ..batch.results.query import (
     ALL,
     Filter,
@@ -75,7 +82,8 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
 @click.command(
     help=HELP,
     epilog="Exit codes: 0 all selected captures are measured in full; 1 some are not; "
-    "2 unusable results or arguments. --sql: 0 or 2.",
+    "2 unusable results or arguments. --sql: 0 or 2. --calibrations: 0 every machine is shown to "
+    "conform, or has no MPE; 1 some are not.",
 )
 @click.argument("results")
 @click.option(
@@ -110,8 +118,14 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     "--item",
     "serial",
     metavar="SERIAL",
-    help="Serial number of a machine, whose calibrations below the folder RESULTS --drift takes "
-    "instead of captures; proposes an interval.",
+    help="Serial number of a machine, whose calibrations in RESULTS, or below that folder, --drift "
+    "takes instead of captures; proposes an interval.",
+)
+@click.option(
+    "--calibrations",
+    "calibrated",
+    is_flag=True,
+    help="List the calibrations of machines; with --csv, --xlsx, --parquet: export them.",
 )
 @click.option("--failures", "failing", is_flag=True, help="List what was not measured, and why.")
 @click.option(
@@ -121,7 +135,9 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     help="Number of outliers to list, largest first.",
 )
 @click.option(
-    "--sql", metavar="SELECT", help="SQL query of the tables captures, wheels and quantities."
+    "--sql",
+    metavar="SELECT",
+    help="SQL query of the tables captures, wheels, quantities and calibrations.",
 )
 @click.option(
     "--quantity",
@@ -166,6 +182,7 @@ def results(
     summary: bool,
     drift: bool,
     serial: str | None,
+    calibrated: bool,
     failing: bool,
     worst: int | None,
     sql: str | None,
@@ -190,6 +207,8 @@ def results(
         if modes != ["drift"]:
             raise click.UsageError("--item is of --drift: add it, and leave out other lists")
         return _of_machine(results, serial, as_json)
+    if calibrated and (modes or worst or sql or html_file or pdf_file):
+        raise click.UsageError("--calibrations is a list of its own: leave out other lists")
     if as_json and len(modes) > 1:
         raise click.UsageError(
             "--json with several lists: choose one of --summary, --drift, --failures, --worst"
@@ -225,6 +244,8 @@ def results(
             return _answer(catalogue, sql, as_json)
         for name in quantities:
             known_quantity(catalogue, name)
+        if calibrated:
+            return _show_calibrations(catalogue, query, files)
         exported = _export(catalogue, which, files)
         exported |= _report(catalogue, results, query, modes, worst, reports, options)
         for number, mode in enumerate(modes or ([] if exported else ["list"])):
@@ -237,7 +258,13 @@ def results(
 
 def _of_machine(folder: str, serial: str, as_json: bool) -> int:
     """Print the drift of a machine over its calibrations, and the interval that it proposes."""
-    found = calibrations.machine_history(Path(folder), serial)
+    listed: list[tuple[str, dict[str, Any]]] = []
+    others: set[str] = set()
+    local = open_store(folder).local
+    if local is None or (local / "measurements").is_dir():
+        with Reading("the results") as progress, open_catalogue(folder, progress) as catalogue:
+            listed, others = list(trees_of(catalogue, serial)), serials(catalogue)
+    found = calibrations.machine_history(local, serial, listed, others)
     if as_json:
         tree = {
             "schema": SCHEMA,
@@ -250,6 +277,19 @@ def _of_machine(folder: str, serial: str, as_json: bool) -> int:
     else:
         click.echo(calibrations.history_text(found), nl=False)
     return 0
+
+
+def _show_calibrations(catalogue: Catalogue, query: Query, files: dict[str, Path | None]) -> int:
+    """Print or export the calibrations; return 0 if each machine is shown to conform."""
+    found = list_calibrations(catalogue, query.which)
+    if not _export_columns(calibration_columns(found), files, "calibrations"):
+        if query.as_json:
+            rows = [listing.plain(one) for one in found]
+            tree = {"schema": SCHEMA, "calibrations": rows}
+            click.echo(json.dumps(tree, indent=1, ensure_ascii=False))
+        else:
+            click.echo(calibrations_text(found[: query.limit], query.view))
+    return int(any(one.error or one.decision not in (None, "conform") for one in found))
 
 
 def _list(catalogue: Catalogue, query: Query, mode: str, worst: int) -> None:
@@ -312,14 +352,21 @@ def _answer(catalogue: Catalogue, question: str, as_json: bool) -> int:
 
 def _export(catalogue: Catalogue, which: Filter, files: dict[str, Path | None]) -> bool:
     """Write the tables that the options name; return whether there were any."""
+    columns = export.table(catalogue, which) if any(files.values()) else {}
+    return _export_columns(columns, files, "captures")
+
+
+def _export_columns(
+    columns: export.ExportColumns, files: dict[str, Path | None], what: str
+) -> bool:
+    """Write columns to the named files; return whether there were any."""
     named = {kind: path for kind, path in files.items() if path is not None}
-    columns = export.table(catalogue, which) if named else {}
     for kind, path in named.items():
         if path == PIPE:
             click.echo(export.as_csv(columns), nl=False)
             continue
         export.export(path, columns, WRITERS[kind])
-        click.echo(f"wrote {path} ({len(columns['key']):,} captures)", err=True)
+        click.echo(f"wrote {path} ({len(columns['key']):,} {what})", err=True)
     return bool(named)
 
 

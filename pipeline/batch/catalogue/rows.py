@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from ...report.json.measurement import SCHEMA
+from .calibration_row import CalibrationRow, calibration_row
 
 MOST_POINTS = 2**53  # of a scan; a catalogue counts in 64 bits
 FRAME_KINDS = ("rear_track", "front_track", "wheelbase")
@@ -22,7 +23,8 @@ DAMAGED = "damaged"
 STATUSES = ("ok", "part", "failed", "quarantined", "damaged")
 FAILED = ("failed", "quarantined", DAMAGED)
 SECTIONS = (
-    "$.schema $.capture $.vehicle_name $.wheels $.frame $.vehicle $.batch $.provenance.version"
+    "$.schema $.capture $.vehicle_name $.wheels $.frame $.vehicle $.batch $.provenance.version "
+    "$.calibration"
 )
 
 
@@ -86,6 +88,7 @@ class Record:
     capture: CaptureRow
     wheels: tuple[WheelRow, ...] = ()
     quantities: tuple[QuantityRow, ...] = ()
+    calibration: CalibrationRow | None = None
 
 
 class _DamagedError(Exception):
@@ -140,7 +143,7 @@ def _connection() -> sqlite3.Connection:
 
 
 def _record(blank: CaptureRow, sections: list[Any]) -> Record:
-    schema, name, vehicle_name, wheels, frame, vehicle, batch, version = sections
+    schema, name, vehicle_name, wheels, frame, vehicle, batch, version, calibrated = sections
     if schema != SCHEMA:
         raise _DamagedError(f"schema {schema!r:.60} instead of {SCHEMA!r}")
     if not isinstance(wheels, list) or not isinstance(batch, dict):
@@ -165,7 +168,8 @@ def _record(blank: CaptureRow, sections: list[Any]) -> Record:
         version=_text({"version": version}, "version"),
         config_sha256=_text(batch, "config_sha256"),
     )
-    return Record(capture, rows, tuple(_quantities(frame or {}, vehicle or {})))
+    quantities = tuple(_quantities(frame or {}, vehicle or {}))
+    return Record(capture, rows, quantities, calibration_row(calibrated))
 
 
 def _wheel(wheel: Any) -> WheelRow:

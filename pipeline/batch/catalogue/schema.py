@@ -13,9 +13,10 @@ from pathlib import Path
 
 from ...errors import InputError
 from ...vehicle import REFERENCE_WHEELS
+from .calibration_row import TABLE as CALIBRATIONS
 from .rows import CaptureRow, Record, WheelRow
 
-APPLICATION = 0x77706C02  # "wpl" and a number to raise with every change of the tables
+APPLICATION = 0x77706C03  # "wpl" and a number to raise with every change of the tables
 KEY_DIGITS = 15  # of the key make the row's number: 60 bits, in the order of the keys
 CAPTURE_COLUMNS = tuple(field.name for field in fields(CaptureRow))
 WHEEL_COLUMNS = tuple(field.name for field in fields(WheelRow))
@@ -42,6 +43,7 @@ CREATE VIEW wheels AS SELECT key, {", ".join(f"w.{name}" for name in WHEEL_COLUM
   FROM wheel_rows AS w JOIN captures AS c ON c.id = w.id;
 CREATE VIEW quantities AS SELECT key, k.kind, value, u, unit
   FROM quantity_rows AS q JOIN kinds AS k USING(kind_id) JOIN captures AS c ON c.id = q.id;
+{CALIBRATIONS}
 PRAGMA application_id = {APPLICATION};
 """  # noqa: S608
 
@@ -100,6 +102,10 @@ def _put(connection: sqlite3.Connection, record: Record) -> bool:
         "INSERT OR REPLACE INTO quantity_rows VALUES (?, ?, ?, ?)",
         [(i, number, q.value, q.u) for i, q in kinds],
     )
+    if record.calibration is not None:
+        cells = (number, *astuple(record.calibration))
+        marks = ", ".join("?" * len(cells))
+        connection.execute(f"INSERT INTO calibration_rows VALUES ({marks})", cells)  # noqa: S608
     _pack(connection, number, record)
     return True
 
@@ -109,6 +115,7 @@ def drop(connection: sqlite3.Connection, numbers: Iterable[int]) -> None:
     for number in numbers:
         connection.execute("DELETE FROM captures WHERE id = ?", (number,))
         connection.execute("DELETE FROM wheel_rows WHERE id = ?", (number,))
+        connection.execute("DELETE FROM calibration_rows WHERE id = ?", (number,))
         connection.execute("DELETE FROM packed WHERE id = ?", (number,))
         connection.execute(
             "DELETE FROM quantity_rows WHERE id = ? AND kind_id IN (SELECT kind_id FROM kinds)",

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import astuple
 
 from ..storage.store import Store
+from .calibration_row import CalibrationRow
 from .changes import Changes, ObjectComparison
 from .load_records import RecordProgress, load_records
 from .rows import CaptureRow, QuantityRow, Record, WheelRow
@@ -39,6 +40,7 @@ class Segments:
             astuple(record.capture),
             [astuple(w) for w in record.wheels],
             [astuple(q) for q in record.quantities],
+            None if record.calibration is None else astuple(record.calibration),
         ]
         self._lines.append(json.dumps(rows, separators=(",", ":")))
         if len(self._lines) >= RESULTS or time.monotonic() > self._flushed_s + FLUSH_S:
@@ -88,9 +90,10 @@ def _from_segments(store: Store) -> Iterator[Record]:
 
 
 def _record(line: str) -> Record:
-    capture, wheels, quantities = json.loads(line)
+    capture, wheels, quantities, calibrated = json.loads(line)
     return Record(
         CaptureRow(*capture),
         tuple(WheelRow(*wheel) for wheel in wheels),
         tuple(QuantityRow(*quantity) for quantity in quantities),
+        None if calibrated is None else CalibrationRow(*calibrated),
     )

@@ -159,4 +159,5 @@ def _marks_a_capture(file: str) -> bool:
 
 def _may_belong(file: str) -> bool:
     """Return whether a file may be part of a capture without being one itself."""
-    return file.lower().endswith(".toml") or _marks_a_capture(file)
+    lower = file.lower()
+    return lower.endswith(".toml") or lower == "readings.xlsx" or _marks_a_capture(file)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...uncertainty import quantile
+from ..catalogue.calibration_row import final
 from .series import Series
 from .trends import LEVEL, MONTH_DAYS, Drift, drift, with_holm
 
@@ -47,12 +49,30 @@ class MachineHistory:
     intervals: tuple[Interval, ...]
 
 
-def machine_history(folder: Path, serial: str) -> MachineHistory:
+def machine_history(
+    folder: Path | None,
+    serial: str,
+    listed: Sequence[tuple[str, dict[str, Any]]] = (),
+    others: Collection[str] = (),
+) -> MachineHistory:
     """Return drift and interval of a machine, by every calibration.json below a folder.
 
-    Drifts are those of the final zero error and sensitivity of each quantity. Raises InputError.
+    folder: None for results elsewhere. listed: its calibrations in a catalogue, by their captures;
+    others: serial numbers there. Drifts are those of the final zero error and sensitivity of each
+    quantity. Raises InputError.
     """
-    found = sorted(_calibrations(folder, serial), key=lambda one: (_day(one[1]), one[0]))
+    below = {} if folder is None else _calibrations(folder)
+    found = [*((name, tree) for name, tree in below.items() if _serial(tree) == serial), *listed]
+    if not found:
+        known = ", ".join(sorted({*map(_serial, below.values()), *others})) or "none"
+        place = folder or "the results"
+        raise InputError(
+            f"{place}: no calibration of serial {serial!r}: there are those of {known}"
+        )
+    for name, tree in found:
+        if tree["date"] is None:
+            raise InputError(f"{name}: it has no date: give it as date in the capture.toml")
+    found.sort(key=lambda one: (_day(one[1]), one[0]))
     names = dict.fromkeys(name for _, tree in found for name in _values(tree))
     drifts = with_holm([drift(_series(name, [tree for _, tree in found])) for name in names])
     last = found[-1][1]
@@ -62,32 +82,35 @@ def machine_history(folder: Path, serial: str) -> MachineHistory:
     return MachineHistory(serial, tuple(name for name, _ in found), drifts, intervals)
 
 
-def _calibrations(folder: Path, serial: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield name and content of a machine's calibrations; each has a date."""
+def _calibrations(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return the calibrations below a folder by their paths."""
     if not folder.is_dir():
         raise InputError(f"{folder}: no folder: name one with the results of calibrations")
-    serials = set()
-    own = 0
-    for path in sorted(folder.rglob(NAME)):
+    found = {}
+    for path in sorted(_files(folder)):
         try:
             tree = json.loads(path.read_text(encoding="utf-8"))
-            found = tree["item"]["serial"] if tree["schema"] == SCHEMA else None
+            if tree["schema"] == SCHEMA:
+                _serial(tree)
+                found[str(path)] = tree
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(
                 f"{path}: not a calibration of `wheelplane calibrate` ({error}): remove it"
             ) from error
-        serials.add(str(found))
-        if found != serial:
-            continue
-        own += 1
-        if tree["date"] is None:
-            raise InputError(f"{path}: it has no date: give it as date in the capture.toml")
-        yield str(path), tree
-    if not own:
-        known = ", ".join(sorted(serials)) or "none"
-        raise InputError(
-            f"{folder}: no calibration of serial {serial!r}: there are those of {known}"
-        )
+    return found
+
+
+def _serial(tree: dict[str, Any]) -> str:
+    return str(tree["item"]["serial"])
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    """Yield the calibrations below a folder; of a batch's results not its own files."""
+    for place, folders, names in os.walk(folder):
+        if "measurements" in folders:
+            folders[:] = [name for name in folders if name not in ("measurements", "logs")]
+        if NAME in names:
+            yield Path(place) / NAME
 
 
 def _day(tree: dict[str, Any]) -> float:
@@ -99,7 +122,7 @@ def _day(tree: dict[str, Any]) -> float:
 def _values(tree: dict[str, Any]) -> dict[str, tuple[str, float, float]]:
     """Return by name unit, value and u of the final zero errors and sensitivities."""
     found = {}
-    for quantity in _final(tree):
+    for quantity in final(tree):
         name, line = quantity["quantity"], quantity["characteristic"]
         unit = "m" if "value_m" in line["zero_error"] else "deg"
         zero = line["zero_error"]
@@ -108,12 +131,6 @@ def _values(tree: dict[str, Any]) -> dict[str, tuple[str, float, float]]:
             slope = line["sensitivity"]
             found[f"{name} sensitivity"] = ("1", slope["value"], slope["u"])
     return found
-
-
-def _final(tree: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the results in the state in which each quantity was left."""
-    left = {q["quantity"] for q in tree["quantities"] if q["state"] == "as left"}
-    return [q for q in tree["quantities"] if q["state"] == "as left" or q["quantity"] not in left]
 
 
 def _series(name: str, trees: Sequence[dict[str, Any]]) -> Series:
@@ -130,7 +147,7 @@ def _interval(one: Drift, last: dict[str, Any]) -> Iterator[Interval]:
     calibrations and the last zero error's u; Student's t of n - 2 degrees of freedom.
     """
     quantity, _, what = one.quantity.partition(" ")
-    now = next((q for q in _final(last) if q["quantity"] == quantity), None)
+    now = next((q for q in final(last) if q["quantity"] == quantity), None)
     if what != "zero error" or now is None:
         return
     key = f"mpe_{one.unit}"

@@ -15,7 +15,7 @@ READING = {
     sqlite3.SQLITE_FUNCTION,
     sqlite3.SQLITE_RECURSIVE,
 }
-TABLES = "captures, wheels, quantities"
+TABLES = "captures, wheels, quantities, calibrations"
 STEPS = 100_000  # instructions of SQLite between two checks for Ctrl-C
 
 

@@ -12,14 +12,18 @@ from pathlib import Path
 from typing import Any
 
 from ... import __version__
+from ...calibration import Reference, calibrate_file, load_item
 from ...capture import check_inside, open_capture
 from ...config import with_scanner
 from ...errors import WheelplaneError
 from ...five_point import read_five_point
 from ...measure import measure_capture, measure_five_point
 from ...measurement import Measurement
+from ...report.json.calibration import SCHEMA as CALIBRATION_SCHEMA
+from ...report.json.calibration import calibration_tree
 from ...report.json.measurement import SCHEMA, to_tree
 from ..plan.discover import Kind
+from ..plan.machine_files import has_machine, in_words, machine_files
 from ..plan.settings import BatchSettings
 from ..storage.entry import legible
 from .stages import error_chain, stage_of, transient_fault
@@ -74,18 +78,29 @@ def measure_bytes(subject: Subject) -> Result:
         outcome = Outcome("ok" if measurement.complete else "part")
         tree = to_tree(measurement)
         tree["batch"] = _batch(subject, outcome, tree["date"])
+        if subject.kind == "folder" and has_machine(subject.source):
+            date = {"date": tree["batch"]["date"]}
+            tree["calibration"] = _calibration(measurement, subject) | date
         return Result(_bytes(tree, subject), outcome)
     except Exception as error:
-        if any(isinstance(cause, MemoryError) for cause in error_chain(error)):
-            raise MemoryError from error
-        fault = transient_fault(error)
-        if fault is not None:
-            raise TransientError(f"{fault.filename or subject.name}: {fault.strerror}") from error
-        reason = str(error)
-        if not isinstance(error, WheelplaneError):
-            reason = f"internal error ({type(error).__name__}: {reason}): please report it"
+        _raise_foreign(error, subject)
         log = "".join(traceback.format_exception(error))
-        return failed(subject, Outcome("failed", stage_of(error), reason), log)
+        return failed(subject, Outcome("failed", stage_of(error), _reason(error)), log)
+
+
+def _raise_foreign(error: Exception, subject: Subject) -> None:
+    """Raise TransientError or MemoryError for an error that is not due to the capture."""
+    if any(isinstance(cause, MemoryError) for cause in error_chain(error)):
+        raise MemoryError from error
+    fault = transient_fault(error)
+    if fault is not None:
+        raise TransientError(f"{fault.filename or subject.name}: {fault.strerror}") from error
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, WheelplaneError):
+        return str(error)
+    return f"internal error ({type(error).__name__}: {error}): please report it"
 
 
 def failed(subject: Subject, outcome: Outcome, log: str) -> Result:
@@ -129,6 +144,24 @@ def _measure(subject: Subject) -> Measurement:
         named = None if settings.scanner else opened.scanner
         measurement = measure_capture(opened, with_scanner(settings.config, named))
     return replace(measurement, provenance=replace(measurement.provenance, source=subject.name))
+
+
+def _calibration(measurement: Measurement, subject: Subject) -> dict[str, Any]:
+    """Return the calibration by the machine's files in the capture's folder, as plain data.
+
+    With an "error" in the place of results where the files cannot be used.
+    """
+    item = None
+    try:
+        item_path, readings_path = machine_files(subject.source, subject.archive)
+        item_file = load_item(item_path)
+        item = {"serial": item_file.item.serial}
+        return calibration_tree(calibrate_file([Reference(measurement)], item_file, readings_path))
+    except Exception as error:
+        _raise_foreign(error, subject)
+        known = isinstance(error, WheelplaneError)
+        reason = in_words(error, subject.source) if known else _reason(error)
+        return {"schema": CALIBRATION_SCHEMA, "item": item, "error": reason}
 
 
 def _batch(subject: Subject, outcome: Outcome, date: str | None) -> dict[str, Any]:

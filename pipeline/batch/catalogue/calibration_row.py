@@ -1,0 +1,73 @@
+"""Calibration in the JSON of a result -> its row in the catalogue."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+TABLE = """
+CREATE TABLE calibration_rows(
+  id INTEGER PRIMARY KEY, serial TEXT NOT NULL, maker TEXT NOT NULL, model TEXT NOT NULL,
+  decision TEXT, points INTEGER NOT NULL, worst REAL, worst_at TEXT NOT NULL, error TEXT NOT NULL);
+CREATE VIEW calibrations AS
+  SELECT key, c.name, c.date, serial, maker, model, decision, points, worst, worst_at, error
+  FROM calibration_rows AS k JOIN captures AS c ON c.id = k.id;
+"""
+
+
+@dataclass(frozen=True)
+class CalibrationRow:
+    """Calibration of a machine.
+
+    decision: conform, undecided, not conform; None without a maximum permissible error. points:
+    number in the state in which each quantity was left. worst: largest |error|/MPE of these, at the
+    quantity and point `worst_at`. error: why there are no results.
+    """
+
+    serial: str = ""
+    maker: str = ""
+    model: str = ""
+    decision: str | None = None
+    points: int = 0
+    worst: float | None = None
+    worst_at: str = ""
+    error: str = ""
+
+
+def calibration_row(tree: Any) -> CalibrationRow | None:
+    """Return the row of the part `calibration` of a result; None without one."""
+    if tree is None:
+        return None
+    try:
+        item = tree["item"] or {}
+        serial = str(item.get("serial", ""))
+        if "error" in tree:
+            return CalibrationRow(serial, error=str(tree["error"]))
+        found = [(q["quantity"], point) for q in final(tree) for point in q["points"]]
+        ratios = [
+            (
+                abs(point["error"][f"value_{unit}"]) / point[f"mpe_{unit}"],
+                f"{kind} {point['point']}",
+            )
+            for kind, point in found
+            for unit in ("deg", "m")
+            if point.get(f"mpe_{unit}") is not None
+        ]
+        worst, where = max(ratios, default=(None, ""))
+        return CalibrationRow(
+            serial,
+            str(item["maker"]),
+            str(item["model"]),
+            tree["decision"],
+            len(found),
+            worst,
+            where,
+        )
+    except (KeyError, TypeError, AttributeError, ZeroDivisionError) as error:
+        return CalibrationRow(error=f"no calibration of this program ({type(error).__name__})")
+
+
+def final(tree: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the results of a calibration in the state in which each quantity was left."""
+    left = {q["quantity"] for q in tree["quantities"] if q["state"] == "as left"}
+    return [q for q in tree["quantities"] if q["state"] == "as left" or q["quantity"] not in left]

@@ -1,0 +1,113 @@
+"""Calibrations of a catalogue: as a list, as columns to be exported, and those of one machine."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from ...report.format.layout import paragraph
+from ...report.format.view import PAPER, View
+from ...report.format.writer import Table, Writer
+from ...report.tables.conformity import decided
+from ...report.text.plain import plain_writer
+from ..catalogue.calibration_row import CalibrationRow
+from ..catalogue.catalogue import Catalogue
+from ..catalogue.load_records import json_name
+from .export import ExportColumns
+from .query import ALL, Filter, condition
+from .tables import shown
+
+
+@dataclass(frozen=True)
+class ListedCalibration:
+    """Calibration of a machine by a capture, with the capture's name and date."""
+
+    key: str
+    name: str
+    date: str | None
+    serial: str
+    maker: str
+    model: str
+    decision: str | None
+    points: int
+    worst: float | None
+    worst_at: str
+    error: str
+
+
+OWN = ", ".join(f"k.{field.name}" for field in fields(CalibrationRow))
+
+
+def calibrations(catalogue: Catalogue, which: Filter = ALL) -> tuple[ListedCalibration, ...]:
+    """Return the calibrations of the captures, by serial number, date and name."""
+    where, values = condition(catalogue, which)
+    rows = catalogue.connection.execute(
+        f"SELECT key, c.name, c.date, {OWN} FROM calibration_rows AS k "  # noqa: S608
+        f"JOIN captures AS c USING(id) {where} ORDER BY k.serial, c.day, c.name, key",
+        values,
+    )
+    return tuple(ListedCalibration(*row) for row in rows)
+
+
+def trees_of(catalogue: Catalogue, serial: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield capture and JSON of a machine's calibrations that have results, in that order."""
+    for one in calibrations(catalogue):
+        if one.serial == serial and not one.error:
+            tree = json.loads(catalogue.store.read(json_name(one.key)))
+            yield one.name, tree["calibration"]
+
+
+def serials(catalogue: Catalogue) -> set[str]:
+    """Return the serial numbers of the machines that have a calibration."""
+    rows = catalogue.connection.execute("SELECT serial FROM calibration_rows WHERE serial <> ''")
+    return {serial for (serial,) in rows}
+
+
+def calibrations_table(found: Sequence[ListedCalibration], writer: Writer) -> Table:
+    """Return a row per calibration: machine, decision, points, and the worst error over MPE."""
+    words = writer.words
+    names = ("serial", "machine", "capture", "date", "decision", "points", "of_mpe", "at")
+    rows = [
+        [
+            shown(one.serial) or writer.none,
+            shown(f"{one.maker} {one.model}".strip()) or writer.none,
+            shown(one.name),
+            one.date or writer.none,
+            writer.none if one.decision is None else decided(one.decision, words).lower(),
+            str(one.points),
+            writer.none if one.worst is None else words.number(f"{one.worst:.2f}"),
+            shown(one.worst_at) or writer.none,
+        ]
+        for one in found
+    ]
+    head = [words(f"listing.{name}") for name in names]
+    return writer.table(head, rows, 5, words("listing.calibrations"))
+
+
+def calibrations_text(found: Sequence[ListedCalibration], view: View = PAPER) -> str:
+    """Format the list of calibrations."""
+    writer = plain_writer(view)
+    if not found:
+        return writer.words("listing.no_calibrations")
+    parts = [calibrations_table(found, writer).text()]
+    parts += [f"{shown(one.name)}: {shown(one.error)}" for one in found if one.error]
+    return "\n\n".join([*parts, paragraph(writer.words("listing.calibrations_note"))])
+
+
+def calibration_columns(found: Sequence[ListedCalibration]) -> ExportColumns:
+    """Return the columns (N,) by name; nan where there is no MPE."""
+    names = [field.name for field in fields(ListedCalibration)]
+    cells = list(zip(*map(astuple, found), strict=True)) or [()] * len(names)
+    columns: ExportColumns = {}
+    for name, values in zip(names, cells, strict=True):
+        if name == "worst":
+            numbers = [math.nan if x is None else x for x in values]
+            columns[name] = np.array(numbers, float)
+        else:
+            columns[name] = np.array(values, np.int64 if name == "points" else object)
+    return columns
