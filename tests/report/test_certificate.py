@@ -233,3 +233,19 @@ def test_every_page_of_a_draft_says_so(printed):
 
 def test_the_pdf_of_the_same_certificate_has_the_same_bytes(printed):
     assert files(html=False, pdf=True) == {"certificate.pdf": printed[0][0]}
+
+
+def test_portuguese_has_one_word_for_the_outcome_of_the_decision_rule():
+    """Decisão, as in 'regra de decisão' (JCGM 106, ILAC-G8); and 'não decidido' as one outcome."""
+    texts = load_translations("pt").texts
+    others = {key for key, text in texts.items() if re.search("(?i)veredi[ct]|indecis", text)}
+    assert others == set()
+    assert {texts[key] for key in ("verdict.decision", "comparison.verdict", "page.verdict")} == {
+        "decisão"
+    }
+
+
+def test_the_plan_says_which_trials_it_counts():
+    parts = {"en": "besides the 4 wheels", "pt": "além das 4 rodas"}
+    for language, part in parts.items():
+        assert part in load_translations(language)("plan.trials_needed")
