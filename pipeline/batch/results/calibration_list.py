@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import printable
 from ...report.format.layout import paragraph
 from ...report.format.view import PAPER, View
 from ...report.format.writer import Table, Writer
@@ -20,7 +21,6 @@ from ..catalogue.catalogue import Catalogue
 from ..catalogue.load_records import json_name
 from .export import ExportColumns
 from .query import ALL, Filter, condition
-from .tables import shown
 
 
 @dataclass(frozen=True)
@@ -74,14 +74,14 @@ def calibrations_table(found: Sequence[ListedCalibration], writer: Writer) -> Ta
     names = ("serial", "machine", "capture", "date", "decision", "points", "of_mpe", "at")
     rows = [
         [
-            shown(one.serial) or writer.none,
-            shown(f"{one.maker} {one.model}".strip()) or writer.none,
-            shown(one.name),
+            printable(one.serial) or writer.none,
+            printable(f"{one.maker} {one.model}".strip()) or writer.none,
+            printable(one.name),
             one.date or writer.none,
             writer.none if one.decision is None else decided(one.decision, words).lower(),
             str(one.points),
             writer.none if one.worst is None else words.number(f"{one.worst:.2f}"),
-            shown(one.worst_at) or writer.none,
+            printable(one.worst_at) or writer.none,
         ]
         for one in found
     ]
@@ -95,7 +95,7 @@ def calibrations_text(found: Sequence[ListedCalibration], view: View = PAPER) ->
     if not found:
         return writer.words("listing.no_calibrations")
     parts = [calibrations_table(found, writer).text()]
-    parts += [f"{shown(one.name)}: {shown(one.error)}" for one in found if one.error]
+    parts += [f"{printable(one.name)}: {printable(one.error)}" for one in found if one.error]
     return "\n\n".join([*parts, paragraph(writer.words("listing.calibrations_note"))])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from typing import Any
 
 from ...errors import InputError, printable
@@ -26,18 +27,19 @@ def account(results: str, name: str) -> str:
         )
     store = open_store(results)
     lines = [line for key in keys for line in _lines(store, key)]
-    return "\n".join(map(printable, [*lines, "", _next(store, results, name)]))
+    return "\n".join(map(printable, [*lines, "", *_next(store, results, name)]))
 
 
 def _lines(store: Store, key: str) -> list[str]:
     tree: dict[str, Any] = json.loads(store.read(json_name(key)))
     batch, origin = tree["batch"], tree["provenance"]
     where = f" at {batch['stage']}" * bool(batch["stage"])
-    lines = [f"{tree['capture']}: {batch['status']}{where}", f"  {batch['reason'] or 'no reason'}"]
+    lines = [f"{tree['capture']}: {batch['status']}{where}"]
+    lines += [f"  {batch['reason']}"] * bool(batch["reason"])
     lines += [f"  result     {json_name(key)}", f"  wheelplane {origin['version']}"]
     for wheel in tree["wheels"]:
-        told = f": {wheel['reason']}" if wheel.get("reason") else ""
-        lines.append(f"  wheel      {wheel['name']}: {wheel['status']}{told}")
+        reason = f": {wheel['reason']}" if wheel.get("reason") else ""
+        lines.append(f"  wheel      {wheel['name']}: {wheel['status']}{reason}")
     inputs = origin["inputs"].items()
     lines += [f"  input      {file}  {digest}" for file, digest in inputs]
     log = f"logs/{key}.log"
@@ -47,10 +49,12 @@ def _lines(store: Store, key: str) -> list[str]:
     return lines
 
 
-def _next(store: Store, results: str, name: str) -> str:
+def _next(store: Store, results: str, name: str) -> list[str]:
     """Return the commands that show the capture's targets, and that measure it again."""
-    again = f"measure it again: wheelplane batch ARCHIVE -o {results} --retry '{name}'"
-    if not store.exists(MANIFEST):
-        return again
-    archive = json.loads(store.read(MANIFEST))["archive"]
-    return f"see its targets: wheelplane measure '{archive}/{name}' --plot DIR\n{again}"
+    again = ["wheelplane", "batch", "ARCHIVE", "-o", results, "--retry", name]
+    commands = {"measure it again": again}
+    if store.exists(MANIFEST):
+        again[2] = json.loads(store.read(MANIFEST))["archive"]
+        seen = ["wheelplane", "measure", f"{again[2]}/{name}", "--plot", "DIR"]
+        commands = {"see its targets": seen} | commands
+    return [f"{what}: {shlex.join(words)}" for what, words in commands.items()]

@@ -26,13 +26,14 @@ from ...calibration import (
 )
 from ...config import load_config, parse_section
 from ...errors import ConfigError, InputError
+from ...report.certificate import certificate_files
 from ...report.format.laboratory import read_laboratory
 from ...report.format.language import load_translations
 from ...report.format.view import PAPER
 from ...report.html.page import ReportOptions
 from ...report.json.calibration import calibration_json
 from ...report.text.calibration import calibration_text
-from ...report.write import ReportFiles, certificate_files
+from ...report.write import ReportFiles
 from ..security import RefusedError
 
 ITEM, READINGS, CERTIFICATE = "item.toml", "readings.csv", "certificate.toml"
