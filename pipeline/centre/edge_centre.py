@@ -28,6 +28,7 @@ GRAZING = 1.3  # slope of beams, 52 degrees, from which it shifts
 LOST_M = 2e-3  # uncertainty above which an edge fit gives way to the outline
 UNCONVERGED_M = 3e-4  # model uncertainty of an edge fit that did not converge
 WALL_SHARE = 2e-3  # of thickness times tan^3 of the incidence: model uncertainty by the wall
+CLEAN_SHARE = 0.03  # of the shift of a clean edge: model uncertainty by what the scanner reports
 MISFIT = (0.06, 0.09)  # share of outliers at which doubt begins, and is complete
 MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # outliers by a curved wall, per metre of bend
 # Difference of straight edges by mixed pixels and by points: tolerated; proof of another shape.
@@ -242,17 +243,20 @@ def _model_variance(
     """Return the model variance of the edge fit, m^2.
 
     It grows with the incidence, at first by the cube of its tangent, as the beams see more of the
-    wall, which is curved where the profile takes it for straight. A fit that did not converge, has
-    an implausible reflectance ratio, or leaves many outliers, as in a scan from two stations, is
-    given its difference from the outline by points.
+    wall, which is curved where the profile takes it for straight; and by the shift of a clean edge.
+    A fit that did not converge, has an implausible reflectance ratio, or leaves many outliers, as
+    in a scan from two stations, is given its difference from the outline by points.
     """
     square = float(edge_fit.beam @ edge_fit.beam)
     spread: float = (config.model_uncertainty_m * (1.0 + 2.0 * square)) ** 2
     spread += (WALL_SHARE * edge_fit.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
+    spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2
     bend = edge_fit.thickness_m**2 * square / (8.0 * outline.size_m)  # of the wall, along a beam
     beyond = edge_fit.misfit - MISFIT[0] - MISFIT_BY_BEND * max(bend - MIN_BEND_M, 0.0)
     doubt = min(max(beyond / (MISFIT[1] - MISFIT[0]), 0.0), 1.0)
-    if not edge_fit.converged or not 1.0 / MAX_RATIO < edge_fit.reflectance_ratio < MAX_RATIO:
+    clean = edge_fit.clean_shift_m is not None
+    likely = clean or 1.0 / MAX_RATIO < edge_fit.reflectance_ratio < MAX_RATIO
+    if not (edge_fit.converged and likely):
         doubt = 1.0
     if doubt == 0.0 and not outline.shows_rotation:
         return spread

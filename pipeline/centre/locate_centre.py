@@ -37,7 +37,7 @@ class TargetFit:
 
     centre_m: (3,). normal: (3,) unit, sign free. components: of the uncertainty of both.
     plane_rms_m: over the points of the plane.
-    method: 'rim' from mixed pixels, 'outline' from the points alone, 'hole' or 'holes' from the
+    method: 'rim' from the edge fit, 'outline' from the points alone, 'hole' or 'holes' from the
     edges of holes, 'pattern' from what is printed, 'combined' from several of these, which `others`
     then lists; 'points' from five points. marker_ids: of the markers that were found; wheel: that
     they name. turn: in-plane rotation; None of a disc or a ring, which show none.
@@ -87,7 +87,7 @@ class TargetFit:
 def locate_centre(patch: Patch, plane: PlaneFit, target: Target, config: CentreConfig) -> TargetFit:
     """Locate the centre of the target in `patch`, on the fitted plane.
 
-    By the mixed pixels around its edges where there is a background (see edge/fit_edge.py),
+    By the points around its edges where there is a background (see edge/fit_edge.py),
     otherwise by its outermost points; by its holes; and by its print. The results are weighted by
     their uncertainties. Raises NotMeasuredError 'no-outline', 'wrong-outline' or
     'centres-disagree'.

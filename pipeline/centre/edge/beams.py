@@ -12,6 +12,7 @@ from ...targets import Outline, sector
 from ...vectors import Array, Mask, turned
 
 RING_M = (0.001, 0.011)  # beyond the footprint: where the clean background is looked up
+TWELFTHS, LEAST_IN_TWELFTH = 12, 4
 MAX_SPREAD = 0.15  # sectors whose background is rougher than this share of its depth are left out
 
 
@@ -46,17 +47,31 @@ def look_up(beams: Beams, depth: Array, state: Array) -> Background:
 
 
 def mixed_share(beams: Beams, depth: Array, background: Background) -> float:
-    """Return mixed pixels about the edge, per point on the target in a 2 mm ring just inside."""
+    """Return mixed pixels about the edge, per point on the target in a 2 mm ring just inside.
+
+    Of the middle one of twelfths of the edge: another surface before the background is seen in few.
+    Of all of it where there are few points.
+    """
     share = depth / background.depth_m[background.sector(beams)]
     mixed = (np.abs(beams.x_m) < 0.004) & (share > 0.2) & (share < 0.8)
     ring = (beams.x_m > -0.005) & (beams.x_m < -0.003) & (np.abs(share) < 0.2)
-    return float(np.count_nonzero(mixed) / max(int(np.count_nonzero(ring)), 1))
+    if (total := int(np.count_nonzero(ring))) < LEAST_IN_TWELFTH * TWELFTHS:
+        return float(np.count_nonzero(mixed) / max(total, 1))
+    part = sector(beams.share, TWELFTHS)
+    count = [np.bincount(part[chosen], minlength=TWELFTHS) for chosen in (mixed, ring)]
+    shown = count[1] > 0
+    return float(np.median(count[0][shown]) / np.mean(count[1][shown]))
 
 
 # A state is (9,): centre u v, beam u v, 1/distance, log spot, log thickness, log reflectance
-# ratio, in-plane rotation.
+# ratio, in-plane rotation. That of a clean edge is (12,): also the reflectance of the wall seen
+# edge-on and its rise with tau, and the spot's shape.
 CENTRE, BEAM, INVERSE = slice(0, 2), slice(2, 4), 4
 SPOT, THICKNESS, RATIO, ROTATION = 5, 6, 7, 8
+WALL, SHAPE = slice(9, 11), 11
+LAMBERT, LAMBERT_SIGMA, SHAPE_PRIOR = (0.0, 1.0), (0.2, 0.5), (0.5, 0.5)
+LEAST_WALL = 0.02  # reflectance of a wall, of the target's
+STATED_THICKNESS = 0.05  # relative standard uncertainty (k = 1)
 HELD_BEAM, HELD_THICKNESS = 0.05, 0.03  # of a fit that diverged (k = 1)
 ROTATION_RAD = 0.1  # of the detected axes against the target's (k = 1)
 MIN_DEPTH_M = 0.006  # least depth of a background
@@ -64,7 +79,7 @@ MIN_DEPTH_M = 0.006  # least depth of a background
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior of the state: mean (9,) and weight (9,), one over the variance."""
+    """Prior of the state: mean and weight, one over the variance; (9,), of a clean edge (12,)."""
 
     mean: Array
     weight: Array
@@ -86,6 +101,17 @@ class Prior:
         weight[BEAM] = HELD_BEAM**-2
         weight[THICKNESS] = HELD_THICKNESS**-2
         return Prior(mean, weight)
+
+    def clean(self, thickness_is_known: bool) -> Prior:
+        """Return the prior of a clean edge: returns part by power, of a wall by Lambert's law.
+
+        No point shows the wall's lower edge, so that its thickness is what is stated.
+        """
+        mean, sigma = [*LAMBERT, SHAPE_PRIOR[0]], np.array([*LAMBERT_SIGMA, SHAPE_PRIOR[1]])
+        weight = self.weight.copy()
+        if thickness_is_known:
+            weight[THICKNESS] = STATED_THICKNESS**-2
+        return Prior(np.append(self.mean, mean), np.append(weight, sigma**-2))
 
     @classmethod
     def beside(cls, state: Array) -> Prior:

@@ -15,6 +15,7 @@ INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the edge the profi
 POINTING_M = 1.5e-4  # standard uncertainty of x by beam pointing and scan grid
 DEPTH_SHARE = 0.02  # of the background's depth: its change between look-up and beam
 SECTORS = 24  # of the outline, taken as independent of each other
+LIMIT = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3, 0.3])  # of a step
 
 
 @dataclass(frozen=True)
@@ -37,9 +38,10 @@ class Equations:
     """Points near the edge, linearised: residual = slopes @ step.
 
     q_m: (N, 2) where their beams met the plane, relative to the centre; share: (N,) of the outline.
-    residual_m: (N,). slopes: (N, 9). weight: (N,) robust, over the variance. change: (N,)
-    derivative of weight * residual by the residual. by_height: (N,) derivative of the residual
-    by the plane's height.
+    residual_m: (N,). slopes: (N, 9), of a clean edge (N, 12). weight: (N,) robust, over the
+    variance. change: (N,) derivative of weight * residual by the residual. by_height: (N,)
+    derivative of the residual by the plane's height. depths: number of first rows that are depths;
+    the others tell where a clean edge lies.
     """
 
     q_m: Array
@@ -49,6 +51,7 @@ class Equations:
     weight: Array
     change: Array
     by_height: Array
+    depths: int
 
 
 def equations(
@@ -82,32 +85,31 @@ def equations(
         background.spread_m[part] + DEPTH_SHARE * background.depth_m[part]
     )
     variance = (sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2 + rough**2
-    weight, change = _robust(residual**2 / variance, converged)
-    light = profile.background_share * float(np.exp(state[RATIO]))
-    light /= 1.0 - profile.background_share + light  # share of the background in the return
+    weight, change = robust_weight(residual**2 / variance, converged)
     return Equations(
         q_m=beams.q_m,
         share=beams.share,
         residual_m=residual,
-        slopes=_slopes(profile, beams, profile.depth_m if consistent else z, state),
+        slopes=profile_slopes(profile, beams, profile.depth_m if consistent else z, state),
         weight=weight / variance,
         change=change / variance,
-        by_height=1.0 - light - profile.d_x * beams.tau * beams.shrink,
+        by_height=1.0 - profile.background_light - profile.d_x * beams.tau * beams.shrink,
+        depths=len(residual),
     )
 
 
 def step(linear: Equations, state: Array, prior: Prior) -> Array:
-    """Return one robust Gauss-Newton step (9,) of limited length."""
+    """Return one robust Gauss-Newton step (9,) or (12,) of limited length."""
     weighted = linear.slopes.T * linear.weight
     information = weighted @ linear.slopes + np.diag(prior.weight)
     gradient = weighted @ linear.residual_m - prior.weight * (state - prior.mean)
     found = np.linalg.solve(information, gradient)
-    limit = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02])
+    limit = LIMIT[: len(found)]
     return np.asarray(found * min(1.0, float((limit / np.maximum(np.abs(found), 1e-12)).min())))
 
 
 def spread(linear: Equations, outline: Outline, prior: Prior) -> tuple[Array, Array, float]:
-    """Return covariance (9, 9) of the state, derivatives (9, 3) by the plane, and dof.
+    """Return covariance (n, n) of the state, derivatives (n, 3) by the plane, and dof.
 
     A^-1 B A^-1, A the derivative of the estimating equations, B the sum of their squares by sectors
     of the outline: the variances in the weights need not be right, nor the points of a sector
@@ -130,7 +132,7 @@ def spread(linear: Equations, outline: Outline, prior: Prior) -> tuple[Array, Ar
     return inverse @ (squares + known) @ inverse, by_plane, outline.axis_share * free
 
 
-def _robust(square: Array, converged: bool) -> tuple[Array, Array]:
+def robust_weight(square: Array, converged: bool) -> tuple[Array, Array]:
     """Return weight and slope of the influence: Cauchy's far from convergence, else Tukey's."""
     if converged:
         left = np.clip(1.0 - square / 16.0, 0.0, None)
@@ -139,7 +141,7 @@ def _robust(square: Array, converged: bool) -> tuple[Array, Array]:
     return left, left**2 * (1.0 - square / 4.0)
 
 
-def _slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> Array:
+def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> Array:
     """Return derivatives of the depth by the state, (N, 9), by the chain rule over x and tau.
 
     With J a rotation by 90 degrees: d rho = curve (1 - rho rho') dq, and by the in-plane rotation,

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...cloud import sample
 from ...config import CentreConfig
-from ...targets import Outline
+from ...targets import Outline, sector
 from ...vectors import Array
 from .beam_direction import (
     first_beam,
@@ -38,15 +38,21 @@ from .beams import (
     look_up,
     mixed_share,
 )
-from .edge_residuals import OUTER_M, EdgeProblem, Equations, equations, spread, step
+from .clean_edge import clean_equations, shift_m
+from .edge_residuals import OUTER_M, SECTORS, EdgeProblem, Equations, equations, spread, step
 
-MIN_MIXED = 0.04  # share of mixed pixels below which the scanner has filtered them out
+ERODED = 0.4  # of the stated footprint: a clean edge that lies as far inside the target's is none
+LEAST, LEAST_CLEAN = 50, 30  # points about an edge
+MIN_MIXED, MOST_CLEAN = 0.15, 0.35  # shares of mixed pixels: none below, certainly some above
+MISFIT = 0.09  # share of outliers beyond which a fit to mixed pixels is none, between these
 STEP_M, CONVERGED_M = (
     2e-7,
     1e-5,
 )  # a step of the centre that ends the fit; one that counts as converged
 NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
+FIRST = np.log(0.1)  # reflectance ratio below which returns part by distance, not by power
+UNDAMPED, SETTLED = 10, 0.2  # steps of full length; share of u that a step may still be, then
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
 
 
@@ -64,6 +70,7 @@ class EdgeFit:
     scanner's distance from the plane, 1/m. spot_m: radius of the footprint; thickness_m;
     reflectance_ratio: of the background over the target. covered: share of the outline that was
     used. misfit: share of outliers near the edge. converged: whether the last step was small.
+    clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     """
 
     centre_m: Array
@@ -83,6 +90,7 @@ class EdgeFit:
     converged: bool
     rotation_noise: Array
     rotation_by_plane: Array
+    clean_shift_m: float | None = None
 
     @property
     def state(self) -> Array:
@@ -103,10 +111,11 @@ def fit_edge(
 ) -> EdgeFit | None:
     """Fit an outline to points uvw_m (N, 3) in plane coordinates, w towards the scanner.
 
+    Where there are no mixed pixels, to the points on both sides of it (clean_edge.py).
     thickness_m: of the target, where known. begin: the state (9,) to start from, as `aimed` returns
     it, or the fit of another edge of the same target, whose beams are the same.
     None where less than a quarter of the edge has a background, or the scanner has filtered out the
-    mixed pixels.
+    beams at the edge.
     """
     if isinstance(begin, EdgeFit):
         prior = Prior.beside(begin.state)
@@ -117,16 +126,64 @@ def fit_edge(
     near = sample(uvw_m[np.abs(beside) < _reach_m(state)], config.max_points)
     problem = EdgeProblem(near[:, :2], -near[:, 2], prior, outline, sigma_m)
     beams = problem.beams(state)
-    if mixed_share(beams, problem.depth, look_up(beams, problem.depth, state)) < MIN_MIXED:
-        return None
+    mixed = mixed_share(beams, problem.depth, look_up(beams, problem.depth, state))
+    fitted = None if mixed < MIN_MIXED else _mixed(problem, state, thickness_m, config)
+    if mixed > MOST_CLEAN or (fitted is not None and fitted.misfit < MISFIT):
+        return fitted
+    return _clean(problem, state, thickness_m is not None, config) or fitted
+
+
+def _mixed(
+    problem: EdgeProblem, state: Array, thickness_m: float | None, config: CentreConfig
+) -> EdgeFit | None:
+    """Fit an edge to its mixed pixels; None where a quarter of it has no background."""
     found = _best(problem, state, config.max_iterations)
     steep = float(np.hypot(*state[BEAM])) > STEEP
-    if steep and thickness_m is not None and _is_strange(found, prior):
-        found = _best(replace(problem, prior=prior.held(state)), state, config.max_iterations)
+    if steep and thickness_m is not None and _is_strange(found, problem.prior):
+        held = replace(problem, prior=problem.prior.held(state))
+        found = _best(held, state, config.max_iterations)
     covered = float(np.mean(found.background.usable))
-    if covered < 0.25 or len(found.equations.residual_m) < 50:
+    if covered < 0.25 or len(found.equations.residual_m) < LEAST:
         return None
     return _record(found, problem, covered)
+
+
+def _clean(
+    problem: EdgeProblem, state: Array, thickness_is_known: bool, config: CentreConfig
+) -> EdgeFit | None:
+    """Fit an edge without mixed pixels; None where a quarter of it has no background."""
+    if not has_background(problem.plane, problem.depth, state, problem.outline):
+        return None
+    problem = replace(problem, prior=problem.prior.clean(thickness_is_known))
+    state = np.append(state, problem.prior.mean[len(state) :])
+    found = _converge_clean(problem, state, config.max_iterations, by_power=True)
+    if found.state[RATIO] < FIRST:
+        found = _converge_clean(problem, state, config.max_iterations, by_power=False)
+    lies_m = shift_m(found.state)
+    if lies_m < -ERODED * config.spot_radius_m:  # beams at the edge were filtered out
+        return None
+    linear = found.equations
+    shown = np.bincount(sector(linear.share[linear.depths :], SECTORS), minlength=SECTORS)
+    covered = float(np.mean(shown > 0))
+    if covered < 0.25 or len(linear.residual_m) < LEAST_CLEAN:
+        return None
+    fitted = _record(found, problem, covered)
+    u_m = float(np.sqrt(np.trace(fitted.covariance_m2)))
+    settled = found.last_m < max(CONVERGED_M, SETTLED * u_m)
+    return replace(fitted, clean_shift_m=lies_m, converged=settled)
+
+
+def _converge_clean(problem: EdgeProblem, state: Array, most: int, by_power: bool) -> _Converged:
+    """Iterate damped Gauss-Newton steps: the nearest points change from step to step."""
+    for iteration in range(1, most + 1):
+        linear = clean_equations(problem, state, iteration > 9, iteration <= 6, by_power)
+        moved = step(linear, state, problem.prior) * min(1.0, UNDAMPED / iteration)
+        state = state + moved
+        last_m = float(np.abs(moved[CENTRE]).max())
+        if last_m < STEP_M and iteration > UNDAMPED:
+            break
+    background = look_up(problem.beams(state), problem.depth, state)
+    return _Converged(state, background, linear, iteration, last_m)
 
 
 def aimed(

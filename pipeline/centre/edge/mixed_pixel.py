@@ -4,28 +4,108 @@ A beam that meets the target's plane at the signed distance x outside the edge m
 (depth 0); its side wall, where that faces the scanner (depth x / tau, down to the thickness T at
 x = T tau); then the background (depth B). tau is the tangent of the incidence against the wall: how
 far the beam runs inwards for each metre of depth. The returned range is the mean of that profile
-over the footprint, a uniform disc of radius s, weighted by reflectance.
+over the footprint, weighted by reflectance: of the target 1, of the wall and of the background
+their own. The footprint's profile lies between a uniform disc of radius s and the Gaussian
+exp(-2 (r/s)^2), whose standard deviations across an edge are the same, s/2.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ...vectors import Array
 
-# Chord distribution of a unit disc: k(u) = 2 sqrt(1-u^2)/pi; F its integral, G the integral of F.
-_U = np.linspace(-1.0, 1.0, 4001)
-_F = 0.5 + (_U * np.sqrt(1.0 - _U**2) + np.arcsin(_U)) / np.pi
-_G = np.concatenate([[0.0], np.cumsum((_F[1:] + _F[:-1]) * 0.5 * (_U[1] - _U[0]))])
+UNIFORM, GAUSSIAN = 0.0, 1.0
+_END, _STEPS = 2.0, 8000  # of the tables, in radii on both sides
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Shares of a footprint of unit radius beyond a straight edge, u outside it.
+
+    shape: 0 of a uniform disc, 1 of a Gaussian; a share between is a mixture of both.
+    """
+
+    shape: float
+
+    def share(self, u: Array) -> Array:
+        """Return the share F beyond the edge (N,)."""
+        return _between(u, self._tables[0])
+
+    def integral(self, u: Array) -> Array:
+        """Return the integral of F up to u (N,)."""
+        return _between(u, self._tables[1]) + np.maximum(u - _END, 0.0)
+
+    def density(self, u: Array) -> Array:
+        """Return the derivative of F (N,)."""
+        return (1.0 - self.shape) * chord(u) + self.shape * _bell(u)
+
+    def moment(self, u: Array) -> Array:
+        """Return the part beyond the edge times its mean distance from the middle (N,)."""
+        disc = 2.0 / (3.0 * np.pi) * np.clip(1.0 - u * u, 0.0, None) ** 1.5
+        return np.asarray((1.0 - self.shape) * disc + self.shape * _bell(u) / 4.0)
+
+    @cached_property
+    def _tables(self) -> tuple[Array, Array]:
+        return _mixed(_F, self.shape), _mixed(_G, self.shape)
+
+
+def chord(u: Array) -> Array:
+    """Return the share of a uniform disc of unit radius per distance across it, at u (N,)."""
+    return np.asarray(2.0 / np.pi * np.sqrt(np.clip(1.0 - u * u, 0.0, None)))
+
+
+def spot_share(u: Array) -> Array:
+    """Return the share of a uniform disc of unit radius beyond a straight edge, u outside it."""
+    return Profile(UNIFORM).share(u)
+
+
+def _bell(u: Array) -> Array:
+    """Return the same as `chord` of a Gaussian, to two radii."""
+    return np.asarray(np.where(np.abs(u) < _END, np.exp(-2.0 * u * u) * np.sqrt(2.0 / np.pi), 0.0))
+
+
+def _mixed(pair: Array, shape: float) -> Array:
+    return np.asarray((1.0 - shape) * pair[0] + shape * pair[1])
+
+
+def _between(u: Array, table: Array) -> Array:
+    """Interpolate a table over _U linearly; its ends beyond them."""
+    place = np.clip((u + _END) * (_STEPS / (2.0 * _END)), 0.0, _STEPS - 1e-9)
+    row = place.astype(np.intp)
+    below = table[row]
+    return np.asarray(below + (place - row) * (table[row + 1] - below))
+
+
+def _by_shape(a: Array, b: Array, radii_per_width: Array) -> tuple[Array, Array, Array]:
+    """Return derivatives (N,) of F(a), F(b) and M by the shape."""
+    F_a, F_b, G_a, G_b = (_between(u, t) for t in _BY_SHAPE for u in (a, b))
+    return F_a, F_b, (G_a - G_b) * radii_per_width
+
+
+# F of both profiles and G, the integral of F; (2, K) each.
+_U = np.linspace(-_END, _END, _STEPS + 1)
+_INNER = np.clip(_U, -1.0, 1.0)
+_BELLS = np.concatenate([[0.0], np.cumsum((_bell(_U)[1:] + _bell(_U)[:-1]) * _END / _STEPS)])
+_F = np.stack(
+    [0.5 + (_INNER * np.sqrt(1.0 - _INNER**2) + np.arcsin(_INNER)) / np.pi, _BELLS / _BELLS[-1]]
+)
+_G = np.concatenate(
+    [np.zeros((2, 1)), np.cumsum((_F[:, 1:] + _F[:, :-1]) * (_END / _STEPS), axis=1)], axis=1
+)
+_BY_SHAPE = _F[1] - _F[0], _G[1] - _G[0]
 
 
 @dataclass(frozen=True)
 class EdgeProfile:
     """Mean depth (N,) over the footprint, and its derivatives, (N,) each.
 
-    The derivatives are by x, tau, log footprint radius, thickness and log reflectance ratio.
+    The derivatives are by x, tau, log footprint radius, thickness, log reflectance ratio of the
+    background, reflectance of the wall, and shape of the footprint. background_share: of the
+    footprint; background_light: of what is returned.
     """
 
     depth_m: Array
@@ -34,7 +114,10 @@ class EdgeProfile:
     d_log_spot: Array
     d_thickness: Array
     d_log_ratio: Array
+    d_wall: Array
+    d_shape: Array
     background_share: Array
+    background_light: Array
 
 
 def edge_profile(
@@ -43,51 +126,47 @@ def edge_profile(
     background_m: Array,
     spot_m: Array,
     thickness_m: float,
-    reflectance_ratio: float,
+    reflectance_ratio: Array | float,
+    wall: Array | float = 1.0,
+    shape: float = UNIFORM,
+    slant: Array | float = 0.0,
 ) -> EdgeProfile:
     """Return the depth behind the target that a beam at x_m (N,) returns; all (N,), metres.
 
-    reflectance_ratio e: of background over target; each part of the footprint weighs by its own.
-    With w = T tau, a = x/s, b = (x - w)/s, the share of the background is F(b), that of the wall
-    F(a) - F(b), its mean depth there from the integral of F:
-    depth = (T s/w (G(a) - G(b)) - T F(b) + e B F(b)) / (1 - F(b) + e F(b));
-    as w -> 0 the first two terms cancel.
+    reflectance_ratio e: of background over target, wall o: of wall over target. With w = T tau,
+    a = x/s, b = (x - w)/s, the share of the background is F(b), that of the wall F(a) - F(b), its
+    mean depth there from M = s/w (G(a) - G(b)), the mean of F over the wall:
+    depth = (o T (M - F(b)) + e B F(b)) / (1 - F(a) + o (F(a) - F(b)) + e F(b)).
+    slant: by which a surface parallel to the target is deeper per distance inwards from the beam's
+    axis. Parts of the footprint lie beside it; where all are of one brightness that cancels.
     """
     width = np.maximum(thickness_m * tau, 1e-3 * spot_m)  # a narrower wall acts as none
     a, b = x_m / spot_m, (x_m - width) / spot_m
-    Fa, Fb, k = spot_share(a), spot_share(b), chord(b) / spot_m
-    mean_F = (_integral(a) - _integral(b)) * spot_m / width  # of F over the wall
-    light = 1.0 - Fb + reflectance_ratio * Fb
-    depth = (thickness_m * (mean_F - Fb) + reflectance_ratio * background_m * Fb) / light
-    # The slope of depth by F(b), all else equal; F(b) falls by k for each metre of width.
-    by_share = (
-        reflectance_ratio * background_m - thickness_m + (1.0 - reflectance_ratio) * depth
-    ) / light
-    by_mean = thickness_m / light
-    d_width = by_mean * (Fb - mean_F) / width - by_share * k
-    on_wall = width > 1e-3 * spot_m
-    d_width = np.where(on_wall, d_width, 0.0)
+    spot = Profile(shape)
+    Fa, Fb = spot.share(a), spot.share(b)
+    fa, fb = spot.density(a) / spot_m, spot.density(b) / spot_m
+    M = (spot.integral(a) - spot.integral(b)) * spot_m / width
+    e, o, T = reflectance_ratio, wall, thickness_m
+    light = 1.0 - Fa + o * (Fa - Fb) + e * Fb
+    m_a, m_b = slant * spot_m * spot.moment(a), slant * spot_m * spot.moment(b)
+    depth = (o * T * (M - Fb) + e * background_m * Fb + (1.0 - o) * m_a + (o - e) * m_b) / light
+
+    def change(d_Fa: Array | float, d_Fb: Array | float, d_M: Array | float) -> Array:
+        """Return the depth's change with F(a), F(b) and M, (N,) each."""
+        by_a, by_b = depth * (1.0 - o), e * (background_m - depth) - o * (T - depth)
+        return np.asarray((by_a * d_Fa + by_b * d_Fb + o * T * d_M) / light)
+
+    d_width = np.where(width > 1e-3 * spot_m, change(0.0, -fb, (Fb - M) / width), 0.0)
     return EdgeProfile(
         depth_m=depth,
-        d_x=by_mean * (Fa - Fb) / width + by_share * k,
-        d_tau=d_width * thickness_m,
-        d_log_spot=by_mean * (mean_F - (a * Fa - b * Fb) * spot_m / width)
-        - by_share * k * b * spot_m,
-        d_thickness=(mean_F - Fb) / light + d_width * tau,
-        d_log_ratio=reflectance_ratio * Fb * (background_m - depth) / light,
+        d_x=change(fa, fb, (Fa - Fb) / width)
+        - slant * ((1.0 - o) * x_m * fa + (o - e) * (x_m - width) * fb) / light,
+        d_tau=d_width * T,
+        d_log_spot=change(-x_m * fa, -b * spot_m * fb, M - (a * Fa - b * Fb) * spot_m / width),
+        d_thickness=o * (M - Fb) / light + d_width * tau,
+        d_log_ratio=e * (Fb * (background_m - depth) - m_b) / light,
+        d_wall=(T * (M - Fb) - depth * (Fa - Fb) + m_b - m_a) / light,
+        d_shape=change(*_by_shape(a, b, spot_m / width)),
         background_share=Fb,
+        background_light=e * Fb / light,
     )
-
-
-def chord(u: Array) -> Array:
-    """Return the derivative of spot_share."""
-    return np.asarray(2.0 / np.pi * np.sqrt(np.clip(1.0 - u * u, 0.0, None)))
-
-
-def spot_share(u: Array) -> Array:
-    """Return the share of a footprint of unit radius beyond a straight edge, u outside it: (N,)."""
-    return np.asarray(np.interp(u, _U, _F))
-
-
-def _integral(u: Array) -> Array:
-    return np.asarray(np.interp(u, _U, _G) + np.maximum(u - 1.0, 0.0))

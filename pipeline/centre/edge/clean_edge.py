@@ -1,0 +1,276 @@
+"""Points about an edge whose beams return one surface each: target or background, never between.
+
+A scanner that reports the first, last or strongest of its returns, or a camera, shows no mixed
+pixels of target and background. Where the beams meet the plane, the edge parts those that returned
+the target from the others: at x*, where the powers of both are as 1 to 1. With the shares F of
+mixed_pixel.py, 1 - F(a) + o (F(a) - F(b)) = e F(b) there; e stands for the detector's preference
+as well, so that a small one is a first return's, a large one a last return's. Face and wall are one
+return, whose mean depth is that of the mixed pixel without background.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ...targets import sector
+from ...vectors import Array, Mask
+from .beams import BEAM, LEAST_WALL, MIN_DEPTH_M, RATIO, SHAPE, SPOT, THICKNESS, WALL, Beams
+from .edge_residuals import (
+    INNER_M,
+    POINTING_M,
+    EdgeProblem,
+    Equations,
+    profile_slopes,
+    robust_weight,
+)
+from .mixed_pixel import EdgeProfile, Profile, edge_profile
+
+SLOPES = 48  # of the wall against the beams, at which x* is solved
+HALVINGS = 40
+NONE = 1e-9  # reflectance of what is not in the return
+STEP_M, STEP = 1e-6, 1e-4  # of x* and of tau, for derivatives of x*
+STEPS = np.array([1e-4, 1e-6, 1e-4, 1e-4, 1e-4, 1e-4])  # of what it depends on
+LEAST_SLOPE = 1.0  # 1/m, of the powers at x*
+SECTOR_COUNTS = (96, 48, 24, 12)  # of the outline, in which the nearest points are looked up
+LEAST_IN_SECTOR = 12  # points in its ring
+RING_SKIP_M, RING_M = 0.001, 0.010  # inside the edge, where points are counted
+ROUGH, FAR_M = 8.0, 0.008  # factor on the scatter far from convergence, and reach beside the edge
+FACE = 1.0, 0.0  # reflectances of a wall as bright as the face
+HELD = 1.5  # thicknesses up to which a point may be the wall's
+
+
+def target_depth_m(state: Array, sigma_m: float) -> float:
+    """Return the largest depth of a point on the target, its wall included."""
+    return max(HELD * float(np.exp(state[THICKNESS])), MIN_DEPTH_M) + 5.0 * sigma_m
+
+
+def clean_equations(
+    problem: EdgeProblem, state: Array, robust: bool, rough: bool, by_power: bool
+) -> Equations:
+    """Linearise the depths of the target's points, and the points next to the edge, at `state`.
+
+    rough: far from convergence, where points farther from the edge still count. by_power: whether
+    returns part by power; else the least part of a footprint on face or wall decides, however dark.
+    """
+    beams, depth = problem.beams(state), problem.depth
+    seen = beams.clear & (depth > -5.0 * problem.sigma_m - 1e-4)
+    on_target = seen & (depth < target_depth_m(state, problem.sigma_m))
+    tau = np.maximum(beams.tau, 0.0)
+    grid = np.linspace(0.0, max(float(tau.max(initial=0.0)), 1e-3), SLOPES)
+    table = _edge_table(grid, state if by_power else first_state(state))
+    beyond = beams.x_m - np.interp(tau, grid, table[0])
+    face = on_target & (beams.x_m > -INNER_M) & (beyond < 0.0)
+    known = (state if by_power else first_state(state)), (grid, table), robust, rough
+    sides = _sides(problem, beams, beyond, (on_target, seen & ~on_target), *known)
+    parts = [_depths(problem, beams, face, state, robust, not rough), *sides]
+    q_m, share, residual_m, slopes, weight, change, by_height = (
+        np.concatenate(values) for values in zip(*parts, strict=True)
+    )
+    return Equations(
+        q_m=q_m,
+        share=share,
+        residual_m=residual_m,
+        slopes=slopes,
+        weight=weight,
+        change=change,
+        by_height=by_height,
+        depths=len(parts[0][0]),
+    )
+
+
+def first_state(state: Array) -> Array:
+    """Return a state (12,) whose wall parts from the background as the face does."""
+    state = state.copy()
+    state[WALL] = FACE
+    return state
+
+
+def shift_m(state: Array) -> float:
+    """Return how far outside the edge, away from a wall, target and background part."""
+    return float(_edge_m(np.zeros(1), _values(state))[0])
+
+
+def _mean_depth(x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Array) -> EdgeProfile:
+    """Return the mean depth of face and wall alone."""
+    return edge_profile(
+        x_m,
+        tau,
+        np.zeros(len(x_m)),
+        spot_m,
+        float(np.exp(state[THICKNESS])),
+        NONE,
+        np.maximum(state[WALL][0] + state[WALL][1] * tau, LEAST_WALL),
+        float(state[SHAPE]),
+        slant,
+    )
+
+
+def _edge_table(tau: Array, state: Array) -> Array:
+    """Return x* and its derivatives (8, K) at slopes tau (K,).
+
+    By tau, log spot, thickness, log ratio, both reflectances of the wall, and shape; as those of an
+    implicit function, by central differences of what is 0 at x*.
+    """
+    values = _values(state)
+    x = _edge_m(tau, values)
+    apart = [(_excess(x + h, tau, values), _excess(x - h, tau, values)) for h in (STEP_M,)]
+    apart += [(_excess(x, tau + STEP, values), _excess(x, tau - STEP, values))]
+    for way in np.diag(STEPS):
+        apart += [(_excess(x, tau, values + way), _excess(x, tau, values - way))]
+    steps = np.array([STEP_M, STEP, *STEPS])
+    slopes = np.array([ahead - behind for ahead, behind in apart]) / (2.0 * steps[:, None])
+    return np.stack([x, *(-slopes[1:] / np.minimum(slopes[0], -LEAST_SLOPE))])
+
+
+def _values(state: Array) -> Array:
+    """Return what x* depends on, (6,)."""
+    thickness = np.exp(state[THICKNESS])
+    return np.array([state[SPOT], thickness, state[RATIO], *state[WALL], state[SHAPE]])
+
+
+def _edge_m(tau: Array, values: Array) -> Array:
+    """Return x* (K,) at slopes tau (K,), by bisection."""
+    spot = np.exp(values[0])
+    low, high = np.full(len(tau), -2.0 * spot), values[1] * np.maximum(tau, 0.0) + 2.0 * spot
+    for _ in range(HALVINGS):
+        x = (low + high) / 2.0
+        nearer = _excess(x, tau, values) > 0.0
+        low, high = np.where(nearer, x, low), np.where(nearer, high, x)
+    return np.asarray((low + high) / 2.0)
+
+
+def _excess(x_m: Array, tau: Array, values: Array) -> Array:
+    """Return the target's power less the background's (K,)."""
+    log_spot, thickness, log_ratio, edge_on, rise, shape = values
+    spot, profile = np.exp(log_spot), Profile(float(shape))
+    wall = np.maximum(edge_on + rise * tau, LEAST_WALL)
+    Fa = profile.share(x_m / spot)
+    Fb = profile.share((x_m - thickness * np.maximum(tau, 0.0)) / spot)
+    return np.asarray(1.0 - Fa + wall * (Fa - Fb) - np.exp(log_ratio) * Fb)
+
+
+def _depths(
+    problem: EdgeProblem,
+    beams: Beams,
+    chosen: Mask,
+    state: Array,
+    robust: bool,
+    consistent: bool,
+) -> tuple[Array, ...]:
+    """Return the rows of Equations for depths of target points: q to by_height."""
+    beams = Beams(*(values[chosen] for values in vars(beams).values()))
+    z = problem.depth[chosen]
+    slant = beams.tau / (1.0 + float(state[BEAM] @ state[BEAM]))
+    spot_m = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
+    profile = _mean_depth(beams.x_m, np.maximum(beams.tau, 0.0), slant, spot_m, state)
+    residual = z - profile.depth_m
+    variance = (problem.sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2
+    weight, change = robust_weight(residual**2 / variance, robust)
+    slopes = _slopes(profile, beams, profile.depth_m if consistent else z, state)
+    by_height = 1.0 - profile.d_x * beams.tau * beams.shrink
+    return (
+        beams.q_m,
+        beams.share,
+        residual,
+        slopes,
+        weight / variance,
+        change / variance,
+        by_height,
+    )
+
+
+def _sides(
+    problem: EdgeProblem,
+    beams: Beams,
+    beyond_m: Array,
+    sides: tuple[Mask, Mask],
+    state: Array,
+    tables: tuple[Array, Array],
+    robust: bool,
+    rough: bool,
+) -> list[tuple[Array, ...]]:
+    """Return the rows of Equations for the points next to the edge on its two sides.
+
+    Beams meet the plane evenly, n of a sector's in a ring of width h: the nearest to the edge lies
+    h / n from it, with a standard deviation as large (exponential distribution).
+    """
+    inside = sides[0] & (beyond_m < -RING_SKIP_M) & (beyond_m > -RING_SKIP_M - RING_M)
+    total = int(np.count_nonzero(inside))
+    count = next((k for k in SECTOR_COUNTS if total >= LEAST_IN_SECTOR * k), SECTOR_COUNTS[-1])
+    part = sector(beams.share, count)
+    filled = np.bincount(part[inside], minlength=count)
+    gap_m = RING_M / max(float(np.median(filled[filled > 0])) if total else 1.0, 1.0)
+    rows = []
+    for side, sign in zip(sides, (-1.0, 1.0), strict=True):
+        near = np.flatnonzero(side & (np.abs(beyond_m) < FAR_M + gap_m))
+        near = near[np.argsort(sign * beyond_m[near], kind="stable")]
+        _, first = np.unique(part[near], return_index=True)
+        rows.append(
+            _nearest(
+                problem, beams, near[first], beyond_m, sign * gap_m, state, tables, robust, rough
+            )
+        )
+    return rows
+
+
+def _nearest(
+    problem: EdgeProblem,
+    beams: Beams,
+    chosen: npt.NDArray[np.intp],
+    beyond_m: Array,
+    expected_m: float,
+    state: Array,
+    tables: tuple[Array, Array],
+    robust: bool,
+    rough: bool,
+) -> tuple[Array, ...]:
+    """Return the rows of Equations for points that lie expected_m outside the edge."""
+    beams = Beams(*(values[chosen] for values in vars(beams).values()))
+    tau = np.maximum(beams.tau, 0.0)
+    _, by_tau, by_spot, by_thickness, by_ratio, by_edge_on, _, by_shape = (
+        np.interp(tau, tables[0], row) for row in tables[1]
+    )
+    by_tau = by_tau - np.where(_is_lit(tau, state), state[WALL][1] * by_edge_on, 0.0)
+    nothing = np.zeros(len(tau))
+    profile = EdgeProfile(
+        depth_m=nothing,
+        d_x=nothing - 1.0,
+        d_tau=by_tau,  # _slopes adds what the wall's brightness changes by tau
+        d_log_spot=by_spot,
+        d_thickness=by_thickness,
+        d_log_ratio=by_ratio,
+        d_wall=by_edge_on,
+        d_shape=by_shape,
+        background_share=nothing,
+        background_light=nothing,
+    )
+    residual = beyond_m[chosen] - expected_m
+    variance = expected_m**2 + POINTING_M**2
+    weight, change = robust_weight(residual**2 / variance / (ROUGH if rough else 1.0) ** 2, robust)
+    slopes = _slopes(profile, beams, problem.depth[chosen], state)
+    return (
+        beams.q_m,
+        beams.share,
+        residual,
+        slopes,
+        weight / variance,
+        change / variance,
+        beams.tau * beams.shrink,
+    )
+
+
+def _slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> Array:
+    """Return derivatives by the state, (N, 12); a wall's brightness changes with tau."""
+    wall = np.maximum(beams.tau, 0.0)
+    d_wall = np.where(_is_lit(wall, state), profile.d_wall, 0.0)
+    profile = replace(profile, d_tau=profile.d_tau + state[WALL][1] * d_wall)
+    slopes = profile_slopes(profile, beams, depth, state)
+    return np.column_stack([slopes, d_wall, d_wall * wall, profile.d_shape])
+
+
+def _is_lit(wall: Array, state: Array) -> Mask:
+    """Return whether a wall (N,) against the beams is brighter than the least."""
+    return np.asarray(state[WALL][0] + state[WALL][1] * wall > LEAST_WALL)

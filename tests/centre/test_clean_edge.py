@@ -1,0 +1,110 @@
+"""Edges without mixed pixels: the centre between the points on both sides of the edge."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.support.scenes import Setup, make
+from wheelplane.centre.edge.beams import BEAM, INVERSE, RATIO, ROTATION, WALL, Prior
+from wheelplane.centre.edge.clean_edge import clean_equations, shift_m
+from wheelplane.centre.edge.edge_residuals import EdgeProblem
+from wheelplane.centre.edge.fit_edge import aimed, fit_edge
+from wheelplane.config import CentreConfig
+from wheelplane.targets.outline import Circle, rectangle
+
+CONFIG = CentreConfig()
+THIN = Setup(
+    spacing_m=0.002,
+    half_width_m=0.2,
+    noise_m=0.0003,
+    spot_m=0.0,
+    pointing_m=5e-5,
+    turned=False,
+    shift_m=(0, 0, 0),
+)
+SCENES = {
+    "disc": (Circle(0.125), THIN),
+    "rectangle": (rectangle(0.28, 0.2), THIN.but(half_m=(0.14, 0.1))),
+}
+
+
+def fitted(name, seed, **changes):
+    outline, setup = SCENES[name]
+    points = make(setup.but(**changes), seed).points_m
+    begin = aimed(points, outline, 0.01, CONFIG)
+    return fit_edge(points, outline, 0.01, 0.0003, CONFIG, begin)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_centre_follows_from_the_spacing(name):
+    errors, us = [], []
+    for seed in range(8):
+        found = fitted(name, seed, incidence_deg=5.0 + 3.0 * seed, azimuth_deg=40.0 * seed)
+        assert found.clean_shift_m is not None
+        assert found.converged
+        errors.append(found.centre_m)
+        us.append(math.sqrt(np.trace(found.covariance_m2) / 2.0))
+    rms, u = np.sqrt(np.mean(np.square(errors))), np.sqrt(np.mean(np.square(us)))
+    assert rms < 2.0 * u  # of 16 values: 1.6 at 99.9 %
+    assert u < 2.0 * rms
+    assert u < 0.002 * 0.05  # of the spacing, where half a footprint was 0.5 mm
+
+
+def test_a_finer_grid_gives_a_smaller_uncertainty():
+    wide, fine = (fitted("disc", 3, spacing_m=d) for d in (0.004, 0.001))
+    assert np.trace(fine.covariance_m2) < 0.25 * np.trace(wide.covariance_m2)
+
+
+MISSED = (5e-3, 5e-3, 0.06, 0.1, 0.08, 0.12, 0.05, 1e-3, 5e-3, 1e-3, 1e-3, 0.09)  # of the slopes
+
+
+@pytest.mark.parametrize("index", range(12))
+def test_slopes_are_those_of_central_differences(index):
+    outline, setup = SCENES["rectangle"]
+    points = make(setup.but(incidence_deg=20.0), 2).points_m
+    prior = Prior.of(0.01, CONFIG).clean(True)
+    state = prior.mean.copy()
+    state[BEAM], state[INVERSE] = [-0.3152, -0.182], 0.42
+    state[ROTATION], state[9:] = 0.002, [0.1, 0.8, 0.4]
+    problem = EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
+    step = np.zeros(12)
+    step[index] = 1e-9 if index in (0, 1, 8) else 1e-7
+    here, ahead, behind = (
+        clean_equations(problem, state + s, True, False, True) for s in (0.0 * step, step, -step)
+    )
+    assert len(here.residual_m) == len(ahead.residual_m) == len(behind.residual_m)
+    seen = -(ahead.residual_m - behind.residual_m) / (2.0 * step[index])
+    shown = here.slopes[:, index]
+    assert np.linalg.norm(seen - shown) <= MISSED[index] * np.linalg.norm(seen)
+
+
+def test_first_returns_part_alike_at_dark_walls():
+    """However dark, a wall is nearer than the background."""
+    outline, setup = SCENES["disc"]
+    points = make(setup.but(incidence_deg=20.0), 2).points_m
+    prior = Prior.of(0.01, CONFIG).clean(True)
+    problem = EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
+    bright, dark = prior.mean.copy(), prior.mean.copy()
+    for state, wall in ((bright, [0.6, 0.0]), (dark, [0.1, 0.0])):
+        state[BEAM], state[RATIO], state[WALL] = [-0.3152, -0.182], np.log(0.01), wall
+    for by_power, apart_m in ((False, 0.0), (True, 1e-4)):
+        here, there = (
+            clean_equations(problem, state, True, False, by_power) for state in (bright, dark)
+        )
+        sides = here.residual_m[here.depths :], there.residual_m[there.depths :]
+        shift_mm = 1e3 * np.abs(np.sort(sides[0])[:5] - np.sort(sides[1])[:5]).max()
+        assert (shift_mm <= 1e-9) if apart_m == 0.0 else (shift_mm > 1e3 * apart_m)
+
+
+def test_brighter_backgrounds_move_the_edge_inwards():
+    state = Prior.of(0.01, CONFIG).clean(True).mean
+    shifts = []
+    for ratio in (0.1, 1.0, 10.0):
+        state[7] = np.log(ratio)
+        shifts.append(shift_m(state))
+    assert shifts[0] > 5e-4
+    assert shifts[1] == pytest.approx(0.0, abs=1e-8)
+    assert shifts[2] == pytest.approx(-shifts[0], rel=1e-6)
