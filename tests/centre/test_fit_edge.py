@@ -4,19 +4,28 @@ from __future__ import annotations
 
 import functools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from tests.support.scenes import Setup, make
+from tests.support.scenes import Setup, Sheet, Wall, make
 from wheelplane.centre.edge.beam_direction import (
     first_beam,
     has_background,
     is_contradicted,
     seen_through,
 )
-from wheelplane.centre.edge.beams import BEAM, CENTRE, INVERSE, Prior
-from wheelplane.centre.edge.fit_edge import aimed, fit_edge, look_behind
+from wheelplane.centre.edge.beams import BEAM, CENTRE, INVERSE, Prior, look_up
+from wheelplane.centre.edge.edge_residuals import (
+    EdgeProblem,
+    Zones,
+    equations,
+    spread,
+    step,
+    zones_differ,
+)
+from wheelplane.centre.edge.fit_edge import DIFFERENT, aimed, fit_edge, look_behind
 from wheelplane.config import CentreConfig
 from wheelplane.targets.outline import Circle, rectangle
 from wheelplane.vectors import turned
@@ -137,9 +146,9 @@ def test_the_fit_moves_and_rotates_with_the_points(name):
 def test_a_plane_that_is_too_high_moves_the_centre_as_the_derivative_says():
     outline, points, _ = scanned("disc", incidence_deg=25.0)
     here, lift = fitted(outline, points), 5e-4
-    there = fitted(outline, points - [0.0, 0.0, lift])
+    up, down = (fitted(outline, points - [0.0, 0.0, way * lift]) for way in (1.0, -1.0))
     np.testing.assert_allclose(
-        there.centre_m - here.centre_m, here.by_plane[:, 0] * lift, atol=1e-5
+        (up.centre_m - down.centre_m) / 2.0, here.by_plane[:, 0] * lift, atol=1e-5
     )
     assert np.hypot(*here.by_plane[:, 0]) * lift > 4e-5  # so no derivative at all fails
 
@@ -155,3 +164,52 @@ def test_the_state_is_what_the_fit_says():
     np.testing.assert_array_equal(found.state[CENTRE], found.centre_m)
     again = fit_edge(points, outline, 0.01, 0.0003, CONFIG, found)  # as another edge's fit
     np.testing.assert_allclose(again.centre_m, found.centre_m, atol=1e-5)
+
+
+def test_a_dark_wall_moves_no_centre():
+    """A wall as bright as the face would move the centre along the beams by 0.1 mm."""
+    dark = (Wall(0.125, 0.01, echo=0.25),)
+    outline, points, _ = scanned("disc", thickness_m=1e-5, extra=dark, background_echo=0.6)
+    found = fitted(outline, points)
+    u = math.sqrt(np.trace(found.covariance_m2) / 2.0)
+    assert np.hypot(*found.centre_m) < min(4.0 * u, 6e-5)
+    steep = float(np.hypot(*found.beam))
+    assert 1.0 + found.wall * (steep - 1.0) == pytest.approx(0.25, abs=0.15)
+    assert found.reflectance_ratio == pytest.approx(0.6, rel=0.15)
+
+
+def at_truth(**changes):
+    outline, points, station = scanned("disc", **changes)
+    state, prior = true_state(station), Prior.of(0.01, CONFIG)
+    problem = EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
+    background = look_up(problem.beams(state), problem.depth, state)
+    return outline, prior, equations(problem, background, state, Zones.alike(), True, True)
+
+
+def test_residuals_where_the_influence_falls_do_not_take_all_information():
+    outline, prior, linear = at_truth()
+    u_m = [
+        math.sqrt(
+            np.trace(spread(replace(linear, change=change), outline, prior)[0][CENTRE, CENTRE])
+        )
+        for change in (linear.weight, 0.0 * linear.change, -linear.change)
+    ]
+    assert u_m[0] < u_m[1] < 4.0 * u_m[0]
+    assert u_m[2] < 4.0 * u_m[0]
+
+
+def difference_of_zones(**changes):
+    outline, points, station = scanned("disc", **changes)
+    state, prior = true_state(station), Prior.of(0.01, CONFIG)
+    problem = EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
+    for _ in range(10):
+        background = look_up(problem.beams(state), problem.depth, state)
+        linear = equations(problem, background, state, Zones.alike(), True, False)
+        state = state + step(linear, state, problem.prior)[0]
+    return zones_differ(linear, prior)
+
+
+def test_backgrounds_of_one_brightness_do_not_differ():
+    dark = Sheet((0.2, 0.0, -0.0799), half=(0.2, 0.4), echo=0.3)
+    assert difference_of_zones(background_tilt_deg=0.0) < DIFFERENT / 3.0
+    assert difference_of_zones(background_tilt_deg=0.0, extra=(dark,)) > DIFFERENT

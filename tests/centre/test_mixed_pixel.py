@@ -163,3 +163,51 @@ def test_slopes_hold_for_an_echo_too(echo):
         np.testing.assert_allclose(
             getattr(profile, name), difference, rtol=0, atol=0.01 * largest, err_msg=name
         )
+
+
+def over_footprint(x, tau, background, spot, thickness, echo, wall, gaussian, slant, count=4000):
+    """Mean depth over strips of the footprint, each at its own place beside the beam's axis."""
+    u = (np.arange(count) + 0.5) / count * 4.0 - 2.0
+    disc, bell = np.sqrt(np.clip(1.0 - u * u, 0.0, None)), np.exp(-2.0 * u * u)
+    power = (1.0 - gaussian) * disc / disc.sum() + gaussian * bell / bell.sum()
+    there = x + spot * u
+    light = np.where(there < 0.0, 1.0, np.where(there < thickness * tau, wall, echo)) * power
+    depth = step_profile(there, tau, background, thickness) - slant * spot * u
+    return float(np.sum(light * depth) / np.sum(light))
+
+
+DIM = {"echo": 0.4, "wall": 0.25}
+
+
+@pytest.mark.parametrize("gaussian", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("slant", [0.0, 0.25])
+def test_a_dim_wall_and_a_gaussian_footprint_weigh_by_what_they_return(gaussian, slant):
+    tau, background, spot, thickness = 0.27, 0.08, 0.0015, 0.01
+    x = places(tau, spot, thickness)
+    full = [np.full(x.shape, value) for value in (tau, background, spot)]
+    last = (DIM["wall"], gaussian, slant)
+    depth = edge_profile(x, *full, thickness, DIM["echo"], *last).depth_m
+    args = (tau, background, spot, thickness, DIM["echo"], *last)
+    truth = [over_footprint(p, *args) for p in x]
+    # Strips at the jumps, 4 / 4000 of the radius wide, and a Gaussian's tail beyond two radii.
+    tolerance = background / DIM["echo"] * (4.0 / 4000 + 1e-4)
+    np.testing.assert_allclose(depth, truth, rtol=0, atol=tolerance)
+    bright = edge_profile(x, *full, thickness, DIM["echo"]).depth_m
+    assert np.abs(bright - truth).max() > 20 * tolerance
+
+
+def test_slopes_by_wall_and_shape_are_those_of_central_differences():
+    tau, background, spot, thickness, h = 0.27, 0.08, 0.0015, 0.01, 1e-5
+    x = np.array([-0.6, -0.2, 0.3, 0.7, 1.2, 1.7, 2.2, 2.7]) * spot
+    full = [np.full(x.shape, value) for value in (tau, background, spot)]
+
+    def depth(wall, shape):
+        return edge_profile(x, *full, thickness, 0.4, wall, shape).depth_m
+
+    profile = edge_profile(x, *full, thickness, 0.4, 0.3, 0.6)
+    by_wall = (depth(0.3 + h, 0.6) - depth(0.3 - h, 0.6)) / (2 * h)
+    by_shape = (depth(0.3, 0.6 + h) - depth(0.3, 0.6 - h)) / (2 * h)
+    np.testing.assert_allclose(profile.d_wall, by_wall, atol=1e-5 * np.abs(by_wall).max())
+    np.testing.assert_allclose(profile.d_shape, by_shape, atol=1e-5 * np.abs(by_shape).max())
+    assert np.abs(by_wall).max() > 1e-4
+    assert np.abs(by_shape).max() > 1e-4

@@ -277,6 +277,18 @@ def test_steep_beams_find_the_centre_and_know_how_well(case):
     assert result.u_m < 1e-3
 
 
+@pytest.mark.parametrize("seed", [1, 3])
+def test_steep_beams_and_a_thick_wall_do_not_diverge(seed):
+    """All unknowns free from the start run away along the wall's brightness, or find no edge."""
+    disc = DISC.model_copy(update={"thickness": 0.02})
+    setup = setup_of(disc, PLAIN).but(
+        incidence_deg=70.0, spacing_m=0.00127, half_width_m=0.32, azimuth_deg=30.0
+    )
+    result = found(make(setup, seed), disc)
+    assert result.fitted.method == "rim"
+    assert np.linalg.norm(result.error_m) < 4e-4
+
+
 def test_steep_beams_use_what_lies_far_aside_where_it_was_kept(monkeypatch):
     setup = setup_of(DISC, PLAIN).but(incidence_deg=65.0, half_width_m=0.32, spacing_m=0.0015)
     cloud = make(setup, 1)

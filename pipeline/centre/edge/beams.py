@@ -13,16 +13,30 @@ from ...vectors import Array, Mask, turned
 
 RING_M = (0.001, 0.011)  # beyond the footprint: where the clean background is looked up
 TWELFTHS, LEAST_IN_TWELFTH = 12, 4
+LEAST_IN_RING, WIDEST_M = 150, 0.028  # points that it should hold, and its width where few are
+LEAST_IN_HALF = 4  # points of a sector's ring that give a slope
 MAX_SPREAD = 0.15  # sectors whose background is rougher than this share of its depth are left out
+SPARSE, MAX_SPREAD_SPARSE = 16, 0.4  # the same of sectors of fewer points, which are wider
 
 
 @dataclass(frozen=True)
 class Background:
-    """Depth and spread of the clean background by sector, (K,) each, and where it can be used."""
+    """Clean background by sector, (K,) each: a line of depth over x, and where it can be used.
+
+    depth_m at from_m outside the edge; slope; spread_m about the line.
+    """
 
     depth_m: Array
+    from_m: Array
+    slope: Array
     spread_m: Array
     usable: Mask
+
+    def at(self, part: npt.NDArray[np.int64], x_m: Array) -> tuple[Array, Array]:
+        """Return depth and its slope (N,) in sectors (N,), x_m (N,) outside the edge."""
+        slope = np.where(x_m > 0.0, self.slope[part], 0.0)
+        depth = self.depth_m[part] + self.slope[part] * (np.maximum(x_m, 0.0) - self.from_m[part])
+        return np.maximum(depth, MIN_DEPTH_M), slope
 
     def sector(self, beams: Beams) -> npt.NDArray[np.int64]:
         """Return the sector (N,) that each beam falls in."""
@@ -30,20 +44,48 @@ class Background:
 
 
 def look_up(beams: Beams, depth: Array, state: Array) -> Background:
-    """Return the median depth of the background just beyond the edge, by sector."""
-    beyond = beams.x_m - np.exp(state[SPOT]) - np.maximum(beams.tau, 0.0) * np.exp(state[THICKNESS])
-    ring = (beyond > RING_M[0]) & (beyond < RING_M[1]) & (depth > MIN_DEPTH_M)
+    """Return the background just beyond the edge, by sector.
+
+    A line through the medians of the ring's inner and outer half (Brown and Mood); through the
+    median of all where either holds fewer than LEAST_IN_HALF points.
+    """
+    wall = np.maximum(beams.tau, 0.0) * np.exp(state[THICKNESS])
+    beyond = beams.x_m - np.exp(state[SPOT]) - wall
+    deep = (beyond > RING_M[0]) & (depth > MIN_DEPTH_M)
+    ring, outer_m = deep & (beyond < RING_M[1]), RING_M[1]
+    if (few := int(np.count_nonzero(ring))) < LEAST_IN_RING:
+        outer_m = min(RING_M[0] + (RING_M[1] - RING_M[0]) * LEAST_IN_RING / max(few, 1), WIDEST_M)
+        ring = deep & (beyond < outer_m)
     count = int(np.clip(np.count_nonzero(ring) // 10, 12, 90))
-    part, z = sector(beams.share[ring], count), depth[ring]
-    order = np.lexsort((z, part))
-    z = np.append(z[order], np.nan)
-    start = np.searchsorted(part[order], np.arange(count + 1))
-    size = np.diff(start)
-    low, middle, high = (z[start[:-1] + (share * size).astype(int)] for share in (0.25, 0.5, 0.75))
+    part, z, x = sector(beams.share[ring], count), depth[ring], beams.x_m[ring]
+    outer = (beyond[ring] > (RING_M[0] + outer_m) / 2.0).astype(np.int64)
+    halves, sizes = _quantiles(z, 2 * part + outer, 2 * count, (0.5,))
+    places, _ = _quantiles(x, 2 * part + outer, 2 * count, (0.5,))
+    (near, far), (x_near, x_far) = halves[0].reshape(-1, 2).T, places[0].reshape(-1, 2).T
+    known = sizes.reshape(-1, 2).min(axis=1) >= LEAST_IN_HALF
+    slope = np.where(known, (far - near) / np.where(known, x_far - x_near, 1.0), 0.0)
+    (middle,), size = _quantiles(x, part, count, (0.5,))
+    rest = z - slope[part] * (x - middle[part])
+    (low, depth_m, high), _ = _quantiles(rest, part, count, (0.25, 0.5, 0.75))
     spread = (high - low) / 1.349
     with np.errstate(invalid="ignore"):
-        usable = (size >= 5) & (spread < MAX_SPREAD * middle)
-    return Background(middle, spread, usable)
+        most = np.where(size >= SPARSE, MAX_SPREAD, MAX_SPREAD_SPARSE)
+        usable = (size >= 5) & (spread < most * depth_m)
+    return Background(depth_m, middle, slope, spread, usable)
+
+
+def _quantiles(
+    values: Array, part: npt.NDArray[np.int64], count: int, shares: tuple[float, ...]
+) -> tuple[list[Array], npt.NDArray[np.int64]]:
+    """Return quantiles of values (N,) in each of `count` parts, (count,) each, and their sizes.
+
+    NaN in an empty part behind the last point.
+    """
+    order = np.lexsort((values, part))
+    ranked = np.append(values[order], np.nan)
+    start = np.searchsorted(part[order], np.arange(count + 1))
+    size = np.diff(start)
+    return [ranked[start[:-1] + (share * size).astype(int)] for share in shares], size
 
 
 def mixed_share(beams: Beams, depth: Array, background: Background) -> float:
@@ -52,7 +94,7 @@ def mixed_share(beams: Beams, depth: Array, background: Background) -> float:
     Of the middle one of twelfths of the edge: another surface before the background is seen in few.
     Of all of it where there are few points.
     """
-    share = depth / background.depth_m[background.sector(beams)]
+    share = depth / background.at(background.sector(beams), beams.x_m)[0]
     mixed = (np.abs(beams.x_m) < 0.004) & (share > 0.2) & (share < 0.8)
     ring = (beams.x_m > -0.005) & (beams.x_m < -0.003) & (np.abs(share) < 0.2)
     if (total := int(np.count_nonzero(ring))) < LEAST_IN_TWELFTH * TWELFTHS:
@@ -63,15 +105,15 @@ def mixed_share(beams: Beams, depth: Array, background: Background) -> float:
     return float(np.median(count[0][shown]) / np.mean(count[1][shown]))
 
 
-# A state is (9,): centre u v, beam u v, 1/distance, log spot, log thickness, log reflectance
-# ratio, in-plane rotation. That of a clean edge is (12,): also the reflectance of the wall seen
-# edge-on and its rise with tau, and the spot's shape.
+# A state is (11,): centre u v, beam u v, 1/distance, log spot, log thickness, log reflectance
+# ratio, in-plane rotation, Lambert's share in the wall's reflectance, spot shape.
 CENTRE, BEAM, INVERSE = slice(0, 2), slice(2, 4), 4
 SPOT, THICKNESS, RATIO, ROTATION = 5, 6, 7, 8
-WALL, SHAPE = slice(9, 11), 11
-LAMBERT, LAMBERT_SIGMA, SHAPE_PRIOR = (0.0, 1.0), (0.2, 0.5), (0.5, 0.5)
+WALL, SHAPE = 9, 10
+LAMBERT, LAMBERT_SIGMA = 1.0, 0.3  # of a scanner that parts returns by power
 LEAST_WALL = 0.02  # reflectance of a wall, of the target's
-STATED_THICKNESS = 0.05  # relative standard uncertainty (k = 1)
+STATED_THICKNESS = 0.03  # relative standard uncertainty (k = 1)
+HELD_WALL = 0.02  # of Lambert's share and the spot's shape in a first fit (k = 1)
 HELD_BEAM, HELD_THICKNESS = 0.05, 0.03  # of a fit that diverged (k = 1)
 ROTATION_RAD = 0.1  # of the detected axes against the target's (k = 1)
 MIN_DEPTH_M = 0.006  # least depth of a background
@@ -79,7 +121,7 @@ MIN_DEPTH_M = 0.006  # least depth of a background
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior of the state: mean and weight, one over the variance; (9,), of a clean edge (12,)."""
+    """Prior of the state: mean and weight, one over the variance; (11,) each."""
 
     mean: Array
     weight: Array
@@ -90,33 +132,36 @@ class Prior:
         known = thickness_m is not None
         thickness = thickness_m if thickness_m is not None else 0.008
         logs = np.log([config.spot_radius_m, max(thickness, 1e-4)])
-        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0])
-        sigma = [0.01, 0.01, 3.0, 3.0, 0.3, 0.7, 0.3 if known else 1.0, 1.5, ROTATION_RAD]
+        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0, 0.5, 0.5])
+        known_log = STATED_THICKNESS if known else 1.0
+        sigma = [0.01, 0.01, 3.0, 3.0, 0.3, 0.7, known_log, 1.5, ROTATION_RAD, 0.5, 0.5]
         return cls(mean, 1.0 / np.array(sigma) ** 2)
 
     def held(self, state: Array) -> Prior:
-        """Return the prior with thickness and beams held near the start (9,)."""
+        """Return the prior with thickness and beams held near the start (11,)."""
         mean, weight = self.mean.copy(), self.weight.copy()
         mean[BEAM] = state[BEAM]
         weight[BEAM] = HELD_BEAM**-2
         weight[THICKNESS] = HELD_THICKNESS**-2
         return Prior(mean, weight)
 
-    def clean(self, thickness_is_known: bool) -> Prior:
-        """Return the prior of a clean edge: returns part by power, of a wall by Lambert's law.
+    def by_power(self) -> Prior:
+        """Return the prior for a scanner that parts returns by power: a wall by Lambert's law."""
+        mean, weight = self.mean.copy(), self.weight.copy()
+        mean[WALL], weight[WALL] = LAMBERT, LAMBERT_SIGMA**-2
+        return Prior(mean, weight)
 
-        No point shows the wall's lower edge, so that its thickness is what is stated.
-        """
-        mean, sigma = [*LAMBERT, SHAPE_PRIOR[0]], np.array([*LAMBERT_SIGMA, SHAPE_PRIOR[1]])
-        weight = self.weight.copy()
-        if thickness_is_known:
-            weight[THICKNESS] = STATED_THICKNESS**-2
-        return Prior(np.append(self.mean, mean), np.append(weight, sigma**-2))
+    def plain(self) -> Prior:
+        """Return the prior with the wall as bright as the face and the spot's shape held."""
+        mean, weight = self.mean.copy(), self.weight.copy()
+        mean[WALL] = 0.0
+        weight[WALL], weight[SHAPE] = HELD_WALL**-2, HELD_WALL**-2
+        return Prior(mean, weight)
 
     @classmethod
     def beside(cls, state: Array) -> Prior:
-        """Return the prior for another edge of a target whose first edge has that state (9,)."""
-        sigma = [0.01, 0.01, 0.02, 0.02, 0.03, 0.2, 0.2, 0.7, ROTATION_RAD]
+        """Return the prior for another edge of a target whose first edge has that state (11,)."""
+        sigma = [0.01, 0.01, 0.02, 0.02, 0.03, 0.2, 0.2, 0.7, ROTATION_RAD, 0.2, 0.2]
         return cls(state, 1.0 / np.array(sigma) ** 2)
 
 
@@ -136,6 +181,15 @@ class Beams:
     curve: Array
     share: Array
     clear: Mask
+
+
+def wall_reflectance(wall: Array, state: Array) -> tuple[Array, Array]:
+    """Return the wall's reflectance over the face's (N,), and 1 where above the least, else 0.
+
+    wall: (N,) tangent of the incidence against it, which by Lambert's law is that ratio.
+    """
+    plain = 1.0 + state[WALL] * (wall - 1.0)
+    return np.maximum(plain, LEAST_WALL), (plain > LEAST_WALL).astype(np.float64)
 
 
 def carry(plane: Array, depth: Array, state: Array, outline: Outline) -> Beams:

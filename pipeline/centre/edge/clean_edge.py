@@ -10,19 +10,29 @@ return, whose mean depth is that of the mixed pixel without background.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
 from ...targets import sector
 from ...vectors import Array, Mask
-from .beams import BEAM, LEAST_WALL, MIN_DEPTH_M, RATIO, SHAPE, SPOT, THICKNESS, WALL, Beams
+from .beams import (
+    BEAM,
+    LEAST_WALL,
+    MIN_DEPTH_M,
+    RATIO,
+    SHAPE,
+    SPOT,
+    THICKNESS,
+    WALL,
+    Beams,
+    wall_reflectance,
+)
 from .edge_residuals import (
     INNER_M,
     POINTING_M,
     EdgeProblem,
     Equations,
+    Zones,
     profile_slopes,
     robust_weight,
 )
@@ -38,7 +48,7 @@ SECTOR_COUNTS = (96, 48, 24, 12)  # of the outline, in which the nearest points 
 LEAST_IN_SECTOR = 12  # points in its ring
 RING_SKIP_M, RING_M = 0.001, 0.010  # inside the edge, where points are counted
 ROUGH, FAR_M = 8.0, 0.008  # factor on the scatter far from convergence, and reach beside the edge
-FACE = 1.0, 0.0  # reflectances of a wall as bright as the face
+FACE = 0.0  # of Lambert's law in a wall as bright as the face
 HELD = 1.5  # thicknesses up to which a point may be the wall's
 
 
@@ -78,11 +88,12 @@ def clean_equations(
         change=change,
         by_height=by_height,
         depths=len(parts[0][0]),
+        zones=Zones.alike(),
     )
 
 
 def first_state(state: Array) -> Array:
-    """Return a state (12,) whose wall parts from the background as the face does."""
+    """Return a state (11,) whose wall parts from the background as the face does."""
     state = state.copy()
     state[WALL] = FACE
     return state
@@ -102,7 +113,7 @@ def _mean_depth(x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Arra
         spot_m,
         float(np.exp(state[THICKNESS])),
         NONE,
-        np.maximum(state[WALL][0] + state[WALL][1] * tau, LEAST_WALL),
+        wall_reflectance(tau, state)[0],
         float(state[SHAPE]),
         slant,
     )
@@ -111,8 +122,8 @@ def _mean_depth(x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Arra
 def _edge_table(tau: Array, state: Array) -> Array:
     """Return x* and its derivatives (8, K) at slopes tau (K,).
 
-    By tau, log spot, thickness, log ratio, both reflectances of the wall, and shape; as those of an
-    implicit function, by central differences of what is 0 at x*.
+    By tau, log spot, thickness, log ratio, reflectance of the wall, shape, and Lambert's share; as
+    those of an implicit function, by central differences of what is 0 at x*.
     """
     values = _values(state)
     x = _edge_m(tau, values)
@@ -128,7 +139,7 @@ def _edge_table(tau: Array, state: Array) -> Array:
 def _values(state: Array) -> Array:
     """Return what x* depends on, (6,)."""
     thickness = np.exp(state[THICKNESS])
-    return np.array([state[SPOT], thickness, state[RATIO], *state[WALL], state[SHAPE]])
+    return np.array([state[SPOT], thickness, state[RATIO], 0.0, state[SHAPE], state[WALL]])
 
 
 def _edge_m(tau: Array, values: Array) -> Array:
@@ -144,9 +155,9 @@ def _edge_m(tau: Array, values: Array) -> Array:
 
 def _excess(x_m: Array, tau: Array, values: Array) -> Array:
     """Return the target's power less the background's (K,)."""
-    log_spot, thickness, log_ratio, edge_on, rise, shape = values
+    log_spot, thickness, log_ratio, brighter, shape, lambert = values
     spot, profile = np.exp(log_spot), Profile(float(shape))
-    wall = np.maximum(edge_on + rise * tau, LEAST_WALL)
+    wall = np.maximum(1.0 + lambert * (tau - 1.0) + brighter, LEAST_WALL)
     Fa = profile.share(x_m / spot)
     Fb = profile.share((x_m - thickness * np.maximum(tau, 0.0)) / spot)
     return np.asarray(1.0 - Fa + wall * (Fa - Fb) - np.exp(log_ratio) * Fb)
@@ -169,7 +180,7 @@ def _depths(
     residual = z - profile.depth_m
     variance = (problem.sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2
     weight, change = robust_weight(residual**2 / variance, robust)
-    slopes = _slopes(profile, beams, profile.depth_m if consistent else z, state)
+    slopes = profile_slopes(profile, beams, profile.depth_m if consistent else z, state)
     by_height = 1.0 - profile.d_x * beams.tau * beams.shrink
     return (
         beams.q_m,
@@ -230,19 +241,18 @@ def _nearest(
     """Return the rows of Equations for points that lie expected_m outside the edge."""
     beams = Beams(*(values[chosen] for values in vars(beams).values()))
     tau = np.maximum(beams.tau, 0.0)
-    _, by_tau, by_spot, by_thickness, by_ratio, by_edge_on, _, by_shape = (
+    _, by_tau, by_spot, by_thickness, by_ratio, by_wall, by_shape, _ = (
         np.interp(tau, tables[0], row) for row in tables[1]
     )
-    by_tau = by_tau - np.where(_is_lit(tau, state), state[WALL][1] * by_edge_on, 0.0)
     nothing = np.zeros(len(tau))
     profile = EdgeProfile(
         depth_m=nothing,
         d_x=nothing - 1.0,
-        d_tau=by_tau,  # _slopes adds what the wall's brightness changes by tau
+        d_tau=by_tau - state[WALL] * by_wall,  # profile_slopes adds the latter
         d_log_spot=by_spot,
         d_thickness=by_thickness,
         d_log_ratio=by_ratio,
-        d_wall=by_edge_on,
+        d_wall=by_wall,
         d_shape=by_shape,
         background_share=nothing,
         background_light=nothing,
@@ -250,7 +260,7 @@ def _nearest(
     residual = beyond_m[chosen] - expected_m
     variance = expected_m**2 + POINTING_M**2
     weight, change = robust_weight(residual**2 / variance / (ROUGH if rough else 1.0) ** 2, robust)
-    slopes = _slopes(profile, beams, problem.depth[chosen], state)
+    slopes = profile_slopes(profile, beams, problem.depth[chosen], state)
     return (
         beams.q_m,
         beams.share,
@@ -260,17 +270,3 @@ def _nearest(
         change / variance,
         beams.tau * beams.shrink,
     )
-
-
-def _slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> Array:
-    """Return derivatives by the state, (N, 12); a wall's brightness changes with tau."""
-    wall = np.maximum(beams.tau, 0.0)
-    d_wall = np.where(_is_lit(wall, state), profile.d_wall, 0.0)
-    profile = replace(profile, d_tau=profile.d_tau + state[WALL][1] * d_wall)
-    slopes = profile_slopes(profile, beams, depth, state)
-    return np.column_stack([slopes, d_wall, d_wall * wall, profile.d_shape])
-
-
-def _is_lit(wall: Array, state: Array) -> Mask:
-    """Return whether a wall (N,) against the beams is brighter than the least."""
-    return np.asarray(state[WALL][0] + state[WALL][1] * wall > LEAST_WALL)

@@ -2,20 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from ...targets import Outline, sector
 from ...vectors import Array
-from .beams import BEAM, RATIO, SPOT, THICKNESS, Background, Beams, Prior, carry
+from .beams import (
+    BEAM,
+    RATIO,
+    SHAPE,
+    SPOT,
+    THICKNESS,
+    WALL,
+    Background,
+    Beams,
+    Prior,
+    carry,
+    wall_reflectance,
+)
 from .mixed_pixel import EdgeProfile, edge_profile
 
 INNER_M, OUTER_M = 0.006, 0.006  # how far inside and outside the edge the profile is compared
 POINTING_M = 1.5e-4  # standard uncertainty of x by beam pointing and scan grid
 DEPTH_SHARE = 0.02  # of the background's depth: its change between look-up and beam
 SECTORS = 24  # of the outline, taken as independent of each other
-LIMIT = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3, 0.3])  # of a step
+ZONES = 48  # of the outline, each with a reflectance of its background; within one sector each
+LIMIT = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3])  # of a step
+ZONE_LOG, ALIKE_LOG = 1.0, 1e-4  # scatter of their logs: where they may differ, and where not
+LEAST_SHOWN = 0.01  # of the information of the best zone: others do not count
+LEAST_CHANGE = 0.3  # 0.77 of Gaussian residuals
+LEAST_LEFT = 0.05  # of a sector's share of the information, taken from 1
+RANK = 1e-6  # of a zone's information: least that the other parameters may leave of it
 
 
 @dataclass(frozen=True)
@@ -27,10 +47,38 @@ class EdgeProblem:
     prior: Prior
     outline: Outline
     sigma_m: float
+    _kept: dict[bytes, Beams] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def beams(self, state: Array) -> Beams:
-        """Return the points' beams, carried to the plane."""
-        return carry(self.plane, self.depth, state, self.outline)
+        """Return the points' beams, carried to the plane; those of the last state are kept."""
+        key = state.tobytes()
+        if key not in self._kept:
+            self._kept.clear()
+            self._kept[key] = carry(self.plane, self.depth, state, self.outline)
+        return self._kept[key]
+
+
+@dataclass(frozen=True)
+class Zones:
+    """Logs (ZONES,) of each zone's reflectance ratio over that of all; sigma, their scatter."""
+
+    log: Array
+    sigma: float
+
+    @classmethod
+    def alike(cls) -> Zones:
+        """Return zones of one reflectance."""
+        return cls(np.zeros(ZONES), ALIKE_LOG)
+
+    @classmethod
+    def free(cls) -> Zones:
+        """Return zones that may differ."""
+        return cls(np.zeros(ZONES), ZONE_LOG)
+
+    @property
+    def weight(self) -> float:
+        """One over the variance."""
+        return self.sigma**-2
 
 
 @dataclass(frozen=True)
@@ -38,10 +86,10 @@ class Equations:
     """Points near the edge, linearised: residual = slopes @ step.
 
     q_m: (N, 2) where their beams met the plane, relative to the centre; share: (N,) of the outline.
-    residual_m: (N,). slopes: (N, 9), of a clean edge (N, 12). weight: (N,) robust, over the
-    variance. change: (N,) derivative of weight * residual by the residual. by_height: (N,)
-    derivative of the residual by the plane's height. depths: number of first rows that are depths;
-    the others tell where a clean edge lies.
+    residual_m: (N,). slopes: (N, 11). weight: (N,) robust, over the variance. change: (N,)
+    derivative of weight * residual by the residual. by_height: (N,) derivative of the residual
+    by the plane's height. depths: number of first rows that are
+    depths; the others tell where the edge lies. None where all are depths.
     """
 
     q_m: Array
@@ -51,11 +99,35 @@ class Equations:
     weight: Array
     change: Array
     by_height: Array
+    zones: Zones
     depths: int
+
+    @cached_property
+    def zone(self) -> npt.NDArray[np.int64]:
+        """Zone (N,) of each point."""
+        return sector(self.share, ZONES)
+
+    def by_zone(self, weight: Array) -> tuple[Array, Array]:
+        """Return the products of slopes by zones' ratios and by the state, weighted (N,).
+
+        (ZONES,) with each zone itself and its prior, (11, ZONES) with the state.
+        """
+        d = self.slopes[:, RATIO]
+        cross = np.stack([self.zone_sum(weight * d * column) for column in self.slopes.T])
+        return cross[RATIO] + self.zones.weight, cross
+
+    def zone_sum(self, values: Array) -> Array:
+        """Return sums of (N,) by zone."""
+        return np.bincount(self.zone, values, ZONES).astype(np.float64)
 
 
 def equations(
-    problem: EdgeProblem, background: Background, state: Array, converged: bool, consistent: bool
+    problem: EdgeProblem,
+    background: Background,
+    state: Array,
+    zones: Zones,
+    converged: bool,
+    consistent: bool,
 ) -> Equations:
     """Linearise the residuals of the points near the edge from the profile at `state`.
 
@@ -72,18 +144,22 @@ def equations(
     beams = Beams(*(values[band] for values in vars(beams).values()))
     z, part = depth[band], part[band]
     spot = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
+    facing = np.maximum(beams.tau, 0.0)
+    behind, behind_slope = background.at(part, beams.x_m)
     profile = edge_profile(
         beams.x_m,
-        np.maximum(beams.tau, 0.0),
-        background.depth_m[part],
+        facing,
+        behind,
         spot,
         float(np.exp(state[THICKNESS])),
-        float(np.exp(state[RATIO])),
+        np.exp(state[RATIO] + zones.log[sector(beams.share, ZONES)]),
+        wall_reflectance(facing, state)[0],
+        float(state[SHAPE]),
+        beams.tau / (1.0 + float(state[BEAM] @ state[BEAM])),
     )
+    profile = replace(profile, d_x=profile.d_x + profile.background_light * behind_slope)
     residual = z - profile.depth_m
-    rough = profile.background_share * (
-        background.spread_m[part] + DEPTH_SHARE * background.depth_m[part]
-    )
+    rough = profile.background_share * (background.spread_m[part] + DEPTH_SHARE * behind)
     variance = (sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2 + rough**2
     weight, change = robust_weight(residual**2 / variance, converged)
     return Equations(
@@ -94,42 +170,106 @@ def equations(
         weight=weight / variance,
         change=change / variance,
         by_height=1.0 - profile.background_light - profile.d_x * beams.tau * beams.shrink,
+        zones=zones,
         depths=len(residual),
     )
 
 
-def step(linear: Equations, state: Array, prior: Prior) -> Array:
-    """Return one robust Gauss-Newton step (9,) or (12,) of limited length."""
+def step(linear: Equations, state: Array, prior: Prior) -> tuple[Array, Zones]:
+    """Return one robust Gauss-Newton step (11,) of limited length, and the zones after it.
+
+    The zones' ratios are eliminated (Schur complement).
+    """
     weighted = linear.slopes.T * linear.weight
-    information = weighted @ linear.slopes + np.diag(prior.weight)
+    own, cross = linear.by_zone(linear.weight)
+    pull = (
+        linear.zone_sum(weighted[RATIO] * linear.residual_m)
+        - linear.zones.log * linear.zones.weight
+    )
+    information = weighted @ linear.slopes + np.diag(prior.weight) - cross / own @ cross.T
     gradient = weighted @ linear.residual_m - prior.weight * (state - prior.mean)
-    found = np.linalg.solve(information, gradient)
-    limit = LIMIT[: len(found)]
-    return np.asarray(found * min(1.0, float((limit / np.maximum(np.abs(found), 1e-12)).min())))
+    found = np.linalg.solve(information, gradient - cross / own @ pull)
+    found *= min(1.0, float((LIMIT / np.maximum(np.abs(found), 1e-12)).min()))
+    log = linear.zones.log + np.clip((pull - found @ cross) / own, -0.5, 0.5)
+    return np.asarray(found), Zones(log, linear.zones.sigma)
+
+
+def zones_differ(linear: Equations, prior: Prior) -> float:
+    """Return F of the zones' reflectances, all else fitted too, at a solution without them.
+
+    The score test: what they would explain, by the residuals' own variance.
+    Source: Rao, Proc. Cambridge Phil. Soc. 44 (1948) 50.
+    """
+    weighted = linear.slopes.T * linear.weight
+    own, cross = linear.by_zone(linear.weight)
+    pull = linear.zone_sum(weighted[RATIO] * linear.residual_m)
+    shown = own - linear.zones.weight
+    seen = shown > LEAST_SHOWN * shown.max()
+    information = weighted @ linear.slopes + np.diag(prior.weight)
+    cross = cross[:, seen]
+    own_seen = np.diag(shown[seen]) - cross.T @ np.linalg.solve(information, cross)
+    explained = pull[seen] @ np.linalg.solve(own_seen + RANK * np.diag(shown[seen]), pull[seen])
+    used = float(np.count_nonzero(linear.weight))
+    variance = float(np.sum(linear.weight * linear.residual_m**2)) / used
+    return float(explained) / np.count_nonzero(seen) / variance
 
 
 def spread(linear: Equations, outline: Outline, prior: Prior) -> tuple[Array, Array, float]:
-    """Return covariance (n, n) of the state, derivatives (n, 3) by the plane, and dof.
+    """Return covariance (11, 11) of the state, derivatives (11, 3) by the plane, and dof.
 
     A^-1 B A^-1, A the derivative of the estimating equations, B the sum of their squares by sectors
     of the outline: the variances in the weights need not be right, nor the points of a sector
     independent, so that model errors count as well.
-    Source: Huber, Robust Statistics (1981) 6.3; Liang and Zeger, Biometrika 73 (1986) 13; residuals
-    over 1 - leverage, MacKinnon and White, J. Econometrics 29 (1985) 305.
+    Source: Huber, Robust Statistics (1981) 6.3; Liang and Zeger, Biometrika 73 (1986) 13.
     """
-    slopes, weight, known = linear.slopes, linear.weight, np.diag(prior.weight)
-    inverse = np.linalg.inv((slopes.T * linear.change) @ slopes + known)
+    weight, d_ratio = linear.weight, linear.slopes[:, RATIO, None]
+    own, cross = linear.by_zone(weight)
+    slopes = linear.slopes - (cross / own).T[linear.zone] * d_ratio
+    known = np.diag(prior.weight) + cross / own**2 * linear.zones.weight @ cross.T
     information = (slopes.T * weight) @ slopes + known
-    leverage = weight * np.sum(slopes * np.linalg.solve(information, slopes.T).T, axis=1)
-    score = slopes * (weight * linear.residual_m / (1.0 - leverage))[:, None]
+    inverse = _inverse((slopes.T * linear.change) @ slopes + known, information)
     lift = np.column_stack([np.ones(len(weight)), linear.q_m]) * linear.by_height[:, None]
     by_plane = inverse @ ((slopes.T * linear.change) @ lift)
     part = sector(linear.share, SECTORS)
-    total = np.stack([np.bincount(part, column, SECTORS) for column in score.T], axis=1)
+    squares = known + _squares(linear, slopes, part, information)
     taken = 3.0 if outline.shows_rotation else 2.0  # parameters: centre, and rotation
     free = max(float(np.count_nonzero(np.bincount(part, minlength=SECTORS))) - taken, 1.0)
-    squares = total.T @ total * ((free + taken) / free)
-    return inverse @ (squares + known) @ inverse, by_plane, outline.axis_share * free
+    return inverse @ squares @ inverse, by_plane, outline.axis_share * free
+
+
+def _squares(
+    linear: Equations, slopes: Array, part: npt.NDArray[np.int64], information: Array
+) -> Array:
+    """Return the sum of the squared estimating equations by sectors (11, 11).
+
+    Residuals are smaller than errors, since each sector pulls the solution to itself: with the
+    share H of a sector in the information, its equations are taken over sqrt(1 - H).
+    Source: Bell and McCaffrey, Survey Methodology 28 (2002) 169.
+    """
+    factor = np.linalg.cholesky(information)
+    order = np.argsort(part, kind="stable")
+    starts = np.searchsorted(part[order], np.arange(1, SECTORS))
+    total = np.zeros_like(information)
+    for rows in np.split(order, starts):
+        weighted = slopes[rows].T * linear.weight[rows]
+        here = np.linalg.solve(factor, np.linalg.solve(factor, weighted @ slopes[rows]).T)
+        left, axes = np.linalg.eigh(np.eye(len(here)) - here)
+        pull = axes.T @ np.linalg.solve(factor, weighted @ linear.residual_m[rows])
+        score = factor @ (axes @ (pull / np.sqrt(np.maximum(left, LEAST_LEFT))))
+        total += np.outer(score, score)
+    return total
+
+
+def _inverse(change: Array, information: Array) -> Array:
+    """Return the inverse of the derivative of the estimating equations, (11, 11) each.
+
+    By chance residuals where Tukey's influence falls may take almost all of the information in one
+    direction, of which LEAST_CHANGE is kept.
+    """
+    factor = np.linalg.inv(np.linalg.cholesky(information))
+    values, vectors = np.linalg.eigh(factor @ change @ factor.T)
+    turned = vectors.T @ factor
+    return np.asarray(turned.T / np.maximum(values, LEAST_CHANGE) @ turned)
 
 
 def robust_weight(square: Array, converged: bool) -> tuple[Array, Array]:
@@ -142,13 +282,15 @@ def robust_weight(square: Array, converged: bool) -> tuple[Array, Array]:
 
 
 def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> Array:
-    """Return derivatives of the depth by the state, (N, 9), by the chain rule over x and tau.
+    """Return derivatives of the depth by the state, (N, 11), by the chain rule over x and tau.
 
     With J a rotation by 90 degrees: d rho = curve (1 - rho rho') dq, and by the in-plane rotation,
     J rho - that of J q.
     """
     beam, rho = state[BEAM], beams.rho
-    facing = np.where(beams.tau > 0.0, profile.d_tau, 0.0)
+    wall = np.maximum(beams.tau, 0.0)
+    d_wall = profile.d_wall * wall_reflectance(wall, state)[1]
+    facing = np.where(beams.tau > 0.0, profile.d_tau + state[WALL] * d_wall, 0.0)
     across = beam - (rho @ beam)[:, None] * rho
     aside = across * (beams.shrink * beams.curve)[:, None]
     d_x = profile.d_x
@@ -165,6 +307,8 @@ def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Arra
             profile.d_thickness * np.exp(state[THICKNESS]),
             profile.d_log_ratio,
             -d_x * np.sum(rho * J_q, axis=1) + facing * tau_by_rotation,
+            d_wall * (wall - 1.0),
+            profile.d_shape,
         ]
     )
 

@@ -30,8 +30,10 @@ from .beams import (
     RATIO,
     RING_M,
     ROTATION,
+    SHAPE,
     SPOT,
     THICKNESS,
+    WALL,
     Background,
     Prior,
     carry,
@@ -39,9 +41,21 @@ from .beams import (
     mixed_share,
 )
 from .clean_edge import clean_equations, shift_m
-from .edge_residuals import OUTER_M, SECTORS, EdgeProblem, Equations, equations, spread, step
+from .edge_residuals import (
+    OUTER_M,
+    SECTORS,
+    EdgeProblem,
+    Equations,
+    Zones,
+    equations,
+    spread,
+    step,
+    zones_differ,
+)
 
 ERODED = 0.4  # of the stated footprint: a clean edge that lies as far inside the target's is none
+DIFFERENT = 8.0  # F of the zones' reflectances, beyond which they differ: 1 to 6 where they do not
+LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST, LEAST_CLEAN = 50, 30  # points about an edge
 MIN_MIXED, MOST_CLEAN = 0.15, 0.35  # shares of mixed pixels: none below, certainly some above
 MISFIT = 0.09  # share of outliers beyond which a fit to mixed pixels is none, between these
@@ -68,8 +82,10 @@ class EdgeFit:
     that is too high moves the centre along the beam. beam: (2,) in-plane slope of the beams at the
     centre, per metre of depth: tan of the incidence and its direction. inverse_distance: 1 /
     scanner's distance from the plane, 1/m. spot_m: radius of the footprint; thickness_m;
-    reflectance_ratio: of the background over the target. covered: share of the outline that was
-    used. misfit: share of outliers near the edge. converged: whether the last step was small.
+    reflectance_ratio: of the background over the target. wall: 0 of a wall as bright as the face, 1
+    of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. covered: share of the
+    outline that was used. misfit: share of outliers near the edge. converged: whether the last step
+    was small.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     """
 
@@ -83,6 +99,8 @@ class EdgeFit:
     spot_m: float
     thickness_m: float
     reflectance_ratio: float
+    wall: float
+    spot_shape: float
     covered: float
     misfit: float
     points: int
@@ -94,10 +112,18 @@ class EdgeFit:
 
     @property
     def state(self) -> Array:
-        """State (9,), see beams.py."""
+        """State (11,), see beams.py."""
         logs = np.log([self.spot_m, self.thickness_m, self.reflectance_ratio])
         return np.array(
-            [*self.centre_m, *self.beam, self.inverse_distance, *logs, self.rotation_rad]
+            [
+                *self.centre_m,
+                *self.beam,
+                self.inverse_distance,
+                *logs,
+                self.rotation_rad,
+                self.wall,
+                self.spot_shape,
+            ]
         )
 
 
@@ -112,8 +138,8 @@ def fit_edge(
     """Fit an outline to points uvw_m (N, 3) in plane coordinates, w towards the scanner.
 
     Where there are no mixed pixels, to the points on both sides of it (clean_edge.py).
-    thickness_m: of the target, where known. begin: the state (9,) to start from, as `aimed` returns
-    it, or the fit of another edge of the same target, whose beams are the same.
+    thickness_m: of the target, where known. begin: the state (11,) to start from, as `aimed`
+    returns it, or the fit of another edge of the same target, whose beams are the same.
     None where less than a quarter of the edge has a background, or the scanner has filtered out the
     beams at the edge.
     """
@@ -128,17 +154,20 @@ def fit_edge(
     beams = problem.beams(state)
     mixed = mixed_share(beams, problem.depth, look_up(beams, problem.depth, state))
     fitted = None if mixed < MIN_MIXED else _mixed(problem, state, thickness_m, config)
-    if mixed > MOST_CLEAN or (fitted is not None and fitted.misfit < MISFIT):
+    likely = fitted is not None and fitted.converged and fitted.misfit < MISFIT
+    if mixed > MOST_CLEAN or likely:
         return fitted
-    return _clean(problem, state, thickness_m is not None, config) or fitted
+    return _clean(problem, state, config) or fitted
 
 
 def _mixed(
     problem: EdgeProblem, state: Array, thickness_m: float | None, config: CentreConfig
 ) -> EdgeFit | None:
     """Fit an edge to its mixed pixels; None where a quarter of it has no background."""
-    found = _best(problem, state, config.max_iterations)
     steep = float(np.hypot(*state[BEAM])) > STEEP
+    if steep:  # footprint and beams would diverge with the wall
+        problem = replace(problem, prior=problem.prior.plain())
+    found = _best(problem, state, config.max_iterations)
     if steep and thickness_m is not None and _is_strange(found, problem.prior):
         held = replace(problem, prior=problem.prior.held(state))
         found = _best(held, state, config.max_iterations)
@@ -148,14 +177,13 @@ def _mixed(
     return _record(found, problem, covered)
 
 
-def _clean(
-    problem: EdgeProblem, state: Array, thickness_is_known: bool, config: CentreConfig
-) -> EdgeFit | None:
+def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit | None:
     """Fit an edge without mixed pixels; None where a quarter of it has no background."""
     if not has_background(problem.plane, problem.depth, state, problem.outline):
         return None
-    problem = replace(problem, prior=problem.prior.clean(thickness_is_known))
-    state = np.append(state, problem.prior.mean[len(state) :])
+    problem = replace(problem, prior=problem.prior.by_power())
+    state = state.copy()
+    state[WALL] = problem.prior.mean[WALL]
     found = _converge_clean(problem, state, config.max_iterations, by_power=True)
     if found.state[RATIO] < FIRST:
         found = _converge_clean(problem, state, config.max_iterations, by_power=False)
@@ -177,13 +205,13 @@ def _converge_clean(problem: EdgeProblem, state: Array, most: int, by_power: boo
     """Iterate damped Gauss-Newton steps: the nearest points change from step to step."""
     for iteration in range(1, most + 1):
         linear = clean_equations(problem, state, iteration > 9, iteration <= 6, by_power)
-        moved = step(linear, state, problem.prior) * min(1.0, UNDAMPED / iteration)
+        moved = step(linear, state, problem.prior)[0] * min(1.0, UNDAMPED / iteration)
         state = state + moved
         last_m = float(np.abs(moved[CENTRE]).max())
         if last_m < STEP_M and iteration > UNDAMPED:
             break
     background = look_up(problem.beams(state), problem.depth, state)
-    return _Converged(state, background, linear, iteration, last_m)
+    return _Converged(state, linear.zones, background, linear, iteration, last_m)
 
 
 def aimed(
@@ -194,7 +222,7 @@ def aimed(
     start: tuple[Array, float] = (np.zeros(2), 0.0),
     station: Array | None = None,
 ) -> Array | None:
-    """Return a state (9,) with the beams' direction, or None where nothing shows it.
+    """Return a state (11,) with the beams' direction, or None where nothing shows it.
 
     From the station, unless the background contradicts it, else from the background.
     start: centre and rotation, near 0. station: (3,) position of the scanner, if known.
@@ -232,7 +260,7 @@ def look_behind(
 ) -> Behind:
     """Return what lies behind an outline at a start, by the points uvw_m (N, 3) about it.
 
-    state: (9,) with the beams' direction, by `aimed` or another edge's fit; None if unknown.
+    state: (11,) with the beams' direction, by `aimed` or another edge's fit; None if unknown.
     """
     plane, depth = uvw_m[:, :2], -uvw_m[:, 2]
     begin = Prior.of(None, config).mean
@@ -248,6 +276,7 @@ class _Converged:
     """Final state of the fit; last_m: its last step of the centre."""
 
     state: Array
+    zones: Zones
     background: Background
     equations: Equations
     iterations: int
@@ -262,9 +291,17 @@ def _reach_m(state: Array) -> float:
 
 
 def _best(problem: EdgeProblem, state: Array, most: int) -> _Converged:
-    """Return the solution with consistent slopes, or the first one where that diverged."""
-    first = _converge(problem, state, most, consistent=False)
-    found = _converge(problem, first.state, most, consistent=True)
+    """Return the solution with consistent slopes, or the first one where that diverged.
+
+    With one reflectance of the background, or by zones where these differ, or where beams are
+    steep: there zones keep a rough fit from diverging.
+    """
+    steep = float(np.hypot(*state[BEAM])) > STEEP
+    zones = Zones.free() if steep else Zones.alike()
+    first = _converge(problem, state, zones, most, consistent=False)
+    if not steep and zones_differ(first.equations, problem.prior) > DIFFERENT:
+        first = _converge(problem, first.state, Zones.free(), most, consistent=False)
+    found = _converge(problem, first.state, first.zones, most, consistent=True)
     return first if _diverged(found.state, first.state, problem.prior) else found
 
 
@@ -284,20 +321,22 @@ def _diverged(state: Array, first: Array, prior: Prior) -> bool:
     return far and off > first_off
 
 
-def _converge(problem: EdgeProblem, state: Array, most: int, consistent: bool) -> _Converged:
+def _converge(
+    problem: EdgeProblem, state: Array, zones: Zones, most: int, consistent: bool
+) -> _Converged:
     """Iterate Gauss-Newton steps until the centre converges; first look up the background."""
     background = look_up(problem.beams(state), problem.depth, state)
     for iteration in range(1, most + 1):
-        if not consistent and 1 < iteration <= 8:
+        if not consistent and iteration in LOOKS:
             background = look_up(problem.beams(state), problem.depth, state)
         robust = consistent or iteration > 6
-        linear = equations(problem, background, state, robust, consistent)
-        moved = step(linear, state, problem.prior)
+        linear = equations(problem, background, state, zones, robust, consistent)
+        moved, zones = step(linear, state, problem.prior)
         state = state + moved
         last_m = float(np.abs(moved[CENTRE]).max())
         if last_m < STEP_M and (consistent or iteration > 8):
             break
-    return _Converged(state, background, linear, iteration, last_m)
+    return _Converged(state, zones, background, linear, iteration, last_m)
 
 
 def _record(found: _Converged, problem: EdgeProblem, covered: float) -> EdgeFit:
@@ -314,6 +353,8 @@ def _record(found: _Converged, problem: EdgeProblem, covered: float) -> EdgeFit:
         spot_m=float(np.exp(state[SPOT])),
         thickness_m=float(np.exp(state[THICKNESS])),
         reflectance_ratio=float(np.exp(state[RATIO])),
+        wall=float(state[WALL]),
+        spot_shape=float(state[SHAPE]),
         covered=covered,
         misfit=float(np.mean(found.equations.weight <= 0.0)),
         points=len(found.equations.residual_m),
