@@ -140,8 +140,8 @@ def test_readings_are_loaded_corrected_and_saved(visit, folder):
     visit.refusal = 400
     page.locator("#machine input[name=name]").fill("machine 8")
     page.locator("#machine form.save button").click()
-    page.wait_for_selector("#machine form.save + .status.bad")
-    assert "no plausible toe" in page.locator("#machine form.save + .status").inner_text()
+    page.wait_for_selector("#machine form.save + div .status.bad")
+    assert "no plausible toe" in page.locator("#machine form.save + div .status").inner_text()
     assert not (folder / "machine 8").exists()
 
 

@@ -29,7 +29,7 @@ export class Machine {
       el("p", { class: "hint" }, t("certificate_hint")),
       el("form", { class: "save", onsubmit: (event) => this.#save(event) },
         el("label", {}, t("new_folder"), this.name), el("label", {}, t("save_folder"), this.folder),
-        el("button", { class: "main" }, t("save_in"))), this.saved);
+        el("button", { class: "main" }, t("save_in"))), el("div", {}, this.saved));
     if (this.card.open) this.#later();
   }
 
