@@ -419,7 +419,11 @@ def locked(store):
 
 def test_a_reader_does_not_wait_for_a_writer(locked):
     add(locked, *some(1, start=40))  # which the writer, who holds the lock, will find
-    assert len(shown(locked.url)) == 40
+    found: list = []
+    reader = threading.Thread(target=lambda: found.extend(shown(locked.url)), daemon=True)
+    reader.start()
+    reader.join(20.0)
+    assert len(found) == 40
 
 
 def test_a_reader_of_a_damaged_catalogue_says_that_it_is_at_work(locked):
