@@ -16,7 +16,7 @@ import click
 
 from ..batch.catalogue.catalogue import Catalogue, open_catalogue, rebuild
 from ..batch.catalogue.rows import STATUSES
-from ..batch.results import calibrations, export, listing, page, trends
+from ..batch.results import calibrations, export, listing, page, times, trends
 from ..batch.results.calibration_list import (
     calibration_columns,
     calibrations_text,
@@ -135,6 +135,12 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     help="Number of outliers to list, largest first.",
 )
 @click.option(
+    "--slow",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Number of captures to list that took longest to measure, with the seconds of each stage.",
+)
+@click.option(
     "--sql",
     metavar="SELECT",
     help="SQL query of the tables captures, wheels, quantities and calibrations.",
@@ -185,6 +191,7 @@ def results(
     calibrated: bool,
     failing: bool,
     worst: int | None,
+    slow: int | None,
     sql: str | None,
     quantities: tuple[str, ...],
     limit: int | None,
@@ -201,6 +208,8 @@ def results(
     anew: bool,
 ) -> int:
     """Query the catalogue of RESULTS."""
+    if slow is not None:
+        return _slowest(results, slow, as_json)
     given = {"summary": summary, "drift": drift, "failures": failing, "worst": worst is not None}
     modes = [mode for mode, chosen in given.items() if chosen]
     if serial is not None:
@@ -254,6 +263,17 @@ def results(
             _list(catalogue, query, mode, worst or 0)
         _warn_undated(catalogue, which)
         return int(set(listing.by_status(catalogue, which)) - {"ok"} != set())
+
+
+def _slowest(results: str, number: int, as_json: bool) -> int:
+    """Print the captures that took longest."""
+    found = times.slowest(open_store(results), number)
+    if as_json:
+        rows = [listing.plain(one) | {"total_s": one.total_s} for one in found]
+        click.echo(json.dumps({"schema": SCHEMA, "slow": rows}, indent=1, ensure_ascii=False))
+    else:
+        click.echo(times.slow_text(found))
+    return 0
 
 
 def _of_machine(folder: str, serial: str, as_json: bool) -> int:

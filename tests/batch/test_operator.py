@@ -19,6 +19,7 @@ from tests.support.batches import (
     trees,
 )
 from wheelplane.batch.results.run_state import AtWork, RunState, states_text, write_state
+from wheelplane.batch.results.times import CaptureTime, Times, slow_text, slowest
 from wheelplane.batch.run.tasks import SMALL_BYTES
 from wheelplane.batch.storage.store import open_store
 
@@ -193,3 +194,33 @@ def test_a_log_that_cannot_be_written_is_one_line(tmp_path):
     done = run(archive, tmp_path / "results", "--log", str(tmp_path / "none" / "log"))
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "--log" in done.stderr
+
+
+# What takes long
+
+
+def test_the_slowest_captures_are_listed_with_their_stages(finished):
+    _, results = finished
+    done = call("results", results, "--slow", "9")
+    assert (done.returncode, done.stderr) == (0, "")
+    head, *lines = done.stdout.splitlines()
+    assert head.split() == ["capture", "s", "copy", "identify", "measure", "MB"]
+    assert {line.split()[0] for line in lines} == set(trees(results))
+    totals = [float(line.split()[1]) for line in lines]
+    assert totals == sorted(totals, reverse=True)
+    for line in lines:
+        _, total, *stages, _ = line.split()
+        assert abs(float(total) - sum(map(float, stages))) < 0.02 + 1e-9
+    tree = json.loads(call("results", results, "--slow", "2", "--json").stdout)
+    assert [one["name"] for one in tree["slow"]] == [line.split()[0] for line in lines[:2]]
+
+
+def test_times_of_a_repeated_measurement_count_once(tmp_path):
+    store = open_store(str(tmp_path))
+    for seconds in (3.0, 5.0):
+        times = Times(store)
+        times.add(CaptureTime("a", "k" * 64, {"measure": seconds}, 1))
+        times.add(CaptureTime("b", "l" * 64, {"copy": 1.0, "measure": 1.0}, 1))
+        times.flush()
+    assert [(one.name, one.total_s) for one in slowest(store, 5)] == [("a", 5.0), ("b", 2.0)]
+    assert "No times" in slow_text(slowest(open_store(str(tmp_path / "none")), 5))

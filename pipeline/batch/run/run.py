@@ -13,7 +13,8 @@ from ..catalogue.history import holds_results, retried, supersede, write_removed
 from ..catalogue.segments import Segments
 from ..plan.discover import Captures, FoundCapture, discover
 from ..plan.shard import ALL, Shard
-from ..storage.entry import Entry
+from ..results.times import CaptureTime, Times
+from ..storage.entry import Entry, legible
 from ..storage.store import Store, open_store
 from .progress import ProgressListener, RunCounts
 from .result_index import ResultIndex
@@ -44,7 +45,7 @@ class Batch:
         self._index.load()
         if request.retry:
             self._index.mark_undone(retried(self._results, request.retry))
-        self._segments = Segments(self._results)
+        self._segments, self._times = Segments(self._results), Times(self._results)
         self._known = 0
 
     @property
@@ -104,6 +105,10 @@ class Batch:
             for done in run.outcomes():
                 if done.outcome != VANISHED:
                     self._index.add(done)
+                if done.seconds:
+                    took = {stage: round(seconds, 4) for stage, seconds in done.seconds}
+                    name = legible(done.name)
+                    self._times.add(CaptureTime(name, done.key, took, done.memory_bytes))
                 if done.record is not None:
                     self._segments.add(done.record)
                 self.counts.done[done.outcome.status] += 1
@@ -133,6 +138,7 @@ class Batch:
         self._index.flush()
         if at_end:
             self._segments.flush()
+            self._times.flush()
         for key in self._index.outdated():
             supersede(self._results, key)
             self._index.drop(key)
