@@ -48,7 +48,7 @@ PARTS = {
     "validation": ["statistics", "."],
     "calibration": ["forms", ".", "certificate"],
     "report": ["format", "tables", "scene", "text", "json", "plots", "html", "dcc", "."],
-    "batch": ["storage", "plan", "catalogue", "results", "run", "."],
+    "batch": ["storage", "plan", "catalogue", "operation", "results", "run", "."],
 }
 # Rooms that others enter by their door alone, `__init__.py`; renderers and commands are imported
 # one by one, so that --help loads none of them.

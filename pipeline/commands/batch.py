@@ -94,7 +94,7 @@ def batch(archive: str | None, results: str | None, resume: bool, **options: Any
     if archive is None and options["retry"] is not None:  # it follows --retry, which takes no value
         archive, options["retry"] = options["retry"], "failed"
     if options["watched"] is not None:
-        from ..batch.results.run_state import states_text
+        from ..batch.operation.run_state import states_text
         from ..batch.storage.store import open_store
 
         click.echo(states_text(open_store(options["watched"])))
@@ -102,7 +102,7 @@ def batch(archive: str | None, results: str | None, resume: bool, **options: Any
     if results is None:
         raise click.UsageError("Missing option '-o' / '--output': a folder or URL for the results")
     if options["why"] is not None:
-        from ..batch.results.why import account
+        from ..batch.operation.why import account
 
         click.echo(account(results, options["why"]))
         return 0

@@ -16,7 +16,8 @@ import click
 
 from ..batch.catalogue.catalogue import Catalogue, open_catalogue, rebuild
 from ..batch.catalogue.rows import STATUSES
-from ..batch.results import calibrations, export, listing, page, times, trends
+from ..batch.operation import times
+from ..batch.results import calibrations, export, listing, page, trends
 from ..batch.results.calibration_list import (
     calibration_columns,
     calibrations_text,

@@ -18,8 +18,8 @@ from tests.support.batches import (
     start,
     trees,
 )
-from wheelplane.batch.results.run_state import AtWork, RunState, states_text, write_state
-from wheelplane.batch.results.times import CaptureTime, Times, slow_text, slowest
+from wheelplane.batch.operation.run_state import AtWork, RunState, states_text, write_state
+from wheelplane.batch.operation.times import CaptureTime, Times, slow_text, slowest
 from wheelplane.batch.run.tasks import SMALL_BYTES
 from wheelplane.batch.storage.store import open_store
 

@@ -25,7 +25,6 @@ from wheelplane.cli import cli
 from wheelplane.config import Config
 from wheelplane.errors import InputError, NotMeasuredError, WheelplaneError
 from wheelplane.measure import fit_target, measure_capture
-from wheelplane.measurement import observe_vehicle as cloud_faces
 from wheelplane.measurement import observe_vehicle as observe_cloud
 from wheelplane.readers import read_scan
 from wheelplane.report.json.measurement import to_json
@@ -289,7 +288,7 @@ def test_the_cloud_is_let_go_before_the_fits(bay, vehicle, monkeypatch):
         assert all(part.base is None or part.base.size < 2 * part.size for part in [patch.face_m])
         return fit_target(patch, target, config)
 
-    monkeypatch.setattr(cloud_faces, "read_scan", watched)
+    monkeypatch.setattr("wheelplane.capture.entry.read_scan", watched)
     measured(vehicle, CaptureOptions(front=tuple(bay.forward)), fit=fit)
     assert len(held) == 1
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from ... import __version__
 from ...errors import InputError, MissingDependencyError
-from ..results.run_state import AtWork
+from ..operation.run_state import AtWork
 from ..storage.scratch import scratch_folder
 from .measure_one import TransientError
 from .work import CompletedCapture, Task

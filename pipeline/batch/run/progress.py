@@ -19,8 +19,8 @@ from typing import Any, Protocol, Self, TextIO
 
 from ...errors import WheelplaneError, printable
 from ..catalogue.rows import FAILED
+from ..operation.run_state import AtWork, RunState, duration, forget_states, write_state
 from ..results.query import NUMBERS
-from ..results.run_state import AtWork, RunState, duration, forget_states, write_state
 from ..storage.entry import legible
 from ..storage.store import Store
 from .work import CompletedCapture

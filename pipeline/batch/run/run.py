@@ -11,9 +11,9 @@ from ...errors import InputError, WheelplaneError
 from ..catalogue.catalogue import update
 from ..catalogue.history import holds_results, retried, supersede, write_removed
 from ..catalogue.segments import Segments
+from ..operation.times import CaptureTime, Times
 from ..plan.discover import Captures, FoundCapture, discover
 from ..plan.shard import ALL, Shard
-from ..results.times import CaptureTime, Times
 from ..storage.entry import Entry, legible
 from ..storage.store import Store, open_store
 from .progress import ProgressListener, RunCounts

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from ...errors import InputError
+from ..operation.run_state import AtWork
 from ..plan.discover import FoundCapture
-from ..results.run_state import AtWork
 from .measure_one import Outcome, TransientError
 from .work import ArchiveError, CompletedCapture, RunRequest, Task
 from .worker_process import WorkerError

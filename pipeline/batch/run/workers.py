@@ -12,7 +12,7 @@ from pathlib import Path
 from ...errors import InputError
 from ...readers import child_environment
 from ...system import machine_bytes
-from ..results.run_state import AtWork
+from ..operation.run_state import AtWork
 from .work import CompletedCapture, Task
 from .worker_process import WorkerProcess
 
