@@ -383,9 +383,9 @@ def test_nothing_is_left_untranslated():
     """Words that a text has in both languages are names, or words of both tongues."""
     names = {"jcgm", "student", "home", "scripts", "webgl", "sigma", "scanner", "capture", "toml",
              "monte", "carlo", "wheelplane", "json", "measurement", "html", "view",
-             "batch", "certificate", "item", "readings", "xlsx", "validation", "hotelling",
-             "validate", "archive", "bland", "altman", "york", "nees", "aiming", "divisor",
-             "holm", "double", "fahrachswinkel", "radversatz", "radstandsdifferenz"}  # fmt: skip
+             "batch", "config", "certificate", "item", "readings", "xlsx", "validation",
+             "hotelling", "validate", "archive", "bland", "altman", "york", "nees", "aiming",
+             "divisor", "holm", "double", "fahrachswinkel", "radversatz", "radstandsdifferenz"}  # fmt: skip
     both = names | {"normal", "total", "zero", "face", "manual", "linear", "vertical",
                     "longitudinal", "lateral", "axial", "regular", "terminal",
                     "javascript"}  # fmt: skip
