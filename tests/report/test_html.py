@@ -385,7 +385,8 @@ def test_nothing_is_left_untranslated():
              "monte", "carlo", "wheelplane", "json", "measurement", "html", "view",
              "batch", "config", "certificate", "item", "readings", "xlsx", "validation",
              "hotelling", "validate", "archive", "bland", "altman", "york", "nees", "aiming",
-             "divisor", "holm", "double", "fahrachswinkel", "radversatz", "radstandsdifferenz"}  # fmt: skip
+             "divisor", "holm", "double", "fahrachswinkel", "radversatz",
+             "radstandsdifferenz"}  # fmt: skip
     both = names | {"normal", "total", "zero", "face", "manual", "linear", "vertical",
                     "longitudinal", "lateral", "axial", "regular", "terminal",
                     "javascript"}  # fmt: skip
