@@ -3,8 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 LOCK := .ci/requirements.lock
-# Three workers on two cores, since tests wait for processes that they start. These are hundreds,
-# each of which would compile the package anew.
+# The tests start hundreds of processes, each of which would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-all smoke check bench fuzz lock sbom audit clean help
@@ -13,14 +12,14 @@ demo: $(VENV)/ready  ## a synthetic vehicle, scanned, measured, beside its true 
 	$(BIN)/wheelplane demo demo-output
 
 test: $(VENV)/ready  ## the tests, but for those marked slow
-	$(BIN)/python -m pytest -n 3 -m "not slow"
+	$(BIN)/python -m pytest -n 2 -m "not slow"
 
 test-all: $(VENV)/ready  ## all tests, as CI runs them
-	$(BIN)/python -m pytest -n 3
+	$(BIN)/python -m pytest -n 2
 
 smoke: $(VENV)/ready  ## the demo and the tests of files and batches, for another Python: PYTHON=, VENV=
 	$(BIN)/wheelplane demo $(VENV)/demo
-	$(BIN)/python -m pytest -n 3 -m "not slow" tests/readers/test_readers.py tests/readers/test_packed.py \
+	$(BIN)/python -m pytest -n 2 -m "not slow" tests/readers/test_readers.py tests/readers/test_packed.py \
 		tests/readers/test_e57.py tests/capture tests/batch/test_batch.py
 
 check: $(VENV)/ready  ## ruff and mypy

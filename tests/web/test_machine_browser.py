@@ -25,9 +25,12 @@ from wheelplane_synth.machine.indicate import indicate
 TESTED = machine(toe=TOE, camber=CAMBER)
 CELLS = "ul.readings .cell input"
 
-pytestmark = pytest.mark.skipif(
-    not CHROMIUM.exists(), reason=f"there is no {CHROMIUM}, the browser that these tests drive"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not CHROMIUM.exists(), reason=f"there is no {CHROMIUM}, the browser that these tests drive"
+    ),
+]
 
 
 @pytest.fixture(scope="module")

@@ -35,9 +35,12 @@ TARGET_PX = 24  # WCAG 2.2, 2.5.8
 TIMEOUT_MS = 60_000
 SMALL = {"width": 1000, "height": 700}
 
-pytestmark = pytest.mark.skipif(
-    not CHROMIUM.exists(), reason=f"there is no {CHROMIUM}, the browser that these tests drive"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not CHROMIUM.exists(), reason=f"there is no {CHROMIUM}, the browser that these tests drive"
+    ),
+]
 
 
 @pytest.fixture(scope="module")
