@@ -9,7 +9,7 @@ The public names are those of `__all__`; each is loaded when it is first used. B
 each step a folder: capture (which scan shows which wheel), readers (scan), detection (patch: the
 target's points), plane, centre (from the target's edge or pattern), vehicle (frame, toe and
 camber), uncertainty, measurement, kinematics (steering axis, run-out), report. The module `measure`
-tells it on one screen; `five_point` and `validation` are the other two methods.
+shows it on one screen; `five_point` and `validation` are the other two methods.
 """
 
 import sys

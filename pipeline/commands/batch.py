@@ -137,15 +137,15 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
         log = stack.enter_context(_log(options["log"])) if options["log"] else None
         to = open_store(request.results)
         part = f"{shard.k}/{shard.n}"
-        tell = stack.enter_context(RunReport(shown, to, engine, part, log))
-        work = Batch(request, engine, scratch, tell, shard)
+        report = stack.enter_context(RunReport(shown, to, engine, part, log))
+        work = Batch(request, engine, scratch, report, shard)
         try:
             if options["watch"]:
                 watch(work, Path(request.archive), options["settle"])
             else:
                 work.run(options["limit"])
         except KeyboardInterrupt:
-            tell.interrupted = True
+            report.interrupted = True
             interrupted = not options["watch"]
     with ExitStack() as stack:
         whole = None

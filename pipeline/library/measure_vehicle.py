@@ -87,7 +87,7 @@ def _capture(
         raise InputError('no target is named: add target, for example target="disc-250"')
     names = [*REFERENCE_WHEELS, *(name for name in scans if name not in REFERENCE_WHEELS)]
     entries = tuple(_entry(str(name), scans[name], length_unit) for name in names)
-    return Capture(SOURCE, vehicle, "m", as_target(target), None, entries)
+    return Capture(SOURCE, vehicle, length_unit, as_target(target), None, entries)
 
 
 def _entry(name: str, points: object, length_unit: LengthUnit) -> ScanEntry:
@@ -99,5 +99,5 @@ def _entry(name: str, points: object, length_unit: LengthUnit) -> ScanEntry:
         name if of_wheel else None,
         file,
         Path(file),
-        scan=as_scan(points, length_unit, name),
+        scan=None if is_path(points) else as_scan(points, length_unit, name),
     )

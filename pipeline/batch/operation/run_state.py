@@ -96,8 +96,6 @@ def _lines(state: RunState, now_s: float) -> Iterator[str]:
     done = ", ".join(f"{count:,} {status}" for status, count in sorted(state.done.items()))
     left = max(0, state.todo - state.finished)
     yield f"  {state.known:,} done before; now {done or 'none'}; {left:,} to do"
-    if state.ended:
-        left = 0
     for one in () if state.ended else sorted(state.at_work, key=lambda one: one.since_s):
         others = f" and {len(one.captures) - 1} small ones" * (len(one.captures) > 1)
         since = duration(now_s - one.since_s)

@@ -12,7 +12,6 @@ from ..catalogue.load_records import json_name
 from ..storage.store import Store, open_store
 
 MANIFEST = "run/begun.json"
-PACKED = ("zip", "tar")
 
 
 def account(results: str, name: str) -> str:

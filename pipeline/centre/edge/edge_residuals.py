@@ -89,7 +89,7 @@ class Equations:
     residual_m: (N,). slopes: (N, 11). weight: (N,) robust, over the variance. change: (N,)
     derivative of weight * residual by the residual. by_height: (N,) derivative of the residual
     by the plane's height. depths: number of first rows that are
-    depths; the others tell where the edge lies. None where all are depths.
+    depths; the others are places of the edge. None where all are depths.
     """
 
     q_m: Array
