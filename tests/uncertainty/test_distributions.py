@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -55,10 +57,28 @@ def test_coverage_factors_hold_the_level_at_every_dof(level):
     assert np.all(np.diff(k) < 0.0)  # fewer degrees of freedom, wider interval
 
 
-@pytest.mark.parametrize("dof", [1, 4, 90])
+@pytest.mark.parametrize(("level", "digits"), [(0.9, 1e-11), (0.95, 1e-11), (0.99, 1e-9)])
+def test_coverage_factors_are_quantiles_of_students_t(level, digits):
+    dof = np.concatenate([np.geomspace(1.0, 1e9, 301), np.arange(1.0, 40.0)])
+    expected = stats.t(dof).ppf(0.5 + level / 2.0)
+    np.testing.assert_allclose(coverage_factor(level, dof), expected, rtol=digits)
+    assert coverage_factor(level, dof[:0]).shape == (0,)
+
+
+def test_what_every_result_needs_is_there_without_scipy():
+    code = (
+        "import sys, numpy as np\n"
+        "from wheelplane.uncertainty.distributions import coverage_factor, chi_square_beyond\n"
+        "coverage_factor(0.95, np.array([4.0])), chi_square_beyond(3.0, 2)\n"
+        "assert 'scipy' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("dof", [1, 4, 90, 2001])
 def test_chi_square_and_its_limits(dof):
-    for value in (0.0, 0.5, 30.0):
-        assert chi_square_beyond(value, dof) == pytest.approx(stats.chi2.sf(value, dof), rel=1e-12)
+    for value in (0.0, 0.5, 30.0, 1600.0):
+        assert chi_square_beyond(value, dof) == pytest.approx(stats.chi2.sf(value, dof), rel=1e-10)
     for level in LEVELS:
         low, high = chi_square_limits(level, dof)
         assert stats.chi2.cdf(low, dof) == pytest.approx((1.0 - level) / 2.0, rel=1e-9)
