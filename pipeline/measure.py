@@ -130,6 +130,8 @@ def provenance_of_capture(
     used = config.model_dump(exclude={"seed", *ISSUER})
     used |= {"target": capture.target.model_dump(), "length_unit": capture.length_unit}
     used |= capture.reading.stated()
+    if capture.hints:
+        used["hints"] = {name: hint.stated() for name, hint in capture.hints.items()}
     inputs = {observation.source: observation.sha256 for observation in observations}
     if capture.cloud is not None:  # its observations name the single scans of the file as well
         inputs = {capture.cloud.file: observations[0].sha256}

@@ -33,6 +33,7 @@ ROOMS = [
     "measurement",
     "kinematics", "five_point",
     "measure",
+    "explanation",
     "validation",
     "calibration",
     "report",
@@ -43,20 +44,33 @@ ROOMS = [
     "cli", "__main__",
 ]
 # fmt: on
+# fmt: off
 PARTS = {
     "centre": ["edge", "pattern", "."],
     "validation": ["statistics", "."],
     "calibration": ["forms", ".", "certificate"],
-    "report": ["format", "tables", "scene", "text", "json", "plots", "html", "dcc", "."],
+    "report": [
+        "format",
+        "tables",
+        "scene",
+        "text",
+        "json",
+        "plots",
+        "candidates",
+        "html",
+        "dcc",
+        ".",
+    ],
     "batch": ["storage", "plan", "catalogue", "operation", "results", "run", "."],
 }
+# fmt: on
 # Rooms that others enter by their door alone, `__init__.py`; renderers and commands are imported
 # one by one, so that --help loads none of them.
 # fmt: off
 DOORS = [
     "system", "cloud", "vehicle", "targets", "readers", "uncertainty", "capture", "plane",
     "detection", "diagnostics", "centre", "measurement", "kinematics", "five_point", "validation",
-    "calibration", "library",
+    "calibration", "library", "explanation",
 ]
 # fmt: on
 MOST_AT_ROOT, MOST_IN_A_ROOM = 8, 13

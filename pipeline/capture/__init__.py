@@ -4,6 +4,7 @@ from .declaration import Upright, files_of, find_capture_file, read_capture_file
 from .entries import check_inside
 from .entry import Role, ScanEntry, Turn
 from .file_names import TABLES, clouds_of, is_capture
+from .hints import Hint
 from .open_capture import Capture, CaptureOptions, Entries, open_capture, open_entries
 from .vertical import StatedVertical
 
@@ -12,6 +13,7 @@ __all__ = [
     "Capture",
     "CaptureOptions",
     "Entries",
+    "Hint",
     "Role",
     "ScanEntry",
     "StatedVertical",

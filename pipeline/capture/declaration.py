@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field  # noqa: TID253 - capture.toml is a pydantic model
 
@@ -17,6 +17,7 @@ from ..vehicle import REFERENCE_WHEELS
 WheelName = Literal["RR", "RL", "FR", "FL"]
 Upright = Literal["auto", "floor", "z"]
 Vector = tuple[float, float, float]
+Corner = Annotated[Vector, Field(strict=False)]
 
 
 class DeclaredTrial(Section):
@@ -47,6 +48,15 @@ class DeclaredRunout(Section):
     u_angle_deg: float = Field(1.0, gt=0.0, le=30.0)
 
 
+class DeclaredHint(Section):
+    """The operator's decision on one scan: a point on its target, or the box that shows it."""
+
+    near: Vector | None = Field(None, strict=False)
+    box: tuple[Corner, Corner] | None = Field(None, strict=False)
+    by: str | None = Field(None, min_length=1)
+    reason: str | None = Field(None, min_length=1)
+
+
 class CaptureFile(Section):
     """capture.toml: [reference] with one scan per wheel, or `cloud` for one scan of all wheels.
 
@@ -54,7 +64,8 @@ class CaptureFile(Section):
     time of the scans, as TOML writes it: date = 2026-11-20. vehicle_model: by which its limits are
     found. columns, pitch: what the scans do not say themselves, the names of a text's columns or
     the pitch of a matrix of heights. gravity: the way in which things fall, and floor: the normal
-    of the floor, upwards, scan coordinates; u: standard uncertainties about each axis.
+    of the floor, upwards, scan coordinates; u: standard uncertainties about each axis. hints: by
+    the name of a scan, or of a cloud's wheel, in its coordinates and unit.
     """
 
     vehicle: str | None = None
@@ -77,6 +88,7 @@ class CaptureFile(Section):
     gravity_u_deg: float | None = Field(None, ge=0.0, le=10.0)
     floor: Vector | None = Field(None, strict=False)
     floor_u_deg: float | None = Field(None, ge=0.0, le=10.0)
+    hints: dict[str, DeclaredHint] = Field(default_factory=dict)
 
 
 def reading_of(declared: CaptureFile, where: str) -> ReadOptions:

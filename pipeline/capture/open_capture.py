@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ..errors import ConfigError, InputError
@@ -25,6 +25,7 @@ from .entry import ScanEntry
 from .file_names import by_file_names, filled_by_names
 from .folder import capture_folder
 from .front import Front
+from .hints import Hint, hints_of
 from .vertical import StatedVertical, stated_verticals
 
 
@@ -35,6 +36,7 @@ class Capture:
     cloud: instead of entries, the one scan that shows all wheels, with its `front`, if given, and
     the method that finds `up`. date: in ISO 8601, if declared. vehicle_model: if declared. reading:
     what the scans do not say. verticals: the floor's normal and gravity, as far as they are stated.
+    hints: the operator's decisions, by the name of an entry, for a cloud of a wheel or 'vehicle'.
     """
 
     source: str
@@ -50,6 +52,7 @@ class Capture:
     vehicle_model: str | None = None
     reading: ReadOptions = AS_THE_FILE_SAYS
     verticals: tuple[StatedVertical, ...] = ()
+    hints: Mapping[str, Hint] = field(default_factory=dict)
 
     @property
     def steps(self) -> int:
@@ -69,6 +72,7 @@ class CaptureOptions:
     reading: replaces its columns and pitch, if it states either.
     front, front_point, up: of one cloud of the vehicle, in its file's coordinates and unit.
     of_clouds: these three are given for many captures, and apply to those that are clouds.
+    hints: points on targets by the name of their scan or wheel, likewise.
     """
 
     length_unit: LengthUnit | None = None
@@ -77,6 +81,7 @@ class CaptureOptions:
     up: Upright | None = None
     of_clouds: bool = False
     reading: ReadOptions = AS_THE_FILE_SAYS
+    hints: Mapping[str, Vector] = field(default_factory=dict)
 
 
 NO_OPTIONS = CaptureOptions()
@@ -122,6 +127,9 @@ def open_capture(
             vehicle_model=declared.vehicle_model,
             reading=_reading(found, options.reading),
             verticals=stated_verticals(declared, found.where),
+            hints=hints_of(
+                declared.hints, options.hints, found.scans, declared.length_unit, found.where
+            ),
         )
 
 

@@ -24,6 +24,7 @@ from .options import (
     capture_options,
     config_option,
     convention_option,
+    hint_option,
     language_and_plot,
     length_unit_option,
     monte_carlo_option,
@@ -37,7 +38,7 @@ from .options import (
     whole_vehicle_options,
 )
 from .progress import TerminalProgress
-from .reporting import plot_to, report_options, show, show_plot
+from .reporting import explain_to, plot_to, report_options, show, show_plot
 
 
 @click.command()
@@ -49,6 +50,14 @@ from .reporting import plot_to, report_options, show, show_plot
     metavar="DIR",
     help="Folder for measurement.json, the reports and the pictures of the targets.",
 )
+@click.option(
+    "--explain",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Folder for pictures of every plane that was looked at in each scan, with why it was "
+    "taken or refused, and explanation.json; written before the measurement, even if that fails.",
+)
+@hint_option
 @click.option("--json", "as_json", is_flag=True, help="Print measurement.json and nothing else.")
 @target_option
 @length_unit_option
@@ -78,6 +87,8 @@ from .reporting import plot_to, report_options, show, show_plot
 def measure(
     capture: Path,
     output: Path | None,
+    explain: Path | None,
+    hints: tuple[str, ...],
     as_json: bool,
     target: str | None,
     length_unit: LengthUnit | None,
@@ -129,7 +140,7 @@ def measure(
     if pdf and output is None:
         raise InputError("--pdf without -o DIR: name the folder that report.pdf goes to")
     reading = read_options(columns, pitch)
-    overrides = capture_options(front, front_point, up, length_unit, reading)
+    overrides = capture_options(front, front_point, up, length_unit, reading, hints)
     with (
         open_capture(capture, target, overrides) as opened,
         TerminalProgress(opened.steps) as progress,
@@ -138,6 +149,8 @@ def measure(
             check_same_vertical(options.before, vertical)
             check_same_vehicle(options.before, opened.vehicle, str(capture))
         settings = with_scanner(settings, scanner or opened.scanner)
+        if explain is not None:
+            explain_to(explain, opened, settings, options.words, as_json=as_json)
         model, name = opened.vehicle_model, str(capture)
         limits = None if tolerance is None else tolerance_for(tolerance, model, name)
         measurement = measure_capture(opened, settings, progress, vertical=vertical)

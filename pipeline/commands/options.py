@@ -239,12 +239,36 @@ def whole_vehicle_options(command: Command) -> Command:
     return added(WHOLE_VEHICLE_OPTIONS, command)
 
 
+hint_option = click.option(
+    "--hint",
+    "hints",
+    multiple=True,
+    metavar="NAME=X,Y,Z",
+    help="A point on the target of a scan, by its name, where no outline is clear or several are; "
+    "of a whole-vehicle scan, of each of the four wheels. As [hints] in capture.toml. Repeatable.",
+)
+
+
+def read_hints(texts: Sequence[str]) -> dict[str, tuple[float, float, float]]:
+    """Return the points of --hint by name. Raises InputError that names the one that is wrong."""
+    hints: dict[str, tuple[float, float, float]] = {}
+    for text in texts:
+        name, equals, point = text.rpartition("=")
+        if not (equals and name):
+            raise InputError(f"--hint {text}: write NAME=X,Y,Z, such as FL=0.2,3.1,0.3")
+        if name in hints:
+            raise InputError(f"--hint {text}: {name} has a point already: give one")
+        hints[name] = three_numbers(f"--hint {name}", point)
+    return hints
+
+
 def capture_options(
     front: str | None,
     front_point: str | None,
     up: Upright | None,
     unit: LengthUnit | None = None,
     reading: ReadOptions = AS_THE_FILE_SAYS,
+    hints: Sequence[str] = (),
 ) -> CaptureOptions:
     """Return the command line's overrides of capture.toml.
 
@@ -256,6 +280,7 @@ def capture_options(
         front_point=None if front_point is None else three_numbers("--front-point", front_point),
         up=up,
         reading=reading,
+        hints=read_hints(hints),
     )
 
 

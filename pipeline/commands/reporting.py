@@ -6,11 +6,12 @@ from pathlib import Path
 
 import click
 
-from ..config import ReportConfig
+from ..capture import Capture
+from ..config import Config, ReportConfig
 from ..measurement import Conformity, Measurement
 from ..report.format.earlier import Earlier, read_earlier
 from ..report.format.laboratory import read_laboratory
-from ..report.format.language import load_translations
+from ..report.format.language import Translations, load_translations
 from ..report.format.view import View
 from ..report.html.page import ReportOptions
 from ..report.plots.angle_chart import angles_text
@@ -19,6 +20,7 @@ from ..report.text.conformity import conformity_text
 from ..report.text.report import extra_parts, summary_table
 from ..report.text.vehicle import before_text, vehicle_lines
 from ..report.write import write_files
+from .progress import TerminalProgress
 
 SCREEN = "-"  # of --plot
 
@@ -48,6 +50,21 @@ def report_options(
     earlier = None if before is None else read_earlier(before)
     words = load_translations(language or config.language)
     return ReportOptions(words, view, read_laboratory(config), earlier)
+
+
+def explain_to(
+    folder: Path, capture: Capture, config: Config, words: Translations, *, as_json: bool
+) -> None:
+    """Write the explanation of a capture to `folder`, and print it, beside JSON as an error."""
+    from ..explanation import explain_capture
+    from ..report.candidates.text import explanation_text
+    from ..report.explanation import write_explanation
+
+    with TerminalProgress(capture.steps, "explaining") as progress:
+        found = explain_capture(capture, config, progress)
+    written = write_explanation(found, folder, words)
+    click.echo(explanation_text(found), err=as_json)
+    click.echo(f"wrote {len(written)} files to {folder}", err=as_json)
 
 
 def plot_to(

@@ -1,8 +1,15 @@
 """Search for the target in a scan, or for all targets of a vehicle and the wheel of each."""
 
-from .candidates import FACE_BAND
-from .find_target import find_target
-from .find_targets import find_targets
+from .candidates import FACE_BAND, Candidate
+from .find_target import (
+    candidate_near,
+    check_best,
+    find_candidates,
+    find_target,
+    patch_of,
+    rivals,
+)
+from .find_targets import candidates_of_cloud, find_targets
 from .identify_wheels import find_axles, placed, wheels_by_markers
 from .template_match import OFF_PLANE, outnumbered
 from .up_direction import find_up, stand_on_a_floor
@@ -11,13 +18,20 @@ from .vehicles import FoundTarget
 __all__ = [
     "FACE_BAND",
     "OFF_PLANE",
+    "Candidate",
     "FoundTarget",
+    "candidate_near",
+    "candidates_of_cloud",
+    "check_best",
     "find_axles",
+    "find_candidates",
     "find_target",
     "find_targets",
     "find_up",
     "outnumbered",
+    "patch_of",
     "placed",
+    "rivals",
     "stand_on_a_floor",
     "wheels_by_markers",
 ]

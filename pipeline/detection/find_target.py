@@ -43,6 +43,7 @@ LIKELY = 0.6  # of the best match, or the least: a candidate that may prove bett
 MOST_SCORED = 12  # candidate positions of one scan that are scored
 SPARSE = 1500  # points on a target, below which all points of the scan are used, not a sample
 SURE, RIVAL_SCORE = 0.8, 0.6  # match of the best, and score below which nothing rivals it
+SEARCHED, LEAST_CHOSEN = 3.0, 0.1  # radii about a chosen point, and the match that is enough there
 CLEAR = 0.5  # match of the best candidate, below which RANSAC is used as well
 
 
@@ -53,18 +54,76 @@ def find_target(
     seed: int,
     intensity: Array32 | None = None,
     axes: Array | None = None,
+    near_m: Array | None = None,
 ) -> Patch:
     """Find the target in points_m (N, 3) and cut its patch; intensity: (N,) or None.
 
     axes: (3, 3) rows along which the coordinates were rounded, where a pose was applied since.
+    near_m: (3,) a point on the target, chosen by the operator (see `candidate_near`).
     Raises NotMeasuredError: 'too-few-points', 'no-plane', 'no-target' (with the best match) or
     'ambiguous-target'.
     """
     steps = coordinate_steps(points_m, axes=axes)
-    found = find_candidates(points_m, target, config, seed, steps)
-    _check_best(found, target, config)
-    patch = cut_patch(points_m, intensity, found[0], target, config.around_points)
+    if near_m is None:
+        found = find_candidates(points_m, target, config, seed, steps)
+        check_best(found, target, config)
+        best = found[0]
+    else:
+        best = candidate_near(points_m, near_m, target, config, seed, steps)
+    return patch_of(points_m, best, target, config, intensity, axes)
+
+
+def patch_of(
+    points_m: Array,
+    candidate: Candidate,
+    target: Target,
+    config: SegmentConfig,
+    intensity: Array32 | None = None,
+    axes: Array | None = None,
+) -> Patch:
+    """Cut a candidate's patch out of the scan, with the steps of its coordinates.
+
+    Raises NotMeasuredError 'too-few-points'.
+    """
+    patch = cut_patch(points_m, intensity, candidate, target, config.around_points)
     return replace(patch, steps=coordinate_steps(points_m, patch.origin_m, axes))
+
+
+def candidate_near(
+    points_m: Array,
+    near_m: Array,
+    target: Target,
+    config: SegmentConfig,
+    seed: int,
+    steps: Steps = EXACT,
+) -> Candidate:
+    """Return the best candidate of points_m (N, 3) whose centre lies within a radius of near_m.
+
+    Others are no rivals, and a match of LEAST_CHOSEN is enough: a person has looked at it.
+    Raises NotMeasuredError 'too-few-points', 'no-plane' or 'no-target'.
+    """
+    reach_m = SEARCHED * target.radius_m
+    around = points_m[np.max(np.abs(points_m - near_m), axis=1) < reach_m]
+    place = ", ".join(f"{x:.3f}" for x in near_m + 0.0)
+    if len(around) < MIN_POINTS:
+        raise NotMeasuredError(
+            "too-few-points",
+            f"{len(around)} points within {reach_m:.2f} m of the chosen point ({place}) m, "
+            f"{MIN_POINTS} needed",
+        )
+    found = [
+        candidate
+        for candidate in find_candidates(around, target, config, seed, steps)
+        if float(np.linalg.norm(candidate.centre_m - near_m)) < target.radius_m
+    ]
+    match = found[0].match if found else 0.0
+    if match < LEAST_CHOSEN:
+        raise NotMeasuredError(
+            "no-target",
+            f"no plane within {target.radius_m * 1e3:.0f} mm of the chosen point ({place}) m has "
+            f"the outline of {target.description} (best match {match:.2f}, {LEAST_CHOSEN} needed)",
+        )
+    return found[0]
 
 
 def find_candidates(
@@ -171,8 +230,8 @@ def score_near(
     return replace(found, centre_m=found.centre_m + at.centre_m)
 
 
-def _check_best(found: Sequence[Candidate], target: Target, config: SegmentConfig) -> None:
-    """Raise if the first candidate lacks the target's outline, or if another one has it as well."""
+def check_best(found: Sequence[Candidate], target: Target, config: SegmentConfig) -> None:
+    """Raise NotMeasuredError unless the first candidate, and no other, has the target's outline."""
     best = found[0]
     if best.match < config.min_match:
         raise NotMeasuredError(
@@ -181,10 +240,16 @@ def _check_best(found: Sequence[Candidate], target: Target, config: SegmentConfi
             f"(best match {best.match:.2f}, {config.min_match} needed)",
         )
     for other in found[1:]:
-        apart = float(np.linalg.norm(other.centre_m - best.centre_m))
-        if other.match > config.rival_match * best.match and apart > target.radius_m:
+        if rivals(best, other, target, config):
+            apart = float(np.linalg.norm(other.centre_m - best.centre_m))
             raise NotMeasuredError(
                 "ambiguous-target",
                 f"two planes have the target's outline, {apart * 1e3:.0f} mm apart "
                 f"(matches {best.match:.2f} and {other.match:.2f})",
             )
+
+
+def rivals(best: Candidate, other: Candidate, target: Target, config: SegmentConfig) -> bool:
+    """Return whether another candidate matches nearly as well as the best, elsewhere."""
+    apart = float(np.linalg.norm(other.centre_m - best.centre_m))
+    return other.match > config.rival_match * best.match and apart > target.radius_m

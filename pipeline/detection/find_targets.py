@@ -14,7 +14,7 @@ from ..targets import Target
 from ..vectors import Array, Array32, Rows
 from .candidates import REACH, Candidate, threshold_m
 from .cut_patch import around_slab, cut_patch
-from .find_target import LIKELY, SURE, score_near, voxels_of
+from .find_target import LIKELY, SURE, candidate_near, score_near, voxels_of
 from .hypotheses import Hypothesis, hypotheses, joined
 from .surfels import find_surfels
 from .vehicles import RIVAL, FoundTarget, vehicles
@@ -35,26 +35,27 @@ def find_targets(
     parts: Sequence[tuple[int, int]] = (),
     stations_m: Sequence[Array | None] = (),
     axes: Sequence[Array | None] = (),
+    near_m: Sequence[Array] = (),
+    seed: int = 0,
 ) -> tuple[Patch, ...]:
     """Find all targets in points_m (N, 3), the cloud of a vehicle; patches, best match first.
 
     intensity: (N,) or None. parts: row ranges of the scans that make up the cloud; each target is
     taken from the one with most points on it, since every scan has its own pose and noise.
     stations_m: (3,) each, positions of the scanner for the parts, None where unknown; axes: (3, 3)
-    each, rows along which their coordinates were rounded.
+    each, rows along which their coordinates were rounded. near_m: (3,) each, points chosen by the
+    operator: then the target of each of them, in their order, with `seed` as in `find_target`.
+    Raises NotMeasuredError where there is none at a chosen point.
     """
     parts = parts or [(0, len(points_m))]
     axes = axes or [None] * len(parts)
     steps = _coarsest(points_m, parts, axes)
-    limit = threshold_m(target, config, steps)
     voxels = voxels_of(points_m, target)
-    surfels = find_surfels(voxels, limit, steps)
-    positions = hypotheses(surfels, target)[:MOST_IN_CLOUD]
-    scored = _score_all(points_m, voxels, positions, target, config, steps)
-    if not _are_a_vehicle(_sure(scored, target, config)):
-        positions = joined(positions, surfels, target, limit)
-        scored += _score_all(points_m, voxels, positions, target, config, steps)
-    found = _targets(scored, target, config)
+    found = (
+        [candidate_near(points_m, one, target, config, seed, steps) for one in near_m]
+        if near_m
+        else _targets(_scored(points_m, voxels, target, config, steps), target, config)
+    )
     slab = around_slab(target)
     regions = [_voxels_within(voxels, c.centre_m, c.normal, slab) for c in found]
     rows = _rows(points_m, voxels, regions)
@@ -76,6 +77,34 @@ def find_targets(
         local = coordinate_steps(near[start:stop], patch.origin_m, axes[part])
         patches.append(replace(patch, part=part, station_m=station_m, steps=local))
     return tuple(patches)
+
+
+def candidates_of_cloud(
+    points_m: Array,
+    target: Target,
+    config: SegmentConfig,
+    axes: Sequence[Array | None] = (),
+    parts: Sequence[tuple[int, int]] = (),
+) -> list[Candidate]:
+    """Return all scored candidates of the cloud of a vehicle, best match first."""
+    parts = parts or [(0, len(points_m))]
+    steps = _coarsest(points_m, parts, axes or [None] * len(parts))
+    found = _scored(points_m, voxels_of(points_m, target), target, config, steps)
+    return sorted(found, key=lambda candidate: -candidate.match)
+
+
+def _scored(
+    points_m: Array, voxels: VoxelGrid, target: Target, config: SegmentConfig, steps: Steps
+) -> list[Candidate]:
+    """Return the scored candidates of the cloud; of targets in parts as well, if four lack."""
+    limit = threshold_m(target, config, steps)
+    surfels = find_surfels(voxels, limit, steps)
+    positions = hypotheses(surfels, target)[:MOST_IN_CLOUD]
+    scored = _score_all(points_m, voxels, positions, target, config, steps)
+    if not _are_a_vehicle(_sure(scored, target, config)):
+        positions = joined(positions, surfels, target, limit)
+        scored += _score_all(points_m, voxels, positions, target, config, steps)
+    return scored
 
 
 def _coarsest(

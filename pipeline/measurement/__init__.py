@@ -5,7 +5,7 @@ from .conformity import Conformity, Deciding, Verdict, assess, conforms, decide
 from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
 from .limits import ToleranceInterval, Value, angle_rad, read_value, rim_diameter
-from .observe import Fit, noisy, observe_entry, rounded, shaded
+from .observe import Fit, noisy, observe_entry, rounded, shaded, within_box
 from .observe_vehicle import observe_cloud
 from .quantities import (
     CROSS,
@@ -43,7 +43,7 @@ from .records import (
     WheelResult,
 )
 from .repeatability import OF_PLATE, PooledAngle, Repeats, pool_repeats
-from .residual_map import CELLS, ResidualMap, residual_map
+from .residual_map import CELLS, ResidualMap, map_about, residual_map
 from .tolerance import BY_MODEL, load_tolerance, tolerance_for
 from .turn_curve import toe_out_at
 
@@ -97,6 +97,7 @@ __all__ = [
     "evaluate",
     "find_verticals",
     "load_tolerance",
+    "map_about",
     "noisy",
     "notes_of_assumptions",
     "observe_cloud",
@@ -114,5 +115,6 @@ __all__ = [
     "turned_quantity",
     "vertical_tilts",
     "weighted_sum",
+    "within_box",
     "workshop_angles",
 ]

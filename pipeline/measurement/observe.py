@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-from ..capture import Capture, ScanEntry
+import numpy as np
+
+from ..capture import Capture, Hint, ScanEntry
 from ..cloud import cloud_sample
 from ..config import Config, InstrumentConfig
 from ..detection import find_target
 from ..diagnostics import check_wheel_scan, lone_points
 from ..errors import InputError, NotMeasuredError
 from ..plane import Patch
+from ..readers import Scan
 from ..targets import Target
 from ..vectors import Array
 from .records import Evidence, Observation
@@ -54,6 +57,11 @@ def _advice(error: NotMeasuredError) -> str:
     """Return what to do where the target of a reference wheel was not measured."""
     if error.status == "steps-too-coarse":
         return "export this scan again with more decimals, or as double"
+    if error.status in ("ambiguous-target", "no-target"):
+        return (
+            "see what was found with --explain DIR and choose with --hint, scan this wheel again, "
+            "or check --target and length_unit"
+        )
     return "scan this wheel again, or check --target and length_unit"
 
 
@@ -92,13 +100,55 @@ def _find(
     )
     part = scan.parts[0] if len(scan.parts) == 1 else None
     axes = None if part is None else part.axes
+    hint = capture.hints.get(entry.name)
+    searched = scan if hint is None else within_box(scan, hint, source)
+    near_m = None if hint is None else hint.near
     try:
         patch = find_target(
-            scan.points_m, capture.target, config.segment, config.seed, scan.intensity, axes
+            searched.points_m,
+            capture.target,
+            config.segment,
+            config.seed,
+            searched.intensity,
+            axes,
+            near_m,
         )
     except NotMeasuredError as error:
         return observation, error.with_traceback(None)
+    if hint is not None:
+        chosen = note_on_hint(hint, entry.name, patch, config)
+        observation = replace(observation, note=" ".join(filter(None, (observation.note, chosen))))
     return observation, replace(patch, station_m=None if part is None else part.station_m)
+
+
+def within_box(scan: Scan, hint: Hint, source: str) -> Scan:
+    """Return the points of a scan in the box of a hint. Raises InputError where there are none."""
+    inside = hint.holds(scan.points_m)
+    if not inside.any():
+        raise InputError(
+            f"{source}: {hint.note}, which holds none of its {len(inside)} points: give corners in "
+            "the scan's coordinates and the capture's length_unit"
+        )
+    if inside.all():
+        return scan
+    before = np.concatenate([[0], np.cumsum(inside)])
+    return replace(
+        scan,
+        points_m=scan.points_m[inside],
+        intensity=None if scan.intensity is None else scan.intensity[inside],
+        parts=tuple(
+            replace(part, start=int(before[part.start]), stop=int(before[part.stop]))
+            for part in scan.parts
+        ),
+    )
+
+
+def note_on_hint(hint: Hint, name: str, patch: Patch, config: Config) -> str:
+    """Return the note on a target that the operator chose."""
+    return (
+        f"{name}: {hint.note}; the match of its outline is {patch.match:.2f} "
+        f"({config.segment.min_match:.2f} needed where nobody chooses)."
+    )
 
 
 def rounded(observations: Sequence[Observation]) -> Iterator[str]:

@@ -28,7 +28,7 @@ from ..readers import Part
 from ..targets import PatternTarget, Target
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
-from .observe import Fit, note_on_lone_points
+from .observe import Fit, note_on_hint, note_on_lone_points, within_box
 from .records import Evidence, Naming, Observation
 
 SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
@@ -68,15 +68,28 @@ def targets_of_cloud(
     """
     progress(f"{cloud.file}: reading")
     scan = cloud.read(capture.length_unit, source, capture.reading)
+    box = capture.hints.get("vehicle")
+    if box is not None:
+        scan = within_box(scan, box, source)
     target, unit = capture.target, capture.length_unit
     check_vehicle_cloud(scan.points_m, 2.0 * target.radius_m, unit, source)
     progress(f"{cloud.file}: searching")
     parts = scan.parts or (Part("", 0, len(scan.points_m), None),)
     rows, stations = [(p.start, p.stop) for p in parts], [p.station_m for p in parts]
     axes = [p.axes for p in parts]
+    chosen = [one.near for wheel in REFERENCE_WHEELS if (one := capture.hints.get(wheel))]
+    near_m = [one for one in chosen if one is not None]
     try:
         patches = find_targets(
-            scan.points_m, target, config.segment, scan.intensity, rows, stations, axes
+            scan.points_m,
+            target,
+            config.segment,
+            scan.intensity,
+            rows,
+            stations,
+            axes,
+            near_m,
+            config.seed,
         )
     except NotMeasuredError as error:
         raise InputError(f"{source}: {error}: check the file, and --target") from error
@@ -106,7 +119,7 @@ def observe_cloud(
         digest = beside.submit(lambda: cloud.sha256)
         found = targets_of_cloud(cloud, source, capture, config, progress)
     try:
-        ways, naming = _ways(found, capture)
+        ways, naming = _chosen(found, capture, config) or _ways(found, capture)
         evidence: dict[int, Evidence] = {}
         for wheel, index in ways[0].items():
             known = wheel if len(ways) == 1 else ""
@@ -133,6 +146,36 @@ def observe_cloud(
         for wheel, shown in zip(REFERENCE_WHEELS, by_wheel(found.sample_m, centres_m), strict=True)
     ]
     return observations, naming
+
+
+def _chosen(
+    found: Found, capture: Capture, config: Config
+) -> tuple[list[Mapping[str, int]], Naming] | None:
+    """Return the wheels as the operator named their targets, None where he did not.
+
+    Raises InputError where left and right contradict the up direction.
+    """
+    if not all(wheel in capture.hints for wheel in REFERENCE_WHEELS):
+        return None
+    hints = [capture.hints[wheel] for wheel in REFERENCE_WHEELS]
+    named = {wheel: index for index, wheel in enumerate(REFERENCE_WHEELS)}
+    axles_m = np.array([target.centre_m for target in found.targets]).reshape(2, 2, 3)
+    up = find_up(found.sample_m, axles_m, capture.up)
+    rear_m, front_m = axles_m.mean(axis=1)
+    left = np.cross(up.direction, front_m - rear_m)
+    for (right_m, left_m), (right, other) in zip(
+        axles_m, (("RR", "RL"), ("FR", "FL")), strict=True
+    ):
+        if (left_m - right_m) @ left <= 0.0:
+            raise InputError(
+                f"hints: {other} lies to the right of {right}, with up by {up.by}: exchange the "
+                "two, or the front and the rear"
+            )
+    notes = [
+        note_on_hint(hint, wheel, patch, config)
+        for hint, wheel, patch in zip(hints, REFERENCE_WHEELS, found.patches, strict=True)
+    ]
+    return [named], Naming("the wheels that the operator named", up.by, found.points, tuple(notes))
 
 
 def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Naming]:

@@ -62,10 +62,30 @@ def residual_map(
 
     margin_m: distance from the edges within which points are not counted.
     """
+    centre_m = (
+        fitted.centre_m - ((fitted.centre_m - plane.centroid_m) @ plane.normal) * plane.normal
+    )
+    turn_rad = _turn(plane, fitted)
+    return map_about(patch, plane.basis, centre_m, turn_rad, plane.sigma_m, target, margin_m)
+
+
+def map_about(
+    patch: Patch,
+    basis: Array,
+    centre_m: Array,
+    turn_rad: float,
+    sigma_m: float,
+    target: Target,
+    margin_m: float,
+) -> ResidualMap:
+    """Map the points of `patch` about centre_m (3,), on the plane through it along basis (3, 3).
+
+    turn_rad: rotation of the target from u towards v. sigma_m: noise across the plane. margin_m:
+    distance from the edges within which points are not counted.
+    """
     radius_m = target.radius_m
     half = REACH * radius_m
-    turn_rad = _turn(plane, fitted)
-    uvw = _local(patch, plane, fitted)
+    uvw = _local(patch, basis, centre_m)
     uvw = uvw[np.max(np.abs(uvw[:, :2]), axis=1) < half]
     column, row = ((uvw[:, axis] * sign + half) * (CELLS / (2 * half)) for axis, sign in _AXES)
     cell = row.astype(np.int32).clip(0, CELLS - 1) * CELLS
@@ -77,7 +97,7 @@ def residual_map(
     others = np.bincount(cell[~on_face], minlength=CELLS**2)
     mean: Array = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     clear = target.region.shrunk(margin_m).holds(turned(_cell_centres(half), -turn_rad))
-    span_m = SIGMAS * max(plane.sigma_m, 1e-9)
+    span_m = SIGMAS * max(sigma_m, 1e-9)
     shape = (CELLS, CELLS)
     return ResidualMap(
         residual_m=mean.astype(np.float32).reshape(shape),
@@ -90,12 +110,11 @@ def residual_map(
     )
 
 
-def _local(patch: Patch, plane: PlaneFit, fitted: TargetFit) -> Array32:
+def _local(patch: Patch, basis: Array, centre_m: Array) -> Array32:
     """Return the patch's points (N, 3) from the centre along the plane's axes."""
-    shift = (patch.origin_m - fitted.centre_m) @ plane.basis.T
-    shift[2] += (fitted.centre_m - plane.centroid_m) @ plane.normal
+    shift = (patch.origin_m - centre_m) @ basis.T
     points = np.concatenate([patch.face_m.astype(np.float32), patch.around_m])
-    uvw = points @ plane.basis.T.astype(np.float32)
+    uvw = points @ basis.T.astype(np.float32)
     uvw += shift.astype(np.float32)
     return np.asarray(uvw)
 

@@ -391,7 +391,7 @@ NOTES = {
     ),
     "observe_vehicle.py": ("_left_out",),
     "records.py": ("notes",),
-    "observe.py": ("noisy", "note_on_lone_points", "rounded", "shaded"),
+    "observe.py": ("noisy", "note_on_hint", "note_on_lone_points", "rounded", "shaded"),
     "plane.py": ("_coarse",),
     "file.py": ("_note_if_upside_down", "_note_of_sense"),
     "five_point.py": ("note_of_aiming",),

@@ -53,19 +53,31 @@ def face_drawing(
     if evidence is None or evidence.face is None or evidence.plane is None:
         return None
     face, plane = evidence.face, evidence.plane
-    rotation = _to_upright(plane, frame)
-    middle = (LEFT + SIDE / 2.0, HEAD + SIDE / 2.0)
-    pixels = _pixels(face, FULL_SIGMAS * plane.sigma_m, coarser)
+    rotation = to_upright(plane.basis, frame.up)
     title = words("plot.face_title", name=cut(words.wheel(result.observation.name), 18))
     marks: list[Mark] = [
-        Raster(*middle, SIDE, pixels, _palette(), -math.degrees(rotation)),
-        *_outline(face, rotation, middle),
+        *face_marks(face, plane.sigma_m, rotation, words, coarser),
         Text(LEFT, 20, title, 15, bold=True),
         *_directions(plane, frame, rotation, words),
-        *_scale(face, words),
-        *_legend(FULL_SIGMAS * plane.sigma_m, words),
     ]
     return Drawing(SIDE + 2 * LEFT, HEAD + SIDE + FOOT, title, marks)
+
+
+def face_marks(
+    face: ResidualMap, sigma_m: float, rotation: float, words: Translations, coarser: int = 1
+) -> list[Mark]:
+    """Draw the map, rotated by `rotation` from u towards v, its outline, a scale bar, the colours.
+
+    sigma_m: noise across the plane; three times as much has the full colour.
+    """
+    middle = (LEFT + SIDE / 2.0, HEAD + SIDE / 2.0)
+    pixels = _pixels(face, FULL_SIGMAS * sigma_m, coarser)
+    return [
+        Raster(*middle, SIDE, pixels, _palette(), -math.degrees(rotation)),
+        *_outline(face, rotation, middle),
+        *_scale(face, words),
+        *_legend(FULL_SIGMAS * sigma_m, words),
+    ]
 
 
 def coarseness(pictures: int) -> int:
@@ -73,9 +85,9 @@ def coarseness(pictures: int) -> int:
     return next((k for k in COARSER if pictures * (CELLS / k) ** 2 <= MOST_CELLS), COARSER[-1])
 
 
-def _to_upright(plane: PlaneFit, frame: VehicleFrame) -> float:
-    """Return the rotation of the map, from u towards v, that brings the vehicle's up upwards."""
-    along, across = plane.basis[:2] @ frame.up
+def to_upright(basis: Array, up: Array) -> float:
+    """Return the rotation of a map along basis (3, 3), from u towards v, that brings `up` up."""
+    along, across = basis[:2] @ up
     return math.pi / 2.0 - math.atan2(across, along)
 
 

@@ -1,0 +1,140 @@
+"""Explain a capture: the steps of a measurement again, with all that they refuse kept.
+
+A scan that cannot be read, or whose target cannot be measured, ends its own explanation, not that
+of the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..capture import Capture, ScanEntry
+from ..cloud import sample
+from ..config import Config, SegmentConfig
+from ..detection import Candidate, candidate_near, check_best, find_candidates, patch_of, rivals
+from ..diagnostics import check_wheel_scan
+from ..errors import InputError, NotMeasuredError
+from ..measure import fit_target
+from ..measurement import map_about, within_box
+from ..plane import Patch
+from ..readers import Scan
+from ..targets import Target
+from ..vectors import Array
+from .explain_cloud import explain_cloud
+from .records import NO_POINTS, ExplainedCandidate, ExplainedScan, Explanation, Standing
+from .verdicts import MOST_SHOWN, apart
+
+SAMPLE = 400_000  # points of a scan in its picture
+
+
+def explain_capture(
+    capture: Capture, config: Config, progress: Callable[[str], None] = lambda _: None
+) -> Explanation:
+    """Explain every scan of the capture, in the order in which they are measured."""
+    if capture.cloud is not None:
+        scans = [explain_cloud(capture.cloud, capture, config, progress)]
+    else:
+        scans = []
+        for entry in capture.entries:
+            progress(entry.file)
+            scans.append(_explain_scan(entry, capture, config))
+    described = capture.target.description
+    return Explanation(capture.source, described, capture.length_unit, tuple(scans))
+
+
+def _explain_scan(entry: ScanEntry, capture: Capture, config: Config) -> ExplainedScan:
+    """Explain the scan of one wheel."""
+    source, target = f"{capture.source}: {entry.file}", capture.target
+    found = ExplainedScan(entry.name, entry.role, entry.file, "ok", "", 0, NO_POINTS, target.region)
+    try:
+        scan = entry.read(capture.length_unit, source, capture.reading)
+        found = replace(found, points=len(scan.points_m), sample_m=sample(scan.points_m, SAMPLE))
+        check_wheel_scan(scan.points_m, 2.0 * target.radius_m, capture.length_unit, source)
+        hint = capture.hints.get(entry.name)
+        searched = scan if hint is None else within_box(scan, hint, source)
+    except InputError as error:
+        return replace(found, status="not-read", reason=str(error))
+    near_m = None if hint is None else hint.near
+    axes = scan.parts[0].axes if len(scan.parts) == 1 else None
+    return _searched(found, searched, axes, near_m, target, config)
+
+
+def _searched(
+    found: ExplainedScan,
+    scan: Scan,
+    axes: Array | None,
+    near_m: Array | None,
+    target: Target,
+    config: Config,
+) -> ExplainedScan:
+    """Add the candidates, their verdicts, and the residuals about the best one."""
+    search = (target, config.segment, config.seed)
+    candidates: list[Candidate] = []
+    try:
+        candidates = apart(find_candidates(scan.points_m, *search), target.radius_m)
+        best = candidates[0]
+        if near_m is None:
+            check_best(candidates, target, config.segment)
+        else:
+            best = candidate_near(scan.points_m, near_m, *search)
+            others = [one for one in candidates if one.match != best.match]
+            candidates = [best, *apart([best, *others], target.radius_m)[1:]]
+    except NotMeasuredError as error:
+        found = replace(found, status=error.status, reason=str(error))
+    judged = _judged(candidates, found.status, target, config.segment, is_chosen=near_m is not None)
+    found = replace(found, candidates=judged)
+    if not candidates:
+        return found
+    try:
+        of_best = (candidates[0], target, config.segment, scan.intensity, axes)
+        patch = patch_of(scan.points_m, *of_best)
+    except NotMeasuredError as error:
+        return replace(found, status=error.status, reason=str(error))
+    return _fitted(replace(found, best=patch.basis[2]), patch, target, config)
+
+
+def _fitted(found: ExplainedScan, patch: Patch, target: Target, config: Config) -> ExplainedScan:
+    """Add the residual map of the fit, where there is none of the candidate as it was found."""
+    if found.status == "ok":
+        try:
+            evidence = fit_target(patch, target, config)
+        except NotMeasuredError as error:
+            found = replace(found, status=error.status, reason=str(error))
+        else:
+            sigma_m = evidence.plane.sigma_m if evidence.plane is not None else 0.0
+            return replace(found, face=evidence.face, sigma_m=sigma_m)
+    as_found = (patch.basis, patch.origin_m, 0.0, patch.sigma_m)
+    face = map_about(patch, *as_found, target, config.plane.edge_margin_m)
+    return replace(found, face=face, sigma_m=patch.sigma_m)
+
+
+def _judged(
+    candidates: Sequence[Candidate],
+    status: str,
+    target: Target,
+    config: SegmentConfig,
+    *,
+    is_chosen: bool,
+) -> tuple[ExplainedCandidate, ...]:
+    """Return the candidates with the verdict on each, best match first."""
+    judged: list[ExplainedCandidate] = []
+    for number, one in enumerate(candidates[:MOST_SHOWN], 1):
+        best = candidates[0]
+        away = f"{float(np.linalg.norm(one.centre_m - best.centre_m)) * 1e3:.0f} mm from the best"
+        if number == 1 and is_chosen and status == "ok":
+            judged.append(ExplainedCandidate(number, one, "chosen", "chosen by the operator"))
+        elif one.match < config.min_match:
+            short = f"match below {config.min_match:.2f}: it lacks the target's outline"
+            judged.append(ExplainedCandidate(number, one, "refused", short))
+        elif number == 1:
+            standing: Standing = "rival" if status == "ambiguous-target" else "chosen"
+            judged.append(ExplainedCandidate(number, one, standing, "it has the target's outline"))
+        elif not is_chosen and rivals(best, one, target, config):
+            verdict = f"it has the target's outline as well, {away}"
+            judged.append(ExplainedCandidate(number, one, "rival", verdict))
+        else:
+            judged.append(ExplainedCandidate(number, one, "refused", f"a worse match, {away}"))
+    return tuple(judged)

@@ -1,0 +1,72 @@
+"""Explain the cloud of a whole vehicle: every candidate, and the wheel that it was named."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ..capture import Capture, ScanEntry
+from ..cloud import sample
+from ..config import Config
+from ..detection import Candidate, candidates_of_cloud
+from ..diagnostics import check_vehicle_cloud
+from ..errors import InputError
+from ..measure import fit_target
+from ..measurement import observe_cloud, within_box
+from .records import NO_POINTS, ExplainedCandidate, ExplainedScan
+from .verdicts import MOST_SHOWN, apart
+
+SAMPLE = 400_000  # points of the cloud in its picture
+
+
+def explain_cloud(
+    cloud: ScanEntry, capture: Capture, config: Config, progress: Callable[[str], None]
+) -> ExplainedScan:
+    """Explain the scan of a whole vehicle."""
+    source, target = capture.called(cloud), capture.target
+    found = ExplainedScan(cloud.name, cloud.role, cloud.file, "ok", "", 0, NO_POINTS, target.region)
+    try:
+        progress(f"{cloud.file}: reading")
+        scan = cloud.read(capture.length_unit, source, capture.reading)
+        box = capture.hints.get("vehicle")
+        scan = scan if box is None else within_box(scan, box, source)
+        found = replace(found, points=len(scan.points_m), sample_m=sample(scan.points_m, SAMPLE))
+        check_vehicle_cloud(scan.points_m, 2.0 * target.radius_m, capture.length_unit, source)
+    except InputError as error:
+        return replace(found, status="not-read", reason=str(error))
+    progress(f"{cloud.file}: searching")
+    rows, axes = [(p.start, p.stop) for p in scan.parts], [p.axes for p in scan.parts]
+    candidates = candidates_of_cloud(scan.points_m, target, config.segment, axes, rows)
+    shown = apart(candidates, target.radius_m)[:MOST_SHOWN]
+    wheels: dict[str, np.ndarray] = {}
+    try:
+        observations, _ = observe_cloud(cloud, capture, config, fit_target, progress)
+        wheels = {one.name: one.fitted.centre_m for one in observations}
+    except InputError as error:
+        found = replace(found, status="not-named", reason=str(error))
+    judged = tuple(
+        _judged(number, one, wheels, target.radius_m, config.segment.face_match)
+        for number, one in enumerate(shown, 1)
+    )
+    return replace(found, candidates=judged)
+
+
+def _judged(
+    number: int,
+    one: Candidate,
+    wheels: dict[str, np.ndarray],
+    radius_m: float,
+    least_match: float,
+) -> ExplainedCandidate:
+    """Return a candidate with the wheel whose target it is, or why it is none."""
+    for wheel, centre_m in wheels.items():
+        if float(np.linalg.norm(one.centre_m - centre_m)) < radius_m:
+            return ExplainedCandidate(number, one, "chosen", f"the target of {wheel}", wheel)
+    if one.match < least_match:
+        short = f"match below {least_match:.2f}: it lacks the target's outline"
+        return ExplainedCandidate(number, one, "refused", short)
+    if wheels:
+        return ExplainedCandidate(number, one, "refused", "like the target, but at no wheel")
+    return ExplainedCandidate(number, one, "rival", "it has the target's outline")

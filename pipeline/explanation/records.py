@@ -1,0 +1,72 @@
+"""Records of an explanation: scans, the candidates in each, and the verdict on each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..detection import Candidate
+from ..measurement import ResidualMap
+from ..targets import Region
+from ..vectors import Array
+
+Standing = Literal["chosen", "rival", "refused"]
+
+
+@dataclass(frozen=True)
+class ExplainedCandidate:
+    """A plane that may be the target, with the verdict on it.
+
+    number: from 1, best match first. verdict: why it was taken or refused, a sentence. wheel: in a
+    cloud, the wheel that it was named, or ''.
+    """
+
+    number: int
+    candidate: Candidate
+    standing: Standing
+    verdict: str
+    wheel: str = ""
+
+
+@dataclass(frozen=True)
+class ExplainedScan:
+    """A scan, what became of it, and all that was looked at in it.
+
+    status: 'ok', or that of the failure; reason: its message. points: in the scan. sample_m: (M, 3)
+    of them, for a picture. region: of the target. best: normal (3,) of the best candidate, towards
+    the scanner or away from its back; None without. face: residuals about the best candidate, with
+    sigma_m, the noise across its plane.
+    """
+
+    name: str
+    role: str
+    file: str
+    status: str
+    reason: str
+    points: int
+    sample_m: Array
+    region: Region
+    candidates: tuple[ExplainedCandidate, ...] = ()
+    best: Array | None = None
+    face: ResidualMap | None = None
+    sigma_m: float = 0.0
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether the target, in a cloud all four, was measured."""
+        return self.status == "ok"
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Explanation of a capture. target: its description. length_unit: of the scans' coordinates."""
+
+    source: str
+    target: str
+    length_unit: str
+    scans: tuple[ExplainedScan, ...]
+
+
+NO_POINTS: Array = np.zeros((0, 3))

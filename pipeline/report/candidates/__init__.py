@@ -1,0 +1,1 @@
+"""Candidates of an explanation: pictures, text, plain data."""

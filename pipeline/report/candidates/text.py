@@ -1,0 +1,30 @@
+"""An explanation as text for the terminal."""
+
+from __future__ import annotations
+
+from ...explanation import ExplainedScan, Explanation
+from ..format.layout import aligned
+from .tree import hint_of
+
+
+def explanation_text(found: Explanation) -> str:
+    """Return each scan, what became of it, and its candidates."""
+    return "\n".join(_scan(scan, found.length_unit) for scan in found.scans)
+
+
+def _scan(scan: ExplainedScan, unit: str) -> str:
+    became = "measured" if scan.is_measured else f"{scan.status}: {scan.reason}"
+    head = f"{scan.name} ({scan.file}): {became}"
+    if not scan.candidates:
+        return head
+    heading = ("", "verdict", "centre / m", "match", "noise / mm", "points")
+    rows: list[tuple[str, ...]] = [heading]
+    for one in scan.candidates:
+        centre = ", ".join(f"{x:.3f}" for x in one.candidate.centre_m + 0.0)
+        noise = f"{one.candidate.sigma_m * 1e3:.2f}"
+        match, points = f"{one.candidate.match:.2f}", str(one.candidate.points)
+        rows.append((str(one.number), one.verdict, f"({centre})", match, noise, points))
+    lines = [head, aligned(rows, left=2)]
+    if not scan.is_measured and (hint := hint_of(scan, scan.candidates[0], unit)):
+        lines.append(f"  to choose the first: --hint {hint}, or [hints] in capture.toml")
+    return "\n".join(lines)

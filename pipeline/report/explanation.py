@@ -1,0 +1,34 @@
+"""Write an explanation to a folder: explanation.json, and two pictures of each scan."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from ..explanation import Explanation
+from .candidates.pictures import best_drawing, candidates_drawing
+from .candidates.tree import explanation_tree
+from .format.language import Translations
+from .plots.drawing_png import drawing_png
+from .plots.files import file_name
+from .write import write_files
+
+
+def write_explanation(found: Explanation, folder: Path, words: Translations) -> list[Path]:
+    """Write the explanation to `folder` and return the files; same capture, same bytes."""
+    files: dict[str, bytes] = {}
+    pictures: dict[str, list[str]] = {}
+    for scan in found.scans:
+        drawings = {
+            "candidates": candidates_drawing(scan, words),
+            "best": best_drawing(scan, words),
+        }
+        for kind, drawing in drawings.items():
+            if drawing is not None:
+                name = file_name(f"{kind}-{scan.name}", "png", files)
+                files[name] = drawing_png(drawing)
+                pictures.setdefault(scan.name, []).append(name)
+    tree = explanation_tree(found, pictures)
+    text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    files["explanation.json"] = text.encode(errors="backslashreplace")
+    return write_files(folder, files)

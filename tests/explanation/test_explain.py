@@ -1,0 +1,246 @@
+"""Explanation and hints: a refused scan shows why, and a person's choice measures it.
+
+The law: a target chosen among two measures as it does where it is the only one.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.batches import call
+from tests.support.made import RADIUS_M, read_ply, write_small_capture
+from wheelplane.capture import CaptureOptions, open_capture
+from wheelplane.config import Config
+from wheelplane.errors import InputError
+from wheelplane.explanation.explain import explain_capture
+from wheelplane.explanation.explain_cloud import SAMPLE
+from wheelplane.explanation.records import ExplainedScan
+from wheelplane.explanation.verdicts import MOST_SHOWN, apart
+from wheelplane.measure import measure_capture
+from wheelplane_synth.output.files import ply
+
+RAISED_M = 0.55
+SAME_U = 0.35  # of the same points, with a second target above them that turns no normal
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    return write_small_capture(tmp_path_factory.mktemp("plain") / "car", trials=0)
+
+
+@pytest.fixture(scope="module")
+def measured(plain):
+    return measurement(plain)
+
+
+@pytest.fixture(scope="module")
+def doubled(plain, measured, tmp_path_factory):
+    """The same capture, with the target of FL a second time above the wheel."""
+    folder = tmp_path_factory.mktemp("doubled") / "car"
+    shutil.copytree(plain, folder)
+    points, intensity = read_ply(folder / "fl.ply")
+    on = np.linalg.norm(points - centre(measured, "FL"), axis=1) < 1.02 * RADIUS_M
+    raised = points[on] + [0.0, 0.0, RAISED_M]
+    (folder / "fl.ply").write_bytes(
+        ply(np.vstack([points, raised]), np.concatenate([intensity, intensity[on]]))
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def whole(plain, tmp_path_factory):
+    """The four scans as one cloud."""
+    folder = tmp_path_factory.mktemp("whole") / "car"
+    folder.mkdir()
+    scans = [read_ply(plain / f"{wheel}.ply") for wheel in ("rr", "rl", "fr", "fl")]
+    (folder / "whole.ply").write_bytes(
+        ply(*(np.concatenate(part) for part in zip(*scans, strict=True)))
+    )
+    return folder
+
+
+def measurement(folder, **options):
+    with open_capture(folder, "disc-250", CaptureOptions(**options)) as capture:
+        return measure_capture(capture, Config())
+
+
+def explained(folder, **options):
+    with open_capture(folder, "disc-250", CaptureOptions(**options)) as capture:
+        return {scan.name: scan for scan in explain_capture(capture, Config()).scans}
+
+
+def check_shown(scan: ExplainedScan, radius_m: float = RADIUS_M):
+    """Each place once, best match first, numbered from 1."""
+    found = [one.candidate for one in scan.candidates]
+    assert len(found) <= MOST_SHOWN
+    assert apart(found, radius_m) == found
+    assert [one.number for one in scan.candidates] == list(range(1, len(found) + 1))
+    matches = [one.match for one in found]
+    assert matches == sorted(matches, reverse=True)
+
+
+def wheel(found, name):
+    return next(one for one in found.wheels if one.observation.name == name)
+
+
+def centre(found, name):
+    return wheel(found, name).observation.fitted.centre_m
+
+
+def moved(found, name, *by_m):
+    return tuple(centre(found, name) + np.array(by_m))
+
+
+def toe_and_camber(found, name):
+    """Values and standard uncertainties (2, 2), rad."""
+    of = wheel(found, name)
+    return np.array([[of.angles.toe_rad, of.u_toe_rad], [of.angles.camber_rad, of.u_camber_rad]])
+
+
+def check_alike(found, other, name):
+    (one, two) = (toe_and_camber(m, name) for m in (found, other))
+    assert np.all(np.abs(one - two)[:, 0] < SAME_U * two[:, 1])
+
+
+def test_two_targets_are_refused_and_both_are_shown(doubled, measured):
+    with pytest.raises(InputError, match="ambiguous-target"):
+        measurement(doubled)
+    found = explained(doubled)
+    assert [scan.status for scan in found.values()] == ["ok", "ok", "ok", "ambiguous-target"]
+    first, second = found["FL"].candidates[:2]
+    assert (first.standing, second.standing) == ("rival", "rival")
+    heights = sorted(one.candidate.centre_m[2] for one in (first, second))
+    assert heights[1] - heights[0] == pytest.approx(RAISED_M, abs=0.003)
+    assert found["FL"].face is not None
+    for scan in found.values():
+        check_shown(scan)
+    for name in ("RR", "RL", "FR"):
+        (best, *others) = found[name].candidates
+        np.testing.assert_allclose(best.candidate.centre_m, centre(measured, name), atol=0.003)
+        assert best.standing == "chosen"
+        assert {one.standing for one in others} <= {"refused"}
+
+
+def test_a_chosen_target_measures_as_if_it_were_the_only_one(doubled, measured):
+    found = measurement(doubled, hints={"FL": moved(measured, "FL", 0.02, 0.0, -0.03)})
+    check_alike(found, measured, "FL")
+    assert any(note.startswith("FL: The operator chose the target") for note in found.notes)
+    assert found.provenance.config["hints"]["FL"]["near_m"]
+    raised = measurement(doubled, hints={"FL": moved(measured, "FL", 0.0, 0.0, RAISED_M)})
+    assert centre(raised, "FL")[2] - centre(found, "FL")[2] == pytest.approx(RAISED_M, abs=1e-4)
+
+
+def test_a_box_hides_what_lies_outside(doubled, measured):
+    low = centre(measured, "FL") - 0.4
+    box = f"\n[hints.FL]\nbox = [{low.tolist()}, {(low + 0.8).tolist()}]\n"
+    folder = doubled.parent / "boxed"
+    shutil.copytree(doubled, folder, dirs_exist_ok=True)
+    with (folder / "capture.toml").open("a") as file:
+        file.write(box)
+    found = measurement(folder)
+    np.testing.assert_allclose(centre(found, "FL"), centre(measured, "FL"), atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("away_m", "message"),
+    [(0.3, "no-target"), (40.0, r"too-few-points\): 0 points within")],
+)
+def test_a_point_beside_all_planes_is_refused(doubled, measured, away_m, message):
+    point = moved(measured, "FL", 0.0, 0.0, -away_m)
+    with pytest.raises(InputError, match=message):
+        measurement(doubled, hints={"FL": point})
+    assert explained(doubled, hints={"FL": point})["FL"].status in message
+
+
+def test_named_wheels_of_a_cloud_are_those_of_single_scans(whole, measured):
+    hints = {name: tuple(centre(measured, name)) for name in ("RR", "RL", "FR", "FL")}
+    found = measurement(whole, hints=hints)
+    for name in hints:
+        check_alike(found, measured, name)
+    (scan,) = explained(whole, hints=hints).values()
+    assert {one.wheel for one in scan.candidates if one.standing == "chosen"} == set(hints)
+
+
+def test_a_cloud_without_a_front_is_explained(whole):
+    (scan,) = explained(whole).values()
+    assert scan.status == "not-named"
+    assert 0 < len(scan.sample_m) <= min(scan.points, SAMPLE)
+    check_shown(scan)
+    assert "the front of the vehicle is unknown" in scan.reason
+    assert [one.standing for one in scan.candidates[:4]] == ["rival"] * 4
+
+
+@pytest.mark.parametrize(
+    "way", [{"FL": "FR", "FR": "FL", "RL": "RR", "RR": "RL"}, {"FL": "FR", "FR": "FL"}]
+)
+def test_left_and_right_exchanged_are_refused(whole, measured, way):
+    hints = {
+        name: tuple(centre(measured, way.get(name, name))) for name in ("RR", "RL", "FR", "FL")
+    }
+    with pytest.raises(InputError, match="lies to the right of"):
+        measurement(whole, hints=hints)
+
+
+def test_the_command_writes_pictures_although_the_measurement_fails(doubled, tmp_path):
+    out = tmp_path / "why"
+    command = ["measure", doubled, "--target", "disc-250"]
+    ended = call(*command, "--explain", out)
+    assert ended.returncode == 2
+    assert "it has the target's outline as well, 550 mm from the best" in ended.stdout
+    tree = json.loads((out / "explanation.json").read_text())
+    assert tree["schema"] == "wheelplane/explanation/1"
+    lost = next(scan for scan in tree["scans"] if scan["name"] == "FL")
+    assert lost["status"] == "ambiguous-target"
+    assert all((out / name).read_bytes().startswith(b"\x89PNG") for name in lost["pictures"])
+    hint = lost["candidates"][0]["hint"]
+    assert f"--hint {hint}" in ended.stdout
+    again = call(*command, "--hint", hint, "--json")
+    assert again.returncode == 0
+    assert json.loads(again.stdout)["provenance"]["config"]["hints"].keys() == {"FL"}
+
+
+def test_an_unreadable_scan_is_explained_beside_the_others(plain, tmp_path):
+    folder = tmp_path / "car"
+    shutil.copytree(plain, folder)
+    (folder / "rl.ply").write_bytes(b"ply\nnot at all")
+    found = explained(folder)
+    assert [scan.status for scan in found.values()] == ["ok", "not-read", "ok", "ok"]
+    assert not found["RL"].candidates
+
+
+def test_two_runs_write_the_same_bytes(doubled, tmp_path):
+    for name in ("one", "two"):
+        call("measure", doubled, "--target", "disc-250", "--explain", tmp_path / name)
+    files = sorted(file.name for file in (tmp_path / "one").iterdir())
+    assert len(files) == 9
+    for name in files:
+        one, two = ((tmp_path / run / name).read_bytes() for run in ("one", "two"))
+        assert one == two, name
+
+
+@pytest.mark.parametrize(
+    ("hint", "message"),
+    [
+        ("FL", "write NAME=X,Y,Z"),
+        ("FL=1,2", "three numbers X,Y,Z are needed"),
+        ("XX=1,2,3", "there is no such scan"),
+    ],
+)
+def test_a_wrong_option_is_one_line(plain, hint, message):
+    ended = call("measure", plain, "--target", "disc-250", "--hint", hint)
+    assert ended.returncode == 2
+    assert message in ended.stderr
+    assert len(ended.stderr.splitlines()) == 1
+
+
+def test_residuals_about_a_candidate_are_those_of_its_plane(doubled):
+    scan = explained(doubled)["FL"]
+    residuals = scan.face.residual_m[np.isfinite(scan.face.residual_m)]
+    assert math.sqrt(float(np.mean(residuals**2))) == pytest.approx(scan.sigma_m, rel=0.25)
+    assert Path(scan.file).suffix == ".ply"
