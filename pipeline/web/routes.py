@@ -21,8 +21,8 @@ from .jobs.saving import report_file, save
 from .security import RefusedError
 from .state import PageState
 
-SHOWN_FILES = ("measurement.json", "points.bin", "comparison.json")
-SHOWN_KINDS = ("panel-", "scene-", "drawing-")
+SHOWN_FILES = ("measurement.json", "points.bin", "comparison.json", "explanation.json")
+SHOWN_KINDS = ("panel-", "scene-", "drawing-", "candidates-", "best-")
 
 
 def add_files(app: Flask, state: PageState) -> None:
@@ -59,6 +59,16 @@ def add_jobs(app: Flask, state: PageState) -> None:
             plan["kind"] = "five-point" if kind == "five-point" and source.is_file() else "capture"
             plan["options"] = options
             return jsonify(state.jobs.start("measure", plan["source"], plan).public_state)
+
+    @app.post("/api/jobs/<name>/again")
+    def again(name: str) -> Response:
+        options = choices.checked(given().get("options", {}))
+        options.pop("read_as", None)
+        return jsonify(state.jobs.again(state.jobs.found(name), options).public_state)
+
+    @app.post("/api/jobs/<name>/explain")
+    def explain(name: str) -> Response:
+        return jsonify(state.jobs.explain(state.jobs.found(name), language()).public_state)
 
     @app.post("/api/compare")
     def compare() -> Response:

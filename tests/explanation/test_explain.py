@@ -14,7 +14,12 @@ import numpy as np
 import pytest
 
 from tests.support.batches import call
-from tests.support.made import RADIUS_M, read_ply, write_small_capture
+from tests.support.made import (
+    RADIUS_M,
+    as_one_cloud,
+    with_second_target,
+    write_small_capture,
+)
 from wheelplane.capture import CaptureOptions, open_capture
 from wheelplane.config import Config
 from wheelplane.errors import InputError
@@ -23,7 +28,6 @@ from wheelplane.explanation.explain_cloud import SAMPLE
 from wheelplane.explanation.records import ExplainedScan
 from wheelplane.explanation.verdicts import MOST_SHOWN, apart
 from wheelplane.measure import measure_capture
-from wheelplane_synth.output.files import ply
 
 RAISED_M = 0.55
 SAME_U = 0.35  # of the same points, with a second target above them that turns no normal
@@ -40,17 +44,9 @@ def measured(plain):
 
 
 @pytest.fixture(scope="module")
-def doubled(plain, measured, tmp_path_factory):
+def doubled(plain, measured):
     """The same capture, with the target of FL a second time above the wheel."""
-    folder = tmp_path_factory.mktemp("doubled") / "car"
-    shutil.copytree(plain, folder)
-    points, intensity = read_ply(folder / "fl.ply")
-    on = np.linalg.norm(points - centre(measured, "FL"), axis=1) < 1.02 * RADIUS_M
-    raised = points[on] + [0.0, 0.0, RAISED_M]
-    (folder / "fl.ply").write_bytes(
-        ply(np.vstack([points, raised]), np.concatenate([intensity, intensity[on]]))
-    )
-    return folder
+    return with_second_target(plain, centre(measured, "FL"), RAISED_M)
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +54,7 @@ def whole(plain, tmp_path_factory):
     """The four scans as one cloud."""
     folder = tmp_path_factory.mktemp("whole") / "car"
     folder.mkdir()
-    scans = [read_ply(plain / f"{wheel}.ply") for wheel in ("rr", "rl", "fr", "fl")]
-    (folder / "whole.ply").write_bytes(
-        ply(*(np.concatenate(part) for part in zip(*scans, strict=True)))
-    )
+    as_one_cloud(plain, folder / "whole.ply")
     return folder
 
 

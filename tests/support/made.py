@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from scipy import stats
 
 from tests.support.paths import CONFIGS
 from wheelplane_synth.output.archive import write_capture
+from wheelplane_synth.output.files import ply
 from wheelplane_synth.parameters.parameters import Beam
 
 SALOON = CONFIGS / "vehicles" / "saloon.toml"
@@ -71,3 +73,22 @@ def read_ply(path: Path) -> tuple[np.ndarray, np.ndarray]:
 def chi_square_bounds(count: int) -> tuple[float, float]:
     low, high = stats.chi2.ppf([1e-6, 1 - 1e-6], count)
     return low, high
+
+
+def with_second_target(folder: Path, centre_m: np.ndarray, raised_m: float) -> Path:
+    """A copy beside a capture, with the target of FL a second time, above the first."""
+    doubled = folder.parent / "doubled"
+    shutil.copytree(folder, doubled)
+    points, intensity = read_ply(doubled / "fl.ply")
+    on = np.linalg.norm(points - centre_m, axis=1) < 1.02 * RADIUS_M
+    raised = points[on] + [0.0, 0.0, raised_m]
+    content = ply(np.vstack([points, raised]), np.concatenate([intensity, intensity[on]]))
+    (doubled / "fl.ply").write_bytes(content)
+    return doubled
+
+
+def as_one_cloud(folder: Path, cloud: Path) -> Path:
+    """Write the four scans of a capture as one cloud."""
+    scans = [read_ply(folder / f"{wheel}.ply") for wheel in ("rr", "rl", "fr", "fl")]
+    cloud.write_bytes(ply(*(np.concatenate(part) for part in zip(*scans, strict=True))))
+    return cloud

@@ -182,3 +182,68 @@ def test_an_upload_that_is_refused_for_now_is_kept(site):
     assert job.status_code == 200
     assert site.ended(job.json["id"])["state"] == "done"
     assert site.post("/api/measure", {"upload": upload}).status_code == 404  # it is taken
+
+
+FAIL = "say(failure={'text': 'two planes have the outline'})"
+
+
+def uploaded(site, tmp_path, name, do=FAIL):
+    """A measurement of an upload that ended, and the upload's folder."""
+    folder = tmp_path / name
+    folder.mkdir()
+    job = jobs_of(site).start("measure", name, {"do": do, "owned": str(folder)})
+    assert job.finished.wait(60)
+    return job, folder
+
+
+def test_a_failed_upload_is_measured_again_without_being_sent_again(site, tmp_path):
+    job, folder = uploaded(site, tmp_path, "car")
+    assert job.state == "failed"
+    assert folder.is_dir()
+    looked = jobs_of(site).explain(job, "en")
+    assert looked.finished.wait(60)
+    assert folder.is_dir()
+    assert looked.plan["language"] == "en"
+    again = jobs_of(site).again(job, {"hints": {"FL": (1.0, 2.0, 3.0)}})
+    assert again.finished.wait(60)
+    assert again.plan["options"] == {"hints": {"FL": (1.0, 2.0, 3.0)}}
+    assert folder.is_dir()  # it failed as well
+    with pytest.raises(RefusedError, match="no longer kept"):
+        jobs_of(site).again(job, {})
+    again.plan["do"] = "say(done=True)"
+    last = jobs_of(site).again(again, {})
+    assert last.finished.wait(60)
+    assert last.state == "done"
+    assert not folder.exists()
+    with pytest.raises(RefusedError, match="no longer kept"):
+        jobs_of(site).explain(last, "en")
+
+
+def test_an_upload_that_was_measured_is_removed(site, tmp_path):
+    job, folder = uploaded(site, tmp_path, "car", "say(done=True)")
+    assert job.state == "done"
+    assert not folder.exists()
+
+
+def test_of_many_failed_uploads_the_latest_are_kept(tmp_path):
+    made = Site(tmp_path, workers=1, waiting=2, jobs=50)
+    folders = [uploaded(made, tmp_path, f"car {number}")[1] for number in range(5)]
+    jobs_of(made).start("measure", "last", {"do": "say(done=True)"})
+    assert [folder.is_dir() for folder in folders] == [False, False, False, True, True]
+    made.close()
+
+
+def test_only_a_measurement_is_explained(site):
+    job = jobs_of(site).start("report", "car", {}, (ended(site, "say(done=True)"),))
+    assert job.finished.wait(60)
+    answer = site.post(f"/api/jobs/{job.id}/explain", {})
+    assert answer.status_code == 409
+
+
+@pytest.mark.parametrize(
+    "hints", ["FL", {"FL": "1,2"}, {"FL": "1,2,nan"}, {str(n): "1,2,3" for n in range(201)}]
+)
+def test_hints_that_are_no_points_are_refused(site, hints):
+    job = ended(site, FAIL)
+    answer = site.post(f"/api/jobs/{job.id}/again", {"options": {"hints": hints}})
+    assert answer.status_code == 400

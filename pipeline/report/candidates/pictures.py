@@ -42,6 +42,21 @@ def candidates_drawing(scan: ExplainedScan, words: Translations) -> Drawing:
     return Drawing(WIDTH, TOP + height + MARGIN, title, [*head, *marks])
 
 
+def places(scan: ExplainedScan) -> list[tuple[float, float]]:
+    """Return where each candidate lies in the picture: shares of its width and height."""
+    if not len(scan.sample_m):
+        return []
+    axes = _view(scan)
+    low, span = _frame(scan, axes)
+    scale = (WIDTH - 2 * MARGIN) / span[0]
+    height = span[1] * scale
+    whole = np.array([WIDTH, TOP + height + MARGIN])
+    centres = np.array([one.candidate.centre_m for one in scan.candidates]).reshape(-1, 3)
+    right, up = ((centres @ axes[:2].T - low) * scale).T
+    shares = np.column_stack([MARGIN + right, TOP + height - up]) / whole
+    return [(round(float(x), 4), round(float(y), 4)) for x, y in shares]
+
+
 def best_drawing(scan: ExplainedScan, words: Translations) -> Drawing | None:
     """Draw the residuals about the best candidate, None where nothing was cut out."""
     if scan.face is None or not scan.candidates:

@@ -7,6 +7,7 @@ from typing import Any
 from ... import __version__
 from ...explanation import ExplainedCandidate, ExplainedScan, Explanation
 from ...units import in_metres
+from .pictures import places
 
 SCHEMA = "wheelplane/explanation/1"
 
@@ -25,10 +26,15 @@ def explanation_tree(found: Explanation, pictures: dict[str, list[str]]) -> dict
 
 def hint_of(scan: ExplainedScan, one: ExplainedCandidate, unit: str) -> str | None:
     """Return what follows --hint to choose the candidate of a scan; None in a cloud."""
-    if scan.role == "vehicle":
-        return None
-    point = ",".join(f"{x / in_metres(1.0, unit):.4g}" for x in one.candidate.centre_m + 0.0)
-    return f"{scan.name}={point}"
+    return None if scan.role == "vehicle" else f"{scan.name}={point_of(one, unit)}"
+
+
+def point_of(one: ExplainedCandidate, unit: str) -> str:
+    """Return the candidate's centre as an option takes it: X,Y,Z in the unit of the scans."""
+    metres = in_metres(1.0, unit)
+    return ",".join(
+        f"{round(x / metres, 3 if unit == 'm' else 1):g}" for x in one.candidate.centre_m
+    )
 
 
 def _scan(scan: ExplainedScan, unit: str, pictures: list[str]) -> dict[str, Any]:
@@ -51,8 +57,10 @@ def _scan(scan: ExplainedScan, unit: str, pictures: list[str]) -> dict[str, Any]
                 "normal": one.candidate.normal.tolist(),
                 "noise_m": one.candidate.sigma_m,
                 "points": one.candidate.points,
+                "in_picture": at,
+                "point": point_of(one, unit),
                 "hint": hint_of(scan, one, unit),
             }
-            for one in scan.candidates
+            for one, at in zip(scan.candidates, places(scan), strict=True)
         ],
     }

@@ -22,6 +22,9 @@ SCALAR: dict[str, tuple[str, ...]] = {
 }
 
 
+MOST_HINTS, LONGEST_NAME = 200, 200
+
+
 def known() -> dict[str, list[str]]:
     """Return the names of targets, scanners and tolerances, and that by the vehicle model."""
     names = {
@@ -49,7 +52,9 @@ def checked(given: Any) -> dict[str, Any]:
     for key, value in given.items():
         if value in (None, ""):
             continue
-        if key in ("front", "front_point"):
+        if key == "hints":
+            options[key] = _hints(value)
+        elif key in ("front", "front_point"):
             options[key] = _vector(key, value)
         elif key not in allowed or value not in allowed[key]:
             raise RefusedError(
@@ -63,6 +68,13 @@ def checked(given: Any) -> dict[str, Any]:
 def type_of(name: str) -> str:
     """Return the media type of a file by its name."""
     return mimetypes.guess_type(name)[0] or "application/octet-stream"
+
+
+def _hints(value: Any) -> dict[str, tuple[float, float, float]]:
+    """Validate the points on targets, by the name of their scan or wheel."""
+    if not isinstance(value, dict) or len(value) > MOST_HINTS:
+        raise RefusedError(400, "hints: give X,Y,Z by the name of each scan")
+    return {str(name)[:LONGEST_NAME]: _vector("hints", point) for name, point in value.items()}
 
 
 def _vector(key: str, value: Any) -> tuple[float, float, float]:

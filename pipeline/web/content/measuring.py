@@ -46,14 +46,14 @@ def measure(plan: dict[str, Any], send: Send) -> None:
     with ExitStack() as stack:
         capture = None
         if plan["kind"] != "five-point":
-            capture = stack.enter_context(_opened(source, options, allowed))
+            capture = stack.enter_context(opened(source, options, allowed))
         model = None if capture is None else capture.vehicle_model
         tolerance = options.get("tolerance")
         limits = tolerance_for(tolerance, model, str(source)) if tolerance else None
         if capture is None:
             measurement = _five_point(source, options)
         else:
-            measurement = measure_capture(capture, _config(capture, plan), _steps(capture, send))
+            measurement = measure_capture(capture, config_of(capture, plan), steps(capture, send))
         write_results(measurement, assess(measurement, limits) if limits else None, out)
         send("ready", True)
         if capture is not None:
@@ -97,9 +97,10 @@ def _check_path(path: Path, name: str, source: Path, allowed: Path) -> None:
 
 
 @contextmanager
-def _opened(source: Path, options: dict[str, Any], allowed: Path) -> Iterator[Capture]:
+def opened(source: Path, options: dict[str, Any], allowed: Path) -> Iterator[Capture]:
+    """Open the capture at `source` with the page's options; all its files must be in `allowed`."""
     check_inside(source, allowed)
-    keys = ("length_unit", "front", "front_point", "up")
+    keys = ("length_unit", "front", "front_point", "up", "hints")
     overrides = CaptureOptions(
         **{key: options[key] for key in keys if options.get(key) is not None}
     )
@@ -110,12 +111,14 @@ def _opened(source: Path, options: dict[str, Any], allowed: Path) -> Iterator[Ca
         yield capture
 
 
-def _steps(capture: Capture, send: Send) -> Callable[[str], None]:
+def steps(capture: Capture, send: Send) -> Callable[[str], None]:
+    """Return what sends the progress of a capture, called with the name of each step."""
     done = itertools.count()
     return lambda name: send("progress", [next(done), capture.steps, name])
 
 
-def _config(capture: Capture, plan: dict[str, Any]) -> Config:
+def config_of(capture: Capture, plan: dict[str, Any]) -> Config:
+    """Return the settings of the page, with the scanner chosen or declared."""
     stated = Path(plan["config"]) if plan["config"] else None
     return with_scanner(load_config(stated), plan["options"].get("scanner") or capture.scanner)
 

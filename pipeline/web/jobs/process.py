@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 import threading
@@ -23,9 +24,10 @@ class PageJob:
     """Job and its state.
 
     folder: of its results; for a report that of its measurement. uses: jobs whose results it
-    reads. state: waiting, running, ready (results are available, points follow), done, failed,
-    cancelled. progress: steps done, number of steps, current step. failure: shown by the page.
-    note: why the points are missing. lock: of state, failure, note and process.
+    reads. plan: what its process is given. state: waiting, running, ready (results are available,
+    points follow), done, failed, cancelled. progress: steps done, number of steps, current step.
+    failure: shown by the page. note: why the points are missing. lock: of state, failure, note and
+    process.
     """
 
     id: str
@@ -33,6 +35,7 @@ class PageJob:
     name: str
     folder: Path
     uses: tuple[PageJob, ...] = field(default=(), repr=False)
+    plan: dict[str, Any] = field(default_factory=dict, repr=False)
     state: str = "waiting"
     progress: tuple[int, int, str] = (0, 0, "")
     failure: dict[str, Any] | None = None
@@ -114,6 +117,14 @@ def end(job: PageJob, state: str, failure: dict[str, Any] | None = None) -> None
 def fail(job: PageJob, text: str) -> None:
     """End the job as failed, with the reason."""
     end(job, "failed", {"text": text})
+
+
+def discard_upload(job: PageJob) -> None:
+    """Remove the upload that a job owns; it cannot be measured again from it."""
+    owned = job.plan.pop("owned", None)
+    if owned is not None:
+        job.plan["discarded"] = True
+        shutil.rmtree(owned, ignore_errors=True)
 
 
 def kill(job: PageJob) -> None:

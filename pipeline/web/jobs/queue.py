@@ -19,6 +19,7 @@ from .process import (
     LONGEST_LINE,
     SHOWN,
     PageJob,
+    discard_upload,
     end,
     fail,
     kill,
@@ -28,6 +29,8 @@ from .process import (
 )
 
 OF_ANOTHER = ("report", "table")  # tasks that write into the folder of a measurement
+LONG = ("measure", "explain")  # tasks that read scans
+KEPT_UPLOADS = 2  # of failed measurements, for another try
 
 
 class Jobs:
@@ -45,21 +48,24 @@ class Jobs:
     ) -> PageJob:
         """Queue a task.
 
-        given: plan for the process; the folder given["owned"] is removed when the job ends.
+        given: plan for the process; the folder given["owned"], an upload, is removed when the job
+        has its result; after a failure it is kept for another try, and the latest few of such.
         uses: jobs whose results it reads; of OF_ANOTHER its measurement. Raises RefusedError while
         too many jobs wait, or if a used one is no longer kept.
         """
-        is_long = task == "measure"
+        is_long = task in LONG
         with self._lock:
             for used in uses:
                 self.found(used.id)
-            alike = [job for job in self._jobs.values() if (job.task == "measure") == is_long]
+            alike = [job for job in self._jobs.values() if (job.task in LONG) == is_long]
             waiting = sum(job.state == "waiting" for job in alike)
             if waiting >= self._settings.waiting:
                 raise RefusedError(503, f"{waiting} jobs are waiting: wait for one to end")
             new = secrets.token_hex(12)
             own = self._settings.scratch / f"job-{new}"
-            job = PageJob(new, task, name, uses[0].folder if task in OF_ANOTHER else own, uses)
+            job = PageJob(
+                new, task, name, uses[0].folder if task in OF_ANOTHER else own, uses, given
+            )
             job.folder.mkdir(exist_ok=True)
             self._jobs[new] = job
         (self._pool if is_long else self._quick).submit(self._run, job, given)
@@ -85,6 +91,28 @@ class Jobs:
         if job.state not in SHOWN:
             raise RefusedError(409, f"{job.name}: no result yet")
         return job
+
+    def again(self, job: PageJob, options: dict[str, Any]) -> PageJob:
+        """Queue the measurement of a job again, with other options, from what it was given.
+
+        Raises RefusedError where that is no longer kept.
+        """
+        plan = self._kept(job)
+        new = self.start("measure", job.name, plan | {"options": options}, (job,))
+        if job.plan.pop("owned", None) is not None:
+            job.plan["discarded"] = True  # the new job owns the upload now
+        return new
+
+    def explain(self, job: PageJob, language: str) -> PageJob:
+        """Queue the explanation of a measurement. Raises RefusedError, as `again`."""
+        plan = {key: value for key, value in self._kept(job).items() if key != "owned"}
+        return self.start("explain", job.name, plan | {"language": language}, (job,))
+
+    def _kept(self, job: PageJob) -> dict[str, Any]:
+        """Return the plan of a measurement whose files are kept. Raises RefusedError."""
+        if job.task != "measure" or job.plan.get("discarded"):
+            raise RefusedError(409, f"{job.name}: its files are no longer kept: open it again")
+        return dict(job.plan)
 
     def cancel(self, job: PageJob) -> None:
         """End a job, running or waiting."""
@@ -118,6 +146,10 @@ class Jobs:
             for job in free[: max(0, len(known) - self._settings.jobs)]:
                 del self._jobs[job.id]
                 shutil.rmtree(job.folder, ignore_errors=True)
+                discard_upload(job)
+            failed = [job for job in ended if "owned" in job.plan and job.id not in read]
+            for job in failed[:-KEPT_UPLOADS]:
+                discard_upload(job)
 
     def _run(self, job: PageJob, given: dict[str, Any]) -> None:
         try:
@@ -126,8 +158,9 @@ class Jobs:
         except OSError as error:
             fail(job, f"the measuring process cannot be started ({error.strerror})")
         finally:
-            for folder in (job.scratch, *filter(None, [given.get("owned")])):
-                shutil.rmtree(folder, ignore_errors=True)
+            shutil.rmtree(job.scratch, ignore_errors=True)
+            if job.state not in ("failed", "cancelled"):
+                discard_upload(job)
             job.finished.set()
 
     def _work(self, job: PageJob, given: dict[str, Any]) -> None:

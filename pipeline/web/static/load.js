@@ -1,9 +1,15 @@
 // Step 1: upload files that are dropped or chosen, or browse for them, and measure.
 import { ServerError, ask, byId, el, follow, limits, pathOf, pause, post, send, session, t } from "./base.js";
 import { Browser } from "./browser.js";
+import { Found } from "./found.js";
 
 const BUSY = 503; // the queue is full
 const AGAIN_MS = 2000;
+const OPTIONS = /--explain DIR|--[a-z]+(?:-[a-z]+)*/g;
+const INSTEAD = {
+  "--target": "option_target", "--length-unit": "option_length_unit", "--scanner": "option_scanner",
+  "--tolerance": "option_tolerance", "--front": "option_front", "--explain DIR": "found_why", "--hint": "found_again",
+};
 const KNOWN = new RegExp(`\\.(${limits.suffixes.join("|")})$`, "i");
 
 export class Loader {
@@ -19,6 +25,7 @@ export class Loader {
         target.value = "";
       });
     }
+    this.found = new Found((job, options) => this.#again(job, options));
     session.listeners.push(() => this.#showBefore());
     byId("cancel").addEventListener("click", () => this.#cancel());
     this.#takeDrops();
@@ -85,15 +92,24 @@ export class Loader {
     }
   }
 
-  async #measure(source, name) {
+  #measure(source, name) {
+    const options = Object.fromEntries(new FormData(byId("fields")));
+    return this.#run(name, options, "/api/measure", { ...source, options });
+  }
+
+  /** Measure the capture of a failed job again, with other options. */
+  #again(job, options) {
+    return this.#run(job.name, options, `/api/jobs/${job.id}/again`, { options });
+  }
+
+  async #run(name, options, address, given) {
     this.#busy(name);
     try {
-      const options = Object.fromEntries(new FormData(byId("fields")));
-      this.job = await this.#begin({ ...source, options });
+      this.job = await this.#begin(address, given);
       byId("busy-name").textContent = this.job.name;
       if (this.cancelled) await this.#cancel();
       const ended = await follow(this.job, (job) => this.#showState(job), (state) => state !== "waiting" && state !== "running");
-      if (ended.state === "failed") this.#fail(ended.failure);
+      if (ended.state === "failed") this.#fail(ended.failure, this.#nextSteps(ended, options));
       else if (ended.state === "cancelled") this.#fail({ text: t("cancelled") });
       else this.#done(ended);
     } catch (error) {
@@ -102,11 +118,26 @@ export class Loader {
     }
   }
 
-  /** Start the measurement as soon as the queue has room. */
-  async #begin(given) {
+  /** Show every candidate in the scans of a failed job. */
+  async #explain(failed, options) {
+    this.#busy(failed.name);
+    try {
+      this.job = await this.#begin(`/api/jobs/${failed.id}/explain`, {});
+      const ended = await follow(this.job, (job) => this.#showState(job, "found_explaining"));
+      if (ended.state === "done") {
+        this.#fail(failed.failure, await this.found.show(failed, options, ended));
+      } else this.#fail(ended.failure ?? { text: t("cancelled") });
+    } catch (error) {
+      if (!(error instanceof ServerError)) throw error;
+      this.#fail({ text: error.message });
+    }
+  }
+
+  /** Start a job as soon as the queue has room. */
+  async #begin(address, given) {
     for (;;) {
       try {
-        return await post("/api/measure", given);
+        return await post(address, given);
       } catch (error) {
         if (error.status !== BUSY) throw error;
         this.#progress(null, t("waiting"));
@@ -116,10 +147,10 @@ export class Loader {
     }
   }
 
-  #showState({ state, progress: { done, total, text } }) {
+  #showState({ state, progress: { done, total, text } }, doing = "measuring") {
     if (state === "waiting") this.#progress(null, t("waiting"));
     else if (!total) this.#progress(null, t("starting"));
-    else this.#progress(done / total, t("measuring", { name: text, done: done + 1, total }));
+    else this.#progress(done / total, t(doing, { name: text, done: done + 1, total }));
   }
 
   /** Cancel the job, or, before the server has returned it, as soon as it does. */
@@ -146,12 +177,25 @@ export class Loader {
     if (byId("busy-text").textContent !== text) byId("busy-text").textContent = text;
   }
 
-  #fail(failure) {
+  /** Show a failure, and below it what can be done; the field that it names is opened. */
+  #fail(failure, more = null) {
     byId("busy").hidden = true;
     byId("load").hidden = false;
     byId("trouble").hidden = false;
-    byId("trouble").replaceChildren(el("h2", {}, t("could_not")), el("p", {}, failure.text), ...(failure.lines ? excerpt(failure) : []));
-    byId("trouble").focus();
+    const { text, field } = inWordsOfThePage(failure.text);
+    byId("trouble").replaceChildren(el("h2", {}, t("could_not")), el("p", {}, text), ...(failure.lines ? excerpt(failure) : []), more ?? "");
+    const input = field && byId("fields").elements[field];
+    if (input) input.closest("details").open = true;
+    (input ?? byId("trouble")).focus();
+  }
+
+  /** Buttons after a failure: what was found in the scans, and another try with the options as they are then. */
+  #nextSteps(failed, options) {
+    if (failed.failure.lines) return null;
+    const again = () => this.#again(failed, { ...options, ...Object.fromEntries(new FormData(byId("fields"))) });
+    return el("p", { class: "buttons" },
+      el("button", { type: "button", id: "why", onclick: () => this.#explain(failed, options) }, t("found_why")),
+      el("button", { type: "button", id: "retry", onclick: again }, t("retry")));
   }
 
   #done(job) {
@@ -159,6 +203,13 @@ export class Loader {
     session.add(job);
     this.onResult(job);
   }
+}
+
+/** The text of a failure with the page's fields in place of options, and the field that it names first. */
+function inWordsOfThePage(text) {
+  const found = text.match(OPTIONS) ?? [];
+  const words = text.replace(OPTIONS, (option) => (INSTEAD[option] ? `“${t(INSTEAD[option])}”` : option));
+  return { text: words, field: INSTEAD[found[0]]?.match(/^option_(.*)/)?.[1] };
 }
 
 /** Lines of the file around the error. */

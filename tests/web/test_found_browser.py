@@ -1,0 +1,148 @@
+"""A failed measurement in a real browser: what was found is seen, and the target chosen."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.support.layout import check_layout
+from tests.support.made import as_one_cloud, with_second_target, write_small_capture
+from tests.web.test_web_browser import (  # noqa: F401 - browser is a fixture
+    CHROMIUM,
+    Visit,
+    browser,
+    serving,
+)
+from wheelplane.capture import open_capture
+from wheelplane.config import Config
+from wheelplane.measure import measure_capture
+
+WHEELS = ("RR", "RL", "FR", "FL")
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not CHROMIUM.exists(), reason=f"there is no {CHROMIUM}, the browser that these tests drive"
+    ),
+]
+
+
+@pytest.fixture(scope="module")
+def centres(tmp_path_factory, folder):
+    with open_capture(folder / "car") as capture:
+        found = measure_capture(capture, Config())
+    return {one.observation.name: one.observation.fitted.centre_m for one in found.wheels}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("allowed")
+    write_small_capture(place / "car", trials=0)
+    return place
+
+
+@pytest.fixture(scope="module")
+def address(folder, centres, tmp_path_factory):
+    with_second_target(folder / "car", centres["FL"], 0.55)
+    as_one_cloud(folder / "car", folder / "whole.ply")
+    with serving(folder, tmp_path_factory.mktemp("scratch")) as made:
+        yield made
+
+
+@pytest.fixture
+def visit(browser, address, request):  # noqa: F811
+    made = Visit(browser, address, **getattr(request, "param", {}))
+    yield made
+    made.context.close()
+    assert made.faults == []
+
+
+def found(visit, name, **fields):
+    """The page with what was found in a capture that cannot be measured."""
+    page = visit.open()
+    page.wait_for_selector("#browser .items")
+    if fields:
+        page.locator(".options summary").click()
+        for field, value in fields.items():
+            page.locator(f"#fields [name={field}]").select_option(value)
+    page.locator("#browser button", has_text=name).first.click()
+    page.locator("#why").click()
+    page.wait_for_selector(".looked .picture img")
+    page.wait_for_function(
+        "[...document.querySelectorAll('.looked .scan img')]"
+        ".every((img) => !img.checkVisibility() || img.naturalWidth)"
+    )
+    return page
+
+
+@pytest.mark.parametrize(
+    "visit",
+    [{"viewport": {"width": width, "height": 844}} for width in (390, 1024, 1440)],
+    indirect=True,
+)
+def test_the_candidates_are_seen_on_every_screen(visit, request):
+    page = found(visit, "doubled")
+    assert "ambiguous-target" in page.locator("#trouble").inner_text()
+    assert page.locator(".looked > article.scan").count() == 1
+    assert page.locator(".looked details article.scan").count() == 3
+    check_layout(page, "#trouble")
+    visit.check_with_axe()
+
+
+def test_a_target_is_chosen_in_the_picture_and_measured(visit):
+    page = found(visit, "doubled")
+    page.locator("#again").click()
+    assert "Choose a candidate first" in page.locator(".looked [role=status]").inner_text()
+    page.locator(".looked > article .spot").nth(1).click()
+    assert page.locator("#found-FL-2").is_checked()
+    page.locator(".looked > article .spot").nth(0).click()
+    page.locator("#again").click()
+    page.wait_for_selector("#result:not([hidden]) table.angles")
+    assert "The operator chose the target" in page.locator("#result").inner_text()
+
+
+def test_a_target_is_chosen_by_keyboard(visit):
+    page = found(visit, "doubled")
+    page.locator("#found-FL-1").focus()
+    page.keyboard.press("Space")
+    page.locator("#again").focus()
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#result:not([hidden]) table.angles")
+
+
+def test_the_wheels_of_a_cloud_are_named(visit, centres):
+    page = found(visit, "whole.ply", target="disc-250")
+    tree = page.evaluate(
+        "async () => (await fetch(document.querySelector('.looked img').src.replace(/[^/]+$/, "
+        "'explanation.json'))).json()"
+    )
+    (scan,) = tree["scans"]
+    page.locator("#again").click()
+    assert "all four wheels" in page.locator(".looked [role=status]").inner_text()
+    for name, centre in centres.items():
+        near = min(
+            scan["candidates"],
+            key=lambda one: sum((a - b) ** 2 for a, b in zip(one["centre_m"], centre, strict=True)),
+        )
+        page.locator(f"#found-vehicle-{near['number']}").select_option(name)
+    page.locator("#again").click()
+    page.wait_for_selector("#result:not([hidden]) table.angles")
+    rows = page.locator("table.angles tbody tr")
+    assert [rows.nth(i).locator("th").inner_text() for i in range(4)] == list(WHEELS)
+
+
+def test_a_failure_names_the_field_of_the_page_and_opens_it(visit):
+    page = visit.open()
+    page.wait_for_selector("#browser .items")
+    page.locator("#browser button", has_text="whole.ply").click()
+    page.wait_for_selector("#retry")
+    text = page.locator("#trouble").inner_text()
+    assert "add “Target”" in text
+    assert "--target" not in text.split("for example")[0]
+    assert page.evaluate("document.activeElement.name") == "target"
+    page.locator("#fields [name=target]").select_option("disc-250")
+    page.locator("#fields [name=front]").fill("0,0,1")
+    page.locator("#retry").click()
+    page.wait_for_selector("#why")  # the next thing that is missing, or wrong
+    assert "Forward direction" in page.locator("#trouble").inner_text()
+    assert page.evaluate("document.activeElement.name") == "front"
+    visit.check_with_axe()
