@@ -163,6 +163,7 @@ def test_what_is_not_known_is_refused(wanted):
 RISE_M = 0.003
 
 
+@pytest.mark.slow
 def test_three_millimetres_of_loaded_radius_are_seven_minutes_of_camber(tmp_path):
     """A car in its bay, whose left tyres lift their wheels 3 mm more."""
     saloon = (CONFIGS / "vehicles" / "saloon.toml").read_text()

@@ -467,6 +467,7 @@ def test_five_points_of_a_faultless_total_station_are_a_pentagon_on_the_face(tmp
         assert sides == pytest.approx(2 * 0.088 * np.sin(np.pi / 5), abs=2e-6)
 
 
+@pytest.mark.slow
 def test_five_points_err_along_the_line_of_sight_as_set(tmp_path):
     values = COARSE | {"grid.half_width_m": 0.02, "total_station.aiming_sigma_m": 0.0}
     scanner = changed(DEFAULT, tmp_path, values)

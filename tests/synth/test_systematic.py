@@ -112,6 +112,7 @@ def test_a_scan_is_reported_at_the_measured_ranges_and_angles(tmp_path):
     assert stated["calibration"] == terms
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("whole", [False, True])
 def test_a_station_is_misplaced_as_a_rigid_body_by_what_the_truth_states(tmp_path, whole):
     values = {"registration": {"shift_sigma_m": 0.001, "turn_sigma_arcsec": 60.0}}

@@ -122,6 +122,7 @@ def capture(tmp_path_factory):
     return folder / "capture"
 
 
+@pytest.mark.slow
 def test_from_files_to_axes(capture):
     shown = json.loads((capture / "truth.json").read_text())
     with open_capture(capture) as opened:

@@ -147,6 +147,7 @@ def test_a_hidden_pentagon_is_not_made_up():
         pick_five(patch, evidence, DISC, RING, np.random.default_rng(0))
 
 
+@pytest.mark.slow
 def test_planes_of_picked_points_differ_as_stated():
     squares = []
     for seed in range(40):

@@ -105,6 +105,7 @@ def by_command(site, *arguments):
 # The same results as the command's
 
 
+@pytest.mark.slow
 def test_what_is_saved_is_what_the_command_finds_in_the_same_files(site, job, rows):
     answer = saved(site, job, rows, "first", certificate=CERTIFICATE)
     assert answer.status_code == 200, answer.json
