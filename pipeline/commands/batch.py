@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import signal
 import sys
-from contextlib import ExitStack
+import threading
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -53,6 +54,12 @@ MOST_SHOWN = 3
     help="Print what the runs on RESULTS have done, are at, and how fast, from any machine.",
 )
 @click.option(
+    "--metrics",
+    metavar="FILE|PORT",
+    help="State of the runs as OpenMetrics, for Prometheus: in FILE, renewed every 5 s, or at "
+    "http://127.0.0.1:PORT/metrics; HOST:PORT for other machines. With --status without a run.",
+)
+@click.option(
     "--why",
     metavar="NAME",
     help="Print the status, reason, inputs and log of a capture in RESULTS.",
@@ -94,10 +101,7 @@ def batch(archive: str | None, results: str | None, resume: bool, **options: Any
     if archive is None and options["retry"] is not None:  # it follows --retry, which takes no value
         archive, options["retry"] = options["retry"], "failed"
     if options["watched"] is not None:
-        from ..batch.operation.run_state import states_text
-        from ..batch.storage.store import open_store
-
-        click.echo(states_text(open_store(options["watched"])))
+        _show_status(options["watched"], options["metrics"])
         return 0
     if results is None:
         raise click.UsageError("Missing option '-o' / '--output': a folder or URL for the results")
@@ -111,9 +115,27 @@ def batch(archive: str | None, results: str | None, resume: bool, **options: Any
     return _measure(archive, results, resume, options)
 
 
+def _show_status(results: str, metrics: str | None) -> None:
+    """Print the state of the runs; serve it as metrics until Ctrl-C where --metrics is a port."""
+    from ..batch.operation.metrics import metrics_at
+    from ..batch.operation.run_state import states_text
+    from ..batch.storage.store import open_store
+
+    store = open_store(results)
+    click.echo(states_text(store))
+    if metrics is None:
+        return
+    with metrics_at(store, metrics) as where:
+        click.echo(f"metrics: {where}")
+        if where.startswith("http:"):
+            with suppress(KeyboardInterrupt):
+                threading.Event().wait()
+
+
 def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) -> int:
     """Measure an archive, and print what was done."""
     from ..batch.catalogue.catalogue import open_catalogue
+    from ..batch.operation.metrics import metrics_at
     from ..batch.plan.shard import ALL, read_shard
     from ..batch.run.progress import RunReport, progress_listener
     from ..batch.run.run import Batch
@@ -137,6 +159,8 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
         log = stack.enter_context(_log(options["log"])) if options["log"] else None
         to = open_store(request.results)
         part = f"{shard.k}/{shard.n}"
+        if options["metrics"]:
+            stack.enter_context(metrics_at(to, options["metrics"]))
         report = stack.enter_context(RunReport(shown, to, engine, part, log))
         work = Batch(request, engine, scratch, report, shard)
         try:
