@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 import click
 
-from ..config import load_config
+from ..config import load_config, read_toml
 from ..errors import InputError
 from ..web.settings import GIB, Endpoint, PageSettings
 from .options import config_option
@@ -25,6 +25,13 @@ from .options import config_option
     "without SOURCE, the current folder.",
 )
 @config_option
+@click.option(
+    "--own",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Folder with your own files in targets, scanners and tolerances, which the page offers by "
+    "name, and settings.toml, which is used as with --config.",
+)
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
@@ -63,6 +70,7 @@ def view(
     source: Path | None,
     folders: tuple[Path, ...],
     config: Path | None,
+    own: Path | None,
     port: int,
     host: str,
     socket: Path | None,
@@ -86,7 +94,9 @@ def view(
             raise InputError(f"{folder}: no such folder: check the path")
     if source is not None and not source.exists():
         raise InputError(f"{source}: no such file or folder: check the path")
+    config = config or settings_of(own)
     load_config(config)  # a fault of it is reported before the page opens
+    check_own(own)
     allowed, start_at = opened(source, folders) if source else (folders or (Path.cwd(),), "")
     settings = PageSettings(
         folders=allowed,
@@ -95,10 +105,42 @@ def view(
         seconds=time_limit,
         memory_bytes=int(memory_limit * GIB),
         config=None if config is None else config.resolve(),
+        own=None if own is None else own.resolve(),
     )
     endpoint = Endpoint(host, port, socket)
     serve(settings, endpoint, start_at, not no_browser, click.echo)
     return 0
+
+
+SETTINGS = "settings.toml"
+
+
+def settings_of(own: Path | None) -> Path | None:
+    """Return the settings in the folder of the user's files, if there are any."""
+    found = None if own is None else own / SETTINGS
+    return found if found is not None and found.is_file() else None
+
+
+def check_own(own: Path | None) -> None:
+    """Raise InputError or ConfigError for a folder, or a file in it, that the page cannot offer."""
+    from ..measurement import load_tolerance
+    from ..targets import load_target
+    from ..web.content.choices import KINDS, own_files
+
+    if own is None:
+        return
+    files = {kind: own_files(own, kind) for kind in KINDS}
+    if not own.is_dir() or not (any(files.values()) or settings_of(own)):
+        raise InputError(
+            f"{own}: holds none of {', '.join(f'{kind}/*.toml' for kind in KINDS)} and no "
+            f"{SETTINGS}: check the path"
+        )
+    for path in files["targets"].values():
+        load_target(str(path))
+    for path in files["tolerances"].values():
+        load_tolerance(str(path))
+    for path in files["scanners"].values():
+        read_toml(path)
 
 
 def opened(source: Path, folders: tuple[Path, ...]) -> tuple[tuple[Path, ...], str]:

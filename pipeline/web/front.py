@@ -103,6 +103,6 @@ def _page(state: PageState) -> str:
         data=data,
         key=state.guard.key,
         languages=[load_translations(name) for name in LANGUAGES],
-        choices=choices.known(),
+        choices=choices.known(state.settings.own),
         version=__version__,
     )

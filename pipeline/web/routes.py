@@ -53,7 +53,7 @@ def add_jobs(app: Flask, state: PageState) -> None:
     @app.post("/api/measure")
     def measure() -> Response:
         asked = given()
-        options = choices.checked(asked.get("options", {}))
+        options = choices.checked(asked.get("options", {}), state.settings.own)
         with _source(state, asked) as (source, plan):
             kind = options.pop("read_as", None) or kind_of_file(source)
             plan["kind"] = "five-point" if kind == "five-point" and source.is_file() else "capture"
@@ -62,7 +62,7 @@ def add_jobs(app: Flask, state: PageState) -> None:
 
     @app.post("/api/jobs/<name>/again")
     def again(name: str) -> Response:
-        options = choices.checked(given().get("options", {}))
+        options = choices.checked(given().get("options", {}), state.settings.own)
         options.pop("read_as", None)
         return jsonify(state.jobs.again(state.jobs.found(name), options).public_state)
 

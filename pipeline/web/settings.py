@@ -25,7 +25,8 @@ class PageSettings:
     folders: the page reads and saves only here. scratch: own folder for uploads and results.
     upload_bytes, upload_files: limits of one upload. seconds, memory_bytes: limits of one
     measuring process. jobs: number of results kept. waiting: number of measurements that may wait.
-    config: settings file (TOML) of measurements, and of who issues reports and certificates.
+    config: settings file (TOML) of measurements, and of who issues reports and certificates. own:
+    folder with the user's targets, scanners and tolerances, which the page offers.
     """
 
     folders: tuple[Path, ...]
@@ -37,4 +38,5 @@ class PageSettings:
     jobs: int = 40
     waiting: int = 16
     config: Path | None = None
+    own: Path | None = None
     workers: int = 1 if (os.cpu_count() or 1) < 4 else 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import mimetypes
+from pathlib import Path
 from typing import Any
 
 from ...config import config_folder
@@ -22,32 +23,43 @@ SCALAR: dict[str, tuple[str, ...]] = {
 }
 
 
+KINDS = ("targets", "scanners", "tolerances")
+NAMED = {"target": "targets", "scanner": "scanners", "station": "scanners"} | {
+    "tolerance": "tolerances"
+}
 MOST_HINTS, LONGEST_NAME = 200, 200
 
 
-def known() -> dict[str, list[str]]:
-    """Return the names of targets, scanners and tolerances, and that by the vehicle model."""
-    names = {
-        kind: sorted(path.stem for path in (config_folder() / kind).glob("*.toml"))
-        for kind in ("targets", "scanners", "tolerances")
-    }
+def known(own: Path | None = None) -> dict[str, list[str]]:
+    """Return the names of targets, scanners and tolerances, and that by the vehicle model.
+
+    own: folder of the user's files, whose names come first.
+    """
+    names = {kind: [*own_files(own, kind), *_shipped(own, kind)] for kind in KINDS}
     return names | {"tolerances": [BY_MODEL, *names["tolerances"]]}
 
 
-def checked(given: Any) -> dict[str, Any]:
+def own_files(own: Path | None, kind: str) -> dict[str, Path]:
+    """Return the user's files of a kind by name; they stand for shipped ones of the same name."""
+    found = [] if own is None else sorted((own / kind).glob("*.toml"))
+    return {path.stem: path for path in found}
+
+
+def _shipped(own: Path | None, kind: str) -> list[str]:
+    names = {path.stem for path in (config_folder() / kind).glob("*.toml")}
+    return sorted(names - own_files(own, kind).keys())
+
+
+def checked(given: Any, own: Path | None = None) -> dict[str, Any]:
     """Validate the options of a measurement: known names and finite numbers, no paths.
 
+    own: folder of the user's files; a name of one is replaced by its path.
     Raises RefusedError for any other.
     """
     if not isinstance(given, dict):
         raise RefusedError(400, "the options are not a JSON object")
-    names = known()
-    allowed = SCALAR | {
-        "target": tuple(names["targets"]),
-        "scanner": tuple(names["scanners"]),
-        "station": tuple(names["scanners"]),
-        "tolerance": tuple(names["tolerances"]),
-    }
+    names = known(own)
+    allowed = SCALAR | {option: tuple(names[kind]) for option, kind in NAMED.items()}
     options: dict[str, Any] = {}
     for key, value in given.items():
         if value in (None, ""):
@@ -61,7 +73,8 @@ def checked(given: Any) -> dict[str, Any]:
                 400, f"{str(key)[:40]}: {str(value)[:60]!r} is not an available choice"
             )
         else:
-            options[key] = value
+            files = own_files(own, NAMED[key]) if key in NAMED else {}
+            options[key] = str(files[value]) if value in files else value
     return options
 
 
