@@ -82,7 +82,11 @@ def add_jobs(app: Flask, state: PageState) -> None:
 
     @app.get("/api/jobs")
     def measured() -> Response:
-        return jsonify(jobs=[job.public_state for job in state.jobs.measured()])
+        running = state.jobs.running()
+        return jsonify(
+            jobs=[job.public_state for job in state.jobs.measured()],
+            running=None if running is None else running.public_state,
+        )
 
     @app.get("/api/jobs/<name>")
     def standing(name: str) -> Response:

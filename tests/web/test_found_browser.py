@@ -67,10 +67,7 @@ def found(visit, name, **fields):
     page.locator("#browser button", has_text=name).first.click()
     page.locator("#why").click()
     page.wait_for_selector(".looked .picture img")
-    page.wait_for_function(
-        "[...document.querySelectorAll('.looked .scan img')]"
-        ".every((img) => !img.checkVisibility() || img.naturalWidth)"
-    )
+    page.wait_for_load_state("networkidle")
     return page
 
 
@@ -146,3 +143,27 @@ def test_a_failure_names_the_field_of_the_page_and_opens_it(visit):
     assert "Forward direction" in page.locator("#trouble").inner_text()
     assert page.evaluate("document.activeElement.name") == "front"
     visit.check_with_axe()
+
+
+def test_a_result_is_at_its_address_after_a_reload(visit):
+    visit.open()
+    page = visit.measure("car")
+    address = page.evaluate("location.hash")
+    assert address.startswith("#result=")
+    page.reload()
+    page.wait_for_selector("#result:not([hidden]) table.angles")
+    assert page.evaluate("location.hash") == address
+    page.get_by_role("button", name="Measure another").click()
+    assert page.evaluate("location.hash") == "#measure"
+    assert page.locator("#load").is_visible()
+
+
+def test_a_reload_finds_the_running_measurement_again(visit):
+    page = visit.open()
+    page.wait_for_selector("#browser .items")
+    page.locator("#browser button", has_text="car").first.click()
+    page.locator("#busy-text", has_text="Measuring").wait_for()
+    page.reload()
+    page.wait_for_selector("#busy:not([hidden])")
+    assert page.locator("#busy-name").inner_text() == "car"
+    page.wait_for_selector("#result:not([hidden]) table.angles")

@@ -78,6 +78,13 @@ class Jobs:
             known = list(self._jobs.values())
         return [job for job in known[::-1] if job.task == "measure" and job.state in SHOWN]
 
+    def running(self) -> PageJob | None:
+        """Return the latest measurement that is at work or waits."""
+        with self._lock:
+            known = list(self._jobs.values())
+        at_work = (job for job in known[::-1] if job.task == "measure")
+        return next((job for job in at_work if job.state in ("waiting", "running")), None)
+
     def found(self, name: str) -> PageJob:
         """Return the job of that id. Raises RefusedError."""
         job = self._jobs.get(name)

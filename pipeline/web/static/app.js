@@ -7,8 +7,8 @@ import { Result } from "./result.js";
 
 const VIEWS = ["measure", "compare", "archive"];
 
-const result = new Result(() => { loader.reset(); step(1); }, step);
-const loader = new Loader((job) => result.show(job), (place) => { location.hash = `#archive=${place.root}/${place.path}`; });
+const result = new Result(() => { history.replaceState(null, "", "#measure"); loader.reset(); step(1); }, step);
+const loader = new Loader((job) => show(job), (place) => { location.hash = `#archive=${place.root}/${place.path}`; });
 const archive = new Archive(byId("archive"));
 new Comparer();
 
@@ -18,6 +18,12 @@ function step(number) {
     if (i + 1 === number) item.setAttribute("aria-current", "step");
     else item.removeAttribute("aria-current");
   }
+}
+
+/** Show a result at its address, which a reload and the language keep. */
+function show(job) {
+  history.replaceState(null, "", `#result=${job.id}`);
+  return result.show(job);
 }
 
 /** `#open=0/path` measures at once, `#archive=0/path` browses results, `#result=id` shows an earlier
@@ -36,10 +42,7 @@ function route() {
     loader.open({ root: Number(root), path, name: path });
   }
   const before = name === "result" && session.jobs.find(({ id }) => id === place);
-  if (before) {
-    history.replaceState(null, "", "#measure");
-    result.show(before);
-  }
+  if (before && before.id !== result.job?.id) result.show(before);
   if (view === "archive") archive.show(root === undefined ? null : { root: Number(root), path });
 }
 
@@ -50,4 +53,4 @@ byId("language").addEventListener("change", async ({ target }) => {
 });
 addEventListener("hashchange", route);
 document.documentElement.lang = language;
-session.start().catch(() => {}).finally(route); // if the server does not respond, the list of folders reports it
+session.start().catch(() => {}).finally(() => { route(); if (session.running) loader.resume(session.running); }); // if the server does not respond, the list of folders reports it

@@ -107,9 +107,11 @@ export async function follow(job, onState, until = (state) => ["done", "failed",
 /** Measurements since the program was started, the latest first. */
 export const session = {
   jobs: [],
+  running: null, // the measurement that this page found at work when it was opened
   listeners: [],
   async start() {
-    this.jobs = (await ask("/api/jobs")).jobs;
+    const { jobs, running } = await ask("/api/jobs");
+    Object.assign(this, { jobs, running });
     for (const listener of this.listeners) listener();
   },
   add(job) {

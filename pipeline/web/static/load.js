@@ -94,18 +94,23 @@ export class Loader {
 
   #measure(source, name) {
     const options = Object.fromEntries(new FormData(byId("fields")));
-    return this.#run(name, options, "/api/measure", { ...source, options });
+    return this.#run(name, options, null, "/api/measure", { ...source, options });
   }
 
   /** Measure the capture of a failed job again, with other options. */
   #again(job, options) {
-    return this.#run(job.name, options, `/api/jobs/${job.id}/again`, { options });
+    return this.#run(job.name, options, null, `/api/jobs/${job.id}/again`, { options });
   }
 
-  async #run(name, options, address, given) {
+  /** Go on with a measurement that was at work when the page was opened. */
+  resume(job) {
+    return this.#run(job.name, {}, job);
+  }
+
+  async #run(name, options, job, address, given) {
     this.#busy(name);
     try {
-      this.job = await this.#begin(address, given);
+      this.job = job ?? await this.#begin(address, given);
       byId("busy-name").textContent = this.job.name;
       if (this.cancelled) await this.#cancel();
       const ended = await follow(this.job, (job) => this.#showState(job), (state) => state !== "waiting" && state !== "running");
