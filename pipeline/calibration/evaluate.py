@@ -25,7 +25,7 @@ from .records import (
     QuantityResult,
 )
 from .reference import Reference, joint_effects, reference_of
-from .scatter import Scatter, scatter_of
+from .scatter import RESOLUTION, Scatter, scatter_of
 
 NEGLIGIBLE = 1e-9  # share of a variance that a budget leaves out
 Level = tuple[str, str]  # series and operator
@@ -245,7 +245,9 @@ def _contributions(budget: Budget, index: int) -> tuple[Contribution, ...]:
 def _verdict(kind: str, name: str, error: Estimate, mpe: float, rule: DecisionRule) -> Verdict:
     """Decide whether an error is within the maximum permissible one."""
     unit = QUANTITIES[kind].unit
-    what = Quantity(kind, name, None, unit, error.value, error.u, dof=error.dof)
+    what = Quantity(
+        kind, name, None, unit, error.value, error.u, dof=error.dof, uniform=error.uniform
+    )
     interval = ToleranceInterval(-mpe, mpe)
     alone = rule.model_copy(update={"rule": "simple"}) if rule.rule == "shared" else rule
     found = decide(what, interval, alone)
@@ -321,4 +323,5 @@ def _change(before: CalibrationPoint, after: CalibrationPoint) -> Estimate:
     u = math.sqrt(math.fsum(share.u**2 for share in shares))
     fourths = math.fsum(share.u**4 / share.dof for share in shares)
     dof = u**4 / fourths if fourths > 0.0 else math.inf
-    return Estimate(after.error.value - before.error.value, u, dof)
+    rounding = max((share.u for share in shares if share.name == RESOLUTION), default=0.0)
+    return Estimate(after.error.value - before.error.value, u, dof, u_uniform=rounding)

@@ -195,7 +195,7 @@ def power(size: float, known: Estimate) -> float:
     """Return the probability that an estimate of an error of this size exceeds its U."""
     if not known.u > 0.0:
         return 1.0
-    return power_of_t(abs(size) / known.u, CONFIDENCE, known.dof)
+    return power_of_t(abs(size) / known.u, CONFIDENCE, known.dof, known.uniform)
 
 
 def _repeats(kind: str, plan: Plan, item: Item, reference: Reference, wanted: float) -> int | None:

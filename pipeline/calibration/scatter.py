@@ -94,7 +94,7 @@ def mean_effects(
     """
     points = len(spread)
     own = math.sqrt(rounding_variance(deviation, resolution))
-    rounding = Effect(RESOLUTION, own * np.eye(points), math.inf, False)
+    rounding = Effect(RESOLUTION, own * np.eye(points), math.inf, False, uniform=True)
     if between is None:
         factor = np.diag(deviation * np.sqrt(spread))
         return [Effect(REPEATABILITY, factor, dof, False), rounding]
@@ -111,10 +111,10 @@ def difference_effects(
     spread: Array, deviation: float, dof: float, resolution: float
 ) -> list[Effect]:
     """Return the effects of readings on P differences of directions; spread: of these."""
-    own = math.sqrt(2.0 * rounding_variance(deviation, resolution))
+    own = math.sqrt(rounding_variance(deviation, resolution)) * np.eye(len(spread))
     return [
         Effect(REPEATABILITY, np.diag(deviation * np.sqrt(spread)), dof, False),
-        Effect(RESOLUTION, own * np.eye(len(spread)), math.inf, False),
+        Effect(RESOLUTION, np.hstack([own, -own]), math.inf, False, uniform=True),
     ]
 
 

@@ -2,7 +2,7 @@
 
 Given a result y with standard uncertainty u, the true value is distributed as N(y, u^2): a normal
 distribution, without prior knowledge of the vehicle. Where u has few degrees of freedom, Student's
-t distribution replaces the normal.
+t distribution replaces the normal; where a part of u is rectangular, its convolution with that.
 - probability of conformity p = Phi((upper - y)/u) - Phi((lower - y)/u);
 - conforming: p >= confidence, so y keeps a guard band g from each limit; g = k u with
   k = Phi^-1(confidence) where the other limit is far, more where it is within some 6 u; no y is
@@ -188,10 +188,10 @@ def decide(quantity: Quantity, interval: ToleranceInterval | None, tolerance: De
     if interval is None or y is None or u is None or not (math.isfinite(y) and math.isfinite(u)):
         reason = quantity.reason or "its value or its uncertainty is not known"
         return Verdict(quantity, interval, "undecided", reason=reason)
-    dof = quantity.dof
-    g, k = guard_band(u, interval, tolerance, dof), _one_sided(tolerance, dof)
+    shape = quantity.dof, quantity.uniform
+    g, k = guard_band(u, interval, tolerance, *shape), _one_sided(tolerance, *shape)
     outer = k * u
-    inside, outside = probabilities(y, u, interval, dof)
+    inside, outside = probabilities(y, u, interval, *shape)
     if g is not None and interval.lower + g <= y <= interval.upper - g:
         return Verdict(quantity, interval, "conform", g, inside, outside, factor=k)
     if y <= interval.lower - outer or y >= interval.upper + outer:
@@ -199,51 +199,59 @@ def decide(quantity: Quantity, interval: ToleranceInterval | None, tolerance: De
     side = "lower" if y - interval.lower < interval.upper - y else "upper"
     reason = f"nearer to the {side} limit than its uncertainty allows"
     if g is None:
-        needed = _text(interval.width / (2.0 * _two_sided(tolerance, dof)), quantity.unit)
+        needed = _text(interval.width / (2.0 * _two_sided(tolerance, *shape)), quantity.unit)
         reason = f"u is too large for this tolerance: it must be {needed} or less"
     return Verdict(quantity, interval, "undecided", g, inside, reason=reason, factor=k)
 
 
 def probabilities(
-    y: float, u: float, interval: ToleranceInterval, dof: float = math.inf
+    y: float, u: float, interval: ToleranceInterval, dof: float = math.inf, uniform: float = 0.0
 ) -> tuple[float, float]:
-    """Return the probability p of conformity, and 1 - p, each precise where it is tiny."""
+    """Return the probability p of conformity, and 1 - p, each precise where it is tiny.
+
+    uniform: share of a rectangular part in u.
+    """
     if u == 0.0:
         inside = float(interval.lower <= y <= interval.upper)
         return inside, 1.0 - inside
     below, above = (interval.lower - y) / u, (y - interval.upper) / u
-    inside = tail(max(below, above), dof) - tail(-min(below, above), dof)
-    return inside, tail(-below, dof) + tail(-above, dof)
+    inside = tail(max(below, above), dof, uniform) - tail(-min(below, above), dof, uniform)
+    return inside, tail(-below, dof, uniform) + tail(-above, dof, uniform)
 
 
 def guard_band(
-    u: float, interval: ToleranceInterval, tolerance: Deciding, dof: float = math.inf
+    u: float,
+    interval: ToleranceInterval,
+    tolerance: Deciding,
+    dof: float = math.inf,
+    uniform: float = 0.0,
 ) -> float | None:
     """Return the least distance from both limits at which p >= confidence; None if there is none.
 
     Between k u, for the tail beyond the near limit, and the two-sided k u, reached in the middle.
     """
     if u == 0.0 or tolerance.rule == "simple" or math.isinf(interval.width):
-        return _one_sided(tolerance, dof) * u
-    low, high = _one_sided(tolerance, dof), _two_sided(tolerance, dof)
+        return _one_sided(tolerance, dof, uniform) * u
+    low, high = _one_sided(tolerance, dof, uniform), _two_sided(tolerance, dof, uniform)
     width = interval.width / u
     if width < 2.0 * high:
         return None
     for _ in range(BISECTIONS):
         middle = (low + high) / 2.0
-        if tail(middle, dof) + tail(width - middle, dof) > 1.0 - tolerance.confidence:
+        beyond = tail(middle, dof, uniform) + tail(width - middle, dof, uniform)
+        if beyond > 1.0 - tolerance.confidence:
             low = middle
         else:
             high = middle
     return high * u
 
 
-def _one_sided(tolerance: Deciding, dof: float) -> float:
-    return quantile(tolerance.confidence, dof) if tolerance.rule == "guarded" else 0.0
+def _one_sided(tolerance: Deciding, dof: float, uniform: float) -> float:
+    return quantile(tolerance.confidence, dof, uniform) if tolerance.rule == "guarded" else 0.0
 
 
-def _two_sided(tolerance: Deciding, dof: float) -> float:
-    return quantile((1.0 + tolerance.confidence) / 2.0, dof)
+def _two_sided(tolerance: Deciding, dof: float, uniform: float) -> float:
+    return quantile((1.0 + tolerance.confidence) / 2.0, dof, uniform)
 
 
 def _text(value: float, unit: Unit) -> str:

@@ -22,8 +22,9 @@ def estimate(value: float, slope: Array, effects: Sequence[Effect], u_own: float
     shares = [np.atleast_1d(np.sum((slope @ effect.factor) ** 2)) for effect in effects]
     total = np.sum(np.stack(shares), axis=0) + u_own**2
     dof = effective_dof(effects, shares, total)
-    known = tuple(effects)
-    return Estimate(value, math.sqrt(float(total[0])), float(dof[0]), slope, known, u_own)
+    known, u = tuple(effects), math.sqrt(float(total[0]))
+    rectangles = [float(np.max(np.abs(slope @ e.factor))) for e in effects if e.uniform]
+    return Estimate(value, u, float(dof[0]), slope, known, u_own, max(rectangles, default=0.0))
 
 
 def weighted_sum(terms: Sequence[tuple[float, Estimate]]) -> Estimate:

@@ -149,6 +149,7 @@ class Quantity:
     subject: name of the wheel or trial, or "vehicle". reason: why it was not measured. dof: degrees
     of freedom of u. inner_rad: angle of the inner wheel, of toe-out on turns. source: its row in
     the measurement's covariance, or the estimate that it is, by which it covaries with others.
+    uniform: share of a rectangular part in u.
     """
 
     name: str
@@ -161,6 +162,7 @@ class Quantity:
     dof: float = math.inf
     inner_rad: float | None = None
     source: int | Estimate | None = None
+    uniform: float = 0.0
 
 
 def turned_quantity(measurement: Measurement, name: str, wheel: str) -> Quantity:

@@ -19,7 +19,7 @@ from ..uncertainty import (
     MonteCarlo,
     UncertainTarget,
     UncertaintyComponent,
-    coverage_factor,
+    quantile,
 )
 from ..vectors import Array
 from ..vehicle import VehicleFrame, WheelAngles
@@ -30,6 +30,7 @@ AxleStatus = Literal["ok", "too-few-positions", "turn-too-small", "no-axis", "mo
 ToeOutStatus = Literal["ok", "too-few-pairs", "not-reached"]
 VerticalKind = Literal["wheels", "floor", "gravity"]
 FrameThrough = Literal["axle centres", "axle and plate centres", "plate centres"]
+LEAST_UNIFORM = 0.1  # share of a rectangle in u, below which k changes by less than 5e-6
 
 
 @dataclass(frozen=True)
@@ -195,7 +196,8 @@ class Estimate:
     """A value with its standard uncertainty and degrees of freedom; radians or metres.
 
     slope: (K,) derivatives by the inputs on which `effects` act, so that estimates of one vehicle
-    add up with their covariance (estimates.py). u_own: part of u that no input causes.
+    add up with their covariance (estimates.py). u_own: part of u that no input causes. u_uniform:
+    standard uncertainty of its largest rectangular part; the others count as normal.
     """
 
     value: float
@@ -204,11 +206,21 @@ class Estimate:
     slope: Array = field(default_factory=lambda: np.zeros(0), repr=False, compare=False)
     effects: tuple[Effect, ...] = field(default=(), repr=False, compare=False)
     u_own: float = field(default=0.0, repr=False, compare=False)
+    u_uniform: float = field(default=0.0, repr=False, compare=False)
 
     @property
     def expanded(self) -> float:
-        """Expanded uncertainty k u, half the 95 % interval, k by Student's t."""
-        return float(coverage_factor(LEVEL, np.array([self.dof]))[0]) * self.u
+        """Expanded uncertainty k u, half the 95 % interval.
+
+        k by Student's t; by its convolution with a rectangle where one is a part of u.
+        """
+        return quantile(0.5 + LEVEL / 2.0, self.dof, self.uniform) * self.u
+
+    @property
+    def uniform(self) -> float:
+        """Share of its rectangular part in u; 0 below which it does not change k."""
+        share = self.u_uniform / self.u if self.u > 0.0 else 0.0
+        return min(share, 1.0) if share > LEAST_UNIFORM else 0.0
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,9 @@ import numpy as np
 from ..vectors import Array
 
 DRAWS = 20_000
+BISECTIONS = 60
+RECTANGLE_NODES = 200
+NORMAL_DOF = 1e6  # from which Student's t is normal to eight digits
 BOX_BLOCKS = 10
 NODES = 40  # of Gauss's rule
 MOST_STEPS, CONVERGED = 60, 1e-14
@@ -68,8 +71,14 @@ def _peak_of_angle(dof: float) -> float:
     return math.sqrt(half / math.pi) * (1.0 - (1.0 - third / (16.0 * half)) / (8.0 * half))
 
 
-def tail(x: float, dof: float = math.inf) -> float:
-    """Return the probability that Student's t, standard normal for inf, exceeds x."""
+def tail(x: float, dof: float = math.inf, uniform: float = 0.0) -> float:
+    """Return the probability that Student's t, standard normal for inf, exceeds x.
+
+    uniform: of a quantity of which a rectangular part has this share, 0 to 1, of the standard
+    uncertainty u, x in units of u: `_tail_of_sum`.
+    """
+    if uniform > 0.0:
+        return _tail_of_sum(x, dof, uniform)
     if math.isinf(dof):
         return math.erfc(x / math.sqrt(2.0)) / 2.0
     from scipy.special import stdtr
@@ -85,13 +94,59 @@ def tails(x: Array, dof: Array) -> Array:
     return np.asarray(np.where(finite, stdtr(np.where(finite, dof, 1.0), -x), ndtr(-x)))
 
 
-def quantile(probability: float, dof: float = math.inf) -> float:
-    """Return the quantile of Student's t, standard normal for inf."""
+def quantile(probability: float, dof: float = math.inf, uniform: float = 0.0) -> float:
+    """Return the quantile of Student's t, standard normal for inf; uniform: as of `tail`."""
+    if uniform > 0.0:
+        return _quantile_of_sum(probability, dof, uniform)
     if math.isinf(dof):
         return NormalDist().inv_cdf(probability)
     from scipy.special import stdtrit
 
     return float(stdtrit(dof, probability))
+
+
+def _tail_of_sum(x: float, dof: float, uniform: float) -> float:
+    """Return the probability that a sum of a rectangular and a t variable exceeds x.
+
+    The rectangle has the standard deviation `uniform` and half the width a, the rest the scale
+    s = sqrt(1 - uniform^2); dof: effective ones of the sum, of which s^4 are those of the rest. The
+    tail of the rest, averaged over the rectangle: s/(2 a) times the integral of it over t from
+    (x - a)/s to (x + a)/s. Source: JCGM 101:2008, 5.10; EA-4/02, S9.14 and S10.
+    """
+    own, scale = _rest(dof, uniform)
+    half = math.sqrt(3.0) * uniform
+    ends = [_tail_integral((x + side) / scale, own) for side in (-half, half)]
+    return min(1.0, max(0.0, scale / (2.0 * half) * (ends[1] - ends[0])))
+
+
+def _rest(dof: float, uniform: float) -> tuple[float, float]:
+    """Return degrees of freedom and scale of what is not rectangular in a sum."""
+    scale = math.sqrt(max(1e-12, 1.0 - uniform**2))
+    own = dof * scale**4
+    return (own if own < NORMAL_DOF else math.inf), scale
+
+
+def _tail_integral(t: float, dof: float) -> float:
+    """Return the integral of the tail of Student's t up to t, less a constant."""
+    if math.isinf(dof):
+        density = math.exp(-(t**2) / 2.0) / math.sqrt(2.0 * math.pi)
+        return t * tail(t) - density
+    if abs(dof - 1.0) < 1e-9:
+        return t * tail(t, dof) + math.log1p(t**2) / (2.0 * math.pi)
+    log_peak = math.lgamma((dof + 1.0) / 2.0) - math.lgamma(dof / 2.0) - math.log(math.pi * dof) / 2
+    density = math.exp(log_peak - (dof + 1.0) / 2.0 * math.log1p(t**2 / dof))
+    return t * tail(t, dof) - (dof + t**2) / (dof - 1.0) * density
+
+
+def _quantile_of_sum(probability: float, dof: float, uniform: float) -> float:
+    low, high = 0.0, 1.0
+    side = min(probability, 1.0 - probability)
+    while _tail_of_sum(high, dof, uniform) > side:
+        high *= 2.0
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if _tail_of_sum(middle, dof, uniform) > side else (low, middle)
+    return math.copysign(high, probability - 0.5)
 
 
 def chi_square_beyond(value: float, dof: int) -> float:
@@ -144,17 +199,20 @@ def f_sum_limits(level: float, counts: Sequence[int], dofs: Sequence[float]) -> 
     return float(low), float(high)
 
 
-def power_of_t(shift: float, level: float, dof: float = math.inf) -> float:
+def power_of_t(shift: float, level: float, dof: float = math.inf, uniform: float = 0.0) -> float:
     """Return the power of a two-sided t-test of `level` for `shift` >= 0 standard errors.
 
-    Rejections on the side of the shift count.
+    Rejections on the side of the shift count. uniform: as of `tail`.
     """
-    limit = quantile(0.5 + level / 2.0, dof)
-    if math.isinf(dof):
-        return tail(limit - shift)
+    limit = quantile(0.5 + level / 2.0, dof, uniform)
+    own, scale = _rest(dof, uniform)
+    if math.isinf(own):
+        return tail(limit - shift, dof, uniform)
     from scipy.special import nctdtr
 
-    return float(1.0 - nctdtr(dof, shift, limit))
+    middles = (np.arange(RECTANGLE_NODES) + 0.5) / RECTANGLE_NODES
+    inside = math.sqrt(3.0) * uniform * (2.0 * middles - 1.0)
+    return float(np.mean(1.0 - nctdtr(own, (shift + inside) / scale, limit / scale)))
 
 
 def power_of_f(noncentrality: float, level: float, count: int, dof: float = math.inf) -> float:

@@ -140,12 +140,16 @@ def estimates_of(effects: Sequence[Effect]) -> list[object]:
 
 @dataclass(frozen=True)
 class Effect:
-    """A component as it acts on all W targets at once: factor (6 W, k)."""
+    """A component as it acts on all W targets at once: factor (6 W, k).
+
+    uniform: whether each of its k independent variables is rectangular; else normal or Student's t.
+    """
 
     name: str
     factor: Array
     dof: float
     pooled: bool
+    uniform: bool = False
 
 
 def effects_of(targets: Sequence[UncertainTarget]) -> list[Effect]:

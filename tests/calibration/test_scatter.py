@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from wheelplane.calibration.scatter import rounding_variance, scatter_of
+from wheelplane.measurement import estimate
+from wheelplane.uncertainty import Effect
 
 
 def cells(values):
@@ -88,3 +90,27 @@ def test_hysteresis_is_the_mean_difference_of_directions():
     )
     u = math.sqrt(np.sum((effects[0].factor.T @ np.full(6, 1 / 6)) ** 2))
     assert u == pytest.approx(found.deviation * math.sqrt(2.0 / 36.0))
+
+
+@pytest.mark.parametrize("own", [0.0, 0.1, 0.3])
+def test_u_of_rounded_readings_covers_95_percent_of_all_phases(own):
+    """A machine without scatter, own: u of the reference in steps; k is that of the convolution."""
+    phases, rng = 4000, np.random.default_rng(4)
+    true = (np.arange(phases) + 0.5) / phases
+    shown = np.round(true) - true + own * rng.standard_normal(phases)
+    effects = scatter_of([[[[1.0, 1.0, 1.0]]]]).effects(1.0)
+    effects.append(Effect("reference", np.array([[own]]), math.inf, False))
+    found = estimate(0.0, np.ones(1), effects)
+    spread = 2.6 * math.sqrt(0.95 * 0.05 / phases)
+    assert np.mean(np.abs(shown) <= found.expanded) == pytest.approx(0.95, abs=spread)
+    k = found.expanded / found.u
+    assert 0.95 * math.sqrt(3.0) * (1 - 1e-9) <= k < 1.94
+    if own < 0.2:
+        assert np.mean(np.abs(shown) <= 1.96 * found.u) > 0.95 + 2 * spread
+
+
+def test_the_hysteresis_of_one_point_has_two_rectangles():
+    _, effects = scatter_of([[[[1.0, 1.0], [2.0, 2.0]]]]).hysteresis(1.0)
+    found = estimate(1.0, np.ones(1), effects)
+    assert found.u == pytest.approx(math.sqrt(2.0 / 12.0))
+    assert found.expanded == pytest.approx((1.0 - math.sqrt(0.05)) * 1.0, rel=0.01)  # triangle

@@ -293,6 +293,20 @@ def test_few_degrees_of_freedom_widen_the_guard_band(dof):
     assert verdict.probability == pytest.approx(stats.t.cdf(1.3, dof), rel=1e-12)
 
 
+@pytest.mark.parametrize("share", [0.5, 0.95, 1.0])
+def test_a_rectangle_in_u_narrows_the_guard_band_to_the_stated_risk(share):
+    """True values at the limit, errors of a rectangle and a normal part: 5 % are accepted."""
+    rng, interval = np.random.default_rng(8), ToleranceInterval(-30.0, 0.0)
+    count = 100_000
+    errors = math.sqrt(3.0) * share * rng.uniform(-1.0, 1.0, count)
+    errors += math.sqrt(1.0 - share**2) * rng.standard_normal(count)
+    g = guard_band(1.0, interval, GUARDED, uniform=share)
+    assert np.mean(errors <= -g) == pytest.approx(0.05, abs=0.0025)
+    verdict = decide(replace(quantity(-1.3), uniform=share), interval, GUARDED)
+    assert verdict.probability == pytest.approx(np.mean(errors < 1.3), abs=0.005)
+    assert verdict.factor == pytest.approx(g, rel=1e-6)
+
+
 # --- what is degenerate -------------------------------------------------------------------------
 
 

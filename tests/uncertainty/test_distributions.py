@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import integrate, stats
 
 from wheelplane.uncertainty.distributions import (
     binomial_tail,
@@ -155,3 +155,42 @@ def test_limits_of_a_sum_of_f_keep_their_level():
     low, high = f_sum_limits(0.95, [8, 8, 5], [8.5, 14.0, math.inf])
     for limit, level in ((low, 0.025), (high, 0.975)):
         assert np.mean(total < limit) == pytest.approx(level, abs=5 * 0.0012)
+
+
+@pytest.mark.parametrize("own", [1.0, 2.0, 6.5, math.inf])
+@pytest.mark.parametrize("share", [0.2, 0.7, 0.99])
+def test_a_sum_with_a_rectangle_has_the_tails_of_the_convolution(own, share):
+    """The tail of Student's t averaged over the rectangle by scipy's quadrature."""
+    scale, half = math.sqrt(1.0 - share**2), math.sqrt(3.0) * share
+    dof = own / scale**4
+    for x in (0.3, 1.0, 1.9, 4.0):
+        averaged, _ = integrate.quad(
+            lambda r, x=x: student(own).sf((x - r) / scale) / (2.0 * half),
+            -half, half, points=[min(half, x)], epsrel=1e-11,
+        )  # fmt: skip
+        assert tail(x, dof, share) == pytest.approx(averaged, rel=1e-7)
+        assert tail(-x, dof, share) == pytest.approx(1.0 - averaged, rel=1e-7)
+    k = quantile(0.975, dof, share)
+    assert tail(k, dof, share) == pytest.approx(0.025, rel=1e-9)
+    assert quantile(0.025, dof, share) == pytest.approx(-k)
+    assert abs(k - quantile(0.975, dof)) > 1e-4
+
+
+def test_a_rectangle_alone_has_k_of_1_65_and_none_that_of_students_t():
+    assert quantile(0.975, math.inf, 1.0) == pytest.approx(0.95 * math.sqrt(3.0), rel=1e-6)
+    assert quantile(0.975, 7.0, 0.0) == pytest.approx(stats.t.ppf(0.975, 7.0))
+    # Two alike, one of them counted as normal: EA-4/02, S9.14 has 1.90 for the triangle.
+    assert quantile(0.975, math.inf, math.sqrt(0.5)) == pytest.approx(1.902, rel=0.01)
+
+
+@pytest.mark.parametrize("own", [4.0, math.inf])
+def test_power_with_a_rectangle_is_the_rate_of_detection(own):
+    rng, count, share, shift = np.random.default_rng(3), 200_000, 0.8, 2.0
+    scale = math.sqrt(1.0 - share**2)
+    drawn = np.sqrt(rng.chisquare(own, count) / own) if math.isfinite(own) else 1.0
+    seen = scale * rng.standard_normal(count) + math.sqrt(3.0) * share * rng.uniform(-1, 1, count)
+    dof = own / scale**4
+    power = power_of_t(shift, 0.95, dof, share)
+    rate = np.mean(shift + seen > quantile(0.975, dof, share) * drawn)
+    assert power == pytest.approx(rate, abs=0.005 if math.isinf(own) else 0.06)
+    assert abs(power_of_t(shift, 0.95) - rate) > 0.01

@@ -207,7 +207,10 @@ def _adjustment(one: Adjustment) -> dict[str, Any]:
 
 
 def _estimate(known: Estimate | None, unit: Unit) -> dict[str, Any] | None:
-    """Return value, u, degrees of freedom (null: infinite), k and U of an estimate."""
+    """Return value, u, degrees of freedom (null: infinite), k and U of an estimate.
+
+    rectangular_share: of the resolution in the variance, as it makes k less than Student's t.
+    """
     if known is None:
         return None
     k = known.expanded / known.u if known.u > 0.0 else None
@@ -216,6 +219,7 @@ def _estimate(known: Estimate | None, unit: Unit) -> dict[str, Any] | None:
         **_of("u", known.u, unit),
         "dof": _known(known.dof),
         "k": k,
+        "rectangular_share": known.uniform**2,
         **_of("expanded_95", known.expanded, unit),
     }
 

@@ -19,6 +19,7 @@ from ..format.language import Translations
 from ..format.writer import Columns, Table, Writer
 from .conformity import decided
 
+NOTED = 0.5  # share of a rectangle in u from which k of 1.96 becomes 1.95 or less
 STATES = {"as found": "found", "as left": "left"}
 
 
@@ -159,7 +160,8 @@ def shown_lines(result: QuantityResult, writer: Writer) -> list[str]:
         place = math.floor(math.log10(max(line.sensitivity.expanded, 1e-9))) - 1
         value = rounded(line.sensitivity.value, place, "")
         spread = rounded(line.sensitivity.expanded, place, "")
-        parts = {"value": words.number(value), "expanded": words.number(spread)}
+        parts = {"value": words.number(value), "expanded": words.number(spread),
+                 "k": _factor(line.sensitivity, words)}  # fmt: skip
         lines.append(words("calibration.sensitivity", **parts))
     if line.linearity is not None:
         lines.append(
@@ -175,6 +177,7 @@ def shown_lines(result: QuantityResult, writer: Writer) -> list[str]:
         lines.append(words("calibration.fits", probability=writer.share(line.fits)))
     if result.hysteresis is not None:
         lines.append(_stated("hysteresis", result.hysteresis, result, writer))
+    lines += _rectangles(result, writer)
     size, dof = writer.size(result.repeatability, unit), result.dof_repeatability
     lines.append(words("calibration.repeatability", value=size, dof=dof))
     if result.reproducibility is not None:
@@ -188,7 +191,25 @@ def _stated(
     key: str, known: Estimate, result: QuantityResult, writer: Writer, **parts: object
 ) -> str:
     value, expanded = signed(known, result, writer), writer.size(known.expanded, result.unit)
-    return writer.words(f"calibration.{key}", value=value, expanded=expanded, **parts)
+    k = _factor(known, writer.words)
+    return writer.words(f"calibration.{key}", value=value, expanded=expanded, k=k, **parts)
+
+
+def _rectangles(result: QuantityResult, writer: Writer) -> list[str]:
+    """Return in words why k is less than Student's t: at the point of the largest rectangle."""
+    point = max(result.points, key=lambda one: one.error.uniform)
+    name = point_name(point.point, result.quantity, writer.words)
+    found = [("rectangle", point.error), ("rectangle_hysteresis", result.hysteresis)]
+    return [
+        writer.words(
+            f"calibration.{key}",
+            k=_factor(known, writer.words),
+            share=writer.share(known.uniform**2),
+            point=name,
+        )
+        for key, known in found
+        if known is not None and known.uniform > NOTED
+    ]
 
 
 def anova_table(study: GaugeRR, result: QuantityResult, writer: Writer) -> Table:
