@@ -37,6 +37,8 @@ class Capture:
     the method that finds `up`. date: in ISO 8601, if declared. vehicle_model: if declared. reading:
     what the scans do not say. verticals: the floor's normal and gravity, as far as they are stated.
     hints: the operator's decisions, by the name of an entry, for a cloud of a wheel or 'vehicle'.
+    folder: that holds its files, unpacked if they came in an archive. within: folder that they must
+    lie in, if they were not unpacked.
     """
 
     source: str
@@ -53,6 +55,8 @@ class Capture:
     reading: ReadOptions = AS_THE_FILE_SAYS
     verticals: tuple[StatedVertical, ...] = ()
     hints: Mapping[str, Hint] = field(default_factory=dict)
+    folder: Path = Path()
+    within: Path | None = None
 
     @property
     def steps(self) -> int:
@@ -89,12 +93,13 @@ NO_OPTIONS = CaptureOptions()
 
 @dataclass(frozen=True)
 class _Opened:
-    """Declaration of a capture, its name in messages, the folder of its files, and its scans."""
+    """Declaration of a capture, its name in messages, its folder, its scans, and their limit."""
 
     declared: CaptureFile
     where: str
     folder: Path
     scans: tuple[ScanEntry, ...]
+    within: Path | None
 
 
 @contextmanager
@@ -130,6 +135,8 @@ def open_capture(
             hints=hints_of(
                 declared.hints, options.hints, found.scans, declared.length_unit, found.where
             ),
+            folder=found.folder,
+            within=found.within,
         )
 
 
@@ -175,7 +182,7 @@ def _opened(
             declared = declared.model_copy(update={"length_unit": length_unit})
         folder = location if location.is_dir() else location.parent
         scans = scans_of(declared, folder, where, packed=packed, within=within)
-        yield _Opened(declared, where, folder, scans)
+        yield _Opened(declared, where, folder, scans, None if packed else within)
 
 
 def _front(found: _Opened, options: CaptureOptions, source: Path) -> Front | None:

@@ -156,6 +156,26 @@ def test_files_that_belong_together_are_asked_for(archive):
         assert str(archive) not in one["error"]
 
 
+@pytest.mark.parametrize("form", ["zip", "tar", "gztar"])
+def test_an_archive_is_calibrated_as_its_folder_is(archive, tmp_path, form):
+    """Packed with its folder and without it; a faulty table is named without any path."""
+    (tmp_path / "bays").mkdir()
+    for name in ("2026-01-15", "2026-04-15"):
+        source = archive / "bays" / name
+        root, base = (source.parent, name) if form == "tar" else (source, None)
+        shutil.make_archive(str(tmp_path / "bays" / name), form, root, base)
+    assert run(batch, tmp_path / "bays", "-o", tmp_path / "results").return_value == 0
+    suffix = {"zip": ".zip", "tar": ".tar", "gztar": ".tar.gz"}[form]
+    packed = trees(tmp_path)
+    found = packed[f"2026-01-15{suffix}"]["calibration"]
+    folder = trees(archive)["2026-01-15"]["calibration"]
+    assert found["quantities"] == folder["quantities"]
+    assert found["readings"] == folder["readings"]
+    assert found["item"]["serial"] == "7"
+    error = packed[f"2026-04-15{suffix}"]["calibration"]["error"]
+    assert error == trees(archive)["2026-04-15"]["calibration"]["error"]
+
+
 def test_what_is_no_calibration_is_said_so():
     assert calibration_row(None) is None
     for tree in ({}, [], 3, {"item": 1}, {"item": {"serial": "7"}, "quantities": [{}]}):

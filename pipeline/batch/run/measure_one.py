@@ -13,7 +13,7 @@ from typing import Any
 
 from ... import __version__
 from ...calibration import Reference, calibrate_file, load_item
-from ...capture import check_inside, open_capture
+from ...capture import Capture, check_inside, open_capture
 from ...config import with_scanner
 from ...errors import WheelplaneError
 from ...five_point import read_five_point
@@ -74,13 +74,12 @@ def measure_bytes(subject: Subject) -> Result:
     Raises TransientError and MemoryError, which are not due to the capture, and nothing else.
     """
     try:
-        measurement = _measure(subject)
+        measurement, calibration = _measure(subject)
         outcome = Outcome("ok" if measurement.complete else "part")
         tree = to_tree(measurement)
         tree["batch"] = _batch(subject, outcome, tree["date"])
-        if subject.kind == "folder" and has_machine(subject.source):
-            date = {"date": tree["batch"]["date"]}
-            tree["calibration"] = _calibration(measurement, subject) | date
+        if calibration is not None:
+            tree["calibration"] = calibration | {"date": tree["batch"]["date"]}
         return Result(_bytes(tree, subject), outcome)
     except Exception as error:
         _raise_foreign(error, subject)
@@ -127,7 +126,8 @@ def failed(subject: Subject, outcome: Outcome, log: str) -> Result:
     return Result(_bytes(tree, subject), outcome, log)
 
 
-def _measure(subject: Subject) -> Measurement:
+def _measure(subject: Subject) -> tuple[Measurement, dict[str, Any] | None]:
+    """Return a capture's measurement, and the calibration by a machine's files beside its scans."""
     settings = subject.settings
     if subject.kind == "five-point":
         check_inside(subject.archive, subject.source, subject.source.name, str(subject.source))
@@ -139,28 +139,34 @@ def _measure(subject: Subject) -> Measurement:
             angle_unit=settings.angle_unit,
             azimuth=settings.azimuth,
         )
-        return measure_five_point(points, settings.station, settings.radius_m)
+        return measure_five_point(points, settings.station, settings.radius_m), None
     with open_capture(subject.source, settings.target, settings.options, subject.archive) as opened:
         named = None if settings.scanner else opened.scanner
         measurement = measure_capture(opened, with_scanner(settings.config, named))
-    return replace(measurement, provenance=replace(measurement.provenance, source=subject.name))
+        origin = replace(measurement.provenance, source=subject.name)
+        measurement = replace(measurement, provenance=origin)
+        return measurement, _calibration(measurement, opened, subject)
 
 
-def _calibration(measurement: Measurement, subject: Subject) -> dict[str, Any]:
+def _calibration(
+    measurement: Measurement, opened: Capture, subject: Subject
+) -> dict[str, Any] | None:
     """Return the calibration by the machine's files in the capture's folder, as plain data.
 
-    With an "error" in the place of results where the files cannot be used.
+    None without such files; with an "error" in the place of results where they cannot be used.
     """
-    item = None
+    item, folder = None, opened.folder
+    if subject.kind == "cloud" or not has_machine(folder):
+        return None
     try:
-        item_path, readings_path = machine_files(subject.source, subject.archive)
+        item_path, readings_path = machine_files(folder, opened.within)
         item_file = load_item(item_path)
         item = {"serial": item_file.item.serial}
         return calibration_tree(calibrate_file([Reference(measurement)], item_file, readings_path))
     except Exception as error:
         _raise_foreign(error, subject)
         known = isinstance(error, WheelplaneError)
-        reason = in_words(error, subject.source) if known else _reason(error)
+        reason = in_words(error, folder) if known else _reason(error)
         return {"schema": CALIBRATION_SCHEMA, "item": item, "error": reason}
 
 
