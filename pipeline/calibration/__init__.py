@@ -9,6 +9,7 @@ from .forms.quantities import QUANTITIES, units_of
 from .forms.readings import COLUMNS, DIRECTIONS, STATES, Reading, Readings, State, read_texts
 from .forms.table_file import FaultyTableError
 from .forms.template import ITEM_FORM, readings_form
+from .forms.wording import Fault, Wording
 from .gauge_rr import AnovaRow, GaugeRR
 from .plan import CalibrationPlan, Detection, QuantityPlan, plan_calibration
 from .planned_bay import planned_reference
@@ -44,6 +45,7 @@ __all__ = [
     "DecisionRule",
     "Detection",
     "DirectionMean",
+    "Fault",
     "FaultyTableError",
     "GaugeRR",
     "Item",
@@ -58,6 +60,7 @@ __all__ = [
     "Reference",
     "ReferenceRecord",
     "State",
+    "Wording",
     "by_series",
     "calibrate",
     "calibrate_file",

@@ -13,6 +13,7 @@ from .forms.item import ItemFile
 from .forms.quantities import QUANTITIES
 from .forms.readings import STATES, Reading, Readings, WhyNot, read_readings, sound_readings
 from .forms.table_file import Faults
+from .forms.wording import Fault, Wording
 from .records import Calibration, QuantityResult, ReferenceRecord
 from .reference import Reference, reference_of
 
@@ -32,7 +33,7 @@ def calibrate(
 
 def calibrate_unfinished(
     references: Sequence[Reference], item_file: ItemFile, path: Path
-) -> tuple[Calibration, tuple[str, ...]]:
+) -> tuple[Calibration, tuple[Fault, ...]]:
     """Evaluate the points at `path` that are read completely; return also every fault of the file.
 
     Of a quantity, the points are evaluated that were read in each series and direction that it has.
@@ -94,7 +95,11 @@ def why_not_of(references: Sequence[Reference], item_file: ItemFile) -> WhyNot:
         reference = reference_of(references, series)
         if reference is None:
             known = ", ".join(str(one.series) for one in references)
-            return f"series {series!r} has no reference: those given are of series {known}"
+            return Wording(
+                "series {series} has no reference: those given are of series {known}",
+                series=repr(series),
+                known=known,
+            )
         found = reference.value(kind, point, item_file.item)
         return found if isinstance(found, str) else ""
 

@@ -14,6 +14,7 @@ from .forms.item import DecisionRule, Item
 from .forms.quantities import QUANTITIES
 from .forms.readings import Reading
 from .forms.table_file import Faults
+from .forms.wording import Wording
 from .gauge_rr import GaugeRR, gauge_rr
 from .line import characteristic
 from .records import (
@@ -27,6 +28,14 @@ from .records import (
 from .reference import Reference, joint_effects, reference_of
 from .scatter import RESOLUTION, Scatter, scatter_of
 
+UNREAD = (
+    "{kind}, {state}: point {point} has no reading in {where}: enter it, or leave out the other "
+    "readings of {where}"
+)
+NOT_REPEATED = (
+    "{kind}, {state}: no reading is repeated, so that its repeatability is not known: read each "
+    "point twice or more"
+)
 NEGLIGIBLE = 1e-9  # share of a variance that a budget leaves out
 Level = tuple[str, str]  # series and operator
 Budget = Sequence[tuple[Origin, Effect]]
@@ -124,22 +133,34 @@ def _incomplete(
     faults: Faults,
 ) -> bool:
     """Note what a quantity lacks; return whether it lacks anything."""
-    what = f"{readings[0].quantity}, {readings[0].state}"
+    kind, state = readings[0].quantity, readings[0].state
     before = len(faults.found)
     for i, point in enumerate(points):
         for k, level in enumerate(levels):
             for d, way in enumerate(ways):
                 if not cells[i][k][d]:
-                    where = f"{_label(level, levels)}{f', {way}' if way else ''}"
-                    fact = f"{what}: point {point} has no reading in {where}: enter it, or leave "
-                    faults.add(None, None, f"{fact}out the other readings of {where}")
+                    fact = Wording(
+                        UNREAD,
+                        kind=kind,
+                        state=state,
+                        point=point,
+                        where=_where(*level, way),
+                    )
+                    faults.add(None, None, fact)
     alone = all(len(cell) == 1 for row in cells for level in row for cell in level)
     if alone and len(levels) == 1:
-        faults.add(
-            None, None, f"{what}: no reading is repeated, so that its repeatability is not known: "
-            "read each point twice or more"
-        )  # fmt: skip
+        faults.add(None, None, Wording(NOT_REPEATED, kind=kind, state=state))
     return len(faults.found) > before
+
+
+def _where(series: str, operator: str, way: str) -> Wording:
+    """Return a series, its operator and a direction in words."""
+    return Wording(
+        "series {series}{operator}{way}",
+        series=series,
+        operator=f", {operator}" if operator else "",
+        way=Wording(f", {way}") if way else "",
+    )
 
 
 def _label(level: Level, levels: Sequence[Level]) -> str:

@@ -22,6 +22,7 @@ from ..vehicle import VEHICLE, WHEEL, linearise, named
 from .forms.item import Item, ItemQuantity
 from .forms.quantities import AXLES, QUANTITIES, TURNS
 from .forms.quantities import VEHICLE as WHOLE
+from .forms.wording import Wording
 
 ROLES = ("reference", "trial")
 
@@ -91,10 +92,21 @@ class Reference:
         fixed = {"axle": AXLES, "vehicle": WHOLE, "turn": TURNS}.get(subject, ())
         if subject != "wheel" and point not in fixed:
             pair = ", or two targets such as 1+2" * (kind == "total_toe")
-            return f"{point!r} is no point of {kind}: write {' or '.join(fixed)}{pair}"
+            choices = f"{' or '.join(fixed)}{pair}"
+            return Wording(
+                "{point} is no point of {kind}: write {choices}",
+                point=repr(point),
+                kind=kind,
+                choices=choices,
+            )
         if subject == "wheel" and point not in self.wheels:
             known = ", ".join(self.wheels)
-            return f"{point!r} is no wheel or trial of {self.source}: known are {known}"
+            return Wording(
+                "{point} is no wheel or trial of {source}: known are {known}",
+                point=repr(point),
+                source=self.source,
+                known=known,
+            )
         if kind in ("caster", "sai"):
             return self._swept(kind, point)
         if kind == "toe_out_on_turns":

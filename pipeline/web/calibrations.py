@@ -34,7 +34,7 @@ def add_calibrations(app: Flask, state: PageState) -> None:
             raise RefusedError(415, f"{file[:100]}: not a table of readings: give CSV or XLSX")
         if request.content_length is None or request.content_length > TABLE_BYTES:
             raise RefusedError(413, f"{file[:100]}: larger than {TABLE_BYTES >> 20} MB")
-        return jsonify(rows=table_rows(state.jobs, job, request.get_data(), file))
+        return jsonify(rows=table_rows(state.jobs, job, request.get_data(), file, language()))
 
     @app.post("/api/jobs/<name>/calibration/save")
     def save_calibration(name: str) -> Response:

@@ -38,8 +38,19 @@ ANGLE = Indication(positive="toe-in", axis="rear-axle", **PLANTED, repeatability
 MACHINES = {
     "one series of 3": ({"series": 1, "repeats": 3}, {}),
     "4 series of 2": ({"series": 4, "repeats": 2}, {"reproducibility": 0.5}),
-    "resolution 1'": ({"series": 1, "repeats": 3}, {"resolution": 1.0, "repeatability": 0.2}),
-}
+    "resolution 1', no scatter": (
+        {"series": 1, "repeats": 3},
+        {"resolution": 1.0, "repeatability": 0.0, "hysteresis": (0.0, 2.0)},
+    ),
+    "resolution 1', scatter 0 to 1'": (
+        {"series": 1, "repeats": 3},
+        {"resolution": 1.0, "repeatability": (0.0, 1.0), "hysteresis": (0.0, 2.0)},
+    ),
+    "resolution 1', scatter 0.2'": (
+        {"series": 1, "repeats": 3},
+        {"resolution": 1.0, "repeatability": 0.2},
+    ),
+}  # a pair is drawn anew for every calibration
 PLANS = 200  # of the calibrations whose power is planned
 # Scatter with which the three errors are detected now and then, so that the power can be compared.
 HARD = {"zero": 3.0, "gain": 1.0, "hysteresis": 2.5}
@@ -72,7 +83,12 @@ def coverage(count, seed):
     for name, (protocol, changes) in MACHINES.items():
         found = defaultdict(list)
         for index in range(count):
-            known = tested(protocol, changes)
+            rng = np.random.default_rng((seed, index, 1))
+            drawn = {
+                key: rng.uniform(*value) if isinstance(value, tuple) else value
+                for key, value in changes.items()
+            }
+            known = tested(protocol, drawn)
             bay = Bay((seed, index))
             done = calibrate([bay.reference()], item_of(known), bay.readings(known))
             for result in done.results:

@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+import ast
 import csv
 import math
 import random
+import re
 from contextlib import suppress
+from pathlib import Path
 
 import openpyxl
 import pytest
 
+import wheelplane.calibration
 from tests.support.calibration_bay import CAMBER, item_of, machine
 from wheelplane.calibration.forms.item import Item
-from wheelplane.calibration.forms.readings import COLUMNS, decimal_number, read_readings
+from wheelplane.calibration.forms.readings import (
+    COLUMNS,
+    DIRECTIONS,
+    decimal_number,
+    read_readings,
+)
 from wheelplane.calibration.forms.table_file import FaultyTableError
+from wheelplane.calibration.forms.wording import Wording
 from wheelplane.errors import InputError
+from wheelplane.report.format.language import load_translations
 
 HEAD = "point,quantity,value,unit,series,repeat,state,direction\n"
 ITEM: Item = item_of(machine(camber=CAMBER)).item.model_copy(update={"rim": "400mm"})
 MINUTE = math.radians(1 / 60)
+PART = re.compile(r"\{\w+\}")
 
 
 def known(kind, point, series):
@@ -84,6 +96,8 @@ def test_all_faults_of_a_file_are_named_at_once_with_row_and_column(tmp_path):
     expected = [
         "r.csv: row 2, column point: '7' is no wheel or trial of bay: known are RR, 1",
         "r.csv: row 3, column unit: it is empty: fill it in, or delete the row",
+        "r.csv: row 5, column repeat: 1 of toe at RR stands in row 4 already: number each "
+        "repeat once",
         "r.csv: row 6, column value: 80 deg is no plausible camber (at most 20°): check value "
         "and unit",
         "r.csv: row 7, column value: '1,234' may be 1.234 or 1234: write it with a point",
@@ -97,8 +111,6 @@ def test_all_faults_of_a_file_are_named_at_once_with_row_and_column(tmp_path):
         "r.csv: row 13, column state: 'found': write 'as found' or 'as left'",
         "r.csv: row 14, column repeat: '0': a whole number from 1 is needed",
         "r.csv: row 15, column direction: 'sideways': write up or down, or leave it empty",
-        "r.csv: row 5, column repeat: 1 of toe at RR stands in row 4 already: number each "
-        "repeat once",
         "r.csv: row 16, column direction: it is empty, but other rows of toe state it: "
         "fill in up or down",
     ]  # fmt: skip
@@ -190,11 +202,71 @@ def test_formulas_merged_cells_dates_and_errors_are_named_with_their_place(tmp_p
     with pytest.raises(FaultyTableError) as error:
         read_readings(path, ITEM, known)
     found = error.value.faults
-    assert "r.xlsx: rows 2-3: E2:E3 are merged: unmerge and fill in each cell" in found
-    assert "r.xlsx: row 2, column C: a formula: paste it as a value" in found
-    assert any("row 3, column A: 2026-02-01" in one and "is a date" in one for one in found)
-    assert any("row 3, column H: True is a date or a truth value" in one for one in found)
-    assert "r.xlsx: row 4, column C: the error #DIV/0!: enter the reading" in found
+    assert "r.xlsx: row 2, column series: E2:E3 are merged: unmerge and fill in each cell" in found
+    assert "r.xlsx: row 2, column value: a formula: paste it as a value" in found
+    assert any("row 3, column point: 2026-02-01" in one and "is a date" in one for one in found)
+    assert any("row 3, column direction: True is a date or a truth" in one for one in found)
+    assert "r.xlsx: row 4, column value: the error #DIV/0!: enter the reading" in found
+    assert len(found) == 5  # a cell that cannot be used is not reported as empty as well
+
+
+def test_all_faults_of_a_workbook_are_named_at_once_each_in_one_line(tmp_path):
+    """Unknown trial, missing unit, duplicate repeat, 80 degrees, comma, merged cells, formula."""
+    rows = [
+        ["7", "toe", 1, "min", 1, 1, "as found", "up"],
+        ["RR", "toe", 1, None, 1, 1, "as found", "up"],
+        ["RR", "toe", 1, "min", 1, 1, "as found", "up"],  # repeats a row that has a fault itself
+        ["RR", "camber", 80, "deg", 1, 1, "as found", "up"],
+        ["RR", "toe", "12,5", "min", 1, 2, "as found", "up"],  # no fault
+        ["RR", "toe", "1,234", "min", 1, 3, "as found", "up"],
+        ["RR", "toe", "=1+1", "min", 1, 4, "as found", "up"],
+        ["RR", "toe", 1, "min", 1, 5, "as found", "up"],
+        [None, "toe", 1, "min", 1, 6, "as found", "up"],
+        [None, "camber", None, None, 1, 7, "as found", "up"],
+    ]
+    book, sheet, path = workbook(tmp_path / "r.xlsx", [COLUMNS[:8], *rows])
+    sheet.merge_cells("A9:A10")
+    book.save(path)
+    with pytest.raises(FaultyTableError) as error:
+        read_readings(path, ITEM, known)
+    places = [(one.row, one.column) for one in error.value.faults]
+    assert sorted(places) == [
+        (2, "point"), (3, "unit"), (4, "repeat"), (5, "value"), (7, "value"), (8, "value"),
+        (9, "point"), (11, "point, value, unit"),
+    ]  # fmt: skip
+    for one in error.value.faults:
+        assert one.startswith(f"r.xlsx: row {one.row}, column {one.column}: ")
+        assert ": " in one.fact
+
+
+def test_every_sentence_can_be_said_in_portuguese():
+    """Each Wording of the code stands in the English words, by which the Portuguese is found."""
+    found = set()
+    for path in Path(wheelplane.calibration.__file__).parent.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        constants = {
+            node.targets[0].id: node.value.value
+            for node in tree.body
+            if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
+        }
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Wording":
+                first = node.args[0]
+                if isinstance(first, ast.JoinedStr):
+                    found |= {f", {way}" for way in DIRECTIONS}
+                else:
+                    known = first.value if isinstance(first, ast.Constant) else constants[first.id]
+                    found.add(known)
+    english, portuguese = (load_translations(name).section("fault") for name in ("en", "pt"))
+    assert found == set(english.values()) - {english["place"]}
+    for key, text in english.items():
+        assert set(PART.findall(portuguese[key])) == set(PART.findall(text)), key
+
+
+def test_a_wording_is_its_sentence_and_remembers_its_parts():
+    one = Wording("{value}: known are {known}", value="x", known="a, b")
+    assert one == "x: known are a, b"
+    assert (one.template, one.parts["value"]) == ("{value}: known are {known}", "x")
 
 
 def test_a_workbook_of_two_filled_sheets_is_refused(tmp_path):

@@ -16,6 +16,7 @@ from ...units import in_metres
 from .item import Item
 from .quantities import QUANTITIES, MachineQuantity, indicated, units_of
 from .table_file import Cell, Faults, Row, read_table
+from .wording import Wording
 
 State = Literal["as found", "as left"]
 STATES: tuple[State, ...] = get_args(State)
@@ -23,8 +24,14 @@ DIRECTIONS = ("up", "down")
 REQUIRED = ("point", "quantity", "value", "unit", "series", "repeat", "state")
 OPTIONAL = ("direction", "operator", "note")
 COLUMNS = (*REQUIRED, *OPTIONAL)
+AS_WRITTEN = ("point", "series", "operator")  # small and capital letters count
 # Why a point of a quantity has no reference value; "" where it has one.
 WhyNot = Callable[[str, str, str], str]
+
+NO_NUMBER = "{value} is no number: write it as -0.25, its unit in the column unit"
+NO_MARKS = "{value} has no marks of degrees and minutes: write it as 0°10'30\""
+NO_ANGLE = "{value}: write degrees, minutes and seconds as 0°10'30\", minutes and seconds below 60"
+TWO_NUMBERS = "{value} may be {one} or {other}: write it with a point"
 
 _DECIMAL = re.compile(r"([-+]?)(\d*)([.,]?)(\d*)")
 _COMMA_WITHIN = re.compile(r"(?<=\d),(?=\d)")
@@ -72,11 +79,12 @@ def read_readings(path: Path, item: Item, why_not: WhyNot) -> Readings:
 def sound_readings(path: Path, item: Item, why_not: WhyNot, faults: Faults) -> Readings:
     """Read the readings of an item that are without fault, and note every fault of the others."""
     table = read_table(path, REQUIRED, OPTIONAL, faults)
-    found = [_reading(row, item, why_not, faults) for row in table]
+    earlier = _repeated(table)
+    found = [_reading(row, item, why_not, earlier.get(row.number), faults) for row in table]
     kept = [reading for reading in found if reading is not None]
-    kept = _with_directions(_once(kept, faults), faults)
+    kept = _with_directions(kept, faults)
     if not table:
-        faults.add(None, None, "it has no reading below its heading: enter them")
+        faults.add(None, None, Wording("it has no reading below its heading: enter them"))
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     return Readings(path.name, f"sha256:{digest}", tuple(kept))
 
@@ -97,24 +105,36 @@ def _written(cell: Cell) -> str:
     return f"{Decimal(repr(cell)).normalize():f}" if isinstance(cell, float) else cell
 
 
-def _reading(row: Row, item: Item, why_not: WhyNot, faults: Faults) -> Reading | None:
-    """Return the reading of a row; None where it has a fault."""
+def _reading(
+    row: Row, item: Item, why_not: WhyNot, earlier: int | None, faults: Faults
+) -> Reading | None:
+    """Return the reading of a row; None where it has a fault. earlier: a row of the same repeat."""
     before = len(faults.found)
-    for column in REQUIRED:
-        if column not in row.cells:
-            faults.add(row.number, column, "it is empty: fill it in, or delete the row")
+    empty = [c for c in REQUIRED if c not in row.cells and c not in row.unusable]
+    if empty:
+        fact = Wording("it is empty: fill it in, or delete the row")
+        faults.add(row.number, ", ".join(empty), fact)
     kind, unit = _word(row, "quantity"), _word(row, "unit")
     quantity = QUANTITIES.get(kind)
     if kind and quantity is None:
-        faults.add(row.number, "quantity", f"{kind!r}: known are {', '.join(QUANTITIES)}")
+        known = ", ".join(QUANTITIES)
+        fact = Wording("{value}: known are {known}", value=repr(kind), known=known)
+        faults.add(row.number, "quantity", fact)
     elif quantity is not None and kind not in item.declared():
-        faults.add(row.number, "quantity", f"the item file has no [item.{kind}]: declare it there")
+        fact = Wording("the item file has no [item.{kind}]: declare it there", kind=kind)
+        faults.add(row.number, "quantity", fact)
         quantity = None
     value = math.nan
     if quantity is not None and unit:
         if unit not in units_of(quantity):
             known = ", ".join(units_of(quantity))
-            faults.add(row.number, "unit", f"{unit!r} is no unit of {kind}: known are {known}")
+            fact = Wording(
+                "{unit} is no unit of {kind}: known are {known}",
+                unit=repr(unit),
+                kind=kind,
+                known=known,
+            )
+            faults.add(row.number, "unit", fact)
         elif "value" in row.cells:
             value = _value(row, unit, quantity, item, faults)
     point, series = row.text("point"), row.text("series")
@@ -124,16 +144,28 @@ def _reading(row: Row, item: Item, why_not: WhyNot, faults: Faults) -> Reading |
             faults.add(row.number, "point", reason)
     repeat = row.text("repeat")
     if repeat and not (repeat.isdecimal() and int(repeat) > 0):
-        faults.add(row.number, "repeat", f"{repeat!r}: a whole number from 1 is needed")
+        fact = Wording("{value}: a whole number from 1 is needed", value=repr(repeat))
+        faults.add(row.number, "repeat", fact)
+    elif earlier is not None:
+        fact = Wording(
+            "{repeat} of {kind} at {point} stands in row {row} already: number each repeat once",
+            repeat=repeat,
+            kind=kind,
+            point=point,
+            row=earlier,
+        )
+        faults.add(row.number, "repeat", fact)
     state, direction = (
         _word(row, "state").replace("-", " ").replace("_", " "),
         _word(row, "direction"),
     )
     if state and state not in STATES:
-        faults.add(row.number, "state", f"{state!r}: write 'as found' or 'as left'")
+        fact = Wording("{value}: write 'as found' or 'as left'", value=repr(state))
+        faults.add(row.number, "state", fact)
     if direction and direction not in DIRECTIONS:
-        faults.add(row.number, "direction", f"{direction!r}: write up or down, or leave it empty")
-    if len(faults.found) > before:
+        fact = Wording("{value}: write up or down, or leave it empty", value=repr(direction))
+        faults.add(row.number, "direction", fact)
+    if len(faults.found) > before or row.unusable:
         return None
     return Reading(
         point=point,
@@ -158,7 +190,7 @@ def _value(row: Row, unit: str, quantity: MachineQuantity, item: Item, faults: F
     try:
         found = indicated(_parsed(row.cells["value"], unit), quantity, item.rim_m)
     except ValueError as error:
-        faults.add(row.number, "value", str(error))
+        faults.add(row.number, "value", error.args[0])
         return math.nan
     if not abs(found) <= quantity.largest or (quantity.kind == "track" and found <= 0.0):
         shown = f"{row.text('value')} {unit}"
@@ -167,10 +199,13 @@ def _value(row: Row, unit: str, quantity: MachineQuantity, item: Item, faults: F
             if quantity.unit == "rad"
             else f"{quantity.largest:g} m"
         )
-        faults.add(
-            row.number, "value", f"{shown} is no plausible {quantity.kind} (at most {most}): "
-            "check value and unit"
-        )  # fmt: skip
+        fact = Wording(
+            "{shown} is no plausible {kind} (at most {most}): check value and unit",
+            shown=shown,
+            kind=quantity.kind,
+            most=most,
+        )
+        faults.add(row.number, "value", fact)
     return found
 
 
@@ -178,14 +213,21 @@ def _parsed(cell: Cell, unit: str) -> Value:
     """Return a value with its unit. Raises ValueError: the fact, and what to write."""
     if unit == "dms":
         if isinstance(cell, float):
-            raise ValueError(f"{cell:g} has no marks of degrees and minutes: write it as 0°10'30\"")
-        return read_value(_COMMA_WITHIN.sub(".", cell))
+            raise ValueError(Wording(NO_MARKS, value=f"{cell:g}"))
+        return _sexagesimal(cell)
     number = cell if isinstance(cell, float) else decimal_number(cell)
     if unit == "mm/m":
         return Value(number, "mm/m")
     if unit in ("mm", "m"):
         return Value(in_metres(number, unit), "m")
     return Value(number / 60.0 if unit == "min" else number, "deg")
+
+
+def _sexagesimal(text: str) -> Value:
+    try:
+        return read_value(_COMMA_WITHIN.sub(".", text))
+    except ValueError as error:
+        raise ValueError(Wording(NO_ANGLE, value=repr(text))) from error
 
 
 def decimal_number(text: str) -> float:
@@ -195,27 +237,28 @@ def decimal_number(text: str) -> float:
     """
     found = _DECIMAL.fullmatch(text.replace("\N{MINUS SIGN}", "-"))
     if found is None or not (found[2] or found[4]):
-        raise ValueError(f"{text!r} is no number: write it as -0.25, its unit in the column unit")
+        raise ValueError(Wording(NO_NUMBER, value=repr(text)))
     sign, whole, mark, rest = found.groups()
     if mark == "," and len(rest) == 3 and 1 <= len(whole) <= 3 and not whole.startswith("0"):
-        raise ValueError(
-            f"{text!r} may be {sign}{whole}.{rest} or {sign}{whole}{rest}: write it with a point"
-        )
+        one, other = f"{sign}{whole}.{rest}", f"{sign}{whole}{rest}"
+        raise ValueError(Wording(TWO_NUMBERS, value=repr(text), one=one, other=other))
     return float(f"{sign}{whole or 0}.{rest or 0}")
 
 
-def _once(readings: list[Reading], faults: Faults) -> list[Reading]:
-    """Return readings, the first of each; note those that stand twice."""
-    rows: dict[tuple[object, ...], int] = {}
-    for one in readings:
-        key = (one.state, one.quantity, one.point, one.series, one.operator, one.direction,
-               one.repeat)  # fmt: skip
-        if key in rows:
-            faults.add(one.row, "repeat", f"{one.repeat} of {one.quantity} at {one.point} stands "
-                       f"in row {rows[key]} already: number each repeat once")  # fmt: skip
-        rows.setdefault(key, one.row)
-    first = set(rows.values())
-    return [one for one in readings if one.row in first]
+def _repeated(table: list[Row]) -> dict[int, int]:
+    """Return the rows whose repeat stands in an earlier row, by number, and that row."""
+    first: dict[tuple[str, ...], int] = {}
+    found = {}
+    for row in table:
+        names = ("state", "quantity", "point", "series", "operator", "direction", "repeat")
+        needed = [name for name in names if name in REQUIRED]
+        if not all(row.text(name) for name in needed):
+            continue
+        key = tuple(row.text(name) if name in AS_WRITTEN else _word(row, name) for name in names)
+        if key in first:
+            found[row.number] = first[key]
+        first.setdefault(key, row.number)
+    return found
 
 
 def _with_directions(readings: list[Reading], faults: Faults) -> list[Reading]:
@@ -223,6 +266,9 @@ def _with_directions(readings: list[Reading], faults: Faults) -> list[Reading]:
     stated = {(one.state, one.quantity) for one in readings if one.direction}
     for one in readings:
         if not one.direction and (one.state, one.quantity) in stated:
-            fact = f"it is empty, but other rows of {one.quantity} state it: fill in up or down"
+            fact = Wording(
+                "it is empty, but other rows of {kind} state it: fill in up or down",
+                kind=one.quantity,
+            )
             faults.add(one.row, "direction", fact)
     return [one for one in readings if one.direction or (one.state, one.quantity) not in stated]

@@ -13,18 +13,37 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, MissingDependencyError
+from .wording import Fault, Wording
 
-Cell = str | float
 MAX_BYTES, MAX_UNPACKED, MAX_ROWS = 16 << 20, 256 << 20, 20_000
 DELIMITERS = (";", ",", "\t")
+BEYOND = (
+    "{value} stands beyond the heading: in a table separated by commas, put values with a decimal "
+    "comma in quotes"
+)
+
+
+@dataclass(frozen=True)
+class Unusable:
+    """Cell of a spreadsheet that holds no text and no number; fact: "" where another says it."""
+
+    fact: str
+
+
+Cell = str | float
+AnyCell = Cell | Unusable
 
 
 @dataclass(frozen=True)
 class Row:
-    """Row of a table: its number in the file, from 1, and its cells that are not empty."""
+    """Row of a table: its number in the file, from 1, and its cells that are not empty.
+
+    unusable: columns of cells with a fault that is noted already.
+    """
 
     number: int
     cells: dict[str, Cell]
+    unusable: frozenset[str] = frozenset()
 
     def text(self, column: str) -> str:
         """Return a cell as text, a whole number without decimals; "" where it is empty."""
@@ -46,12 +65,11 @@ class Faults:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.found: list[str] = []
+        self.found: list[Fault] = []
 
     def add(self, row: int | None, column: str | None, fact: str) -> None:
         """Note a fault at a row and column."""
-        places = [f"row {row}"] * (row is not None) + [f"column {column}"] * (column is not None)
-        self.found.append(": ".join([self.name, *([", ".join(places)] if places else []), fact]))
+        self.found.append(Fault(self.name, row, column, fact))
 
     def check(self) -> None:
         """Raise FaultyTableError where there are any."""
@@ -75,14 +93,14 @@ def read_table(
         raise InputError(f"{path}: it is larger than {MAX_BYTES >> 20} MB: give readings only")
     known = (*required, *optional)
     if content.startswith(b"PK\x03\x04"):
-        grid = _xlsx_cells(content, faults)
+        grid = _xlsx_cells(content, faults.name)
     else:
         grid = _csv_cells(content, known, faults)
     return _rows(grid, required, known, faults)
 
 
 def _rows(
-    grid: Iterable[tuple[int, list[Cell]]],
+    grid: Iterable[tuple[int, Sequence[AnyCell]]],
     required: Sequence[str],
     known: Sequence[str],
     faults: Faults,
@@ -94,32 +112,53 @@ def _rows(
     if len(lines) > MAX_ROWS:
         raise InputError(f"{faults.name}: it has more than {MAX_ROWS} rows: give readings only")
     (top, heads), *below = lines
-    names = [str(head).strip().casefold() for head in heads]
+    names = [_head(top, index, head, faults) for index, head in enumerate(heads, 1)]
     for name in dict.fromkeys(names):
         if name and name not in known:
             close = difflib.get_close_matches(name, known, n=1)
-            hint = f"did you mean {close[0]!r}? " if close else ""
-            faults.add(top, name, f"unknown column: {hint}known are {', '.join(known)}")
+            columns = ", ".join(known)
+            fact = Wording("unknown column: known are {columns}", columns=columns)
+            if close:
+                fact = Wording(
+                    "unknown column: did you mean {close}? known are {columns}",
+                    close=repr(close[0]),
+                    columns=columns,
+                )
+            faults.add(top, name, fact)
         elif name and names.count(name) > 1:
-            faults.add(top, name, "the heading has it twice: leave out one")
+            faults.add(top, name, Wording("the heading has it twice: leave out one"))
     for name in required:
         if name not in names:
-            faults.add(top, name, "the heading lacks it: add the column")
+            faults.add(top, name, Wording("the heading lacks it: add the column"))
     faults.check()
     found = []
     for number, cells in below:
         for index, cell in enumerate(cells[len(names) :], len(names) + 1):
-            if cell != "":
-                hint = "in a table separated by commas, put values with a decimal comma in quotes"
-                faults.add(number, str(index), f"{cell!r} stands beyond the heading: {hint}")
-        named = zip(names, cells, strict=False)
-        found.append(Row(number, {name: cell for name, cell in named if name and cell != ""}))
+            if cell != "" and not isinstance(cell, Unusable):
+                fact = Wording(BEYOND, value=repr(cell))
+                faults.add(number, str(index), fact)
+        named = [pair for pair in zip(names, cells, strict=False) if pair[0]]
+        for name, cell in named:
+            if isinstance(cell, Unusable) and cell.fact:
+                faults.add(number, name, cell.fact)
+        unusable = frozenset(name for name, cell in named if isinstance(cell, Unusable))
+        usable = [(n, c) for n, c in named if not isinstance(c, Unusable) and c != ""]
+        found.append(Row(number, dict(usable), unusable))
     return found
+
+
+def _head(row: int, index: int, cell: AnyCell, faults: Faults) -> str:
+    """Return the name of a column; note a cell that can be none."""
+    if not isinstance(cell, Unusable):
+        return str(cell).strip().casefold()
+    if cell.fact:
+        faults.add(row, str(index), cell.fact)
+    return ""
 
 
 def _csv_cells(
     content: bytes, known: Sequence[str], faults: Faults
-) -> list[tuple[int, list[Cell]]]:
+) -> list[tuple[int, list[AnyCell]]]:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -135,7 +174,7 @@ def _csv_cells(
     reader = csv.reader(
         io.StringIO(text, newline=""), delimiter=DELIMITERS[fits.index(max(fits))], strict=True
     )
-    found: list[tuple[int, list[Cell]]] = []
+    found: list[tuple[int, list[AnyCell]]] = []
     start = 1
     try:
         for cells in reader:
@@ -146,56 +185,59 @@ def _csv_cells(
     return found
 
 
-def _xlsx_cells(content: bytes, faults: Faults) -> list[tuple[int, list[Cell]]]:
-    """Return the cells of the only sheet with content; formulas and merged cells are faults."""
+def _xlsx_cells(content: bytes, name: str) -> list[tuple[int, list[AnyCell]]]:
+    """Return the cells of the only sheet with content; formulas and merged cells are unusable."""
     try:
         openpyxl: Any = importlib.import_module("openpyxl")
     except ImportError as error:
         raise MissingDependencyError(
-            f"{faults.name}: openpyxl, which reads XLSX, is not installed: run pip install "
+            f"{name}: openpyxl, which reads XLSX, is not installed: run pip install "
             "'wheelplane[tables]', or save the table as CSV"
         ) from error
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as packed:
             unpacked = sum(entry.file_size for entry in packed.infolist())
         if unpacked > MAX_UNPACKED:
-            raise InputError(
-                f"{faults.name}: it unpacks to {unpacked >> 20} MB: give readings only"
-            )
+            raise InputError(f"{name}: it unpacks to {unpacked >> 20} MB: give readings only")
         book = openpyxl.load_workbook(io.BytesIO(content))
     except InputError:
         raise
     except Exception as error:  # openpyxl raises whatever its parsers raise
         raise InputError(
-            f"{faults.name}: not a readable XLSX file ({error}): save it again, or as CSV"
+            f"{name}: not a readable XLSX file ({error}): save it again, or as CSV"
         ) from error
     sheets = [sheet for sheet in book.worksheets if sheet.max_row > 1]
     if len(sheets) != 1:
-        raise InputError(
-            f"{faults.name}: {len(sheets)} sheets have content: keep the readings in one"
-        )
+        raise InputError(f"{name}: {len(sheets)} sheets have content: keep the readings in one")
     (sheet,) = sheets
-    for merged in sheet.merged_cells.ranges:
-        place = f"{merged.min_row}-{merged.max_row}"
-        faults.add(None, None, f"rows {place}: {merged} are merged: unmerge and fill in each cell")
+    merged: dict[tuple[int, int], Unusable] = {}
+    for area in sheet.merged_cells.ranges:
+        fact = Wording("{area} are merged: unmerge and fill in each cell", area=area.coord)
+        for row in range(area.min_row, min(area.max_row, sheet.max_row, MAX_ROWS) + 1):
+            for column in range(area.min_col, min(area.max_col, sheet.max_column) + 1):
+                merged[row, column] = Unusable("")
+        merged[area.min_row, area.min_col] = Unusable(fact)
     return [
-        (number, [_xlsx_value(cell, faults) for cell in cells])
+        (
+            number,
+            [merged.get((number, index)) or _xlsx_value(c) for index, c in enumerate(cells, 1)],
+        )
         for number, cells in enumerate(sheet.iter_rows(max_row=MAX_ROWS + 2), 1)
     ]
 
 
-def _xlsx_value(cell: Any, faults: Faults) -> Cell:
+def _xlsx_value(cell: Any) -> AnyCell:
     value = cell.value
     if value is None:
         return ""
-    where = (cell.row, getattr(cell, "column_letter", None))
     if cell.data_type == "f":
-        faults.add(*where, "a formula: paste it as a value")
-        return ""
+        return Unusable(Wording("a formula: paste it as a value"))
     if cell.data_type == "e":
-        faults.add(*where, f"the error {value}: enter the reading")
-        return ""
+        return Unusable(Wording("the error {value}: enter the reading", value=value))
     if isinstance(value, bool) or not isinstance(value, str | int | float):
-        faults.add(*where, f"{value} is a date or a truth value: format the cell as text or number")
-        return ""
+        return Unusable(
+            Wording(
+                "{value} is a date or a truth value: format the cell as text or number", value=value
+            )
+        )
     return value.strip() if isinstance(value, str) else float(value)

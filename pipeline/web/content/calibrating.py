@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import tempfile
 from collections.abc import Iterable
 from functools import lru_cache
@@ -15,6 +14,7 @@ from ...calibration import (
     STATES,
     Calibration,
     CalibrationPoint,
+    Fault,
     ItemFile,
     Reference,
     calibrate_unfinished,
@@ -42,10 +42,10 @@ from ...report.tables.conformity import SIGNS, decided
 from ...vehicle import AXES
 from .calibration_files import READINGS, Request, item_of, readings_csv
 from .comparing import load
+from .faults import in_words
 from .panel import table_tree
 
 MOST_FAULTS = 200
-_ROW = re.compile(r"row (\d+)(?:, column ([^:]+))?: ")
 
 
 def choices(words: Translations) -> dict[str, Any]:
@@ -95,7 +95,8 @@ def evaluate(folder: Path, given: Request, language: str) -> dict[str, Any]:
         path = Path(scratch) / READINGS
         path.write_bytes(readings_csv(given.readings))
         found, faults = calibrate_unfinished([reference], item_file, path)
-    return tree | {"faults": [_fault(text) for text in faults[:MOST_FAULTS]]} | _found(found, words)
+    listed = [_fault(fault, words) for fault in faults[:MOST_FAULTS]]
+    return tree | {"faults": listed} | _found(found, words)
 
 
 @lru_cache(maxsize=4)
@@ -120,13 +121,12 @@ def _sheets(reference: Reference, item_file: ItemFile, writer: Writer) -> list[d
     return found
 
 
-def _fault(text: str) -> dict[str, Any]:
+def _fault(fault: Fault, words: Translations) -> dict[str, Any]:
     """Return the row of a fault, from 0 below the heading, and its words; None: of the table."""
-    fact = text.removeprefix(f"{READINGS}: ")
-    place = _ROW.match(fact)
-    if place is None:
-        return {"row": None, "text": fact}
-    return {"row": int(place[1]) - 2, "column": place[2], "text": fact[place.end() :]}
+    text = in_words(fault.fact, words)
+    if fault.row is None:
+        return {"row": None, "text": text}
+    return {"row": fault.row - 2, "column": fault.column, "text": text}
 
 
 def _found(found: Calibration, words: Translations) -> dict[str, Any]:

@@ -15,6 +15,8 @@ from typing import Any
 from ...calibration import (
     COLUMNS,
     Calibration,
+    Fault,
+    FaultyTableError,
     ItemFile,
     Reference,
     calibrate_file,
@@ -28,13 +30,14 @@ from ...config import load_config, parse_section
 from ...errors import ConfigError, InputError
 from ...report.certificate import certificate_files
 from ...report.format.laboratory import read_laboratory
-from ...report.format.language import load_translations
+from ...report.format.language import Translations, load_translations
 from ...report.format.view import PAPER
 from ...report.html.page import ReportOptions
 from ...report.json.calibration import calibration_json
 from ...report.text.calibration import calibration_text
 from ...report.write import ReportFiles
 from ..security import RefusedError
+from .faults import in_words
 
 ITEM, READINGS, CERTIFICATE = "item.toml", "readings.csv", "certificate.toml"
 MOST_READINGS, LONGEST_CELL = 5000, 200
@@ -138,8 +141,25 @@ def _results(
     }
 
 
+def _placed(fault: str, name: str, words: Translations) -> str:
+    """Return a fault of a file with its place, in a language."""
+    if not isinstance(fault, Fault):
+        return fault
+    fact = in_words(fault.fact, words)
+    if fault.row is None:
+        return f"{name}: {fact}"
+    place = words("fault.place", row=fault.row, column=fault.column or "")
+    return f"{name}: {place}: {fact}"
+
+
 def read_table(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
     """Read the table of readings plan["table"], and write its rows as JSON to plan["file"]."""
-    rows = read_texts(Path(plan["table"]))
+    path, words = Path(plan["table"]), load_translations(plan["language"])
+    try:
+        rows = read_texts(path)
+    except FaultyTableError as error:
+        raise InputError(
+            "; ".join(_placed(one, path.name, words) for one in error.faults)
+        ) from error
     text = json.dumps([list(row) for row in rows], ensure_ascii=False)
     (Path(plan["out"]) / plan["file"]).write_text(text, encoding="utf-8")

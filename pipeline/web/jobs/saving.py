@@ -43,16 +43,21 @@ def report_file(
     return path
 
 
-def table_rows(jobs: Jobs, job: PageJob, content: bytes, name: str) -> Any:
+def table_rows(jobs: Jobs, job: PageJob, content: bytes, name: str, language: str) -> Any:
     """Return the rows of a table of readings, read by a process of its own.
 
-    name: of the file, which its faults name. Raises RefusedError with every fault.
+    name: of the file, which its faults name. Raises RefusedError with every fault, in `language`.
     """
     token = secrets.token_hex(8)
     folder = job.folder / f"table-{token}"
     folder.mkdir()
     (folder / name).write_bytes(content)
-    plan = {"table": str(folder / name), "file": f"rows-{token}.json", "owned": str(folder)}
+    plan = {
+        "table": str(folder / name),
+        "file": f"rows-{token}.json",
+        "owned": str(folder),
+        "language": language,
+    }
     reading = jobs.start("table", name, plan, uses=(job,))
     reading.finished.wait(TABLE_SECONDS)
     if reading.state != "done":
