@@ -18,6 +18,9 @@ from wheelplane.commands.batch import batch
 from wheelplane.commands.calibrate import calibrate
 from wheelplane.commands.results import results
 from wheelplane.errors import InputError
+from wheelplane.report.format.language import load_translations
+from wheelplane.web.content.archive import answer
+from wheelplane.web.security import RefusedError
 from wheelplane_synth.machine.forms import readings_csv
 from wheelplane_synth.machine.indicate import indicate
 
@@ -154,6 +157,34 @@ def test_files_that_belong_together_are_asked_for(archive):
             (folder / name).unlink()
         assert reason in one["error"], names
         assert str(archive) not in one["error"]
+
+
+def test_the_page_lists_calibrations_and_shows_each_point(archive):
+    words = load_translations("en")
+    found = answer("calibrations", archive / "results", {}, words)
+    rows = {row[2]: row for row in found["table"]["rows"]}
+    assert list(rows) == ["2026-01-15", "2026-02-15", "2026-03-15", "2026-04-15"]
+    assert rows["2026-03-15"][:5] == [
+        "7", "Synthetic Bay", "2026-03-15", "2026-03-15", "nonconforming",
+    ]  # fmt: skip
+    assert found["table"]["classes"][2:] == ["not-conform", "not-conform"]
+    first, faulty = (
+        answer("calibration", archive / "results", {"key": found["keys"][i]}, words) for i in (0, 3)
+    )
+    assert ["serial number", "7"] in [[a.lower(), b] for a, b in first["facts"]]
+    (table,) = first["tables"]
+    points = trees(archive)["2026-01-15"]["calibration"]["quantities"][0]["points"]
+    assert [row[2] for row in table["rows"][: len(points)]] == [p["point"] for p in points]
+    assert (
+        table["rows"][0][-1]
+        == {"conform": "conforming", "undecided": "undecided"}[points[0]["decision"]]
+    )
+    assert "gon" in str(faulty["facts"])
+    assert faulty["tables"] == []
+    portuguese = answer("calibrations", archive / "results", {}, load_translations("pt"))
+    assert portuguese["table"]["rows"][2][4] == "não conforme"
+    with pytest.raises(RefusedError):
+        answer("calibration", archive / "results", {"key": "gone"}, words)
 
 
 @pytest.mark.parametrize("form", ["zip", "tar", "gztar"])

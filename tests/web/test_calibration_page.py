@@ -17,8 +17,10 @@ from tests.support.calibration_bay import CAMBER, TOE, item_of, machine
 from tests.support.made import write_small_capture
 from tests.support.web_site import PAPER, Site
 from wheelplane.calibration import COLUMNS, ItemFile, item_toml, load_item
+from wheelplane.errors import InputError
 from wheelplane.report.format.language import load_translations
-from wheelplane.web.content.calibrating import choices
+from wheelplane.web.content.calibrating import choices, evaluate, reference_of
+from wheelplane.web.content.calibration_files import Request, calibration_files
 from wheelplane_synth.machine.forms import readings_csv
 from wheelplane_synth.machine.indicate import indicate
 
@@ -202,6 +204,26 @@ def test_a_fault_stands_at_its_row_and_the_others_are_evaluated(site, job, rows)
     assert refused.status_code == 400
     assert "readings.csv: row 4, column value: '-' is no number" in refused.json["error"]
     assert not (site.allowed / "wrong").exists()
+
+
+def test_the_portuguese_page_says_faults_in_portuguese(site, job, rows):
+    wrong = [list(row) for row in rows]
+    value, unit, repeat = (COLUMNS.index(name) for name in ("value", "unit", "repeat"))
+    wrong[2][value], wrong[7][unit], wrong[9][repeat] = "1,234", "gon", "0"
+    words, folder = load_translations("pt"), site.app.config["state"].jobs.shown(job).folder
+    given = Request(tomllib.loads(ITEM), tuple(map(tuple, wrong)))
+    found = evaluate(folder, given, "pt")["faults"]
+    texts = [fault["text"] for fault in found]
+    assert texts[:3] == [
+        "'1,234' tanto pode ser 1.234 como 1234: escrevê-lo com um ponto",
+        "'gon' não é unidade de convergência: conhecem-se deg, dms, min, mm/m, mm",
+        "'0': é preciso um número inteiro a partir de 1",
+    ]
+    assert not any(" no " in f" {text} " and "reading" in text for text in texts)
+    with pytest.raises(InputError) as error:
+        calibration_files(reference_of(str(folder)), given, None, "pt")
+    assert "readings.csv: linha 4, coluna value: '1,234' tanto pode" in str(error.value)
+    assert words("fault.row", row=4) == "linha 4"
 
 
 def test_an_item_says_what_it_lacks(site, job, rows):

@@ -62,6 +62,14 @@ def trees_of(catalogue: Catalogue, serial: str) -> Iterator[tuple[str, dict[str,
             yield one.name, tree["calibration"]
 
 
+def tree_of(catalogue: Catalogue, key: str) -> dict[str, Any] | None:
+    """Return the JSON of one capture's calibration; None without one."""
+    if not any(one.key == key for one in calibrations(catalogue)):
+        return None
+    tree: dict[str, Any] = json.loads(catalogue.store.read(json_name(key)))["calibration"]
+    return tree
+
+
 def serials(catalogue: Catalogue) -> set[str]:
     """Return the serial numbers of the machines that have a calibration."""
     rows = catalogue.connection.execute("SELECT serial FROM calibration_rows WHERE serial <> ''")

@@ -15,8 +15,6 @@ from typing import Any
 from ...calibration import (
     COLUMNS,
     Calibration,
-    Fault,
-    FaultyTableError,
     ItemFile,
     Reference,
     calibrate_file,
@@ -30,14 +28,14 @@ from ...config import load_config, parse_section
 from ...errors import ConfigError, InputError
 from ...report.certificate import certificate_files
 from ...report.format.laboratory import read_laboratory
-from ...report.format.language import Translations, load_translations
+from ...report.format.language import load_translations
 from ...report.format.view import PAPER
 from ...report.html.page import ReportOptions
 from ...report.json.calibration import calibration_json
 from ...report.text.calibration import calibration_text
 from ...report.write import ReportFiles
 from ..security import RefusedError
-from .faults import in_words
+from .faults import faults_in
 
 ITEM, READINGS, CERTIFICATE = "item.toml", "readings.csv", "certificate.toml"
 MOST_READINGS, LONGEST_CELL = 5000, 200
@@ -121,7 +119,7 @@ def calibration_files(
         READINGS: readings_csv(given.readings),
     }
     files |= {CERTIFICATE: given.certificate.encode()} if given.certificate else {}
-    with _written(files) as folder:
+    with _written(files) as folder, faults_in(load_translations(language)):
         found = calibrate_file([reference], load_item(folder / ITEM), folder / READINGS)
         stated = folder / CERTIFICATE if given.certificate else None
         return files | _results(found, stated, config, language)
@@ -141,25 +139,10 @@ def _results(
     }
 
 
-def _placed(fault: str, name: str, words: Translations) -> str:
-    """Return a fault of a file with its place, in a language."""
-    if not isinstance(fault, Fault):
-        return fault
-    fact = in_words(fault.fact, words)
-    if fault.row is None:
-        return f"{name}: {fact}"
-    place = words("fault.place", row=fault.row, column=fault.column or "")
-    return f"{name}: {place}: {fact}"
-
-
 def read_table(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
     """Read the table of readings plan["table"], and write its rows as JSON to plan["file"]."""
     path, words = Path(plan["table"]), load_translations(plan["language"])
-    try:
+    with faults_in(words):
         rows = read_texts(path)
-    except FaultyTableError as error:
-        raise InputError(
-            "; ".join(_placed(one, path.name, words) for one in error.faults)
-        ) from error
     text = json.dumps([list(row) for row in rows], ensure_ascii=False)
     (Path(plan["out"]) / plan["file"]).write_text(text, encoding="utf-8")

@@ -1,8 +1,8 @@
-// Results of a batch: captures, failures, trends.
+// Results of a batch: captures, failures, trends, calibrations of machines.
 import { ask, el, pathOf, select, t, tableOf } from "./base.js";
 import { Browser } from "./browser.js";
 
-const PARTS = ["captures", "failures", "trends"];
+const PARTS = ["captures", "failures", "trends", "calibrations"];
 
 export class Archive {
   constructor(place) {
@@ -74,7 +74,11 @@ export class Archive {
       const { table } = found;
       this.list.replaceChildren(table.rows.length ? tableOf(table) : el("p", { class: "empty" }, t("no_rows")));
       if (part === "captures") this.#addPages(found);
-      const open = { captures: (i) => this.#open(found.keys[i]), trends: (i) => this.#plot(found.quantities[i]) }[part];
+      const open = {
+        captures: (i) => this.#open("capture", found.keys[i]),
+        trends: (i) => this.#plot(found.quantities[i]),
+        calibrations: (i) => this.#open("calibration", found.keys[i]),
+      }[part];
       if (open) link(this.list, open);
     } catch (error) {
       this.#fail(error);
@@ -89,8 +93,8 @@ export class Archive {
       go("next", offset + size, offset + keys.length < total)));
   }
 
-  async #open(key) {
-    const { name, facts, tables } = await this.#ask("capture", { key });
+  async #open(question, key) {
+    const { name, facts, tables } = await this.#ask(question, { key });
     this.#reveal(el("h2", { tabindex: "-1" }, name),
       el("dl", { class: "facts" }, ...facts.flatMap(([label, value]) => [el("dt", {}, label), el("dd", {}, value)])),
       ...tables.map((table) => tableOf(table)));
