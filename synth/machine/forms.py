@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..parameters.machine import Indication, MachineFile
+from ..vehicle.steering import INNER_DEG
 from .indicate import Indicated, error, true_values
 
 COLUMNS = ("point", "quantity", "value", "unit", "series", "repeat", "state", "direction",
@@ -27,6 +28,8 @@ def item_toml(machine: MachineFile) -> str:
             lines.append(f'axis = "{axis}"')
         if quantity == "camber":
             lines.append('definition = "elevation"')
+        if quantity == "toe_out_on_turns":
+            lines.append(f"inner_deg = {INNER_DEG}")
         if table.mpe is not None:
             lines.append(f'mpe = "{_size(table.mpe, quantity)}"')
     lines += ["", "[decision]", f'rule = "{machine.rule}"']

@@ -10,7 +10,9 @@ import numpy as np
 
 from ..parameters.machine import Indication, MachineFile
 
-OPPOSITE = {"toe-out", "top-in", "left"}  # senses that the truth counts as negative
+# The sense that the truth counts as negative.
+OPPOSITE = {"toe": "toe-out", "camber": "top-in", "total_toe": "toe-out", "thrust_angle": "left",
+            "caster": "top-forwards", "sai": "top-out", "toe_out_on_turns": "toe-in"}  # fmt: skip
 DIRECTIONS = {"up": 0.5, "down": -0.5}
 
 
@@ -30,9 +32,10 @@ class Indicated:
 def true_values(truth: Mapping[str, Any], table: Indication, quantity: str) -> dict[str, float]:
     """Return what a machine without errors would indicate at each point; minutes or millimetres.
 
-    truth: content of truth.json.
+    truth: content of truth.json. No point where the vehicle is not swept, as caster, SAI and
+    toe-out on turns need it.
     """
-    sense = -1.0 if table.positive in OPPOSITE else 1.0
+    sense = -1.0 if table.positive == OPPOSITE.get(quantity) else 1.0
     found = _points(truth, quantity, table.axis or "rear-axle")
     return {point: sense * value for point, value in found.items()}
 
@@ -42,6 +45,12 @@ def _points(truth: Mapping[str, Any], quantity: str, axis: str) -> dict[str, flo
     vehicle, frame = truth["vehicle"], truth["frame"]
     if quantity == "track":
         return {end: 1e3 * frame[f"{end}_track_m"] for end in ("front", "rear")}
+    if quantity == "toe_out_on_turns":
+        turns = truth.get("toe_out_on_turns", ())
+        return {turn["turn"]: 60.0 * turn["difference_deg"] for turn in turns}
+    if quantity in ("caster", "sai"):
+        angle_deg = "caster_deg" if quantity == "caster" else "inclination_deg"
+        return {axis["wheel"]: 60.0 * axis[angle_deg] for axis in truth.get("kingpins", ())}
     if quantity == "total_toe":
         return {end: 60.0 * vehicle[f"{end}_total_toe_deg"] for end in ("front", "rear")}
     thrust = 60.0 * vehicle["thrust_angle_deg"]
@@ -54,6 +63,13 @@ def _points(truth: Mapping[str, Any], quantity: str, axis: str) -> dict[str, flo
         for wheel in truth["wheels"]
         if wheel["role"] in ("reference", "trial")
     }
+
+
+def with_points(truth: Mapping[str, Any], machine: MachineFile) -> MachineFile:
+    """Return the machine without the quantities that the vehicle has no point of."""
+    tables = machine.quantities().items()
+    none = [name for name, table in tables if not true_values(truth, table, name)]
+    return machine.model_copy(update=dict.fromkeys(none))
 
 
 def indicate(

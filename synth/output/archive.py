@@ -12,7 +12,7 @@ import numpy as np
 from ..arrays import Array
 from ..errors import SynthError
 from ..machine.forms import item_toml, machine_truth, readings_csv
-from ..machine.indicate import indicate
+from ..machine.indicate import indicate, with_points
 from ..machine.read import read_machine
 from ..parameters.instruments import Instruments, draw_instruments
 from ..parameters.machine import MachineFile
@@ -117,6 +117,7 @@ def _write_machine(
     folder: Path, truth: dict[str, Any], machine: MachineFile, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Write the item file and the readings of a machine under test; return its truth."""
+    machine = with_points(truth, machine)
     write_text(folder / "item.toml", item_toml(machine))
     write_text(folder / "readings.csv", readings_csv(indicate(truth, machine, rng)))
     return machine_truth(truth, machine)

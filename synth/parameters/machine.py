@@ -8,6 +8,8 @@ from pydantic import Field  # noqa: TID253  a class needs its base at once
 
 from .parameters import Section
 
+INDICATED = ("toe", "camber", "total_toe", "thrust_angle", "track", "caster", "sai",
+             "toe_out_on_turns")  # fmt: skip
 TrueAxis = Literal["rear-axle", "thrust-line"]
 
 
@@ -62,9 +64,11 @@ class MachineFile(Section):
     total_toe: Indication | None = None
     thrust_angle: Indication | None = None
     track: Indication | None = None
+    caster: Indication | None = None
+    sai: Indication | None = None
+    toe_out_on_turns: Indication | None = None
 
     def quantities(self) -> dict[str, Indication]:
         """Return the tables of the quantities that it indicates."""
-        names = ("toe", "camber", "total_toe", "thrust_angle", "track")
-        found = {name: getattr(self, name) for name in names}
+        found = {name: getattr(self, name) for name in INDICATED}
         return {name: table for name, table in found.items() if table is not None}

@@ -11,8 +11,15 @@ from scipy import stats
 from tests.support.made import DEFAULT, DISC
 from tests.support.paths import CONFIGS
 from tests.support.turning import Scene, swept
-from wheelplane.calibration import ItemFile, Reading, Readings, Reference
-from wheelplane.calibration.calibrate import calibrate
+from wheelplane.calibration import (
+    QUANTITIES,
+    ItemFile,
+    Reading,
+    Readings,
+    Reference,
+    load_item,
+)
+from wheelplane.calibration.calibrate import calibrate, calibrate_file
 from wheelplane.capture import open_capture
 from wheelplane.config import Config
 from wheelplane.measure import measure_capture
@@ -91,22 +98,33 @@ def test_errors_of_caster_and_sai_cover_the_planted_ones():
 
 @pytest.mark.slow
 def test_errors_by_scanned_sweeps_cover_the_planted_ones(tmp_path):
-    """From scans to errors: saloons with a sweep and run-outs, coarse scans, three quantities."""
+    """From files to errors: saloons with a sweep and run-outs, coarse scans, three quantities."""
     scanner = tmp_path / "coarse.toml"
     scanner.write_text(DEFAULT.read_text().replace("0.0009", "0.004"))
     vehicle, rows = CONFIGS / "vehicles" / "saloon-turning.toml", []
     for seed in range(1, 5):
         folder = tmp_path / str(seed)
-        write_capture(folder, seed=seed, vehicle=vehicle, scanner=scanner, target=DISC, trials=0)
-        made = json.loads((folder / "truth.json").read_text())
-        truth = {
-            "caster": {k["wheel"]: 60.0 * k["caster_deg"] for k in made["kingpins"]},
-            "sai": {k["wheel"]: 60.0 * k["inclination_deg"] for k in made["kingpins"]},
-            "toe_out_on_turns": {
-                t["turn"]: 60.0 * t["difference_deg"] for t in made["toe_out_on_turns"]
-            },
-        }
+        write_capture(
+            folder,
+            seed=seed,
+            vehicle=vehicle,
+            scanner=scanner,
+            target=DISC,
+            trials=0,
+            machine=CONFIGS / "machines" / "example.toml",
+        )
+        made = json.loads((folder / "truth.json").read_text())["machine"]["quantities"]
         with open_capture(folder) as capture:
-            measured = measure_capture(capture, Config())
-        rows.append(calibrated(measured, truth, np.random.default_rng(seed)))
-    check_coverage(np.concatenate(rows))
+            reference = Reference(measure_capture(capture, Config()))
+        item = load_item(folder / "item.toml")
+        found = calibrate_file([reference], item, folder / "readings.csv")
+        points = [p for result in found.results for p in result.points if p.quantity in TABLES]
+        assert [(p.quantity, p.point) for p in points] == [
+            (kind, point) for kind in QUANTITIES if kind in TABLES for point in made[kind]["points"]
+        ]
+        rows += [
+            (p.error.value / MINUTE, p.error.expanded / MINUTE,
+             60.0 * made[p.quantity]["points"][p.point]["error_deg"])
+            for p in points
+        ]  # fmt: skip
+    check_coverage(np.array(rows))

@@ -13,7 +13,13 @@ from tests.support.made import DEFAULT, DISC, SALOON, changed
 from tests.support.paths import CONFIGS
 from wheelplane_synth.errors import SynthError
 from wheelplane_synth.machine.forms import item_toml, readings_csv
-from wheelplane_synth.machine.indicate import error, indicate, reading, true_values
+from wheelplane_synth.machine.indicate import (
+    error,
+    indicate,
+    reading,
+    true_values,
+    with_points,
+)
 from wheelplane_synth.machine.read import read_machine
 from wheelplane_synth.output.archive import write_capture
 from wheelplane_synth.parameters.machine import Indication
@@ -100,6 +106,33 @@ def test_a_capture_has_the_machine_s_files_and_the_same_scans_as_without_it(tmp_
     assert point["error_deg"] == pytest.approx(1.0 / 60.0 + 0.02 * wheel["toe_deg"])
     plain = json.loads((tmp_path / "without" / "truth.json").read_text())
     assert "machine" not in plain
+
+
+SWEPT = TRUTH | {
+    "kingpins": [{"wheel": "FR", "caster_deg": 5.0, "inclination_deg": 9.0},
+                 {"wheel": "FL", "caster_deg": 5.5, "inclination_deg": 8.0}],
+    "toe_out_on_turns": [{"turn": "left", "difference_deg": 2.0},
+                         {"turn": "right", "difference_deg": 2.1}],
+}  # fmt: skip
+
+
+def test_caster_sai_and_toe_out_are_read_where_the_vehicle_is_swept():
+    machine = read_machine(EXAMPLE, 0)
+    assert true_values(SWEPT, machine.caster, "caster") == pytest.approx({"FR": 300.0, "FL": 330.0})
+    assert true_values(SWEPT, machine.sai, "sai") == pytest.approx({"FR": 540.0, "FL": 480.0})
+    turns = true_values(SWEPT, machine.toe_out_on_turns, "toe_out_on_turns")
+    assert turns == pytest.approx({"left": 120.0, "right": 126.0})
+    other = {"caster": "top-forwards", "sai": "top-out", "toe_out_on_turns": "toe-in"}
+    for kind, sense in other.items():
+        table = getattr(machine, kind)
+        turned = table.model_copy(update={"positive": sense})
+        known = true_values(SWEPT, table, kind)
+        assert true_values(SWEPT, turned, kind) == {k: -v for k, v in known.items()}
+    kinds = {one.quantity for one in indicate(SWEPT, machine, np.random.default_rng(0))}
+    assert kinds == {"toe", "camber", "total_toe", "track", *other}
+    assert set(with_points(SWEPT, machine).quantities()) == kinds
+    assert set(with_points(TRUTH, machine).quantities()) == kinds - set(other)
+    assert tomllib.loads(item_toml(machine))["item"]["toe_out_on_turns"]["inner_deg"] == 20.0
 
 
 def test_a_wrong_machine_file_is_refused_in_one_line(tmp_path):
