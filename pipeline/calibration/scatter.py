@@ -74,7 +74,23 @@ class Scatter:
         differences = (self.means[:, :, 0] - self.means[:, :, 1]).mean(axis=1)
         spread = (1.0 / self.counts).sum(axis=(1, 2)) / levels**2
         dof = float(self.dofs.sum())
-        return differences, difference_effects(spread, self.deviation, dof, resolution)
+        ratio = _rounding_ratio(differences, resolution)
+        return differences, difference_effects(spread, self.deviation, dof, resolution, ratio)
+
+
+def _rounding_ratio(differences: Array, step: float) -> float:
+    """Return the variance of the rounding of P differences over step^2/6, 1 at least.
+
+    A difference whose true value lies a part f of a step above a whole one is shown as that one or
+    the next, with the variance f (1 - f) step^2; all points share f where the hysteresis does not
+    depend on the point. f by Agresti and Coull, The American Statistician 52 (1998) 119.
+    """
+    count = len(differences)
+    part = float(differences.mean()) / step % 1.0 if step > 0.0 else 0.0
+    if part * (1.0 - part) < 1e-6:
+        return 1.0
+    part = (count * part + 2.0) / (count + 4.0)
+    return max(1.0, 6.0 * part * (1.0 - part))
 
 
 def mean_effects(
@@ -108,10 +124,13 @@ def mean_effects(
 
 
 def difference_effects(
-    spread: Array, deviation: float, dof: float, resolution: float
+    spread: Array, deviation: float, dof: float, resolution: float, ratio: float = 1.0
 ) -> list[Effect]:
-    """Return the effects of readings on P differences of directions; spread: of these."""
-    own = math.sqrt(rounding_variance(deviation, resolution)) * np.eye(len(spread))
+    """Return the effects of readings on P differences of directions; spread: of these.
+
+    ratio: of the variance of their rounding to that of two roundings, step^2/6.
+    """
+    own = math.sqrt(ratio * rounding_variance(deviation, resolution)) * np.eye(len(spread))
     return [
         Effect(REPEATABILITY, np.diag(deviation * np.sqrt(spread)), dof, False),
         Effect(RESOLUTION, np.hstack([own, -own]), math.inf, False, uniform=True),

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import click
 
-from ..batch.results import export
 from ..calibration import (
     CERTIFICATE_FORM,
     ITEM_FORM,
@@ -255,6 +254,8 @@ def _write_forms(
     directions: bool,
 ) -> int:
     """Write the forms; of the item only where none is given. Nothing is overwritten."""
+    from ..batch.results import export  # 0.1 s, which no calibration needs
+
     if len(references) > 1:
         raise InputError("--template with several references: give one of them")
     item = None if item_path is None else load_item(item_path).item

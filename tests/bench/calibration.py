@@ -39,8 +39,8 @@ MACHINES = {
     "one series of 3": ({"series": 1, "repeats": 3}, {}),
     "4 series of 2": ({"series": 4, "repeats": 2}, {"reproducibility": 0.5}),
     "resolution 1', no scatter": (
-        {"series": 1, "repeats": 3},
-        {"resolution": 1.0, "repeatability": 0.0, "hysteresis": (0.0, 2.0)},
+        {"series": 1, "repeats": 3, "directions": False},
+        {"resolution": 1.0, "repeatability": 0.0},
     ),
     "resolution 1', scatter 0 to 1'": (
         {"series": 1, "repeats": 3},
@@ -67,7 +67,7 @@ def tested(protocol, changes):
         "track": toe.model_copy(update={"positive": "length", "axis": None, "gain": 0.001,
                                         "resolution": 0.2}),
     }  # fmt: skip
-    return machine(protocol=Protocol(directions=True, **protocol), **tables)
+    return machine(protocol=Protocol(**({"directions": True} | protocol)), **tables)
 
 
 def share(hits, total):
@@ -113,9 +113,10 @@ def of_result(result, bay, known):
              for p in result.points]  # fmt: skip
     line, hysteresis = result.characteristic, result.hysteresis
     found = {kind: pairs}
-    found[f"{kind}: hysteresis"] = [
-        (hysteresis.value - table.hysteresis * unit, hysteresis.expanded)
-    ]
+    if hysteresis is not None:
+        found[f"{kind}: hysteresis"] = [
+            (hysteresis.value - table.hysteresis * unit, hysteresis.expanded)
+        ]
     if line.sensitivity is not None:
         found[f"{kind}: zero"] = [(line.zero.value - table.zero * unit, line.zero.expanded)]
         found[f"{kind}: sensitivity"] = [

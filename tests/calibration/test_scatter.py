@@ -114,3 +114,21 @@ def test_the_hysteresis_of_one_point_has_two_rectangles():
     found = estimate(1.0, np.ones(1), effects)
     assert found.u == pytest.approx(math.sqrt(2.0 / 12.0))
     assert found.expanded == pytest.approx((1.0 - math.sqrt(0.05)) * 1.0, rel=0.01)  # triangle
+
+
+@pytest.mark.parametrize("hysteresis", [0.5, 1.3, 1.8])
+def test_a_hysteresis_that_is_no_whole_step_is_covered_at_several_points(hysteresis):
+    """Twelve points without scatter: all share the part of a step by which it is rounded."""
+    rng, covered, plain, count = np.random.default_rng(5), 0, 0, 400
+    for _ in range(count):
+        true = rng.uniform(0.0, 1.0, (12, 1, 1, 1))
+        ways = np.array([0.5, -0.5]).reshape(1, 1, 2, 1) * hysteresis
+        found = scatter_of(np.repeat(np.round(true + ways), 2, axis=3).tolist())
+        differences, effects = found.hysteresis(1.0)
+        known = estimate(float(differences.mean()), np.full(12, 1.0 / 12.0), effects)
+        covered += abs(known.value - hysteresis) <= known.expanded
+        plain += abs(known.value - hysteresis) <= 1.96 * math.sqrt(1.0 / 6.0 / 12.0)
+    spread = 3.0 * math.sqrt(0.95 * 0.05 / count)
+    assert covered / count > 0.95 - spread
+    if hysteresis == 0.5:
+        assert plain / count < 0.95 - spread
