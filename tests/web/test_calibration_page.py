@@ -226,6 +226,29 @@ def test_the_portuguese_page_says_faults_in_portuguese(site, job, rows):
     assert words("fault.row", row=4) == "linha 4"
 
 
+def test_the_portuguese_page_says_in_portuguese_what_an_item_lacks(site, job):
+    folder = site.app.config["state"].jobs.shown(job).folder
+    cases = [
+        (("toe", "axis"), "convergência: não tem eixo: "),
+        (("toe", "positive"), "convergência: não tem convenção de sinal: "),
+        (("camber", "definition"), "sopé: não tem definição: "),
+        (("maker", None), "maker: está vazio: "),
+        (("toe", "resolution"), "toe.resolution: falta: "),
+    ]
+    for (table, key), start in cases:
+        tree = tomllib.loads(ITEM)
+        if key is None:
+            tree["item"][table] = ""
+        else:
+            del tree["item"][table][key]
+        found = evaluate(folder, Request(tree, ()), "pt")["item_faults"]
+        assert [one for one in found if one.startswith(start)], found
+    tree = tomllib.loads(ITEM)
+    del tree["decision"]
+    (one,) = evaluate(folder, Request(tree, ()), "pt")["item_faults"]
+    assert one.startswith("convergência: tem um EMA, mas não foi escolhida uma regra")
+
+
 def test_an_item_says_what_it_lacks(site, job, rows):
     tree = tomllib.loads(ITEM)
     del tree["item"]["toe"]["axis"]

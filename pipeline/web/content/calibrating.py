@@ -42,7 +42,7 @@ from ...report.tables.conformity import SIGNS, decided
 from ...vehicle import AXES
 from .calibration_files import READINGS, Request, item_of, readings_csv
 from .comparing import load
-from .faults import in_words
+from .faults import in_words, item_in_words
 from .panel import table_tree
 
 MOST_FAULTS = 200
@@ -82,7 +82,7 @@ def evaluate(folder: Path, given: Request, language: str) -> dict[str, Any]:
     try:
         item_file = item_of(given)
     except ConfigError as error:
-        return {"item": None, "item_faults": [str(error)]}
+        return {"item": None, "item_faults": item_in_words(str(error), words)}
     reference = reference_of(str(folder))
     tree: dict[str, Any] = {
         "item": item_file.model_dump(exclude_none=True),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -39,6 +40,34 @@ def in_words(fact: object, words: Translations) -> str:
         return str(fact)
     parts = {name: _part(name, part, words) for name, part in fact.parts.items()}
     return words(f"fault.{key}", **parts)
+
+
+# What an item file says that it lacks; all else stays in English, as the command says it.
+ITEM_FAULTS = {
+    "empty": re.compile(r"^(?:item\.)?(?P<field>[\w.]+): string should have at least 1 char"),
+    "missing": re.compile(r"^'(?:item\.)?(?P<field>[\w.]+)' is missing: add it"),
+    "no_axis": re.compile(r"^(?:item: )?(?P<kind>\w+) has no axis:"),
+    "no_sign": re.compile(r"^(?:item: )?(?P<kind>\w+) has no sign convention:"),
+    "no_definition": re.compile(r"^(?:item: )?(?P<kind>\w+) has no definition:"),
+    "no_rule": re.compile(r"^(?P<kind>\w+) has an mpe, but no decision rule"),
+    "no_quantity": re.compile(r"^(?:item: )?it declares no quantity"),
+}
+
+
+def item_in_words(error: str, words: Translations) -> list[str]:
+    """Return the faults of an item file, one after the other, in a language."""
+    if words.language == "en":
+        return [error]
+    return [_item_fault(text, words) for text in error.removeprefix("item.toml: ").split("; ")]
+
+
+def _item_fault(text: str, words: Translations) -> str:
+    for key, form in ITEM_FAULTS.items():
+        found = form.match(text)
+        if found is not None:
+            parts = {name: _part(name, part, words) for name, part in found.groupdict().items()}
+            return words(f"item_fault.{key}", **parts) + "."
+    return text
 
 
 def _part(name: str, part: object, words: Translations) -> str:
