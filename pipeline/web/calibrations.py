@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from flask import Flask, Response, g, jsonify, request
 
 from ..report.write import write_whole
-from .content.calibrating import evaluate, reference_of
-from .content.calibration_files import calibration_files, request_of
+from .content.calibrating import evaluate, references_of
+from .content.calibration_files import Request, calibration_files, request_of
 from .content.reporting import TYPES
 from .files.folders import check_name
 from .front import given, language
@@ -24,7 +26,8 @@ def add_calibrations(app: Flask, state: PageState) -> None:
 
     @app.post("/api/jobs/<name>/calibration")
     def calibration(name: str) -> Response:
-        return jsonify(evaluate(_measured(state, name).folder, request_of(given()), language()))
+        asked = request_of(given())
+        return jsonify(evaluate(_folders(state, name, asked), asked, language()))
 
     @app.put("/api/jobs/<name>/readings/<file>")
     def readings(name: str, file: str) -> Response:
@@ -46,9 +49,9 @@ def add_calibrations(app: Flask, state: PageState) -> None:
             str(asked.get("name", "")),
         )
         config = state.settings.config
-        files = calibration_files(
-            reference_of(str(job.folder)), request_of(asked), config, language()
-        )
+        entered = request_of(asked)
+        references = references_of(_folders(state, name, entered))
+        files = calibration_files(references, entered, config, language())
         saved = save_folder(files, target)
         write_whole(job.folder / CERTIFICATE, files[CERTIFICATE])
         return jsonify(saved=saved)
@@ -60,6 +63,11 @@ def add_calibrations(app: Flask, state: PageState) -> None:
             raise RefusedError(404, "no certificate of this measurement: save the calibration")
         g.is_report = True
         return Response(path.read_bytes(), content_type=TYPES["html"])
+
+
+def _folders(state: PageState, name: str, asked: Request) -> list[Path]:
+    """Return the folders of the measurements that are the references of a request."""
+    return [_measured(state, one).folder for one in (name, *asked.references)]
 
 
 def _measured(state: PageState, name: str) -> PageJob:

@@ -19,7 +19,7 @@ from tests.support.web_site import PAPER, Site
 from wheelplane.calibration import COLUMNS, ItemFile, item_toml, load_item
 from wheelplane.errors import InputError
 from wheelplane.report.format.language import load_translations
-from wheelplane.web.content.calibrating import choices, evaluate, reference_of
+from wheelplane.web.content.calibrating import choices, evaluate, references_of
 from wheelplane.web.content.calibration_files import Request, calibration_files
 from wheelplane_synth.machine.forms import readings_csv
 from wheelplane_synth.machine.indicate import indicate
@@ -206,13 +206,35 @@ def test_a_fault_stands_at_its_row_and_the_others_are_evaluated(site, job, rows)
     assert not (site.allowed / "wrong").exists()
 
 
+def test_each_series_may_have_a_reference_of_its_own(site, job, rows):
+    other = site.measure({"root": 0, "path": "capture"})["id"]
+    series = COLUMNS.index("series")
+    again = [[*row[:series], "2", *row[series + 1 :]] for row in rows]
+    found = entered(site, job, [*rows, *again], references=[other])
+    assert found["faults"] == []
+    assert len(found["points"]) == len(entered(site, job, rows)["points"])
+    third = [[*row[:series], "3", *row[series + 1 :]] for row in rows]
+    faults = entered(site, job, third, references=[other])["faults"]
+    assert "series '3' has no reference: those given are of series 1, 2" in faults[0]["text"]
+    answer = saved(site, job, [*rows, *again], "two", references=[other])
+    assert answer.status_code == 200, answer.json
+    tree = json.loads((site.allowed / "two" / "calibration.json").read_text())
+    assert [one["series"] for one in tree["references"]] == ["1", "2"]
+    given = {"item": ITEM, "readings": rows, "references": "x"}
+    assert site.post(f"/api/jobs/{job}/calibration", given).status_code == 400
+    assert (
+        site.post(f"/api/jobs/{job}/calibration", given | {"references": ["gone"]}).status_code
+        == 404
+    )
+
+
 def test_the_portuguese_page_says_faults_in_portuguese(site, job, rows):
     wrong = [list(row) for row in rows]
     value, unit, repeat = (COLUMNS.index(name) for name in ("value", "unit", "repeat"))
     wrong[2][value], wrong[7][unit], wrong[9][repeat] = "1,234", "gon", "0"
     words, folder = load_translations("pt"), site.app.config["state"].jobs.shown(job).folder
     given = Request(tomllib.loads(ITEM), tuple(map(tuple, wrong)))
-    found = evaluate(folder, given, "pt")["faults"]
+    found = evaluate([folder], given, "pt")["faults"]
     texts = [fault["text"] for fault in found]
     assert texts[:3] == [
         "'1,234' tanto pode ser 1.234 como 1234: escrevê-lo com um ponto",
@@ -221,7 +243,7 @@ def test_the_portuguese_page_says_faults_in_portuguese(site, job, rows):
     ]
     assert not any(" no " in f" {text} " and "reading" in text for text in texts)
     with pytest.raises(InputError) as error:
-        calibration_files(reference_of(str(folder)), given, None, "pt")
+        calibration_files(references_of([folder]), given, None, "pt")
     assert "readings.csv: linha 4, coluna value: '1,234' tanto pode" in str(error.value)
     assert words("fault.row", row=4) == "linha 4"
 
@@ -241,11 +263,11 @@ def test_the_portuguese_page_says_in_portuguese_what_an_item_lacks(site, job):
             tree["item"][table] = ""
         else:
             del tree["item"][table][key]
-        found = evaluate(folder, Request(tree, ()), "pt")["item_faults"]
+        found = evaluate([folder], Request(tree, ()), "pt")["item_faults"]
         assert [one for one in found if one.startswith(start)], found
     tree = tomllib.loads(ITEM)
     del tree["decision"]
-    (one,) = evaluate(folder, Request(tree, ()), "pt")["item_faults"]
+    (one,) = evaluate([folder], Request(tree, ()), "pt")["item_faults"]
     assert one.startswith("convergência: tem um EMA, mas não foi escolhida uma regra")
 
 

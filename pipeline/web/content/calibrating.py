@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from ...calibration import (
     Fault,
     ItemFile,
     Reference,
+    by_series,
     calibrate_unfinished,
     units_of,
 )
@@ -73,33 +74,39 @@ def _senses(senses: Iterable[str], words: Translations) -> list[list[str]]:
     return [[s, words(f"calibration.sense_{s.replace('-', '_')}")] for s in senses]
 
 
-def evaluate(folder: Path, given: Request, language: str) -> dict[str, Any]:
-    """Evaluate what is entered so far against the measurement in `folder`, with every fault.
+def evaluate(folders: Sequence[Path], given: Request, language: str) -> dict[str, Any]:
+    """Evaluate what is entered so far against the measurements in `folders`, with every fault.
 
-    Without a complete item there are only its faults.
+    One measurement is the reference of all series, several are those of series 1, 2, ... Without a
+    complete item there are only its faults.
     """
     words = load_translations(language)
     try:
         item_file = item_of(given)
     except ConfigError as error:
         return {"item": None, "item_faults": item_in_words(str(error), words)}
-    reference = reference_of(str(folder))
+    references = references_of(folders)
     tree: dict[str, Any] = {
         "item": item_file.model_dump(exclude_none=True),
         "item_faults": [],
-        "sheets": _sheets(reference, item_file, Writer(words, PAPER)),
+        "sheets": _sheets(references[0], item_file, Writer(words, PAPER)),
     }
     if not given.readings:
         return tree | {"faults": [], "points": [], "results": []}
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    with tempfile.TemporaryDirectory(dir=folders[0]) as scratch:
         path = Path(scratch) / READINGS
         path.write_bytes(readings_csv(given.readings))
-        found, faults = calibrate_unfinished([reference], item_file, path)
+        found, faults = calibrate_unfinished(references, item_file, path)
     listed = [_fault(fault, words) for fault in faults[:MOST_FAULTS]]
     return tree | {"faults": listed} | _found(found, words)
 
 
-@lru_cache(maxsize=4)
+def references_of(folders: Sequence[Path]) -> tuple[Reference, ...]:
+    """Return stored measurements as the references of series 1, 2, ...; one as that of all."""
+    return by_series([reference_of(str(folder)) for folder in folders])
+
+
+@lru_cache(maxsize=16)
 def reference_of(folder: str) -> Reference:
     """Return the measurement that a measuring process stored in `folder`, as a reference."""
     return Reference(load(Path(folder))[0])

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,7 +38,7 @@ from ..security import RefusedError
 from .faults import faults_in
 
 ITEM, READINGS, CERTIFICATE = "item.toml", "readings.csv", "certificate.toml"
-MOST_READINGS, LONGEST_CELL = 5000, 200
+MOST_READINGS, LONGEST_CELL, MOST_REFERENCES = 5000, 200, 50
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,14 @@ class Request:
     """Item and readings as the page sends them.
 
     item: as plain data, or the text of an item.toml. readings: rows of texts in the order of
-    COLUMNS. certificate: text of a certificate.toml, "" for none.
+    COLUMNS. certificate: text of a certificate.toml, "" for none. references: names of the
+    measurements of series 2, 3, ...
     """
 
     item: dict[str, Any] | str
     readings: tuple[tuple[str, ...], ...]
     certificate: str = ""
+    references: tuple[str, ...] = ()
 
 
 def request_of(given: dict[str, Any]) -> Request:
@@ -63,7 +65,14 @@ def request_of(given: dict[str, Any]) -> Request:
         raise RefusedError(400, f"readings: rows of {len(COLUMNS)} short texts are needed")
     if len(rows) > MOST_READINGS:
         raise RefusedError(413, f"more than {MOST_READINGS} readings: use wheelplane calibrate")
-    return Request(item, tuple(map(tuple, rows)), certificate or "")
+    others = given.get("references") or []
+    if not isinstance(others, list) or len(others) > MOST_REFERENCES or not _are_texts(others):
+        raise RefusedError(400, f"references: up to {MOST_REFERENCES} measurements are needed")
+    return Request(item, tuple(map(tuple, rows)), certificate or "", tuple(others))
+
+
+def _are_texts(values: list[Any]) -> bool:
+    return all(isinstance(value, str) for value in values)
 
 
 def _is_row(row: Any) -> bool:
@@ -107,7 +116,7 @@ def readings_csv(rows: tuple[tuple[str, ...], ...]) -> bytes:
 
 
 def calibration_files(
-    reference: Reference, given: Request, config: Path | None, language: str
+    references: Sequence[Reference], given: Request, config: Path | None, language: str
 ) -> dict[str, bytes]:
     """Return the files by name, as `wheelplane calibrate` with the same files writes them.
 
@@ -120,7 +129,7 @@ def calibration_files(
     }
     files |= {CERTIFICATE: given.certificate.encode()} if given.certificate else {}
     with _written(files) as folder, faults_in(load_translations(language)):
-        found = calibrate_file([reference], load_item(folder / ITEM), folder / READINGS)
+        found = calibrate_file(references, load_item(folder / ITEM), folder / READINGS)
         stated = folder / CERTIFICATE if given.certificate else None
         return files | _results(found, stated, config, language)
 

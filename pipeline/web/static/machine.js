@@ -1,5 +1,5 @@
 // Calibration of a machine against the measurement: item, readings, what they show, files.
-import { ask, el, pathOf, post, send, t, tableOf } from "./base.js";
+import { ask, el, pathOf, post, select, send, session, t, tableOf } from "./base.js";
 import { ItemForm } from "./item.js";
 import { Sheet } from "./sheet.js";
 
@@ -12,6 +12,8 @@ export class Machine {
     this.item = new ItemForm(() => this.#later());
     this.sheet = new Sheet(() => this.#later());
     this.certificate = "";
+    this.references = []; // names of the measurements of series 2, 3, ...
+    this.series = el("div", { class: "filters" });
     this.fault = el("p", { class: "status bad", role: "status" });
     this.state = el("div", { class: "status", role: "status" });
     this.others = el("ul", { class: "faults" });
@@ -23,14 +25,35 @@ export class Machine {
     this.card = el("details", { class: "card", id: "machine", open: this.#restore() }, el("summary", {}, t("machine")),
       el("p", { class: "hint" }, t("machine_hint")),
       el("h3", {}, t("item")), this.#picker(t("load_item"), ".toml", (file) => this.#loadItem(file)), this.item.place, this.fault,
-      el("h3", {}, t("readings")), this.#picker(t("load_readings"), ".csv,.xlsx", (file) => this.#loadReadings(file)), this.sheet.place, this.others,
+      this.series, el("h3", {}, t("readings")), this.#picker(t("load_readings"), ".csv,.xlsx", (file) => this.#loadReadings(file)), this.sheet.place, this.others,
       this.state, this.tables,
       el("h3", {}, t("save_calibration")), this.#picker(t("load_certificate"), ".toml", (file) => this.#loadCertificate(file)),
       el("p", { class: "hint" }, t("certificate_hint")),
       el("form", { class: "save", onsubmit: (event) => this.#save(event) },
         el("label", {}, t("new_folder"), this.name), el("label", {}, t("save_folder"), this.folder),
         el("button", { class: "main" }, t("save_in"))), el("div", {}, this.saved));
+    session.listeners.push(() => this.#offer());
+    this.#offer();
     if (this.card.open) this.#later();
+  }
+
+  /** Offer another measurement for each further series; none: the first is the reference of all. */
+  #offer() {
+    const known = session.jobs.filter(({ id }) => id !== this.job.id);
+    this.references = this.references.filter((id) => known.some((one) => one.id === id));
+    const options = [["", t("same_reference")], ...known.map(({ id, name }) => [id, name])];
+    const shown = known.length ? [...this.references, ""] : [];
+    this.series.replaceChildren(...shown.map((id, i) => {
+      const row = select(`reference-${i + 2}`, t("series_reference", { series: i + 2 }), options, id);
+      row.addEventListener("change", ({ target }) => this.#refer(i, target.value));
+      return row;
+    }));
+  }
+
+  #refer(i, id) {
+    this.references = id ? [...this.references.slice(0, i), id, ...this.references.slice(i + 1)] : this.references.slice(0, i);
+    this.#offer();
+    this.#later();
   }
 
   get #key() {
@@ -44,16 +67,17 @@ export class Machine {
     this.item.show(before.item);
     this.sheet.restore(before.sheet);
     this.certificate = before.certificate;
+    this.references = before.references ?? [];
     return true;
   }
 
   get #entered() {
-    return { item: this.item.tree, readings: this.sheet.rows(), certificate: this.certificate };
+    return { item: this.item.tree, readings: this.sheet.rows(), certificate: this.certificate, references: this.references };
   }
 
   /** Ask the server once no key was pressed for a moment. */
   #later() {
-    sessionStorage.setItem(this.#key, JSON.stringify({ item: this.item.tree, sheet: this.sheet.stored, certificate: this.certificate }));
+    sessionStorage.setItem(this.#key, JSON.stringify({ item: this.item.tree, sheet: this.sheet.stored, certificate: this.certificate, references: this.references }));
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.#evaluate(this.#entered), PAUSE_MS);
   }
