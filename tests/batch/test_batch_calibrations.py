@@ -140,7 +140,8 @@ def test_drift_reads_the_catalogue_and_folders_alike(archive, tmp_path):
         run(results, archive / "results", "--drift", "--item", "8")
 
 
-def test_files_that_belong_together_are_asked_for(archive):
+def test_files_that_belong_together_are_asked_for(archive, tmp_path):
+    archive = shutil.copytree(archive, tmp_path / "archive")
     folder = archive / "bays" / "2026-05-15"
     source = archive / "bays" / "2026-01-15"
     cases = {
@@ -151,7 +152,8 @@ def test_files_that_belong_together_are_asked_for(archive):
     for names, reason in cases.items():
         for name in names:
             shutil.copy(source / name.replace(".xlsx", ".csv"), folder / name)
-        run(batch, archive / "bays", "-o", archive / "results", "--date-in-name", DATED)
+        where = (archive / "bays", "-o", archive / "results")
+        run(batch, *where, "--date-in-name", DATED, "--resume")
         (one,) = listed(archive, "--name", "2026-05-15", "--no-gone")[-1:]
         for name in names:
             (folder / name).unlink()
