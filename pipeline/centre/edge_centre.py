@@ -37,6 +37,7 @@ MAX_RATIO = 50.0  # reflectance ratio, or its inverse, beyond which a fit is imp
 CELL = 2.0  # of the spacing: cells in which points on and off the target are counted
 MANY_OFF = 0.05  # points off the target, of those on it: below, no other surface is that near
 SOUGHT = 1.5  # of its size: radius about the matched template in which its points lie
+SPARSE_M = 0.006  # spacing from which the edge's start must be better than the template's match
 GENTLE = 1.0  # slope below which all points that matter lie within target_view.GENTLE_SLOPE
 
 
@@ -55,10 +56,10 @@ def centre_by_edge(view: TargetView, outline: Outline) -> EdgeCentre:
     Raises NotMeasuredError 'no-outline' or 'wrong-outline'.
     """
     start = np.zeros(2), 0.0
-    if outline.shows_rotation:
-        first = fit_outline(_on_target(view, view.near(outline, start)), outline)
-        start = first.centre_m, first.rotation_rad
     try:
+        if outline.shows_rotation or view.spacing_m > SPARSE_M:
+            first = fit_outline(_on_target(view, view.near(outline, start)), outline)
+            start = first.centre_m, first.rotation_rad
         found = _by_edge(view, outline, start, "rim", None)
     except NotMeasuredError as error:
         hidden = error.status == "no-outline" and not outline.shows_rotation

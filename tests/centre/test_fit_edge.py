@@ -23,7 +23,7 @@ from wheelplane.centre.edge.edge_residuals import (
     equations,
     spread,
     step,
-    zones_differ,
+    zone_scatter,
 )
 from wheelplane.centre.edge.fit_edge import DIFFERENT, aimed, fit_edge, look_behind
 from wheelplane.config import CentreConfig
@@ -198,7 +198,7 @@ def test_residuals_where_the_influence_falls_do_not_take_all_information():
     assert u_m[2] < 4.0 * u_m[0]
 
 
-def difference_of_zones(**changes):
+def scatter_of_zones(**changes):
     outline, points, station = scanned("disc", **changes)
     state, prior = true_state(station), Prior.of(0.01, CONFIG)
     problem = EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
@@ -206,10 +206,10 @@ def difference_of_zones(**changes):
         background = look_up(problem.beams(state), problem.depth, state)
         linear = equations(problem, background, state, Zones.alike(), True, False)
         state = state + step(linear, state, problem.prior)[0]
-    return zones_differ(linear, prior)
+    return zone_scatter(linear, prior)
 
 
 def test_backgrounds_of_one_brightness_do_not_differ():
     dark = Sheet((0.2, 0.0, -0.0799), half=(0.2, 0.4), echo=0.3)
-    assert difference_of_zones(background_tilt_deg=0.0) < DIFFERENT / 3.0
-    assert difference_of_zones(background_tilt_deg=0.0, extra=(dark,)) > DIFFERENT
+    assert scatter_of_zones(background_tilt_deg=0.0) < DIFFERENT / 3.0
+    assert scatter_of_zones(background_tilt_deg=0.0, extra=(dark,)) > DIFFERENT

@@ -332,3 +332,14 @@ def test_order_of_the_points_changes_rounding_alone(seed):
     again = measure_scan(Scan(shuffled, None, "scan", 0), DISC, Config()).target
     assert np.abs(first.centre_m - again.centre_m).max() < 1e-12
     assert np.abs(first.normal - again.normal).max() < 1e-12
+
+
+def test_300_points_show_the_edge_and_know_how_well():
+    """The outermost points, 12.8 mm apart, leave 1 mm; the mixed pixels' own bound is 0.37 mm."""
+    clouds = [make(PLAIN.but(spacing_m=0.0128, noise_m=0.0008), seed) for seed in range(24)]
+    found = [fit(cloud.points_m) for cloud in clouds]
+    assert np.mean([fitted.method == "rim" for fitted in found]) > 0.9
+    off_m = np.array([error(*each) for each in zip(clouds, found, strict=True)])
+    u_m = np.array([u_of(*each) for each in zip(clouds, found, strict=True)])
+    assert np.sqrt(np.mean(off_m**2)) < 1.5 * 3.7e-4
+    assert 0.4 < np.sqrt(np.mean((off_m / u_m[:, None]) ** 2)) < 1.25

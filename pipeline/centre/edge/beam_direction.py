@@ -13,7 +13,7 @@ from .beams import BEAM, CENTRE, INVERSE, MIN_DEPTH_M, ROTATION, SPOT, Beams, ca
 
 Solve = Callable[[Array, Array], Array]
 
-SECTORS, ROUNDS = 36, 4
+SECTORS, FEWEST_SECTORS, ROUNDS = 36, 12, 4
 WINDOW_M = 0.03  # about the edge, in which its background is used
 AGREE_M, MAX_CONSTANT_M = 0.0015, 0.006  # of the shadow's edge in a sector; shift common to all
 RING_M = (0.0035, 0.0095)  # rings inside the edge, without background, and outside, with it
@@ -21,6 +21,7 @@ MAX_THROUGH = 0.1  # share of the background that may appear through the target
 STEEPEST = 4.0  # slope of the directions that are tried
 COARSE_STEP, FINE_STEP = 0.3, 0.1  # between directions, at first and about the best
 LEAST_IN_SECTOR = 5  # points that count as a background
+LEAST_SHADOW = (6, 20)  # points of a sector that show the shadow's edge: few points, many
 TRIED_POINTS = 2000
 TRIED_INVERSE = (0.4, 1.0)  # 1/m, of the scanner's distance from the plane
 INSIDE = 5.0  # weight of a point inside the edge, of one outside
@@ -60,8 +61,14 @@ def has_background(plane: Array, depth: Array, state: Array, outline: Outline) -
     """Return whether there is background beside a quarter of the edge."""
     beams = carry(plane, depth, state, outline)
     beside = (depth > 2.0 * MIN_DEPTH_M) & (np.abs(beams.x_m) < WINDOW_M)
-    count = np.bincount(sector(beams.share[beside], SECTORS), minlength=SECTORS)
-    return bool(np.count_nonzero(count >= LEAST_IN_SECTOR) >= SECTORS // 4)
+    sectors = _sectors(int(np.count_nonzero(beside)), LEAST_IN_SECTOR + 3)
+    count = np.bincount(sector(beams.share[beside], sectors), minlength=sectors)
+    return bool(np.count_nonzero(count >= LEAST_IN_SECTOR) >= sectors // 4)
+
+
+def _sectors(points: int, each: int) -> int:
+    """Return the number of sectors in which points are looked at, that many in each if possible."""
+    return int(np.clip(points // each, FEWEST_SECTORS, SECTORS))
 
 
 def seen_through(plane: Array, depth: Array, state: Array, outline: Outline) -> float:
@@ -90,26 +97,29 @@ def _refined(
     """Return the state with the beams' slope g fitted to the shadow's edge, or None.
 
     At depth z that edge is shifted by z g against the target's, x = a + z g . rho; the innermost
-    background points of 36 sectors are fitted.
+    background points of the sectors are fitted.
     """
     state = state.copy()
-    normals = turned(outline.normals((np.arange(SECTORS) + 0.5) / SECTORS), state[ROTATION])
     for _ in range(ROUNDS):
         beams = carry(plane, depth, state, outline)
         near = (depth > 2.0 * MIN_DEPTH_M) & (np.abs(beams.x_m) < WINDOW_M)
         behind = np.nonzero(near)[0]
-        part = sector(beams.share[behind], SECTORS)
+        sectors = _sectors(len(behind), 2 * LEAST_SHADOW[1])
+        least = int(np.clip(len(behind) // (2 * sectors), *LEAST_SHADOW))
+        middles = (np.arange(sectors) + 0.5) / sectors
+        normals = turned(outline.normals(middles), state[ROTATION])
+        part = sector(beams.share[behind], sectors)
         rows = []
-        for k in range(SECTORS):
+        for k in range(sectors):
             here = behind[part == k]
-            if len(here) < 20:
+            if len(here) < least:
                 continue
             middle = float(np.median(depth[here]))
             clean = here[depth[here] > 0.8 * middle]
-            if len(clean) >= 10:
-                inner = np.partition(beams.x_m[clean], 4)[4]
+            if len(clean) >= least // 2:
+                inner = np.partition(beams.x_m[clean], least // 5)[least // 5]
                 rows.append((inner, 1.0, *(middle * normals[k])))
-        if len(rows) < SECTORS // 4:
+        if len(rows) < sectors // 4:
             return None
         table = np.array(rows)
         state[BEAM] += solve(table[:, 1:], table[:, 0])[1:]

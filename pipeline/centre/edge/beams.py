@@ -14,6 +14,7 @@ from ...vectors import Array, Mask, turned
 RING_M = (0.001, 0.011)  # beyond the footprint: where the clean background is looked up
 TWELFTHS, LEAST_IN_TWELFTH = 12, 4
 LEAST_IN_RING, WIDEST_M = 150, 0.028  # points that it should hold, and its width where few are
+IN_SECTOR, IN_SECTOR_SPARSE = (10, 5), (6, 4)  # points of a ring per sector, and the fewest
 LEAST_IN_HALF = 4  # points of a sector's ring that give a slope
 MAX_SPREAD = 0.15  # sectors whose background is rougher than this share of its depth are left out
 SPARSE, MAX_SPREAD_SPARSE = 16, 0.4  # the same of sectors of fewer points, which are wider
@@ -53,10 +54,13 @@ def look_up(beams: Beams, depth: Array, state: Array) -> Background:
     beyond = beams.x_m - np.exp(state[SPOT]) - wall
     deep = (beyond > RING_M[0]) & (depth > MIN_DEPTH_M)
     ring, outer_m = deep & (beyond < RING_M[1]), RING_M[1]
-    if (few := int(np.count_nonzero(ring))) < LEAST_IN_RING:
-        outer_m = min(RING_M[0] + (RING_M[1] - RING_M[0]) * LEAST_IN_RING / max(few, 1), WIDEST_M)
+    found = int(np.count_nonzero(ring))
+    each, least = IN_SECTOR
+    if found < LEAST_IN_RING:
+        outer_m = min(RING_M[0] + (RING_M[1] - RING_M[0]) * LEAST_IN_RING / max(found, 1), WIDEST_M)
         ring = deep & (beyond < outer_m)
-    count = int(np.clip(np.count_nonzero(ring) // 10, 12, 90))
+        each, least = IN_SECTOR_SPARSE
+    count = int(np.clip(np.count_nonzero(ring) // each, 12, 90))
     part, z, x = sector(beams.share[ring], count), depth[ring], beams.x_m[ring]
     outer = (beyond[ring] > (RING_M[0] + outer_m) / 2.0).astype(np.int64)
     halves, sizes = _quantiles(z, 2 * part + outer, 2 * count, (0.5,))
@@ -70,7 +74,7 @@ def look_up(beams: Beams, depth: Array, state: Array) -> Background:
     spread = (high - low) / 1.349
     with np.errstate(invalid="ignore"):
         most = np.where(size >= SPARSE, MAX_SPREAD, MAX_SPREAD_SPARSE)
-        usable = (size >= 5) & (spread < most * depth_m)
+        usable = (size >= least) & (spread < most * depth_m)
     return Background(depth_m, middle, slope, spread, usable)
 
 

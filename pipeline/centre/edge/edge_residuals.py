@@ -32,21 +32,27 @@ SECTORS = 24  # of the outline, taken as independent of each other
 ZONES = 48  # of the outline, each with a reflectance of its background; within one sector each
 LIMIT = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3])  # of a step
 ZONE_LOG, ALIKE_LOG = 1.0, 1e-4  # scatter of their logs: where they may differ, and where not
+CHANCE = 1.5  # standard deviations of what zones explain by chance
 LEAST_SHOWN = 0.01  # of the information of the best zone: others do not count
 LEAST_CHANGE = 0.3  # 0.77 of Gaussian residuals
 LEAST_LEFT = 0.05  # of a sector's share of the information, taken from 1
+FEW = 120  # points in the band of the edge: fewer count as few
 RANK = 1e-6  # of a zone's information: least that the other parameters may leave of it
 
 
 @dataclass(frozen=True)
 class EdgeProblem:
-    """Points near the edge, (N, 2) in the plane and (N,) deep, and the prior of the state."""
+    """Points near the edge, (N, 2) in the plane and (N,) deep, and the prior of the state.
+
+    few: too few of them to tell outliers, zones' reflectances, or the scatter of sectors.
+    """
 
     plane: Array
     depth: Array
     prior: Prior
     outline: Outline
     sigma_m: float
+    few: bool = False
     _kept: dict[bytes, Beams] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def beams(self, state: Array) -> Beams:
@@ -194,11 +200,13 @@ def step(linear: Equations, state: Array, prior: Prior) -> tuple[Array, Zones]:
     return np.asarray(found), Zones(log, linear.zones.sigma)
 
 
-def zones_differ(linear: Equations, prior: Prior) -> float:
-    """Return F of the zones' reflectances, all else fitted too, at a solution without them.
+def zone_scatter(linear: Equations, prior: Prior) -> float:
+    """Return the scatter of the zones' reflectances, in logs, at a solution without them.
 
-    The score test: what they would explain, by the residuals' own variance.
-    Source: Rao, Proc. Cambridge Phil. Soc. 44 (1948) 50.
+    What they would explain, all else fitted too, beyond the residuals' own variance and CHANCE
+    standard deviations of that. The method of moments for random effects: with the information A
+    of K zones, E(pull' A^-1 pull) = K s^2 + sigma^2 tr A.
+    Source: DerSimonian and Laird, Controlled Clinical Trials 7 (1986) 177.
     """
     weighted = linear.slopes.T * linear.weight
     own, cross = linear.by_zone(linear.weight)
@@ -211,15 +219,19 @@ def zones_differ(linear: Equations, prior: Prior) -> float:
     explained = pull[seen] @ np.linalg.solve(own_seen + RANK * np.diag(shown[seen]), pull[seen])
     used = float(np.count_nonzero(linear.weight))
     variance = float(np.sum(linear.weight * linear.residual_m**2)) / used
-    return float(explained) / np.count_nonzero(seen) / variance
+    count = np.count_nonzero(seen)
+    beyond = float(explained) - (count + CHANCE * np.sqrt(2.0 * count)) * variance
+    return float(np.sqrt(max(beyond, 0.0) / np.trace(own_seen)))
 
 
-def spread(linear: Equations, outline: Outline, prior: Prior) -> tuple[Array, Array, float]:
+def spread(
+    linear: Equations, outline: Outline, prior: Prior, few: bool = False
+) -> tuple[Array, Array, float]:
     """Return covariance (11, 11) of the state, derivatives (11, 3) by the plane, and dof.
 
     A^-1 B A^-1, A the derivative of the estimating equations, B the sum of their squares by sectors
     of the outline: the variances in the weights need not be right, nor the points of a sector
-    independent, so that model errors count as well.
+    independent, so that model errors count as well. Of few points B = s^2 A, s^2 by all residuals.
     Source: Huber, Robust Statistics (1981) 6.3; Liang and Zeger, Biometrika 73 (1986) 13.
     """
     weight, d_ratio = linear.weight, linear.slopes[:, RATIO, None]
@@ -231,10 +243,21 @@ def spread(linear: Equations, outline: Outline, prior: Prior) -> tuple[Array, Ar
     lift = np.column_stack([np.ones(len(weight)), linear.q_m]) * linear.by_height[:, None]
     by_plane = inverse @ ((slopes.T * linear.change) @ lift)
     part = sector(linear.share, SECTORS)
-    squares = known + _squares(linear, slopes, part, information)
     taken = 3.0 if outline.shows_rotation else 2.0  # parameters: centre, and rotation
     free = max(float(np.count_nonzero(np.bincount(part, minlength=SECTORS))) - taken, 1.0)
-    return inverse @ squares @ inverse, by_plane, outline.axis_share * free
+    dof = outline.axis_share * free
+    if few:
+        squares = known + _variance(linear, dof) * (information - known)
+    else:
+        squares = known + _squares(linear, slopes, part, information)
+    return inverse @ squares @ inverse, by_plane, dof
+
+
+def _variance(linear: Equations, dof: float) -> float:
+    """Return the variance s^2 of few weighted residuals, at least 1, as that of Student's t."""
+    used = max(float(np.count_nonzero(linear.weight)) - linear.slopes.shape[1], 1.0)
+    square = float(np.sum(linear.weight * linear.residual_m**2)) / used
+    return float(max(square, 1.0) * dof / max(dof - 2.0, 1.0))
 
 
 def _squares(

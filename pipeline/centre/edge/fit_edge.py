@@ -42,6 +42,7 @@ from .beams import (
 )
 from .clean_edge import clean_equations, shift_m
 from .edge_residuals import (
+    FEW,
     OUTER_M,
     SECTORS,
     EdgeProblem,
@@ -50,13 +51,13 @@ from .edge_residuals import (
     equations,
     spread,
     step,
-    zones_differ,
+    zone_scatter,
 )
 
 ERODED = 0.4  # of the stated footprint: a clean edge that lies as far inside the target's is none
-DIFFERENT = 8.0  # F of the zones' reflectances, beyond which they differ: 1 to 6 where they do not
+DIFFERENT = 0.18  # scatter of the zones' reflectances, in logs: 0 to 0.17 where they are alike
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
-LEAST, LEAST_CLEAN = 50, 30  # points about an edge
+LEAST, LEAST_CLEAN = 24, 24  # points about an edge
 MIN_MIXED, MOST_CLEAN = 0.15, 0.35  # shares of mixed pixels: none below, certainly some above
 MISFIT = 0.09  # share of outliers beyond which a fit to mixed pixels is none, between these
 STEP_M, CONVERGED_M = (
@@ -67,6 +68,7 @@ NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
 FIRST = np.log(0.1)  # reflectance ratio below which returns part by distance, not by power
 UNDAMPED, SETTLED = 10, 0.2  # steps of full length; share of u that a step may still be, then
+SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
 
 
@@ -150,7 +152,8 @@ def fit_edge(
         prior, state = Prior.of(thickness_m, config), begin
     beside = carry(uvw_m[:, :2], -uvw_m[:, 2], state, outline).x_m
     near = sample(uvw_m[np.abs(beside) < _reach_m(state)], config.max_points)
-    problem = EdgeProblem(near[:, :2], -near[:, 2], prior, outline, sigma_m)
+    few = int(np.count_nonzero(np.abs(beside) < OUTER_M)) < FEW
+    problem = EdgeProblem(near[:, :2], -near[:, 2], prior, outline, sigma_m, few)
     beams = problem.beams(state)
     mixed = mixed_share(beams, problem.depth, look_up(beams, problem.depth, state))
     fitted = None if mixed < MIN_MIXED else _mixed(problem, state, thickness_m, config)
@@ -174,7 +177,8 @@ def _mixed(
     covered = float(np.mean(found.background.usable))
     if covered < 0.25 or len(found.equations.residual_m) < LEAST:
         return None
-    return _record(found, problem, covered)
+    fitted = _record(found, problem, covered)
+    return _settled(fitted, found) if problem.few else fitted
 
 
 def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit | None:
@@ -195,10 +199,13 @@ def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit 
     covered = float(np.mean(shown > 0))
     if covered < 0.25 or len(linear.residual_m) < LEAST_CLEAN:
         return None
-    fitted = _record(found, problem, covered)
+    return replace(_settled(_record(found, problem, covered), found), clean_shift_m=lies_m)
+
+
+def _settled(fitted: EdgeFit, found: _Converged) -> EdgeFit:
+    """Return a fit that counts as converged where its last step was small against its u."""
     u_m = float(np.sqrt(np.trace(fitted.covariance_m2)))
-    settled = found.last_m < max(CONVERGED_M, SETTLED * u_m)
-    return replace(fitted, clean_shift_m=lies_m, converged=settled)
+    return replace(fitted, converged=found.last_m < max(CONVERGED_M, SETTLED * u_m))
 
 
 def _converge_clean(problem: EdgeProblem, state: Array, most: int, by_power: bool) -> _Converged:
@@ -299,7 +306,7 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> _Converged:
     steep = float(np.hypot(*state[BEAM])) > STEEP
     zones = Zones.free() if steep else Zones.alike()
     first = _converge(problem, state, zones, most, consistent=False)
-    if not steep and zones_differ(first.equations, problem.prior) > DIFFERENT:
+    if not (steep or problem.few) and zone_scatter(first.equations, problem.prior) > DIFFERENT:
         first = _converge(problem, first.state, Zones.free(), most, consistent=False)
     found = _converge(problem, first.state, first.zones, most, consistent=True)
     return first if _diverged(found.state, first.state, problem.prior) else found
@@ -326,13 +333,17 @@ def _converge(
 ) -> _Converged:
     """Iterate Gauss-Newton steps until the centre converges; first look up the background."""
     background = look_up(problem.beams(state), problem.depth, state)
+    length, before = 1.0, np.zeros(2)
     for iteration in range(1, most + 1):
         if not consistent and iteration in LOOKS:
             background = look_up(problem.beams(state), problem.depth, state)
-        robust = consistent or iteration > 6
+        robust = (consistent or iteration > 6) and not problem.few
         linear = equations(problem, background, state, zones, robust, consistent)
         moved, zones = step(linear, state, problem.prior)
-        state = state + moved
+        if consistent and float(moved[CENTRE] @ before) < 0.0:
+            length = max(length * SHORTER, SHORTEST)
+        before = moved[CENTRE]
+        state = state + length * moved
         last_m = float(np.abs(moved[CENTRE]).max())
         if last_m < STEP_M and (consistent or iteration > 8):
             break
@@ -341,7 +352,7 @@ def _converge(
 
 def _record(found: _Converged, problem: EdgeProblem, covered: float) -> EdgeFit:
     state = found.state
-    covariance, by_plane, dof = spread(found.equations, problem.outline, problem.prior)
+    covariance, by_plane, dof = spread(found.equations, problem.outline, problem.prior, problem.few)
     return EdgeFit(
         centre_m=state[CENTRE],
         rotation_rad=float(state[ROTATION]),
