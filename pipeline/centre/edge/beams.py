@@ -115,6 +115,7 @@ CENTRE, BEAM, INVERSE = slice(0, 2), slice(2, 4), 4
 SPOT, THICKNESS, RATIO, ROTATION = 5, 6, 7, 8
 WALL, SHAPE = 9, 10
 LAMBERT, LAMBERT_SIGMA = 1.0, 0.3  # of a scanner that parts returns by power
+CLEAN_SPOT = 2.0  # of the log footprint, of such a scanner or a camera (k = 1)
 LEAST_WALL = 0.02  # reflectance of a wall, of the target's
 STATED_THICKNESS = 0.03  # relative standard uncertainty (k = 1)
 HELD_WALL = 0.02  # of Lambert's share and the spot's shape in a first fit (k = 1)
@@ -150,9 +151,13 @@ class Prior:
         return Prior(mean, weight)
 
     def by_power(self) -> Prior:
-        """Return the prior for a scanner that parts returns by power: a wall by Lambert's law."""
+        """Return the prior for a scanner that parts returns by power: a wall by Lambert's law.
+
+        It may be a camera, whose pixels have hardly a footprint.
+        """
         mean, weight = self.mean.copy(), self.weight.copy()
         mean[WALL], weight[WALL] = LAMBERT, LAMBERT_SIGMA**-2
+        weight[SPOT] = CLEAN_SPOT**-2
         return Prior(mean, weight)
 
     def plain(self) -> Prior:
