@@ -40,8 +40,9 @@ from .measurement import (
     shaded,
 )
 from .plane import Patch, fit_plane
-from .targets import Target
+from .targets import Target, WheelTarget
 from .uncertainty import with_type_b
+from .wheel import fit_wheel
 
 
 def measure_capture(
@@ -85,7 +86,12 @@ def observe_capture(
 
 
 def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
-    """Fit plane and centre of the target in `patch`. Raises NotMeasuredError."""
+    """Fit plane and centre of the target in `patch`, or axis and centre of the wheel itself.
+
+    Raises NotMeasuredError.
+    """
+    if isinstance(target, WheelTarget):
+        return _fit_bare_wheel(patch, target, config)
     plane = fit_plane(patch, target, config.plane)
     fitted = locate_centre(patch, plane, target, config.centre)
     sight_m = fitted.sight_m(plane, config.instrument.distance_m)
@@ -94,6 +100,16 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     fitted = replace(fitted, components=components)
     residuals = residual_map(patch, plane, fitted, target, config.plane.edge_margin_m)
     return Evidence(fitted, plane, residuals)
+
+
+def _fit_bare_wheel(patch: Patch, target: WheelTarget, config: Config) -> Evidence:
+    fitted, stated = fit_wheel(patch, target.rim_inch), config.instrument
+    sight_m = -stated.distance_m * fitted.normal
+    if patch.station is not None and patch.station_m is not None:
+        sight_m = fitted.centre_m - patch.station_m
+    of_fit = (fitted.components, fitted.normal, sight_m)
+    components = with_type_b(*of_fit, target, stated, patch.station)
+    return Evidence(replace(fitted, components=components))
 
 
 def measure_five_point(

@@ -29,6 +29,7 @@ ROOMS = [
     "plane",
     "detection",
     "centre",
+    "wheel",
     "diagnostics",
     "measurement",
     "kinematics", "five_point",
@@ -69,8 +70,8 @@ PARTS = {
 # fmt: off
 DOORS = [
     "system", "cloud", "vehicle", "targets", "readers", "uncertainty", "capture", "plane",
-    "detection", "diagnostics", "centre", "measurement", "kinematics", "five_point", "validation",
-    "calibration", "library", "explanation",
+    "detection", "diagnostics", "centre", "wheel", "measurement", "kinematics", "five_point",
+    "validation", "calibration", "library", "explanation",
 ]
 # fmt: on
 MOST_AT_ROOT, MOST_IN_A_ROOM = 8, 13

@@ -10,7 +10,7 @@ from ..capture import Role
 from ..centre import TargetFit
 from ..config import Config
 from ..measurement import Evidence, Observation, Provenance, align
-from ..targets import Target
+from ..targets import Target, WheelTarget
 from ..uncertainty import centre_component, plane_component, with_type_b
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
@@ -29,6 +29,8 @@ def planned_reference(
     of the points shows an edge. Raises ValueError for what the files do not state.
     """
     sigma_m = config.instrument.range_sigma_m
+    if isinstance(target, WheelTarget):
+        raise ValueError("a bare wheel's uncertainty shows in its scan only: plan with a target")
     if sigma_m is None:
         raise ValueError("the scanner's file states no range_sigma_m: add it to [instrument]")
     if plan.spacing is None:

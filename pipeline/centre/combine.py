@@ -14,7 +14,9 @@ from ..uncertainty import f_beyond
 from ..vectors import Array
 from .in_plane_rotation import PlaneRotation, combined_rotation
 
-CentreMethod = Literal["rim", "outline", "hole", "holes", "pattern", "combined", "points"]
+CentreMethod = Literal[
+    "rim", "outline", "hole", "holes", "pattern", "combined", "points", "flange", "tyre"
+]
 DISAGREE = 1e-4  # probability of a difference as large, below which two centres disagree
 
 

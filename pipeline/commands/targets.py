@@ -9,7 +9,7 @@ import click
 from ..config import config_folder
 from ..errors import InputError
 from ..report.format.layout import aligned
-from ..targets import PatternTarget, Target, load_target
+from ..targets import PatternTarget, Target, WheelTarget, load_target
 
 
 @click.command()
@@ -47,7 +47,7 @@ def as_table(loaded: dict[str, Target]) -> str:
     """Return a table of the targets: shape, size, holes or print, thickness."""
     rows = [("name", "shape", "size", "holes or print", "thickness")]
     for name, target in loaded.items():
-        size = target.edge.size_text
+        size = _size(target)
         rows.append((name, target.shape, size, _inside(target), _mm(target.thickness)))
     return aligned(rows, left=4)
 
@@ -67,6 +67,10 @@ def in_full(name: str, target: Target) -> str:
         else:
             rows.append((key, str(value)))
     return aligned(rows, left=2)
+
+
+def _size(target: Target) -> str:
+    return target.rim or "-" if isinstance(target, WheelTarget) else target.edge.size_text
 
 
 def _inside(target: Target) -> str:
@@ -94,6 +98,8 @@ def _drawn(loaded: dict[str, Target], folder: Path) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, target in loaded.items():
+            if isinstance(target, WheelTarget):
+                continue  # nothing to make
             path = folder / f"{Path(name).stem}.svg"
             path.write_text(target_svg(Path(name).stem, target), encoding="utf-8")
             paths.append(path)

@@ -11,6 +11,7 @@ from .find_target import (
 )
 from .find_targets import candidates_of_cloud, find_targets
 from .identify_wheels import find_axles, placed, wheels_by_markers
+from .surfels import planes_of
 from .template_match import OFF_PLANE, outnumbered
 from .up_direction import find_up, stand_on_a_floor
 from .vehicles import FoundTarget
@@ -31,6 +32,7 @@ __all__ = [
     "outnumbered",
     "patch_of",
     "placed",
+    "planes_of",
     "rivals",
     "stand_on_a_floor",
     "wheels_by_markers",

@@ -21,8 +21,9 @@ from ..measure import fit_target
 from ..measurement import map_about, within_box
 from ..plane import Patch
 from ..readers import Scan
-from ..targets import Target
+from ..targets import Target, WheelTarget
 from ..vectors import Array
+from ..wheel import find_patch
 from .explain_cloud import explain_cloud
 from .records import NO_POINTS, ExplainedCandidate, ExplainedScan, Explanation, Standing
 from .verdicts import MOST_SHOWN, apart
@@ -59,7 +60,21 @@ def _explain_scan(entry: ScanEntry, capture: Capture, config: Config) -> Explain
         return replace(found, status="not-read", reason=str(error))
     near_m = None if hint is None else hint.near
     axes = scan.parts[0].axes if len(scan.parts) == 1 else None
+    if isinstance(target, WheelTarget):
+        return _bare(found, searched, near_m, target, config)
     return _searched(found, searched, axes, near_m, target, config)
+
+
+def _bare(
+    found: ExplainedScan, scan: Scan, near_m: Array | None, target: Target, config: Config
+) -> ExplainedScan:
+    """Add what became of a wheel without a target, of which there are no candidates."""
+    try:
+        patch = find_patch(scan.points_m, target, config, near_m=near_m)
+        fit_target(patch, target, config)
+    except NotMeasuredError as error:
+        return replace(found, status=error.status, reason=str(error))
+    return replace(found, best=patch.basis[2])
 
 
 def _searched(

@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..detection import find_target as patch_of
 from ..diagnostics import check_cloud, check_wheel_scan
 from ..measure import fit_target
 from ..plane import CloudPlane, plane_of_all
 from ..plane import find_planes as planes_of
 from ..units import LengthUnit
 from ..vectors import Array
+from ..wheel import find_patch
 from .scans import Settings, TargetName, as_config, as_scan, as_target
 
 
@@ -103,7 +103,7 @@ def find_target(
     scan, known = as_scan(points, length_unit, "points"), as_target(target)
     settings = as_config(config, scanner)
     check_wheel_scan(scan.points_m, 2.0 * known.radius_m, length_unit, scan.source)
-    patch = patch_of(scan.points_m, known, settings.segment, settings.seed, scan.intensity)
+    patch = find_patch(scan.points_m, known, settings, scan.intensity)
     found = fit_target(patch, known, settings).target
     towards = np.sign(found.normal @ patch.basis[2])
     return FoundTarget(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from ..config import InstrumentConfig
-from ..targets import PatternTarget, Target
+from ..targets import PatternTarget, Target, WheelTarget
 from .estimates import vertical_tilts
 from .records import Estimate, Measurement, VerticalKind
 
@@ -34,6 +34,7 @@ def notes_of_assumptions(
     return (
         *_notes_of_verticals(measurement),
         *_note_of_axles(measurement),
+        *_note_of_bare_wheels(measurement, target),
         *_note_of_mounting(measurement, target),
         *_note_of_zeros(measurement, target, instrument),
     )
@@ -84,7 +85,7 @@ def _note_of_mounting(measurement: Measurement, target: Target) -> Iterator[str]
     for role, scatter in (("reference", measurement.plates is not None), ("trial", False)):
         of_role = [w for w in measurement.wheels if w.observation.role == role and w.pose]
         mounted = [wheel.observation.name for wheel in of_role if not wheel.compensated]
-        if not mounted or target.clamp_tilt_deg > 0.0:
+        if not mounted or target.clamp_tilt_deg > 0.0 or isinstance(target, WheelTarget):
             continue
         names = shown[role] if len(mounted) == len(of_role) else _and(mounted)
         start = f"The angles of {names} are those of the targets as mounted"
@@ -100,6 +101,35 @@ def _note_of_mounting(measurement: Measurement, target: Target) -> Iterator[str]
             )
 
 
+def _note_of_bare_wheels(measurement: Measurement, target: Target) -> Iterator[str]:
+    """Yield notes on what wheels without targets were measured by, and on the rims' run-out."""
+    if not isinstance(target, WheelTarget):
+        return
+    shown = ("reference", "trial")
+    seen = [w for w in measurement.wheels if w.pose and w.observation.role in shown]
+    by = {
+        method: [w.observation.name for w in seen if w.observation.fitted.method == method]
+        for method in ("flange", "tyre")
+    }
+    if by["flange"]:
+        yield (
+            f"The axes of {_and(by['flange'])} are those of the rims, and their centres lie level "
+            "with the edge of the rim's flange."
+        )
+    if by["tyre"]:
+        yield (
+            f"No flange of a rim stands out in the scans of {_and(by['tyre'])}: their axes are "
+            "those of the tyres, with more uncertainty, and their centres lie level with the "
+            "tyre's widest ring."
+        )
+    own = [w.observation.name for w in seen if not w.compensated]
+    if own and target.clamp_tilt_deg == 0.0:
+        yield (
+            f"The run-out of {_and(own)} against the spin axis is not in the uncertainty: no "
+            "turned scans show it, and [target] states no rim_runout."
+        )
+
+
 def _note_of_zeros(
     measurement: Measurement, target: Target, instrument: InstrumentConfig
 ) -> Iterator[str]:
@@ -108,7 +138,8 @@ def _note_of_zeros(
     missing += ["axis errors"] if len(axes) == len(AXES) else axes
     missing += _missing(instrument, STATION)
     zeros = [f"{_and(missing)} of the scanner"] if missing else []
-    zeros += ["flatness of the target"] if target.flatness == 0.0 else []
+    if target.flatness == 0.0 and not isinstance(target, WheelTarget):
+        zeros.append("flatness of the target")
     zeros += ["range bias of the print"] if _hides_brightness(measurement, target) else []
     if zeros:
         yield f"Counted as zero, as no file states them: {'; '.join(zeros)}."

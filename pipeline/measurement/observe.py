@@ -10,13 +10,13 @@ import numpy as np
 from ..capture import Capture, Hint, ScanEntry
 from ..cloud import cloud_sample
 from ..config import Config, InstrumentConfig
-from ..detection import find_target
 from ..diagnostics import check_wheel_scan, lone_points
 from ..errors import InputError, NotMeasuredError
 from ..plane import Patch
 from ..readers import Scan
 from ..targets import Target
 from ..vectors import Array
+from ..wheel import find_patch
 from .records import Evidence, Observation
 
 NOISY = 1.5  # times the stated range noise
@@ -104,15 +104,8 @@ def _find(
     searched = scan if hint is None else within_box(scan, hint, source)
     near_m = None if hint is None else hint.near
     try:
-        patch = find_target(
-            searched.points_m,
-            capture.target,
-            config.segment,
-            config.seed,
-            searched.intensity,
-            axes,
-            near_m,
-        )
+        seen = (searched.points_m, capture.target, config, searched.intensity)
+        patch = find_patch(*seen, axes, near_m)
     except NotMeasuredError as error:
         return observation, error.with_traceback(None)
     if hint is not None:

@@ -25,7 +25,7 @@ from ..diagnostics import check_vehicle_cloud
 from ..errors import InputError, NotMeasuredError
 from ..plane import Patch
 from ..readers import Part
-from ..targets import PatternTarget, Target
+from ..targets import PatternTarget, Target, WheelTarget
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
 from .observe import Fit, note_on_hint, note_on_lone_points, within_box
@@ -66,6 +66,11 @@ def targets_of_cloud(
 
     Raises InputError when it is unreadable, or cannot be the scan of a vehicle.
     """
+    if isinstance(capture.target, WheelTarget):
+        raise InputError(
+            f"{source}: bare wheels are measured in scans of one wheel each, not in one cloud of "
+            "the vehicle: cut it into rr, rl, fr and fl, or name the target on its wheels"
+        )
     progress(f"{cloud.file}: reading")
     scan = cloud.read(capture.length_unit, source, capture.reading)
     box = capture.hints.get("vehicle")

@@ -3,7 +3,7 @@
 from .outline import Circle, Holes, OuterEdge, Outline, sector
 from .pattern_board import PatternTarget
 from .region import Region
-from .registry import Target, load_target, parse_target, scaled, size_of
+from .registry import Target, WheelTarget, load_target, parse_target, scaled, size_of
 
 __all__ = [
     "Circle",
@@ -13,6 +13,7 @@ __all__ = [
     "PatternTarget",
     "Region",
     "Target",
+    "WheelTarget",
     "load_target",
     "parse_target",
     "scaled",

@@ -5,8 +5,9 @@ A new shape is one class here, of its sizes, `region` and `description`, and one
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator  # noqa: TID253 - a target is a pydantic model
@@ -15,6 +16,8 @@ from ..config import Section
 from .outline import Circle, Holes, OuterEdge, rectangle
 from .region import Region
 
+INCH_M, FLANGE_HEIGHT_M = 0.0254, 0.0175  # of rims by their size, and their flange over the seat
+USUAL_RIM_INCH = 17.0
 WEB_M = 0.01  # of material, at least, between a hole and any other edge
 
 
@@ -171,3 +174,52 @@ class SquareTarget(Plate):
     def description(self) -> str:
         """Shape and size, as in messages."""
         return f"a square of {self.side * 1e3:.0f} mm"
+
+
+class WheelTarget(Plate):
+    """The wheel itself, with nothing mounted on it: its rim, or its tyre where no rim is seen.
+
+    rim: nominal diameter, such as "17in", if it is known. rim_runout: total indicator reading of
+    the rim against the spin axis, lateral and radial, metres: it stands for the mounting, whose
+    standard deviations per axis follow from it where they are not stated.
+    """
+
+    shape: Literal["wheel"]
+    rim: str | None = Field(None, pattern=r"^[1-9][0-9]?(\.[05])?in$")
+    rim_runout: float = Field(0.0, ge=0.0, lt=0.02)
+
+    lengths = (*Plate.lengths, "rim_runout")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _runout_as_mounting(cls, values: Any) -> Any:
+        runout = values.get("rim_runout") if isinstance(values, dict) else None
+        if not isinstance(runout, float) or not 0.0 < runout < 0.02:
+            return values
+        shift = runout / 2.0 / math.sqrt(2.0)  # an amplitude of half the reading, in any direction
+        tilt = math.degrees(shift / _flange_m(values.get("rim")))
+        return {"clamp_tilt_deg": tilt, "clamp_shift": shift, **values}
+
+    @property
+    def rim_inch(self) -> float | None:
+        """Nominal diameter of the rim, inches, if it is stated."""
+        return None if self.rim is None else float(self.rim.removesuffix("in"))
+
+    @property
+    def region(self) -> Region:
+        """A disc within the rim's flange, of a usual rim where none is stated."""
+        return Region(Circle(_flange_m(self.rim)))
+
+    @property
+    def description(self) -> str:
+        """Shape and size, as in messages."""
+        return "a wheel" if self.rim is None else f"a wheel of {self.rim}"
+
+
+def _flange_m(rim: object) -> float:
+    """Return the radius of a rim's flange."""
+    try:
+        inch = float(str(rim).removesuffix("in"))
+    except ValueError:
+        inch = USUAL_RIM_INCH
+    return inch * INCH_M / 2.0 + FLANGE_HEIGHT_M

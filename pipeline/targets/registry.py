@@ -12,6 +12,7 @@ from .plates import Plate
 from .plates import RectangleTarget as RectangleTarget
 from .plates import RingTarget as RingTarget
 from .plates import SquareTarget as SquareTarget
+from .plates import WheelTarget as WheelTarget
 
 Target = Plate
 SHAPES: dict[str, type[Target]] = {
@@ -20,6 +21,7 @@ SHAPES: dict[str, type[Target]] = {
     "rectangle": RectangleTarget,
     "square": SquareTarget,
     "pattern": PatternTarget,
+    "wheel": WheelTarget,
 }
 
 

@@ -29,7 +29,7 @@ from ..five_point import FivePointFile
 from ..measure import fit_target, measure_capture, measure_five_point
 from ..measurement import Evidence, WheelPose, WheelResult
 from ..plane import Patch, PlaneFit
-from ..targets import Target
+from ..targets import Target, WheelTarget
 from ..uncertainty import UncertainTarget, UncertaintyComponent, plane_component
 from ..vectors import Array
 from .comparison import Comparison, added
@@ -173,6 +173,11 @@ def compare_virtual(
     capture: Capture, config: Config, request: Request, progress: Callable[[str], None]
 ) -> Comparison:
     """Measure the capture, pick five points a target, and compare by what the five add."""
+    if isinstance(capture.target, WheelTarget):
+        raise InputError(
+            f"{capture.source}: a bare wheel has no plane of which five points could be picked: "
+            "give --five-point FILE or --against OTHER"
+        )
     picks: list[tuple[PlaneFit | None, Picked | NotMeasuredError]] = []
     rng = np.random.default_rng(config.seed)
 

@@ -17,7 +17,7 @@ from ..machine.read import read_machine
 from ..parameters.instruments import Instruments, draw_instruments
 from ..parameters.machine import MachineFile
 from ..parameters.parameters import Obstacle
-from ..parameters.plate_file import DiscFile
+from ..parameters.plate_file import BareWheelFile, DiscFile
 from ..parameters.recipe import Recipe
 from ..scanner.scanner import draw_stand, scan
 from ..scanner.sensors import sense
@@ -27,6 +27,8 @@ from ..scene.scene import build_scene
 from ..scene.target import Mount, draw_mount
 from ..vehicle.turning import draw_turning
 from ..vehicle.vehicle import WHEELS, Vehicle, Wheel, draw_trial, draw_vehicle, draw_wheel
+from ..wheel.bare_wheel import DrawnWheel
+from ..wheel.scan import bare_scene, draw_bare_wheels, with_rims
 from .files import capture_toml, five_point_text, ply, scan_file
 from .five_point import draw_position, measure_five
 from .folder import check_free, check_seed, new_folder, write_text
@@ -84,12 +86,15 @@ def _fill(
     mounts: list[Mount] = []
     used: list[dict[str, Any]] = []
     turning = draw_turning(kit.vehicle_recipe, seed)
+    bare = draw_bare_wheels(car, kit, seed)
+    turning = with_rims(turning, bare)
     for number, rng in enumerate(scan_rngs):
         wheel = _next_wheel(number, car, kit.vehicle_recipe, rng)
         mount = turning.mount(wheel, draw_mount(kit.target, rng))
+        mount = bare[wheel.wheel].mount if bare else mount
         wheels.append(wheel)
         mounts.append(mount)
-        used.append(_write_scan(folder, car, wheel, mount, kit, rng))
+        used.append(_write_scan(folder, car, wheel, mount, kit, rng, bare.get(wheel.wheel)))
         progress(used[-1]["file"])
     position_m = draw_position(car, kit.total_station, survey_rng)
     mounted = [mount.on(wheel) for wheel, mount in zip(wheels, mounts, strict=True)]
@@ -98,13 +103,15 @@ def _fill(
     more = turning.scanned(car, kit.vehicle_recipe, wheels)
     for wheel in more.wheels:
         mount = mounts[WHEELS.index(wheel.wheel)]
-        used.append(_write_scan(folder, car, wheel, mount, kit, turning.rng))
+        own = bare.get(wheel.wheel)
+        used.append(_write_scan(folder, car, wheel, mount, kit, turning.rng, own))
         progress(used[-1]["file"])
     title = f"{Path(kit.vehicle_recipe.source).stem} {seed}"
     write_text(folder / "capture.toml", capture_toml(title, kit.target, wheels, more.toml))
     all_wheels = (*wheels, *more.wheels)
-    face = None if isinstance(kit.target, DiscFile) else kit.target
+    face = None if isinstance(kit.target, DiscFile | BareWheelFile) else kit.target
     truth = Truth(seed, car, all_wheels, _used(car, kit, used, position_m), more.truth, face)
+    truth = truth.with_rims({name: one.mount for name, one in bare.items()})
     tree = truth.to_json()
     if machine is not None:
         tree["machine"] = _write_machine(folder, tree, machine, np.random.default_rng((seed, 19)))
@@ -137,13 +144,17 @@ def _write_scan(
     mount: Mount,
     kit: Instruments,
     rng: np.random.Generator,
+    bare: DrawnWheel | None,
 ) -> dict[str, Any]:
     """Scan one wheel, write its file, and return the values used for it."""
     stand = draw_stand(car, wheel, kit.scanner_recipe, rng)
     hidden = kit.scanner_recipe.draw("scene", Obstacle, rng).occluded_fraction
     position_m = stand.position_vehicle_m
     obstacles = [draw_board(kit.target, wheel.to_target(position_m), hidden, rng)] if hidden else []
-    scene = build_scene(car, wheel, kit.target, position_m, mount, obstacles, kit.surfaces)
+    if bare is None:
+        scene = build_scene(car, wheel, kit.target, position_m, mount, obstacles, kit.surfaces)
+    else:
+        scene = bare_scene(car, wheel, bare, position_m, obstacles=obstacles)
     R_site_vehicle = car.T_site_vehicle[:3, :3]
     centre_station_m = R_site_vehicle @ (wheel.centre_vehicle_m - stand.position_vehicle_m)
     if kit.sensor.kind == "laser-scanner":

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ..arrays import Array
 from ..parameters.plate_file import TargetFile
+from ..scene.target import Mount
 from ..vehicle.vehicle import FORWARD, LEFT, UP, Vehicle, Wheel
 
 SCHEMA = "wheelplane/truth/1"
@@ -20,7 +22,7 @@ class Truth:
 
     used: the drawn parameters and the positions of the instruments; turning: kingpins, toe-out on
     turns and run-outs, if any; both ready for JSON. target: given if the axes u and v of its face,
-    and the ids of its markers, belong to the truth.
+    and the ids of its markers, belong to the truth. rims: bare wheels by the rim's own axis.
     """
 
     seed: int
@@ -29,6 +31,12 @@ class Truth:
     used: dict[str, Any]
     turning: dict[str, Any] = field(default_factory=dict)
     target: TargetFile | None = None
+    rims: tuple[Wheel, ...] = ()
+
+    def with_rims(self, mounts: Mapping[str, Mount]) -> Truth:
+        """Return the truth with the rims' own axes; mounts: of each wheel's rim, or none."""
+        rims = tuple(mounts[w.wheel].on(w) for w in self.wheels if mounts)
+        return replace(self, rims=rims)
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of truth.json, in the coordinates of the capture."""
@@ -38,8 +46,8 @@ class Truth:
             "schema": SCHEMA,
             "seed": self.seed,
             "wheels": [
-                _wheel(self.vehicle, wheel) | _face(self.vehicle, wheel, self.target)
-                for wheel in self.wheels
+                _wheel(self.vehicle, wheel) | _face(self.vehicle, wheel, self.target) | rim
+                for wheel, rim in zip(self.wheels, self._rims(), strict=True)
             ],
             "frame": _frame(self.vehicle),
             "vehicle": {
@@ -50,6 +58,18 @@ class Truth:
             **self.turning,
             "used": self.used,
         }
+
+    def _rims(self) -> list[dict[str, Any]]:
+        """Return the rim's own axis of each wheel; nothing where a target is mounted."""
+        if not self.rims:
+            return [{} for _ in self.wheels]
+        return [
+            {
+                "rim_centre_m": site_point(self.vehicle, rim.centre_vehicle_m),
+                "rim_normal": _site_direction(self.vehicle, rim.normal_vehicle),
+            }
+            for rim in self.rims
+        ]
 
 
 def site_point(vehicle: Vehicle, point_vehicle_m: Array) -> list[float]:

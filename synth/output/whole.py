@@ -14,6 +14,7 @@ from ..arrays import Array
 from ..errors import SynthError
 from ..parameters.instruments import Instruments, draw_instruments
 from ..parameters.parameters import Panorama
+from ..parameters.plate_file import BareWheelFile
 from ..scanner.lattice import Preview, draw_lattice, preview_scene
 from ..scanner.panorama import scan_rows
 from ..scanner.stations import Station, draw_misplacement
@@ -60,6 +61,8 @@ def write_whole(
         np.random.default_rng(child) for child in seeds
     )
     kit = draw_instruments(vehicle, scanner, target, instruments_rng)
+    if isinstance(kit.target, BareWheelFile):
+        raise SynthError(f"{target}: bare wheels are scanned one by one; leave --whole out")
     if kit.sensor.kind != "laser-scanner":
         raise SynthError(
             f"{scanner}: sensor.kind '{kit.sensor.kind}' scans wheel by wheel; leave --whole out, "

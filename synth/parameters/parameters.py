@@ -107,6 +107,40 @@ class Runout(Section):
     turn_sigma_deg: float = Field(0.0, ge=0.0, le=20.0)
 
 
+class BareWheel(Section):
+    """Sizes of a wheel, its run-out, and how its surfaces return light.
+
+    flange_height_m: of the rim's flange over the bead seat, whose diameter is the body's
+    rim_diameter_m. sidewall_out_m: of the tyre's widest ring outboard of the flange's edge.
+    bulge_m: of the sidewall at the contact patch. letters_m: height of the lettering. spokes,
+    spoke_width_m: at the rim; dish_m: of the hub inboard of the flange; weights: number of clip-on
+    weights. rim_runout_m, tyre_runout_m: total indicator readings of rim and tyre against the spin
+    axis, lateral and radial each, of harmonics 1 to 3. tyre_noise: of the range on black rubber,
+    times that of the beam; tyre_dropout, rim_stray, rim_multipath: shares of beams.
+    """
+
+    flange_height_m: float = Field(0.0173, gt=0.005, lt=0.03)
+    sidewall_out_m: float = Field(0.008, ge=0.0, lt=0.03)
+    bulge_m: float = Field(0.006, ge=0.0, lt=0.03)
+    letters_m: float = Field(0.0007, ge=0.0, lt=0.003)
+    spokes: int = Field(10, ge=3, le=24)
+    spoke_width_m: float = Field(0.03, gt=0.005, lt=0.08)
+    dish_m: float = Field(0.03, ge=0.0, lt=0.1)
+    weights: int = Field(1, ge=0, le=4)
+    rim_runout_m: float = Field(0.0, ge=0.0, le=0.005)
+    tyre_runout_m: float = Field(0.0, ge=0.0, le=0.01)
+    tyre_noise: float = Field(3.0, ge=1.0, le=10.0)
+    tyre_dropout: float = Field(0.1, ge=0.0, lt=1.0)
+    rim_stray: float = Field(0.01, ge=0.0, lt=1.0)
+    rim_multipath: float = Field(0.02, ge=0.0, lt=1.0)
+
+    @model_validator(mode="after")
+    def _spokes_leave_holes(self) -> BareWheel:
+        if self.spokes * self.spoke_width_m > 0.9:
+            raise ValueError("the spokes leave no holes; reduce spokes or spoke_width_m")
+        return self
+
+
 class VehicleFile(Section):
     """A file of configs/vehicles/."""
 
@@ -118,6 +152,7 @@ class VehicleFile(Section):
     kingpin: Kingpin = Kingpin()
     sweep: Sweep = Sweep()
     runout: Runout = Runout()
+    bare_wheel: BareWheel = BareWheel()
 
 
 class Station(Section):

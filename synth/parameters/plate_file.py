@@ -125,3 +125,20 @@ class SquareFile(TargetFile):
         if self.hole_spacing < self.hole_diameter + 0.005:
             raise ValueError("the holes touch each other; increase hole_spacing")
         return self
+
+
+class BareWheelFile(TargetFile):
+    """Nothing mounted: the wheel itself is scanned; its form is in the vehicle's file.
+
+    rim, rim_runout: as stated to the measurement; they change nothing here.
+    """
+
+    shape: Literal["wheel"]
+    thickness: float = Field(0.001, gt=0.0)
+    rim: str | None = None
+    rim_runout: float = Field(0.0, ge=0.0, le=0.02)
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of a usual rim."""
+        return 0.23

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from .pattern_file import PatternFile
-from .plate_file import DiscFile, RectangleFile, RingFile, SquareFile, TargetFile
+from .plate_file import BareWheelFile, DiscFile, RectangleFile, RingFile, SquareFile, TargetFile
 from .recipe import read_one_of
 
 SHAPES: dict[str, type[TargetFile]] = {
@@ -14,6 +14,7 @@ SHAPES: dict[str, type[TargetFile]] = {
     "rectangle": RectangleFile,
     "square": SquareFile,
     "pattern": PatternFile,
+    "wheel": BareWheelFile,
 }
 
 

@@ -1,13 +1,16 @@
-"""Range noise that is correlated from beam to beam."""
+"""Range noise that is correlated from beam to beam, and that of single surfaces."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, Mask
+from ..scene.optics import DETOUR_M, STRAY_M, Optics
+from .echoes import Echoes
 
 APART = 6.0  # correlation lengths beyond which noise is uncorrelated: exp(-18)
 REACH = 4.0  # correlation lengths of the smoothing kernel: exp(-16)
@@ -71,3 +74,21 @@ def _kernel(length: float) -> Array:
     steps = np.arange(-margin(length), margin(length) + 1)
     weight = np.exp(-((steps / length) ** 2))
     return np.asarray(weight / np.linalg.norm(weight))
+
+
+def by_surfaces(
+    echoes: Echoes, noise_m: Array, optics: Optics, rng: np.random.Generator
+) -> tuple[Echoes, Array]:
+    """Return echoes and range noise (N,) with the drop-outs and errors of their surfaces."""
+    facet = echoes.facet
+    met = facet >= 0
+    count = len(facet)
+
+    def chosen(share: Array) -> Mask:
+        return np.asarray(met & (rng.random(count) < share[facet]))
+
+    lost, stray, twice = (chosen(s) for s in (optics.dropout, optics.stray, optics.multipath))
+    noise_m = np.where(met, noise_m * optics.noise[facet], noise_m)
+    noise_m = noise_m + np.where(stray, rng.normal(0.0, STRAY_M, count), 0.0)
+    noise_m += np.where(twice, rng.exponential(DETOUR_M, count), 0.0)
+    return replace(echoes, range_m=np.where(lost, np.nan, echoes.range_m)), noise_m

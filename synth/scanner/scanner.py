@@ -17,7 +17,7 @@ from ..parameters.recipe import Recipe
 from ..scene.scene import Scene
 from ..vehicle.vehicle import Vehicle, Wheel
 from .echoes import Echoes
-from .noise import gaussian_field
+from .noise import by_surfaces, gaussian_field
 from .raycast import RayCaster
 from .spot import spot_echoes
 from .systematic import EXACT, biased, measured_angles, measured_range_m
@@ -98,6 +98,8 @@ def scan(
     range_m = echoes.range_m.reshape(elevation.shape)
     angles = measured_angles(azimuth, elevation, range_m, calibration)
     noise_m = _range_noise(echoes, elevation, grid, beam, rng)
+    if scene.optics is not None:
+        echoes, noise_m = by_surfaces(echoes, noise_m, scene.optics, rng)
     return report(echoes, directions(*angles).reshape(-1, 3), noise_m, beam, rng, calibration)
 
 

@@ -14,6 +14,7 @@ from ..parameters.plate_file import TargetFile
 from ..vehicle.vehicle import FORWARD, UP, Vehicle, Wheel
 from ..vehicle.wheel_solids import adapter, check_wheel, rolling
 from .form import FLAT, Form
+from .optics import Optics
 from .pattern import Pattern
 from .shade import Shade, print_on
 from .solids import Solid, arch_panel, box, joined
@@ -44,7 +45,8 @@ class Scene:
     vertices_m (V, 3), faces (F, 3); each facet's plane normal . x = offset with a unit normal
     (F, 3) and offset_m (F,); surface (F,) numbers smooth surfaces; reflectance (F,); target (F,)
     is the number of the target whose measured face it belongs to, or -1. The plane of such a facet
-    is the target's, not that of its corners; the form of the target is added to it.
+    is the target's, not that of its corners; the form of the target is added to it. optics: None
+    where all surfaces return light alike.
     """
 
     vertices_m: Array
@@ -55,6 +57,7 @@ class Scene:
     reflectance: Array
     target: npt.NDArray[np.int64]
     targets: tuple[PlacedTarget, ...] = ()
+    optics: Optics | None = None
 
 
 @dataclass(frozen=True)
@@ -95,9 +98,14 @@ def build_scene(
     mounted = Mounted(wheel, mount, target)
     solids = mounted.solids(vehicle.body)
     solids += [solid.placed(wheel.T_vehicle_target) for solid in obstacles]
-    solids += [solid.placed(_upright(wheel)) for solid in _panels(vehicle.body, wheel)]
-    solids += [_floor(vehicle, wheel)]
+    solids += around(vehicle, wheel)
     return seen_from(station_vehicle_m, solids, [mounted], vehicle, surfaces)
+
+
+def around(vehicle: Vehicle, wheel: Wheel) -> list[Solid]:
+    """Build what is around a wheel, in vehicle coordinates: the body's panels and the floor."""
+    panels = [solid.placed(_upright(wheel)) for solid in _panels(vehicle.body, wheel)]
+    return [*panels, _floor(vehicle, wheel)]
 
 
 def seen_from(

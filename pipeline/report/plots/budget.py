@@ -15,6 +15,9 @@ from .drawing import GRID, PALE, Drawing, Mark, Path, Text, cut, rectangle
 COLOURS = {
     "plane noise": "#0072B2",
     "correlated noise": "#56B4E9",
+    "surface noise": "#0072B2",
+    "surface form": "#56B4E9",
+    "tyre run-out": "#009E73",
     "flatness": "#009E73",
     "rounding": "#882255",
     "brightness": "#AA4499",

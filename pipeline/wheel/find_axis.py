@@ -1,0 +1,184 @@
+"""Rough axis of the wheel in a scan, from the normals of small pieces of its surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..cloud import lowest, sample, voxel_moments
+from ..detection import planes_of
+from ..errors import NotMeasuredError
+from ..vectors import Array, plane_basis
+from .normal_lines import Axis, axis_of_normals
+
+SAMPLE = 150_000
+EDGES_M = (0.016, 0.024, 0.036, 0.054)  # of the voxels: the first whose normals are good enough
+LEAST_IN_VOXEL = 8
+FLAT = 0.75  # spread across a piece of surface over that along it
+TILT_RAD, SHARE = 0.08, 0.6  # standard uncertainty of a normal; of the pieces that have it
+LEAST_PIECES, LEAST_MET = 60, 12
+MODES, MODE_RAD, APART_RAD = 8, np.radians(6.0), np.radians(11.0)
+COMPARED = 1500  # pieces by which the modes of the normals are found
+SLANT = (np.cos(np.radians(75.0)), np.cos(np.radians(12.0)))
+RADII_M = (0.10, 0.48)  # of a wheel's surfaces
+GRID_M = 0.02
+HALF_DEPTH_M = 0.2
+SECTORS, LEAST_SECTORS = 16, 9
+SAME_RAD, SAME_M = np.radians(0.5), 0.005  # of two axes that are one
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Small pieces of surface: centroid_m, normal (S, 3), count (S,) of points."""
+
+    centroid_m: Array
+    normal: Array
+    count: Array
+
+
+@dataclass(frozen=True)
+class RoughAxis:
+    """An axis, its score and the largest radius of surfaces that slope towards or away from it."""
+
+    axis: Axis
+    score: float
+    radius_m: float
+
+    def agrees(self, other: RoughAxis) -> bool:
+        """Return whether another start has led to the same axis."""
+        apart = other.axis.point_m - self.axis.point_m
+        aside = apart - (apart @ self.axis.direction) * self.axis.direction
+        alike = abs(float(self.axis.direction @ other.axis.direction)) > np.cos(SAME_RAD)
+        return alike and float(np.linalg.norm(aside)) < SAME_M
+
+
+def find_axis(points_m: Array) -> RoughAxis:
+    """Find the axis of the wheel in points_m (N, 3).
+
+    Its direction is near that of many normals: of the side wall, the spokes, the door. Lines of
+    sloping normals, seen along it, meet in its centre. The best of these places is refined by the
+    linear complex of the normals. Raises NotMeasuredError 'too-few-points' or 'wheel-not-found'.
+    """
+    points = sample(points_m, SAMPLE)
+    origin = np.median(points, axis=0)
+    pieces = _pieces(points - origin)
+    found: list[RoughAxis] = []
+    for mode in _modes(pieces):
+        one = _at_direction(pieces, mode)
+        if one is not None and any(one.agrees(other) for other in found):
+            break
+        found += [] if one is None else [one]
+    best = max(found, key=lambda one: one.score, default=None)
+    if best is None:
+        raise NotMeasuredError(
+            "wheel-not-found", "no surface of revolution of a wheel's size is in it"
+        )
+    axis = Axis(best.axis.point_m + origin, best.axis.direction)
+    return RoughAxis(axis, best.score, best.radius_m)
+
+
+def _pieces(points_m: Array) -> Pieces:
+    """Return the pieces in the smallest voxels in which most normals are certain."""
+    low = lowest(points_m)
+    for edge in EDGES_M:
+        voxels = voxel_moments(points_m, low - edge, edge)
+        row = np.nonzero(voxels.sums[:, 0] >= LEAST_IN_VOXEL)[0]
+        if len(row) < LEAST_PIECES:
+            continue
+        count = voxels.sums[row, 0]
+        centroid, normal, spread = planes_of(voxels.sums[row])
+        certain = spread[:, 0] < TILT_RAD * spread[:, 1] * np.sqrt(count)
+        certain &= (spread[:, 0] < FLAT * spread[:, 1]) & (spread[:, 1] > 0.12 * edge)
+        found = Pieces((centroid + voxels.middle_m[row])[certain], normal[certain], count[certain])
+        if np.sum(found.count) > SHARE * len(points_m):
+            break
+    if len(row) < LEAST_PIECES or len(found.count) < LEAST_PIECES:
+        raise NotMeasuredError("too-few-points", f"{len(points_m)} points show no wheel's surface")
+    return found
+
+
+def _modes(pieces: Pieces) -> list[Array]:
+    """Return the directions (3,) that most normals are near, the commonest first."""
+    normal = pieces.normal[:: max(1, len(pieces.normal) // COMPARED)]
+    near = np.abs(normal @ normal.T) > np.cos(MODE_RAD)
+    crowd = np.count_nonzero(near, axis=1)
+    modes: list[Array] = []
+    for index in np.argsort(-crowd, kind="stable"):
+        if all(abs(float(normal[index] @ mode)) < np.cos(APART_RAD) for mode in modes):
+            own = normal[near[index]]
+            own = own * np.sign(own @ normal[index])[:, None]
+            modes.append(own.sum(axis=0) / np.linalg.norm(own.sum(axis=0)))
+        if len(modes) == MODES:
+            break
+    return modes
+
+
+def _at_direction(pieces: Pieces, direction: Array) -> RoughAxis | None:
+    """Return the best axis of about that direction; None where nothing is round about one."""
+    basis = plane_basis(direction)
+    slope = np.abs(pieces.normal @ direction)
+    own = (slope > SLANT[0]) & (slope < SLANT[1])
+    if np.count_nonzero(own) < LEAST_MET:
+        return None
+    place, line = pieces.centroid_m[own] @ basis.T, pieces.normal[own] @ basis[:2].T
+    line /= np.linalg.norm(line, axis=1, keepdims=True)
+    centre = _meeting(place[:, :2], line)
+    start = Axis(np.append(centre, np.median(place[:, 2])) @ basis, direction)
+    return _refined(pieces, start)
+
+
+def _meeting(place: Array, line: Array) -> Array:
+    """Return where most lines meet (2,): a vote of each along itself, at a wheel's radii."""
+    steps = np.arange(RADII_M[0], RADII_M[1], GRID_M)
+    steps = np.concatenate([-steps, steps])
+    votes = (place[:, None, :] + steps[:, None] * line[:, None, :]).reshape(-1, 2)
+    low = votes.min(axis=0) - GRID_M
+    cell = ((votes - low) / GRID_M).astype(np.int64)
+    width, height = (cell.max(axis=0) + 2).tolist()
+    count = np.bincount(cell[:, 0] * height + cell[:, 1], minlength=width * height)
+    smooth = _blurred(count.reshape(width, height).astype(float))
+    column, row = np.unravel_index(int(np.argmax(smooth)), smooth.shape)
+    return np.asarray(low + (np.array([column, row]) + 0.5) * GRID_M)
+
+
+def _blurred(votes: Array) -> Array:
+    padded = np.pad(votes, 1)
+    along = padded[:-2] + padded[1:-1] + padded[2:]
+    return np.asarray(along[:, :-2] + along[:, 1:-1] + along[:, 2:])
+
+
+def _refined(pieces: Pieces, start: Axis) -> RoughAxis | None:
+    axis, radius = start, RADII_M[1]
+    for _ in range(3):
+        across, along = axis.cylindrical(pieces.centroid_m)
+        distance = np.hypot(*across.T)
+        slope = np.abs(pieces.normal @ axis.direction)
+        own = (distance > RADII_M[0]) & (distance < radius) & (slope > SLANT[0])
+        sloping = own & (slope < SLANT[1])
+        if np.count_nonzero(sloping) < LEAST_MET:
+            return None
+        level = float(np.median(along[sloping]))
+        own &= np.abs(along - level) < HALF_DEPTH_M
+        axis = axis_of_normals(
+            pieces.centroid_m[own], pieces.normal[own], np.sqrt(pieces.count[own]), axis
+        )
+        axis = Axis(axis.point_m + level * axis.direction, axis.direction)
+        met = own & (slope < SLANT[1]) & (_miss(pieces, axis) < GRID_M)
+        if np.count_nonzero(met) < LEAST_MET:
+            return None
+        radius = float(np.quantile(distance[met], 0.97)) + GRID_M
+    across, along = axis.cylindrical(pieces.centroid_m[met])
+    turn = np.arctan2(across[:, 1], across[:, 0])
+    filled = len(np.unique(((turn / (2.0 * np.pi) % 1.0) * SECTORS).astype(int)))
+    if filled < LEAST_SECTORS:
+        return None
+    return RoughAxis(axis, float(np.count_nonzero(met)) * filled / SECTORS, radius)
+
+
+def _miss(pieces: Pieces, axis: Axis) -> Array:
+    """Return by how much (S,) each normal's line misses the axis, seen along it."""
+    across, _ = axis.cylindrical(pieces.centroid_m)
+    line = pieces.normal @ axis.basis[:2].T
+    size = np.maximum(np.linalg.norm(line, axis=1), 1e-9)
+    return np.asarray(np.abs(across[:, 0] * line[:, 1] - across[:, 1] * line[:, 0]) / size)

@@ -1,0 +1,75 @@
+"""The wheel in a scan, cut out as the patch that its axis is fitted to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..config import Config
+from ..detection import find_target
+from ..plane import Patch
+from ..targets import Target, WheelTarget
+from ..vectors import Array, Array32
+from .find_axis import find_axis
+from .normal_lines import Axis
+
+BESIDE_M = 0.02  # beyond the tyre
+DEPTH_M = 0.25  # of the surfaces before and behind its middle
+BEFORE_M = 0.03
+CHOSEN_M = 0.8  # about a point on the wheel: no tyre is larger across
+CLOSE = (0.7, 0.92)  # of the radius: the tyre's side wall
+
+
+def find_patch(
+    points_m: Array,
+    target: Target,
+    config: Config,
+    intensity: Array32 | None = None,
+    axes: Array | None = None,
+    near_m: Array | None = None,
+) -> Patch:
+    """Find the target in points_m (N, 3), or the wheel itself, and cut its patch.
+
+    intensity: (N,) or None. axes, near_m: see `find_target`; of a wheel, the points within CHOSEN_M
+    of near_m are searched. Raises NotMeasuredError.
+    """
+    if isinstance(target, WheelTarget):
+        if near_m is not None:
+            points_m = points_m[np.linalg.norm(points_m - near_m, axis=1) < CHOSEN_M]
+        return find_wheel(points_m)
+    return find_target(points_m, target, config.segment, config.seed, intensity, axes, near_m)
+
+
+def find_wheel(points_m: Array) -> Patch:
+    """Find the wheel in points_m (N, 3) and cut its patch, its normal outwards.
+
+    Raises NotMeasuredError 'too-few-points' or 'wheel-not-found'.
+    """
+    rough = find_axis(points_m)
+    axis, reach = rough.axis, rough.radius_m + BESIDE_M
+    local = points_m - axis.point_m
+    height = local @ axis.direction
+    square = np.einsum("ij,ij->i", local, local) - height**2
+    near = (square < reach**2) & (np.abs(height) < DEPTH_M)
+    if _points_inwards(height[near], np.sqrt(square[near].clip(min=0.0)), rough.radius_m):
+        axis = Axis(axis.point_m, -axis.direction)
+    return Patch(
+        origin_m=axis.point_m,
+        face_m=local[near],
+        around_m=np.zeros((0, 3), dtype=np.float32),
+        match=rough.score,
+        basis=axis.basis,
+        sigma_m=0.0,
+    )
+
+
+def _points_inwards(height_m: Array, radius_m: Array, outer_m: float) -> bool:
+    """Return whether more lies before the side wall than behind it: rim, spokes, brake.
+
+    Only within the tyre's radius, as the floor lies before it too.
+    """
+    wall = (radius_m > CLOSE[0] * outer_m) & (radius_m < CLOSE[1] * outer_m)
+    level = float(np.median(height_m[wall])) if wall.any() else 0.0
+    height_m = height_m[radius_m < CLOSE[1] * outer_m]
+    before = np.count_nonzero(height_m > level + BEFORE_M)
+    behind = np.count_nonzero(height_m < level - BEFORE_M)
+    return bool(before > behind)

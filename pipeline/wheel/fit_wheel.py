@@ -1,0 +1,159 @@
+"""Axis and centre of a bare wheel, with their uncertainty: from its patch to the fitted target."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..centre import CentreMethod, TargetFit
+from ..cloud import sample
+from ..errors import NotMeasuredError
+from ..plane import Patch
+from ..uncertainty import UncertaintyComponent
+from ..vectors import Array
+from .cell_fit import HARMONICS, root_of
+from .cells import Grid
+from .fit_axis import AxisFit, fit_axis
+from .flange import ROUND, edge_ring, find_flange, widest_ring
+from .normal_lines import Axis
+
+START_POINTS = 150_000
+START_ROUNDS, ROUNDS = 4, 6
+INNER_M, START_M = 0.10, 0.15  # radii from which rings are laid, and from which they are used
+RING_M, RING_OF_SPACING = 0.0015, 0.75  # width of a ring
+SECTORS, FEW_SECTORS, SPARSE_M = 72, 48, 0.003
+LEAST_CIRCLE = 0.6  # of the sectors that show the rim or the tyre
+LEAST_RINGS = 5
+MOST_TILT_RAD = math.radians(1.0)  # no angle of a wheel is worth stating beyond
+OFF_CREST = 0.5  # of the height of a ridge over the rings beside it: uncertainty of its top
+
+
+@dataclass(frozen=True)
+class WheelFit:
+    """Fitted wheel, and what it rests on. level_m: of the centre along the axis of `fit`."""
+
+    fit: AxisFit
+    method: CentreMethod
+    radius_m: float
+    level_m: float
+
+
+def fit_wheel(patch: Patch, rim_inch: float | None) -> TargetFit:
+    """Fit the axis of the wheel in `patch`, and its centre on it.
+
+    By the rim where its flange is seen, else by the tyre; the centre is level with the flange's
+    edge, or with the tyre's widest ring. rim_inch: nominal diameter of the rim, if it is stated.
+    Raises NotMeasuredError 'wheel-not-found'.
+    """
+    found = _by_rim_or_tyre(patch, rim_inch)
+    fit, cells = found.fit, found.fit.cells
+    _check(fit)
+    used = cells.used
+    return TargetFit(
+        centre_m=patch.origin_m + fit.axis.point_m + found.level_m * fit.axis.direction,
+        normal=fit.axis.direction,
+        components=tuple(_components(found)),
+        plane_rms_m=float(np.sqrt(np.mean(fit.meridian.noise_m[used] ** 2))),
+        points_on_target=int(np.sum(cells.count[cells.weight > 0.0])),
+        method=found.method,
+    )
+
+
+def _by_rim_or_tyre(patch: Patch, rim_inch: float | None) -> WheelFit:
+    points = patch.face_m
+    start = Axis(np.zeros(3), patch.basis[2])
+    reach = float(np.sqrt(_square_m2(points, start).max()))
+    grid = _grid(len(points), reach)
+    rough = fit_axis(sample(points, START_POINTS), start, grid, (START_M, reach), START_ROUNDS)
+    flange = find_flange(points, rough, rim_inch)
+    if flange is None:
+        radius, level = widest_ring(rough, START_M)
+        return WheelFit(rough, "tyre", radius, level)
+    near = points[_square_m2(points, rough.axis) < (flange.groove_m + 2.0 * grid.width_m) ** 2]
+    fit = fit_axis(near, rough.axis, grid, flange.within_m, ROUNDS)
+    return WheelFit(fit, "flange", *edge_ring(fit, flange))
+
+
+def _square_m2(points_m: Array, axis: Axis) -> Array:
+    """Return the square distances (N,) of points (N, 3) from the axis."""
+    away = points_m - axis.point_m
+    return np.asarray(np.einsum("ij,ij->i", away, away) - (away @ axis.direction) ** 2)
+
+
+def _grid(points: int, reach_m: float) -> Grid:
+    """Return rings and sectors such that a cell holds several of the points within reach_m."""
+    spacing = reach_m * math.sqrt(math.pi / points)
+    width = max(RING_M, RING_OF_SPACING * spacing)
+    rings = int((reach_m - INNER_M) / width)
+    return Grid(INNER_M, width, rings, SECTORS if spacing < SPARSE_M else FEW_SECTORS)
+
+
+def _check(fit: AxisFit) -> None:
+    """Raise NotMeasuredError 'wheel-not-found' where it is no surface of revolution."""
+    cells = fit.cells
+    circle = float(np.mean(np.any(cells.weight > 0.0, axis=0)))
+    rings = int(np.count_nonzero(cells.kept >= ROUND))
+    tilt = math.sqrt(float(np.linalg.eigvalsh(cells.covariance[:2, :2])[-1]))
+    facts = (
+        (circle < LEAST_CIRCLE, f"{circle:.0%} of a wheel's circle is seen, "
+         f"{LEAST_CIRCLE:.0%} needed"),
+        (rings < LEAST_RINGS, f"{rings} round rings are seen, {LEAST_RINGS} needed"),
+        (not tilt < MOST_TILT_RAD, f"the axis is uncertain by {math.degrees(tilt):.1f}°"),
+    )  # fmt: skip
+    for failed, fact in facts:
+        if failed:
+            raise NotMeasuredError("wheel-not-found", fact)
+
+
+def _components(found: WheelFit) -> list[UncertaintyComponent]:
+    """Return independent noise, what is correlated or not round, the edge, a tyre's run-out."""
+    fit, cells = found.fit, found.fit.cells
+    noise = cells.white_covariance
+    rest = cells.covariance - noise
+    parts = [
+        UncertaintyComponent("surface noise", _moved(found, root_of(noise[:4, :4]))),
+        UncertaintyComponent("surface form", _moved(found, root_of(rest[:4, :4])), cells.dof),
+        UncertaintyComponent("centre model", _along(fit.basis[2], _off_crest(found))),
+    ]
+    if found.method == "tyre":
+        parts.append(_tyre_runout(found))
+    return parts
+
+
+def _moved(found: WheelFit, root: Array) -> Array:
+    """Return the factor (6, k) of steps (4, k): tilts and shifts along two axes across the axis."""
+    across = found.fit.basis[:2].T
+    tilt = across @ root[:2]
+    return np.vstack([tilt, across @ root[2:] + found.level_m * tilt])
+
+
+def _along(direction: Array, u_m: float) -> Array:
+    return np.concatenate([np.zeros(3), u_m * direction])[:, None]
+
+
+def _off_crest(found: WheelFit) -> float:
+    """Return the uncertainty of the height of a ridge, which rings of some width blunt."""
+    meridian = found.fit.meridian
+    ring = int(np.argmin(np.abs(meridian.grid.radius_m - found.radius_m)))
+    beside = meridian.height_m[max(ring - 1, 0) : ring + 2]
+    blunt = OFF_CREST * float(np.nanmax(beside) - np.nanmean(beside))
+    known = found.fit.cells.ring_u_m
+    own = known[ring] if np.isfinite(known[ring]) else float(np.nanmedian(known))
+    return math.hypot(blunt, own)
+
+
+def _tyre_runout(found: WheelFit) -> UncertaintyComponent:
+    """Return the component of a tyre's first harmonic, which only its own axis shows.
+
+    It is taken as large as the root sum of squares of the second and the third, which are fitted:
+    amplitudes of tyres fall about as 1 / k.
+    """
+    step = found.fit.cells.step[4:].reshape(len(HARMONICS), 2, 2)
+    lateral, radial = np.sqrt(np.sum(step**2, axis=(0, 2)))
+    factor = np.zeros((6, 4))
+    across = found.fit.basis[:2].T
+    factor[:3, :2] = lateral / math.sqrt(2.0) / found.radius_m * across
+    factor[3:, 2:] = radial / math.sqrt(2.0) * across
+    return UncertaintyComponent("tyre run-out", factor, 2.0 * len(HARMONICS))

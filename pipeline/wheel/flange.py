@@ -1,0 +1,133 @@
+"""Flange and side wall on the meridian of a wheel: the flange's edge, the groove beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..vectors import Array, Mask
+from .cells import CellPoints, Grid, medians
+from .fit_axis import AxisFit
+from .meridian import MAD, Meridian
+
+FINE_M = 0.002  # widest ring on which a flange stands out
+LEAST_M, MOST_M, SIGMAS = 0.0015, 0.02, 2.5  # depth of the groove between flange and side wall
+MEDIAN_LOSS = 1.25  # standard deviation of a median over that of a mean
+FLANGE_M, WALL_M = 0.014, 0.050  # widths of the flange and of the side wall's inner half
+WALL = (0.13, 0.41)  # height of a side wall over the tyre's radius
+RIM_M = 0.045  # of the rim inside its flange's edge that is of revolution
+ROUND = 0.6  # of a ring's cells at one height
+INCH_M, FLANGE_HEIGHT_M, SIZE_M = 0.0254, 0.0130, 0.012
+
+
+@dataclass(frozen=True)
+class Flange:
+    """Radii of the flange's edge and of the groove between it and the tyre; depth_m of the groove.
+
+    sigmas: that depth over its uncertainty.
+    """
+
+    edge_m: float
+    groove_m: float
+    depth_m: float
+    sigmas: float
+
+    @property
+    def within_m(self) -> tuple[float, float]:
+        """Radii between which the rim lies."""
+        return self.edge_m - RIM_M, self.groove_m
+
+
+def find_flange(points_m: Array, fit: AxisFit, rim_inch: float | None) -> Flange | None:
+    """Find the flange's edge: a ridge, and outside it a groove, beyond which the tyre rises.
+
+    points_m: (N, 3) of the wheel. rim_inch: nominal diameter of the rim, if it is stated. None
+    where no groove is clear.
+    """
+    radius, height, u = _fine(points_m, fit)
+    outer = _outer_m(fit)
+    width = float(radius[1] - radius[0])
+    inside, outside = (max(2, round(reach / width)) for reach in (FLANGE_M, WALL_M))
+    best: Flange | None = None
+    for i in range(1, len(height) - 1):
+        sides = height[[i - 1, i + 1]]
+        if not np.isfinite(height[i]) or not np.all(height[i] <= sides):
+            continue
+        before, after = height[max(0, i - inside) : i], height[i + 1 : i + 1 + outside]
+        edge = max(0, i - inside) + int(np.nanargmax(before))
+        wall = i + 1 + int(np.nanargmax(after))
+        depths = float(height[edge] - height[i]), float(height[wall] - height[i])
+        depth, other = min(zip(depths, (edge, wall), strict=True))
+        sigmas = depth / max(float(np.hypot(u[i], u[other])), 1e-9)
+        found = Flange(float(radius[edge]), float(radius[i]), depth, sigmas)
+        clear = LEAST_M < depth < MOST_M and sigmas > SIGMAS
+        clear &= WALL[0] * outer < outer - found.groove_m < WALL[1] * outer
+        if clear and _fits(found, rim_inch) and (best is None or depth > best.depth_m):
+            best = found
+    return best
+
+
+def _fine(points_m: Array, fit: AxisFit) -> tuple[Array, Array, Array]:
+    """Return radius, height and its uncertainty on fine rings; NaN where the wheel is not round."""
+    coarse = fit.meridian.grid
+    width = min(FINE_M, coarse.width_m)
+    rings = round(coarse.rings * coarse.width_m / width)
+    points = CellPoints.of(points_m, fit.axis, fit.basis, Grid(coarse.low_m, width, rings, 1))
+    over = points.height_m
+    height, count = medians(points.cell, over, rings)
+    spread, _ = medians(points.cell, np.abs(over - height[points.cell]), rings)
+    radius = points.grid.radius_m
+    ring = ((radius - coarse.low_m) / coarse.width_m).astype(int).clip(0, coarse.rings - 1)
+    height[~_round(fit)[ring]] = np.nan
+    return radius, height, MEDIAN_LOSS * MAD * spread / np.sqrt(np.maximum(count, 1))
+
+
+def _round(fit: AxisFit) -> Mask:
+    """Return the rings that are round, or steep between round ones."""
+    good = fit.cells.kept >= ROUND
+    near = good.copy()
+    near[1:] |= good[:-1]
+    near[:-1] |= good[1:]
+    return np.asarray(near & (good | ~fit.cells.used))
+
+
+def _outer_m(fit: AxisFit) -> float:
+    """Return the outer radius of the longest run of round rings: rim and side wall."""
+    gaps = np.flatnonzero(np.concatenate([[True], ~_round(fit), [True]]))
+    longest = int(np.argmax(np.diff(gaps)))
+    return float(fit.meridian.grid.radius_m[max(int(gaps[longest + 1]) - 2, 0)])
+
+
+def _fits(flange: Flange, rim_inch: float | None) -> bool:
+    if rim_inch is None:
+        return True
+    expected = 0.5 * rim_inch * INCH_M + FLANGE_HEIGHT_M
+    return abs(flange.edge_m - expected) < SIZE_M
+
+
+def widest_ring(fit: AxisFit, inner_m: float) -> tuple[float, float]:
+    """Return radius and height of the highest round ring outside inner_m: the tyre's widest."""
+    radius = fit.meridian.grid.radius_m
+    return _crest(fit.meridian, (fit.cells.kept >= ROUND) & (radius > inner_m))
+
+
+def edge_ring(fit: AxisFit, flange: Flange) -> tuple[float, float]:
+    """Return radius and height of the flange's edge, its highest ring."""
+    radius = fit.meridian.grid.radius_m
+    own = np.isfinite(fit.meridian.height_m) & (np.abs(radius - flange.edge_m) < 0.006)
+    return _crest(fit.meridian, own)
+
+
+def _crest(meridian: Meridian, own: Mask) -> tuple[float, float]:
+    """Return the top of a parabola through the highest ring and its neighbours."""
+    radius, height = meridian.grid.radius_m, meridian.height_m
+    top = int(np.argmax(np.where(own, height, -np.inf)))
+    three = height[top - 1 : top + 2] if 0 < top < len(height) - 1 else np.zeros(0)
+    if len(three) < 3 or not np.isfinite(three).all():
+        return float(radius[top]), float(height[top])
+    bend = float(three[0] - 2.0 * three[1] + three[2])
+    aside = 0.5 * float(three[0] - three[2]) / bend if bend < 0.0 else 0.0
+    aside = float(np.clip(aside, -0.5, 0.5))
+    lift = -0.25 * float(three[0] - three[2]) * aside
+    return float(radius[top]) + aside * meridian.grid.width_m, float(height[top]) + lift

@@ -1,0 +1,113 @@
+"""Captures of bare wheels: angles, run-out from turned scans, notes, refusals."""
+
+import numpy as np
+import pytest
+
+from tests.support.round_wheels import wheel_points
+from wheelplane.capture import open_capture
+from wheelplane.config import Config
+from wheelplane.errors import InputError
+from wheelplane.measure import measure_capture
+from wheelplane.uncertainty import coverage_factor
+
+TOE, CAMBER, WOBBLE = np.radians([0.2, -1.0, 0.1])
+CENTRES = {"RR": (0.0, -0.75), "RL": (0.0, 0.75), "FR": (2.6, -0.75), "FL": (2.6, 0.75)}
+
+
+def outward(wheel, toe=TOE, camber=CAMBER):
+    """Outward normal: x forward, y left, z up."""
+    side = 1.0 if wheel.endswith("L") else -1.0
+    level = np.array([np.sin(toe), side * np.cos(toe), 0.0])
+    return np.cos(camber) * level - np.sin(camber) * np.array([0.0, 0.0, 1.0])
+
+
+def wobbling(wheel, turn):
+    """Direction of a rim tilted by WOBBLE against the spin axis, turned as it rolls forwards."""
+    axis, side = outward(wheel), 1.0 if wheel.endswith("L") else -1.0
+    first = np.cross([0.0, 0.0, 1.0], axis)
+    first /= np.linalg.norm(first)
+    second = np.cross(axis, first)
+    off = np.cos(side * turn) * first + np.sin(side * turn) * second
+    return np.cos(WOBBLE) * axis + np.sin(WOBBLE) * off
+
+
+def write(folder, *, turns=(), target='[target]\nshape = "wheel"\n'):
+    rng = np.random.default_rng(11)
+    lines = [target, "[reference]"]
+    more = []
+    for wheel, (x, y) in CENTRES.items():
+        for number, turn in enumerate(turns or (None,)):
+            direction = outward(wheel) if turn is None else wobbling(wheel, np.radians(turn))
+            points = wheel_points(rng, np.array([x, y, 0.3]), direction, count=40_000)
+            name = f"{wheel.lower()}{number or ''}.npy"
+            np.save(folder / name, points)
+            lines += [f'{wheel} = "{name}"'] if number == 0 else []
+            if turn is not None:
+                more += ["[[runout]]", f'name = "{wheel} {number}"', f'wheel = "{wheel}"',
+                         f'file = "{name}"', f"angle_deg = {turn}"]  # fmt: skip
+    (folder / "capture.toml").write_text("\n".join([*lines, *more]) + "\n", encoding="utf-8")
+    return folder
+
+
+def measured(folder):
+    with open_capture(folder) as capture:
+        return measure_capture(capture, Config())
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    return measured(write(tmp_path_factory.mktemp("plain")))
+
+
+def test_toe_and_camber_lie_within_their_uncertainty(plain):
+    for wheel in plain.wheels:
+        k = 2.0 * coverage_factor(0.95, np.array([wheel.dof_toe]))[0]
+        assert wheel.observation.fitted.method == "flange"
+        assert abs(wheel.angles.toe_rad - TOE) < k * wheel.u_toe_rad
+        assert abs(wheel.angles.camber_rad - CAMBER) < k * wheel.u_camber_rad
+        assert wheel.u_toe_rad < np.radians(1.5 / 60.0)
+
+
+def test_the_first_page_says_what_was_measured_and_what_is_not_included(plain):
+    text = " ".join(plain.notes)
+    assert "those of the rims" in text
+    assert "level with the edge of the rim's flange" in text
+    assert "run-out of RR, RL, FR and FL against the spin axis is not in the uncertainty" in text
+    assert "as mounted" not in text
+    assert "flatness" not in text
+
+
+def test_a_stated_run_out_is_in_the_uncertainty(tmp_path, plain):
+    stated = '[target]\nshape = "wheel"\nrim = "17in"\nrim_runout = 0.0005\n'
+    found = measured(write(tmp_path, target=stated))
+    assert "rim_runout" not in " ".join(found.notes)
+    tilt = 0.00025 / np.sqrt(2.0) / (17.0 * 0.0254 / 2.0 + 0.0175)
+    for one, other in zip(found.wheels, plain.wheels, strict=True):
+        added = one.u_camber_rad**2 - other.u_camber_rad**2
+        assert abs(np.sqrt(added) - tilt) < 0.15 * tilt
+
+
+def test_turned_scans_give_the_spin_axis(tmp_path):
+    found = measured(write(tmp_path, turns=(0.0, 120.0, 240.0)))
+    for wheel in found.wheels[:4]:
+        assert wheel.compensated
+        assert abs(wheel.angles.toe_rad - TOE) < 0.2 * WOBBLE
+        assert abs(wheel.angles.camber_rad - CAMBER) < 0.2 * WOBBLE
+    assert all(abs(one.axial_runout.value - WOBBLE) < 0.2 * WOBBLE for one in found.runouts)
+    assert "not in the uncertainty" not in " ".join(found.notes)
+
+
+def test_one_cloud_of_bare_wheels_is_refused_with_what_to_do(tmp_path):
+    np.save(tmp_path / "car.npy", np.random.default_rng(0).random((1000, 3)) * 4.0)
+    text = 'cloud = "car.npy"\nfront = [1, 0, 0]\n[target]\nshape = "wheel"\n'
+    (tmp_path / "capture.toml").write_text(text.replace("[1, 0, 0]", "[1.0, 0.0, 0.0]"))
+    with pytest.raises(InputError, match="cut it into rr, rl, fr and fl"):
+        measured(tmp_path)
+
+
+def test_a_scan_without_a_wheel_is_refused(tmp_path):
+    folder = write(tmp_path)
+    flat = np.random.default_rng(1).random((20_000, 3)) * [1.0, 1.0, 0.001]
+    np.save(folder / "fl.npy", flat)
+    with pytest.raises(InputError, match=r"FL was not measured \((wheel-not-found|too-few-points)"):
+        measured(folder)

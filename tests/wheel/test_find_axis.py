@@ -1,0 +1,35 @@
+"""Rough axis of a wheel in a scan."""
+
+import numpy as np
+import pytest
+
+from tests.support.round_wheels import angle_between, aside, axis_of, door_points, wheel_points
+from wheelplane.errors import NotMeasuredError
+from wheelplane.wheel.find_axis import find_axis
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_axis_is_found_beside_a_door_that_is_not_square_to_it(seed):
+    rng = np.random.default_rng(seed)
+    centre, direction = axis_of(rng)
+    wheel = wheel_points(rng, centre, direction)
+    found = find_axis(np.concatenate([wheel, door_points(rng, centre, direction)]))
+    assert angle_between(found.axis.direction, direction) < np.radians(1.5)
+    assert aside(found.axis.point_m, centre, direction) < 0.01
+    assert 0.28 < found.radius_m < 0.42
+
+
+def test_two_planes_are_no_wheel():
+    rng = np.random.default_rng(2)
+    floor = np.column_stack([rng.uniform(-1, 1, (30_000, 2)), rng.normal(0.0, 0.001, 30_000)])
+    wall = np.column_stack([rng.uniform(-1, 1, 30_000), rng.normal(1.0, 0.001, 30_000),
+                            rng.uniform(0, 2, 30_000)])  # fmt: skip
+    with pytest.raises(NotMeasuredError) as caught:
+        find_axis(np.concatenate([floor, wall]))
+    assert caught.value.status in ("wheel-not-found", "too-few-points")
+
+
+def test_few_points_are_too_few():
+    with pytest.raises(NotMeasuredError) as caught:
+        find_axis(np.random.default_rng(0).normal(size=(50, 3)))
+    assert caught.value.status == "too-few-points"

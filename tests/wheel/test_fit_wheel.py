@@ -1,0 +1,72 @@
+"""Axis and centre of a wheel, with their uncertainty."""
+
+import numpy as np
+import pytest
+
+from tests.support.round_wheels import (
+    MERIDIAN,
+    angle_between,
+    aside,
+    axis_of,
+    door_points,
+    wheel_points,
+)
+from wheelplane.errors import NotMeasuredError
+from wheelplane.wheel.find_wheel import find_wheel
+from wheelplane.wheel.fit_wheel import fit_wheel
+
+
+def scene(seed, **given):
+    rng = np.random.default_rng(seed)
+    centre, direction = axis_of(rng)
+    wheel = wheel_points(rng, centre, direction, **given)
+    return np.concatenate([wheel, door_points(rng, centre, direction)]), centre, direction
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_axis_and_centre_lie_within_their_uncertainty(seed):
+    points, centre, direction = scene(seed)
+    found = fit_wheel(find_wheel(points), None)
+    C = found.covariance
+    assert found.method == "flange"
+    assert angle_between(found.normal, direction) < 4.5 * np.sqrt(np.trace(C[:3, :3]))
+    assert aside(found.centre_m, centre, direction) < 4.5 * np.sqrt(np.trace(C[3:, 3:]))
+    along = (found.centre_m - centre) @ direction
+    assert abs(along) < 4.0 * np.sqrt(direction @ C[3:, 3:] @ direction)
+    assert np.sqrt(np.trace(C[:3, :3])) < np.radians(1.5 / 60.0)
+
+
+def test_a_moved_wheel_gives_the_moved_result():
+    points, _, _ = scene(5)
+    one = fit_wheel(find_wheel(points), None)
+    shift = np.array([100.0, -50.0, 20.0])
+    other = fit_wheel(find_wheel(points + shift), None)
+    u = np.sqrt(np.trace(one.covariance[:3, :3]))
+    assert angle_between(one.normal, other.normal) < u
+    assert np.linalg.norm(other.centre_m - shift - one.centre_m) < 1e-4
+
+
+def test_more_noise_is_more_uncertainty():
+    fits = [fit_wheel(find_wheel(scene(6, noise_m=s)[0]), None) for s in (0.0005, 0.002)]
+    size = [np.sqrt(np.trace(fit.covariance[:3, :3])) for fit in fits]
+    assert size[1] > 2.0 * size[0]
+
+
+def test_without_a_flange_it_is_the_tyre_and_its_waves_count():
+    smooth = MERIDIAN[(MERIDIAN[:, 0] < 0.228) | (MERIDIAN[:, 0] > 0.252)]
+    points, centre, direction = scene(7, meridian=smooth, wave_m=0.0005)
+    found = fit_wheel(find_wheel(points), None)
+    assert found.method == "tyre"
+    runout = next(c for c in found.components if c.name == "tyre run-out")
+    assert np.sqrt(np.trace(runout.covariance[:3, :3])) > 0.5 * 0.0005 / 0.285
+    assert angle_between(found.normal, direction) < np.radians(3.0 / 60.0)
+    assert 0.005 < (found.centre_m - centre) @ direction < 0.015
+
+
+def test_half_a_wheel_is_not_measured():
+    points, centre, direction = scene(8)
+    side = np.cross(direction, [0.3, 0.5, 0.8])
+    half = points[(points - centre) @ side > 0.05]
+    with pytest.raises(NotMeasuredError) as caught:
+        fit_wheel(find_wheel(half), None)
+    assert caught.value.status in ("wheel-not-found", "too-few-points")
