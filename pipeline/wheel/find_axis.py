@@ -19,13 +19,14 @@ FLAT = 0.75  # spread across a piece of surface over that along it
 TILT_RAD, SHARE = 0.08, 0.6  # standard uncertainty of a normal; of the pieces that have it
 LEAST_PIECES, LEAST_MET = 60, 12
 MODES, MODE_RAD, APART_RAD = 8, np.radians(6.0), np.radians(11.0)
-COMPARED = 1500  # pieces by which the modes of the normals are found
+COMPARED = 700  # pieces by which the modes of the normals are found
 SLANT = (np.cos(np.radians(75.0)), np.cos(np.radians(12.0)))
 RADII_M = (0.10, 0.48)  # of a wheel's surfaces
 GRID_M = 0.02
 HALF_DEPTH_M = 0.2
 SECTORS, LEAST_SECTORS = 16, 9
 SAME_RAD, SAME_M = np.radians(0.5), 0.005  # of two axes that are one
+APART_M, RIVAL = 0.35, 0.5  # from the best place, and of its score: another wheel
 
 
 @dataclass(frozen=True)
@@ -58,22 +59,25 @@ def find_axis(points_m: Array) -> RoughAxis:
 
     Its direction is near that of many normals: of the side wall, the spokes, the door. Lines of
     sloping normals, seen along it, meet in its centre. The best of these places is refined by the
-    linear complex of the normals. Raises NotMeasuredError 'too-few-points' or 'wheel-not-found'.
+    linear complex of the normals. Raises NotMeasuredError 'too-few-points', 'wheel-not-found' or
+    'ambiguous-target'.
     """
     points = sample(points_m, SAMPLE)
     origin = np.median(points, axis=0)
     pieces = _pieces(points - origin)
     found: list[RoughAxis] = []
     for mode in _modes(pieces):
-        one = _at_direction(pieces, mode)
-        if one is not None and any(one.agrees(other) for other in found):
+        new = _at_direction(pieces, mode)
+        known = [any(one.agrees(other) for other in found) for one in new]
+        found += [one for one, seen in zip(new, known, strict=True) if not seen]
+        if any(known):
             break
-        found += [] if one is None else [one]
     best = max(found, key=lambda one: one.score, default=None)
     if best is None:
         raise NotMeasuredError(
             "wheel-not-found", "no surface of revolution of a wheel's size is in it"
         )
+    _check_alone(best, found)
     axis = Axis(best.axis.point_m + origin, best.axis.direction)
     return RoughAxis(axis, best.score, best.radius_m)
 
@@ -114,22 +118,34 @@ def _modes(pieces: Pieces) -> list[Array]:
     return modes
 
 
-def _at_direction(pieces: Pieces, direction: Array) -> RoughAxis | None:
-    """Return the best axis of about that direction; None where nothing is round about one."""
+def _check_alone(best: RoughAxis, found: list[RoughAxis]) -> None:
+    """Raise NotMeasuredError 'ambiguous-target' where another wheel is as well seen."""
+    for other in found:
+        apart = other.axis.point_m - best.axis.point_m
+        aside = float(np.linalg.norm(apart - (apart @ best.axis.direction) * best.axis.direction))
+        if aside > APART_M and other.score > RIVAL * best.score:
+            raise NotMeasuredError(
+                "ambiguous-target", f"two wheels are in the scan, {aside:.2f} m apart"
+            )
+
+
+def _at_direction(pieces: Pieces, direction: Array) -> list[RoughAxis]:
+    """Return the two best axes of about that direction; fewer where nothing is round about them."""
     basis = plane_basis(direction)
     slope = np.abs(pieces.normal @ direction)
     own = (slope > SLANT[0]) & (slope < SLANT[1])
     if np.count_nonzero(own) < LEAST_MET:
-        return None
+        return []
     place, line = pieces.centroid_m[own] @ basis.T, pieces.normal[own] @ basis[:2].T
     line /= np.linalg.norm(line, axis=1, keepdims=True)
-    centre = _meeting(place[:, :2], line)
-    start = Axis(np.append(centre, np.median(place[:, 2])) @ basis, direction)
-    return _refined(pieces, start)
+    level = float(np.median(place[:, 2]))
+    starts = (Axis(np.append(c, level) @ basis, direction) for c in _meetings(place[:, :2], line))
+    found = (_refined(pieces, start) for start in starts)
+    return [one for one in found if one is not None]
 
 
-def _meeting(place: Array, line: Array) -> Array:
-    """Return where most lines meet (2,): a vote of each along itself, at a wheel's radii."""
+def _meetings(place: Array, line: Array) -> list[Array]:
+    """Return the two places (2,) where most lines meet: a vote of each at a wheel's radii."""
     steps = np.arange(RADII_M[0], RADII_M[1], GRID_M)
     steps = np.concatenate([-steps, steps])
     votes = (place[:, None, :] + steps[:, None] * line[:, None, :]).reshape(-1, 2)
@@ -138,8 +154,13 @@ def _meeting(place: Array, line: Array) -> Array:
     width, height = (cell.max(axis=0) + 2).tolist()
     count = np.bincount(cell[:, 0] * height + cell[:, 1], minlength=width * height)
     smooth = _blurred(count.reshape(width, height).astype(float))
-    column, row = np.unravel_index(int(np.argmax(smooth)), smooth.shape)
-    return np.asarray(low + (np.array([column, row]) + 0.5) * GRID_M)
+    best: list[Array] = []
+    for _ in range(2):
+        cell = np.array(np.unravel_index(int(np.argmax(smooth)), smooth.shape))
+        best.append(low + (cell + 0.5) * GRID_M)
+        start, stop = np.maximum(cell - round(APART_M / GRID_M), 0), cell + round(APART_M / GRID_M)
+        smooth[start[0] : stop[0] + 1, start[1] : stop[1] + 1] = 0.0
+    return best
 
 
 def _blurred(votes: Array) -> Array:

@@ -12,7 +12,7 @@ from ..vectors import Array, Array32
 from .find_axis import find_axis
 from .normal_lines import Axis
 
-BESIDE_M = 0.02  # beyond the tyre
+BESIDE_M = 0.05  # beyond the surfaces that slope
 DEPTH_M = 0.25  # of the surfaces before and behind its middle
 BEFORE_M = 0.03
 CHOSEN_M = 0.8  # about a point on the wheel: no tyre is larger across

@@ -13,7 +13,7 @@ from .cells import CellPoints, Grid
 from .meridian import Meridian
 from .normal_lines import Axis
 
-SETTLED_RAD = 2e-6
+SETTLED_RAD = 5e-6
 LEAST_RINGS = 3
 LEAST_KEPT = 0.5  # of the cells of a ring, below which it is not of revolution
 

@@ -19,7 +19,7 @@ from .fit_axis import AxisFit, fit_axis
 from .flange import ROUND, edge_ring, find_flange, widest_ring
 from .normal_lines import Axis
 
-START_POINTS = 150_000
+START_POINTS = 100_000
 START_ROUNDS, ROUNDS = 4, 6
 INNER_M, START_M = 0.10, 0.15  # radii from which rings are laid, and from which they are used
 RING_M, RING_OF_SPACING = 0.0015, 0.75  # width of a ring

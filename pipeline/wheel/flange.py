@@ -17,6 +17,7 @@ MEDIAN_LOSS = 1.25  # standard deviation of a median over that of a mean
 FLANGE_M, WALL_M = 0.014, 0.050  # widths of the flange and of the side wall's inner half
 WALL = (0.13, 0.41)  # height of a side wall over the tyre's radius
 RIM_M = 0.045  # of the rim inside its flange's edge that is of revolution
+BESIDE_M = (0.01, 0.03)  # of the side wall, beyond the groove
 ROUND = 0.6  # of a ring's cells at one height
 INCH_M, FLANGE_HEIGHT_M, SIZE_M = 0.0254, 0.0130, 0.012
 
@@ -25,18 +26,22 @@ INCH_M, FLANGE_HEIGHT_M, SIZE_M = 0.0254, 0.0130, 0.012
 class Flange:
     """Radii of the flange's edge and of the groove between it and the tyre; depth_m of the groove.
 
-    sigmas: that depth over its uncertainty.
+    noise_m: of single points on the side wall beside it.
     """
 
     edge_m: float
     groove_m: float
     depth_m: float
-    sigmas: float
+    noise_m: float
 
     @property
     def within_m(self) -> tuple[float, float]:
-        """Radii between which the rim lies."""
-        return self.edge_m - RIM_M, self.groove_m
+        """Radii between which the points are the rim's.
+
+        Noise carries points of the tyre across the groove, the farther the more it is: on one side
+        of the wheel inwards from high on the wall, on the other outwards, which tilts these rings.
+        """
+        return self.edge_m - RIM_M, max(self.edge_m, self.groove_m - self.noise_m)
 
 
 def find_flange(points_m: Array, fit: AxisFit, rim_inch: float | None) -> Flange | None:
@@ -60,7 +65,7 @@ def find_flange(points_m: Array, fit: AxisFit, rim_inch: float | None) -> Flange
         depths = float(height[edge] - height[i]), float(height[wall] - height[i])
         depth, other = min(zip(depths, (edge, wall), strict=True))
         sigmas = depth / max(float(np.hypot(u[i], u[other])), 1e-9)
-        found = Flange(float(radius[edge]), float(radius[i]), depth, sigmas)
+        found = Flange(float(radius[edge]), float(radius[i]), depth, _wall_noise(fit, radius[i]))
         clear = LEAST_M < depth < MOST_M and sigmas > SIGMAS
         clear &= WALL[0] * outer < outer - found.groove_m < WALL[1] * outer
         if clear and _fits(found, rim_inch) and (best is None or depth > best.depth_m):
@@ -97,6 +102,14 @@ def _outer_m(fit: AxisFit) -> float:
     gaps = np.flatnonzero(np.concatenate([[True], ~_round(fit), [True]]))
     longest = int(np.argmax(np.diff(gaps)))
     return float(fit.meridian.grid.radius_m[max(int(gaps[longest + 1]) - 2, 0)])
+
+
+def _wall_noise(fit: AxisFit, groove_m: float) -> float:
+    """Return the noise of single points on the side wall beside a groove."""
+    away = fit.meridian.grid.radius_m - groove_m
+    known = fit.meridian.noise_m[(away > BESIDE_M[0]) & (away < BESIDE_M[1])]
+    known = known[np.isfinite(known)]
+    return float(np.median(known)) if len(known) else 0.0
 
 
 def _fits(flange: Flange, rim_inch: float | None) -> bool:

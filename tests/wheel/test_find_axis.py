@@ -19,6 +19,17 @@ def test_the_axis_is_found_beside_a_door_that_is_not_square_to_it(seed):
     assert 0.28 < found.radius_m < 0.42
 
 
+def test_two_wheels_in_one_scan_are_refused():
+    rng = np.random.default_rng(5)
+    centre, direction = axis_of(rng)
+    across = np.cross(direction, [0.2, 0.3, 0.9])
+    other = centre + 0.9 * across / np.linalg.norm(across)
+    both = [wheel_points(rng, place, direction, count=40_000) for place in (centre, other)]
+    with pytest.raises(NotMeasuredError, match=r"two wheels are in the scan, 0\.9") as caught:
+        find_axis(np.concatenate(both))
+    assert caught.value.status == "ambiguous-target"
+
+
 def test_two_planes_are_no_wheel():
     rng = np.random.default_rng(2)
     floor = np.column_stack([rng.uniform(-1, 1, (30_000, 2)), rng.normal(0.0, 0.001, 30_000)])
