@@ -237,3 +237,13 @@ def test_residuals_about_a_candidate_are_those_of_its_plane(doubled):
     residuals = scan.face.residual_m[np.isfinite(scan.face.residual_m)]
     assert math.sqrt(float(np.mean(residuals**2))) == pytest.approx(scan.sigma_m, rel=0.25)
     assert Path(scan.file).suffix == ".ply"
+
+
+def test_a_bare_wheel_has_no_candidates_but_a_status(plain):
+    """Coarse scans of wheels with targets: whatever becomes of them as bare wheels is said."""
+    with open_capture(plain, "wheel") as capture:
+        found = explain_capture(capture, Config())
+    for scan in found.scans:
+        assert scan.candidates == ()
+        assert scan.is_measured == (scan.reason == "")
+        assert len(scan.sample_m) > 1000

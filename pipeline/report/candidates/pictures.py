@@ -37,7 +37,7 @@ def candidates_drawing(scan: ExplainedScan, words: Translations) -> Drawing:
     marks: list[Mark] = [_points(scan.sample_m @ axes.T, low, span, height)]
     for one in reversed(scan.candidates):
         marks += _candidate(one, scan, axes, low, scale, height)
-    if not scan.candidates:
+    if not scan.candidates and not scan.is_measured:
         marks.append(Text(MARGIN + 8, TOP + 20, words("plot.no_candidate"), 13, colour=INK, halo=3))
     return Drawing(WIDTH, TOP + height + MARGIN, title, [*head, *marks])
 
