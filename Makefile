@@ -12,7 +12,7 @@ demo: $(VENV)/ready  ## a synthetic vehicle, scanned, measured, beside its true 
 	$(BIN)/wheelplane demo demo-output
 
 test: $(VENV)/ready  ## the tests, but for those marked slow
-	$(BIN)/python -m pytest -n 2 -m "not slow"
+	$(BIN)/python -m pytest -n 3 --dist loadfile -m "not slow"
 
 test-all: $(VENV)/ready  ## all tests, as CI runs them
 	$(BIN)/python -m pytest -n 2

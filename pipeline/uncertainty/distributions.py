@@ -210,7 +210,8 @@ def power_of_t(shift: float, level: float, dof: float = math.inf, uniform: float
         return tail(limit - shift, dof, uniform)
     from scipy.special import nctdtr
 
-    middles = (np.arange(RECTANGLE_NODES) + 0.5) / RECTANGLE_NODES
+    nodes = RECTANGLE_NODES if uniform else 1
+    middles = (np.arange(nodes) + 0.5) / nodes
     inside = math.sqrt(3.0) * uniform * (2.0 * middles - 1.0)
     return float(np.mean(1.0 - nctdtr(own, (shift + inside) / scale, limit / scale)))
 

@@ -78,6 +78,7 @@ def test_the_others(planted, command):
     assert planted.run(command, *given).returncode == 0
 
 
+@pytest.mark.slow
 def test_the_page(planted, captures, tmp_path, monkeypatch):
     """Its jobs start in the folder that `view` was called in."""
     monkeypatch.chdir(planted.folder)

@@ -234,6 +234,7 @@ def test_thinly_scanned_sphere_is_no_target():
         assert status(points, seed=seed) in REFUSED
 
 
+@pytest.mark.slow
 def test_wheel_without_a_target():
     for seed in range(8):
         azimuth = np.random.default_rng([seed, 5]).uniform(20, 160)

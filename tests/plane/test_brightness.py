@@ -82,6 +82,7 @@ CLEAN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CLEAN)
 def test_nothing_moves_where_ranges_do_not_follow(name):
     for seed in range(10):

@@ -114,7 +114,7 @@ def test_a_long_answer_is_no_idle_connection(hasty, monkeypatch):
 
     monkeypatch.setattr(type(hasty.site.app.config["state"].jobs), "measured", slow)
     answer, text = hasty.ask("GET", "/api/jobs")
-    assert (answer.status, text) == (200, b'{"jobs":[]}\n')
+    assert (answer.status, text) == (200, b'{"jobs":[],"running":null}\n')
 
 
 GB = "Content-Length: 1000000000"

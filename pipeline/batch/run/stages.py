@@ -12,8 +12,8 @@ from ...errors import NotMeasuredError
 STAGES = {
     "discover": "capture",
     "read": "files readers diagnostics five_point.file",
-    "segment": "detection",
-    "plane": "plane five_point measurement.residual_map",
+    "segment": "detection wheel.find_axis wheel.find_wheel",
+    "plane": "plane wheel five_point measurement.residual_map",
     "centre": "centre kinematics.plate_pose",
     "identify": "capture.front detection.identify_wheels detection.up_direction detection.vehicles "
     "measurement.observe measurement.observe_vehicle",
