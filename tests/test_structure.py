@@ -44,8 +44,6 @@ ROOMS = [
     "commands",
     "cli", "__main__",
 ]
-# fmt: on
-# fmt: off
 PARTS = {
     "centre": ["edge", "pattern", "."],
     "validation": ["statistics", "."],

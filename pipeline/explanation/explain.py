@@ -24,11 +24,9 @@ from ..readers import Scan
 from ..targets import Target, WheelTarget
 from ..vectors import Array
 from ..wheel import find_patch
-from .explain_cloud import explain_cloud
+from .explain_cloud import SAMPLE, explain_cloud
 from .records import NO_POINTS, ExplainedCandidate, ExplainedScan, Explanation, Standing
 from .verdicts import MOST_SHOWN, apart
-
-SAMPLE = 400_000  # points of a scan in its picture
 
 
 def explain_capture(
@@ -90,13 +88,11 @@ def _searched(
     candidates: list[Candidate] = []
     try:
         candidates = apart(find_candidates(scan.points_m, *search), target.radius_m)
-        best = candidates[0]
         if near_m is None:
             check_best(candidates, target, config.segment)
         else:
             best = candidate_near(scan.points_m, near_m, *search)
-            others = [one for one in candidates if one.match != best.match]
-            candidates = [best, *apart([best, *others], target.radius_m)[1:]]
+            candidates = apart([best, *candidates], target.radius_m)
     except NotMeasuredError as error:
         found = replace(found, status=error.status, reason=str(error))
     judged = _judged(candidates, found.status, target, config.segment, is_chosen=near_m is not None)

@@ -15,10 +15,11 @@ from ..diagnostics import check_vehicle_cloud
 from ..errors import InputError
 from ..measure import fit_target
 from ..measurement import observe_cloud, within_box
+from ..targets import WheelTarget
 from .records import NO_POINTS, ExplainedCandidate, ExplainedScan
 from .verdicts import MOST_SHOWN, apart
 
-SAMPLE = 400_000  # points of the cloud in its picture
+SAMPLE = 400_000  # points of a scan or a cloud in its picture
 
 
 def explain_cloud(
@@ -38,7 +39,8 @@ def explain_cloud(
         return replace(found, status="not-read", reason=str(error))
     progress(f"{cloud.file}: searching")
     rows, axes = [(p.start, p.stop) for p in scan.parts], [p.axes for p in scan.parts]
-    candidates = candidates_of_cloud(scan.points_m, target, config.segment, axes, rows)
+    seen = (scan.points_m, target, config.segment, axes, rows)
+    candidates = [] if isinstance(target, WheelTarget) else candidates_of_cloud(*seen)
     shown = apart(candidates, target.radius_m)[:MOST_SHOWN]
     wheels: dict[str, np.ndarray] = {}
     try:

@@ -1,4 +1,4 @@
-"""What surfaces do to ranges: noise of dark rubber, strays and detours of light on shiny metal."""
+"""Effects of surfaces on ranges: noise of dark rubber, strays and detours on shiny metal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What shows between the spokes: brake disc and calliper, which do not run out with the rim."""
+"""View between the spokes: brake disc and calliper, which do not run out with the rim."""
 
 from __future__ import annotations
 

@@ -247,3 +247,10 @@ def test_a_bare_wheel_has_no_candidates_but_a_status(plain):
         assert scan.candidates == ()
         assert scan.is_measured == (scan.reason == "")
         assert len(scan.sample_m) > 1000
+
+
+def test_a_cloud_of_bare_wheels_shows_no_plane_as_a_candidate(whole):
+    with open_capture(whole, "wheel") as capture:
+        (scan,) = explain_capture(capture, Config()).scans
+    assert (scan.status, scan.candidates) == ("not-named", ())
+    assert "bare wheels are measured in scans of one wheel each" in scan.reason

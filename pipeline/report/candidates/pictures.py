@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ...explanation import ExplainedCandidate, ExplainedScan
@@ -30,30 +32,22 @@ def candidates_drawing(scan: ExplainedScan, words: Translations) -> Drawing:
     if not len(scan.sample_m):
         text = Text(MARGIN, TOP + 16, words("plot.no_candidate"), 13, colour=PALE)
         return Drawing(WIDTH, TOP + 40, title, [*head, text])
-    axes = _view(scan)
-    low, span = _frame(scan, axes)
-    scale = (WIDTH - 2 * MARGIN) / span[0]
-    height = span[1] * scale
-    marks: list[Mark] = [_points(scan.sample_m @ axes.T, low, span, height)]
+    seen = _Seen.of(scan)
+    marks: list[Mark] = [_points(scan.sample_m @ seen.axes.T, seen.low, seen.span, seen.height)]
     for one in reversed(scan.candidates):
-        marks += _candidate(one, scan, axes, low, scale, height)
+        marks += _candidate(one, scan, seen)
     if not scan.candidates and not scan.is_measured:
         marks.append(Text(MARGIN + 8, TOP + 20, words("plot.no_candidate"), 13, colour=INK, halo=3))
-    return Drawing(WIDTH, TOP + height + MARGIN, title, [*head, *marks])
+    return Drawing(WIDTH, TOP + seen.height + MARGIN, title, [*head, *marks])
 
 
 def places(scan: ExplainedScan) -> list[tuple[float, float]]:
     """Return where each candidate lies in the picture: shares of its width and height."""
     if not len(scan.sample_m):
         return []
-    axes = _view(scan)
-    low, span = _frame(scan, axes)
-    scale = (WIDTH - 2 * MARGIN) / span[0]
-    height = span[1] * scale
-    whole = np.array([WIDTH, TOP + height + MARGIN])
+    seen = _Seen.of(scan)
     centres = np.array([one.candidate.centre_m for one in scan.candidates]).reshape(-1, 3)
-    right, up = ((centres @ axes[:2].T - low) * scale).T
-    shares = np.column_stack([MARGIN + right, TOP + height - up]) / whole
+    shares = seen.at(centres) / [WIDTH, TOP + seen.height + MARGIN]
     return [(round(float(x), 4), round(float(y), 4)) for x, y in shares]
 
 
@@ -68,6 +62,36 @@ def best_drawing(scan: ExplainedScan, words: Translations) -> Drawing | None:
         Text(LEFT, 20, title, 15, bold=True),
     ]
     return Drawing(SIDE + 2 * LEFT, HEAD + SIDE + FOOT, title, marks)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What the picture shows: axes (3, 3) of `_view`, lower left corner (2,) and size (2,), m."""
+
+    axes: Array
+    low: Array
+    span: Array
+
+    @classmethod
+    def of(cls, scan: ExplainedScan) -> _Seen:
+        """Return what is shown of a scan that has points."""
+        axes = _view(scan)
+        return cls(axes, *_frame(scan, axes))
+
+    @property
+    def scale(self) -> float:
+        """Units of the drawing per metre."""
+        return float((WIDTH - 2 * MARGIN) / self.span[0])
+
+    @property
+    def height(self) -> float:
+        """Height of the points' part of the drawing."""
+        return float(self.span[1] * self.scale)
+
+    def at(self, points_m: Array) -> Array:
+        """Return where points (N, 3) lie in the drawing, (N, 2)."""
+        right, up = ((points_m @ self.axes[:2].T - self.low) * self.scale).T
+        return np.column_stack([MARGIN + right, TOP + self.height - up])
 
 
 def _view(scan: ExplainedScan) -> Array:
@@ -127,28 +151,17 @@ def _palette() -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
     return np.vstack([shades, [[255.0] * 3]]).astype(np.uint8)
 
 
-def _candidate(
-    one: ExplainedCandidate,
-    scan: ExplainedScan,
-    axes: Array,
-    low: Array,
-    scale: float,
-    height: float,
-) -> list[Mark]:
+def _candidate(one: ExplainedCandidate, scan: ExplainedScan, seen: _Seen) -> list[Mark]:
     """Draw the target's outline where the candidate lies, with its number and match."""
     found, colour = one.candidate, COLOURS[one.standing]
-
-    def at(points_m: Array) -> Array:
-        right, up = ((points_m @ axes[:2].T - low) * scale).T
-        return np.column_stack([MARGIN + right, TOP + height - up])
-
     outline = scan.region.polygons_m(CORNERS)[0] @ found.basis[:2] + found.centre_m
-    x, y = at(found.centre_m[None])[0]
+    edge = seen.at(outline)
+    x, y = seen.at(found.centre_m[None])[0]
     dash = None if one.standing == "chosen" else (6.0, 4.0)
     name = f"{one.number}: {one.wheel}" if one.wheel else f"{one.number}"
     return [
-        Path(np.vstack([at(outline), at(outline)[:1]]), "#ffffff", 4.5),
-        Path(np.vstack([at(outline), at(outline)[:1]]), colour, 2.4, dash=dash),
+        Path(np.vstack([edge, edge[:1]]), "#ffffff", 4.5),
+        Path(np.vstack([edge, edge[:1]]), colour, 2.4, dash=dash),
         rectangle(x - LABEL / 2, y - 18, LABEL, 36, "#ffffff", opacity=0.8),
         Text(x, y - 2, name, 15, "middle", bold=True, colour=colour),
         Text(x, y + 14, f"{found.match:.2f}", 12, "middle", colour=colour),
