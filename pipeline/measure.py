@@ -34,7 +34,7 @@ from .measurement import (
     noisy,
     notes_of_assumptions,
     observe_cloud,
-    observe_entry,
+    observe_entries,
     residual_map,
     rounded,
     shaded,
@@ -54,7 +54,8 @@ def measure_capture(
 ) -> Measurement:
     """Measure toe, camber and the vehicle's quantities from a capture of scans.
 
-    fit: measures the target in a scan; `fit_target`, or one that calls it and looks at the points.
+    fit: measures the target in a scan; `fit_target`, whose scans are measured several at once, or
+    one that calls it and looks at the points, of one scan after another.
     vertical: from which camber, caster and SAI are measured.
 
     Raises InputError for a scan that cannot be read, for wheels that cannot be identified, and for
@@ -81,8 +82,8 @@ def observe_capture(
     """
     if capture.cloud is not None:
         return observe_cloud(capture.cloud, capture, config, fit, progress)
-    entries = [observe_entry(entry, capture, config, fit, progress) for entry in capture.entries]
-    return entries, None
+    several = fit is fit_target
+    return observe_entries(capture, config, fit, progress, several), None
 
 
 def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:

@@ -36,4 +36,4 @@ def plane_basis(normal: Array) -> Array:
 def turned(vectors: Array, turn_rad: float) -> Array:
     """Rotate vectors (N, 2) by `turn_rad` from u towards v."""
     c, s = np.cos(turn_rad), np.sin(turn_rad)
-    return np.asarray(vectors @ np.array([[c, s], [-s, c]]))
+    return np.asarray(np.array([[c, -s], [s, c]]) @ vectors.T).T

@@ -12,6 +12,7 @@ from .selection import (
     within_slab,
 )
 from .steps import EXACT, Levels, Steps, coordinate_levels, coordinate_steps
+from .threads import side_by_side
 from .voxel_grid import VoxelGrid, lowest, voxel_key, voxel_moments, within_voxels
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "lowest",
     "random_rows",
     "sample",
+    "side_by_side",
     "slab_moments",
     "surroundings",
     "voxel_key",

@@ -1,13 +1,16 @@
-"""Threads over the rows of large clouds: chunks of one size, results in the order of the rows."""
+"""Threads over the rows of large clouds, and over scans; results in the order of these."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
 from typing import TypeVar
 
+R = TypeVar("R")
+S = TypeVar("S")
 T = TypeVar("T")
 
 ROWS_PER_CHUNK = 65_536  # does not depend on the number of threads, nor do sums over chunks
@@ -37,6 +40,42 @@ def over_chunks(work: Callable[[slice], T], rows: int, size: int = ROWS_PER_CHUN
     others = [_pool().submit(share, first) for first in range(1, workers)]
     done = [share(0), *(other.result() for other in others)]
     return [done[k % workers][k // workers] for k in range(len(chunks))]
+
+
+def side_by_side(
+    first: Callable[[S], R], then: Callable[[R], T], items: Sequence[S]
+) -> list[T]:
+    """Call `first` on one item after another, and `then` on what it returns, several at once.
+
+    Returns the results in the order of the items; of several errors, raises that of the first item.
+    """
+    workers = min(threads(), len(items))
+    if workers < 2:
+        return [then(first(item)) for item in items]
+    done: list[T] = []
+    begun: deque[Future[T]] = deque()
+    with ThreadPoolExecutor(workers) as pool:
+        try:
+            for item in items:
+                if len(begun) == workers:
+                    done.append(begun.popleft().result())
+                begun.append(_submit(pool, first, then, item))
+            done.extend(one.result() for one in begun)
+        finally:
+            pool.shutdown(cancel_futures=True)
+    return done
+
+
+def _submit(
+    pool: ThreadPoolExecutor, first: Callable[[S], R], then: Callable[[R], T], item: S
+) -> Future[T]:
+    """Call `first` and submit `then`; an error of the former is one of the result."""
+    try:
+        return pool.submit(then, first(item))
+    except Exception as error:
+        failed: Future[T] = Future()
+        failed.set_exception(error)
+        return failed
 
 
 @lru_cache(maxsize=1)

@@ -5,7 +5,7 @@ from .conformity import Conformity, Deciding, Verdict, assess, conforms, decide
 from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
 from .limits import ToleranceInterval, Value, angle_rad, read_value, rim_diameter
-from .observe import Fit, noisy, observe_entry, rounded, shaded, within_box
+from .observe import Fit, noisy, observe_entries, rounded, shaded, within_box
 from .observe_vehicle import observe_cloud
 from .quantities import (
     CROSS,
@@ -101,7 +101,7 @@ __all__ = [
     "noisy",
     "notes_of_assumptions",
     "observe_cloud",
-    "observe_entry",
+    "observe_entries",
     "pool_repeats",
     "read_value",
     "residual_map",

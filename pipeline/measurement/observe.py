@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..capture import Capture, Hint, ScanEntry
-from ..cloud import cloud_sample
+from ..cloud import cloud_sample, side_by_side
 from ..config import Config, InstrumentConfig
 from ..diagnostics import check_wheel_scan, lone_points
 from ..errors import InputError, NotMeasuredError
@@ -24,21 +24,43 @@ NOISY = 1.5  # times the stated range noise
 Fit = Callable[[Patch, Target, Config], Evidence]
 
 
-def observe_entry(
-    entry: ScanEntry,
+def observe_entries(
     capture: Capture,
     config: Config,
     fit_target: Fit,
     progress: Callable[[str], None],
-) -> Observation:
-    """Read a scan and measure its target.
+    several: bool = True,
+) -> list[Observation]:
+    """Read the scans of a capture one after another and measure their targets.
 
-    Raises InputError when the file is unreadable, or when the target of a reference wheel, which
+    several: whether fit_target may be called for several scans at once, in threads.
+
+    Raises InputError when a file is unreadable, or when the target of a reference wheel, which
     the frame needs, was not measured.
     """
-    progress(entry.file)
+
+    def read(entry: ScanEntry) -> tuple[ScanEntry, list[Scan]]:
+        progress(entry.file)
+        source = f"{capture.source}: {entry.file}"
+        return entry, [entry.read(capture.length_unit, source, capture.reading)]
+
+    def observe(given: tuple[ScanEntry, list[Scan]]) -> Observation:
+        return observe_entry(*given, capture, config, fit_target)
+
+    if several:
+        return side_by_side(read, observe, capture.entries)
+    return [observe(read(entry)) for entry in capture.entries]
+
+
+def observe_entry(
+    entry: ScanEntry, scans: list[Scan], capture: Capture, config: Config, fit_target: Fit
+) -> Observation:
+    """Measure the target in the only one of `scans`, which is taken out, to be freed early.
+
+    Raises InputError when the target of a reference wheel was not measured.
+    """
     source = f"{capture.source}: {entry.file}"
-    observation, patch = _find(entry, source, capture, config)
+    observation, patch = _find(entry, scans.pop(), source, capture, config)
     try:
         if isinstance(patch, NotMeasuredError):
             raise patch
@@ -80,10 +102,9 @@ def _wheel_of(entry: ScanEntry, evidence: Evidence, source: str) -> str | None:
 
 
 def _find(
-    entry: ScanEntry, source: str, capture: Capture, config: Config
+    entry: ScanEntry, scan: Scan, source: str, capture: Capture, config: Config
 ) -> tuple[Observation, Patch | NotMeasuredError]:
-    """Read the scan and find the patch with its target; the scan itself is freed on return."""
-    scan = entry.read(capture.length_unit, source, capture.reading)
+    """Find the patch with its target in the scan, which is freed on return."""
     check_wheel_scan(scan.points_m, 2.0 * capture.target.radius_m, capture.length_unit, source)
     observation = Observation(
         name=entry.name,

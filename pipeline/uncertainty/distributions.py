@@ -22,6 +22,7 @@ BOX_BLOCKS = 10
 NODES = 40  # of Gauss's rule
 MOST_STEPS, CONVERGED = 60, 1e-14
 FEW_DOF = 1000.0
+LEAST_LEVEL, MOST_LEVEL = 0.5, 0.99  # of intervals whose factor needs no scipy
 
 
 def coverage_factor(level: float, dof: Array) -> Array:
@@ -100,6 +101,9 @@ def quantile(probability: float, dof: float = math.inf, uniform: float = 0.0) ->
         return _quantile_of_sum(probability, dof, uniform)
     if math.isinf(dof):
         return NormalDist().inv_cdf(probability)
+    level = abs(2.0 * probability - 1.0)
+    if LEAST_LEVEL <= level <= MOST_LEVEL and dof >= 1.0:
+        return math.copysign(float(coverage_factor(level, np.array([dof]))[0]), probability - 0.5)
     from scipy.special import stdtrit
 
     return float(stdtrit(dof, probability))

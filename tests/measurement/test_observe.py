@@ -14,7 +14,7 @@ from wheelplane.centre import TargetFit
 from wheelplane.config import Config, InstrumentConfig
 from wheelplane.errors import InputError, NotMeasuredError
 from wheelplane.measure import fit_target
-from wheelplane.measurement.observe import NOISY, noisy, observe_entry
+from wheelplane.measurement.observe import NOISY, noisy, observe_entries
 from wheelplane.measurement.records import Evidence
 from wheelplane.targets.plates import DiscTarget
 
@@ -38,7 +38,8 @@ def scan(cloud, tmp_path_factory):
 def observe(scan, fit, role="reference", wheel="RL", progress=lambda _: None):
     entry = ScanEntry("RL" if role == "reference" else "1", role, wheel, scan.name, scan)
     capture = Capture("car", None, "m", DISC, None, (entry,))
-    return observe_entry(entry, capture, Config(), fit, progress)
+    (found,) = observe_entries(capture, Config(), fit, progress)
+    return found
 
 
 def shows(wheel):

@@ -191,6 +191,10 @@ class Beams:
     share: Array
     clear: Mask
 
+    def taken(self, rows: npt.NDArray[np.intp]) -> Beams:
+        """Return those of some rows, the components of vectors contiguous as before."""
+        return Beams(*(values.T[..., rows].T for values in vars(self).values()))
+
 
 def wall_reflectance(wall: Array, state: Array) -> tuple[Array, Array]:
     """Return the wall's reflectance over the face's (N,), and 1 where above the least, else 0.
@@ -208,9 +212,42 @@ def carry(plane: Array, depth: Array, state: Array, outline: Outline) -> Beams:
     less (z t)^2 / (2 R) by the wall's curvature where the beam runs along the edge by t per depth;
     that is linearised down to the thickness.
     """
+    shrink, q, aligned = _on_plane(plane, depth, state)
+    return _against_edge(shrink, q, aligned, state, outline)
+
+
+def carry_near(
+    plane: Array, depth: Array, state: Array, outline: Outline, band_m: tuple[float, float]
+) -> tuple[npt.NDArray[np.intp], Beams]:
+    """Return the rows of the points from band_m[0] inside to band_m[1] outside the edge or wall.
+
+    And their beams, as `carry` does. A few rows lie up to a wall's width farther outside.
+    """
+    shrink, q, aligned = _on_plane(plane, depth, state)
+    x = outline.outside_m(*aligned.T)
+    square = float(state[BEAM] @ state[BEAM])
+    thickness = np.exp(state[THICKNESS])
+    rows = np.flatnonzero(x > -band_m[0])
+    far = np.abs(q.T[:, rows]).sum(axis=0) + np.abs(x[rows])
+    steepest = np.sqrt(square) + thickness * square / (2.0 * outline.size_m)
+    steepest = steepest + abs(state[INVERSE]) * far
+    rows = rows[x[rows] < band_m[1] + steepest * thickness]
+    return rows, _against_edge(
+        shrink[rows], q.T[:, rows].T, aligned.T[:, rows].T, state, outline
+    )
+
+
+def _on_plane(plane: Array, depth: Array, state: Array) -> tuple[Array, Array, Array]:
+    """Return the shrinking (N,) of steps, and where beams meet the plane (N, 2), in both axes."""
     shrink = 1.0 / (1.0 + state[INVERSE] * depth)
-    q = (plane - state[CENTRE] - depth[:, None] * state[BEAM]) * shrink[:, None]
-    closest = outline.closest(turned(q, -state[ROTATION]))
+    q = (plane.T - state[CENTRE, None] - depth * state[BEAM, None]) * shrink
+    return shrink, q.T, turned(q.T, -state[ROTATION])
+
+
+def _against_edge(
+    shrink: Array, q: Array, aligned: Array, state: Array, outline: Outline
+) -> Beams:
+    closest = outline.closest(aligned)
     rho = turned(closest.normal, state[ROTATION])
     outward = rho @ state[BEAM]
     aside = state[BEAM] @ state[BEAM] - outward**2

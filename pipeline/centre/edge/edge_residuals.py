@@ -21,6 +21,7 @@ from .beams import (
     Beams,
     Prior,
     carry,
+    carry_near,
     wall_reflectance,
 )
 from .mixed_pixel import EdgeProfile, edge_profile
@@ -141,14 +142,15 @@ def equations(
     the profile's depth; at the measured one they correlate with its noise, which biases the centre
     by some 20 um but avoids divergence along the ridge of footprint and reflectance ratio.
     """
-    depth, sigma_m = problem.depth, problem.sigma_m
-    beams = problem.beams(state)
-    part = background.sector(beams)
+    sigma_m = problem.sigma_m
+    near, beams = carry_near(
+        problem.plane, problem.depth, state, problem.outline, (INNER_M, OUTER_M)
+    )
+    z, part = problem.depth[near], background.sector(beams)
     outer = OUTER_M + np.maximum(beams.tau, 0.0) * np.exp(state[THICKNESS])
-    band = (beams.x_m > -INNER_M) & (beams.x_m < outer) & (depth > -5.0 * sigma_m - 1e-4)
-    band &= background.usable[part] & beams.clear
-    beams = Beams(*(values[band] for values in vars(beams).values()))
-    z, part = depth[band], part[band]
+    band = (beams.x_m < outer) & (z > -5.0 * sigma_m - 1e-4) & background.usable[part]
+    kept = np.flatnonzero(band & beams.clear)
+    beams, z, part = beams.taken(kept), z[kept], part[kept]
     spot = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
     facing = np.maximum(beams.tau, 0.0)
     behind, behind_slope = background.at(part, beams.x_m)
@@ -310,31 +312,31 @@ def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Arra
     With J a rotation by 90 degrees: d rho = curve (1 - rho rho') dq, and by the in-plane rotation,
     J rho - that of J q.
     """
-    beam, rho = state[BEAM], beams.rho
+    beam, rho, q = state[BEAM], beams.rho.T, beams.q_m.T
     wall = np.maximum(beams.tau, 0.0)
     d_wall = profile.d_wall * wall_reflectance(wall, state)[1]
     facing = np.where(beams.tau > 0.0, profile.d_tau + state[WALL] * d_wall, 0.0)
-    across = beam - (rho @ beam)[:, None] * rho
-    aside = across * (beams.shrink * beams.curve)[:, None]
+    across = beam[:, None] - (beam @ rho) * rho
     d_x = profile.d_x
-    by_centre = -rho * (d_x * beams.shrink)[:, None] + aside * facing[:, None]
-    J_q, J_rho = _quarter(beams.q_m), _quarter(rho)
-    tau_by_rotation = beams.curve * np.sum(across * J_q, axis=1) - J_rho @ beam
-    support = np.sum(rho * beams.q_m, axis=1)
-    return np.column_stack(
+    by_centre = across * (beams.shrink * beams.curve * facing) - rho * (d_x * beams.shrink)
+    J_q, J_rho = _quarter(q), _quarter(rho)
+    tau_by_rotation = beams.curve * np.sum(across * J_q, axis=0) - beam @ J_rho
+    support = np.sum(rho * q, axis=0)
+    return np.stack(
         [
-            by_centre,
-            by_centre * depth[:, None] - rho * facing[:, None],
+            *by_centre,
+            *(by_centre * depth - rho * facing),
             -d_x * depth * beams.shrink * support - facing * (support - beams.x_m),
             profile.d_log_spot,
             profile.d_thickness * np.exp(state[THICKNESS]),
             profile.d_log_ratio,
-            -d_x * np.sum(rho * J_q, axis=1) + facing * tau_by_rotation,
+            -d_x * np.sum(rho * J_q, axis=0) + facing * tau_by_rotation,
             d_wall * (wall - 1.0),
             profile.d_shape,
         ]
-    )
+    ).T
 
 
 def _quarter(vectors: Array) -> Array:
-    return np.column_stack([-vectors[:, 1], vectors[:, 0]])
+    """Rotate vectors (2, N) by 90 degrees."""
+    return np.stack([-vectors[1], vectors[0]])

@@ -153,7 +153,8 @@ def fit_edge(
     beside = carry(uvw_m[:, :2], -uvw_m[:, 2], state, outline).x_m
     near = sample(uvw_m[np.abs(beside) < _reach_m(state)], config.max_points)
     few = int(np.count_nonzero(np.abs(beside) < OUTER_M)) < FEW
-    problem = EdgeProblem(near[:, :2], -near[:, 2], prior, outline, sigma_m, few)
+    plane = np.asfortranarray(near[:, :2])
+    problem = EdgeProblem(plane, -near[:, 2], prior, outline, sigma_m, few)
     beams = problem.beams(state)
     mixed = mixed_share(beams, problem.depth, look_up(beams, problem.depth, state))
     fitted = None if mixed < MIN_MIXED else _mixed(problem, state, thickness_m, config)
