@@ -232,9 +232,7 @@ def carry_near(
     steepest = np.sqrt(square) + thickness * square / (2.0 * outline.size_m)
     steepest = steepest + abs(state[INVERSE]) * far
     rows = rows[x[rows] < band_m[1] + steepest * thickness]
-    return rows, _against_edge(
-        shrink[rows], q.T[:, rows].T, aligned.T[:, rows].T, state, outline
-    )
+    return rows, _against_edge(shrink[rows], q.T[:, rows].T, aligned.T[:, rows].T, state, outline)
 
 
 def _on_plane(plane: Array, depth: Array, state: Array) -> tuple[Array, Array, Array]:
@@ -244,9 +242,7 @@ def _on_plane(plane: Array, depth: Array, state: Array) -> tuple[Array, Array, A
     return shrink, q.T, turned(q.T, -state[ROTATION])
 
 
-def _against_edge(
-    shrink: Array, q: Array, aligned: Array, state: Array, outline: Outline
-) -> Beams:
+def _against_edge(shrink: Array, q: Array, aligned: Array, state: Array, outline: Outline) -> Beams:
     closest = outline.closest(aligned)
     rho = turned(closest.normal, state[ROTATION])
     outward = rho @ state[BEAM]
