@@ -42,9 +42,7 @@ def over_chunks(work: Callable[[slice], T], rows: int, size: int = ROWS_PER_CHUN
     return [done[k % workers][k // workers] for k in range(len(chunks))]
 
 
-def side_by_side(
-    first: Callable[[S], R], then: Callable[[R], T], items: Sequence[S]
-) -> list[T]:
+def side_by_side(first: Callable[[S], R], then: Callable[[R], T], items: Sequence[S]) -> list[T]:
     """Call `first` on one item after another, and `then` on what it returns, several at once.
 
     Returns the results in the order of the items; of several errors, raises that of the first item.
