@@ -269,6 +269,7 @@ def test_stated_uncertainty_of_the_centre_is_not_too_small():
     assert total * 4**2 > high  # a quarter of the uncertainty would not do
 
 
+@pytest.mark.slow
 def test_stated_uncertainty_of_the_centre_is_not_too_large():
     count = 30
     assert nees(COVERED, range(count)).sum() > stats.chi2.ppf(0.0005, 2 * count)

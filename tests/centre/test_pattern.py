@@ -21,6 +21,9 @@ CIRCLES, BOARD = load_target("pattern-circles"), load_target("pattern-checkerboa
 MARKERS = load_target("pattern-aruco")
 TARGETS = {"circles": CIRCLES, "checkerboard": BOARD, "aruco": MARKERS}
 PLAIN = Setup(spacing_m=0.002, half_width_m=0.24, pairs=12)
+FIRST_OR_SLOW = [
+    name if k == 0 else pytest.param(name, marks=pytest.mark.slow) for k, name in enumerate(TARGETS)
+]
 
 
 def changed(target, **changes):
@@ -66,7 +69,7 @@ def test_uncertainty_of_the_print_is_what_its_errors_are(name):
 
 
 @pytest.mark.parametrize("background", [0.08, None])
-@pytest.mark.parametrize("name", TARGETS)
+@pytest.mark.parametrize("name", FIRST_OR_SLOW)
 def test_print_off_the_middle_and_turned_is_found_where_the_file_has_it(name, background):
     outline = {"width": 0.46, "height": 0.42}
     target = changed(TARGETS[name], offset=[0.031, -0.017], turn_deg=12.0, **outline)
@@ -76,7 +79,7 @@ def test_print_off_the_middle_and_turned_is_found_where_the_file_has_it(name, ba
     assert result.fitted.method == "combined"
 
 
-@pytest.mark.parametrize("name", TARGETS)
+@pytest.mark.parametrize("name", FIRST_OR_SLOW)
 def test_round_board_needs_no_axes_of_its_own(name):
     target = changed(TARGETS[name], width=None, height=None, diameter=0.46, offset=[0.02, 0.01])
     cloud = make(setup_of(target, PLAIN).but(half_width_m=0.28), 3)
@@ -126,7 +129,7 @@ def test_without_intensities_the_outline_alone_serves():
     assert (fitted.method, fitted.others) == ("rim", ())
 
 
-@pytest.mark.parametrize("name", TARGETS)
+@pytest.mark.parametrize("name", FIRST_OR_SLOW)
 def test_print_that_lies_elsewhere_is_no_centre(name):
     """Printed 2 mm aside, where the file allows for 0.2 mm: neither centre may be given."""
     target = TARGETS[name]

@@ -123,6 +123,7 @@ def arc(degrees):
 ARCS = {degrees: arc(degrees) for degrees in (360, 270, 180, 120)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("background", [0.08, None], ids=["background", "none behind"])
 @pytest.mark.parametrize("name", ["disc", "ring", "rectangle"])
 def test_partial_arc_gives_a_larger_uncertainty_and_no_wrong_centre(name, background):
@@ -320,6 +321,7 @@ def from_two_places(name: str, apart_deg: float, seed: int) -> Found:
     return found(replace(first, points_m=points), target, seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("apart_deg", [10.0, 20.0, 40.0])
 @pytest.mark.parametrize("name", ["disc", "rectangle"])
 def test_two_viewpoints_in_one_cloud_are_seen_and_doubted(name, apart_deg):

@@ -238,6 +238,7 @@ def test_block_fit_holds_its_evidence():
     assert fit.normal[np.abs(fit.normal).argmax()] > 0
 
 
+@pytest.mark.slow
 def test_scatter_gives_the_covariance_of_the_normal():
     """Tilt towards axes[i] is sigma/sqrt(scatter[i]): 20,000 draws, 0.5 % of standard error."""
     rng = np.random.default_rng(7)

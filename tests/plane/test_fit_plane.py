@@ -152,6 +152,7 @@ def errors(seeds, setup):
     return np.array(found), np.array(stated)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("setup", "count"),
     [(COARSE.but(spacing_m=0.004), 60), (COARSE.but(incidence_deg=50.0, spacing_m=0.004), 40)],

@@ -225,6 +225,7 @@ worker.main()
 """
 
 
+@pytest.mark.slow
 def test_a_crash_and_a_hang_are_reported_and_the_run_goes_on(tmp_path, monkeypatch):
     from tests.fuzzing import supervise
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import base64
+import functools
 import json
 import re
 from dataclasses import replace
@@ -220,6 +221,7 @@ def test_what_was_not_measured_is_explained(language):
     assert words("wheel.no_picture") in read
 
 
+@functools.cache
 def statuses() -> set[str]:
     """Every status that the program's source can give."""
     found = set()

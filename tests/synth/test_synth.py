@@ -88,6 +88,7 @@ def site_truth(capture: Path):
     return json.loads((capture / "truth.json").read_text())
 
 
+@pytest.mark.slow
 def test_same_seed_same_bytes_and_another_seed_others(noisy, tmp_path):
     capture, scanner = noisy
     make(tmp_path / "again", scanner=scanner)
@@ -242,6 +243,7 @@ def test_a_trial_is_its_wheel_a_little_shifted_with_angles_of_its_own(noisy):
         assert np.linalg.norm(turn) > np.radians(0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_stations_stand_where_the_file_allows(tmp_path, seed):
     values = COARSE | {"grid.half_width_m": 0.02}

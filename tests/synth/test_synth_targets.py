@@ -279,7 +279,13 @@ def test_a_disc_tells_nothing_more_than_before(tmp_path):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("name", sorted(p.stem for p in (CONFIGS / "targets").glob("*.toml")))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(path.stem, marks=[pytest.mark.slow] if path.stem == "wheel" else [])
+        for path in sorted((CONFIGS / "targets").glob("*.toml"))
+    ],
+)
 def test_every_known_target_can_be_made(tmp_path, name):
     coarse = changed(DEFAULT, tmp_path, {"grid.spacing_m": 0.01, "grid.half_width_m": 0.2})
     target = CONFIGS / "targets" / f"{name}.toml"

@@ -199,6 +199,7 @@ def test_first_order_invariants_of_the_frame():
 VEHICLES = 200
 
 
+@pytest.mark.slow
 def test_errors_of_every_quantity_are_as_large_as_stated():
     """Vehicles whose truth is known, surveyed with errors that their instrument's file states."""
     rows = []

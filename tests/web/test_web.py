@@ -185,6 +185,7 @@ def test_limits_are_found_by_the_vehicle_model(site):
     assert {row[1] for row in panel["limits"]["rows"]} >= {"RR", "FL", "vehicle"}
 
 
+@pytest.mark.slow
 def test_what_was_measured_is_remembered_and_no_more_than_is_kept(tmp_path):
     site = Site(tmp_path, jobs=2)
     try:
