@@ -6,7 +6,7 @@ LOCK := .ci/requirements.lock
 # The tests start hundreds of processes, each of which would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all smoke check bench fuzz lock sbom audit clean help
+.PHONY: demo test test-all smoke check docs bench fuzz lock sbom audit clean help
 
 demo: $(VENV)/ready  ## a synthetic vehicle, scanned, measured, beside its true angles
 	$(BIN)/wheelplane demo demo-output
@@ -26,6 +26,9 @@ check: $(VENV)/ready  ## ruff and mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: $(VENV)/docs  ## manual, reference of the library and notebooks as one site: site/index.html
+	NO_MKDOCS_2_WARNING=1 PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/mkdocs build --quiet --strict --config-file .ci/docs/mkdocs.yml
 
 bench: $(VENV)/ready  ## the README's figures of accuracy and speed
 	$(BIN)/python -m tests.bench.accuracy
@@ -49,9 +52,15 @@ $(VENV)/ready: pyproject.toml $(LOCK)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
+$(VENV)/docs: .ci/docs/requirements.lock $(VENV)/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $<
+	@touch $@
+
 lock: $(VENV)/ready  ## pin every dependency, for all systems and Pythons of pyproject.toml
 	$(BIN)/uv pip compile --universal --extra dev --generate-hashes --no-header --upgrade -q \
 		pyproject.toml -o $(LOCK)
+	$(BIN)/uv pip compile --universal --extra dev --extra docs --generate-hashes --no-header --upgrade -q \
+		--constraint $(LOCK) pyproject.toml -o .ci/docs/requirements.lock
 
 sbom: $(VENV)/ready  ## sbom.cdx.json: bill of materials of the program with all extras (CycloneDX)
 	$(BIN)/uv pip compile --quiet --universal --extra all --generate-hashes --no-header \

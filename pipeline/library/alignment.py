@@ -282,5 +282,5 @@ def _pandas() -> Any:
         return import_module("pandas")
     except ImportError as error:
         raise MissingDependencyError(
-            "pandas: a table needs it: install it with pip install pandas"
+            "pandas: a table needs it: pip install 'wheelplane[pandas]'"
         ) from error
