@@ -95,6 +95,7 @@ def tails(x: Array, dof: Array) -> Array:
     return np.asarray(np.where(finite, stdtr(np.where(finite, dof, 1.0), -x), ndtr(-x)))
 
 
+@functools.lru_cache(maxsize=1024)
 def quantile(probability: float, dof: float = math.inf, uniform: float = 0.0) -> float:
     """Return the quantile of Student's t, standard normal for inf; uniform: as of `tail`."""
     if uniform > 0.0:

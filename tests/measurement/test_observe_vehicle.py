@@ -536,6 +536,7 @@ def test_validate_does_not_guess_what_a_folder_is(declared, vehicle, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_a_made_vehicle_in_its_bay_whose_boards_tell_its_front(tmp_path):
     """With body, floor, walls, a lift, people; the E57 tells which station saw which wheel."""
     text = (CONFIGS / "scanners" / "default.toml").read_text()

@@ -64,6 +64,7 @@ def test_a_tyre_too_low_for_its_rim_is_refused():
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_a_capture_states_both_axes_and_is_the_same_again(tmp_path):
     scanner = tmp_path / "coarse.toml"
     usual = (CONFIGS / "scanners" / "default.toml").read_text(encoding="utf-8")

@@ -382,6 +382,7 @@ def test_a_broken_capture_is_a_row_with_its_reason(archive, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_an_archive_against_the_truth(archive):
     done = run("validate", archive, "--truth", "--json")
     tree = json.loads(done.stdout)
