@@ -22,6 +22,7 @@ SECTORS = 48
 FINEST, COARSEST = 1.0 / 60.0, 1.0 / 3.0  # cells, of the radius
 OUTNUMBERED = 2.0  # points off the plane for each on it: fewer are its own noise
 OFF_PLANE = 2.0  # times the depth within which points are on the plane: between, they are off
+COARSE, FINE = 0.1, 1.0 / 30.0  # of the radius: cells too coarse for the outline, and finer ones
 NO_POINTS = np.zeros((0, 2))
 TOP = 0.15  # of the score: height of the top of a peak
 
@@ -59,14 +60,34 @@ def match_template(
     if cell > COARSEST * radius_m:
         return Placement(np.zeros(2), 0.0, 0.0, cell)
     low, occupied = _occupied(uv_m, cell, RING_REACH * radius_m, off_m)
+    coarse = cell > COARSE * radius_m
+    on_target = uv_m[_in_cells(uv_m, low, occupied, cell)] if coarse else NO_POINTS
     occupied = cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     angles = np.arange(0.0, period_rad, COARSE_ROTATION) if period_rad else np.zeros(1)
     peak, angle = _best_rotation(occupied, region, radius_m, cell, angles)
     if period_rad:
         near = angle + np.linspace(-0.5, 0.5, FINE_STEPS) * COARSE_ROTATION
         peak, angle = _best_rotation(occupied, region, radius_m, cell, near)
-    match = _outline_match(occupied, peak, angle, region, radius_m, cell)
-    return Placement(low + (peak + 0.5) * cell, angle, match, cell)
+    centre, edge = low + (peak + 0.5) * cell, cell
+    if len(on_target) > 0:
+        low, occupied, edge = _finer(on_target, cell, radius_m)
+        peak = (centre - low) / edge - 0.5
+    resolved = max(min(cell, COARSE * radius_m), 0.5 * cell)
+    match = _outline_match(occupied, peak, angle, region, radius_m, edge, resolved)
+    return Placement(centre, angle, match, cell)
+
+
+def _finer(uv_m: Array, cell: float, radius_m: float) -> tuple[Array, Occupied, float]:
+    """Return the lower corner, the cells and their edge of a raster that resolves the outline.
+
+    Each coarse cell in parts; gaps as wide as two coarse cells are closed by a disc, which keeps
+    the edge of few points where they end.
+    """
+    cv2 = load_opencv()
+    parts = math.ceil(cell / (FINE * radius_m))
+    low, occupied = _occupied(uv_m, cell / parts, RING_REACH * radius_m)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * parts + 1, 2 * parts + 1))
+    return low, cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, disc), cell / parts
 
 
 def peaks(
@@ -127,8 +148,13 @@ def _about(cell: npt.NDArray[np.int64], along: int, across: int) -> Image:
 def outnumbered(uv_m: Array, off_m: Array, cell_m: float) -> Mask:
     """Return which of uv_m (N, 2) on a plane lie where many more, off_m (M, 2), lie off it."""
     low, occupied = _occupied(uv_m, cell_m, 2.0 * cell_m, off_m)
-    column, row = ((uv_m - low) / cell_m).astype(np.int64).T
-    return np.asarray(occupied[row, column] == 0)
+    return ~_in_cells(uv_m, low, occupied, cell_m)
+
+
+def _in_cells(uv_m: Array, low: Array, occupied: Occupied, cell: float) -> Mask:
+    """Return which of uv_m (N, 2) lie in occupied cells of a raster with that lower corner."""
+    column, row = ((uv_m - low) / cell).astype(np.int64).T
+    return np.asarray(occupied[row, column] == 1)
 
 
 def _cell_size(uv_m: Array, radius_m: float) -> float:
@@ -224,14 +250,20 @@ def _plateau_centre(score: Image) -> Array:
 
 
 def _outline_match(
-    occupied: Occupied, middle: Array, angle: float, region: Region, radius_m: float, cell: float
+    occupied: Occupied,
+    middle: Array,
+    angle: float,
+    region: Region,
+    radius_m: float,
+    cell: float,
+    resolved: float,
 ) -> float:
     """Return ends * (ends / (ends + goes_on))^2: the share of the outline where the surface ends.
 
     By the occupied shares just inside and just outside the outline, in 48 sectors; where nothing is
-    inside, the outline is hidden, and counts for neither.
+    inside, the outline is hidden, and counts for neither. resolved: to which the points tell it.
     """
-    reach = math.ceil((radius_m + sum(_band_widths(radius_m, cell))) / cell) + 1
+    reach = math.ceil((radius_m + sum(_band_widths(radius_m, resolved))) / cell) + 1
     column, row = (max(round(at) - reach, 0) for at in middle.tolist())
     occupied = occupied[row : row + 2 * reach + 1, column : column + 2 * reach + 1]
     uv = _grid((occupied.shape[0], occupied.shape[1]), middle - [column, row], angle) * cell
@@ -239,7 +271,7 @@ def _outline_match(
     sector %= SECTORS
     filled = occupied.ravel()
     shares = []
-    for ring in _bands(uv, region.filled, radius_m, cell):
+    for ring in _bands(uv, region.filled, radius_m, resolved):
         cells = np.maximum(np.bincount(sector[ring], minlength=SECTORS), 1)
         shares.append(np.bincount(sector[ring], filled[ring], minlength=SECTORS) / cells)
     ends = float(np.clip(shares[0] - shares[1], 0.0, None).mean())

@@ -70,6 +70,23 @@ def test_points_that_reach_the_plane_by_noise_alone_are_not_of_the_target(shape,
     assert match_template(near, region, period, region.radius_m).match < 0.5 * alone.match
 
 
+@pytest.mark.parametrize("count", [150, 300, 500, 1000])
+@pytest.mark.parametrize("seed", range(5))
+def test_few_points_match_by_where_they_end(count, seed):
+    """On a scanner's grid, moved at random: the disc of few points, not a strip, nor a corner."""
+    step = np.sqrt(np.pi * 0.125**2 / count)
+    rng = np.random.default_rng([seed, count])
+    axis = np.arange(-0.4, 0.4, step)
+    grid = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2) + rng.uniform(0, step, 2)
+    grid += rng.normal(0, 0.05 * step, grid.shape)
+    disc = np.hypot(*grid.T) < 0.125
+    assert place(grid[disc], "disc").match > 0.8
+    strip = disc & (np.abs(grid[:, 0]) < 0.03)
+    corner = (grid > -0.125).all(axis=1)
+    assert place(grid[strip], "disc").match < 0.5
+    assert place(grid[corner], "disc").match < 0.5
+
+
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("width", [0.6, 2.0])
 def test_part_of_a_larger_surface_is_no_target(shape, width):
