@@ -31,8 +31,12 @@ WALL_SHARE = 2e-3  # of thickness times tan^3 of the incidence: model uncertaint
 CLEAN_SHARE = 0.03  # of the shift of a clean edge: model uncertainty by what the scanner reports
 MISFIT = (0.06, 0.09)  # share of outliers at which doubt begins, and is complete
 MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # outliers by a curved wall, per metre of bend
-# Difference of straight edges by mixed pixels and by points: tolerated; proof of another shape.
-APART_M, WORST_APART_M = 3.0 * OUTLINE_EDGE_M, 5.0 * OUTLINE_EDGE_M
+# Difference of straight edges by mixed pixels and by points, of its standard uncertainty:
+# tolerated; proof of another shape.
+APART, WORST_APART = 3.0, 5.0
+# Of the spacing: half the difference of two edges that rows of points run along, each of whose last
+# rows lies anywhere within a spacing of it: 1 / sqrt(24).
+ROWS = 0.2
 MAX_RATIO = 50.0  # reflectance ratio, or its inverse, beyond which a fit is implausible
 CELL = 2.0  # of the spacing: cells in which points on and off the target are counted
 MANY_OFF = 0.05  # points off the target, of those on it: below, no other surface is that near
@@ -106,7 +110,7 @@ def _by_edge(
         if beside and not known
         else _by_mixed_pixels(view, outline, start, near, known or state)
     )
-    model = None if edge_fit is None else _model_variance(edge_fit, face, outline, config)
+    model = None if edge_fit is None else _model_variance(edge_fit, face, outline, view)
     if edge_fit is not None and model is not None and _is_lost(edge_fit, model):
         edge_fit = None
     if edge_fit is None or model is None:
@@ -114,6 +118,7 @@ def _by_edge(
         behind = look_behind(near, outline, config, start, state)
         grazing_m = _grazing(behind, config)
         edge_m = UNEXPLAINED_EDGE_M if behind.seen and behind.beam is None else OUTLINE_EDGE_M
+        edge_m = max(edge_m, _rows_m(view, outline))
         centre, rotation = fitted.centre_m + SHORT * grazing_m, fitted.rotation_rad
         method = "outline" if method == "rim" else method
         estimate = CentreEstimate(
@@ -165,6 +170,14 @@ def _rotation(
         model_rad2=model_m2 / (2.0 * view.target.region.lever_m2),
         by_plane=by_plane,
     )
+
+
+def _rows_m(view: TargetView, outline: Outline) -> float:
+    """Return the standard uncertainty of a centre by outermost points whose rows run along edges.
+
+    Rows along one edge do so along the opposite one, too; an arc has points of many rows.
+    """
+    return ROWS * view.spacing_m if outline.shows_rotation else 0.0
 
 
 def _is_lost(edge_fit: EdgeFit, model_m2: float) -> bool:
@@ -238,9 +251,7 @@ def _on_target(view: TargetView, near: Array) -> Array:
     return face[~outnumbered(face, off, CELL * view.spacing_m)]
 
 
-def _model_variance(
-    edge_fit: EdgeFit, face: Array, outline: Outline, config: CentreConfig
-) -> float:
+def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: TargetView) -> float:
     """Return the model variance of the edge fit, m^2.
 
     It grows with the incidence, at first by the cube of its tangent, as the beams see more of the
@@ -249,7 +260,7 @@ def _model_variance(
     in a scan from two stations, is given its difference from the outline by points.
     """
     square = float(edge_fit.beam @ edge_fit.beam)
-    spread: float = (config.model_uncertainty_m * (1.0 + 2.0 * square)) ** 2
+    spread: float = (view.config.model_uncertainty_m * (1.0 + 2.0 * square)) ** 2
     spread += (WALL_SHARE * edge_fit.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
     spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2
     bend = edge_fit.thickness_m**2 * square / (8.0 * outline.size_m)  # of the wall, along a beam
@@ -267,12 +278,13 @@ def _model_variance(
     )
     far = float(apart @ apart)
     if outline.shows_rotation:
-        if far > WORST_APART_M**2:
+        by_points = max(OUTLINE_EDGE_M, _rows_m(view, outline)) ** 2
+        if far > WORST_APART**2 * by_points:
             raise NotMeasuredError(
                 "wrong-outline",
                 f"the centres by mixed pixels and by the outermost points lie "
                 f"{math.sqrt(far) * 1e3:.1f} mm apart: check whether the target is "
                 f"{outline.description}",
             )
-        spread += max(far - APART_M**2, 0.0)
+        spread += max(far - APART**2 * by_points, 0.0)
     return spread + doubt * (UNCONVERGED_M**2 + far)

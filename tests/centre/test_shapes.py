@@ -329,3 +329,14 @@ def test_two_viewpoints_in_one_cloud_are_seen_and_doubted(name, apart_deg):
     assert np.linalg.norm(result.error_m) < 3.72 * result.u_m
     assert result.u_m > 3e-4  # no single viewpoint explains what is seen
     assert from_two_places(name, 0.0, 1).u_m < 3e-5
+
+
+def test_square_whose_edges_rows_of_few_points_run_along_is_measured_and_knows_how_well():
+    """Points 13.7 mm apart: their last row lies up to 13 mm inside an edge that it runs along."""
+    scattered = []
+    for seed in range(24):
+        view = Setup(spacing_m=0.0137, half_width_m=0.26, pairs=12, incidence_deg=5.0 + seed % 20)
+        result = found(make(setup_of(SQUARE, view), seed), SQUARE, seed)
+        scattered.append(result.nees)
+    assert max(scattered) < stats.chi2.isf(1e-3 / 24, 2)
+    assert np.mean(scattered) > 0.2
