@@ -27,6 +27,7 @@ from .options import (
     reading_options,
     scanner_option,
     target_option,
+    vertical_option,
     whole_vehicle_options,
 )
 
@@ -42,6 +43,7 @@ OPTIONS = (
     whole_vehicle_options,
     config_option,
     scanner_option,
+    vertical_option,
     five_point_options(former_position="--station"),
     radius_option,
     click.option(
@@ -106,6 +108,7 @@ def read_settings(options: dict[str, Any]) -> BatchSettings:
         scanner=scanner,
         target=None if target is None else load_target(target),
         options=replace(overrides, of_clouds=True),
+        vertical=options["vertical"],
         coordinates=options["coordinates"],
         angle_unit=options["angle_unit"],
         azimuth=options["azimuth"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -12,7 +13,7 @@ from ..errors import InputError
 from ..five_point import FivePointFile, check_blocks, read_five_point, tcgc_2013
 from ..measure import measure_five_point
 from ..measurement import assess, check_by_monte_carlo, conforms, tolerance_for
-from ..report.format.view import PAPER, AngleStyle, DigitStyle, read_view
+from ..report.format.view import PAPER, AngleStyle, Convention, DigitStyle, read_view
 from ..report.json.measurement import to_json
 from ..report.text.report import detailed_report
 from ..report.text.tcgc_2013 import tcgc_2013_text
@@ -20,6 +21,8 @@ from ..report.write import html_bytes, pdf_bytes, write_whole
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vehicle import Axis
 from .options import (
+    axis_of,
+    convention_option,
     five_point_options,
     five_point_unit_option,
     language_and_plot,
@@ -77,6 +80,7 @@ from .reporting import plot_to, report_options, show, show_plot
 @language_and_plot
 @monte_carlo_option
 @tolerance_option
+@convention_option
 @view_options
 def five_point(
     file: Path,
@@ -98,6 +102,7 @@ def five_point(
     config: Path | None,
     plot: str | None,
     language: str | None,
+    convention: Convention,
     axis: Axis,
     angles: AngleStyle,
     rim: str | None,
@@ -109,7 +114,8 @@ def five_point(
     unless every quantity that it limits is conforming; undecided is 1 too.
     """
     radius = None if radius is None else radius / 1e3
-    view = read_view(axis, angles, rim, digits)
+    view = read_view(axis_of(axis, convention), angles, rim, digits)
+    view = replace(view, convention=convention)
     options = report_options(load_config(config).report, language, view)
     limits = None if tolerance is None else tolerance_for(tolerance, None, str(file))
     points = read_five_point(
@@ -137,8 +143,8 @@ def five_point(
             )
         if view != PAPER:
             raise InputError(
-                "--axis, --angles and --digits with --method tcgc-2013: its tables are reproduced "
-                "as they were printed: leave them out"
+                "--axis, --angles, --digits and --convention with --method tcgc-2013: its tables "
+                "are reproduced as they were printed: leave them out"
             )
         if html or pdf or plot:
             raise InputError(

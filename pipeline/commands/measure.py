@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import click
-from click.core import ParameterSource
 
 from ..capture import Upright, open_capture
 from ..config import load_config, with_scanner
@@ -21,6 +20,7 @@ from ..units import LengthUnit
 from ..vehicle import Axis
 from .limits import limited
 from .options import (
+    axis_of,
     capture_options,
     config_option,
     convention_option,
@@ -131,10 +131,8 @@ def measure(
     unless every quantity that it limits is conforming; undecided is 1 too, so that 0 never passes
     a vehicle in doubt.
     """
-    chosen = click.get_current_context().get_parameter_source("axis")
-    if convention != "default" and chosen is ParameterSource.DEFAULT:
-        axis = "centreline"
-    view = replace(read_view(axis, angles, rim, digits), vertical=vertical, convention=convention)
+    view = read_view(axis_of(axis, convention), angles, rim, digits)
+    view = replace(view, vertical=vertical, convention=convention)
     settings = load_config(config)
     options = report_options(settings.report, language, view, before)
     if pdf and output is None:

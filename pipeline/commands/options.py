@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 import click
+from click.core import ParameterSource
 
 from ..capture import CaptureOptions, Upright
 from ..config import load_station
@@ -15,9 +16,9 @@ from ..errors import InputError
 from ..measurement import VerticalKind
 from ..readers import AS_THE_FILE_SAYS, ReadOptions
 from ..report.format.language import LANGUAGES
-from ..report.format.view import ANGLE_STYLES, CONVENTIONS, DIGIT_STYLES
+from ..report.format.view import ANGLE_STYLES, CONVENTIONS, DIGIT_STYLES, Convention
 from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates, LengthUnit, in_metres
-from ..vehicle import AXES
+from ..vehicle import AXES, Axis
 
 if TYPE_CHECKING:
     from ..five_point import Station
@@ -153,6 +154,15 @@ convention_option = click.option(
     help="Signs and angles of the text and reports: the manual's, those of ISO 8855, or those of "
     "German workshops; the latter two with --axis centreline by default.",
 )
+
+
+def axis_of(axis: Axis, convention: Convention) -> Axis:
+    """Return --axis, or where that was left out, the axis of a convention."""
+    given = click.get_current_context().get_parameter_source("axis")
+    other = convention != "default" and given is ParameterSource.DEFAULT
+    return "centreline" if other else axis
+
+
 tolerance_option = click.option(
     "--tolerance",
     metavar="NAME|FILE|DIR|auto",

@@ -235,6 +235,17 @@ def test_what_is_measured_is_what_the_command_measure_prints(capture, tmp_path):
         assert tree == json.loads(text)
 
 
+def test_captures_are_measured_from_the_vertical_in_use(capture, tmp_path):
+    stated = shutil.copytree(capture, tmp_path / "archive" / "level")
+    shutil.copytree(capture, tmp_path / "archive" / "unknown")
+    file = stated / "capture.toml"
+    file.write_text("gravity = [0.02, 0.0, -1.0]\ngravity_u_deg = 0.01\n" + file.read_text())
+    assert run(tmp_path / "archive", tmp_path / "results", "--vertical", "gravity").returncode == 1
+    found = trees(tmp_path / "results")
+    assert found["level"]["vertical_in_use"] == "gravity"
+    assert "gravity" in found["unknown"]["batch"]["reason"]
+
+
 def test_moved_archives_are_recognised_and_changes_replace_what_was(undisturbed, tmp_path):
     archive = tmp_path / "here"
     shutil.copytree(undisturbed[0] / "00", archive)

@@ -130,6 +130,9 @@ def test_settings_of_one_kind_do_not_concern_the_other():
     assert plain.digest("five-point") == fronted.digest("five-point")
     assert plain.digest("five-point") != spherical.digest("five-point")
     assert len({plain.settings_hash, spherical.settings_hash, fronted.settings_hash}) == 3
+    upright = BatchSettings(vertical="gravity")
+    assert upright.digest("folder") != plain.digest("folder")
+    assert upright.digest("five-point") == plain.digest("five-point")
 
 
 def test_a_full_disk_and_too_little_memory_are_no_facts_of_a_capture(tmp_path, monkeypatch):

@@ -770,6 +770,20 @@ def test_five_point_json_has_the_same_contract(measured, wheelplane):
         assert wheel["u_toe_deg"] > 0
 
 
+def test_five_points_are_printed_in_another_convention(wheelplane):
+    plain = wheelplane("five-point", FIGURE_4, "--axis", "centreline")
+    german = wheelplane("five-point", FIGURE_4, "--convention", "german-workshop")
+    assert german.code == plain.code == 0
+    assert "Radversatz" in german.out
+    assert "Radversatz" not in plain.out
+    heading = re.compile(r"^ *thrust angle.*?([+-]\d+°\d+'\d*)", re.MULTILINE)
+    (before,), (after,) = heading.findall(plain.out), heading.findall(german.out)
+    assert before[1:] == after[1:]
+    assert {before[0], after[0]} == {"+", "-"}
+    paper = wheelplane("five-point", FIGURE_4, "--method", "tcgc-2013", "--convention", "iso-8855")
+    is_refusal(paper, "--convention")
+
+
 @pytest.mark.parametrize(("unit", "turn"), [("deg", 360.0), ("gon", 400.0), ("rad", 2 * math.pi)])
 def test_five_point_takes_what_a_total_station_gives(unit, turn, wheelplane, tmp_path):
     x, y, z = np.loadtxt(FIGURE_4, delimiter=",").T

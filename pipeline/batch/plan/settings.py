@@ -14,6 +14,7 @@ from ...capture import CaptureOptions
 from ...config import ISSUER, Config
 from ...errors import InputError
 from ...five_point import Station
+from ...measurement import VerticalKind
 from ...report.json.measurement import SCHEMA
 from ...targets import Target
 from ...units import AngleUnit, Azimuth, Coordinates
@@ -27,15 +28,16 @@ class BatchSettings:
     """All that changes a result apart from the capture itself.
 
     config: includes the scanner file if `scanner` was given. target: overrides that of a capture.
-    options: overrides of capture.toml. coordinates, angle_unit, azimuth, station, radius_m: for
-    five-point files. date_in_name: pattern whose group, or groups y, m and d, match the date in a
-    name.
+    options: overrides of capture.toml. vertical: from which camber, caster and SAI are measured.
+    coordinates, angle_unit, azimuth, station, radius_m: for five-point files. date_in_name: pattern
+    whose group, or groups y, m and d, match the date in a name.
     """
 
     config: Config = DEFAULT
     scanner: str | None = None
     target: Target | None = None
     options: CaptureOptions = OF_CLOUDS
+    vertical: VerticalKind = "wheels"
     coordinates: Coordinates = "cartesian"
     angle_unit: AngleUnit | None = None
     azimuth: Azimuth = "auto"
@@ -60,6 +62,8 @@ class BatchSettings:
                 "station": None if station is None else station.stated.model_dump(),
                 "place_m": None if station is None else station.position_m.tolist(),
             }
+        if self.vertical != "wheels":
+            stated["vertical"] = self.vertical
         return stated | {
             "config": self.config.model_dump(exclude=set(ISSUER)),
             "scanner": self.scanner is not None,

@@ -142,7 +142,8 @@ def _measure(subject: Subject) -> tuple[Measurement, dict[str, Any] | None]:
         return measure_five_point(points, settings.station, settings.radius_m), None
     with open_capture(subject.source, settings.target, settings.options, subject.archive) as opened:
         named = None if settings.scanner else opened.scanner
-        measurement = measure_capture(opened, with_scanner(settings.config, named))
+        config = with_scanner(settings.config, named)
+        measurement = measure_capture(opened, config, vertical=settings.vertical)
         origin = replace(measurement.provenance, source=subject.name)
         measurement = replace(measurement, provenance=origin)
         return measurement, _calibration(measurement, opened, subject)
