@@ -1,7 +1,8 @@
 """Error and stated uncertainty of toe, camber and centres, for one kind of physics at a time.
 
-.venv/bin/python -m tests.bench.physics [--wheels 60] [--target disc-250] [--only NAME ...]
+.venv/bin/python -m tests.bench.physics [--wheels 60] [--seed 0] [--target disc-250]
 
+inside: shares of errors within 1.96 u, and within U by the degrees of freedom of u.
 --stated: measure with the [instrument] of the scanner's file, as `measure --scanner` does.
 """
 
@@ -20,10 +21,11 @@ from wheelplane.capture.open_capture import open_capture
 from wheelplane.config import Config, config_file, with_scanner
 from wheelplane.errors import InputError
 from wheelplane.measure import measure_capture
+from wheelplane.uncertainty import coverage_factor
 from wheelplane_synth.output.archive import write_capture
 
 ARCSEC = np.degrees(1.0) * 3600.0
-INSIDE = 1.96
+INSIDE, LEVEL = 1.96, 0.95
 Values = dict[str, Any]
 
 PLAIN: Values = {
@@ -150,20 +152,28 @@ def vehicle_rows(
                 float(np.linalg.norm(off_m)) * 1e3,
                 float(np.sqrt(np.trace(fitted.centre_covariance_m2))) * 1e3,
                 fitted.points_on_target,
+                wheel.dof_toe,
+                wheel.dof_camber,
             ]
         )
     return rows
 
 
 def case_line(
-    name: str, values: Values, wheels: int, target: str, scanner: str, stated: bool = False
+    name: str,
+    values: Values,
+    wheels: int,
+    target: str,
+    scanner: str,
+    stated: bool = False,
+    first_seed: int = 0,
 ) -> str:
     """Measure that many wheels of one kind of physics, and return its line of the table."""
     rows: list[list[float]] = []
     refused: list[str] = []
     vehicles = -(-wheels // 4)
     stated = stated or any(key.startswith("instrument.") for key in values)
-    for seed in range(vehicles):
+    for seed in range(first_seed, first_seed + vehicles):
         try:
             rows += vehicle_rows(seed, values, target, scanner, stated)
         except InputError as error:
@@ -171,11 +181,14 @@ def case_line(
     if not rows:
         return f"{name:17s} none of {vehicles} captures measured: {refused[0]}"
     table = np.array(rows)
-    rms, mean = np.sqrt(np.mean(table**2, axis=0)), table.mean(axis=0)
+    rms, mean = np.sqrt(np.mean(table[:, :7] ** 2, axis=0)), table.mean(axis=0)
     cells = []
-    for column in (0, 2):
-        inside = np.mean(np.abs(table[:, column]) <= INSIDE * table[:, column + 1])
-        cells.append(f'{rms[column]:7.1f}" /{rms[column + 1]:6.1f}" {100 * inside:4.0f} %')
+    for column, dof in ((0, 7), (2, 8)):
+        ratio = np.abs(table[:, column]) / table[:, column + 1]
+        inside = 100 * np.mean(ratio <= INSIDE)
+        expanded = 100 * np.mean(ratio <= coverage_factor(LEVEL, table[:, dof]))
+        size = f'{rms[column]:7.1f}" /{rms[column + 1]:6.1f}"'
+        cells.append(f"{size} {inside:4.0f} {expanded:4.0f} %")
     text = f"{name:17s} {cells[0]}   {cells[1]}   {rms[4]:6.3f} /{rms[5]:6.3f} mm {mean[6]:8.0f}"
     return text + (f"   {len(refused)} of {vehicles} refused: {refused[0]}" if refused else "")
 
@@ -183,19 +196,22 @@ def case_line(
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--wheels", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=0, help="of the first vehicle")
     parser.add_argument("--target", default="disc-250")
     parser.add_argument("--only", nargs="+", choices=[*CASES, *KINDS])
     parser.add_argument("--stated", action="store_true")
     options = parser.parse_args()
-    print(f"{options.wheels} wheels a case, {options.target}: rms error / rms u, inside 1.96 u")
-    print(f"{'':17s} {'toe':>24s}   {'camber':>24s}   {'centre':>17s}   points")
+    print(
+        f"{options.wheels} wheels a case, {options.target}: rms error / rms u, inside 1.96 u and U"
+    )
+    print(f"{'':17s} {'toe':>29s}   {'camber':>29s}   {'centre':>17s}   points")
     for name, values in CASES.items():
         if options.only is None or name in options.only:
-            run = (options.wheels, options.target, "default", options.stated)
+            run = (options.wheels, options.target, "default", options.stated, options.seed)
             print(case_line(name, PLAIN | values, *run), flush=True)
     for name in KINDS:
         if options.only is None or name in options.only:
-            run = (options.wheels, options.target, name, options.stated)
+            run = (options.wheels, options.target, name, options.stated, options.seed)
             print(case_line(name, {}, *run), flush=True)
 
 
