@@ -1,6 +1,7 @@
 """Error of the centre in its plane against its u, by kind of edge and number of points.
 
 .venv/bin/python -m tests.bench.edges [--wheels 60] [--seed 0] [--target disc-250] [--only NAME ...]
+Inside: shares of errors within 1.96 u, and within U by the degrees of freedom of u.
 Single targets, through plane and centre as `measure` fits them; of the bounds: tests/bench/bounds.
 """
 
@@ -21,6 +22,7 @@ from tests.bench.physics import (
     GAUSSIAN,
     INSIDE,
     LAMBERT,
+    LEVEL,
     PLAIN,
     QUIET,
     RETURNS,
@@ -28,12 +30,14 @@ from tests.bench.physics import (
     scanner_file,
 )
 from wheelplane.centre import locate_centre
+from wheelplane.centre.locate_centre import TargetFit
 from wheelplane.config import Config, config_file
 from wheelplane.detection.find_target import find_target
 from wheelplane.errors import NotMeasuredError
 from wheelplane.plane import fit_plane
 from wheelplane.readers import read_scan
 from wheelplane.targets.registry import load_target
+from wheelplane.uncertainty import coverage_factor
 from wheelplane_synth.output.archive import write_capture
 
 SPACING_M = {300: 0.0128, 3000: 0.00405, 30_000: 0.00128}  # on a 250 mm disc
@@ -58,10 +62,11 @@ CASES |= {name: (name, STILL) for name in ("structured-light", "line-profile")}
 
 @dataclass(frozen=True)
 class Row:
-    """One target: error and u (m) towards the station and across, the method, seconds."""
+    """One target: error, u and U (m) towards the station and across, the method, seconds."""
 
     error_m: np.ndarray
     u_m: np.ndarray
+    expanded_m: np.ndarray
     method: str
     seconds: float
 
@@ -96,9 +101,17 @@ def rows(seed: int, base: str, values: Values, target_name: str) -> Iterator[Row
             along = sight - (sight @ normal) * normal
             along /= np.linalg.norm(along)
             axes = np.stack([along, np.cross(normal, along)])
-            covariance = axes @ found.centre_covariance_m2 @ axes.T
-            u_m = np.sqrt(np.diag(covariance))
-            yield Row(axes @ (found.centre_m - centre), u_m, found.method, seconds)
+            error_m, stated = axes @ (found.centre_m - centre), uncertainties(found, axes)
+            yield Row(error_m, *stated, found.method, seconds)
+
+
+def uncertainties(found: TargetFit, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return u and U (2,) of the centre along axes (2, 3), by Welch and Satterthwaite."""
+    parts = [np.diag(axes @ c.covariance[3:, 3:] @ axes.T) for c in found.components]
+    variance = np.sum(parts, axis=0)
+    welch = np.sum([p**2 / c.dof for p, c in zip(parts, found.components, strict=True)], axis=0)
+    dof = variance**2 / np.maximum(welch, 1e-12 * variance**2)
+    return np.sqrt(variance), coverage_factor(LEVEL, dof) * np.sqrt(variance)
 
 
 def line(name: str, seeds: range, target: str) -> str:
@@ -111,10 +124,12 @@ def line(name: str, seeds: range, target: str) -> str:
     error, u = (np.stack([getattr(row, key) for row in seen]) for key in ("error_m", "u_m"))
     rms, stated = (float(np.sqrt(np.mean(values**2))) * 1e6 for values in (error, u))
     inside = 100.0 * float(np.mean(np.abs(error) <= INSIDE * u))
+    expanded = np.stack([row.expanded_m for row in seen])
+    covered = 100.0 * float(np.mean(np.abs(error) <= expanded))
     bias = error.mean(axis=0) * 1e6
     each = 1e3 * float(np.mean([row.seconds for row in seen]))
     return (
-        f"{name:24s} {rms:8.1f} {stated:8.1f} {rms / stated:6.2f} {inside:5.0f} % "
+        f"{name:24s} {rms:8.1f} {stated:8.1f} {rms / stated:6.2f} {inside:6.0f} {covered:4.0f} % "
         f"{bias[0]:7.1f} {bias[1]:7.1f} {each:6.0f}  {dict(counts)}"
     )
 
@@ -127,7 +142,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=list(CASES))
     options = parser.parse_args()
     seeds = range(options.seed, options.seed - (-options.wheels // 4))
-    print("um an axis                    rms        u  rms/u  inside   along  across     ms")
+    print("um an axis                    rms        u  rms/u  1.96 u   U     along  across     ms")
     for name in options.only or CASES:
         print(line(name, seeds, options.target), flush=True)
 
