@@ -28,7 +28,7 @@ GRAZING = 1.3  # slope of beams, 52 degrees, from which it shifts
 LOST_M = 2e-3  # uncertainty above which an edge fit gives way to the outline
 UNCONVERGED_M = 3e-4  # model uncertainty of an edge fit that did not converge
 WALL_SHARE = 2e-3  # of thickness times tan^3 of the incidence: model uncertainty by the wall
-CLEAN_SHARE = 0.03  # of the shift of a clean edge: model uncertainty by what the scanner reports
+CLEAN_SHARE = 0.015  # of the shift of a clean edge: model uncertainty by what the scanner reports
 MISFIT = (0.06, 0.09)  # share of outliers at which doubt begins, and is complete
 MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # outliers by a curved wall, per metre of bend
 # Difference of straight edges by mixed pixels and by points, of its standard uncertainty:
