@@ -57,11 +57,8 @@ def evaluate_quantity(
     if _incomplete(cells, readings, points, levels, ways, faults):
         return None
     values = _reference_values(points, levels, references, item, kind)
-    errors = [
-        [[[v - values[k][i].value for v in cell] for cell in level] for k, level in enumerate(row)]
-        for i, row in enumerate(cells)
-    ]
-    scatter, resolution = scatter_of(errors), item.resolution(kind)
+    of_levels = np.array([[one.value for one in level] for level in values]).T
+    scatter, resolution = scatter_of(cells, of_levels), item.resolution(kind)
     known, budget = _references(values, scatter, resolution)
     effects = [effect for _, effect in budget]
     of_means = scatter.errors

@@ -19,7 +19,7 @@ from .forms.plan_file import Plan
 from .forms.quantities import QUANTITIES
 from .line import characteristic
 from .reference import Reference, joint_effects
-from .scatter import difference_effects, mean_effects
+from .scatter import difference_effects, mean_effects, rounding_variance
 
 CONFIDENCE, POWER = 0.95, 0.95
 MOST_REPEATS, MOST_TRIALS = 200, 100
@@ -166,12 +166,13 @@ def planned_set(kind: str, plan: Plan, item: Item, reference: Reference) -> Plan
     rest = deviation**2 / in_cell
     squares = None if plan.series == 1 else (count * between**2 + rest, rest)
     spread = np.full(count, 1.0 / (in_cell * plan.series))
-    readings = mean_effects(spread, deviation, dof, plan.series, squares, resolution)
+    rounding = rounding_variance(deviation, resolution)
+    readings = mean_effects(spread, deviation, dof, plan.series, squares, rounding)
     effects: list[Effect] = [*joint_effects(known), *readings]
     line = characteristic(points, known, np.zeros(count), effects)
     hysteresis = None
     if plan.directions and dof > 0.0:
-        apart = difference_effects(4.0 * spread, deviation, dof, resolution)
+        apart = difference_effects(4.0 * spread, deviation, dof, 2.0 * rounding)
         hysteresis = estimate(0.0, np.full(count, 1.0 / count), apart)
     errors = tuple(estimate(0.0, row, effects) for row in np.eye(count))
     return PlannedSet(tuple(points), tuple(known), errors, line.zero, line.sensitivity, hysteresis)

@@ -16,17 +16,20 @@ from ..vectors import Array
 
 REPEATABILITY, REPRODUCIBILITY, RESOLUTION = "repeatability", "reproducibility", "resolution"
 HARMONICS, BISECTIONS = 1000, 60
+WHOLE, AT_ONCE = np.ones(1), np.zeros(1)
 
 
 @dataclass(frozen=True)
 class Scatter:
     """Errors of indication of P points, L levels, D directions, n readings each.
 
-    means: (P, L, D) mean error of each cell; counts: (P, L, D) its number; squares: (P,) sums of
-    squares about the cells' means, and dofs: (P,) their degrees of freedom.
+    means: (P, L, D) mean error of each cell; shown: (L, D) mean reading of all points; counts:
+    (P, L, D) numbers of readings; squares: (P,) sums of squares about the cells' means, and dofs:
+    (P,) their degrees of freedom.
     """
 
     means: Array
+    shown: Array
     counts: Array
     squares: Array
     dofs: Array
@@ -57,11 +60,16 @@ class Scatter:
         return common, float(np.sum(rest**2)) / ((points - 1) * (levels - 1))
 
     def effects(self, resolution: float) -> list[Effect]:
-        """Return the effects of the readings on the P errors."""
+        """Return the effects of the readings on the P errors.
+
+        Levels and directions whose readings lie a part of a step apart are rounded differently.
+        """
         levels = self.means.shape[1]
         between = self.between_levels() if levels > 1 else None
-        dof = float(self.dofs.sum())
-        return mean_effects(self._spread(), self.deviation, dof, levels, between, resolution)
+        dof, offsets = float(self.dofs.sum()), self.shown.ravel()
+        weights = np.full(len(offsets), 1.0 / len(offsets))
+        rounding = rounding_variance(self.deviation, resolution, weights, offsets)
+        return mean_effects(self._spread(), self.deviation, dof, levels, between, rounding)
 
     def _spread(self) -> Array:
         """Return the variances (P,) of the means for readings of unit variance."""
@@ -74,23 +82,24 @@ class Scatter:
         differences = (self.means[:, :, 0] - self.means[:, :, 1]).mean(axis=1)
         spread = (1.0 / self.counts).sum(axis=(1, 2)) / levels**2
         dof = float(self.dofs.sum())
-        ratio = _rounding_ratio(differences, resolution)
-        return differences, difference_effects(spread, self.deviation, dof, resolution, ratio)
+        rounding = _of_differences(differences, self.deviation, resolution)
+        return differences, difference_effects(spread, self.deviation, dof, rounding)
 
 
-def _rounding_ratio(differences: Array, step: float) -> float:
-    """Return the variance of the rounding of P differences over step^2/6, 1 at least.
+def _of_differences(differences: Array, deviation: float, step: float) -> float:
+    """Return the variance of the rounding of P differences, that of two roundings at least.
 
-    A difference whose true value lies a part f of a step above a whole one is shown as that one or
-    the next, with the variance f (1 - f) step^2; all points share f where the hysteresis does not
-    depend on the point. f by Agresti and Coull, The American Statistician 52 (1998) 119.
+    A difference whose true value lies a part f of a step above a whole one is shown, without
+    scatter, as that one or the next, with the variance f (1 - f) step^2; all points share f where
+    the hysteresis does not depend on the point. f by Agresti and Coull, The American Statistician
+    52 (1998) 119.
     """
-    count = len(differences)
+    count, independent = len(differences), 2.0 * rounding_variance(deviation, step)
     part = float(differences.mean()) / step % 1.0 if step > 0.0 else 0.0
     if part * (1.0 - part) < 1e-6:
-        return 1.0
-    part = (count * part + 2.0) / (count + 4.0)
-    return max(1.0, 6.0 * part * (1.0 - part))
+        return independent
+    apart = step * np.array([(count * part + 2.0) / (count + 4.0), 0.0])
+    return max(independent, rounding_variance(deviation, step, np.array([1.0, -1.0]), apart))
 
 
 def mean_effects(
@@ -99,24 +108,25 @@ def mean_effects(
     dof: float,
     levels: int,
     between: tuple[float, float] | None,
-    resolution: float,
+    rounding: float,
 ) -> list[Effect]:
     """Return the effects of readings on P mean errors; factors (P, k).
 
-    spread: (P,) variances of the means for readings of unit variance. One level: the pooled
-    repeatability of each mean. Several: the mean squares `between` of the two-way table, which hold
-    repeatability as well; the covariance of the points' means is
-    MS_PL/L (I - 11'/P) + MS_L/L 11'/P. Source: ISO 5725-2, 7.4; JCGM 100, H.5.
+    spread: (P,) variances of the means for readings of unit variance. rounding: variance that the
+    rounding leaves in each. One level: the pooled repeatability of each mean. Several: the mean
+    squares `between` of the two-way table, which hold repeatability as well; the covariance of the
+    points' means is MS_PL/L (I - 11'/P) + MS_L/L 11'/P. Source: ISO 5725-2, 7.4; JCGM 100, H.5.
     """
     points = len(spread)
-    own = math.sqrt(rounding_variance(deviation, resolution))
-    rounding = Effect(RESOLUTION, own * np.eye(points), math.inf, False, uniform=True)
+    rounded = Effect(
+        RESOLUTION, math.sqrt(rounding) * np.eye(points), math.inf, False, uniform=True
+    )
     if between is None:
         factor = np.diag(deviation * np.sqrt(spread))
-        return [Effect(REPEATABILITY, factor, dof, False), rounding]
+        return [Effect(REPEATABILITY, factor, dof, False), rounded]
     common, rest = between
     equal = np.full((points, 1), math.sqrt(common / levels / points))
-    found = [Effect(REPRODUCIBILITY, equal, levels - 1.0, False), rounding]
+    found = [Effect(REPRODUCIBILITY, equal, levels - 1.0, False), rounded]
     if points > 1:
         across = math.sqrt(rest / levels) * (np.eye(points) - 1.0 / points)
         found.insert(0, Effect(REPEATABILITY, across, (points - 1.0) * (levels - 1.0), False))
@@ -124,27 +134,32 @@ def mean_effects(
 
 
 def difference_effects(
-    spread: Array, deviation: float, dof: float, resolution: float, ratio: float = 1.0
+    spread: Array, deviation: float, dof: float, rounding: float
 ) -> list[Effect]:
-    """Return the effects of readings on P differences of directions; spread: of these.
+    """Return the effects of readings on P differences of directions.
 
-    ratio: of the variance of their rounding to that of two roundings, step^2/6.
+    spread: (P,) variances of the differences for readings of unit variance. rounding: variance that
+    the rounding of both directions leaves in each.
     """
-    own = math.sqrt(ratio * rounding_variance(deviation, resolution)) * np.eye(len(spread))
+    own = math.sqrt(rounding / 2.0) * np.eye(len(spread))
     return [
         Effect(REPEATABILITY, np.diag(deviation * np.sqrt(spread)), dof, False),
         Effect(RESOLUTION, np.hstack([own, -own]), math.inf, False, uniform=True),
     ]
 
 
-def rounding_variance(deviation: float, step: float) -> float:
-    """Return the variance that rounding to `step` leaves in a mean of many readings.
+def rounding_variance(
+    deviation: float, step: float, weights: Array = WHOLE, offsets: Array = AT_ONCE
+) -> float:
+    """Return the variance that rounding to `step` leaves in a weighted sum of means of readings.
 
-    step^2/12 without scatter; less where the scatter sigma of the readings before rounding spreads
-    them over several steps: B = sum over k of step^2/(2 pi^2 k^2) exp(-(2 pi k sigma/step)^2).
-    deviation: of the rounded readings, whose square is sigma^2 + step^2/12 - B on average; nan
-    where it is not known, which counts as none.
-    Source: Widrow and Kollar, Quantization Noise, Cambridge 2008, chapter 4.
+    step^2/12 for a single mean without scatter; less where the scatter sigma of the readings before
+    rounding spreads them over several steps, and where the means lie parts of a step apart: the
+    rounding errors of two that lie d apart have the covariance B(d) = sum over k of
+    step^2/(2 pi^2 k^2) cos(2 pi k d/step) exp(-(2 pi k sigma/step)^2). deviation: of the rounded
+    readings, whose square is sigma^2 + step^2/12 - B(0) on average; nan where it is not known,
+    which counts as none. weights, offsets: (C,) of the means. Source: Widrow and Kollar,
+    Quantization Noise, Cambridge 2008, chapter 4.
     """
     if step == 0.0:
         return 0.0
@@ -152,26 +167,37 @@ def rounding_variance(deviation: float, step: float) -> float:
     low, high = 0.0, square
     for _ in range(BISECTIONS):
         middle = (low + high) / 2.0
-        if middle + 1.0 / 12.0 - _left(middle) < square:
+        if middle + 1.0 / 12.0 - _covariance(middle, 0.0) < square:
             low = middle
         else:
             high = middle
-    return step**2 * _left(low)
+    apart = np.subtract.outer(offsets, offsets) / step % 1.0
+    parts = [[_covariance(low, part) for part in row] for row in apart.tolist()]
+    return step**2 * max(0.0, float(weights @ np.array(parts) @ weights))
 
 
-def _left(variance: float) -> float:
-    """Return B by the variance of the readings before rounding, both in steps squared."""
+def _covariance(variance: float, apart: float) -> float:
+    """Return B(d) by the variance of the readings before rounding and d, 0 to 1; all in steps."""
+    if variance == 0.0:
+        return 1.0 / 12.0 - apart * (1.0 - apart) / 2.0
     k = np.arange(1, HARMONICS + 1)
-    terms = np.exp(-((2.0 * math.pi * k) ** 2) * variance) / (2.0 * (math.pi * k) ** 2)
-    return 1.0 / 12.0 if variance == 0.0 else float(terms.sum())
+    damped = np.exp(-((2.0 * math.pi * k) ** 2) * variance) / (2.0 * (math.pi * k) ** 2)
+    return float(np.cos(2.0 * math.pi * apart * k) @ damped)
 
 
-def scatter_of(cells: Sequence[Sequence[Sequence[Sequence[float]]]]) -> Scatter:
-    """Return the scatter of errors by point, level and direction, each cell with one or more."""
-    means = np.array([[[np.mean(c) for c in level] for level in point] for point in cells])
+def scatter_of(
+    cells: Sequence[Sequence[Sequence[Sequence[float]]]], references: Array | float = 0.0
+) -> Scatter:
+    """Return the scatter of readings by point, level and direction, each cell with one or more.
+
+    references: (P, L) or one of all, of which the errors are.
+    """
+    shown = np.array([[[np.mean(c) for c in level] for level in point] for point in cells])
     counts = np.array([[[len(c) for c in level] for level in point] for point in cells], float)
     squares = [
         sum(float(np.sum((np.array(c) - np.mean(c)) ** 2)) for level in point for c in level)
         for point in cells
     ]
-    return Scatter(means, counts, np.array(squares), (counts - 1.0).sum(axis=(1, 2)))
+    means = shown - np.asarray(references)[..., None]
+    dofs = (counts - 1.0).sum(axis=(1, 2))
+    return Scatter(means, shown.mean(axis=0), counts, np.array(squares), dofs)

@@ -1,7 +1,7 @@
 """Calibrations of machines with known errors: coverage of U, bias, power, risks of each rule.
 
 .venv/bin/python -m tests.bench.calibration [--calibrations 1000] [--draws 200000] [--seed 0]
-    [--study risks|detection|coverage]
+    [--study risks|detection|coverage] [--machine TEXT]
 
 Vehicles are drawn from configs/vehicles/saloon.toml, with 8 trials. The reference is the truth with
 errors drawn as its covariance states them (10" of every plane, 0.04 mm of every centre); readings
@@ -46,11 +46,19 @@ MACHINES = {
         {"series": 1, "repeats": 3},
         {"resolution": 1.0, "repeatability": (0.0, 1.0), "hysteresis": (0.0, 2.0)},
     ),
-    "resolution 1', scatter 0.2'": (
-        {"series": 1, "repeats": 3},
-        {"resolution": 1.0, "repeatability": 0.2},
-    ),
 }  # a pair is drawn anew for every calibration
+MACHINES |= {
+    f"resolution {step:g}', scatter {scatter:g}'": (
+        {"series": 1, "repeats": 3},
+        {"resolution": step, "repeatability": scatter, "hysteresis": (0.0, 2.0)},
+    )
+    for step, scatter in ((1.0, 0.0), (1.0, 0.1), (1.0, 0.2), (1.0, 0.5), (1.0, 1.0), (0.1, 0.0),
+                          (0.1, 0.1), (0.1, 0.2), (0.1, 0.5), (0.1, 1.0))
+}  # fmt: skip
+MACHINES["resolution 1', 4 series"] = (
+    {"series": 4, "repeats": 2},
+    {"resolution": 1.0, "repeatability": (0.0, 1.0), "reproducibility": (0.0, 1.0)},
+)
 PLANS = 200  # of the calibrations whose power is planned
 # Scatter with which the three errors are detected now and then, so that the power can be compared.
 HARD = {"zero": 3.0, "gain": 1.0, "hysteresis": 2.5}
@@ -76,11 +84,13 @@ def share(hits, total):
     return f"{hits / total:.1%} ({low:.1%} - {high:.1%})"
 
 
-def coverage(count, seed):
+def coverage(count, seed, named):
     """U of every error covers the true one; zero, sensitivity and hysteresis likewise; biases."""
     print(f"\nCoverage of U (95 %), {count} calibrations\n")
     print("| machine | what | covered | bias / its standard error |\n|---|---|---|---|")
     for name, (protocol, changes) in MACHINES.items():
+        if named not in name:
+            continue
         found = defaultdict(list)
         for index in range(count):
             rng = np.random.default_rng((seed, index, 1))
@@ -246,13 +256,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     studies = ["all", "risks", "detection", "coverage"]
     parser.add_argument("--study", choices=studies, default="all")
+    parser.add_argument("--machine", default="", help="coverage: those with this in their name")
     options = parser.parse_args()
     if options.study in ("all", "risks"):
         risks(options.draws, options.seed)
     if options.study in ("all", "detection"):
         detection(options.calibrations, options.seed)
     if options.study in ("all", "coverage"):
-        coverage(options.calibrations, options.seed)
+        coverage(options.calibrations, options.seed, options.machine)
 
 
 if __name__ == "__main__":

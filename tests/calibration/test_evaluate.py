@@ -100,7 +100,7 @@ def test_en_compares_the_error_with_both_expanded_uncertainties():
 
 @pytest.mark.parametrize(("scatter", "u"), [(0.3, 0.0), (0.0, 0.03 / math.sqrt(12.0))])
 def test_resolution_is_in_the_budget_where_no_scatter_spreads_the_readings(scatter, u):
-    toe = changed(TOE, resolution=0.03, repeatability=scatter)
+    toe = changed(TOE, resolution=0.03, repeatability=scatter, hysteresis=0.9)
     for point in run(Bay(seed=4), machine(toe=toe)).results[0].points:
         budget = {c.name: c.u for c in point.budget if c.origin == "readings"}
         assert minutes(budget.get("resolution", 0.0)) == pytest.approx(u, rel=1e-6)

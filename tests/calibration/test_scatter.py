@@ -73,6 +73,52 @@ def test_rounding_leaves_the_variance_that_simulation_finds(sigma):
     assert rounding_variance(7.0 * math.sqrt(np.mean(scatter)), 7.0) == pytest.approx(49.0 * found)
 
 
+@pytest.mark.parametrize("sigma", [0.0, 0.1, 0.2])
+@pytest.mark.parametrize(("weights", "name"), [([0.5, 0.5], "mean"), ([1.0, -1.0], "difference")])
+def test_rounding_of_two_directions_depends_on_the_part_of_a_step_between_them(
+    sigma, weights, name
+):
+    """A mean is rounded less, a difference more, the nearer the directions lie to half a step."""
+    rng = np.random.default_rng(6)
+    phases, count, found = 4000, 400, []
+    true = rng.uniform(-0.5, 0.5, (phases, 1, 1))
+    for apart in (0.0, 0.3, 0.5):
+        ways = np.array([[0.5 * apart], [-0.5 * apart]])
+        seen = np.round(true + ways + sigma * rng.normal(size=(phases, 2, count)))
+        scatter = seen.var(axis=2, ddof=1)
+        off = (seen.mean(axis=2) - true[:, :, 0] - ways.T) @ weights
+        left = np.mean(off**2) - np.mean(scatter) * np.sum(np.square(weights)) / count
+        deviation = math.sqrt(np.mean(scatter))
+        offsets = np.array([apart, 0.0])
+        found.append(rounding_variance(deviation, 1.0, np.array(weights), offsets))
+        assert found[-1] == pytest.approx(left, abs=0.004)
+    assert found == sorted(found, reverse=name == "mean")
+    if sigma == 0.0:
+        known = {"mean": 1.0 / 48.0, "difference": 1.0 / 4.0}[name]
+        assert found[-1] == pytest.approx(known)
+
+
+@pytest.mark.parametrize("hysteresis", [0.0, 0.3, 0.5, 0.8])
+@pytest.mark.parametrize("scatter", [0.0, 0.1, 0.2])
+def test_means_of_two_directions_are_covered_whatever_the_hysteresis(hysteresis, scatter):
+    """Twelve points, three readings each way in whole steps, u of the reference 0.13 of them."""
+    rng, count, covered, whole = np.random.default_rng(7), 150, [], []
+    own = Effect("reference", 0.13 * np.eye(12), math.inf, False)
+    for _ in range(count):
+        true = rng.uniform(0.0, 1.0, (12, 1, 1, 1))
+        ways = np.array([0.5, -0.5]).reshape(1, 1, 2, 1) * hysteresis
+        seen = np.round(true + ways + scatter * rng.standard_normal((12, 1, 2, 3)))
+        found = scatter_of(seen.tolist(), true[:, :, 0, 0] + 0.13 * rng.standard_normal((12, 1)))
+        effects = [own, *found.effects(1.0)]
+        bound = estimate(0.0, np.eye(12)[0], effects).expanded
+        covered.append(np.mean(np.abs(found.errors) <= bound))
+        plain = math.hypot(0.13, found.deviation / math.sqrt(6.0), math.sqrt(1.0 / 12.0))
+        whole.append(np.mean(np.abs(found.errors) <= 1.96 * plain))
+    spread = 3.0 * np.std(covered, ddof=1) / math.sqrt(count)
+    assert 0.94 - spread < np.mean(covered) < 0.97 + spread
+    assert hysteresis == 0.0 or np.mean(whole) > 0.98
+
+
 def test_rounding_without_scatter_is_a_twelfth_and_without_a_step_nothing():
     assert rounding_variance(0.0, 2.0) == pytest.approx(4.0 / 12.0)
     assert rounding_variance(math.nan, 2.0) == pytest.approx(4.0 / 12.0)
