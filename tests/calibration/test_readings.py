@@ -7,6 +7,7 @@ import csv
 import math
 import random
 import re
+import zipfile
 from contextlib import suppress
 from pathlib import Path
 
@@ -237,6 +238,38 @@ def test_all_faults_of_a_workbook_are_named_at_once_each_in_one_line(tmp_path):
     for one in error.value.faults:
         assert one.startswith(f"r.xlsx: row {one.row}, column {one.column}: ")
         assert ": " in one.fact
+
+
+@pytest.mark.parametrize(
+    "areas", [["A1:XFD1048576"], [f"A{top}:XFD{top + 5}" for top in range(10, 1210, 6)]]
+)
+def test_large_merged_areas_are_named_before_the_workbook_is_opened(tmp_path, monkeypatch, areas):
+    """Opening it takes openpyxl minutes: it makes an object of every merged cell."""
+    book, _, path = workbook(tmp_path / "r.xlsx", ROWS)
+    book.save(path)
+    parts = "".join(f'<mergeCell ref="{area}"/>' for area in areas)
+    end = f"</sheetData><mergeCells>{parts}</mergeCells>".encode()
+    with zipfile.ZipFile(path) as packed:
+        content = {name: packed.read(name) for name in packed.namelist()}
+    with zipfile.ZipFile(path, "w") as packed:
+        for name, data in content.items():
+            packed.writestr(name, data.replace(b"</sheetData>", end))
+    monkeypatch.setattr(openpyxl, "load_workbook", None)
+    with pytest.raises(FaultyTableError) as error:
+        read_readings(path, ITEM, known)
+    top = areas[0].split(":")[0][1:]
+    assert len(error.value.faults) == len(areas)
+    assert error.value.faults[0] == (
+        f"r.xlsx: row {top}, column 1: {areas[0]} are merged: unmerge and fill in each cell"
+    )
+
+
+def test_a_sheet_with_a_cell_far_to_the_right_is_refused(tmp_path):
+    book, sheet, path = workbook(tmp_path / "r.xlsx", ROWS)
+    sheet["XFD3"] = 1
+    book.save(path)
+    with pytest.raises(InputError, match="16384 columns: give readings only"):
+        read_readings(path, ITEM, known)
 
 
 def test_every_sentence_can_be_said_in_portuguese():

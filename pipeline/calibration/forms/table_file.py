@@ -11,11 +11,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from ...errors import InputError, MissingDependencyError
 from .wording import Fault, Wording
 
-MAX_BYTES, MAX_UNPACKED, MAX_ROWS = 16 << 20, 256 << 20, 20_000
+MAX_BYTES, MAX_UNPACKED, MAX_ROWS, MAX_COLUMNS = 16 << 20, 256 << 20, 20_000, 256
+MAX_MERGED = 100_000  # cells; openpyxl makes an object of each
+MERGED = "{area} are merged: unmerge and fill in each cell"
 DELIMITERS = (";", ",", "\t")
 BEYOND = (
     "{value} stands beyond the heading: in a table separated by commas, put values with a decimal "
@@ -199,6 +202,7 @@ def _xlsx_cells(content: bytes, name: str) -> list[tuple[int, list[AnyCell]]]:
             unpacked = sum(entry.file_size for entry in packed.infolist())
         if unpacked > MAX_UNPACKED:
             raise InputError(f"{name}: it unpacks to {unpacked >> 20} MB: give readings only")
+        _check_merged(content, name)
         book = openpyxl.load_workbook(io.BytesIO(content))
     except InputError:
         raise
@@ -210,9 +214,11 @@ def _xlsx_cells(content: bytes, name: str) -> list[tuple[int, list[AnyCell]]]:
     if len(sheets) != 1:
         raise InputError(f"{name}: {len(sheets)} sheets have content: keep the readings in one")
     (sheet,) = sheets
+    if sheet.max_column > MAX_COLUMNS:
+        raise InputError(f"{name}: it has {sheet.max_column} columns: give readings only")
     merged: dict[tuple[int, int], Unusable] = {}
     for area in sheet.merged_cells.ranges:
-        fact = Wording("{area} are merged: unmerge and fill in each cell", area=area.coord)
+        fact = Wording(MERGED, area=area.coord)
         for row in range(area.min_row, min(area.max_row, sheet.max_row, MAX_ROWS) + 1):
             for column in range(area.min_col, min(area.max_col, sheet.max_column) + 1):
                 merged[row, column] = Unusable("")
@@ -224,6 +230,27 @@ def _xlsx_cells(content: bytes, name: str) -> list[tuple[int, list[AnyCell]]]:
         )
         for number, cells in enumerate(sheet.iter_rows(max_row=MAX_ROWS + 2), 1)
     ]
+
+
+def _check_merged(content: bytes, name: str) -> None:
+    """Raise FaultyTableError with the merged areas where they have too many cells to be opened."""
+    from openpyxl.utils import range_boundaries
+
+    faults, merged = Faults(name), 0
+    with zipfile.ZipFile(io.BytesIO(content)) as packed:
+        for sheet in packed.namelist():
+            if not sheet.startswith("xl/worksheets/") or not sheet.endswith(".xml"):
+                continue
+            with packed.open(sheet) as stream:
+                for _, element in ElementTree.iterparse(stream):  # noqa: S314 - as openpyxl does
+                    if element.tag.endswith("}mergeCell"):
+                        area = element.get("ref", "")
+                        left, top, right, bottom = range_boundaries(area)
+                        merged += (right - left + 1) * (bottom - top + 1)
+                        faults.add(top, str(left), Wording(MERGED, area=area))
+                    element.clear()
+    if merged > MAX_MERGED:
+        faults.check()
 
 
 def _xlsx_value(cell: Any) -> AnyCell:
