@@ -188,6 +188,16 @@ def add_archive(app: Flask, state: PageState) -> None:
         svg = archive.plot(folder, request.args.get("quantity", ""), load_translations(language()))
         return Response(svg, mimetype="image/svg+xml")
 
+    @app.get("/api/archive-certificate/<int:root>/")
+    @app.get("/api/archive-certificate/<int:root>/<path:relative>")
+    def archived_certificate(root: int, relative: str = "") -> Response:
+        folder = _results(state, root, relative)
+        path = archive.certificate(folder, request.args.get("key", ""))
+        inside = path.relative_to(folder).as_posix()
+        found = state.folders.existing(root, f"{relative}/{inside}".lstrip("/"))
+        g.is_report = True
+        return Response(found.read_bytes(), content_type=TYPES["html"])
+
 
 def _results(state: PageState, root: int, relative: str) -> Path:
     """Return a folder of results, refusing one with links to outside the allowed folder."""

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from tests.support.calibration_bay import CAMBER, TOE, changed, item_of, machine
 from tests.support.made import write_small_capture
+from tests.support.web_site import Site
 from wheelplane.batch.catalogue.calibration_row import CalibrationRow, calibration_row
 from wheelplane.calibration import item_toml
 from wheelplane.commands.batch import batch
@@ -187,6 +188,42 @@ def test_the_page_lists_calibrations_and_shows_each_point(archive):
     assert portuguese["table"]["rows"][2][4] == "não conforme"
     with pytest.raises(RefusedError):
         answer("calibration", archive / "results", {"key": "gone"}, words)
+
+
+@pytest.fixture
+def certified(archive, tmp_path, monkeypatch):
+    """The archive on a page, the certificate of its first calibration below its results."""
+    site = Site(tmp_path)
+    copy = shutil.copytree(archive / "results", site.allowed / "results")
+    monkeypatch.chdir(archive / "bays")
+    files = ("--item", "2026-01-15/item.toml", "--readings", "2026-01-15/readings.csv")
+    run(calibrate, "2026-01-15", *files, "-o", copy / "certificates" / "first")
+    yield site
+    site.close()
+
+
+def test_the_page_opens_the_certificate_of_the_same_readings(certified):
+    keys = certified.get("/api/archive/calibrations/0/results").json["keys"]
+    found = [
+        certified.get(f"/api/archive/calibration/0/results?key={key}").json["certificate"]
+        for key in keys
+    ]
+    assert found == [True, False, False, False]
+    address = "/api/archive-certificate/0/results?key={}"
+    shown = certified.get(address.format(keys[0]))
+    folder = certified.allowed / "results" / "certificates" / "first"
+    assert shown.data == (folder / "certificate.html").read_bytes()
+    assert "sandbox" in shown.headers["Content-Security-Policy"]
+    for key in (keys[1], keys[3], "gone"):
+        assert certified.get(address.format(key)).status_code == 404
+    elsewhere = (folder / "certificate.html").rename(certified.allowed.parent / "elsewhere.html")
+    (folder / "certificate.html").symlink_to(elsewhere)
+    assert certified.get(address.format(keys[0])).status_code == 403
+
+
+def test_a_calibration_with_its_certificate_below_the_results_counts_once(certified):
+    found = run(results, certified.allowed / "results", "--drift", "--item", "7", "--json")
+    assert json.loads(found.stdout)["files"] == ["2026-01-15", "2026-02-15", "2026-03-15"]
 
 
 @pytest.mark.parametrize("form", ["zip", "tar", "gztar"])

@@ -6,6 +6,7 @@ import json
 import math
 import os
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,7 +20,7 @@ from ..catalogue.calibration_row import final
 from .series import Series
 from .trends import LEVEL, MONTH_DAYS, Drift, drift, with_holm
 
-NAME = "calibration.json"
+NAME, CERTIFICATE = "calibration.json", "certificate.html"
 SCHEMA = "wheelplane/calibration/1"
 LONGEST_DAYS = 5.0 * 365.25  # beyond which no interval is proposed
 
@@ -58,16 +59,18 @@ def machine_history(
     """Return drift and interval of a machine, by every calibration.json below a folder.
 
     folder: None for results elsewhere. listed: its calibrations in a catalogue, by their captures;
-    others: serial numbers there. Drifts are those of the final zero error and sensitivity of each
-    quantity. Raises InputError.
+    others: serial numbers there. One that is both below the folder and listed counts once. Drifts
+    are those of the final zero error and sensitivity of each quantity. Raises InputError.
     """
     below = {} if folder is None else _calibrations(folder)
-    found = [*((name, tree) for name, tree in below.items() if _serial(tree) == serial), *listed]
+    known = [_readings(tree) for _, tree in listed]
+    own = [(name, tree) for name, tree in below.items() if _serial(tree) == serial]
+    found = [*((name, tree) for name, tree in own if _readings(tree) not in known), *listed]
     if not found:
-        known = ", ".join(sorted({*map(_serial, below.values()), *others})) or "none"
+        serials = ", ".join(sorted({*map(_serial, below.values()), *others})) or "none"
         place = folder or "the results"
         raise InputError(
-            f"{place}: no calibration of serial {serial!r}: there are those of {known}"
+            f"{place}: no calibration of serial {serial!r}: there are those of {serials}"
         )
     for name, tree in found:
         if tree["date"] is None:
@@ -80,6 +83,21 @@ def machine_history(
         interval for one in drifts if not one.reason for interval in _interval(one, last)
     )
     return MachineHistory(serial, tuple(name for name, _ in found), drifts, intervals)
+
+
+def certificate_of(folder: Path, tree: dict[str, Any]) -> Path | None:
+    """Return the certificate below a folder of a calibration in a catalogue: the last by its path.
+
+    It lies beside a calibration.json of the same machine and the same readings.
+    """
+    found = None
+    for path in sorted(_files(folder)):
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            other = json.loads(path.read_text(encoding="utf-8"))
+            same = (_serial(other), _readings(other)) == (_serial(tree), _readings(tree))
+            if same and path.with_name(CERTIFICATE).is_file():
+                found = path.with_name(CERTIFICATE)
+    return found
 
 
 def _calibrations(folder: Path) -> dict[str, dict[str, Any]]:
@@ -102,6 +120,10 @@ def _calibrations(folder: Path) -> dict[str, dict[str, Any]]:
 
 def _serial(tree: dict[str, Any]) -> str:
     return str(tree["item"]["serial"])
+
+
+def _readings(tree: dict[str, Any]) -> str:
+    return str(tree["readings"]["sha256"])
 
 
 def _files(folder: Path) -> Iterator[Path]:

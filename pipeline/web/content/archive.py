@@ -16,6 +16,7 @@ from ...batch.results.calibration_list import (
     calibrations_table,
     tree_of,
 )
+from ...batch.results.calibrations import certificate_of
 from ...batch.results.query import (
     Filter,
     capture_of,
@@ -62,6 +63,22 @@ def plot(folder: Path, quantity: str, words: Translations) -> str:
     if not found or not line or not math.isfinite(line[0].slope):
         raise RefusedError(404, words("page.no_trend"))
     return trend_drawing(found[0], line[0], quantity_name(quantity, words), words).svg
+
+
+def certificate(folder: Path, key: str) -> Path:
+    """Return the certificate of a calibration in the results. Raises RefusedError without one."""
+    with open_catalogue(str(folder)) as catalogue:
+        found = _certificate(catalogue, tree_of(catalogue, key))
+    if found is None:
+        raise RefusedError(404, "no certificate of this calibration below these results")
+    return found
+
+
+def _certificate(catalogue: Catalogue, tree: dict[str, Any] | None) -> Path | None:
+    local = catalogue.store.local
+    if local is None or tree is None or "error" in tree:
+        return None
+    return certificate_of(local, tree)
 
 
 def quantity_name(quantity: str, words: Translations) -> str:
@@ -193,7 +210,12 @@ def _calibration(
             words("verdict.decision"))  # fmt: skip
     name = f"{item.get('maker', '')} {item.get('model', '')}".strip()
     tables = [table_tree(Table(head, rows, 3))] if rows else []
-    return {"name": name or words("listing.calibrations"), "facts": facts, "tables": tables}
+    return {
+        "name": name or words("listing.calibrations"),
+        "facts": facts,
+        "tables": tables,
+        "certificate": _certificate(catalogue, tree) is not None,
+    }
 
 
 def _calibrated(kind: dict[str, Any], point: dict[str, Any], words: Translations) -> list[str]:

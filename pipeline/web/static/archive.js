@@ -94,10 +94,11 @@ export class Archive {
   }
 
   async #open(question, key) {
-    const { name, facts, tables } = await this.#ask(question, { key });
+    const { name, facts, tables, certificate } = await this.#ask(question, { key });
+    const open = el("a", { href: this.#address("archive-certificate", { key }), target: "_blank", rel: "noopener" }, t("show_certificate"));
     this.#reveal(el("h2", { tabindex: "-1" }, name),
       el("dl", { class: "facts" }, ...facts.flatMap(([label, value]) => [el("dt", {}, label), el("dd", {}, value)])),
-      ...tables.map((table) => tableOf(table)));
+      ...tables.map((table) => tableOf(table)), certificate ? el("p", {}, open) : "");
   }
 
   #plot(quantity) {
