@@ -17,10 +17,12 @@ from tests.support.calibration_bay import CAMBER, TOE, item_of, machine
 from tests.support.made import write_small_capture
 from tests.support.web_site import PAPER, Site
 from wheelplane.calibration import COLUMNS, ItemFile, item_toml, load_item
-from wheelplane.errors import InputError
+from wheelplane.config import parse_section
+from wheelplane.errors import ConfigError, InputError
 from wheelplane.report.format.language import load_translations
 from wheelplane.web.content.calibrating import choices, evaluate, references_of
 from wheelplane.web.content.calibration_files import Request, calibration_files
+from wheelplane.web.content.faults import item_in_words
 from wheelplane_synth.machine.forms import readings_csv
 from wheelplane_synth.machine.indicate import indicate
 
@@ -269,6 +271,53 @@ def test_the_portuguese_page_says_in_portuguese_what_an_item_lacks(site, job):
     del tree["decision"]
     (one,) = evaluate([folder], Request(tree, ()), "pt")["item_faults"]
     assert one.startswith("convergência: tem um EMA, mas não foi escolhida uma regra")
+
+
+TURNS = {"resolution": "1'", "positive": "toe-out"}
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "text"),
+    [
+        ("item.toe.resolution", "x", "toe.resolution: 'x' não é um valor com a sua unidade: "),
+        ("item.toe.resolution", "0°70'", 'toe.resolution: "0°70\'": escrever graus e minutos'),
+        ("item.toe.resolution", "-1'", "toe.resolution: -1': escrevê-lo como um valor superior"),
+        ("item.toe.mpe", "2 mm", "toe.mpe: 2 mm é medido na jante: indicar o diâmetro desta"),
+        ("item.rim", "16", "rim: '16' não é um diâmetro de 0.1 a 2 m: "),
+        ("item.toe.axis", "x", "toe.axis: 'x': escrever um de 'rear-axle', 'centreline', "),
+        ("item.toe.positive", "x", "convergência: positive é 'x': escrever um de \"toe-in\", "),
+        ("item.toe.definition", "iso", "convergência: definition é só do sopé: "),
+        ("item.toe.inner_deg", 20.0, "convergência: inner_deg é só da divergência em curva: "),
+        ("item.camber.axis", "rear-axle", "sopé: não depende de nenhum eixo: "),
+        ("item.track", {"resolution": "1'"}, "track.resolution: é um ângulo, mas é preciso um "),
+        ("item.track", {"resolution": "1 mm", "positive": "toe-in"}, "via: é um comprimento: "),
+        ("item.toe_out_on_turns", TURNS, "divergência em curva: falta o ângulo da roda interior"),
+        ("item.toe_out_on_turns", TURNS | {"inner_deg": 70.0}, "toe_out_on_turns.inner_deg: 70.0"),
+        (
+            "item.toe_out_on_turns",
+            TURNS | {"inner_deg": "x"},
+            "toe_out_on_turns.inner_deg: 'x': é ",
+        ),
+        ("item.foo", "x", "foo: chave desconhecida: conhecem-se maker, "),
+        ("item.maker", 3, "maker: 3: é preciso um texto entre aspas"),
+        ("item.toe", "x", "toe: 'x': é precisa uma tabela"),
+        ("decision.rule", "x", "decision.rule: 'x': escrever um de 'guarded', 'simple', 'shared'"),
+        ("decision.confidence", 2.0, "decision.confidence: 2.0: escrever menos de 1"),
+        ("decision.confidence", 0.1, "decision.confidence: 0.1: escrever mais de 0.5"),
+        ("decision.ratio", 0.5, "decision.ratio: 0.5: escrever 1 ou mais"),
+    ],
+)
+def test_every_fault_of_an_item_is_said_in_portuguese(path, value, text):
+    tree = tomllib.loads(ITEM)
+    *tables, key = path.split(".")
+    table = tree
+    for name in tables:
+        table = table[name]
+    table[key] = value
+    with pytest.raises(ConfigError) as error:
+        parse_section(ItemFile, tree, "item.toml")
+    (found,) = item_in_words(str(error.value), load_translations("pt"))
+    assert found.startswith(text)
 
 
 def test_an_item_says_what_it_lacks(site, job, rows):

@@ -42,15 +42,41 @@ def in_words(fact: object, words: Translations) -> str:
     return words(f"fault.{key}", **parts)
 
 
+PLACE, GOT = r"^(?:item: |item\.)?(?P<field>[\w.]+): ", r", got (?P<value>.+)$"
+KIND = r"^(?:item: )?(?P<kind>\w+)"
 # What an item file says that it lacks; all else stays in English, as the command says it.
 ITEM_FAULTS = {
-    "empty": re.compile(r"^(?:item\.)?(?P<field>[\w.]+): string should have at least 1 char"),
-    "missing": re.compile(r"^'(?:item\.)?(?P<field>[\w.]+)' is missing: add it"),
-    "no_axis": re.compile(r"^(?:item: )?(?P<kind>\w+) has no axis:"),
-    "no_sign": re.compile(r"^(?:item: )?(?P<kind>\w+) has no sign convention:"),
-    "no_definition": re.compile(r"^(?:item: )?(?P<kind>\w+) has no definition:"),
-    "no_rule": re.compile(r"^(?P<kind>\w+) has an mpe, but no decision rule"),
-    "no_quantity": re.compile(r"^(?:item: )?it declares no quantity"),
+    key: re.compile(form)
+    for key, form in {
+        "empty": PLACE + r"string should have at least 1 char",
+        "missing": r"^'(?:item\.)?(?P<field>[\w.]+)' is missing: add it",
+        "no_axis": KIND + r" has no axis:",
+        "no_sign": KIND + r" has no sign convention:",
+        "no_definition": KIND + r" has no definition:",
+        "no_inner": KIND + r" has no inner_deg:",
+        "no_rule": KIND + r" has an mpe, but no decision rule",
+        "no_quantity": r"^(?:item: )?it declares no quantity",
+        "no_rim": PLACE + r"rim = (?P<value>\S+): a diameter from (?P<low>\S+) to (?P<high>\S+) m",
+        "at_rim": PLACE + r"(?P<value>.+) is at the rim:",
+        "no_value": PLACE + r"(?P<value>['\"].*['\"]) is no value with its unit:",
+        "no_angle": PLACE + r"(?P<value>['\"].*['\"]): whole degrees and minutes",
+        "not_positive": PLACE + r"(?P<value>.+): write it as a value above zero",
+        "no_length": PLACE + r"an angle, but a length is needed",
+        "needless_axis": KIND + r" depends on no axis:",
+        "needless_sign": KIND + r" is a length: leave positive out",
+        "of_camber": KIND + r": definition is of camber only",
+        "of_turns": KIND + r": inner_deg is of toe_out_on_turns only",
+        "other_sign": KIND + r"\.positive is (?P<value>.+): write (?P<known>.+)$",
+        "choice": PLACE + r"input should be (?P<known>'.+')" + GOT,
+        "at_most": PLACE + r"input should be less than or equal to (?P<limit>\S+)" + GOT,
+        "at_least": PLACE + r"input should be greater than or equal to (?P<limit>\S+)" + GOT,
+        "below": PLACE + r"input should be less than (?P<limit>\S+)" + GOT,
+        "above": PLACE + r"input should be greater than (?P<limit>\S+)" + GOT,
+        "no_number": PLACE + r"input should be a valid number" + GOT,
+        "no_text": PLACE + r"input should be a valid string" + GOT,
+        "no_table": PLACE + r"a table is needed" + GOT,
+        "unknown": r"^unknown key '(?:item\.)?(?P<field>.+)': .*known are (?P<known>.+)$",
+    }.items()
 }
 
 
@@ -75,6 +101,8 @@ def _part(name: str, part: object, words: Translations) -> str:
         return quantity(str(part), words)
     if name == "state" and part in STATES:
         return words(f"calibration.{STATES[str(part)]}")
+    if name == "known" and words.language != "en":
+        return str(part).replace(" or ", ", ")
     return in_words(part, words)
 
 
