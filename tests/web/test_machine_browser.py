@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,12 @@ def folder(tmp_path_factory):
     (place / "item.toml").write_text(item_toml(item_of(TESTED)))
     table = readings_csv(indicate(truth, TESTED, np.random.default_rng(0)))
     (place / "readings.csv").write_text(table)
+    shutil.copytree(place / "capture", place / "other")
+    head, *rows = table.splitlines()
+    series = head.split(",").index("series")
+    again = [",".join([*row.split(",")[:series], "2", *row.split(",")[series + 1 :]])
+             for row in rows]  # fmt: skip
+    (place / "two.csv").write_text("\n".join([head, *rows, *again]) + "\n")
     return place
 
 
@@ -168,6 +175,37 @@ def test_another_series_is_another_sheet(visit, folder):
     until(page, "document.querySelector('.faults').innerText.includes('series 2, down')")
     page.get_by_role("button", name="as found, Series 1").click()
     until(page, "document.querySelector('.cell input').value !== ''")
+
+
+def test_each_series_has_its_selector_of_a_reference(visit, folder):
+    """One selector more than references are named; each offers the other measurements."""
+    page = loaded(visit, folder)
+    assert page.locator("select[name=reference-2]").count() == 0  # there is no other measurement
+    page.get_by_role("button", name="Measure another").click()
+    visit.measure("other")
+    page.locator("#machine > summary").click()
+    selector = page.locator("select[name^=reference-]")
+    until(page, "document.querySelectorAll('select[name^=reference-]').length === 1")
+    offered = selector.locator("option").all_inner_texts()
+    assert len(offered) == 2
+    assert offered[1].startswith("capture")
+    page.set_input_files("#machine input[accept='.toml'] >> nth=0", str(folder / "item.toml"))
+    page.wait_for_selector(".sheet section")
+    page.set_input_files("#machine input[accept='.csv,.xlsx']", str(folder / "two.csv"))
+    page.wait_for_selector(".found .verdict")
+    selector.nth(0).select_option(index=1)
+    until(page, "document.querySelectorAll('select[name^=reference-]').length === 2")
+    assert page.locator("select[name=reference-3]").input_value() == ""
+    page.wait_for_selector(".found .verdict")
+    page.locator("#machine input[name=name]").fill("two references")
+    page.locator("#machine form.save button").click()
+    page.wait_for_selector("#machine .status.good a")
+    tree = json.loads((folder / "two references" / "calibration.json").read_text())
+    assert [one["series"] for one in tree["references"]] == ["1", "2"]
+    assert tree["references"][0]["source"] != tree["references"][1]["source"]
+    page.locator("select[name=reference-2]").select_option("")
+    until(page, "document.querySelectorAll('select[name^=reference-]').length === 1")
+    visit.check_with_axe()
 
 
 @pytest.mark.parametrize(
