@@ -20,6 +20,8 @@ from tests.web.test_web_browser import (  # noqa: F401 - browser is a fixture
     until,
 )
 from wheelplane.calibration import item_toml
+from wheelplane.commands.batch import batch
+from wheelplane.commands.calibrate import calibrate
 from wheelplane_synth.machine.forms import readings_csv
 from wheelplane_synth.machine.indicate import indicate
 
@@ -205,6 +207,32 @@ def test_each_series_has_its_selector_of_a_reference(visit, folder):
     assert tree["references"][0]["source"] != tree["references"][1]["source"]
     page.locator("select[name=reference-2]").select_option("")
     until(page, "document.querySelectorAll('select[name^=reference-]').length === 1")
+    visit.check_with_axe()
+
+
+def test_the_archive_opens_the_certificate(visit, folder):
+    bay = shutil.copytree(folder / "capture", folder / "bays" / "one")
+    for name in ("item.toml", "readings.csv"):
+        shutil.copy(folder / name, bay / name)
+    (bay / "five-point.txt").unlink(missing_ok=True)
+    results, files = folder / "archive", ("--item", "item.toml", "--readings", "readings.csv")
+    for command, arguments in (
+        (batch, (folder / "bays", "-o", results)),
+        (calibrate, (bay, *(bay / f if f[0] != "-" else f for f in files),
+                     "-o", results / "certificates" / "1")),
+    ):  # fmt: skip
+        command.main(list(map(str, arguments)), standalone_mode=False)
+    page = visit.open()
+    page.locator("nav a", has_text="Archive").click()
+    page.locator("#archive .items button", has_text="archive").click()
+    page.get_by_role("button", name="Calibrations").click()
+    page.locator("#archive tbody button").first.click()
+    link = page.get_by_role("link", name="Open the certificate")
+    with visit.context.expect_page() as shown:
+        link.click()
+    shown.value.wait_for_selector("table")
+    assert "DRAFT" in shown.value.content()
+    shown.value.close()
     visit.check_with_axe()
 
 
