@@ -36,6 +36,7 @@ NOT_REPEATED = (
     "{kind}, {state}: no reading is repeated, so that its repeatability is not known: read each "
     "point twice or more"
 )
+BELOW = "MPE/U is {value}, below the ratio of {ratio} agreed on"
 NEGLIGIBLE = 1e-9  # share of a variance that a budget leaves out
 Level = tuple[str, str]  # series and operator
 Budget = Sequence[tuple[Origin, Effect]]
@@ -270,7 +271,7 @@ def _verdict(kind: str, name: str, error: Estimate, mpe: float, rule: DecisionRu
     alone = rule.model_copy(update={"rule": "simple"}) if rule.rule == "shared" else rule
     found = decide(what, interval, alone)
     if rule.rule == "shared" and error.expanded > mpe / rule.ratio:
-        reason = f"MPE/U is {mpe / error.expanded:.2g}, below the ratio of {rule.ratio:g} agreed on"
+        reason = Wording(BELOW, value=f"{mpe / error.expanded:.2g}", ratio=f"{rule.ratio:g}")
         return replace(found, decision="undecided", risk=None, reason=reason)
     return found
 

@@ -11,7 +11,9 @@ from dataclasses import replace
 
 import pytest
 
+from tests.support.calibration_bay import TOE, Bay, changed, item_of, machine
 from tests.support.certificates import DAY, SENSOR, calibrated, certificate, given
+from wheelplane.calibration import DecisionRule, calibrate
 from wheelplane.calibration.certificate.issue import REQUIRED
 from wheelplane.report.certificate import certificate_files
 from wheelplane.report.format.laboratory import Laboratory
@@ -20,7 +22,7 @@ from wheelplane.report.format.view import PAPER
 from wheelplane.report.format.writer import Writer
 from wheelplane.report.html.page import ReportOptions
 from wheelplane.report.json.calibration import calibration_json
-from wheelplane.report.tables.calibration import points_table, title
+from wheelplane.report.tables.calibration import points_table, reasons, title
 from wheelplane.report.tables.certificate import lacking, standards_table, statements
 from wheelplane.report.write import ReportFiles
 
@@ -243,6 +245,26 @@ def test_portuguese_has_one_word_for_the_outcome_of_the_decision_rule():
     assert {texts[key] for key in ("verdict.decision", "comparison.verdict", "page.verdict")} == {
         "decisão"
     }
+
+
+@pytest.mark.parametrize(
+    ("rule", "mpe", "said"),
+    [
+        ("guarded", 0.3, {"en": "the uncertainty is too large for this MPE",
+                          "pt": "a incerteza é demasiado grande para este EMA"}),
+        ("shared", 0.3, {"en": "MPE/U is 0.", "pt": "EMA/U é 0,"}),
+    ],
+)  # fmt: skip
+def test_points_of_one_reason_stand_together_in_the_language(rule, mpe, said):
+    bay, tested = Bay(seed=1, trials=2), machine(toe=changed(TOE, mpe=mpe, zero=0.0))
+    item = item_of(tested).model_copy(update={"decision": DecisionRule(rule=rule)})
+    (result,) = calibrate((bay.reference(),), item, bay.readings(tested)).results
+    undecided = [p for p in result.points if p.verdict.decision == "undecided"]
+    assert len(undecided) > 3
+    for language, text in said.items():
+        found = reasons(result, Writer(load_translations(language), PAPER))
+        assert len(found) < len(undecided)
+        assert all(f": {text}" in one for one in found)
 
 
 def test_the_plan_says_which_trials_it_counts():

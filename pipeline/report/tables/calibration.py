@@ -12,6 +12,7 @@ from ...calibration import (
     GaugeRR,
     ItemQuantity,
     QuantityResult,
+    Wording,
 )
 from ...measurement import Estimate
 from ..format.digits import rounded
@@ -282,15 +283,17 @@ def rule_words(found: Calibration, words: Translations) -> str:
 
 
 def reasons(result: QuantityResult, writer: Writer) -> list[str]:
-    """Return why points are undecided."""
+    """Return why points are undecided, points of one reason together."""
     words = writer.words
-    found = []
+    found: dict[str, list[str]] = {}
     for point in result.points:
         verdict = point.verdict
         if verdict is not None and verdict.decision == "undecided":
             key = "undecidable" if verdict.guard_band is None else "near"
-            shared = "MPE/U" in verdict.reason
-            text = verdict.reason if shared else words(f"calibration.{key}")
+            text = words(f"calibration.{key}")
+            if isinstance(verdict.reason, Wording):
+                parts = {k: words.number(str(v)) for k, v in verdict.reason.parts.items()}
+                text = words("fault.below_ratio", **parts)
             name = point_name(point.point, point.quantity, words)
-            found.append(f"{name}: {words.number(text)}")
-    return found
+            found.setdefault(text, []).append(name)
+    return [f"{', '.join(names)}: {text}" for text, names in found.items()]
