@@ -202,7 +202,7 @@ def _xlsx_cells(content: bytes, name: str) -> list[tuple[int, list[AnyCell]]]:
             unpacked = sum(entry.file_size for entry in packed.infolist())
         if unpacked > MAX_UNPACKED:
             raise InputError(f"{name}: it unpacks to {unpacked >> 20} MB: give readings only")
-        _check_merged(content, name)
+        _check_merged(openpyxl, content, name)
         book = openpyxl.load_workbook(io.BytesIO(content))
     except InputError:
         raise
@@ -232,10 +232,8 @@ def _xlsx_cells(content: bytes, name: str) -> list[tuple[int, list[AnyCell]]]:
     ]
 
 
-def _check_merged(content: bytes, name: str) -> None:
+def _check_merged(openpyxl: Any, content: bytes, name: str) -> None:
     """Raise FaultyTableError with the merged areas where they have too many cells to be opened."""
-    from openpyxl.utils import range_boundaries
-
     faults, merged = Faults(name), 0
     with zipfile.ZipFile(io.BytesIO(content)) as packed:
         for sheet in packed.namelist():
@@ -245,7 +243,7 @@ def _check_merged(content: bytes, name: str) -> None:
                 for _, element in ElementTree.iterparse(stream):  # noqa: S314 - as openpyxl does
                     if element.tag.endswith("}mergeCell"):
                         area = element.get("ref", "")
-                        left, top, right, bottom = range_boundaries(area)
+                        left, top, right, bottom = openpyxl.utils.range_boundaries(area)
                         merged += (right - left + 1) * (bottom - top + 1)
                         faults.add(top, str(left), Wording(MERGED, area=area))
                     element.clear()
