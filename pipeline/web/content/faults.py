@@ -91,7 +91,8 @@ def _item_fault(text: str, words: Translations) -> str:
     for key, form in ITEM_FAULTS.items():
         found = form.match(text)
         if found is not None:
-            parts = {name: _part(name, part, words) for name, part in found.groupdict().items()}
+            given = {name: part.replace(" or ", ", ") for name, part in found.groupdict().items()}
+            parts = {name: _part(name, part, words) for name, part in given.items()}
             return words(f"item_fault.{key}", **parts) + "."
     return text
 
@@ -101,8 +102,6 @@ def _part(name: str, part: object, words: Translations) -> str:
         return quantity(str(part), words)
     if name == "state" and part in STATES:
         return words(f"calibration.{STATES[str(part)]}")
-    if name == "known" and words.language != "en":
-        return str(part).replace(" or ", ", ")
     return in_words(part, words)
 
 
