@@ -17,6 +17,7 @@ MEDIAN_LOSS = 1.25  # standard deviation of a median over that of a mean
 FLANGE_M, WALL_M = 0.014, 0.050  # widths of the flange and of the side wall's inner half
 WALL = (0.13, 0.41)  # height of a side wall over the tyre's radius
 RIM_M = 0.045  # of the rim inside its flange's edge that is of revolution
+CREST_M = 0.0008  # of it outside the edge, before it falls away to the tyre
 BESIDE_M = (0.01, 0.03)  # of the side wall, beyond the groove
 ROUND = 0.6  # of a ring's cells at one height
 INCH_M, FLANGE_HEIGHT_M, SIZE_M = 0.0254, 0.0130, 0.012
@@ -40,8 +41,11 @@ class Flange:
 
         Noise carries points of the tyre across the groove, the farther the more it is: on one side
         of the wheel inwards from high on the wall, on the other outwards, which tilts these rings.
+        The outer flank of the flange is seen on the scanner's side only: on the other, its rings
+        are mixed pixels and tyre, which tilts them as well.
         """
-        return self.edge_m - RIM_M, max(self.edge_m, self.groove_m - self.noise_m)
+        outer = max(self.edge_m, self.groove_m - self.noise_m)
+        return self.edge_m - RIM_M, min(self.edge_m + CREST_M, outer)
 
 
 def find_flange(points_m: Array, fit: AxisFit, rim_inch: float | None) -> Flange | None:

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from tests.support.round_wheels import (
+    EDGE_M,
+    GROOVE_M,
     MERIDIAN,
     angle_between,
     aside,
@@ -61,6 +63,20 @@ def test_without_a_flange_it_is_the_tyre_and_its_waves_count():
     assert np.sqrt(np.trace(runout.covariance[:3, :3])) > 0.5 * 0.0005 / 0.285
     assert angle_between(found.normal, direction) < np.radians(3.0 / 60.0)
     assert 0.005 < (found.centre_m - centre) @ direction < 0.015
+
+
+def test_the_outer_flank_of_the_flange_seen_from_one_side_does_not_tilt_the_axis():
+    points, centre, direction = scene(10)
+    local = points - centre
+    height = local @ direction
+    off = local - height[:, None] * direction
+    radius = np.linalg.norm(off, axis=1)
+    side = np.cross(direction, [0.3, 0.5, 0.8])
+    flank = (radius > EDGE_M + 0.002) & (radius < GROOVE_M) & (np.abs(height) < 0.01)
+    lifted = 0.0004 * (off @ (side / np.linalg.norm(side))) / radius
+    points[flank] += lifted[flank, None] * direction
+    found = fit_wheel(find_wheel(points), None)
+    assert angle_between(found.normal, direction) < np.radians(0.3 / 60.0)
 
 
 def test_half_a_wheel_is_not_measured():
