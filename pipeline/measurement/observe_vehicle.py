@@ -28,6 +28,7 @@ from ..readers import Part
 from ..targets import PatternTarget, Target, WheelTarget
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
+from ..wheel import find_wheels
 from .observe import Fit, note_on_hint, note_on_lone_points, within_box
 from .records import Evidence, Naming, Observation
 
@@ -66,11 +67,6 @@ def targets_of_cloud(
 
     Raises InputError when it is unreadable, or cannot be the scan of a vehicle.
     """
-    if isinstance(capture.target, WheelTarget):
-        raise InputError(
-            f"{source}: bare wheels are measured in scans of one wheel each, not in one cloud of "
-            "the vehicle: cut it into rr, rl, fr and fl, or name the target on its wheels"
-        )
     progress(f"{cloud.file}: reading")
     scan = cloud.read(capture.length_unit, source, capture.reading)
     box = capture.hints.get("vehicle")
@@ -85,17 +81,11 @@ def targets_of_cloud(
     chosen = [one.near for wheel in REFERENCE_WHEELS if (one := capture.hints.get(wheel))]
     near_m = [one for one in chosen if one is not None]
     try:
-        patches = find_targets(
-            scan.points_m,
-            target,
-            config.segment,
-            scan.intensity,
-            rows,
-            stations,
-            axes,
-            near_m,
-            config.seed,
-        )
+        if isinstance(target, WheelTarget):
+            patches = find_wheels(scan.points_m, target.rim_inch, rows, stations, near_m)
+        else:
+            seen = (scan.points_m, target, config.segment, scan.intensity)
+            patches = find_targets(*seen, rows, stations, axes, near_m, config.seed)
     except NotMeasuredError as error:
         raise InputError(f"{source}: {error}: check the file, and --target") from error
     return Found(

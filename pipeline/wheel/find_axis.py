@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,11 +40,15 @@ class Pieces:
 
 @dataclass(frozen=True)
 class RoughAxis:
-    """An axis, its score and the largest radius of surfaces that slope towards or away from it."""
+    """An axis, its score and the largest radius of surfaces that slope towards or away from it.
+
+    circle: share of the sectors about it in which they are.
+    """
 
     axis: Axis
     score: float
     radius_m: float
+    circle: float
 
     def agrees(self, other: RoughAxis) -> bool:
         """Return whether another start has led to the same axis."""
@@ -79,7 +83,7 @@ def find_axis(points_m: Array) -> RoughAxis:
         )
     _check_alone(best, found)
     axis = Axis(best.axis.point_m + origin, best.axis.direction)
-    return RoughAxis(axis, best.score, best.radius_m)
+    return replace(best, axis=axis)
 
 
 def _pieces(points_m: Array) -> Pieces:
@@ -194,7 +198,8 @@ def _refined(pieces: Pieces, start: Axis) -> RoughAxis | None:
     filled = len(np.unique(((turn / (2.0 * np.pi) % 1.0) * SECTORS).astype(int)))
     if filled < LEAST_SECTORS:
         return None
-    return RoughAxis(axis, float(np.count_nonzero(met)) * filled / SECTORS, radius)
+    circle = filled / SECTORS
+    return RoughAxis(axis, float(np.count_nonzero(met)) * circle, radius, circle)
 
 
 def _miss(pieces: Pieces, axis: Axis) -> Array:

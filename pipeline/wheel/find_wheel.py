@@ -9,7 +9,7 @@ from ..detection import find_target
 from ..plane import Patch
 from ..targets import Target, WheelTarget
 from ..vectors import Array, Array32
-from .find_axis import find_axis
+from .find_axis import RoughAxis, find_axis
 from .normal_lines import Axis
 
 BESIDE_M = 0.05  # beyond the surfaces that slope
@@ -44,7 +44,11 @@ def find_wheel(points_m: Array) -> Patch:
 
     Raises NotMeasuredError 'too-few-points' or 'wheel-not-found'.
     """
-    rough = find_axis(points_m)
+    return cut_wheel(points_m, find_axis(points_m))
+
+
+def cut_wheel(points_m: Array, rough: RoughAxis) -> Patch:
+    """Cut the patch of the wheel about a rough axis out of points_m (N, 3), its normal outwards."""
     axis, reach = rough.axis, rough.radius_m + BESIDE_M
     local = points_m - axis.point_m
     height = local @ axis.direction

@@ -61,8 +61,6 @@ def write_whole(
         np.random.default_rng(child) for child in seeds
     )
     kit = draw_instruments(vehicle, scanner, target, instruments_rng)
-    if isinstance(kit.target, BareWheelFile):
-        raise SynthError(f"{target}: bare wheels are scanned one by one; leave --whole out")
     if kit.sensor.kind != "laser-scanner":
         raise SynthError(
             f"{scanner}: sensor.kind '{kit.sensor.kind}' scans wheel by wheel; leave --whole out, "
@@ -80,7 +78,9 @@ def write_whole(
         write_text(folder / "five-point.txt", five_point_text(rows))
         wheels = tuple(mounted.wheel for mounted in site.mounted)
         used = {"file": file.name, **_used(site, kit, scans, position_m)}
-        truth = Truth(seed, car, wheels, used, target=kit.target)
+        face = None if isinstance(kit.target, BareWheelFile) else kit.target
+        truth = Truth(seed, car, wheels, used, target=face)
+        truth = truth.with_rims({name: one.mount for name, one in site.bare.items()})
         write_text(folder / "truth.json", json.dumps(truth.to_json(), indent=1) + "\n")
         return truth
 

@@ -141,6 +141,18 @@ class BareWheel(Section):
         return self
 
 
+class Site(Section):
+    """Surroundings of a whole vehicle.
+
+    kind: a workshop bay; or out of doors, with other bare wheels: cars on either side beyond an
+    empty place (car-park), a second car behind (two-cars), a third axle behind the rear axle
+    (trailer). spare: whether a spare wheel leans against something near the car.
+    """
+
+    kind: Literal["bay", "car-park", "two-cars", "trailer"] = "bay"
+    spare: bool = False
+
+
 class VehicleFile(Section):
     """A file of configs/vehicles/."""
 
@@ -153,6 +165,7 @@ class VehicleFile(Section):
     sweep: Sweep = Sweep()
     runout: Runout = Runout()
     bare_wheel: BareWheel = BareWheel()
+    site: Site = Site()
 
 
 class Station(Section):

@@ -17,7 +17,7 @@ from ..parameters.parameters import Beam, Calibration
 from ..scene.scene import Scene
 from .echoes import Echoes, trace
 from .lattice import Lattice
-from .noise import correlated_rows, margin
+from .noise import by_surfaces, correlated_rows, margin
 from .raycast import RayCaster
 from .scanner import Scan, directions, range_sigma_m, report
 from .spot import near_edges, spot_reach, with_spots
@@ -95,6 +95,8 @@ class _RowScanner:
                 noise_m += correlated[k] * range_sigma_m(self.beam.correlated_sigma_m, row.cosine)
             if self.beam.line_sigma_m > 0.0:
                 noise_m += self.beam.line_sigma_m * self._line_offsets(rows[k])
+            if self.scene.optics is not None:
+                row, noise_m = by_surfaces(row, noise_m, self.scene.optics, rng)
             scans.append(
                 report(row, directions(*angles), noise_m, self.beam, rng, self.calibration)
             )

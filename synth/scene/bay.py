@@ -35,6 +35,13 @@ def bay_solids(vehicle: Vehicle, rng: np.random.Generator) -> list[Solid]:
     return [solid.placed(ground) for solid in solids]
 
 
+def ground_solids(vehicle: Vehicle) -> list[Solid]:
+    """Build the ground about a vehicle, out of doors."""
+    top, base = vehicle.floor_m, vehicle.axles.wheelbase_m
+    slab = box((-12.0, -12.0, top - 0.1), (base + 12.0, 12.0, top), 0.3)
+    return [slab.of("floor")]
+
+
 def _walls(base_m: float, side: float) -> list[Solid]:
     """Build floor, three walls, the pillars of the door, and a picture on the wall."""
     rear, front = -BEHIND_M, base_m + BEFORE_M

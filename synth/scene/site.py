@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,12 +11,17 @@ from ..arrays import Array
 from ..errors import SynthError
 from ..parameters.instruments import Instruments
 from ..parameters.parameters import Obstacle, Panorama, Surfaces
+from ..parameters.parameters import Site as SiteKind
 from ..scanner.stations import Station, draw_stations
 from ..vehicle.body import body_solids
 from ..vehicle.turning import draw_turning
 from ..vehicle.vehicle import FORWARD, WHEELS, Vehicle, draw_wheel
-from .bay import bay_solids
+from ..wheel.bare_wheel import DrawnWheel
+from ..wheel.others import COARSE, other_wheels
+from ..wheel.scan import draw_bare_wheels, surfaces_of
+from .bay import bay_solids, ground_solids
 from .obstacle import draw_board
+from .optics import optics_of
 from .scene import Mounted, Scene, seen_from
 from .solids import Solid
 from .target import draw_mount
@@ -29,7 +34,8 @@ class Site:
     """A vehicle with its targets, in the order of WHEELS, the bay about it, the stations.
 
     solids: in vehicle coordinates. hidden: fraction of each target's face behind a board, from the
-    station at its corner.
+    station at its corner. bare: the wheels themselves, by name, where nothing is mounted; then the
+    mounts are those of their rims.
     """
 
     vehicle: Vehicle
@@ -39,11 +45,17 @@ class Site:
     hidden: Sequence[float]
     panorama: Panorama
     surfaces: Surfaces
+    bare: Mapping[str, DrawnWheel] = field(default_factory=dict)
 
     def scene(self, station: Station) -> Scene:
         """Return the scene of a station."""
         position_m = station.position_vehicle_m
-        return seen_from(position_m, self.solids, self.mounted, self.vehicle, self.surfaces)
+        mounted = () if self.bare else self.mounted
+        scene = seen_from(position_m, self.solids, mounted, self.vehicle, self.surfaces)
+        if not self.bare:
+            return scene
+        form = next(iter(self.bare.values())).form
+        return replace(scene, optics=optics_of(self.solids, surfaces_of(form)))
 
     def to_station(self, point_vehicle_m: Array, station: Station) -> Array:
         """Transform a point (3,) of the vehicle to station coordinates."""
@@ -69,18 +81,24 @@ def draw_site(
 ) -> Site:
     """Draw a site. wheel_rngs: one per wheel. points: instead of those of the scanner file."""
     _refuse_turning(kit, seed)
+    bare = draw_bare_wheels(vehicle, kit, seed)
     mounted = []
     for name, wheel_rng in zip(WHEELS, wheel_rngs, strict=True):
         wheel = draw_wheel(vehicle, kit.vehicle_recipe, name, wheel_rng)
-        mounted.append(Mounted(wheel, draw_mount(kit.target, wheel_rng), kit.target))
+        mount = draw_mount(kit.target, wheel_rng)
+        mount = bare[name].mount if bare else mount
+        mounted.append(Mounted(wheel, mount, kit.target))
     rng = np.random.default_rng([seed, SURROUNDINGS])
     panorama = kit.scanner_recipe.draw("panorama", Panorama, rng)
     if points is not None:
         panorama = panorama.model_copy(update={"points": points})
     stations = draw_stations(vehicle, mounted, panorama.stations, kit.scanner_recipe, rng)
-    solids = [solid for one in mounted for solid in one.solids(vehicle.body)]
-    solids += body_solids(vehicle, [one.wheel for one in mounted])
-    solids += bay_solids(vehicle, rng)
+    wheels = [one.wheel for one in mounted]
+    solids = [solid for one in mounted for solid in _on_wheel(vehicle, one, bare)]
+    solids += body_solids(vehicle, wheels)
+    kind = kit.vehicle_recipe.draw("site", SiteKind, rng)
+    solids += bay_solids(vehicle, rng) if kind.kind == "bay" else ground_solids(vehicle)
+    solids += other_wheels(vehicle, wheels, kind, kit.vehicle_recipe, seed)
     hidden = [kit.scanner_recipe.draw("scene", Obstacle, rng) for _ in mounted]
     for one, station, board in zip(mounted, stations, hidden, strict=False):
         if board.occluded_fraction > 0.0:
@@ -88,7 +106,18 @@ def draw_site(
             solid = draw_board(kit.target, station_m, board.occluded_fraction, rng)
             solids.append(solid.placed(one.wheel.T_vehicle_target))
     shares = [board.occluded_fraction for board in hidden]
-    return Site(vehicle, mounted, solids, stations, shares, panorama, kit.surfaces)
+    return Site(vehicle, mounted, solids, stations, shares, panorama, kit.surfaces, bare)
+
+
+def _on_wheel(
+    vehicle: Vehicle, mounted: Mounted, bare: Mapping[str, DrawnWheel]
+) -> Sequence[Solid]:
+    """Build a wheel with its target, or the wheel itself, in vehicle coordinates."""
+    wheel = mounted.wheel
+    if not bare:
+        return mounted.solids(vehicle.body)
+    own = bare[wheel.wheel].solids(wheel, coarse=COARSE)
+    return [solid.placed(wheel.T_vehicle_target) for solid in own]
 
 
 def _refuse_turning(kit: Instruments, seed: int) -> None:

@@ -66,8 +66,11 @@ class DrawnWheel:
         """The rim on its wheel, as if it were a target mounted there."""
         return Mount(self.tilt_rad, self.shift_m)
 
-    def solids(self, wheel: Wheel, turn_rad: float = 0.0) -> list[Solid]:
-        """Build the wheel, turned about its spin axis, in the coordinates of `wheel`."""
+    def solids(self, wheel: Wheel, turn_rad: float = 0.0, coarse: int = 1) -> list[Solid]:
+        """Build the wheel, turned about its spin axis, in the coordinates of `wheel`.
+
+        coarse: how many times fewer facets it has about its axis.
+        """
         down = -UP @ wheel.T_vehicle_target[:3, :2]
         down_rad = float(np.arctan2(down[1], down[0]))
         rng = np.random.default_rng(self.seed)
@@ -75,8 +78,9 @@ class DrawnWheel:
         pose = np.eye(4)
         pose[:3, :3] = about(np.array([0.0, 0.0, 1.0]), turn_rad)
         pose = pose @ self.T_wheel_rim
-        own = rim(self.body, self.form, waves, rng)
-        rubber = tyre(self.body, self.form, self.tyre_waves, down_rad, turn_rad, self.words)
+        own = rim(self.body, self.form, waves, rng, coarse)
+        form = (self.body, self.form, self.tyre_waves)
+        rubber = tyre(*form, down_rad, turn_rad, self.words, coarse)
         return [
             rubber,
             *(part.placed(pose) for part in own),

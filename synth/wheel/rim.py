@@ -47,7 +47,11 @@ def edge_radius_m(body: Body, form: BareWheel) -> float:
 
 
 def rim(
-    body: Body, form: BareWheel, waves: tuple[Wave, Wave], rng: np.random.Generator
+    body: Body,
+    form: BareWheel,
+    waves: tuple[Wave, Wave],
+    rng: np.random.Generator,
+    coarse: int = 1,
 ) -> list[Solid]:
     """Build the rim about its own axis z; waves: lateral and radial, beyond the first harmonic."""
     flange = flange_radius_m(body, form)
@@ -56,7 +60,7 @@ def rim(
         turn = angle[:, 0]
         return radius + waves[1].at(turn)[:, None], z + waves[0].at(turn)[:, None]
 
-    ring = swept(rim_curve(body, form), SECTIONS, ALBEDO, displace)
+    ring = swept(rim_curve(body, form), SECTIONS // coarse, ALBEDO, displace)
     hub_z = -form.dish_m
     parts = [ring, *_hub(hub_z)]
     outer = flange - 0.034

@@ -48,6 +48,7 @@ def tyre(
     down_rad: float,
     turn_rad: float,
     words: Array,
+    coarse: int = 1,
 ) -> Solid:
     """Build the tyre in the coordinates of the wheel.
 
@@ -72,7 +73,7 @@ def tyre(
         radial = np.where(depth > loaded, loaded / np.maximum(np.cos(off), 0.1), radial)
         return radial, z + lateral
 
-    return swept(tyre_curve(body, form), SECTIONS, 0.06, displace).of("tyre")
+    return swept(tyre_curve(body, form), SECTIONS // coarse, 0.06, displace).of("tyre")
 
 
 def _letters(radius: Array, angle: Array, z: Array, low_m: float, words: Array) -> Array:

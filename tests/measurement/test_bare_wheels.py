@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.support.round_wheels import wheel_points
+from tests.support.round_wheels import vehicle_points, wheel_points
 from wheelplane.capture import open_capture
 from wheelplane.config import Config
 from wheelplane.errors import InputError
@@ -97,12 +97,36 @@ def test_turned_scans_give_the_spin_axis(tmp_path):
     assert "not in the uncertainty" not in " ".join(found.notes)
 
 
-def test_one_cloud_of_bare_wheels_is_refused_with_what_to_do(tmp_path):
-    np.save(tmp_path / "car.npy", np.random.default_rng(0).random((1000, 3)) * 4.0)
-    text = 'cloud = "car.npy"\nfront = [1, 0, 0]\n[target]\nshape = "wheel"\n'
-    (tmp_path / "capture.toml").write_text(text.replace("[1, 0, 0]", "[1.0, 0.0, 0.0]"))
-    with pytest.raises(InputError, match="cut it into rr, rl, fr and fl"):
-        measured(tmp_path)
+def cloud(folder, centres, axes):
+    points = vehicle_points(np.random.default_rng(12), centres, axes)
+    np.save(folder / "car.npy", points)
+    text = 'cloud = "car.npy"\nfront = [1.0, 0.0, 0.0]\n[target]\nshape = "wheel"\n'
+    (folder / "capture.toml").write_text(text, encoding="utf-8")
+    return folder
+
+
+def test_wheels_in_one_cloud_of_the_vehicle_are_found_named_and_measured(tmp_path):
+    centres = [(x, y, 0.32) for x, y in CENTRES.values()]
+    found = measured(cloud(tmp_path, centres, [outward(name) for name in CENTRES]))
+    for wheel in found.wheels:
+        assert np.linalg.norm(wheel.pose.centre_m[:2] - CENTRES[wheel.observation.name]) < 0.03
+        k = 2.0 * coverage_factor(0.95, np.array([wheel.dof_toe]))[0]
+        assert abs(wheel.angles.toe_rad - TOE) < k * wheel.u_toe_rad
+        assert abs(wheel.angles.camber_rad - CAMBER) < k * wheel.u_camber_rad
+    assert "those of the rims" in " ".join(found.notes)
+
+
+def test_a_third_axle_is_refused_with_a_list(tmp_path):
+    centres = [(x, y, 0.32) for x, y in [*CENTRES.values(), (-1.6, -0.75), (-1.6, 0.75)]]
+    axes = [outward(name) for name in [*CENTRES, "RR", "RL"]]
+    with pytest.raises(InputError, match=r"6 targets found, of which .* could be a vehicle's"):
+        measured(cloud(tmp_path, centres, axes))
+
+
+def test_three_wheels_are_refused_with_a_list(tmp_path):
+    centres = [(x, y, 0.32) for x, y in list(CENTRES.values())[:3]]
+    with pytest.raises(InputError, match=r"3 targets found, four are needed: target 1 at"):
+        measured(cloud(tmp_path, centres, [outward(name) for name in list(CENTRES)[:3]]))
 
 
 def test_a_scan_without_a_wheel_is_refused(tmp_path):

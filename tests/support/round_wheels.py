@@ -73,3 +73,22 @@ def aside(point, centre, direction):
     """Distance of a point from an axis."""
     off = point - centre
     return float(np.linalg.norm(off - (off @ direction) * direction))
+
+
+def vehicle_points(rng, centres, axes, count=30_000, noise_m=0.0008):
+    """Points of wheels at centres with outward axes, of the panels above them, and of the floor."""
+    wheels = [
+        wheel_points(rng, np.array(centre), axis, count=count, noise_m=noise_m)
+        for centre, axis in zip(centres, axes, strict=True)
+    ]
+    panels = []
+    for x, y, z in centres:
+        across = rng.uniform((-0.55, 0.38), (0.55, 0.6), (count // 4, 2))
+        panels.append(
+            np.column_stack([x + across[:, 0], np.full(len(across), 0.97 * y), z + across[:, 1]])
+        )
+    floor = rng.uniform((-3.0, -3.0), (5.5, 3.0), (5 * count, 2))
+    points = np.concatenate([*wheels, *panels, np.column_stack([floor, np.zeros(len(floor))])])
+    points = points[points[:, 2] > -0.001]
+    points[:, 2] += rng.normal(0.0, noise_m, len(points))
+    return points

@@ -81,5 +81,19 @@ def test_a_capture_states_both_axes_and_is_the_same_again(tmp_path):
     truth = json.loads((tmp_path / "a" / "truth.json").read_text(encoding="utf-8"))
     off = [np.linalg.norm(np.cross(w["normal"], w["rim_normal"])) for w in truth["wheels"]]
     assert all(0.0 < one < 0.001 / 0.2 for one in off)
-    with pytest.raises(SynthError, match="one by one"):
-        write_whole(tmp_path / "c", points=20_000, **kit)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("site", ["bay", "trailer"])
+def test_a_whole_vehicle_of_bare_wheels_has_the_noise_of_its_surfaces(tmp_path, site):
+    car = tmp_path / "car.toml"
+    usual = (CONFIGS / "vehicles" / "saloon-bare-wheels.toml").read_text(encoding="utf-8")
+    car.write_text(f'{usual}\n[site]\nkind = "{site}"\n', encoding="utf-8")
+    kit = {"scanner": CONFIGS / "scanners" / "ideal.toml",
+           "target": CONFIGS / "targets" / "wheel.toml"}  # fmt: skip
+    found = write_whole(tmp_path / "a", seed=5, vehicle=car, points=20_000, **kit)
+    truth = json.loads((tmp_path / "a" / "truth.json").read_text(encoding="utf-8"))
+    assert [wheel["name"] for wheel in truth["wheels"]] == ["RR", "RL", "FR", "FL"]
+    off = [np.linalg.norm(np.cross(w["normal"], w["rim_normal"])) for w in truth["wheels"]]
+    assert all(0.0 < one < 0.001 / 0.2 for one in off)
+    assert len(found.rims) == 4

@@ -1,0 +1,244 @@
+"""Wheels in the cloud of a whole vehicle: what is of revolution about a level axis on the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..cloud import lowest, voxel_moments
+from ..detection import planes_of
+from ..errors import NotMeasuredError
+from ..plane import Patch
+from ..vectors import Array, Rows, plane_basis
+from .find_axis import SLANT, RoughAxis, find_axis
+from .find_wheel import CHOSEN_M, cut_wheel
+from .fit_wheel import fit_wheel
+from .normal_lines import Axis
+
+EDGE_M, LEAST_IN_VOXEL, FLAT = 0.036, 8, 0.5  # of the pieces of surface
+LEVEL = np.cos(np.radians(45.0))  # of a floor to z
+FLOOR_BIN_M, FLOOR_SHARE, FLOOR_M = 0.05, 0.3, 0.03
+BAND_M = (0.04, 1.0)  # heights of pieces that may be a wheel's
+CENTRE_M = (0.2, 0.65)  # heights of wheels' centres
+HEADINGS = 18  # of axes that are tried
+RADII_M = np.arange(0.15, 0.43, 0.03)
+CELL_M, DEPTH_M = 0.06, 0.2  # of the votes: across an axis, and along it
+MOST, LEAST_VOTES = 40, 0.08  # positions that are looked at; of the votes of the best
+APART_M = 0.3
+BALL_M, ABOVE_M = 0.55, 0.015  # points about a position; above the floor
+MOST_LEAN = np.sin(np.radians(10.0))  # of an axis against the floor
+TWIN_M = (0.1, 0.6)  # aside and along: of the inner wheel of two on one hub
+STANDS_M = (-0.08, 0.10)  # height of the axis less the largest radius seen
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The floor: a point on it and its upward normal, each (3,)."""
+
+    point_m: Array
+    up: Array
+
+    def height_m(self, points_m: Array) -> Array:
+        """Return the heights (N,) of points (N, 3)."""
+        return np.asarray((points_m - self.point_m) @ self.up)
+
+
+def find_wheels(
+    points_m: Array,
+    rim_inch: float | None,
+    parts: Sequence[tuple[int, int]] = (),
+    stations_m: Sequence[Array | None] = (),
+    near_m: Sequence[Array] = (),
+) -> tuple[Patch, ...]:
+    """Find all wheels in points_m (N, 3), the cloud of a vehicle; patches, best match first.
+
+    rim_inch: nominal diameter of the rims, if it is stated. parts: row ranges of the scans that
+    make up the cloud: each wheel is taken from the one with most points on it. stations_m: (3,)
+    each, positions of the scanner. near_m: (3,) each, points chosen by the operator: then the wheel
+    at each of them, in their order.
+    Raises NotMeasuredError where there is no floor, or no wheel at a chosen point.
+    """
+    parts = parts or [(0, len(points_m))]
+    if near_m:
+        balls = (_within(points_m, one, CHOSEN_M) for one in near_m)
+        found = [(find_axis(points_m[rows]), rows) for rows in balls]
+    else:
+        found = _standing(points_m, rim_inch)
+    return tuple(_of_best_part(points_m, rough, rows, parts, stations_m) for rough, rows in found)
+
+
+def _of_best_part(
+    points_m: Array,
+    rough: RoughAxis,
+    rows: Rows,
+    parts: Sequence[tuple[int, int]],
+    stations_m: Sequence[Array | None],
+) -> Patch:
+    """Return the patch of a wheel from the part with most points on it; rows: near it."""
+    bounds = np.searchsorted(rows, np.array(parts))
+    seen = (index for index, (start, stop) in enumerate(bounds) if stop > start)
+    patches = {index: cut_wheel(points_m[rows[slice(*bounds[index])]], rough) for index in seen}
+    part = max(patches, key=lambda index: len(patches[index].face_m))
+    station_m = stations_m[part] if stations_m else None
+    return replace(patches[part], match=rough.circle, part=part, station_m=station_m)
+
+
+def _standing(points_m: Array, rim_inch: float | None) -> list[tuple[RoughAxis, Rows]]:
+    """Return the wheels that stand on the floor, with the rows of points near each."""
+    centroid, normal = _pieces(points_m)
+    floor = _find_floor(centroid, normal)
+    found: list[tuple[RoughAxis, Rows]] = []
+    for position in _positions(centroid, normal, floor):
+        if any(_apart_m(rough.axis.point_m, position) < APART_M for rough, _ in found):
+            continue
+        rows = _within(points_m, position, BALL_M)
+        rows = rows[floor.height_m(points_m[rows]) > ABOVE_M]
+        rough = _wheel_at(points_m[rows], floor, rim_inch)
+        if rough is not None:
+            found.append((rough, rows))
+    return _of_their_own(sorted(found, key=lambda one: (-one[0].circle, -one[0].score)))
+
+
+def _pieces(points_m: Array) -> tuple[Array, Array]:
+    """Return centroids and normals, each (S, 3), of the flat pieces of surface of a cloud."""
+    voxels = voxel_moments(points_m, lowest(points_m) - EDGE_M, EDGE_M)
+    full = np.nonzero(voxels.sums[:, 0] >= LEAST_IN_VOXEL)[0]
+    centroid, normal, spread = planes_of(voxels.sums[full])
+    flat = (spread[:, 0] < FLAT * spread[:, 1]) & (spread[:, 1] > 0.12 * EDGE_M)
+    return (centroid + voxels.middle_m[full])[flat], normal[flat]
+
+
+def _find_floor(centroid: Array, normal: Array) -> Floor:
+    """Find the lowest large surface that is about level. Raises NotMeasuredError."""
+    level = np.abs(normal[:, 2]) > LEVEL
+    own, ways = centroid[level], normal[level] * np.sign(normal[level, 2])[:, None]
+    up = np.array([0.0, 0.0, 1.0])
+    for turn_rad in (0.2, 0.05):
+        if not len(ways):
+            break
+        up = np.median(ways, axis=0)
+        up /= np.linalg.norm(up)
+        kept = ways @ up > np.cos(turn_rad)
+        own, ways = own[kept], ways[kept]
+    if len(own) < 100:
+        raise NotMeasuredError("no-floor", "no floor is in it on which wheels could stand")
+    height = own @ up
+    bins = np.floor(height / FLOOR_BIN_M).astype(int)
+    count = np.bincount(bins - bins.min())
+    lowest_bin = int(np.argmax(count > FLOOR_SHARE * count.max())) + int(bins.min())
+    near = np.abs(height - (lowest_bin + 0.5) * FLOOR_BIN_M) < 2.0 * FLOOR_BIN_M
+    for _ in range(3):
+        middle = own[near].mean(axis=0)
+        up = np.linalg.svd(own[near] - middle, full_matrices=False)[2][2]
+        up *= np.sign(up[2])
+        near = np.abs((own - middle) @ up) < FLOOR_M
+    return Floor(middle, up)
+
+
+def _positions(centroid: Array, normal: Array, floor: Floor) -> Iterator[Array]:
+    """Yield positions (3,) in which normals of a wheel's slopes may meet, most votes first."""
+    height = floor.height_m(centroid)
+    own = (height > BAND_M[0]) & (height < BAND_M[1])
+    centroid, normal, height = centroid[own], normal[own], height[own]
+    if not len(centroid):
+        return
+    peaks: list[tuple[float, Array]] = []
+    across = plane_basis(floor.up)[:2]
+    for turn in np.pi * np.arange(HEADINGS) / HEADINGS:
+        along = np.cos(turn) * across[0] + np.sin(turn) * across[1]
+        peaks += _peaks(centroid, normal, height, along, floor)
+    peaks.sort(key=lambda peak: -peak[0])
+    taken: list[Array] = []
+    for votes, position in peaks:
+        if len(taken) == MOST or votes < LEAST_VOTES * peaks[0][0]:
+            return
+        if all(_apart_m(position, other) > 0.5 * APART_M for other in taken):
+            taken.append(position)
+            yield position
+
+
+def _peaks(
+    centroid: Array, normal: Array, height: Array, along: Array, floor: Floor
+) -> list[tuple[float, Array]]:
+    """Return votes and positions for axes of one heading: of lines that meet, at wheels' radii."""
+    slope = np.abs(normal @ along)
+    own = (slope > SLANT[0]) & (slope < SLANT[1])
+    ahead = np.cross(floor.up, along)
+    local = centroid[own] - floor.point_m
+    place = np.column_stack([local @ ahead, height[own]])
+    line = np.column_stack([normal[own] @ ahead, normal[own] @ floor.up])
+    line /= np.linalg.norm(line, axis=1, keepdims=True)
+    steps = np.concatenate([-RADII_M, RADII_M])
+    votes = place[:, None, :] + steps[:, None] * line[:, None, :]
+    depth = np.broadcast_to((local @ along)[:, None], votes.shape[:2])
+    inside = (votes[..., 1] > CENTRE_M[0]) & (votes[..., 1] < CENTRE_M[1])
+    if not inside.any():
+        return []
+    cells = np.column_stack([votes[inside] / CELL_M, depth[inside] / DEPTH_M])
+    index = np.floor(cells).astype(np.int64)
+    low = index.min(axis=0) - 1
+    size = tuple((index.max(axis=0) - low + 2).tolist())
+    count = np.bincount(np.ravel_multi_index((index - low).T, size), minlength=int(np.prod(size)))
+    smooth = count.reshape(size).astype(float)
+    for axis, reach in ((0, (-1, 0, 1)), (1, (-1, 0, 1)), (2, (0, 1))):
+        smooth = np.sum([np.roll(smooth, -shift, axis=axis) for shift in reach], axis=0)
+    best = np.argsort(-smooth, axis=None, kind="stable")[: 20 * MOST]
+    kept: list[tuple[float, Array]] = []
+    for flat in best:
+        cell = np.array(np.unravel_index(int(flat), size)) + low
+        x, z = (cell[:2] + 0.5) * CELL_M
+        y = (cell[2] + 1.0) * DEPTH_M
+        position = floor.point_m + x * ahead + z * floor.up + y * along
+        if all(_apart_m(position, other) > APART_M for _, other in kept):
+            kept.append((float(smooth.flat[flat]), position))
+        if len(kept) == MOST:
+            break
+    return kept
+
+
+def _wheel_at(points_m: Array, floor: Floor, rim_inch: float | None) -> RoughAxis | None:
+    """Return the axis of the wheel in points (N, 3) if it stands on the floor and can be fitted."""
+    try:
+        rough = find_axis(points_m)
+        axis = rough.axis
+        height = float(floor.height_m(axis.point_m))
+        leans = abs(float(axis.direction @ floor.up)) > MOST_LEAN
+        if leans or not STANDS_M[0] < height - rough.radius_m < STANDS_M[1]:
+            return None
+        patch = cut_wheel(points_m, rough)
+        fit_wheel(patch, rim_inch)
+    except NotMeasuredError:
+        return None
+    return replace(rough, axis=axis.towards(patch.basis[2]))
+
+
+def _of_their_own(found: list[tuple[RoughAxis, Rows]]) -> list[tuple[RoughAxis, Rows]]:
+    """Return the wheels, best first, without those found again, and without inner twin wheels."""
+    kept: list[tuple[RoughAxis, Rows]] = []
+    for one in found:
+        if all(_apart_m(one[0].axis.point_m, other.axis.point_m) > APART_M for other, _ in kept):
+            kept.append(one)
+    return [
+        one for one in kept if not any(_is_behind(one[0].axis, other.axis) for other, _ in kept)
+    ]
+
+
+def _is_behind(axis: Axis, other: Axis) -> bool:
+    """Return whether a wheel is the inner one of two on the same hub."""
+    off = other.point_m - axis.point_m
+    ahead = float(off @ axis.direction)
+    aside = float(np.linalg.norm(off - ahead * axis.direction))
+    return aside < TWIN_M[0] and 0.0 < ahead < TWIN_M[1]
+
+
+def _within(points_m: Array, centre_m: Array, reach_m: float) -> Rows:
+    """Return the rows of points_m (N, 3) in a ball."""
+    rows = np.nonzero(np.abs(points_m[:, 0] - centre_m[0]) < reach_m)[0]
+    off = points_m[rows] - centre_m
+    return np.asarray(rows[np.einsum("ij,ij->i", off, off) < reach_m**2])
+
+
+def _apart_m(one: Array, other: Array) -> float:
+    return float(np.linalg.norm(one - other))
