@@ -66,6 +66,8 @@ def find_axis(points_m: Array) -> RoughAxis:
     linear complex of the normals. Raises NotMeasuredError 'too-few-points', 'wheel-not-found' or
     'ambiguous-target'.
     """
+    if len(points_m) < LEAST_IN_VOXEL * LEAST_PIECES:
+        raise NotMeasuredError("too-few-points", f"{len(points_m)} points show no wheel's surface")
     points = sample(points_m, SAMPLE)
     origin = np.median(points, axis=0)
     pieces = _pieces(points - origin)

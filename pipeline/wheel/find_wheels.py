@@ -58,7 +58,8 @@ def find_wheels(
     make up the cloud: each wheel is taken from the one with most points on it. stations_m: (3,)
     each, positions of the scanner. near_m: (3,) each, points chosen by the operator: then the wheel
     at each of them, in their order.
-    Raises NotMeasuredError where there is no floor, or no wheel at a chosen point.
+    Raises NotMeasuredError 'wheel-not-found' where there is no floor, or no wheel at a chosen
+    point.
     """
     parts = parts or [(0, len(points_m))]
     if near_m:
@@ -111,7 +112,10 @@ def _pieces(points_m: Array) -> tuple[Array, Array]:
 
 
 def _find_floor(centroid: Array, normal: Array) -> Floor:
-    """Find the lowest large surface that is about level. Raises NotMeasuredError."""
+    """Find the lowest large surface that is about level.
+
+    Raises NotMeasuredError 'wheel-not-found'.
+    """
     level = np.abs(normal[:, 2]) > LEVEL
     own, ways = centroid[level], normal[level] * np.sign(normal[level, 2])[:, None]
     up = np.array([0.0, 0.0, 1.0])
@@ -123,7 +127,9 @@ def _find_floor(centroid: Array, normal: Array) -> Floor:
         kept = ways @ up > np.cos(turn_rad)
         own, ways = own[kept], ways[kept]
     if len(own) < 100:
-        raise NotMeasuredError("no-floor", "no floor is in it on which wheels could stand")
+        raise NotMeasuredError(
+            "wheel-not-found", "no floor, with z about up, is in it on which wheels could stand"
+        )
     height = own @ up
     bins = np.floor(height / FLOOR_BIN_M).astype(int)
     count = np.bincount(bins - bins.min())

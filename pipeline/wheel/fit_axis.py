@@ -10,7 +10,7 @@ from ..errors import NotMeasuredError
 from ..vectors import Array
 from .cell_fit import CellFit, fit_cells
 from .cells import CellPoints, Grid
-from .meridian import Meridian
+from .meridian import LEAST_IN_CELL, Meridian
 from .normal_lines import Axis
 
 SETTLED_RAD = 5e-6
@@ -51,6 +51,8 @@ def fit_axis(
                 f"{np.count_nonzero(used)} rings of a wheel are in the scan, {LEAST_RINGS} needed",
             )
         heights = meridian.heights(points.chosen(used[points.ring]))
+        if not np.any(heights.count[used] >= LEAST_IN_CELL):
+            raise NotMeasuredError("wheel-not-found", "no ring of a wheel holds enough points")
         cells = fit_cells(heights, meridian, used)
         move = cells.step[:4]
         direction = axis.direction + move[:2] @ basis[:2]

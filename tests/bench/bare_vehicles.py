@@ -1,0 +1,119 @@
+"""Wheels of whole vehicles without targets: found and named, in bays and beside other wheels.
+
+.venv/bin/python -m tests.bench.bare_vehicles [--kind bay|spare|car-park|trailer|two-cars]
+    [--scenes 10] [--first 0] [--keep DIR]
+
+One cloud of each vehicle from four stations, 0.8 mm noise, beams without width, some 6 mm between
+points on the wheels. right: all four named and within 50 mm and 1 degree of the truth; refused: one
+line of what was found; wrong: anything else. Angles against the rims' axes, minutes of arc. A scene
+takes some 20 s of processor time; --keep DIR keeps the clouds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+
+import numpy as np  # noqa: E402
+
+from wheelplane.capture import open_capture  # noqa: E402
+from wheelplane.config import Config  # noqa: E402
+from wheelplane.errors import InputError  # noqa: E402
+from wheelplane.measure import measure_capture  # noqa: E402
+from wheelplane_synth.output.whole import write_whole  # noqa: E402
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+MINUTE = np.radians(1.0 / 60.0)
+KINDS = ("bay", "spare", "car-park", "trailer", "two-cars")
+WIDE = ("car-park", "two-cars")  # other cars are seen behind the stations
+POINTS = {True: 7_000_000, False: 3_000_000}
+
+
+def make(kind: str, seed: int, out: Path) -> None:
+    """Write the cloud, truth and capture of one scene."""
+    site = "bay" if kind == "spare" else kind
+    usual = (CONFIGS / "vehicles" / "saloon-bare-wheels.toml").read_text(encoding="utf-8")
+    more = f'\n[site]\nkind = "{site}"\nspare = {str(kind == "spare").lower()}\n'
+    scanner = (CONFIGS / "scanners" / "default.toml").read_text(encoding="utf-8")
+    wide = kind in WIDE
+    for old, new in (
+        ("spot_radius_m = 0.0015", "spot_radius_m = 0.0"),
+        ("window_deg = 360.0", f"window_deg = {360.0 if wide else 140.0}"),
+        ("lowest_deg = -60.0", "lowest_deg = -55.0"),
+        ("highest_deg = 40.0", "highest_deg = 15.0"),
+    ):
+        scanner = scanner.replace(old, new)
+    with TemporaryDirectory() as folder:
+        files = {"vehicle": Path(folder) / "car.toml", "scanner": Path(folder) / "scanner.toml"}
+        files["vehicle"].write_text(usual + more, encoding="utf-8")
+        files["scanner"].write_text(scanner, encoding="utf-8")
+        target = CONFIGS / "targets" / "wheel.toml"
+        write_whole(out, seed=seed, target=target, points=POINTS[wide], **files)
+    forward = json.loads((out / "truth.json").read_text(encoding="utf-8"))["frame"]["forward"]
+    text = f'cloud = "vehicle.ply"\nfront = {forward}\ntarget = "wheel"\n'
+    (out / "capture.toml").write_text(text, encoding="utf-8")
+
+
+def judged(folder: Path) -> tuple[str, list[tuple[float, float, bool]]]:
+    """Return right, refused or wrong, with the errors across the line of sight of each wheel."""
+    truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+    try:
+        with open_capture(folder) as capture:
+            found = measure_capture(capture, Config())
+    except InputError as error:
+        return f"refused: {str(error)[:300]}", []
+    rows, right = [], True
+    up = np.array(truth["frame"]["up"])
+    for wheel, true in zip(found.wheels, truth["wheels"], strict=True):
+        assert wheel.observation.name == true["name"]
+        fitted = wheel.observation.fitted
+        axis = np.array(true["rim_normal"])
+        level = np.cross(up, axis) / np.linalg.norm(np.cross(up, axis))
+        across = np.stack([level, np.cross(axis, level)])
+        off = across @ (fitted.normal - axis)
+        u = np.sqrt(np.diag(across @ fitted.covariance[:3, :3] @ across.T))
+        away = np.linalg.norm(fitted.centre_m - true["rim_centre_m"])
+        right &= bool(away < 0.05 and np.abs(off).max() < np.radians(1.0))
+        rows += [(*(off / MINUTE), bool(np.all(np.abs(off) < 2.2 * u)))]
+    return "right" if right else "wrong", rows
+
+
+def main() -> None:
+    """Run from the command line."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--kind", choices=KINDS, default="bay")
+    parser.add_argument("--scenes", type=int, default=10)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--keep", type=Path)
+    given = parser.parse_args()
+    rows, verdicts = [], []
+    with TemporaryDirectory() as folder:
+        keep = given.keep or Path(folder)
+        for seed in range(given.first, given.first + given.scenes):
+            place = keep / f"{given.kind}-{seed}"
+            if not (place / "capture.toml").is_file():
+                make(given.kind, seed, place)
+            start = time.process_time()
+            verdict, errors = judged(place)
+            rows += errors
+            verdicts.append(verdict.split(":")[0])
+            print(f"{place.name}: {verdict}, {time.process_time() - start:.1f} s", flush=True)
+    counts = {name: verdicts.count(name) for name in ("right", "refused", "wrong")}
+    print(f"{given.kind}: {counts}")
+    if rows:
+        table = np.array([row[:2] for row in rows])
+        rms, worst = np.sqrt(np.mean(table**2, axis=0)), np.abs(table).max(axis=0)
+        inside = np.mean([row[2] for row in rows])
+        print(f"toe {rms[0]:.1f}' ({worst[0]:.1f}'), camber {rms[1]:.1f}' ({worst[1]:.1f}')")
+        print(f"both within 2.2 u: {inside:.0%} of {len(rows)} wheels")
+
+
+if __name__ == "__main__":
+    main()
