@@ -193,7 +193,8 @@ class _Normal:
         size = rows.shape[2]
         flat = (centred * np.sqrt(weight)[:, :, None]).reshape(-1, size)
         matrix = flat.T @ flat
-        scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        known = np.diag(matrix)
+        scale = np.sqrt(np.where(known > 0.0, known, 1.0))
         inverse = np.linalg.inv(matrix / np.outer(scale, scale) + 1e-9 * np.eye(size))
         return cls(centred, mean, weight, inverse / np.outer(scale, scale))
 

@@ -187,6 +187,8 @@ def _refined(pieces: Pieces, start: Axis) -> RoughAxis | None:
             return None
         level = float(np.median(along[sloping]))
         own &= np.abs(along - level) < HALF_DEPTH_M
+        if np.count_nonzero(own) < LEAST_MET:
+            return None
         axis = axis_of_normals(
             pieces.centroid_m[own], pieces.normal[own], np.sqrt(pieces.count[own]), axis
         )

@@ -62,6 +62,8 @@ def axis_of_normals(points_m: Array, normals: Array, weights: Array, start: Axis
             [moments @ basis[0], moments @ basis[1], -(normals @ basis[1]), normals @ basis[0]]
         )
         normal_matrix = (rows * w[:, None]).T @ rows
+        if not np.trace(normal_matrix) > 0.0:
+            break  # every line is off, or parallel to the axis
         damped = normal_matrix + 1e-9 * np.trace(normal_matrix) * np.eye(4)
         step = -np.linalg.solve(damped, (rows * w[:, None]).T @ off)
         direction = axis.direction + step[:2] @ basis[:2]

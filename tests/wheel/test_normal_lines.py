@@ -40,3 +40,14 @@ def test_outliers_are_left_out():
     found = axis_of_normals(points, normals, np.ones(len(points)), start)
     assert angle_between(found.direction, direction) < np.radians(0.3)
     assert aside(found.point_m, centre, direction) < 0.001
+
+
+def test_lines_that_all_count_nothing_leave_the_start():
+    rng = np.random.default_rng(2)
+    start = Axis(*axis_of(rng))
+    level = np.broadcast_to(start.direction, (20, 3))
+    points = start.point_m + rng.normal(0.0, 0.1, (20, 3))
+    for normals, weights in ((level, np.ones(20)), (rng.normal(size=(20, 3)), np.zeros(20))):
+        found = axis_of_normals(points, normals, weights, start)
+        assert np.isfinite(found.direction).all()
+        assert angle_between(found.direction, start.direction) < 1e-6
