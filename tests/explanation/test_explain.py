@@ -253,4 +253,4 @@ def test_a_cloud_of_bare_wheels_shows_no_plane_as_a_candidate(whole):
     with open_capture(whole, "wheel") as capture:
         (scan,) = explain_capture(capture, Config()).scans
     assert (scan.status, scan.candidates) == ("not-named", ())
-    assert "bare wheels are measured in scans of one wheel each" in scan.reason
+    assert "targets found, four are needed" in scan.reason
