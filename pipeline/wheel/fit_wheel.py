@@ -24,7 +24,9 @@ START_ROUNDS, ROUNDS = 4, 6
 INNER_M, START_M = 0.10, 0.15  # radii from which rings are laid, and from which they are used
 RING_M, RING_OF_SPACING = 0.0015, 0.75  # width of a ring
 SECTORS, FEW_SECTORS, SPARSE_M = 72, 48, 0.003
-LEAST_CIRCLE = 0.6  # of the sectors that show the rim or the tyre
+LEAST_CIRCLE = 0.6  # of the sectors that show the rim
+LEAST_TYRE = 0.87  # of the cells of a tyre's side wall: part of it tilts far beyond its run-out
+SIDE_WALL = 0.7  # of the largest radius used: where it begins
 LEAST_RINGS = 5
 MOST_TILT_RAD = math.radians(1.0)  # no angle of a wheel is worth stating beyond
 OFF_CREST = 0.5  # of the height of a ridge over the rings beside it: uncertainty of its top
@@ -49,7 +51,7 @@ def fit_wheel(patch: Patch, rim_inch: float | None) -> TargetFit:
     """
     found = _by_rim_or_tyre(patch, rim_inch)
     fit, cells = found.fit, found.fit.cells
-    _check(fit)
+    _check(fit, found.method)
     used = cells.used
     return TargetFit(
         centre_m=patch.origin_m + fit.axis.point_m + found.level_m * fit.axis.direction,
@@ -90,13 +92,17 @@ def _grid(points: int, reach_m: float) -> Grid:
     return Grid(INNER_M, width, rings, SECTORS if spacing < SPARSE_M else FEW_SECTORS)
 
 
-def _check(fit: AxisFit) -> None:
+def _check(fit: AxisFit, method: CentreMethod) -> None:
     """Raise NotMeasuredError 'wheel-not-found' where it is no surface of revolution."""
     cells = fit.cells
     circle = float(np.mean(np.any(cells.weight > 0.0, axis=0)))
     rings = int(np.count_nonzero(cells.kept >= ROUND))
     tilt = math.sqrt(float(np.linalg.eigvalsh(cells.covariance[:2, :2])[-1]))
+    radius = fit.meridian.grid.radius_m[cells.used]
+    wall = float(np.mean(cells.weight[radius > SIDE_WALL * radius.max()] > 0.0))
     facts = (
+        (method == "tyre" and wall < LEAST_TYRE, "no flange of a rim stands out, and of the tyre's "
+         f"side wall {wall:.0%} is seen, {LEAST_TYRE:.0%} needed"),
         (circle < LEAST_CIRCLE, f"{circle:.0%} of a wheel's circle is seen, "
          f"{LEAST_CIRCLE:.0%} needed"),
         (rings < LEAST_RINGS, f"{rings} round rings are seen, {LEAST_RINGS} needed"),

@@ -65,6 +65,18 @@ def test_without_a_flange_it_is_the_tyre_and_its_waves_count():
     assert 0.005 < (found.centre_m - centre) @ direction < 0.015
 
 
+def test_a_tyre_that_is_hidden_in_part_is_no_axis():
+    smooth = MERIDIAN[(MERIDIAN[:, 0] < 0.228) | (MERIDIAN[:, 0] > 0.252)]
+    points, centre, direction = scene(7, meridian=smooth, wave_m=0.0005)
+    side = np.cross(direction, [0.3, 0.5, 0.8])
+    seen = points[
+        (points - centre) @ (side / np.linalg.norm(side)) < 0.2
+    ]  # a panel over 90 degrees
+    with pytest.raises(NotMeasuredError, match="of the tyre's side wall .*% is seen") as error:
+        fit_wheel(find_wheel(seen), None)
+    assert error.value.status == "wheel-not-found"
+
+
 def test_the_outer_flank_of_the_flange_seen_from_one_side_does_not_tilt_the_axis():
     points, centre, direction = scene(10)
     local = points - centre
