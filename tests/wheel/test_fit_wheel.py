@@ -73,7 +73,7 @@ def test_a_tyre_that_is_hidden_in_part_is_no_axis():
         (points - centre) @ (side / np.linalg.norm(side)) < 0.2
     ]  # a panel over 90 degrees
     with pytest.raises(NotMeasuredError, match="of the tyre's side wall .*% is seen") as error:
-        fit_wheel(find_wheel(seen), None)
+        fit_wheel(find_wheel(points[up < 0.2]), None)  # a panel over a quarter of it
     assert error.value.status == "wheel-not-found"
 
 
