@@ -8,6 +8,7 @@ from .selection import (
     gather_ball,
     random_rows,
     sample,
+    sample_rows,
     surroundings,
     within_slab,
 )
@@ -32,6 +33,7 @@ __all__ = [
     "lowest",
     "random_rows",
     "sample",
+    "sample_rows",
     "side_by_side",
     "slab_moments",
     "surroundings",

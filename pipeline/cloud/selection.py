@@ -65,23 +65,28 @@ def sample(points_m: Array, count: int) -> Array:
     The points with the smallest hashes of their coordinates, in the order of the hash: the same
     points in any order of the file, scattered over the cloud.
     """
+    return np.asarray(points_m[sample_rows(points_m, count)])
+
+
+def sample_rows(points_m: Array, count: int) -> npt.NDArray[np.int64]:
+    """Return the rows of points_m (N, 3) that `sample` returns, in its order."""
     total = len(points_m)
     limit = _hash_limit(count / max(total, 1))
     kernels = kernels_for(total, COMPILED_ROWS)
 
-    def chosen(chunk: slice) -> tuple[Array, npt.NDArray[np.uint64]]:
+    def chosen(chunk: slice) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint64]]:
         part = points_m[chunk]
         if kernels is None:
             h = coordinate_hash(part)
             rows = np.nonzero(h <= limit)[0]
-            return part[rows], h[rows]
+            return rows + chunk.start, h[rows]
         rows, h = np.empty(len(part), np.int64), np.empty(len(part), np.uint64)
         found = kernels.hash_rows(part, limit, rows, h)
-        return part[rows[:found]], h[:found].copy()
+        return rows[:found] + chunk.start, h[:found].copy()
 
     parts = over_chunks(chosen, total)
     if not parts:
-        return np.zeros((0, 3))
+        return np.zeros(0, np.int64)
     hashes = np.concatenate([part[1] for part in parts])
     order = np.argsort(hashes)
     if (np.diff(hashes[order]) == 0).any():  # equal hashes: their order may depend on the processor

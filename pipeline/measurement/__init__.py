@@ -43,7 +43,7 @@ from .records import (
     WheelResult,
 )
 from .repeatability import OF_PLATE, PooledAngle, Repeats, pool_repeats
-from .residual_map import CELLS, ResidualMap, map_about, residual_map
+from .residual_map import CELLS, SIGMAS, FormMap, ResidualMap, map_about, residual_map, smoothed
 from .tolerance import BY_MODEL, load_tolerance, tolerance_for
 from .turn_curve import toe_out_at
 
@@ -52,6 +52,7 @@ __all__ = [
     "CELLS",
     "CROSS",
     "OF_PLATE",
+    "SIGMAS",
     "UNITS",
     "VEHICLE_BY_SWEEP",
     "WHEEL_BY_RUNOUT",
@@ -63,6 +64,7 @@ __all__ = [
     "Estimate",
     "Evidence",
     "Fit",
+    "FormMap",
     "FrameThrough",
     "Measurement",
     "Naming",
@@ -108,6 +110,7 @@ __all__ = [
     "rim_diameter",
     "rounded",
     "shaded",
+    "smoothed",
     "stated",
     "steering_quantity",
     "toe_out_at",

@@ -17,6 +17,9 @@ from ..vectors import Array, Array32, Mask, turned
 REACH = 1.25  # of the radius: half the map's edge
 CELLS = 240
 CORNERS = 96  # of a circle, as a polygon
+WIDTHS = 0.08, 0.3  # of the radius: standard deviation of the Gaussian that smooths a map
+FORM_U_M = 5e-5  # standard uncertainty of a smoothed value that a wider Gaussian buys
+FORM_STEP = 5  # cells of the map in one of its smoothed form
 BINS, SIGMAS = 60, 5.0  # of the histogram, from -SIGMAS to +SIGMAS of the plane's noise
 
 
@@ -108,6 +111,61 @@ def map_about(
         counts=np.histogram(w_on[clear[cell_on]], BINS, (-span_m, span_m))[0],
         span_m=span_m,
     )
+
+
+@dataclass(frozen=True)
+class FormMap:
+    """Smoothed deviation of a target from its plane: (48, 48) float32 metres, NaN off the target.
+
+    Laid out as the map it is made of. width_m: standard deviation of the Gaussian. u_m: standard
+    uncertainty of a value by the noise, root mean square over the target.
+    """
+
+    deviation_m: Array32
+    half_width_m: float
+    width_m: float
+    u_m: float
+
+
+def smoothed(face: ResidualMap) -> FormMap:
+    """Average the map over a Gaussian, within the target: form of 0.1 mm under 0.8 mm of noise.
+
+    The mean of N points of a Gaussian of width s, n to the area, has u = sigma/sqrt(4 pi n) / s.
+    """
+    cell_m = 2.0 * face.half_width_m / CELLS
+    on = face.region.holds(turned(_cell_centres(face.half_width_m), -face.turn_rad))
+    on = on.reshape(face.residual_m.shape)
+    known = on & np.isfinite(face.residual_m)
+    noise_m = float(np.std(face.residual_m[known])) if known.any() else 0.0
+    density = float(known.sum()) / max(1.0, float(on.sum())) / cell_m**2
+    wanted_m = noise_m / FORM_U_M / math.sqrt(4.0 * math.pi * max(density, 1.0))
+    least_m, most_m = (share * face.radius_m for share in WIDTHS)
+    width_m = min(max(wanted_m, least_m), most_m)
+    far = math.ceil(3.0 * width_m / cell_m)
+    kernel = np.exp(-0.5 * (np.arange(-far, far + 1) * cell_m / width_m) ** 2)
+    present = known.astype(np.float64)
+    values: Array = np.where(known, face.residual_m, 0.0).astype(np.float64)
+    weight, squares = _blurred(present, kernel), _blurred(present, kernel**2)
+    shown = on & (weight > 0.5)
+    total = _blurred(values, kernel)
+    mean: Array = np.where(shown, total / np.maximum(weight, 1e-12), np.nan)
+    spread = squares[shown] / weight[shown] ** 2
+    middle = slice(FORM_STEP // 2, None, FORM_STEP)
+    return FormMap(
+        deviation_m=mean[middle, middle].astype(np.float32),
+        half_width_m=face.half_width_m,
+        width_m=width_m,
+        u_m=noise_m * math.sqrt(float(spread.mean())) if spread.size else 0.0,
+    )
+
+
+def _blurred(values: Array, kernel: Array) -> Array:
+    """Return the raster (N, N) convolved with the kernel along both axes, zero outside."""
+    far = len(kernel) // 2
+    for axis in (0, 1):
+        padded = np.pad(values, [(far, far) if axis == each else (0, 0) for each in (0, 1)])
+        values = np.lib.stride_tricks.sliding_window_view(padded, len(kernel), axis) @ kernel
+    return values
 
 
 def _local(patch: Patch, basis: Array, centre_m: Array) -> Array32:

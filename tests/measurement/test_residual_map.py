@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.support.printing import setup_of
 from tests.support.reported import PLAIN, evidence_of, margin_m
 from tests.support.scenes import make
-from wheelplane.measurement.residual_map import BINS, CELLS, SIGMAS
+from wheelplane.measurement.residual_map import (
+    BINS,
+    CELLS,
+    FORM_STEP,
+    FORM_U_M,
+    SIGMAS,
+    smoothed,
+)
 from wheelplane.targets.registry import load_target
 
 SHAPES = ["disc-250", "ring-300", "rectangle-360x240", "square-300", "pattern-aruco"]
@@ -107,3 +116,33 @@ def test_what_stands_out_towards_the_scanner_is_positive_and_in_its_place():
     assert np.nanmean(near) == pytest.approx(0.0015, abs=0.0003)
     across = face.residual_m[CELLS - row - 6 : CELLS - row + 5, CELLS - column - 6 : CELLS - column]
     assert abs(np.nanmean(across)) < 0.0003
+
+
+@pytest.mark.parametrize("share", [0.1, 0.6])
+def test_smoothing_shows_a_form_of_a_tenth_of_a_millimetre_under_the_noise(share):
+    """A bow of 0.1 mm under noise of 0.8 mm, in a share of the cells: to the stated u, and no more.
+
+    u_m is the root mean square; the map has some 60 independent values, hence within a third.
+    """
+    face = made("disc-250")[2].face
+    noise_m, height_m = 8e-4, 1e-4
+    tick = (np.arange(CELLS) + 0.5) * 2 * face.half_width_m / CELLS - face.half_width_m
+    bow = height_m * np.cos(np.pi * np.add.outer(0.0 * tick, tick) / face.radius_m)
+    rng = np.random.default_rng(5)
+    noise = noise_m * rng.normal(size=bow.shape)
+    noise[rng.uniform(size=bow.shape) > share] = np.nan
+    form = smoothed(replace(face, residual_m=(bow + noise).astype(np.float32)))
+    smooth = smoothed(replace(face, residual_m=bow.astype(np.float32)))
+    known = np.isfinite(form.deviation_m)
+    true = bow[FORM_STEP // 2 :: FORM_STEP, FORM_STEP // 2 :: FORM_STEP][known]
+    error = form.deviation_m[known] - true
+    area = np.pi * face.radius_m**2
+    assert np.count_nonzero(known) * (FORM_STEP * 2 * face.half_width_m / CELLS) ** 2 == (
+        pytest.approx(area, rel=0.05)
+    )
+    assert form.u_m < 1.7 * FORM_U_M  # at the edge, half of the Gaussian is empty
+    assert np.sqrt(np.mean(error**2)) < 1.5 * form.u_m + 0.35 * height_m
+    assert np.corrcoef(form.deviation_m[known], true)[0, 1] > 0.6
+    flat = smoothed(replace(face, residual_m=noise.astype(np.float32)))
+    assert np.nanstd(flat.deviation_m) == pytest.approx(flat.u_m, rel=0.35)
+    assert np.nanmax(smooth.deviation_m) > 0.6 * height_m

@@ -245,13 +245,23 @@ def test_excerpts_hold_text_only(tmp_path):
 
 def blocks_of(data):
     """Head and [(group, xyz, shade)] of a file of points, read by its description."""
+    head, columns = columns_of(data)
+    return head, [(group, xyz, shade) for group, xyz, _, _, shade in columns]
+
+
+def columns_of(data):
+    """Head and [(group, xyz, residual_um, intensity, shade)], likewise."""
     head, _, rest = data.partition(b"\n")
     blocks = []
     while rest:
         group, count = struct.unpack("<II", rest[:8])
-        xyz = np.frombuffer(rest[8 : 8 + 6 * count], "<i2").reshape(-1, 3)
-        blocks.append((group, xyz, np.frombuffer(rest[8 + 6 * count : 8 + 7 * count], np.uint8)))
-        rest = rest[8 + 7 * count :]
+        ends = np.cumsum([8, 6 * count, 2 * count, count, count])
+        xyz, residual, intensity, shade = (
+            np.frombuffer(rest[start:stop], kind)
+            for start, stop, kind in zip(ends, ends[1:], ("<i2", "<i2", "u1", "u1"), strict=False)
+        )
+        blocks.append((group, xyz.reshape(-1, 3), residual, intensity, shade))
+        rest = rest[ends[-1] :]
     return json.loads(head), blocks
 
 
@@ -270,6 +280,28 @@ def test_points_lie_where_the_wheels_are(site, dense):
         assert len(places) > 300
         assert np.abs(off).max() < 0.02  # of the plate, not the tyre behind it
         assert 0.1 < apart.max() < 0.135  # the disc's radius is 0.125 m
+
+
+def test_points_carry_their_distance_from_the_plane_and_their_intensity(site, dense):
+    """Distances are those of the fitted plane, finer than the grid of the places."""
+    head, blocks = columns_of(file_of(site, dense, "points.bin").data)
+    assert head["count"] <= head["near"] <= head["total"]
+    low, high = head["intensity"]
+    assert low < high
+    noise = []
+    for group in range(5):
+        of_group = [columns[1:] for columns in blocks if columns[0] == group]
+        xyz, residual, intensity, shade = (
+            np.concatenate(each) for each in zip(*of_group, strict=True)
+        )
+        assert ((residual == -32768) == (shade == 0)).all()
+        own = residual[shade == 1] / 1e3
+        noise.append(np.sqrt(np.mean(own**2)))
+        assert abs(np.median(own)) < 4 * noise[-1] / np.sqrt(len(own))
+        assert intensity.max() == 255
+        assert len(np.unique(intensity)) > 50
+        assert len(xyz) == len(shade)
+    assert 0.3 < min(noise) < max(noise) < 3 * head["residual_um"] / 1e3
 
 
 def test_any_prefix_of_the_points_is_a_fair_sample(site, dense):

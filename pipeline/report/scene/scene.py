@@ -11,13 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from ...measurement import Conformity, Measurement, Stated, WheelResult, by_name
+from ...measurement import (
+    Conformity,
+    Measurement,
+    Stated,
+    WheelResult,
+    by_name,
+    smoothed,
+)
 from ...vectors import Array
 from ...vehicle import VehicleFrame
 from ..format.language import Translations, load_translations
 from ..format.view import PAPER
 from ..format.writer import Writer
-from .points import cloud_tree
+from .points import OFF_TARGET, base64_bytes, cloud_tree
 from .points import to_view as to_view
 
 SCHEMA = "wheelplane/scene/1"
@@ -95,6 +102,31 @@ def _wheel(result: WheelResult, frame: VehicleFrame, failed: set[str]) -> dict[s
         "normal": _rounded(normal, 9),
         "outline": [_rounded(to_view(frame, edge)) for edge in outlines(result)],
         "colour_class": "bad" if seen.name in failed else role,
+        "form": _form(result, frame),
+    }
+
+
+def _form(result: WheelResult, frame: VehicleFrame) -> dict[str, Any] | None:
+    """Return the smoothed deviation of the target from its plane; None without points."""
+    evidence = result.observation.evidence
+    if evidence is None or evidence.face is None or evidence.plane is None:
+        return None
+    form, plane = smoothed(evidence.face), evidence.plane
+    off_m = (evidence.target.centre_m - plane.centroid_m) @ plane.normal
+    centre_m = evidence.target.centre_m - off_m * plane.normal
+    axes = (frame.R_vehicle_scanner @ plane.basis.T).T[:, [1, 0, 2]]
+    deviation_um = np.nan_to_num(1e6 * form.deviation_m, nan=OFF_TARGET)
+    most_um = float(np.nanmax(np.abs(form.deviation_m), initial=1e-9)) * 1e6
+    return {
+        "centre": _rounded(to_view(frame, centre_m)),
+        "u": _rounded(axes[0], 9),
+        "v": _rounded(axes[1], 9),
+        "half_width_m": round(form.half_width_m, 6),
+        "cells": len(deviation_um),
+        "deviation": base64_bytes(deviation_um, most_um),
+        "most_um": round(most_um, 3),
+        "width_mm": round(1e3 * form.width_m, 2),
+        "u_mm": round(1e3 * form.u_m, 4),
     }
 
 

@@ -66,13 +66,13 @@ export class Result {
 assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} ${headline.title}`) : null,
           el("span", { class: "tools" }, this.#before(), el("button", { type: "button", onclick: () => this.#leave() }, t("another")))),
 ...(assessed ? [el("p", { class: "says" }, [...headline.says, joint].join(" "))] : []),
-        ...notes.map((note) => el("p", { class: "note", lang: "en" }, note)),
         el("div", { class: "tools" },
           select("style", t("unit"), STYLES.map(([value, word]) => [value, t(word)]), this.style, (value) => this.#setView({ style: value })),
           select("axis", t("axis"), Object.entries(this.panel.axes), this.axis, (value) => this.#setView({ axis: value }))),
         this.angles,
         ...troubles.map(troubleOf)),
       el("div", { class: "look" }, el("div", {}, this.stage, this.count), this.evidence),
+      notes.length ? el("div", { class: "card" }, ...notes.map((note) => el("p", { class: "note", lang: "en" }, note))) : "",
       this.saver.card,
       new Machine(this.job).card,
       this.axles,
@@ -117,14 +117,10 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
     this.count.textContent = t("points_coming");
     const ended = await follow(this.job, () => {}, (state) => state !== "ready");
     if (stop.signal.aborted) return;
-    const count = ended.state === "done" && !ended.note && await streamPoints(`/api/jobs/${this.job.id}/points.bin`, viewer, stop.signal);
+    const head = ended.state === "done" && !ended.note && await streamPoints(`/api/jobs/${this.job.id}/points.bin`, viewer, stop.signal);
     if (stop.signal.aborted) return;
-    if (count === 0 && few) viewer.addCloud(few);
-    const shown = count || few?.count || 0;
-    this.count.textContent = [
-      shown ? t("points_shown", { count: shown.toLocaleString(language) }) : "",
-      ended.note ? t("points_missing", { reason: ended.note }) : "",
-    ].filter(Boolean).join(". ");
+    if (!head && few) viewer.addCloud(few);
+    this.count.textContent = ended.note ? t("points_missing", { reason: ended.note }) : "";
   }
 }
 

@@ -1,29 +1,30 @@
 // Streams points from the server to the viewer; pipeline/web/content/points.py defines the format.
 const LITTLE = new Uint8Array(new Uint16Array([1]).buffer)[0] === 1;
 
-/** Read the file at `address` into `viewer`; resolves with the number of points, 0 if none. */
+/** Read the file at `address` into `viewer`; resolves with the head of the file, null if there is none. */
 export async function streamPoints(address, viewer, signal) {
   try {
     const answer = await fetch(address, { signal });
-    if (!answer.ok || !LITTLE) return 0;
+    if (!answer.ok || !LITTLE) return null;
     return await read(new Source(answer.body.getReader()), viewer);
   } catch (error) {
-    if (error.name === "AbortError") return 0;
+    if (error.name === "AbortError") return null;
     throw error;
   }
 }
 
 async function read(source, viewer) {
   const head = JSON.parse(new TextDecoder().decode(await source.line()));
-  let total = 0;
+  viewer.describe(head);
   for (let start; (start = await source.take(8)); ) {
     const [group, count] = new Uint32Array(start.buffer);
     const xyz = new Int16Array((await source.take(6 * count)).buffer);
+    const residual = new Int16Array((await source.take(2 * count)).buffer);
+    const intensity = await source.take(count);
     const shade = await source.take(count);
-    viewer.addPoints(xyz, shade, { origin: head.origin, step_m: head.step_m, group: head.groups[group] });
-    total += count;
+    viewer.addPoints(xyz, shade, { origin: head.origin, step_m: head.step_m, group: head.groups[group], residual, intensity });
   }
-  return total;
+  return head;
 }
 
 /** Reader of a requested number of bytes from a stream of chunks. */

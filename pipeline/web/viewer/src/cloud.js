@@ -1,6 +1,7 @@
 // The points, drawn a budget at a time into a picture of their own, which grows while the camera rests.
 // Every prefix of a group is a fair sample of it, so that the first budget shows the whole.
 import * as THREE from "three";
+import { ofScan, stopsOf } from "./colours.js";
 import { Pace } from "./pace.js";
 
 export const GROUND = 0xf3f5f7;
@@ -9,20 +10,41 @@ const RESTING = [120, 150_000];
 const POINT_M = 0.0035; // what a point is drawn as, between one pixel and ...
 const MOST_PX = 3;
 
+const MODES = ["kind", "residual", "intensity", "scan", "height"];
+const OFF_TARGET = -32768;
+const NEAR_PX = 8; // of the pointer, where a point is taken by it
+
 const POINT_VERTEX = `
 attribute vec4 place;
+attribute vec2 extra; // residual, micrometres, and intensity, 0 to 255
 uniform float size, most;
-varying float onTarget;
+uniform int mode;
+uniform bool bare; // targets without their points
+uniform vec2 range;
+uniform vec3 other, target, own, stops[5];
+uniform vec4 section;
+varying vec3 colour;
+vec3 ramp(float value) {
+  float at = clamp((value - range.x) / (range.y - range.x), 0.0, 1.0) * 4.0;
+  int first = int(min(3.0, floor(at)));
+  return mix(stops[first], stops[first + 1], at - float(first));
+}
 void main() {
-  vec4 seen = modelViewMatrix * vec4(place.xyz, 1.0);
+  vec4 real = modelMatrix * vec4(place.xyz, 1.0);
+  vec4 seen = viewMatrix * real;
   gl_Position = projectionMatrix * seen;
   gl_PointSize = clamp(size / -seen.z, 1.0, most);
-  onTarget = place.w;
+  bool on = place.w > 0.5;
+  colour = on ? target : other;
+  if (mode == 1) colour = extra.x < -32767.5 ? other : ramp(extra.x);
+  if (mode == 2) colour = ramp(extra.y);
+  if (mode == 3) colour = own;
+  if (mode == 4) colour = ramp(real.z);
+  if (dot(real.xyz, section.xyz) > section.w || (bare && on)) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
 }`;
 const POINT_FRAGMENT = `
-uniform vec3 other, target;
-varying float onTarget;
-void main() { gl_FragColor = vec4(onTarget > 0.5 ? target : other, 1.0); }`;
+varying vec3 colour;
+void main() { gl_FragColor = vec4(colour, 1.0); }`;
 
 const SCREEN_VERTEX = `
 varying vec2 at;
@@ -68,6 +90,12 @@ export class Cloud {
         most: { value: 1 },
         other: { value: plain(0x7d8b99) },
         target: { value: plain(0x0f8a6a) },
+        own: { value: plain(0) },
+        mode: { value: 0 },
+        bare: { value: false },
+        range: { value: new THREE.Vector2(0, 1) },
+        stops: { value: stopsOf("height").map(plain) },
+        section: { value: new THREE.Vector4(0, 0, 0, 1) },
       },
     });
     const depths = new THREE.DepthTexture(1, 1);
@@ -80,17 +108,21 @@ export class Cloud {
     this.flat = new THREE.Camera();
   }
 
-  add(xyz, shade, origin, step_m, name) {
+  add(xyz, { shade, residual, intensity }, origin, step_m, name) {
     const count = xyz.length / 3;
     const place = new xyz.constructor(4 * count);
+    const extra = new Int16Array(2 * count);
     for (let i = 0, from = 0, to = 0; i < count; i++, to += 4, from += 3) {
       place[to] = xyz[from];
       place[to + 1] = xyz[from + 1];
       place[to + 2] = xyz[from + 2];
       place[to + 3] = shade ? shade[i] : 0;
+      extra[2 * i] = residual ? residual[i] : OFF_TARGET;
+      extra[2 * i + 1] = intensity ? intensity[i] : 0;
     }
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("place", new THREE.BufferAttribute(place, 4));
+    geometry.setAttribute("extra", new THREE.BufferAttribute(extra, 2));
     const points = new THREE.Points(geometry, this.material);
     points.position.fromArray(origin);
     points.scale.setScalar(step_m);
@@ -98,12 +130,67 @@ export class Cloud {
     points.visible = false;
     this.scene.add(points);
     const box = boxOf(place).applyMatrix4(points.matrix.compose(points.position, points.quaternion, points.scale));
-    const group = this.groups.get(name) ?? { blocks: [], count: 0, drawn: 0, box: new THREE.Box3() };
+    const group = this.groups.get(name) ?? { blocks: [], count: 0, drawn: 0, box: new THREE.Box3(), shown: true, own: plain(ofScan(this.groups.size)) };
     group.blocks.push({ points, count });
     group.count += count;
     group.box.union(box);
     this.groups.set(name, group);
     this.loaded += count;
+  }
+
+  /** Colour the points by their kind, residual, intensity, scan or height, over this range. */
+  colourBy(mode, range) {
+    const { uniforms } = this.material;
+    uniforms.mode.value = MODES.indexOf(mode);
+    uniforms.stops.value = stopsOf(mode).map(plain);
+    if (range) uniforms.range.value.fromArray(range);
+  }
+
+  /** Leave out points beyond `at` along `way` (3,); all are shown without. */
+  cut(way, at) {
+    this.material.uniforms.section.value.set(...(way ?? [0, 0, 0]), way ? at : 1);
+  }
+
+  /** Leave out the points on targets, where maps stand for them. */
+  bare(left) {
+    this.material.uniforms.bare.value = left;
+  }
+
+  showScan(name, shown) {
+    if (this.groups.has(name)) this.groups.get(name).shown = shown;
+  }
+
+  /** Box of all points. */
+  box() {
+    return [...this.groups.values()].reduce((all, { box }) => all.union(box), new THREE.Box3());
+  }
+
+  /** The shown point nearest to the eye within a few pixels of a place on the screen; null if there is none. */
+  nearest(x, y, camera, [width, height]) {
+    const seen = new THREE.Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
+    const section = this.material.uniforms.section.value;
+    let best = null;
+    let least = Infinity;
+    for (const group of this.shown ? this.#seen(camera) : []) for (const { points } of group.blocks) {
+      const { position, scale } = points;
+      const place = points.geometry.getAttribute("place").array;
+      const m = new THREE.Matrix4().multiplyMatrices(seen, points.matrix).elements;
+      for (let i = 0; i < place.length; i += 4) {
+        const [a, b, c] = [place[i], place[i + 1], place[i + 2]];
+        const w = m[3] * a + m[7] * b + m[11] * c + m[15];
+        if (w <= 0) continue;
+        const dx = ((m[0] * a + m[4] * b + m[8] * c + m[12]) / w - x) * width / 2;
+        const dy = ((m[1] * a + m[5] * b + m[9] * c + m[13]) / w - y) * height / 2;
+        const apart = dx * dx + dy * dy;
+        if (apart > NEAR_PX * NEAR_PX) continue;
+        const worth = w * (1 + 0.02 * apart / NEAR_PX / NEAR_PX);
+        if (worth >= least) continue;
+        const at = [a * scale.x + position.x, b * scale.x + position.y, c * scale.x + position.z];
+        if (at[0] * section.x + at[1] * section.y + at[2] * section.z > section.w) continue;
+        [best, least] = [at, worth];
+      }
+    }
+    return best;
   }
 
   resize() {
@@ -155,7 +242,7 @@ export class Cloud {
   #seen(camera) {
     const matrix = new THREE.Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
     const frustum = new THREE.Frustum().setFromProjectionMatrix(matrix);
-    return [...this.groups.values()].filter((group) => frustum.intersectsBox(group.box));
+    return [...this.groups.values()].filter((group) => group.shown && frustum.intersectsBox(group.box));
   }
 
   /** Draw the next budget, a like share of every group in view; whether some points are left. */
@@ -184,6 +271,7 @@ export class Cloud {
       if (points.visible) points.geometry.setDrawRange(from, to - from);
       first += count;
     }
+    this.material.uniforms.own.value = group.own;
     this.renderer.render(this.scene, camera);
     for (const { points } of group.blocks) points.visible = false;
     const done = end - group.drawn;

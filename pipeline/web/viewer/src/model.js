@@ -3,6 +3,7 @@ import * as THREE from "three";
 import { LineMaterial } from "three/examples/jsm/lines/LineMaterial.js";
 import { LineSegments2 } from "three/examples/jsm/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeometry.js";
+import { formOf } from "./form.js";
 
 // Okabe and Ito's colours, which the colour-blind tell apart.
 const OF_CLASS = { reference: 0x0072b2, trial: 0xb35c00, bad: 0xc43302 };
@@ -26,11 +27,13 @@ export class Model {
     this.drawn = []; // each path twice
     this.thin = new THREE.LineBasicMaterial({ vertexColors: true });
     this.materials.push(this.thin);
-    this.wheels = wheels.filter((wheel) => wheel.centre);
+    this.wheels = wheels.filter((wheel) => wheel.centre).map((wheel) => ({ ...wheel, radius_m: radiusOf(wheel) }));
     this.lines = lines;
     this.discs = this.wheels.map((wheel) => this.#addWheel(wheel));
     for (const line of lines) this.#addLine(line);
     this.#drawPaths();
+    this.form = formOf(this.wheels);
+    if (this.form) this.scene.add((this.groups.form = this.form.group));
     this.bounds = boundsOf(this.wheels, lines);
   }
 
@@ -40,13 +43,13 @@ export class Model {
 
   /** Names of the layers that have something to show. */
   layers(scene) {
-    const own = ["wheels", "normals", "frame", "axes", "kingpin"].filter((name) => this.groups[name]);
+    const own = ["wheels", "normals", "form", "frame", "axes", "kingpin"].filter((name) => this.groups[name]);
     return [...(scene.cloud ? ["cloud"] : []), ...own, "labels"];
   }
 
   labels() {
     return [
-      ...this.wheels.map((wheel) => ({ wheel: wheel.name, at: wheel.centre, lines: wordsOf(wheel), kind: kindOf(wheel) })),
+      ...this.wheels.map((wheel) => ({ wheel: wheel.name, at: wheel.centre, lines: wordsOf(wheel), kind: kindOf(wheel), plate: wheel })),
       ...this.lines.filter((line) => line.name && LABELLED.has(line.layer)).map((line) => ({ at: line.to, lines: [line.name] })),
     ];
   }
@@ -84,6 +87,10 @@ export class Model {
 
   dispose() {
     this.scene.traverse((object) => object.geometry?.dispose());
+    for (const { material } of this.form?.group.children ?? []) {
+      material.map.dispose();
+      material.dispose();
+    }
     for (const material of this.materials) material.dispose();
   }
 
@@ -171,6 +178,12 @@ function kindOf({ colour_class: kind, role }) {
 
 function wordsOf({ name, label, toe_text: toe, camber_text: camber }) {
   return [label ?? name, ...[toe, camber].filter(Boolean)];
+}
+
+/** Radius of the ball about the target's edge. */
+function radiusOf({ centre, outline = [] }) {
+  const places = outline.flat();
+  return places.length ? Math.max(...places.map((place) => Math.hypot(...place.map((x, i) => x - centre[i])))) : 0;
 }
 
 function mainAxis(from, to) {

@@ -2,14 +2,17 @@
 // Right-handed vehicle frame, metres: x forward, y left, z up.
 import * as THREE from "three";
 import { Cloud, GROUND } from "./cloud.js";
+import { roundUp } from "./colours.js";
 import { Labels } from "./labels.js";
 import { Model } from "./model.js";
 import { Pilot } from "./pilot.js";
+import { Ruler } from "./ruler.js";
 import { adoptStyle } from "./style.js";
 import { Toolbar } from "./toolbar.js";
 import { ENGLISH } from "./words.js";
 
 const COARSE = 0.6;
+const AXES = ["x", "y", "z"];
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 
 /** Show `scene` (wheelplane/scene/1) in `element`; without WebGL, a sentence in its place. */
@@ -32,6 +35,9 @@ class Viewer {
   constructor(root, scene, onWheel, words, controls) {
     this.root = root;
     this.onWheel = onWheel;
+    this.words = words;
+    this.about = { residual_um: 0, intensity: null, scans: 0 };
+    this.colour = "kind";
     this.coarse = false;
     this.canvas = document.createElement("canvas");
     this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, context: contextOf(this.canvas) });
@@ -45,7 +51,8 @@ class Viewer {
     this.model = new Model(scene);
     this.pilot = new Pilot(this.canvas, this.model.bounds, () => this.#wake());
     this.cloud = new Cloud(this.renderer);
-    this.labels = new Labels(root, this.model.labels(), (name) => this.#choose(name));
+    this.labels = new Labels(root, this.model, (name) => this.#choose(name));
+    this.ruler = new Ruler(this.model, words, (value, digits) => this.number(value, digits), () => this.#measure());
     if (controls) this.toolbar = new Toolbar(root, this, this.model.layers(scene), words);
     if (scene.cloud) this.addCloud(scene.cloud);
 
@@ -58,17 +65,43 @@ class Viewer {
   }
 
   /** More points: xyz Float32Array in metres from `origin`, or Int16Array in steps of `step_m` from it.
-   *  shade: 1 where a point is on a target. Any prefix of a group's points should be a fair sample. */
-  addPoints(xyz, shade = null, { origin = [0, 0, 0], step_m = 1, group = "" } = {}) {
-    this.cloud.add(xyz, shade, origin, step_m, group);
-    if (this.toolbar) this.toolbar.show("cloud");
+   *  shade: 1 where a point is on a target; residual: its distance from the plane, micrometres; intensity:
+   *  0 to 255. Any prefix of a group's points should be a fair sample. */
+  addPoints(xyz, shade = null, { origin = [0, 0, 0], step_m = 1, group = "", residual = null, intensity = null } = {}) {
+    if (group && !this.cloud.groups.has(group)) {
+      this.about.scans++;
+      this.toolbar?.tools.addScan(group);
+    }
+    this.cloud.add(xyz, { shade, residual, intensity }, origin, step_m, group);
+    this.toolbar?.show("cloud");
+    this.#offer();
     this.#wake();
   }
 
+  /** What the points are a sample of. count: of these points; near, total: of the scans, at the vehicle
+   *  and in all; residual_um: half the range of the residuals; intensity: values of 0 and 255. */
+  describe({ count, near, total, residual_um = 0, intensity = null }) {
+    Object.assign(this.about, { residual_um, intensity });
+    const parts = { count, near, total };
+    const text = this.words[near === undefined ? "shown_of" : "shown_near"];
+    if (total !== undefined) this.toolbar?.say(text.replace(/\{(\w+)\}/g, (_, part) => this.number(parts[part], 0)));
+    this.#offer();
+  }
+
   /** The points that a scene holds. */
-  addCloud({ positions, origin, step_m, class: classes }) {
-    const { xyz, shade } = mixed(new Int16Array(bytes(positions).buffer), classes ? bytes(classes) : null);
-    this.addPoints(xyz, shade, { origin, step_m });
+  addCloud(cloud) {
+    const { positions, origin, step_m, class: classes, residual, residual_um, scans } = cloud;
+    const xyz = new Int16Array(bytes(positions).buffer);
+    const shade = classes ? bytes(classes) : null;
+    const off = residual ? micrometres(bytes(residual), residual_um) : null;
+    let first = 0;
+    for (const { name, count } of scans ?? [{ name: "", count: xyz.length / 3 }]) {
+      const part = [first, first + count];
+      const own = mixed(xyz.subarray(3 * part[0], 3 * part[1]), shade?.subarray(...part), off?.subarray(...part));
+      if (count) this.addPoints(own.xyz, own.shade, { origin, step_m, group: name, residual: own.residual });
+      first += count;
+    }
+    this.describe(cloud);
   }
 
   /** At most this many points a frame; fewer where the machine is slow. */
@@ -77,11 +110,63 @@ class Viewer {
     this.#wake();
   }
 
+  /** Colour the points by kind, residual, intensity, scan or height. */
+  colourBy(colour) {
+    this.colour = colour;
+    this.#showScale();
+    this.#wake();
+  }
+
+  showScan(name, shown) {
+    this.cloud.showScan(name, shown);
+    this.#wake();
+  }
+
+  /** Leave out what lies beyond a share of the vehicle's extent along an axis, or before it if `flipped`;
+   *  the position, metres, or null without an axis. */
+  cut(axis, share, flipped) {
+    const index = AXES.indexOf(axis);
+    this.renderer.clippingPlanes = [];
+    this.cloud.cut(null);
+    this.labels.cut = null;
+    this.#wake();
+    if (index < 0) return null;
+    const { min, max } = this.#extent();
+    const at = min.getComponent(index) + share * (max.getComponent(index) - min.getComponent(index));
+    const sign = flipped ? -1 : 1;
+    const way = AXES.map((_, i) => (i === index ? sign : 0));
+    this.cloud.cut(way, sign * at);
+    const kept = new THREE.Plane(new THREE.Vector3(...way).negate(), sign * at);
+    this.renderer.clippingPlanes = [kept];
+    this.labels.cut = kept;
+    return at;
+  }
+
+  /** A number as it is written in the language of the page. */
+  number(value, digits) {
+    return value.toLocaleString(document.documentElement.lang || undefined, { minimumFractionDigits: digits, maximumFractionDigits: digits });
+  }
+
+  /** Place of a point (3,), metres, in the picture, pixels from its upper left corner. */
+  screenOf(place) {
+    const { x, y } = new THREE.Vector3(...place).project(this.pilot.camera);
+    return [((x + 1) / 2) * this.root.clientWidth, ((1 - y) / 2) * this.root.clientHeight];
+  }
+
+  redraw() {
+    this.#wake();
+  }
+
   setLayer(name, shown) {
+    if (name === "form") {
+      this.cloud.bare(shown);
+      this.formShown = shown;
+    }
     if (name === "cloud") this.cloud.shown = shown;
     else if (name === "labels") this.labels.show(shown);
     else this.model.show(name, shown);
     this.toolbar?.mark(name, shown);
+    this.#showScale();
     this.#wake();
   }
 
@@ -111,6 +196,7 @@ class Viewer {
     this.observer.disconnect();
     this.pilot.dispose();
     this.cloud.dispose();
+    this.ruler.dispose();
     this.model.dispose();
     this.renderer.dispose();
     this.root.remove();
@@ -121,7 +207,53 @@ class Viewer {
     this.onWheel(name);
   }
 
+  /** Offer the colours that the points have. */
+  #offer() {
+    const { residual_um, intensity, scans } = this.about;
+    const has = { kind: true, residual: residual_um > 0, intensity, scan: scans > 1, height: this.cloud.loaded > 0 };
+    this.toolbar?.tools.offer(Object.keys(has).filter((name) => has[name]));
+    this.#showScale();
+  }
+
+  /** Show the scale of the maps, where they are seen, or that of the points. */
+  #showScale() {
+    const { words, about, model } = this;
+    const box = this.cloud.box();
+    const ranges = {
+      residual: [-roundUp(about.residual_um || 1), roundUp(about.residual_um || 1)],
+      intensity: [0, 255],
+      height: box.isEmpty() ? [0, 1] : [box.min.z, box.max.z],
+    };
+    const range = ranges[this.colour];
+    this.cloud.colourBy(this.colour, range);
+    const show = (...given) => this.toolbar?.scale.show(...given);
+    const ends = ([low, high], digits) => [low, (low + high) / 2, high].map((value) => this.number(value + 0, digits));
+    if (this.formShown) {
+      const { range_mm: most, width_mm, u_mm } = model.form;
+      const parts = { width: this.number(width_mm, 0), u: this.number(u_mm, 3) };
+      show("residual", words.scale_form.replace(/\{(\w+)\}/g, (_, part) => parts[part]), ends([-most, most], 3));
+    } else if (this.colour === "residual") show("residual", words.scale_residual, ends(range.map((um) => um / 1000), 2));
+    else if (this.colour === "intensity") show("intensity", words.scale_intensity, ends(about.intensity ?? [0, 1], 2));
+    else if (this.colour === "height") show("height", words.scale_height, ends(range, 2));
+    else show();
+  }
+
+  #extent() {
+    const box = this.cloud.box();
+    const { center, radius } = this.model.bounds;
+    return box.isEmpty() ? new THREE.Box3(center.clone().subScalar(radius), center.clone().addScalar(radius)) : box;
+  }
+
+  #measure() {
+    this.toolbar?.tools.tell(this.ruler.read(), this.ruler.chosen);
+    this.#wake();
+  }
+
   #tap(x, y) {
+    if (this.ruler.active) {
+      const size = [this.root.clientWidth, this.root.clientHeight];
+      return this.ruler.take(x, y, this.pilot.camera, size, () => this.cloud.nearest(x, y, this.pilot.camera, size));
+    }
     const name = this.model.wheelAt(x, y, this.pilot.camera);
     if (name) this.#choose(name);
   }
@@ -181,15 +313,21 @@ function bytes(base64) {
   return Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
 }
 
+/** Distances, micrometres, that signed bytes state in 127 steps of their range; -128: none. */
+function micrometres(steps, range_um) {
+  return Int16Array.from(new Int8Array(steps.buffer), (step) => (step === -128 ? -32768 : Math.round((step * range_um) / 127)));
+}
+
 /** The same points in an order whose every prefix is a fair sample: one golden stride after the other. */
-function mixed(xyz, shade) {
+function mixed(xyz, shade, residual) {
   const count = xyz.length / 3;
   let stride = Math.max(1, Math.round(0.618034 * count));
   while (divisor(stride, count) > 1) stride++;
-  const order = { xyz: new Int16Array(xyz.length), shade: shade && new Uint8Array(count) };
+  const order = { xyz: new Int16Array(xyz.length), shade: shade && new Uint8Array(count), residual: residual && new Int16Array(count) };
   for (let to = 0, from = 0; to < count; to++, from = (from + stride) % count) {
     order.xyz.set(xyz.subarray(3 * from, 3 * from + 3), 3 * to);
     if (shade) order.shade[to] = shade[from];
+    if (residual) order.residual[to] = residual[from];
   }
   return order;
 }
@@ -201,7 +339,7 @@ function divisor(a, b) {
 /** What stands in for a viewer where there is no WebGL: the same methods, which do nothing. */
 function absent(root) {
   const nothing = () => {};
-  const methods = ["addPoints", "addCloud", "setBudget", "setLayer", "look", "focus", "mark"];
+  const methods = ["addPoints", "addCloud", "describe", "colourBy", "showScan", "cut", "setBudget", "setLayer", "look", "focus", "mark"];
   return {
     ...Object.fromEntries(methods.map((name) => [name, nothing])),
     stats: () => ({ fps: 0, drawn: 0, loaded: 0 }),
