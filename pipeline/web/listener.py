@@ -129,6 +129,13 @@ def _channel(admit: Admit) -> type[HTTPChannel]:
                 min(idle, key=lambda channel: channel.last_activity).will_close = True
             super().__init__(server, *rest, **more)
 
+        def handle_close(self) -> None:
+            """Close the temporary file of a body that was not received to its end."""
+            unfinished = self.request
+            super().handle_close()
+            if unfinished is not None:
+                unfinished.close()
+
         @property
         def is_busy(self) -> bool:
             receiving = self.request is not None and self.request.headers_finished

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import threading
+import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -26,8 +27,8 @@ class PageJob:
     folder: of its results; for a report that of its measurement. uses: jobs whose results it
     reads. plan: what its process is given. state: waiting, running, ready (results are available,
     points follow), done, failed, cancelled. progress: steps done, number of steps, current step.
-    failure: shown by the page. note: why the points are missing. lock: of state, failure, note and
-    process.
+    began: seconds since 1970. failure: shown by the page. note: why the points are missing. lock:
+    of state, failure, note and process.
     """
 
     id: str
@@ -40,6 +41,7 @@ class PageJob:
     progress: tuple[int, int, str] = (0, 0, "")
     failure: dict[str, Any] | None = None
     note: str = ""
+    began: float = field(default_factory=time.time, repr=False)
     process: subprocess.Popen[str] | None = field(default=None, repr=False)
     finished: threading.Event = field(default_factory=threading.Event, repr=False)
     lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
@@ -61,6 +63,7 @@ class PageJob:
             "progress": {"done": done, "total": total, "text": text},
             "failure": self.failure,
             "note": self.note,
+            "began": self.began,
         }
 
 

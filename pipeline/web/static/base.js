@@ -67,9 +67,10 @@ export async function ask(path, { method = "GET", body } = {}) {
 export const post = (path, body = {}) => ask(path, { method: "POST", body });
 
 /** Send one file, and resolve with the answer; onShare is called with the fraction sent, from 0 to 1. */
-export function send(path, file, onShare) {
+export function send(path, file, onShare, signal = null) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
+    signal?.addEventListener("abort", () => { request.abort(); reject(new ServerError(t("cancelled"))); });
     request.open("PUT", path);
     request.setRequestHeader("X-Wheelplane-Key", key);
     request.setRequestHeader("Content-Type", "application/octet-stream");
@@ -119,3 +120,11 @@ export const session = {
     for (const listener of this.listeners) listener();
   },
 };
+
+/** Name of a measurement, with its time where another one has the same name. */
+export function called({ id, name, began }) {
+  if (!session.jobs.some((other) => other.id !== id && other.name === name)) return name;
+  const time = new Date(1000 * began);
+  const isToday = time.toDateString() === new Date().toDateString();
+  return `${name}, ${isToday ? time.toLocaleTimeString(language, { hourCycle: "h23" }) : time.toLocaleString(language)}`;
+}

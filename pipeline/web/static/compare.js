@@ -1,5 +1,5 @@
 // Comparison of two results of this session.
-import { ask, byId, el, follow, post, select, session, t, tableOf } from "./base.js";
+import { ask, byId, called, el, follow, post, select, session, t, tableOf } from "./base.js";
 
 export class Comparer {
   constructor() {
@@ -12,7 +12,7 @@ export class Comparer {
     const measured = session.jobs;
     const hint = el("p", { class: "hint" }, t("compare_hint"));
     if (measured.length < 2) return this.place.replaceChildren(hint, el("p", {}, el("a", { href: "#measure" }, t("measure"))));
-    const options = measured.map(({ id, name }) => [id, name]);
+    const options = measured.map((job) => [job.id, called(job)]);
     this.found ??= el("div");
     const form = el("form", { class: "filters", onsubmit: (event) => this.#compare(event) },
       select("first", t("first"), options, options[1][0]), select("second", t("second"), options, options[0][0]),

@@ -1,10 +1,11 @@
 // Step 1: upload files that are dropped or chosen, or browse for them, and measure.
-import { ServerError, ask, byId, el, follow, limits, pathOf, pause, post, send, session, t } from "./base.js";
+import { ServerError, byId, called, el, follow, language, limits, pathOf, pause, post, send, session, t } from "./base.js";
 import { Browser } from "./browser.js";
 import { Found } from "./found.js";
 
 const BUSY = 503; // the queue is full
 const AGAIN_MS = 2000;
+const LONG_BYTES = 50e6; // an upload before which the options are asked
 const OPTIONS = /--explain DIR|--[a-z]+(?:-[a-z]+)*/g;
 const INSTEAD = {
   "--target": "option_target", "--length-unit": "option_length_unit", "--scanner": "option_scanner",
@@ -47,7 +48,7 @@ export class Loader {
   /** List the earlier measurements. */
   #showBefore() {
     if (!session.jobs.length) return;
-    const open = (job) => el("li", {}, el("button", { type: "button", class: "open", onclick: () => this.onResult(job) }, el("span", { class: "name" }, job.name)));
+    const open = (job) => el("li", {}, el("button", { type: "button", class: "open", onclick: () => this.onResult(job) }, el("span", { class: "name" }, called(job))));
     byId("before").replaceChildren(el("h2", {}, t("session")), el("ul", { class: "items" }, ...session.jobs.map(open)));
   }
 
@@ -76,19 +77,38 @@ export class Loader {
     const large = known.find(({ file }) => file.size > limits.bytes);
     if (!known.length) return this.#fail({ text: t("nothing_known") });
     if (large) return this.#fail({ text: t("too_large", { name: large.path, most: (limits.bytes / 1e9).toPrecision(2) }) });
+    const total = known.reduce((sum, { file }) => sum + file.size, 0);
+    if (total > LONG_BYTES) this.#askFirst(known, total);
+    else await this.#send(known, total);
+  }
+
+  /** Ask for the options of an upload that takes long, and begin it then. */
+  #askFirst(known, total) {
+    this.reset();
+    byId("ask")?.remove();
+    const words = { name: known[0].path.split("/")[0], size: Math.round(total / 1e6).toLocaleString(language) };
+    const close = () => byId("ask").remove();
+    byId("options").append(el("div", { class: "note", id: "ask" }, el("p", { role: "status" }, t("ask_first", words)), el("p", { class: "buttons left" },
+      el("button", { type: "button", class: "main", onclick: () => { close(); this.#send(known, total); } }, t("begin_upload")),
+      el("button", { type: "button", onclick: () => { close(); byId("choose-files").focus(); } }, t("cancel")))));
+    byId("options").open = true;
+    byId("fields").elements.target.focus();
+  }
+
+  async #send(known, total) {
     this.#busy(known[0].path.split("/")[0]);
     try {
       const { upload } = await post("/api/uploads");
-      const total = known.reduce((sum, { file }) => sum + file.size, 0);
       let sent = 0;
       for (const { file, path } of known) {
-        await send(`/api/uploads/${upload}/${pathOf(path)}`, file, (share) => this.#progress((sent + share * file.size) / Math.max(1, total), t("sending", { name: path })));
+        if (this.cancelled) return this.#stopped();
+        await send(`/api/uploads/${upload}/${pathOf(path)}`, file, (share) => this.#progress((sent + share * file.size) / Math.max(1, total), t("sending", { name: path })), this.sending.signal);
         sent += file.size;
-        if (this.cancelled) return this.#fail({ text: t("cancelled") });
       }
+      if (this.cancelled) return this.#stopped();
       await this.#measure({ upload }, known.length === 1 ? known[0].path : known[0].path.split("/")[0]);
     } catch (error) {
-      this.#fail({ text: error.message });
+      this.#failOrStop(error);
     }
   }
 
@@ -115,11 +135,11 @@ export class Loader {
       if (this.cancelled) await this.#cancel();
       const ended = await follow(this.job, (job) => this.#showState(job), (state) => state !== "waiting" && state !== "running");
       if (ended.state === "failed") this.#fail(ended.failure, this.#nextSteps(ended, options));
-      else if (ended.state === "cancelled") this.#fail({ text: t("cancelled") });
+      else if (ended.state === "cancelled") this.#stopped();
       else this.#done(ended);
     } catch (error) {
       if (!(error instanceof ServerError)) throw error;
-      this.#fail({ text: error.message });
+      this.#failOrStop(error);
     }
   }
 
@@ -131,10 +151,11 @@ export class Loader {
       const ended = await follow(this.job, (job) => this.#showState(job, "found_explaining"));
       if (ended.state === "done") {
         this.#fail(failed.failure, await this.found.show(failed, options, ended));
-      } else this.#fail(ended.failure ?? { text: t("cancelled") });
+      } else if (ended.failure) this.#fail(ended.failure);
+      else this.#stopped();
     } catch (error) {
       if (!(error instanceof ServerError)) throw error;
-      this.#fail({ text: error.message });
+      this.#failOrStop(error);
     }
   }
 
@@ -161,12 +182,14 @@ export class Loader {
   /** Cancel the job, or, before the server has returned it, as soon as it does. */
   async #cancel() {
     this.cancelled = true;
+    this.sending.abort();
     if (this.job) await post(`/api/jobs/${this.job.id}/cancel`);
   }
 
   #busy(name) {
     this.job = null;
     this.cancelled = false;
+    this.sending = new AbortController();
     byId("busy-name").textContent = name;
     byId("busy").hidden = false;
     byId("load").hidden = byId("trouble").hidden = true;
@@ -182,11 +205,27 @@ export class Loader {
     if (byId("busy-text").textContent !== text) byId("busy-text").textContent = text;
   }
 
+  #failOrStop(error) {
+    if (this.cancelled) this.#stopped();
+    else this.#fail({ text: error.message });
+  }
+
+  /** Return to step 1 after the user cancelled: that is no failure. */
+  #stopped() {
+    byId("busy").hidden = true;
+    byId("load").hidden = false;
+    byId("trouble").hidden = false;
+    byId("trouble").classList.remove("trouble");
+    byId("trouble").replaceChildren(el("p", {}, t("cancelled")));
+    byId("trouble").focus();
+  }
+
   /** Show a failure, and below it what can be done; the field that it names is opened. */
   #fail(failure, more = null) {
     byId("busy").hidden = true;
     byId("load").hidden = false;
     byId("trouble").hidden = false;
+    byId("trouble").classList.add("trouble");
     const { text, field } = inWordsOfThePage(failure.text);
     byId("trouble").replaceChildren(el("h2", {}, t("could_not")), el("p", {}, text), ...(failure.lines ? excerpt(failure) : []), more ?? "");
     const input = field && byId("fields").elements[field];

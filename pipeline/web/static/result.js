@@ -1,5 +1,5 @@
 // Steps 2 and 3: table of angles, 3D view, details of a wheel, report.
-import { ask, byId, el, follow, language, select, session, t, tableOf, viewerWords } from "./base.js";
+import { ask, byId, called, el, follow, language, select, session, t, tableOf, viewerWords } from "./base.js";
 import { Machine } from "./machine.js";
 import { Saver } from "./save.js";
 import { streamPoints } from "./stream.js";
@@ -62,7 +62,7 @@ export class Result {
     this.place.replaceChildren(
       el("div", { class: "card" },
         el("div", { class: "result-head" },
-          el("h2", { id: "result-title", tabindex: "-1" }, this.job.name),
+          el("h2", { id: "result-title", tabindex: "-1" }, called(this.job)),
 assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} ${headline.title}`) : null,
           el("span", { class: "tools" }, this.#before(), el("button", { type: "button", onclick: () => this.#leave() }, t("another")))),
 ...(assessed ? [el("p", { class: "says" }, [...headline.says, joint].join(" "))] : []),
@@ -102,7 +102,7 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
     const others = session.jobs.filter(({ id }) => id !== this.job.id);
     if (!others.length) return null;
     const open = (id) => this.show(session.jobs.find((job) => job.id === id));
-    return select("before", t("session"), [["", "…"], ...others.map(({ id, name }) => [id, name])], "", open);
+    return select("before", t("session"), [["", "…"], ...others.map((job) => [job.id, called(job)])], "", open);
   }
 
   #leave() {
