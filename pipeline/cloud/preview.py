@@ -11,6 +11,7 @@ from .selection import sample
 
 OF_A_SCAN, OF_A_VEHICLE = 8_000, 40_000
 LOOKED_AT = 16  # a regular subset of at most so many times the sample's size is sampled
+CLOSE_M, VEHICLE_M = 0.25, 6.0  # from a target: its surroundings; what may be of its vehicle
 AROUND = 0.75  # beyond the wheels, relative to their distance from the middle: overhangs
 
 
@@ -27,10 +28,25 @@ class CloudSample:
         return self.origin_m + self.offsets_m
 
 
-def cloud_sample(points_m: Array, count: int = OF_A_SCAN) -> CloudSample:
-    """Return about `count` points of points_m (N, 3), or all if they are fewer."""
+def cloud_sample(
+    points_m: Array, count: int = OF_A_SCAN, target_m: Array | None = None
+) -> CloudSample:
+    """Return about `count` of points_m (N, 3), or all if they are fewer.
+
+    target_m: (3,) centre of the target, if it is known: points that cannot be the vehicle's are
+    left out, and up to half are close to the target. Any prefix is a sample of both.
+    """
     step = max(1, len(points_m) // (LOOKED_AT * count))
-    return _about(sample(points_m[::step], count))
+    looked_at = points_m[::step]
+    if target_m is None:
+        return _about(sample(looked_at, count))
+    apart_m = np.linalg.norm(looked_at - target_m, axis=1)
+    close = looked_at[apart_m < CLOSE_M]
+    others = looked_at[(apart_m >= CLOSE_M) & (apart_m < VEHICLE_M)]
+    of_target = min(len(close), max(count // 2, count - len(others)))
+    kept = [sample(close, of_target), sample(others, count - of_target)]
+    rank = [(np.arange(len(part)) + 0.5) / max(1, len(part)) for part in kept]
+    return _about(np.concatenate(kept)[np.argsort(np.concatenate(rank), kind="stable")])
 
 
 def by_wheel(points_m: Array, centres_m: Array, count: int = OF_A_VEHICLE) -> list[CloudSample]:

@@ -129,6 +129,8 @@ def _find(
         patch = find_patch(*seen, axes, near_m)
     except NotMeasuredError as error:
         return observation, error.with_traceback(None)
+    shown = cloud_sample(scan.points_m, target_m=patch.origin_m)
+    observation = replace(observation, cloud=shown)
     if hint is not None:
         chosen = note_on_hint(hint, entry.name, patch, config)
         observation = replace(observation, note=" ".join(filter(None, (observation.note, chosen))))

@@ -49,3 +49,25 @@ def test_each_wheel_gets_the_points_nearest_to_it():
         own = apart[:, index]
         assert (own <= apart.min(axis=1) + 1e-5).all()
         assert own.max() < 10.0  # the far point is none of the vehicle's
+
+
+def test_of_a_target_in_a_hall_half_are_close_to_it_and_none_are_of_the_hall():
+    """In the first quarter as in the whole; of all, 1 in 20 is close to it."""
+    rng = np.random.default_rng(2)
+    hall = rng.uniform([-30, -30, -3], [30, 30, 9], (300_000, 3))
+    car = rng.uniform([-0.5, -2.0, -0.3], [3.2, 0.0, 1.2], (80_000, 3))
+    target = np.array([1.0, -0.5, 0.2])
+    plate = target + rng.uniform(-0.1, 0.1, (20_000, 3))
+    kept = cloud_sample(np.vstack([hall, car, plate]), target_m=target).points_m
+    assert 0.9 * OF_A_SCAN < len(kept) < 1.1 * OF_A_SCAN
+    apart = np.linalg.norm(kept - target, axis=1)
+    assert apart.max() < 6.0
+    for part in (apart, apart[: len(apart) // 4]):
+        assert 0.4 < np.mean(part < 0.25) < 0.6
+
+
+@pytest.mark.parametrize("count", [0, 5, 3000])
+def test_few_points_are_all_kept_about_a_target(count):
+    points = np.random.default_rng(3).uniform(-1.0, 1.0, (count, 3))
+    kept = cloud_sample(points, target_m=np.zeros(3))
+    assert len(kept.points_m) == count
