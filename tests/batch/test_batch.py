@@ -55,6 +55,7 @@ def test_number_of_workers_changes_nothing(undisturbed, tmp_path):
     assert len(expected) == 61
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_goes_on_to_the_same_end(undisturbed, tmp_path):
     archive, expected = undisturbed
     rng = random.Random(1)
@@ -67,6 +68,7 @@ def test_a_run_that_is_killed_goes_on_to_the_same_end(undisturbed, tmp_path):
     assert left(tmp_path / "results") == expected
 
 
+@pytest.mark.slow
 def test_workers_that_are_killed_cost_nothing(undisturbed, tmp_path):
     archive, expected = undisturbed
     rng = random.Random(2)

@@ -144,6 +144,7 @@ KEYS = {
 }
 
 
+@pytest.mark.slow
 def test_a_key_that_is_no_name_of_a_file_is_a_row_that_says_why(remote, tmp_path):
     data = five_points(tmp_path / "a.txt", 1).read_bytes()
     files = dict.fromkeys(KEYS, data) | {"good.txt": data, "car/capture.toml": b"x"}

@@ -40,6 +40,8 @@ from wheelplane.batch.storage.scratch import GONE, LOCK, PREFIX, scratch_folder
 from wheelplane.batch.storage.store import open_store
 from wheelplane.system import acquire
 
+pytestmark = pytest.mark.slow
+
 OPTIONS = ("--workers", "2")
 
 
@@ -323,7 +325,6 @@ def trees_left(archive: Path, results: Path) -> int:
     return len(list(archive.iterdir())) - len(list(results.glob("measurements/*/*.json")))
 
 
-@pytest.mark.slow
 def test_kills_of_a_run_leave_the_catalogue_of_an_undisturbed_one(tmp_path):
     archive, expected = undisturbed(tmp_path, 16)
     killed = disturbed(archive, tmp_path / "results", 4, 0.5, random.Random(1))
@@ -331,7 +332,6 @@ def test_kills_of_a_run_leave_the_catalogue_of_an_undisturbed_one(tmp_path):
     assert left(tmp_path / "results") == expected
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1])
 def test_forty_kills_in_two_hundred_captures(tmp_path, seed):
     archive, expected = undisturbed(tmp_path, 200)

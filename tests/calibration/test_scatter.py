@@ -34,6 +34,7 @@ def test_pooled_deviation_and_means_are_those_of_the_cells():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("levels", [1, 4])
 def test_the_stated_covariance_of_means_is_that_of_many_experiments(levels):
     rng = np.random.default_rng(1)

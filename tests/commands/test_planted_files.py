@@ -16,6 +16,8 @@ from tests.support.paths import FIGURE_4
 from tests.support.planted import Planted
 from tests.support.web_site import Site
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def captures(tmp_path_factory):
@@ -78,7 +80,6 @@ def test_the_others(planted, command):
     assert planted.run(command, *given).returncode == 0
 
 
-@pytest.mark.slow
 def test_the_page(planted, captures, tmp_path, monkeypatch):
     """Its jobs start in the folder that `view` was called in."""
     monkeypatch.chdir(planted.folder)

@@ -207,6 +207,7 @@ def test_an_unreadable_scan_is_explained_beside_the_others(plain, tmp_path):
     assert not found["RL"].candidates
 
 
+@pytest.mark.slow
 def test_two_runs_write_the_same_bytes(doubled, tmp_path):
     for name in ("one", "two"):
         call("measure", doubled, "--target", "disc-250", "--explain", tmp_path / name)

@@ -87,6 +87,7 @@ def test_a_stated_run_out_is_in_the_uncertainty(tmp_path, plain):
         assert abs(np.sqrt(added) - tilt) < 0.15 * tilt
 
 
+@pytest.mark.slow
 def test_turned_scans_give_the_spin_axis(tmp_path):
     found = measured(write(tmp_path, turns=(0.0, 120.0, 240.0)))
     for wheel in found.wheels[:4]:
@@ -116,6 +117,7 @@ def test_wheels_in_one_cloud_of_the_vehicle_are_found_named_and_measured(tmp_pat
     assert "those of the rims" in " ".join(found.notes)
 
 
+@pytest.mark.slow
 def test_a_third_axle_is_refused_with_a_list(tmp_path):
     centres = [(x, y, 0.32) for x, y in [*CENTRES.values(), (-1.6, -0.75), (-1.6, 0.75)]]
     axes = [outward(name) for name in [*CENTRES, "RR", "RL"]]
@@ -123,6 +125,7 @@ def test_a_third_axle_is_refused_with_a_list(tmp_path):
         measured(cloud(tmp_path, centres, axes))
 
 
+@pytest.mark.slow
 def test_three_wheels_are_refused_with_a_list(tmp_path):
     centres = [(x, y, 0.32) for x, y in list(CENTRES.values())[:3]]
     with pytest.raises(InputError, match=r"3 targets found, four are needed: target 1 at"):

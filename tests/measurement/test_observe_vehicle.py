@@ -567,6 +567,7 @@ def test_a_made_vehicle_in_its_bay_whose_boards_tell_its_front(tmp_path):
     assert all(source.startswith("vehicle.e57: ") for source in sources)
 
 
+@pytest.mark.slow
 def test_inspect_and_plane_describe_the_cloud(bay, vehicle, declared):
     for source, name in ((vehicle, str(vehicle)), (declared, f"{declared}: vehicle.ply")):
         code, out = run("inspect", source)

@@ -28,11 +28,12 @@ from tests.support.paths import FORMATS
 from wheelplane.errors import InputError
 from wheelplane.readers import READERS, ReadOptions, Scan, read_scan
 
+pytestmark = pytest.mark.slow
+
 POOL = samples()
 MUTANTS = 500
 
 
-@pytest.mark.slow
 def test_short_run():
     """Each mutant ends in a reading or in one clear line; see tests/fuzzing/judge.py."""
     outcomes = list(fuzz(0, MUTANTS, seed=20))
@@ -225,7 +226,6 @@ worker.main()
 """
 
 
-@pytest.mark.slow
 def test_a_crash_and_a_hang_are_reported_and_the_run_goes_on(tmp_path, monkeypatch):
     from tests.fuzzing import supervise
 

@@ -18,6 +18,8 @@ from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
 from wheelplane.readers.memory import available_bytes
 
+pytestmark = pytest.mark.slow
+
 PIECE = 1 << 20  # bytes that a reader holds besides: a chunk, or a piece of text and its numbers
 WHOLE = {"compressed.pcd", "alone.zip"}  # PCD's compressed block is unpacked as a whole
 ROWS = np.random.default_rng(0).normal(size=(150_000, 4)).round(6)

@@ -13,6 +13,8 @@ from tests.fuzzing.samples import zipped
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
 
+pytestmark = pytest.mark.slow
+
 MOST_MB, MOST_BYTES, MOST_S = 300, 3 << 30, 60.0  # the limit of address space spares the machine
 FEW = b"nan nan nan\n" * 249_999 + b"1 2 3\n" + b"nan nan nan\n" * 249_999 + b"1 2 4\n"
 FILES = {

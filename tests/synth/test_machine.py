@@ -85,6 +85,7 @@ def test_every_point_is_read_by_the_protocol_and_the_files_say_so(tmp_path):
     assert item["decision"]["rule"] == "guarded"
 
 
+@pytest.mark.slow
 def test_a_capture_has_the_machine_s_files_and_the_same_scans_as_without_it(tmp_path):
     files = {"vehicle": SALOON, "scanner": changed(DEFAULT, tmp_path, {"grid.spacing_m": 0.02}),
              "target": DISC}  # fmt: skip

@@ -328,6 +328,7 @@ def test_away_from_edges_the_average_over_the_spot_is_its_centre():
     assert np.mean(shift_m(outer) > 0.0005) > 0.1
 
 
+@pytest.mark.slow
 def test_every_beam_whose_spot_straddles_a_step_is_averaged():
     scene, centre, _, grid, beam = staged(DEFAULT)
     step, rows = grid.spacing_m / np.linalg.norm(centre), np.arange(-160, 161)
@@ -388,6 +389,7 @@ def rim_m(tmp_path, spot_radius_m: float) -> tuple[float, float]:
     return radius[along > 0.995].max(), radius[along < -0.995].max()
 
 
+@pytest.mark.slow
 def test_spot_erodes_the_far_edge_and_not_the_near_one(tmp_path):
     near_m, far_m = rim_m(tmp_path, 0.0015)
     # What stands 60 mm behind the far edge takes a beam off when 2.4 mm / 60 mm of its spot fall
@@ -567,6 +569,7 @@ def test_points_lie_on_the_form_and_within_the_flatness(tmp_path):
     assert np.abs(off - mount.form.height_m(uv)).max() < 0.5 * 0.0005 * steepest
 
 
+@pytest.mark.slow
 def test_a_clamp_tilts_and_shifts_the_plate_and_not_the_truth(tmp_path):
     given = {"clamp_tilt_deg": 0.5, "clamp_shift": 0.002}
     values = COARSE | {"grid.half_width_m": 0.08}

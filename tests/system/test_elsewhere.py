@@ -15,6 +15,8 @@ from tests.support.batches import archive_of
 from tests.support.made import write_small_capture
 from tests.support.paths import FORMATS, ROOT
 
+pytestmark = pytest.mark.slow
+
 SYSTEMS = ["macos", "windows"]
 READ = """
 import hashlib, sys
@@ -67,7 +69,6 @@ def test_measure_gives_the_same_bytes(small, tmp_path, system):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_native_libraries_and_text_give_the_same_points(tmp_path, system):
     read = there("-c", READ, *SCANS, system=system, tmp=tmp_path)
@@ -76,7 +77,6 @@ def test_native_libraries_and_text_give_the_same_points(tmp_path, system):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_a_batch_gives_the_same_files(tmp_path, system):
     archive, found = archive_of(tmp_path / "archive", 3), []

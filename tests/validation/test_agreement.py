@@ -80,6 +80,7 @@ def test_no_line_where_there_is_none():
     assert fit_line(one[:2], one[:2], one[:2], one[:2], one[:2]) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("subjects", "repeats", "between"), [(12, 1, 1.0), (40, 1, 1.0), (25, 3, 1.0), (25, 4, 3.0)]
 )
@@ -245,6 +246,7 @@ def with_u(found, factor):
     ]
 
 
+@pytest.mark.slow
 def test_nees_keeps_its_limits_where_u_is_estimated_and_right(steady):
     """V rests on eight degrees of freedom: against a chi-square a third lies outside."""
     by_definition = [

@@ -221,6 +221,7 @@ def test_shape_is_that_of_the_centres():
     np.testing.assert_allclose(shape, [1.5, 1.5, 2.6, offset, yaw, tilt], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_uncertainties_of_the_parts_are_those_of_draws():
     car = Car(7)
     first, second = car.dense(), car.five()

@@ -49,6 +49,7 @@ def shown(tmp_path_factory):
     return measurement, head, places, np.array(scans)
 
 
+@pytest.mark.slow
 def test_the_vehicle_is_cropped_before_points_are_chosen(shown):
     """Chosen of all, 9 of 10 would be of the hall, and the budget not used."""
     _, head, places, scans = shown

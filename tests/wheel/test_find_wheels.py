@@ -32,6 +32,7 @@ def test_the_four_wheels_of_a_car_are_found_whatever_their_steering():
         assert angle_between(patch.basis[2], axes[nearest]) < np.radians(1.5)
 
 
+@pytest.mark.slow
 def test_a_wheel_that_lies_leans_or_hangs_is_none_of_the_car_s():
     rng = np.random.default_rng(1)
     lean = np.radians(25.0)
@@ -45,6 +46,7 @@ def test_a_wheel_that_lies_leans_or_hangs_is_none_of_the_car_s():
     assert placed(find_wheels(points, None)) == [0, 1, 2, 3]
 
 
+@pytest.mark.slow
 def test_the_outer_one_of_twin_wheels_counts():
     rng = np.random.default_rng(7)
     inner = [(x, 0.58 * y, z) for x, y, z in CENTRES[:2]]
@@ -68,6 +70,7 @@ def test_a_chosen_point_decides_which_wheel():
     assert max(away) < 0.25
 
 
+@pytest.mark.slow
 def test_each_wheel_is_taken_from_the_scan_that_shows_it_best():
     rng = np.random.default_rng(4)
     points = vehicle_points(rng, CENTRES, LEVEL)
