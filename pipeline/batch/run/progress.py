@@ -94,7 +94,7 @@ class Bar(ProgressLines):
         super().__init__()
         rich: Any = importlib.import_module("rich.progress")
         console: Any = importlib.import_module("rich.console")
-        self._bar = rich.RecordProgress(
+        self._bar = rich.Progress(
             rich.BarColumn(),
             rich.TextColumn("{task.description}", markup=False),
             console=console.Console(stderr=True),
