@@ -41,6 +41,7 @@ from .surfels import Surfels, find_surfels
 
 LIKELY = 0.6  # of the best match, or the least: a candidate that may prove better
 MOST_SCORED = 12  # candidate positions of one scan that are scored
+FEW, MANY_TIMES = 1200, 10  # points whose cells are too coarse for the outline; see _is_scrap
 SPARSE = 1500  # points on a target, below which all points of the scan are used, not a sample
 SURE, RIVAL_SCORE = 0.8, 0.6  # match of the best, and score below which nothing rivals it
 SEARCHED, LEAST_CHOSEN = 3.0, 0.1  # radii about a chosen point, and the match that is enough there
@@ -146,7 +147,18 @@ def find_candidates(
     found = [replace(c, centre_m=c.centre_m + origin) for c in found]
     if len(points_m) > len(points):
         found = _rescore_sparse(points_m, found, target, config, steps)
-    return found
+    return [one for one in found if not _is_scrap(one, found, config)]
+
+
+def _is_scrap(one: Candidate, found: Sequence[Candidate], config: SegmentConfig) -> bool:
+    """Return whether another candidate matches nearly as well, by many times the points.
+
+    A target is scanned about as densely as what is beside it, and few points match anything.
+    """
+    return one.points < FEW and any(
+        other.points > MANY_TIMES * one.points and other.match > config.rival_match * one.match
+        for other in found
+    )
 
 
 def voxels_of(points_m: Array, target: Target) -> VoxelGrid:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.support.scenes import WHEEL, Setup, Sheet, make, rotation
 from tests.support.single_scan import measure_scan
 from wheelplane.config import Config, SegmentConfig
-from wheelplane.detection.find_target import find_candidates, find_target
+from wheelplane.detection.candidates import Candidate
+from wheelplane.detection.find_target import _is_scrap, find_candidates, find_target
 from wheelplane.errors import NotMeasuredError
 from wheelplane.readers.scan import Scan
 from wheelplane.targets.plates import DiscTarget
@@ -240,3 +243,14 @@ def test_wheel_without_a_target():
         azimuth = np.random.default_rng([seed, 5]).uniform(20, 160)
         bare = WHEEL.but(radius_m=0.001, thickness_m=1e-4, azimuth_deg=azimuth)
         assert whole_status(make(bare, seed).points_m) in (*REFUSED, "wrong-outline")
+
+
+@pytest.mark.parametrize(
+    ("match", "points", "kept"),
+    [(0.47, 151, False), (0.8, 151, True), (0.47, 500, True), (0.2, 4000, True)],
+)
+def test_a_scrap_of_few_points_is_no_rival_of_a_target_of_many(match, points, kept):
+    many = Candidate(np.zeros(3), np.eye(3), 0.45, 0.001, 0.005, 4114)
+    other = replace(many, centre_m=np.full(3, 0.2), match=match, points=points)
+    assert _is_scrap(other, [many, other], SegmentConfig()) is not kept
+    assert not _is_scrap(many, [many, other], SegmentConfig())
