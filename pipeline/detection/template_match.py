@@ -261,7 +261,7 @@ def _outline_match(
     """Return ends * (ends / (ends + goes_on))^2: the share of the outline where the surface ends.
 
     By the occupied shares just inside and just outside the outline, in 48 sectors; where nothing is
-    inside, the outline is hidden, and counts for neither. resolved: to which the points tell it.
+    inside, the outline is hidden, and counts for neither. resolved: to which the points show it.
     """
     reach = math.ceil((radius_m + sum(_band_widths(radius_m, resolved))) / cell) + 1
     column, row = (max(round(at) - reach, 0) for at in middle.tolist())

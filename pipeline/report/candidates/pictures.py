@@ -66,7 +66,7 @@ def best_drawing(scan: ExplainedScan, words: Translations) -> Drawing | None:
 
 @dataclass(frozen=True)
 class _Seen:
-    """What the picture shows: axes (3, 3) of `_view`, lower left corner (2,) and size (2,), m."""
+    """Area of the picture: axes (3, 3) of `_view`, lower left corner (2,) and size (2,), m."""
 
     axes: Array
     low: Array
