@@ -1,6 +1,6 @@
 """Observations to a measurement: evaluation, repeatability, tolerances, conformity."""
 
-from .assumptions import notes_of_assumptions
+from .assumptions import VERTICALS, notes_of_assumptions
 from .conformity import Conformity, Deciding, Verdict, assess, conforms, decide
 from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
@@ -55,6 +55,7 @@ __all__ = [
     "SIGMAS",
     "UNITS",
     "VEHICLE_BY_SWEEP",
+    "VERTICALS",
     "WHEEL_BY_RUNOUT",
     "WHEEL_BY_SWEEP",
     "AxleAngles",

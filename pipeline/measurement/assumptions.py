@@ -40,7 +40,7 @@ def notes_of_assumptions(
     )
 
 
-NAMES: dict[VerticalKind, str] = {
+VERTICALS: dict[VerticalKind, str] = {
     "wheels": "the normal to the plane of the wheel centres",
     "floor": "the floor's normal",
     "gravity": "gravity",
@@ -51,7 +51,7 @@ def _notes_of_verticals(measurement: Measurement) -> Iterator[str]:
     """Yield a note on the vertical in use, unless it is the default, and on others that differ."""
     used = measurement.vertical
     if used is not None:
-        named = NAMES[used.kind]
+        named = VERTICALS[used.kind]
         yield f"Camber, caster and SAI are measured from {named} ({used.by})."
     for vertical in measurement.verticals:
         aside, ahead = vertical_tilts(measurement, vertical)
@@ -62,9 +62,9 @@ def _notes_of_verticals(measurement: Measurement) -> Iterator[str]:
         ):
             continue
         yield (
-            f"From {NAMES[vertical.kind]} ({vertical.by}) against {NAMES['wheels']}: camber "
-            f"{_arc(-aside.value, aside)} on the left and {_arc(aside.value, aside)} on the right, "
-            f"SAI the other way, caster {_arc(ahead.value, ahead)}."
+            f"From {VERTICALS[vertical.kind]} ({vertical.by}) against {VERTICALS['wheels']}: "
+            f"camber {_arc(-aside.value, aside)} on the left and {_arc(aside.value, aside)} on the "
+            f"right, SAI the other way, caster {_arc(ahead.value, ahead)}."
         )
 
 

@@ -345,6 +345,11 @@ class Measurement:
     verticals: tuple[Vertical, ...] = ()
 
     @property
+    def vertical_kind(self) -> VerticalKind:
+        """The vertical from which camber, caster and SAI are measured."""
+        return "wheels" if self.vertical is None else self.vertical.kind
+
+    @property
     def provisional(self) -> frozenset[str]:
         """Names of the wheels that stand in the vehicle's quantities without a suspect point."""
         return frozenset(wheel.observation.name for wheel in self.wheels if wheel.provisional)

@@ -162,7 +162,7 @@ def _whole_number(value: Any) -> int:
 def _report(state: PageState, name: str, kind: str, asked: Any) -> tuple[PageJob, Path]:
     job = state.jobs.shown(name)
     chosen = str(asked.get("language", language()))
-    return job, report_file(state.jobs, job, kind, chosen, asked.get("axis"), asked.get("style"))
+    return job, report_file(state.jobs, job, kind, chosen, asked)
 
 
 def _stem(job: PageJob) -> str:

@@ -104,16 +104,53 @@ def test_the_panel_says_the_same_in_every_unit_and_language(site, five):
     for language in LANGUAGES:
         panel = file_of(site, five, f"panel-{language}.json").json
         words = load_translations(language)
-        wheels = panel["tables"]["rear-axle"]["dms"][0]
+        wheels = panel["tables"]["default"]["rear-axle"]["dms"][0]
         toe = wheels["head"].index(words("quantity.toe"))
-        degrees = panel["tables"]["rear-axle"]["deg"][0]
+        degrees = panel["tables"]["default"]["rear-axle"]["deg"][0]
         for i, wheel in enumerate(tree["wheels"]):
             expanded = expanded_of[f"{wheel['name']}.toe"]
             assert says_angle(wheels["rows"][i][toe], wheel["toe_deg"], expanded)
             assert float(degrees["rows"][i][toe].strip("°").replace(",", ".")) == pytest.approx(
                 wheel["toe_deg"], abs=0.51 * step(expanded)
             )
-        assert panel["tables"]["thrust-line"]["dms"][0]["rows"] != wheels["rows"]
+        assert panel["tables"]["default"]["thrust-line"]["dms"][0]["rows"] != wheels["rows"]
+
+
+def test_other_conventions_turn_the_signs_of_headings_and_of_nothing_else(site, five):
+    tables = file_of(site, five, "panel-en.json").json["tables"]
+    rows = {name: tables[name]["centreline"]["deg"][2]["rows"] for name in tables}
+    plain, iso = rows["default"], rows["iso-8855"]
+    turned = [(one[1], other[1]) for one, other in zip(plain, iso, strict=True) if one != other]
+    assert turned
+    for before, after in turned:
+        assert float(after.strip("°")) == -float(before.strip("°")) != 0.0
+    assert len(rows["german-workshop"]) > len(plain)
+
+
+def test_camber_is_measured_from_the_vertical_that_is_chosen(site, dense):
+    given = {"root": 0, "path": "capture"}
+    failed = site.measure({**given, "options": {"vertical": "gravity"}})
+    assert failed["state"] == "failed" and "gravity" in failed["failure"]["text"]
+    capture = site.copy(site.allowed / "capture", "levelled")
+    file = capture / "capture.toml"
+    tree = file_of(site, dense, "measurement.json").json
+    up = np.array(tree["frame"]["up"]) + 0.01 * np.array(tree["frame"]["left"])
+    file.write_text(f"gravity = {[*map(float, -up)]}\ngravity_u_deg = 0.01\n" + file.read_text())
+    job = finished(
+        site.measure({"root": 0, "path": "levelled", "options": {"vertical": "gravity"}})
+    )
+    found = file_of(site, job, "measurement.json").json
+    assert found["vertical_in_use"] == "gravity"
+    for wheel, plain in zip(found["wheels"], tree["wheels"], strict=True):
+        sense = 1.0 if wheel["name"].endswith("L") else -1.0
+        turned = wheel["camber_deg"] - plain["camber_deg"]
+        assert turned == pytest.approx(-sense * np.degrees(0.01), abs=0.01 * np.degrees(0.01))
+    head = file_of(site, job, "panel-en.json").json["tables"]["default"]["rear-axle"]["dms"][0]
+    assert any("gravity" in name for name in head["head"])
+    refused = site.ended(site.post("/api/compare", {"first": job, "second": dense}).json["id"])
+    assert refused["state"] == "failed" and "gravity" in refused["failure"]["text"]
+    five_points = {"root": 0, "path": "figure-4.txt", "options": {"vertical": "floor"}}
+    assert "five points" in site.measure(five_points)["failure"]["text"]
 
 
 def test_each_wheel_has_its_evidence(site, dense, five):
@@ -358,6 +395,7 @@ def test_a_report_can_be_shown_and_downloaded(site, five):
         "report.html?language=xx",
         "report.txt?axis=x",
         "report.txt?style=mm",
+        "report.txt?convention=x",
     ):
         assert site.get(f"/api/jobs/{five}/{wrong}").status_code == 400, wrong
 
@@ -470,7 +508,7 @@ def test_every_text_of_the_page_is_there_in_every_language():
 
 # Names that are made of parts, or that the program gives to what has a status.
 BUILT = ("format_", "kind_", "option_", "verdict_", "read_as_", "coordinates_",
-         "tolerance_")  # fmt: skip
+         "tolerance_", "convention_", "vertical_")  # fmt: skip
 STATED = {*STATUSES, "agree", "disagree", "cannot_tell"}
 
 

@@ -11,9 +11,8 @@ from .poses import rounded_rows
 
 def verticals_tree(measurement: Measurement) -> dict[str, Any]:
     """Return `vertical_in_use`, from which all cambers are measured, and `verticals`."""
-    used = measurement.vertical
     return {
-        "vertical_in_use": "wheels" if used is None else used.kind,
+        "vertical_in_use": measurement.vertical_kind,
         "verticals": [_vertical(measurement, one) for one in measurement.verticals],
     }
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import mimetypes
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from ...config import config_folder
-from ...measurement import BY_MODEL
+from ...measurement import BY_MODEL, VerticalKind
 from ..security import RefusedError
 
 UNITS = ("m", "mm", "in")
@@ -17,6 +17,7 @@ SCALAR: dict[str, tuple[str, ...]] = {
     "read_as": ("five-point", "cloud"),
     "length_unit": UNITS,
     "up": ("auto", "floor", "z"),
+    "vertical": get_args(VerticalKind),
     "coordinates": ("cartesian", "spherical"),
     "angle_unit": ANGLE_UNITS,
     "azimuth": ("auto", "clockwise", "counterclockwise"),

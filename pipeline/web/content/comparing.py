@@ -6,11 +6,12 @@ import json
 import math
 import pickle
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...errors import InputError
-from ...measurement import Estimate, Measurement, by_name
+from ...measurement import VERTICALS, Estimate, Measurement, by_name
 from ...report.format.language import Translations, load_translations
 from ...report.format.view import PAPER
 from ...report.format.writer import Table, Writer
@@ -27,9 +28,10 @@ def compare(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
     first, second = (load(Path(folder))[0] for folder in plan["folders"])
     found = compare_measurements(first, second, plan["names"])
     words = load_translations(plan["language"])
+    writer = Writer(words, replace(PAPER, vertical=first.vertical_kind))
     tree = {
         "verdict": found.verdict,
-        "table": table_tree(differences_table(found, Writer(words, PAPER))),
+        "table": table_tree(differences_table(found, writer)),
         "lengths": table_tree(_lengths(first, second, words, plan["names"])),
         "missing": [{"name": name, "reason": reason} for name, reason in found.missing],
         "text": validation_text(found),
@@ -52,6 +54,12 @@ def compare_measurements(
     """
     parts = [measured(one) for one in (first, second)]
     shared = [name for name in parts[0].names if name in parts[1].names]
+    verticals = [one.vertical_kind for one in (first, second)]
+    if verticals[0] != verticals[1]:
+        raise InputError(
+            f"{names[0]} has its cambers from {VERTICALS[verticals[0]]}, {names[1]} from "
+            f"{VERTICALS[verticals[1]]}: measure both from the same (--vertical)"
+        )
     missing = [wheel for wheel in REFERENCE_WHEELS if wheel not in shared]
     if missing:
         raise InputError(

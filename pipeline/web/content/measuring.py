@@ -53,7 +53,12 @@ def measure(plan: dict[str, Any], send: Send) -> None:
         if capture is None:
             measurement = _five_point(source, options)
         else:
-            measurement = measure_capture(capture, config_of(capture, plan), steps(capture, send))
+            measurement = measure_capture(
+                capture,
+                config_of(capture, plan),
+                steps(capture, send),
+                vertical=options.get("vertical", "wheels"),
+            )
         write_results(measurement, assess(measurement, limits) if limits else None, out)
         send("ready", True)
         if capture is not None:
@@ -124,6 +129,11 @@ def config_of(capture: Capture, plan: dict[str, Any]) -> Config:
 
 
 def _five_point(source: Path, options: dict[str, Any]) -> Measurement:
+    if options.get("vertical", "wheels") != "wheels":
+        raise InputError(
+            f"{source}: five points show neither floor nor gravity: measure camber from the plane "
+            "of the wheel centres, or a capture of scans (--vertical)"
+        )
     keys = ("length_unit", "coordinates", "angle_unit", "azimuth")
     given = {key: options[key] for key in keys if options.get(key) is not None}
     points = read_five_point(source, **given)

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...measurement import Conformity, Measurement, WheelResult
 from ...report.format.language import Translations
-from ...report.format.view import PAPER, AngleStyle, View
+from ...report.format.view import CONVENTIONS, PAPER, AngleStyle, Convention, View
 from ...report.format.writer import Table, Writer
 from ...report.html.provenance import head_pairs, troubles, wheel_facts
 from ...report.html.results import headline
@@ -29,7 +29,7 @@ def panel(
     measurement: Measurement, conformity: Conformity | None, words: Translations
 ) -> dict[str, Any]:
     """Build the panel in one language."""
-    plain = Writer(words, PAPER)
+    plain = Writer(words, view_of(measurement, PAPER.axis, PAPER.angles, "default"))
     turned = (*steering_tables(measurement, plain), *runout_tables(measurement, plain))
     extra = [table for table, _ in turned]
     return {
@@ -38,10 +38,22 @@ def panel(
         "joint": joint(conformity, plain) if conformity else "",
         "limits": table_tree(limits_table(conformity, plain)) if conformity else None,
         "tables": {
-            axis: {style: _tables(measurement, words, axis, style) for style in STYLES}
-            for axis in AXES
+            convention: {
+                axis: {
+                    style: _tables(
+                        measurement, words, view_of(measurement, axis, style, convention)
+                    )
+                    for style in STYLES
+                }
+                for axis in AXES
+            }
+            for convention in CONVENTIONS
         },
         "axes": {axis: plain.axis(axis) for axis in AXES},
+        "conventions": {
+            convention: "" if convention == "default" else words.known("convention", convention)
+            for convention in CONVENTIONS
+        },
         "extra": [table_tree(table) for table in extra],
         "wheels": [
             {"name": result.observation.name, "facts": wheel_facts(result, plain)}
@@ -65,10 +77,15 @@ def drawings(
         yield wheel_budget(measurement, result.observation.name, words, PAPER.axis)
 
 
-def _tables(
-    measurement: Measurement, words: Translations, axis: Axis, style: AngleStyle
-) -> list[dict[str, Any]]:
-    writer = Writer(words, View(axis, style))
+def view_of(
+    measurement: Measurement, axis: Axis, style: AngleStyle, convention: Convention
+) -> View:
+    """Return a view of a measurement, which names the vertical that it was measured from."""
+    return View(axis, style, vertical=measurement.vertical_kind, convention=convention)
+
+
+def _tables(measurement: Measurement, words: Translations, view: View) -> list[dict[str, Any]]:
+    writer = Writer(words, view)
     makers = (wheels_table, axles_table, vehicle_table)
     return [table_tree(make(measurement, writer)) for make in makers]
 

@@ -9,12 +9,12 @@ from typing import Any
 from ...config import load_config
 from ...report.format.laboratory import read_laboratory
 from ...report.format.language import load_translations
-from ...report.format.view import View
 from ...report.html.page import ReportOptions, html_report
 from ...report.json.measurement import to_json
 from ...report.text.report import detailed_report
 from ...report.write import write_whole
 from .comparing import load
+from .panel import view_of
 
 TYPES = {
     "html": "text/html; charset=utf-8",
@@ -28,7 +28,7 @@ def report(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
     """Write the report of the job in plan["out"] to plan["file"] there."""
     out = Path(plan["out"])
     measurement, conformity = load(out)
-    view = View(plan["axis"], plan["style"])
+    view = view_of(measurement, plan["axis"], plan["style"], plan["convention"])
     settings = load_config(Path(plan["config"]) if plan["config"] else None)
     laboratory = read_laboratory(settings.report)
     options = ReportOptions(load_translations(plan["language"]), view, laboratory)

@@ -7,10 +7,10 @@ import secrets
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from ...report.format.language import LANGUAGES
-from ...report.format.view import AngleStyle
+from ...report.format.view import ANGLE_STYLES, CONVENTIONS
 from ...report.write import write_files, write_whole
 from ...vehicle import AXES
 from ..content.reporting import TYPES
@@ -19,21 +19,27 @@ from .process import PageJob
 from .queue import Jobs
 
 REPORT_SECONDS, TABLE_SECONDS = 120.0, 60.0
+STYLES = tuple(style for style in ANGLE_STYLES if style != "mm")  # mm needs the rim's diameter
+USUAL = {"axis": "rear-axle", "style": "dms", "convention": "default"}
+ON_OFFER = {"axis": AXES, "style": STYLES, "convention": CONVENTIONS}
 
 
 def report_file(
-    jobs: Jobs, job: PageJob, kind: str, language: str, axis: str | None, style: str | None
+    jobs: Jobs, job: PageJob, kind: str, language: str, asked: Mapping[str, str]
 ) -> Path:
-    """Return the report of a measured job as a file in its folder, written if necessary."""
-    axis, style = axis or "rear-axle", style or "dms"
-    on_offer = kind in TYPES and language in LANGUAGES and axis in AXES
-    if not on_offer or style not in get_args(AngleStyle) or style == "mm" or job.task != "measure":
+    """Return the report of a measured job as a file in its folder, written if necessary.
+
+    asked: axis, style and convention of its view, where they are not the usual ones.
+    """
+    view = {key: asked.get(key) or usual for key, usual in USUAL.items()}
+    on_offer = kind in TYPES and language in LANGUAGES and job.task == "measure"
+    if not on_offer or any(value not in ON_OFFER[key] for key, value in view.items()):
         raise RefusedError(400, "no such report")
-    name = f"report-{language}-{axis}-{style.replace('/', '')}.{kind}"
+    name = f"report-{'-'.join([language, *view.values()]).replace('/', '')}.{kind}"
     path = job.folder / name
     if path.is_file():
         return path
-    plan = {"format": kind, "language": language, "axis": axis, "style": style, "file": name}
+    plan = {"format": kind, "language": language, **view, "file": name}
     report = jobs.start("report", name, plan, uses=(job,))
     report.finished.wait(REPORT_SECONDS)
     if report.state != "done":

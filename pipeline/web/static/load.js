@@ -9,7 +9,7 @@ const LONG_BYTES = 50e6; // an upload before which the options are asked
 const OPTIONS = /--explain DIR|--[a-z]+(?:-[a-z]+)*/g;
 const INSTEAD = {
   "--target": "option_target", "--length-unit": "option_length_unit", "--scanner": "option_scanner",
-  "--tolerance": "option_tolerance", "--front": "option_front", "--explain DIR": "found_why", "--hint": "found_again",
+  "--tolerance": "option_tolerance", "--front": "option_front", "--vertical": "option_vertical", "--explain DIR": "found_why", "--hint": "found_again",
 };
 const KNOWN = new RegExp(`\\.(${limits.suffixes.join("|")})$`, "i");
 

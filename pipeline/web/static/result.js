@@ -14,6 +14,7 @@ export class Result {
     this.onStep = onStep;
     this.style = "dms";
     this.axis = "rear-axle";
+    this.convention = "default";
   }
 
   async show(job) {
@@ -55,9 +56,10 @@ export class Result {
     this.stage = el("div", { class: "stage" });
     this.evidence = el("aside", { class: "card evidence", "aria-live": "polite" }, el("p", { class: "hint" }, t("wheel_hint")));
     this.angles = el("div");
+    this.meaning = el("p", { class: "small", role: "status" });
     this.axles = el("div", { class: "pair" });
     this.count = el("p", { class: "small", role: "status" });
-    this.saver = new Saver(this.job, () => ({ axis: this.axis, style: this.style, language }), () => this.onStep(3));
+    this.saver = new Saver(this.job, () => ({ axis: this.axis, style: this.style, convention: this.convention, language }), () => this.onStep(3));
     const assessed = headline.kind !== "none";
     this.place.replaceChildren(
       el("div", { class: "card" },
@@ -68,7 +70,9 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
 ...(assessed ? [el("p", { class: "says" }, [...headline.says, joint].join(" "))] : []),
         el("div", { class: "tools" },
           select("style", t("unit"), STYLES.map(([value, word]) => [value, t(word)]), this.style, (value) => this.#setView({ style: value })),
-          select("axis", t("axis"), Object.entries(this.panel.axes), this.axis, (value) => this.#setView({ axis: value }))),
+          select("axis", t("axis"), Object.entries(this.panel.axes), this.axis, (value) => this.#setView({ axis: value })),
+          select("convention", t("convention"), Object.keys(this.panel.conventions).map((name) => [name, t(`convention_${name.replace("-", "_")}`)]), this.convention, (value) => this.#setView({ convention: value }))),
+        this.meaning,
         this.angles,
         ...troubles.map(troubleOf)),
       el("div", { class: "look" }, el("div", {}, this.stage, this.count), this.evidence),
@@ -82,10 +86,10 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
     this.#setView({});
   }
 
-  /** Show the tables in another unit, or relative to another axis. */
+  /** Show the tables in another unit, relative to another axis, or with the signs of another convention. */
   #setView(change) {
     Object.assign(this, change);
-    const [wheels, ...others] = this.panel.tables[this.axis][this.style];
+    const [wheels, ...others] = this.panel.tables[this.convention][this.axis][this.style];
     const whole = wheels.classes.every((kind) => kind !== "bad");
     const table = tableOf(wheels, { kind: "angles", hidden: whole ? [STATUS] : [] });
     for (const [i, row] of [...table.querySelectorAll("tbody tr")].entries()) {
@@ -94,6 +98,7 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
       row.classList.toggle("chosen", name === this.chosen);
       row.querySelector("th").replaceChildren(el("button", { type: "button", onclick: () => this.choose(name) }, wheels.rows[i][0]));
     }
+    this.meaning.textContent = this.panel.conventions[this.convention];
     this.angles.replaceChildren(table);
     this.axles.replaceChildren(...others.map((other) => el("div", { class: "card" }, tableOf(other))));
   }
