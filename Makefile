@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 LOCK := .ci/requirements.lock
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+UV := $(BIN)/uv pip install --quiet --python $(BIN)/python
 # The tests start hundreds of processes, each of which would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
@@ -48,12 +50,13 @@ $(VENV)/ready: pyproject.toml $(LOCK)
 	@[ -e .ci/editable/wheelplane ] || ln -s ../../pipeline .ci/editable/wheelplane
 	@[ -e .ci/editable/wheelplane_synth ] || ln -s ../../synth .ci/editable/wheelplane_synth
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(LOCK)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	awk '/^[a-z]/ { on = /^uv==/ } on' $(LOCK) | $(PIP) --require-hashes -r /dev/stdin
+	$(UV) --require-hashes -r $(LOCK) || $(PIP) --require-hashes -r $(LOCK)
+	$(PIP) --no-deps --no-build-isolation -e .
 	@touch $@
 
 $(VENV)/docs: .ci/docs/requirements.lock $(VENV)/ready
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $<
+	$(UV) --require-hashes -r $< || $(PIP) --require-hashes -r $<
 	@touch $@
 
 lock: $(VENV)/ready  ## pin every dependency, for all systems and Pythons of pyproject.toml
