@@ -4,10 +4,13 @@ No deadline for an example of hypothesis: how long it takes is no law.
 
 SIGINT and SIGHUP as in a terminal: a runner started in the background (nohup ... &) ignores them,
 and so would every process that a test starts and interrupts.
+
+--share K/N runs the K-th of N shares of the tests, as their names divide them.
 """
 
 import os
 import signal
+import zlib
 
 from hypothesis import settings
 
@@ -21,3 +24,14 @@ for number, handler in (
 ):
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, handler)
+
+
+def pytest_addoption(parser):
+    parser.addoption("--share", default="0/1", metavar="K/N")
+
+
+def pytest_collection_modifyitems(config, items):
+    share, number = map(int, config.getoption("--share").split("/"))
+    kept = [item for item in items if zlib.crc32(item.nodeid.encode()) % number == share % number]
+    config.hook.pytest_deselected(items=[item for item in items if item not in set(kept)])
+    items[:] = kept
