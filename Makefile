@@ -8,7 +8,7 @@ UV := $(BIN)/uv pip install --quiet --python $(BIN)/python
 # The tests start hundreds of processes, each of which would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all smoke check docs bench fuzz lock sbom audit clean help
+.PHONY: demo test test-all smoke check docs bench bench-quick fuzz lock sbom audit clean help
 
 demo: $(VENV)/ready  ## a synthetic vehicle, scanned, measured, beside its true angles
 	$(BIN)/wheelplane demo demo-output
@@ -39,6 +39,9 @@ bench: $(VENV)/ready  ## the README's figures of accuracy and speed
 	$(BIN)/python -m tests.bench.segmentation
 	$(BIN)/python -m tests.bench.detection
 	$(BIN)/python -m tests.bench.shapes
+
+bench-quick: $(VENV)/ready  ## where users wait, as ratios within one run (3 minutes)
+	$(BIN)/python -m tests.bench.quick
 
 fuzz: $(VENV)/ready  ## 20,000 damaged files through every reader
 	$(BIN)/python -m tests.bench.fuzz --mutants 20000 --seed 0

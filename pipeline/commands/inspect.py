@@ -46,6 +46,9 @@ def inspect(
     first, summary = summaries[0]
     if first.role == "vehicle":
         return _show(f"{file}: {first.file}", summary, as_json)
+    if not as_json:
+        click.echo(_capture_text(file, unit, summaries))
+        return 0
     tree = {
         "capture": str(file),
         "length_unit": unit,
@@ -54,7 +57,7 @@ def inspect(
             for entry, s in summaries
         ],
     }
-    click.echo(json.dumps(tree, indent=1) if as_json else _capture_text(file, unit, summaries))
+    click.echo(json.dumps(tree, indent=1))
     return 0
 
 

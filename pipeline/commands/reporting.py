@@ -12,10 +12,8 @@ from ..measurement import Conformity, Measurement
 from ..report.format.earlier import Earlier, read_earlier
 from ..report.format.laboratory import read_laboratory
 from ..report.format.language import Translations, load_translations
+from ..report.format.report_options import ReportOptions
 from ..report.format.view import View
-from ..report.html.page import ReportOptions
-from ..report.plots.angle_chart import angles_text
-from ..report.plots.files import plot_files
 from ..report.text.conformity import conformity_text
 from ..report.text.report import extra_parts, summary_table
 from ..report.text.vehicle import before_text, vehicle_lines
@@ -76,6 +74,8 @@ def plot_to(
     """Write the plots where --plot names a folder; return that folder."""
     if plot is None or plot == SCREEN:
         return []
+    from ..report.plots.files import plot_files
+
     write_files(Path(plot), plot_files(measurement, conformity, options.words, options.view))
     return [Path(plot)]
 
@@ -88,6 +88,8 @@ def show_plot(
 ) -> None:
     """Draw the angles in the terminal where --plot is -."""
     if plot == SCREEN:
+        from ..report.plots.angle_chart import angles_text
+
         click.echo(
             f"\n{angles_text(measurement, conformity, options.words, options.view)}", nl=False
         )

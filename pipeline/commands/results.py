@@ -40,9 +40,9 @@ from ..batch.results.sql import ask
 from ..batch.storage.store import open_store
 from ..config import load_config
 from ..errors import InputError
+from ..report.format.report_options import ReportOptions
 from ..report.format.view import AngleStyle, DigitStyle, View
 from ..report.format.writer import Writer
-from ..report.html.page import ReportOptions
 from ..report.write import ReportFiles, document_files, write_whole
 from .options import config_option, digits_option, language_option
 from .progress import Reading

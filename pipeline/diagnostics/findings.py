@@ -16,6 +16,7 @@ COARSE_STEP_M = 0.5e-3
 FLAT = 1e-4  # rms across a plane, over the spread along it
 RIGID = 1e-5  # how far a pose may be from a rotation
 QUERIES = 200
+BESIDE = 20  # points before and behind in the order of an axis, whose nearest bounds the rest
 
 
 def spacing_m(summary: ScanSummary) -> float | None:
@@ -29,14 +30,30 @@ def spacing_m(summary: ScanSummary) -> float | None:
         return None
     chosen = np.random.default_rng(0).permutation(len(sample))[:QUERIES]
     centred = sample - sample.mean(axis=0)
-    nearest = []
-    for query in chosen:
-        square = np.sum((centred - centred[query]) ** 2, axis=1)
-        nearest.append(math.sqrt(np.partition(square, 1)[1]))
-    median = float(np.median(nearest))
+    axis = int(np.argmax(np.ptp(centred, axis=0)))
+    order = np.argsort(centred[:, axis], kind="stable")
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    ordered = centred[order]
+    median = float(np.median([_nearest_m(ordered, axis, int(rank[query])) for query in chosen]))
     if summary.stride == 1:
         return median
     return median / math.sqrt(math.log(2.0) / math.pi) / math.sqrt(summary.points / len(sample))
+
+
+def _nearest_m(ordered: Array, axis: int, at: int) -> float:
+    """Return the distance of point `at` to its nearest; points (N, 3) in the order of an axis."""
+    beside = slice(max(at - BESIDE, 0), at + BESIDE + 1)
+    bound = _second_m(ordered[beside], ordered[at]) * (1.0 + 1e-9)
+    place = ordered[:, axis]
+    first, last = np.searchsorted(place, [place[at] - bound, place[at] + bound])
+    return _second_m(ordered[min(first, beside.start) : max(last, beside.stop)], ordered[at])
+
+
+def _second_m(points: Array, query: Array) -> float:
+    """Return the distance of `query`, one of the points (N, 3), to the nearest of the others."""
+    square = np.sum((points - query) ** 2, axis=1)
+    return math.sqrt(np.partition(square, 1)[1])
 
 
 def findings(summary: ScanSummary) -> list[str]:

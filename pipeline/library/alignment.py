@@ -27,8 +27,9 @@ from ..measurement import (
     turned_quantity,
 )
 from ..report.format.language import load_translations
+from ..report.format.report_options import ReportOptions
 from ..report.format.view import PAPER
-from ..report.html.page import ReportOptions, html_report
+from ..report.html.page import html_report
 from ..report.json.measurement import to_json
 from ..report.text.report import detailed_report, summary_table
 from ..report.write import ReportFiles, write_reports

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ..calibration import Certificate
 from .dcc.certificate import dcc_bytes
+from .format.report_options import ReportOptions
 from .format.writer import Writer
 from .html.certificate import certificate_document
-from .html.page import ReportOptions
 from .write import ReportFiles, document_files
 
 

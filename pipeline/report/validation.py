@@ -6,10 +6,10 @@ from pathlib import Path
 
 from ..validation import Comparison, ComparisonStudy
 from .format.language import load_translations
+from .format.report_options import ReportOptions
 from .format.view import PAPER, View
 from .format.writer import Writer
 from .html.comparison import comparison_document, study_document
-from .html.page import ReportOptions
 from .json.validation import validation_json
 from .plots.validation import bland_altman_drawing, differences_drawing, line_drawing
 from .tables.comparison import labels

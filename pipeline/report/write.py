@@ -1,4 +1,7 @@
-"""Write the reports of a measurement to a folder, each file whole or not at all."""
+"""Write the reports of a measurement to a folder, each file whole or not at all.
+
+What makes them is imported when they are made: most commands print, and write none.
+"""
 
 from __future__ import annotations
 
@@ -8,19 +11,16 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..measurement import Conformity, Measurement
 from .format.language import load_translations
+from .format.report_options import ReportOptions
 from .format.view import PAPER
-from .html.document import Document, document_html
-from .html.page import ReportOptions, html_report
-from .html.pdf import pdf_report
-from .json.measurement import to_json
-from .plots.budget import budget_svg
-from .plots.files import file_name
-from .plots.target_face import face_png
-from .text.report import detailed_report
+
+if TYPE_CHECKING:
+    from .html.document import Document
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,12 @@ def write_reports(
     wanted: ReportFiles = EVERYDAY,
 ) -> list[Path]:
     """Write measurement.json, report.txt, budget.svg and the wanted reports to `folder`."""
+    from .json.measurement import to_json
+    from .plots.budget import budget_svg
+    from .plots.files import file_name
+    from .plots.target_face import face_png
+    from .text.report import detailed_report
+
     options = options or ReportOptions(load_translations("en"), PAPER)
     view = options.view
     files = {
@@ -65,6 +71,8 @@ def html_bytes(
     measurement: Measurement, conformity: Conformity | None, options: ReportOptions
 ) -> bytes:
     """Return the HTML report."""
+    from .html.page import html_report
+
     return html_report(measurement, conformity, options).encode()
 
 
@@ -72,6 +80,9 @@ def pdf_bytes(
     measurement: Measurement, conformity: Conformity | None, options: ReportOptions
 ) -> bytes:
     """Return the PDF report. Raises MissingDependencyError."""
+    from .html.page import html_report
+    from .html.pdf import pdf_report
+
     page = html_report(measurement, conformity, options, still=True)
     return pdf_report(page, hashlib.sha256(page.encode()).hexdigest()[:32])
 
@@ -80,6 +91,9 @@ def document_files(
     stem: str, document: Document, options: ReportOptions, wanted: ReportFiles
 ) -> dict[str, bytes]:
     """Return the wanted forms of a document by file name. Raises MissingDependencyError."""
+    from .html.document import document_html
+    from .html.pdf import pdf_report
+
     page = document_html(document, options.words, options.laboratory)
     files = {f"{stem}.html": page.encode(errors="backslashreplace")} if wanted.html else {}
     if wanted.pdf:

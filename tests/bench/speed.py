@@ -33,14 +33,14 @@ for file in sys.argv[1:]:
 """
 
 
-def make_capture(folder: Path) -> None:
-    """Eight scans, four wheels and four trials, unless they are there already."""
+def make_capture(folder: Path, trials: int = 4) -> None:
+    """Four wheels and trials, one scan each, unless they are there already."""
     if (folder / "capture.toml").is_file():
         return
     text = (Path(__file__).parents[2] / "configs/scanners/default.toml").read_text()
     scanner = folder.parent / "fine.toml"
     scanner.write_text(text.replace("spacing_m = 0.0009", f"spacing_m = {SPACING_M}"))
-    command = [*WHEELPLANE, "synth", str(folder), "--seed", "7", "--trials", "4"]
+    command = [*WHEELPLANE, "synth", str(folder), "--seed", "7", "--trials", str(trials)]
     subprocess.run([*command, "--scanner", str(scanner)], check=True)
 
 

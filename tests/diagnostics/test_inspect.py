@@ -12,10 +12,11 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from tests.support.scenes import WHEEL, make, rotation
 from wheelplane.cli import main
-from wheelplane.diagnostics.findings import findings, spacing_m
+from wheelplane.diagnostics.findings import _nearest_m, findings, spacing_m
 from wheelplane.diagnostics.scan_summary import SAMPLE, summarise_scan
 from wheelplane.readers import read_scan
 
@@ -244,3 +245,14 @@ def test_a_lone_point_far_off_is_a_finding_and_changes_no_other(tmp_path):
     points[777, 0] = 0.0
     points[:, 0] += 1e9 * (np.arange(len(points)) % 2)  # half of them: no lone points
     assert "wide" in findings(summarise_scan(ply(tmp_path / "half.ply", points), "m"))[0]
+
+
+@pytest.mark.parametrize("equal", [0, 20])
+@pytest.mark.parametrize("width", [1e-3, 0.5])
+def test_the_nearest_is_found_as_by_a_tree(width, equal):
+    points = np.random.default_rng(0).normal(size=(300, 3)) * [1.0, width, 1e-3]
+    points[:equal] = points[equal : 2 * equal]
+    points = points[np.argsort(points[:, 0])]
+    nearest = cKDTree(points).query(points, k=2)[0][:, 1]
+    found = [_nearest_m(points, 0, at) for at in range(len(points))]
+    assert found == pytest.approx(nearest, rel=1e-12, abs=1e-15)

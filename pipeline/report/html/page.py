@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...measurement import Conformity, Measurement
 from ...vehicle import AXES
-from ..format.earlier import Earlier
-from ..format.laboratory import NOBODY, Laboratory
 from ..format.language import Translations
-from ..format.view import View
+from ..format.report_options import ReportOptions
 from ..format.writer import Writer
 from ..json.measurement import to_json
 from ..plots.angles import angles_drawing
@@ -35,16 +32,6 @@ from .template import render
 from .wheels import cards
 
 VIEWER = Path(__file__).parents[1] / "static" / "viewer.js"
-
-
-@dataclass(frozen=True)
-class ReportOptions:
-    """How a report looks: its language, who issues it, the view of the angles, what was before."""
-
-    words: Translations
-    view: View
-    laboratory: Laboratory = NOBODY
-    before: Earlier | None = None
 
 
 def html_report(

@@ -29,8 +29,8 @@ from ...errors import ConfigError, InputError
 from ...report.certificate import certificate_files
 from ...report.format.laboratory import read_laboratory
 from ...report.format.language import load_translations
+from ...report.format.report_options import ReportOptions
 from ...report.format.view import PAPER
-from ...report.html.page import ReportOptions
 from ...report.json.calibration import calibration_json
 from ...report.text.calibration import calibration_text
 from ...report.write import ReportFiles

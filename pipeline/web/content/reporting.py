@@ -9,7 +9,8 @@ from typing import Any
 from ...config import load_config
 from ...report.format.laboratory import read_laboratory
 from ...report.format.language import load_translations
-from ...report.html.page import ReportOptions, html_report
+from ...report.format.report_options import ReportOptions
+from ...report.html.page import html_report
 from ...report.json.measurement import to_json
 from ...report.text.report import detailed_report
 from ...report.write import write_whole
