@@ -8,6 +8,7 @@ from typing import Literal
 
 from ..files import sha256, sha256_of
 from ..readers import ReadOptions, Scan, read_scan
+from ..system import stage
 
 Role = Literal["reference", "trial", "sweep", "runout", "vehicle"]
 
@@ -44,6 +45,7 @@ class ScanEntry:
     turn: Turn | None = None
     scan: Scan | None = field(default=None, repr=False, compare=False)
 
+    @stage("read")
     def read(self, length_unit: str, source: str, options: ReadOptions) -> Scan:
         """Return the scan, read from its file unless it is in memory."""
         if self.scan is not None:
@@ -51,6 +53,7 @@ class ScanEntry:
         return read_scan(self.path, length_unit, source, options)
 
     @property
+    @stage("read")
     def sha256(self) -> str:
         """Digest of the file, or of the points in memory: float64, metres, row by row."""
         return sha256(self.path) if self.scan is None else sha256_of(self.scan.points_m.data)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..config import CentreConfig
 from ..plane import Patch, PlaneFit
+from ..system import stage
 from ..targets import PatternTarget, Target
 from ..uncertainty import UncertaintyComponent, centre_component, plane_component
 from ..vectors import Array, turned
@@ -84,6 +85,7 @@ class TargetFit:
         return self.covariance[3:, 3:]
 
 
+@stage("centre")
 def locate_centre(patch: Patch, plane: PlaneFit, target: Target, config: CentreConfig) -> TargetFit:
     """Locate the centre of the target in `patch`, on the fitted plane.
 

@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InputError
+from ..system import stage
 from ..uncertainty import chi_square_beyond, f_beyond, tails
 from ..vectors import Array
 from .components import SIGNIFICANCE, Station, stated_variance
@@ -75,6 +76,7 @@ def check_radius(blocks_m: Array, radius_m: float, source: str) -> None:
         )
 
 
+@stage("plane")
 def check_blocks(
     blocks_m: Array, station: Station | None, radius_m: float | None
 ) -> tuple[BlockCheck, ...]:

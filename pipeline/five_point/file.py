@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..files import sha256
+from ..system import stage
 from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates, LengthUnit, to_metres
 from ..vectors import Array
 from ..vehicle import MAX_COORDINATE_M, REFERENCE_WHEELS, build_reference_frame
@@ -48,6 +49,7 @@ class FivePointFile:
         return 5 * (self.order[index] if self.order else index) + 1
 
 
+@stage("read")
 def read_five_point(
     path: str | Path,
     *,

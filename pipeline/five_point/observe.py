@@ -9,6 +9,7 @@ import numpy as np
 from ..centre import TargetFit
 from ..errors import InputError
 from ..measurement import Evidence, Observation, SuspectPoint
+from ..system import stage
 from ..uncertainty import UncertaintyComponent
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
@@ -27,6 +28,7 @@ def pooled_noise(blocks_m: Array, station: Station | None) -> PooledNoise:
     return noise if station is None else unexplained_noise(noise, blocks_m, fits, station)
 
 
+@stage("plane")
 def observe_block(
     file: FivePointFile,
     index: int,

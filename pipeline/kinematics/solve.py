@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..measurement import Measurement, evaluate
+from ..system import stage
 from .axle_pose import compensated, vertical_as_effect, wheel_poses, with_mounting
 from .runout import runouts_of
 from .steering_axis import fit_steering_axes
@@ -13,6 +14,7 @@ from .toe_out_on_turns import toe_out_of
 from .wheel_axis import Framed, fit_axles, on_axles
 
 
+@stage("angles")
 def solve(measurement: Measurement) -> Measurement:
     """Return the measurement with its steering axes, run-outs and toe-out on turns.
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..capture import StatedVertical
 from ..errors import InputError
+from ..system import stage
 from ..uncertainty import (
     AngleUncertainty,
     UncertainTarget,
@@ -46,6 +47,7 @@ Verticals = Callable[
 TRACKS, WHEELBASES = 0.25, 0.1
 
 
+@stage("angles")
 def align(
     observations: Sequence[Observation],
     provenance: Provenance,

@@ -14,6 +14,7 @@ from ..diagnostics import check_wheel_scan, lone_points
 from ..errors import InputError, NotMeasuredError
 from ..plane import Patch
 from ..readers import Scan
+from ..system import stage
 from ..targets import Target
 from ..vectors import Array
 from ..wheel import find_patch
@@ -101,6 +102,7 @@ def _wheel_of(entry: ScanEntry, evidence: Evidence, source: str) -> str | None:
     return entry.wheel or marked
 
 
+@stage("segment")
 def _find(
     entry: ScanEntry, scan: Scan, source: str, capture: Capture, config: Config
 ) -> tuple[Observation, Patch | NotMeasuredError]:

@@ -25,6 +25,7 @@ from ..diagnostics import check_vehicle_cloud
 from ..errors import InputError, NotMeasuredError
 from ..plane import Patch
 from ..readers import Part
+from ..system import stage
 from ..targets import PatternTarget, Target, WheelTarget
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
@@ -56,6 +57,7 @@ class Found:
         return tuple(FoundTarget(p.origin_m, p.basis[2], p.match) for p in self.patches)
 
 
+@stage("segment")
 def targets_of_cloud(
     cloud: ScanEntry,
     source: str,

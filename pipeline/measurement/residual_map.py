@@ -11,6 +11,7 @@ import numpy.typing as npt
 from ..centre import TargetFit
 from ..detection import FACE_BAND
 from ..plane import Patch, PlaneFit
+from ..system import stage
 from ..targets import Region, Target
 from ..vectors import Array, Array32, Mask, turned
 
@@ -58,6 +59,7 @@ class ResidualMap:
         return np.asarray(flat & self.region.holds(turned(uvw_m[:, :2], -self.turn_rad)))
 
 
+@stage("plane")
 def residual_map(
     patch: Patch, plane: PlaneFit, fitted: TargetFit, target: Target, margin_m: float
 ) -> ResidualMap:

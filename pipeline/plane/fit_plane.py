@@ -8,6 +8,7 @@ import numpy as np
 
 from ..cloud import Steps
 from ..config import PlaneConfig
+from ..system import stage
 from ..targets import Region, Target
 from ..vectors import Array
 from .brightness import FittedBrightness, RangeByBrightness, fit_brightness
@@ -116,6 +117,7 @@ class PlaneFit:
         return _white_variance(self.sigma_m, self.correlated)
 
 
+@stage("plane")
 def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
     """Fit the plane of the target in `patch` to the points clear of its edges.
 

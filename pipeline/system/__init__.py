@@ -1,4 +1,7 @@
-"""Differences between systems, each with a fall-back: memory, locks, memory files, processes."""
+"""Differences between systems, each with a fall-back: memory, locks, memory files, processes.
+
+And a stopwatch for the stages of a measurement in this process.
+"""
 
 from .files_in_memory import MemoryFile, memory_file
 from .folders import sync_folder
@@ -12,9 +15,11 @@ from .processes import (
     signals,
     start_method,
 )
+from .stopwatch import STAGES, stage, taken
 from .waiting import read_within, time_limit
 
 __all__ = [
+    "STAGES",
     "MemoryFile",
     "acquire",
     "apart",
@@ -28,8 +33,10 @@ __all__ = [
     "peak_bytes",
     "read_within",
     "signals",
+    "stage",
     "start_method",
     "sync_folder",
+    "taken",
     "time_limit",
     "unlimited_bytes",
 ]

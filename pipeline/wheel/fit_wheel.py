@@ -11,6 +11,7 @@ from ..centre import CentreMethod, TargetFit
 from ..cloud import sample
 from ..errors import NotMeasuredError
 from ..plane import Patch
+from ..system import stage
 from ..uncertainty import UncertaintyComponent
 from ..vectors import Array
 from .cell_fit import HARMONICS, root_of
@@ -42,6 +43,7 @@ class WheelFit:
     level_m: float
 
 
+@stage("plane")
 def fit_wheel(patch: Patch, rim_inch: float | None) -> TargetFit:
     """Fit the axis of the wheel in `patch`, and its centre on it.
 

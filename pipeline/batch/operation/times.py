@@ -10,11 +10,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...errors import printable
+from ...system import STAGES
 from ..storage.store import Store
 
 FOLDER = "run/times/"
 FLUSH_S, FLUSH_LINES = 60.0, 2000
-HEADS = ("copy", "identify", "measure")
+# In the order of the flow; "other": unpacking and the rest of the measurement. Earlier versions
+# wrote "measure" for all of it.
+HEADS = ("copy", "identify", *STAGES, "other", "measure")
 
 
 @dataclass(frozen=True)
@@ -74,9 +77,10 @@ def slow_text(found: list[CaptureTime]) -> str:
     if not found:
         return "No times: these results were written by an earlier version, or none was measured."
     width = max(len("capture"), *(len(printable(one.name)) for one in found))
-    lines = [f"{'capture':{width}}  {'s':>8}  " + "  ".join(f"{h:>8}" for h in HEADS) + "      MB"]
+    heads = [head for head in HEADS if any(head in one.seconds for one in found)]
+    lines = [f"{'capture':{width}}  {'s':>8}  " + "  ".join(f"{h:>8}" for h in heads) + "      MB"]
     for one in found:
-        stages = "  ".join(f"{one.seconds.get(head, 0.0):8.2f}" for head in HEADS)
+        stages = "  ".join(f"{one.seconds.get(head, 0.0):8.2f}" for head in heads)
         memory = f"{one.memory_bytes / 1e6:6.0f}"
         lines.append(f"{printable(one.name):{width}}  {one.total_s:8.2f}  {stages}  {memory}")
     return "\n".join(lines)

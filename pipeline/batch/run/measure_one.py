@@ -22,6 +22,7 @@ from ...measurement import Measurement
 from ...report.json.calibration import SCHEMA as CALIBRATION_SCHEMA
 from ...report.json.calibration import calibration_tree
 from ...report.json.measurement import SCHEMA, to_tree
+from ...system import stage
 from ..plan.discover import Kind
 from ..plan.machine_files import has_machine, in_words, machine_files
 from ..plan.settings import BatchSettings
@@ -76,15 +77,25 @@ def measure_bytes(subject: Subject) -> Result:
     try:
         measurement, calibration = _measure(subject)
         outcome = Outcome("ok" if measurement.complete else "part")
-        tree = to_tree(measurement)
-        tree["batch"] = _batch(subject, outcome, tree["date"])
-        if calibration is not None:
-            tree["calibration"] = calibration | {"date": tree["batch"]["date"]}
-        return Result(_bytes(tree, subject), outcome)
+        return Result(_report(measurement, calibration, outcome, subject), outcome)
     except Exception as error:
         _raise_foreign(error, subject)
         log = "".join(traceback.format_exception(error))
         return failed(subject, Outcome("failed", stage_of(error), _reason(error)), log)
+
+
+@stage("report")
+def _report(
+    measurement: Measurement,
+    calibration: dict[str, Any] | None,
+    outcome: Outcome,
+    subject: Subject,
+) -> bytes:
+    tree = to_tree(measurement)
+    tree["batch"] = _batch(subject, outcome, tree["date"])
+    if calibration is not None:
+        tree["calibration"] = calibration | {"date": tree["batch"]["date"]}
+    return _bytes(tree, subject)
 
 
 def _raise_foreign(error: Exception, subject: Subject) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ... import __version__
 from ...errors import WheelplaneError
-from ...system import peak_bytes
+from ...system import peak_bytes, taken
 from ..catalogue.history import is_retried
 from ..catalogue.load_records import json_name
 from ..catalogue.rows import Record, read_record
@@ -86,7 +86,7 @@ class CompletedCapture:
 
     fingerprint: of its files as listed, None if it does not identify the capture reliably.
     record: of a new result in object storage, where reading it back is expensive. seconds: by
-    stage (copy, identify, measure). memory_bytes: the most that its worker process has held.
+    stage, see `times.HEADS`. memory_bytes: the most that its worker process has held.
     """
 
     name: str
@@ -131,8 +131,9 @@ def _one(
         exists = results.exists(json_name(known.key))
         if exists and not _is_retried(results, known.key, task.request.retry):
             return _done(found, known, RECOGNISED), None
+        taken()  # of a measurement that ended in an error of the machine
         result = _result(found, known, folder, task)
-        watch.lap("measure")
+        watch.lap_by_stage(taken())
         if not task.blind and not unchanged(archive, known):
             raise TransientError(f"{found.name}: changed while it was measured")
         if not Path(tempfile.gettempdir()).is_dir():
@@ -157,6 +158,14 @@ class _Stopwatch:
         now_s = time.monotonic()
         self.laps.append((stage, now_s - self._last_s))
         self._last_s = now_s
+
+    def lap_by_stage(self, stages: dict[str, float]) -> None:
+        """End a measurement, divided by the seconds of its stages; scaled if of several threads."""
+        self.lap("other")
+        _, whole_s = self.laps.pop()
+        share = min(1.0, whole_s / max(sum(stages.values()), 1e-9))
+        self.laps += [(name, share * seconds) for name, seconds in stages.items()]
+        self.laps.append(("other", max(0.0, whole_s - sum(stages.values()))))
 
 
 def _known(
