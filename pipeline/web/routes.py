@@ -14,7 +14,7 @@ from werkzeug.wsgi import wrap_file
 from ..report.format.language import load_translations
 from .content import archive, choices
 from .content.reporting import TYPES
-from .files.folders import check_name, kind_of_file
+from .files.folders import RESULTS, check_name, kind_of_file
 from .front import given, language
 from .jobs.process import PageJob
 from .jobs.saving import report_file, save
@@ -201,5 +201,7 @@ def add_archive(app: Flask, state: PageState) -> None:
 
 def _results(state: PageState, root: int, relative: str) -> Path:
     """Return a folder of results, refusing one with links to outside the allowed folder."""
-    state.folders.existing(root, f"{relative}/measurements".lstrip("/"))
-    return state.folders.existing(root, relative)
+    folder = state.folders.existing(root, relative)
+    for name in [name for name in RESULTS if (folder / name).exists()] or RESULTS:
+        state.folders.existing(root, f"{relative}/{name}".lstrip("/"))
+    return folder

@@ -16,6 +16,7 @@ from tests.support.made import write_small_capture
 from tests.support.printed import arc_s, says_angle, seconds_of, step
 from tests.support.web_site import PAPER, Site, write_results
 from wheelplane.batch.catalogue.rows import STATUSES
+from wheelplane.batch.run.work import RECOGNISED, VANISHED
 from wheelplane.errors import InputError
 from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.web.files.excerpt import failure
@@ -511,7 +512,7 @@ def test_every_text_of_the_page_is_there_in_every_language():
 # Names that are made of parts, or that the program gives to what has a status.
 BUILT = ("format_", "kind_", "option_", "verdict_", "read_as_", "coordinates_",
          "tolerance_", "convention_", "vertical_")  # fmt: skip
-STATED = {*STATUSES, "agree", "disagree", "cannot_tell"}
+STATED = {*STATUSES, RECOGNISED.status, VANISHED.status, "agree", "disagree", "cannot_tell"}
 
 
 def test_every_text_that_the_page_asks_for_is_there_and_none_besides():

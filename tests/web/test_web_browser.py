@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 import threading
+import time
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -17,6 +18,8 @@ import pytest
 from tests.support.layout import check_layout
 from tests.support.made import write_small_capture
 from tests.support.web_site import PAPER, write_results
+from wheelplane.batch.operation.run_state import RunState, write_state
+from wheelplane.batch.storage.store import open_store
 from wheelplane.web.app import admit, create_app
 from wheelplane.web.listener import Listener
 from wheelplane.web.security import ENTRY, Guard
@@ -560,6 +563,22 @@ def test_an_archive_is_browsed(visit, folder):
     page.get_by_role("button", name="Trends").click()
     page.get_by_role("button", name="RR toe").click()
     until(page, "document.querySelector('img.trend')?.naturalWidth > 0")
+    visit.check_with_axe()
+    store, now_s = open_store(str(folder / "results")), time.time()
+    state = RunState("node1, process 7", "1/1", now_s - 100.0, now_s, 0, 12)
+    state.done, state.failures = {"failed": 1}, {"failed, read: no points": 1}
+    write_state(store, "a", state)
+    page.get_by_role("button", name="Runs").click()
+    until(page, "document.querySelector('.run.up')?.innerText.includes('11')")
+    visit.check_with_axe()
+    state.done = {"failed": 1, "ok": 4}
+    write_state(store, "a", state)
+    until(page, "document.querySelector('.run.up').innerText.includes('4 measured')")  # by itself
+    page.locator(".run tbody button").click()
+    until(page, "document.querySelectorAll('#archive tbody tr').length === 1")
+    assert page.locator("#archive select[name=status]").input_value() == "failed"
+    page.locator("#archive tbody button").click()
+    page.wait_for_selector("#archive .facts")
     visit.check_with_axe()
 
 

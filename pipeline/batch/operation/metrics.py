@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ...errors import InputError
 from ..storage.store import Store
-from .run_state import SILENT_S, RunState, read_states
+from .run_state import RunState, read_states
 
 CONTENT_TYPE = "application/openmetrics-text; version=1.0.0; charset=utf-8"
 RENEWED_S = 5.0
@@ -48,10 +48,10 @@ def _samples(state: RunState, now_s: float) -> Iterator[tuple[str, dict[str, str
     """Yield name, labels and value of each sample of a run."""
     for status, count in sorted(state.done.items()):
         yield "wheelplane_captures_total", {"status": status}, count
-    is_up = not state.ended and now_s - state.updated_s <= SILENT_S
+    is_up = state.is_up(now_s)
     working = state.at_work if is_up else ()
     yield "wheelplane_captures_before", {}, state.known
-    yield "wheelplane_captures_left", {}, max(0, state.todo - state.finished)
+    yield "wheelplane_captures_left", {}, state.left
     yield "wheelplane_captures_at_work", {}, sum(len(one.captures) for one in working)
     oldest_s = min((one.since_s for one in working), default=now_s)
     yield "wheelplane_longest_at_work_seconds", {}, round(now_s - oldest_s, 3)

@@ -50,6 +50,26 @@ class RunState:
         return sum(self.done.values())
 
     @property
+    def left(self) -> int:
+        """Number of captures still to be done."""
+        return max(0, self.todo - self.finished)
+
+    @property
+    def left_s(self) -> float | None:
+        """Seconds until all are done; None while the rate is unknown, and at the end."""
+        return self.left / self.rate if self.finished and self.left else None
+
+    def is_up(self, now_s: float) -> bool:
+        """Return whether it works, and gave a sign within SILENT_S."""
+        return not self.ended and now_s - self.updated_s <= SILENT_S
+
+    @property
+    def by_frequency(self) -> list[tuple[str, int]]:
+        """Reasons of failures with their counts, at most MOST_SHOWN."""
+        found = sorted(self.failures.items(), key=lambda item: (-item[1], item[0]))
+        return found[:MOST_SHOWN]
+
+    @property
     def rate(self) -> float:
         """Captures per second."""
         return self.finished / max(1e-3, self.updated_s - self.started_s)
@@ -83,25 +103,29 @@ def forget_states(results: Store) -> None:
 
 def states_text(results: Store) -> str:
     """Return the states of all runs as lines, those at work first."""
-    states = sorted(read_states(results), key=lambda each: (bool(each[1].ended), each[0]))
+    states = ordered(results)
     if not states:
         return f"{results.url}: no run has begun"
     now_s = time.time()
-    return "\n".join(map(printable, (line for _, one in states for line in _lines(one, now_s))))
+    return "\n".join(map(printable, (line for one in states for line in _lines(one, now_s))))
+
+
+def ordered(results: Store) -> list[RunState]:
+    """Return the states of all runs, those at work first."""
+    states = sorted(read_states(results), key=lambda each: (bool(each[1].ended), each[0]))
+    return [state for _, state in states]
 
 
 def _lines(state: RunState, now_s: float) -> Iterator[str]:
     shard = "" if state.shard == "1/1" else f", shard {state.shard}"
     yield f"{state.runner}{shard}: {_standing(state, now_s)}"
     done = ", ".join(f"{count:,} {status}" for status, count in sorted(state.done.items()))
-    left = max(0, state.todo - state.finished)
-    yield f"  {state.known:,} done before; now {done or 'none'}; {left:,} to do"
+    yield f"  {state.known:,} done before; now {done or 'none'}; {state.left:,} to do"
     for one in () if state.ended else sorted(state.at_work, key=lambda one: one.since_s):
         others = f" and {len(one.captures) - 1} small ones" * (len(one.captures) > 1)
         since = duration(now_s - one.since_s)
         yield f"  at work: {one.captures[0]}{others}, for {since}, {one.worker}"
-    failures = sorted(state.failures.items(), key=lambda item: (-item[1], item[0]))
-    for reason, count in failures[:MOST_SHOWN]:
+    for reason, count in state.by_frequency:
         yield f"{count:7,} {reason}"
 
 
@@ -110,11 +134,10 @@ def _standing(state: RunState, now_s: float) -> str:
     took = duration(state.updated_s - state.started_s)
     if state.ended:
         return f"{state.ended} after {took}, {duration(now_s - state.updated_s)} ago"
-    silent_s = now_s - state.updated_s
-    if silent_s > SILENT_S:
-        return f"no sign for {duration(silent_s)}: killed, or its machine is not reached"
-    left = state.todo - state.finished
-    rest = f", {duration(left / state.rate)} left" if state.finished and left > 0 else ""
+    if not state.is_up(now_s):
+        silent = duration(now_s - state.updated_s)
+        return f"no sign for {silent}: killed, or its machine is not reached"
+    rest = "" if state.left_s is None else f", {duration(state.left_s)} left"
     return f"running for {took}, {state.rate:.3g}/s{rest}"
 
 

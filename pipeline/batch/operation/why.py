@@ -25,12 +25,26 @@ def account(results: str, name: str) -> str:
             "the names"
         )
     store = open_store(results)
-    lines = [line for key in keys for line in _lines(store, key)]
-    return "\n".join(map(printable, [*lines, "", *_next(store, results, name)]))
+    return "\n\n".join(account_of(store, key) for key in keys)
 
 
-def _lines(store: Store, key: str) -> list[str]:
+def account_of(store: Store, key: str) -> str:
+    """Return why the result of a key is as it is. Raises InputError."""
     tree: dict[str, Any] = json.loads(store.read(json_name(key)))
+    lines = [*_lines(store, key, tree), "", *_next(store, tree["capture"])]
+    return "\n".join(map(printable, lines))
+
+
+def files_of(key: str) -> tuple[str, ...]:
+    """Return the names of the files that an account is made of, whether they exist or not."""
+    return json_name(key), _log(key), MANIFEST
+
+
+def _log(key: str) -> str:
+    return f"logs/{key}.log"
+
+
+def _lines(store: Store, key: str, tree: dict[str, Any]) -> list[str]:
     batch, origin = tree["batch"], tree["provenance"]
     where = f" at {batch['stage']}" * bool(batch["stage"])
     lines = [f"{tree['capture']}: {batch['status']}{where}"]
@@ -41,16 +55,16 @@ def _lines(store: Store, key: str) -> list[str]:
         lines.append(f"  wheel      {wheel['name']}: {wheel['status']}{reason}")
     inputs = origin["inputs"].items()
     lines += [f"  input      {file}  {digest}" for file, digest in inputs]
-    log = f"logs/{key}.log"
+    log = _log(key)
     if store.exists(log):
         text = store.read(log).decode(errors="replace").rstrip()
         lines += ["", f"{log}:", *(f"  {line}" for line in text.split("\n"))]
     return lines
 
 
-def _next(store: Store, results: str, name: str) -> list[str]:
+def _next(store: Store, name: str) -> list[str]:
     """Return the commands that show the capture's targets, and that measure it again."""
-    again = ["wheelplane", "batch", "ARCHIVE", "-o", results, "--retry", name]
+    again = ["wheelplane", "batch", "ARCHIVE", "-o", store.url, "--retry", name]
     commands = {"measure it again": again}
     if store.exists(MANIFEST):
         again[2] = json.loads(store.read(MANIFEST))["archive"]

@@ -10,6 +10,7 @@ from typing import Any
 
 from ...batch.catalogue.catalogue import Catalogue, open_catalogue
 from ...batch.catalogue.rows import STATUSES
+from ...batch.operation.why import account_of, files_of
 from ...batch.results.calibration_list import (
     ListedCalibration,
     calibrations,
@@ -31,6 +32,7 @@ from ...batch.results.series import series
 from ...batch.results.tables import drift_table, expanded, failures_table
 from ...batch.results.trend_plot import trend_drawing
 from ...batch.results.trends import drifts
+from ...files import lies_in
 from ...report.format.language import Translations
 from ...report.format.view import PAPER
 from ...report.format.writer import NONE, Table, Writer
@@ -39,8 +41,10 @@ from ...report.tables.conformity import decided
 from ...vehicle import Unit
 from ..security import RefusedError
 from .panel import table_tree
+from .runs import runs
 
 PAGE = 50
+MEASURED = "measurements"
 CLASSES = {"ok": "", "part": "undecided"}
 Parameters = Mapping[str, str]
 
@@ -49,8 +53,12 @@ def answer(
     question: str, folder: Path, parameters: Parameters, words: Translations
 ) -> dict[str, Any]:
     """Return a view of the results in `folder`. Raises RefusedError, InputError."""
+    if question == "runs":  # which needs no catalogue, and has no result at first
+        return runs(folder, words)
     if question not in QUESTIONS:
         raise RefusedError(404, "no such view of an archive")
+    if question == "overview" and not (folder / MEASURED).is_dir():
+        return {"total": 0, "statuses": [], "vehicles": [], "quantities": []}
     with open_catalogue(str(folder)) as catalogue:
         return QUESTIONS[question](catalogue, parameters, words)
 
@@ -150,12 +158,21 @@ def _capture(catalogue: Catalogue, parameters: Parameters, words: Translations) 
         "facts": [[words("page.status"), words(f"page.{found.status}")]]
         + [[words("page.reason"), found.reason]] * bool(found.reason)
         + [[words("page.date"), found.date]] * bool(found.date),
+        "why": "" if found.status == "ok" else _why(catalogue, found.key),
         "tables": [
             table_tree(Table(head, rows, left))
             for head, rows, left in ((of_wheels, wheels, 3), (of_vehicle, quantities, 1))
             if rows
         ],
     }
+
+
+def _why(catalogue: Catalogue, key: str) -> str:
+    """Return the account of a result; empty if a link leads out of the folder of results."""
+    local = catalogue.store.local
+    if local is None or not all(lies_in(local / name, local) for name in files_of(key)):
+        return ""
+    return account_of(catalogue.store, key)
 
 
 def _failures(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:

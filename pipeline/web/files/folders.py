@@ -16,6 +16,7 @@ MOST_LISTED = 2000
 TEXTS = (*TABLES, ".xyz")
 FIVE_POINT_BYTES = 200_000  # a text file up to this size is taken for five points a wheel
 LONGEST_NAME = 120
+RESULTS = ("measurements", "run/state")  # folders, of which results of a batch have one or both
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def kind_of_file(path: Path) -> str | None:
 
 def kind_of_folder(folder: Path) -> str:
     """Return the kind of a folder: results, capture, or folder."""
-    if (folder / "measurements").is_dir():
+    if any((folder / name).is_dir() for name in RESULTS):
         return "results"
     return "capture" if is_capture(folder) else "folder"
 

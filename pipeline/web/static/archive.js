@@ -1,8 +1,8 @@
-// Results of a batch: captures, failures, trends, calibrations of machines.
+// Results of a batch: captures, failures, trends, calibrations of machines, runs at work.
 import { ask, el, pathOf, select, t, tableOf } from "./base.js";
 import { Browser } from "./browser.js";
 
-const PARTS = ["captures", "failures", "trends", "calibrations"];
+const PARTS = ["captures", "failures", "trends", "calibrations", "runs"];
 
 export class Archive {
   constructor(place) {
@@ -56,7 +56,8 @@ export class Archive {
       el("div", { class: "card" }, filter, el("div", { class: "tabs", role: "group" }, ...PARTS.map((part) =>
         el("button", { type: "button", "data-part": part, onclick: () => this.#show(part) }, t(part))))),
       this.list, this.detail);
-    this.#show("captures");
+    this.form = filter;
+    this.#show(total ? "captures" : "runs");
   }
 
   #apply(event) {
@@ -71,6 +72,11 @@ export class Archive {
     for (const button of this.place.querySelectorAll("[data-part]")) button.setAttribute("aria-pressed", String(button.dataset.part === part));
     try {
       const found = await this.#ask(part, asked);
+      if (part !== this.part) return; // another was chosen meanwhile
+      if (part === "runs") {
+        this.#showRuns(found);
+        return;
+      }
       const { table } = found;
       this.list.replaceChildren(table.rows.length ? tableOf(table) : el("p", { class: "empty" }, t("no_rows")));
       if (part === "captures") this.#addPages(found);
@@ -85,6 +91,39 @@ export class Archive {
     }
   }
 
+  /** Show the state of each run, and ask again later, unless something else is shown by then. */
+  #showRuns({ runs, renewed_s: seconds }) {
+    const buttons = () => [...this.list.querySelectorAll("button")];
+    const focused = buttons().indexOf(document.activeElement);
+    this.list.replaceChildren(...runs.map((run) => this.#run(run)),
+      el("p", { class: runs.length ? "hint" : "empty" }, runs.length ? t("run_hint", { seconds }) : t("run_none")));
+    buttons()[focused]?.focus();
+    this.#renewIn(seconds);
+  }
+
+  #renewIn(seconds) {
+    clearTimeout(this.timer);
+    const { list } = this;
+    this.timer = setTimeout(() => {
+      if (this.part !== "runs" || !list.isConnected) return;
+      if (list.checkVisibility() && !document.hidden) this.#show("runs");
+      else this.#renewIn(seconds);
+    }, 1000 * seconds);
+  }
+
+  #run({ name, up, facts, work, failures, statuses }) {
+    const failed = failures ? tableOf(failures) : null;
+    if (failed) link(failed, (i) => this.#showFailed(statuses[i]));
+    return el("section", { class: up ? "run up" : "run" }, el("h2", {}, name), factsOf(facts), work ? tableOf(work) : null, failed);
+  }
+
+  /** List the captures of a status, each of which opens its account. */
+  #showFailed(status) {
+    this.form.elements.status.value = status;
+    this.filter = Object.fromEntries(new FormData(this.form));
+    this.#show("captures");
+  }
+
   #addPages({ offset, total, keys }) {
     const go = (text, to, usable) => el("button", { type: "button", disabled: !usable, onclick: () => this.#show("captures", { offset: to }) }, t(text));
     const size = Math.max(keys.length, 1);
@@ -94,11 +133,11 @@ export class Archive {
   }
 
   async #open(question, key) {
-    const { name, facts, tables, certificate } = await this.#ask(question, { key });
+    const { name, facts, tables, certificate, why } = await this.#ask(question, { key });
     const open = el("a", { href: this.#address("archive-certificate", { key }), target: "_blank", rel: "noopener" }, t("show_certificate"));
     this.#reveal(el("h2", { tabindex: "-1" }, name),
-      el("dl", { class: "facts" }, ...facts.flatMap(([label, value]) => [el("dt", {}, label), el("dd", {}, value)])),
-      ...tables.map((table) => tableOf(table)), certificate ? el("p", {}, open) : "");
+      factsOf(facts), ...tables.map((table) => tableOf(table)), certificate ? el("p", {}, open) : "",
+      why ? el("details", { open: true }, el("summary", {}, t("account")), el("pre", { class: "account", tabindex: "0" }, why)) : "");
   }
 
   #plot(quantity) {
@@ -116,6 +155,10 @@ export class Archive {
     this.place.replaceChildren(el("div", { class: "card trouble", role: "alert" }, el("p", {}, error.message)),
       el("button", { type: "button", onclick: () => { this.at = null; this.#choose(); } }, t("choose_folder")));
   }
+}
+
+function factsOf(facts) {
+  return el("dl", { class: "facts" }, ...facts.flatMap(([label, value]) => [el("dt", {}, label), el("dd", {}, value)]));
 }
 
 /** Make the first cell of every row a button. */
