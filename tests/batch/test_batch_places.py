@@ -188,6 +188,34 @@ def test_object_storage_that_fails_now_and_then_gives_the_same(
     assert real(results, FILE) == expected[FILE]
 
 
+@pytest.mark.slow
+def test_runners_at_once_in_object_storage_one_of_them_killed(undisturbed, storage, tmp_path):
+    """Two shards and a killed runner of all: no lock is left, and the last shard has merged."""
+    import s3fs
+
+    archive, expected = undisturbed
+    keys = {"AWS_ACCESS_KEY_ID": "k", "AWS_SECRET_ACCESS_KEY": "s", "AWS_ENDPOINT_URL": storage}
+    keys |= {"AWS_DEFAULT_REGION": "us-east-1"}
+    files = s3fs.S3FileSystem(key="k", secret="s", endpoint_url=storage, skip_instance_cache=True)
+    files.mkdir("shards")
+    files.put(str(archive), "shards/archive", recursive=True)
+    places = ("s3://shards/archive", "s3://shards/results")
+    killed = start(*places, "--workers", "1", **keys)
+    while killed.poll() is None and not files.glob("shards/results/measurements/*/*.json"):
+        time.sleep(0.05)
+        files.invalidate_cache()
+    assert killed.poll() is None
+    shards = [start(*places, "--workers", "1", "--shard", f"{k}/2", **keys) for k in (1, 2)]
+    os.killpg(killed.pid, signal.SIGKILL)
+    killed.communicate()
+    for shard in shards:
+        _, err = shard.communicate(timeout=200)
+        assert shard.returncode in (0, 1), err
+    files.get("shards/results", str(tmp_path / "results"), recursive=True)
+    assert left(tmp_path / "results") == expected
+    assert not [path for path in files.find("shards/results") if "lock" in path]
+
+
 def test_a_watched_folder_takes_what_is_complete_and_ends_with_ctrl_c(undisturbed, tmp_path):
     archive = tmp_path / "archive"
     archive.mkdir()

@@ -356,6 +356,71 @@ def test_a_catalogue_in_object_storage(remote, tmp_path, monkeypatch):
     assert remote.read(FILE) == (tmp_path / "copy" / FILE).read_bytes()
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_of_writers_to_object_storage_none_undoes_the_work_of_another(remote, monkeypatch, first):
+    """Another process publishes a result while this one makes its catalogue, and again."""
+    add(remote, *some(2))
+    if not first:
+        update(remote)
+    add(remote, *some(1, start=20))
+    real, others = catalogue_module._draft, [30, 31]
+
+    def overtaken(*arguments):
+        differing = real(*arguments)
+        if others:
+            number = others.pop()
+            with monkeypatch.context() as patch:
+                patch.setattr(catalogue_module, "_draft", real)
+                add(remote, *some(1, start=number))
+                assert update(remote) > 0
+        return differing
+
+    monkeypatch.setattr(catalogue_module, "_draft", overtaken)
+    update(remote)
+    published = remote.read(FILE)
+    monkeypatch.setattr(catalogue_module, "_draft", real)
+    rebuild(remote)
+    assert published == remote.read(FILE)
+    assert len(shown(remote.url)) == 5
+    assert not [path for path in remote._fs.find("cars/results") if "lock" in path]
+
+
+def test_a_catalogue_whose_answer_was_lost_is_published_once(remote):
+    add(remote, *some(2))
+    update(remote)
+    add(remote, *some(1, start=20))
+    real, lost = remote._fs, []
+
+    class Losing:
+        def __getattr__(self, name):
+            return getattr(real, name)
+
+        def call_s3(self, method, **options):
+            done = real.call_s3(method, **options)
+            if method == "put_object" and not lost:
+                lost.append(method)
+                raise TimeoutError("late")
+            return done
+
+    remote._opened = os.getpid(), Losing()
+    update(remote)
+    published = remote.read(FILE)
+    assert lost
+    assert update(remote) == 0
+    rebuild(remote)
+    assert remote.read(FILE) == published
+
+
+def test_storage_without_conditions_takes_the_last_catalogue(remote, tmp_path, monkeypatch):
+    monkeypatch.setattr(remote, "_exclusive", False)
+    add(remote, *some(2))
+    assert update(remote) == 2
+    remote._fs.pipe_file("cars/results/other", b"1")
+    (tmp_path / "file").write_bytes(b"2")
+    assert remote.send("other", tmp_path / "file", "of an older one")
+    assert remote.read("other") == b"2"
+
+
 def spied(real, names: list[str]):
     def read(self, name: str) -> bytes:
         names.append(name)

@@ -67,6 +67,20 @@ def test_write_new_never_replaces_and_write_does(store):
     assert store.exclusive
 
 
+def test_a_file_is_sent_where_it_is_still_the_one_that_was_seen(store, tmp_path):
+    (tmp_path / "one").write_bytes(b"1")
+    (tmp_path / "other").write_bytes(b"22")
+    assert store.send("a/b", tmp_path / "one", None)
+    seen = store.stat("a/b").stamp
+    assert not store.send("a/b", tmp_path / "other", None)
+    assert not store.send("a/b", tmp_path / "other", "0" * 32)
+    assert not store.send("none", tmp_path / "other", seen)
+    assert (store.read("a/b"), store.exists("none")) == (b"1", False)
+    assert store.send("a/b", tmp_path / "other", seen)
+    assert not store.send("a/b", tmp_path / "one", seen)
+    assert store.read("a/b") == b"22"
+
+
 def test_what_is_not_there_is_reported_in_one_line(store, tmp_path):
     for ask in (store.read, lambda name: store.fetch(name, tmp_path / "copies")):
         with pytest.raises(InputError, match=r"none\.json.*[Nn]o such"):

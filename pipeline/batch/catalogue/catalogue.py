@@ -3,6 +3,10 @@
 The file is never changed in place: a new one is written beside it and renamed over it. Readers
 need no lock, a killed writer leaves the old file, and the same JSON files give the same bytes in
 any order, whether the catalogue was updated or rebuilt.
+
+In object storage no writer holds a lock, which a killed one would leave behind: a new catalogue
+replaces only the one that it was made from. A writer that was overtaken starts again from that of
+the other.
 """
 
 from __future__ import annotations
@@ -12,8 +16,8 @@ import shutil
 import sqlite3
 import tempfile
 import uuid
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -51,8 +55,7 @@ def rebuild(store: Store, progress: RecordProgress = no_progress) -> int:
 
     progress: called with the number of files read and the number to read. Raises InputError.
     """
-    with _workspace(store) as workspace:
-        return _refresh(store, workspace, progress, from_scratch=True)
+    return _published(store, lambda space: _refresh(store, space, progress, from_scratch=True))
 
 
 def update(store: Store, progress: RecordProgress = no_progress) -> int:
@@ -62,8 +65,18 @@ def update(store: Store, progress: RecordProgress = no_progress) -> int:
     written again (1 s at 100,000 results): call it once a minute, not once a result.
     Raises InputError.
     """
-    with _workspace(store) as workspace:
-        return _refresh(store, workspace, progress)
+    return _published(store, lambda space: _refresh(store, space, progress))
+
+
+class _OvertakenError(Exception):
+    """Another process published a catalogue meanwhile."""
+
+
+def _published(store: Store, refresh: Callable[[_Workspace], int]) -> int:
+    """Refresh until no other writer comes between; of those who do, one has succeeded each time."""
+    while True:
+        with suppress(_OvertakenError), _workspace(store) as workspace:
+            return refresh(workspace)
 
 
 def open_catalogue(results: str, progress: RecordProgress = no_progress) -> Catalogue:
@@ -91,13 +104,14 @@ class _Workspace:
     """Folder for drafts, and the catalogue's file.
 
     locked: this process holds the catalogue's lock. publish: the file is a copy that has to be
-    uploaded to object storage.
+    uploaded to object storage. stamp: of the object that it is a copy of; None without one.
     """
 
     folder: Path
     file: Path
     locked: bool = True
     publish: bool = False
+    stamp: str | None = None
 
 
 @contextmanager
@@ -112,9 +126,11 @@ def _workspace(store: Store, reading: bool = False) -> Iterator[_Workspace]:
         raise InputError(f"{store.local}: not writable: check its permissions")
     with tempfile.TemporaryDirectory(prefix="wheelplane-") as folder:
         file = Path(folder) / FILE
-        if store.exists(FILE):
+        entry = store.stat(FILE)
+        if entry is not None:
             shutil.copy2(store.fetch(FILE, Path(folder) / "fetched"), file)
-        yield _Workspace(Path(folder), file, publish=not reading)
+        stamp = None if entry is None else entry.stamp
+        yield _Workspace(Path(folder), file, publish=not reading, stamp=stamp)
 
 
 def _refresh(
@@ -179,8 +195,8 @@ def _publish(store: Store, workspace: _Workspace, final: Path) -> None:
     final.replace(workspace.file)
     if store.local is not None:
         sync_folder(workspace.file.parent)
-    elif workspace.publish:
-        store.send(FILE, workspace.file)
+    elif workspace.publish and not store.send(FILE, workspace.file, workspace.stamp):
+        raise _OvertakenError
 
 
 def _lock_file(folder: Path) -> IO[str] | None:

@@ -23,7 +23,8 @@ from .work import CompletedCapture
 FOLDER = "run/seen/"
 FLUSH_S, FLUSH_LINES = 10.0, 2000
 TABLES = """
-PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF;
+PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA locking_mode = EXCLUSIVE;
+PRAGMA cache_size = -65536;
 CREATE TABLE known(name, fingerprint, key, elsewhere,
   PRIMARY KEY(name, fingerprint, key, elsewhere)) WITHOUT ROWID;
 CREATE TABLE present(key PRIMARY KEY, name, done DEFAULT TRUE) WITHOUT ROWID;

@@ -70,7 +70,7 @@ class Batch:
             )
         self._listener.planned(self.counts.known, todo if limit is None else min(todo, limit))
         with self.updating_catalogue():
-            self.measure(islice(self.pending(captures), limit))
+            self.measure(islice(self.pending(captures), limit) if todo else ())
         return self.counts
 
     def find_captures(self) -> Captures:
@@ -133,7 +133,7 @@ class Batch:
     def update_catalogue(self, at_end: bool = False) -> None:
         """Write the index, move superseded results aside, update the catalogue.
 
-        For a shard the catalogue is left to its readers, since it is of all shards.
+        Of several shards each updates it at its end, so that the last one leaves that of all.
         """
         self._index.flush()
         if at_end:
@@ -144,7 +144,7 @@ class Batch:
             self._index.drop(key)
         if self.counts.removed is not None:
             write_removed(self._results, self.counts.removed)
-        if self.shard.n == 1:
+        if at_end or self.shard.n == 1:
             update(self._results)
 
     def _entries(self) -> Iterator[Entry]:

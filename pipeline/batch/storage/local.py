@@ -107,9 +107,13 @@ class LocalStore:
             temporary.replace(path)
             sync_folder(path.parent)
 
-    def send(self, name: str, path: Path) -> None:
-        """Write or replace a file by a copy of the one at `path`."""
+    def send(self, name: str, path: Path, stamp: str | None) -> bool:
+        """Write or replace a file by a copy of the one at `path`; see `Store`."""
+        entry = self.stat(name)
+        if stamp != (entry and entry.stamp):
+            return False
         self.write(name, path.read_bytes())
+        return True
 
     def exists(self, name: str) -> bool:
         """Return whether a file has this name."""

@@ -44,8 +44,12 @@ class Store(Protocol):
     def write(self, name: str, data: bytes) -> None:
         """Write or replace a file; a reader sees either the old or the new content."""
 
-    def send(self, name: str, path: Path) -> None:
-        """Write or replace a file by a copy of the local one at `path`."""
+    def send(self, name: str, path: Path, stamp: str | None) -> bool:
+        """Write or replace a file by a copy of the local one at `path`.
+
+        Return False, and leave it unchanged, if its stamp is no longer this one; None if no file
+        had the name. Where the storage knows no such condition, the last of several writers wins.
+        """
 
     def exists(self, name: str) -> bool:
         """Return whether a file has this name."""
