@@ -7,9 +7,11 @@ import hashlib
 import io
 import json
 import math
+import sqlite3
 import subprocess
 import sys
 import zipfile
+from contextlib import closing
 from pathlib import Path
 
 import duckdb
@@ -309,6 +311,84 @@ def test_sql_that_does_not_read_is_refused_in_a_line(catalogue, results, stateme
         list(ask(catalogue, statement).rows)
     assert "\n" not in str(done.value)
     assert hashlib.sha256((results / "catalogue.sqlite").read_bytes()).digest() == before
+
+
+# In {other} a table of SQLite, in {csv} text, at {new} nothing: each means that SQLite, its command
+# line program or DuckDB has to write, or to read another file.
+REACHING = [
+    "ATTACH '{other}' AS x",
+    "ATTACH DATABASE 'file:{other}?mode=rwc' AS x",
+    "ATTACH ':memory:' AS x",
+    "DETACH main",
+    "SELECT * FROM x.secrets",
+    "VACUUM INTO '{new}'",
+    "PRAGMA writable_schema = 1",
+    "PRAGMA query_only = 0",
+    "PRAGMA temp_store_directory = '{folder}'",
+    "PRAGMA database_list",
+    "SELECT * FROM pragma_database_list",
+    "SELECT * FROM pragma_table_info('captures')",
+    "SELECT * FROM pragma_journal_mode('wal')",
+    "SELECT * FROM dbstat",
+    "UPDATE sqlite_master SET sql = 'x'",
+    "INSERT INTO sqlite_schema VALUES ('table', 'a', 'a', 1, '')",
+    "INSERT INTO captures(key) VALUES ('a') RETURNING key",
+    "REPLACE INTO kinds VALUES (1, 'a', 'm')",
+    "WITH a AS (SELECT 1) DELETE FROM captures RETURNING key",
+    "EXPLAIN DELETE FROM captures",
+    "ALTER TABLE captures ADD COLUMN a",
+    "CREATE VIEW temp.captures AS SELECT 1",
+    "CREATE TRIGGER a AFTER INSERT ON captures BEGIN SELECT 1; END",
+    "CREATE VIRTUAL TABLE a USING fts5(b)",
+    "CREATE VIRTUAL TABLE temp.a USING csv(filename = '{csv}')",
+    "REINDEX",
+    "ANALYZE",
+    "SAVEPOINT a",
+    "SELECT load_extension('{other}')",
+    "SELECT load_extension('{other}', 'entry')",
+    "SELECT fts3_tokenizer('simple')",
+    "SELECT readfile('{csv}')",
+    "SELECT writefile('{new}', 'a')",
+    "SELECT edit('a', 'touch {new}')",
+    "SELECT * FROM fsdir('{folder}')",
+    "SELECT * FROM zipfile('{csv}')",
+    ".read {csv}",
+    ".import {csv} captures",
+    "COPY captures TO '{new}'",
+    "COPY captures FROM '{csv}'",
+    "EXPORT DATABASE '{folder}'",
+    "INSTALL httpfs",
+    "LOAD '{other}'",
+    "SET enable_external_access = true",
+    "SELECT * FROM read_csv('{csv}')",
+    "SELECT * FROM read_text('{csv}')",
+    "SELECT * FROM read_blob('{csv}')",
+    "SELECT * FROM read_parquet('{other}')",
+    "SELECT * FROM glob('{folder}/*')",
+    "SELECT * FROM sqlite_scan('{other}', 'secrets')",
+    "SELECT * FROM '{csv}'",
+    "FROM '{csv}'",
+    "SELECT getenv('HOME')",
+]
+
+
+@pytest.mark.parametrize("statement", REACHING)
+def test_sql_neither_writes_nor_reads_another_file(catalogue, results, tmp_path, statement):
+    with closing(sqlite3.connect(tmp_path / "other")) as other:
+        other.execute("CREATE TABLE secrets AS SELECT 4711")
+        other.commit()
+    (tmp_path / "csv").write_text("secret\n4711\n")
+    named = {name: str(tmp_path / name) for name in ("other", "csv", "new")}
+
+    def contents() -> dict[str, bytes]:
+        files = [*tmp_path.iterdir(), *filter(Path.is_file, results.rglob("*"))]
+        return {str(path): path.read_bytes() for path in files}
+
+    before = contents()
+    with pytest.raises(InputError, match=r"^--sql: "):
+        list(ask(catalogue, statement.format(**named, folder=tmp_path)).rows)
+    assert contents() == before
+    assert list(ask(catalogue, "SELECT count(*) > 0 FROM captures").rows) == [(1,)]
 
 
 def test_sql_reads_the_tables_of_the_contract(catalogue):

@@ -15,6 +15,7 @@ READING = {
     sqlite3.SQLITE_FUNCTION,
     sqlite3.SQLITE_RECURSIVE,
 }
+REACHING = ("load_extension", "fts3_tokenizer")  # code from a file, or an address in memory
 TABLES = "captures, wheels, quantities, calibrations"
 STEPS = 100_000  # instructions of SQLite between two checks for Ctrl-C
 
@@ -56,8 +57,9 @@ def _rows(cursor: sqlite3.Cursor) -> Iterator[tuple[object, ...]]:
         yield row
 
 
-def _allowed(action: int, *_: str | None) -> int:
-    return sqlite3.SQLITE_OK if action in READING else sqlite3.SQLITE_DENY
+def _allowed(action: int, _: str | None, function: str | None, *__: str | None) -> int:
+    denied = action not in READING or (action == sqlite3.SQLITE_FUNCTION and function in REACHING)
+    return sqlite3.SQLITE_DENY if denied else sqlite3.SQLITE_OK
 
 
 def _refused(error: Exception) -> InputError:
