@@ -201,8 +201,16 @@ def _is_significant(cells: Cells, radius_m: float, resolution_m: float) -> bool:
     curved = replace(cells, extra=np.column_stack([bowl[:, 3:], column]))
     noise = correlated_noise(curved, radius_m, math.sqrt(cells.white_variance), resolution_m)
     field = float((noise.covariance + noise.form_covariance)[-1, -1])
-    dof = noise.dof * (1.0 + white / field) ** 2 if field > 0.0 else math.inf
+    dof = dof_of_both(white, field, noise.dof)
     return 2.0 * tail(abs(step) / math.sqrt(white + field), dof) < FALSE_ALARM
+
+
+def dof_of_both(white: float, field: float, dof: float) -> float:
+    """Return Welch-Satterthwaite degrees of freedom of two variances, `white` of infinitely many.
+
+    JCGM 100, G.4.
+    """
+    return dof * (1.0 + white / field) ** 2 if field > 0.0 else math.inf
 
 
 def _is_distinct(cells: Cells) -> bool:

@@ -16,7 +16,7 @@ from wheelplane.centre.edge.beam_direction import (
     is_contradicted,
     seen_through,
 )
-from wheelplane.centre.edge.beams import BEAM, CENTRE, INVERSE, Prior, look_up
+from wheelplane.centre.edge.beams import BEAM, CENTRE, INVERSE, Background, Prior, look_up
 from wheelplane.centre.edge.edge_residuals import (
     EdgeProblem,
     Zones,
@@ -84,6 +84,28 @@ def test_background_is_seen_through_the_target_along_wrong_beams_only(name):
     steep = right.copy()
     steep[BEAM] = [5.0, 0.0]
     assert is_contradicted(plane, depth, steep, outline)
+
+
+def test_what_is_seen_through_is_a_share_and_no_number():
+    outline, points, station = scanned("disc", incidence_deg=25.0)
+    plane, depth, wrong = points[:, :2], -points[:, 2], true_state(station)
+    wrong[BEAM] *= -1.0
+    once = seen_through(plane, depth, wrong, outline)
+    twice = seen_through(np.tile(plane, (2, 1)), np.tile(depth, 2), wrong, outline)
+    assert 0.0 < once == twice
+
+
+@pytest.mark.parametrize("x_m", [-0.01, 0.002, 0.02])
+def test_the_slope_of_a_background_is_that_of_its_depth(x_m):
+    rng = np.random.default_rng(1)
+    background = Background(
+        rng.uniform(0.1, 0.3, 3), np.full(3, 0.005), rng.normal(size=3), np.zeros(3), np.ones(3) > 0
+    )
+    part, step_m = np.arange(3), 1e-6
+    low, high = (background.at(part, np.full(3, x_m + s * step_m))[0] for s in (-1.0, 1.0))
+    _, slope = background.at(part, np.full(3, x_m))
+    np.testing.assert_allclose(slope, (high - low) / (2.0 * step_m), atol=1e-6)
+    assert np.any(slope) == (x_m > 0.0)
 
 
 @pytest.mark.parametrize("name", SCENES)

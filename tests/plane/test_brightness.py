@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from tests.support.shaded_discs import Disc, checkerboard, gradient, halves, plain
 from wheelplane.config import PlaneConfig
-from wheelplane.plane.brightness import DARK, FALSE_ALARM
+from wheelplane.plane.brightness import DARK, FALSE_ALARM, dof_of_both
 from wheelplane.plane.fit_plane import fit_plane
 from wheelplane.targets.plates import DiscTarget
 
@@ -29,6 +30,16 @@ def errors(plane, true):
     """Two slopes of the true normal in the plane's axes, and their standard uncertainties."""
     axes = plane.basis[:2]
     return axes @ true, np.sqrt(np.diag(axes @ plane.normal_covariance @ axes.T))
+
+
+@pytest.mark.parametrize("ratio", [0.1, 1.0, 4.0])
+def test_degrees_of_freedom_of_two_variances_are_those_of_a_chi_square_of_their_scatter(ratio):
+    """The sum's estimate scatters as that chi-square does: var / mean^2 = 2 / dof."""
+    dof, field = 7.0, 0.3
+    drawn = ratio * field + field * stats.chi2(dof).rvs(200_000, random_state=1) / dof
+    expected = 2.0 * drawn.mean() ** 2 / drawn.var()
+    assert dof_of_both(ratio * field, field, dof) == pytest.approx(expected, rel=0.02)
+    assert dof_of_both(1.0, 0.0, dof) == math.inf
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from wheelplane.errors import InputError
 from wheelplane.uncertainty.field_tests import FACES, LENGTHS, evaluate_tests, fit_terms
@@ -116,6 +117,26 @@ def test_columns_alike_are_fitted_once():
     assert fit.names == ("one",)
     assert fit.left_out == ("same",)
     assert fit.values == pytest.approx([3.0])
+
+
+@pytest.mark.parametrize("count", [4, 5, 9])
+def test_the_covariance_of_terms_is_that_of_students_t(count):
+    rng = np.random.default_rng(count)
+    column, weight = rng.uniform(1.0, 2.0, count), rng.uniform(1.0, 3.0, count)
+    observed = column + rng.normal(size=count)
+    fit = fit_terms({"one": column}, observed, weight, "here")
+    (slope,), (square,), *_ = np.linalg.lstsq((weight * column)[:, None], weight * observed)
+    scale = square / (count - 1) / np.sum((weight * column) ** 2)
+    assert (fit.values[0], fit.dof) == (pytest.approx(slope), count - 1)
+    assert fit.covariance[0, 0] == pytest.approx(scale * stats.t(count - 1).var())
+
+
+def test_as_few_observations_suffice_as_students_t_has_a_variance_for():
+    few = np.arange(1.0, 4.0)
+    assert np.isfinite(stats.t(len(few)).var())
+    assert not np.isfinite(stats.t(len(few) - 1).var())
+    with pytest.raises(InputError, match="measure 1 more"):
+        fit_terms({"one": few}, few, np.ones(3), "here")
 
 
 ROW = "T1,1,10.0,5.0,3.0"

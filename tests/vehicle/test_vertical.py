@@ -37,6 +37,17 @@ def test_errors_are_as_large_as_stated():
     assert np.sqrt(np.trace(found[0].covariance)) < 1e-4
 
 
+def test_degrees_of_freedom_are_the_cells_without_those_of_a_plane():
+    """Points in the middles of so many cells beside each wheel, as many in each."""
+    middles = np.array([[x, y] for x in (0.1, 0.3, 0.5) for y in (0.1, 0.3)])
+    wheels = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [-1.0, 3.0, 0.0], [1.0, 3.0, 0.0]])
+    xy = np.concatenate([wheel[:2] + middles for wheel in wheels]).repeat(8, axis=0)
+    rng = np.random.default_rng(1)
+    xy = xy + rng.uniform(-0.05, 0.05, xy.shape)
+    floor = fit_floor(np.column_stack([xy, LEVEL + 1e-3 * rng.normal(size=len(xy))]), wheels)
+    assert floor.dof == len(wheels) * len(middles) - 3
+
+
 def test_a_floor_that_is_not_flat_is_known_less_well():
     even, uneven = (fit_floor(points(3, waves=waves), WHEELS) for waves in (0.0, 3e-3))
     assert np.trace(uneven.covariance) > 4.0 * np.trace(even.covariance)
