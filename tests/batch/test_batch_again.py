@@ -36,7 +36,7 @@ from wheelplane.batch.run.progress import ProgressLines
 from wheelplane.batch.run.result_index import ResultIndex
 from wheelplane.batch.run.run import Batch
 from wheelplane.batch.run.work import RunRequest, work
-from wheelplane.batch.storage.entry import Entry
+from wheelplane.batch.storage.entry import MOST_LEVELS, Entry
 from wheelplane.batch.storage.store import open_store
 from wheelplane.errors import InputError
 
@@ -104,6 +104,20 @@ def test_a_damaged_result_is_measured_anew_when_asked_for(tmp_path):
     assert path.read_bytes() != whole
     assert run(archive, tmp_path / "results", "--retry").returncode == 0
     assert path.read_bytes() == whole
+
+
+def test_what_lies_too_deep_is_a_row_that_says_so_and_the_rest_is_measured(tmp_path):
+    archive = archive_of(tmp_path / "archive", 2)
+    five_points(archive.joinpath(*["d"] * (MOST_LEVELS + 3)) / "car.txt", 1)
+    settle(archive)
+    done = run(archive, tmp_path / "results", "--workers", "1")
+    assert done.returncode == 1, done.stderr
+    found = [tree["batch"] for tree in trees(tmp_path / "results").values()]
+    assert sorted(batch["status"] for batch in found) == ["failed", "ok", "ok"]
+    (reason,) = [batch["reason"] for batch in found if batch["reason"]]
+    assert f"more than {MOST_LEVELS} folders deep" in reason
+    again = run(archive, tmp_path / "results", "--workers", "1")
+    assert "3 done before, 0 to do" in again.stderr
 
 
 @pytest.mark.parametrize("forgotten", [False, True])

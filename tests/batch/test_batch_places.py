@@ -8,8 +8,9 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import distributed
@@ -30,7 +31,8 @@ from tests.support.batches import (
 from tests.support.failing_proxy import FailingProxy
 from tests.support.object_server import object_server
 from tests.support.planted import Planted
-from wheelplane.batch.catalogue.catalogue import FILE, rebuild
+from wheelplane.batch.catalogue.catalogue import FILE, open_catalogue, rebuild
+from wheelplane.batch.results.query import count
 from wheelplane.batch.storage.store import open_store
 
 DASK = [sys.executable, str(Path(sys.executable).with_name("dask"))]  # -m adds the current folder
@@ -48,7 +50,14 @@ def undisturbed(tmp_path_factory):
 
 @pytest.fixture
 def cluster(tmp_path):
-    """The address of a scheduler with two workers, in three processes; and these."""
+    """The address of a scheduler with two workers, in three processes; and the workers."""
+    with dask_cluster(tmp_path) as (address, _, workers):
+        yield address, workers
+
+
+@contextmanager
+def dask_cluster(tmp_path, port: str = "0"):
+    """A scheduler with two workers: its address, its process, and theirs."""
     environment = os.environ | {
         "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
         **poisoned(tmp_path),
@@ -58,7 +67,7 @@ def cluster(tmp_path):
     common = {"cwd": tmp_path, "env": environment | {"PYTHONPATH": path}}
     with ExitStack() as stack:
         scheduler = subprocess.Popen(
-            [*DASK, "scheduler", "--no-dashboard", "--host", "127.0.0.1", "--port", "0"],
+            [*DASK, "scheduler", "--no-dashboard", "--host", "127.0.0.1", "--port", port],
             stderr=subprocess.PIPE,
             text=True,
             **common,
@@ -84,7 +93,7 @@ def cluster(tmp_path):
             stack.callback(os.killpg, worker.pid, signal.SIGKILL)
         with distributed.Client(address) as client:
             client.wait_for_workers(len(workers), timeout=60)
-        yield address, workers
+        yield address, scheduler, workers
 
 
 @pytest.mark.slow
@@ -117,6 +126,52 @@ def test_a_lost_worker_changes_nothing(cluster, tmp_path):
         os.killpg(workers[0].pid, signal.SIGKILL)
         _, err = runner.communicate(timeout=120)
     assert runner.returncode == 0, err
+    assert left(results) == left(tmp_path / "undisturbed")
+
+
+@pytest.mark.slow
+def test_a_run_whose_scheduler_is_lost_waits_for_it_and_goes_on(tmp_path):
+    archive, results = archive_of(tmp_path / "archive", 400), tmp_path / "results"
+    assert run(archive, tmp_path / "undisturbed", "--workers", "2").returncode == 0
+    with dask_cluster(tmp_path) as (address, scheduler, _):
+        runner = start(archive, results, "--scheduler", address)
+        wait_for(lambda: runner.poll() is not None or any(results.rglob("measurements/*/*.json")))
+        assert runner.poll() is None
+        scheduler.kill()
+        scheduler.wait()
+        with dask_cluster(tmp_path, address.rpartition(":")[2]) as (again, _, _):
+            assert again == address
+            out, err = runner.communicate(timeout=120)
+    assert runner.returncode == 0, out + err
+    assert err.count("the Dask scheduler is lost: waiting for it") == 1
+    assert "Traceback" not in out + err
+    assert left(results) == left(tmp_path / "undisturbed")
+
+
+@pytest.mark.slow
+def test_a_run_whose_scheduler_stays_lost_ends_with_what_is_done(tmp_path, monkeypatch):
+    archive, results = archive_of(tmp_path / "archive", 400), tmp_path / "results"
+    monkeypatch.setattr("wheelplane.batch.run.cluster.WAIT_S", 0.5)
+    monkeypatch.setattr("wheelplane.batch.run.cluster.CONNECT_S", 5.0)
+    with dask_cluster(tmp_path) as (address, scheduler, _):
+
+        def lose() -> None:
+            wait_for(lambda: any(results.rglob("measurements/*/*.json")))
+            scheduler.kill()
+
+        loser = threading.Thread(target=lose)
+        loser.start()
+        ended = run(archive, results, "--scheduler", address)
+        loser.join()
+    assert ended.returncode == 2, ended.stdout + ended.stderr
+    assert "the Dask scheduler is lost: start it and repeat the command" in ended.stderr
+    assert "Traceback" not in ended.stdout + ended.stderr
+    done = len(list(results.rglob("measurements/*/*.json")))
+    with open_catalogue(str(results)) as catalogue:
+        assert 0 < count(catalogue) == done < 400
+    after = run(archive, results, "--workers", "2")
+    assert after.returncode == 0, after.stderr
+    assert run(archive, tmp_path / "undisturbed", "--workers", "2").returncode == 0
     assert left(results) == left(tmp_path / "undisturbed")
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from wheelplane.batch.storage import local as store_local
 from wheelplane.batch.storage import remote as store_remote
-from wheelplane.batch.storage.entry import PARTIAL
+from wheelplane.batch.storage.entry import MOST_LEVELS, PARTIAL, TOO_DEEP
 from wheelplane.batch.storage.store import open_store
 from wheelplane.errors import InputError, MissingDependencyError
 
@@ -205,6 +205,57 @@ def test_a_folder_with_odd_links_is_listed_once(tmp_path):
     entries = {entry.name: entry for entry in open_store(str(tmp_path)).list()}
     assert sorted(entries) == ["a/x", "b/x", "gone"]
     assert entries["gone"].stamp == "broken link"
+
+
+def test_a_fan_of_links_is_listed_as_often_as_it_has_folders(tmp_path):
+    """Two links in each of thirty folders lead to the next: 2^29 paths to the last."""
+    depth = 30
+    for k in range(depth):
+        (tmp_path / f"{k:02d}").mkdir()
+        (tmp_path / f"{k:02d}" / "file").write_bytes(b"1")
+    for k in range(depth - 1):
+        for name in "xy":
+            (tmp_path / f"{k:02d}" / name).symlink_to(f"../{k + 1:02d}")
+    found = names(open_store(str(tmp_path)))
+    assert len(found) == 2 * depth - 1
+    assert {f"{k:02d}/file" for k in range(depth)} <= set(found)
+    assert found == sorted(found)
+
+
+def test_folders_in_folders_without_end_are_one_entry(tmp_path):
+    (tmp_path / "file").write_bytes(b"1")
+    here = Path.cwd()
+    os.chdir(tmp_path)
+    try:
+        for _ in range(5000):
+            Path("d").mkdir()
+            os.chdir("d")
+        Path("file").write_bytes(b"1")
+        entries = list(open_store(str(tmp_path)).list())
+    finally:
+        os.chdir(here)
+        subprocess.run(["rm", "-rf", str(tmp_path / "d")], check=True)
+    deep, file = sorted(entries, key=lambda entry: entry.stamp == TOO_DEEP, reverse=True)
+    assert (deep.stamp, file.name) == (TOO_DEEP, "file")
+    assert deep.name == "/".join("d" * (MOST_LEVELS + 1))
+
+
+@pytest.mark.parametrize("levels", [10, 60])
+def test_a_path_that_is_too_long_is_an_entry_and_ends_no_listing(tmp_path, levels):
+    """Of levels of 250 bytes, the system takes some fifteen in one path."""
+    here = Path.cwd()
+    os.chdir(tmp_path)
+    try:
+        for _ in range(levels):
+            Path("d" * 250).mkdir()
+            os.chdir("d" * 250)
+            Path("e" * 250).write_bytes(b"1")
+        entries = list(open_store(str(tmp_path)).list())
+    finally:
+        os.chdir(here)
+        subprocess.run(["rm", "-rf", str(tmp_path / ("d" * 250))], check=True)
+    assert len(entries) == min(levels, len(entries))
+    assert any(entry.stamp == TOO_DEEP for entry in entries) == (levels == 60)
 
 
 @pytest.mark.parametrize(

@@ -20,13 +20,13 @@ from ...errors import InputError
 from ...files import ARCHIVE_SUFFIXES, improper
 from ...readers import READERS, scan_suffix
 from ...vehicle import REFERENCE_WHEELS
-from ..storage.entry import IMPROPER, OUTSIDE, Entry
+from ..storage.entry import IMPROPER, MOST_LEVELS, OUTSIDE, TOO_DEEP, Entry
 
 Kind = Literal["folder", "zip", "tar", "cloud", "five-point"]
 
 NO_DATA = re.compile(r"(readme|licen[cs]e|changelog|copying)\b", re.IGNORECASE)
 PASSED_OVER = re.compile(r"(^|/)(\.(?!\.?(/|$))|__MACOSX/|~\$)")  # . and .. are no hidden files
-UNUSABLE = (OUTSIDE, IMPROPER)
+UNUSABLE = (OUTSIDE, IMPROPER, TOO_DEEP)
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,11 @@ class FoundCapture:
         """Reason why it cannot be copied from the archive, if that is known from its name."""
         if any(file.stamp == IMPROPER for file in self.files):
             return f"{self.name[:200]}: the key {improper(self.name)}: rename the object"
+        if any(file.stamp == TOO_DEEP for file in self.files):
+            return (
+                f"{self.name[:60]}...: more than {MOST_LEVELS} folders deep, or too long a path: "
+                "move it up"
+            )
         return None
 
     @property
@@ -87,7 +92,7 @@ def discover(entries: Iterable[Entry], spool: Path, source: str) -> Captures:
                 continue
             folder, _, file = entry.name.rpartition("/")
             _go_to(f"{folder}/" if folder else "", opened, stream)
-            kind = "folder" if entry.stamp == OUTSIDE else kind_of(file)
+            kind = "folder" if entry.stamp in (OUTSIDE, TOO_DEEP) else kind_of(file)
             if kind is None and not _may_belong(file):
                 passed_over[Path(file).suffix.lower()] += 1
                 continue

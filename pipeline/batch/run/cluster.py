@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import atexit
 import importlib
+import logging
 import multiprocessing
 import time
 from concurrent.futures import Future
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import lru_cache
 from typing import Any
 
@@ -15,12 +16,12 @@ from ... import __version__
 from ...errors import InputError, MissingDependencyError
 from ..operation.run_state import AtWork
 from ..storage.scratch import scratch_folder
-from .measure_one import TransientError
+from .measure_one import EngineLostError, TransientError
 from .work import CompletedCapture, Task
 from .worker_process import WorkerError
 from .workers import Limits, Workers
 
-CONNECT_S = 10.0
+CONNECT_S, WAIT_S = 10.0, 120.0
 
 
 class Cluster:
@@ -28,6 +29,15 @@ class Cluster:
 
     def __init__(self, address: str, limits: Limits) -> None:
         self._distributed = _library()
+        for name in ("distributed", "distributed.client"):  # which print tracebacks of what is
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # reported here
+        self._address, self._limits = address, limits
+        self._at_work: dict[int, AtWork] = {}
+        self._slots, self._is_lost = 1, False
+        self._connect()
+
+    def _connect(self) -> None:
+        address = self._address
         try:
             self._client: Any = self._distributed.Client(
                 address, timeout=CONNECT_S, set_as_default=False
@@ -38,17 +48,37 @@ class Cluster:
                 "`dask scheduler`, or check the address"
             ) from error
         self._executor = self._client.get_executor(pure=False)
-        self._limits = limits
-        self._at_work: dict[int, AtWork] = {}
         self._check(address)
+
+    def _connect_again(self) -> None:
+        """Wait for the scheduler to be started again. Raises InputError after WAIT_S."""
+        self._client.close(timeout=1.0)
+        end_s = time.monotonic() + WAIT_S
+        while self._is_lost:
+            try:
+                self._connect()
+                self._is_lost = False
+            except InputError as error:
+                if time.monotonic() > end_s:
+                    fact = "the Dask scheduler is lost: start it and repeat the command"
+                    raise InputError(fact) from error
+                time.sleep(1.0)
 
     @property
     def slots(self) -> int:
         """Number of threads of all workers connected so far."""
-        return max(1, sum(map(int, self._client.nthreads().values())))
+        if not self._is_lost:
+            with suppress(OSError):  # just lost, which the tasks will report
+                self._slots = max(1, sum(map(int, self._client.nthreads().values())))
+        return self._slots
 
     def submit(self, task: Task) -> Future[list[CompletedCapture]]:
-        """Submit a task; a lost Dask worker is reported as a worker process that was killed."""
+        """Submit a task; a lost Dask worker is reported as a worker process that was killed.
+
+        Waits for a lost scheduler, whose tasks end with EngineLostError.
+        """
+        if self._is_lost:
+            self._connect_again()
         result: Future[list[CompletedCapture]] = Future()
         names = tuple(found.name for found in task.captures)
         self._at_work[id(result)] = AtWork(names, time.time(), "given to the cluster")
@@ -64,13 +94,15 @@ class Cluster:
 
     def close(self) -> None:
         """Cancel the tasks not yet done."""
-        self._executor.shutdown(wait=False)
-        self._client.close()
+        if not self._is_lost:
+            self._executor.shutdown(wait=False)
+            self._client.close()
 
     def _forward(
         self, done: Future[list[CompletedCapture]], result: Future[list[CompletedCapture]]
     ) -> None:
-        lost = InputError("the Dask scheduler is lost: start it and repeat the command")
+        lost = EngineLostError(f"the Dask scheduler is lost: waiting for it up to {WAIT_S:.0f} s")
+        self._is_lost |= done.cancelled()
         error = lost if done.cancelled() else done.exception()
         if isinstance(error, self._distributed.KilledWorker):
             error = WorkerError("killed", "the Dask workers that measured it were lost")

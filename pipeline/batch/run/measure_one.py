@@ -69,6 +69,10 @@ class TransientError(Exception):
     """Fault of the machine or the storage, not of the capture: another try may succeed."""
 
 
+class EngineLostError(TransientError):
+    """Engine that lost its tasks, and takes them again when it is back."""
+
+
 def measure_bytes(subject: Subject) -> Result:
     """Measure a capture, or return the reason of its failure in the same schema.
 

@@ -42,7 +42,8 @@ class ResultIndex:
     def __init__(self, results: Store, settings_hash: str, archive: Store, path: Path) -> None:
         self._results = results
         self._folder = f"{FOLDER}{settings_hash[:16]}/"
-        self._database = sqlite3.connect(path, isolation_level=None)
+        # closed by whichever thread drops the last reference
+        self._database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
         self._database.executescript(TABLES)
         self._listed = lru_cache(maxsize=4096)(archive.stat)
         self._lines: list[str] = []

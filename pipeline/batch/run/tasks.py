@@ -12,7 +12,7 @@ from typing import Protocol
 from ...errors import InputError
 from ..operation.run_state import AtWork
 from ..plan.discover import FoundCapture
-from .measure_one import Outcome, TransientError
+from .measure_one import EngineLostError, Outcome, TransientError
 from .work import ArchiveError, CompletedCapture, RunRequest, Task
 from .worker_process import WorkerError
 
@@ -74,6 +74,7 @@ class Run:
     _again: deque[Task] = field(default_factory=deque)
     _later: deque[Task] = field(default_factory=deque)
     _faults: int = 0
+    _is_lost: bool = False
 
     def outcomes(self) -> Iterator[CompletedCapture]:
         """Yield each capture as it is finished; only a few tasks are submitted at any time.
@@ -97,7 +98,7 @@ class Run:
                 except (OSError, EOFError) as error:  # no more processes or files, no fork server
                     self._failed(task, TransientError(f"no worker process can start: {error}"))
                 else:
-                    self._faults = 0
+                    self._faults, self._is_lost = 0, False
                     yield from done
 
     def _next(self) -> Task | None:
@@ -126,6 +127,12 @@ class Run:
 
     def _failed(self, task: Task, error: TransientError) -> None:
         """Retry later, unless the capture itself is unreadable or the faults do not end."""
+        if isinstance(error, EngineLostError):
+            self._again.append(task)
+            if not self._is_lost:  # of all tasks that it had
+                self.notify(str(error))
+            self._is_lost = True
+            return
         self._faults += 1
         if isinstance(error, ArchiveError) and len(task.captures) == 1:
             self.probe()

@@ -13,10 +13,11 @@ from pathlib import Path
 from ...errors import InputError
 from ...files import lies_in
 from ...system import acquire, sync_folder
-from .entry import OUTSIDE, PARTIAL, Entry
+from .entry import MOST_LEVELS, OUTSIDE, PARTIAL, TOO_DEEP, Entry
 
 STALE_S = 3600.0  # a write takes milliseconds: older temporary files are of killed processes
 LOCK = "lock"
+Identity = tuple[int, int]  # of a folder: device and inode
 NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK}
 
 
@@ -45,22 +46,41 @@ class LocalStore:
         return self.folder
 
     def list(self, prefix: str = "") -> Iterator[Entry]:
-        """Yield files whose name begins with `prefix`, sorted; links to a parent are skipped."""
-        start = prefix.rpartition("/")[0]
-        yield from self._below(start, prefix, ())
+        """Yield files whose name begins with `prefix`, sorted.
 
-    def _below(self, at: str, prefix: str, above: tuple[tuple[int, int], ...]) -> Iterator[Entry]:
+        Links to a parent are skipped, and so are further links to a folder that one leads to: a
+        fan of links, two in each of thirty folders, would be a thousand million paths.
+        """
+        start = prefix.rpartition("/")[0]
+        yield from self._below(start, prefix, (), set())
+
+    def _below(
+        self, at: str, prefix: str, above: tuple[Identity, ...], linked: set[Identity]
+    ) -> Iterator[Entry]:
+        """Yield the files below a folder.
+
+        above: folders that it lies in. linked: those that a link has led to.
+        """
         folder = self.folder / at
         try:
             here = folder.stat()
+            if len(above) > MOST_LEVELS:
+                raise OSError(errno.ENAMETOOLONG, "below too many folders")
             found = list(os.scandir(folder))
         except (FileNotFoundError, NotADirectoryError):
             return
         except OSError as error:
+            if error.errno == errno.ENAMETOOLONG:
+                yield Entry(at, 0, TOO_DEEP)
+                return
             raise self._error(at, "cannot be listed", error) from error
         identity = (here.st_dev, here.st_ino)
         if identity in above:
             return
+        if above and folder.is_symlink():
+            if identity in linked:
+                return
+            linked.add(identity)
         ahead = f"{at}/" if at else ""
         folders = {entry.name: entry.is_dir() for entry in found}
         for entry in sorted(found, key=lambda e: e.name + "/" * folders[e.name]):
@@ -68,7 +88,7 @@ class LocalStore:
             if name == PARTIAL or not (name.startswith(prefix) or prefix.startswith(f"{name}/")):
                 continue
             if folders[entry.name] and not self._leads_out(entry):
-                yield from self._below(name, prefix, (*above, identity))
+                yield from self._below(name, prefix, (*above, identity), linked)
             elif (listed := self._entry(entry, name)) is not None:
                 yield listed
 
@@ -184,6 +204,10 @@ def _entry(entry: os.DirEntry[str] | Path, name: str) -> Entry | None:
         stat = entry.stat()
     except FileNotFoundError:
         return Entry(name, 0, "broken link") if entry.is_symlink() else None  # None: just removed
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            return Entry(name, 0, TOO_DEEP)
+        raise
     return Entry(name, stat.st_size, f"{stat.st_mtime_ns}-{stat.st_ino}")
 
 
