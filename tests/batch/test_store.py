@@ -180,6 +180,19 @@ def test_a_write_that_fails_leaves_nothing(tmp_path, monkeypatch):
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
+def test_a_disk_that_becomes_read_only_is_one_line(tmp_path, monkeypatch):
+    def read_only(*_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    store = open_store(str(tmp_path))
+    monkeypatch.setattr(os, "fsync", read_only)
+    monkeypatch.setattr(Path, "unlink", read_only)
+    with pytest.raises(
+        InputError, match=r"a\.json: cannot be written \(Read-only.*writable folder"
+    ):
+        store.write_new("a.json", b"1")
+
+
 def test_content_and_name_are_synced_before_a_write_returns(tmp_path, monkeypatch):
     synced = []
     real = os.fsync

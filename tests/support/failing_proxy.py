@@ -1,21 +1,32 @@
-"""A proxy in front of a server of object storage that answers some requests with an error."""
+"""A proxy in front of a server of object storage that fails some requests, or all for a time."""
 
 from __future__ import annotations
 
 import http.client
 import random
 import threading
+import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import urlsplit
 
 ERROR = b"<Error><Code>SlowDown</Code><Message>Please reduce your request rate.</Message></Error>"
 
 
-class FailingProxy:
-    """Of every request, a share gets 503, or its connection is cut before or after it was done."""
+KINDS = ("refuse", "cut", "late")
+SLOW_S = 2.0
 
-    def __init__(self, address: str, share: float, seed: int) -> None:
-        proxy, self.failed, self.passed = self, 0, 0
+
+class FailingProxy:
+    """Of every request, a share gets one of `kinds`; all are cut while `gone`.
+
+    refuse: 503; error: 500; cut, late: the connection ends before or after it was done; part: it
+    ends in the middle of the answer; slow: the answer comes SLOW_S late.
+    """
+
+    def __init__(
+        self, address: str, share: float, seed: int, kinds: tuple[str, ...] = KINDS
+    ) -> None:
+        proxy, self.failed, self.passed, self.gone = self, 0, 0, False
         target = urlsplit(address).netloc
         rng, lock = random.Random(seed), threading.Lock()
 
@@ -25,13 +36,26 @@ class FailingProxy:
             def handle_any(self) -> None:
                 body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
                 with lock:
-                    fate, kind = rng.random(), rng.choice(("refuse", "cut", "late"))
+                    fate, kind = rng.random(), rng.choice(kinds)
+                if proxy.gone:
+                    self.close_connection = True
+                    return None
                 if fate >= share:
                     proxy.passed += 1
                     return self.pass_on(body)
                 proxy.failed += 1
                 if kind == "refuse":
                     return self.answer(503, [], ERROR)
+                if kind == "error":
+                    return self.answer(500, [], ERROR.replace(b"SlowDown", b"InternalError"))
+                if kind == "slow":
+                    time.sleep(SLOW_S)
+                    return self.pass_on(body)
+                if kind == "part":
+                    status, headers, content = self.ask(body)
+                    length = [("Content-Length", str(len(content) + 100))]
+                    headers = [h for h in headers if h[0].lower() != "content-length"] + length
+                    self.answer(status, headers, content[: len(content) // 2])
                 if kind == "late":
                     self.ask(body)
                 self.close_connection = True

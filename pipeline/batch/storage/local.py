@@ -7,7 +7,7 @@ import os
 import time
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ...errors import InputError
@@ -174,7 +174,8 @@ class LocalStore:
         except OSError as error:
             raise self._error(name, "cannot be written", error) from error
         finally:
-            temporary.unlink(missing_ok=True)
+            with suppress(OSError):  # the disk became read-only: what was raised is reported
+                temporary.unlink(missing_ok=True)
 
     def _sweep(self, partial: Path) -> None:
         """Remove the temporary files of killed processes, once per process."""
