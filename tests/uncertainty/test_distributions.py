@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from scipy import integrate, stats
+from scipy import integrate, special, stats
 
 from wheelplane.uncertainty.distributions import (
     binomial_tail,
@@ -68,8 +68,9 @@ def test_coverage_factors_are_quantiles_of_students_t(level, digits):
 def test_what_every_result_needs_is_there_without_scipy():
     code = (
         "import sys, numpy as np\n"
-        "from wheelplane.uncertainty.distributions import coverage_factor, chi_square_beyond\n"
-        "coverage_factor(0.95, np.array([4.0])), chi_square_beyond(3.0, 2)\n"
+        "from wheelplane.uncertainty import distributions as known\n"
+        "known.coverage_factor(0.95, np.array([4.0])), known.chi_square_beyond(3.0, 2)\n"
+        "known.f_beyond(3.0, 2, 8.0), known.tail(1.3, 4.0), known.quantile(0.95, 4.0, 0.5)\n"
         "assert 'scipy' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -94,6 +95,24 @@ def test_f_is_scipys_and_becomes_chi_square(count):
         limit = f_beyond(value, count, math.inf)
         assert limit == pytest.approx(f_beyond(value, count, 1e9), rel=1e-6)
         assert limit != pytest.approx(f_beyond(value, count, 6.5), rel=0.01)
+
+
+@pytest.mark.parametrize("dof", [1.0, 2.5, 30.0, 300.0, 1e4])
+@pytest.mark.parametrize("count", [1, 2, 3, 10, 1001])
+def test_f_is_scipys_to_twelve_digits(count, dof):
+    value = np.array([1e-6, 0.01, 0.2, 0.7, 1.0, 1.3, 2.0, 7.0, 50.0, 1e4])
+    expected = special.fdtrc(count, dof, value)
+    found = np.array([f_beyond(each, count, dof) for each in value])
+    seen = expected > 1e-280
+    np.testing.assert_allclose(found[seen], expected[seen], rtol=1e-12)
+    assert f_beyond(0.0, count, dof) == 1.0
+    assert f_beyond(math.inf, count, dof) == 0.0
+
+
+def test_f_of_two_counts_has_a_closed_form_for_any_dof():
+    for dof in (1.0, 1e3, 1e7):
+        closed = math.exp(-0.5 * dof * math.log1p(3.0 / (0.5 * dof)))
+        assert f_beyond(3.0, 2, dof) == pytest.approx(closed, rel=1e-9)
 
 
 def test_f_of_one_count_is_a_two_sided_t():
