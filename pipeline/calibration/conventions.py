@@ -12,9 +12,16 @@ from ..vectors import Array
 from ..vehicle import AXES
 from .forms.item import Item, ItemQuantity
 from .forms.quantities import QUANTITIES
+from .forms.wording import Wording
 from .records import QuantityResult
 from .reference import Reference
 
+FITS_OTHER = (
+    "{kind}, {state}: the readings fit {convention} far better (root mean square error {found} "
+    "instead of {declared}): check the item file, and how the values were copied."
+)
+OTHER_SIGN = 'the opposite sign, positive = "{sense}",'
+OTHER_AXIS = 'another axis, axis = "{axis}",'
 FAR_BETTER = 3.0  # ratio of root mean squares, and least size of that of the declared one in u
 
 
@@ -32,7 +39,7 @@ def convention_warnings(
         readings = np.array([point.reading for point in result.points])
         typical = float(np.median([point.error.u for point in result.points]))
         declared = np.array([point.error.value for point in result.points])
-        best: tuple[float, str] | None = None
+        best: tuple[float, Wording] | None = None
         for words, other in _others(kind, item.declared()[kind]):
             tried = item.model_copy(update={kind: other})
             values = [reference.value(kind, point.point, tried) for point in result.points]
@@ -42,24 +49,28 @@ def convention_warnings(
             errors = readings - np.array(known)
             if _fits_far_better(errors, declared, typical):
                 size = _rms(errors)
-                best = min(best or (math.inf, ""), (size, words))
+                best = (size, words) if best is None else min(best, (size, words))
         if best is not None:
-            sizes = f"{_text(best[0], result.unit)} instead of {_text(_rms(declared), result.unit)}"
-            found.append(
-                f"{kind}, {result.state}: the readings fit {best[1]} far better (root mean square "
-                f"error {sizes}): check the item file, and how the values were copied."
+            text = Wording(
+                FITS_OTHER,
+                kind=kind,
+                state=result.state,
+                convention=best[1],
+                found=_text(best[0], result.unit),
+                declared=_text(_rms(declared), result.unit),
             )
+            found.append(text)
     return tuple(dict.fromkeys(found))
 
 
-def _others(kind: str, stated: ItemQuantity) -> Iterator[tuple[str, ItemQuantity]]:
+def _others(kind: str, stated: ItemQuantity) -> Iterator[tuple[Wording, ItemQuantity]]:
     """Return the other conventions in words, and the table that would declare them."""
     for sense in QUANTITIES[kind].signs:
         if stated.positive is not None and sense != stated.positive:
-            yield f'the opposite sign, positive = "{sense}",', _with(stated, positive=sense)
+            yield Wording(OTHER_SIGN, sense=sense), _with(stated, positive=sense)
     for axis in AXES:
         if stated.axis is not None and axis != stated.axis:
-            yield f'another axis, axis = "{axis}",', _with(stated, axis=axis)
+            yield Wording(OTHER_AXIS, axis=axis), _with(stated, axis=axis)
 
 
 def _with(stated: ItemQuantity, **changed: str) -> ItemQuantity:

@@ -13,16 +13,17 @@ import tomllib
 import openpyxl
 import pytest
 
-from tests.support.calibration_bay import CAMBER, TOE, item_of, machine
+from tests.support.calibration_bay import CAMBER, TOE, Bay, changed, item_of, machine
 from tests.support.made import write_small_capture
 from tests.support.web_site import PAPER, Site
 from wheelplane.calibration import COLUMNS, ItemFile, item_toml, load_item
+from wheelplane.calibration.calibrate import calibrate
 from wheelplane.config import parse_section
 from wheelplane.errors import ConfigError, InputError
 from wheelplane.report.format.language import load_translations
 from wheelplane.web.content.calibrating import choices, evaluate, references_of
 from wheelplane.web.content.calibration_files import Request, calibration_files
-from wheelplane.web.content.faults import item_in_words
+from wheelplane.web.content.faults import in_words, item_in_words
 from wheelplane_synth.machine.forms import readings_csv
 from wheelplane_synth.machine.indicate import indicate
 
@@ -248,6 +249,22 @@ def test_the_portuguese_page_says_faults_in_portuguese(site, job, rows):
         calibration_files(references_of([folder]), given, None, "pt")
     assert "readings.csv: linha 4, coluna value: '1,234' tanto pode" in str(error.value)
     assert words("fault.row", row=4) == "linha 4"
+
+
+@pytest.mark.parametrize(
+    "declared",
+    [{"declared_positive": "toe-out"}, {"axis": "thrust-line", "declared_axis": "rear-axle"}],
+)
+def test_the_portuguese_page_says_that_readings_fit_another_convention(declared):
+    tested = machine(toe=changed(TOE, **declared))
+    seen = [calibrate([bay.reference()], item_of(tested), bay.readings(tested)).warnings
+            for bay in (Bay(seed=seed) for seed in range(4))]  # fmt: skip
+    (text, *_) = (text for found in seen for text in found)
+    assert in_words(text, load_translations("en")) == text
+    said = in_words(text, load_translations("pt"))
+    assert said.startswith("convergência, como recebido: as leituras ajustam-se muito melhor")
+    assert set(text.parts["convention"].parts.values()) <= set(said.split('"'))
+    assert text.parts["found"].replace(".", ",") in said
 
 
 def test_the_portuguese_page_says_in_portuguese_what_an_item_lacks(site, job):

@@ -153,7 +153,9 @@ def _found(found: Calibration, words: Translations) -> dict[str, Any]:
         "results": tables,
         "decision": None if found.decision is None else _decision(found.decision, words),
         "rule": rule_words(found, words),
-        "warnings": [words("calibration.warning", text=text) for text in found.warnings],
+        "warnings": [
+            words("calibration.warning", text=in_words(text, words)) for text in found.warnings
+        ],
     }
 
 

@@ -102,6 +102,8 @@ def _part(name: str, part: object, words: Translations) -> str:
         return quantity(str(part), words)
     if name == "state" and part in STATES:
         return words(f"calibration.{STATES[str(part)]}")
+    if name in ("found", "declared"):
+        return words.number(str(part))
     return in_words(part, words)
 
 
