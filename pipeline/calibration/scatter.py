@@ -63,13 +63,18 @@ class Scatter:
         """Return the effects of the readings on the P errors.
 
         Levels and directions whose readings lie a part of a step apart are rounded differently.
+        What differs between levels is in their scatter already: of the rounding, only what they
+        share, their mean covariance, counts besides.
         """
-        levels = self.means.shape[1]
-        between = self.between_levels() if levels > 1 else None
-        dof, offsets = float(self.dofs.sum()), self.shown.ravel()
-        weights = np.full(len(offsets), 1.0 / len(offsets))
-        rounding = rounding_variance(self.deviation, resolution, weights, offsets)
-        return mean_effects(self._spread(), self.deviation, dof, levels, between, rounding)
+        levels, ways = self.shown.shape
+        covariance = rounding_covariance(self.deviation, resolution, self.shown.ravel())
+        rounding = covariance.reshape(levels, ways, levels, ways).mean(axis=(1, 3))
+        dof, between = float(self.dofs.sum()), None
+        left = float(rounding[0, 0])
+        if levels > 1:
+            between = self.between_levels()
+            left = float(rounding.sum() - rounding.trace()) / (levels * (levels - 1))
+        return mean_effects(self._spread(), self.deviation, dof, levels, between, max(0.0, left))
 
     def _spread(self) -> Array:
         """Return the variances (P,) of the means for readings of unit variance."""
@@ -82,11 +87,23 @@ class Scatter:
         differences = (self.means[:, :, 0] - self.means[:, :, 1]).mean(axis=1)
         spread = (1.0 / self.counts).sum(axis=(1, 2)) / levels**2
         dof = float(self.dofs.sum())
-        rounding = _of_differences(differences, self.deviation, resolution)
+        rounding = self._averaged(resolution) * rounding_of_differences(
+            differences, self.deviation, resolution
+        )
         return differences, difference_effects(spread, self.deviation, dof, rounding)
 
+    def _averaged(self, resolution: float) -> float:
+        """Return the share of the rounding that the mean over levels leaves, 1 of one level.
 
-def _of_differences(differences: Array, deviation: float, step: float) -> float:
+        Levels rounded in opposite ways count as rounded independently: few points show by chance
+        that they are.
+        """
+        covariance = rounding_covariance(self.deviation, resolution, self.shown.mean(axis=1))
+        whole = float(covariance[0, 0])
+        return float(covariance.clip(min=0.0).mean()) / whole if whole > 0.0 else 1.0
+
+
+def rounding_of_differences(differences: Array, deviation: float, step: float) -> float:
     """Return the variance of the rounding of P differences, that of two roundings at least.
 
     A difference whose true value lies a part f of a step above a whole one is shown, without
@@ -153,17 +170,40 @@ def rounding_variance(
 ) -> float:
     """Return the variance that rounding to `step` leaves in a weighted sum of means of readings.
 
+    weights, offsets: (C,) of the means; the others as of `rounding_covariance`.
+    """
+    covariance = rounding_covariance(deviation, step, offsets)
+    return max(0.0, float(weights @ covariance @ weights))
+
+
+def rounding_covariance(
+    deviation: float, step: float, offsets: Array, uncertain: float = 0.0
+) -> Array:
+    """Return the covariance (C, C) that rounding to `step` leaves in C means of readings.
+
     step^2/12 for a single mean without scatter; less where the scatter sigma of the readings before
     rounding spreads them over several steps, and where the means lie parts of a step apart: the
     rounding errors of two that lie d apart have the covariance B(d) = sum over k of
     step^2/(2 pi^2 k^2) cos(2 pi k d/step) exp(-(2 pi k sigma/step)^2). deviation: of the rounded
     readings, whose square is sigma^2 + step^2/12 - B(0) on average; nan where it is not known,
-    which counts as none. weights, offsets: (C,) of the means. Source: Widrow and Kollar,
-    Quantization Noise, Cambridge 2008, chapter 4.
+    which counts as none. offsets: (C,) of the means; uncertain: standard deviation of each about
+    it, by which the expected covariance of two is that of readings that scatter more. Source:
+    Widrow and Kollar, Quantization Noise, Cambridge 2008, chapter 4.
     """
+    count = len(offsets)
     if step == 0.0:
-        return 0.0
-    square = 0.0 if math.isnan(deviation) else (deviation / step) ** 2
+        return np.zeros((count, count))
+    variance = _variance_before(0.0 if math.isnan(deviation) else (deviation / step) ** 2)
+    apart = np.subtract.outer(offsets, offsets) / step % 1.0
+    between = variance + (uncertain / step) ** 2
+    rows = [[_covariance(between, part) for part in row] for row in apart.tolist()]
+    found = np.array(rows)
+    np.fill_diagonal(found, _covariance(variance, 0.0))
+    return step**2 * found
+
+
+def _variance_before(square: float) -> float:
+    """Return the variance of readings before rounding by that of the rounded ones; in steps."""
     low, high = 0.0, square
     for _ in range(BISECTIONS):
         middle = (low + high) / 2.0
@@ -171,9 +211,7 @@ def rounding_variance(
             low = middle
         else:
             high = middle
-    apart = np.subtract.outer(offsets, offsets) / step % 1.0
-    parts = [[_covariance(low, part) for part in row] for row in apart.tolist()]
-    return step**2 * max(0.0, float(weights @ np.array(parts) @ weights))
+    return low
 
 
 def _covariance(variance: float, apart: float) -> float:

@@ -21,6 +21,7 @@ NORMAL_DOF = 1e6  # from which Student's t is normal to eight digits
 BOX_BLOCKS = 10
 NODES = 40  # of Gauss's rule
 MOST_STEPS, CONVERGED = 60, 1e-14
+MOST_DOF = 1e8  # from which t is normal and F a chi-square to seven digits
 MOST_TERMS, TERM = 10_000, 1e-16  # of a continued fraction
 LARGE = 15.0  # from which Stirling's series is exact
 FEW_DOF = 1000.0
@@ -82,7 +83,7 @@ def tail(x: float, dof: float = math.inf, uniform: float = 0.0) -> float:
     """
     if uniform > 0.0:
         return _tail_of_sum(x, dof, uniform)
-    if math.isinf(dof):
+    if dof > MOST_DOF:
         return math.erfc(x / math.sqrt(2.0)) / 2.0
     if x < 0.0:
         return 1.0 - tail(-x, dof)
@@ -180,7 +181,7 @@ def chi_square_limits(level: float, dof: float) -> tuple[float, float]:
 
 def f_beyond(value: float, count: int, dof: float) -> float:
     """Return the probability that F of `count` and `dof` degrees of freedom is `value` or more."""
-    if math.isinf(dof):
+    if dof > MOST_DOF:
         return chi_square_beyond(count * value, count)
     return _beta_tail(0.5 * dof, 0.5 * count, count * value / dof)
 

@@ -58,6 +58,41 @@ def test_the_planned_uncertainties_are_those_of_calibrations(series):
     np.testing.assert_allclose(mean, 1.0, atol=4.0 * math.sqrt(2.0 / 3.0 / 60.0))
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("series", "shift"), [(1, 0.0), (4, 0.5)])
+def test_the_planned_rounding_of_coarse_readings_is_that_of_calibrations(series, shift):
+    """Directions half a step apart, and series some part of one: whole, u^2 would be 1.6 of it."""
+    toe = changed(TOE, resolution=1.0, repeatability=0.5, hysteresis=0.5, reproducibility=shift)
+    tested = machine(toe=toe, protocol=Protocol(series=series))
+    table = PlannedQuantity(
+        repeatability="0.5774'", reproducibility=f"{shift}'", hysteresis="0.5'"
+    )  # sqrt(0.5^2 + 1/12)
+    plan = PLAN.model_copy(update={"series": series, "toe": table})
+    item, ratios = item_of(tested), []
+    for seed in range(40):
+        bay = Bay(seed=(10, seed))
+        (result,) = calibrate([bay.reference()], item, bay.readings(tested)).results
+        known = planned_set("toe", plan, item.item, bay.reference(noisy=False))
+        squares = [sum(e.u**2 for e in each) for each in
+                   ([p.error for p in result.points], known.errors)]  # fmt: skip
+        ratios.append(squares[0] / squares[1])
+    assert abs(np.mean(ratios) - 1.0) < 0.05 + 4.0 * np.std(ratios, ddof=1) / math.sqrt(40)
+
+
+def test_directions_half_a_step_apart_are_planned_with_a_quarter_of_the_rounding():
+    tested = machine(toe=changed(TOE, resolution=1.0))
+    item, reference = item_of(tested).item, Bay().reference(noisy=False)
+    apart = {}
+    for hysteresis in ("0.5'", "1'"):
+        table = PlannedQuantity(repeatability="0'", hysteresis=hysteresis)
+        plan = PLAN.model_copy(update={"toe": table})
+        set_ = planned_set("toe", plan, item, reference)
+        apart[hysteresis] = set_.errors[0].u ** 2 - set_.references[0].u ** 2
+    whole = math.radians(1.0 / 60.0) ** 2 / 12.0
+    assert apart["1'"] == pytest.approx(whole)
+    assert apart["0.5'"] == pytest.approx(whole / 4.0)
+
+
 def test_power_is_that_of_the_t_test_and_grows_with_the_error():
     known = Estimate(0.0, 2.0, 10.0)
     assert power(0.0, known) == pytest.approx(0.025, abs=1e-6)

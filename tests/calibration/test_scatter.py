@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 
-from wheelplane.calibration.scatter import rounding_variance, scatter_of
+from wheelplane.calibration.scatter import (
+    REPRODUCIBILITY,
+    RESOLUTION,
+    rounding_variance,
+    scatter_of,
+)
 from wheelplane.measurement import estimate
 from wheelplane.uncertainty import Effect
 
@@ -118,6 +124,40 @@ def test_means_of_two_directions_are_covered_whatever_the_hysteresis(hysteresis,
     spread = 3.0 * np.std(covered, ddof=1) / math.sqrt(count)
     assert 0.94 - spread < np.mean(covered) < 0.97 + spread
     assert hysteresis == 0.0 or np.mean(whole) > 0.98
+
+
+def test_rounding_that_differs_from_series_to_series_counts_once():
+    """Its scatter is that of the series already; counted besides, it would be twice as much."""
+    rng, stated, seen, points = np.random.default_rng(8), [], [], 60
+    for _ in range(100):
+        true = rng.uniform(0.0, 1.0, (points, 1, 1, 1))
+        offsets = rng.uniform(0.0, 3.0, (1, 6, 1, 1))
+        values = np.round(true + offsets + np.zeros((points, 6, 1, 2)))
+        found = scatter_of(cells(values), true[:, :, 0, 0] * np.ones((1, 6)))
+        effects = [e for e in found.effects(1.0) if e.name != REPRODUCIBILITY]
+        stated.append(sum(np.sum(e.factor[0] ** 2) for e in effects))
+        seen.append(np.var(found.errors, ddof=1))
+    assert np.mean(seen) == pytest.approx(1.0 / 12.0 / 6.0, rel=0.15)
+    assert 0.95 < np.mean(stated) / np.mean(seen) < 1.5
+
+
+def test_rounding_that_all_series_share_stays_whole():
+    true = np.linspace(0.0, 0.9, 10).reshape(10, 1, 1, 1)
+    found = scatter_of(cells(np.round(true + np.zeros((10, 4, 1, 2)))), 0.0)
+    (rounded,) = (e for e in found.effects(1.0) if e.name == RESOLUTION)
+    assert rounded.factor[0, 0] ** 2 == pytest.approx(1.0 / 12.0)
+
+
+def test_four_differences_of_half_a_step_cover_it_unless_all_are_alike():
+    """Each is shown as none or a step with equal chance: 14 of 16 ways are covered, 87.5 %."""
+    covered = []
+    for shown in itertools.product((0.0, 1.0), repeat=4):
+        values = np.array([[[[way, way], [0.0, 0.0]]] for way in shown])
+        differences, effects = scatter_of(cells(values)).hysteresis(1.0)
+        known = estimate(float(differences.mean()), np.full(4, 0.25), effects)
+        covered.append(abs(known.value - 0.5) <= known.expanded)
+        assert covered[-1] == (0.0 < known.value < 1.0)
+    assert sum(covered) == 14
 
 
 def test_rounding_without_scatter_is_a_twelfth_and_without_a_step_nothing():
