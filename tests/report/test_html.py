@@ -389,7 +389,7 @@ def test_nothing_is_left_untranslated():
              "batch", "config", "certificate", "item", "readings", "xlsx", "validation",
              "hotelling", "validate", "archive", "bland", "altman", "york", "nees", "aiming",
              "divisor", "holm", "double", "fahrachswinkel", "radversatz",
-             "radstandsdifferenz", "found", "left", "down", "unit"}  # fmt: skip
+             "radstandsdifferenz", "found", "left", "down", "unit", "positive", "axis"}  # fmt: skip
     both = names | {"normal", "total", "zero", "face", "manual", "linear", "vertical",
                     "longitudinal", "lateral", "axial", "regular", "terminal",
                     "javascript", "decimal"}  # fmt: skip
