@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import sync_playwright
 
-from tests.web.test_web_browser import CHROMIUM, FLAGS
+from tests.support.browser import CHROMIUM, FLAGS
 
 BUNDLE = Path(__file__).parents[2] / "pipeline" / "report" / "static" / "viewer.js"
 SIZE = {"width": 1280, "height": 800}

@@ -4,26 +4,16 @@ from __future__ import annotations
 
 import pytest
 
+from tests.support.browser import IN_A_BROWSER, serving
 from tests.support.layout import check_layout
 from tests.support.made import as_one_cloud, with_second_target, write_small_capture
-from tests.web.test_web_browser import (  # noqa: F401 - browser is a fixture
-    CHROMIUM,
-    Visit,
-    browser,
-    serving,
-)
 from wheelplane.capture import open_capture
 from wheelplane.config import Config
 from wheelplane.measure import measure_capture
 
 WHEELS = ("RR", "RL", "FR", "FL")
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not CHROMIUM.exists(), reason=f"there is no {CHROMIUM}, the browser that these tests drive"
-    ),
-]
+pytestmark = IN_A_BROWSER
 
 
 @pytest.fixture(scope="module")
@@ -46,14 +36,6 @@ def address(folder, centres, tmp_path_factory):
     as_one_cloud(folder / "car", folder / "whole.ply")
     with serving(folder, tmp_path_factory.mktemp("scratch")) as made:
         yield made
-
-
-@pytest.fixture
-def visit(browser, address, request):  # noqa: F811
-    made = Visit(browser, address, **getattr(request, "param", {}))
-    yield made
-    made.context.close()
-    assert made.faults == []
 
 
 def found(visit, name, **fields):

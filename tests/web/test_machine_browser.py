@@ -9,16 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.browser import IN_A_BROWSER, until
 from tests.support.calibration_bay import CAMBER, TOE, item_of, machine
 from tests.support.layout import check_layout
 from tests.support.made import write_small_capture
-from tests.web.test_web_browser import (  # noqa: F401 - browser is a fixture
-    CHROMIUM,
-    Visit,
-    browser,
-    serving,
-    until,
-)
 from wheelplane.calibration import item_toml
 from wheelplane.commands.batch import batch
 from wheelplane.commands.calibrate import calibrate
@@ -28,12 +22,7 @@ from wheelplane_synth.machine.indicate import indicate
 TESTED = machine(toe=TOE, camber=CAMBER)
 CELLS = "ul.readings .cell input"
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not CHROMIUM.exists(), reason=f"there is no {CHROMIUM}, the browser that these tests drive"
-    ),
-]
+pytestmark = IN_A_BROWSER
 
 
 @pytest.fixture(scope="module")
@@ -52,20 +41,6 @@ def folder(tmp_path_factory):
              for row in rows]  # fmt: skip
     (place / "two.csv").write_text("\n".join([head, *rows, *again]) + "\n")
     return place
-
-
-@pytest.fixture(scope="module")
-def address(folder, tmp_path_factory):
-    with serving(folder, tmp_path_factory.mktemp("scratch")) as made:
-        yield made
-
-
-@pytest.fixture
-def visit(browser, address, request):  # noqa: F811
-    made = Visit(browser, address, **getattr(request, "param", {}))
-    yield made
-    made.context.close()
-    assert made.faults == []
 
 
 def opened(visit):

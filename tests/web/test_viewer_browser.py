@@ -8,20 +8,10 @@ import re
 import numpy as np
 import pytest
 
+from tests.support.browser import IN_A_BROWSER
 from tests.support.made import write_small_capture
-from tests.web.test_web_browser import (  # noqa: F401 - browser is a fixture
-    CHROMIUM,
-    Visit,
-    browser,
-    serving,
-)
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not CHROMIUM.exists(), reason=f"there is no {CHROMIUM}, the browser that these tests drive"
-    ),
-]
+pytestmark = IN_A_BROWSER
 
 
 @pytest.fixture(scope="module")
@@ -29,20 +19,6 @@ def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("allowed")
     write_small_capture(place / "car")
     return place
-
-
-@pytest.fixture(scope="module")
-def address(folder, tmp_path_factory):
-    with serving(folder, tmp_path_factory.mktemp("scratch")) as made:
-        yield made
-
-
-@pytest.fixture
-def visit(browser, address, request):  # noqa: F811
-    made = Visit(browser, address, **getattr(request, "param", {}))
-    yield made
-    made.context.close()
-    assert made.faults == []
 
 
 def shown(visit):
