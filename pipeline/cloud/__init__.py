@@ -1,7 +1,18 @@
-"""Passes over all points of a cloud: sample, crop, voxel grid, first and second moments."""
+"""Passes over all points of a cloud: sample, crop, voxel grid, octree, moments."""
 
 from .moments import SlabMoments, slab_moments
 from .native import load_opencv
+from .octree import (
+    CODE_BITS,
+    GRID_BITS,
+    LEAF,
+    MOST_DEPTH,
+    NodeRows,
+    cell_index,
+    divide,
+    mixed,
+    morton_codes,
+)
 from .preview import CloudSample, by_wheel, cloud_sample
 from .selection import (
     Slab,
@@ -17,20 +28,29 @@ from .threads import side_by_side
 from .voxel_grid import VoxelGrid, lowest, voxel_key, voxel_moments, within_voxels
 
 __all__ = [
+    "CODE_BITS",
     "EXACT",
+    "GRID_BITS",
+    "LEAF",
+    "MOST_DEPTH",
     "CloudSample",
     "Levels",
+    "NodeRows",
     "Slab",
     "SlabMoments",
     "Steps",
     "VoxelGrid",
     "by_wheel",
+    "cell_index",
     "cloud_sample",
     "coordinate_levels",
     "coordinate_steps",
+    "divide",
     "gather_ball",
     "load_opencv",
     "lowest",
+    "mixed",
+    "morton_codes",
     "random_rows",
     "sample",
     "sample_rows",
