@@ -1,6 +1,7 @@
 """Readers of point-cloud files: PLY, PCD, PTX, PTS, E57, LAS, LAZ, text, NumPy and meshes."""
 
 from .arrays import scan_of_points
+from .blocks import PlacedBlock, read_blocks
 from .gather import Placer, PointRows, RowProgress, silent
 from .missing import Markers, find_markers
 from .options import AS_THE_FILE_SAYS, ReadOptions
@@ -19,6 +20,7 @@ __all__ = [
     "Block",
     "Markers",
     "Part",
+    "PlacedBlock",
     "Placer",
     "PointRows",
     "RawCloud",
@@ -30,6 +32,7 @@ __all__ = [
     "die_with",
     "find_markers",
     "open_cloud",
+    "read_blocks",
     "read_scan",
     "scan_of_points",
     "scan_suffix",
