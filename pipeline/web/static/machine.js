@@ -1,5 +1,5 @@
 // Calibration of a machine against the measurement: item, readings, what they show, files.
-import { ask, el, pathOf, post, select, send, session, t, tableOf } from "./base.js";
+import { ask, called, el, pathOf, post, select, send, session, t, tableOf } from "./base.js";
 import { ItemForm } from "./item.js";
 import { Sheet } from "./sheet.js";
 
@@ -41,7 +41,7 @@ export class Machine {
   #offer() {
     const known = session.jobs.filter(({ id }) => id !== this.job.id);
     this.references = this.references.filter((id) => known.some((one) => one.id === id));
-    const options = [["", t("same_reference")], ...known.map(({ id, name }) => [id, name])];
+    const options = [["", t("same_reference")], ...known.map((job) => [job.id, called(job)])];
     const shown = known.length ? [...this.references, ""] : [];
     this.series.replaceChildren(...shown.map((id, i) => {
       const row = select(`reference-${i + 2}`, t("series_reference", { series: i + 2 }), options, id);
