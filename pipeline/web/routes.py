@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from flask import Flask, Response, g, jsonify, request
+from werkzeug.exceptions import RequestedRangeNotSatisfiable
 from werkzeug.wsgi import wrap_file
 
 from ..report.format.language import load_translations
@@ -21,7 +22,13 @@ from .jobs.saving import report_file, save
 from .security import RefusedError
 from .state import PageState
 
-SHOWN_FILES = ("measurement.json", "points.bin", "comparison.json", "explanation.json")
+SHOWN_FILES = (
+    "measurement.json",
+    "points.json",
+    "points.bin",
+    "comparison.json",
+    "explanation.json",
+)
 SHOWN_KINDS = ("panel-", "scene-", "drawing-", "candidates-", "best-")
 
 
@@ -128,10 +135,16 @@ def add_jobs(app: Flask, state: PageState) -> None:
 
 
 def _sent(path: Path, mimetype: str) -> Response:
-    """Return a file that the server reads as it is sent: points may be 100 MB."""
-    stream = wrap_file(request.environ, path.open("rb"))
-    answer = Response(stream, mimetype=mimetype, direct_passthrough=True)
-    answer.content_length = path.stat().st_size
+    """Return a file, or the range of its bytes that is asked for, read as it is sent."""
+    stream, size = path.open("rb"), path.stat().st_size
+    content = wrap_file(request.environ, stream)
+    answer = Response(content, mimetype=mimetype, direct_passthrough=True)
+    answer.content_length = size
+    try:
+        answer.make_conditional(request.environ, accept_ranges=True, complete_length=size)
+    except RequestedRangeNotSatisfiable:
+        stream.close()
+        raise
     return answer
 
 

@@ -24,7 +24,8 @@ class PageSettings:
 
     folders: the page reads and saves only here. scratch: own folder for uploads and results.
     upload_bytes, upload_files: limits of one upload. seconds, memory_bytes: limits of one
-    measuring process. jobs: number of results kept. waiting: number of measurements that may wait.
+    measuring process. tree_bytes: of the points of all results, for the 3D view; the oldest go
+    first. jobs: number of results kept. waiting: number of measurements that may wait.
     config: settings file (TOML) of measurements, and of who issues reports and certificates. own:
     folder with the user's targets, scanners and tolerances, which the page offers.
     """
@@ -35,6 +36,7 @@ class PageSettings:
     upload_files: int = 200
     seconds: float = 900.0
     memory_bytes: int = 8 * GIB
+    tree_bytes: int = 8 * GIB
     jobs: int = 40
     waiting: int = 16
     config: Path | None = None

@@ -87,6 +87,24 @@ def with_second_target(folder: Path, centre_m: np.ndarray, raised_m: float) -> P
     return doubled
 
 
+def with_dense_tyre(folder: Path, times: int) -> Path:
+    """A copy beside a capture, with that many points for each around the target of FL."""
+    dense = folder.parent / "dense"
+    shutil.copytree(folder, dense)
+    points, intensity = read_ply(dense / "fl.ply")
+    truth = json.loads((dense / "truth.json").read_text())
+    (centre_m,) = (w["centre_m"] for w in truth["wheels"] if w["name"] == "FL")
+    apart = np.linalg.norm(points - centre_m, axis=1)
+    around = np.flatnonzero((apart > 1.3 * RADIUS_M) & (apart < 2.2 * RADIUS_M)).repeat(times - 1)
+    noise = np.random.default_rng(1).normal(0.0, 0.002, (len(around), 3))
+    content = ply(
+        np.vstack([points, points[around] + noise]),
+        np.concatenate([intensity, intensity[around]]),
+    )
+    (dense / "fl.ply").write_bytes(content)
+    return dense
+
+
 def as_one_cloud(folder: Path, cloud: Path) -> Path:
     """Write the four scans of a capture as one cloud."""
     scans = [read_ply(folder / f"{wheel}.ply") for wheel in ("rr", "rl", "fr", "fl")]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.support.browser import IN_A_BROWSER
-from tests.support.made import write_small_capture
+from tests.support.made import with_dense_tyre, write_small_capture
 
 pytestmark = IN_A_BROWSER
 
@@ -17,7 +17,7 @@ pytestmark = IN_A_BROWSER
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("allowed")
-    write_small_capture(place / "car")
+    with_dense_tyre(write_small_capture(place / "car"), 30)
     return place
 
 
@@ -25,9 +25,29 @@ def shown(visit):
     """The page with the measured capture and all its points."""
     visit.open()
     page = visit.measure("car")
-    page.wait_for_selector(".w3d-count:not([hidden])")
+    settled(page)
     page.wait_for_timeout(700)
     return page
+
+
+def counts(page):
+    """Numbers of points: shown, in view, at the vehicle, in the scans; two of a sample."""
+    text = page.locator(".w3d-count").inner_text()
+    return [int(number(part)) for part in re.findall(r"[\d,]+", text)]
+
+
+def settled(page):
+    """Wait until all points are there, and as many are shown as the view takes."""
+    page.wait_for_selector(".w3d-count:not([hidden])")
+    before, same = None, 0
+    for _ in range(600):
+        now = counts(page)
+        same = same + 1 if now == before and len(now) == 4 else 0
+        if same == 8:
+            return now
+        before = now
+        page.wait_for_timeout(100)
+    raise AssertionError(f"it does not settle: {now}")
 
 
 def scene_of(page):
@@ -105,13 +125,83 @@ def test_the_stage_and_the_angles_are_above_the_fold(visit):
 
 def test_it_says_how_many_of_how_many_points(visit):
     page = shown(visit)
-    text = page.locator(".w3d-count").inner_text()
-    counts = [int(number(part)) for part in re.findall(r"[\d,]+", text)]
-    assert len(counts) == 3
-    assert 100_000 < counts[0] <= counts[1] <= counts[2]
+    found = counts(page)
+    assert 100_000 < found[0] <= found[1] <= found[2] <= found[3]
     page.select_option("#language", "pt")
+    eventually(page, lambda: "junto ao veículo" in page.locator(".w3d-count").inner_text(), True)
+
+
+def measured_anew(page):
+    page.locator("#browser button", has_text="car").first.click()
     page.wait_for_selector(".w3d-count:not([hidden])")
-    assert "pontos junto ao veículo" in page.locator(".w3d-count").inner_text()
+
+
+def test_a_sample_is_shown_at_once_and_all_points_when_they_are_sorted(visit):
+    """The measuring process says so; the sample stays where it cannot."""
+    states = iter(["ready"] * 3)
+
+    def hold(route):
+        answer = route.fetch()
+        job = answer.json()
+        if job["state"] == "done":
+            job["state"] = next(states, "done")
+            job["progress"] = {"done": 40, "total": 100, "text": "points"}
+        route.fulfill(response=answer, json=job)
+
+    visit.context.route("**/api/jobs/*", hold)
+    page = visit.open()
+    measured_anew(page)
+    sample, total = counts(page)
+    assert 0 < sample <= 100_000 < total
+    said = page.locator(".look .small")
+    eventually(page, lambda: "are being sorted: 40 %" in said.inner_text(), True)
+    found = settled(page)
+    assert sample < found[0]
+    assert found[3] == total
+    assert said.inner_text() == ""
+    visit.check_with_axe()
+
+
+def test_sorting_can_be_cancelled_and_the_sample_stays(visit):
+    asked = []
+
+    def hold(route):
+        answer = route.fetch()
+        job = answer.json()
+        if job["state"] == "done":
+            cancelled = any(url.endswith("/cancel") for url in asked)
+            job |= {"note": "cancelled"} if cancelled else {"state": "ready"}
+        route.fulfill(response=answer, json=job)
+
+    visit.context.route("**/api/jobs/*", hold)
+    page = visit.open()
+    page.on("request", lambda request: asked.append(request.url))
+    measured_anew(page)
+    page.locator(".look .small button", has_text="Cancel").click()
+    said = page.locator(".look .small")
+    eventually(page, said.inner_text, "The 3D view shows a sample of the points: cancelled")
+    assert len(counts(page)) == 2
+    assert not any("points." in url for url in asked)
+
+
+def test_zooming_onto_a_wheel_shows_every_point_there(visit):
+    """Nodes are loaded as the view needs them: all of a wheel near by, not all from afar."""
+    visit.open()
+    page = visit.measure("dense")
+    settled(page)
+    page.locator(".w3d canvas").focus()
+    for _ in range(10):
+        page.keyboard.press("-")
+    far = settled(page)
+    assert far[0] < far[1] == far[2]
+    page.locator("table.angles tbody tr").nth(3).locator("button").click()
+    page.locator(".evidence button", has_text="3D view").click()
+    eventually(page, lambda: counts(page)[1] < far[1], True)
+    eventually(page, lambda: len(set(counts(page)[:2])), 1)
+    near = settled(page)
+    assert near[0] == near[1] < far[1]
+    assert near[0] > 0.1 * near[2]
+    assert far[2:] == near[2:]
 
 
 def test_points_are_coloured_with_a_scale(visit):

@@ -5,15 +5,14 @@ from __future__ import annotations
 import io
 import json
 import re
-import struct
 import zipfile
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from tests.support.made import write_small_capture
 from tests.support.printed import arc_s, says_angle, seconds_of, step
+from tests.support.trees import read_tree
 from tests.support.web_site import PAPER, Site, write_results
 from wheelplane.batch.catalogue.rows import STATUSES
 from wheelplane.batch.run.work import RECOGNISED, VANISHED
@@ -283,82 +282,18 @@ def test_excerpts_hold_text_only(tmp_path):
 # Points
 
 
-def blocks_of(data):
-    """Head and [(group, xyz, shade)] of a file of points, read by its description."""
-    head, columns = columns_of(data)
-    return head, [(group, xyz, shade) for group, xyz, _, _, shade in columns]
-
-
-def columns_of(data):
-    """Head and [(group, xyz, residual_um, intensity, shade)], likewise."""
-    head, _, rest = data.partition(b"\n")
-    blocks = []
-    while rest:
-        group, count = struct.unpack("<II", rest[:8])
-        ends = np.cumsum([8, 6 * count, 2 * count, count, count])
-        xyz, residual, intensity, shade = (
-            np.frombuffer(rest[start:stop], kind)
-            for start, stop, kind in zip(ends, ends[1:], ("<i2", "<i2", "u1", "u1"), strict=False)
-        )
-        blocks.append((group, xyz.reshape(-1, 3), residual, intensity, shade))
-        rest = rest[ends[-1] :]
-    return json.loads(head), blocks
-
-
-def test_points_lie_where_the_wheels_are(site, dense):
-    head, blocks = blocks_of(file_of(site, dense, "points.bin").data)
-    scene = file_of(site, dense, "scene-en.json").json
-    assert head["groups"] == ["RR", "RL", "FR", "FL", "1"]
-    assert sum(len(xyz) for _, xyz, _ in blocks) == head["count"]
-    wheels = {wheel["name"]: wheel for wheel in scene["wheels"]}
-    for group, name in enumerate(head["groups"]):
-        xyz = np.concatenate([xyz for g, xyz, _ in blocks if g == group])
-        shade = np.concatenate([shade for g, _, shade in blocks if g == group])
-        places = np.array(head["origin"]) + head["step_m"] * xyz[shade == 1].astype(float)
-        off = (places - wheels[name]["centre"]) @ wheels[name]["normal"]
-        apart = np.linalg.norm(places - wheels[name]["centre"], axis=1)
-        assert len(places) > 300
-        assert np.abs(off).max() < 0.02  # of the plate, not the tyre behind it
-        assert 0.1 < apart.max() < 0.135  # the disc's radius is 0.125 m
-
-
-def test_points_carry_their_distance_from_the_plane_and_their_intensity(site, dense):
-    """Distances are those of the fitted plane, finer than the grid of the places."""
-    head, blocks = columns_of(file_of(site, dense, "points.bin").data)
-    assert head["count"] <= head["near"] <= head["total"]
-    low, high = head["intensity"]
-    assert low < high
-    noise = []
-    for group in range(5):
-        of_group = [columns[1:] for columns in blocks if columns[0] == group]
-        xyz, residual, intensity, shade = (
-            np.concatenate(each) for each in zip(*of_group, strict=True)
-        )
-        assert ((residual == -32768) == (shade == 0)).all()
-        own = residual[shade == 1] / 1e3
-        noise.append(np.sqrt(np.mean(own**2)))
-        assert abs(np.median(own)) < 4 * noise[-1] / np.sqrt(len(own))
-        assert intensity.max() == 255
-        assert len(np.unique(intensity)) > 50
-        assert len(xyz) == len(shade)
-    assert 0.3 < min(noise) < max(noise) < 3 * head["residual_um"] / 1e3
-
-
-def test_any_prefix_of_the_points_is_a_fair_sample(site, dense):
-    _, blocks = blocks_of(file_of(site, dense, "points.bin").data)
-    for group in range(5):
-        xyz = np.concatenate([xyz for g, xyz, _ in blocks if g == group]).astype(float)
-        n = len(xyz) // 4
-        for axis in range(3):
-            whole, part = xyz[:, axis], xyz[:n, axis]
-            # Kolmogorov-Smirnov at 1e-6 for a sample of n from N without replacement
-            steps = np.sort(whole)
-            share = np.searchsorted(np.sort(part), steps, side="right") / n
-            distance = np.abs(share - np.arange(1, len(steps) + 1) / len(steps)).max()
-            assert distance < np.sqrt(-np.log(1e-6 / 2) / 2 / n)
-            first_rows = np.searchsorted(steps[:n], steps, side="right") / n
-            worst = np.abs(first_rows - np.arange(1, len(steps) + 1) / len(steps)).max()
-            assert worst > np.sqrt(-np.log(1e-6 / 2) / 2 / n)  # what a sorted file would give
+def test_points_are_sent_node_by_node(site, dense):
+    head = file_of(site, dense, "points.json").json
+    address = f"/api/jobs/{dense}/points.bin"
+    data = site.get(address).data
+    assert sum(len(node.xyz) for node in read_tree(head, data)) == head["count"]
+    count = head["nodes"][0][-1]
+    part = site.get(address, headers={"Range": f"bytes=16-{16 * count - 1}"})
+    assert part.status_code == 206
+    assert part.data == data[16 : 16 * count]
+    assert part.headers["Content-Range"] == f"bytes 16-{16 * count - 1}/{len(data)}"
+    beyond = site.get(address, headers={"Range": f"bytes={len(data)}-"})
+    assert beyond.status_code == 416
 
 
 # Reports

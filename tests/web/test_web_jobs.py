@@ -103,8 +103,24 @@ def test_angles_that_are_ready_outlive_a_failure_of_the_points(site, end, said):
 def test_angles_that_are_ready_outlive_a_late_cancel(site):
     job = started(site, READY + HANG, state="ready")
     assert site.post(f"/api/jobs/{job.id}/cancel", {}).status_code == 200
-    assert site.ended(job.id)["state"] == "done"
+    job_state = site.ended(job.id)
+    assert (job_state["state"], job_state["note"]) == ("done", "cancelled")
     assert job.process.wait(60) == -signal.SIGKILL
+
+
+def test_points_of_the_oldest_results_give_way(tmp_path):
+    """Points of 100 bytes each, of which the page may keep 250."""
+    site = Site(tmp_path, workers=1, tree_bytes=250)
+    write = READY + "(out / 'points.bin').write_bytes(bytes(100)); say(done=True)"
+    jobs = [ended(site, write) for _ in range(4)]
+    until(lambda: jobs[1].note)
+    assert [(job.folder / "points.bin").exists() for job in jobs] == [False, False, True, True]
+    assert [bool(job.note) for job in jobs] == [True, True, False, False]
+    assert all(job.folder.exists() for job in jobs)
+    large = ended(site, write.replace("100", "1000"))
+    until(lambda: jobs[3].note)
+    assert (large.folder / "points.bin").exists()  # that of the latest stays
+    site.close()
 
 
 def test_closing_ends_reports_too(site):

@@ -29,7 +29,7 @@ from ...report.format.language import LANGUAGES, load_translations
 from ...report.json.measurement import to_json
 from ...report.scene.scene import scene
 from .panel import drawings, panel
-from .points import write_points
+from .points import stamps, write_points
 
 Send = Callable[[str, object], None]  # kind and content of a message to the server
 
@@ -44,7 +44,7 @@ def measure(plan: dict[str, Any], send: Send) -> None:
     os.chdir(plan["base"])
     source, options = Path(plan["source"]), plan["options"]
     with ExitStack() as stack:
-        capture = None
+        capture, measured = None, {}
         if plan["kind"] != "five-point":
             capture = stack.enter_context(opened(source, options, allowed))
         model = None if capture is None else capture.vehicle_model
@@ -53,6 +53,7 @@ def measure(plan: dict[str, Any], send: Send) -> None:
         if capture is None:
             measurement = _five_point(source, options)
         else:
+            measured = stamps(capture)
             measurement = measure_capture(
                 capture,
                 config_of(capture, plan),
@@ -62,8 +63,8 @@ def measure(plan: dict[str, Any], send: Send) -> None:
         write_results(measurement, assess(measurement, limits) if limits else None, out)
         send("ready", True)
         if capture is not None:
-            send("progress", [capture.steps, capture.steps, "points"])
-            write_points(capture, measurement, out / "points.bin")
+            room = plan["tree_bytes"]
+            write_points(capture, measurement, out, measured, room, percentages(send))
 
 
 def write_results(measurement: Measurement, conformity: Conformity | None, out: Path) -> None:
@@ -120,6 +121,19 @@ def steps(capture: Capture, send: Send) -> Callable[[str], None]:
     """Return what sends the progress of a capture, called with the name of each step."""
     done = itertools.count()
     return lambda name: send("progress", [next(done), capture.steps, name])
+
+
+def percentages(send: Send) -> Callable[[float], None]:
+    """Return what sends the progress of the points, called with the share that is done."""
+    sent = -1
+
+    def send_share(share: float) -> None:
+        nonlocal sent
+        if int(100.0 * share) > sent:
+            sent = int(100.0 * share)
+            send("progress", [sent, 100, "points"])
+
+    return send_share
 
 
 def config_of(capture: Capture, plan: dict[str, Any]) -> Config:

@@ -112,7 +112,7 @@ def end(job: PageJob, state: str, failure: dict[str, Any] | None = None) -> None
     """End the job, unless it has ended; if its results are available it is done without points."""
     with job.lock:
         if job.state == "ready":
-            job.note, job.state = (failure or {}).get("text", ""), "done"
+            job.note, job.state = (failure or {"text": state})["text"], "done"
         elif job.state not in FINISHED:
             job.failure, job.state = failure, state
 

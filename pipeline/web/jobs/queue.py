@@ -30,6 +30,7 @@ from .process import (
 
 OF_ANOTHER = ("report", "table")  # tasks that write into the folder of a measurement
 LONG = ("measure", "explain")  # tasks that read scans
+POINTS = "points.bin"  # file of a result that may be large
 KEPT_UPLOADS = 2  # of failed measurements, for another try
 
 
@@ -169,11 +170,31 @@ class Jobs:
             if job.state not in ("failed", "cancelled"):
                 discard_upload(job)
             job.finished.set()
+            self._drop_old_points()
+
+    def _drop_old_points(self) -> None:
+        """Remove the points of the oldest results, so that those of all have room."""
+        with self._lock:
+            trees = [
+                (job, job.folder / POINTS) for job in self._jobs.values() if job.task == "measure"
+            ]
+            kept = [(job, path, path.stat().st_size) for job, path in trees if path.is_file()]
+            size = sum(part for *_, part in kept)
+            for job, path, part in kept[:-1]:
+                if size <= self._settings.tree_bytes:
+                    break
+                path.unlink()
+                job.note, size = "its points gave way to those of later results", size - part
 
     def _work(self, job: PageJob, given: dict[str, Any]) -> None:
         settings = self._settings
         config = None if settings.config is None else str(settings.config)
-        limits = {"memory_bytes": settings.memory_bytes, "parent": os.getpid(), "config": config}
+        limits = {
+            "memory_bytes": settings.memory_bytes,
+            "tree_bytes": settings.tree_bytes,
+            "parent": os.getpid(),
+            "config": config,
+        }
         plan = {"task": job.task, "out": str(job.folder), **limits, **given}
         with start_process(job) as process:
             self._begin(job, process)

@@ -1,5 +1,5 @@
 // Steps 2 and 3: table of angles, 3D view, details of a wheel, report.
-import { ask, byId, called, el, follow, language, select, session, t, tableOf, viewerWords } from "./base.js";
+import { ServerError, ask, byId, called, el, follow, language, post, select, session, t, tableOf, viewerWords } from "./base.js";
 import { Machine } from "./machine.js";
 import { Saver } from "./save.js";
 import { streamPoints } from "./stream.js";
@@ -29,9 +29,8 @@ export class Result {
     byId("load").hidden = byId("trouble").hidden = true;
     this.place.hidden = false;
     this.onStep(2);
-    const full = job.state === "ready" || !!scene.cloud;
-    this.viewer = Wheelplane3D.mount(this.stage, full ? { ...scene, cloud: null } : scene, { words: viewerWords, onWheel: (name) => this.choose(name) });
-    if (full) this.#stream(scene.cloud);
+    this.viewer = Wheelplane3D.mount(this.stage, scene, { words: viewerWords, onWheel: (name) => this.choose(name) });
+    if (scene.cloud) this.#stream();
     byId("result-title").focus();
   }
 
@@ -58,7 +57,8 @@ export class Result {
     this.angles = el("div");
     this.meaning = el("p", { class: "small", role: "status" });
     this.axles = el("div", { class: "pair" });
-    this.count = el("p", { class: "small", role: "status" });
+    this.count = el("span", { role: "status" });
+    this.coming = el("p", { class: "small" }, this.count);
     this.saver = new Saver(this.job, () => ({ axis: this.axis, style: this.style, convention: this.convention, language }), () => this.onStep(3));
     const assessed = headline.kind !== "none";
     this.place.replaceChildren(
@@ -75,7 +75,7 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
         this.meaning,
         this.angles,
         ...troubles.map(troubleOf)),
-      el("div", { class: "look" }, el("div", {}, this.stage, this.count), this.evidence),
+      el("div", { class: "look" }, el("div", {}, this.stage, this.coming), this.evidence),
       notes.length ? el("div", { class: "card" }, ...notes.map((note) => el("p", { class: "note", lang: "en" }, note))) : "",
       this.saver.card,
       new Machine(this.job).card,
@@ -116,16 +116,24 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
     this.onAnother();
   }
 
-  /** Load the points once the measuring process has written them; `few` serve if there are none. */
-  async #stream(few) {
-    const { viewer, stop } = this;
-    this.count.textContent = t("points_coming");
-    const ended = await follow(this.job, () => {}, (state) => state !== "ready");
+  /** Show all points in place of the sample once the measuring process has sorted them. */
+  async #stream() {
+    const { viewer, stop, job, coming, count } = this;
+    const cancel = el("button", { type: "button", onclick: () => { cancel.remove(); post(`/api/jobs/${job.id}/cancel`); } }, t("cancel"));
+    const say = (text) => { if (count.textContent !== text) count.textContent = text; };
+    const lose = (reason) => say(t("points_missing", { reason }));
+    if (job.state === "ready") coming.append(" ", cancel);
+    const ended = await follow(job, ({ state, progress: { done } }) => { if (state === "ready") say(t("points_coming", { share: done })); }, (state) => state !== "ready");
+    cancel.remove();
     if (stop.signal.aborted) return;
-    const head = ended.state === "done" && !ended.note && await streamPoints(`/api/jobs/${this.job.id}/points.bin`, viewer, stop.signal);
-    if (stop.signal.aborted) return;
-    if (!head && few) viewer.addCloud(few);
-    this.count.textContent = ended.note ? t("points_missing", { reason: ended.note }) : "";
+    if (ended.note) return lose(ended.note);
+    say("");
+    try {
+      await streamPoints(`/api/jobs/${job.id}`, viewer, stop.signal, (error) => lose(error.message));
+    } catch (error) {
+      if (!(error instanceof ServerError)) throw error;
+      lose(error.message);
+    }
   }
 }
 

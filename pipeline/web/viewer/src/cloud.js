@@ -1,7 +1,8 @@
 // The points, drawn a budget at a time into a picture of their own, which grows while the camera rests.
-// Every prefix of a group is a fair sample of it, so that the first budget shows the whole.
+// Every prefix of a node is a fair sample of it, and the coarsest nodes come first, so that the first
+// budget shows the whole.
 import * as THREE from "three";
-import { ofScan, stopsOf } from "./colours.js";
+import { SCANS, stopsOf } from "./colours.js";
 import { Pace } from "./pace.js";
 
 export const GROUND = 0xf3f5f7;
@@ -15,13 +16,13 @@ const OFF_TARGET = -32768;
 const NEAR_PX = 8; // of the pointer, where a point is taken by it
 
 const POINT_VERTEX = `
-attribute vec4 place;
-attribute vec2 extra; // residual, micrometres, and intensity, 0 to 255
+attribute uint extra; // from the lowest bit: 16 of residual, micrometres, 8 of intensity, 8 of scan
 uniform float size, most;
 uniform int mode;
 uniform bool bare; // targets without their points
 uniform vec2 range;
-uniform vec3 other, target, own, stops[5];
+uniform vec3 other, target, scans[SCAN_COLOURS], stops[5];
+uniform uint hidden[8]; // a bit for each scan
 uniform vec4 section;
 varying vec3 colour;
 vec3 ramp(float value) {
@@ -30,17 +31,20 @@ vec3 ramp(float value) {
   return mix(stops[first], stops[first + 1], at - float(first));
 }
 void main() {
-  vec4 real = modelMatrix * vec4(place.xyz, 1.0);
+  vec4 real = modelMatrix * vec4(position, 1.0);
   vec4 seen = viewMatrix * real;
   gl_Position = projectionMatrix * seen;
   gl_PointSize = clamp(size / -seen.z, 1.0, most);
-  bool on = place.w > 0.5;
+  int residual = int(extra << 16u) >> 16;
+  uint scan = extra >> 24u;
+  bool on = residual > OFF_TARGET;
   colour = on ? target : other;
-  if (mode == 1) colour = extra.x < -32767.5 ? other : ramp(extra.x);
-  if (mode == 2) colour = ramp(extra.y);
-  if (mode == 3) colour = own;
+  if (mode == 1) colour = on ? ramp(float(residual)) : other;
+  if (mode == 2) colour = ramp(float(extra >> 16u & 255u));
+  if (mode == 3) colour = scans[scan % uint(SCAN_COLOURS)];
   if (mode == 4) colour = ramp(real.z);
-  if (dot(real.xyz, section.xyz) > section.w || (bare && on)) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+  bool gone = (hidden[scan >> 5u] >> (scan & 31u) & 1u) == 1u;
+  if (gone || dot(real.xyz, section.xyz) > section.w || (bare && on)) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
 }`;
 const POINT_FRAGMENT = `
 varying vec3 colour;
@@ -73,7 +77,10 @@ void main() {
 export class Cloud {
   constructor(renderer) {
     this.renderer = renderer;
-    this.groups = new Map();
+    this.nodes = new Set(); // of points that were added, or of the tree
+    this.list = []; // nodes that are drawn, in that order
+    this.tree = null;
+    this.scans = []; // names
     this.most = Infinity;
     this.moving = new Pace(...MOVING);
     this.resting = new Pace(...RESTING);
@@ -85,12 +92,14 @@ export class Cloud {
     this.material = new THREE.ShaderMaterial({
       vertexShader: POINT_VERTEX,
       fragmentShader: POINT_FRAGMENT,
+      defines: { SCAN_COLOURS: SCANS.length, OFF_TARGET },
       uniforms: {
         size: { value: 1 },
         most: { value: 1 },
         other: { value: plain(0x7d8b99) },
         target: { value: plain(0x0f8a6a) },
-        own: { value: plain(0) },
+        scans: { value: SCANS.map(plain) },
+        hidden: { value: new Uint32Array(8) },
         mode: { value: 0 },
         bare: { value: false },
         range: { value: new THREE.Vector2(0, 1) },
@@ -108,34 +117,48 @@ export class Cloud {
     this.flat = new THREE.Camera();
   }
 
-  add(xyz, { shade, residual, intensity }, origin, step_m, name) {
+  /** Add points: xyz in steps of step_m from the origin, columns of their values, scan: index or a column. */
+  add(xyz, { shade, residual, intensity, scan = 0 }, origin, step_m) {
     const count = xyz.length / 3;
-    const place = new xyz.constructor(4 * count);
-    const extra = new Int16Array(2 * count);
-    for (let i = 0, from = 0, to = 0; i < count; i++, to += 4, from += 3) {
-      place[to] = xyz[from];
-      place[to + 1] = xyz[from + 1];
-      place[to + 2] = xyz[from + 2];
-      place[to + 3] = shade ? shade[i] : 0;
-      extra[2 * i] = residual ? residual[i] : OFF_TARGET;
-      extra[2 * i + 1] = intensity ? intensity[i] : 0;
+    const places = Float32Array.from(xyz, (steps) => steps * step_m);
+    const extra = new Uint32Array(count);
+    for (let i = 0; i < count; i++) {
+      const off = residual ? residual[i] : shade?.[i] ? 0 : OFF_TARGET;
+      extra[i] = (off & 0xffff) | ((intensity ? intensity[i] : 0) << 16) | ((scan[i] ?? scan) << 24);
     }
+    this.addNode(places, extra, origin);
+  }
+
+  /** Add points: places, metres from the origin, and what the shader reads of each. */
+  addNode(places, extra, origin) {
     const geometry = new THREE.BufferGeometry();
-    geometry.setAttribute("place", new THREE.BufferAttribute(place, 4));
-    geometry.setAttribute("extra", new THREE.BufferAttribute(extra, 2));
+    geometry.setAttribute("position", new THREE.BufferAttribute(places, 3));
+    geometry.setAttribute("extra", new THREE.BufferAttribute(extra, 1));
     const points = new THREE.Points(geometry, this.material);
     points.position.fromArray(origin);
-    points.scale.setScalar(step_m);
+    points.updateMatrix();
     points.frustumCulled = false;
     points.visible = false;
     this.scene.add(points);
-    const box = boxOf(place).applyMatrix4(points.matrix.compose(points.position, points.quaternion, points.scale));
-    const group = this.groups.get(name) ?? { blocks: [], count: 0, drawn: 0, box: new THREE.Box3(), shown: true, own: plain(ofScan(this.groups.size)) };
-    group.blocks.push({ points, count });
-    group.count += count;
-    group.box.union(box);
-    this.groups.set(name, group);
-    this.loaded += count;
+    const node = { points, count: extra.length, drawn: 0, box: new THREE.Box3().setFromArray(places).translate(points.position) };
+    this.nodes.add(node);
+    this.loaded += node.count;
+    return node;
+  }
+
+  remove(node) {
+    node.points.geometry.dispose();
+    this.scene.remove(node.points);
+    this.nodes.delete(node);
+    this.loaded -= node.count;
+  }
+
+  /** Show the nodes of a tree instead of the points so far. */
+  grow(tree) {
+    for (const node of this.nodes) if (!tree.holds(node)) this.remove(node);
+    this.tree = tree;
+    this.scans = [];
+    this.material.uniforms.hidden.value.fill(0);
   }
 
   /** Colour the points by their kind, residual, intensity, scan or height, over this range. */
@@ -156,27 +179,41 @@ export class Cloud {
     this.material.uniforms.bare.value = left;
   }
 
+  /** Index of a scan, added if it is new. */
+  scan(name) {
+    if (!this.scans.includes(name)) this.scans.push(name);
+    return this.scans.indexOf(name);
+  }
+
   showScan(name, shown) {
-    if (this.groups.has(name)) this.groups.get(name).shown = shown;
+    const index = this.scans.indexOf(name);
+    if (index < 0) return;
+    const hidden = this.material.uniforms.hidden.value;
+    if (shown) hidden[index >> 5] &= ~(1 << (index & 31));
+    else hidden[index >> 5] |= 1 << (index & 31);
   }
 
   /** Box of all points. */
   box() {
-    return [...this.groups.values()].reduce((all, { box }) => all.union(box), new THREE.Box3());
+    return this.tree ? this.tree.bounds.clone() : [...this.nodes].reduce((all, { box }) => all.union(box), new THREE.Box3());
   }
 
   /** The shown point nearest to the eye within a few pixels of a place on the screen; null if there is none. */
   nearest(x, y, camera, [width, height]) {
-    const seen = new THREE.Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
-    const section = this.material.uniforms.section.value;
+    const seen = matrixOf(camera);
+    const { section: { value: section }, hidden: { value: hidden } } = this.material.uniforms;
+    const about = new THREE.Matrix4().makeScale(width / 2 / NEAR_PX, height / 2 / NEAR_PX, 1).multiply(new THREE.Matrix4().makeTranslation(-x, -y, 0));
+    const beam = new THREE.Frustum().setFromProjectionMatrix(about.multiply(seen));
     let best = null;
     let least = Infinity;
-    for (const group of this.shown ? this.#seen(camera) : []) for (const { points } of group.blocks) {
-      const { position, scale } = points;
-      const place = points.geometry.getAttribute("place").array;
+    for (const { points, box } of this.shown ? this.list : []) {
+      if (!beam.intersectsBox(box)) continue;
+      const { x: ox, y: oy, z: oz } = points.position;
+      const places = points.geometry.getAttribute("position").array;
+      const extra = points.geometry.getAttribute("extra").array;
       const m = new THREE.Matrix4().multiplyMatrices(seen, points.matrix).elements;
-      for (let i = 0; i < place.length; i += 4) {
-        const [a, b, c] = [place[i], place[i + 1], place[i + 2]];
+      for (let i = 0; i < places.length; i += 3) {
+        const [a, b, c] = [places[i], places[i + 1], places[i + 2]];
         const w = m[3] * a + m[7] * b + m[11] * c + m[15];
         if (w <= 0) continue;
         const dx = ((m[0] * a + m[4] * b + m[8] * c + m[12]) / w - x) * width / 2;
@@ -185,7 +222,9 @@ export class Cloud {
         if (apart > NEAR_PX * NEAR_PX) continue;
         const worth = w * (1 + 0.02 * apart / NEAR_PX / NEAR_PX);
         if (worth >= least) continue;
-        const at = [a * scale.x + position.x, b * scale.x + position.y, c * scale.x + position.z];
+        const scan = extra[i / 3] >>> 24;
+        if ((hidden[scan >> 5] >>> (scan & 31)) & 1) continue;
+        const at = [a + ox, b + oy, c + oz];
         if (at[0] * section.x + at[1] * section.y + at[2] * section.z > section.w) continue;
         [best, least] = [at, worth];
       }
@@ -205,7 +244,8 @@ export class Cloud {
     this.resting.stop();
     this.moving.tick(now);
     this.renderer.clear();
-    this.#drawNext(camera, this.moving.budget, true);
+    this.#begin(camera);
+    this.#drawNext(camera, this.moving.budget);
     this.sketched = true;
   }
 
@@ -214,8 +254,11 @@ export class Cloud {
     this.moving.stop();
     this.resting.tick(now);
     this.renderer.setRenderTarget(this.picture);
-    if (this.sketched) this.renderer.clear();
-    const more = this.#drawNext(camera, this.resting.budget, this.sketched);
+    if (this.sketched) {
+      this.renderer.clear();
+      this.#begin(camera);
+    } else if (this.tree?.arrived) this.list = this.tree.choose(camera, this.height);
+    const more = this.#drawNext(camera, this.resting.budget);
     this.sketched = false;
     this.renderer.setRenderTarget(null);
     const { near, far } = this.screen.material.uniforms;
@@ -231,7 +274,8 @@ export class Cloud {
   }
 
   dispose() {
-    for (const { blocks } of this.groups.values()) for (const { points } of blocks) points.geometry.dispose();
+    this.tree?.dispose();
+    for (const node of this.nodes) this.remove(node);
     this.material.dispose();
     this.picture.depthTexture.dispose();
     this.picture.dispose();
@@ -239,45 +283,40 @@ export class Cloud {
     this.screen.material.dispose();
   }
 
-  #seen(camera) {
-    const matrix = new THREE.Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
-    const frustum = new THREE.Frustum().setFromProjectionMatrix(matrix);
-    return [...this.groups.values()].filter((group) => group.shown && frustum.intersectsBox(group.box));
+  /** Choose the nodes in view, of which nothing is drawn yet. */
+  #begin(camera) {
+    const frustum = new THREE.Frustum().setFromProjectionMatrix(matrixOf(camera));
+    this.list = this.tree ? this.tree.choose(camera, this.height) : [...this.nodes].filter(({ box }) => frustum.intersectsBox(box));
+    for (const node of this.list) node.drawn = 0;
+    this.drawn = 0;
+    const { size, most } = this.material.uniforms;
+    size.value = (POINT_M * this.height) / Math.tan((camera.fov * Math.PI) / 360) / 2;
+    most.value = MOST_PX * this.renderer.getPixelRatio();
   }
 
-  /** Draw the next budget, a like share of every group in view; whether some points are left. */
-  #drawNext(camera, budget, anew) {
-    const seen = this.shown ? this.#seen(camera) : [];
-    if (anew) {
-      this.drawn = 0;
-      for (const group of this.groups.values()) group.drawn = 0;
+  /** Draw the next budget; whether some points are left. */
+  #drawNext(camera, budget) {
+    let left = Math.ceil(Math.min(budget, this.most));
+    const begun = this.shown ? this.list.filter((node) => node.drawn < node.count) : [];
+    const now = [];
+    for (const node of begun) {
+      if (left <= 0) break;
+      const count = Math.min(left, node.count - node.drawn);
+      node.points.geometry.setDrawRange(node.drawn, count);
+      node.points.visible = true;
+      node.drawn += count;
+      left -= count;
+      now.push(node);
+      this.drawn += count;
     }
-    const uniforms = this.material.uniforms;
-    uniforms.size.value = (POINT_M * this.height) / Math.tan((camera.fov * Math.PI) / 360) / 2;
-    uniforms.most.value = MOST_PX * this.renderer.getPixelRatio();
-    const total = seen.reduce((sum, group) => sum + group.count, 0);
-    const share = Math.min(1, Math.min(budget, this.most) / Math.max(1, total));
-    for (const group of seen) this.drawn += this.#draw(group, Math.ceil(share * group.count), camera);
-    return seen.some((group) => group.drawn < group.count);
+    if (now.length) this.renderer.render(this.scene, camera);
+    for (const { points } of now) points.visible = false;
+    return begun.some((node) => node.drawn < node.count);
   }
+}
 
-  #draw(group, most, camera) {
-    const end = Math.min(group.count, group.drawn + most);
-    let first = 0;
-    for (const { points, count } of group.blocks) {
-      const from = Math.max(group.drawn, first) - first;
-      const to = Math.min(end, first + count) - first;
-      points.visible = to > from;
-      if (points.visible) points.geometry.setDrawRange(from, to - from);
-      first += count;
-    }
-    this.material.uniforms.own.value = group.own;
-    this.renderer.render(this.scene, camera);
-    for (const { points } of group.blocks) points.visible = false;
-    const done = end - group.drawn;
-    group.drawn = end;
-    return done;
-  }
+function matrixOf(camera) {
+  return new THREE.Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
 }
 
 function screenOf(picture, depths) {
@@ -308,14 +347,3 @@ function plain(hex) {
   return new THREE.Color().setHex(hex, THREE.LinearSRGBColorSpace);
 }
 
-function boxOf(place) {
-  const low = [Infinity, Infinity, Infinity];
-  const high = [-Infinity, -Infinity, -Infinity];
-  for (let i = 0; i < place.length; i++) {
-    const axis = i & 3;
-    if (axis === 3) continue;
-    if (place[i] < low[axis]) low[axis] = place[i];
-    if (place[i] > high[axis]) high[axis] = place[i];
-  }
-  return new THREE.Box3(new THREE.Vector3(...low), new THREE.Vector3(...high));
-}

@@ -1,12 +1,12 @@
 // Colour scales of the points and of the maps, the same in the shaders, the pictures and the legend.
 
-// Diverging (ColorBrewer RdBu, darker in the middle) and sequential (viridis), told apart by the colour-blind.
+// Diverging (ColorBrewer RdBu, darker in the middle) and sequential (viridis), distinct to the colour-blind.
 const DIVERGING = [0x2166ac, 0x67a9cf, 0xdfe3e6, 0xef8a62, 0xb2182b];
 const SEQUENTIAL = [0x440154, 0x3b528b, 0x21918c, 0x5ec962, 0xfde725];
-const OF_SCAN = [0x0072b2, 0xd55e00, 0x009e73, 0xcc79a7, 0x8a6d00, 0x56b4e9, 0x5b4a9c, 0x7a7a7a];
+export const SCANS = [0x0072b2, 0xd55e00, 0x009e73, 0xcc79a7, 0x8a6d00, 0x56b4e9, 0x5b4a9c, 0x7a7a7a];
 
 export const stopsOf = (kind) => (kind === "residual" ? DIVERGING : SEQUENTIAL);
-export const ofScan = (index) => OF_SCAN[index % OF_SCAN.length];
+export const ofScan = (index) => SCANS[index % SCANS.length];
 export const hex = (colour) => `#${colour.toString(16).padStart(6, "0")}`;
 
 /** Red, green, blue (0 to 255) at `share` of a scale, held at its ends. */

@@ -5,7 +5,7 @@ import { LineSegments2 } from "three/examples/jsm/lines/LineSegments2.js";
 import { LineSegmentsGeometry } from "three/examples/jsm/lines/LineSegmentsGeometry.js";
 import { formOf } from "./form.js";
 
-// Okabe and Ito's colours, which the colour-blind tell apart.
+// Okabe and Ito's colours, distinct to the colour-blind.
 const OF_CLASS = { reference: 0x0072b2, trial: 0xb35c00, bad: 0xc43302 };
 const OF_LAYER = { frame: 0x37474f, kingpin: 0x8e3a73 };
 const OF_AXIS = [0xc43302, 0x0a7d4f, 0x1f5fbf]; // forward, left, up

@@ -1,6 +1,6 @@
 // A constructed style sheet: it needs neither a file beside the bundle nor inline styles in the page.
 const STYLE = `
-.w3d { position: relative; width: 100%; height: 100%; min-height: 240px; overflow: hidden; background: #f3f5f7;
+.w3d { container-type: inline-size; position: relative; width: 100%; height: 100%; min-height: 240px; overflow: hidden; background: #f3f5f7;
   font: 13px/1.35 system-ui, sans-serif; color: #16202a; touch-action: none; }
 .w3d-none { display: grid; place-content: center; padding: 2rem; text-align: center; }
 .w3d canvas { display: block; width: 100%; height: 100%; outline: none; cursor: grab; }
@@ -38,7 +38,7 @@ button.w3d-label:is(:hover, :focus-visible, [aria-pressed="true"]) { z-index: 1;
 .w3d-panel > * { flex: none; }
 .w3d-panel fieldset { border: 1px solid #c3ccd5; border-radius: 5px; margin: 0; padding: 4px 6px; min-width: 0; }
 .w3d-panel legend { padding: 0 4px; font-weight: 600; }
-.w3d-panel .w3d-ticks { display: flex; flex-wrap: wrap; gap: 2px 6px; }
+.w3d-ticks { display: flex; flex-wrap: wrap; gap: 2px 6px; }
 .w3d-panel label { padding: 3px 0; min-height: 24px; box-sizing: border-box; }
 .w3d-panel select { flex: 1; min-width: 0; width: 8rem; min-height: 26px; font: inherit; color: inherit; background: #fff; border: 1px solid #7a8794; border-radius: 4px; }
 .w3d-panel label:has(select) { width: 100%; }
@@ -56,6 +56,10 @@ button.w3d-label:is(:hover, :focus-visible, [aria-pressed="true"]) { z-index: 1;
 .w3d-bar label { display: flex; align-items: center; gap: 4px; padding: 3px 6px; cursor: pointer; }
 .w3d-bar input { margin: 0; accent-color: #0b62c4; }
 .w3d :is(button, input, select):focus-visible { outline: 3px solid #0b62c4; outline-offset: 1px; }
+@container (max-width: 480px) {
+  .w3d-layers > .w3d-ticks { flex-wrap: nowrap; overflow-x: auto; white-space: nowrap; }
+  .w3d-layers label { flex: none; }
+}
 @media print { .w3d-bar { display: none; } }
 `;
 let adopted = false;

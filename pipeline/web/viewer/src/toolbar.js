@@ -23,9 +23,10 @@ export class Toolbar {
     root.append(foot);
     this.scale = new Scale(foot);
     this.switches = bar(foot, "w3d-layers", words.layers);
+    this.ticks = element("div", "w3d-ticks");
     this.count = element("p", "w3d-count", { role: "status" });
     this.count.hidden = true;
-    this.switches.append(this.count);
+    this.switches.append(this.ticks, this.count);
     this.bars = [views, this.switches, this.scale.place, this.tools.panel];
     for (const layer of layers) this.#addSwitch(layer);
   }
@@ -46,8 +47,8 @@ export class Toolbar {
 
   #addSwitch(layer, first = false) {
     const label = tick(this.words[layer], !OFF_AT_FIRST.has(layer), (shown) => this.viewer.setLayer(layer, shown));
-    if (first) this.switches.prepend(label);
-    else this.count.before(label);
+    if (first) this.ticks.prepend(label);
+    else this.ticks.append(label);
     this.boxes.set(layer, label.querySelector("input"));
   }
 

@@ -40,8 +40,13 @@ export class Tools {
     this.ticks.parentElement.hidden = this.scans.size < 2;
   }
 
+  forgetScans() {
+    this.scans.clear();
+    this.ticks.replaceChildren();
+  }
+
   /** Show what was measured, and in the lists what it was measured of. */
-  tell(lines, chosen) {
+  showMeasured(lines, chosen) {
     this.said.replaceChildren(...lines.map((text) => Object.assign(document.createElement("p"), { textContent: text })));
     for (const [i, list] of this.lists.entries()) list.value = chosen[i] ?? "";
   }

@@ -9,10 +9,12 @@ import { Pilot } from "./pilot.js";
 import { Ruler } from "./ruler.js";
 import { adoptStyle } from "./style.js";
 import { Toolbar } from "./toolbar.js";
+import { Tree } from "./tree.js";
 import { ENGLISH } from "./words.js";
 
 const COARSE = 0.6;
 const AXES = ["x", "y", "z"];
+const COUNT_MS = 500; // between two counts of the points in view
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 
 /** Show `scene` (wheelplane/scene/1) in `element`; without WebGL, a sentence in its place. */
@@ -36,7 +38,7 @@ class Viewer {
     this.root = root;
     this.onWheel = onWheel;
     this.words = words;
-    this.about = { residual_um: 0, intensity: null, scans: 0 };
+    this.about = { residual_um: 0, intensity: null };
     this.colour = "kind";
     this.coarse = false;
     this.canvas = document.createElement("canvas");
@@ -68,24 +70,36 @@ class Viewer {
    *  shade: 1 where a point is on a target; residual: its distance from the plane, micrometres; intensity:
    *  0 to 255. Any prefix of a group's points should be a fair sample. */
   addPoints(xyz, shade = null, { origin = [0, 0, 0], step_m = 1, group = "", residual = null, intensity = null } = {}) {
-    if (group && !this.cloud.groups.has(group)) {
-      this.about.scans++;
-      this.toolbar?.tools.addScan(group);
-    }
-    this.cloud.add(xyz, { shade, residual, intensity }, origin, step_m, group);
+    const scan = group ? this.#addScan(group) : 0;
+    this.cloud.add(xyz, { shade, residual, intensity, scan }, origin, step_m);
     this.toolbar?.show("cloud");
     this.#offer();
     this.#wake();
   }
 
-  /** What the points are a sample of. count: of these points; near, total: of the scans, at the vehicle
-   *  and in all; residual_um: half the range of the residuals; intensity: values of 0 and 255. */
-  describe({ count, near, total, residual_um = 0, intensity = null }) {
+  /** What the points are a sample of. count: of these points; total: of the scans; residual_um: half the
+   *  range of the residuals; intensity: values of 0 and 255. */
+  describe({ count, total, residual_um = 0, intensity = null }) {
     Object.assign(this.about, { residual_um, intensity });
-    const parts = { count, near, total };
-    const text = this.words[near === undefined ? "shown_of" : "shown_near"];
-    if (total !== undefined) this.toolbar?.say(text.replace(/\{(\w+)\}/g, (_, part) => this.number(parts[part], 0)));
+    if (total !== undefined) this.#count("shown_of", { count, total });
     this.#offer();
+  }
+
+  /** Show the nodes of a tree in place of the points so far, once the first is here; head and load as
+   *  Tree takes them, onFailure is called with the error if a node cannot be loaded. */
+  async openTree(head, load, onFailure = () => {}) {
+    if (!head.count) return;
+    const tree = new Tree(head, load, this.cloud, this.pilot.controls.target, () => this.#request(), onFailure);
+    await tree.begin();
+    if (this.disposed) return;
+    this.head = head;
+    this.cloud.grow(tree);
+    this.toolbar?.tools.forgetScans();
+    for (const name of head.groups) this.#addScan(name);
+    Object.assign(this.about, { residual_um: head.residual_um, intensity: head.intensity });
+    this.toolbar?.show("cloud");
+    this.#offer();
+    this.#wake();
   }
 
   /** The points that a scene holds. */
@@ -94,14 +108,13 @@ class Viewer {
     const xyz = new Int16Array(bytes(positions).buffer);
     const shade = classes ? bytes(classes) : null;
     const off = residual ? micrometres(bytes(residual), residual_um) : null;
+    const scan = new Uint8Array(xyz.length / 3);
     let first = 0;
-    for (const { name, count } of scans ?? [{ name: "", count: xyz.length / 3 }]) {
-      const part = [first, first + count];
-      const own = mixed(xyz.subarray(3 * part[0], 3 * part[1]), shade?.subarray(...part), off?.subarray(...part));
-      if (count) this.addPoints(own.xyz, own.shade, { origin, step_m, group: name, residual: own.residual });
-      first += count;
-    }
+    for (const { name, count } of scans ?? []) scan.fill(this.#addScan(name), first, (first += count));
+    const own = mixed({ xyz, shade, residual: off, scan });
+    this.cloud.add(own.xyz, own, origin, step_m);
     this.describe(cloud);
+    this.#wake();
   }
 
   /** At most this many points a frame; fewer where the machine is slow. */
@@ -188,10 +201,12 @@ class Viewer {
   }
 
   stats() {
-    return { fps: this.cloud.moving.fps, drawn: this.cloud.drawn, loaded: this.cloud.loaded };
+    const { moving, drawn, loaded, tree } = this.cloud;
+    return { fps: moving.fps, drawn, loaded, ...tree?.counts(this.pilot.camera) };
   }
 
   dispose() {
+    this.disposed = true;
     cancelAnimationFrame(this.frame);
     this.observer.disconnect();
     this.pilot.dispose();
@@ -209,8 +224,8 @@ class Viewer {
 
   /** Offer the colours that the points have. */
   #offer() {
-    const { residual_um, intensity, scans } = this.about;
-    const has = { kind: true, residual: residual_um > 0, intensity, scan: scans > 1, height: this.cloud.loaded > 0 };
+    const { residual_um, intensity } = this.about;
+    const has = { kind: true, residual: residual_um > 0, intensity, scan: this.cloud.scans.length > 1, height: this.cloud.loaded > 0 };
     this.toolbar?.tools.offer(Object.keys(has).filter((name) => has[name]));
     this.#showScale();
   }
@@ -245,7 +260,7 @@ class Viewer {
   }
 
   #measure() {
-    this.toolbar?.tools.tell(this.ruler.read(), this.ruler.chosen);
+    this.toolbar?.tools.showMeasured(this.ruler.read(), this.ruler.chosen);
     this.#wake();
   }
 
@@ -278,7 +293,28 @@ class Viewer {
 
   #wake() {
     this.stale = true;
-    this.frame ??= requestAnimationFrame((now) => this.#draw(now));
+    this.#request();
+  }
+
+  #request() {
+    if (!this.disposed) this.frame ??= requestAnimationFrame((now) => this.#draw(now));
+  }
+
+  #addScan(name) {
+    this.toolbar?.tools.addScan(name);
+    return this.cloud.scan(name);
+  }
+
+  #count(word, counts) {
+    this.toolbar?.say(this.words[word].replace(/\{(\w+)\}/g, (_, part) => this.number(counts[part], 0)));
+  }
+
+  /** Say how many of the points in view are shown, at intervals while they come. */
+  #countView(now, isLast) {
+    if (!this.head || (!isLast && now - (this.counted ?? 0) < COUNT_MS)) return;
+    this.counted = now;
+    const { shown, view } = this.cloud.tree.counts(this.pilot.camera);
+    this.#count("shown_view", { count: shown, view, near: this.head.count, total: this.head.total });
   }
 
   /** One frame; another follows while the camera moves, and until every point is drawn. */
@@ -293,7 +329,8 @@ class Viewer {
     const more = sketch || this.cloud.refine(this.pilot.camera, now);
     this.renderer.render(this.model.scene, this.pilot.camera);
     this.labels.place(this.pilot.camera, this.root, this.toolbar?.bars ?? []);
-    if (more || this.stale) this.frame ??= requestAnimationFrame((t) => this.#draw(t));
+    if (!sketch) this.#countView(now, !more);
+    if (more || this.stale) this.#request();
     else this.cloud.rest();
   }
 }
@@ -319,17 +356,18 @@ function micrometres(steps, range_um) {
 }
 
 /** The same points in an order whose every prefix is a fair sample: one golden stride after the other. */
-function mixed(xyz, shade, residual) {
+function mixed({ xyz, ...columns }) {
   const count = xyz.length / 3;
   let stride = Math.max(1, Math.round(0.618034 * count));
   while (divisor(stride, count) > 1) stride++;
-  const order = { xyz: new Int16Array(xyz.length), shade: shade && new Uint8Array(count), residual: residual && new Int16Array(count) };
-  for (let to = 0, from = 0; to < count; to++, from = (from + stride) % count) {
-    order.xyz.set(xyz.subarray(3 * from, 3 * from + 3), 3 * to);
-    if (shade) order.shade[to] = shade[from];
-    if (residual) order.residual[to] = residual[from];
-  }
-  return order;
+  const reorder = (column, size) => {
+    if (!column) return null;
+    const other = new column.constructor(column.length);
+    for (let to = 0, from = 0; to < count; to++, from = (from + stride) % count)
+      for (let k = 0; k < size; k++) other[size * to + k] = column[size * from + k];
+    return other;
+  };
+  return { xyz: reorder(xyz, 3), ...Object.fromEntries(Object.entries(columns).map(([name, column]) => [name, reorder(column, 1)])) };
 }
 
 function divisor(a, b) {
@@ -339,7 +377,7 @@ function divisor(a, b) {
 /** What stands in for a viewer where there is no WebGL: the same methods, which do nothing. */
 function absent(root) {
   const nothing = () => {};
-  const methods = ["addPoints", "addCloud", "describe", "colourBy", "showScan", "cut", "setBudget", "setLayer", "look", "focus", "mark"];
+  const methods = ["addPoints", "addCloud", "openTree", "describe", "colourBy", "showScan", "cut", "setBudget", "setLayer", "look", "focus", "mark"];
   return {
     ...Object.fromEntries(methods.map((name) => [name, nothing])),
     stats: () => ({ fps: 0, drawn: 0, loaded: 0 }),

@@ -52,6 +52,6 @@ export const ENGLISH = {
   scale_intensity: "Intensity, as the file states it",
   scale_height: "Height above the rear centres, m",
   scale_form: "Deviation from the plane, mm (mean over {width} mm, u = {u} mm)",
-  shown_near: "{count} of {near} points at the vehicle; {total} in the scans",
+  shown_view: "{count} of {view} points in and about the view; {near} at the vehicle; {total} in the scans",
   shown_of: "{count} of {total} points of the scans",
 };
