@@ -512,7 +512,7 @@ def test_angles_whose_points_are_lost_are_shown_with_the_reason(visit):
         page, "document.querySelector('.look .small')?.textContent.includes('rr.ply: it is gone')"
     )
     assert page.locator("table.angles tbody tr").count() == 5
-    assert page.locator(".look .small").inner_text().startswith("The remaining")
+    assert page.locator(".look .small").inner_text().startswith("The 3D view shows a sample")
     assert " points of the scans" in page.locator(".w3d-count").inner_text()
 
 
