@@ -56,7 +56,7 @@ NAMED = [  # that no test saw once: module, text, other text, tests
      "np.linalg.inv(self.scatter_m2))", "plane"),
     ("plane/clipped_plane.py", "or slab.is_near(plane, radius_m)", "or True", "plane"),
     ("readers/formats/ply.py", "lines < before + count", "lines < count",
-     "readers/test_readers.py"),
+     "readers/test_ply.py"),
     ("batch/catalogue/catalogue.py", "verified=workspace.locked", "verified=True",
      "batch/test_catalogue.py"),
     ("batch/catalogue/catalogue.py", "wait=not (reading and file.exists())", "wait=True",

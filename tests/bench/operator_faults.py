@@ -86,7 +86,9 @@ def folders(bench: Bench) -> None:
         subprocess.run(mount, check=True)
 
         def remount(how: str) -> None:
-            subprocess.run(["mount", "-o", f"remount,{how}", str(results)], check=True)
+            command = ["mount", "-o", f"remount,{how}", str(results)]
+            while subprocess.run(command, capture_output=True, check=False).returncode:
+                time.sleep(0.01)  # busy while a file is open for writing
 
         try:
             bench.struck(
