@@ -217,22 +217,22 @@ def test_object_storage_that_fails_now_and_then_gives_the_same(
     ):
         monkeypatch.setenv(key, value)
     files = s3fs.S3FileSystem(endpoint_url=storage, skip_instance_cache=True)
-    files.mkdir("cars")
-    files.put(str(archive), "cars/archive", recursive=True)
+    files.mkdir("failing")
+    files.put(str(archive), "failing/archive", recursive=True)
     proxy = FailingProxy(storage, share=0.2, seed=1)
-    done = run_process("s3://cars/archive", "s3://cars/results", AWS_ENDPOINT_URL=proxy.address)
+    done = run_process("s3://failing/archive", "s3://failing/results", AWS_ENDPOINT_URL=proxy.address)
     proxy.close()
     assert done.returncode == 1, done.stderr
     assert proxy.failed > 10
-    files.get("cars/results", str(tmp_path / "results"), recursive=True)
+    files.get("failing/results", str(tmp_path / "results"), recursive=True)
     assert left(tmp_path / "results") == expected
-    again = run_process("s3://cars/archive", "s3://cars/results", AWS_ENDPOINT_URL=storage)
+    again = run_process("s3://failing/archive", "s3://failing/results", AWS_ENDPOINT_URL=storage)
     assert "21 captures: 21 done before, 0 to do" in again.stderr
 
     # what was written went to segments as well, which spare a catalogue the reading
     monkeypatch.setenv("AWS_ENDPOINT_URL", storage)
     monkeypatch.setattr("wheelplane.batch.catalogue.segments.WORTH", 5)
-    results = open_store("s3://cars/results")
+    results = open_store("s3://failing/results")
     read, real = [], type(results).read
     monkeypatch.setattr(
         type(results), "read", lambda self, name: read.append(name) or real(self, name)

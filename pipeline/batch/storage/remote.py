@@ -111,11 +111,17 @@ class RemoteStore:
     def send(self, name: str, path: Path, stamp: str | None) -> bool:
         """Write or replace an object by a local file if its ETag is still `stamp`; see `Store`.
 
-        By one request, of up to 5 GB: s3fs sends no If-Match with an upload in parts.
+        By one request, of up to 5 GB: s3fs sends no If-Match with an upload in parts. Where it is
+        refused although no one has written, the server lists other ETags than it compares: then
+        without the condition.
         """
-        if not (self.exclusive and hasattr(self._fs, "call_s3")):
+
+        def put_anyway() -> bool:
             self._request(lambda: self._fs.put_file(str(path), self._path(name)), name)
             return True
+
+        if not (self.exclusive and hasattr(self._fs, "call_s3")):
+            return put_anyway()
         bucket, _, key = self._path(name).partition("/")
         condition = {"IfNoneMatch": "*"} if stamp is None else {"IfMatch": f'"{stamp}"'}
 
@@ -127,7 +133,8 @@ class RemoteStore:
             self._try(put, name)
         except OSError as error:
             if isinstance(error, FileNotFoundError | FileExistsError) or code_of(error) in TAKEN:
-                return False
+                entry = self.stat(name)
+                return (entry and entry.stamp) == stamp and put_anyway()
             raise self._refused(name, error) from error
         return True
 
