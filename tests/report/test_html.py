@@ -386,7 +386,7 @@ def test_nothing_is_left_untranslated():
     """Words that a text has in both languages are names, or words of both tongues."""
     names = {"jcgm", "student", "home", "scripts", "webgl", "sigma", "scanner", "capture", "toml",
              "monte", "carlo", "wheelplane", "json", "measurement", "html", "view",
-             "batch", "config", "certificate", "item", "readings", "xlsx", "validation",
+             "batch", "cluster", "config", "certificate", "item", "readings", "xlsx", "validation",
              "hotelling", "validate", "archive", "bland", "altman", "york", "nees", "aiming",
              "divisor", "holm", "double", "fahrachswinkel", "radversatz",
              "radstandsdifferenz", "found", "left", "down", "unit", "positive", "axis"}  # fmt: skip
