@@ -220,7 +220,9 @@ def test_object_storage_that_fails_now_and_then_gives_the_same(
     files.mkdir("failing")
     files.put(str(archive), "failing/archive", recursive=True)
     proxy = FailingProxy(storage, share=0.2, seed=1)
-    done = run_process("s3://failing/archive", "s3://failing/results", AWS_ENDPOINT_URL=proxy.address)
+    done = run_process(
+        "s3://failing/archive", "s3://failing/results", AWS_ENDPOINT_URL=proxy.address
+    )
     proxy.close()
     assert done.returncode == 1, done.stderr
     assert proxy.failed > 10
