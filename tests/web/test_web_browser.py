@@ -133,7 +133,13 @@ def test_load_look_and_save(visit, folder):
 
     page.select_option("select[name=style]", "deg")
     assert page.locator("table.angles tbody tr").nth(0).inner_text().count("°") == 7
+    axis = page.locator("select[name=axis]")
+    page.select_option("select[name=convention]", "iso-8855")
+    assert axis.input_value() == "centreline"
     page.select_option("select[name=axis]", "thrust-line")
+    page.select_option("select[name=convention]", "german-workshop")
+    assert axis.input_value() == "thrust-line"
+    assert "Fahrachswinkel" in page.locator("#result").inner_text()
 
     name = f"report {page.viewport_size['width']}"
     page.fill(".save input[name=name]", name)

@@ -70,8 +70,8 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
 ...(assessed ? [el("p", { class: "says" }, [...headline.says, joint].join(" "))] : []),
         el("div", { class: "tools" },
           select("style", t("unit"), STYLES.map(([value, word]) => [value, t(word)]), this.style, (value) => this.#setView({ style: value })),
-          select("axis", t("axis"), Object.entries(this.panel.axes), this.axis, (value) => this.#setView({ axis: value })),
-          select("convention", t("convention"), Object.keys(this.panel.conventions).map((name) => [name, t(`convention_${name.replace("-", "_")}`)]), this.convention, (value) => this.#setView({ convention: value }))),
+          select("axis", t("axis"), Object.entries(this.panel.axes), this.axis, (value) => this.#setView({ axis: (this.ownAxis = value) })),
+          select("convention", t("convention"), Object.keys(this.panel.conventions).map((name) => [name, t(`convention_${name.replace("-", "_")}`)]), this.convention, (value) => this.#follow(value))),
         this.meaning,
         this.angles,
         ...troubles.map(troubleOf)),
@@ -84,6 +84,13 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
       ...extra.map((table) => el("div", { class: "card" }, tableOf(table))),
       el("details", { class: "card" }, el("summary", {}, t("more")), factsOf(head)));
     this.#setView({});
+  }
+
+  /** Follow a convention, from its own axis where the user has chosen none. */
+  #follow(convention) {
+    const axis = this.ownAxis ?? (convention === "default" ? "rear-axle" : "centreline");
+    this.place.querySelector("select[name=axis]").value = axis;
+    this.#setView({ convention, axis });
   }
 
   /** Show the tables in another unit, relative to another axis, or with the signs of another convention. */
