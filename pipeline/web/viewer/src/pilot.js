@@ -7,6 +7,7 @@ const TURN = Math.PI / 24; // a key press
 const ZOOM = 1.15;
 const GLIDE_MS = 350;
 const NEARNESS = 0.78; // a vehicle does not fill the ball about it
+const LEAST_CLEAR = 0.5; // of the height: a vehicle is not shown smaller for what covers the rest
 const TAP_PX = 5;
 const UP = new THREE.Vector3(0, 0, 1);
 const FROM = {
@@ -26,6 +27,7 @@ export class Pilot {
     this.onTap = () => {};
     this.camera = new THREE.PerspectiveCamera(FIELD, 1, 0.02, 100);
     this.camera.up.copy(UP);
+    this.clear = 1;
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.zoomToCursor = true;
     this.controls.minDistance = 0.05;
@@ -41,7 +43,7 @@ export class Pilot {
 
   look(view, glide = true) {
     const from = new THREE.Vector3(...(FROM[view] ?? FROM.iso)).normalize();
-    const half = Math.min(FIELD, FIELD * this.camera.aspect) * Math.PI / 360;
+    const half = Math.min(FIELD * this.clear, FIELD * this.camera.aspect) * Math.PI / 360;
     this.view = view;
     this.#go(this.bounds.center.clone(), from.multiplyScalar(NEARNESS * this.bounds.radius / Math.sin(half)), glide);
   }
@@ -53,9 +55,10 @@ export class Pilot {
     this.#go(new THREE.Vector3(...centre), from.multiplyScalar(1.6), true);
   }
 
-  resize(width, height) {
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
+  /** above, below: height of what covers the picture there; the vehicle is shown between. */
+  resize(width, height, above, below) {
+    this.clear = Math.max(LEAST_CLEAR, 1 - (above + below) / height);
+    this.camera.setViewOffset(width, height, 0, (below - above) / 2, width, height);
     if (this.view) this.look(this.view, false);
   }
 

@@ -27,8 +27,15 @@ export class Toolbar {
     this.count = element("p", "w3d-count", { role: "status" });
     this.count.hidden = true;
     this.switches.append(this.ticks, this.count);
+    this.views = views;
     this.bars = [views, this.switches, this.scale.place, this.tools.panel];
     for (const layer of layers) this.#addSwitch(layer);
+  }
+
+  /** Heights of the bars above and below the picture. */
+  covered(root) {
+    const { top, bottom } = root.getBoundingClientRect();
+    return [this.views.getBoundingClientRect().bottom - top, bottom - this.switches.getBoundingClientRect().top];
   }
 
   /** Add the switch of a layer that came later. */

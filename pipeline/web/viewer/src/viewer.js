@@ -278,7 +278,7 @@ class Viewer {
     if (!width || !height) return;
     this.#setSize(this.coarse);
     this.model.resize(width, height);
-    this.pilot.resize(width, height);
+    this.pilot.resize(width, height, ...(this.toolbar?.covered(this.root) ?? [0, 0]));
     this.#wake();
   }
 
