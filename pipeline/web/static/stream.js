@@ -9,9 +9,11 @@ export async function streamPoints(address, viewer, signal, onFailure) {
   if (!LITTLE) return;
   const head = await ask(`${address}/points.json`);
   const load = async (first, bytes) => {
-    const answer = await fetch(`${address}/points.bin`, { signal, headers: { Range: `bytes=${first}-${first + bytes - 1}` } }).catch(() => null);
-    if (answer?.status !== 206) throw new ServerError(t("lost"));
-    return answer.arrayBuffer();
+    const range = { Range: `bytes=${first}-${first + bytes - 1}` };
+    const points = await fetch(`${address}/points.bin`, { signal, headers: range })
+      .then((answer) => (answer.status === 206 ? answer.arrayBuffer() : null)).catch(() => null);
+    if (!points) throw new ServerError(t("lost"));
+    return points;
   };
   if (!signal.aborted) await viewer.openTree(head, load, onFailure);
 }
