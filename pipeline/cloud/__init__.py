@@ -24,7 +24,7 @@ from .selection import (
     within_slab,
 )
 from .steps import EXACT, Levels, Steps, coordinate_levels, coordinate_steps
-from .threads import side_by_side
+from .threads import over_chunks, side_by_side
 from .voxel_grid import VoxelGrid, lowest, voxel_key, voxel_moments, within_voxels
 
 __all__ = [
@@ -51,6 +51,7 @@ __all__ = [
     "lowest",
     "mixed",
     "morton_codes",
+    "over_chunks",
     "random_rows",
     "sample",
     "sample_rows",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
-from ..cloud import Steps
+from ..cloud import Steps, over_chunks
 from ..config import PlaneConfig
 from ..system import stage
 from ..targets import Region, Target
@@ -24,6 +26,8 @@ from .patch import Patch
 from .rounded_plane import fit_rounded
 from .scan_lines import cells_along_lines
 from .sigma_clipping import CLIPPED_SIGMA_RATIO
+
+T = TypeVar("T")
 
 LEAST_STEP_M = 1e-6  # finer steps are no coarser than the target is flat
 NOTED = 0.35  # of the noise: a finer step adds less than 1 % to its variance
@@ -165,12 +169,19 @@ def _along_lines(
 ) -> list[Cells]:
     """Return the residuals of the points used in cells along the scan lines."""
     points = patch.face_m if shaded is None else shaded.level_m
-    uvw = points @ fit.slab.basis.T
-    off = fit.plane.distance_m(uvw)
-    used = region.holds(uvw[:, :2]) & (np.abs(off) < fit.slab.limit_m)
-    uvw[:, 2] = off
-    uvw[:, :2] -= fit.plane.centroid_m[:2]
-    return list(cells_along_lines(uvw[used], None if shaded is None else shaded.shade[used]))
+
+    def blocks(work: Callable[[Array, Array | None], T]) -> list[T]:
+        def on(rows: slice) -> T:
+            uvw = points[rows] @ fit.slab.basis.T
+            off = fit.plane.distance_m(uvw)
+            used = region.holds(uvw[:, :2]) & (np.abs(off) < fit.slab.limit_m)
+            uvw[:, 2] = off
+            uvw[:, :2] -= fit.plane.centroid_m[:2]
+            return work(uvw[used], None if shaded is None else shaded.shade[rows][used])
+
+        return over_chunks(on, len(points))
+
+    return list(cells_along_lines(blocks))
 
 
 def _rms(fit: ClippedFit) -> float:

@@ -11,13 +11,16 @@ of the two kinds of lines, the target is divided into long narrow cells.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..vectors import Array
 from .correlated_noise import POINTS_A_CELL, Cells, filled
+
+Blocks = Callable[[Callable[[Array, Array | None], Any]], list[Any]]
 
 NARROW, LONG = 40, 5  # cells across the lines, and along them
 LEAST_NARROW = 16  # fewer are no narrower than the square cells
@@ -41,26 +44,40 @@ class Grid:
     beam: Array
 
 
-def cells_along_lines(uvw_m: Array, extra: Array | None = None) -> Iterator[Cells]:
-    """Yield the cells along the two kinds of scan lines, of points uvw_m (N, 3), w a residual.
+def cells_along_lines(blocks: Blocks) -> Iterator[Cells]:
+    """Yield the cells along the two kinds of scan lines; none where points are too few.
 
-    u, v: about the centroid. extra: (N,) of a column that was fitted besides the plane. None where
-    points are too few.
+    blocks: calls a function on every block of the points and returns what it returns, in order;
+    once for the middle that shows the grid, once for how far points reach, once for the sums, so
+    that no more than a block is held. Of a block uvw_m (M, 3), u and v about the centroid, w a
+    residual, and (M,) a column that was fitted besides the plane, or None.
     """
-    narrow = min(NARROW, int(len(uvw_m) / (POINTS_A_CELL * LONG)))
+    found = blocks(lambda uvw, _: (len(uvw), nearest(uvw)))
+    narrow = min(NARROW, int(sum(count for count, _ in found) / (POINTS_A_CELL * LONG)))
     if narrow < LEAST_NARROW:
         return
-    grid = grid_of(uvw_m)
-    u, v, w = rows = np.ascontiguousarray(uvw_m.T)
+    grid = grid_of(np.concatenate([some for _, some in found]))
+    to_lines = np.linalg.inv(grid.directions).T
     # In place: noise would sort the points of a line between the cells on either side.
-    in_place = np.stack([u - grid.beam[0] * w, v - grid.beam[1] * w])
-    along = np.linalg.inv(grid.directions).T @ in_place
-    columns = [*rows, w * w, *([] if extra is None else [extra])]
-    half_m = np.abs(along).max(axis=1)
-    for shape in ((narrow, LONG), (LONG, narrow)):
-        cells = _cells(columns, along, half_m, shape)
+    to_lines = np.column_stack([to_lines, -to_lines @ grid.beam])
+    reach = blocks(lambda uvw, _: np.abs(to_lines @ uvw.T).max(axis=1, initial=0.0))
+    half_m = np.max(reach, axis=0)
+    shapes = ((narrow, LONG), (LONG, narrow))
+    sums = blocks(
+        lambda uvw, extra: [_sums(uvw, extra, to_lines @ uvw.T, half_m, shape) for shape in shapes]
+    )
+    for k, shape in enumerate(shapes):
+        cells = _cells(sum(block[k] for block in sums), half_m, shape)
         if cells is not None:
             yield cells
+
+
+def nearest(uvw_m: Array) -> Array:
+    """Return the SAMPLED points of (N, 3) nearest to the middle, or all."""
+    if len(uvw_m) <= SAMPLED:
+        return uvw_m
+    away = uvw_m[:, 0] ** 2 + uvw_m[:, 1] ** 2
+    return uvw_m[np.argpartition(away, SAMPLED)[:SAMPLED]]
 
 
 def grid_of(uvw_m: Array) -> Grid:
@@ -69,8 +86,7 @@ def grid_of(uvw_m: Array) -> Grid:
     From the two longest waves of the lattice; lines of one kind only have the other across. Of
     points on no grid any.
     """
-    away = np.hypot(uvw_m[:, 0], uvw_m[:, 1])
-    some = uvw_m[np.argpartition(away, SAMPLED)[:SAMPLED]] if len(uvw_m) > SAMPLED else uvw_m
+    some = nearest(uvw_m)
     apart_m = float(np.hypot(*some[:, :2].T).max()) * math.sqrt(math.pi / len(some))
     noise_m = max(float(np.std(some[:, 2])), 1e-9 * apart_m)
     x = some / [apart_m, apart_m, noise_m]
@@ -126,33 +142,37 @@ def _zoomed(x: Array, wave: Array, step: float) -> Array:
     return wave
 
 
-def _cells(
-    columns: Sequence[Array], along_m: Array, half_m: Array, shape: tuple[int, int]
-) -> Cells | None:
-    """Return the cells, shape of them along either direction.
+def _sums(
+    uvw_m: Array, extra: Array | None, along_m: Array, half_m: Array, shape: tuple[int, int]
+) -> Array:
+    """Return the sums (cells, 5 or 6) of n, u, v, w, w w and the column fitted besides the plane.
 
-    columns: (N,) each: u, v, w, its square, and those fitted besides the plane. along_m: (2, N)
-    coordinates, half_m (2,) at most.
+    shape: number of cells along either direction. along_m: (2, M) coordinates, half_m (2,) at most.
     """
-    side_m = 2.0 * half_m / shape
     one, two = (
         (at / side + 0.5 * number).astype(np.int64).clip(0, number - 1)
-        for at, side, number in zip(along_m, side_m, shape, strict=True)
+        for at, side, number in zip(along_m, 2.0 * half_m / shape, shape, strict=True)
     )
+    u, v, w = uvw_m.T
+    columns = [None, u, v, w, w * w, *([] if extra is None else [extra])]
     cell, number = two * shape[0] + one, shape[0] * shape[1]
-    sums = np.stack([np.bincount(cell, column, number) for column in columns])
-    count = np.bincount(cell, minlength=number).astype(np.float64)
+    return np.stack([np.bincount(cell, column, number) for column in columns], axis=1)
+
+
+def _cells(sums: Array, half_m: Array, shape: tuple[int, int]) -> Cells | None:
+    """Return the cells of these sums; None where too few are filled."""
+    count = sums[:, 0]
     full = filled(count)
     if full is None:
         return None
-    n, (u, v, mean, square, *more) = count[full], sums[:, full] / count[full]
+    n, (u, v, mean, square, *more) = count[full], sums[full, 1:].T / count[full]
     index = np.stack([np.flatnonzero(full) % shape[0], np.flatnonzero(full) // shape[0]], axis=1)
     return Cells(
         uv_m=np.stack([u, v], axis=1),
         mean_m=mean,
         count=n,
         index=index,
-        side_m=side_m,
+        side_m=2.0 * half_m / shape,
         white_variance=float(np.sum(n * (square - mean**2)) / np.sum(n - 1.0)),
         extra=np.stack(more, axis=1) if more else None,
     )

@@ -210,7 +210,7 @@ def _child(arguments: Sequence[str], threads: int | None = None) -> str:
     environment = dict(os.environ)
     if threads is not None:
         environment["WHEELPLANE_THREADS"] = str(threads)
-    command = [sys.executable, __file__, *arguments]
+    command = [sys.executable, "-m", "tests.bench.segmentation", *arguments]
     return subprocess.run(
         command, env=environment, check=True, capture_output=True, text=True
     ).stdout

@@ -33,6 +33,12 @@ def scanned(rng, offset=0.0, kind=0, beam=(0.3, -0.2), **grid):
     return np.column_stack([uv + noise[:, None] * np.array(beam), noise])
 
 
+def blocks_of(uvw, extra=None, size=5000):
+    """Points in blocks of that size, as cells_along_lines takes them."""
+    parts = [slice(k, k + size) for k in range(0, len(uvw), size)]
+    return lambda work: [work(uvw[p], None if extra is None else extra[p]) for p in parts]
+
+
 def fitted(uvw):
     """Error of a plane's slopes (2,) and their covariance by lines and by squares alone."""
     uvw[:, :2] -= uvw[:, :2].mean(axis=0)
@@ -46,7 +52,7 @@ def fitted(uvw):
     cells = cells_of(sums, 12, side)
     white = np.linalg.inv(terms.T @ terms)
     found = []
-    for lined in (list(cells_along_lines(residual)), []):
+    for lined in (list(cells_along_lines(blocks_of(residual))), []):
         noise = correlated_noise(cells, RADIUS, WHITE, lined=lined)
         whole = white * noise.white_sigma_m**2 + noise.covariance + noise.form_covariance
         found.append(whole[1:, 1:])
@@ -110,17 +116,28 @@ def test_independent_noise_is_left_alone(beam):
 
 @pytest.mark.parametrize("count", [0, 3, 600])
 def test_few_points_show_no_lines(count):
-    assert list(cells_along_lines(np.random.default_rng(1).normal(size=(count, 3)))) == []
+    assert (
+        list(cells_along_lines(blocks_of(np.random.default_rng(1).normal(size=(count, 3))))) == []
+    )
 
 
 def test_points_on_no_grid_and_exact_points_do_no_harm():
     rng = np.random.default_rng(2)
     cloud = np.column_stack([rng.uniform(-1, 1, (5000, 2)), np.zeros(5000)])
     assert np.all(np.isfinite(grid_of(cloud).directions))
-    assert all(np.all(np.isfinite(cells.mean_m)) for cells in cells_along_lines(cloud))
+    assert all(np.all(np.isfinite(cells.mean_m)) for cells in cells_along_lines(blocks_of(cloud)))
+
+
+def test_points_in_any_blocks_give_the_same_cells():
+    uvw = scanned(np.random.default_rng(5))
+    whole, parts = (list(cells_along_lines(blocks_of(uvw, size=size))) for size in (len(uvw), 777))
+    assert len(whole) == len(parts) == 2
+    for one, other in zip(whole, parts, strict=True):
+        assert np.array_equal(one.count, other.count)
+        np.testing.assert_allclose(one.mean_m, other.mean_m, rtol=0, atol=1e-15)
 
 
 def test_a_column_fitted_besides_the_plane_is_averaged_likewise():
     uvw = scanned(np.random.default_rng(3))
-    for cells in cells_along_lines(uvw, 2.0 * uvw[:, 2]):
+    for cells in cells_along_lines(blocks_of(uvw, 2.0 * uvw[:, 2])):
         np.testing.assert_allclose(cells.extra[:, 0], 2.0 * cells.mean_m, rtol=1e-9)
