@@ -133,8 +133,8 @@ def compare(capture: Path, scratch: Path) -> None:
     batch = cost(
         *WHEELPLANE, "batch", str(archive), "-o", str(scratch / "results"), "--workers", "1"
     )
-    line("batch, a capture, one worker, against measure on one thread", batch.wall_s / BATCH / single.wall_s,
-         "times")  # fmt: skip
+    share = batch.wall_s / BATCH / single.wall_s
+    line("batch, a capture, one worker, against measure on one thread", share, "times")
     copy, plane = (
         min(float(subprocess.check_output((*PYTHON, text))) for _ in range(RUNS))
         for text in (ONE_COPY, ONE_PLANE)
