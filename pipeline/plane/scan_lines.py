@@ -61,13 +61,17 @@ def cells_along_lines(blocks: Blocks) -> Iterator[Cells]:
     # In place: noise would sort the points of a line between the cells on either side.
     to_lines = np.column_stack([to_lines, -to_lines @ grid.beam])
     reach = blocks(lambda uvw, _: np.abs(to_lines @ uvw.T).max(axis=1, initial=0.0))
-    half_m = np.max(reach, axis=0)
-    shapes = ((narrow, LONG), (LONG, narrow))
-    sums = blocks(
-        lambda uvw, extra: [_sums(uvw, extra, to_lines @ uvw.T, half_m, shape) for shape in shapes]
-    )
-    for k, shape in enumerate(shapes):
-        cells = _cells(sum(block[k] for block in sums), half_m, shape)
+    rasters = [
+        (shape, 2.0 * np.max(reach, axis=0) / shape) for shape in ((narrow, LONG), (LONG, narrow))
+    ]
+
+    def sums_of(uvw: Array, extra: Array | None) -> list[Array]:
+        along = to_lines @ uvw.T
+        return [_sums(uvw, extra, along, shape, side_m) for shape, side_m in rasters]
+
+    sums = blocks(sums_of)
+    for k, (shape, side_m) in enumerate(rasters):
+        cells = _cells(sum(block[k] for block in sums), shape, side_m)
         if cells is not None:
             yield cells
 
@@ -143,15 +147,15 @@ def _zoomed(x: Array, wave: Array, step: float) -> Array:
 
 
 def _sums(
-    uvw_m: Array, extra: Array | None, along_m: Array, half_m: Array, shape: tuple[int, int]
+    uvw_m: Array, extra: Array | None, along_m: Array, shape: tuple[int, int], side_m: Array
 ) -> Array:
     """Return the sums (cells, 5 or 6) of n, u, v, w, w w and the column fitted besides the plane.
 
-    shape: number of cells along either direction. along_m: (2, M) coordinates, half_m (2,) at most.
+    along_m: (2, M) coordinates along either direction. shape: number of cells, side_m: (2,).
     """
     one, two = (
         (at / side + 0.5 * number).astype(np.int64).clip(0, number - 1)
-        for at, side, number in zip(along_m, 2.0 * half_m / shape, shape, strict=True)
+        for at, side, number in zip(along_m, side_m, shape, strict=True)
     )
     u, v, w = uvw_m.T
     columns = [None, u, v, w, w * w, *([] if extra is None else [extra])]
@@ -159,7 +163,7 @@ def _sums(
     return np.stack([np.bincount(cell, column, number) for column in columns], axis=1)
 
 
-def _cells(sums: Array, half_m: Array, shape: tuple[int, int]) -> Cells | None:
+def _cells(sums: Array, shape: tuple[int, int], side_m: Array) -> Cells | None:
     """Return the cells of these sums; None where too few are filled."""
     count = sums[:, 0]
     full = filled(count)
@@ -172,7 +176,7 @@ def _cells(sums: Array, half_m: Array, shape: tuple[int, int]) -> Cells | None:
         mean_m=mean,
         count=n,
         index=index,
-        side_m=2.0 * half_m / shape,
+        side_m=side_m,
         white_variance=float(np.sum(n * (square - mean**2)) / np.sum(n - 1.0)),
         extra=np.stack(more, axis=1) if more else None,
     )

@@ -255,7 +255,7 @@ def test_folders_in_folders_without_end_are_one_entry(tmp_path):
 
 @pytest.mark.parametrize("levels", [10, 60])
 def test_a_path_that_is_too_long_is_an_entry_and_ends_no_listing(tmp_path, levels):
-    """Of levels of 250 bytes, the system takes some fifteen in one path."""
+    """Levels of 250 bytes, of which the system takes some fifteen in one path."""
     here = Path.cwd()
     os.chdir(tmp_path)
     try:

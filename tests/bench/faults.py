@@ -27,16 +27,10 @@ from tests.support.batches import (
 )
 from tests.support.batches import run_process as run
 from tests.support.failing_proxy import FailingProxy
-from tests.support.object_server import object_server
+from tests.support.object_server import stored_archive
 
 ROOT = Path(__file__).resolve().parents[2]
 
-KEYS = {
-    "AWS_ACCESS_KEY_ID": "k",
-    "AWS_SECRET_ACCESS_KEY": "s",
-    "AWS_DEFAULT_REGION": "us-east-1",
-    "AWS_REQUEST_CHECKSUM_CALCULATION": "when_required",
-}
 FEW = 400  # captures in object storage, whose imitation answers a hundred times a second
 OPTIONS = ("--workers", "2", "--timeout", "5", "--memory", "400M")
 
@@ -62,7 +56,7 @@ class Faults:
         done = run(self.archive, results, *OPTIONS, **self.environment)
         assert done.returncode == 1, done.stderr
 
-    def tell(self, what: str, *results: Path) -> None:
+    def report(self, what: str, *results: Path) -> None:
         same = all(left(each) == self.expected for each in results)
         print(f"{what}: {'the same' if same else 'ANOTHER'} catalogue", flush=True)
 
@@ -75,7 +69,7 @@ class Faults:
             process.communicate()
         made = len(list(results.rglob("measurements/*/*.json")))
         self.finish(results)
-        self.tell(f"{self.kills} kills of the runner, {made} results by then", results)
+        self.report(f"{self.kills} kills of the runner, {made} results by then", results)
 
     def killed_workers(self) -> None:
         runs: list[Path] = []
@@ -92,7 +86,7 @@ class Faults:
             process.communicate()
             self.finish(runs[-1])
         what = f"{killed} kills of workers, their fork server among them, in {len(runs)} runs"
-        self.tell(what, *runs)
+        self.report(what, *runs)
 
     def full_disk(self) -> None:
         results = self.place / "small"
@@ -107,21 +101,12 @@ class Faults:
             remount = ["mount", "-o", f"remount,size={8 * size}", str(results)]
             subprocess.run(remount, check=True)
             self.finish(results)
-            self.tell(f"full disk after {made} results, then room", results)
+            self.report(f"full disk after {made} results, then room", results)
         finally:
             subprocess.run(["umount", str(results)], check=True)
 
     def failing_storage(self) -> None:
-        import logging
-
-        import s3fs
-
-        os.environ |= KEYS
-        with object_server() as address:
-            logging.getLogger("werkzeug").setLevel(logging.ERROR)
-            files = s3fs.S3FileSystem(endpoint_url=address, skip_instance_cache=True)
-            files.mkdir("cars")
-            files.put(str(self.archive), "cars/archive", recursive=True)
+        with stored_archive(self.archive) as (address, files):
             proxy = FailingProxy(address, share=0.1, seed=1)
             environment = self.environment | {"AWS_ENDPOINT_URL": proxy.address}
             done = run("s3://cars/archive", "s3://cars/results", *OPTIONS, **environment)
@@ -130,7 +115,7 @@ class Faults:
         what = (
             f"object storage with {proxy.failed} of {proxy.failed + proxy.passed} requests failing"
         )
-        self.tell(what, self.place / "s3")
+        self.report(what, self.place / "s3")
 
 
 def main() -> None:

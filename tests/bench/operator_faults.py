@@ -10,7 +10,6 @@ which only root can mount.
 from __future__ import annotations
 
 import argparse
-import logging
 import os
 import shutil
 import subprocess
@@ -22,14 +21,8 @@ from pathlib import Path
 
 from tests.support.batches import archive_of, five_points, left, run_process, settle, start, trees
 from tests.support.failing_proxy import FailingProxy
-from tests.support.object_server import object_server
+from tests.support.object_server import stored_archive
 
-KEYS = {
-    "AWS_ACCESS_KEY_ID": "k",
-    "AWS_SECRET_ACCESS_KEY": "s",
-    "AWS_DEFAULT_REGION": "us-east-1",
-    "AWS_REQUEST_CHECKSUM_CALCULATION": "when_required",
-}
 OPTIONS = ("--workers", "2")
 GONE_S = 60.0
 ODD = ("line\nend", "esc\x1b[2J\x1b]0;title\x07", "\udceb\udcff bytes", "\u202etxt.rac", "-o")
@@ -61,9 +54,9 @@ class Bench:
         out, err = process.communicate(timeout=300)
         heal(results)
         after = run_process(self.archive, results, *OPTIONS)
-        self.tell(name, process.returncode, out, err, after.returncode, left(results))
+        self.report(name, process.returncode, out, err, after.returncode, left(results))
 
-    def tell(
+    def report(
         self, name: str, code: int, out: str, err: str, after: int, found: dict[str, bytes]
     ) -> None:
         lost = sum(found.get(key) != value for key, value in self.expected.items())
@@ -145,14 +138,7 @@ def captures(bench: Bench) -> None:
 
 def storage(bench: Bench) -> None:
     """Run the faults of object storage."""
-    import s3fs
-
-    os.environ |= KEYS
-    with object_server() as address:
-        logging.getLogger("werkzeug").setLevel(logging.ERROR)
-        files = s3fs.S3FileSystem(endpoint_url=address, skip_instance_cache=True)
-        files.mkdir("cars")
-        files.put(str(bench.archive), "cars/archive", recursive=True)
+    with stored_archive(bench.archive) as (address, files):
         for kind in ("error", "refuse", "slow", "part", "cut"):
             proxy = FailingProxy(address, 0.1, 1, (kind,))
             to = f"s3://cars/{kind}"
@@ -162,7 +148,7 @@ def storage(bench: Bench) -> None:
             files.get(f"cars/{kind}", str(bench.place / kind), recursive=True)
             name = f"object storage, {kind}: {proxy.failed} of {proxy.failed + proxy.passed}"
             found = left(bench.place / kind)
-            bench.tell(name, done.returncode, done.stdout, done.stderr, after.returncode, found)
+            bench.report(name, done.returncode, done.stdout, done.stderr, after.returncode, found)
             proxy.close()
         proxy = FailingProxy(address, 0.0, 1)
         process = start("s3://cars/archive", "s3://cars/gone", *OPTIONS,
@@ -178,7 +164,9 @@ def storage(bench: Bench) -> None:
         )
         files.get("cars/gone", str(bench.place / "gone"), recursive=True)
         name = f"object storage gone for {GONE_S:.0f} s"
-        bench.tell(name, process.returncode, out, err, after.returncode, left(bench.place / "gone"))
+        bench.report(
+            name, process.returncode, out, err, after.returncode, left(bench.place / "gone")
+        )
         proxy.close()
         done = run_process(
             "s3://cars/archive", "s3://none/results", *OPTIONS, AWS_ENDPOINT_URL=address
@@ -188,7 +176,7 @@ def storage(bench: Bench) -> None:
                 for _ in range(3)]  # fmt: skip
         codes = [process.communicate(timeout=300) and process.returncode for process in both]
         files.get("cars/three", str(bench.place / "three"), recursive=True)
-        bench.tell(
+        bench.report(
             f"three runners at once: exits {codes}", 0, "", "", 0, left(bench.place / "three")
         )
 

@@ -116,3 +116,16 @@ def until(page, expression):
             return
         page.wait_for_timeout(50)
     raise AssertionError(f"never so: {expression}")
+
+
+def when_done(change):
+    """Route of a job's state that adds `change(job)` to a job which is done."""
+
+    def answer(route):
+        fetched = route.fetch()
+        job = fetched.json()
+        if job["state"] == "done":
+            job |= change(job)
+        route.fulfill(response=fetched, json=job)
+
+    return answer

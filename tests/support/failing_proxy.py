@@ -17,7 +17,7 @@ SLOW_S = 2.0
 
 
 class FailingProxy:
-    """Of every request, a share gets one of `kinds`; all are cut while `gone`.
+    """Proxy that gives a share of the requests one of `kinds`, and cuts all while `gone`.
 
     refuse: 503; error: 500; cut, late: the connection ends before or after it was done; part: it
     ends in the middle of the answer; slow: the answer comes SLOW_S late.

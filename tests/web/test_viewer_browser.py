@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from tests.support.browser import IN_A_BROWSER
+from tests.support.browser import IN_A_BROWSER, when_done
 from tests.support.made import with_dense_tyre, write_small_capture
 
 pytestmark = IN_A_BROWSER
@@ -140,15 +140,11 @@ def test_a_sample_is_shown_at_once_and_all_points_when_they_are_sorted(visit):
     """The measuring process says so; the sample stays where it cannot."""
     states = iter(["ready"] * 3)
 
-    def hold(route):
-        answer = route.fetch()
-        job = answer.json()
-        if job["state"] == "done":
-            job["state"] = next(states, "done")
-            job["progress"] = {"done": 40, "total": 100, "text": "points"}
-        route.fulfill(response=answer, json=job)
+    def hold(_):
+        progress = {"done": 40, "total": 100, "text": "points"}
+        return {"state": next(states, "done"), "progress": progress}
 
-    visit.context.route("**/api/jobs/*", hold)
+    visit.context.route("**/api/jobs/*", when_done(hold))
     page = visit.open()
     measured_anew(page)
     sample, total = counts(page)
@@ -165,15 +161,11 @@ def test_a_sample_is_shown_at_once_and_all_points_when_they_are_sorted(visit):
 def test_sorting_can_be_cancelled_and_the_sample_stays(visit):
     asked = []
 
-    def hold(route):
-        answer = route.fetch()
-        job = answer.json()
-        if job["state"] == "done":
-            cancelled = any(url.endswith("/cancel") for url in asked)
-            job |= {"note": "cancelled"} if cancelled else {"state": "ready"}
-        route.fulfill(response=answer, json=job)
+    def hold(_):
+        cancelled = any(url.endswith("/cancel") for url in asked)
+        return {"note": "cancelled"} if cancelled else {"state": "ready"}
 
-    visit.context.route("**/api/jobs/*", hold)
+    visit.context.route("**/api/jobs/*", when_done(hold))
     page = visit.open()
     page.on("request", lambda request: asked.append(request.url))
     measured_anew(page)

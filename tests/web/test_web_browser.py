@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.browser import IN_A_BROWSER, SMALL, TARGET_PX, Visit, serving, until
+from tests.support.browser import IN_A_BROWSER, SMALL, TARGET_PX, Visit, serving, until, when_done
 from tests.support.layout import check_layout
 from tests.support.made import write_small_capture
 from tests.support.web_site import PAPER, write_results
@@ -502,15 +502,11 @@ def test_while_too_many_wait_the_page_asks_again(visit):
 def test_angles_whose_points_are_lost_are_shown_with_the_reason(visit):
     reported = []
 
-    def lose_points(route):
-        answer = route.fetch()
-        job = answer.json()
-        if job["state"] == "done":
-            reported.append(job)
-            job |= {"state": "ready"} if len(reported) == 1 else {"note": "rr.ply: it is gone"}
-        route.fulfill(response=answer, json=job)
+    def lose_points(job):
+        reported.append(job)
+        return {"state": "ready"} if len(reported) == 1 else {"note": "rr.ply: it is gone"}
 
-    visit.context.route("**/api/jobs/*", lose_points)
+    visit.context.route("**/api/jobs/*", when_done(lose_points))
     page = visit.open()
     page.wait_for_selector("#browser .items")
     page.locator("#browser button", has_text="capture").first.click()

@@ -15,6 +15,7 @@ from .digits import UNKNOWN, arc, brief, decimal, metres, rounded, sexagesimal
 
 AngleStyle = Literal["dms", "deg", "mm/m", "mm"]
 ANGLE_STYLES: tuple[AngleStyle, ...] = get_args(AngleStyle)
+STYLES_WITHOUT_RIM = tuple(style for style in ANGLE_STYLES if style != "mm")
 DigitStyle = Literal["uncertainty", "full"]
 DIGIT_STYLES: tuple[DigitStyle, ...] = get_args(DigitStyle)
 Convention = Literal["default", "iso-8855", "german-workshop"]

@@ -8,7 +8,14 @@ from typing import Any
 
 from ...measurement import Conformity, Measurement, WheelResult
 from ...report.format.language import Translations
-from ...report.format.view import CONVENTIONS, PAPER, AngleStyle, Convention, View
+from ...report.format.view import (
+    CONVENTIONS,
+    PAPER,
+    STYLES_WITHOUT_RIM,
+    AngleStyle,
+    Convention,
+    View,
+)
 from ...report.format.writer import Table, Writer
 from ...report.html.provenance import head_pairs, troubles, wheel_facts
 from ...report.html.results import headline
@@ -21,8 +28,6 @@ from ...report.tables.kinematics import runout_tables, steering_tables
 from ...report.tables.vehicle import vehicle_table
 from ...report.tables.wheels import axles_table, wheels_table
 from ...vehicle import AXES, Axis
-
-STYLES: tuple[AngleStyle, ...] = ("dms", "deg", "mm/m")  # mm at the rim needs the rim's diameter
 
 
 def panel(
@@ -43,7 +48,7 @@ def panel(
                     style: _tables(
                         measurement, words, view_of(measurement, axis, style, convention)
                     )
-                    for style in STYLES
+                    for style in STYLES_WITHOUT_RIM
                 }
                 for axis in AXES
             }

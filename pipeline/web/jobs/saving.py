@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...report.format.language import LANGUAGES
-from ...report.format.view import ANGLE_STYLES, CONVENTIONS
+from ...report.format.view import CONVENTIONS, PAPER, STYLES_WITHOUT_RIM
 from ...report.write import write_files, write_whole
 from ...vehicle import AXES
 from ..content.reporting import TYPES
@@ -19,9 +19,8 @@ from .process import PageJob
 from .queue import Jobs
 
 REPORT_SECONDS, TABLE_SECONDS = 120.0, 60.0
-STYLES = tuple(style for style in ANGLE_STYLES if style != "mm")  # mm needs the rim's diameter
-USUAL = {"axis": "rear-axle", "style": "dms", "convention": "default"}
-ON_OFFER = {"axis": AXES, "style": STYLES, "convention": CONVENTIONS}
+USUAL = {"axis": PAPER.axis, "style": PAPER.angles, "convention": PAPER.convention}
+ON_OFFER = {"axis": AXES, "style": STYLES_WITHOUT_RIM, "convention": CONVENTIONS}
 
 
 def report_file(
