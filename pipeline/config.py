@@ -161,12 +161,16 @@ class StandardConfig(Section):
 class EnvironmentConfig(Section):
     """Conditions during a calibration, each the lowest and the highest value.
 
-    sensors: names of the [[standard]] tables of the sensors.
+    With u in its name: expanded uncertainty (95 %), from the sensor's certificate. sensors: names
+    of the [[standard]] tables of the sensors.
     """
 
     temperature_c: tuple[float, float] | None = Field(None, strict=False)
     humidity_percent: tuple[float, float] | None = Field(None, strict=False)
     pressure_hpa: tuple[float, float] | None = Field(None, strict=False)
+    temperature_u_c: float | None = Field(None, gt=0.0)
+    humidity_u_percent: float | None = Field(None, gt=0.0)
+    pressure_u_hpa: float | None = Field(None, gt=0.0)
     sensors: tuple[str, ...] = Field((), strict=False)
     note: str = ""
 

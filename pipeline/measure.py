@@ -146,6 +146,8 @@ def provenance_of_capture(
     """Return the inputs and settings of a measurement from scans."""
     used = config.model_dump(exclude={"seed", *ISSUER})
     used |= {"target": capture.target.model_dump(), "length_unit": capture.length_unit}
+    if capture.targets:
+        used["targets"] = {name: one.model_dump() for name, one in capture.targets.items()}
     used |= capture.reading.stated()
     if capture.hints:
         used["hints"] = {name: hint.stated() for name, hint in capture.hints.items()}

@@ -20,10 +20,11 @@ from .forms.quantities import QUANTITIES
 from .line import characteristic
 from .reference import Reference, joint_effects
 from .scatter import (
+    deviation_with,
     difference_effects,
     mean_effects,
     rounding_covariance,
-    rounding_of_differences,
+    rounding_of_means,
 )
 
 CONFIDENCE, POWER = 0.95, 0.95
@@ -168,53 +169,26 @@ def planned_set(kind: str, plan: Plan, item: Item, reference: Reference) -> Plan
     ways = 2 if plan.directions else 1
     in_cell = plan.repeats * ways
     dof = float(count * plan.series * ways * (plan.repeats - 1))
-    rounding = _planned_rounding(kind, plan, item)
-    rest = deviation**2 / in_cell + rounding.between_levels
+    apart = (plan.value(kind, "hysteresis", item) or 0.0) if plan.directions else 0.0
+    whole = deviation_with(deviation, resolution, between if plan.series > 1 else 0.0)
+    own, shared = (
+        float(rounding_covariance(each, resolution, np.linspace(apart, 0.0, ways)).mean())
+        for each in (deviation, whole)
+    )
+    rest = deviation**2 / in_cell + max(0.0, own - shared)
     squares = None if plan.series == 1 else (count * between**2 + rest, rest)
     spread = np.full(count, 1.0 / (in_cell * plan.series))
-    readings = mean_effects(spread, deviation, dof, plan.series, squares, rounding.shared)
+    readings = mean_effects(spread, deviation, dof, plan.series, squares, shared)
     effects: list[Effect] = [*joint_effects(known), *readings]
     line = characteristic(points, known, np.zeros(count), effects)
     hysteresis = None
     if plan.directions and dof > 0.0:
-        differences = np.full(count, rounding.apart)
-        of_both = rounding.averaged * rounding_of_differences(differences, deviation, resolution)
+        differences = np.full(count, apart)
+        of_both = rounding_of_means(differences, deviation, whole, resolution, plan.series)
         difference = difference_effects(4.0 * spread, deviation, dof, of_both)
         hysteresis = estimate(0.0, np.full(count, 1.0 / count), difference)
     errors = tuple(estimate(0.0, row, effects) for row in np.eye(count))
     return PlannedSet(tuple(points), tuple(known), errors, line.zero, line.sensitivity, hysteresis)
-
-
-@dataclass(frozen=True)
-class PlannedRounding:
-    """Expected rounding of the planned readings: directions lie the planned hysteresis apart.
-
-    shared: variance that all levels share, of the mean over directions. between_levels: what
-    differs from one to the next, by the planned reproducibility. averaged: share of the rounding
-    of a difference of directions that the mean over levels leaves. apart: the hysteresis.
-    """
-
-    shared: float
-    between_levels: float
-    averaged: float
-    apart: float
-
-
-def _planned_rounding(kind: str, plan: Plan, item: Item) -> PlannedRounding:
-    deviation = plan.value(kind, "repeatability", item) or 0.0
-    between = plan.value(kind, "reproducibility", item) or 0.0
-    apart = (plan.value(kind, "hysteresis", item) or 0.0) if plan.directions else 0.0
-    step, ways = item.resolution(kind), np.array([0.0, apart])
-    one = float(rounding_covariance(deviation, step, ways).mean())
-    levels = rounding_covariance(deviation, step, np.zeros(plan.series), between)
-    whole = float(levels[0, 0])
-    averaged = float(levels.mean()) / whole if whole > 0.0 else 1.0
-    if plan.series == 1:
-        return PlannedRounding(one, 0.0, averaged, apart)
-    pairs = np.tile(ways, 2)
-    both = rounding_covariance(deviation, step, pairs, between)
-    shared = max(0.0, float(both[:2, 2:].mean()))
-    return PlannedRounding(shared, max(0.0, one - shared), averaged, apart)
 
 
 def detections(kind: str, plan: Plan, item: Item, set_: PlannedSet) -> list[Detection]:

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..uncertainty import Effect
+from ..uncertainty import Effect, quantile
 from ..vectors import Array
 
 REPEATABILITY, REPRODUCIBILITY, RESOLUTION = "repeatability", "reproducibility", "resolution"
 HARMONICS, BISECTIONS = 1000, 60
+LEVEL, NEGLIGIBLE = 0.95, 1e-6
 WHOLE, AT_ONCE = np.ones(1), np.zeros(1)
 
 
@@ -23,13 +24,11 @@ WHOLE, AT_ONCE = np.ones(1), np.zeros(1)
 class Scatter:
     """Errors of indication of P points, L levels, D directions, n readings each.
 
-    means: (P, L, D) mean error of each cell; shown: (L, D) mean reading of all points; counts:
-    (P, L, D) numbers of readings; squares: (P,) sums of squares about the cells' means, and dofs:
-    (P,) their degrees of freedom.
+    means: (P, L, D) mean error of each cell; counts: (P, L, D) numbers of readings; squares: (P,)
+    sums of squares about the cells' means, and dofs: (P,) their degrees of freedom.
     """
 
     means: Array
-    shown: Array
     counts: Array
     squares: Array
     dofs: Array
@@ -59,22 +58,69 @@ class Scatter:
         rest = cells - cells.mean(axis=1, keepdims=True) - of_levels + cells.mean()
         return common, float(np.sum(rest**2)) / ((points - 1) * (levels - 1))
 
+    @property
+    def variances(self) -> Array:
+        """Variance (P,) of a single reading over all levels, each direction about its mean.
+
+        The variance of the cells' means between levels, and of single readings in a cell what these
+        means do not hold already.
+        """
+        levels = self.means.shape[1]
+        within = self.squares / self.dofs.clip(min=1.0)
+        if levels == 1:
+            return np.asarray(within)
+        between = np.var(self.means.mean(axis=2), axis=1, ddof=1)
+        return np.asarray(between + within * (1.0 - levels * self._spread()))
+
     def effects(self, resolution: float) -> list[Effect]:
         """Return the effects of the readings on the P errors.
 
-        Levels and directions whose readings lie a part of a step apart are rounded differently.
-        What differs between levels is in their scatter already: of the rounding, only what they
-        share, their mean covariance, counts besides.
+        Directions whose readings lie a part of a step apart are rounded differently. What differs
+        between levels is in their scatter already; of the rounding, what they share counts besides:
+        that of readings which scatter as those of all levels do, since levels that lie tau apart
+        share B(0) of the variance sigma^2 + tau^2 (`rounding_covariance`).
         """
-        levels, ways = self.shown.shape
-        covariance = rounding_covariance(self.deviation, resolution, self.shown.ravel())
-        rounding = covariance.reshape(levels, ways, levels, ways).mean(axis=(1, 3))
-        dof, between = float(self.dofs.sum()), None
-        left = float(rounding[0, 0])
-        if levels > 1:
-            between = self.between_levels()
-            left = float(rounding.sum() - rounding.trace()) / (levels * (levels - 1))
-        return mean_effects(self._spread(), self.deviation, dof, levels, between, max(0.0, left))
+        levels = self.means.shape[1]
+        between = self.between_levels() if levels > 1 else None
+        dof, rounding = float(self.dofs.sum()), self._rounding(resolution)
+        return mean_effects(self._spread(), self.deviation, dof, levels, between, rounding)
+
+    def _rounding(self, resolution: float) -> float:
+        """Return the variance that the rounding of all readings leaves in each error.
+
+        It follows from the scatter and from the distance of the directions, which few points show:
+        of readings within a step, those near the edge of one scatter alone. The variance V(w, d)
+        of an error has the degrees of freedom nu = 2 V^2/((V_w u(w))^2 + (V_d u(d))^2) (JCGM 100,
+        G.4.2) by the means w of the points' variances and d of their directions' distances, u from
+        their spread; what is rounded takes Student's factor over the normal one.
+        """
+        points = len(self.variances)
+        by_point = np.column_stack([self.variances, self._distances()])
+        mean = by_point.mean(axis=0)
+        left = self._left(mean, resolution)
+        if points == 1 or not left > 0.0:
+            return left
+        spread = float(self._spread().mean())
+        total, square = spread * mean[0] + left, 0.0
+        for axis, u in zip(
+            np.eye(2), by_point.std(axis=0, ddof=1) / math.sqrt(points), strict=True
+        ):
+            high, low = mean + u * axis, (mean - u * axis).clip(min=(0.0, -math.inf))
+            rise = self._left(high, resolution) - self._left(low, resolution)
+            square += ((spread * (high - low)[0] + rise) / 2.0) ** 2
+        if square < NEGLIGIBLE * total**2:
+            return left
+        dof = max(1.0, 2.0 * total**2 / square)
+        return left * (quantile(0.5 + LEVEL / 2.0, dof) / quantile(0.5 + LEVEL / 2.0)) ** 2
+
+    def _distances(self) -> Array:
+        """Return the mean distance (P,) of two directions; 0 of one."""
+        return np.asarray((self.means[..., 0] - self.means[..., -1]).mean(axis=-1))
+
+    def _left(self, known: Array, resolution: float) -> float:
+        """Return the variance of the rounding in the mean of directions; known: w and d."""
+        ways = np.linspace(known[1], 0.0, self.means.shape[2])
+        return max(0.0, float(rounding_covariance(math.sqrt(known[0]), resolution, ways).mean()))
 
     def _spread(self) -> Array:
         """Return the variances (P,) of the means for readings of unit variance."""
@@ -87,20 +133,28 @@ class Scatter:
         differences = (self.means[:, :, 0] - self.means[:, :, 1]).mean(axis=1)
         spread = (1.0 / self.counts).sum(axis=(1, 2)) / levels**2
         dof = float(self.dofs.sum())
-        rounding = self._averaged(resolution) * rounding_of_differences(
-            differences, self.deviation, resolution
-        )
+        whole = math.sqrt(float(self.variances.mean()))
+        rounding = rounding_of_means(differences, self.deviation, whole, resolution, levels)
         return differences, difference_effects(spread, self.deviation, dof, rounding)
 
-    def _averaged(self, resolution: float) -> float:
-        """Return the share of the rounding that the mean over levels leaves, 1 of one level.
 
-        Levels rounded in opposite ways count as rounded independently: few points show by chance
-        that they are.
-        """
-        covariance = rounding_covariance(self.deviation, resolution, self.shown.mean(axis=1))
-        whole = float(covariance[0, 0])
-        return float(covariance.clip(min=0.0).mean()) / whole if whole > 0.0 else 1.0
+def rounding_of_means(
+    differences: Array, deviation: float, whole: float, step: float, levels: int
+) -> float:
+    """Return the variance of the rounding of P differences, each the mean of those of `levels`.
+
+    deviation: of the readings of one level, whole: of those of all, whose rounding levels share.
+    """
+    own, shared = (rounding_of_differences(differences, each, step) for each in (deviation, whole))
+    return shared + max(0.0, own - shared) / levels
+
+
+def deviation_with(deviation: float, step: float, between: float) -> float:
+    """Return the deviation of rounded readings whose levels differ by the deviation `between`."""
+    if step == 0.0:
+        return math.hypot(deviation, between)
+    variance = _variance_before((deviation / step) ** 2) + (between / step) ** 2
+    return step * math.sqrt(variance + 1.0 / 12.0 - _covariance(variance, 0.0))
 
 
 def rounding_of_differences(differences: Array, deviation: float, step: float) -> float:
@@ -176,9 +230,7 @@ def rounding_variance(
     return max(0.0, float(weights @ covariance @ weights))
 
 
-def rounding_covariance(
-    deviation: float, step: float, offsets: Array, uncertain: float = 0.0
-) -> Array:
+def rounding_covariance(deviation: float, step: float, offsets: Array) -> Array:
     """Return the covariance (C, C) that rounding to `step` leaves in C means of readings.
 
     step^2/12 for a single mean without scatter; less where the scatter sigma of the readings before
@@ -186,20 +238,16 @@ def rounding_covariance(
     rounding errors of two that lie d apart have the covariance B(d) = sum over k of
     step^2/(2 pi^2 k^2) cos(2 pi k d/step) exp(-(2 pi k sigma/step)^2). deviation: of the rounded
     readings, whose square is sigma^2 + step^2/12 - B(0) on average; nan where it is not known,
-    which counts as none. offsets: (C,) of the means; uncertain: standard deviation of each about
-    it, by which the expected covariance of two is that of readings that scatter more. Source:
-    Widrow and Kollar, Quantization Noise, Cambridge 2008, chapter 4.
+    which counts as none. offsets: (C,) of the means. Source: Widrow and Kollar, Quantization Noise,
+    Cambridge 2008, chapter 4.
     """
     count = len(offsets)
     if step == 0.0:
         return np.zeros((count, count))
     variance = _variance_before(0.0 if math.isnan(deviation) else (deviation / step) ** 2)
     apart = np.subtract.outer(offsets, offsets) / step % 1.0
-    between = variance + (uncertain / step) ** 2
-    rows = [[_covariance(between, part) for part in row] for row in apart.tolist()]
-    found = np.array(rows)
-    np.fill_diagonal(found, _covariance(variance, 0.0))
-    return step**2 * found
+    rows = [[_covariance(variance, part) for part in row] for row in apart.tolist()]
+    return step**2 * np.array(rows)
 
 
 def _variance_before(square: float) -> float:
@@ -238,4 +286,4 @@ def scatter_of(
     ]
     means = shown - np.asarray(references)[..., None]
     dofs = (counts - 1.0).sum(axis=(1, 2))
-    return Scatter(means, shown.mean(axis=0), counts, np.array(squares), dofs)
+    return Scatter(means, counts, np.array(squares), dofs)

@@ -65,7 +65,8 @@ class CaptureFile(Section):
     found. columns, pitch: what the scans do not say themselves, the names of a text's columns or
     the pitch of a matrix of heights. gravity: the way in which things fall, and floor: the normal
     of the floor, upwards, scan coordinates; u: standard uncertainties about each axis. hints: by
-    the name of a scan, or of a cloud's wheel, in its coordinates and unit.
+    the name of a scan, or of a cloud's wheel, in its coordinates and unit. targets: by the name of
+    a scan, where not all show the same.
     """
 
     vehicle: str | None = None
@@ -75,6 +76,7 @@ class CaptureFile(Section):
     columns: tuple[str, ...] | None = Field(None, strict=False)
     pitch: tuple[float, float] | None = Field(None, strict=False)
     target: object = None
+    targets: dict[str, object] = Field(default_factory=dict)
     scanner: str | None = None
     reference: dict[str, str] | None = None
     trial: tuple[DeclaredTrial, ...] = Field((), strict=False)
@@ -107,8 +109,14 @@ def files_of(declared: CaptureFile) -> list[str]:
         *declared.runout,
     )
     scans = [declared.cloud, *(declared.reference or {}).values(), *(scan.file for scan in more)]
-    named = [n for n in (declared.target, declared.scanner) if str(n).endswith(".toml")]
+    named = [n for n in named_files(declared) if n.endswith(".toml")]
     return [name for name in (*scans, *named) if isinstance(name, str)]
+
+
+def named_files(declared: CaptureFile) -> list[str]:
+    """Return the names by which a capture declares targets and scanner; a table has none."""
+    named = (declared.target, *declared.targets.values(), declared.scanner)
+    return [name for name in named if isinstance(name, str)]
 
 
 def find_capture_file(folder: Path) -> Path | None:

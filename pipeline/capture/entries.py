@@ -11,7 +11,13 @@ from pathlib import Path
 from ..errors import InputError
 from ..files import ARCHIVE_SUFFIXES, lies_in
 from ..vehicle import REFERENCE_WHEELS
-from .declaration import CaptureFile, DeclaredRunout, DeclaredSweep, DeclaredTrial
+from .declaration import (
+    CaptureFile,
+    DeclaredRunout,
+    DeclaredSweep,
+    DeclaredTrial,
+    named_files,
+)
 from .entry import ScanEntry, Turn
 from .file_names import check_plain, only_cloud
 from .folder import check_path
@@ -38,8 +44,7 @@ def scans_of(
     entries += [_of_trial(trial, trials, where) for trial in declared.trial]
     entries += _of_sweeps(declared.sweep, where) + _of_runouts(declared.runout, where)
     _check_names(entries, where)
-    named = [name for name in (declared.target, declared.scanner) if isinstance(name, str)]
-    for file in (*(entry.file for entry in entries), *named):
+    for file in (*(entry.file for entry in entries), *named_files(declared)):
         check_inside(folder if packed else within, folder / file, file, where)
         if packed:
             _check_unpacked(file, where)

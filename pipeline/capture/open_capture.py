@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..errors import ConfigError, InputError
+from ..errors import InputError
 from ..readers import AS_THE_FILE_SAYS, ReadOptions
-from ..targets import Target, load_target, parse_target, scaled, size_of
-from ..units import LengthUnit, in_metres
+from ..targets import Target, TargetChoice
+from ..units import LengthUnit
 from ..vehicle import REFERENCE_WHEELS
 from .declaration import (
     CaptureFile,
@@ -26,6 +26,7 @@ from .file_names import by_file_names, filled_by_names
 from .folder import capture_folder
 from .front import Front
 from .hints import Hint, hints_of
+from .mounted import targets_of
 from .vertical import StatedVertical, stated_verticals
 
 
@@ -33,6 +34,7 @@ from .vertical import StatedVertical, stated_verticals
 class Capture:
     """A capture, ready to be read: entries are RR, RL, FR, FL, the trials, sweeps, run-outs.
 
+    targets: by the names of scans whose target is not the common one.
     cloud: instead of entries, the one scan that shows all wheels, with its `front`, if given, and
     the method that finds `up`. date: in ISO 8601, if declared. vehicle_model: if declared. reading:
     what the scans do not say. verticals: the floor's normal and gravity, as far as they are stated.
@@ -57,6 +59,11 @@ class Capture:
     hints: Mapping[str, Hint] = field(default_factory=dict)
     folder: Path = Path()
     within: Path | None = None
+    targets: Mapping[str, Target] = field(default_factory=dict)
+
+    def target_of(self, entry: ScanEntry) -> Target:
+        """Return the target that a scan shows."""
+        return self.targets.get(entry.name, self.target)
 
     @property
     def steps(self) -> int:
@@ -105,11 +112,11 @@ class _Opened:
 @contextmanager
 def open_capture(
     source: Path,
-    target: str | Target | None = None,
+    target: str | Target | TargetChoice | None = None,
     options: CaptureOptions = NO_OPTIONS,
     within: Path | None = None,
 ) -> Iterator[Capture]:
-    """Open the capture at `source`; `target`, or its name, overrides the capture's own.
+    """Open the capture at `source`; `target`, or its name, overrides the capture's own ones.
 
     An archive is unpacked into a temporary folder, which is deleted with the context. within:
     folder that the capture and all files that it names must lie in, such as that of a batch.
@@ -118,11 +125,12 @@ def open_capture(
     with _opened(source, options.length_unit, within) as found:
         declared = found.declared
         whole = declared.reference is None
+        common, own = targets_of(declared, target, found.scans, found.folder, found.where)
         yield Capture(
             source=str(source),
             vehicle=declared.vehicle,
             length_unit=declared.length_unit,
-            target=target_of(declared, target, found.folder, found.where),
+            target=common,
             scanner=_in_folder(declared.scanner, found.folder),
             entries=() if whole else found.scans,
             cloud=found.scans[0] if whole else None,
@@ -137,6 +145,7 @@ def open_capture(
             ),
             folder=found.folder,
             within=found.within,
+            targets=own,
         )
 
 
@@ -206,47 +215,3 @@ def _front(found: _Opened, options: CaptureOptions, source: Path) -> Front | Non
 def _in_folder(name: str | None, folder: Path) -> str | None:
     """Return a configuration's name unchanged, and a file's as a path in the capture's folder."""
     return str(folder / name) if name is not None and name.endswith(".toml") else name
-
-
-TARGET_SIZES_M = (0.03, 1.5)  # no wheel target is smaller or larger
-
-
-def target_of(
-    declared: CaptureFile, named: str | Target | None, folder: Path, where: str
-) -> Target:
-    """Return the target `named`, else the one declared. Raises ConfigError or InputError."""
-    if named is not None:
-        return load_target(named) if isinstance(named, str) else named
-    own = declared.target
-    if own is None:
-        raise InputError(
-            f"{where}: no target is named: add --target, for example --target disc-250"
-        )
-    if isinstance(own, dict):
-        return parse_target(_in_metres(own, declared.length_unit, where), f"{where}: [target]")
-    if not isinstance(own, str):
-        raise ConfigError(f"{where}: target is {own!r}: name one, or write a table [target]")
-    try:
-        return load_target(str(folder / own) if own.endswith(".toml") else own)
-    except ConfigError as error:
-        raise ConfigError(f"{where}: {str(error).removeprefix(f'{folder}/')}") from error
-
-
-def _in_metres(table: dict[str, object], unit: str, where: str) -> dict[str, object]:
-    """Convert the sizes of [target] to metres, from metres or the capture's unit.
-
-    Only one of the two gives a size that a target can have: in a capture in mm, 0.25 is 0.25 m and
-    250 is 250 mm.
-    """
-    known = size_of(table)
-    if unit == "m" or known is None:
-        return table
-    key, size = known
-    low, high = TARGET_SIZES_M
-    scales = [s for s in (1.0, in_metres(1.0, unit)) if low <= size * s <= high]
-    if len(scales) != 1:
-        raise InputError(
-            f"{where}: [target] {key} {size:g} may be in m or in {unit}: "
-            "give --target with a file of the target, which is in metres"
-        )
-    return scaled(table, scales[0])

@@ -1,17 +1,24 @@
 """Centre of a target in its plane, from its edges and from its print."""
 
 from .combine import CentreMethod
-from .in_plane_rotation import RotationMark
+from .in_plane_rotation import InPlaneRotation, RotationMark
 from .locate_centre import OtherCentre, TargetFit, locate_centre
+from .on_wheel import MOST_M, lies_on_wheel, on_wheel, unlike_wheels, with_unstated
 from .outline_fit import fit_edge_points
 from .pattern.detect import marker_modules
 
 __all__ = [
+    "MOST_M",
     "CentreMethod",
+    "InPlaneRotation",
     "OtherCentre",
     "RotationMark",
     "TargetFit",
     "fit_edge_points",
+    "lies_on_wheel",
     "locate_centre",
     "marker_modules",
+    "on_wheel",
+    "unlike_wheels",
+    "with_unstated",
 ]

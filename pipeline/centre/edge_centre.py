@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..targets import Holes, Outline
 from ..vectors import Array
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
-from .edge.fit_edge import Behind, EdgeFit, aimed, fit_edge, look_behind
+from .edge.fit_edge import Aim, Behind, EdgeFit, aimed, fit_edge, look_behind
 from .in_plane_rotation import PlaneRotation
 from .outline_fit import OutlineFit, check_outline, fit_outline, place_circle
 from .target_view import TargetView
@@ -104,18 +104,17 @@ def _by_edge(
     near = view.near(outline, start)
     face = _on_target(view, near)
     known = beside.edge_fit if beside else None
-    state = known.state if known else _aimed(view, near, outline, start)
+    aim = None if known else _aimed(view, near, outline, start)
     edge_fit = (
-        None
-        if beside and not known
-        else _by_mixed_pixels(view, outline, start, near, known or state)
+        None if beside and not known else _by_mixed_pixels(view, outline, start, near, known or aim)
     )
     model = None if edge_fit is None else _model_variance(edge_fit, face, outline, view)
     if edge_fit is not None and model is not None and _is_lost(edge_fit, model):
         edge_fit = None
     if edge_fit is None or model is None:
         fitted = fit_outline(face, outline, start)
-        behind = look_behind(near, outline, config, start, state)
+        begun = known or aim
+        behind = look_behind(near, outline, config, start, begun.state if begun else None)
         grazing_m = _grazing(behind, config)
         edge_m = UNEXPLAINED_EDGE_M if behind.seen and behind.beam is None else OUTLINE_EDGE_M
         edge_m = max(edge_m, _rows_m(view, outline))
@@ -187,7 +186,7 @@ def _is_lost(edge_fit: EdgeFit, model_m2: float) -> bool:
 
 def _aimed(
     view: TargetView, near: Array, outline: Outline, start: tuple[Array, float]
-) -> Array | None:
+) -> Aim | None:
     return aimed(near, outline, view.target.thickness, view.config, start, view.station)
 
 
@@ -196,7 +195,7 @@ def _by_mixed_pixels(
     outline: Outline,
     start: tuple[Array, float],
     near: Array,
-    begin: EdgeFit | Array | None,
+    begin: EdgeFit | Aim | None,
 ) -> EdgeFit | None:
     """Fit an edge to its mixed pixels; where the beams are steep, again with points farther aside.
 
@@ -214,7 +213,8 @@ def _by_mixed_pixels(
         return edge_fit
     near = view.near(outline, start, STEEPEST)
     if not isinstance(begin, EdgeFit):
-        begin = _aimed(view, near, outline, start) if edge_fit is None else edge_fit.state
+        first = replace(begin, state=edge_fit.state) if begin and edge_fit else None
+        begin = first or _aimed(view, near, outline, start)
     found = None if begin is None else fit(near, begin=begin)
     return found or edge_fit
 

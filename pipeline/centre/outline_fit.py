@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from ..errors import NotMeasuredError
 from ..targets import Outline, sector
@@ -17,6 +18,7 @@ MAX_BEYOND, MAX_SHORT = 0.3, 0.2  # shares of the visible edge on which the targ
 BEYOND_M, SHORT_M = 0.0015, 0.003  # how far points may reach over the outline, or stop short of it
 MIN_DIRECTIONS = 0.02  # least information on one axis, of that on the other
 LEAST_ON_CIRCLE, FEW_OUTSIDE = 0.4, 0.1  # of the extreme points, on the circle; beyond it
+STRAYS = 400  # points of a sector, of which one may lie anywhere
 STEP_M = 1e-9
 MAX_STEPS, MAX_LOOKS = 60, 20
 
@@ -103,8 +105,7 @@ def check_outline(
     stop short of it. Raises NotMeasuredError 'wrong-outline'.
     """
     closest = outline.closest(turned(face - centre, -rotation_rad))
-    outermost = np.full(SECTORS, -np.inf)
-    np.maximum.at(outermost, sector(closest.share, SECTORS), closest.x_m)
+    outermost = _ends(closest.x_m, sector(closest.share, SECTORS))
     visible = outermost > -0.08 * outline.size_m
     if np.count_nonzero(visible) < SECTORS // 4:
         return False
@@ -124,6 +125,21 @@ def check_outline(
             f"{outline.description} on {np.mean(short):.0%} of it: check its sizes",
         )
     return True
+
+
+def _ends(x_m: Array, part: npt.NDArray[np.int64]) -> Array:
+    """Return how far out the points x_m (N,) of each sector reach (SECTORS,); -inf without any.
+
+    But for one in STRAYS: of millions of points, some that belong to nothing lie in the plane.
+    """
+    order = np.argsort(part.astype(np.uint8), kind="stable")
+    starts = np.searchsorted(part[order], np.arange(1, SECTORS))
+    ends = np.full(SECTORS, -np.inf)
+    for k, rows in enumerate(np.split(order, starts)):
+        if len(rows):
+            last = len(rows) - 1 - len(rows) // STRAYS
+            ends[k] = np.partition(x_m[rows], last)[last]
+    return ends
 
 
 def _outermost(

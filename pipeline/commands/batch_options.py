@@ -13,7 +13,7 @@ import click
 from ..config import load_config, with_scanner
 from ..errors import InputError
 from ..system import check_temporary_folder
-from ..targets import load_target
+from ..targets import read_targets
 from .limits import size_in_bytes
 from .options import (
     added,
@@ -106,7 +106,7 @@ def read_settings(options: dict[str, Any]) -> BatchSettings:
     return BatchSettings(
         config=with_scanner(load_config(options["config"]), scanner),
         scanner=scanner,
-        target=None if target is None else load_target(target),
+        target=None if target is None else read_targets(target),
         options=replace(overrides, of_clouds=True),
         vertical=options["vertical"],
         coordinates=options["coordinates"],

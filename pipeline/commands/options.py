@@ -69,7 +69,8 @@ def added(options: Sequence[Command], command: Command) -> Command:
 target_option = click.option(
     "--target",
     metavar="NAME|FILE",
-    help="Target on the wheels, by name (see `targets`) or file (TOML), such as disc-250.",
+    help="Target on the wheels, by name (see `targets`) or file (TOML), such as disc-250; "
+    "disc-250,FR=wheel,FL=wheel where single wheels have another.",
 )
 scanner_option = click.option(
     "--scanner",

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 
@@ -34,12 +34,14 @@ from ..batch.results.query import (
     failures,
     known_quantity,
     quantities_of,
+    verticals,
     wheels_of,
 )
 from ..batch.results.sql import ask
 from ..batch.storage.store import open_store
 from ..config import load_config
 from ..errors import InputError
+from ..measurement import VerticalKind
 from ..report.format.report_options import ReportOptions
 from ..report.format.view import AngleStyle, DigitStyle, View
 from ..report.format.writer import Writer
@@ -112,6 +114,11 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     metavar="QUANTITY MIN..MAX",
     help="Quantity ('RR toe', '1 camber', wheelbase ...) and its range, in degrees or metres; "
     "either end may be left out. May be repeated.",
+)
+@click.option(
+    "--vertical",
+    type=click.Choice(get_args(VerticalKind)),
+    help="Vertical from which the captures' cambers were measured.",
 )
 @click.option("--summary", is_flag=True, help="Print statistics of each quantity.")
 @click.option("--drift", is_flag=True, help="Print the slope over time of each quantity.")
@@ -186,6 +193,7 @@ def results(
     status: tuple[str, ...],
     gone: bool | None,
     spans: tuple[tuple[str, str], ...],
+    vertical: str | None,
     summary: bool,
     drift: bool,
     serial: str | None,
@@ -231,6 +239,7 @@ def results(
         status,
         tuple(_range(*span) for span in spans),
         gone,
+        vertical,
     )
     query = Query(which, quantities or None, View(angles=angles, digits=digits), limit, as_json)
     files = {"csv": csv_file, "xlsx": xlsx_file, "parquet": parquet_file}
@@ -263,6 +272,7 @@ def results(
                 click.echo()
             _list(catalogue, query, mode, worst or 0)
         _warn_undated(catalogue, which)
+        _warn_of_verticals(catalogue, which)
         return int(set(listing.by_status(catalogue, which)) - {"ok"} != set())
 
 
@@ -415,6 +425,14 @@ def _report(
             write_whole(path, content)
             click.echo(f"wrote {path}", err=True)
     return True
+
+
+def _warn_of_verticals(catalogue: Catalogue, which: Filter) -> None:
+    """Note captures whose cambers are from unlike verticals, which are not to be compared."""
+    found = verticals(catalogue, which)
+    if len(found) > 1:
+        each = ", ".join(f"{number:,} from {vertical}" for vertical, number in found.items())
+        click.echo(f"cambers are from unlike verticals ({each}): choose by --vertical", err=True)
 
 
 def _warn_undated(catalogue: Catalogue, which: Filter) -> None:

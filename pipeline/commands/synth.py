@@ -11,6 +11,7 @@ import click
 
 from ..config import config_file
 from ..errors import InputError, MissingDependencyError
+from ..targets import names_of_targets
 from .progress import TerminalProgress
 
 
@@ -42,7 +43,8 @@ from .progress import TerminalProgress
     default="disc-250",
     show_default=True,
     metavar="NAME|FILE",
-    help="Target on the wheels, by name or file (TOML).",
+    help="Target on the wheels, by name or file (TOML); wheel,RR=disc-250 where single wheels have "
+    "another than the bare ones.",
 )
 @click.option(
     "--machine",
@@ -113,6 +115,10 @@ def synth(
             "--machine with --whole: it reads trials, which are scans of single wheels: leave one "
             "of them out"
         )
+    if names_of_targets(target)[1]:
+        raise click.UsageError(
+            "--target of single wheels with --whole: leave --whole out, or give all one target"
+        )
     files = (vehicle, scanner, target)
     settings = {"form": whole, "points": None if points is None else round(points)}
     made = _make(
@@ -163,7 +169,16 @@ def _make(
     files: names of vehicle, scanner and target.
     """
     errors = importlib.import_module("wheelplane_synth.errors")
-    vehicle, scanner, target = files
+    vehicle, scanner, named = files
+    target, own = names_of_targets(named)
+    if target is None:
+        raise InputError(
+            f"--target {named}: put a target of all other wheels before: wheel,{named}"
+        )
+    if own:
+        settings = settings | {
+            "targets": {wheel: config_file("targets", name) for wheel, name in own.items()}
+        }
     try:
         with TerminalProgress(4 + settings.get("trials", 0), "scanned") as progress:
             return writer()(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Literal
 
 import click
 
@@ -21,10 +22,12 @@ from ..validation import (
     ComparisonStudy,
     Estimator,
     FivePointOptions,
+    Mountings,
     Request,
     is_archive_of_captures,
     validate_archive,
     validate_capture,
+    validate_mountings,
 )
 from .options import (
     capture_options,
@@ -62,6 +65,12 @@ BESIDE = Path("five-point.txt")  # in each capture of an archive
     is_flag=True,
     help="Compare with truth.json of a synthetic capture; with --five-point, compare the five "
     "points with it.",
+)
+@click.option(
+    "--against",
+    type=click.Choice(["wheel"]),
+    help="Compare each target with the wheel that it is mounted on, in the same scan: how it is "
+    "mounted.",
 )
 @click.option(
     "--blocks",
@@ -117,6 +126,7 @@ def validate(
     file: Path | None,
     virtual: bool,
     truth: bool,
+    against: Literal["wheel"] | None,
     blocks: str | None,
     length_unit: LengthUnit,
     coordinates: Coordinates,
@@ -143,6 +153,8 @@ def validate(
 ) -> int:
     """Compare the angles of CAPTURE with those of a trusted method.
 
+    --against wheel compares each target with the wheel behind it instead: how it is mounted.
+
     CAPTURE is one capture, or a folder of many. Exits with 0 if both methods agree; with 1 if they
     disagree, if the comparison cannot tell, or if a part could not be compared.
     """
@@ -163,15 +175,15 @@ def validate(
         raise InputError("--pdf without -o DIR: name the folder that validation.pdf goes to")
     many = is_archive_of_captures(capture)
     request = Request(
-        against=_against(file, virtual, truth, many),
-        file=_file(file, virtual, truth, many),
+        against=_against(file, virtual, truth, against, many),
+        file=_file(file, virtual or against == "wheel", truth, many),
         points=points,
         radius_m=radius / 1e3 if radius is not None and virtual else None,
         to_detect_rad=None if detectable is None else math.radians(detectable),
     )
     overrides = capture_options(front, front_point, up)
     _check_used(request, overrides, many)
-    found: Comparison | ComparisonStudy
+    found: Comparison | ComparisonStudy | Mountings
     if many:
         with TerminalProgress(sum(1 for _ in capture.iterdir()), "comparing") as progress:
             found = validate_archive(capture, target, settings, scanner, request, progress)
@@ -187,7 +199,8 @@ def validate(
         click.echo(validation_report(found, options.view), nl=False)
         for path in written:
             click.echo(f"wrote {path}")
-    return 0 if complete and found.verdict == "agree" else 1
+    agrees = isinstance(found, Mountings) or found.verdict == "agree"
+    return 0 if complete and agrees else 1
 
 
 def _one(
@@ -197,20 +210,34 @@ def _one(
     settings: Config,
     scanner: str | None,
     request: Request,
-) -> Comparison:
+) -> Comparison | Mountings:
     with (
         open_capture(source, target, overrides) as opened,
         TerminalProgress(opened.steps) as progress,
     ):
         settings = with_scanner(settings, scanner or opened.scanner)
+        if request.against == "wheel":
+            return validate_mountings(opened, settings, progress)
         return validate_capture(opened, settings, request, progress)
 
 
-def _against(file: Path | None, virtual: bool, truth: bool, many: bool) -> Against:
+def _against(
+    file: Path | None, virtual: bool, truth: bool, wheel: Literal["wheel"] | None, many: bool
+) -> Against:
+    if wheel and (virtual or truth or file is not None):
+        raise InputError(
+            "--against wheel with --virtual, --truth or --five-point: compare with one at a time"
+        )
+    if wheel and many:
+        raise InputError("--against wheel with a folder of captures: give one of them")
     if virtual and (truth or file is not None):
         raise InputError("--virtual with --truth or --five-point: compare with one at a time")
+    if wheel:
+        return wheel
     if not (virtual or truth or file or many):
-        raise InputError("nothing to compare with: add --five-point FILE, --virtual or --truth")
+        raise InputError(
+            "nothing to compare with: add --five-point FILE, --virtual, --truth or --against wheel"
+        )
     if truth:
         return "truth"
     return "virtual" if virtual else "five-point"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 from urllib.parse import quote
 
@@ -31,6 +32,13 @@ from .options import config_option
     metavar="DIR",
     help="Folder with your own files in targets, scanners and tolerances, which the page offers by "
     "name, and settings.toml, which is used as with --config.",
+)
+@click.option(
+    "--results",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Folder that keeps what the page measures, with points and address, for the next start; "
+    "made where it is missing. Without it, results end with the program.",
 )
 @click.option(
     "--port",
@@ -71,6 +79,7 @@ def view(
     folders: tuple[Path, ...],
     config: Path | None,
     own: Path | None,
+    results: Path | None,
     port: int,
     host: str,
     socket: Path | None,
@@ -82,10 +91,10 @@ def view(
     """Open a page in the browser: load a capture or a five-point file, see its angles, save a
     report.
 
-    SOURCE, a capture, a five-point file or a folder of results, is opened at once. The page is
-    served to this machine only, to browsers that open the printed address with its token, and
-    shows only files that are dropped on it or lie in the allowed folders; SOURCE itself, or the
-    folder of a file, is one of them.
+    SOURCE, a capture, a five-point file, a measurement.json or a folder of results, is opened at
+    once. The page is served to this machine only, to browsers that open the printed address with
+    its token, and shows only files that are dropped on it or lie in the allowed folders; SOURCE
+    itself, or the folder of a file, is one of them.
     """
     from ..web.server import serve
 
@@ -97,6 +106,8 @@ def view(
     config = config or settings_of(own)
     load_config(config)  # a fault of it is reported before the page opens
     check_own(own)
+    if results is not None:
+        make_results(results)
     allowed, start_at = opened(source, folders) if source else (folders or (Path.cwd(),), "")
     settings = PageSettings(
         folders=allowed,
@@ -106,10 +117,22 @@ def view(
         memory_bytes=int(memory_limit * GIB),
         config=None if config is None else config.resolve(),
         own=None if own is None else own.resolve(),
+        results=None if results is None else results.resolve(),
     )
     endpoint = Endpoint(host, port, socket)
     serve(settings, endpoint, start_at, not no_browser, click.echo)
     return 0
+
+
+def make_results(folder: Path) -> None:
+    """Make the folder of results where it is missing. Raises InputError if it cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        fact = error.strerror or str(error)
+        raise InputError(f"--results {folder}: cannot be written ({fact}): give another") from error
 
 
 SETTINGS = "settings.toml"

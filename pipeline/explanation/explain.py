@@ -25,7 +25,7 @@ from ..targets import Target, WheelTarget
 from ..vectors import Array
 from ..wheel import find_patch
 from .explain_cloud import SAMPLE, explain_cloud
-from .records import NO_POINTS, ExplainedCandidate, ExplainedScan, Explanation, Standing
+from .records import NO_POINTS, ExplainedCandidate, ExplainedScan, Explanation, Finding, Standing
 from .verdicts import MOST_SHOWN, apart
 
 
@@ -40,13 +40,14 @@ def explain_capture(
         for entry in capture.entries:
             progress(entry.file)
             scans.append(_explain_scan(entry, capture, config))
-    described = capture.target.description
+    shown = [capture.target_of(entry) for entry in capture.entries] or [capture.target]
+    described = ", ".join(dict.fromkeys(target.description for target in shown))
     return Explanation(capture.source, described, capture.length_unit, tuple(scans))
 
 
 def _explain_scan(entry: ScanEntry, capture: Capture, config: Config) -> ExplainedScan:
     """Explain the scan of one wheel."""
-    source, target = f"{capture.source}: {entry.file}", capture.target
+    source, target = f"{capture.source}: {entry.file}", capture.target_of(entry)
     found = ExplainedScan(entry.name, entry.role, entry.file, "ok", "", 0, NO_POINTS, target.region)
     try:
         scan = entry.read(capture.length_unit, source, capture.reading)
@@ -134,18 +135,21 @@ def _judged(
     judged: list[ExplainedCandidate] = []
     for number, one in enumerate(candidates[:MOST_SHOWN], 1):
         best = candidates[0]
-        away = f"{float(np.linalg.norm(one.centre_m - best.centre_m)) * 1e3:.0f} mm from the best"
+        apart_m = float(np.linalg.norm(one.centre_m - best.centre_m))
+        standing: Standing = "refused"
+        finding: Finding
         if number == 1 and is_chosen and status == "ok":
-            judged.append(ExplainedCandidate(number, one, "chosen", "chosen by the operator"))
+            standing, finding = "chosen", "chosen_by_hand"
         elif one.match < config.min_match:
-            short = f"match below {config.min_match:.2f}: it lacks the target's outline"
-            judged.append(ExplainedCandidate(number, one, "refused", short))
+            finding = "no_outline"
         elif number == 1:
-            standing: Standing = "rival" if status == "ambiguous-target" else "chosen"
-            judged.append(ExplainedCandidate(number, one, standing, "it has the target's outline"))
+            standing, finding = "rival" if status == "ambiguous-target" else "chosen", "outline"
         elif not is_chosen and rivals(best, one, target, config):
-            verdict = f"it has the target's outline as well, {away}"
-            judged.append(ExplainedCandidate(number, one, "rival", verdict))
+            standing, finding = "rival", "outline_too"
         else:
-            judged.append(ExplainedCandidate(number, one, "refused", f"a worse match, {away}"))
+            finding = "worse"
+        least = config.min_match
+        judged.append(
+            ExplainedCandidate(number, one, standing, finding, least_match=least, apart_m=apart_m)
+        )
     return tuple(judged)

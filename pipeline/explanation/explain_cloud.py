@@ -65,10 +65,9 @@ def _judged(
     """Return a candidate with the wheel whose target it is, or why it is none."""
     for wheel, centre_m in wheels.items():
         if float(np.linalg.norm(one.centre_m - centre_m)) < radius_m:
-            return ExplainedCandidate(number, one, "chosen", f"the target of {wheel}", wheel)
+            return ExplainedCandidate(number, one, "chosen", "of_wheel", wheel)
     if one.match < least_match:
-        short = f"match below {least_match:.2f}: it lacks the target's outline"
-        return ExplainedCandidate(number, one, "refused", short)
+        return ExplainedCandidate(number, one, "refused", "no_outline", least_match=least_match)
     if wheels:
-        return ExplainedCandidate(number, one, "refused", "like the target, but at no wheel")
-    return ExplainedCandidate(number, one, "rival", "it has the target's outline")
+        return ExplainedCandidate(number, one, "refused", "at_no_wheel")
+    return ExplainedCandidate(number, one, "rival", "outline")

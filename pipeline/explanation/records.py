@@ -13,21 +13,27 @@ from ..targets import Region
 from ..vectors import Array
 
 Standing = Literal["chosen", "rival", "refused"]
+Finding = Literal[
+    "chosen_by_hand", "no_outline", "outline", "outline_too", "worse", "of_wheel", "at_no_wheel"
+]
 
 
 @dataclass(frozen=True)
 class ExplainedCandidate:
     """A plane that may be the target, with the verdict on it.
 
-    number: from 1, best match first. verdict: why it was taken or refused, a sentence. wheel: in a
+    number: from 1, best match first. finding: why it was taken or refused. least_match: that it
+    lacks; apart_m: its distance from the best one; where the finding is of these. wheel: in a
     cloud, the wheel that it was named, or ''.
     """
 
     number: int
     candidate: Candidate
     standing: Standing
-    verdict: str
+    finding: Finding
     wheel: str = ""
+    least_match: float = 0.0
+    apart_m: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from ..measurement import VerticalKind
 from ..units import LengthUnit
 from ..vehicle import REFERENCE_WHEELS
 from .alignment import Alignment
-from .scans import Settings, TargetName, as_config, as_scan, as_target, is_path
+from .scans import Settings, TargetName, as_config, as_scan, as_targets, is_path
 
 SOURCE = "points in memory"
 
@@ -36,9 +36,10 @@ def measure(
     scans: a mapping of RR, RL, FR, FL, and any trials by name, to scans: arrays (N, 3), clouds of
     Open3D or trimesh, or paths; or the path of a capture, an open Capture, or a five-point file
     that was read. Arrays are not changed. target: name, file or table (metres) of the target on
-    each wheel; a capture may state it. length_unit: of all coordinates, "m" by default. scanner:
-    name or file of the scanner's uncertainties. config: settings, or their file. vertical: from
-    which camber is measured. vehicle: its name in reports. progress: called with each scan's name.
+    each wheel, "disc-250,FL=wheel" where a wheel has another; a capture may state it. length_unit:
+    of all coordinates, "m" by default. scanner: name or file of the scanner's uncertainties.
+    config: settings, or their file. vertical: from which camber is measured. vehicle: its name in
+    reports. progress: called with each scan's name.
 
     Raises InputError or ConfigError, one line that says what to do. A trial that cannot be measured
     stays in the result with its status.
@@ -50,7 +51,7 @@ def measure(
         return Alignment(measure_five_point(scans))
     if is_path(scans):
         path = Path(cast("str | os.PathLike[str]", scans))
-        named = None if target is None else as_target(target)
+        named = None if target is None else as_targets(target)
         with open_capture(path, named, CaptureOptions(length_unit)) as opened:
             return _measured(opened, scanner, config, vertical, progress)
     if isinstance(scans, Mapping):
@@ -87,7 +88,13 @@ def _capture(
         raise InputError('no target is named: add target, for example target="disc-250"')
     names = [*REFERENCE_WHEELS, *(name for name in scans if name not in REFERENCE_WHEELS)]
     entries = tuple(_entry(str(name), scans[name], length_unit) for name in names)
-    return Capture(SOURCE, vehicle, length_unit, as_target(target), None, entries)
+    choice = as_targets(target)
+    if choice.common is None:
+        raise InputError(
+            f"target {target!r}: name that of all other scans first: disc-250,{target}"
+        )
+    of_all = (SOURCE, vehicle, length_unit, choice.common, None, entries)
+    return Capture(*of_all, targets=choice.of)
 
 
 def _entry(name: str, points: object, length_unit: LengthUnit) -> ScanEntry:

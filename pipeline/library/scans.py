@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..config import Config, load_config, with_scanner
 from ..readers import Scan, read_scan, scan_of_points
-from ..targets import Target, load_target, parse_target
+from ..targets import Target, TargetChoice, load_target, parse_target, read_targets
 from ..units import LengthUnit
 
 TargetName = str | Mapping[str, object] | Target
@@ -36,6 +36,11 @@ def as_target(target: TargetName) -> Target:
     if isinstance(target, Mapping):
         return parse_target(dict(target), "target")
     return target
+
+
+def as_targets(target: TargetName) -> TargetChoice:
+    """Return the target of all scans and those of single wheels, as `--target` names them."""
+    return read_targets(target) if isinstance(target, str) else TargetChoice(as_target(target))
 
 
 def as_config(config: Settings, scanner: str | None) -> Config:

@@ -44,7 +44,7 @@ from .records import (
 )
 from .repeatability import OF_PLATE, PooledAngle, Repeats, pool_repeats
 from .residual_map import CELLS, SIGMAS, FormMap, ResidualMap, map_about, residual_map, smoothed
-from .tolerance import BY_MODEL, load_tolerance, tolerance_for
+from .tolerance import BY_MODEL, load_tolerance, tolerance_for, tolerance_of
 from .turn_curve import toe_out_at
 
 __all__ = [
@@ -116,6 +116,7 @@ __all__ = [
     "steering_quantity",
     "toe_out_at",
     "tolerance_for",
+    "tolerance_of",
     "turned_quantity",
     "vertical_tilts",
     "weighted_sum",

@@ -5,10 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
+from ..centre import MOST_M, lies_on_wheel, unlike_wheels
 from ..config import InstrumentConfig
 from ..targets import PatternTarget, Target, WheelTarget
+from ..vehicle import build_reference_frame
 from .estimates import vertical_tilts
-from .records import Estimate, Measurement, VerticalKind
+from .records import Estimate, Measurement, VerticalKind, WheelResult
+
+SHOWN_M = 0.05  # stand-off by which the effect of unlike targets is shown
 
 # Terms of [instrument] by their names in the notes.
 RANGE = {
@@ -30,11 +36,15 @@ STATION = {"pointing": "pointing_urad", "registration": "registration_m"}
 def notes_of_assumptions(
     measurement: Measurement, target: Target, instrument: InstrumentConfig
 ) -> tuple[str, ...]:
-    """Return what a reader of the first page has to know of axles, mounting and stated errors."""
+    """Return what a reader of the first page has to know of axles, mounting and stated errors.
+
+    target: of the scans whose own is not known.
+    """
     return (
         *_notes_of_verticals(measurement),
         *_note_of_axles(measurement),
         *_note_of_bare_wheels(measurement, target),
+        *_note_of_centres(measurement),
         *_note_of_mounting(measurement, target),
         *_note_of_zeros(measurement, target, instrument),
     )
@@ -84,8 +94,14 @@ def _note_of_mounting(measurement: Measurement, target: Target) -> Iterator[str]
     shown = {"reference": "the wheels", "trial": "the trials"}
     for role, scatter in (("reference", measurement.plates is not None), ("trial", False)):
         of_role = [w for w in measurement.wheels if w.observation.role == role and w.pose]
-        mounted = [wheel.observation.name for wheel in of_role if not wheel.compensated]
-        if not mounted or target.clamp_tilt_deg > 0.0 or isinstance(target, WheelTarget):
+        mounted = [
+            wheel.observation.name
+            for wheel in of_role
+            if not wheel.compensated
+            and not _is_bare(wheel, target)
+            and _shown(wheel, target).clamp_tilt_deg == 0.0
+        ]
+        if not mounted:
             continue
         names = shown[role] if len(mounted) == len(of_role) else _and(mounted)
         start = f"The angles of {names} are those of the targets as mounted"
@@ -103,10 +119,9 @@ def _note_of_mounting(measurement: Measurement, target: Target) -> Iterator[str]
 
 def _note_of_bare_wheels(measurement: Measurement, target: Target) -> Iterator[str]:
     """Yield notes on what wheels without targets were measured by, and on the rims' run-out."""
-    if not isinstance(target, WheelTarget):
-        return
     shown = ("reference", "trial")
-    seen = [w for w in measurement.wheels if w.pose and w.observation.role in shown]
+    posed = [w for w in measurement.wheels if w.pose and w.observation.role in shown]
+    seen = [wheel for wheel in posed if _is_bare(wheel, target)]
     by = {
         method: [w.observation.name for w in seen if w.observation.fitted.method == method]
         for method in ("flange", "tyre")
@@ -122,12 +137,64 @@ def _note_of_bare_wheels(measurement: Measurement, target: Target) -> Iterator[s
             "those of the tyres, with more uncertainty, and their centres lie level with the "
             "tyre's widest ring."
         )
-    own = [w.observation.name for w in seen if not w.compensated]
-    if own and target.clamp_tilt_deg == 0.0:
+    unstated = [w for w in seen if _shown(w, target).clamp_tilt_deg == 0.0]
+    own = [w.observation.name for w in unstated if not w.compensated]
+    if own:
         yield (
             f"The run-out of {_and(own)} against the spin axis is not in the uncertainty: no "
             "turned scans show it, and [target] states no rim_runout."
         )
+
+
+def _note_of_centres(measurement: Measurement) -> Iterator[str]:
+    """Yield notes on where the centres lie: carried to their wheels, or at unlike distances."""
+    references = measurement.wheels[:4]
+    targets = [wheel.observation.target for wheel in references]
+    for number, target in enumerate(targets):
+        if target is None or target.stand_off is None or target in targets[:number]:
+            continue
+        assert target.stand_off_u is not None
+        names = [w.observation.name for w in references if w.observation.target == target]
+        yield (
+            f"The centres of {_and(names)} are those of the wheels, level with the edge of the "
+            f"rim's flange, {target.stand_off * 1e3:.1f} mm behind the targets as stated "
+            f"(u {target.stand_off_u * 1e3:.2f} mm)."
+        )
+    own = [w.observation.name for w in references if not lies_on_wheel(w.observation.target)]
+    if 0 < len(own) < len(references):
+        yield (
+            f"The centres of {_and(own)} are those of the targets, the others those of the wheels: "
+            "tracks and wheelbases are between these points."
+        )
+    unlike = unlike_wheels(targets)
+    if unlike:
+        toe, camber, middles = (math.degrees(x) * 60 for x in _skewed(measurement, unlike))
+        yield (
+            f"{_and(unlike)}: unlike the other side of the axle, at a distance from the rim that "
+            f"is not stated, which skews the frame: every {SHOWN_M * 1e3:.0f} mm turn the normal "
+            f"of the rear axle by {toe:.1f}' (toe), up by {camber:.1f}' (camber), and the line "
+            f"through the middles of both axles by {middles:.1f}'. {MOST_M * 1e3:.0f} mm are in "
+            "the uncertainty: state stand_off and stand_off_u of the target to be rid of this."
+        )
+
+
+def _skewed(measurement: Measurement, unlike: Sequence[str]) -> tuple[float, float, float]:
+    """Return the turns of rear-axle normal, up and centreline where targets stand SHOWN_M off."""
+    references = measurement.wheels[:4]
+    centres = np.stack([wheel.observation.fitted.centre_m for wheel in references])
+    moved = centres.copy()
+    for row, wheel in enumerate(references):
+        if wheel.observation.name in unlike and wheel.normal is not None:
+            moved[row] -= SHOWN_M * wheel.normal
+    frame, other = build_reference_frame(centres), build_reference_frame(moved)
+    along = [each[2:].mean(axis=0) - each[:2].mean(axis=0) for each in (centres, moved)]
+    level = [frame.R_vehicle_scanner @ way for way in along]
+    middles = math.atan2(level[1][0], level[1][1]) - math.atan2(level[0][0], level[0][1])
+    return (
+        abs(math.asin(float(other.forward @ frame.left))),
+        abs(math.asin(float(other.up @ frame.left))),
+        abs(middles),
+    )
 
 
 def _note_of_zeros(
@@ -138,7 +205,8 @@ def _note_of_zeros(
     missing += ["axis errors"] if len(axes) == len(AXES) else axes
     missing += _missing(instrument, STATION)
     zeros = [f"{_and(missing)} of the scanner"] if missing else []
-    if target.flatness == 0.0 and not isinstance(target, WheelTarget):
+    flat = [_shown(w, target) for w in measurement.wheels if not _is_bare(w, target)]
+    if any(one.flatness == 0.0 for one in flat):
         zeros.append("flatness of the target")
     zeros += ["range bias of the print"] if _hides_brightness(measurement, target) else []
     if zeros:
@@ -151,9 +219,19 @@ def _missing(instrument: InstrumentConfig, terms: dict[str, str]) -> list[str]:
 
 def _hides_brightness(measurement: Measurement, target: Target) -> bool:
     """Return whether a print may tilt a plane with which range by brightness was not fitted."""
-    found = (wheel.observation.evidence for wheel in measurement.wheels)
+    printed = [w for w in measurement.wheels if isinstance(_shown(w, target), PatternTarget)]
+    found = (wheel.observation.evidence for wheel in printed)
     planes = [evidence.plane for evidence in found if evidence and evidence.plane]
-    return isinstance(target, PatternTarget) and any(plane.brightness is None for plane in planes)
+    return any(plane.brightness is None for plane in planes)
+
+
+def _shown(wheel: WheelResult, target: Target) -> Target:
+    """Return the target that a scan shows; `target` where its own is not known."""
+    return wheel.observation.target or target
+
+
+def _is_bare(wheel: WheelResult, target: Target) -> bool:
+    return isinstance(_shown(wheel, target), WheelTarget)
 
 
 def _and(names: Sequence[str]) -> str:

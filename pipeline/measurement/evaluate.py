@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..capture import StatedVertical
+from ..centre import on_wheel, unlike_wheels, with_unstated
 from ..errors import InputError
 from ..system import stage
 from ..uncertainty import (
@@ -60,12 +61,10 @@ def align(
     a status. Raises InputError where the four centres define no frame, and where the vertical in
     use is not known.
     """
-    centres = np.stack([observation.fitted.centre_m for observation in observations[:4]])
-    try:
-        frame = build_reference_frame(centres)
-    except InputError as error:
-        raise InputError(f"{provenance.source}: {error}") from error
+    centres, frame = _frame_of(observations, provenance)
     observations = share_components([_on_a_wheel(one, centres) for one in observations])
+    observations = _with_wheel_centres(observations, frame)
+    centres, frame = _frame_of(observations, provenance)
     measured = [one for one in observations if one.evidence is not None]
     notes = (
         *notes,
@@ -77,6 +76,37 @@ def align(
     used, known = verticals(frame, observations) if verticals else (None, ())
     found = evaluate(observations, [one.fitted for one in measured], provenance, notes, used)
     return replace(found, verticals=known)
+
+
+def _frame_of(
+    observations: Sequence[Observation], provenance: Provenance
+) -> tuple[Array, VehicleFrame]:
+    """Return the centres (4, 3) of the reference wheels and their frame. Raises InputError."""
+    centres = np.stack([observation.fitted.centre_m for observation in observations[:4]])
+    try:
+        return centres, build_reference_frame(centres)
+    except InputError as error:
+        raise InputError(f"{provenance.source}: {error}") from error
+
+
+def _with_wheel_centres(
+    observations: Sequence[Observation], frame: VehicleFrame
+) -> list[Observation]:
+    """Return the observations with targets carried to their wheels' centres, where that is stated.
+
+    Where it is not, and the other side of the axle is unlike, it counts in the uncertainty.
+    """
+    unlike = unlike_wheels([observation.target for observation in observations[:4]])
+    found = []
+    for one in observations:
+        if one.evidence is not None and one.target is not None and one.wheel is not None:
+            outward = outward_normal(frame, one.fitted.normal, one.wheel)
+            carried = on_wheel(one.fitted, one.target, outward)
+            if carried is None and one.name in unlike:
+                carried = with_unstated(one.fitted, one.target, outward)
+            one = replace(one, on_wheel=carried)
+        found.append(one)
+    return found
 
 
 def evaluate(

@@ -65,7 +65,7 @@ def observe_entry(
     try:
         if isinstance(patch, NotMeasuredError):
             raise patch
-        evidence = fit_target(patch, capture.target, config)
+        evidence = fit_target(patch, capture.target_of(entry), config)
         return replace(observation, evidence=evidence, wheel=_wheel_of(entry, evidence, source))
     except NotMeasuredError as error:
         if entry.role == "reference":
@@ -107,7 +107,8 @@ def _find(
     entry: ScanEntry, scan: Scan, source: str, capture: Capture, config: Config
 ) -> tuple[Observation, Patch | NotMeasuredError]:
     """Find the patch with its target in the scan, which is freed on return."""
-    check_wheel_scan(scan.points_m, 2.0 * capture.target.radius_m, capture.length_unit, source)
+    target = capture.target_of(entry)
+    check_wheel_scan(scan.points_m, 2.0 * target.radius_m, capture.length_unit, source)
     observation = Observation(
         name=entry.name,
         role=entry.role,
@@ -120,6 +121,7 @@ def _find(
         turn=entry.turn,
         cloud=cloud_sample(scan.points_m),
         note=note_on_lone_points(scan.points_m, entry.file),
+        target=target,
     )
     part = scan.parts[0] if len(scan.parts) == 1 else None
     axes = None if part is None else part.axes
@@ -127,7 +129,7 @@ def _find(
     searched = scan if hint is None else within_box(scan, hint, source)
     near_m = None if hint is None else hint.near
     try:
-        seen = (searched.points_m, capture.target, config, searched.intensity)
+        seen = (searched.points_m, target, config, searched.intensity)
         patch = find_patch(*seen, axes, near_m)
     except NotMeasuredError as error:
         return observation, error.with_traceback(None)

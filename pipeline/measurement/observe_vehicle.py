@@ -139,6 +139,7 @@ def observe_cloud(
             evidence=evidence[named[wheel]],
             cloud=shown,
             note=found.note if wheel == REFERENCE_WHEELS[0] else "",
+            target=capture.target,
         )
         for wheel, shown in zip(REFERENCE_WHEELS, by_wheel(found.sample_m, centres_m), strict=True)
     ]

@@ -12,6 +12,7 @@ from ..capture import Role, Turn
 from ..centre import RotationMark, TargetFit
 from ..cloud import CloudSample
 from ..plane import PlaneFit
+from ..targets import Target
 from ..uncertainty import (
     LEVEL,
     AngleUncertainty,
@@ -62,6 +63,8 @@ class Observation:
     None where nothing could be measured; `status` then is the kind of cause and `reason` explains
     it. cloud: a sample of the points; None for five points. note: a finding about the scan.
     suspect: of a block that is not plausible, whose evidence is then that of the other four points.
+    target: that the scan shows. on_wheel: the fitted target carried to the wheel's centre, where
+    its stand-off is stated.
     """
 
     name: str
@@ -79,13 +82,15 @@ class Observation:
     cloud: CloudSample | None = None
     note: str = ""
     suspect: SuspectPoint | None = None
+    target: Target | None = None
+    on_wheel: TargetFit | None = None
 
     @property
     def fitted(self) -> TargetFit:
-        """Fitted target. Raises ValueError if it was not measured."""
+        """Fitted target, on its wheel where it is carried there. Raises ValueError without."""
         if self.evidence is None:
             raise ValueError(f"{self.name} was not measured ({self.status})")
-        return self.evidence.target
+        return self.on_wheel or self.evidence.target
 
 
 @dataclass(frozen=True)

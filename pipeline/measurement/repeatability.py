@@ -13,7 +13,11 @@ from ..uncertainty import chi_square_beyond
 from ..vectors import Array
 from .records import Measurement, Observation
 
-OF_PLATE = ("flatness", "clamp")  # components constant for a target, which no scatter shows
+OF_PLATE = (
+    "flatness",
+    "clamp",
+    "stand-off",
+)  # components constant for a target, which no scatter shows
 DOUBT = 0.01  # probability below which scatter counts as larger, or smaller, than predicted
 
 

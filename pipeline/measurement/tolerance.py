@@ -143,7 +143,12 @@ class Tolerance(Section):
 
 def load_tolerance(name: str) -> Tolerance:
     """Load a tolerance by name (`example`) or TOML file. Raises ConfigError."""
-    return parse_section(Tolerance, read_toml(config_file("tolerances", name)), name)
+    return tolerance_of(read_toml(config_file("tolerances", name)), name)
+
+
+def tolerance_of(tree: dict[str, Any], name: str) -> Tolerance:
+    """Return the tolerance of a parsed file, or of a stored result. Raises ConfigError."""
+    return parse_section(Tolerance, tree, name)
 
 
 def tolerance_for(name: str, vehicle_model: str | None, source: str) -> Tolerance:

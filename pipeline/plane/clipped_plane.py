@@ -106,6 +106,15 @@ class ClippedPlane:
         height = uvw_m[:, 2] - self.centroid_m[2] - across
         return np.asarray(height / np.sqrt(1.0 + self.tilt @ self.tilt))
 
+    def distances(self, axes: Array) -> tuple[Array, float]:
+        """Return rows (3, 3): the axes u and v as they are, and the normal; and its distance.
+
+        A point p lies at normal . p - distance from the plane, as `distance_m` gives.
+        """
+        a, b = self.tilt
+        across = np.array([-a, -b, 1.0]) / np.sqrt(1.0 + a * a + b * b)
+        return np.stack([axes[0], axes[1], across @ axes]), float(across @ self.centroid_m)
+
     def basis(self, axes: Array) -> Array:
         """Return rows (3, 3): the axes u and v projected into the plane, then its normal."""
         normal = axes[2] - self.tilt @ axes[:2]

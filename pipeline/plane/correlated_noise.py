@@ -13,10 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
+from ..cloud import over_chunks
 from ..vectors import Array, Mask
 
 CELLS = 12  # across the target: 113 cells on a full disc
@@ -140,16 +142,23 @@ def _likely_fields(
     cells: Cells, radius_m: float, significant: float
 ) -> list[tuple[_Field, _Maximum]]:
     """Return the fields that these cells can show and their likelihoods, if one is clear."""
-    rest = _residual_projection(cells)
-    lengths = cells.lengths_m(radius_m)
+    white, lengths = _Whitened.of(cells), cells.lengths_m(radius_m)
     some = lengths[:: len(lengths) // 4]
-    if not any(_Field.of(cells, rest, pair).is_suspect() for pair in some):
+    if not any(_Field.of(cells, white, pair).is_suspect() for pair in some):
         return []
-    fields = [_Field.of(cells, rest, pair) for pair in lengths]
-    fits = [field.maximise() for field in fields]
+    found = over_chunks(partial(_most_likely, cells, white, lengths), len(lengths), 1)
+    fields, fits = zip(*found, strict=True)
     if 2.0 * max(fit.gain for fit in fits) < significant:
         return []
     return list(zip(fields, fits, strict=True))
+
+
+def _most_likely(
+    cells: Cells, white: _Whitened, lengths: list[tuple[float, float]], one: slice
+) -> tuple[_Field, _Maximum]:
+    """Return the field of one pair of lengths, and the maximum of its likelihood."""
+    field = _Field.of(cells, white, lengths[one.start])
+    return field, field.maximise()
 
 
 def cells_across(points: int) -> int:
@@ -180,13 +189,33 @@ def filled(count: Array) -> Mask | None:
     return full if np.count_nonzero(full) >= MIN_CELLS else None
 
 
-def _residual_projection(cells: Cells) -> Array:
-    """Return (C-3-K, C), which whitens the means and projects them onto what no fit explains."""
-    root = np.sqrt(cells.count)
-    basis, _ = np.linalg.qr(cells.slopes * root[:, None], mode="complete")
-    return np.asarray(
-        basis[:, cells.slopes.shape[1] :].T * (root / math.sqrt(cells.white_variance))
-    )
+@dataclass(frozen=True)
+class _Whitened:
+    """Residuals (C,) of the cells at unit variance, without what the fit explains.
+
+    root: (C,) one over the standard uncertainty of each mean. fitted: (C, 3 + K) orthonormal
+    columns of the fit, whitened.
+    """
+
+    root: Array
+    fitted: Array
+    residual: Array
+
+    @classmethod
+    def of(cls, cells: Cells) -> _Whitened:
+        """Whiten the means of the cells."""
+        root = np.sqrt(cells.count / cells.white_variance)
+        fitted, _ = np.linalg.qr(cells.slopes * root[:, None])
+        means = root * cells.mean_m
+        return cls(root, fitted, means - fitted @ (fitted.T @ means))
+
+    def kernel(self, of_means: Array) -> Array:
+        """Return the covariance (C, C) of the residuals where that of the means is `of_means`."""
+        kernel = of_means * self.root[:, None] * self.root
+        across = kernel @ self.fitted
+        across -= self.fitted @ (self.fitted.T @ across / 2.0)
+        half = across @ self.fitted.T
+        return np.asarray(kernel - half - half.T)
 
 
 @dataclass(frozen=True)
@@ -200,11 +229,11 @@ class _Maximum:
 
 @dataclass(frozen=True)
 class _Field:
-    """Field of lengths (2,) in the whitened residual space of the cells.
+    """Field of lengths (2,) in the whitened residuals of the cells.
 
-    residual: (C-3,) of unit variance if there is no field; kernel: (C-3, C-3) what a field of unit
-    variance adds to its covariance; plane_covariance: (3, 3) what it adds to the plane's.
-    white_variance: of the residuals within the cells.
+    residual: (C,) of unit variance, but for what the fit explains, if there is no field; kernel:
+    (C, C) what a field of unit variance adds to its covariance; plane_covariance: (3, 3) what it
+    adds to the plane's. white_variance: of the residuals within the cells.
     """
 
     lengths_m: tuple[float, float]
@@ -214,13 +243,13 @@ class _Field:
     white_variance: float
 
     @classmethod
-    def of(cls, cells: Cells, rest: Array, lengths_m: tuple[float, float]) -> _Field:
-        """Return the field over these cells; rest: (C-3, C) of `_residual_projection`."""
+    def of(cls, cells: Cells, white: _Whitened, lengths_m: tuple[float, float]) -> _Field:
+        """Return the field over these cells."""
         kernel = _averaged_kernel(cells, lengths_m)
         weighted = cells.slopes.T * cells.count
         solve = np.linalg.solve(weighted @ cells.slopes, weighted)
-        residual, added = rest @ cells.mean_m, rest @ kernel @ rest.T
         of_plane = solve @ kernel @ solve.T
+        residual, added = white.residual, white.kernel(kernel)
         return cls(lengths_m, residual, added, of_plane, cells.white_variance)
 
     def is_suspect(self) -> bool:

@@ -170,14 +170,18 @@ def _along_lines(
     """Return the residuals of the points used in cells along the scan lines."""
     points = patch.face_m if shaded is None else shaded.level_m
 
+    u0, v0, _ = fit.plane.centroid_m
+    axes, off_m = fit.plane.distances(fit.slab.basis)
+
     def blocks(work: Callable[[Array, Array | None], T]) -> list[T]:
         def on(rows: slice) -> T:
-            uvw = points[rows] @ fit.slab.basis.T
-            off = fit.plane.distance_m(uvw)
-            used = region.holds(uvw[:, :2]) & (np.abs(off) < fit.slab.limit_m)
-            uvw[:, 2] = off
-            uvw[:, :2] -= fit.plane.centroid_m[:2]
-            return work(uvw[used], None if shaded is None else shaded.shade[rows][used])
+            uvw = axes @ points[rows].T
+            uvw[2] -= off_m
+            used = region.holds(uvw[:2].T) & (np.abs(uvw[2]) < fit.slab.limit_m)
+            uvw = np.compress(used, uvw, axis=1)
+            uvw[0] -= u0
+            uvw[1] -= v0
+            return work(uvw.T, None if shaded is None else shaded.shade[rows][used])
 
         return over_chunks(on, len(points))
 

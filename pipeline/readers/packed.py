@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Container
 from contextlib import ExitStack
 from pathlib import Path, PurePosixPath
+from posixpath import splitext
 
 from ..errors import InputError
 from ..files import ARCHIVE_SUFFIXES, COMPRESSED_SUFFIXES, Member, inflate, open_archive
@@ -54,8 +55,8 @@ def as_utf8(path: Path, name: str, stack: ExitStack) -> Path:
 
 def scan_suffix(name: str) -> str:
     """Return the suffix of the scan's format, below that of a compression."""
-    path = PurePosixPath(name.lower())
-    return PurePosixPath(path.stem).suffix if path.suffix in COMPRESSED_SUFFIXES else path.suffix
+    bare, suffix = splitext(name.lower())
+    return splitext(bare)[1] if suffix in COMPRESSED_SUFFIXES else suffix
 
 
 class _RowsOfText:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..calibration import Certificate
 from .dcc.certificate import dcc_bytes
 from .format.report_options import ReportOptions
-from .format.writer import Writer
+from .format.writer import MINUS, Writer
 from .html.certificate import certificate_document
 from .write import ReportFiles, document_files
 
@@ -17,7 +17,7 @@ def certificate_files(
 
     Raises InputError for the digital form of a draft, MissingDependencyError.
     """
-    writer = Writer(options.words, options.view)
+    writer = Writer(options.words, options.view, minus=MINUS)
     document = certificate_document(made, writer, record)
     files = document_files("certificate", document, options, wanted)
     if dcc:

@@ -28,7 +28,7 @@ def write_explanation(found: Explanation, folder: Path, words: Translations) -> 
                 name = file_name(f"{kind}-{scan.name}", "png", files)
                 files[name] = drawing_png(drawing)
                 pictures.setdefault(scan.name, []).append(name)
-    tree = explanation_tree(found, pictures)
+    tree = explanation_tree(found, pictures, words)
     text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     files["explanation.json"] = text.encode(errors="backslashreplace")
     return write_files(folder, files)

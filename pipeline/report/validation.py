@@ -4,22 +4,27 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..validation import Comparison, ComparisonStudy
+from ..validation import Comparison, ComparisonStudy, Mountings
 from .format.language import load_translations
 from .format.report_options import ReportOptions
 from .format.view import PAPER, View
 from .format.writer import Writer
-from .html.comparison import comparison_document, study_document
+from .html.comparison import comparison_document, mountings_document, study_document
+from .html.document import Document
 from .json.validation import validation_json
 from .plots.validation import bland_altman_drawing, differences_drawing, line_drawing
 from .tables.comparison import labels
-from .text.validation import survey_text, validation_text
+from .text.validation import mountings_text, survey_text, validation_text
 from .write import EVERYDAY, ReportFiles, document_files, write_files
 
+Validated = Comparison | ComparisonStudy | Mountings
 
-def validation_report(found: Comparison | ComparisonStudy, view: View = PAPER) -> str:
+
+def validation_report(found: Validated, view: View = PAPER) -> str:
     """Return the text report of one capture or of many; printable whatever bytes a path holds."""
-    if isinstance(found, Comparison):
+    if isinstance(found, Mountings):
+        text = mountings_text(found, view)
+    elif isinstance(found, Comparison):
         text = validation_text(found, view)
     else:
         text = survey_text(found, view)
@@ -27,7 +32,7 @@ def validation_report(found: Comparison | ComparisonStudy, view: View = PAPER) -
 
 
 def write_validation(
-    found: Comparison | ComparisonStudy,
+    found: Validated,
     folder: Path,
     options: ReportOptions | None = None,
     wanted: ReportFiles = EVERYDAY,
@@ -38,7 +43,7 @@ def write_validation(
     files = {"validation.json": record, "validation.txt": validation_report(found, options.view)}
     if isinstance(found, Comparison):
         files["differences.svg"] = differences_drawing(found, words).svg
-    else:
+    elif isinstance(found, ComparisonStudy):
         methods = labels(found.found[0], words)
         for one in found.agreements:
             drawing = bland_altman_drawing(one, *methods, words)
@@ -47,10 +52,13 @@ def write_validation(
     content = {name: text.encode(errors="backslashreplace") for name, text in files.items()}
     if wanted.html or wanted.pdf:
         writer = Writer(words, options.view)
-        document = (
-            comparison_document(found, writer, record)
-            if isinstance(found, Comparison)
-            else study_document(found, writer, record)
-        )
-        content |= document_files("validation", document, options, wanted)
+        content |= document_files("validation", _document(found, writer, record), options, wanted)
     return write_files(folder, content)
+
+
+def _document(found: Validated, writer: Writer, record: str) -> Document:
+    if isinstance(found, Mountings):
+        return mountings_document(found, writer, record)
+    if isinstance(found, Comparison):
+        return comparison_document(found, writer, record)
+    return study_document(found, writer, record)

@@ -1,5 +1,6 @@
 """Target shapes and printed boards that can be clamped to a wheel."""
 
+from .choice import TargetChoice, names_of_targets, read_targets
 from .outline import Circle, Holes, OuterEdge, Outline, sector
 from .pattern_board import PatternTarget
 from .region import Region
@@ -13,9 +14,12 @@ __all__ = [
     "PatternTarget",
     "Region",
     "Target",
+    "TargetChoice",
     "WheelTarget",
     "load_target",
+    "names_of_targets",
     "parse_target",
+    "read_targets",
     "scaled",
     "sector",
     "size_of",

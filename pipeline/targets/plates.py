@@ -10,7 +10,12 @@ from dataclasses import replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator  # noqa: TID253 - a target is a pydantic model
+from pydantic import (  # noqa: TID253 - a target is a pydantic model
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from ..config import Section
 from .outline import Circle, Holes, OuterEdge, rectangle
@@ -26,16 +31,40 @@ class Plate(Section):
 
     flatness: the front face lies between two planes that far apart, metres. clamp_tilt_deg,
     clamp_shift: mounting repeatability, standard deviations per axis, degrees and metres.
+    stand_off: of the face from the plane of the rim flange's edge, outwards along the normal, with
+    its standard uncertainty, metres.
     """
 
     thickness: float | None = Field(None, ge=0.0, lt=0.2)
     flatness: float = Field(0.0, ge=0.0, lt=0.01)
     clamp_tilt_deg: float = Field(0.0, ge=0.0, lt=5.0)
     clamp_shift: float = Field(0.0, ge=0.0, lt=0.05)
+    stand_off: float | None = Field(None, gt=-0.5, lt=1.0)
+    stand_off_u: float | None = Field(None, ge=0.0, lt=0.1)
     shape: str
 
-    lengths: ClassVar[tuple[str, ...]] = ("thickness", "flatness", "clamp_shift")
+    lengths: ClassVar[tuple[str, ...]] = (
+        "thickness",
+        "flatness",
+        "clamp_shift",
+        "stand_off",
+        "stand_off_u",
+    )
     size: ClassVar[tuple[str, ...]] = ()  # the lengths from which the unit of all is inferred
+
+    @model_validator(mode="after")
+    def _stand_off_has_uncertainty(self) -> Plate:
+        if (self.stand_off is None) != (self.stand_off_u is None):
+            raise ValueError("stand_off and stand_off_u, its standard uncertainty: state both")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave a stand-off out that is not stated: settings of before keep their digest."""
+        tree: dict[str, Any] = write(self)
+        if self.stand_off is None:
+            del tree["stand_off"], tree["stand_off_u"]
+        return tree
 
     @property
     def region(self) -> Region:
@@ -199,6 +228,12 @@ class WheelTarget(Plate):
         shift = runout / 2.0 / math.sqrt(2.0)  # an amplitude of half the reading, in any direction
         tilt = math.degrees(shift / _flange_m(values.get("rim")))
         return {"clamp_tilt_deg": tilt, "clamp_shift": shift, **values}
+
+    @model_validator(mode="after")
+    def _stands_nowhere_off(self) -> WheelTarget:
+        if self.stand_off is not None:
+            raise ValueError("a bare wheel has no stand_off: leave it out")
+        return self
 
     @property
     def rim_inch(self) -> float | None:

@@ -5,6 +5,7 @@ from .comparison import KINDS, Comparison, check_alike, compare
 from .coverage import nees, scores
 from .five_point import Estimator, FivePointOptions, points_of
 from .frame_effect import SHAPE
+from .mounting import Mounting, Mountings, MountingScatter, validate_mountings
 from .request import Against, Request, RequestPart, as_method, measured
 from .statistics.bland_altman import Limit
 from .statistics.joint_test import JointTest, Spread
@@ -26,6 +27,9 @@ __all__ = [
     "JointTest",
     "Limit",
     "Line",
+    "Mounting",
+    "MountingScatter",
+    "Mountings",
     "Request",
     "RequestPart",
     "Row",
@@ -43,4 +47,5 @@ __all__ = [
     "scores",
     "validate_archive",
     "validate_capture",
+    "validate_mountings",
 ]

@@ -14,7 +14,7 @@ from ..measurement import Measurement, WheelResult
 from .comparison import ComparedMethod
 from .five_point import FivePointOptions
 
-Against = Literal["five-point", "virtual", "truth"]
+Against = Literal["five-point", "virtual", "truth", "wheel"]
 DENSE = "dense scans"
 COMPARED = ("reference", "trial")
 

@@ -173,10 +173,11 @@ def compare_virtual(
     capture: Capture, config: Config, request: Request, progress: Callable[[str], None]
 ) -> Comparison:
     """Measure the capture, pick five points a target, and compare by what the five add."""
-    if isinstance(capture.target, WheelTarget):
+    shown = (capture.target, *capture.targets.values())
+    if any(isinstance(target, WheelTarget) for target in shown):
         raise InputError(
             f"{capture.source}: a bare wheel has no plane of which five points could be picked: "
-            "give --five-point FILE or --against OTHER"
+            "give --five-point FILE or --truth"
         )
     picks: list[tuple[PlaneFit | None, Picked | NotMeasuredError]] = []
     rng = np.random.default_rng(config.seed)

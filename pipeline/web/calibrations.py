@@ -12,7 +12,7 @@ from .content.calibration_files import Request, calibration_files, request_of
 from .content.reporting import TYPES
 from .files.folders import check_name
 from .front import given, language
-from .jobs.process import PageJob
+from .jobs.process import MEASURED, PageJob
 from .jobs.saving import save_folder, table_rows
 from .security import RefusedError
 from .state import PageState
@@ -72,6 +72,6 @@ def _folders(state: PageState, name: str, asked: Request) -> list[Path]:
 
 def _measured(state: PageState, name: str) -> PageJob:
     job = state.jobs.shown(name)
-    if job.task != "measure":
+    if job.task not in MEASURED:
         raise RefusedError(400, "no measurement: a calibration needs the angles of one")
     return job

@@ -95,7 +95,11 @@ def _page(state: PageState) -> str:
         "viewer": words.section("viewer"),
         "language": words.language,
         "machine": calibrating.choices(words),
-        "limits": {"bytes": state.settings.upload_bytes, "suffixes": SENT_SUFFIXES},
+        "limits": {
+            "bytes": state.settings.upload_bytes,
+            "suffixes": SENT_SUFFIXES,
+            "kept": state.settings.results is not None,
+        },
     }
     return render_template(
         "page.html",

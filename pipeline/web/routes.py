@@ -12,10 +12,15 @@ from flask import Flask, Response, g, jsonify, request
 from werkzeug.exceptions import RequestedRangeNotSatisfiable
 from werkzeug.wsgi import wrap_file
 
+from ..files import lies_in
 from ..report.format.language import load_translations
-from .content import archive, choices
+from .archive import calibrations
+from .archive import views as archive
+from .content import choices
+from .content.changes import changes
 from .content.reporting import TYPES
-from .files.folders import RESULTS, check_name, kind_of_file
+from .files.folders import RESULTS, check_name, kind_of_file, kind_of_folder
+from .files.stored import RECORD
 from .front import given, language
 from .jobs.process import PageJob
 from .jobs.saving import report_file, save
@@ -62,7 +67,11 @@ def add_jobs(app: Flask, state: PageState) -> None:
         asked = given()
         options = choices.checked(asked.get("options", {}), state.settings.own)
         with _source(state, asked) as (source, plan):
-            kind = options.pop("read_as", None) or kind_of_file(source)
+            kind = kind_of_folder(source) if source.is_dir() else kind_of_file(source)
+            if kind == "measurement":
+                job = state.jobs.start("open", plan["source"], plan | {"at": _place(asked)})
+                return jsonify(job.public_state)
+            kind = options.pop("read_as", None) or kind
             plan["kind"] = "five-point" if kind == "five-point" and source.is_file() else "capture"
             plan["options"] = options
             return jsonify(state.jobs.start("measure", plan["source"], plan).public_state)
@@ -109,9 +118,15 @@ def add_jobs(app: Flask, state: PageState) -> None:
         job = state.jobs.shown(name)
         path = job.folder / file
         is_shown = file in SHOWN_FILES or file.startswith(SHOWN_KINDS)
-        if not is_shown or not path.is_file():
+        if not is_shown or not path.is_file() or not lies_in(path, job.folder):
             raise RefusedError(404, f"{file[:60]}: no such result")
         return _sent(path, choices.type_of(file))
+
+    @app.get("/api/jobs/<name>/changes")
+    def changed(name: str) -> Response:
+        both = [state.jobs.shown(one) for one in (name, request.args.get("before", ""))]
+        now, before = (job.folder / RECORD for job in both)
+        return jsonify(table=changes(now, before, load_translations(language())))
 
     @app.get("/api/jobs/<name>/report.<kind>")
     def report(name: str, kind: str) -> Response:
@@ -168,6 +183,11 @@ def _plan(source: Path, allowed: Path) -> dict[str, Any]:
     return {"base": str(base), "allowed": str(allowed), "source": named}
 
 
+def _place(asked: dict[str, Any]) -> str:
+    """Return root and path of a source in an allowed folder, as in the page's address."""
+    return "" if "upload" in asked else f"{asked.get('root')}/{asked.get('path', '')}"
+
+
 def _whole_number(value: Any) -> int:
     return value if isinstance(value, int) else -1
 
@@ -205,7 +225,7 @@ def add_archive(app: Flask, state: PageState) -> None:
     @app.get("/api/archive-certificate/<int:root>/<path:relative>")
     def archived_certificate(root: int, relative: str = "") -> Response:
         folder = _results(state, root, relative)
-        path = archive.certificate(folder, request.args.get("key", ""))
+        path = calibrations.certificate(folder, request.args.get("key", ""))
         inside = path.relative_to(folder).as_posix()
         found = state.folders.existing(root, f"{relative}/{inside}".lstrip("/"))
         g.is_report = True

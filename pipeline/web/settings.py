@@ -27,7 +27,8 @@ class PageSettings:
     measuring process. tree_bytes: of the points of all results, for the 3D view; the oldest go
     first. jobs: number of results kept. waiting: number of measurements that may wait.
     config: settings file (TOML) of measurements, and of who issues reports and certificates. own:
-    folder with the user's targets, scanners and tolerances, which the page offers.
+    folder with the user's targets, scanners and tolerances, which the page offers. results:
+    folder of measurements that outlive the program; None: they end with it.
     """
 
     folders: tuple[Path, ...]
@@ -41,4 +42,5 @@ class PageSettings:
     waiting: int = 16
     config: Path | None = None
     own: Path | None = None
+    results: Path | None = None
     workers: int = 1 if (os.cpu_count() or 1) < 4 else 2

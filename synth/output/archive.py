@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from ..scene.target import Mount, draw_mount
 from ..vehicle.turning import draw_turning
 from ..vehicle.vehicle import WHEELS, Vehicle, Wheel, draw_trial, draw_vehicle, draw_wheel
 from ..wheel.bare_wheel import DrawnWheel
+from ..wheel.clamp import Clamped, draw_clamped
 from ..wheel.scan import bare_scene, draw_bare_wheels, with_rims
 from .files import capture_toml, five_point_text, ply, scan_file
 from .five_point import draw_position, measure_five
@@ -48,14 +49,16 @@ def write_capture(
     target: Path,
     trials: int = 2,
     machine: Path | None = None,
+    targets: Mapping[str, Path] | None = None,
     progress: Callable[[str], None] = _silent,
 ) -> Truth:
     """Write the folder `out`, all of it or nothing, and return its truth.
 
-    vehicle, scanner, target: parameter files; machine: that of a machine under test, whose item
-    file and readings are written too. `progress` is called with the name of each file when
-    it is written. The same arguments give the same bytes; the draws of a scan do not depend on the
-    number of trials that follow. Raises SynthError.
+    vehicle, scanner, target: parameter files; targets: those of single wheels, where others are
+    bare; machine: that of a machine under test, whose item file and readings are written too.
+    `progress` is called with the name of each file when it is written. The same arguments give the
+    same bytes; the draws of a scan do not depend on the number of trials that follow. Raises
+    SynthError.
     """
     check_seed(seed)
     if trials < 0:
@@ -66,7 +69,7 @@ def write_capture(
     vehicle_rng, instruments_rng, survey_rng, *scan_rngs = (
         np.random.default_rng(child) for child in seeds
     )
-    instruments = draw_instruments(vehicle, scanner, target, instruments_rng)
+    instruments = draw_instruments(vehicle, scanner, target, instruments_rng, targets)
     car = draw_vehicle(instruments.vehicle_recipe, vehicle_rng)
     with new_folder(out) as folder:
         return _fill(folder, seed, car, instruments, survey_rng, scan_rngs, progress, tested)
@@ -85,33 +88,47 @@ def _fill(
     wheels: list[Wheel] = []
     mounts: list[Mount] = []
     used: list[dict[str, Any]] = []
+    clamped: list[Clamped | None] = []
     turning = draw_turning(kit.vehicle_recipe, seed)
     bare = draw_bare_wheels(car, kit, seed)
     turning = with_rims(turning, bare)
     for number, rng in enumerate(scan_rngs):
         wheel = _next_wheel(number, car, kit.vehicle_recipe, rng)
         mount = turning.mount(wheel, draw_mount(kit.target, rng))
-        mount = bare[wheel.wheel].mount if bare else mount
+        own = bare.get(wheel.wheel)
+        mount = own.mount if own else mount
+        plate = kit.clamped.get(wheel.wheel)
+        clamped.append(draw_clamped(plate, rng) if plate else None)
         wheels.append(wheel)
         mounts.append(mount)
-        used.append(_write_scan(folder, car, wheel, mount, kit, rng, bare.get(wheel.wheel)))
+        used.append(_write_scan(folder, car, wheel, mount, kit, rng, own, clamped[-1]))
         progress(used[-1]["file"])
     position_m = draw_position(car, kit.total_station, survey_rng)
-    mounted = [mount.on(wheel) for wheel, mount in zip(wheels, mounts, strict=True)]
+    mounted = [
+        one.mounted(wheel, bare[wheel.wheel]).pose if one else mount.on(wheel)
+        for wheel, mount, one in zip(wheels, mounts, clamped, strict=True)
+    ]
     rows = measure_five(car, mounted, kit.total_station, position_m, survey_rng)
     write_text(folder / "five-point.txt", five_point_text(rows))
     more = turning.scanned(car, kit.vehicle_recipe, wheels)
     for wheel in more.wheels:
         mount = mounts[WHEELS.index(wheel.wheel)]
         own = bare.get(wheel.wheel)
-        used.append(_write_scan(folder, car, wheel, mount, kit, turning.rng, own))
+        one = clamped[WHEELS.index(wheel.wheel)]
+        used.append(_write_scan(folder, car, wheel, mount, kit, turning.rng, own, one))
         progress(used[-1]["file"])
     title = f"{Path(kit.vehicle_recipe.source).stem} {seed}"
-    write_text(folder / "capture.toml", capture_toml(title, kit.target, wheels, more.toml))
+    declared = capture_toml(title, kit.target, wheels, more.toml, kit.clamped)
+    write_text(folder / "capture.toml", declared)
     all_wheels = (*wheels, *more.wheels)
     face = None if isinstance(kit.target, DiscFile | BareWheelFile) else kit.target
     truth = Truth(seed, car, all_wheels, _used(car, kit, used, position_m), more.truth, face)
-    truth = truth.with_rims({name: one.mount for name, one in bare.items()})
+    shown: list[dict[str, Any]] = [
+        one.to_json(car, wheel, bare[wheel.wheel]) if one else {}
+        for wheel, one in zip(wheels, clamped, strict=True)
+    ]
+    shown += [{} for _ in more.wheels]
+    truth = truth.with_rims({name: one.mount for name, one in bare.items()}, tuple(shown))
     tree = truth.to_json()
     if machine is not None:
         tree["machine"] = _write_machine(folder, tree, machine, np.random.default_rng((seed, 19)))
@@ -145,6 +162,7 @@ def _write_scan(
     kit: Instruments,
     rng: np.random.Generator,
     bare: DrawnWheel | None,
+    clamped: Clamped | None = None,
 ) -> dict[str, Any]:
     """Scan one wheel, write its file, and return the values used for it."""
     stand = draw_stand(car, wheel, kit.scanner_recipe, rng)
@@ -154,7 +172,7 @@ def _write_scan(
     if bare is None:
         scene = build_scene(car, wheel, kit.target, position_m, mount, obstacles, kit.surfaces)
     else:
-        scene = bare_scene(car, wheel, bare, position_m, obstacles=obstacles)
+        scene = bare_scene(car, wheel, bare, position_m, obstacles=obstacles, clamped=clamped)
     R_site_vehicle = car.T_site_vehicle[:3, :3]
     centre_station_m = R_site_vehicle @ (wheel.centre_vehicle_m - stand.position_vehicle_m)
     if kit.sensor.kind == "laser-scanner":
@@ -186,6 +204,7 @@ def _used(
 ) -> dict[str, Any]:
     return {
         "target": kit.target.stated,
+        **_clamped(kit),
         "axles": car.axles.model_dump(),
         "placement": car.placement.model_dump(),
         "body": car.body.model_dump(),
@@ -198,3 +217,9 @@ def _used(
         },
         "scans": scans,
     }
+
+
+def _clamped(kit: Instruments) -> dict[str, Any]:
+    """Return the targets of single wheels, if there are any."""
+    stated = {wheel: one.stated for wheel, one in kit.clamped.items()}
+    return {"targets": stated} if stated else {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -51,11 +51,15 @@ def five_point_text(rows_m: Array) -> str:
 
 
 def capture_toml(
-    vehicle: str, target: TargetFile, wheels: Sequence[Wheel], more: Sequence[str] = ()
+    vehicle: str,
+    target: TargetFile,
+    wheels: Sequence[Wheel],
+    more: Sequence[str] = (),
+    clamped: Mapping[str, TargetFile] | None = None,
 ) -> str:
     """Return the text of capture.toml; lengths in metres. A JSON string is a TOML basic string.
 
-    more: lines that follow.
+    more: lines that follow. clamped: targets of single wheels.
     """
     lines = [
         f"vehicle = {json.dumps(vehicle, ensure_ascii=False)}",
@@ -63,9 +67,10 @@ def capture_toml(
         "",
         "[target]",
         *_target_lines(target),
-        "",
-        "[reference]",
     ]
+    for name, own in (clamped or {}).items():
+        lines += ["", f"[targets.{name}]", *_target_lines(own)]
+    lines += ["", "[reference]"]
     lines += [f'{w.name} = "{scan_file(w)}"' for w in wheels if w.role == "reference"]
     for wheel in wheels:
         if wheel.role == "trial":
@@ -77,7 +82,7 @@ def capture_toml(
 def _target_lines(target: TargetFile) -> list[str]:
     """Return the lines of [target]; without the thickness of a disc, which is not needed."""
     left_out = {"thickness"} if target.shape == "disc" else set()
-    stated = {k: v for k, v in target.stated.items() if k not in left_out and v != 0.0}
+    stated = {k: v for k, v in target.stated.items() if k not in left_out and v not in (None, 0.0)}
     return [f"{key} = {_toml_value(value)}" for key, value in stated.items()]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ class Truth:
     used: the drawn parameters and the positions of the instruments; turning: kingpins, toe-out on
     turns and run-outs, if any; both ready for JSON. target: given if the axes u and v of its face,
     and the ids of its markers, belong to the truth. rims: bare wheels by the rim's own axis.
+    clamped: the target before each bare wheel, empty where there is none.
     """
 
     seed: int
@@ -32,11 +34,14 @@ class Truth:
     turning: dict[str, Any] = field(default_factory=dict)
     target: TargetFile | None = None
     rims: tuple[Wheel, ...] = ()
+    clamped: tuple[dict[str, Any], ...] = ()
 
-    def with_rims(self, mounts: Mapping[str, Mount]) -> Truth:
+    def with_rims(
+        self, mounts: Mapping[str, Mount], clamped: tuple[dict[str, Any], ...] = ()
+    ) -> Truth:
         """Return the truth with the rims' own axes; mounts: of each wheel's rim, or none."""
         rims = tuple(mounts[w.wheel].on(w) for w in self.wheels if mounts)
-        return replace(self, rims=rims)
+        return replace(self, rims=rims, clamped=clamped)
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of truth.json, in the coordinates of the capture."""
@@ -60,15 +65,16 @@ class Truth:
         }
 
     def _rims(self) -> list[dict[str, Any]]:
-        """Return the rim's own axis of each wheel; nothing where a target is mounted."""
+        """Return each rim's own axis, and the target before it; nothing of simple wheels."""
         if not self.rims:
             return [{} for _ in self.wheels]
         return [
             {
                 "rim_centre_m": site_point(self.vehicle, rim.centre_vehicle_m),
                 "rim_normal": _site_direction(self.vehicle, rim.normal_vehicle),
+                **({"clamped_target": clamped} if clamped else {}),
             }
-            for rim in self.rims
+            for rim, clamped in zip(self.rims, self.clamped or repeat({}), strict=False)
         ]
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..errors import SynthError
 from .parameters import (
     Beam,
     Calibration,
@@ -19,14 +21,19 @@ from .parameters import (
     TotalStation,
     VehicleFile,
 )
-from .plate_file import TargetFile
+from .plate_file import BareWheelFile, TargetFile
 from .recipe import Recipe, read_recipe
 from .target_file import read_target
+
+WHEELS = ("RR", "RL", "FR", "FL")
 
 
 @dataclass(frozen=True)
 class Instruments:
-    """Parameter files, target, scanner and total station of one capture."""
+    """Parameter files, targets, scanner and total station of one capture.
+
+    clamped: targets of single wheels, where the others are bare; all wheels then have real shape.
+    """
 
     vehicle_recipe: Recipe
     scanner_recipe: Recipe
@@ -38,6 +45,7 @@ class Instruments:
     sensor: Sensor
     calibration: Calibration
     registration: Registration
+    clamped: Mapping[str, TargetFile] = field(default_factory=dict)
 
     def stated(self) -> dict[str, Any]:
         """Return what the scanner file states of the optional tables, ready for JSON."""
@@ -47,12 +55,19 @@ class Instruments:
 
 
 def draw_instruments(
-    vehicle: Path, scanner: Path, target: Path, rng: np.random.Generator
+    vehicle: Path,
+    scanner: Path,
+    target: Path,
+    rng: np.random.Generator,
+    targets: Mapping[str, Path] | None = None,
 ) -> Instruments:
-    """Read the parameter files and draw the instruments. Raises SynthError."""
+    """Read the parameter files and draw the instruments; targets: of single wheels.
+
+    Raises SynthError.
+    """
     vehicle_recipe = read_recipe(vehicle, VehicleFile)
     scanner_recipe = read_recipe(scanner, ScannerFile)
-    target_file = read_target(target)
+    target_file, clamped = _of_wheels(read_target(target), targets or {})
     return Instruments(
         vehicle_recipe,
         scanner_recipe,
@@ -64,4 +79,23 @@ def draw_instruments(
         scanner_recipe.draw("sensor", Sensor, rng),
         scanner_recipe.draw("calibration", Calibration, rng),
         scanner_recipe.draw("registration", Registration, rng),
+        clamped,
     )
+
+
+def _of_wheels(
+    common: TargetFile, named: Mapping[str, Path]
+) -> tuple[TargetFile, dict[str, TargetFile]]:
+    """Return what all wheels show, and the targets of single ones: where any is bare, by wheel."""
+    own = {wheel: read_target(path) for wheel, path in named.items()}
+    bare = [one for one in (common, *own.values()) if isinstance(one, BareWheelFile)]
+    if not own:
+        return common, {}
+    if not bare:
+        raise SynthError(
+            "targets of single wheels, none of which is a bare wheel: give all wheels one target, "
+            "or name 'wheel' for some or for all others"
+        )
+    all_four = dict.fromkeys(WHEELS, common) | own
+    plates = {w: one for w, one in all_four.items() if not isinstance(one, BareWheelFile)}
+    return bare[0], plates

@@ -18,7 +18,8 @@ class TargetFile(Section):
 
     flatness: distance of two planes, parallel to the mounting plane, that enclose the face.
     clamp_tilt_deg, clamp_shift: mounting repeatability: standard deviations, along each axis of the
-    face, of the target's plane and centre from the wheel's true ones.
+    face, of the target's plane and centre from the wheel's true ones. stand_off, stand_off_u: of a
+    target on a wheel of real shape, from the flange's edge, and its standard deviation.
     """
 
     shape: str
@@ -26,6 +27,8 @@ class TargetFile(Section):
     flatness: float = Field(0.0, ge=0.0, le=0.001)
     clamp_tilt_deg: float = Field(0.0, ge=0.0, le=2.0)
     clamp_shift: float = Field(0.0, ge=0.0, le=0.02)
+    stand_off: float | None = Field(None, ge=0.0, le=0.5)
+    stand_off_u: float | None = Field(None, ge=0.0, le=0.05)
 
     @property
     def stated(self) -> dict[str, Any]:

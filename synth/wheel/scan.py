@@ -17,6 +17,7 @@ from ..scene.solids import Solid
 from ..vehicle.turning import Turning
 from ..vehicle.vehicle import WHEELS, Vehicle, Wheel
 from .bare_wheel import DrawnWheel, draw_bare_wheel
+from .clamp import Clamped
 
 
 @dataclass(frozen=True)
@@ -52,15 +53,20 @@ def bare_scene(
     station_vehicle_m: Array,
     turn_rad: float = 0.0,
     obstacles: Sequence[Solid] = (),
+    clamped: Clamped | None = None,
 ) -> Scene:
     """Build the scene of one bare wheel for the scanner at `station_vehicle_m` (3,).
 
-    turn_rad: about its spin axis. obstacles: in the coordinates of the wheel.
+    turn_rad: about its spin axis. obstacles: in the coordinates of the wheel. clamped: before it.
     """
     own = [*drawn.solids(wheel, turn_rad), *obstacles]
     solids = [solid.placed(wheel.T_vehicle_target) for solid in own]
+    mounted = [clamped.mounted(wheel, drawn)] if clamped else []
+    if clamped:
+        pose = mounted[0].pose.T_vehicle_target
+        solids += [solid.placed(pose) for solid in clamped.solids(drawn.edge_m)]
     solids += around(vehicle, wheel)
-    scene = seen_from(station_vehicle_m, solids, [], vehicle)
+    scene = seen_from(station_vehicle_m, solids, mounted, vehicle)
     return replace(scene, optics=optics_of(solids, surfaces_of(drawn.form)))
 
 

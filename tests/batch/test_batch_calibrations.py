@@ -20,7 +20,7 @@ from wheelplane.commands.calibrate import calibrate
 from wheelplane.commands.results import results
 from wheelplane.errors import InputError
 from wheelplane.report.format.language import load_translations
-from wheelplane.web.content.archive import answer
+from wheelplane.web.archive.views import answer
 from wheelplane.web.security import RefusedError
 from wheelplane_synth.machine.forms import readings_csv
 from wheelplane_synth.machine.indicate import indicate

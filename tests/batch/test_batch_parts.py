@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import time
 from pathlib import PurePosixPath
 
 import pytest
@@ -24,6 +25,7 @@ from wheelplane.capture.open_capture import CaptureOptions, open_capture
 from wheelplane.config import Config
 from wheelplane.errors import InputError
 from wheelplane.measure import measure_capture
+from wheelplane.targets import read_targets
 
 SINGLE = {
     "a.zip": "zip",
@@ -130,6 +132,10 @@ def test_settings_of_one_kind_do_not_concern_the_other():
     assert plain.digest("five-point") == fronted.digest("five-point")
     assert plain.digest("five-point") != spherical.digest("five-point")
     assert len({plain.settings_hash, spherical.settings_hash, fronted.settings_hash}) == 3
+    bare = BatchSettings(target=read_targets("disc-250"))
+    mixed = BatchSettings(target=read_targets("disc-250,FL=wheel"))
+    assert len({one.digest("folder") for one in (plain, bare, mixed)}) == 3
+    assert mixed.digest("five-point") == plain.digest("five-point")
     upright = BatchSettings(vertical="gravity")
     assert upright.digest("folder") != plain.digest("folder")
     assert upright.digest("five-point") == plain.digest("five-point")
@@ -257,11 +263,11 @@ class Script:
         """Nothing to end."""
 
 
-def outcomes(said, count=120, monkeypatch=None):
+def outcomes(said, count=120, probe=lambda: 0.0):
     request = RunRequest("a", "r", BatchSettings())
     small = [FoundCapture(f"c{k}", "five-point", (Entry(f"c{k}", 10, ""),)) for k in range(count)]
     engine = Script(said)
-    run = Run(tasks_of(request, small), engine, lambda: None, lambda _: None)
+    run = Run(tasks_of(request, small), engine, probe, lambda _: None)
     found = {done.name: done.outcome for done in run.outcomes()}
     assert len(found) == count
     return found, engine
@@ -298,6 +304,13 @@ def test_what_cannot_be_read_is_a_row_and_what_cannot_be_written_ends_the_run(mo
         InputError, match=r"disk full \(run stopped; repeat the command to continue"
     ):
         outcomes({f"c{k}": [TransientError("disk full")] * 9 for k in range(120)})
+
+
+def test_what_fails_while_the_storage_is_away_is_nobody_s_fault():
+    """The storage answers again after each task was submitted."""
+    away = {f"c{k}": [TransientError("away"), ArchiveError("away")] * 4 for k in range(120)}
+    found, _ = outcomes(away, probe=time.monotonic)
+    assert {outcome.status for outcome in found.values()} == {"ok"}
     found, _ = outcomes({"c7": [TransientError("disk full")] * 3})
     assert {outcome.status for outcome in found.values()} == {"ok"}
 

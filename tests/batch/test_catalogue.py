@@ -18,10 +18,12 @@ import pytest
 
 from tests.support.records import add, key_of, place, result, text
 from wheelplane.batch.catalogue import catalogue as catalogue_module
-from wheelplane.batch.catalogue import segments
+from wheelplane.batch.catalogue import segments, sqlite_file
 from wheelplane.batch.catalogue.catalogue import FILE, open_catalogue, rebuild, update
 from wheelplane.batch.catalogue.changes import GRAIN_NS
+from wheelplane.batch.catalogue.history import REMOVED, read_removed, write_removed
 from wheelplane.batch.catalogue.rows import read_record
+from wheelplane.batch.catalogue.schema import TABLES
 from wheelplane.batch.catalogue.segments import Segments
 from wheelplane.batch.results.query import capture_of, captures, count, quantities_of, wheels_of
 from wheelplane.batch.storage.entry import PARTIAL, Entry
@@ -220,6 +222,9 @@ def test_what_is_no_result_is_left_alone(store):
         lambda path: path.write_bytes(flipped(path.read_bytes())),
         lambda path: foreign(path),
         lambda path: path.unlink(),
+        lambda path: kept_time(path, path.read_bytes()[:-4096]),
+        lambda path: kept_time(path, path.read_bytes() + bytes(4096)),
+        lambda path: kept_time(path, flipped(path.read_bytes()), 10**9),
     ],
 )
 def test_a_damaged_or_foreign_catalogue_is_rebuilt(store, spoil):
@@ -234,6 +239,47 @@ def flipped(data: bytes) -> bytes:
     """One bit of one name changed, which SQLite itself would not notice."""
     at = data.index(b"capture 7")
     return data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]
+
+
+def kept_time(path: Path, data: bytes, whole_ns: int = 1) -> None:
+    """Replace the content, as a copy of a damaged file with its time, in units of whole_ns."""
+    time_ns = path.stat().st_mtime_ns // whole_ns * whole_ns
+    path.write_bytes(data)
+    os.utime(path, ns=(time_ns, time_ns))
+
+
+def test_a_catalogue_to_which_nothing_was_written_is_not_read_whole(store, monkeypatch):
+    rebuild(store)
+    with monkeypatch.context() as patch:
+        patch.setattr(sqlite_file, "_checksums", lambda path: pytest.fail("read whole"))
+        for _ in range(2):
+            assert len(shown(store.local)) == 40
+    (store.local / FILE).touch()
+    read = []
+    real = sqlite_file._checksums
+    monkeypatch.setattr(sqlite_file, "_checksums", lambda path: read.append(path) or real(path))
+    for _ in range(3):
+        assert len(shown(store.local)) == 40
+    assert len(read) == 1
+
+
+@pytest.mark.parametrize("page", [512, 4096, 65536])  # the header states the largest as 1
+def test_a_catalogue_of_any_size_of_page_bears_its_mark_while_it_is_whole(tmp_path, page):
+    path, connection = tmp_path / FILE, sqlite3.connect(":memory:", isolation_level=None)
+    connection.executescript(f"PRAGMA page_size = {page}; {TABLES}")
+    sqlite_file.write_sqlite_file(connection, path)
+    data = path.read_bytes()
+    assert len(data) % page == 0
+    sqlite_file.mark_verified(path, time.time_ns())
+    assert sqlite_file._bears_mark(path)
+    for spoilt in (data[:-page], data + bytes(page), data[:-1]):
+        kept_time(path, spoilt)
+        assert not sqlite_file._bears_mark(path)
+
+
+def test_a_mark_is_of_its_checksum_and_never_the_time_of_a_whole_millisecond():
+    marks = {sqlite_file._mark(checksum) for checksum in range(0, 2**32, 99_991)}
+    assert marks == set(range(1, sqlite_file.MARKS))
 
 
 def foreign(path: Path) -> None:
@@ -315,6 +361,13 @@ def test_a_folder_without_results_is_reported_in_one_line(tmp_path):
     with pytest.raises(InputError, match="no results found: give the folder"):
         open_catalogue(str(tmp_path))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_names_of_captures_that_left_the_archive_are_kept_as_they_are_written(tmp_path):
+    store, names = open_store(str(tmp_path)), ["São Paulo/März 1.zip", 'a "b".txt', "back\\slash"]
+    write_removed(store, names)
+    assert read_removed(store) == names
+    assert names[0] in store.read(REMOVED).decode()
 
 
 def test_results_that_cannot_be_written_to_can_be_read(store, monkeypatch):

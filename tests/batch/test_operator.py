@@ -90,7 +90,7 @@ def test_why_shows_reason_inputs_and_log(finished):
         assert text in done.stdout
     assert tree["provenance"]["inputs"]["bad.txt"] in done.stdout
     assert "Traceback" in done.stdout  # of the log
-    assert f"wheelplane measure {archive}/bad.txt --plot DIR" in done.stdout
+    assert f"wheelplane five-point {archive}/bad.txt --plot DIR" in done.stdout
     assert "00/car-0000.txt: ok" in call("batch", "-o", results, "--why", "00/car-0000.txt").stdout
 
 

@@ -457,6 +457,24 @@ def test_captures_without_a_date_are_reported_where_dates_are_asked_for(results,
     assert run(results).stderr == ""
 
 
+def test_unlike_verticals_are_named_and_selected(tmp_path):
+    """A result from before there were others has its cambers from the wheels' centres."""
+    trees = [result(name) for name in ("a", "b", "c", "d")]
+    trees[1]["vertical_in_use"] = "gravity"
+    del trees[2]["vertical_in_use"]
+    trees[3] = result("d", status="failed", stage="segment", reason="no target")
+    add(open_store(str(tmp_path)), *trees)
+    with open_catalogue(str(tmp_path)) as catalogue:
+        verticals = [row.vertical for row in captures(catalogue)]
+        assert verticals == ["wheels", "gravity", "wheels", ""]
+        assert names(catalogue, vertical="wheels") == ["a", "c"]
+    said = "cambers are from unlike verticals (1 from gravity, 2 from wheels): choose by --vertical"
+    assert run(tmp_path).stderr.strip() == said
+    chosen = run(tmp_path, "--vertical", "gravity", "--json")
+    assert chosen.stderr == ""
+    assert [row["name"] for row in json.loads(chosen.stdout)["captures"]] == ["b"]
+
+
 def test_csv_is_printed_as_it_is_written(results, tmp_path):
     run(results, "--csv", tmp_path / "table.csv")
     assert run(results, "--csv", "-").stdout == (tmp_path / "table.csv").read_text(encoding="utf-8")

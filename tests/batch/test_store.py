@@ -47,6 +47,8 @@ def test_what_is_written_is_read_listed_and_fetched(store, tmp_path):
     assert names(store, "a/") == sorted(n for n in content if n.startswith("a/"))
     assert names(store, "a") == sorted(n for n in content if n.startswith("a"))
     assert names(store, "none") == []
+    for prefix in ("", "a", "a/", "none"):
+        assert list(store.names(prefix)) == names(store, prefix)
     for name, data in content.items():
         assert store.read(name) == data
         assert store.fetch(name, tmp_path / "copies").read_bytes() == data
@@ -352,6 +354,26 @@ def test_a_fault_that_stays_is_one_line(remote):
     with pytest.raises(InputError, match="Access Denied"):
         remote.read("a")
     assert system.calls == store_remote.TRIES + 1
+
+
+def test_a_patient_store_waits_notes_it_and_tells_since_when_it_is_back(remote, monkeypatch):
+    remote.write("a", b"1")
+    notes: list[str] = []
+    remote.be_patient(notes.append)
+    for faults, noted in ((TRANSIENT, 0), (TRANSIENT * 10, 1), (TRANSIENT * 10, 1)):
+        began_s, before_s = time.monotonic(), remote.back_s
+        faulty(remote, faults)
+        assert remote.read("a") == b"1"
+        assert len(notes) == noted  # once a minute
+        assert remote.back_s == before_s if not noted else remote.back_s >= began_s
+        remote._opened = None
+    assert f"after {store_remote.TRIES} tries" in notes[0]
+    assert "waiting for it up to 30 min" in notes[0]
+    monkeypatch.setattr(store_remote, "AWAY_S", 0.0)
+    system = faulty(remote, TRANSIENT * 10)
+    with pytest.raises(InputError, match=f"after {store_remote.TRIES} tries"):
+        remote.read("a")
+    assert system.calls == store_remote.TRIES
 
 
 def test_a_put_whose_answer_was_lost_is_known_as_done(remote):

@@ -18,6 +18,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from tests.support.batches import archive_of, five_points, left, run_process, settle, start, trees
 from tests.support.failing_proxy import FailingProxy
@@ -150,24 +151,7 @@ def storage(bench: Bench) -> None:
             found = left(bench.place / kind)
             bench.report(name, done.returncode, done.stdout, done.stderr, after.returncode, found)
             proxy.close()
-        proxy = FailingProxy(address, 0.0, 1)
-        process = start("s3://cars/archive", "s3://cars/gone", *OPTIONS,
-                        AWS_ENDPOINT_URL=proxy.address)  # fmt: skip
-        while process.poll() is None and not files.glob("cars/gone/measurements/*/*.json"):
-            files.invalidate_cache()
-            time.sleep(0.1)
-        proxy.gone = True
-        threading.Timer(GONE_S, lambda: setattr(proxy, "gone", False)).start()
-        out, err = process.communicate(timeout=300)
-        after = run_process(
-            "s3://cars/archive", "s3://cars/gone", *OPTIONS, AWS_ENDPOINT_URL=address
-        )
-        files.get("cars/gone", str(bench.place / "gone"), recursive=True)
-        name = f"object storage gone for {GONE_S:.0f} s"
-        bench.report(
-            name, process.returncode, out, err, after.returncode, left(bench.place / "gone")
-        )
-        proxy.close()
+        gone(bench, address, files, GONE_S)
         done = run_process(
             "s3://cars/archive", "s3://none/results", *OPTIONS, AWS_ENDPOINT_URL=address
         )
@@ -181,13 +165,37 @@ def storage(bench: Bench) -> None:
         )
 
 
+def gone(bench: Bench, address: str, files: Any, seconds: float) -> None:
+    """Take object storage away in mid-run."""
+    proxy = FailingProxy(address, 0.0, 1)
+    process = start("s3://cars/archive", "s3://cars/gone", *OPTIONS,
+                    AWS_ENDPOINT_URL=proxy.address)  # fmt: skip
+    while process.poll() is None and not files.glob("cars/gone/measurements/*/*.json"):
+        files.invalidate_cache()
+        time.sleep(0.1)
+    proxy.gone = True
+    threading.Timer(seconds, lambda: setattr(proxy, "gone", False)).start()
+    out, err = process.communicate(timeout=seconds + 300)
+    after = run_process("s3://cars/archive", "s3://cars/gone", *OPTIONS, AWS_ENDPOINT_URL=address)
+    files.get("cars/gone", str(bench.place / "gone"), recursive=True)
+    print("\n".join(line[:200] for line in err.splitlines()))
+    name = f"object storage gone for {seconds:.0f} s"
+    bench.report(name, process.returncode, out, err, after.returncode, left(bench.place / "gone"))
+    proxy.close()
+
+
 def main() -> None:
     """Strike, and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--captures", type=int, default=60)
+    parser.add_argument("--gone", type=float, help="seconds: object storage away for them alone")
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(Path(folder), chosen.captures)
+        if chosen.gone is not None:
+            with stored_archive(bench.archive) as (address, files):
+                gone(bench, address, files, chosen.gone)
+            return
         for part in (folders, captures, storage):
             part(bench)
 

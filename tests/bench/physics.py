@@ -104,6 +104,7 @@ CASES: dict[str, Values] = {
         "beam.correlation_length_m": 0.01,
     },
 }
+CASES["all-stated"] = {**CASES["all"], **STATED_ANGLES, "instrument.incidence_bias_m": 0.0003}
 
 
 def scanner_file(folder: Path, values: Values, base: str = "default") -> Path:

@@ -11,6 +11,7 @@ import pytest
 from wheelplane.calibration.scatter import (
     REPRODUCIBILITY,
     RESOLUTION,
+    deviation_with,
     rounding_variance,
     scatter_of,
 )
@@ -219,3 +220,45 @@ def test_a_hysteresis_that_is_no_whole_step_is_covered_at_several_points(hystere
     assert covered / count > 0.95 - spread
     if hysteresis == 0.5:
         assert plain / count < 0.95 - spread
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("levels", "hysteresis"),
+    [(10, 0.0), (10, None), (4, 0.0), (1, None)],
+)
+@pytest.mark.parametrize("scatter", [0.0, 0.1])
+def test_few_points_of_an_exact_reference_are_covered(levels, hysteresis, scatter):
+    """Twelve points show the rounding that all series share by the few near the edge of a step."""
+    rng, count, covered, bounds = np.random.default_rng(9), 200, [], []
+    for _ in range(count):
+        apart = rng.uniform(0.0, 2.0) if hysteresis is None else hysteresis
+        true = rng.uniform(0.0, 1.0, (12, 1, 1, 1))
+        ways = np.array([0.5, -0.5]).reshape(1, 1, 2, 1) * apart
+        seen = np.round(true + ways + scatter * rng.standard_normal((12, levels, 2, 3)))
+        found = scatter_of(seen.tolist(), true[:, :, 0, 0] * np.ones((1, levels)))
+        bound = estimate(0.0, np.eye(12)[0], found.effects(1.0)).expanded
+        covered.append(np.mean(np.abs(found.errors) <= bound))
+        bounds.append(bound)
+    spread = 3.0 * np.std(covered, ddof=1) / math.sqrt(count)
+    assert np.mean(covered) > 0.94 - spread
+    assert scatter == 0.0 or np.mean(bounds) < 0.42  # whole, it would be 0.475
+
+
+def test_the_variance_over_all_series_is_that_of_single_readings():
+    rng = np.random.default_rng(10)
+    shifts = 0.7 * rng.normal(size=(3000, 5, 1, 1))
+    found = scatter_of((shifts + rng.normal(size=(3000, 5, 2, 2))).tolist())
+    assert found.variances.mean() == pytest.approx(1.49, abs=5.0 * 1.49 / math.sqrt(3000))
+
+
+@pytest.mark.parametrize("between", [0.0, 0.3])
+def test_the_planned_deviation_is_that_of_rounded_readings_of_all_series(between):
+    rng = np.random.default_rng(11)
+    spread = math.hypot(0.2, between)
+    true, noise = rng.uniform(0.0, 1.0, (20000, 1)), rng.standard_normal((20000, 20))
+    one, all_of = (np.round(true + sigma * noise).var(axis=1, ddof=1).mean()
+                   for sigma in (0.2, spread))  # fmt: skip
+    found = deviation_with(math.sqrt(one), 1.0, between)
+    assert found == pytest.approx(math.sqrt(all_of), rel=0.01)
+    assert deviation_with(3.0, 0.0, 4.0) == 5.0

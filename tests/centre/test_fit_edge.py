@@ -25,7 +25,7 @@ from wheelplane.centre.edge.edge_residuals import (
     step,
     zone_scatter,
 )
-from wheelplane.centre.edge.fit_edge import DIFFERENT, aimed, fit_edge, look_behind
+from wheelplane.centre.edge.fit_edge import DIFFERENT, Aim, aimed, fit_edge, look_behind
 from wheelplane.config import CentreConfig
 from wheelplane.targets.outline import Circle, rectangle
 from wheelplane.vectors import turned
@@ -116,7 +116,7 @@ def test_without_a_background_nothing_shows_the_beams_and_nothing_is_fitted(name
     assert seen_through(plane, depth, true_state(station), outline) == np.inf
     assert not is_contradicted(plane, depth, true_state(station), outline)
     assert aimed(points, outline, 0.01, CONFIG) is None
-    assert fit_edge(points, outline, 0.01, 0.0003, CONFIG, true_state(station)) is None
+    assert fit_edge(points, outline, 0.01, 0.0003, CONFIG, Aim(true_state(station))) is None
     assert not look_behind(points, outline, CONFIG, START, None).seen
 
 
@@ -125,13 +125,37 @@ def test_a_stated_station_is_believed_unless_the_background_contradicts_it(name)
     outline, points, station = scanned(name, incidence_deg=25.0)
     truth = true_state(station)
     begin = aimed(points, outline, 0.01, CONFIG, START, station)
-    np.testing.assert_allclose(begin[BEAM], truth[BEAM], rtol=1e-12)
-    assert begin[INVERSE] == pytest.approx(truth[INVERSE])
+    np.testing.assert_allclose(begin.state[BEAM], truth[BEAM], rtol=1e-12)
+    assert begin.state[INVERSE] == pytest.approx(truth[INVERSE])
+    assert begin.station is station
     mirrored = station * [-1.0, -1.0, 1.0]
     instead = aimed(points, outline, 0.01, CONFIG, START, mirrored)
-    np.testing.assert_allclose(instead[BEAM], truth[BEAM], atol=0.04)
-    behind = look_behind(points, outline, CONFIG, START, instead)
-    np.testing.assert_array_equal(behind.beam, instead[BEAM])
+    np.testing.assert_allclose(instead.state[BEAM], truth[BEAM], atol=0.04)
+    assert instead.station is None
+    behind = look_behind(points, outline, CONFIG, START, instead.state)
+    np.testing.assert_array_equal(behind.beam, instead.state[BEAM])
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_known_station_makes_the_centre_of_few_points_more_certain(name):
+    """The station is stated 5 mm off in each axis, as its standard uncertainty allows."""
+    outline, setup = SCENES[name]
+    rng = np.random.default_rng(0)
+    found = {"unknown": [], "known": []}
+    for seed in range(30):
+        cloud = make(setup.but(spacing_m=0.0128, incidence_deg=20.0, noise_m=0.0008), seed)
+        stated = cloud.viewpoint_m + 0.005 * rng.normal(size=3)
+        for known, station in (("unknown", None), ("known", stated)):
+            begin = aimed(cloud.points_m, outline, 0.01, CONFIG, START, station)
+            fit = fit_edge(cloud.points_m, outline, 0.01, 0.0008, CONFIG, begin)
+            if fit is not None:
+                u_m = np.sqrt(np.diag(fit.covariance_m2))
+                found[known].append(np.stack([fit.centre_m, u_m]))
+    error, u = (np.stack([np.stack(rows)[:, k] for rows in found.values()]) for k in (0, 1))
+    rms = np.sqrt(np.mean(error**2, axis=(1, 2)))
+    assert rms[1] < 0.9 * rms[0]
+    assert np.median(u[1]) < 0.85 * np.median(u[0])
+    assert np.mean(np.abs(error[1]) < 1.96 * u[1]) > 0.92
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -177,7 +201,7 @@ def test_a_plane_that_is_too_high_moves_the_centre_as_the_derivative_says():
 
 def test_a_scanner_that_filters_mixed_pixels_gives_no_fit():
     outline, points, station = scanned("disc", filtered=True)
-    assert fit_edge(points, outline, 0.01, 0.0003, CONFIG, true_state(station)) is None
+    assert fit_edge(points, outline, 0.01, 0.0003, CONFIG, Aim(true_state(station))) is None
 
 
 def test_the_state_is_what_the_fit_says():

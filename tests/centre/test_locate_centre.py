@@ -206,10 +206,12 @@ def test_half_hidden_disc_is_within_its_larger_uncertainty(seed):
     assert u_of(cloud, fitted) > 1.05 * whole
 
 
-def test_a_shown_station_starts_the_fit_and_does_not_decide_it():
+def test_a_shown_station_adds_to_what_many_points_show_and_does_not_decide_it():
     cloud, alone = measured(PLAIN, 1)
     shown = fit(cloud.points_m, thickness_of(PLAIN), station_m=cloud.viewpoint_m)
-    assert np.linalg.norm(shown.centre_m - alone.centre_m) < 0.1 * u_of(cloud, alone)
+    was_m, is_m = u_of(cloud, alone), u_of(cloud, shown)
+    assert 0.9 * was_m < is_m <= was_m
+    assert np.linalg.norm(shown.centre_m - alone.centre_m) < np.sqrt(was_m**2 - is_m**2)
 
 
 def test_a_station_that_the_background_contradicts_changes_nothing():

@@ -7,8 +7,9 @@ import pytest
 
 from wheelplane.centre.edge.beams import ROTATION, Prior, look_up
 from wheelplane.centre.edge.edge_residuals import ZONES, EdgeProblem, Zones, equations
-from wheelplane.centre.outline_fit import place_circle
+from wheelplane.centre.outline_fit import check_outline, place_circle
 from wheelplane.config import CentreConfig
+from wheelplane.errors import NotMeasuredError
 from wheelplane.targets.outline import Circle, Holes, rectangle
 from wheelplane.vectors import turned
 
@@ -147,3 +148,19 @@ def test_no_circle_is_placed_on_what_is_none():
     rng = np.random.default_rng(1)
     assert place_circle(rng.uniform(-0.125, 0.125, (500, 2)), 0.125) is None  # a square
     assert place_circle(np.zeros((5, 2)), 0.125) is None
+
+
+def test_strays_among_very_many_points_are_not_the_edge_of_the_target():
+    """One point in a thousand lies anywhere about a disc of 250 mm, as noise of millions does."""
+    rng = np.random.default_rng(3)
+
+    def disc(radius_m, count):
+        angle, radius = rng.uniform(0.0, 2.0 * np.pi, count), radius_m * np.sqrt(rng.random(count))
+        return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+
+    strays = 0.14 * disc(1.0, 600)
+    assert np.count_nonzero(np.hypot(*strays.T) > 0.128) > 72  # one in each sector, and more
+    checked = Circle(0.125), np.zeros(2), 0.0, 0.0003, 0.0
+    assert check_outline(np.vstack([disc(0.125, 600_000), strays]), *checked)
+    with pytest.raises(NotMeasuredError, match="beyond the edge"):
+        check_outline(disc(0.128, 600_000), *checked)

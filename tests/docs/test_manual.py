@@ -388,7 +388,8 @@ def test_every_column_of_the_catalogue_is_listed(tmp_path):
 # Modules and functions that write notes.
 NOTES = {
     "assumptions.py": (
-        "_note_of_axles", "_note_of_mounting", "_note_of_bare_wheels", "_note_of_zeros",
+        "_note_of_axles", "_note_of_mounting", "_note_of_bare_wheels", "_note_of_centres",
+        "_note_of_zeros",
     ),
     "request.py": ("note_of_plates",),
     "evaluate.py": (

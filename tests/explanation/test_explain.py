@@ -9,6 +9,7 @@ import json
 import math
 import shutil
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -25,9 +26,11 @@ from wheelplane.config import Config
 from wheelplane.errors import InputError
 from wheelplane.explanation.explain import explain_capture
 from wheelplane.explanation.explain_cloud import SAMPLE
-from wheelplane.explanation.records import ExplainedScan
+from wheelplane.explanation.records import ExplainedCandidate, ExplainedScan, Finding
 from wheelplane.explanation.verdicts import MOST_SHOWN, apart
 from wheelplane.measure import measure_capture
+from wheelplane.report.candidates.tree import verdict_of
+from wheelplane.report.format.language import load_translations
 
 RAISED_M = 0.55
 SAME_U = 0.35  # of the same points, with a second target above them that turns no normal
@@ -255,3 +258,16 @@ def test_a_cloud_of_bare_wheels_shows_no_plane_as_a_candidate(whole):
         (scan,) = explain_capture(capture, Config()).scans
     assert (scan.status, scan.candidates) == ("not-named", ())
     assert "targets found, four are needed" in scan.reason
+
+
+@pytest.mark.parametrize("finding", get_args(Finding))
+def test_every_verdict_is_said_in_both_languages(finding):
+    one = ExplainedCandidate(1, None, "refused", finding, "RR", least_match=0.5, apart_m=0.0123)
+    english, portuguese = (verdict_of(one, load_translations(name)) for name in ("en", "pt"))
+    assert english != portuguese
+    if finding == "no_outline":
+        assert "0.50" in english
+        assert "0,50" in portuguese
+    if finding in ("outline_too", "worse"):
+        assert "12 mm" in english
+        assert "12 mm" in portuguese

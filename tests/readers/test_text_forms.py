@@ -363,3 +363,14 @@ def test_pts_with_a_header_comments_and_commas(tmp_path, head, delimiter):
     scan = read(tmp_path, f"# a comment\n6\n{seven}", "rr.pts")
     assert scan.intensity.tolist() == SHADES
     assert read(tmp_path, rows(), "rr.pts", columns=("z", "x", "y", "-")).intensity is None
+
+
+@pytest.mark.parametrize(
+    ("columns", "shaded"), [(3, False), (4, True), (6, False), (7, True), (10, True)]
+)
+def test_the_fourth_of_four_seven_or_ten_columns_of_pts_is_the_intensity(tmp_path, columns, shaded):
+    behind = " 1" * (columns - 3 - shaded)
+    scan = read(tmp_path, f"6\n{rows(shades=shaded, behind=behind)}", "rr.pts")
+    assert (scan.intensity is not None) == shaded
+    if shaded:
+        np.testing.assert_array_equal(scan.intensity, SHADES)

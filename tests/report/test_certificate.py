@@ -15,14 +15,15 @@ from tests.support.calibration_bay import TOE, Bay, changed, item_of, machine
 from tests.support.certificates import DAY, SENSOR, calibrated, certificate, given
 from wheelplane.calibration import DecisionRule, calibrate
 from wheelplane.calibration.certificate.issue import REQUIRED
+from wheelplane.measurement import Estimate
 from wheelplane.report.certificate import certificate_files
 from wheelplane.report.format.laboratory import Laboratory
 from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER
-from wheelplane.report.format.writer import Writer
+from wheelplane.report.format.writer import MINUS, Writer
 from wheelplane.report.html.page import ReportOptions
 from wheelplane.report.json.calibration import calibration_json
-from wheelplane.report.tables.calibration import points_table, reasons, title
+from wheelplane.report.tables.calibration import points_table, reasons, signed, title
 from wheelplane.report.tables.certificate import lacking, standards_table, statements
 from wheelplane.report.write import ReportFiles
 
@@ -271,3 +272,21 @@ def test_the_plan_says_which_trials_it_counts():
     parts = {"en": "besides the 4 wheels", "pt": "além das 4 rodas"}
     for language, part in parts.items():
         assert part in load_translations(language)("plan.trials_needed")
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_negative_numbers_have_a_minus_sign_and_zero_has_none(language):
+    seen = read(page(language=language))
+    assert "\N{MINUS SIGN}00°" in seen
+    assert not re.search(r" -\d", seen)
+    writer = Writer(load_translations(language), PAPER, minus=MINUS)
+    result = calibrated().results[0]
+    assert signed(Estimate(1e-9, 1e-5), replace(result, unit="m"), writer).startswith("0")
+    assert signed(Estimate(-2e-5, 1e-5), replace(result, unit="m"), writer)[0] == MINUS
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_conditions_stand_with_the_uncertainty_of_their_sensors(language):
+    words = load_translations(language)
+    seen = read(page(certificate(given("environment", temperature_u_c=0.3)), language))
+    assert f"21.6 °C (U {words.number('0.3 °C')})".replace("21.6", words.number("21.6")) in seen

@@ -28,6 +28,7 @@ from wheelplane.measurement.tolerance import Tolerance
 from wheelplane.report.format.laboratory import Laboratory, read_laboratory
 from wheelplane.report.format.language import FOLDER, LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER, View
+from wheelplane.report.format.writer import Table
 from wheelplane.report.html.page import ReportOptions, html_report
 from wheelplane.report.html.provenance import trouble
 from wheelplane.report.json.measurement import to_json
@@ -35,7 +36,7 @@ from wheelplane.vehicle.angles import deg_min_sec
 
 ROOT = Path(__file__).parents[2]
 FIGURE_4 = ROOT / "tests" / "data" / "paper" / "figure-4.txt"
-VOID = {"meta", "img", "br", "link", "input", "path", "rect", "image"}
+VOID = {"meta", "col", "img", "br", "link", "input", "path", "rect", "image"}
 BAD = '</script><script>alert("1")</script><img src=x onerror=alert(2)>{{ 7*7 }}\u202e\x07&'
 EN, PT = load_translations("en"), load_translations("pt")
 PLAIN = {words.language: ReportOptions(words, PAPER) for words in (EN, PT)}
@@ -389,7 +390,8 @@ def test_nothing_is_left_untranslated():
              "batch", "cluster", "config", "certificate", "item", "readings", "xlsx", "validation",
              "hotelling", "validate", "archive", "bland", "altman", "york", "nees", "aiming",
              "divisor", "holm", "double", "fahrachswinkel", "radversatz",
-             "radstandsdifferenz", "found", "left", "down", "unit", "positive", "axis"}  # fmt: skip
+             "radstandsdifferenz", "nelson", "results", "found",
+             "left", "down", "unit", "positive", "axis"}  # fmt: skip
     both = names | {"normal", "total", "zero", "face", "manual", "linear", "vertical",
                     "longitudinal", "lateral", "axial", "regular", "terminal",
                     "javascript", "decimal"}  # fmt: skip
@@ -408,3 +410,12 @@ def test_a_language_that_is_not_there():
 
 def test_a_language_is_one_file():
     assert {path.stem for path in FOLDER.glob("*.toml")} == set(LANGUAGES) == {"en", "pt"}
+
+
+def test_columns_on_paper_are_as_wide_as_their_longest_cells_up_to_where_these_are_broken():
+    table = Table(("name", "value"), (("a", "12345678"), ("abcdefgh", "1")))
+    assert table.shares == [50.0, 50.0]
+    narrow, wide = Table(("n", "text"), (("a", "w" * 40),)).shares
+    assert wide == pytest.approx(14.0 * narrow, rel=1e-3)
+    assert Table(("n", "text"), (("a", "w" * 400),)).shares == [narrow, wide]
+    assert narrow + wide == pytest.approx(100.0, abs=0.02)

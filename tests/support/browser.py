@@ -38,11 +38,11 @@ IN_A_BROWSER = [
 
 
 @contextmanager
-def serving(folder, scratch):
+def serving(folder, scratch, **settings):
     """The address, as it is printed, of a page that may open this folder."""
     with free_port("127.0.0.1", 0) as listening:
         guard = Guard(listening.getsockname()[1])
-        settings = PageSettings(folders=(folder,), scratch=scratch)
+        settings = PageSettings(folders=(folder,), scratch=scratch, **settings)
         app = create_app(settings, guard)
         state = app.config["state"]
         server = Listener(app, listening, partial(admit, state), settings.upload_bytes)
@@ -77,7 +77,8 @@ class Visit:
     def _console(self, message):
         is_expected = self.refusal is not None and f"status of {self.refusal}" in message.text
         if message.type in ("error", "warning") and not is_expected:
-            self.faults.append(f"{message.type}: {message.text}")
+            place = message.location.get("url", "")
+            self.faults.append(f"{message.type}: {message.text} {place}")
 
     def _request(self, request):
         if not request.url.startswith(self.known):

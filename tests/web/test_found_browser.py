@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from tests.support.browser import IN_A_BROWSER, serving
@@ -32,6 +33,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def address(folder, centres, tmp_path_factory):
+    as_one_cloud(folder / "car", folder / "single.ply")
     with_second_target(folder / "car", centres["FL"], 0.55)
     as_one_cloud(folder / "car", folder / "whole.ply")
     with serving(folder, tmp_path_factory.mktemp("scratch")) as made:
@@ -107,6 +109,25 @@ def test_the_wheels_of_a_cloud_are_named(visit, centres):
     page.wait_for_selector("#result:not([hidden]) table.angles")
     rows = page.locator("table.angles tbody tr")
     assert [rows.nth(i).locator("th").inner_text() for i in range(4)] == list(WHEELS)
+
+
+def test_the_front_of_a_cloud_is_chosen_in_its_picture(visit, centres):
+    """The side of the picture on which the front wheels lie, by which no other choice is needed."""
+    page = found(visit, "single.ply", target="disc-250")
+    tree = page.evaluate(
+        "async () => (await fetch(document.querySelector('.looked img').src.replace(/[^/]+$/, "
+        "'explanation.json'))).json()"
+    )
+    (scan,) = tree["scans"]
+    ahead = (centres["FR"] + centres["FL"] - centres["RR"] - centres["RL"]) / 2.0
+    right, up = (float(np.dot(axis, ahead)) for axis in scan["picture_axes"])
+    sides = {"right": right, "left": -right, "top": up, "bottom": -up}
+    front = max(sides, key=sides.get)
+    visit.check_with_axe()
+    page.locator(".looked").get_by_role("button", name=front, exact=True).click()
+    page.wait_for_selector("#result:not([hidden]) table.angles")
+    assert [page.locator("table.angles tbody tr").nth(i).locator("th").inner_text()
+            for i in range(4)] == list(WHEELS)  # fmt: skip
 
 
 def test_a_failure_names_the_field_of_the_page_and_opens_it(visit):

@@ -407,6 +407,15 @@ def test_an_archive_is_browsed(site, results):
     one = site.get(f"/api/archive/capture/0/results?key={page['keys'][3]}").json
     assert one["name"] == "2026/car-03"
     assert one["tables"][0]["rows"][0][0] == "RR"
+    assert one["record"] == f"measurements/{page['keys'][3][:2]}/{page['keys'][3]}.json"
+    assert [name for _, name in one["before"]] == ["2026-01-01 2026/car-00"]
+    asked = f"/api/archive/changes/0/results?key={page['keys'][3]}&before={one['before'][0][0]}"
+    assert site.get(asked).json["table"]["rows"]
+    (lost,) = site.get("/api/archive/captures/0/results?status=failed").json["keys"]
+    none = site.get(f"/api/archive/capture/0/results?key={lost}").json
+    assert (none["record"], none["before"]) == ("", [])
+    assert site.get(f"/api/archive/changes/0/results?key={lost}&before=x").status_code == 404
+    assert site.get("/api/archive/chart/0/results?quantity=RR+toe").json["unit"] == "\N{PRIME}"
     failed = site.get("/api/archive/failures/0/results").json["table"]["rows"]
     assert failed[0][:3] == ["1", "failed", "read"]
     assert "<b>copy it again</b>" in failed[0][3]  # text, which the page never takes for HTML
@@ -447,7 +456,7 @@ def test_every_text_of_the_page_is_there_in_every_language():
 
 # Names that are made of parts, or that the program gives to what has a status.
 BUILT = ("format_", "kind_", "option_", "verdict_", "read_as_", "coordinates_",
-         "tolerance_", "convention_", "vertical_")  # fmt: skip
+         "tolerance_", "convention_", "vertical_", "found_front_", "nelson_")  # fmt: skip
 STATED = {*STATUSES, RECOGNISED.status, VANISHED.status, "agree", "disagree", "cannot_tell"}
 
 

@@ -409,7 +409,7 @@ def test_uploaded_names_are_plain(site, name):
     assert [p for p in scratch.rglob("*") if p.is_file()] == []
 
 
-@pytest.mark.parametrize("name", ["run.sh", "page.html", "a.svg", "a.ply.exe", "capture.json", "x"])
+@pytest.mark.parametrize("name", ["run.sh", "page.html", "a.svg", "a.ply.exe", "capture.yaml", "x"])
 def test_uploads_of_other_kinds_are_refused(site, name):
     assert site.put(f"/api/uploads/{site.send()}/{name}", b"1").status_code == 415
 

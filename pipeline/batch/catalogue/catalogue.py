@@ -11,7 +11,6 @@ the other.
 
 from __future__ import annotations
 
-import os
 import shutil
 import sqlite3
 import tempfile
@@ -31,7 +30,7 @@ from .load_records import RecordProgress, no_progress
 from .rows import Record
 from .schema import create, drop, number_of, open_draft, put
 from .segments import load_changed_records
-from .sqlite_file import open_sqlite_file, write_sqlite_file
+from .sqlite_file import mark_verified, open_sqlite_file, write_sqlite_file
 
 FILE, LOCK = "catalogue.sqlite", "catalogue.lock"
 
@@ -152,7 +151,7 @@ def _refresh(
         differing = _draft(workspace.file, current, draft, final, changes, records)
         if final.exists():
             _publish(store, workspace, final)
-        os.utime(workspace.file, ns=(now_ns, now_ns))
+        mark_verified(workspace.file, now_ns)
     except (sqlite3.Error, OSError) as error:
         fact = getattr(error, "strerror", None) or str(error)
         raise InputError(

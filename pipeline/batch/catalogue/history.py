@@ -17,7 +17,7 @@ REMOVED = "gone.json"  # name of a file that users hold
 
 def holds_results(results: Store) -> bool:
     """Return whether there is any result, of any run."""
-    return next(results.list("measurements/"), None) is not None
+    return next(results.names("measurements/"), None) is not None
 
 
 def retried(results: Store, retry: str) -> list[str]:

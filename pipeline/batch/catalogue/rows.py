@@ -22,9 +22,10 @@ SURROGATE = re.compile("[\ud800-\udfff]")
 DAMAGED = "damaged"
 STATUSES = ("ok", "part", "failed", "quarantined", "damaged")
 FAILED = ("failed", "quarantined", DAMAGED)
+WHEELS = "wheels"  # vertical of results from before there were others
 SECTIONS = (
     "$.schema $.capture $.vehicle_name $.wheels $.frame $.vehicle $.batch $.provenance.version "
-    "$.calibration"
+    "$.calibration $.vertical_in_use"
 )
 
 
@@ -34,7 +35,7 @@ class CaptureRow:
 
     day: `date` in days since 1970-01-01, UTC unless it names a zone. status: ok, part, failed,
     quarantined, or damaged (its JSON cannot be read). wheels: number of wheels and trials of the
-    capture; wheels_ok: those with angles.
+    capture; wheels_ok: those with angles. vertical: from which its cambers are; empty of none.
     """
 
     key: str
@@ -51,6 +52,7 @@ class CaptureRow:
     points_total: int = 0
     version: str = ""
     config_sha256: str = ""
+    vertical: str = ""
     size: int = 0
     md5: str = ""
 
@@ -143,7 +145,8 @@ def _connection() -> sqlite3.Connection:
 
 
 def _record(blank: CaptureRow, sections: list[Any]) -> Record:
-    schema, name, vehicle_name, wheels, frame, vehicle, batch, version, calibrated = sections
+    schema, name, vehicle_name, wheels, frame, vehicle, batch, version, *more = sections
+    calibrated, vertical = more
     if schema != SCHEMA:
         raise _DamagedError(f"schema {schema!r:.60} instead of {SCHEMA!r}")
     if not isinstance(wheels, list) or not isinstance(batch, dict):
@@ -167,6 +170,7 @@ def _record(blank: CaptureRow, sections: list[Any]) -> Record:
         points_total=_points(wheels, of_cloud=batch.get("kind") == "cloud"),
         version=_text({"version": version}, "version"),
         config_sha256=_text(batch, "config_sha256"),
+        vertical=(_text({"vertical": vertical}, "vertical") or WHEELS) if rows else "",
     )
     quantities = tuple(_quantities(frame or {}, vehicle or {}))
     return Record(capture, rows, quantities, calibration_row(calibrated))

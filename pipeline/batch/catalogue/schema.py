@@ -16,10 +16,11 @@ from ...vehicle import REFERENCE_WHEELS
 from .calibration_row import TABLE as CALIBRATIONS
 from .rows import CaptureRow, Record, WheelRow
 
-APPLICATION = 0x77706C03  # "wpl" and a number to raise with every change of the tables
+APPLICATION = 0x77706C04  # "wpl" and a number to raise with every change of the tables
 KEY_DIGITS = 15  # of the key make the row's number: 60 bits, in the order of the keys
 CAPTURE_COLUMNS = tuple(field.name for field in fields(CaptureRow))
 WHEEL_COLUMNS = tuple(field.name for field in fields(WheelRow))
+KEY = "(SELECT key FROM captures AS c WHERE c.id = w.id) AS key"  # looked up only where it is asked
 
 TABLES = f"""
 CREATE TABLE captures(
@@ -27,8 +28,12 @@ CREATE TABLE captures(
   vehicle TEXT NOT NULL, date TEXT, day REAL, status TEXT NOT NULL, stage TEXT NOT NULL,
   reason TEXT NOT NULL, wheels INTEGER NOT NULL, wheels_ok INTEGER NOT NULL,
   points_total INTEGER NOT NULL, version TEXT NOT NULL, config_sha256 TEXT NOT NULL,
-  size INTEGER NOT NULL, md5 TEXT NOT NULL);
-CREATE INDEX captures_by_name ON captures(name, key);
+  vertical TEXT NOT NULL, size INTEGER NOT NULL, md5 TEXT NOT NULL);
+CREATE INDEX captures_by_name ON captures(name);
+CREATE INDEX captures_by_status ON captures(status, name);
+CREATE INDEX captures_by_day ON captures(day, status);
+CREATE INDEX captures_by_vehicle ON captures(vehicle, status);
+CREATE INDEX captures_by_vertical ON captures(vertical);
 CREATE TABLE wheel_rows(
   id INTEGER NOT NULL, place INTEGER NOT NULL, name TEXT NOT NULL, role TEXT NOT NULL, wheel TEXT,
   status TEXT NOT NULL, toe_deg REAL, camber_deg REAL, u_toe_deg REAL, u_camber_deg REAL,
@@ -39,10 +44,10 @@ CREATE TABLE quantity_rows(
   PRIMARY KEY(kind_id, id)) WITHOUT ROWID;
 CREATE TABLE layouts(layout INTEGER PRIMARY KEY, names TEXT NOT NULL);
 CREATE TABLE packed(id INTEGER PRIMARY KEY, layout INTEGER NOT NULL, numbers BLOB NOT NULL);
-CREATE VIEW wheels AS SELECT key, {", ".join(f"w.{name}" for name in WHEEL_COLUMNS)}
-  FROM wheel_rows AS w JOIN captures AS c ON c.id = w.id;
-CREATE VIEW quantities AS SELECT key, k.kind, value, u, unit
-  FROM quantity_rows AS q JOIN kinds AS k USING(kind_id) JOIN captures AS c ON c.id = q.id;
+CREATE VIEW wheels AS SELECT {KEY}, {", ".join(f"w.{name}" for name in WHEEL_COLUMNS)}
+  FROM wheel_rows AS w;
+CREATE VIEW quantities AS SELECT {KEY}, k.kind, value, u, unit
+  FROM kinds AS k CROSS JOIN quantity_rows AS w USING(kind_id);
 {CALIBRATIONS}
 PRAGMA application_id = {APPLICATION};
 """  # noqa: S608

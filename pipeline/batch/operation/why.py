@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import shlex
+from pathlib import Path
 from typing import Any
 
 from ...errors import InputError, printable
 from ..catalogue.catalogue import open_catalogue
 from ..catalogue.load_records import json_name
 from ..storage.store import Store, open_store
+from ..storage.zipped import zip_above
 
 MANIFEST = "run/begun.json"
+UNPACKED = "UNPACKED"  # folder that the user names, as DIR
 
 
 def account(results: str, name: str) -> str:
@@ -31,7 +34,7 @@ def account(results: str, name: str) -> str:
 def account_of(store: Store, key: str) -> str:
     """Return why the result of a key is as it is. Raises InputError."""
     tree: dict[str, Any] = json.loads(store.read(json_name(key)))
-    lines = [*_lines(store, key, tree), "", *_next(store, tree["capture"])]
+    lines = [*_lines(store, key, tree), "", *_next(store, tree)]
     return "\n".join(map(printable, lines))
 
 
@@ -62,12 +65,30 @@ def _lines(store: Store, key: str, tree: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _next(store: Store, name: str) -> list[str]:
-    """Return the commands that show the capture's targets, and that measure it again."""
+def _next(store: Store, capture: dict[str, Any]) -> list[str]:
+    """Return the commands that show a capture's targets, and that measure it again."""
+    name = capture["capture"]
     again = ["wheelplane", "batch", "ARCHIVE", "-o", store.url, "--retry", name]
-    commands = {"measure it again": again}
+    commands = {"measure it again": shlex.join(again)}
     if store.exists(MANIFEST):
         again[2] = json.loads(store.read(MANIFEST))["archive"]
-        seen = ["wheelplane", "measure", f"{again[2]}/{name}", "--plot", "DIR"]
-        commands = {"see its targets": seen} | commands
-    return [f"{what}: {shlex.join(words)}" for what, words in commands.items()]
+        commands["measure it again"] = shlex.join(again)
+        if "://" not in again[2]:  # of object storage, nothing is measured where it lies
+            seen = _alone(Path(again[2]), name, capture["batch"]["kind"])
+            commands = {"see its targets": seen} | commands
+    return [f"{what}: {command}" for what, command in commands.items()]
+
+
+def _alone(archive: Path, name: str, kind: str) -> str:
+    """Return the command that measures a capture of a folder, unpacked if a zip of many holds it.
+
+    The whole zip is unpacked, since a capture.toml may name files beside its capture's folder.
+    """
+    command = "five-point" if kind == "five-point" else "measure"
+    packed = zip_above(archive, name)
+    where = archive / name if packed is None else Path(UNPACKED) / name[len(packed) + 1 :]
+    measured = shlex.join(["wheelplane", command, str(where), "--plot", "DIR"])
+    if packed is None:
+        return measured
+    unpacked = shlex.join(["python3", "-m", "zipfile", "-e", str(archive / packed), UNPACKED])
+    return f"{unpacked} && {measured}"

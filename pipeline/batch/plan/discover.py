@@ -1,5 +1,8 @@
 """Captures of an archive: folders, zips, tars and single files, in any number.
 
+A zip is one capture, as a folder of its own, unless it holds several: then these are captures named
+by the zip and their path in it, found as in folders.
+
 The listing is written to a spool on disk, file by file. When a folder turns out to be a capture,
 the lines written since it was entered are replaced by one. Only the open folders are in memory.
 """
@@ -10,7 +13,7 @@ import hashlib
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Literal
@@ -31,11 +34,15 @@ UNUSABLE = (OUTSIDE, IMPROPER, TOO_DEEP)
 
 @dataclass(frozen=True)
 class FoundCapture:
-    """Capture of an archive: its name relative to the archive, its kind, its files by name."""
+    """Capture of an archive: its name relative to the archive, its kind, its files by name.
+
+    packed: name of the zip of several captures that holds it; empty if none does.
+    """
 
     name: str
     kind: Kind
     files: tuple[Entry, ...]
+    packed: str = ""
 
     @property
     def size(self) -> int:
@@ -74,20 +81,27 @@ class Captures:
     def __iter__(self) -> Iterator[FoundCapture]:
         with self.spool.open("rb") as lines:
             for line in lines:
-                name, kind, files = json.loads(line)
+                name, kind, files, packed = json.loads(line)
                 if kind:
-                    yield FoundCapture(name, kind, tuple(Entry(*file) for file in files))
+                    files = tuple(Entry(*file) for file in files)
+                    yield FoundCapture(name, kind, files, packed[0] if packed else "")
 
 
-def discover(entries: Iterable[Entry], spool: Path, source: str) -> Captures:
+Inside = Callable[[Entry], tuple[Entry, ...]]
+
+
+def discover(
+    entries: Iterable[Entry], spool: Path, source: str, inside: Inside = lambda _: ()
+) -> Captures:
     """Find the captures among the files of the archive `source`, which are sorted by name.
 
-    Raises InputError if the archive is itself a capture.
+    inside: the members of a zip, by their names in the archive, likewise sorted; none for a zip
+    that is not to be opened. Raises InputError if the archive is itself a capture.
     """
     passed_over: Counter[str] = Counter()
     with spool.open("w+b") as stream:
         opened = [_Folder("", 0)]
-        for entry in entries:
+        for entry, packed in _unpacked(entries, inside):
             if PASSED_OVER.search(entry.name):
                 continue
             folder, _, file = entry.name.rpartition("/")
@@ -105,9 +119,43 @@ def discover(entries: Iterable[Entry], spool: Path, source: str) -> Captures:
                     f"{source}: contains {file}, so it is itself a capture: use "
                     "`wheelplane measure`, give the folder above it, or move that file"
                 )
-            _put(stream, entry.name, kind, [[entry.name, entry.size, entry.stamp]])
+            of = None if packed is None else _listed(packed)
+            _put(stream, entry.name, kind, [_listed(entry)], of)
         _go_to("", opened, stream)
     return Captures(spool, passed_over)
+
+
+def _unpacked(entries: Iterable[Entry], inside: Inside) -> Iterator[tuple[Entry, Entry | None]]:
+    """Yield the files, and in the place of a zip of several captures its members and the zip."""
+    for entry in entries:
+        file = entry.name.rpartition("/")[2]
+        is_zip = kind_of(file) == "zip" and entry.stamp not in UNUSABLE
+        if is_zip and not (_marks_a_capture(file) or PASSED_OVER.search(entry.name)):
+            members = inside(entry)
+            if holds_several(member.name[len(entry.name) + 1 :] for member in members):
+                yield from ((member, entry) for member in members)
+                continue
+        yield entry, None
+
+
+def holds_several(members: Iterable[str]) -> bool:
+    """Return whether a zip of these members is several captures, and not one of its own.
+
+    One of its own has scans or capture.toml at its root, or in the only folder there.
+    """
+    names = [name for name in members if not PASSED_OVER.search(name)]
+    top = {name.partition("/")[0] for name in names}
+    if len(top) == 1 and all("/" in name for name in names):
+        names = [name.partition("/")[2] for name in names]
+    found = set()
+    for name in names:
+        folder, _, file = name.rpartition("/")
+        is_marked = _marks_a_capture(file)
+        if not folder and (is_marked or kind_of(file) == "cloud"):
+            return False
+        if is_marked or kind_of(file) is not None:
+            found.add(folder if is_marked else name)
+    return len(found) > 1
 
 
 def kind_of(file: str) -> Kind | None:
@@ -143,18 +191,33 @@ def _close(folder: _Folder, stream: BinaryIO) -> None:
     """Replace the lines written since a capture was opened by a single one."""
     if folder.is_capture:
         stream.seek(folder.start)
-        files = [file for line in stream for file in json.loads(line)[2]]
+        files: list[Listed] = []
+        packed: Listed | None = None
+        for line in stream:
+            _, _, listed, packed = json.loads(line)
+            if packed and not folder.path.startswith(f"{packed[0]}/"):
+                listed, packed = [packed], None  # a zip among the files of a capture
+            files += [file for file in listed if file not in files[-1:]]
         stream.seek(folder.start)
         stream.truncate()
         own = [file for file in files if file[2] != IMPROPER]
-        _put(stream, folder.path.rstrip("/"), "folder", own)
+        _put(stream, folder.path.rstrip("/"), "folder", own, packed)
         for file in files:
             if file[2] == IMPROPER:
-                _put(stream, file[0], "folder", [file])
+                _put(stream, str(file[0]), "folder", [file], None)
 
 
-def _put(stream: BinaryIO, name: str, kind: Kind | None, files: list[list[str | int]]) -> None:
-    stream.write(json.dumps([name, kind, files]).encode() + b"\n")
+Listed = list[str | int]  # name, size and stamp of an entry
+
+
+def _listed(entry: Entry) -> Listed:
+    return [entry.name, entry.size, entry.stamp]
+
+
+def _put(
+    stream: BinaryIO, name: str, kind: Kind | None, files: list[Listed], packed: Listed | None
+) -> None:
+    stream.write(json.dumps([name, kind, files, packed]).encode() + b"\n")
 
 
 def _marks_a_capture(file: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import posixpath
+import shutil
 import tempfile
 import time
 from collections.abc import Iterable, Iterator
@@ -13,7 +14,7 @@ from pathlib import Path
 from ... import __version__
 from ...capture import files_of, find_capture_file, read_capture_file
 from ...errors import WheelplaneError
-from ...files import improper, lies_in, sha256
+from ...files import improper, lies_in, path_below, sha256
 from ...report.json.measurement import SCHEMA
 from ..storage.entry import Entry
 from ..storage.store import Store
@@ -50,7 +51,7 @@ class Identity:
 @contextmanager
 def local_copy(store: Store, found: FoundCapture) -> Iterator[Path]:
     """Yield a local folder that holds the capture by its name: the archive, or a temporary copy."""
-    if store.local is not None:
+    if store.local is not None and not found.packed:
         yield store.local
         return
     with tempfile.TemporaryDirectory(prefix="wheelplane-") as scratch:
@@ -59,8 +60,17 @@ def local_copy(store: Store, found: FoundCapture) -> Iterator[Path]:
             store.fetch(file.name, archive)
         for name in _named_elsewhere(found, archive):
             if store.exists(name):
-                store.fetch(name, archive)
+                _copy(store, name, archive)
         yield archive
+
+
+def _copy(store: Store, name: str, folder: Path) -> None:
+    """Copy a file of the archive to a folder, but for a link that leads out of the archive."""
+    path = store.fetch(name, folder)
+    if store.local is not None and path == store.local / name and lies_in(path, store.local):
+        copy = path_below(folder, name, store.url)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, copy)
 
 
 def identify(store: Store, found: FoundCapture, archive: Path, settings: BatchSettings) -> Identity:

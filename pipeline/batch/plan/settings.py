@@ -16,7 +16,7 @@ from ...errors import InputError
 from ...five_point import Station
 from ...measurement import VerticalKind
 from ...report.json.measurement import SCHEMA
-from ...targets import Target
+from ...targets import TargetChoice
 from ...units import AngleUnit, Azimuth, Coordinates
 from .discover import Kind
 
@@ -35,7 +35,7 @@ class BatchSettings:
 
     config: Config = DEFAULT
     scanner: str | None = None
-    target: Target | None = None
+    target: TargetChoice | None = None
     options: CaptureOptions = OF_CLOUDS
     vertical: VerticalKind = "wheels"
     coordinates: Coordinates = "cartesian"
@@ -67,7 +67,7 @@ class BatchSettings:
         return stated | {
             "config": self.config.model_dump(exclude=set(ISSUER)),
             "scanner": self.scanner is not None,
-            "target": None if self.target is None else self.target.model_dump(),
+            "target": None if self.target is None else self.target.stated(),
             "told": _stated(self.options),
         }
 

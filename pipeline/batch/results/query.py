@@ -33,7 +33,7 @@ class Filter:
 
     text: part of the capture's name; vehicle: its complete name; since_day, until_day: days since
     1970-01-01, since_day included, until_day excluded; status: any of these; removed: whether the
-    capture was missing from the archive at the last run.
+    capture was missing from the archive at the last run; vertical: from which its cambers are.
     """
 
     text: str = ""
@@ -43,6 +43,7 @@ class Filter:
     status: tuple[str, ...] = ()
     ranges: tuple[ValueRange, ...] = ()
     removed: bool | None = None
+    vertical: str | None = None
 
 
 ALL = Filter()
@@ -66,6 +67,16 @@ def count(catalogue: Catalogue, which: Filter = ALL) -> int:
     return int(found.fetchone()[0])
 
 
+def verticals(catalogue: Catalogue, which: Filter = ALL) -> dict[str, int]:
+    """Count the captures by the vertical of their cambers, those without any left out."""
+    where, values = condition(catalogue, which)
+    rows = catalogue.connection.execute(
+        f"SELECT vertical, count(*) FROM captures AS c {where} GROUP BY vertical ORDER BY vertical",  # noqa: S608
+        values,
+    )
+    return {vertical: number for vertical, number in rows if vertical}
+
+
 def captures(
     catalogue: Catalogue,
     which: Filter = ALL,
@@ -77,7 +88,7 @@ def captures(
     where, values = condition(catalogue, which)
     rows = catalogue.connection.execute(
         f"SELECT {', '.join(CAPTURE_COLUMNS)} FROM captures AS c {where} "  # noqa: S608
-        f"ORDER BY {ORDERS[order]}name, key LIMIT ? OFFSET ?",
+        f"ORDER BY {ORDERS[order]}name, id LIMIT ? OFFSET ?",
         (*values, -1 if limit is None else limit, offset),
     )
     return (CaptureRow(*row) for row in rows)
@@ -120,7 +131,7 @@ def failures(
     where, values = condition(catalogue, which)
     rows = catalogue.connection.execute(
         f"SELECT status, stage, reason, name FROM captures AS c {where or 'WHERE TRUE'} "  # noqa: S608
-        "AND status <> 'ok' ORDER BY name, key",
+        "AND (status < 'ok' OR status > 'ok') ORDER BY +name, id",  # by the status, unlike <>
         values,
     )
     groups: dict[tuple[str, str, str], list[str]] = {}
@@ -180,7 +191,10 @@ def condition(catalogue: Catalogue, which: Filter) -> tuple[str, list[object]]:
         add(f"c.status IN ({', '.join('?' * len(which.status))})", *which.status)
     if which.removed is not None:
         names = json.dumps(read_removed(catalogue.store))
-        add("(c.name IN (SELECT value FROM json_each(?))) = ?", names, which.removed)
+        among = "c.name IN" if which.removed else "c.name NOT IN"
+        add(f"{among} (SELECT value FROM json_each(?))", names)  # noqa: S608
+    if which.vertical is not None:
+        add("c.vertical = ?", which.vertical)
     for span in which.ranges:
         terms.append(_within(catalogue, span, values))
     return f"WHERE {' AND '.join(terms)}" if terms else "", values

@@ -10,7 +10,7 @@ import json
 import sqlite3
 import time
 import uuid
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from pathlib import Path
 
@@ -28,8 +28,20 @@ PRAGMA cache_size = -65536;
 CREATE TABLE known(name, fingerprint, key, elsewhere,
   PRIMARY KEY(name, fingerprint, key, elsewhere)) WITHOUT ROWID;
 CREATE TABLE present(key PRIMARY KEY, name, done DEFAULT TRUE) WITHOUT ROWID;
-CREATE TABLE current(name PRIMARY KEY, key) WITHOUT ROWID;
+CREATE TABLE current(name PRIMARY KEY, fingerprint, ours, key) WITHOUT ROWID;
 """
+
+COMPARED = """
+INSERT OR IGNORE INTO current SELECT ?1, ?2, ?3, (
+  SELECT key FROM known JOIN present USING(key)
+  WHERE known.name = ?1 AND fingerprint = ?2 AND elsewhere = '[]' AND done)
+"""
+DEPENDENT = """
+SELECT current.name, known.key, elsewhere
+FROM known JOIN current USING(name, fingerprint) JOIN present ON present.key = known.key
+WHERE elsewhere <> '[]' AND done
+"""  # results that depend on files elsewhere
+UNDONE = "SELECT 1 FROM current WHERE name = ? AND ours AND key IS NULL"
 
 
 class ResultIndex:
@@ -54,12 +66,12 @@ class ResultIndex:
 
     def load(self) -> None:
         """Read the indices of earlier runs, and which results exist and of which captures."""
-        keys = ((entry.name[-69:-5],) for entry in self._results.list("measurements/"))
+        keys = ((name[-69:-5],) for name in self._results.names("measurements/"))
         set_name = "UPDATE present SET name = ? WHERE key = ?"
         self._database.execute("BEGIN")
         self._database.executemany("INSERT OR IGNORE INTO present(key) VALUES (?)", keys)
         for file in self._results.list(FOLDER):
-            rows = [json.loads(line) for line in self._results.read(file.name).splitlines()]
+            rows = json.loads(b"[%s]" % b",".join(self._results.read(file.name).splitlines()))
             self._database.executemany(set_name, ((name, key) for name, _, key, _ in rows))
             if file.name.startswith(self._folder):
                 self._database.executemany("INSERT OR IGNORE INTO known VALUES (?, ?, ?, ?)", rows)
@@ -74,32 +86,40 @@ class ResultIndex:
         rows = ((key,) for key in keys)
         self._database.executemany("UPDATE present SET done = FALSE WHERE key = ?", rows)
 
-    def reset_archive(self) -> None:
-        """Discard the last listing of the archive."""
-        self._listed.cache_clear()
-        self._database.execute("DELETE FROM current")
+    def knows(self, found: FoundCapture) -> bool:
+        """Return whether an earlier run measured a capture of this name and fingerprint."""
+        row = (legible(found.name), found.fingerprint)
+        asked = "SELECT 1 FROM known WHERE name = ? AND fingerprint = ?"
+        return self._database.execute(asked, row).fetchone() is not None
 
-    def mark_present(self, found: FoundCapture) -> None:
-        """Note that a capture is in the archive."""
-        row = (legible(found.name),)
-        self._database.execute("INSERT OR IGNORE INTO current(name) VALUES (?)", row)
+    def compare(self, captures: Iterable[FoundCapture], is_ours: Callable[[str], bool]) -> None:
+        """Look for valid results of the captures that are in the archive now, which become current.
 
-    def is_done(self, found: FoundCapture) -> bool:
-        """Return whether a valid result of a capture exists, and make it the current one.
-
-        Of several results with this fingerprint it is the one whose files elsewhere are unchanged.
+        Of several results with a capture's fingerprint it is the one whose files elsewhere are
+        unchanged. is_ours: whether this run measures the capture of a name.
         """
-        rows = self._database.execute(
-            "SELECT key, elsewhere FROM known JOIN present USING(key) "
-            "WHERE known.name = ? AND fingerprint = ? AND done",
-            (legible(found.name), found.fingerprint),
-        ).fetchall()
-        for key, elsewhere in rows:
+        self._listed.cache_clear()
+        rows = ((legible(one.name), one.fingerprint, is_ours(one.name)) for one in captures)
+        self._database.execute("BEGIN")
+        self._database.execute("DELETE FROM current")
+        self._database.executemany(COMPARED, rows)
+        for name, key, elsewhere in self._database.execute(DEPENDENT):
             others = [Entry(*file) for file in json.loads(elsewhere)]
             if all(self._listed(file.name) == file for file in others):
-                self._set_current(legible(found.name), key)
-                return True
-        return False
+                self._set_current(name, key)
+        self._database.execute("COMMIT")
+
+    def counts(self) -> tuple[int, int]:
+        """Return how many captures of this run have a valid result, and how many have none."""
+        done, total = self._database.execute(
+            "SELECT count(key), count(*) FROM current WHERE ours"
+        ).fetchone()
+        return done, total - done
+
+    def is_todo(self, found: FoundCapture) -> bool:
+        """Return whether a capture is this run's, and has no valid result."""
+        name = (legible(found.name),)
+        return self._database.execute(UNDONE, name).fetchone() is not None
 
     def state(self, found: FoundCapture) -> str:
         """Return a text that changes with the files of a capture and those it names elsewhere."""
@@ -153,4 +173,4 @@ class ResultIndex:
         self._flushed_s = time.monotonic()
 
     def _set_current(self, name: str, key: str) -> None:
-        self._database.execute("INSERT OR REPLACE INTO current VALUES (?, ?)", (name, key))
+        self._database.execute("UPDATE current SET key = ? WHERE name = ?", (key, name))

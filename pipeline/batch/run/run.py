@@ -16,6 +16,7 @@ from ..plan.discover import Captures, FoundCapture, discover
 from ..plan.shard import ALL, Shard
 from ..storage.entry import Entry, legible
 from ..storage.store import Store, open_store
+from ..storage.zipped import ZippedStore
 from .progress import ProgressListener, RunCounts
 from .result_index import ResultIndex
 from .tasks import Engine, Run, tasks_of
@@ -40,13 +41,14 @@ class Batch:
         self._engine, self._scratch, self._listener = engine, scratch, listener
         self._archive = open_store(request.archive, confined=True)
         self._results = open_store(request.results)
+        for store in (self._archive, self._results):
+            store.be_patient(listener.note)
         of_settings = request.settings.settings_hash
         self._index = ResultIndex(self._results, of_settings, self._archive, scratch / "index")
         self._index.load()
         if request.retry:
             self._index.mark_undone(retried(self._results, request.retry))
         self._segments, self._times = Segments(self._results), Times(self._results)
-        self._known = 0
 
     @property
     def holds_results(self) -> bool:
@@ -60,9 +62,8 @@ class Batch:
         finished by then are written, and in the catalogue.
         """
         captures = self.find_captures()
-        todo = sum(1 for _ in self.pending(captures))
-        self.counts.known = self._known
-        if not (todo or self._known or self.shard.n > 1):
+        self.counts.known, todo = self._index.counts()
+        if not (todo or self.counts.known or self.shard.n > 1):
             present = ", ".join(sorted(captures.passed_over)) or "no files"
             raise InputError(
                 f"{self.request.archive}: no captures found, only {present}: give the folder that "
@@ -74,24 +75,17 @@ class Batch:
         return self.counts
 
     def find_captures(self) -> Captures:
-        """Find the captures that are in the archive now."""
-        self._index.reset_archive()
-        found = discover(self._entries(), self._scratch / "captures", self.request.archive)
+        """Find the captures that are in the archive now, and their results."""
+        spool = self._scratch / "captures"
+        found = discover(self._entries(), spool, self.request.archive, self._inside)
         self.counts.passed_over = found.passed_over
+        self._index.compare(found, self.shard.holds)
+        self.counts.removed = self._index.removed()
         return found
 
     def pending(self, captures: Iterable[FoundCapture]) -> Iterator[FoundCapture]:
         """Yield the new and changed captures of this shard, as far as known without reading."""
-        self._known = 0
-        for found in captures:
-            self._index.mark_present(found)
-            if not self.shard.holds(found.name):
-                continue
-            if self._index.is_done(found):
-                self._known += 1
-            else:
-                yield found
-        self.counts.removed = self._index.removed()
+        return filter(self._index.is_todo, captures)
 
     def state(self, found: FoundCapture) -> str:
         """Return a text that changes with the files of a capture and those it names elsewhere."""
@@ -154,8 +148,18 @@ class Batch:
             if within is None or not entry.name.startswith(within):
                 yield entry
 
-    def _probe(self) -> None:
+    def _inside(self, entry: Entry) -> tuple[Entry, ...]:
+        """Return the members of a zip; none of one that is known to be a single capture."""
+        single = FoundCapture(entry.name, "zip", (entry,))
+        if not isinstance(self._archive, ZippedStore) or self._index.knows(single):
+            return ()
+        return self._archive.members(entry)
+
+    def _probe(self) -> float:
+        """Wait until archive and results answer, and return since when they do."""
         next(iter(self._archive.list()), None)
+        next(iter(self._results.names("run/")), None)
+        return max(self._archive.back_s, self._results.back_s)
 
 
 def _within(archive: Store, results: Store) -> str | None:

@@ -63,13 +63,14 @@ def tasks_of(request: RunRequest, captures: Iterable[FoundCapture]) -> Iterator[
 class Run:
     """Run of tasks on an engine.
 
-    probe: raises InputError if the archive itself cannot be reached. notify: called with a text
+    probe: waits for the storage, and returns the time at which it last answered again; raises
+    InputError if it does not. notify: called with a text
     for each death of a worker process and each fault.
     """
 
     tasks: Iterator[Task]
     engine: Engine
-    probe: Callable[[], object]
+    probe: Callable[[], float]
     notify: Callable[[str], None]
     _again: deque[Task] = field(default_factory=deque)
     _later: deque[Task] = field(default_factory=deque)
@@ -81,22 +82,23 @@ class Run:
 
         Raises InputError for permanent faults of storage or machine.
         """
-        out: dict[Future[list[CompletedCapture]], Task] = {}
+        out: dict[Future[list[CompletedCapture]], tuple[Task, float]] = {}
         while True:
             while len(out) < 2 * self.engine.slots + 1 and (task := self._next()) is not None:
-                out[self.engine.submit(task)] = task
+                out[self.engine.submit(task)] = task, time.monotonic()
             if not out:
                 return
             for future in wait(out, return_when=FIRST_COMPLETED).done:
-                task = out.pop(future)
+                task, submitted_s = out.pop(future)
                 try:
                     done = future.result()
                 except WorkerError as error:
                     self._died(task, error)
                 except TransientError as error:
-                    self._failed(task, error)
+                    self._failed(task, error, submitted_s)
                 except (OSError, EOFError) as error:  # no more processes or files, no fork server
-                    self._failed(task, TransientError(f"no worker process can start: {error}"))
+                    fault = TransientError(f"no worker process can start: {error}")
+                    self._failed(task, fault, submitted_s)
                 else:
                     self._faults, self._is_lost = 0, False
                     yield from done
@@ -125,17 +127,22 @@ class Run:
             self.notify(f"{name}: {error.text}: will be tried again")
         self._again.append(task)
 
-    def _failed(self, task: Task, error: TransientError) -> None:
-        """Retry later, unless the capture itself is unreadable or the faults do not end."""
+    def _failed(self, task: Task, error: TransientError, submitted_s: float) -> None:
+        """Retry later, unless the capture itself is unreadable or the faults do not end.
+
+        What was submitted before storage that was away answered again is no fault of its own.
+        """
         if isinstance(error, EngineLostError):
             self._again.append(task)
             if not self._is_lost:  # of all tasks that it had
                 self.notify(str(error))
             self._is_lost = True
             return
+        if submitted_s <= self.probe():
+            self._later.append(task)
+            return
         self._faults += 1
         if isinstance(error, ArchiveError) and len(task.captures) == 1:
-            self.probe()
             task = replace(task, attempts=(*task.attempts, str(error)))
             if len(task.attempts) >= ATTEMPTS_TO_READ:
                 reason = "its files cannot be read from the archive"

@@ -51,7 +51,7 @@ def is_complete(found: FoundCapture, folder: Path) -> bool:
     source = folder / found.name
     if found.kind == "zip":
         return zipfile.is_zipfile(source)
-    if found.kind != "folder":
+    if found.kind != "folder" or found.packed:
         return True
     try:
         with open_entries(source, within=folder):

@@ -6,7 +6,7 @@ import errno
 import os
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -30,7 +30,7 @@ class LocalStore:
     confined: links to folders outside it are listed, but not followed.
     """
 
-    exclusive = True
+    exclusive, back_s = True, 0.0
 
     def __init__(self, folder: Path, url: str = "", confined: bool = False) -> None:
         if folder.exists() and not folder.is_dir():
@@ -45,18 +45,31 @@ class LocalStore:
         """The folder."""
         return self.folder
 
+    def be_patient(self, note: Callable[[str], None]) -> None:
+        """Do nothing: the system itself waits for a network disk."""
+
     def list(self, prefix: str = "") -> Iterator[Entry]:
         """Yield files whose name begins with `prefix`, sorted.
 
         Links to a parent are skipped, and so are further links to a folder that one leads to: a
         fan of links, two in each of thirty folders, would be a thousand million paths.
         """
-        start = prefix.rpartition("/")[0]
-        yield from self._below(start, prefix, (), set())
+        for name, found in self._walk(prefix):
+            listed = found if isinstance(found, Entry) else self._entry(found, name)
+            if listed is not None:
+                yield listed
+
+    def names(self, prefix: str = "") -> Iterator[str]:
+        """Yield the names of the same files, without a `stat` of each."""
+        return (name for name, _ in self._walk(prefix))
+
+    def _walk(self, prefix: str) -> Iterator[tuple[str, os.DirEntry[str] | Entry]]:
+        """Yield names, and what is known of them without a `stat`."""
+        return self._below(prefix.rpartition("/")[0], prefix, (), set())
 
     def _below(
         self, at: str, prefix: str, above: tuple[Identity, ...], linked: set[Identity]
-    ) -> Iterator[Entry]:
+    ) -> Iterator[tuple[str, os.DirEntry[str] | Entry]]:
         """Yield the files below a folder.
 
         above: folders that it lies in. linked: those that a link has led to.
@@ -71,7 +84,7 @@ class LocalStore:
             return
         except OSError as error:
             if error.errno == errno.ENAMETOOLONG:
-                yield Entry(at, 0, TOO_DEEP)
+                yield at, Entry(at, 0, TOO_DEEP)
                 return
             raise self._error(at, "cannot be listed", error) from error
         identity = (here.st_dev, here.st_ino)
@@ -89,8 +102,8 @@ class LocalStore:
                 continue
             if folders[entry.name] and not self._leads_out(entry):
                 yield from self._below(name, prefix, (*above, identity), linked)
-            elif (listed := self._entry(entry, name)) is not None:
-                yield listed
+            else:
+                yield name, entry
 
     def _leads_out(self, entry: os.DirEntry[str] | Path) -> bool:
         """Return whether the entry is a link to a folder that is not to be followed."""
@@ -203,7 +216,7 @@ class LocalStore:
 def _entry(entry: os.DirEntry[str] | Path, name: str) -> Entry | None:
     try:
         stat = entry.stat()
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return Entry(name, 0, "broken link") if entry.is_symlink() else None  # None: just removed
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:

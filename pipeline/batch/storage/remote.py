@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import errno
+import math
 import os
 import random
 import time
 import uuid
 from collections.abc import Callable, Iterator
+from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,6 +20,7 @@ from .filesystem import TAKEN, code_of, file_system, is_transient
 
 T = TypeVar("T")
 FIRST_WAIT_S, TRIES, TRIES_OF_CHECK = 0.2, 8, 3  # 0.2 + 0.4 + ... = 25 s in all, +-50 %
+AWAY_S, NOTED_S = 1800.0, 60.0  # how long a patient store waits; seconds between its notes
 UNKNOWN_HEADER = (errno.ENOSYS, errno.EINVAL)  # 501, 400
 
 
@@ -30,6 +33,12 @@ class RemoteStore:
         self.url = url
         self._opened: tuple[int, Any] | None = None
         self._exclusive: bool | None = None
+        self._note: Callable[[str], None] | None = None
+        self._noted_s, self.back_s = -math.inf, 0.0
+
+    def be_patient(self, note: Callable[[str], None]) -> None:
+        """Wait up to AWAY_S for a server that does not answer TRIES tries, and note it."""
+        self._note = note
 
     def __reduce__(self) -> tuple[type[RemoteStore], tuple[str]]:
         return RemoteStore, (self.url,)
@@ -71,6 +80,10 @@ class RemoteStore:
             name = path[skip:]
             if name.startswith(prefix) and not name.endswith("/") and _shown(name):
                 yield Entry(name, size, stamp if improper(name) is None else IMPROPER)
+
+    def names(self, prefix: str = "") -> Iterator[str]:
+        """Yield the names of the same objects: a page of a listing holds all of each."""
+        return (entry.name for entry in self.list(prefix))
 
     def _listed(self, prefix: str) -> Iterator[tuple[str, int, str]]:
         if hasattr(self._fs, "call_s3"):
@@ -208,9 +221,13 @@ class RemoteStore:
 
     def _try(self, request: Callable[[], T], name: str, tries: int = TRIES) -> T:
         """Return the response to a request, retried after transient faults with longer waits."""
-        for attempt in range(tries):
+        end_s = time.monotonic() + AWAY_S
+        for attempt in count():
             try:
-                return request()
+                response = request()
+                if attempt >= tries:
+                    self.back_s = time.monotonic()
+                return response
             except WheelplaneError:
                 raise
             except Exception as error:
@@ -218,10 +235,19 @@ class RemoteStore:
                     if isinstance(error, OSError) and not isinstance(error, PermissionError):
                         raise
                     raise self._refused(name, error) from error
-                if attempt == tries - 1:
-                    raise self._refused(name, error, f" after {tries} tries") from error
-            time.sleep(FIRST_WAIT_S * 2**attempt * random.uniform(0.5, 1.5))  # noqa: S311
+                if attempt >= tries - 1:
+                    refused = self._refused(name, error, f" after {attempt + 1} tries")
+                    if self._note is None or time.monotonic() > end_s:
+                        raise refused from error
+                    self._say_away(refused)
+            time.sleep(FIRST_WAIT_S * 2 ** min(attempt, TRIES - 2) * random.uniform(0.5, 1.5))  # noqa: S311
         raise AssertionError
+
+    def _say_away(self, refused: InputError) -> None:
+        """Note that the server is waited for, once a minute for all requests."""
+        if self._note is not None and time.monotonic() > self._noted_s + NOTED_S:
+            self._noted_s = time.monotonic()
+            self._note(f"{refused}: waiting for it up to {AWAY_S / 60:.0f} min")
 
     def _refused(self, name: str, error: Exception, when: str = "") -> InputError:
         fact = " ".join(str(error).split())[:200] or type(error).__name__

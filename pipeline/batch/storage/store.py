@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Protocol
 from urllib.parse import unquote, urlsplit
@@ -26,11 +26,21 @@ class Store(Protocol):
         """Folder of the store; None for object storage."""
 
     @property
+    def back_s(self) -> float:
+        """Time at which it last answered again after a long silence, by time.monotonic()."""
+
+    def be_patient(self, note: Callable[[str], None]) -> None:
+        """Wait from now on for storage that does not answer, for minutes, and note it."""
+
+    @property
     def exclusive(self) -> bool:
         """Whether `write_new` lets exactly one of several writers win (see `RemoteStore`)."""
 
     def list(self, prefix: str = "") -> Iterator[Entry]:
         """Yield files whose name begins with `prefix`, sorted by name."""
+
+    def names(self, prefix: str = "") -> Iterator[str]:
+        """Yield the names alone, in the same order: no file of a folder need be looked at."""
 
     def read(self, name: str) -> bytes:
         """Return the content of a file."""
@@ -67,18 +77,21 @@ class Store(Protocol):
 def open_store(url: str, confined: bool = False) -> Store:
     """Open the store at a local path, file://, s3://, gs://, az:// or another URL of fsspec.
 
-    A folder need not exist yet; a bucket must. confined: links out of the folder are not followed
-    when it is listed. Raises InputError, MissingDependencyError.
+    A folder need not exist yet; a bucket must. confined: an archive of captures, whose links out of
+    the folder are not followed when it is listed, and whose zips may hold many (`ZippedStore`).
+    Raises InputError, MissingDependencyError.
     """
     from .local import LocalStore
+    from .zipped import ZippedStore
 
+    kind = ZippedStore if confined else LocalStore
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", url) is None:
-        return LocalStore(Path(url), url, confined)
+        return kind(Path(url), url, confined)
     parts = urlsplit(url)
     if parts.scheme == "file":
         if parts.netloc not in ("", "localhost"):
             raise InputError(f"{url}: has the host {parts.netloc}: write file:///path")
-        return LocalStore(Path(unquote(parts.path)), url, confined)
+        return kind(Path(unquote(parts.path)), url, confined)
 
     from .remote import RemoteStore
 

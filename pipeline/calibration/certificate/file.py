@@ -45,6 +45,7 @@ reason = ""            # ... and why
 
 # [environment]                  # of this calibration, in the place of the settings'
 # temperature_c = [20.5, 21.5]   # lowest and highest
+# temperature_u_c = 0.3          # U of the sensor
 # humidity_percent = [45, 55]
 # sensors = []                   # names of [[standard]] tables of the settings
 """

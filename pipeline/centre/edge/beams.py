@@ -120,6 +120,7 @@ LEAST_WALL = 0.02  # reflectance of a wall, of the target's
 STATED_THICKNESS = 0.03  # relative standard uncertainty (k = 1)
 HELD_WALL = 0.02  # of Lambert's share and the spot's shape in a first fit (k = 1)
 HELD_BEAM, HELD_THICKNESS = 0.05, 0.03  # of a fit that diverged (k = 1)
+STATION_M = 0.005  # of a scanner's stated position against the origin of its beams (k = 1)
 ROTATION_RAD = 0.1  # of the detected axes against the target's (k = 1)
 MIN_DEPTH_M = 0.006  # least depth of a background
 
@@ -142,11 +143,19 @@ class Prior:
         sigma = [0.01, 0.01, 3.0, 3.0, 0.3, 0.7, known_log, 1.5, ROTATION_RAD, 0.5, 0.5]
         return cls(mean, 1.0 / np.array(sigma) ** 2)
 
+    def seen_from(self, station: Array, state: Array) -> Prior:
+        """Return the prior for beams that come from a station (3,), about a state (11,)."""
+        mean, weight = pointed(self.mean, station, state[CENTRE]), self.weight.copy()
+        slant = 1.0 + float(mean[BEAM] @ mean[BEAM])
+        weight[BEAM] = (station[2] / STATION_M) ** 2 / slant
+        weight[INVERSE] = (station[2] ** 2 / STATION_M) ** 2
+        return Prior(mean, weight)
+
     def held(self, state: Array) -> Prior:
         """Return the prior with thickness and beams held near the start (11,)."""
         mean, weight = self.mean.copy(), self.weight.copy()
         mean[BEAM] = state[BEAM]
-        weight[BEAM] = HELD_BEAM**-2
+        weight[BEAM] = np.maximum(weight[BEAM], HELD_BEAM**-2)
         weight[THICKNESS] = HELD_THICKNESS**-2
         return Prior(mean, weight)
 
@@ -172,6 +181,14 @@ class Prior:
         """Return the prior for another edge of a target whose first edge has that state (11,)."""
         sigma = [0.01, 0.01, 0.02, 0.02, 0.03, 0.2, 0.2, 0.7, ROTATION_RAD, 0.2, 0.2]
         return cls(state, 1.0 / np.array(sigma) ** 2)
+
+
+def pointed(state: Array, station: Array, centre: Array) -> Array:
+    """Return a state (11,) whose beams come from a station (3,) to a centre (2,)."""
+    state = state.copy()
+    state[BEAM] = (centre - station[:2]) / station[2]
+    state[INVERSE] = 1.0 / station[2]
+    return state
 
 
 @dataclass(frozen=True)

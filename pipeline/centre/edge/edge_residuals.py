@@ -46,6 +46,7 @@ class EdgeProblem:
     """Points near the edge, (N, 2) in the plane and (N,) deep, and the prior of the state.
 
     few: too few of them to tell outliers, zones' reflectances, or the scatter of sectors.
+    station: (3,) that all beams come from, if known.
     """
 
     plane: Array
@@ -54,7 +55,14 @@ class EdgeProblem:
     outline: Outline
     sigma_m: float
     few: bool = False
+    station: Array | None = None
     _kept: dict[bytes, Beams] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def about(self, state: Array) -> EdgeProblem:
+        """Return the problem whose prior has beams from the station to the centre of a state."""
+        if self.station is None:
+            return self
+        return replace(self, prior=self.prior.seen_from(self.station, state))
 
     def beams(self, state: Array) -> Beams:
         """Return the points' beams, carried to the plane; those of the last state are kept."""

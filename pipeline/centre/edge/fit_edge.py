@@ -39,6 +39,7 @@ from .beams import (
     carry,
     look_up,
     mixed_share,
+    pointed,
 )
 from .clean_edge import clean_equations, shift_m
 from .edge_residuals import (
@@ -70,6 +71,14 @@ FIRST = np.log(0.1)  # reflectance ratio below which returns part by distance, n
 UNDAMPED, SETTLED = 10, 0.2  # steps of full length; share of u that a step may still be, then
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
+
+
+@dataclass(frozen=True)
+class Aim:
+    """Start of a fit: state (11,); station (3,) that its beams come from, if one is known."""
+
+    state: Array
+    station: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -135,26 +144,26 @@ def fit_edge(
     thickness_m: float | None,
     sigma_m: float,
     config: CentreConfig,
-    begin: Array | EdgeFit,
+    begin: Aim | EdgeFit,
 ) -> EdgeFit | None:
     """Fit an outline to points uvw_m (N, 3) in plane coordinates, w towards the scanner.
 
     Where there are no mixed pixels, to the points on both sides of it (clean_edge.py).
-    thickness_m: of the target, where known. begin: the state (11,) to start from, as `aimed`
-    returns it, or the fit of another edge of the same target, whose beams are the same.
+    thickness_m: of the target, where known. begin: where to start, as `aimed` returns it, or the
+    fit of another edge of the same target, whose beams are the same.
     None where less than a quarter of the edge has a background, or the scanner has filtered out the
     beams at the edge.
     """
     if isinstance(begin, EdgeFit):
-        prior = Prior.beside(begin.state)
+        prior, station = Prior.beside(begin.state), None
         state = prior.mean
     else:
-        prior, state = Prior.of(thickness_m, config), begin
+        prior, station, state = Prior.of(thickness_m, config), begin.station, begin.state
     beside = carry(uvw_m[:, :2], -uvw_m[:, 2], state, outline).x_m
     near = sample(uvw_m[np.abs(beside) < _reach_m(state)], config.max_points)
     few = int(np.count_nonzero(np.abs(beside) < OUTER_M)) < FEW
     plane = np.asfortranarray(near[:, :2])
-    problem = EdgeProblem(plane, -near[:, 2], prior, outline, sigma_m, few)
+    problem = EdgeProblem(plane, -near[:, 2], prior, outline, sigma_m, few, station).about(state)
     beams = problem.beams(state)
     mixed = mixed_share(beams, problem.depth, look_up(beams, problem.depth, state))
     fitted = None if mixed < MIN_MIXED else _mixed(problem, state, thickness_m, config)
@@ -229,8 +238,8 @@ def aimed(
     config: CentreConfig,
     start: tuple[Array, float] = (np.zeros(2), 0.0),
     station: Array | None = None,
-) -> Array | None:
-    """Return a state (11,) with the beams' direction, or None where nothing shows it.
+) -> Aim | None:
+    """Return where to start, with the beams' direction, or None where nothing shows it.
 
     From the station, unless the background contradicts it, else from the background.
     start: centre and rotation, near 0. station: (3,) position of the scanner, if known.
@@ -240,12 +249,11 @@ def aimed(
     look = sample(uvw_m, config.max_points)
     plane, depth = look[:, :2], -look[:, 2]
     if station is not None:
-        given = begin.copy()
-        given[BEAM] = (begin[CENTRE] - station[:2]) / station[2]
-        given[INVERSE] = 1.0 / station[2]
+        given = pointed(begin, station, begin[CENTRE])
         if not is_contradicted(plane, depth, given, outline):
-            return given
-    return first_beam(plane, depth, begin, outline)
+            return Aim(given, station)
+    found = first_beam(plane, depth, begin, outline)
+    return None if found is None else Aim(found)
 
 
 @dataclass(frozen=True)
@@ -309,7 +317,7 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> _Converged:
     first = _converge(problem, state, zones, most, consistent=False)
     if not (steep or problem.few) and zone_scatter(first.equations, problem.prior) > DIFFERENT:
         first = _converge(problem, first.state, Zones.free(), most, consistent=False)
-    found = _converge(problem, first.state, first.zones, most, consistent=True)
+    found = _converge(problem.about(first.state), first.state, first.zones, most, consistent=True)
     return first if _diverged(found.state, first.state, problem.prior) else found
 
 

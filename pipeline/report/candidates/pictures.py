@@ -51,6 +51,13 @@ def places(scan: ExplainedScan) -> list[tuple[float, float]]:
     return [(round(float(x), 4), round(float(y), 4)) for x, y in shares]
 
 
+def picture_axes(scan: ExplainedScan) -> list[list[float]]:
+    """Return the directions (2, 3) to the right and upwards in the picture of a scan's points."""
+    if not len(scan.sample_m):
+        return []
+    return [[round(float(x), 4) + 0.0 for x in way] for way in _view(scan)[:2]]
+
+
 def best_drawing(scan: ExplainedScan, words: Translations) -> Drawing | None:
     """Draw the residuals about the best candidate, None where nothing was cut out."""
     if scan.face is None or not scan.candidates:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from ...explanation import ExplainedScan, Explanation
+from ..format.language import load_translations
 from ..format.layout import aligned
-from .tree import hint_of
+from .tree import hint_of, verdict_of
 
 
 def explanation_text(found: Explanation) -> str:
@@ -17,13 +18,14 @@ def _scan(scan: ExplainedScan, unit: str) -> str:
     head = f"{scan.name} ({scan.file}): {became}"
     if not scan.candidates:
         return head
+    words = load_translations("en")
     heading = ("", "verdict", "centre / m", "match", "noise / mm", "points")
     rows: list[tuple[str, ...]] = [heading]
     for one in scan.candidates:
         centre = ", ".join(f"{x:.3f}" for x in one.candidate.centre_m + 0.0)
         noise = f"{one.candidate.sigma_m * 1e3:.2f}"
         match, points = f"{one.candidate.match:.2f}", str(one.candidate.points)
-        rows.append((str(one.number), one.verdict, f"({centre})", match, noise, points))
+        rows.append((str(one.number), verdict_of(one, words), f"({centre})", match, noise, points))
     lines = [head, aligned(rows, left=2)]
     if not scan.is_measured and (hint := hint_of(scan, scan.candidates[0], unit)):
         lines.append(f"  to choose the first: --hint {hint}, or [hints] in capture.toml")

@@ -7,21 +7,39 @@ from typing import Any
 from ... import __version__
 from ...explanation import ExplainedCandidate, ExplainedScan, Explanation
 from ...units import in_metres
-from .pictures import places
+from ..format.language import Translations
+from .pictures import picture_axes, places
 
 SCHEMA = "wheelplane/explanation/1"
 
 
-def explanation_tree(found: Explanation, pictures: dict[str, list[str]]) -> dict[str, Any]:
-    """Return the explanation as plain data; pictures: names of files by the scan's name."""
+def explanation_tree(
+    found: Explanation, pictures: dict[str, list[str]], words: Translations
+) -> dict[str, Any]:
+    """Return the explanation as plain data; pictures: names of files by the scan's name.
+
+    words: of the verdicts; `finding` names each in every language.
+    """
     return {
         "schema": SCHEMA,
         "version": __version__,
         "capture": found.source,
         "target": found.target,
         "length_unit": found.length_unit,
-        "scans": [_scan(one, found.length_unit, pictures.get(one.name, [])) for one in found.scans],
+        "scans": [
+            _scan(one, found.length_unit, pictures.get(one.name, []), words) for one in found.scans
+        ],
     }
+
+
+def verdict_of(one: ExplainedCandidate, words: Translations) -> str:
+    """Return in words why a candidate was taken or refused."""
+    return words(
+        f"candidate.{one.finding}",
+        least=words.number(f"{one.least_match:.2f}"),
+        apart=words.number(f"{one.apart_m * 1e3:.0f} mm"),
+        wheel=words.wheel(one.wheel),
+    )
 
 
 def hint_of(scan: ExplainedScan, one: ExplainedCandidate, unit: str) -> str | None:
@@ -37,7 +55,9 @@ def point_of(one: ExplainedCandidate, unit: str) -> str:
     )
 
 
-def _scan(scan: ExplainedScan, unit: str, pictures: list[str]) -> dict[str, Any]:
+def _scan(
+    scan: ExplainedScan, unit: str, pictures: list[str], words: Translations
+) -> dict[str, Any]:
     return {
         "name": scan.name,
         "role": scan.role,
@@ -46,11 +66,13 @@ def _scan(scan: ExplainedScan, unit: str, pictures: list[str]) -> dict[str, Any]
         "reason": scan.reason,
         "points": scan.points,
         "pictures": pictures,
+        "picture_axes": picture_axes(scan),
         "candidates": [
             {
                 "number": one.number,
                 "standing": one.standing,
-                "verdict": one.verdict,
+                "finding": one.finding,
+                "verdict": verdict_of(one, words),
                 "wheel": one.wheel or None,
                 "match": round(one.candidate.match, 4),
                 "centre_m": one.candidate.centre_m.tolist(),

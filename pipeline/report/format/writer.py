@@ -29,7 +29,9 @@ FROM_VERTICAL = {
     "camber", "camber_iso", "rear_cross_camber", "front_cross_camber", "caster", "sai",
     "cross_caster", "cross_sai",
 }  # fmt: skip
+BESIDE, LONG = 2, 40  # characters beside a cell; longer cells are broken (macros.html)
 NONE = "\N{EN DASH}"
+MINUS = "\N{MINUS SIGN}"
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,13 @@ class Table:
     caption: str = ""
     classes: Sequence[str] = field(default_factory=tuple)  # of each row
     minor: Sequence[int] = field(default_factory=tuple)  # columns that a narrow screen leaves out
+
+    @property
+    def shares(self) -> list[float]:
+        """Width of each column on paper, percent, by its longest cell."""
+        columns = zip(self.head, *self.rows, strict=True)
+        widths = [BESIDE + min(max(map(len, column)), LONG) for column in columns]
+        return [round(100.0 * width / sum(widths), 2) for width in widths]
 
     def text(self) -> str:
         """Write the table as aligned columns of plain text."""
@@ -71,11 +80,15 @@ Columns = Sequence[str | Column]
 
 @dataclass(frozen=True)
 class Writer:
-    """Words and view of one report; plain: it is written as plain text, not as a page."""
+    """Words and view of one report; plain: it is written as plain text, not as a page.
+
+    minus: sign of negative numbers; a hyphen where they are copied into other programs.
+    """
 
     words: Translations
     view: View
     plain: bool = False
+    minus: str = "-"
 
     @property
     def none(self) -> str:
@@ -133,15 +146,19 @@ class Writer:
 
     def millimetres(self, length_m: float, expanded_m: float = UNKNOWN, sign: Sign = "") -> str:
         """Write a small length, to the place of its U."""
-        return self.words.number(millimetres(length_m, self.view.known(expanded_m), sign))
+        return self._negative(millimetres(length_m, self.view.known(expanded_m), sign))
 
     def number(self, value: float | None, unit: Unit, expanded: float = UNKNOWN) -> str:
         """Write deg-min-sec, or metres, to the place of U."""
         if value is None or not math.isfinite(value):
             return self.none
         if unit == "m":
-            return self.words.number(self.view.length(value, expanded))
-        return self.words.number(sexagesimal(value, self.view.known(expanded)))
+            return self._negative(self.view.length(value, expanded))
+        return self._negative(sexagesimal(value, self.view.known(expanded)))
+
+    def _negative(self, text: str) -> str:
+        """Write a number with this language's decimal sign and this report's minus."""
+        return self.words.number(text).replace("-", self.minus)
 
     def coordinate(self, value_m: float, u_m: float) -> str:
         """Write a coordinate in metres with its sign, without the unit."""
@@ -158,7 +175,7 @@ class Writer:
 
     def arc(self, angle_rad: float, expanded_rad: float = UNKNOWN, sign: Sign = "") -> str:
         """Write a small angle in seconds, minutes or degrees, to the place of its U."""
-        return self.words.number(arc(angle_rad, self.view.known(expanded_rad), sign))
+        return self._negative(arc(angle_rad, self.view.known(expanded_rad), sign))
 
     def estimate(self, known: Estimate | None) -> tuple[str, str, str]:
         """Write value, u and U of an angle; dashes where it is not known."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 
 from ...measurement import Provenance
-from ...validation import Comparison, ComparisonStudy
+from ...validation import Comparison, ComparisonStudy, Mountings
 from ..format.language import Translations
 from ..format.writer import Table, Writer
 from ..plots.validation import bland_altman_drawing, differences_drawing, line_drawing
@@ -21,6 +21,7 @@ from ..tables.comparison import (
     whole_lines,
 )
 from ..tables.conformity import SIGNS
+from ..tables.mounting import mountings_table, not_both, scatter_lines
 from ..tables.study import (
     SETTLED_RAD,
     agreement_lines,
@@ -66,6 +67,27 @@ def comparison_document(found: Comparison, writer: Writer, record: str) -> Docum
         annexes=[why, _origin(_inputs(found.origins), words)],
         notes=found.notes,
     )
+
+
+def mountings_document(found: Mountings, writer: Writer, record: str) -> Document:
+    """Return the report of targets against their wheels."""
+    words = writer.words
+    results = Section(
+        "results",
+        words("section.results"),
+        [mountings_table(found, writer), words("mounting.signs"), *scatter_lines(found, words),
+         *not_both(found, words)],
+    )  # fmt: skip
+    return Document(
+        title=words("mounting.title"),
+        record=record,
+        head=[(words("comparison.capture"), found.source),
+              (words("comparison.difference_is"), words("mounting.value"))],
+        headline=None,
+        results=[results],
+        annexes=[_origin(_inputs(found.origins), words)],
+        notes=found.notes,
+    )  # fmt: skip
 
 
 def study_document(study: ComparisonStudy, writer: Writer, record: str) -> Document:

@@ -32,13 +32,13 @@ class Trouble:
 def head_pairs(measurement: Measurement, number: str, words: Translations) -> Pairs:
     """Return what was measured, from what, and the report's number."""
     made = measurement.provenance
-    target = made.config.get("target")
+    targets = made.config.get("target"), made.config.get("targets", {})
     pairs = [
         (words("head.vehicle"), made.vehicle or words("head.no_vehicle")),
         (words("head.capture"), made.source),
         (words("head.date"), made.date or ""),
         (words("head.scans"), _scans(measurement, words)),
-        (words("head.target"), _compact(target, words) if isinstance(target, dict) else ""),
+        (words("head.target"), _targets(*targets, words)),
         (words("head.report"), number),
     ]
     return [(name, value) for name, value in pairs if value]
@@ -57,6 +57,16 @@ def _scans(measurement: Measurement, words: Translations) -> str:
 def is_five_point(measurement: Measurement) -> bool:
     """Return whether the measurement comes from five points a plane."""
     return measurement.wheels[0].observation.fitted.method == "points"
+
+
+def _targets(
+    common: Mapping[str, Any] | None, own: Mapping[str, Mapping[str, Any]], words: Translations
+) -> str:
+    """Return the common target, and those of single scans."""
+    if common is None:
+        return ""
+    others = [f"{words.wheel(name)}: {_compact(one, words)}" for name, one in own.items()]
+    return "; ".join([_compact(common, words), *others])
 
 
 def _compact(target: Mapping[str, Any], words: Translations) -> str:

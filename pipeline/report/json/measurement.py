@@ -35,7 +35,11 @@ def to_json(
     before: Earlier | None = None,
 ) -> str:
     """Return the text of measurement.json; same measurement, same bytes."""
-    tree = to_tree(measurement, conformity, axis, before)
+    return json_text(to_tree(measurement, conformity, axis, before))
+
+
+def json_text(tree: dict[str, Any]) -> str:
+    """Return the text of a measurement's plain data."""
     text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     return text.encode(
         errors="backslashreplace"

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from ... import __version__
+from ...measurement import Provenance
 from ...validation import (
     KINDS,
     SHAPE,
@@ -16,6 +18,8 @@ from ...validation import (
     JointTest,
     Limit,
     Line,
+    Mounting,
+    Mountings,
     nees,
     scores,
 )
@@ -24,9 +28,12 @@ from ..tables.study import SETTLED_RAD
 SCHEMA = "wheelplane/validation/1"
 
 
-def validation_json(found: Comparison | ComparisonStudy) -> str:
+def validation_json(found: Comparison | ComparisonStudy | Mountings) -> str:
     """Return the text of validation.json; same comparison, same bytes."""
-    tree = comparison_tree(found) if isinstance(found, Comparison) else study_tree(found)
+    if isinstance(found, Mountings):
+        tree = mountings_tree(found)
+    else:
+        tree = comparison_tree(found) if isinstance(found, Comparison) else study_tree(found)
     tree = {"schema": SCHEMA, "version": __version__, **tree}
     text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     return text.encode(
@@ -52,11 +59,51 @@ def comparison_tree(found: Comparison) -> dict[str, Any]:
         "shape": {**_test(found.shape_spread.test(found.shape)), "quantities": _shape(found)},
         "missing": [{"name": name, "reason": reason} for name, reason in found.missing],
         "notes": list(found.notes),
-        "provenance": [
-            {"source": o.source, "inputs": o.inputs, "config": o.config, "seed": o.seed}
-            for o in found.origins
-        ],
+        "provenance": _provenance(found.origins),
     }
+
+
+def mountings_tree(found: Mountings) -> dict[str, Any]:
+    """Return the targets of one capture against their wheels as plain data."""
+    return {
+        "capture": found.source,
+        "vehicle_name": found.vehicle,
+        "difference": "target less wheel",
+        "mountings": [_mounting(one) for one in found.mountings],
+        "scatter": [
+            {
+                "target": one.target.model_dump(),
+                "count": one.count,
+                "stand_off_m": one.stand_off_m,
+                "stand_off_u_m": one.u_m,
+                "clamp_tilt_deg": _deg(one.tilt_rad),
+                "clamp_shift_m": one.shift_m,
+            }
+            for one in found.scatters
+        ],
+        "missing": [{"name": name, "reason": reason} for name, reason in found.missing],
+        "notes": list(found.notes),
+        "provenance": _provenance(found.origins),
+    }
+
+
+def _mounting(one: Mounting) -> dict[str, Any]:
+    """Return the offsets of one target: degrees and metres, with u and U."""
+    tree: dict[str, Any] = {"name": one.name, "wheel": one.wheel, "axis_by": one.by}
+    for name, known in one.offsets.items():
+        angle = name in KINDS
+        for key, value in (("", known.value), ("u_", known.u), ("U_", known.expanded)):
+            tree[f"{key}{name}_{'deg' if angle else 'm'}"] = _deg(value) if angle else value
+    tree["radial_m"] = math.hypot(one.forward.value, one.upward.value)
+    tree["tilt_deg"] = _deg(math.hypot(one.toe.value, one.camber.value))
+    return tree
+
+
+def _provenance(origins: Sequence[Provenance]) -> list[dict[str, Any]]:
+    return [
+        {"source": o.source, "inputs": o.inputs, "config": o.config, "seed": o.seed}
+        for o in origins
+    ]
 
 
 def study_tree(study: ComparisonStudy) -> dict[str, Any]:

@@ -22,6 +22,7 @@ COLOURS = {
     "rounding": "#882255",
     "brightness": "#AA4499",
     "clamp": "#F0E442",
+    "stand-off": "#F0E442",
     "centre noise": "#D55E00",
     "centre model": "#E69F00",
     "range bias": "#CC79A7",
@@ -69,7 +70,7 @@ def wheel_budget(measurement: Measurement, name: str, words: Translations, axis:
     """Draw toe and camber of one wheel."""
     kinds = ("toe", "camber")
     found = [q for q in against(stated(measurement), axis) if q.subject == name and q.kind in kinds]
-    title = words("plot.budget_of", name=cut(name, 40))
+    title = words("plot.budget_of", name=cut(words.wheel(name), 40))
     return bars_drawing(found, measurement.uncertainty.components, words, title, alone=True)
 
 

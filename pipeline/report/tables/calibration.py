@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 from ...calibration import (
     QUANTITIES,
@@ -69,8 +70,9 @@ def points_table(result: QuantityResult, writer: Writer) -> Table:
     limited = any(point.verdict is not None for point in result.points)
     compared = any(point.en is not None for point in result.points)
     columns: Columns = (
-        words("calibration.point"), words("calibration.reference"), "U",
-        words("calibration.reading"), words("calibration.error"), "u", "k", "U", "s", "n",
+        *(words(f"calibration.{name}")
+          for name in ("point", "reference", "reference_u", "reading", "error")),
+        "u", "k", "U", "s", "n",
         *(["En"] if compared else []),
         *([words("verdict.decision"), "P", words("verdict.risk")] if limited else []),
     )  # fmt: skip
@@ -114,10 +116,10 @@ def _factor(error: Estimate, words: Translations) -> str:
 def signed(
     error: Estimate, point: CalibrationPoint | QuantityResult | Adjustment, writer: Writer
 ) -> str:
-    """Write an error with its sign, to the place of its U."""
-    if point.unit == "m":
-        return writer.millimetres(error.value, error.expanded, "+")
-    return writer.arc(error.value, error.expanded, "+")
+    """Write an error with its sign, to the place of its U; one that rounds to zero has none."""
+    write = writer.millimetres if point.unit == "m" else writer.arc
+    text = write(error.value, error.expanded, "+")
+    return text if re.search("[1-9]", text) else text.removeprefix("+")
 
 
 def budget_table(result: QuantityResult, writer: Writer) -> Table:

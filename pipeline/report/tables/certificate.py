@@ -11,7 +11,11 @@ from ..format.language import Translations
 from ..format.writer import Table, Writer
 from .calibration import rule_words
 
-CONDITIONS = (("temperature_c", "°C"), ("humidity_percent", "%"), ("pressure_hpa", "hPa"))
+CONDITIONS = (
+    ("temperature_c", "temperature_u_c", "°C"),
+    ("humidity_percent", "humidity_u_percent", "%"),
+    ("pressure_hpa", "pressure_u_hpa", "hPa"),
+)
 
 
 def lacking(made: Certificate, words: Translations) -> list[str]:
@@ -81,11 +85,13 @@ def conditions_lines(made: Certificate, words: Translations) -> list[str]:
     """Return in words the conditions during the calibration, and their sensors."""
     stated = made.environment
     found = []
-    for key, unit in CONDITIONS:
-        ends = getattr(stated, key)
+    for key, of_sensor, unit in CONDITIONS:
+        ends, expanded = getattr(stated, key), getattr(stated, of_sensor)
         if ends is not None:
             low, high = (words.number(f"{x:g} {unit}") for x in ends)
             shown = low if low == high else words("certificate.from_to", low=low, high=high)
+            if expanded is not None:
+                shown += f" (U {words.number(f'{expanded:g} {unit}')})"
             found.append(words(f"certificate.{key}", value=shown))
     if stated.sensors:
         found.append(words("certificate.sensors", names=", ".join(stated.sensors)))

@@ -142,7 +142,8 @@ def _plane_section(measurement: Measurement) -> list[str]:
     for result in measurement.wheels:
         normal = (result.plate or result).normal
         if normal is not None:
-            fitted = result.observation.fitted
+            assert result.observation.evidence is not None
+            fitted = result.observation.evidence.target
             coefficients = (rounded(x, -8) for x in normal)
             offset = rounded(-float(normal @ fitted.centre_m), -6)
             rms = f"{fitted.plane_rms_m * 1e3:.4f}"

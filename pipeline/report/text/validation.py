@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...validation import Comparison, ComparisonStudy
+from ...validation import Comparison, ComparisonStudy, Mountings
 from ..format.layout import paragraph
 from ..format.view import PAPER, View
 from ..tables.comparison import (
@@ -15,6 +15,7 @@ from ..tables.comparison import (
     shape_table,
     whole_lines,
 )
+from ..tables.mounting import mountings_table, not_both, scatter_lines
 from ..tables.study import (
     SETTLED_RAD,
     agreement_lines,
@@ -56,6 +57,23 @@ def validation_text(found: Comparison, view: View = PAPER) -> str:
         words("comparison.shape"),
         shape_table(found, writer).text(),
         f"  {words('comparison.shape_together', test=shape)}",
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def mountings_text(found: Mountings, view: View = PAPER) -> str:
+    """Offsets of each target from its wheel, and what they show together."""
+    writer = plain_writer(view)
+    words = writer.words
+    parts = [
+        words("mounting.of", source=found.source),
+        *found.notes,
+        *not_both(found, words),
+        "",
+        mountings_table(found, writer).text(),
+        "",
+        paragraph(words("mounting.signs")),
+        *scatter_lines(found, words),
     ]
     return "\n".join(parts) + "\n"
 

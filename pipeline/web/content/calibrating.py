@@ -41,8 +41,8 @@ from ...report.tables.calibration import (
 )
 from ...report.tables.conformity import SIGNS, decided
 from ...vehicle import AXES
+from ..files.stored import load
 from .calibration_files import READINGS, Request, item_of, readings_csv
-from .comparing import load
 from .faults import in_words, item_in_words
 from .panel import table_tree
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -20,13 +19,17 @@ from ...report.text.validation import validation_text
 from ...validation import Comparison, RequestPart, as_method, check_alike, measured
 from ...validation import compare as compare_methods
 from ...vehicle import REFERENCE_WHEELS
+from ..files.stored import load, store
 from .panel import table_tree
+
+COMPARISON = "comparison.pickle"
 
 
 def compare(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
     """Compare the measurements of two jobs, and write comparison.json."""
     first, second = (load(Path(folder))[0] for folder in plan["folders"])
     found = compare_measurements(first, second, plan["names"])
+    store((found, first.vertical_kind), Path(plan["out"]) / COMPARISON)
     words = load_translations(plan["language"])
     writer = Writer(words, replace(PAPER, vertical=first.vertical_kind))
     tree = {
@@ -35,14 +38,10 @@ def compare(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
         "lengths": table_tree(_lengths(first, second, words, plan["names"])),
         "missing": [{"name": name, "reason": reason} for name, reason in found.missing],
         "text": validation_text(found),
+        "names": plan["names"],
     }
     text = json.dumps(tree, ensure_ascii=False, allow_nan=False)
     (Path(plan["out"]) / "comparison.json").write_text(text, encoding="utf-8")
-
-
-def load(folder: Path) -> Any:
-    """Load the measurement and its conformity that a measuring process stored in `folder`."""
-    return pickle.loads((folder / "measurement.pickle").read_bytes())  # noqa: S301 - our own file
 
 
 def compare_measurements(

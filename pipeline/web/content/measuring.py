@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import os
-import pickle
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -28,6 +27,7 @@ from ...measurement import Conformity, Measurement, assess, tolerance_for
 from ...report.format.language import LANGUAGES, load_translations
 from ...report.json.measurement import to_json
 from ...report.scene.scene import scene
+from ..files.stored import PICKLE, RECORD, store
 from .panel import drawings, panel
 from .points import stamps, write_points
 
@@ -61,6 +61,7 @@ def measure(plan: dict[str, Any], send: Send) -> None:
                 vertical=options.get("vertical", "wheels"),
             )
         write_results(measurement, assess(measurement, limits) if limits else None, out)
+        send("about", about(measurement))
         send("ready", True)
         if capture is not None:
             room = plan["tree_bytes"]
@@ -69,7 +70,7 @@ def measure(plan: dict[str, Any], send: Send) -> None:
 
 def write_results(measurement: Measurement, conformity: Conformity | None, out: Path) -> None:
     """Write measurement.json, panel, scene and drawings in each language, and a pickle."""
-    (out / "measurement.json").write_text(to_json(measurement, conformity), encoding="utf-8")
+    (out / RECORD).write_text(to_json(measurement, conformity), encoding="utf-8")
     for language in LANGUAGES:
         words = load_translations(language)
         shown = panel(measurement, conformity, words)
@@ -81,7 +82,13 @@ def write_results(measurement: Measurement, conformity: Conformity | None, out: 
                 wheel["drawings"].append({"file": name, "title": drawing.title})
         _write_json(out / f"panel-{language}.json", shown)
         _write_json(out / f"scene-{language}.json", scene(measurement, conformity, words))
-    (out / "measurement.pickle").write_bytes(pickle.dumps((measurement, conformity)))
+    store((measurement, conformity), out / PICKLE)
+
+
+def about(measurement: Measurement) -> dict[str, str]:
+    """Return the vehicle and the date of a measurement, '' where they are not stated."""
+    made = measurement.provenance
+    return {"vehicle": made.vehicle or "", "date": made.date or ""}
 
 
 def check_inside(source: Path, allowed: Path) -> None:

@@ -1,20 +1,30 @@
-"""Report of a measurement in the chosen format, language and view."""
+"""Report of a measurement or a comparison in the chosen format, language and view."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ...config import load_config
-from ...report.format.laboratory import read_laboratory
-from ...report.format.language import load_translations
+from ...report.format.earlier import check_same_vehicle, check_same_vertical, read_earlier
+from ...report.format.laboratory import Laboratory, read_laboratory
+from ...report.format.language import Translations, load_translations
 from ...report.format.report_options import ReportOptions
-from ...report.html.page import html_report
-from ...report.json.measurement import to_json
+from ...report.format.view import PAPER
+from ...report.format.writer import Writer
+from ...report.html.comparison import comparison_document
+from ...report.json.before import before_tree
+from ...report.json.measurement import json_text
+from ...report.json.validation import validation_json
 from ...report.text.report import detailed_report
-from ...report.write import write_whole
-from .comparing import load
+from ...report.validation import validation_report
+from ...report.write import ReportFiles, document_files, html_bytes, pdf_bytes, write_whole
+from ...validation import Comparison
+from ..files.stored import RECORD, load, load_records
+from .comparing import COMPARISON
 from .panel import view_of
 
 TYPES = {
@@ -26,23 +36,44 @@ TYPES = {
 
 
 def report(plan: dict[str, Any], _send: Callable[[str, object], None]) -> None:
-    """Write the report of the job in plan["out"] to plan["file"] there."""
+    """Write the report of the job in plan["out"], a task plan["of"], to plan["file"] there."""
     out = Path(plan["out"])
+    settings = load_config(Path(plan["config"]) if plan["config"] else None)
+    words, laboratory = load_translations(plan["language"]), read_laboratory(settings.report)
+    if plan["of"] == "compare":
+        found, vertical = load_records(out / COMPARISON)
+        options = ReportOptions(words, replace(PAPER, vertical=vertical), laboratory)
+        content = _of_comparison(found, plan["format"], options)
+    else:
+        content = _of_measurement(out, plan, words, laboratory)
+    write_whole(out / plan["file"], content)
+
+
+def _of_comparison(found: Comparison, kind: str, options: ReportOptions) -> bytes:
+    """Return what `validate` writes of a comparison."""
+    record = validation_json(found)
+    if kind in ("json", "txt"):
+        text = record if kind == "json" else validation_report(found, options.view)
+        return text.encode(errors="backslashreplace")
+    document = comparison_document(found, Writer(options.words, options.view), record)
+    wanted = ReportFiles(html=kind == "html", pdf=kind == "pdf")
+    return document_files("comparison", document, options, wanted)[f"comparison.{kind}"]
+
+
+def _of_measurement(
+    out: Path, plan: dict[str, Any], words: Translations, laboratory: Laboratory
+) -> bytes:
     measurement, conformity = load(out)
     view = view_of(measurement, plan["axis"], plan["style"], plan["convention"])
-    settings = load_config(Path(plan["config"]) if plan["config"] else None)
-    laboratory = read_laboratory(settings.report)
-    options = ReportOptions(load_translations(plan["language"]), view, laboratory)
-    kind = plan["format"]
+    before = read_earlier(Path(plan["before"])) if plan["before"] else None
+    if before is not None:
+        check_same_vehicle(before, measurement.provenance.vehicle, measurement.provenance.source)
+        check_same_vertical(before, measurement.vertical_kind)
+    options, kind = ReportOptions(words, view, laboratory, before), plan["format"]
+    if kind == "json":  # as it was written: an opened one holds more than is read from it
+        tree = json.loads((out / RECORD).read_bytes()) | {"axis_in_use": view.axis}
+        return json_text(tree | {"before": before_tree(measurement, before)}).encode()
     if kind == "txt":
-        content = detailed_report(measurement, conformity, view).encode()
-    elif kind == "json":
-        content = to_json(measurement, conformity, view.axis).encode()
-    elif kind == "html":
-        content = html_report(measurement, conformity, options).encode()
-    else:
-        from ...report.html.pdf import pdf_report
-
-        page = html_report(measurement, conformity, options, still=True)
-        content = pdf_report(page, "wheelplane")
-    write_whole(out / plan["file"], content)
+        return detailed_report(measurement, conformity, view, before).encode()
+    wanted = html_bytes if kind == "html" else pdf_bytes
+    return wanted(measurement, conformity, options)

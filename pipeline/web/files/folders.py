@@ -10,10 +10,12 @@ from pathlib import Path
 from ...capture import TABLES, is_capture
 from ...files import ARCHIVE_SUFFIXES
 from ...readers import READERS, scan_suffix
+from ...report.json.stored import is_measurement
 from ..security import RefusedError
 
 MOST_LISTED = 2000
 TEXTS = (*TABLES, ".xyz")
+HEAD_BYTES = 200
 FIVE_POINT_BYTES = 200_000  # a text file up to this size is taken for five points a wheel
 LONGEST_NAME = 120
 RESULTS = ("measurements", "run/state")  # folders, of which results of a batch have one or both
@@ -23,7 +25,7 @@ RESULTS = ("measurements", "run/state")  # folders, of which results of a batch 
 class Item:
     """File or folder that the page lists.
 
-    kind: folder, capture, results, archive, cloud, or five-point.
+    kind: folder, capture, results, measurement, archive, cloud, or five-point.
     """
 
     name: str
@@ -94,6 +96,9 @@ def kind_of_file(path: Path) -> str | None:
     """Return the kind of a file by its name and size; None if it cannot be opened."""
     name = path.name.lower()
     suffix = scan_suffix(name)
+    if name.endswith(".json"):
+        with path.open("rb") as stream:
+            return "measurement" if is_measurement(stream.read(HEAD_BYTES)) else None
     if name.endswith(ARCHIVE_SUFFIXES):
         return "archive"
     if suffix in TEXTS and path.stat().st_size <= FIVE_POINT_BYTES:
@@ -102,10 +107,12 @@ def kind_of_file(path: Path) -> str | None:
 
 
 def kind_of_folder(folder: Path) -> str:
-    """Return the kind of a folder: results, capture, or folder."""
+    """Return the kind of a folder: results, capture, measurement, or folder."""
     if any((folder / name).is_dir() for name in RESULTS):
         return "results"
-    return "capture" if is_capture(folder) else "folder"
+    if is_capture(folder):
+        return "capture"
+    return "measurement" if (folder / "measurement.json").is_file() else "folder"
 
 
 def check_name(name: str) -> None:

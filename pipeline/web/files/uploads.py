@@ -22,10 +22,9 @@ CHUNK = 1 << 20
 FILES = "files"
 DEEPEST = 4
 MOST_OPEN = 8
-# Scans, packed scans and captures; capture.toml, and the target's and scanner's files.
-SENT_SUFFIXES = sorted(
-    {suffix.lstrip(".") for suffix in (*ARCHIVE_SUFFIXES, *COMPRESSED_SUFFIXES, *READERS, ".toml")}
-)
+# Scans, packed scans and captures; capture.toml, the target's and scanner's files; and results.
+SENT = (*ARCHIVE_SUFFIXES, *COMPRESSED_SUFFIXES, *READERS, ".toml", ".json")
+SENT_SUFFIXES = sorted({suffix.lstrip(".") for suffix in SENT})
 
 
 @dataclass
@@ -134,7 +133,7 @@ def _checked(file: str) -> tuple[str, ...]:
     if not file.lower().endswith(tuple(f".{suffix}" for suffix in SENT_SUFFIXES)):
         raise RefusedError(
             415,
-            f"{file[:100]}: not a scan, five-point file, archive or capture.toml",
+            f"{file[:100]}: not a scan, five-point file, archive, capture.toml or measurement.json",
         )
     return parts
 

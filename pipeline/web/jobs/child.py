@@ -18,6 +18,7 @@ from ...readers import confine, die_with
 
 TASKS = {
     "measure": "content.measuring:measure",
+    "open": "content.opening:open_measurement",
     "explain": "content.explaining:explain",
     "compare": "content.comparing:compare",
     "report": "content.reporting:report",

@@ -18,6 +18,8 @@ from ...system import end_with_children
 LONGEST_LINE = 100_000
 FINISHED = ("done", "failed", "cancelled")
 SHOWN = ("ready", "done")  # results are available
+MEASURED = ("measure", "open")  # tasks whose result is a measurement
+LONGEST_FACT = 200
 
 
 @dataclass(eq=False)
@@ -27,8 +29,9 @@ class PageJob:
     folder: of its results; for a report that of its measurement. uses: jobs whose results it
     reads. plan: what its process is given. state: waiting, running, ready (results are available,
     points follow), done, failed, cancelled. progress: steps done, number of steps, current step.
-    began: seconds since 1970. failure: shown by the page. note: why the points are missing. lock:
-    of state, failure, note and process.
+    began: seconds since 1970. vehicle, date: of the measurement, '' if not stated. at: root and
+    path of a stored measurement that was opened. kept: its folder outlives the program. failure:
+    shown by the page. note: why the points are missing. lock: of state, failure, note and process.
     """
 
     id: str
@@ -42,6 +45,10 @@ class PageJob:
     failure: dict[str, Any] | None = None
     note: str = ""
     began: float = field(default_factory=time.time, repr=False)
+    vehicle: str = ""
+    date: str = ""
+    at: str = ""
+    kept: bool = False
     process: subprocess.Popen[str] | None = field(default=None, repr=False)
     finished: threading.Event = field(default_factory=threading.Event, repr=False)
     lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
@@ -64,6 +71,10 @@ class PageJob:
             "failure": self.failure,
             "note": self.note,
             "began": self.began,
+            "vehicle": self.vehicle,
+            "date": self.date,
+            "at": self.at,
+            "kept": self.kept,
         }
 
 
@@ -101,6 +112,10 @@ def receive(job: PageJob, line: str) -> None:
         return
     if kind == "progress":
         job.progress = tuple(content)
+    elif kind == "about":
+        for key in ("name", "vehicle", "date"):
+            if key in content:
+                setattr(job, key, str(content[key])[:LONGEST_FACT])
     elif kind == "failure":
         end(job, "failed", content)
     elif kind in SHOWN:

@@ -9,14 +9,18 @@ import shutil
 import signal
 import subprocess
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+from ...errors import WheelplaneError
 from ..security import RefusedError
 from ..settings import PageSettings
+from .kept import keep, kept_jobs
 from .process import (
     FINISHED,
     LONGEST_LINE,
+    MEASURED,
     SHOWN,
     PageJob,
     discard_upload,
@@ -39,7 +43,8 @@ class Jobs:
 
     def __init__(self, settings: PageSettings) -> None:
         self._settings = settings
-        self._jobs: dict[str, PageJob] = {}
+        kept = [] if settings.results is None else kept_jobs(settings.results)
+        self._jobs: dict[str, PageJob] = {job.id: job for job in kept}
         self._lock = threading.Lock()
         self._pool = ThreadPoolExecutor(settings.workers, thread_name_prefix="job")
         self._quick = ThreadPoolExecutor(2, thread_name_prefix="report")
@@ -62,11 +67,12 @@ class Jobs:
             waiting = sum(job.state == "waiting" for job in alike)
             if waiting >= self._settings.waiting:
                 raise RefusedError(503, f"{waiting} jobs are waiting: wait for one to end")
-            new = secrets.token_hex(12)
-            own = self._settings.scratch / f"job-{new}"
-            job = PageJob(
-                new, task, name, uses[0].folder if task in OF_ANOTHER else own, uses, given
-            )
+            new = f"{time.strftime('%Y%m%d_%H%M%S')}_{secrets.token_hex(6)}"
+            kept = task == "measure" and self._settings.results is not None
+            own = self._settings.results if kept else None
+            folder = self._settings.scratch / f"job-{new}" if own is None else own / new
+            folder = uses[0].folder if task in OF_ANOTHER else folder
+            job = PageJob(new, task, name, folder, uses, given, at=given.get("at", ""), kept=kept)
             job.folder.mkdir(exist_ok=True)
             self._jobs[new] = job
         (self._pool if is_long else self._quick).submit(self._run, job, given)
@@ -77,7 +83,7 @@ class Jobs:
         """Return the measurements whose results are available, the latest first."""
         with self._lock:
             known = list(self._jobs.values())
-        return [job for job in known[::-1] if job.task == "measure" and job.state in SHOWN]
+        return [job for job in known[::-1] if job.task in MEASURED and job.state in SHOWN]
 
     def running(self) -> PageJob | None:
         """Return the latest measurement that is at work or waits."""
@@ -140,6 +146,7 @@ class Jobs:
             pool.shutdown(wait=True)
         for job in known:
             job.finished.set()  # also of jobs that never started
+            _discard_unless_shown(job)
 
     def _forget_old(self) -> None:
         """Drop finished reports and the oldest results, except those that a job reads."""
@@ -149,6 +156,7 @@ class Jobs:
                 if job.task in OF_ANOTHER:
                     del self._jobs[job.id]
             known = [job for job in self._jobs.values() if job.task not in OF_ANOTHER]
+            known = [job for job in known if not (job.kept and job.state in SHOWN)]
             read = {used.id for job in self._jobs.values() if job not in ended for used in job.uses}
             free = [job for job in known if job in ended and job.id not in read]
             for job in free[: max(0, len(known) - self._settings.jobs)]:
@@ -169,14 +177,24 @@ class Jobs:
             shutil.rmtree(job.scratch, ignore_errors=True)
             if job.state not in ("failed", "cancelled"):
                 discard_upload(job)
+                self._keep(job)
+            _discard_unless_shown(job)
             job.finished.set()
             self._drop_old_points()
+
+    def _keep(self, job: PageJob) -> None:
+        """Make a result last, as soon as there is one; the note says where it does not."""
+        if job.kept and job.state in SHOWN:
+            try:
+                keep(job)
+            except WheelplaneError as error:
+                job.note = str(error)
 
     def _drop_old_points(self) -> None:
         """Remove the points of the oldest results, so that those of all have room."""
         with self._lock:
             trees = [
-                (job, job.folder / POINTS) for job in self._jobs.values() if job.task == "measure"
+                (job, job.folder / POINTS) for job in self._jobs.values() if job.task in MEASURED
             ]
             kept = [(job, path, path.stat().st_size) for job, path in trees if path.is_file()]
             size = sum(part for *_, part in kept)
@@ -185,6 +203,7 @@ class Jobs:
                     break
                 path.unlink()
                 job.note, size = "its points gave way to those of later results", size - part
+                self._keep(job)
 
     def _work(self, job: PageJob, given: dict[str, Any]) -> None:
         settings = self._settings
@@ -207,6 +226,8 @@ class Jobs:
                 send(process.stdin, json.dumps(plan))
                 while line := process.stdout.readline(LONGEST_LINE):
                     receive(job, line)
+                    if job.state == "ready":
+                        self._keep(job)
             finally:
                 alarm.cancel()
                 kill(job)
@@ -230,3 +251,9 @@ class Jobs:
             "fewer points, or start the page with a larger --time-limit",
         )
         kill(job)
+
+
+def _discard_unless_shown(job: PageJob) -> None:
+    """Leave nothing in the folder of results of a measurement that has none."""
+    if job.kept and job.state not in SHOWN:
+        shutil.rmtree(job.folder, ignore_errors=True)

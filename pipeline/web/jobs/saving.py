@@ -14,8 +14,9 @@ from ...report.format.view import CONVENTIONS, PAPER, STYLES_WITHOUT_RIM
 from ...report.write import write_files, write_whole
 from ...vehicle import AXES
 from ..content.reporting import TYPES
+from ..files.stored import RECORD
 from ..security import RefusedError
-from .process import PageJob
+from .process import MEASURED, PageJob
 from .queue import Jobs
 
 REPORT_SECONDS, TABLE_SECONDS = 120.0, 60.0
@@ -26,20 +27,25 @@ ON_OFFER = {"axis": AXES, "style": STYLES_WITHOUT_RIM, "convention": CONVENTIONS
 def report_file(
     jobs: Jobs, job: PageJob, kind: str, language: str, asked: Mapping[str, str]
 ) -> Path:
-    """Return the report of a measured job as a file in its folder, written if necessary.
+    """Return the report of a measurement or a comparison as a file, written if necessary.
 
-    asked: axis, style and convention of its view, where they are not the usual ones.
+    asked: axis, style and convention of its view, where they are not the usual ones; before: id of
+    an earlier measurement of the same vehicle.
     """
     view = {key: asked.get(key) or usual for key, usual in USUAL.items()}
-    on_offer = kind in TYPES and language in LANGUAGES and job.task == "measure"
+    on_offer = kind in TYPES and language in LANGUAGES and job.task in (*MEASURED, "compare")
     if not on_offer or any(value not in ON_OFFER[key] for key, value in view.items()):
         raise RefusedError(400, "no such report")
-    name = f"report-{'-'.join([language, *view.values()]).replace('/', '')}.{kind}"
+    before = jobs.shown(asked["before"]) if asked.get("before") else None
+    parts = [language, *view.values(), *([before.id] if before else [])]
+    name = f"report-{'-'.join(parts).replace('/', '')}.{kind}"
     path = job.folder / name
     if path.is_file():
         return path
-    plan = {"format": kind, "language": language, **view, "file": name}
-    report = jobs.start("report", name, plan, uses=(job,))
+    plan = {"of": job.task, "format": kind, "language": language, **view, "file": name}
+    uses = (job, before) if before else (job,)
+    plan["before"] = str(before.folder / RECORD) if before else ""
+    report = jobs.start("report", name, plan, uses=uses)
     report.finished.wait(REPORT_SECONDS)
     if report.state != "done":
         jobs.cancel(report)

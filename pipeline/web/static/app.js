@@ -1,5 +1,6 @@
 // Views of the page, and the selection of the one shown.
-import { byId, language, post, session } from "./base.js";
+import { addressOf, archiveAddress, folderOf, go, here } from "./address.js";
+import { byId, language, post, session, t } from "./base.js";
 import { Archive } from "./archive.js";
 import { Comparer } from "./compare.js";
 import { Loader } from "./load.js";
@@ -7,10 +8,10 @@ import { Result } from "./result.js";
 
 const VIEWS = ["measure", "compare", "archive"];
 
-const result = new Result(() => { history.replaceState(null, "", "#measure"); loader.reset(); step(1); }, step);
-const loader = new Loader((job) => show(job), (place) => { location.hash = `#archive=${place.root}/${place.path}`; });
-const archive = new Archive(byId("archive"));
-new Comparer();
+const result = new Result((job) => go(job ? addressOf(job) : "#measure"), step);
+const loader = new Loader(arrive, (place) => go(archiveAddress(place)));
+const archive = new Archive(byId("archive"), (address) => { document.querySelector("nav a[href^='#archive']").href = address; });
+const comparer = new Comparer();
 
 function step(number) {
   for (const [i, item] of [...byId("steps").children].entries()) {
@@ -20,37 +21,55 @@ function step(number) {
   }
 }
 
-/** Show a result at its address, which a reload and the language keep. */
-function show(job) {
-  history.replaceState(null, "", `#result=${job.id}`);
-  return result.show(job);
-}
-
-/** `#open=0/path` measures at once, `#archive=0/path` browses results, `#result=id` shows an earlier
- *  measurement; otherwise the view of that name is shown. */
+/** `#open=0/path` measures or opens a file at once, `#result=id` shows an earlier measurement,
+ *  `#compare=id,id` compares two, `#archive=0/path` browses results; otherwise the view of that name. */
 function route() {
-  const [name, place] = decodeURIComponent(location.hash.slice(1)).split(/=(.*)/s);
-  const [, root, path] = /^(\d+)\/(.*)$/s.exec(place ?? "") ?? [];
+  const { view: name, place, query } = here();
   const view = VIEWS.includes(name) ? name : "measure";
   for (const each of VIEWS) byId(`view-${each}`).hidden = each !== view;
   for (const link of document.querySelectorAll("nav a")) {
-    if (link.hash === `#${view}`) link.setAttribute("aria-current", "page");
+    if (link.hash.split("=")[0] === `#${view}`) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
-  if (name === "open" && root !== undefined) {
-    history.replaceState(null, "", "#measure");
-    loader.open({ root: Number(root), path, name: path });
+  if (view === "archive") archive.show(folderOf(place), query);
+  else if (view === "compare") comparer.show(place);
+  else measure(name, place);
+}
+
+function measure(name, place) {
+  const known = session.jobs.find((job) => (name === "open" ? job.at === place : name === "result" && job.id === place));
+  if (known) {
+    loader.hide();
+    result.show(known);
+    return;
   }
-  const before = name === "result" && session.jobs.find(({ id }) => id === place);
-  if (before && before.id !== result.job?.id) result.show(before);
-  if (view === "archive") archive.show(root === undefined ? null : { root: Number(root), path });
+  if (result.leave()) {
+    loader.reset();
+    step(1);
+  }
+  if (name === "result") loader.fail({ text: t("gone") });
+  const at = name === "open" && folderOf(place);
+  if (at && !session.running) loader.open({ ...at, name: at.path });
+}
+
+/** Show a result at its address, which takes the place of the one that was to be opened. */
+function arrive(job) {
+  if (here().view !== "open") return go(addressOf(job));
+  history.replaceState(null, "", addressOf(job));
+  return route();
+}
+
+/** Go on with the measurement that was at work when the page was opened. */
+function resume() {
+  const { running } = session;
+  session.running = null;
+  if (running) loader.resume(running);
 }
 
 byId("language").addEventListener("change", async ({ target }) => {
   await post(`/api/language/${target.value}`);
-  if (!byId("result").hidden && !byId("view-measure").hidden) location.hash = `#result=${result.job.id}`;
   location.reload();
 });
 addEventListener("hashchange", route);
 document.documentElement.lang = language;
-session.start().catch(() => {}).finally(() => { route(); if (session.running) loader.resume(session.running); }); // if the server does not respond, the list of folders reports it
+session.start().catch(() => {}).finally(() => { route(); resume(); }); // if the server does not respond, the list of folders reports it

@@ -1,34 +1,57 @@
 // Results of a batch: captures, failures, trends, calibrations of machines, runs at work.
+import { addressOf, archiveAddress, go } from "./address.js";
 import { ask, el, pathOf, select, t, tableOf } from "./base.js";
 import { Browser } from "./browser.js";
+import { ControlChart } from "./chart.js";
 
-const PARTS = ["captures", "failures", "trends", "calibrations", "runs"];
+const PARTS = ["captures", "failures", "trends", "charts", "calibrations", "runs"];
 
 export class Archive {
-  constructor(place) {
+  /** onAddress is called with the address of what is browsed. */
+  constructor(place, onAddress) {
     this.place = place;
+    this.onAddress = onAddress;
   }
 
-  /** Browse the results at {root, path}; null: select a folder first. */
-  async show(at) {
-    if (!at && this.at) return;
-    this.at = at;
-    this.filter = {};
-    this.part = "captures";
-    if (!at) return this.#choose();
+  /** Browse the results at {root, path}, as the query of the address says; null: select a folder first. */
+  async show(at, query = {}) {
+    if (!at) {
+      this.at = null;
+      return this.#choose();
+    }
+    this.onAddress(location.hash);
+    const { part, key, quantity, offset, ...filter } = query;
+    const isSame = this.at?.root === at.root && this.at?.path === at.path && this.form?.isConnected;
+    Object.assign(this, { at, filter });
     try {
-      this.overview = await this.#ask("overview");
-      this.#build();
+      if (!isSame) {
+        this.overview = await this.#ask("overview");
+        this.#build();
+      }
+      for (const field of ["text", "status", "vehicle"]) this.form.elements[field].value = filter[field] ?? "";
+      const shown = PARTS.includes(part) ? part : this.overview.total ? "captures" : "runs";
+      const list = JSON.stringify([shown, filter, offset]);
+      if (!isSame || list !== this.listed) await this.#show(shown, { offset: offset ?? 0 });
+      this.listed = list;
+      if (shown === "charts") await this.#chart(quantity);
+      else if (key) await this.#open(shown === "calibrations" ? "calibration" : "capture", key);
+      else if (quantity) this.#plot(quantity);
+      else this.detail.replaceChildren();
     } catch (error) {
       this.#fail(error);
     }
+    return null;
+  }
+
+  /** Go to another part, filter, page or item of these results. */
+  #go(change) {
+    go(archiveAddress(this.at, { ...this.filter, part: this.part, ...change }));
   }
 
   #choose() {
     const list = el("div");
     this.place.replaceChildren(el("div", { class: "card" }, el("p", { class: "hint" }, t("archive_hint")), list));
-    const open = ({ root, path }) => { location.hash = `#archive=${root}/${encodeURIComponent(path)}`; };
-    return new Browser(list, open, (kind) => kind === "results").start();
+    return new Browser(list, (place) => go(archiveAddress(place)), (kind) => kind === "results").start();
   }
 
   #address(question, asked = {}) {
@@ -51,25 +74,31 @@ export class Archive {
       select("vehicle", t("vehicle"), [["", t("all")], ...vehicles.map((name) => [name, name])], ""),
       el("button", { class: "main" }, t("apply")));
     this.place.replaceChildren(
-      el("p", {}, el("b", {}, this.at.path || "/"), " ", el("button", { type: "button", onclick: () => { this.at = null; location.hash = "#archive"; } }, t("choose_folder"))),
+      el("p", {}, el("b", {}, this.at.path || "/"), " ", el("button", { type: "button", onclick: () => this.#leave() }, t("choose_folder"))),
       el("div", { class: "tiles" }, tile(t("captures"), total), ...statuses.filter(([, , count]) => count).map(([, text, count]) => tile(text, count))),
       el("div", { class: "card" }, filter, el("div", { class: "tabs", role: "group" }, ...PARTS.map((part) =>
-        el("button", { type: "button", "data-part": part, onclick: () => this.#show(part) }, t(part))))),
+        el("button", { type: "button", "data-part": part, onclick: () => this.#go({ part }) }, t(part))))),
       this.list, this.detail);
     this.form = filter;
-    this.#show(total ? "captures" : "runs");
+  }
+
+  #leave() {
+    this.onAddress("#archive");
+    go("#archive");
   }
 
   #apply(event) {
     event.preventDefault();
     this.filter = Object.fromEntries(new FormData(event.target));
-    this.#show(this.part);
+    this.listed = null;
+    this.#go({});
   }
 
   async #show(part, asked = {}) {
     this.part = part;
     this.detail.replaceChildren();
     for (const button of this.place.querySelectorAll("[data-part]")) button.setAttribute("aria-pressed", String(button.dataset.part === part));
+    if (part === "charts") return;
     try {
       const found = await this.#ask(part, asked);
       if (part !== this.part) return; // another was chosen meanwhile
@@ -78,12 +107,12 @@ export class Archive {
         return;
       }
       const { table } = found;
-      this.list.replaceChildren(table.rows.length ? tableOf(table) : el("p", { class: "empty" }, t("no_rows")));
+      this.list.replaceChildren(table.rows.length ? tableOf(table, { kind: part }) : el("p", { class: "empty" }, t("no_rows")));
       if (part === "captures") this.#addPages(found);
       const open = {
-        captures: (i) => this.#open("capture", found.keys[i]),
-        trends: (i) => this.#plot(found.quantities[i]),
-        calibrations: (i) => this.#open("calibration", found.keys[i]),
+        captures: (i) => this.#go({ key: found.keys[i], offset: asked.offset || "" }),
+        trends: (i) => this.#go({ quantity: found.quantities[i] }),
+        calibrations: (i) => this.#go({ key: found.keys[i] }),
       }[part];
       if (open) link(this.list, open);
     } catch (error) {
@@ -121,22 +150,50 @@ export class Archive {
   #showFailed(status) {
     this.form.elements.status.value = status;
     this.filter = Object.fromEntries(new FormData(this.form));
-    this.#show("captures");
+    this.#go({ part: "captures" });
   }
 
   #addPages({ offset, total, keys }) {
-    const go = (text, to, usable) => el("button", { type: "button", disabled: !usable, onclick: () => this.#show("captures", { offset: to }) }, t(text));
+    const go = (text, to, usable) => el("button", { type: "button", disabled: !usable, onclick: () => this.#go({ offset: to }) }, t(text));
     const size = Math.max(keys.length, 1);
     this.list.append(el("div", { class: "pages" }, go("previous", Math.max(0, offset - 50), offset > 0),
       el("span", {}, t("of_rows", { first: Math.min(offset + 1, total), last: offset + keys.length, total })),
       go("next", offset + size, offset + keys.length < total)));
   }
 
+  /** The control chart of a quantity, with the choice of another one. */
+  async #chart(quantity) {
+    const { quantities } = this.overview;
+    const chosen = quantities.some(([name]) => name === quantity) ? quantity : quantities[0]?.[0];
+    this.list.replaceChildren(quantities.length ? select("quantity", t("quantity"), quantities, chosen, (name) => this.#go({ quantity: name })) : el("p", { class: "empty" }, t("no_rows")));
+    if (!chosen) return;
+    const answer = await this.#ask("chart", { quantity: chosen }).catch((error) => error);
+    if (this.part !== "charts") return;
+    if (answer instanceof Error) {
+      this.detail.replaceChildren(el("div", { class: "card" }, el("p", {}, answer.message)));
+      return;
+    }
+    const chart = new ControlChart(answer, (key) => this.#go({ part: "captures", key }));
+    this.detail.replaceChildren(el("div", { class: "card" }, chart.element));
+  }
+
+  /** Before and after: what changed since an earlier capture of the same vehicle. */
+  #changes(key, before) {
+    if (!before.length) return [];
+    const table = el("div");
+    const show = async (earlier) => table.replaceChildren(tableOf((await this.#ask("changes", { key, before: earlier })).table));
+    const refused = (error) => table.replaceChildren(el("p", { role: "alert" }, error.message));
+    show(before[0][0]).catch(refused);
+    return [select("earlier", t("before_of"), before, before[0][0], (earlier) => show(earlier).catch(refused)), table];
+  }
+
   async #open(question, key) {
-    const { name, facts, tables, certificate, why } = await this.#ask(question, { key });
+    const { name, facts, tables, certificate, why, record, before = [] } = await this.#ask(question, { key });
+    const [root, path] = [this.at.root, this.at.path ? `${this.at.path}/${record}` : record];
+    const view = record ? el("p", { class: "buttons left" }, el("a", { class: "button", href: addressOf({ at: `${root}/${path}` }) }, t("open_record"))) : "";
     const open = el("a", { href: this.#address("archive-certificate", { key }), target: "_blank", rel: "noopener" }, t("show_certificate"));
     this.#reveal(el("h2", { tabindex: "-1" }, name),
-      factsOf(facts), ...tables.map((table) => tableOf(table)), certificate ? el("p", {}, open) : "",
+      factsOf(facts), view, ...tables.map((table) => tableOf(table)), certificate ? el("p", {}, open) : "", ...this.#changes(key, before),
       why ? el("details", { open: true }, el("summary", {}, t("account")), el("pre", { class: "account", tabindex: "0" }, why)) : "");
   }
 
@@ -153,7 +210,7 @@ export class Archive {
 
   #fail(error) {
     this.place.replaceChildren(el("div", { class: "card trouble", role: "alert" }, el("p", {}, error.message)),
-      el("button", { type: "button", onclick: () => { this.at = null; this.#choose(); } }, t("choose_folder")));
+      el("button", { type: "button", onclick: () => this.#leave() }, t("choose_folder")));
   }
 }
 

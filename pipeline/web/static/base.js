@@ -105,7 +105,7 @@ export async function follow(job, onState, until = (state) => ["done", "failed",
   }
 }
 
-/** Measurements since the program was started, the latest first. */
+/** Measurements that the program keeps, the latest first. */
 export const session = {
   jobs: [],
   running: null, // the measurement that this page found at work when it was opened
@@ -120,6 +120,9 @@ export const session = {
     for (const listener of this.listeners) listener();
   },
 };
+
+/** Date of a measurement: when its capture was taken, or else when it was measured. */
+export const dayOf = ({ date, began }) => date || new Date(1000 * began).toLocaleDateString(language);
 
 /** Name of a measurement, with its time where another one has the same name. */
 export function called({ id, name, began }) {

@@ -1,11 +1,22 @@
-// Comparison of two results of this session.
-import { ask, byId, called, el, follow, post, select, session, t, tableOf } from "./base.js";
+// Comparison of two measurements.
+import { go } from "./address.js";
+import { ask, byId, called, el, follow, language, post, select, session, t, tableOf } from "./base.js";
+import { Saver, stem } from "./save.js";
 
 export class Comparer {
   constructor() {
     this.place = byId("compare");
+    this.pair = "";
     session.listeners.push(() => this.#build());
     this.#build();
+  }
+
+  /** Compare the pair `id,id`; '' leaves the choice to the user. */
+  show(pair) {
+    if (!pair || pair === this.pair) return null;
+    this.pair = pair;
+    this.#build();
+    return this.#compare(pair.split(","));
   }
 
   #build() {
@@ -13,27 +24,36 @@ export class Comparer {
     const hint = el("p", { class: "hint" }, t("compare_hint"));
     if (measured.length < 2) return this.place.replaceChildren(hint, el("p", {}, el("a", { href: "#measure" }, t("measure"))));
     const options = measured.map((job) => [job.id, called(job)]);
+    const [first = options[1][0], second = options[0][0]] = this.pair ? this.pair.split(",") : [];
     this.found ??= el("div");
-    const form = el("form", { class: "filters", onsubmit: (event) => this.#compare(event) },
-      select("first", t("first"), options, options[1][0]), select("second", t("second"), options, options[0][0]),
+    const form = el("form", { class: "filters", onsubmit: (event) => this.#submit(event) },
+      select("first", t("first"), options, first), select("second", t("second"), options, second),
       el("button", { class: "main" }, t("do_compare")));
     return this.place.replaceChildren(hint, form, this.found);
   }
 
-  async #compare(event) {
+  #submit(event) {
     event.preventDefault();
-    const chosen = Object.fromEntries(new FormData(event.target));
+    const chosen = new FormData(event.target);
+    this.pair = "";
+    go(`#compare=${chosen.get("first")},${chosen.get("second")}`);
+  }
+
+  async #compare([first, second]) {
+    this.found ??= el("div");
     this.found.replaceChildren(el("p", { role: "status" }, t("starting")));
+    const pair = this.pair;
     try {
-      const job = await follow(await post("/api/compare", chosen), () => {});
+      const job = await follow(await post("/api/compare", { first, second }), () => {});
       if (job.state !== "done") throw new Error(job.failure?.text ?? t("cancelled"));
-      this.#show(await ask(`/api/jobs/${job.id}/comparison.json`));
+      const found = await ask(`/api/jobs/${job.id}/comparison.json`);
+      if (pair === this.pair) this.#show(found, job);
     } catch (error) {
       this.found.replaceChildren(el("div", { class: "trouble card", role: "alert" }, el("p", {}, error.message)));
     }
   }
 
-  #show({ verdict, table, lengths, text, missing }) {
+  #show({ verdict, table, lengths, text, missing, names }, job) {
     const kind = { agree: "conform", disagree: "not-conform" }[verdict] ?? "undecided";
     this.found.replaceChildren(
       el("p", {}, el("span", { class: `verdict ${kind}` }, t(verdict.replace(" ", "_")))),
@@ -41,6 +61,7 @@ export class Comparer {
       el("p", { class: "hint" }, t("signs")),
       tableOf(lengths),
       ...(missing.length ? [el("h3", {}, t("only_in_one")), ...missing.map(({ name, reason }) => el("p", {}, `${name}: ${reason}`))] : []),
+      new Saver(job, () => ({ language }), () => {}, names.map(stem).join(" - ")).card,
       el("details", {}, el("summary", {}, t("details")), el("pre", { class: "text", tabindex: "0" }, text)));
   }
 }

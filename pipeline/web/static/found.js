@@ -19,6 +19,7 @@ export class Found {
     this.cloud = scans.some(({ role }) => role === "vehicle");
     this.trouble = el("p", { role: "status" });
     const again = () => this.#again(failed, options);
+    this.onFront = (front) => this.onAgain(failed, { ...options, front });
     return el("section", { class: "looked" }, el("h3", {}, t("found_title")), el("p", { class: "hint" }, t("found_hint")),
       ...lost.map((scan) => this.#scan(scan)),
       el("p", { class: "buttons" }, el("button", { type: "button", class: "main", id: "again", onclick: again }, t("found_again"))), this.trouble,
@@ -40,7 +41,15 @@ export class Found {
     return el("article", { class: "scan" }, el("h4", {}, `${scan.name} (${scan.file})`), el("p", {}, state),
       el("div", { class: "pictures" }, seen ? this.#picture(scan, seen) : null,
         best ? el("img", { src: `${this.address}/${best}`, alt: t("found_candidates_of", { name: scan.name }) }) : null),
+      this.cloud && scan.picture_axes.length ? this.#front(scan.picture_axes) : null,
       scan.candidates.length ? this.#table(scan) : null);
+  }
+
+  /** The choice of the front alone, for a cloud whose wheels follow from it. */
+  #front([right, up]) {
+    const choose = (side, axis, sense) => el("button", { type: "button", onclick: () => this.onFront(axis.map((x) => sense * x).join(",")) }, t(`found_front_${side}`));
+    return el("p", { class: "buttons left", role: "group", "aria-label": t("found_front") }, t("found_front"),
+      choose("left", right, -1), choose("right", right, 1), choose("top", up, 1), choose("bottom", up, -1));
   }
 
   /** The picture, with a button on each candidate. */

@@ -1,5 +1,5 @@
 // Step 1: upload files that are dropped or chosen, or browse for them, and measure.
-import { ServerError, byId, called, el, follow, language, limits, pathOf, pause, post, send, session, t } from "./base.js";
+import { ServerError, byId, called, dayOf, el, follow, language, limits, pathOf, pause, post, send, session, t } from "./base.js";
 import { Browser } from "./browser.js";
 import { Found } from "./found.js";
 
@@ -18,7 +18,7 @@ export class Loader {
     this.onResult = onResult;
     this.onBatch = onBatch;
     this.browser = new Browser(byId("browser"), (item) => this.open(item));
-    this.browser.start().catch((error) => this.#fail({ text: error.message }));
+    this.browser.start().catch((error) => this.fail({ text: error.message }));
     for (const [button, input] of [["choose-files", "files"], ["choose-folder", "folder"]]) {
       byId(button).addEventListener("click", () => byId(input).click());
       byId(input).addEventListener("change", ({ target }) => {
@@ -38,6 +38,11 @@ export class Loader {
     else this.#measure({ root, path }, name ?? path);
   }
 
+  /** Give way to a result. */
+  hide() {
+    byId("load").hidden = byId("trouble").hidden = byId("busy").hidden = true;
+  }
+
   /** Return to step 1. */
   reset() {
     byId("load").hidden = false;
@@ -48,8 +53,10 @@ export class Loader {
   /** List the earlier measurements. */
   #showBefore() {
     if (!session.jobs.length) return;
-    const open = (job) => el("li", {}, el("button", { type: "button", class: "open", onclick: () => this.onResult(job) }, el("span", { class: "name" }, called(job))));
-    byId("before").replaceChildren(el("h2", {}, t("session")), el("ul", { class: "items" }, ...session.jobs.map(open)));
+    const open = (job) => el("li", {}, el("button", { type: "button", class: "open", onclick: () => this.onResult(job) },
+      el("span", { class: "name" }, called(job)), el("span", { class: "kind" }, [job.vehicle, dayOf(job)].filter(Boolean).join(", "))));
+    byId("before").replaceChildren(el("h2", {}, t("session")), el("p", { class: "hint" }, t(limits.kept ? "session_kept" : "session_ends")),
+      el("ul", { class: "items" }, ...session.jobs.map(open)));
   }
 
   #takeDrops() {
@@ -75,8 +82,8 @@ export class Loader {
   async #upload(files) {
     const known = files.filter(({ path }) => KNOWN.test(path) && !/(^|\/)\./.test(path));
     const large = known.find(({ file }) => file.size > limits.bytes);
-    if (!known.length) return this.#fail({ text: t("nothing_known") });
-    if (large) return this.#fail({ text: t("too_large", { name: large.path, most: (limits.bytes / 1e9).toPrecision(2) }) });
+    if (!known.length) return this.fail({ text: t("nothing_known") });
+    if (large) return this.fail({ text: t("too_large", { name: large.path, most: (limits.bytes / 1e9).toPrecision(2) }) });
     const total = known.reduce((sum, { file }) => sum + file.size, 0);
     if (total > LONG_BYTES) this.#askFirst(known, total);
     else await this.#send(known, total);
@@ -134,7 +141,7 @@ export class Loader {
       byId("busy-name").textContent = this.job.name;
       if (this.cancelled) await this.#cancel();
       const ended = await follow(this.job, (job) => this.#showState(job), (state) => state !== "waiting" && state !== "running");
-      if (ended.state === "failed") this.#fail(ended.failure, this.#nextSteps(ended, options));
+      if (ended.state === "failed") this.fail(ended.failure, this.#nextSteps(ended, options));
       else if (ended.state === "cancelled") this.#stopped();
       else this.#done(ended);
     } catch (error) {
@@ -150,8 +157,8 @@ export class Loader {
       this.job = await this.#begin(`/api/jobs/${failed.id}/explain`, {});
       const ended = await follow(this.job, (job) => this.#showState(job, "found_explaining"));
       if (ended.state === "done") {
-        this.#fail(failed.failure, await this.found.show(failed, options, ended));
-      } else if (ended.failure) this.#fail(ended.failure);
+        this.fail(failed.failure, await this.found.show(failed, options, ended));
+      } else if (ended.failure) this.fail(ended.failure);
       else this.#stopped();
     } catch (error) {
       if (!(error instanceof ServerError)) throw error;
@@ -207,7 +214,7 @@ export class Loader {
 
   #failOrStop(error) {
     if (this.cancelled) this.#stopped();
-    else this.#fail({ text: error.message });
+    else this.fail({ text: error.message });
   }
 
   /** Return to step 1 after the user cancelled: that is no failure. */
@@ -221,7 +228,7 @@ export class Loader {
   }
 
   /** Show a failure, and below it what can be done; the field that it names is opened. */
-  #fail(failure, more = null) {
+  fail(failure, more = null) {
     byId("busy").hidden = true;
     byId("load").hidden = false;
     byId("trouble").hidden = false;

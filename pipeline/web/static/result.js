@@ -1,5 +1,5 @@
 // Steps 2 and 3: table of angles, 3D view, details of a wheel, report.
-import { ServerError, ask, byId, called, el, follow, language, post, select, session, t, tableOf, viewerWords } from "./base.js";
+import { ServerError, ask, byId, called, dayOf, el, follow, language, post, select, session, t, tableOf, viewerWords } from "./base.js";
 import { Machine } from "./machine.js";
 import { Saver } from "./save.js";
 import { streamPoints } from "./stream.js";
@@ -8,9 +8,10 @@ const STYLES = [["dms", "unit_dms"], ["deg", "unit_deg"], ["mm/m", "unit_mmm"]];
 const STATUS = 3; // column of the table of wheels
 
 export class Result {
-  constructor(onAnother, onStep) {
+  /** onOpen is called with another measurement to show; without one, to measure another. */
+  constructor(onOpen, onStep) {
     this.place = byId("result");
-    this.onAnother = onAnother;
+    this.onOpen = onOpen;
     this.onStep = onStep;
     this.style = "dms";
     this.axis = "rear-axle";
@@ -18,15 +19,16 @@ export class Result {
   }
 
   async show(job) {
+    if (job.id === this.job?.id) return;
     this.viewer?.dispose();
     this.job = job;
     this.chosen = null;
     this.stop?.abort();
     this.stop = new AbortController();
     const [panel, scene] = await Promise.all(["panel", "scene"].map((kind) => ask(`/api/jobs/${job.id}/${kind}-${language}.json`)));
+    if (job !== this.job) return; // another was chosen meanwhile
     this.panel = panel;
     this.#build();
-    byId("load").hidden = byId("trouble").hidden = true;
     this.place.hidden = false;
     this.onStep(2);
     this.viewer = Wheelplane3D.mount(this.stage, scene, { words: viewerWords, onWheel: (name) => this.choose(name) });
@@ -59,14 +61,14 @@ export class Result {
     this.axles = el("div", { class: "pair" });
     this.count = el("span", { role: "status" });
     this.coming = el("p", { class: "small" }, this.count);
-    this.saver = new Saver(this.job, () => ({ axis: this.axis, style: this.style, convention: this.convention, language }), () => this.onStep(3));
+    this.saver = new Saver(this.job, () => ({ axis: this.axis, style: this.style, convention: this.convention, language, before: this.earlier ?? "" }), () => this.onStep(3));
     const assessed = headline.kind !== "none";
     this.place.replaceChildren(
       el("div", { class: "card" },
         el("div", { class: "result-head" },
           el("h2", { id: "result-title", tabindex: "-1" }, called(this.job)),
 assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} ${headline.title}`) : null,
-          el("span", { class: "tools" }, this.#before(), el("button", { type: "button", onclick: () => this.#leave() }, t("another")))),
+          el("span", { class: "tools" }, this.#before(), el("button", { type: "button", onclick: () => this.onOpen() }, t("another")))),
 ...(assessed ? [el("p", { class: "says" }, [...headline.says, joint].join(" "))] : []),
         el("div", { class: "tools" },
           select("style", t("unit"), STYLES.map(([value, word]) => [value, t(word)]), this.style, (value) => this.#setView({ style: value })),
@@ -77,6 +79,7 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
         ...troubles.map(troubleOf)),
       el("div", { class: "look" }, el("div", {}, this.stage, this.coming), this.evidence),
       notes.length ? el("div", { class: "card" }, ...notes.map((note) => el("p", { class: "note", lang: "en" }, note))) : "",
+      this.#change() ?? "",
       this.saver.card,
       new Machine(this.job).card,
       this.axles,
@@ -84,6 +87,22 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
       ...extra.map((table) => el("div", { class: "card" }, tableOf(table))),
       el("details", { class: "card" }, el("summary", {}, t("more")), factsOf(head)));
     this.#setView({});
+  }
+
+  /** Before and after: what changed since an earlier measurement of the vehicle, which reports then show, too. */
+  #change() {
+    this.earlier = "";
+    const others = session.jobs.filter(({ id, vehicle }) => vehicle && vehicle === this.job.vehicle && id !== this.job.id);
+    if (!others.length) return null;
+    const table = el("div", { "aria-live": "polite" });
+    const show = async (id) => {
+      this.earlier = id;
+      if (!id) return table.replaceChildren();
+      const answer = await ask(`/api/jobs/${this.job.id}/changes?before=${id}`).catch((error) => error);
+      return table.replaceChildren(answer instanceof Error ? el("p", { role: "alert" }, answer.message) : tableOf({ ...answer.table, caption: "" }));
+    };
+    return el("section", { class: "card", "aria-labelledby": "change-title" }, el("h2", { id: "change-title" }, t("before_after")),
+      select("earlier", t("before_of"), [["", "…"], ...others.map((job) => [job.id, `${called(job)}, ${dayOf(job)}`])], "", show), table);
   }
 
   /** Follow a convention, from its own axis where the user has chosen none. */
@@ -113,14 +132,18 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
   #before() {
     const others = session.jobs.filter(({ id }) => id !== this.job.id);
     if (!others.length) return null;
-    const open = (id) => this.show(session.jobs.find((job) => job.id === id));
+    const open = (id) => this.onOpen(session.jobs.find((job) => job.id === id));
     return select("before", t("session"), [["", "…"], ...others.map((job) => [job.id, called(job)])], "", open);
   }
 
-  #leave() {
+  /** Give way to step 1; whether a result was shown. */
+  leave() {
+    if (this.place.hidden) return false;
     this.stop.abort();
+    this.viewer?.dispose();
+    this.viewer = this.job = null;
     this.place.hidden = true;
-    this.onAnother();
+    return true;
   }
 
   /** Show all points in place of the sample once the measuring process has sorted them. */

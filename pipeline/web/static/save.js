@@ -4,10 +4,11 @@ import { ask, byId, el, post, t } from "./base.js";
 const FORMATS = ["html", "pdf", "txt", "json"];
 
 export class Saver {
-  constructor(job, view, onSaved) {
+  /** view: of the report; onSaved is called once it is saved. A comparison has another name than its job. */
+  constructor(job, view, onSaved, name = job.name) {
     Object.assign(this, { job, view, onSaved });
-    this.name = el("input", { name: "name", value: stem(job.name), maxlength: "110", autocomplete: "off", required: true });
-    this.format = el("select", { name: "format" }, ...FORMATS.map((each) => el("option", { value: each }, t(`format_${each}`))));
+    this.name = el("input", { name: "name", value: stem(name), maxlength: "110", autocomplete: "off", required: true });
+    this.format = el("select", { name: "format" }, ...FORMATS.map((each) => el("option", { value: each }, t(each === "html" && job.task === "compare" ? "format_page" : `format_${each}`))));
     this.folder = el("select", { name: "root" });
     this.status = el("p", { class: "status", role: "status" });
     ask("/api/folders").then(({ folders }) => this.folder.append(...folders.map((folder, i) => el("option", { value: i }, folder))));
@@ -17,7 +18,7 @@ export class Saver {
       el("button", { class: "main" }, t("save_in")),
       el("button", { type: "button", onclick: () => this.#download() }, t("save_download")),
       el("button", { type: "button", onclick: () => this.#open() }, t("show_report")));
-    this.card = el("section", { class: "card", "aria-labelledby": "save-title" }, el("h2", { id: "save-title" }, t("save")), form, this.status);
+    this.card = el("section", { class: "card", "aria-labelledby": `save-${job.id}` }, el("h2", { id: `save-${job.id}` }, t(job.task === "compare" ? "save_comparison" : "save")), form, this.status);
   }
 
   get file() {
@@ -72,7 +73,7 @@ export class Saver {
   }
 }
 
-function stem(name) {
+export function stem(name) {
   const last = name.split("/").at(-1).replace(/\.\w{1,4}$/, "");
   return last.replace(/[^\p{L}\p{N} _-]/gu, "-").slice(0, 60) || "report";
 }

@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ...batch.catalogue.catalogue import Catalogue, open_catalogue
-from ...batch.catalogue.rows import STATUSES
+from ...batch.catalogue.load_records import json_name
+from ...batch.catalogue.rows import STATUSES, CaptureRow
 from ...batch.operation.why import account_of, files_of
-from ...batch.results.calibration_list import (
-    ListedCalibration,
-    calibrations,
-    calibrations_table,
-    tree_of,
-)
-from ...batch.results.calibrations import certificate_of
+from ...batch.results.control_chart import control_chart
 from ...batch.results.query import (
     Filter,
     capture_of,
     captures,
     count,
     failures,
+    known_quantity,
     quantities_of,
     quantity_units,
     wheels_of,
@@ -36,17 +31,23 @@ from ...files import lies_in
 from ...report.format.language import Translations
 from ...report.format.view import PAPER
 from ...report.format.writer import NONE, Table, Writer
-from ...report.tables.calibration import STATES, point_name, quantity
-from ...report.tables.conformity import decided
-from ...vehicle import Unit
+from ...vehicle import REFERENCE_WHEELS, Unit
+from ..content.changes import changes
+from ..content.panel import table_tree
 from ..security import RefusedError
-from .panel import table_tree
+from .calibrations import listed_calibrations, one_calibration
+from .charts import chart_tree
+from .parameters import Parameters, filter_of, offset_of
 from .runs import runs
 
 PAGE = 50
+MOST_BEFORE = 100
+LISTED = [
+    *((wheel, kind) for kind in ("toe", "camber") for wheel in REFERENCE_WHEELS),
+    ("", "rear_total_toe"), ("", "front_total_toe"), ("", "thrust_angle"),
+]  # fmt: skip
 MEASURED = "measurements"
 CLASSES = {"ok": "", "part": "undecided"}
-Parameters = Mapping[str, str]
 
 
 def answer(
@@ -73,22 +74,6 @@ def plot(folder: Path, quantity: str, words: Translations) -> str:
     return trend_drawing(found[0], line[0], quantity_name(quantity, words), words).svg
 
 
-def certificate(folder: Path, key: str) -> Path:
-    """Return the certificate of a calibration in the results. Raises RefusedError without one."""
-    with open_catalogue(str(folder)) as catalogue:
-        found = _certificate(catalogue, tree_of(catalogue, key))
-    if found is None:
-        raise RefusedError(404, "no certificate of this calibration below these results")
-    return found
-
-
-def _certificate(catalogue: Catalogue, tree: dict[str, Any] | None) -> Path | None:
-    local = catalogue.store.local
-    if local is None or tree is None or "error" in tree:
-        return None
-    return certificate_of(local, tree)
-
-
 def quantity_name(quantity: str, words: Translations) -> str:
     """Return the displayed name of a quantity of the catalogue, such as `RR toe`."""
     wheel, _, kind = quantity.rpartition(" ")
@@ -109,30 +94,39 @@ def _overview(catalogue: Catalogue, _: Parameters, words: Translations) -> dict[
     }
 
 
-def _offset(text: str) -> int:
-    if not (text.isascii() and text.isdigit() and len(text) < 10):
-        raise RefusedError(400, f"offset: {text[:40]!r} is not a whole number from 0")
-    return int(text)
-
-
 def _captures(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
     """Return a page of the captures that match a filter."""
-    which = _filter(parameters)
-    offset = _offset(parameters.get("offset", "0"))
+    which = filter_of(parameters)
+    offset = offset_of(parameters.get("offset", "0"))
     found = list(captures(catalogue, which, "name", PAGE, offset))
+    angles = [_angles(catalogue, row.key, words) for row in found]
     rows = [
-        [row.name, row.vehicle, row.date or NONE, words(f"page.{row.status}"), row.reason,
-         f"{row.wheels_ok}/{row.wheels}", words.count(row.points_total)]
-        for row in found
+        [row.name, row.vehicle or NONE, row.date or NONE, words(f"page.{row.status}"), *shown]
+        for row, shown in zip(found, angles, strict=True)
+    ]
+    head = [words(f"page.{name}").lower() for name in ("name", "vehicle", "date", "status")]
+    head += [
+        f"{words.wheel(wheel)} {words.known('quantity', kind)}" if wheel else
+        words.known("quantity", kind) for wheel, kind in LISTED
     ]  # fmt: skip
-    head = ("name", "vehicle", "date", "status", "reason", "wheels", "points")
     table = Table(
-        [words(f"page.{name}").lower() for name in head], rows, 5, words("page.captures"),
-        [CLASSES.get(row.status, "not-conform") for row in found],
+        head, rows, 4, words("page.captures"),
+        [CLASSES.get(row.status, "not-conform") for row in found], [1],
     )  # fmt: skip
     keys = [row.key for row in found]
     total = count(catalogue, which)
     return {"table": table_tree(table), "keys": keys, "offset": offset, "total": total}
+
+
+def _angles(catalogue: Catalogue, key: str, words: Translations) -> list[str]:
+    """Return toe and camber by wheel, total toe and thrust angle; a dash for what is missing."""
+    found: dict[tuple[str, str], tuple[float | None, float | None]] = {
+        ("", q.kind): (q.value, q.u) for q in quantities_of(catalogue, key) if q.unit == "deg"
+    }
+    for wheel in wheels_of(catalogue, key):
+        found[wheel.name, "toe"] = wheel.toe_deg, wheel.u_toe_deg
+        found[wheel.name, "camber"] = wheel.camber_deg, wheel.u_camber_deg
+    return [_angle(*found.get(listed, (None, None)), words)[0] for listed in LISTED]
 
 
 def _capture(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
@@ -159,12 +153,55 @@ def _capture(catalogue: Catalogue, parameters: Parameters, words: Translations) 
         + [[words("page.reason"), found.reason]] * bool(found.reason)
         + [[words("page.date"), found.date]] * bool(found.date),
         "why": "" if found.status == "ok" else _why(catalogue, found.key),
+        "record": _record(catalogue, found),
+        "before": [
+            [row.key, " ".join(filter(None, [row.date, row.name]))]
+            for row in _earlier(catalogue, found)
+        ],
         "tables": [
             table_tree(Table(head, rows, left))
             for head, rows, left in ((of_wheels, wheels, 3), (of_vehicle, quantities, 1))
             if rows
         ],
     }
+
+
+def _record(catalogue: Catalogue, row: CaptureRow) -> str:
+    """Return the path of the measurement in the results, '' where there is none to open."""
+    name = json_name(row.key)
+    local = catalogue.store.local
+    opens = row.wheels_ok > 0 and local is not None and lies_in(local / name, local)
+    return name if opens else ""
+
+
+def _earlier(catalogue: Catalogue, row: CaptureRow) -> list[CaptureRow]:
+    """Return the measured captures of the same vehicle before this one, the latest first."""
+    if not row.vehicle or row.day is None or not _record(catalogue, row):
+        return []
+    which = Filter(vehicle=row.vehicle, until_day=row.day, status=("ok", "part"))
+    dated = [one for one in captures(catalogue, which, "date") if one.day is not None]
+    return [one for one in dated[::-1] if _record(catalogue, one)][:MOST_BEFORE]
+
+
+def _changes(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
+    """Return what changed from one capture of a vehicle to another."""
+    local, paths = catalogue.store.local, []
+    for key in (parameters.get("key", ""), parameters.get("before", "")):
+        row = capture_of(catalogue, key)
+        name = _record(catalogue, row) if row else ""
+        if not name or local is None:
+            raise RefusedError(404, "no such measurement in these results")
+        paths.append(local / name)
+    return {"table": changes(paths[0], paths[1], words)}
+
+
+def _chart(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
+    """Return the control chart of one quantity of the captures that match a filter."""
+    quantity = known_quantity(catalogue, parameters.get("quantity", ""))
+    chart = control_chart(catalogue, quantity, filter_of(parameters))
+    if chart is None:
+        raise RefusedError(404, words("page.no_chart"))
+    return chart_tree(chart, quantity_name(quantity, words), words)
 
 
 def _why(catalogue: Catalogue, key: str) -> str:
@@ -177,88 +214,17 @@ def _why(catalogue: Catalogue, key: str) -> str:
 
 def _failures(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
     """Return the groups of failures, the most frequent first."""
-    found = failures(catalogue, _filter(parameters))
+    found = failures(catalogue, filter_of(parameters))
     return {"table": table_tree(failures_table(found, Writer(words, PAPER)))}
 
 
 def _trends(catalogue: Catalogue, parameters: Parameters, words: Translations) -> dict[str, Any]:
     """Return the drift of every quantity, in the order of p-values."""
     found = sorted(
-        drifts(catalogue, None, _filter(parameters)), key=lambda d: (bool(d.reason), d.p)
+        drifts(catalogue, None, filter_of(parameters)), key=lambda d: (bool(d.reason), d.p)
     )
     table = drift_table(found, Writer(words, PAPER))
     return {"table": table_tree(table), "quantities": [one.quantity for one in found]}
-
-
-def _calibrations(
-    catalogue: Catalogue, parameters: Parameters, words: Translations
-) -> dict[str, Any]:
-    """Return the calibrations of machines by the captures that match a filter."""
-    found = calibrations(catalogue, _filter(parameters))
-    table = calibrations_table(found, Writer(words, PAPER))
-    return {
-        "table": table_tree(replace(table, classes=[_class(one) for one in found])),
-        "keys": [one.key for one in found],
-    }
-
-
-def _class(one: ListedCalibration) -> str:
-    return "not-conform" if one.error else (one.decision or "").replace(" ", "-")
-
-
-def _calibration(
-    catalogue: Catalogue, parameters: Parameters, words: Translations
-) -> dict[str, Any]:
-    """Return one calibration: the item and each point's error with U and decision."""
-    tree = tree_of(catalogue, parameters.get("key", ""))
-    if tree is None:
-        raise RefusedError(404, "no such calibration in these results")
-    item = tree["item"] or {}
-    date = tree.get("date")
-    facts = [[words(f"certificate.{key}"), item[key]] for key in ("serial", "software")
-             if key in item]  # fmt: skip
-    facts += [[words("page.date"), date]] * bool(date)
-    if "error" in tree:
-        facts.append([words("page.reason"), tree["error"]])
-    rows = [_calibrated(kind, point, words) for kind in tree.get("quantities", ())
-            for point in kind["points"]]  # fmt: skip
-    head = (words("calibration.of"), words("page.status").lower(), words("calibration.point"),
-            words("calibration.reference"), words("calibration.error"), "U", "k",
-            words("verdict.decision"))  # fmt: skip
-    name = f"{item.get('maker', '')} {item.get('model', '')}".strip()
-    tables = [table_tree(Table(head, rows, 3))] if rows else []
-    return {
-        "name": name or words("listing.calibrations"),
-        "facts": facts,
-        "tables": tables,
-        "certificate": _certificate(catalogue, tree) is not None,
-    }
-
-
-def _calibrated(kind: dict[str, Any], point: dict[str, Any], words: Translations) -> list[str]:
-    name, error, writer = kind["quantity"], point["error"], Writer(words, PAPER)
-    unit: Unit = "m" if "value_m" in error else "rad"
-    suffix, scale = ("m", 1.0) if unit == "m" else ("deg", math.radians(1.0))
-    reference, value, wide = (
-        scale * number[f"{key}_{suffix}"]
-        for number, key in (
-            (point["reference"], "value"),
-            (error, "value"),
-            (error, "expanded_95"),
-        )
-    )
-    shown = writer.millimetres(value, wide, "+") if unit == "m" else writer.arc(value, wide, "+")
-    decision, k = point["decision"], error["k"]
-    return [
-        quantity(name, words),
-        words(f"calibration.{STATES[kind['state']]}"),
-        point_name(point["point"], name, words),
-        writer.number(reference, unit, wide),
-        shown,
-        writer.size(wide, unit),
-        NONE if k is None else words.number(f"{k:.2f}"),
-        NONE if decision is None else decided(decision, words).lower(),
-    ]
 
 
 QUESTIONS: dict[str, Callable[[Catalogue, Parameters, Translations], dict[str, Any]]] = {
@@ -267,18 +233,11 @@ QUESTIONS: dict[str, Callable[[Catalogue, Parameters, Translations], dict[str, A
     "capture": _capture,
     "failures": _failures,
     "trends": _trends,
-    "calibrations": _calibrations,
-    "calibration": _calibration,
+    "calibrations": listed_calibrations,
+    "calibration": one_calibration,
+    "changes": _changes,
+    "chart": _chart,
 }
-
-
-def _filter(parameters: Parameters) -> Filter:
-    status = parameters.get("status", "")
-    return Filter(
-        text=parameters.get("text", "")[:200],
-        vehicle=parameters.get("vehicle") or None,
-        status=(status,) if status in STATUSES else (),
-    )
 
 
 def _angle(value_deg: float | None, u_deg: float | None, words: Translations) -> tuple[str, str]:

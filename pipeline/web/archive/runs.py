@@ -11,7 +11,7 @@ from ...batch.storage.store import open_store
 from ...errors import printable
 from ...report.format.language import Translations
 from ...report.format.writer import Table
-from .panel import table_tree
+from ..content.panel import table_tree
 
 RENEWED_S = 5  # a run writes as often
 ENDS = {"finished": "page.run_finished", "interrupted": "page.run_interrupted"}

@@ -1,0 +1,1 @@
+"""Views of a folder of batch results."""

@@ -1,0 +1,71 @@
+"""Targets clamped before real wheels: planted mountings, and what is written."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from tests.support.bare_wheels import draw_bay
+from tests.support.mixed import DISC, disc_file, write_mixed
+from wheelplane_synth.errors import SynthError
+from wheelplane_synth.parameters.target_file import read_target
+from wheelplane_synth.wheel.clamp import draw_clamped
+from wheelplane_synth.wheel.scan import rim_axis
+
+
+def test_the_mounting_is_that_of_the_targets_file(tmp_path):
+    target = read_target(disc_file(tmp_path))
+    rng = np.random.default_rng(1)
+    drawn = [draw_clamped(target, rng) for _ in range(2000)]
+    tilts = np.degrees([one.mount.tilt_rad for one in drawn])
+    off = np.array([one.stand_off_m for one in drawn]) - 0.085
+    assert abs(tilts.std() / 0.1 - 1.0) < 0.1
+    assert abs(off.std() / 0.001 - 1.0) < 0.1
+    assert abs(off.mean()) < 0.0001
+
+
+def test_the_target_stands_off_the_flange_along_the_rims_own_axis(tmp_path):
+    bay = draw_bay(3, rim_runout_m=0.001)
+    exact = disc_file(tmp_path, clamp_tilt_deg=0.0, clamp_shift=0.0, stand_off_u=0.0)
+    clamped = draw_clamped(read_target(exact), np.random.default_rng(1))
+    pose, axis = clamped.mounted(bay.wheel, bay.drawn).pose, rim_axis(bay.drawn, bay.wheel)
+    assert np.allclose(pose.normal_vehicle, axis.direction, atol=1e-12)
+    before = axis.centre_m + 0.085 * axis.direction
+    assert np.allclose(pose.centre_vehicle_m, before, atol=1e-12)
+
+
+def test_a_stand_off_without_room_for_the_clamp_is_refused(tmp_path):
+    target = read_target(disc_file(tmp_path, stand_off=0.02, stand_off_u=0.0))
+    with pytest.raises(SynthError, match="raise stand_off or thin the target"):
+        draw_clamped(target, np.random.default_rng(1))
+
+
+def test_what_is_written_names_the_targets_and_their_truth(tmp_path):
+    truth = write_mixed(tmp_path / "car", {"RL": disc_file(tmp_path), "FR": DISC}, spacing_m=0.01)
+    declared = tomllib.loads((tmp_path / "car" / "capture.toml").read_text(encoding="utf-8"))
+    assert declared["target"] == {"shape": "wheel"}
+    assert set(declared["targets"]) == {"RL", "FR"}
+    assert declared["targets"]["RL"]["stand_off"] == 0.085
+    shown = {wheel["name"]: wheel.get("clamped_target") for wheel in truth["wheels"]}
+    assert shown["RR"] is None
+    assert shown["FL"] is None
+    for wheel in truth["wheels"]:
+        held = shown[wheel["name"]]
+        if held:
+            apart = np.subtract(held["centre_m"], wheel["rim_centre_m"])
+            assert apart @ wheel["rim_normal"] == pytest.approx(held["stand_off_m"], abs=1e-9)
+            across = np.linalg.norm(np.cross(held["normal"], wheel["rim_normal"]))
+            assert across == pytest.approx(np.hypot(*np.radians(held["tilt_deg"])), rel=1e-6)
+    assert truth["used"]["targets"]["FR"]["shape"] == "disc"
+
+
+def test_targets_of_single_wheels_need_a_bare_wheel_among_them(tmp_path):
+    from tests.support.made import DEFAULT
+    from tests.support.mixed import BARE
+    from wheelplane_synth.output.archive import write_capture
+
+    with pytest.raises(SynthError, match="none of which is a bare wheel"):
+        write_capture(
+            tmp_path / "car", seed=1, vehicle=BARE, scanner=DEFAULT, target=DISC,
+            targets={"RR": disc_file(tmp_path)},
+        )  # fmt: skip
