@@ -32,9 +32,11 @@ CREATE TABLE current(name PRIMARY KEY, fingerprint, ours, key) WITHOUT ROWID;
 """
 
 COMPARED = """
-INSERT OR IGNORE INTO current SELECT ?1, ?2, ?3, (
+INSERT OR IGNORE INTO current SELECT given.*, (
   SELECT key FROM known JOIN present USING(key)
-  WHERE known.name = ?1 AND fingerprint = ?2 AND elsewhere = '[]' AND done)
+  WHERE known.name = given.name AND known.fingerprint = given.fingerprint
+    AND elsewhere = '[]' AND done)
+FROM (SELECT ? AS name, ? AS fingerprint, ? AS ours) AS given
 """
 DEPENDENT = """
 SELECT current.name, known.key, elsewhere
