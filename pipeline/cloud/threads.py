@@ -6,8 +6,11 @@ import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import lru_cache
+from contextlib import ExitStack
+from functools import lru_cache, partial
 from typing import TypeVar
+
+from .forked import Forked, can_fork
 
 R = TypeVar("R")
 S = TypeVar("S")
@@ -15,11 +18,12 @@ T = TypeVar("T")
 
 ROWS_PER_CHUNK = 65_536  # does not depend on the number of threads, nor do sums over chunks
 MOST_THREADS = 8
+THREADS = "WHEELPLANE_THREADS"
 
 
 def threads() -> int:
     """Return the number of threads: WHEELPLANE_THREADS, or the processors of this process."""
-    given = os.environ.get("WHEELPLANE_THREADS", "")
+    given = os.environ.get(THREADS, "")
     if given.isdecimal() and int(given) > 0:
         return int(given)
     return min(
@@ -45,31 +49,43 @@ def over_chunks(work: Callable[[slice], T], rows: int, size: int = ROWS_PER_CHUN
 def side_by_side(first: Callable[[S], R], then: Callable[[R], T], items: Sequence[S]) -> list[T]:
     """Call `first` on one item after another, and `then` on what it returns, several at once.
 
-    Returns the results in the order of the items; of several errors, raises that of the first item.
+    In forked processes where that is safe, else in threads. Returns the results in the order of the
+    items; of several errors, raises that of the first item.
     """
     workers = min(threads(), len(items))
     if workers < 2:
         return [then(first(item)) for item in items]
-    done: list[T] = []
-    begun: deque[Future[T]] = deque()
-    with ThreadPoolExecutor(workers) as pool:
+    with ExitStack() as stack:
+        begin: Callable[[Callable[[R], T], R], Future[T] | Forked[T]]
+        if can_fork():
+            each = {THREADS: str(threads() // workers)}
+            begin = partial(Forked, workers=workers, environment=each)
+        else:
+            begin = stack.enter_context(ThreadPoolExecutor(workers)).submit
+        done: list[T] = []
+        begun: deque[Future[T] | Forked[T]] = deque()
         try:
             for item in items:
                 if len(begun) == workers:
                     done.append(begun.popleft().result())
-                begun.append(_submit(pool, first, then, item))
-            done.extend(one.result() for one in begun)
+                begun.append(_begin(begin, then, first, item))
+            while begun:
+                done.append(begun.popleft().result())
         finally:
-            pool.shutdown(cancel_futures=True)
+            for one in begun:
+                one.cancel()
     return done
 
 
-def _submit(
-    pool: ThreadPoolExecutor, first: Callable[[S], R], then: Callable[[R], T], item: S
-) -> Future[T]:
-    """Call `first` and submit `then`; an error of the former is one of the result."""
+def _begin(
+    begin: Callable[[Callable[[R], T], R], Future[T] | Forked[T]],
+    then: Callable[[R], T],
+    first: Callable[[S], R],
+    item: S,
+) -> Future[T] | Forked[T]:
+    """Call `first` and begin `then`; an error of the former is one of the result."""
     try:
-        return pool.submit(then, first(item))
+        return begin(then, first(item))
     except Exception as error:
         failed: Future[T] = Future()
         failed.set_exception(error)

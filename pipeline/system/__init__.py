@@ -6,7 +6,14 @@ And a stopwatch for the stages of a measurement in this process.
 from .files_in_memory import MemoryFile, memory_file
 from .folders import sync_folder
 from .locks import acquire
-from .memory import free_bytes, machine_bytes, memory_limit, peak_bytes, unlimited_bytes
+from .memory import (
+    free_bytes,
+    machine_bytes,
+    memory_limit,
+    peak_bytes,
+    share_memory,
+    unlimited_bytes,
+)
 from .processes import (
     apart,
     check_temporary_folder,
@@ -15,13 +22,14 @@ from .processes import (
     signals,
     start_method,
 )
-from .stopwatch import STAGES, stage, taken
+from .stopwatch import STAGES, add_taken, stage, taken
 from .waiting import read_within, time_limit
 
 __all__ = [
     "STAGES",
     "MemoryFile",
     "acquire",
+    "add_taken",
     "apart",
     "check_temporary_folder",
     "end_with_children",
@@ -32,6 +40,7 @@ __all__ = [
     "memory_limit",
     "peak_bytes",
     "read_within",
+    "share_memory",
     "signals",
     "stage",
     "start_method",

@@ -77,6 +77,14 @@ def memory_limit(more_bytes: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_DATA, (before, hard))
 
 
+def share_memory(processes: int) -> None:
+    """Leave this process, one of so many, its share of what the limits still allow."""
+    held = _held_bytes(DATA)
+    if resource is not None and held is not None and (left := unlimited_bytes()) < UNKNOWN:
+        hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+        resource.setrlimit(resource.RLIMIT_DATA, (held + max(left, 0) // processes, hard))
+
+
 def _held_bytes(column: int) -> int | None:
     """Return what counts for a limit: memory that is mapped, or private and written to."""
     try:

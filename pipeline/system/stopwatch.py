@@ -34,3 +34,10 @@ def taken() -> dict[str, float]:
         found = {name: _seconds[name] for name in STAGES if name in _seconds}
         _seconds.clear()
     return found
+
+
+def add_taken(seconds: dict[str, float]) -> None:
+    """Add seconds by stage that another process has taken."""
+    with _adding:
+        for name, took_s in seconds.items():
+            _seconds[name] = _seconds.get(name, 0.0) + took_s

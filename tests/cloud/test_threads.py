@@ -1,24 +1,36 @@
-"""Items one after another, then several at once: order, errors, and how many are held."""
+"""Items one after another, then several at once: order, errors, how many are held, their ends."""
 
 from __future__ import annotations
 
+import os
+import signal
 import threading
+import time
+import weakref
 
+import numpy as np
 import pytest
 
+from wheelplane.cloud.forked import Forked, can_fork
 from wheelplane.cloud.threads import side_by_side
+from wheelplane.errors import InputError
+from wheelplane.system import memory_limit, stage, taken, unlimited_bytes
 
 ITEMS = list(range(20))
+FORKS = pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks on this system")
 
 
 class OddError(Exception):
     """An error that names its item."""
 
 
-@pytest.fixture(params=["1", "2", "3"])
-def threads(request, monkeypatch):
-    monkeypatch.setenv("WHEELPLANE_THREADS", request.param)
-    return int(request.param)
+@pytest.fixture(params=["1", "2", "3", *(pytest.param(f"{n} forks", marks=FORKS) for n in (2, 3))])
+def workers(request, monkeypatch):
+    """Number of threads, or of forked processes."""
+    count, _, forks = request.param.partition(" ")
+    monkeypatch.setenv("WHEELPLANE_THREADS", count)
+    monkeypatch.setattr("wheelplane.cloud.threads.can_fork", lambda: bool(forks))
+    return int(count)
 
 
 def fails_at(*bad):
@@ -32,42 +44,90 @@ def fails_at(*bad):
     return step
 
 
-def test_results_come_in_the_order_of_the_items(threads):
-    turns = {k: threading.Event() for k in ITEMS}
-    turns[ITEMS[0]].set()
-
+def test_results_come_in_the_order_of_the_items(workers, tmp_path):
     def later_first(item):
-        if threads > 1 and item % 2 == 0:
-            turns[item + 1].wait(10.0)
-        turns[item].set()
+        end_s = time.monotonic() + 10.0
+        while workers > 1 and item % 2 == 0 and time.monotonic() < end_s:
+            if (tmp_path / str(item + 1)).exists():
+                break
+            time.sleep(0.001)
+        (tmp_path / str(item)).touch()
         return -item
 
     assert side_by_side(lambda k: k, later_first, ITEMS) == [-k for k in ITEMS]
 
 
-def test_the_first_step_runs_in_this_thread_in_order(threads):
-    seen = []
-    side_by_side(lambda k: seen.append((k, threading.current_thread())), lambda _: None, ITEMS)
-    assert seen == [(k, threading.current_thread()) for k in ITEMS]
+def test_the_first_step_runs_here_in_order(workers):
+    seen, here = [], (threading.current_thread(), os.getpid())
+    side_by_side(
+        lambda k: seen.append((k, threading.current_thread(), os.getpid())), lambda _: None, ITEMS
+    )
+    assert seen == [(k, *here) for k in ITEMS]
 
 
 @pytest.mark.parametrize(
     ("first", "then", "raised"),
     [((), (3, 4), 3), ((5,), (4, 6), 4), ((4,), (5, 6), 4), ((0,), (1,), 0), ((19,), (18,), 18)],
 )
-def test_the_error_of_the_first_item_is_raised(threads, first, then, raised):
+def test_the_error_of_the_first_item_is_raised(workers, first, then, raised):
     with pytest.raises(OddError) as error:
         side_by_side(fails_at(*first), fails_at(*then), ITEMS)
     assert error.value.args == (raised,)
 
 
-def test_at_most_one_item_waits_beside_those_at_work(threads):
-    held, most = set(), []
+def test_at_most_one_item_waits_beside_those_at_work(workers):
+    made, most = [], []
 
-    def take(item):
-        held.add(item)
-        most.append(len(held))
-        return item
+    def take(_):
+        points = np.zeros(3)
+        made.append(weakref.ref(points))
+        most.append(sum(one() is not None for one in made))
+        return [points]
 
-    side_by_side(take, held.discard, ITEMS)
-    assert max(most) <= threads + 1
+    side_by_side(take, lambda points: len(points.pop()), ITEMS)
+    assert max(most) <= workers + 1
+
+
+@FORKS
+def test_a_process_that_is_killed_is_one_line_and_no_process_is_left(monkeypatch):
+    monkeypatch.setenv("WHEELPLANE_THREADS", "3")
+    monkeypatch.setattr("wheelplane.cloud.threads.can_fork", lambda: True)
+
+    def ends(item):
+        if item == 4:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    with pytest.raises(InputError, match="a process that measured a scan was killed"):
+        side_by_side(lambda k: k, ends, ITEMS)
+    with pytest.raises(ChildProcessError):
+        os.waitpid(-1, os.WNOHANG)
+
+
+@FORKS
+def test_forked_calls_add_their_stages():
+    @stage("plane")
+    def within(_):
+        time.sleep(0.01)
+        return np.zeros(10)
+
+    taken()
+    assert np.array_equal(Forked(within, None, 2, {}).result(), np.zeros(10))
+    assert taken()["plane"] >= 0.01
+
+
+@FORKS
+def test_forked_calls_share_the_memory():
+    with memory_limit(1 << 30):
+        left = [Forked(lambda _: unlimited_bytes(), None, n, {}).result() for n in (1, 4)]
+    assert left[1] == pytest.approx(left[0] / 4, rel=0.05)
+
+
+def test_beside_another_thread_nothing_is_forked():
+    stop = threading.Event()
+    other = threading.Thread(target=stop.wait)
+    other.start()
+    try:
+        assert not can_fork()
+    finally:
+        stop.set()
+        other.join()
