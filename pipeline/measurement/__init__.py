@@ -4,7 +4,6 @@ from .assumptions import VERTICALS, notes_of_assumptions
 from .conformity import Conformity, Deciding, Verdict, assess, conforms, decide
 from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
-from .limits import ToleranceInterval, Value, angle_rad, read_value, rim_diameter
 from .observe import Fit, noisy, observe_entries, rounded, shaded, within_box
 from .observe_vehicle import observe_cloud
 from .quantities import (
@@ -44,7 +43,17 @@ from .records import (
 )
 from .repeatability import OF_PLATE, PooledAngle, Repeats, pool_repeats
 from .residual_map import CELLS, SIGMAS, FormMap, ResidualMap, map_about, residual_map, smoothed
-from .tolerance import BY_MODEL, load_tolerance, tolerance_for, tolerance_of
+from .tolerance import (
+    BY_MODEL,
+    ToleranceInterval,
+    Value,
+    angle_rad,
+    load_tolerance,
+    read_value,
+    rim_diameter,
+    tolerance_for,
+    tolerance_of,
+)
 from .turn_curve import toe_out_at
 
 __all__ = [

@@ -20,14 +20,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
 from ..uncertainty import box_probability, normal_scores, quantile, tail
 from ..vehicle import REFERENCE_WHEELS, Unit
 from .estimates import joint_covariance
-from .limits import ToleranceInterval
 from .quantities import (
     VEHICLE_BY_SWEEP,
     WHEEL_BY_RUNOUT,
@@ -39,7 +38,10 @@ from .quantities import (
     turned_quantity,
 )
 from .records import Measurement, WheelResult
-from .tolerance import Tolerance
+from .tolerance import ToleranceInterval
+
+if TYPE_CHECKING:
+    from .tolerance.model import Tolerance
 
 Decision = Literal["conform", "undecided", "not conform"]
 BISECTIONS = 60  # of an interval of 0.3 u: below the rounding of float64

@@ -6,23 +6,13 @@ import stat
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from ..errors import InputError
 from ..units import LENGTH_UNITS
-from .e57.reader import read_e57
 from .faults import fault
-from .formats.las import read_las
-from .formats.mesh import read_mesh, sample_mesh
-from .formats.npy import read_npy
-from .formats.npz import read_npz
-from .formats.obj import read_obj
-from .formats.pcd import read_pcd
-from .formats.ply import read_ply
-from .formats.pts import read_pts
-from .formats.ptx import read_ptx
-from .formats.stl import read_stl, sample_stl
-from .formats.text import read_text
 from .gather import RowProgress, gather, silent
 from .memory import remedy
 from .options import AS_THE_FILE_SAYS, ReadOptions
@@ -34,37 +24,44 @@ from .source import RawCloud, Source
 
 @dataclass(frozen=True)
 class Family:
-    """Reader of a format, the signatures its files may begin with, and the sampler of a mesh.
+    """Format: its reader, the signatures its files may begin with, and the sampler of a mesh.
 
-    takes: options that may be stated of its files; the others say all of themselves.
+    reader, sampler: `MODULE:FUNCTION` within this room, loaded when a file is opened. takes:
+    options that may be stated of its files; the others say all of themselves.
     """
 
-    read: Callable[[Source], RawCloud]
+    reader: str
     signatures: tuple[str, ...]
-    sample: Callable[[Source, int], RawCloud] | None = None
+    sampler: str | None = None
     takes: tuple[str, ...] = ()
 
+    def read(self, source: Source) -> RawCloud:
+        """Return the cloud of an open file."""
+        read: Callable[[Source], RawCloud] = _load(self.reader)
+        return read(source)
 
-_TEXT = Family(read_text, (TEXT,), takes=("columns", "pitch"))
+
+_TEXT = Family("formats.text:read_text", (TEXT,), takes=("columns", "pitch"))
+_LAS = Family("formats.las:read_las", (LAS,))
 READERS = {
-    ".ply": Family(read_ply, (PLY,)),
-    ".pcd": Family(read_pcd, (PCD, TEXT)),
-    ".ptx": Family(read_ptx, (TEXT,)),
-    ".pts": Family(read_pts, (TEXT,), takes=("columns",)),
-    ".e57": Family(read_e57, (E57,)),
-    ".las": Family(read_las, (LAS,)),
-    ".laz": Family(read_las, (LAS,)),
+    ".ply": Family("formats.ply:read_ply", (PLY,)),
+    ".pcd": Family("formats.pcd:read_pcd", (PCD, TEXT)),
+    ".ptx": Family("formats.ptx:read_ptx", (TEXT,)),
+    ".pts": Family("formats.pts:read_pts", (TEXT,), takes=("columns",)),
+    ".e57": Family("e57.reader:read_e57", (E57,)),
+    ".las": _LAS,
+    ".laz": _LAS,
     ".xyz": _TEXT,
     ".asc": _TEXT,
     ".csv": _TEXT,
     ".txt": _TEXT,
-    ".npy": Family(read_npy, (NPY,), takes=("columns", "pitch")),
-    ".npz": Family(read_npz, (ZIP,), takes=("columns", "pitch")),
-    ".stl": Family(read_stl, (STL, BINARY, TEXT), sample_stl),
-    ".obj": Family(read_obj, (TEXT,), sample_mesh),
-    ".off": Family(read_mesh, (TEXT,), sample_mesh),
-    ".glb": Family(read_mesh, (GLB,), sample_mesh),
-    ".3mf": Family(read_mesh, (ZIP,), sample_mesh),
+    ".npy": Family("formats.npy:read_npy", (NPY,), takes=("columns", "pitch")),
+    ".npz": Family("formats.npz:read_npz", (ZIP,), takes=("columns", "pitch")),
+    ".stl": Family("formats.stl:read_stl", (STL, BINARY, TEXT), "formats.stl:sample_stl"),
+    ".obj": Family("formats.obj:read_obj", (TEXT,), "formats.mesh:sample_mesh"),
+    ".off": Family("formats.mesh:read_mesh", (TEXT,), "formats.mesh:sample_mesh"),
+    ".glb": Family("formats.mesh:read_mesh", (GLB,), "formats.mesh:sample_mesh"),
+    ".3mf": Family("formats.mesh:read_mesh", (ZIP,), "formats.mesh:sample_mesh"),
 }
 # What scanners store before anything is exported, by suffix: whose it is, and what writes what.
 RAW_FORMATS = {
@@ -80,7 +77,7 @@ RAW_FORMATS = {
     **dict.fromkeys((".gprec", ".rec"), ("LMI Gocator", "CSV")),
 }
 
-MESH_SUFFIXES = tuple(suffix for suffix, family in READERS.items() if family.sample)
+MESH_SUFFIXES = tuple(suffix for suffix, family in READERS.items() if family.sampler)
 
 
 def read_scan(
@@ -164,10 +161,17 @@ def _open(
     source.stream.seek(0)
     if sample is None:
         return family.read(source), source
-    if family.sample is None:
+    if family.sampler is None:
         meshes = ", ".join(MESH_SUFFIXES)
         raise InputError(f"{name}: it is a cloud, not a mesh ({meshes}): leave out --sample")
-    return family.sample(source, sample), source
+    sampled: Callable[[Source, int], RawCloud] = _load(family.sampler)
+    return sampled(source, sample), source
+
+
+def _load(function: str) -> Any:
+    """Return a function of this room by `MODULE:FUNCTION`."""
+    module, _, name = function.partition(":")
+    return getattr(import_module(f".{module}", __package__), name)
 
 
 def unknown_format(suffix: str, name: str) -> InputError:

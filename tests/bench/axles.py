@@ -31,7 +31,7 @@ from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.evaluate import align
 from wheelplane.measurement.quantities import by_name
 from wheelplane.measurement.records import Provenance
-from wheelplane.measurement.tolerance import Tolerance
+from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.validation.truth import read_truth
 from wheelplane_synth.output.archive import write_capture
 

@@ -33,10 +33,11 @@ from wheelplane.measurement.conformity import (
     guard_band,
     probabilities,
 )
-from wheelplane.measurement.limits import ToleranceInterval
 from wheelplane.measurement.quantities import by_name
 from wheelplane.measurement.records import Measurement, WheelResult
-from wheelplane.measurement.tolerance import Tolerance, load_tolerance
+from wheelplane.measurement.tolerance.find import load_tolerance
+from wheelplane.measurement.tolerance.limits import ToleranceInterval
+from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.json.conformity import conformity_tree
 from wheelplane.report.json.measurement import to_tree
 from wheelplane.report.text.conformity import conformity_text

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from wheelplane.measurement.limits import (
+from wheelplane.measurement.tolerance.limits import (
     AngleLimits,
     LengthLimits,
     OffsetLimits,

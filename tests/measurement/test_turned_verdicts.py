@@ -22,7 +22,7 @@ from wheelplane.measurement.quantities import (
     turned_quantity,
 )
 from wheelplane.measurement.records import Measurement
-from wheelplane.measurement.tolerance import Tolerance
+from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.language import load_translations
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.format.writer import Writer

@@ -19,7 +19,8 @@ from wheelplane.five_point.file import read_five_point
 from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import by_name
-from wheelplane.measurement.tolerance import Tolerance, ToleranceInterval
+from wheelplane.measurement.tolerance import ToleranceInterval
+from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.earlier import check_same_vehicle, read_earlier
 from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER, View

@@ -24,7 +24,7 @@ from wheelplane.five_point.file import read_five_point
 from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.evaluate import check_by_monte_carlo
-from wheelplane.measurement.tolerance import Tolerance
+from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.laboratory import Laboratory, read_laboratory
 from wheelplane.report.format.language import FOLDER, LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER, View

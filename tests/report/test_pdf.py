@@ -19,7 +19,7 @@ from tests.support.turning import Scene, swept
 from wheelplane.errors import MissingDependencyError
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import by_name
-from wheelplane.measurement.tolerance import Tolerance
+from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.digits import sexagesimal
 from wheelplane.report.format.laboratory import Laboratory
 from wheelplane.report.format.language import load_translations

@@ -15,7 +15,7 @@ import pytest
 
 from tests.support.reported import ANGLES, TURNS, lost, measured, off_m, renamed, scan
 from wheelplane.measurement.conformity import assess
-from wheelplane.measurement.tolerance import Tolerance
+from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.plots.angle_chart import angles_text

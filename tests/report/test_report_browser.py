@@ -12,7 +12,7 @@ from tests.support.layout import check_layout
 from tests.support.reported import lost
 from tests.support.turning import Scene, rolled, swept
 from wheelplane.measurement.conformity import assess
-from wheelplane.measurement.tolerance import Tolerance
+from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.earlier import read_earlier
 from wheelplane.report.format.language import load_translations
 from wheelplane.report.format.view import PAPER

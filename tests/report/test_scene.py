@@ -18,7 +18,7 @@ from wheelplane.five_point.file import read_five_point
 from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import by_name
-from wheelplane.measurement.tolerance import Tolerance
+from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.language import load_translations
 from wheelplane.report.scene.scene import SYMBOL_M, scene
 

@@ -23,7 +23,7 @@ from wheelplane.five_point.file import read_five_point
 from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import against, by_name, stated
-from wheelplane.measurement.tolerance import Tolerance
+from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.view import View, read_view
 from wheelplane.report.json.measurement import to_tree
 from wheelplane.report.text.report import detailed_report, summary_table

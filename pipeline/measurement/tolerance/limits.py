@@ -10,8 +10,8 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator  # noqa: TID253 - limits are pydantic models
 
-from ..config import Section
-from ..units import in_metres
+from ...config import Section
+from ...units import in_metres
 
 Scale = Literal["deg", "mm/m", "m"]
 PARTS = ("lower", "upper", "nominal", "tolerance", "lower_deviation", "upper_deviation")
