@@ -20,7 +20,6 @@ import numpy as np
 
 from tests.bench.physics import (
     GAUSSIAN,
-    INSIDE,
     LAMBERT,
     LEVEL,
     PLAIN,
@@ -40,6 +39,7 @@ from wheelplane.targets.registry import load_target
 from wheelplane.uncertainty import coverage_factor
 from wheelplane_synth.output.archive import write_capture
 
+INSIDE = 1.96
 SPACING_M = {300: 0.0128, 3000: 0.00405, 30_000: 0.00128}  # on a 250 mm disc
 STRONGEST: Values = {**RETURNS, "beam.return_mode": "strongest"}
 STILL: Values = {"registration.shift_sigma_m": 0.0, "registration.turn_sigma_arcsec": 0.0}
