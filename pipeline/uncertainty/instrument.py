@@ -21,6 +21,10 @@ from .components import UncertaintyComponent
 ARCSEC = math.radians(1.0 / 3600.0)
 REACH = 0.5  # of the target's radius: where movements are compared with those of its centre
 STEEPEST = 0.1  # least cosine of incidence
+# Of b sin(incidence): shift of a centre in its plane by its edges under an error by incidence, as
+# the wall is seen at another incidence than the face. Measured on synthetic scans of discs at 23 to
+# 40 degrees: 0.2 at 0.8 mm of noise, 0.3 to 0.8 at 0.2 mm.
+EDGE_BY_INCIDENCE = 0.4
 
 Movement = Callable[[Array], Array]  # of points (N, 3) relative to the scanner
 
@@ -40,7 +44,7 @@ def instrument_components(
     which reverses their signs. All scans share them if they were taken in the same face.
     """
     stated = instrument
-    by_incidence = [_along(lambda p: _steepness(p, normal), stated.incidence_bias_m)]
+    by_incidence = [_by_incidence(stated.incidence_bias_m, sight_m, normal)]
     by_scale = [_along(_distance, 1e-6 * stated.range_scale_ppm)]
     ranges = (("incidence", by_incidence), ("range scale", by_scale))
     axes = [
@@ -85,6 +89,19 @@ def _component(
         turns.append(0.5 * float(v @ by_u - u @ by_v))
     factor = np.stack(columns, axis=1)
     return UncertaintyComponent(name, factor, shared=shared, turn=np.array(turns))
+
+
+def edge_shift_m(bias_m: float, sight_m: Array, normal: Array) -> Array:
+    """Return the shift (3,) of a centre in its plane by walls with an error by incidence."""
+    beam = sight_m / np.linalg.norm(sight_m)
+    return np.asarray(EDGE_BY_INCIDENCE * bias_m * (beam - (beam @ normal) * normal))
+
+
+def _by_incidence(bias_m: float, sight_m: Array, normal: Array) -> Movement:
+    """Return the movement by an error of the range that grows with the incidence."""
+    along = _along(lambda p: _steepness(p, normal), bias_m)
+    shift_m = edge_shift_m(bias_m, sight_m, normal)
+    return lambda p: along(p) + shift_m
 
 
 def _along(error_m: Callable[[Array], Array], size: float) -> Movement:

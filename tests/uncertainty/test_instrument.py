@@ -1,15 +1,20 @@
 """Errors of range and axes: what they do to a target, against moving every one of its points."""
 
+import json
 import math
 
 import numpy as np
 import pytest
 
+from tests.support.made import DEFAULT, DISC, SALOON, changed
 from tests.support.scenes import rotation
-from wheelplane.config import InstrumentConfig
+from wheelplane.capture.open_capture import open_capture
+from wheelplane.config import Config, InstrumentConfig
+from wheelplane.measure import measure_capture
 from wheelplane.plane import total_least_squares
-from wheelplane.uncertainty.instrument import instrument_components
+from wheelplane.uncertainty.instrument import edge_shift_m, instrument_components
 from wheelplane.uncertainty.propagation import effects_of
+from wheelplane_synth.output.archive import write_capture
 
 ARCSEC = math.radians(1.0 / 3600.0)
 RADIUS = 0.12
@@ -76,6 +81,8 @@ def test_a_term_moves_the_target_as_it_moves_every_point(key, seed):
     column = found.factor[:, np.any(found.factor != 0.0, axis=0)]
     assert column.shape == (6, 1)
     wanted, rotated = change(normal, sight, move)
+    if key == "incidence_bias_m":
+        wanted[3:] += edge_shift_m(value, sight, normal)
     size = np.linalg.norm(wanted[3:])
     # First order in target over distance.
     np.testing.assert_allclose(column[:3, 0], wanted[:3], atol=0.06 * size / 2.5 + 1e-9)
@@ -155,3 +162,43 @@ def test_ranges_are_shared_by_the_scanner_and_axes_by_the_station():
     assert [effect.name for effect in two] == ["incidence", "range scale", "axes"]
     apart = effects_of([Target("station 0 0 0"), Target("station 5 0 0")])
     assert [effect.name for effect in apart].count("axes") == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_an_error_by_incidence_moves_centres_as_far_as_stated(tmp_path, sign):
+    """Edges included: errors in the plane are of the size of u, and far beyond u without it."""
+    values = {
+        "station.incidence_deg": [30.0, 40.0],
+        "beam.incidence_bias_m": sign * 1e-3,
+        "beam.range_sigma_m": 4e-4,
+        "grid.spacing_m": 0.0026,
+        "grid.half_width_m": 0.17,
+    }
+    scanner = changed(DEFAULT, tmp_path, values)
+    folder = tmp_path / "capture"
+    write_capture(folder, seed=3, vehicle=SALOON, scanner=scanner, target=DISC, trials=0)
+    truth = {w["name"]: w for w in json.loads((folder / "truth.json").read_text())["wheels"]}
+    ratios = {}
+    for stated in (0.0, 1e-3):
+        config = Config(instrument=InstrumentConfig(incidence_bias_m=stated))
+        with open_capture(folder) as capture:
+            wheels = measure_capture(capture, config).wheels
+        ratios[stated] = [ratio_of(wheel.observation, truth) for wheel in wheels]
+    assert np.all(np.abs(ratios[1e-3]) > 0.4)
+    assert np.all(np.abs(ratios[1e-3]) < 2.0)
+    assert np.all(np.abs(ratios[0.0]) > 3.0)
+
+
+def ratio_of(observation, truth):
+    """Error of a centre in its plane, along the beams, over u."""
+    fitted, true = observation.fitted, truth[observation.name]
+    normal = np.array(true["normal"])
+    beam = fitted.sight_m(observation.evidence.plane, 2.5)
+    along = beam - (beam @ normal) * normal
+    along /= np.linalg.norm(along)
+    return (
+        along
+        @ (fitted.centre_m - true["centre_m"])
+        / np.sqrt(along @ fitted.centre_covariance_m2 @ along)
+    )
