@@ -1,4 +1,8 @@
-"""Exceptions of the program: one family, each with a message of one line."""
+"""Exceptions of the program, one family, each with a message of one line; sentences for reports."""
+
+from __future__ import annotations
+
+from typing import Any, Self
 
 
 def printable(text: str) -> str:
@@ -38,3 +42,24 @@ class NotMeasuredError(WheelplaneError):
     def __init__(self, status: str, reason: str) -> None:
         super().__init__(reason)
         self.status = status
+
+
+class Wording(str):
+    """Sentence in English that remembers its template and parts; a string like any other.
+
+    Reports and the page find its words in another language by the template.
+    """
+
+    __slots__ = ("parts", "template")
+    template: str
+    parts: dict[str, object]
+
+    def __new__(cls, template: str, **parts: object) -> Self:
+        """Fill the parts in."""
+        made = super().__new__(cls, template.format(**parts))
+        made.template, made.parts = template, parts
+        return made
+
+    def __getnewargs_ex__(self) -> tuple[Any, ...]:
+        """Return what a copy is made of."""
+        return (self.template,), self.parts

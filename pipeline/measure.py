@@ -64,7 +64,7 @@ def measure_capture(
     """
     observations, naming = observe_capture(capture, config, fit or fit_target, progress)
     origin = provenance_of_capture(capture, config, observations, naming)
-    of_scans = [observation.note for observation in observations if observation.note]
+    of_scans = [note for observation in observations for note in observation.notes]
     noted = [*of_scans, *noisy(observations, config.instrument)]
     noted += [*rounded(observations), *shaded(observations)]
     verticals = find_verticals(capture.verticals, vertical, capture.source)

@@ -3,13 +3,13 @@
 from .calibrate import by_series, calibrate, calibrate_file, calibrate_unfinished
 from .certificate.file import CERTIFICATE_FORM, CertificateFile, load_certificate
 from .certificate.issue import Certificate, Missing, issue
+from .forms.fault import Fault
 from .forms.item import DecisionRule, Item, ItemFile, ItemQuantity, item_toml, load_item
 from .forms.plan_file import PLAN_FORM, Plan, load_plan
 from .forms.quantities import QUANTITIES, units_of
 from .forms.readings import COLUMNS, DIRECTIONS, STATES, Reading, Readings, State, read_texts
 from .forms.table_file import FaultyTableError
 from .forms.template import ITEM_FORM, readings_form
-from .forms.wording import Fault, Wording
 from .gauge_rr import AnovaRow, GaugeRR
 from .plan import CalibrationPlan, Detection, QuantityPlan, plan_calibration
 from .planned_bay import planned_reference
@@ -60,7 +60,6 @@ __all__ = [
     "Reference",
     "ReferenceRecord",
     "State",
-    "Wording",
     "by_series",
     "calibrate",
     "calibrate_file",

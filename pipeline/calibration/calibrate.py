@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .. import __version__
-from ..errors import InputError
+from ..errors import InputError, Wording
 from .conventions import convention_warnings
 from .evaluate import adjustments, complete_points, evaluate_quantity
+from .forms.fault import Fault
 from .forms.item import ItemFile
 from .forms.quantities import QUANTITIES
 from .forms.readings import STATES, Reading, Readings, WhyNot, read_readings, sound_readings
 from .forms.table_file import Faults
-from .forms.wording import Fault, Wording
 from .records import Calibration, QuantityResult, ReferenceRecord
 from .reference import Reference, reference_of
 

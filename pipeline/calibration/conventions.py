@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ..errors import Wording
 from ..measurement import Estimate
 from ..vectors import Array
 from ..vehicle import AXES
 from .forms.item import Item, ItemQuantity
 from .forms.quantities import QUANTITIES
-from .forms.wording import Wording
 from .records import QuantityResult
 from .reference import Reference
 

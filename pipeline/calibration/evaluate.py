@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..errors import Wording
 from ..measurement import Estimate, Quantity, ToleranceInterval, Verdict, decide, estimate
 from ..uncertainty import Effect, effective_dof
 from .forms.item import DecisionRule, Item
 from .forms.quantities import QUANTITIES
 from .forms.readings import Reading
 from .forms.table_file import Faults
-from .forms.wording import Wording
 from .gauge_rr import GaugeRR, gauge_rr
 from .line import characteristic
 from .records import (

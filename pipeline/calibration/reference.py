@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..errors import Wording
 from ..measurement import (
     WHEEL_BY_SWEEP,
     Estimate,
@@ -22,7 +23,6 @@ from ..vehicle import VEHICLE, WHEEL, linearise, named
 from .forms.item import Item, ItemQuantity
 from .forms.quantities import AXLES, QUANTITIES, TURNS
 from .forms.quantities import VEHICLE as WHOLE
-from .forms.wording import Wording
 
 ROLES = ("reference", "trial")
 

@@ -7,12 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, Wording
 from ..units import in_metres
 from ..vectors import Array, Mask
 from ..vehicle import REFERENCE_WHEELS
 from .declaration import DeclaredHint, Vector
 from .entry import ScanEntry
+
+NEAR = "{who} chose the target at {at}"
+BOXED = "{who} chose the box from {low} to {high}"
+NEAR_BOXED = "{who} chose the target at {at} in the box from {low} to {high}"
+REASONED = "{choice} ({reason})"
 
 
 @dataclass(frozen=True)
@@ -44,13 +49,14 @@ class Hint:
     @property
     def note(self) -> str:
         """Sentence for the report."""
-        parts = []
-        if self.near_m is not None:
-            parts.append(f"the target at {_placed(self.near_m)}")
-        if self.low_m is not None and self.high_m is not None:
-            parts.append(f"the box from {_placed(self.low_m)} to {_placed(self.high_m)}")
-        who = f"{self.by} chose" if self.by else "The operator chose"
-        return f"{who} {' in '.join(parts)}{f' ({self.reason})' if self.reason else ''}"
+        boxed = self.low_m is not None and self.high_m is not None
+        at, low, high = (
+            "" if place is None else _placed(place)
+            for place in (self.near_m, self.low_m, self.high_m)
+        )
+        sentence = NEAR if not boxed else BOXED if self.near_m is None else NEAR_BOXED
+        chosen = Wording(sentence, who=self.by or "The operator", at=at, low=low, high=high)
+        return Wording(REASONED, choice=chosen, reason=self.reason) if self.reason else chosen
 
     def stated(self) -> dict[str, object]:
         """Return what is stated, for the settings of a measurement."""

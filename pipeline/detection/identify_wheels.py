@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, Wording
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
 from .vehicles import (
@@ -27,6 +27,7 @@ from .vehicles import (
 )
 
 MOST_LISTED = 8
+PLACED = "at ({position}) m (match {match})"
 MUCH_WORSE = 0.7  # of the weakest match of a set of four: sets with a worse target are dropped
 WORSE = 0.8  # of the match of another target: one that is worse and overlaps it is none
 
@@ -134,7 +135,7 @@ def listed(targets: Sequence[FoundTarget]) -> str:
 def placed(target: FoundTarget) -> str:
     """Describe a target: its position and its match."""
     position = ", ".join(f"{x:.3f}" for x in target.centre_m + 0.0)
-    return f"at ({position}) m (match {target.match:.2f})"
+    return Wording(PLACED, position=position, match=f"{target.match:.2f}")
 
 
 def _centres_m(targets: Sequence[FoundTarget], ends: tuple[Ends, Ends]) -> Array:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, Wording
 from ..vectors import Array
 
 CELL_M, MIN_IN_CELL, MIN_CELLS = 0.25, 8, 20
@@ -20,6 +20,9 @@ STRAY = 0.05  # of a cell's points may lie beyond the floor: a glossy one mirror
 ROUGH_M, SLOPING_M = 0.05, 0.15  # a floor's cells about its plane, and that about the mean
 MIN_SHARE = 0.3  # of the cells must lie on the floor, and twice as many as on the other side
 MIN_UPRIGHT = 0.7  # cosine between z and the wheels' upright, below which z is not taken for up
+BY_FLOOR = "the floor, {depth} m below the wheels' centres"
+BY_Z = "the z axis, {off}° off"
+BY_BOTH = "the floor, {depth} m below the wheels' centres, and the z axis, {off}° off"
 
 
 @dataclass(frozen=True)
@@ -59,14 +62,11 @@ def find_up(sample_m: Array, axles_m: Array, rule: str = "auto") -> Up:
         raise InputError(
             f"up is unknown: {facts}: export the cloud with its floor, or levelled with z up"
         )
-    sources = (
-        [] if floor is None else [f"the floor, {floor.depth_m:.2f} m below the wheels' centres"]
-    )
-    sources += (
-        [f"the z axis, {np.degrees(np.arccos(min(abs(tilt), 1.0))):.1f}° off"] if by_z else []
-    )
+    depth = "" if floor is None else f"{floor.depth_m:.2f}"
+    off = f"{np.degrees(np.arccos(min(abs(tilt), 1.0))):.1f}"
+    sentence = BY_Z if floor is None else BY_BOTH if by_z else BY_FLOOR
     side = by_z if floor is None else -floor.side
-    return Up(side * upright, ", and ".join(sources))
+    return Up(side * upright, Wording(sentence, depth=depth, off=off))
 
 
 def stand_on_a_floor(sample_m: Array, axles_m: Array) -> bool:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, Wording
 from ..units import LENGTH_UNITS, in_metres
 from ..vectors import Array
 
@@ -21,6 +21,8 @@ WIDE_SCAN_M = 200.0  # above it the points must be dense enough, somewhere, for 
 MIN_ON_TARGET = 8
 COARSE_STEP = 0.02  # of the target's diameter
 SAMPLED = 10_000
+LONE = "{far} of {points} points lies {distance} from the others"
+LONE_ONES = "{far} of {points} points lie up to {distance} from the others"
 
 _CHUNK, _COUNTERS = 1 << 20, 1 << 22
 _PRIMES = np.array([73856093, 19349669, 83492791])  # of Teschner's hash of a grid, VMV 2003
@@ -97,8 +99,9 @@ def lone_fact(far: int, points: int, farthest_m: float) -> str:
     """Describe points far from the others; empty where they are none, or not few."""
     if not 0 < far <= FEW * points:
         return ""
-    lie = "lies" if far == 1 else "lie up to"
-    return f"{far} of {points} points {lie} {length(farthest_m)} from the others"
+    return Wording(
+        LONE if far == 1 else LONE_ONES, far=far, points=points, distance=length(farthest_m)
+    )
 
 
 def float32_step(points_m: Array, unit: str) -> tuple[float, float]:

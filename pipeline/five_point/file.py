@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, Wording
 from ..files import sha256
 from ..system import stage
 from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates, LengthUnit, to_metres
@@ -22,6 +22,18 @@ FULL_TURN = {"deg": 360.0, "gon": 400.0, "rad": 2 * math.pi}
 COLUMNS = {"cartesian": "x y z", "spherical": "range azimuth zenith"}
 ORDER = ", ".join(REFERENCE_WHEELS)
 MAX_FILE_BYTES = 16 * 2**20
+UPSIDE_DOWN = (
+    "The frame's up points against z of the file (up . z = {z}): if z is up there, the blocks are "
+    "not in the order {names}, and toe and camber are wrong."
+)
+CLOCKWISE = (
+    "Azimuth is taken clockwise from y: with blocks in the order {names}, this sense leaves the "
+    "vehicle upright."
+)
+COUNTERCLOCKWISE = (
+    "Azimuth is taken counterclockwise from x: with blocks in the order {names}, this sense leaves "
+    "the vehicle upright."
+)
 # cos 60 degrees: no ramp tilts a vehicle so far.
 MIN_UPRIGHT_COSINE = 0.5
 
@@ -258,10 +270,7 @@ def _up_z(blocks_m: Array, order: Sequence[int], source: str) -> float:
 def _note_if_upside_down(up_z: float) -> tuple[str, ...]:
     if up_z > -MIN_UPRIGHT_COSINE:
         return ()
-    return (
-        f"The frame's up points against z of the file (up . z = {up_z:.3f}): if z is up there, "
-        f"the blocks are not in the order {ORDER}, and toe and camber are wrong.",
-    )
+    return (Wording(UPSIDE_DOWN, z=f"{up_z:.3f}", names=ORDER),)
 
 
 def _upright_sense(up_z: float, azimuth: str, source: str) -> str:
@@ -286,8 +295,4 @@ def _upright_sense(up_z: float, azimuth: str, source: str) -> str:
 def _note_of_sense(sense: str, azimuth: str) -> tuple[str, ...]:
     if azimuth != "auto":
         return ()
-    start = "y" if sense == "clockwise" else "x"
-    return (
-        f"Azimuth is taken {sense} from {start}: with blocks in the order {ORDER}, "
-        "this sense leaves the vehicle upright.",
-    )
+    return (Wording(CLOCKWISE if sense == "clockwise" else COUNTERCLOCKWISE, names=ORDER),)

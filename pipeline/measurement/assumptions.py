@@ -9,12 +9,55 @@ import numpy as np
 
 from ..centre import MOST_M, lies_on_wheel, unlike_wheels
 from ..config import InstrumentConfig
+from ..errors import Wording
 from ..targets import PatternTarget, Target, WheelTarget
 from ..vehicle import build_reference_frame
 from .estimates import vertical_tilts
 from .records import Estimate, Measurement, VerticalKind, WheelResult
 
 SHOWN_M = 0.05  # stand-off by which the effect of unlike targets is shown
+
+MEASURED_FROM = "Camber, caster and SAI are measured from {vertical} ({by})."
+AGAINST_WHEELS = (
+    "From {vertical} ({by}) against {other}: camber {left} on the left and {right} on the right, "
+    "SAI the other way, caster {caster}."
+)
+OF_AXLES = "The angles of {names} are those of the axle, compensated for run-out."
+MOUNTING_SHOWN = (
+    "The angles of {names} are those of the targets as mounted: their mounting is in the "
+    "uncertainty as far as the run-outs of the other wheels show it."
+)
+MOUNTING_UNKNOWN = (
+    "The angles of {names} are those of the targets as mounted: no run-out compensates them, and "
+    "the target file states no clamp_tilt_deg, so that their mounting is not in the uncertainty."
+)
+OF_RIMS = (
+    "The axes of {names} are those of the rims, and their centres lie level with the edge of the "
+    "rim's flange."
+)
+OF_TYRES = (
+    "No flange of a rim stands out in the scans of {names}: their axes are those of the tyres, "
+    "with more uncertainty, and their centres lie level with the tyre's widest ring."
+)
+RIM_RUN_OUT = (
+    "The run-out of {names} against the spin axis is not in the uncertainty: no turned scans show "
+    "it, and [target] states no rim_runout."
+)
+CARRIED = (
+    "The centres of {names} are those of the wheels, level with the edge of the rim's flange, "
+    "{stand_off} mm behind the targets as stated (u {u} mm)."
+)
+OF_TARGETS = (
+    "The centres of {names} are those of the targets, the others those of the wheels: tracks and "
+    "wheelbases are between these points."
+)
+UNLIKE = (
+    "{names}: unlike the other side of the axle, at a distance from the rim that is not stated, "
+    "which skews the frame: every {every} mm turn the normal of the rear axle by {toe}' (toe), up "
+    "by {camber}' (camber), and the line through the middles of both axles by {middles}'. {most} "
+    "mm are in the uncertainty: state stand_off and stand_off_u of the target to be rid of this."
+)
+ZEROS = "Counted as zero, as no file states them: {parts}."
 
 # Terms of [instrument] by their names in the notes.
 RANGE = {
@@ -62,7 +105,7 @@ def _notes_of_verticals(measurement: Measurement) -> Iterator[str]:
     used = measurement.vertical
     if used is not None:
         named = VERTICALS[used.kind]
-        yield f"Camber, caster and SAI are measured from {named} ({used.by})."
+        yield Wording(MEASURED_FROM, vertical=named, by=used.by)
     for vertical in measurement.verticals:
         aside, ahead = vertical_tilts(measurement, vertical)
         in_use = vertical is used or (used is not None and used.kind == vertical.kind)
@@ -71,10 +114,14 @@ def _notes_of_verticals(measurement: Measurement) -> Iterator[str]:
             and max(abs(aside.value) - aside.expanded, abs(ahead.value) - ahead.expanded) < 0
         ):
             continue
-        yield (
-            f"From {VERTICALS[vertical.kind]} ({vertical.by}) against {VERTICALS['wheels']}: "
-            f"camber {_arc(-aside.value, aside)} on the left and {_arc(aside.value, aside)} on the "
-            f"right, SAI the other way, caster {_arc(ahead.value, ahead)}."
+        yield Wording(
+            AGAINST_WHEELS,
+            vertical=VERTICALS[vertical.kind],
+            by=vertical.by,
+            other=VERTICALS["wheels"],
+            left=_arc(-aside.value, aside),
+            right=_arc(aside.value, aside),
+            caster=_arc(ahead.value, ahead),
         )
 
 
@@ -86,7 +133,7 @@ def _arc(value: float, known: Estimate) -> str:
 def _note_of_axles(measurement: Measurement) -> Iterator[str]:
     axles = [w.observation.name for w in measurement.wheels if w.compensated]
     if axles:
-        yield f"The angles of {_and(axles)} are those of the axle, compensated for run-out."
+        yield Wording(OF_AXLES, names=_and(axles))
 
 
 def _note_of_mounting(measurement: Measurement, target: Target) -> Iterator[str]:
@@ -104,17 +151,7 @@ def _note_of_mounting(measurement: Measurement, target: Target) -> Iterator[str]
         if not mounted:
             continue
         names = shown[role] if len(mounted) == len(of_role) else _and(mounted)
-        start = f"The angles of {names} are those of the targets as mounted"
-        if scatter:
-            yield (
-                f"{start}: their mounting is in the uncertainty as far as the run-outs of the "
-                "other wheels show it."
-            )
-        else:
-            yield (
-                f"{start}: no run-out compensates them, and the target file states no "
-                "clamp_tilt_deg, so that their mounting is not in the uncertainty."
-            )
+        yield Wording(MOUNTING_SHOWN if scatter else MOUNTING_UNKNOWN, names=names)
 
 
 def _note_of_bare_wheels(measurement: Measurement, target: Target) -> Iterator[str]:
@@ -127,23 +164,13 @@ def _note_of_bare_wheels(measurement: Measurement, target: Target) -> Iterator[s
         for method in ("flange", "tyre")
     }
     if by["flange"]:
-        yield (
-            f"The axes of {_and(by['flange'])} are those of the rims, and their centres lie level "
-            "with the edge of the rim's flange."
-        )
+        yield Wording(OF_RIMS, names=_and(by["flange"]))
     if by["tyre"]:
-        yield (
-            f"No flange of a rim stands out in the scans of {_and(by['tyre'])}: their axes are "
-            "those of the tyres, with more uncertainty, and their centres lie level with the "
-            "tyre's widest ring."
-        )
+        yield Wording(OF_TYRES, names=_and(by["tyre"]))
     unstated = [w for w in seen if _shown(w, target).clamp_tilt_deg == 0.0]
     own = [w.observation.name for w in unstated if not w.compensated]
     if own:
-        yield (
-            f"The run-out of {_and(own)} against the spin axis is not in the uncertainty: no "
-            "turned scans show it, and [target] states no rim_runout."
-        )
+        yield Wording(RIM_RUN_OUT, names=_and(own))
 
 
 def _note_of_centres(measurement: Measurement) -> Iterator[str]:
@@ -155,26 +182,26 @@ def _note_of_centres(measurement: Measurement) -> Iterator[str]:
             continue
         assert target.stand_off_u is not None
         names = [w.observation.name for w in references if w.observation.target == target]
-        yield (
-            f"The centres of {_and(names)} are those of the wheels, level with the edge of the "
-            f"rim's flange, {target.stand_off * 1e3:.1f} mm behind the targets as stated "
-            f"(u {target.stand_off_u * 1e3:.2f} mm)."
+        yield Wording(
+            CARRIED,
+            names=_and(names),
+            stand_off=f"{target.stand_off * 1e3:.1f}",
+            u=f"{target.stand_off_u * 1e3:.2f}",
         )
     own = [w.observation.name for w in references if not lies_on_wheel(w.observation.target)]
     if 0 < len(own) < len(references):
-        yield (
-            f"The centres of {_and(own)} are those of the targets, the others those of the wheels: "
-            "tracks and wheelbases are between these points."
-        )
+        yield Wording(OF_TARGETS, names=_and(own))
     unlike = unlike_wheels(targets)
     if unlike:
         toe, camber, middles = (math.degrees(x) * 60 for x in _skewed(measurement, unlike))
-        yield (
-            f"{_and(unlike)}: unlike the other side of the axle, at a distance from the rim that "
-            f"is not stated, which skews the frame: every {SHOWN_M * 1e3:.0f} mm turn the normal "
-            f"of the rear axle by {toe:.1f}' (toe), up by {camber:.1f}' (camber), and the line "
-            f"through the middles of both axles by {middles:.1f}'. {MOST_M * 1e3:.0f} mm are in "
-            "the uncertainty: state stand_off and stand_off_u of the target to be rid of this."
+        yield Wording(
+            UNLIKE,
+            names=_and(unlike),
+            every=f"{SHOWN_M * 1e3:.0f}",
+            toe=f"{toe:.1f}",
+            camber=f"{camber:.1f}",
+            middles=f"{middles:.1f}",
+            most=f"{MOST_M * 1e3:.0f}",
         )
 
 
@@ -204,13 +231,13 @@ def _note_of_zeros(
     axes = _missing(instrument, AXES)
     missing += ["axis errors"] if len(axes) == len(AXES) else axes
     missing += _missing(instrument, STATION)
-    zeros = [f"{_and(missing)} of the scanner"] if missing else []
+    zeros: list[str] = [Wording("{names} of the scanner", names=_and(missing))] if missing else []
     flat = [_shown(w, target) for w in measurement.wheels if not _is_bare(w, target)]
     if any(one.flatness == 0.0 for one in flat):
         zeros.append("flatness of the target")
     zeros += ["range bias of the print"] if _hides_brightness(measurement, target) else []
     if zeros:
-        yield f"Counted as zero, as no file states them: {'; '.join(zeros)}."
+        yield Wording(ZEROS, parts="; ".join(zeros))
 
 
 def _missing(instrument: InstrumentConfig, terms: dict[str, str]) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..capture import StatedVertical
 from ..centre import on_wheel, unlike_wheels, with_unstated
-from ..errors import InputError
+from ..errors import InputError, Wording
 from ..system import stage
 from ..uncertainty import (
     AngleUncertainty,
@@ -44,6 +44,27 @@ Verticals = Callable[
     [VehicleFrame, Sequence[Observation]], tuple[Vertical | None, tuple[Vertical, ...]]
 ]
 
+UPSIDE_DOWN = (
+    "The vehicle's up direction is opposite to z ({z}): if z points up, left and right, or front "
+    "and rear, are exchanged: check the order {names}."
+)
+UNLIKE_TRACKS = (
+    "The wheels are not placed as on two axles: tracks of {one} m and {two} m: check the order "
+    "{names}, and the points of each."
+)
+UNLIKE_WHEELBASES = (
+    "The wheels are not placed as on two axles: wheelbases of {one} m and {two} m: check the "
+    "order {names}, and the points of each."
+)
+WITHOUT_POINT = (
+    "{name} stands in the frame and in the vehicle's quantities without its suspect point, line "
+    "{line} of the file."
+)
+FAR_FROM_WHEEL = (
+    "Trial {trial} is named for {name}, {named} m from it, but lies {distance} m from {nearest}: "
+    "check its wheel."
+)
+FLOOR_OF_SCANS = "the floor in the scans, {depth} m below the wheel centres"
 # Largest differences of one vehicle, as shares of the larger: of its tracks, of its wheelbases.
 TRACKS, WHEELBASES = 0.25, 0.1
 
@@ -191,7 +212,7 @@ def _floor_of_scans(frame: VehicleFrame, references: Sequence[Observation]) -> l
     tilt = axes @ (vectors * np.sqrt(values.clip(min=0.0)))
     up = up / np.linalg.norm(up)
     component = vertical_component("vertical", up, tilt, float(floor.dof))
-    by = f"the floor in the scans, {floor.depth_m:.2f} m below the wheel centres"
+    by = Wording(FLOOR_OF_SCANS, depth=f"{floor.depth_m:.2f}")
     return [Vertical("floor", up, (component,), by)]
 
 
@@ -243,25 +264,20 @@ def _upside_down(frame: VehicleFrame, measured: Sequence[Observation]) -> list[s
     scanned = measured[0].fitted.method != "points"  # a five-point file has its own note
     if not scanned or frame.up[2] > -0.5:
         return []
-    return [
-        f"The vehicle's up direction is opposite to z ({frame.up[2]:+.2f}): if z points up, left "
-        "and right, or front and rear, are exchanged: check the order "
-        f"{', '.join(REFERENCE_WHEELS)}."
-    ]
+    return [Wording(UPSIDE_DOWN, z=f"{frame.up[2]:+.2f}", names=", ".join(REFERENCE_WHEELS))]
 
 
 def _unlike_axles(frame: VehicleFrame, centres: Array) -> list[str]:
     """Return a note where the four centres are not those of a vehicle's two axles."""
     right_m, left_m = np.linalg.norm(centres[2:] - centres[:2], axis=1)
     pairs = (
-        (frame.rear_track_m, frame.front_track_m, TRACKS, "tracks"),
-        (left_m, right_m, WHEELBASES, "wheelbases"),
+        (frame.rear_track_m, frame.front_track_m, TRACKS, UNLIKE_TRACKS),
+        (left_m, right_m, WHEELBASES, UNLIKE_WHEELBASES),
     )
     order = ", ".join(REFERENCE_WHEELS)
     return [
-        f"The wheels are not placed as on two axles: {what} of {one:.3f} m and {other:.3f} m: "
-        f"check the order {order}, and the points of each."
-        for one, other, most, what in pairs
+        Wording(sentence, one=f"{one:.3f}", two=f"{other:.3f}", names=order)
+        for one, other, most, sentence in pairs
         if abs(one - other) > most * max(one, other)
     ]
 
@@ -269,8 +285,7 @@ def _unlike_axles(frame: VehicleFrame, centres: Array) -> list[str]:
 def _without_a_point(measured: Sequence[Observation]) -> list[str]:
     """Return a note for every reference wheel whose block is not plausible."""
     return [
-        f"{observation.name} stands in the frame and in the vehicle's quantities without its "
-        f"suspect point, line {observation.suspect.line} of the file."
+        Wording(WITHOUT_POINT, name=observation.name, line=observation.suspect.line)
         for observation in measured[:4]
         if observation.suspect is not None
     ]
@@ -278,15 +293,21 @@ def _without_a_point(measured: Sequence[Observation]) -> list[str]:
 
 def _far_from_their_wheel(measured: Sequence[Observation], centres: Array) -> list[str]:
     """Return a note for every trial that is named for one wheel but lies at another."""
-    notes = []
+    notes: list[str] = []
     for observation in measured[4:]:
         distance_m = np.linalg.norm(centres - observation.fitted.centre_m, axis=1)
         nearest = REFERENCE_WHEELS[int(np.argmin(distance_m))]
         if observation.wheel in REFERENCE_WHEELS and observation.wheel != nearest:
             named_m = distance_m[REFERENCE_WHEELS.index(observation.wheel)]
             notes.append(
-                f"Trial {observation.name} is named for {observation.wheel}, {named_m:.3f} m from "
-                f"it, but lies {distance_m.min():.3f} m from {nearest}: check its wheel."
+                Wording(
+                    FAR_FROM_WHEEL,
+                    trial=observation.name,
+                    name=observation.wheel,
+                    named=f"{named_m:.3f}",
+                    distance=f"{distance_m.min():.3f}",
+                    nearest=nearest,
+                )
             )
     return notes
 

@@ -11,7 +11,7 @@ from ..capture import Capture, Hint, ScanEntry
 from ..cloud import cloud_sample, side_by_side
 from ..config import Config, InstrumentConfig
 from ..diagnostics import check_wheel_scan, lone_points
-from ..errors import InputError, NotMeasuredError
+from ..errors import InputError, NotMeasuredError, Wording
 from ..plane import Patch
 from ..readers import Scan
 from ..system import stage
@@ -21,6 +21,22 @@ from ..wheel import find_patch
 from .records import Evidence, Observation
 
 NOISY = 1.5  # times the stated range noise
+CHOSEN = (
+    "{name}: {choice}; the match of its outline is {match} ({least} needed where nobody chooses)."
+)
+ROUNDED = (
+    "The coordinates of {names} lie in steps of {step}, which is not fine against their noise: "
+    "rounding adds to the uncertainty, as a component of its own; export more decimals to avoid it."
+)
+SHADED = (
+    "Ranges follow brightness: bright parts of the target lie nearer to the scanner than its dark "
+    "ones, across its plane, by {sizes}. This is fitted with the plane and removed; a target of "
+    "one brightness avoids it."
+)
+NOISE = (
+    "The noise of {name} across its plane, {sigma} mm, is {ratio} times the range noise in the "
+    "scanner file: check the target's surface, and the file."
+)
 
 Fit = Callable[[Patch, Target, Config], Evidence]
 
@@ -120,7 +136,7 @@ def _find(
         repeats=entry.repeats,
         turn=entry.turn,
         cloud=cloud_sample(scan.points_m),
-        note=note_on_lone_points(scan.points_m, entry.file),
+        notes=notes_on_lone_points(scan.points_m, entry.file),
         target=target,
     )
     part = scan.parts[0] if len(scan.parts) == 1 else None
@@ -137,7 +153,7 @@ def _find(
     observation = replace(observation, cloud=shown)
     if hint is not None:
         chosen = note_on_hint(hint, entry.name, patch, config)
-        observation = replace(observation, note=" ".join(filter(None, (observation.note, chosen))))
+        observation = replace(observation, notes=(*observation.notes, chosen))
     return observation, replace(patch, station_m=None if part is None else part.station_m)
 
 
@@ -165,9 +181,12 @@ def within_box(scan: Scan, hint: Hint, source: str) -> Scan:
 
 def note_on_hint(hint: Hint, name: str, patch: Patch, config: Config) -> str:
     """Return the note on a target that the operator chose."""
-    return (
-        f"{name}: {hint.note}; the match of its outline is {patch.match:.2f} "
-        f"({config.segment.min_match:.2f} needed where nobody chooses)."
+    return Wording(
+        CHOSEN,
+        name=name,
+        choice=hint.note,
+        match=f"{patch.match:.2f}",
+        least=f"{config.segment.min_match:.2f}",
     )
 
 
@@ -180,33 +199,26 @@ def rounded(observations: Sequence[Observation]) -> Iterator[str]:
             step = f"{float(plane.rounding.steps.step_m.max()) * 1e3:.3g} mm"
             names.setdefault(step, []).append(observation.name)
     for step, scans in names.items():
-        yield (
-            f"The coordinates of {', '.join(scans)} lie in steps of {step}, which is not fine "
-            "against their noise: rounding adds to the uncertainty, as a component of its own; "
-            "export more decimals to avoid it."
-        )
+        yield Wording(ROUNDED, names=", ".join(scans), step=step)
 
 
 def shaded(observations: Sequence[Observation]) -> Iterator[str]:
     """Yield a note where ranges follow the brightness of a target beyond doubt, with the size."""
-    steps = []
+    sizes: list[str] = []
     for observation in observations:
         plane = observation.evidence.plane if observation.evidence else None
         brightness = plane.brightness if plane else None
         if brightness is not None and brightness.significant:
-            steps.append(f"{brightness.step_m * 1e3:+.2f} mm ({observation.name})")
-    if steps:
-        yield (
-            "Ranges follow brightness: bright parts of the target lie nearer to the scanner than "
-            f"its dark ones, across its plane, by {', '.join(steps)}. This is fitted with the "
-            "plane and removed; a target of one brightness avoids it."
-        )
+            size = f"{brightness.step_m * 1e3:+.2f}"
+            sizes.append(Wording("{size} mm ({name})", size=size, name=observation.name))
+    if sizes:
+        yield Wording(SHADED, sizes=", ".join(sizes))
 
 
-def note_on_lone_points(points_m: Array, name: str) -> str:
-    """Return a note on the few points of a scan far from all others; empty without."""
+def notes_on_lone_points(points_m: Array, name: str) -> tuple[str, ...]:
+    """Return a note on the few points of a scan far from all others; none without."""
     lone = lone_points(points_m)
-    return f"{name}: {lone}: check its export." if lone else ""
+    return (Wording("{file}: {fact}: check its export.", file=name, fact=lone),) if lone else ()
 
 
 def noisy(observations: Sequence[Observation], instrument: InstrumentConfig) -> Iterator[str]:
@@ -216,8 +228,9 @@ def noisy(observations: Sequence[Observation], instrument: InstrumentConfig) -> 
     for observation in observations:
         plane = observation.evidence.plane if observation.evidence else None
         if plane is not None and plane.sigma_m > NOISY * instrument.range_sigma_m:
-            yield (
-                f"The noise of {observation.name} across its plane, {plane.sigma_m * 1e3:.2f} mm, "
-                f"is {plane.sigma_m / instrument.range_sigma_m:.1f} times the range noise in the "
-                f"scanner file: check the target's surface, and the file."
+            yield Wording(
+                NOISE,
+                name=observation.name,
+                sigma=f"{plane.sigma_m * 1e3:.2f}",
+                ratio=f"{plane.sigma_m / instrument.range_sigma_m:.1f}",
             )

@@ -22,7 +22,7 @@ from ..detection import (
     wheels_by_markers,
 )
 from ..diagnostics import check_vehicle_cloud
-from ..errors import InputError, NotMeasuredError
+from ..errors import InputError, NotMeasuredError, Wording
 from ..plane import Patch
 from ..readers import Part
 from ..system import stage
@@ -30,7 +30,7 @@ from ..targets import PatternTarget, Target, WheelTarget
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
 from ..wheel import find_wheels
-from .observe import Fit, note_on_hint, note_on_lone_points, within_box
+from .observe import Fit, note_on_hint, notes_on_lone_points, within_box
 from .records import Evidence, Naming, Observation
 
 SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
@@ -40,8 +40,8 @@ SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
 class Found:
     """Targets found in a whole-vehicle scan, with a sample of its points.
 
-    scans: name of the file's scan that each patch is from; '' if the file holds one only. note: a
-    finding about the points.
+    scans: name of the file's scan that each patch is from; '' if the file holds one only. notes:
+    findings about the points.
     """
 
     patches: tuple[Patch, ...]
@@ -49,7 +49,7 @@ class Found:
     sample_m: Array
     points: int
     invalid_points: int
-    note: str = ""
+    notes: tuple[str, ...] = ()
 
     @property
     def targets(self) -> tuple[FoundTarget, ...]:
@@ -96,11 +96,14 @@ def targets_of_cloud(
         sample_m=sample(scan.points_m, SAMPLE),
         points=len(scan.points_m),
         invalid_points=scan.invalid_points,
-        note=note_on_lone_points(scan.points_m, cloud.file),
+        notes=notes_on_lone_points(scan.points_m, cloud.file),
     )
 
 
 MOST_SHOWN = 4
+LEFT_OUT = "Like the target, but at none of the vehicle's wheels: {parts}."
+BY_OPERATOR = "the wheels that the operator named"
+BY_MARKERS = "the markers of the boards"
 
 
 def observe_cloud(
@@ -138,7 +141,7 @@ def observe_cloud(
             invalid_points=found.invalid_points,
             evidence=evidence[named[wheel]],
             cloud=shown,
-            note=found.note if wheel == REFERENCE_WHEELS[0] else "",
+            notes=found.notes if wheel == REFERENCE_WHEELS[0] else (),
             target=capture.target,
         )
         for wheel, shown in zip(REFERENCE_WHEELS, by_wheel(found.sample_m, centres_m), strict=True)
@@ -173,7 +176,7 @@ def _chosen(
         note_on_hint(hint, wheel, patch, config)
         for hint, wheel, patch in zip(hints, REFERENCE_WHEELS, found.patches, strict=True)
     ]
-    return [named], Naming("the wheels that the operator named", up.by, found.points, tuple(notes))
+    return [named], Naming(BY_OPERATOR, up.by, found.points, tuple(notes))
 
 
 def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Naming]:
@@ -199,16 +202,17 @@ def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Nami
     both: list[Mapping[str, int]] = [
         axles.named(targets, up.direction, ahead) for ahead in (True, False)
     ]
-    return both, Naming("the markers of the boards", up.by, found.points, notes)
+    return both, Naming(BY_MARKERS, up.by, found.points, notes)
 
 
 def _left_out(targets: Sequence[FoundTarget]) -> tuple[str, ...]:
     """Return a note on targets that are at no wheel."""
     if not targets:
         return ()
-    shown = "; ".join(placed(target) for target in targets[:MOST_SHOWN])
-    more = f"; {len(targets) - MOST_SHOWN} more" if len(targets) > MOST_SHOWN else ""
-    return (f"Like the target, but at none of the vehicle's wheels: {shown}{more}.",)
+    shown = [placed(target) for target in targets[:MOST_SHOWN]]
+    if len(targets) > MOST_SHOWN:
+        shown.append(Wording("{count} more", count=len(targets) - MOST_SHOWN))
+    return (Wording(LEFT_OUT, parts="; ".join(shown)),)
 
 
 def names_wheels(target: Target) -> bool:

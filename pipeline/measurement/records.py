@@ -11,6 +11,7 @@ import numpy as np
 from ..capture import Role, Turn
 from ..centre import RotationMark, TargetFit
 from ..cloud import CloudSample
+from ..errors import Wording
 from ..plane import PlaneFit
 from ..targets import Target
 from ..uncertainty import (
@@ -25,6 +26,8 @@ from ..uncertainty import (
 from ..vectors import Array
 from ..vehicle import VehicleFrame, WheelAngles
 from .residual_map import ResidualMap
+
+NAMED = "Wheels named by the geometry; front: {front}; up: {up}."
 
 SweepStatus = Literal["ok", "too-few-positions", "range-too-small", "no-axis", "not-one-axis"]
 AxleStatus = Literal["ok", "too-few-positions", "turn-too-small", "no-axis", "moved"]
@@ -61,7 +64,7 @@ class Observation:
 
     repeats: name of the scan that it repeats. turn: of a scan of a sweep or a run-out. evidence is
     None where nothing could be measured; `status` then is the kind of cause and `reason` explains
-    it. cloud: a sample of the points; None for five points. note: a finding about the scan.
+    it. cloud: a sample of the points; None for five points. notes: findings about the scan.
     suspect: of a block that is not plausible, whose evidence is then that of the other four points.
     target: that the scan shows. on_wheel: the fitted target carried to the wheel's centre, where
     its stand-off is stated.
@@ -80,7 +83,7 @@ class Observation:
     reason: str = ""
     turn: Turn | None = None
     cloud: CloudSample | None = None
-    note: str = ""
+    notes: tuple[str, ...] = ()
     suspect: SuspectPoint | None = None
     target: Target | None = None
     on_wheel: TargetFit | None = None
@@ -192,8 +195,8 @@ class Provenance:
         """Sentences on how the wheels were named."""
         if self.naming is None:
             return ()
-        note = f"Wheels named by the geometry; front: {self.naming.front}; up: {self.naming.up}."
-        return (note, *self.naming.notes)
+        front, up = self.naming.front, self.naming.up
+        return (Wording(NAMED, front=front, up=up), *self.naming.notes)
 
 
 @dataclass(frozen=True)

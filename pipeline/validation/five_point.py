@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, Wording
 from ..five_point import FivePointFile, Station, fit_block, fit_pentagon, read_five_point
 from ..measure import measure_five_point
 from ..measurement import Measurement, WheelPose, WheelResult
@@ -20,6 +20,12 @@ from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
 
 Estimator = Literal["tls", "tcgc-2013"]
+
+AIMING_UNKNOWN = (
+    "The mean of five points is taken as the wheel's centre, with the uncertainty of their noise "
+    "only. In the target's plane they scatter by {scatter} mm (each axis) about regular pentagons: "
+    "if regular ones were aimed at by eye, add --aiming {scatter}."
+)
 
 
 @dataclass(frozen=True)
@@ -109,12 +115,7 @@ def note_of_aiming(blocks_m: Array, options: FivePointOptions) -> tuple[str, ...
     if options.aiming_m is not None or stated > 0.0:
         return ()
     scatter = pentagon_scatter_m(blocks_m)
-    return (
-        "The mean of five points is taken as the wheel's centre, with the uncertainty of their "
-        f"noise only. In the target's plane they scatter by {scatter * 1e3:.2g} mm (each axis) "
-        "about regular pentagons: if regular ones were aimed at by eye, add "
-        f"--aiming {scatter * 1e3:.2g}.",
-    )
+    return (Wording(AIMING_UNKNOWN, scatter=f"{scatter * 1e3:.2g}"),)
 
 
 def pentagon_scatter_m(blocks_m: Array) -> float:

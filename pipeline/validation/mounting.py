@@ -15,7 +15,7 @@ import numpy as np
 from ..capture import Capture, ScanEntry
 from ..centre import TargetFit
 from ..config import Config
-from ..errors import InputError, NotMeasuredError
+from ..errors import InputError, NotMeasuredError, Wording
 from ..measure import fit_target, measure_capture
 from ..measurement import Estimate, Measurement, Provenance, WheelResult
 from ..readers import Part
@@ -30,6 +30,11 @@ BEHIND_M, BESIDE_M = 0.03, 0.03  # the target's face and edge: its body, and mix
 WITHIN_M = 0.8  # of a target: its wheel is nearer
 OF_SCANNER = ("range bias", "range scale", "incidence", "axes", "pointing", "registration")
 LEAST_SCATTER = 3  # mountings whose scatter is worth stating
+OF_RIM = (
+    "Mountings are against the rim's own axis, as it stands in the scan: its run-out against the "
+    "spin axis is not in them."
+)
+OF_TYRE = "No flange of a rim stands out in {names}: against the tyre."
 
 
 @dataclass(frozen=True)
@@ -102,12 +107,9 @@ def validate_mountings(
         reason = "; ".join(f"{name}: {reason}" for name, reason in missing)
         raise InputError(f"{capture.source}: no scan shows a target and its wheel: {reason}")
     bare = [one.name for one in found if one.by == "tyre"]
-    notes = [
-        "Mountings are against the rim's own axis, as it stands in the scan: its run-out against "
-        "the spin axis is not in them."
-    ]
+    notes = [Wording(OF_RIM)]
     if bare:
-        notes.append(f"No flange of a rim stands out in {', '.join(bare)}: against the tyre.")
+        notes.append(Wording(OF_TYRE, names=", ".join(bare)))
     return Mountings(
         capture.source,
         capture.vehicle or capture.source,

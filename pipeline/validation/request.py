@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..capture import Capture
+from ..errors import Wording
 from ..measurement import Measurement, WheelResult
 from .comparison import ComparedMethod
 from .five_point import FivePointOptions
@@ -17,6 +18,10 @@ from .five_point import FivePointOptions
 Against = Literal["five-point", "virtual", "truth", "wheel"]
 DENSE = "dense scans"
 COMPARED = ("reference", "trial")
+AS_MOUNTED = (
+    "Compared are the targets as mounted, which both methods measure: the run-outs of the capture "
+    "are not compensated here."
+)
 
 
 @dataclass(frozen=True)
@@ -69,10 +74,7 @@ def note_of_plates(dense: Measurement) -> tuple[str, ...]:
     """Return a note where axles were measured, but targets are compared."""
     if dense.plates is None:
         return ()
-    return (
-        "Compared are the targets as mounted, which both methods measure: the run-outs of the "
-        "capture are not compensated here.",
-    )
+    return (Wording(AS_MOUNTED),)
 
 
 def comparable(result: WheelResult) -> bool:

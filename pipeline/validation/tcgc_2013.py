@@ -13,11 +13,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..errors import Wording
 from ..five_point import tcgc_2013
 from ..vectors import Array
 from .comparison import ComparedMethod
 
 LABEL = "tcgc-2013"
+BIAS = (
+    "{label}: its signs are converted to ours; it states no uncertainty, so that of total least "
+    "squares on the same points is used. Sign aside, its camber is larger than that of total least "
+    "squares by {mean}' on average, {worst}' at worst."
+)
 
 
 def by_old_estimator(
@@ -30,11 +36,7 @@ def by_old_estimator(
     mean, worst = (
         np.degrees(float(x)) * 60.0 for x in (excess.mean(), excess[np.argmax(np.abs(excess))])
     )
-    note = (
-        f"{LABEL}: its signs are converted to ours; it states no uncertainty, so that of total "
-        "least squares on the same points is used. Sign aside, its camber is larger than that "
-        f"of total least squares by {mean:+.2f}' on average, {worst:+.2f}' at worst."
-    )
+    note = Wording(BIAS, label=LABEL, mean=f"{mean:+.2f}", worst=f"{worst:+.2f}")
     return replace(method, label=f"{method.label}, {LABEL}", angles_rad=angles), note
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import ast
+import copy
 import csv
 import math
+import pickle
 import random
-import re
 import zipfile
 from contextlib import suppress
 from pathlib import Path
@@ -16,6 +16,8 @@ import pytest
 
 import wheelplane.calibration
 from tests.support.calibration_bay import CAMBER, item_of, machine
+from tests.support.wordings import sentences
+from wheelplane.calibration.forms.fault import Fault
 from wheelplane.calibration.forms.item import Item
 from wheelplane.calibration.forms.readings import (
     COLUMNS,
@@ -24,14 +26,12 @@ from wheelplane.calibration.forms.readings import (
     read_readings,
 )
 from wheelplane.calibration.forms.table_file import FaultyTableError
-from wheelplane.calibration.forms.wording import Wording
-from wheelplane.errors import InputError
+from wheelplane.errors import InputError, Wording
 from wheelplane.report.format.language import load_translations
 
 HEAD = "point,quantity,value,unit,series,repeat,state,direction\n"
 ITEM: Item = item_of(machine(camber=CAMBER)).item.model_copy(update={"rim": "400mm"})
 MINUTE = math.radians(1 / 60)
-PART = re.compile(r"\{\w+\}")
 
 
 def known(kind, point, series):
@@ -274,32 +274,25 @@ def test_a_sheet_with_a_cell_far_to_the_right_is_refused(tmp_path):
 
 def test_every_sentence_can_be_said_in_portuguese():
     """Each Wording of the code stands in the English words, by which the Portuguese is found."""
-    found = set()
-    for path in Path(wheelplane.calibration.__file__).parent.rglob("*.py"):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        constants = {
-            node.targets[0].id: node.value.value
-            for node in tree.body
-            if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
-        }
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Wording":
-                first = node.args[0]
-                if isinstance(first, ast.JoinedStr):
-                    found |= {f", {way}" for way in DIRECTIONS}
-                else:
-                    known = first.value if isinstance(first, ast.Constant) else constants[first.id]
-                    found.add(known)
-    english, portuguese = (load_translations(name).section("fault") for name in ("en", "pt"))
+    found = sentences(Path(wheelplane.calibration.__file__).parent)
+    found |= {f", {way}" for way in DIRECTIONS}
+    english = load_translations("en").section("fault")
     assert found == set(english.values()) - {english["row"], english["column"]}
-    for key, text in english.items():
-        assert set(PART.findall(portuguese[key])) == set(PART.findall(text)), key
+
+
+def test_a_fault_is_a_line_that_remembers_its_place():
+    one = Fault("r.csv", 3, "value", "x is no number")
+    assert one == "r.csv: row 3, column value: x is no number"
+    assert (one.row, one.column, one.fact) == (3, "value", "x is no number")
+    assert Fault("r.csv", None, None, "it is empty") == "r.csv: it is empty"
 
 
 def test_a_wording_is_its_sentence_and_remembers_its_parts():
     one = Wording("{value}: known are {known}", value="x", known="a, b")
     assert one == "x: known are a, b"
-    assert (one.template, one.parts["value"]) == ("{value}: known are {known}", "x")
+    for same in (one, pickle.loads(pickle.dumps(one)), copy.deepcopy(one)):
+        assert same == one
+        assert (same.template, same.parts["value"]) == ("{value}: known are {known}", "x")
 
 
 def test_a_workbook_of_two_filled_sheets_is_refused(tmp_path):

@@ -139,10 +139,10 @@ def test_a_lone_point_far_off_is_noted_and_changes_nothing(scan, cloud, tmp_path
     points = np.vstack([cloud.points_m, [[9.9e9, 0.0, 0.0]]])
     np.save(tmp_path / "rl.npy", points)
     found = observe(tmp_path / "rl.npy", fit_target)
-    assert found.note == (
-        f"rl.npy: 1 of {len(points)} points lies 9.9e+06 km from the others: check its export."
+    assert found.notes == (
+        f"rl.npy: 1 of {len(points)} points lies 9.9e+06 km from the others: check its export.",
     )
     plain = observe(scan, fit_target)
-    assert plain.note == ""
+    assert plain.notes == ()
     np.testing.assert_allclose(found.fitted.centre_m, plain.fitted.centre_m, atol=1e-4)
     np.testing.assert_allclose(found.fitted.normal, plain.fitted.normal, atol=1e-3)

@@ -11,12 +11,12 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Literal, get_args
 
+from ...errors import Wording
 from ...measurement import Value, read_value
 from ...units import in_metres
 from .item import Item
 from .quantities import QUANTITIES, MachineQuantity, indicated, units_of
 from .table_file import Cell, Faults, Row, read_table
-from .wording import Wording
 
 State = Literal["as found", "as left"]
 STATES: tuple[State, ...] = get_args(State)

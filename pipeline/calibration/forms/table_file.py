@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from ...errors import InputError, MissingDependencyError
-from .wording import Fault, Wording
+from ...errors import InputError, MissingDependencyError, Wording
+from .fault import Fault
 
 MAX_BYTES, MAX_UNPACKED, MAX_ROWS, MAX_COLUMNS = 16 << 20, 256 << 20, 20_000, 256
 MAX_MERGED = 100_000  # cells; openpyxl makes an object of each

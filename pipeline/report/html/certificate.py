@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from ... import __version__
 from ...calibration import Calibration, Certificate, QuantityResult
 from ..format.language import Translations
+from ..format.notes import notes_in
 from ..format.writer import Table, Writer
 from ..tables.calibration import (
     adjustments_table,
@@ -61,7 +62,7 @@ def certificate_document(made: Certificate, writer: Writer, record: str) -> Docu
             Section("budgets", words("section.uncertainty"), _annex(found, writer)),
             _origin(found, record, words),
         ],
-        notes=found.notes,
+        notes=notes_in(found.notes, words),
         number=number,
         running=f"{words('certificate.draft')}: {running}" if made.draft else running,
         ending=words("certificate.end"),

@@ -8,6 +8,7 @@ from pathlib import PurePath
 from ...measurement import Provenance
 from ...validation import Comparison, ComparisonStudy, Mountings
 from ..format.language import Translations
+from ..format.notes import notes_in
 from ..format.writer import Table, Writer
 from ..plots.validation import bland_altman_drawing, differences_drawing, line_drawing
 from ..tables.comparison import (
@@ -65,7 +66,7 @@ def comparison_document(found: Comparison, writer: Writer, record: str) -> Docum
         headline=_headline(found.verdict, whole_lines(found, words), words),
         results=[results],
         annexes=[why, _origin(_inputs(found.origins), words)],
-        notes=found.notes,
+        notes=notes_in(found.notes, words),
     )
 
 
@@ -86,7 +87,7 @@ def mountings_document(found: Mountings, writer: Writer, record: str) -> Documen
         headline=None,
         results=[results],
         annexes=[_origin(_inputs(found.origins), words)],
-        notes=found.notes,
+        notes=notes_in(found.notes, words),
     )  # fmt: skip
 
 
@@ -124,7 +125,7 @@ def study_document(study: ComparisonStudy, writer: Writer, record: str) -> Docum
         headline=_headline(study.verdict, verdict_lines(study, words), words),
         results=[results],
         annexes=[*annexes, _origin(inputs, words)],
-        notes=shared_notes(study, words),
+        notes=notes_in(shared_notes(study, words), words),
     )
 
 

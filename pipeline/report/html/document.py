@@ -30,7 +30,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Document:
-    """Content of a report; record: the JSON whose digest numbers it. notes: in English.
+    """Content of a report; record: the JSON whose digest numbers it.
 
     number: of a certificate, in the place of the digest's. running, ending: words before it, at the
     foot of each page and at the end. draft: why it is one. names: of those who sign it.

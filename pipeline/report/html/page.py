@@ -9,6 +9,7 @@ from typing import Any
 from ...measurement import Conformity, Measurement
 from ...vehicle import AXES
 from ..format.language import Translations
+from ..format.notes import notes_in
 from ..format.report_options import ReportOptions
 from ..format.writer import Writer
 from ..json.measurement import to_json
@@ -103,7 +104,7 @@ def _page(
         )
         if (drawn := measurement.monte_carlo) is not None
         else None,
-        "notes": measurement.notes,
+        "notes": notes_in(measurement.notes, words),
         "inputs": page_origin.inputs_table(measurement, words),
         "config": page_origin.settings(measurement, conformity),
         "scene": shown,

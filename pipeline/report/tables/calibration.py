@@ -13,8 +13,8 @@ from ...calibration import (
     GaugeRR,
     ItemQuantity,
     QuantityResult,
-    Wording,
 )
+from ...errors import Wording
 from ...measurement import Estimate
 from ..format.digits import rounded
 from ..format.language import Translations

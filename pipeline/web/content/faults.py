@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 
-from ...calibration import QUANTITIES, Fault, FaultyTableError, Wording
-from ...errors import InputError
+from ...calibration import QUANTITIES, Fault, FaultyTableError
+from ...errors import InputError, Wording
 from ...report.format.language import Translations, load_translations
 from ...report.tables.calibration import STATES, quantity
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from ...measurement import Conformity, Measurement, WheelResult
 from ...report.format.language import Translations
+from ...report.format.notes import notes_in
 from ...report.format.view import (
     CONVENTIONS,
     PAPER,
@@ -65,7 +66,7 @@ def panel(
             for result in measurement.wheels
         ],
         "troubles": [dataclasses.asdict(trouble) for trouble in troubles(measurement, words)],
-        "notes": list(measurement.notes),
+        "notes": notes_in(measurement.notes, words),
     }
 
 

@@ -78,7 +78,7 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
         this.angles,
         ...troubles.map(troubleOf)),
       el("div", { class: "look" }, el("div", {}, this.stage, this.coming), this.evidence),
-      notes.length ? el("div", { class: "card" }, ...notes.map((note) => el("p", { class: "note", lang: "en" }, note))) : "",
+      notes.length ? el("div", { class: "card" }, ...notes.map((note) => el("p", { class: "note" }, note))) : "",
       this.#change() ?? "",
       this.saver.card,
       new Machine(this.job).card,

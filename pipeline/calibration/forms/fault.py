@@ -1,22 +1,8 @@
-"""Sentences that remember their template and parts, so that the page can say them in Portuguese."""
+"""Faults of a table, each in one line."""
 
 from __future__ import annotations
 
 from typing import Self
-
-
-class Wording(str):
-    """Sentence in English, of a template and its parts; a string like any other."""
-
-    __slots__ = ("parts", "template")
-    template: str
-    parts: dict[str, object]
-
-    def __new__(cls, template: str, **parts: object) -> Self:
-        """Fill the parts in."""
-        made = super().__new__(cls, template.format(**parts))
-        made.template, made.parts = template, parts
-        return made
 
 
 class Fault(str):
