@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from tests.support.calibration_bay import Bay
+from tests.support.certificates import CERTIFICATE_TOML, SETTINGS_TOML
 from tests.support.paths import CONFIGS
 from wheelplane.commands.calibrate import calibrate
 from wheelplane.commands.verify import verify
@@ -20,34 +21,6 @@ from wheelplane_synth.machine.indicate import indicate
 from wheelplane_synth.machine.read import read_machine
 from wheelplane_synth.output.files import five_point_text
 
-SETTINGS = """
-[laboratory]
-name = "Laboratory 7"
-address = "Road 12"
-country = "PT"
-[[standard]]
-name = "scanner"
-serial = "LS-0815"
-certificate = "C-17"
-issuer = "National institute"
-due = 2027-03-01
-[environment]
-temperature_c = [20.8, 21]
-sensors = ["scanner"]
-"""
-CERTIFICATE = """
-[certificate]
-number = "2026-0142"
-customer = "Garage"
-customer_address = "Avenue 3"
-method = "PT-07"
-received = 2026-11-02
-performed = 2026-11-03
-issued = 2026-11-05
-[[certificate.signature]]
-name = "Ana"
-role = "manager"
-"""
 ANGLES = 2.0 * np.pi * np.arange(5) / 5
 PENTAGON = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])  # 2 m across: fine without a scan
 
@@ -71,9 +44,9 @@ def bay(tmp_path_factory):
         "points.txt": five_point_text(np.concatenate(rows)),
         "item.toml": item_toml(tested),
         "readings.csv": readings_csv(indicate(made.truth, tested, rng)),
-        "settings.toml": SETTINGS,
-        "late.toml": SETTINGS.replace("2027-03-01", "2026-11-01"),
-        "certificate.toml": CERTIFICATE,
+        "settings.toml": SETTINGS_TOML,
+        "late.toml": SETTINGS_TOML.replace("2027-03-01", "2026-11-01"),
+        "certificate.toml": CERTIFICATE_TOML,
     }
     for name, text in texts.items():
         (folder / name).write_text(text)

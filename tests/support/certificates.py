@@ -48,6 +48,36 @@ GIVEN = CertificateFile(
     certificate=STATED, laboratory=LABORATORY, standard=(SCANNER, SENSOR), environment=ENVIRONMENT
 )
 
+# The same for the commands and the page, as files.
+SETTINGS_TOML = """\
+[laboratory]
+name = "Laboratory 7"
+address = "Road 12"
+country = "PT"
+[[standard]]
+name = "scanner"
+serial = "LS-0815"
+certificate = "C-17"
+issuer = "National institute"
+due = 2027-03-01
+[environment]
+temperature_c = [20.8, 21]
+sensors = ["scanner"]
+"""
+CERTIFICATE_TOML = """\
+[certificate]
+number = "2026-0142"
+customer = "Garage"
+customer_address = "Avenue 3"
+method = "PT-07"
+received = 2026-11-02
+performed = 2026-11-03
+issued = 2026-11-05
+[[certificate.signature]]
+name = "Ana"
+role = "manager"
+"""
+
 
 def given(table: str = "certificate", **values: object) -> CertificateFile:
     """A certificate file, complete but for the changed values of one of its tables."""

@@ -14,6 +14,7 @@ import openpyxl
 import pytest
 
 from tests.support.calibration_bay import CAMBER, TOE, Bay, changed, item_of, machine
+from tests.support.certificates import CERTIFICATE_TOML, SETTINGS_TOML
 from tests.support.made import write_small_capture
 from tests.support.web_site import PAPER, Site
 from wheelplane.calibration import COLUMNS, ItemFile, item_toml, load_item
@@ -30,39 +31,12 @@ from wheelplane_synth.machine.indicate import indicate
 NUMBER = re.compile(r"-?\d+(\.\d+)?")
 TESTED = machine(toe=TOE, camber=CAMBER)
 ITEM = item_toml(item_of(TESTED))
-SETTINGS = """\
-[laboratory]
-name = "Example laboratory"
-address = "1 Example Street"
-[[standard]]
-name = "scanner"
-serial = "S-1"
-certificate = "C-1"
-issuer = "Institute"
-due = 2099-01-01
-[environment]
-temperature_c = [20, 21]
-sensors = ["scanner"]
-"""
-CERTIFICATE = """\
-[certificate]
-number = "2026-1"
-customer = "Garage"
-customer_address = "3 Avenue"
-method = "Procedure 7"
-received = 2026-11-02
-performed = 2026-11-03
-issued = 2026-11-05
-[[certificate.signature]]
-name = "Ana"
-role = "manager"
-"""
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     place = tmp_path_factory.mktemp("site")
-    (place / "settings.toml").write_text(SETTINGS)
+    (place / "settings.toml").write_text(SETTINGS_TOML)
     made = Site(place, config=place / "settings.toml")
     write_small_capture(made.allowed / "capture", trials=4)
     made.copy(PAPER, "figure-4.txt")
@@ -112,7 +86,7 @@ def by_command(site, *arguments):
 
 @pytest.mark.slow
 def test_what_is_saved_is_what_the_command_finds_in_the_same_files(site, job, rows):
-    answer = saved(site, job, rows, "first", certificate=CERTIFICATE)
+    answer = saved(site, job, rows, "first", certificate=CERTIFICATE_TOML)
     assert answer.status_code == 200, answer.json
     folder = site.allowed / "first"
     assert answer.json["saved"] == str(folder)
@@ -383,11 +357,11 @@ def test_the_certificate_is_a_draft_until_nothing_is_missing(site, job, rows):
     assert "sandbox" in page.headers["Content-Security-Policy"]
     assert "the customer is missing" in page.text
     assert "the name of the laboratory is missing" not in page.text  # the settings state it
-    assert saved(site, job, rows, "issued", certificate=CERTIFICATE).status_code == 200
+    assert saved(site, job, rows, "issued", certificate=CERTIFICATE_TOML).status_code == 200
     page = site.get(f"/api/jobs/{job}/certificate.html").text
     assert "is missing" not in page
-    assert "Example laboratory" in page
-    wrong = saved(site, job, rows, "not", certificate=CERTIFICATE + "x = 1\n")
+    assert "Laboratory 7" in page
+    wrong = saved(site, job, rows, "not", certificate=CERTIFICATE_TOML + "x = 1\n")
     assert wrong.json["error"].startswith("certificate.toml: ")
 
 
