@@ -63,14 +63,15 @@ class Scatter:
         """Variance (P,) of a single reading over all levels, each direction about its mean.
 
         The variance of the cells' means between levels, and of single readings in a cell what these
-        means do not hold already.
+        means do not hold already. The mean of both directions would scatter less: they are rounded
+        unlike where they lie a part of a step apart.
         """
         levels = self.means.shape[1]
         within = self.squares / self.dofs.clip(min=1.0)
         if levels == 1:
             return np.asarray(within)
-        between = np.var(self.means.mean(axis=2), axis=1, ddof=1)
-        return np.asarray(between + within * (1.0 - levels * self._spread()))
+        between = np.var(self.means, axis=1, ddof=1).mean(axis=1)
+        return np.asarray(between + within * (1.0 - (1.0 / self.counts).mean(axis=(1, 2))))
 
     def effects(self, resolution: float) -> list[Effect]:
         """Return the effects of the readings on the P errors.
@@ -263,10 +264,13 @@ def _variance_before(square: float) -> float:
 
 
 def _covariance(variance: float, apart: float) -> float:
-    """Return B(d) by the variance of the readings before rounding and d, 0 to 1; all in steps."""
+    """Return B(d) by the variance of the readings before rounding and d, 0 to 1; all in steps.
+
+    Harmonics above 1/sigma are damped to e^-39.
+    """
     if variance == 0.0:
         return 1.0 / 12.0 - apart * (1.0 - apart) / 2.0
-    k = np.arange(1, HARMONICS + 1)
+    k = np.arange(1, min(HARMONICS, 1.0 + 1.0 / math.sqrt(variance)) + 1.0)
     damped = np.exp(-((2.0 * math.pi * k) ** 2) * variance) / (2.0 * (math.pi * k) ** 2)
     return float(np.cos(2.0 * math.pi * apart * k) @ damped)
 

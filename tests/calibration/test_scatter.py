@@ -252,6 +252,18 @@ def test_the_variance_over_all_series_is_that_of_single_readings():
     assert found.variances.mean() == pytest.approx(1.49, abs=5.0 * 1.49 / math.sqrt(3000))
 
 
+def test_directions_half_a_step_apart_do_not_hide_the_variance_of_readings():
+    """Their mean is rounded less than each, so that it differs less between series."""
+    rng, points = np.random.default_rng(12), 3000
+    true, shifts = rng.uniform(0.0, 1.0, (points, 1, 1, 1)), rng.normal(size=(points, 4, 1, 1))
+    ways = np.array([0.25, -0.25]).reshape(1, 1, 2, 1)
+    found = scatter_of(np.round(true + 0.3 * shifts + ways + np.zeros((1, 1, 1, 2))).tolist())
+    known, bound = deviation_with(0.0, 1.0, 0.3) ** 2, 5.0 / math.sqrt(points)
+    assert abs(found.variances.mean() - known) < bound * found.variances.std(ddof=1)
+    of_means = np.var(found.means.mean(axis=2), axis=1, ddof=1)
+    assert abs(of_means.mean() - known) > bound * of_means.std(ddof=1)
+
+
 @pytest.mark.parametrize("between", [0.0, 0.3])
 def test_the_planned_deviation_is_that_of_rounded_readings_of_all_series(between):
     rng = np.random.default_rng(11)
