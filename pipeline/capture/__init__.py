@@ -4,21 +4,25 @@ from .declaration import Upright, files_of, find_capture_file, read_capture_file
 from .entries import check_inside
 from .entry import Role, ScanEntry, Turn
 from .file_names import TABLES, clouds_of, is_capture
-from .hints import Hint
+from .hints import Corners, Hint
 from .open_capture import Capture, CaptureOptions, Entries, open_capture, open_entries
+from .searched import Searched, boxed, searched
 from .vertical import StatedVertical
 
 __all__ = [
     "TABLES",
     "Capture",
     "CaptureOptions",
+    "Corners",
     "Entries",
     "Hint",
     "Role",
     "ScanEntry",
+    "Searched",
     "StatedVertical",
     "Turn",
     "Upright",
+    "boxed",
     "check_inside",
     "clouds_of",
     "files_of",
@@ -27,4 +31,5 @@ __all__ = [
     "open_capture",
     "open_entries",
     "read_capture_file",
+    "searched",
 ]

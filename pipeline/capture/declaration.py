@@ -17,6 +17,7 @@ from ..vehicle import REFERENCE_WHEELS
 WheelName = Literal["RR", "RL", "FR", "FL"]
 Upright = Literal["auto", "floor", "z"]
 Vector = tuple[float, float, float]
+MOST_CORNERS = 100  # of a region
 Corner = Annotated[Vector, Field(strict=False)]
 
 
@@ -49,10 +50,16 @@ class DeclaredRunout(Section):
 
 
 class DeclaredHint(Section):
-    """The operator's decision on one scan: a point on its target, or the box that shows it."""
+    """The operator's decision on one scan: a point on its target, or where it is searched.
+
+    box: its least and greatest corner; region: corners of a polygon.
+    """
 
     near: Vector | None = Field(None, strict=False)
     box: tuple[Corner, Corner] | None = Field(None, strict=False)
+    region: tuple[Corner, ...] | None = Field(
+        None, strict=False, min_length=3, max_length=MOST_CORNERS
+    )
     by: str | None = Field(None, min_length=1)
     reason: str | None = Field(None, min_length=1)
 

@@ -25,7 +25,7 @@ from .entry import ScanEntry
 from .file_names import by_file_names, filled_by_names
 from .folder import capture_folder
 from .front import Front
-from .hints import Hint, hints_of
+from .hints import Corners, Hint, hints_of
 from .mounted import targets_of
 from .vertical import StatedVertical, stated_verticals
 
@@ -83,7 +83,8 @@ class CaptureOptions:
     reading: replaces its columns and pitch, if it states either.
     front, front_point, up: of one cloud of the vehicle, in its file's coordinates and unit.
     of_clouds: these three are given for many captures, and apply to those that are clouds.
-    hints: points on targets by the name of their scan or wheel, likewise.
+    hints: points on targets by the name of their scan or wheel, likewise; regions: corners (K, 3)
+    of the region in which the target of a scan lies, of a cloud by 'vehicle'.
     """
 
     length_unit: LengthUnit | None = None
@@ -93,6 +94,7 @@ class CaptureOptions:
     of_clouds: bool = False
     reading: ReadOptions = AS_THE_FILE_SAYS
     hints: Mapping[str, Vector] = field(default_factory=dict)
+    regions: Mapping[str, Corners] = field(default_factory=dict)
 
 
 NO_OPTIONS = CaptureOptions()
@@ -141,7 +143,12 @@ def open_capture(
             reading=_reading(found, options.reading),
             verticals=stated_verticals(declared, found.where),
             hints=hints_of(
-                declared.hints, options.hints, found.scans, declared.length_unit, found.where
+                declared.hints,
+                options.hints,
+                options.regions,
+                found.scans,
+                declared.length_unit,
+                found.where,
             ),
             folder=found.folder,
             within=found.within,

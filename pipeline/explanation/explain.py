@@ -11,21 +11,27 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..capture import Capture, ScanEntry
+from ..capture import Capture, ScanEntry, Searched, searched
 from ..cloud import sample
 from ..config import Config, SegmentConfig
 from ..detection import Candidate, candidate_near, check_best, find_candidates, patch_of, rivals
 from ..diagnostics import check_wheel_scan
 from ..errors import InputError, NotMeasuredError
 from ..measure import fit_target
-from ..measurement import map_about, within_box
+from ..measurement import find_searched, map_about
 from ..plane import Patch
-from ..readers import Scan
 from ..targets import Target, WheelTarget
 from ..vectors import Array
-from ..wheel import find_patch
 from .explain_cloud import SAMPLE, explain_cloud
-from .records import NO_POINTS, ExplainedCandidate, ExplainedScan, Explanation, Finding, Standing
+from .records import (
+    NO_POINTS,
+    ExplainedCandidate,
+    ExplainedScan,
+    Explanation,
+    Finding,
+    Standing,
+    with_region,
+)
 from .verdicts import MOST_SHOWN, apart
 
 
@@ -53,23 +59,26 @@ def _explain_scan(entry: ScanEntry, capture: Capture, config: Config) -> Explain
         scan = entry.read(capture.length_unit, source, capture.reading)
         found = replace(found, points=len(scan.points_m), sample_m=sample(scan.points_m, SAMPLE))
         check_wheel_scan(scan.points_m, 2.0 * target.radius_m, capture.length_unit, source)
-        hint = capture.hints.get(entry.name)
-        searched = scan if hint is None else within_box(scan, hint, source)
     except InputError as error:
         return replace(found, status="not-read", reason=str(error))
-    near_m = None if hint is None else hint.near
+    hint = capture.hints.get(entry.name)
+    found = with_region(found, hint)
+    try:
+        within = searched(scan, hint, source)
+    except InputError as error:
+        search = (target, config.segment, config.seed)
+        outside = _outside(Searched(scan, scan, hint), 0, search)
+        return replace(found, status="not-read", reason=str(error), candidates=outside)
     axes = scan.parts[0].axes if len(scan.parts) == 1 else None
     if isinstance(target, WheelTarget):
-        return _bare(found, searched, near_m, target, config)
-    return _searched(found, searched, axes, near_m, target, config)
+        return _bare(found, within, target, config)
+    return _searched(found, within, axes, target, config)
 
 
-def _bare(
-    found: ExplainedScan, scan: Scan, near_m: Array | None, target: Target, config: Config
-) -> ExplainedScan:
+def _bare(found: ExplainedScan, within: Searched, target: Target, config: Config) -> ExplainedScan:
     """Add what became of a wheel without a target, of which there are no candidates."""
     try:
-        patch = find_patch(scan.points_m, target, config, near_m=near_m)
+        patch = find_searched(within, target, config, None)
         fit_target(patch, target, config)
     except NotMeasuredError as error:
         return replace(found, status=error.status, reason=str(error))
@@ -78,34 +87,54 @@ def _bare(
 
 def _searched(
     found: ExplainedScan,
-    scan: Scan,
+    within: Searched,
     axes: Array | None,
-    near_m: Array | None,
     target: Target,
     config: Config,
 ) -> ExplainedScan:
     """Add the candidates, their verdicts, and the residuals about the best one."""
     search = (target, config.segment, config.seed)
+    near_m, points_m, used = within.near_m, within.points.points_m, within.used
     candidates: list[Candidate] = []
+    patch = None
     try:
-        candidates = apart(find_candidates(scan.points_m, *search), target.radius_m)
-        if near_m is None:
-            check_best(candidates, target, config.segment)
-        else:
-            best = candidate_near(scan.points_m, near_m, *search)
+        candidates = apart(find_candidates(points_m, *search), target.radius_m)
+        if near_m is not None:
+            best = candidate_near(points_m, near_m, *search)
             candidates = apart([best, *candidates], target.radius_m)
+        if within.by_region:
+            patch = find_searched(within, target, config, axes)
+        elif near_m is None:
+            check_best(candidates, target, config.segment)
     except NotMeasuredError as error:
         found = replace(found, status=error.status, reason=str(error))
     judged = _judged(candidates, found.status, target, config.segment, is_chosen=near_m is not None)
-    found = replace(found, candidates=judged)
+    found = replace(found, candidates=judged + _outside(within, len(judged), search))
     if not candidates:
         return found
     try:
-        of_best = (candidates[0], target, config.segment, scan.intensity, axes)
-        patch = patch_of(scan.points_m, *of_best)
+        of_best = (candidates[0], target, config.segment, used.intensity, axes)
+        patch = patch or patch_of(used.points_m, *of_best)
     except NotMeasuredError as error:
         return replace(found, status=error.status, reason=str(error))
     return _fitted(replace(found, best=patch.basis[2]), patch, target, config)
+
+
+def _outside(
+    within: Searched, shown: int, search: tuple[Target, SegmentConfig, int]
+) -> tuple[ExplainedCandidate, ...]:
+    """Return the candidates outside the region that was drawn, numbered after those shown."""
+    if not within.by_region or isinstance(search[0], WheelTarget):
+        return ()
+    try:
+        found = apart(find_candidates(within.used.points_m, *search), search[0].radius_m)
+    except NotMeasuredError:
+        return ()
+    outside = [one for one in found if not within.shows(one.centre_m)]
+    return tuple(
+        ExplainedCandidate(number, one, "refused", "outside_region")
+        for number, one in enumerate(outside[: MOST_SHOWN - shown], shown + 1)
+    )
 
 
 def _fitted(found: ExplainedScan, patch: Patch, target: Target, config: Config) -> ExplainedScan:

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..capture import Capture, ScanEntry
+from ..capture import Capture, ScanEntry, boxed
 from ..cloud import sample
 from ..config import Config
 from ..detection import Candidate, candidates_of_cloud
 from ..diagnostics import check_vehicle_cloud
 from ..errors import InputError
 from ..measure import fit_target
-from ..measurement import observe_cloud, within_box
+from ..measurement import observe_cloud
 from ..targets import WheelTarget
-from .records import NO_POINTS, ExplainedCandidate, ExplainedScan
+from .records import NO_POINTS, ExplainedCandidate, ExplainedScan, with_region
 from .verdicts import MOST_SHOWN, apart
 
 SAMPLE = 400_000  # points of a scan or a cloud in its picture
@@ -31,9 +31,11 @@ def explain_cloud(
     try:
         progress(f"{cloud.file}: reading")
         scan = cloud.read(capture.length_unit, source, capture.reading)
-        box = capture.hints.get("vehicle")
-        scan = scan if box is None else within_box(scan, box, source)
         found = replace(found, points=len(scan.points_m), sample_m=sample(scan.points_m, SAMPLE))
+        hint = capture.hints.get("vehicle")
+        found = with_region(found, hint)
+        within = boxed(scan, hint, source)
+        scan = within.used
         check_vehicle_cloud(scan.points_m, 2.0 * target.radius_m, capture.length_unit, source)
     except InputError as error:
         return replace(found, status="not-read", reason=str(error))
@@ -42,6 +44,7 @@ def explain_cloud(
     seen = (scan.points_m, target, config.segment, axes, rows)
     candidates = [] if isinstance(target, WheelTarget) else candidates_of_cloud(*seen)
     shown = apart(candidates, target.radius_m)[:MOST_SHOWN]
+    shown = sorted(shown, key=lambda one: not within.shows(one.centre_m))
     wheels: dict[str, np.ndarray] = {}
     try:
         observations, _ = observe_cloud(cloud, capture, config, fit_target, progress)
@@ -50,6 +53,8 @@ def explain_cloud(
         found = replace(found, status="not-named", reason=str(error))
     judged = tuple(
         _judged(number, one, wheels, target.radius_m, config.segment.face_match)
+        if within.shows(one.centre_m)
+        else ExplainedCandidate(number, one, "refused", "outside_region")
         for number, one in enumerate(shown, 1)
     )
     return replace(found, candidates=judged)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
+from ..capture import Hint
 from ..detection import Candidate
 from ..measurement import ResidualMap
 from ..targets import Region
@@ -14,8 +15,12 @@ from ..vectors import Array
 
 Standing = Literal["chosen", "rival", "refused"]
 Finding = Literal[
-    "chosen_by_hand", "no_outline", "outline", "outline_too", "worse", "of_wheel", "at_no_wheel"
-]
+    "chosen_by_hand", "no_outline", "outline", "outline_too", "worse", "of_wheel", "at_no_wheel",
+    "outside_region",
+]  # fmt: skip
+
+
+NO_POINTS: Array = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,8 @@ class ExplainedScan:
     status: 'ok', or that of the failure; reason: its message. points: in the scan. sample_m: (M, 3)
     of them, for a picture. region: of the target. best: normal (3,) of the best candidate, towards
     the scanner or away from its back; None without. face: residuals about the best candidate, with
-    sigma_m, the noise across its plane.
+    sigma_m, the noise across its plane. drawn_m: (K, 3) corners of the region that the operator
+    drew, (0, 3) without.
     """
 
     name: str
@@ -58,6 +64,7 @@ class ExplainedScan:
     best: Array | None = None
     face: ResidualMap | None = None
     sigma_m: float = 0.0
+    drawn_m: Array = field(default_factory=lambda: NO_POINTS)
 
     @property
     def is_measured(self) -> bool:
@@ -75,4 +82,8 @@ class Explanation:
     scans: tuple[ExplainedScan, ...]
 
 
-NO_POINTS: Array = np.zeros((0, 3))
+def with_region(scan: ExplainedScan, hint: Hint | None) -> ExplainedScan:
+    """Return the scan with the region that the operator drew in it, if he did."""
+    if hint is None or hint.region_m is None:
+        return scan
+    return replace(scan, drawn_m=np.array(hint.region_m))

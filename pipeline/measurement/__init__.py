@@ -4,7 +4,7 @@ from .assumptions import VERTICALS, notes_of_assumptions
 from .conformity import Conformity, Deciding, Verdict, assess, conforms, decide
 from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
-from .observe import Fit, noisy, observe_entries, rounded, shaded, within_box
+from .observe import Fit, find_searched, noisy, observe_entries, rounded, shaded
 from .observe_vehicle import observe_cloud
 from .quantities import (
     CROSS,
@@ -107,6 +107,7 @@ __all__ = [
     "decide",
     "estimate",
     "evaluate",
+    "find_searched",
     "find_verticals",
     "load_tolerance",
     "map_about",
@@ -129,6 +130,5 @@ __all__ = [
     "turned_quantity",
     "vertical_tilts",
     "weighted_sum",
-    "within_box",
     "workshop_angles",
 ]

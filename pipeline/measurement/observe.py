@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from ..capture import Capture, Hint, ScanEntry
+from ..capture import Capture, Hint, ScanEntry, Searched, searched
 from ..cloud import cloud_sample, side_by_side
 from ..config import Config, InstrumentConfig
 from ..diagnostics import check_wheel_scan, lone_points
@@ -142,11 +140,9 @@ def _find(
     part = scan.parts[0] if len(scan.parts) == 1 else None
     axes = None if part is None else part.axes
     hint = capture.hints.get(entry.name)
-    searched = scan if hint is None else within_box(scan, hint, source)
-    near_m = None if hint is None else hint.near
+    within = searched(scan, hint, source)
     try:
-        seen = (searched.points_m, target, config, searched.intensity)
-        patch = find_patch(*seen, axes, near_m)
+        patch = find_searched(within, target, config, axes)
     except NotMeasuredError as error:
         return observation, error.with_traceback(None)
     shown = cloud_sample(scan.points_m, target_m=patch.origin_m)
@@ -157,26 +153,26 @@ def _find(
     return observation, replace(patch, station_m=None if part is None else part.station_m)
 
 
-def within_box(scan: Scan, hint: Hint, source: str) -> Scan:
-    """Return the points of a scan in the box of a hint. Raises InputError where there are none."""
-    inside = hint.holds(scan.points_m)
-    if not inside.any():
-        raise InputError(
-            f"{source}: {hint.note}, which holds none of its {len(inside)} points: give corners in "
-            "the scan's coordinates and the capture's length_unit"
-        )
-    if inside.all():
-        return scan
-    before = np.concatenate([[0], np.cumsum(inside)])
-    return replace(
-        scan,
-        points_m=scan.points_m[inside],
-        intensity=None if scan.intensity is None else scan.intensity[inside],
-        parts=tuple(
-            replace(part, start=int(before[part.start]), stop=int(before[part.stop]))
-            for part in scan.parts
-        ),
-    )
+def find_searched(within: Searched, target: Target, config: Config, axes: Array | None) -> Patch:
+    """Find the target among the points that are searched, and cut it out of all that are used.
+
+    So a region chooses a target as a point on it does: its border cuts nothing off.
+    axes: as in `find_target`. Raises NotMeasuredError.
+    """
+    used, near_m = within.used, within.near_m
+    if not within.by_region:
+        return find_patch(used.points_m, target, config, used.intensity, axes, near_m)
+    note = within.hint.note if within.hint else ""
+    try:
+        place_m = find_patch(within.points.points_m, target, config, None, axes, near_m).origin_m
+        patch = find_patch(used.points_m, target, config, used.intensity, axes, place_m)
+    except NotMeasuredError as error:
+        raise NotMeasuredError(error.status, f"{note}: there, {error}") from error
+    if not within.shows(patch.origin_m):
+        place = ", ".join(f"{x:.3f}" for x in patch.origin_m + 0.0)
+        reason = f"{note}: the target there has its centre ({place}) m outside of it"
+        raise NotMeasuredError("no-target", reason)
+    return patch
 
 
 def note_on_hint(hint: Hint, name: str, patch: Patch, config: Config) -> str:

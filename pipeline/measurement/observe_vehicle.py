@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from ..capture import Capture, ScanEntry
+from ..capture import Capture, Hint, ScanEntry, Searched, boxed
 from ..cloud import by_wheel, sample
 from ..config import Config
 from ..detection import (
@@ -24,13 +24,13 @@ from ..detection import (
 from ..diagnostics import check_vehicle_cloud
 from ..errors import InputError, NotMeasuredError, Wording
 from ..plane import Patch
-from ..readers import Part
+from ..readers import Part, Scan
 from ..system import stage
 from ..targets import PatternTarget, Target, WheelTarget
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
 from ..wheel import find_wheels
-from .observe import Fit, note_on_hint, notes_on_lone_points, within_box
+from .observe import Fit, note_on_hint, notes_on_lone_points
 from .records import Evidence, Naming, Observation
 
 SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
@@ -71,36 +71,58 @@ def targets_of_cloud(
     """
     progress(f"{cloud.file}: reading")
     scan = cloud.read(capture.length_unit, source, capture.reading)
-    box = capture.hints.get("vehicle")
-    if box is not None:
-        scan = within_box(scan, box, source)
-    target, unit = capture.target, capture.length_unit
+    hint = capture.hints.get("vehicle")
+    within = boxed(scan, hint, source)
+    scan, target, unit = within.used, capture.target, capture.length_unit
     check_vehicle_cloud(scan.points_m, 2.0 * target.radius_m, unit, source)
     progress(f"{cloud.file}: searching")
-    parts = scan.parts or (Part("", 0, len(scan.points_m), None),)
-    rows, stations = [(p.start, p.stop) for p in parts], [p.station_m for p in parts]
-    axes = [p.axes for p in parts]
     chosen = [one.near for wheel in REFERENCE_WHEELS if (one := capture.hints.get(wheel))]
     near_m = [one for one in chosen if one is not None]
     try:
-        if isinstance(target, WheelTarget):
-            patches = find_wheels(scan.points_m, target.rim_inch, rows, stations, near_m)
-        else:
-            seen = (scan.points_m, target, config.segment, scan.intensity)
-            patches = find_targets(*seen, rows, stations, axes, near_m, config.seed)
+        patches = _find(scan, near_m, target, config)
     except NotMeasuredError as error:
         raise InputError(f"{source}: {error}: check the file, and --target") from error
+    if not near_m:
+        patches = _in_region(patches, within, source)
+    parts = scan.parts
     return Found(
         patches=patches,
         scans=tuple(parts[patch.part].name if len(parts) > 1 else "" for patch in patches),
         sample_m=sample(scan.points_m, SAMPLE),
         points=len(scan.points_m),
         invalid_points=scan.invalid_points,
-        notes=notes_on_lone_points(scan.points_m, cloud.file),
+        notes=(*notes_on_lone_points(scan.points_m, cloud.file), *_notes(hint)),
     )
 
 
+def _find(scan: Scan, near_m: Sequence[Array], target: Target, config: Config) -> tuple[Patch, ...]:
+    """Find all targets of a cloud, or those at points (3,) each. Raises NotMeasuredError."""
+    parts = scan.parts or (Part("", 0, len(scan.points_m), None),)
+    rows, stations = [(p.start, p.stop) for p in parts], [p.station_m for p in parts]
+    if isinstance(target, WheelTarget):
+        return find_wheels(scan.points_m, target.rim_inch, rows, stations, near_m)
+    seen = (scan.points_m, target, config.segment, scan.intensity)
+    return find_targets(*seen, rows, stations, [p.axes for p in parts], near_m, config.seed)
+
+
+def _in_region(patches: tuple[Patch, ...], within: Searched, source: str) -> tuple[Patch, ...]:
+    """Return the targets in the operator's region. Raises InputError where it has none of them."""
+    inside = tuple(patch for patch in patches if within.shows(patch.origin_m))
+    if patches and not inside:
+        raise InputError(
+            f"{source}: {within.hint.note if within.hint else ''}, which holds none of the "
+            f"{len(patches)} targets that are found: draw it about all four"
+        )
+    return inside
+
+
+def _notes(hint: Hint | None) -> tuple[str, ...]:
+    """Return a note on where the operator had the targets searched; none without."""
+    return () if hint is None else (Wording(SEARCHED, choice=hint.note),)
+
+
 MOST_SHOWN = 4
+SEARCHED = "vehicle: {choice}."
 LEFT_OUT = "Like the target, but at none of the vehicle's wheels: {parts}."
 BY_OPERATOR = "the wheels that the operator named"
 BY_MARKERS = "the markers of the boards"

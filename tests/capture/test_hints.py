@@ -67,9 +67,32 @@ def test_the_command_line_replaces_the_point_and_keeps_the_box(car):
     assert found["RR"].near_m == (1.0, 0.0, 0.0)
 
 
+SQUARE = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0))
+
+
+def test_a_region_is_read_and_scaled(car):
+    corners = [[1000 * x for x in corner] for corner in SQUARE]
+    add(car, f"\n[hints.FL]\nregion = {corners}\n", "mm")
+    assert hints(car)["FL"] == Hint(region_m=SQUARE)
+    assert hints(car)["FL"].stated() == {"region_m": SQUARE}
+
+
+def test_the_latest_choice_of_a_scan_counts(car):
+    add(car, f"\n[hints.FL]\nregion = {[list(corner) for corner in SQUARE]}\n")
+    add(car, "\n[hints.FR]\nnear = [1, 2, 3]\nby = 'A. Lopes'\n")
+    found = hints(car, hints={"FL": (9.0, 9.0, 9.0)}, regions={"FR": SQUARE})
+    assert found == {"FL": Hint((9.0, 9.0, 9.0)), "FR": Hint(region_m=SQUARE)}
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        ("[hints.FL]\nregion = [[0, 0, 0], [1, 0, 0]]", r"capture.toml: hints.FL.region"),
+        (
+            "[hints.FL]\nregion = [[0, 0, 0], [1, 0, 0], [2, 0, 0]]",
+            r"'FL': region: its corners lie",
+        ),
+        ("[hints.FL]\nregion = [[0, 0, 0], [1, 0, 0], [1, 1, nan]]", r"hints.FL.region"),
         ("[hints.VL]\nnear = [1, 2, 3]", r"hint 'VL': there is no such scan: name one of RR, RL,"),
         ("[hints.FL]\nby = 'A'", r"hint 'FL': add near = \[x, y, z\]"),
         ("[hints.FL]\nbox = [[0, 0, 0], [1, 0, 1]]", r"hint 'FL': box: the first corner"),
@@ -90,6 +113,7 @@ def test_a_hint_that_cannot_be_is_refused_with_its_name(car, text, message):
         ("[hints.FL]\nnear = [1, 2, 3]", r"hints name the targets of FL: add RR, RL, FR"),
         ("[hints.vehicle]\nnear = [1, 2, 3]", "near is for RR, RL, FR and FL"),
         ("[hints.FL]\nbox = [[0, 0, 0], [1, 1, 1]]", "a box is for 'vehicle'"),
+        ("[hints.FL]\nregion = [[0, 0, 0], [1, 0, 0], [1, 1, 0]]", "a region is for 'vehicle'"),
     ],
 )
 def test_of_a_cloud_all_wheels_are_named_or_none(tmp_path, text, message):

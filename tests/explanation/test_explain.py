@@ -18,6 +18,7 @@ from tests.support.batches import call
 from tests.support.made import (
     RADIUS_M,
     as_one_cloud,
+    read_ply,
     with_second_target,
     write_small_capture,
 )
@@ -29,8 +30,10 @@ from wheelplane.explanation.explain_cloud import SAMPLE
 from wheelplane.explanation.records import ExplainedCandidate, ExplainedScan, Finding
 from wheelplane.explanation.verdicts import MOST_SHOWN, apart
 from wheelplane.measure import measure_capture
+from wheelplane.report.candidates.pictures import picture_corners_m, places
 from wheelplane.report.candidates.tree import verdict_of
 from wheelplane.report.format.language import load_translations
+from wheelplane_synth.output.files import ply
 
 RAISED_M = 0.55
 SAME_U = 0.35  # of the same points, with a second target above them that turns no normal
@@ -141,6 +144,108 @@ def test_a_box_hides_what_lies_outside(doubled, measured):
         file.write(box)
     found = measurement(folder)
     np.testing.assert_allclose(centre(found, "FL"), centre(measured, "FL"), atol=1e-4)
+
+
+def drawn(scan, middle_m, half_m, turn_rad=0.0):
+    """Corners of a square about a place (3,), across the normal of a scan's best candidate."""
+    right, up, _ = scan.candidates[0].candidate.basis
+    angles = turn_rad + math.pi * np.array([0.25, 0.75, 1.25, 1.75])
+    ways = np.column_stack([np.cos(angles), np.sin(angles)]) * half_m * math.sqrt(2.0)
+    return tuple(map(tuple, middle_m + ways @ [right, up]))
+
+
+@pytest.fixture(scope="module")
+def seen(doubled):
+    """The explained scan of FL, with its two targets."""
+    return explained(doubled)["FL"]
+
+
+@pytest.mark.parametrize(("half_m", "turn_rad"), [(0.24, 0.0), (0.13, 0.4), (0.1, 0.0)])
+def test_a_region_chooses_a_target_as_a_point_on_it_does(doubled, seen, half_m, turn_rad):
+    """Also one that cuts the target's edge: its border hides nothing from the measurement."""
+    for one in seen.candidates[:2]:
+        middle_m = one.candidate.centre_m + np.array([0.02, -0.01, 0.02])
+        region = drawn(seen, middle_m, half_m, turn_rad)
+        by_region = measurement(doubled, regions={"FL": region})
+        clicked = measurement(doubled, hints={"FL": tuple(one.candidate.centre_m)})
+        check_alike(by_region, clicked, "FL")
+        np.testing.assert_allclose(centre(by_region, "FL"), centre(clicked, "FL"), atol=5e-5)
+        (note,) = [note for note in by_region.notes if note.startswith("FL: ")]
+        assert "The operator chose the region with corners (" in note
+        assert by_region.provenance.config["hints"] == {"FL": {"region_m": region}}
+
+
+def test_the_order_of_points_and_corners_chooses_nothing_else(doubled, seen, tmp_path):
+    folder = tmp_path / "shuffled"
+    shutil.copytree(doubled, folder)
+    points, intensity = read_ply(folder / "fl.ply")
+    order = np.random.default_rng(0).permutation(len(points))
+    (folder / "fl.ply").write_bytes(ply(points[order], intensity[order]))
+    region = drawn(seen, seen.candidates[0].candidate.centre_m, 0.2)
+    one = measurement(doubled, regions={"FL": region})
+    other = measurement(folder, regions={"FL": region[2:] + region[:2]})
+    check_alike(other, one, "FL")
+    np.testing.assert_allclose(centre(other, "FL"), centre(one, "FL"), atol=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("up_m", "half_m", "message"),
+    [
+        (RAISED_M / 2.0, 0.6, r"ambiguous-target\): The operator chose the region .*: there, two"),
+        (RAISED_M / 2.0, 0.1, r"no-(target|plane)\): The operator chose the region .*: there, "),
+        (40.0, 0.2, r"fl.ply: The operator chose the region .*, which holds none of its"),
+    ],
+)
+def test_a_region_without_one_target_is_refused(doubled, measured, seen, up_m, half_m, message):
+    middle_m = np.array(moved(measured, "FL", 0.0, 0.0, up_m))
+    given = {"regions": {"FL": drawn(seen, middle_m, half_m)}}
+    with pytest.raises(InputError, match=message) as refused:
+        measurement(doubled, **given)
+    assert "\n" not in str(refused.value)
+    scan = explained(doubled, **given)["FL"]
+    assert scan.reason in str(refused.value)
+    assert len(scan.drawn_m) == 4
+    outside = [one for one in scan.candidates if one.finding == "outside_region"]
+    assert not outside if "ambiguous" in message else len(outside) >= 2  # to choose from
+
+
+def test_the_border_of_a_region_must_hold_the_centre(doubled, seen):
+    """Most of the target lies in it, but not its centre."""
+    best = seen.candidates[0].candidate
+    aside = best.centre_m + 0.16 * best.basis[0]
+    with pytest.raises(InputError, match=r"has its centre .* m outside of it"):
+        measurement(doubled, regions={"FL": drawn(seen, aside, 0.155)})
+
+
+def test_of_a_cloud_the_targets_in_a_region_count(whole, measured):
+    """A region about the wheels, though it cuts the edges of their targets, measures as none."""
+    centres = np.array([centre(measured, name) for name in ("RR", "RL", "FR", "FL")])
+    low, high = centres.min(axis=0) - 0.05, centres.max(axis=0) + 0.05
+    (x0, y0, z), (x1, y1, _) = low, high
+    region = ((x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z))
+    front = tuple(centres[2:].mean(axis=0) - centres[:2].mean(axis=0))
+    found = measurement(whole, regions={"vehicle": region}, front=front)
+    plain = measurement(whole, front=front)
+    for name in ("RR", "RL", "FR", "FL"):
+        check_alike(found, plain, name)
+        np.testing.assert_allclose(centre(found, name), centre(plain, name), atol=5e-5)
+    assert any("vehicle: The operator chose the region" in note for note in found.notes)
+    away = tuple((x + 90.0, y, z) for x, y, z in region)
+    with pytest.raises(InputError, match="holds none of the 4 targets that are found"):
+        measurement(whole, regions={"vehicle": away}, front=front)
+    half = tuple((min(x, (x0 + x1) / 2.0), y, z) for x, y, z in region)
+    with pytest.raises(InputError, match="2 targets found, four are needed"):
+        measurement(whole, regions={"vehicle": half}, front=front)
+
+
+def test_a_picture_says_where_its_corners_lie(seen):
+    """The places of candidates in the picture, turned back, are their centres across the view."""
+    origin, right, down = picture_corners_m(seen)
+    assert abs((right - origin) @ (down - origin)) < 1e-9
+    for one, (x, y) in zip(seen.candidates, places(seen), strict=True):
+        apart = one.candidate.centre_m - (origin + x * (right - origin) + y * (down - origin))
+        across = apart - (apart @ seen.best) * seen.best
+        assert np.linalg.norm(across) < 1e-3
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -88,6 +90,89 @@ def test_a_target_is_chosen_by_keyboard(visit):
     page.locator("#again").focus()
     page.keyboard.press("Enter")
     page.wait_for_selector("#result:not([hidden]) table.angles")
+
+
+def drag(page, picture, start, end):
+    """Drag from one place of a picture to another; shares of its width and height."""
+    picture.scroll_into_view_if_needed()
+    box = picture.bounding_box()
+    (x0, y0), (x1, y1) = ((box["x"] + x * box["width"], box["y"] + y * box["height"])
+                          for x, y in (start, end))  # fmt: skip
+    page.mouse.move(x0, y0)
+    page.mouse.down()
+    page.mouse.move((x0 + x1) / 2.0, (y0 + y1) / 2.0)
+    page.mouse.move(x1, y1)
+    page.mouse.up()
+
+
+def tree_of(page):
+    """The explanation that the page shows."""
+    return page.evaluate(
+        "async () => (await fetch(document.querySelector('.looked img').src.replace(/[^/]+$/, "
+        "'explanation.json'))).json()"
+    )
+
+
+def around(place, reach=0.17):
+    x, y = place
+    return (x - reach, y - reach), (x + reach, y + reach)
+
+
+def test_a_region_is_drawn_and_measured(visit, centres, folder, tmp_path):
+    page = found(visit, "doubled")
+    scan = next(one for one in tree_of(page)["scans"] if one["name"] == "FL")
+    chosen = min(scan["candidates"][:2], key=lambda one: one["centre_m"][2])
+    picture = page.locator(".looked > article .picture")
+    page.locator("#found-FL-2").check()
+    page.get_by_role("button", name="Draw the region of the target").first.click()
+    visit.check_with_axe()
+    drag(page, picture, *around(chosen["in_picture"]))
+    assert page.locator(".looked .drawn").first.is_visible()
+    assert not page.locator("#found-FL-2").is_checked()
+    page.locator(".looked details", has_text="For capture.toml").locator("summary").click()
+    lines = page.locator(".looked details pre").inner_text()
+    page.locator("#again").click()
+    page.wait_for_selector("#result:not([hidden]) table.angles")
+    assert "The operator chose the region with corners" in page.locator("#result").inner_text()
+    car = shutil.copytree(folder / "doubled", tmp_path / "car")
+    (car / "capture.toml").write_text((car / "capture.toml").read_text() + f"\n{lines}\n")
+    with open_capture(car) as capture:
+        repeated = measure_capture(capture, Config())
+    shown = page.evaluate(
+        "async () => (await fetch(`/api/jobs/${location.hash.slice(8)}/measurement.json`)).json()"
+    )
+    (front_left,) = (one for one in repeated.wheels if one.observation.name == "FL")
+    np.testing.assert_allclose(front_left.observation.fitted.centre_m, centres["FL"], atol=1e-3)
+    (wheel,) = (one for one in shown["wheels"] if one["name"] == "FL")
+    np.testing.assert_array_equal(wheel["centre_m"], front_left.observation.fitted.centre_m)
+    (hint,) = shown["provenance"]["config"]["hints"].values()
+    assert len(hint["region_m"]) == 4
+
+
+def test_a_region_is_entered_by_keyboard_and_a_wrong_one_is_refused(visit):
+    page = found(visit, "doubled")
+    page.get_by_role("button", name="Draw the region of the target").first.focus()
+    page.keyboard.press("Enter")
+    for text in ("0", "0.1", "0", "0.1"):  # a corner of the picture
+        page.keyboard.press("Tab")
+        page.keyboard.type(text)
+    assert page.locator(".looked .drawn").first.is_visible()
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")  # no region
+    assert not page.locator(".looked .drawn").first.is_visible()
+    for _ in range(4):
+        page.keyboard.press("Shift+Tab")
+    for text in ("0", "0.1", "0", "0.1"):
+        page.keyboard.type(text)
+        page.keyboard.press("Tab")
+    page.locator("#again").focus()
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#trouble:not([hidden]) #why")
+    text = page.locator("#trouble").inner_text()
+    assert "The operator chose the region" in text
+    page.locator("#why").click()
+    page.wait_for_selector(".looked .picture img")
+    assert page.locator(".looked > article tbody tr").count() >= 2  # to choose from, still
 
 
 def test_the_wheels_of_a_cloud_are_named(visit, centres):

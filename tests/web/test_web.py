@@ -456,7 +456,7 @@ def test_every_text_of_the_page_is_there_in_every_language():
 
 # Names that are made of parts, or that the program gives to what has a status.
 BUILT = ("format_", "kind_", "option_", "verdict_", "read_as_", "coordinates_",
-         "tolerance_", "convention_", "vertical_", "found_front_", "nelson_")  # fmt: skip
+         "region_", "tolerance_", "convention_", "vertical_", "found_front_", "nelson_")  # fmt: skip
 STATED = {*STATUSES, RECOGNISED.status, VANISHED.status, "agree", "disagree", "cannot_tell"}
 
 

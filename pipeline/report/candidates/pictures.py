@@ -15,9 +15,10 @@ from ..plots.target_face import FOOT, HEAD, LEFT, SIDE, face_marks, to_upright
 WIDTH, TOP, MARGIN = 640.0, 40.0, 12.0
 CELLS = 320  # of the picture, across
 TALLEST, LEAST_SPAN_M = 1.0, 0.1  # height in widths; of the points shown
-REACH = 3.0  # radii about the candidates that are shown
+REACH, WIDER_M = 3.0, 2.0  # radii about the candidates shown; more where none has the outline
 SHADES = 48
 COLOURS = {"chosen": "#1b7f3b", "rival": "#b35900", "refused": "#a01515"}
+DRAWN = "#0b57d0"  # the operator's region
 CORNERS, LABEL = 48, 44.0
 UP, AHEAD = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
 
@@ -36,6 +37,9 @@ def candidates_drawing(scan: ExplainedScan, words: Translations) -> Drawing:
     marks: list[Mark] = [_points(scan.sample_m @ seen.axes.T, seen.low, seen.span, seen.height)]
     for one in reversed(scan.candidates):
         marks += _candidate(one, scan, seen)
+    if len(scan.drawn_m):
+        drawn = seen.at(np.vstack([scan.drawn_m, scan.drawn_m[:1]]))
+        marks += [Path(drawn, "#ffffff", 4.5), Path(drawn, DRAWN, 2.4, dash=(10.0, 5.0))]
     if not scan.candidates and not scan.is_measured:
         marks.append(Text(MARGIN + 8, TOP + 20, words("plot.no_candidate"), 13, colour=INK, halo=3))
     return Drawing(WIDTH, TOP + seen.height + MARGIN, title, [*head, *marks])
@@ -56,6 +60,24 @@ def picture_axes(scan: ExplainedScan) -> list[list[float]]:
     if not len(scan.sample_m):
         return []
     return [[round(float(x), 4) + 0.0 for x in way] for way in _view(scan)[:2]]
+
+
+def picture_corners_m(scan: ExplainedScan) -> Array:
+    """Return where the picture of a scan lies, (3, 3): upper left, upper right, lower left corner.
+
+    In the plane through the best candidate, or the middle of the points; (0, 3) without points.
+    """
+    if not len(scan.sample_m):
+        return np.zeros((0, 3))
+    seen, shown = _Seen.of(scan), scan.candidates
+    middle = shown[0].candidate.centre_m if shown else scan.sample_m.mean(axis=0)
+    size = np.array([WIDTH, TOP + seen.height + MARGIN])
+    at = (
+        seen.low
+        + (np.array([[0, 0], [1, 0], [0, 1]]) * size - [MARGIN, TOP]) * [1, -1] / seen.scale
+    )
+    at[:, 1] += seen.span[1]
+    return np.column_stack([at, np.full(3, middle @ seen.axes[2])]) @ seen.axes
 
 
 def best_drawing(scan: ExplainedScan, words: Translations) -> Drawing | None:
@@ -118,13 +140,19 @@ def _view(scan: ExplainedScan) -> Array:
 
 def _frame(scan: ExplainedScan, axes: Array) -> tuple[Array, Array]:
     """Return the lower left corner (2,) and the size (2,) of what is shown, metres."""
-    shown = [one.candidate.centre_m for one in scan.candidates]
-    if shown:
-        middle = np.array(shown) @ axes[:2].T
+    points = scan.sample_m @ axes[:2].T
+    low, high = np.quantile(points, (0.01, 0.99), axis=0)
+    if scan.candidates:
+        shown = np.array([one.candidate.centre_m for one in scan.candidates]) @ axes[:2].T
         reach_m = REACH * scan.region.radius_m
-        low, high = middle.min(axis=0) - reach_m, middle.max(axis=0) + reach_m
-    else:
-        low, high = np.quantile(scan.sample_m @ axes[:2].T, (0.01, 0.99), axis=0)
+        least, most = shown.min(axis=0) - reach_m, shown.max(axis=0) + reach_m
+        if all(one.standing == "refused" for one in scan.candidates):
+            around_m = np.maximum(low, least - WIDER_M), np.minimum(high, most + WIDER_M)
+            least, most = np.minimum(least, around_m[0]), np.maximum(most, around_m[1])
+        low, high = least, most
+    if len(scan.drawn_m):
+        drawn = scan.drawn_m @ axes[:2].T
+        low, high = np.minimum(low, drawn.min(axis=0)), np.maximum(high, drawn.max(axis=0))
     size = np.maximum(high - low, LEAST_SPAN_M)
     wide = max(size[0], size[1] / TALLEST)
     span = np.array([wide, max(size[1], 0.35 * wide)])

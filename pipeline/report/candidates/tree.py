@@ -7,8 +7,9 @@ from typing import Any
 from ... import __version__
 from ...explanation import ExplainedCandidate, ExplainedScan, Explanation
 from ...units import in_metres
+from ...vectors import Array
 from ..format.language import Translations
-from .pictures import picture_axes, places
+from .pictures import picture_axes, picture_corners_m, places
 
 SCHEMA = "wheelplane/explanation/1"
 
@@ -67,6 +68,8 @@ def _scan(
         "points": scan.points,
         "pictures": pictures,
         "picture_axes": picture_axes(scan),
+        "picture_corners": _in_unit(picture_corners_m(scan), unit),
+        "region": _in_unit(scan.drawn_m, unit),
         "candidates": [
             {
                 "number": one.number,
@@ -86,3 +89,8 @@ def _scan(
             for one, at in zip(scan.candidates, places(scan), strict=True)
         ],
     }
+
+
+def _in_unit(points_m: Array, unit: str) -> list[list[float]]:
+    """Return points (N, 3) in the unit of the scans."""
+    return [[round(float(x), 6) for x in point] for point in points_m / in_metres(1.0, unit)]

@@ -29,6 +29,8 @@ NAMED = {"target": "targets", "scanner": "scanners", "station": "scanners"} | {
     "tolerance": "tolerances"
 }
 MOST_HINTS, LONGEST_NAME = 200, 200
+MOST_CORNERS = 100  # of a region
+Vector = tuple[float, float, float]
 
 
 def known(own: Path | None = None) -> dict[str, list[str]]:
@@ -67,6 +69,8 @@ def checked(given: Any, own: Path | None = None) -> dict[str, Any]:
             continue
         if key == "hints":
             options[key] = _hints(value)
+        elif key == "regions":
+            options[key] = _regions(value)
         elif key in ("front", "front_point"):
             options[key] = _vector(key, value)
         elif key not in allowed or value not in allowed[key]:
@@ -84,14 +88,27 @@ def type_of(name: str) -> str:
     return mimetypes.guess_type(name)[0] or "application/octet-stream"
 
 
-def _hints(value: Any) -> dict[str, tuple[float, float, float]]:
+def _hints(value: Any) -> dict[str, Vector]:
     """Validate the points on targets, by the name of their scan or wheel."""
     if not isinstance(value, dict) or len(value) > MOST_HINTS:
         raise RefusedError(400, "hints: give X,Y,Z by the name of each scan")
     return {str(name)[:LONGEST_NAME]: _vector("hints", point) for name, point in value.items()}
 
 
-def _vector(key: str, value: Any) -> tuple[float, float, float]:
+def _regions(value: Any) -> dict[str, tuple[Vector, ...]]:
+    """Validate the regions of targets, corners in rows, by the name of their scan."""
+    if not isinstance(value, dict) or len(value) > MOST_HINTS:
+        raise RefusedError(400, "regions: give corners by the name of each scan")
+    regions: dict[str, tuple[Vector, ...]] = {}
+    for name, corners in value.items():
+        if not isinstance(corners, list) or not 3 <= len(corners) <= MOST_CORNERS:
+            raise RefusedError(400, f"regions: give 3 to {MOST_CORNERS} corners [X, Y, Z]")
+        texts = (",".join(map(str, one)) if isinstance(one, list) else "" for one in corners)
+        regions[str(name)[:LONGEST_NAME]] = tuple(_vector("regions", text) for text in texts)
+    return regions
+
+
+def _vector(key: str, value: Any) -> Vector:
     try:
         x, y, z = (float(part) for part in str(value).split(","))
     except ValueError:

@@ -113,7 +113,7 @@ def _check_path(path: Path, name: str, source: Path, allowed: Path) -> None:
 def opened(source: Path, options: dict[str, Any], allowed: Path) -> Iterator[Capture]:
     """Open the capture at `source` with the page's options; all its files must be in `allowed`."""
     check_inside(source, allowed)
-    keys = ("length_unit", "front", "front_point", "up", "hints")
+    keys = ("length_unit", "front", "front_point", "up", "hints", "regions")
     overrides = CaptureOptions(
         **{key: options[key] for key in keys if options.get(key) is not None}
     )

@@ -2,15 +2,11 @@
 import { ServerError, byId, called, dayOf, el, follow, language, limits, pathOf, pause, post, send, session, t } from "./base.js";
 import { Browser } from "./browser.js";
 import { Found } from "./found.js";
+import { inWordsOfThePage } from "./fields.js";
 
 const BUSY = 503; // the queue is full
 const AGAIN_MS = 2000;
 const LONG_BYTES = 50e6; // an upload before which the options are asked
-const OPTIONS = /--explain DIR|--[a-z]+(?:-[a-z]+)*/g;
-const INSTEAD = {
-  "--target": "option_target", "--length-unit": "option_length_unit", "--scanner": "option_scanner",
-  "--tolerance": "option_tolerance", "--front": "option_front", "--vertical": "option_vertical", "--explain DIR": "found_why", "--hint": "found_again",
-};
 const KNOWN = new RegExp(`\\.(${limits.suffixes.join("|")})$`, "i");
 
 export class Loader {
@@ -254,13 +250,6 @@ export class Loader {
     session.add(job);
     this.onResult(job);
   }
-}
-
-/** The text of a failure with the page's fields in place of options, and the field that it names first. */
-function inWordsOfThePage(text) {
-  const found = text.match(OPTIONS) ?? [];
-  const words = text.replace(OPTIONS, (option) => (INSTEAD[option] ? `“${t(INSTEAD[option])}”` : option));
-  return { text: words, field: INSTEAD[found[0]]?.match(/^option_(.*)/)?.[1] };
 }
 
 /** Lines of the file around the error. */
