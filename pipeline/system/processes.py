@@ -13,12 +13,19 @@ from ..errors import InputError
 if TYPE_CHECKING:
     from subprocess import Popen
 
+NICER = 10
 LONGEST_TEMPORARY_FOLDER = 107 - len("/pymp-12345678/listener-12345678")
 
 
 def inherits_descriptors() -> bool:
     """Return whether a child process can be given open files by their numbers."""
     return hasattr(os, "fork")
+
+
+def give_way() -> None:
+    """Leave the processor to other processes that need it, where the system can."""
+    if hasattr(os, "nice"):
+        os.nice(NICER)
 
 
 def start_method() -> str:

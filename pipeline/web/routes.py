@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -90,7 +91,7 @@ def add_jobs(app: Flask, state: PageState) -> None:
     def compare() -> Response:
         asked = given()
         both = tuple(state.jobs.shown(str(asked.get(key))) for key in ("first", "second"))
-        plan = {"folders": [str(job.folder) for job in both], "names": [job.name for job in both],
+        plan = {"folders": [str(job.folder) for job in both], "names": _names(both),
                 "language": language()}  # fmt: skip
         return jsonify(
             state.jobs.start("compare", ", ".join(plan["names"]), plan, both).public_state
@@ -112,6 +113,11 @@ def add_jobs(app: Flask, state: PageState) -> None:
     def cancel(name: str) -> Response:
         state.jobs.cancel(state.jobs.found(name))
         return jsonify(cancelled=name)
+
+    @app.post("/api/jobs/<name>/remove")
+    def remove(name: str) -> Response:
+        state.jobs.remove(state.jobs.found(name))
+        return jsonify(removed=name)
 
     @app.get("/api/jobs/<name>/<file>")
     def result(name: str, file: str) -> Response:
@@ -181,6 +187,16 @@ def _plan(source: Path, allowed: Path) -> dict[str, Any]:
     base = allowed.parent if source == allowed else allowed
     named = source.relative_to(base).as_posix()
     return {"base": str(base), "allowed": str(allowed), "source": named}
+
+
+def _names(both: tuple[PageJob, ...]) -> list[str]:
+    """Return the names of two measurements, with the time where they are the same."""
+    if both[0].name != both[1].name:
+        return [job.name for job in both]
+    began = [time.localtime(job.began) for job in both]
+    is_one_day = began[0][:3] == began[1][:3]
+    form = "%H:%M:%S" if is_one_day else "%Y-%m-%d %H:%M:%S"
+    return [f"{job.name}, {time.strftime(form, at)}" for job, at in zip(both, began, strict=True)]
 
 
 def _place(asked: dict[str, Any]) -> str:

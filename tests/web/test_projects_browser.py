@@ -7,6 +7,7 @@ import json
 import pytest
 
 from tests.support.browser import IN_A_BROWSER, Visit, serving, until
+from tests.support.layout import check_layout
 from tests.support.web_site import PAPER, write_results
 from wheelplane.five_point.file import read_five_point
 from wheelplane.measure import measure_five_point
@@ -103,6 +104,39 @@ def test_a_result_is_found_at_its_address_after_a_restart(browser, folder, resul
         assert visit.faults == []
 
 
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_kept_measurement_is_removed_once_that_is_confirmed(browser, folder, tmp_path, width):
+    results = tmp_path / "results"
+    results.mkdir()
+    with serving(folder, tmp_path / "scratch", results=results) as address:
+        visit = Visit(browser, address, viewport={"width": width, "height": 844})
+        page = visit.open()
+        for name in ("first.txt", "second.txt"):
+            visit.measure(name)
+            page.get_by_role("button", name="Measure another").click()
+        kept = {path.name for path in results.iterdir()}
+        page.get_by_role("button", name="Remove first.txt").focus()
+        page.keyboard.press("Enter")
+        assert page.evaluate("document.activeElement.textContent") == "Remove it"
+        check_layout(page, "#before")
+        visit.check_with_axe()
+        page.keyboard.press("Tab")
+        page.keyboard.press("Enter")  # keep it
+        assert {path.name for path in results.iterdir()} == kept
+        page.get_by_role("button", name="Remove first.txt").click()
+        page.get_by_role("button", name="Remove it").click()
+        until(page, "document.querySelectorAll('#before li').length === 1")
+        assert "second.txt" in page.locator("#before").inner_text()
+        (left,) = results.iterdir()
+        assert json.loads((left / "result.json").read_text())["name"] == "second.txt"
+        page.get_by_role("button", name="Remove second.txt").click()
+        page.get_by_role("button", name="Remove it").click()
+        until(page, "document.querySelectorAll('#before li').length === 0")
+        assert list(results.iterdir()) == []
+        visit.context.close()
+    assert visit.faults == []
+
+
 @pytest.mark.parametrize(
     "visit", [{"viewport": {"width": width, "height": 844}} for width in WIDTHS], indirect=True
 )
@@ -194,7 +228,7 @@ def test_before_and_after_of_a_vehicle(visit, archive):
         page.wait_for_selector("#archive h2")
     page.go_forward()
     page.wait_for_selector("#change-title")
-    earlier = page.locator("select[name=earlier]")
+    earlier = page.locator("#result select[name=earlier]")
     earlier.select_option(index=1)
     page.wait_for_selector("section[aria-labelledby=change-title] table")
     visit.check_with_axe()
@@ -202,3 +236,24 @@ def test_before_and_after_of_a_vehicle(visit, archive):
     with page.expect_download() as loaded:
         page.locator("#result").get_by_role("button", name="Download").click()
     assert "before" in loaded.value.path().read_text().lower()
+
+
+def test_unlike_verticals_are_named_and_one_is_chosen(visit, folder):
+    place = folder / "verticals"
+    write_results(place, to_tree(measure_five_point(read_five_point(PAPER))), 6)
+    for path in place.rglob("*.json"):
+        tree = json.loads(path.read_text())
+        if tree["capture"].endswith(("0", "2")):
+            path.write_text(json.dumps(tree | {"vertical_in_use": "floor"}))
+    page = visit.open("archive=0/verticals")
+    page.wait_for_selector("#archive table")
+    note = page.locator("#archive .note")
+    assert "floor: 2" in note.inner_text()
+    visit.check_with_axe()
+    page.select_option("#archive select[name=vertical]", "floor")
+    page.get_by_role("button", name="Show").click()
+    until(page, "document.querySelectorAll('#archive tbody tr').length === 2")
+    assert note.count() == 0
+    page.locator("[data-part=charts]").click()
+    page.wait_for_selector("#archive select[name=quantity]")
+    assert note.count() == 0

@@ -421,6 +421,33 @@ def test_an_archive_is_browsed(site, results):
     assert "<b>copy it again</b>" in failed[0][3]  # text, which the page never takes for HTML
 
 
+def test_cambers_from_unlike_verticals_are_named_and_can_be_chosen(site, five):
+    """Of one vertical nothing is said; of two, how many there are of each."""
+    tree = file_of(site, five, "measurement.json").json
+    place = write_results(site.allowed / "verticals", tree)
+    address = "/api/archive/{}/0/verticals?quantity=RR+camber"
+    overview = site.get(address.format("overview")).json["verticals"]
+    assert [vertical for vertical, _ in overview] == ["wheels"]
+    assert site.get(address.format("captures")).json["notice"] == ""
+    for path in sorted(place.glob("measurements/*/*.json"))[:3]:
+        changed = json.loads(path.read_text())
+        if changed["wheels"]:
+            path.write_text(json.dumps(changed | {"vertical_in_use": "floor"}))
+    (place / "catalogue.sqlite").unlink(missing_ok=True)
+    overview = site.get(address.format("overview")).json["verticals"]
+    assert [vertical for vertical, _ in overview] == ["floor", "wheels"]
+    for question in ("captures", "trends", "chart"):
+        notice = site.get(address.format(question)).json["notice"]
+        assert "floor" in notice
+        assert "plane of the wheel centres" in notice
+        chosen = site.get(f"{address.format(question)}&vertical=wheels").json
+        assert chosen["notice"] == ""
+    page = site.get(f"{address.format('captures')}&vertical=floor").json
+    assert 1 <= page["total"] <= 3
+    one = site.get(f"/api/archive/capture/0/verticals?key={page['keys'][0]}").json
+    assert ["Camber, caster and SAI from", "floor"] in one["facts"]
+
+
 def test_a_drift_is_shown(site, results):
     job_state = site.get("/api/archive/trends/0/results").json
     assert job_state["quantities"][0] == "RR toe"
@@ -455,8 +482,8 @@ def test_every_text_of_the_page_is_there_in_every_language():
 
 
 # Names that are made of parts, or that the program gives to what has a status.
-BUILT = ("format_", "kind_", "option_", "verdict_", "read_as_", "coordinates_",
-         "region_", "tolerance_", "convention_", "vertical_", "found_front_", "nelson_")  # fmt: skip
+BUILT = ("format_", "kind_", "option_", "region_", "read_as_", "coordinates_",
+         "tolerance_", "convention_", "vertical_", "found_front_", "nelson_")  # fmt: skip
 STATED = {*STATUSES, RECOGNISED.status, VANISHED.status, "agree", "disagree", "cannot_tell"}
 
 

@@ -263,3 +263,40 @@ def test_hints_that_are_no_points_are_refused(site, hints):
     job = ended(site, FAIL)
     answer = site.post(f"/api/jobs/{job.id}/again", {"options": {"hints": hints}})
     assert answer.status_code == 400
+
+
+def test_a_measurement_does_not_wait_for_the_points_of_another(site):
+    """With one worker: one sorts its points, the next is measured meanwhile, a third one waits."""
+    first = started(site, f"{READY}wait('go'); say(done=True)", state="ready")
+    second = started(site, f"{READY}wait('go'); say(done=True)", state="ready")
+    third = started(site, "say(done=True)", state="waiting")
+    for job in (first, second):
+        assert job.state == "ready"
+        (job.folder / "go").touch()
+    for job in (first, second, third):
+        assert job.finished.wait(60)
+        assert job.state == "done"
+
+
+def test_a_kept_result_is_removed_with_its_files_and_nothing_else(tmp_path):
+    results = tmp_path / "results"
+    results.mkdir()
+    site = Site(tmp_path, workers=1, results=results)
+    done = f"{READY}say(done=True)"
+    one, other = ended(site, done), ended(site, done)
+    at_work = started(site, f"{READY}wait('go'); say(done=True)", state="ready")
+    refused = site.post(f"/api/jobs/{at_work.id}/remove", {})
+    assert (refused.status_code, refused.json["error"].count("still at work")) == (409, 1)
+    assert site.post(f"/api/jobs/{one.id}/remove", {}).json == {"removed": one.id}
+    (at_work.folder / "go").touch()
+    assert at_work.finished.wait(60)
+    assert {path.name for path in results.iterdir()} == {other.id, at_work.id}
+    assert site.post(f"/api/jobs/{one.id}/remove", {}).status_code == 404
+    assert one.id not in [job["id"] for job in site.get("/api/jobs").json["jobs"]]
+    site.close()
+
+
+def test_a_result_of_this_session_is_not_removed(site):
+    job = ended(site, f"{READY}say(done=True)")
+    assert site.post(f"/api/jobs/{job.id}/remove", {}).status_code == 409
+    assert (job.folder / "measurement.json").is_file()

@@ -9,7 +9,7 @@ from datetime import UTC, datetime, timedelta
 from ...errors import printable
 from ...measurement import Estimate
 from ...report.format.digits import UNKNOWN
-from ...report.format.writer import Table, Writer
+from ...report.format.writer import Column, Table, Writer
 from .query import FailureGroup
 from .trends import MONTH_DAYS, Drift, Outlier, Summary
 
@@ -37,7 +37,7 @@ def summary_table(found: Sequence[Summary], writer: Writer) -> Table:
 def drift_table(found: Sequence[Drift], writer: Writer) -> Table:
     """Return the slope of each quantity over time, per 30 days."""
     words = writer.words
-    head = [words(f"listing.{name}") for name in
+    head = [Column(words(f"listing.{name}"), minor=name in ("from", "to", "scatter")) for name in
             ("quantity", "n", "from", "to", "per_month", "half", "scatter", "p",
              "drift")]  # fmt: skip
     rows = [_drift_row(one, writer) for one in found]

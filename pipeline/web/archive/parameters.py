@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from ...batch.catalogue.rows import STATUSES
 from ...batch.results.query import Filter
+from ...measurement import VERTICALS
 from ..security import RefusedError
 
 Parameters = Mapping[str, str]
@@ -13,11 +14,12 @@ Parameters = Mapping[str, str]
 
 def filter_of(parameters: Parameters) -> Filter:
     """Return the filter of captures."""
-    status = parameters.get("status", "")
+    status, vertical = parameters.get("status", ""), parameters.get("vertical", "")
     return Filter(
         text=parameters.get("text", "")[:200],
         vehicle=parameters.get("vehicle") or None,
         status=(status,) if status in STATUSES else (),
+        vertical=vertical if vertical in VERTICALS else None,
     )
 
 

@@ -21,6 +21,7 @@ from ...batch.results.query import (
     known_quantity,
     quantities_of,
     quantity_units,
+    verticals,
     wheels_of,
 )
 from ...batch.results.series import series
@@ -59,9 +60,25 @@ def answer(
     if question not in QUESTIONS:
         raise RefusedError(404, "no such view of an archive")
     if question == "overview" and not (folder / MEASURED).is_dir():
-        return {"total": 0, "statuses": [], "vehicles": [], "quantities": []}
+        return {"total": 0, "statuses": [], "vehicles": [], "quantities": [], "verticals": []}
     with open_catalogue(str(folder)) as catalogue:
-        return QUESTIONS[question](catalogue, parameters, words)
+        found = QUESTIONS[question](catalogue, parameters, words)
+        if question in OF_CAMBERS:
+            found["notice"] = _unlike_verticals(catalogue, parameters, words)
+        return found
+
+
+def _unlike_verticals(catalogue: Catalogue, parameters: Parameters, words: Translations) -> str:
+    """Return a notice where cambers of the captures are not to be compared; empty elsewhere."""
+    found = verticals(catalogue, filter_of(parameters))
+    charted = parameters.get("quantity", "")
+    if len(found) < 2 or (charted and not any(name in charted for name in BY_VERTICAL)):
+        return ""
+    each = "; ".join(
+        f"{words.known('page', f'vertical_{vertical}')}: {words.count(number)}"
+        for vertical, number in found.items()
+    )
+    return words("page.unlike_verticals", each=each)
 
 
 def plot(folder: Path, quantity: str, words: Translations) -> str:
@@ -91,6 +108,7 @@ def _overview(catalogue: Catalogue, _: Parameters, words: Translations) -> dict[
         "statuses": [[s, words(f"page.{s}"), n] for s, n in of_status.items()],
         "vehicles": [vehicle for (vehicle,) in rows],
         "quantities": [[q, quantity_name(q, words)] for q in quantity_units(catalogue)],
+        "verticals": [[v, words.known("page", f"vertical_{v}")] for v in verticals(catalogue)],
     }
 
 
@@ -151,7 +169,9 @@ def _capture(catalogue: Catalogue, parameters: Parameters, words: Translations) 
         "name": found.name,
         "facts": [[words("page.status"), words(f"page.{found.status}")]]
         + [[words("page.reason"), found.reason]] * bool(found.reason)
-        + [[words("page.date"), found.date]] * bool(found.date),
+        + [[words("page.date"), found.date]] * bool(found.date)
+        + [[words("page.option_vertical"), words.known("page", f"vertical_{found.vertical}")]]
+        * bool(found.vertical),
         "why": "" if found.status == "ok" else _why(catalogue, found.key),
         "record": _record(catalogue, found),
         "before": [
@@ -252,3 +272,7 @@ def _value(value: float | None, u: float | None, unit: str, words: Translations)
     of: Unit = "m" if unit == "m" else "rad"
     text = writer.number(value * scale, of, expanded(u) * scale)
     return text, writer.size(None if u is None else u * scale, of)
+
+
+BY_VERTICAL = ("camber", "caster", "inclination")  # in names of quantities
+OF_CAMBERS = ("captures", "trends", "chart")

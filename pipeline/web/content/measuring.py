@@ -27,6 +27,7 @@ from ...measurement import Conformity, Measurement, assess, tolerance_for
 from ...report.format.language import LANGUAGES, load_translations
 from ...report.json.measurement import to_json
 from ...report.scene.scene import scene
+from ...system import give_way
 from ..files.stored import PICKLE, RECORD, store
 from .panel import drawings, panel
 from .points import stamps, write_points
@@ -64,6 +65,7 @@ def measure(plan: dict[str, Any], send: Send) -> None:
         send("about", about(measurement))
         send("ready", True)
         if capture is not None:
+            give_way()  # the next measurement goes before these points
             room = plan["tree_bytes"]
             write_points(capture, measurement, out, measured, room, percentages(send))
 

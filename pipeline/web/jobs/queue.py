@@ -10,7 +10,9 @@ import signal
 import subprocess
 import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from typing import Any
 
 from ...errors import WheelplaneError
@@ -31,6 +33,7 @@ from .process import (
     send,
     start_process,
 )
+from .turns import Turns
 
 OF_ANOTHER = ("report", "table")  # tasks that write into the folder of a measurement
 LONG = ("measure", "explain")  # tasks that read scans
@@ -46,7 +49,8 @@ class Jobs:
         kept = [] if settings.results is None else kept_jobs(settings.results)
         self._jobs: dict[str, PageJob] = {job.id: job for job in kept}
         self._lock = threading.Lock()
-        self._pool = ThreadPoolExecutor(settings.workers, thread_name_prefix="job")
+        self._turns = Turns(settings.workers)
+        self._pool = ThreadPoolExecutor(self._turns.most, thread_name_prefix="job")
         self._quick = ThreadPoolExecutor(2, thread_name_prefix="report")
 
     def start(
@@ -133,6 +137,24 @@ class Jobs:
         end(job, "cancelled")
         kill(job)
 
+    def remove(self, job: PageJob) -> None:
+        """Remove a kept result with its files. Raises RefusedError while it is at work or read."""
+        with self._lock:
+            read = {used.id for one in self._jobs.values() if not one.finished.is_set()
+                    for used in one.uses}  # fmt: skip
+            if not (job.kept and job.state in SHOWN):
+                raise RefusedError(409, f"{job.name}: it is not in the folder of results")
+            if not job.finished.is_set() or job.id in read:
+                raise RefusedError(409, f"{job.name}: still at work: wait for its end, or cancel")
+            try:
+                shutil.rmtree(job.folder)
+            except FileNotFoundError:
+                pass  # removed by hand
+            except OSError as error:
+                reason = error.strerror or str(error)
+                raise RefusedError(409, f"{job.name}: cannot be removed ({reason})") from error
+            self._jobs.pop(job.id, None)
+
     def close(self) -> None:
         """End all jobs and start no more."""
         pools = (self._pool, self._quick)
@@ -169,8 +191,10 @@ class Jobs:
 
     def _run(self, job: PageJob, given: dict[str, Any]) -> None:
         try:
-            if job.state == "waiting":
-                self._work(job, given)
+            turn = self._turns.taken() if job.task in LONG else nullcontext(_stay)
+            with turn as leave:
+                if job.state == "waiting":
+                    self._work(job, given, leave)
         except OSError as error:
             fail(job, f"the measuring process cannot be started ({error.strerror})")
         finally:
@@ -205,7 +229,7 @@ class Jobs:
                 job.note, size = "its points gave way to those of later results", size - part
                 self._keep(job)
 
-    def _work(self, job: PageJob, given: dict[str, Any]) -> None:
+    def _work(self, job: PageJob, given: dict[str, Any], leave: Callable[[], None]) -> None:
         settings = self._settings
         config = None if settings.config is None else str(settings.config)
         limits = {
@@ -228,6 +252,7 @@ class Jobs:
                     receive(job, line)
                     if job.state == "ready":
                         self._keep(job)
+                        leave()  # the next one need not wait for the points
             finally:
                 alarm.cancel()
                 kill(job)
@@ -251,6 +276,10 @@ class Jobs:
             "fewer points, or start the page with a larger --time-limit",
         )
         kill(job)
+
+
+def _stay() -> None:
+    """Leave no turn, where none is held."""
 
 
 def _discard_unless_shown(job: PageJob) -> None:

@@ -28,7 +28,7 @@ export class Archive {
         this.overview = await this.#ask("overview");
         this.#build();
       }
-      for (const field of ["text", "status", "vehicle"]) this.form.elements[field].value = filter[field] ?? "";
+      for (const field of ["text", "status", "vehicle", "vertical"].filter((name) => name in this.form.elements)) this.form.elements[field].value = filter[field] ?? "";
       const shown = PARTS.includes(part) ? part : this.overview.total ? "captures" : "runs";
       const list = JSON.stringify([shown, filter, offset]);
       if (!isSame || list !== this.listed) await this.#show(shown, { offset: offset ?? 0 });
@@ -64,7 +64,7 @@ export class Archive {
   }
 
   #build() {
-    const { total, statuses, vehicles } = this.overview;
+    const { total, statuses, vehicles, verticals } = this.overview;
     this.list = el("div", { class: "card" });
     this.detail = el("div", { "aria-live": "polite" });
     const tile = (text, count) => el("div", { class: "tile" }, el("b", {}, String(count)), text);
@@ -72,6 +72,7 @@ export class Archive {
       el("label", {}, t("search"), el("input", { name: "text", autocomplete: "off" })),
       select("status", t("status"), [["", t("all")], ...statuses.map(([status, text]) => [status, text])], ""),
       select("vehicle", t("vehicle"), [["", t("all")], ...vehicles.map((name) => [name, name])], ""),
+      verticals.length > 1 ? select("vertical", t("option_vertical"), [["", t("all")], ...verticals], "") : null,
       el("button", { class: "main" }, t("apply")));
     this.place.replaceChildren(
       el("p", {}, el("b", {}, this.at.path || "/"), " ", el("button", { type: "button", onclick: () => this.#leave() }, t("choose_folder"))),
@@ -107,7 +108,7 @@ export class Archive {
         return;
       }
       const { table } = found;
-      this.list.replaceChildren(table.rows.length ? tableOf(table, { kind: part }) : el("p", { class: "empty" }, t("no_rows")));
+      this.list.replaceChildren(noteOf(found), table.rows.length ? tableOf(table, { kind: part }) : el("p", { class: "empty" }, t("no_rows")));
       if (part === "captures") this.#addPages(found);
       const open = {
         captures: (i) => this.#go({ key: found.keys[i], offset: asked.offset || "" }),
@@ -174,7 +175,7 @@ export class Archive {
       return;
     }
     const chart = new ControlChart(answer, (key) => this.#go({ part: "captures", key }));
-    this.detail.replaceChildren(el("div", { class: "card" }, chart.element));
+    this.detail.replaceChildren(el("div", { class: "card" }, noteOf(answer), chart.element));
   }
 
   /** Before and after: what changed since an earlier capture of the same vehicle. */
@@ -212,6 +213,11 @@ export class Archive {
     this.place.replaceChildren(el("div", { class: "card trouble", role: "alert" }, el("p", {}, error.message)),
       el("button", { type: "button", onclick: () => this.#leave() }, t("choose_folder")));
   }
+}
+
+/** Why numbers of these captures are not to be compared, if so. */
+function noteOf({ notice }) {
+  return notice ? el("p", { class: "note" }, notice) : "";
 }
 
 function factsOf(facts) {

@@ -115,6 +115,10 @@ export const session = {
     Object.assign(this, { jobs, running });
     for (const listener of this.listeners) listener();
   },
+  remove(id) {
+    this.jobs = this.jobs.filter((job) => job.id !== id);
+    for (const listener of this.listeners) listener();
+  },
   add(job) {
     this.jobs = [job, ...this.jobs.filter((other) => other.id !== job.id)];
     for (const listener of this.listeners) listener();
@@ -122,12 +126,15 @@ export const session = {
 };
 
 /** Date of a measurement: when its capture was taken, or else when it was measured. */
-export const dayOf = ({ date, began }) => date || new Date(1000 * began).toLocaleDateString(language);
+export const dayOf = ({ date, began }) => date || dayIn(new Date(1000 * began));
+
+/** Date of a time here, in ISO 8601 as captures state theirs: 11/12 is read in two ways. */
+const dayIn = (time) => [time.getFullYear(), time.getMonth() + 1, time.getDate()].map((part) => String(part).padStart(2, "0")).join("-");
 
 /** Name of a measurement, with its time where another one has the same name. */
 export function called({ id, name, began }) {
   if (!session.jobs.some((other) => other.id !== id && other.name === name)) return name;
   const time = new Date(1000 * began);
   const isToday = time.toDateString() === new Date().toDateString();
-  return `${name}, ${isToday ? time.toLocaleTimeString(language, { hourCycle: "h23" }) : time.toLocaleString(language)}`;
+  return `${name}, ${isToday ? "" : `${dayIn(time)} `}${time.toLocaleTimeString(language, { hourCycle: "h23" })}`;
 }

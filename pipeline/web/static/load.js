@@ -48,11 +48,35 @@ export class Loader {
 
   /** List the earlier measurements. */
   #showBefore() {
-    if (!session.jobs.length) return;
-    const open = (job) => el("li", {}, el("button", { type: "button", class: "open", onclick: () => this.onResult(job) },
-      el("span", { class: "name" }, called(job)), el("span", { class: "kind" }, [job.vehicle, dayOf(job)].filter(Boolean).join(", "))));
-    byId("before").replaceChildren(el("h2", {}, t("session")), el("p", { class: "hint" }, t(limits.kept ? "session_kept" : "session_ends")),
-      el("ul", { class: "items" }, ...session.jobs.map(open)));
+    if (!session.jobs.length) return byId("before").replaceChildren();
+    const open = (job) => el("button", { type: "button", class: "open", onclick: () => this.onResult(job) },
+      el("span", { class: "name" }, called(job)), el("span", { class: "kind" }, [job.vehicle, dayOf(job)].filter(Boolean).join(", ")));
+    const item = (job) => el("li", { class: job.kept ? "kept" : null }, open(job), job.kept ? this.#removal(job) : null);
+    return byId("before").replaceChildren(el("h2", { tabindex: "-1" }, t("session")), el("p", { class: "hint" }, t(limits.kept ? "session_kept" : "session_ends")),
+      el("ul", { class: "items" }, ...session.jobs.map(item)));
+  }
+
+  /** Button that removes a kept measurement, once that is confirmed. */
+  #removal(job) {
+    const first = el("button", { type: "button", class: "remove", "aria-label": t("remove_of", { name: called(job) }), onclick: () => ask(true) }, t("remove"));
+    const sure = el("button", { type: "button", class: "remove sure", onclick: () => remove() }, t("remove_sure"));
+    const question = el("p", { class: "note", hidden: true }, t("remove_ask", { name: called(job) }), " ", sure, " ", el("button", { type: "button", onclick: () => ask(false) }, t("remove_not")));
+    const ask = (asked) => {
+      question.hidden = !asked;
+      (asked ? sure : first).focus();
+    };
+    const remove = async () => {
+      try {
+        await post(`/api/jobs/${job.id}/remove`);
+        session.remove(job.id);
+        (byId("before").querySelector("h2") ?? byId("choose-files")).focus();
+      } catch (error) {
+        question.replaceChildren(el("span", { role: "alert" }, error.message));
+      }
+    };
+    const both = document.createDocumentFragment();
+    both.append(first, question);
+    return both;
   }
 
   #takeDrops() {
