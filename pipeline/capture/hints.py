@@ -21,7 +21,10 @@ OPERATOR = "The operator"
 NEAR = "{who} chose the target at {at}"
 # Sentences of a choice of places alone, and of one in them.
 BOXED = "{who} chose the box from {low} to {high}", "{choice} in the box from {low} to {high}"
-REGION = "{who} chose the region with corners {corners}", "{choice} in the region with corners {corners}"
+REGION = (
+    "{who} chose the region with corners {corners}",
+    "{choice} in the region with corners {corners}",
+)
 REASONED = "{choice} ({reason})"
 
 
