@@ -42,7 +42,7 @@ from .measurement import (
 from .plane import Patch, fit_plane
 from .targets import Target, WheelTarget
 from .uncertainty import with_type_b
-from .wheel import fit_wheel
+from .wheel import fit_surface, profile_of, target_of
 
 
 def measure_capture(
@@ -104,13 +104,14 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
 
 
 def _fit_bare_wheel(patch: Patch, target: WheelTarget, config: Config) -> Evidence:
-    fitted, stated = fit_wheel(patch, target.rim_inch), config.instrument
+    found, stated = fit_surface(patch, target.rim_inch), config.instrument
+    fitted = target_of(found, patch)
     sight_m = -stated.distance_m * fitted.normal
     if patch.station is not None and patch.station_m is not None:
         sight_m = fitted.centre_m - patch.station_m
     of_fit = (fitted.components, fitted.normal, sight_m)
     components = with_type_b(*of_fit, target, stated, patch.station)
-    return Evidence(replace(fitted, components=components))
+    return Evidence(replace(fitted, components=components), profile=profile_of(found, patch))
 
 
 def measure_five_point(

@@ -30,7 +30,7 @@ def targets_of(
     folder: Path,
     where: str,
 ) -> tuple[Target, dict[str, Target]]:
-    """Return the common target, and by the names of scans those that have another.
+    """Return the common target, and by the names of scans, or of a cloud's wheels, the others.
 
     named: replaces the common one and all others; where it names single wheels only, theirs. A
     wheel's own target is that of its trials, sweeps and run-outs too, unless they have their own.
@@ -56,27 +56,28 @@ def targets_of(
 def _resolved(
     common: Target | None, own: Mapping[str, Target], scans: Sequence[ScanEntry], where: str
 ) -> tuple[Target, dict[str, Target]]:
-    if any(scan.role == "vehicle" for scan in scans) and own:
-        raise InputError(
-            f"{where}: targets of single wheels ({', '.join(own)}) in one cloud of the vehicle: "
-            "give each wheel a scan of its own in [reference], or all wheels one target"
-        )
     found = {}
-    for scan in scans:
-        keys = (scan.name, scan.repeats, scan.wheel)
-        key = next((key for key in keys if key is not None and key in own), None)
+    for name, *keys in _names(scans):
+        key = next((key for key in (name, *keys) if key is not None and key in own), None)
         if key is not None:
-            found[scan.name] = own[key]
+            found[name] = own[key]
         elif common is None:
-            of_scan = f" for {scan.name}" if own else ""
+            of_scan = f" for {name}" if own else ""
             raise InputError(
                 f"{where}: no target is named{of_scan}: add --target, for example --target disc-250"
             )
     return common or found[REFERENCE_WHEELS[0]], found
 
 
+def _names(scans: Sequence[ScanEntry]) -> list[tuple[str, str | None, str | None]]:
+    """Return the names by which each scan's target is looked up; in a cloud, that of each wheel."""
+    if any(scan.role == "vehicle" for scan in scans):
+        return [(wheel, None, None) for wheel in REFERENCE_WHEELS]
+    return [(scan.name, scan.repeats, scan.wheel) for scan in scans]
+
+
 def _check_names(own: Mapping[str, object], scans: Sequence[ScanEntry], where: str) -> None:
-    names = [scan.name for scan in scans if scan.role != "vehicle"] or list(REFERENCE_WHEELS)
+    names = [name for name, *_ in _names(scans)]
     for name in own:
         if name not in names:
             raise InputError(

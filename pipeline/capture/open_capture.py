@@ -34,7 +34,7 @@ from .vertical import StatedVertical, stated_verticals
 class Capture:
     """A capture, ready to be read: entries are RR, RL, FR, FL, the trials, sweeps, run-outs.
 
-    targets: by the names of scans whose target is not the common one.
+    targets: by the names of scans, or of a cloud's wheels, whose target is not the common one.
     cloud: instead of entries, the one scan that shows all wheels, with its `front`, if given, and
     the method that finds `up`. date: in ISO 8601, if declared. vehicle_model: if declared. reading:
     what the scans do not say. verticals: the floor's normal and gravity, as far as they are stated.
@@ -64,6 +64,11 @@ class Capture:
     def target_of(self, entry: ScanEntry) -> Target:
         """Return the target that a scan shows."""
         return self.targets.get(entry.name, self.target)
+
+    @property
+    def of_wheels(self) -> dict[str, Target]:
+        """Target of each of RR, RL, FR, FL."""
+        return {wheel: self.targets.get(wheel, self.target) for wheel in REFERENCE_WHEELS}
 
     @property
     def steps(self) -> int:

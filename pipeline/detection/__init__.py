@@ -10,7 +10,7 @@ from .find_target import (
     rivals,
 )
 from .find_targets import candidates_of_cloud, find_targets
-from .identify_wheels import find_axles, placed, wheels_by_markers
+from .identify_wheels import find_axles, listed, placed, wheels_by_markers
 from .surfels import planes_of
 from .template_match import OFF_PLANE, outnumbered
 from .up_direction import find_up, stand_on_a_floor
@@ -29,6 +29,7 @@ __all__ = [
     "find_target",
     "find_targets",
     "find_up",
+    "listed",
     "outnumbered",
     "patch_of",
     "placed",

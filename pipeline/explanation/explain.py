@@ -46,7 +46,7 @@ def explain_capture(
         for entry in capture.entries:
             progress(entry.file)
             scans.append(_explain_scan(entry, capture, config))
-    shown = [capture.target_of(entry) for entry in capture.entries] or [capture.target]
+    shown = [capture.target_of(entry) for entry in capture.entries] or [*capture.of_wheels.values()]
     described = ", ".join(dict.fromkeys(target.description for target in shown))
     return Explanation(capture.source, described, capture.length_unit, tuple(scans))
 

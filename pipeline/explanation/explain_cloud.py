@@ -25,8 +25,10 @@ SAMPLE = 400_000  # points of a scan or a cloud in its picture
 def explain_cloud(
     cloud: ScanEntry, capture: Capture, config: Config, progress: Callable[[str], None]
 ) -> ExplainedScan:
-    """Explain the scan of a whole vehicle."""
-    source, target = capture.called(cloud), capture.target
+    """Explain the scan of a whole vehicle: its wheels, and candidates for the first flat target."""
+    source, kinds = capture.called(cloud), tuple(capture.of_wheels.values())
+    flat = (kind for kind in kinds if not isinstance(kind, WheelTarget))
+    target = next(flat, kinds[0])
     found = ExplainedScan(cloud.name, cloud.role, cloud.file, "ok", "", 0, NO_POINTS, target.region)
     try:
         progress(f"{cloud.file}: reading")

@@ -15,8 +15,8 @@ from ..config import Config
 from ..detection import (
     FoundTarget,
     find_axles,
-    find_targets,
     find_up,
+    listed,
     placed,
     stand_on_a_floor,
     wheels_by_markers,
@@ -24,12 +24,12 @@ from ..detection import (
 from ..diagnostics import check_vehicle_cloud
 from ..errors import InputError, NotMeasuredError, Wording
 from ..plane import Patch
-from ..readers import Part, Scan
+from ..readers import Part
 from ..system import stage
-from ..targets import PatternTarget, Target, WheelTarget
+from ..targets import PatternTarget, Target
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
-from ..wheel import find_wheels
+from ..wheel import VehicleScan, WheelPlace, find_places
 from .observe import Fit, note_on_hint, notes_on_lone_points
 from .records import Evidence, Naming, Observation
 
@@ -40,11 +40,12 @@ SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
 class Found:
     """Targets found in a whole-vehicle scan, with a sample of its points.
 
-    scans: name of the file's scan that each patch is from; '' if the file holds one only. notes:
-    findings about the points.
+    kinds: of targets on the vehicle. scans: name of the file's scan that each part is; '' if the
+    file holds one only. notes: findings about the points.
     """
 
-    patches: tuple[Patch, ...]
+    places: tuple[WheelPlace, ...]
+    kinds: tuple[Target, ...]
     scans: tuple[str, ...]
     sample_m: Array
     points: int
@@ -53,8 +54,21 @@ class Found:
 
     @property
     def targets(self) -> tuple[FoundTarget, ...]:
-        """Position, normal and match of each patch, by which wheels are named."""
-        return tuple(FoundTarget(p.origin_m, p.basis[2], p.match) for p in self.patches)
+        """Position, normal and match of the best patch at each place, by which wheels are named."""
+        best = (place.best for place in self.places)
+        return tuple(FoundTarget(p.origin_m, p.basis[2], p.match) for p in best)
+
+    def shows(self, index: int, target: Target) -> bool:
+        """Return whether such a target was found at a place."""
+        return self.kinds.index(target) in self.places[index].patches
+
+    def patch(self, index: int, target: Target) -> Patch:
+        """Return the patch of a target at a place that shows it."""
+        return self.places[index].patches[self.kinds.index(target)]
+
+    def scan_of(self, index: int, target: Target) -> str:
+        """Return the name of the file's scan that such a patch is from."""
+        return self.scans[self.patch(index, target).part]
 
 
 @stage("segment")
@@ -73,21 +87,33 @@ def targets_of_cloud(
     scan = cloud.read(capture.length_unit, source, capture.reading)
     hint = capture.hints.get("vehicle")
     within = boxed(scan, hint, source)
-    scan, target, unit = within.used, capture.target, capture.length_unit
-    check_vehicle_cloud(scan.points_m, 2.0 * target.radius_m, unit, source)
+    scan, kinds = within.used, kinds_of(capture)
+    smallest_m = 2.0 * min(kind.radius_m for kind in kinds)
+    check_vehicle_cloud(scan.points_m, smallest_m, capture.length_unit, source)
     progress(f"{cloud.file}: searching")
-    chosen = [one.near for wheel in REFERENCE_WHEELS if (one := capture.hints.get(wheel))]
-    near_m = [one for one in chosen if one is not None]
+    parts = scan.parts or (Part("", 0, len(scan.points_m), None),)
+    seen = VehicleScan(
+        points_m=scan.points_m,
+        intensity=scan.intensity,
+        parts=[(p.start, p.stop) for p in parts],
+        stations_m=[p.station_m for p in parts],
+        axes=[p.axes for p in parts],
+    )
+    near_m = [
+        (kinds.index(target), chosen.near)
+        for wheel, target in capture.of_wheels.items()
+        if (chosen := capture.hints.get(wheel)) and chosen.near is not None
+    ]
     try:
-        patches = _find(scan, near_m, target, config)
+        places = find_places(seen, kinds, config, near_m)
     except NotMeasuredError as error:
         raise InputError(f"{source}: {error}: check the file, and --target") from error
     if not near_m:
-        patches = _in_region(patches, within, source)
-    parts = scan.parts
+        places = _in_region(places, within, source)
     return Found(
-        patches=patches,
-        scans=tuple(parts[patch.part].name if len(parts) > 1 else "" for patch in patches),
+        places=places,
+        kinds=kinds,
+        scans=tuple(part.name if len(parts) > 1 else "" for part in parts),
         sample_m=sample(scan.points_m, SAMPLE),
         points=len(scan.points_m),
         invalid_points=scan.invalid_points,
@@ -95,23 +121,21 @@ def targets_of_cloud(
     )
 
 
-def _find(scan: Scan, near_m: Sequence[Array], target: Target, config: Config) -> tuple[Patch, ...]:
-    """Find all targets of a cloud, or those at points (3,) each. Raises NotMeasuredError."""
-    parts = scan.parts or (Part("", 0, len(scan.points_m), None),)
-    rows, stations = [(p.start, p.stop) for p in parts], [p.station_m for p in parts]
-    if isinstance(target, WheelTarget):
-        return find_wheels(scan.points_m, target.rim_inch, rows, stations, near_m)
-    seen = (scan.points_m, target, config.segment, scan.intensity)
-    return find_targets(*seen, rows, stations, [p.axes for p in parts], near_m, config.seed)
+def kinds_of(capture: Capture) -> tuple[Target, ...]:
+    """Return the unlike targets on the wheels of a vehicle, each once."""
+    of_wheels = list(capture.of_wheels.values())
+    return tuple(one for i, one in enumerate(of_wheels) if one not in of_wheels[:i])
 
 
-def _in_region(patches: tuple[Patch, ...], within: Searched, source: str) -> tuple[Patch, ...]:
+def _in_region(
+    places: tuple[WheelPlace, ...], within: Searched, source: str
+) -> tuple[WheelPlace, ...]:
     """Return the targets in the operator's region. Raises InputError where it has none of them."""
-    inside = tuple(patch for patch in patches if within.shows(patch.origin_m))
-    if patches and not inside:
+    inside = tuple(place for place in places if within.shows(place.best.origin_m))
+    if places and not inside:
         raise InputError(
             f"{source}: {within.hint.note if within.hint else ''}, which holds none of the "
-            f"{len(patches)} targets that are found: draw it about all four"
+            f"{len(places)} targets that are found: draw it about all four"
         )
     return inside
 
@@ -136,17 +160,18 @@ def observe_cloud(
     Raises InputError when the file is unreadable, when its targets cannot be assigned to wheels,
     and when one of the four cannot be measured.
     """
-    source = capture.called(cloud)
+    source, of_wheels = capture.called(cloud), capture.of_wheels
     with ThreadPoolExecutor(1) as beside:
         digest = beside.submit(lambda: cloud.sha256)
         found = targets_of_cloud(cloud, source, capture, config, progress)
     try:
         ways, naming = _chosen(found, capture, config) or _ways(found, capture)
+        ways = _with_their_targets(ways, found, of_wheels)
         evidence: dict[int, Evidence] = {}
         for wheel, index in ways[0].items():
             known = wheel if len(ways) == 1 else ""
             progress(f"{cloud.file}: {known or f'target {index + 1}'}")
-            evidence[index] = _fitted(found, index, known, capture.target, config, fit)
+            evidence[index] = _fitted(found, index, known, of_wheels[wheel], config, fit)
         marked = {index: e.target.wheel for index, e in evidence.items() if e.target.wheel}
         named = wheels_by_markers(ways, marked, found.targets)
     except InputError as error:
@@ -157,14 +182,16 @@ def observe_cloud(
             name=wheel,
             role="reference",
             wheel=wheel,
-            source=": ".join(filter(None, (cloud.file, found.scans[named[wheel]]))),
+            source=": ".join(
+                filter(None, (cloud.file, found.scan_of(named[wheel], of_wheels[wheel])))
+            ),
             sha256=digest.result(),
             points_total=found.points,
             invalid_points=found.invalid_points,
             evidence=evidence[named[wheel]],
             cloud=shown,
             notes=found.notes if wheel == REFERENCE_WHEELS[0] else (),
-            target=capture.target,
+            target=of_wheels[wheel],
         )
         for wheel, shown in zip(REFERENCE_WHEELS, by_wheel(found.sample_m, centres_m), strict=True)
     ]
@@ -195,8 +222,8 @@ def _chosen(
                 "two, or the front and the rear"
             )
     notes = [
-        note_on_hint(hint, wheel, patch, config)
-        for hint, wheel, patch in zip(hints, REFERENCE_WHEELS, found.patches, strict=True)
+        note_on_hint(hint, wheel, place.best, config)
+        for hint, wheel, place in zip(hints, REFERENCE_WHEELS, found.places, strict=True)
     ]
     return [named], Naming(BY_OPERATOR, up.by, found.points, tuple(notes))
 
@@ -205,7 +232,7 @@ def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Nami
     """Return the target of each wheel; in both senses where only markers show the front."""
     targets = found.targets
     stand = None if capture.up == "z" else partial(stand_on_a_floor, found.sample_m)
-    axles = find_axles(targets, capture.target.radius_m, stand)
+    axles = find_axles(targets, min(kind.radius_m for kind in found.kinds), stand)
     centres_m = axles.centres_m(targets)
     up = find_up(found.sample_m, centres_m, capture.up)
     first_m, second_m = centres_m.mean(axis=1)
@@ -214,7 +241,7 @@ def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Nami
         ahead = capture.front.is_ahead(first_m, second_m)
         naming = Naming(capture.front.note, up.by, found.points, notes)
         return [axles.named(targets, up.direction, ahead)], naming
-    if not names_wheels(capture.target):
+    if not all(names_wheels(kind) for kind in found.kinds):
         along = (second_m - first_m) / np.linalg.norm(second_m - first_m)
         one, other = (",".join(f"{x:.2f}" for x in way + 0.0) for way in (along, -along))
         raise InputError(
@@ -242,15 +269,39 @@ def names_wheels(target: Target) -> bool:
     return isinstance(target, PatternTarget) and target.wheels is not None
 
 
+def _with_their_targets(
+    ways: list[Mapping[str, int]], found: Found, of_wheels: Mapping[str, Target]
+) -> list[Mapping[str, int]]:
+    """Return the ways in which each wheel shows the target that is stated for it.
+
+    Raises InputError where there is none.
+    """
+    missing = [
+        [(wheel, index) for wheel, index in way.items() if not found.shows(index, of_wheels[wheel])]
+        for way in ways
+    ]
+    showing = [way for way, lacks in zip(ways, missing, strict=True) if not lacks]
+    if showing:
+        return showing
+    wheel, index = missing[0][0]
+    others = " and ".join(found.kinds[i].description for i in found.places[index].patches)
+    raise InputError(
+        f"{wheel} shows {others}, and not {of_wheels[wheel].description} as stated, "
+        f"{placed(found.targets[index])}: {listed(found.targets)}: check --target, [targets] and "
+        "--front"
+    )
+
+
 def _fitted(
     found: Found, index: int, wheel: str, target: Target, config: Config, fit: Fit
 ) -> Evidence:
     try:
-        return fit(found.patches[index], target, config)
+        return fit(found.patch(index, target), target, config)
     except NotMeasuredError as error:
         of_wheel = f" of {wheel}," if wheel else ""
-        scan = f" of {found.scans[index]}" if found.scans[index] else ""
+        scan = found.scan_of(index, target)
+        of_scan = f" of {scan}" if scan else ""
         raise InputError(
-            f"the target{of_wheel} {placed(found.targets[index])}{scan}, was not measured "
+            f"the target{of_wheel} {placed(found.targets[index])}{of_scan}, was not measured "
             f"({error.status}): {error}: scan the vehicle again, or check --target"
         ) from error

@@ -25,6 +25,7 @@ from ..uncertainty import (
 )
 from ..vectors import Array
 from ..vehicle import VehicleFrame, WheelAngles
+from ..wheel import WheelProfile
 from .residual_map import ResidualMap
 
 NAMED = "Wheels named by the geometry; front: {front}; up: {up}."
@@ -39,11 +40,15 @@ LEAST_UNIFORM = 0.1  # share of a rectangle in u, below which k changes by less 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Fitted target; of a scan also the plane's fit and a map of its residuals."""
+    """Fitted target; of a scan also the plane's fit and a map of its residuals.
+
+    profile: of a bare wheel, instead of these two.
+    """
 
     target: TargetFit
     plane: PlaneFit | None = None
     face: ResidualMap | None = None
+    profile: WheelProfile | None = None
 
 
 @dataclass(frozen=True)

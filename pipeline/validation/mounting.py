@@ -136,7 +136,7 @@ def _mounting(
     rest_m = without_target(points_m, plate.centre_m, outward, target.radius_m)
     rim = capture.target.rim if isinstance(capture.target, WheelTarget) else None
     bare = WheelTarget(shape="wheel", rim=rim)
-    patch = find_patch(rest_m, bare, config)
+    patch = find_patch(rest_m, bare, config, near_m=plate.centre_m, outward=outward)
     patch = replace(patch, station_m=None if part is None else part.station_m)
     wheel = fit_target(patch, bare, config).target
     return mounting_of(seen.name, result.wheel, plate, wheel, dense.frame)

@@ -1,7 +1,17 @@
 """The wheel itself as target: its axis of revolution and its centre, from rim and tyre."""
 
+from .find_places import VehicleScan, WheelPlace, find_places
 from .find_wheel import find_patch
-from .find_wheels import find_wheels
-from .fit_wheel import fit_wheel
+from .fit_wheel import fit_surface, target_of
+from .profile import WheelProfile, profile_of
 
-__all__ = ["find_patch", "find_wheels", "fit_wheel"]
+__all__ = [
+    "VehicleScan",
+    "WheelPlace",
+    "WheelProfile",
+    "find_patch",
+    "find_places",
+    "fit_surface",
+    "profile_of",
+    "target_of",
+]

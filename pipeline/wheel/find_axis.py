@@ -52,15 +52,19 @@ class RoughAxis:
 
     def agrees(self, other: RoughAxis) -> bool:
         """Return whether another start has led to the same axis."""
-        apart = other.axis.point_m - self.axis.point_m
-        aside = apart - (apart @ self.axis.direction) * self.axis.direction
         alike = abs(float(self.axis.direction @ other.axis.direction)) > np.cos(SAME_RAD)
-        return alike and float(np.linalg.norm(aside)) < SAME_M
+        return alike and self.aside_m(other.axis.point_m) < SAME_M
+
+    def aside_m(self, point_m: Array) -> float:
+        """Return the distance of a point (3,) from the axis."""
+        apart = point_m - self.axis.point_m
+        return float(np.linalg.norm(apart - (apart @ self.axis.direction) * self.axis.direction))
 
 
-def find_axis(points_m: Array) -> RoughAxis:
+def find_axis(points_m: Array, near_m: Array | None = None) -> RoughAxis:
     """Find the axis of the wheel in points_m (N, 3).
 
+    near_m: (3,) a point on the wheel, chosen by the operator: of several, that about it.
     Its direction is near that of many normals: of the side wall, the spokes, the door. Lines of
     sloping normals, seen along it, meet in its centre. The best of these places is refined by the
     linear complex of the normals. Raises NotMeasuredError 'too-few-points', 'wheel-not-found' or
@@ -78,10 +82,13 @@ def find_axis(points_m: Array) -> RoughAxis:
         found += [one for one, seen in zip(new, known, strict=True) if not seen]
         if any(known):
             break
+    if near_m is not None:
+        found = _about(near_m - origin, found)
     best = max(found, key=lambda one: one.score, default=None)
     if best is None:
+        at = "" if near_m is None else " about the chosen point"
         raise NotMeasuredError(
-            "wheel-not-found", "no surface of revolution of a wheel's size is in it"
+            "wheel-not-found", f"no surface of revolution of a wheel's size is in it{at}"
         )
     _check_alone(best, found)
     axis = Axis(best.axis.point_m + origin, best.axis.direction)
@@ -124,11 +131,19 @@ def _modes(pieces: Pieces) -> list[Array]:
     return modes
 
 
+def _about(near_m: Array, found: list[RoughAxis]) -> list[RoughAxis]:
+    """Return the axis nearest to a point (3,), of those that hold it and are well seen."""
+    held = {index: one.aside_m(near_m) for index, one in enumerate(found)}
+    held = {index: aside for index, aside in held.items() if aside < found[index].radius_m}
+    seen = RIVAL * max((found[index].score for index in held), default=0.0)
+    nearest = sorted((index for index in held if found[index].score > seen), key=held.__getitem__)
+    return [found[index] for index in nearest[:1]]
+
+
 def _check_alone(best: RoughAxis, found: list[RoughAxis]) -> None:
     """Raise NotMeasuredError 'ambiguous-target' where another wheel is as well seen."""
     for other in found:
-        apart = other.axis.point_m - best.axis.point_m
-        aside = float(np.linalg.norm(apart - (apart @ best.axis.direction) * best.axis.direction))
+        aside = best.aside_m(other.axis.point_m)
         if aside > APART_M and other.score > RIVAL * best.score:
             raise NotMeasuredError(
                 "ambiguous-target", f"two wheels are in the scan, {aside:.2f} m apart"

@@ -26,35 +26,47 @@ def find_patch(
     intensity: Array32 | None = None,
     axes: Array | None = None,
     near_m: Array | None = None,
+    outward: Array | None = None,
 ) -> Patch:
     """Find the target in points_m (N, 3), or the wheel itself, and cut its patch.
 
     intensity: (N,) or None. axes, near_m: see `find_target`; of a wheel, the points within CHOSEN_M
-    of near_m are searched. Raises NotMeasuredError.
+    of near_m are searched, and its normal is that towards outward (3,). Raises NotMeasuredError.
     """
     if isinstance(target, WheelTarget):
         if near_m is not None:
             points_m = points_m[np.linalg.norm(points_m - near_m, axis=1) < CHOSEN_M]
-        return find_wheel(points_m)
+        return find_wheel(points_m, near_m, outward)
     return find_target(points_m, target, config.segment, config.seed, intensity, axes, near_m)
 
 
-def find_wheel(points_m: Array) -> Patch:
+def find_wheel(points_m: Array, near_m: Array | None = None, outward: Array | None = None) -> Patch:
     """Find the wheel in points_m (N, 3) and cut its patch, its normal outwards.
 
-    Raises NotMeasuredError 'too-few-points' or 'wheel-not-found'.
+    near_m: (3,) a point on it, where there may be several. outward: (3,) about its normal, where
+    that is known.
+    Raises NotMeasuredError 'too-few-points', 'wheel-not-found' or 'ambiguous-target'.
     """
-    return cut_wheel(points_m, find_axis(points_m))
+    return cut_wheel(points_m, find_axis(points_m, near_m), outward)
 
 
-def cut_wheel(points_m: Array, rough: RoughAxis) -> Patch:
-    """Cut the patch of the wheel about a rough axis out of points_m (N, 3), its normal outwards."""
+def cut_wheel(points_m: Array, rough: RoughAxis, outward: Array | None = None) -> Patch:
+    """Cut the patch of the wheel about a rough axis out of points_m (N, 3), its normal outwards.
+
+    outward: (3,) about its normal; without it, the way in which less lies before the side wall.
+    """
     axis, reach = rough.axis, rough.radius_m + BESIDE_M
     local = points_m - axis.point_m
     height = local @ axis.direction
     square = np.einsum("ij,ij->i", local, local) - height**2
     near = (square < reach**2) & (np.abs(height) < DEPTH_M)
-    if _points_inwards(height[near], np.sqrt(square[near].clip(min=0.0)), rough.radius_m):
+    radius = np.sqrt(square[near].clip(min=0.0))
+    inwards = (
+        _points_inwards(height[near], radius, rough.radius_m)
+        if outward is None
+        else axis.direction @ outward < 0.0
+    )
+    if inwards:
         axis = Axis(axis.point_m, -axis.direction)
     return Patch(
         origin_m=axis.point_m,

@@ -63,8 +63,10 @@ def find_wheels(
     """
     parts = parts or [(0, len(points_m))]
     if near_m:
-        balls = (_within(points_m, one, CHOSEN_M) for one in near_m)
-        found = [(find_axis(points_m[rows]), rows) for rows in balls]
+        balls = [_within(points_m, one, CHOSEN_M) for one in near_m]
+        found = [
+            (find_axis(points_m[rows], one), rows) for one, rows in zip(near_m, balls, strict=True)
+        ]
     else:
         found = _standing(points_m, rim_inch)
     return tuple(_of_best_part(points_m, rough, rows, parts, stations_m) for rough, rows in found)

@@ -43,17 +43,27 @@ class WheelFit:
     level_m: float
 
 
-@stage("plane")
 def fit_wheel(patch: Patch, rim_inch: float | None) -> TargetFit:
-    """Fit the axis of the wheel in `patch`, and its centre on it.
+    """Fit the axis of the wheel in `patch`, and its centre on it; see `fit_surface`."""
+    return target_of(fit_surface(patch, rim_inch), patch)
+
+
+@stage("plane")
+def fit_surface(patch: Patch, rim_inch: float | None) -> WheelFit:
+    """Fit the surface of revolution of the wheel in `patch`.
 
     By the rim where its flange is seen, else by the tyre; the centre is level with the flange's
     edge, or with the tyre's widest ring. rim_inch: nominal diameter of the rim, if it is stated.
     Raises NotMeasuredError 'wheel-not-found'.
     """
     found = _by_rim_or_tyre(patch, rim_inch)
+    _check(found.fit, found.method)
+    return found
+
+
+def target_of(found: WheelFit, patch: Patch) -> TargetFit:
+    """Return axis and centre of a fitted wheel in the scan's coordinates, with uncertainty."""
     fit, cells = found.fit, found.fit.cells
-    _check(fit, found.method)
     used = cells.used
     return TargetFit(
         centre_m=patch.origin_m + fit.axis.point_m + found.level_m * fit.axis.direction,

@@ -85,10 +85,13 @@ def test_a_target_that_is_no_name_is_refused(tmp_path):
         shapes(write(tmp_path, head, REFERENCE))
 
 
-def test_one_cloud_shows_one_kind(tmp_path):
+def test_one_cloud_shows_the_target_of_each_wheel(tmp_path):
     head = 'cloud = "car.ply"\ntarget = "disc-250"\n[targets]\nFL = "wheel"\n'
-    with pytest.raises(InputError, match=r"\(FL\) in one cloud of the vehicle: give each wheel"):
-        shapes(write(tmp_path, head))
+    with open_capture(write(tmp_path, head), "FR=ring-300") as capture:
+        found = {wheel: one.shape for wheel, one in capture.of_wheels.items()}
+    assert found == {"RR": "disc", "RL": "disc", "FR": "ring", "FL": "wheel"}
+    with pytest.raises(InputError, match=r"no target is named for RL: add --target"):
+        shapes(write(tmp_path, 'cloud = "car.ply"\n[targets]\nRR = "wheel"\n'))
 
 
 def test_targets_of_names_the_choice_before_the_file(tmp_path):

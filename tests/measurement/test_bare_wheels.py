@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.support.round_wheels import vehicle_points, wheel_points
-from wheelplane.capture import open_capture
+from tests.support.round_wheels import vehicle_points, wheel_points, with_disc
+from wheelplane.capture import CaptureOptions, open_capture
 from wheelplane.config import Config
 from wheelplane.errors import InputError
 from wheelplane.measure import measure_capture
@@ -115,6 +115,59 @@ def test_wheels_in_one_cloud_of_the_vehicle_are_found_named_and_measured(tmp_pat
         assert abs(wheel.angles.toe_rad - TOE) < k * wheel.u_toe_rad
         assert abs(wheel.angles.camber_rad - CAMBER) < k * wheel.u_camber_rad
     assert "those of the rims" in " ".join(found.notes)
+
+
+DISCS = ("RR", "RL")
+OFF_M, TILT = 0.08, np.radians(0.5)
+
+
+def mixed(folder, own):
+    """Cloud of a car with discs on the rear axle, tilted in toe by TILT; front wheels bare."""
+    rng = np.random.default_rng(13)
+    centres = [np.array([x, y, 0.32]) for x, y in CENTRES.values()]
+    axes = [outward(name) for name in CENTRES]
+    points = vehicle_points(rng, centres, axes)
+    for wheel, centre, axis in zip(CENTRES, centres, axes, strict=True):
+        if wheel in DISCS:
+            points = with_disc(rng, points, centre, axis, outward(wheel, TOE + TILT), OFF_M)
+    np.save(folder / "car.npy", points)
+    disc = '{ shape = "disc", diameter = 0.25, stand_off = 0.08, stand_off_u = 0.0005 }'
+    lines = ['cloud = "car.npy"', "front = [1.0, 0.0, 0.0]", 'target = "wheel"', "[targets]"]
+    lines += [f"{wheel} = {disc}" for wheel in own]
+    (folder / "capture.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder
+
+
+def test_one_cloud_shows_targets_on_some_wheels_and_none_on_others(tmp_path):
+    found = measured(mixed(tmp_path, DISCS))
+    for wheel in found.wheels:
+        name = wheel.observation.name
+        on_disc = name in DISCS
+        assert wheel.observation.fitted.method == ("outline" if on_disc else "flange")
+        assert np.linalg.norm(wheel.pose.centre_m[:2] - CENTRES[name]) < 0.03
+        k = 2.0 * coverage_factor(0.95, np.array([wheel.dof_toe]))[0]
+        assert abs(wheel.angles.toe_rad - TOE - TILT * on_disc) < k * wheel.u_toe_rad
+        assert abs(wheel.angles.camber_rad - CAMBER) < k * wheel.u_camber_rad
+    assert [w.observation.target.shape for w in found.wheels] == ["disc", "disc", "wheel", "wheel"]
+
+
+def test_chosen_points_are_those_of_each_wheels_own_target(tmp_path):
+    folder = mixed(tmp_path, DISCS)
+    with open_capture(folder) as capture:
+        plain = measure_capture(capture, Config())
+    chosen = {name: (x + 0.03, 1.05 * y, 0.33) for name, (x, y) in CENTRES.items()}
+    with open_capture(folder, options=CaptureOptions(hints=chosen)) as capture:
+        found = measure_capture(capture, Config())
+    for one, other in zip(found.wheels, plain.wheels, strict=True):
+        assert np.linalg.norm(one.pose.centre_m - other.pose.centre_m) < 0.002
+        assert one.observation.target == other.observation.target
+
+
+@pytest.mark.slow
+def test_a_target_where_none_is_mounted_is_refused_with_a_list(tmp_path):
+    line = r"FR shows a wheel, and not a disc .* as stated, at \(2\.[56].*target 4 at .*--front"
+    with pytest.raises(InputError, match=line):
+        measured(mixed(tmp_path, ("FR", "FL")))
 
 
 @pytest.mark.slow

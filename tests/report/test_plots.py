@@ -15,21 +15,31 @@ import pytest
 
 from tests.support.reported import ANGLES, TURNS, lost, measured, off_m, renamed, scan
 from wheelplane.measurement.conformity import assess
+from wheelplane.measurement.records import Evidence
 from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.plots.angle_chart import angles_text
 from wheelplane.report.plots.angles import angles_drawing, tick_text
 from wheelplane.report.plots.budget import BAR, wheel_budget
-from wheelplane.report.plots.drawing import CircleMark, Drawing, Path, Raster, Text, png_of
+from wheelplane.report.plots.drawing import (
+    CircleMark,
+    Dots,
+    Drawing,
+    Path,
+    Raster,
+    Text,
+    png_of,
+)
 from wheelplane.report.plots.drawing_png import ZOOM, drawing_png
 from wheelplane.report.plots.files import file_name, plot_files
 from wheelplane.report.plots.frame import frame_drawing
-from wheelplane.report.plots.histogram import histogram_drawing
+from wheelplane.report.plots.residuals import LIMIT, USED, histogram_drawing, profile_drawing
 from wheelplane.report.plots.target_face import OUTLINE, SIDE, coarseness, face_drawing
 from wheelplane.report.plots.top_view import factor, top_drawing
 from wheelplane.report.plots.validation import GREEN, Chart, ticks
 from wheelplane.report.scene.scene import scene
+from wheelplane.wheel import WheelProfile
 
 EN = load_translations("en")
 LIMITS = Tolerance.model_validate(
@@ -207,6 +217,48 @@ def test_points_of_a_chart_lie_where_the_ticks_say():
     assert {m.y for m in marks if isinstance(m, CircleMark)} == {level[1]}
     assert upright == sorted(upright)
     assert level == sorted(level, reverse=True)  # y grows downwards
+
+
+def profile(**changed):
+    ring = np.arange(0.1, 0.3, 0.002)
+    seen = WheelProfile(
+        radius_m=ring,
+        height_m=np.where(ring < 0.15, np.nan, 0.1 * (ring - 0.23)),
+        used=(ring > 0.201) & (ring < 0.231),
+        ring_m=np.array([0.23, 0.0]),
+        method="flange",
+        points_m=np.column_stack([ring, np.zeros(len(ring))]),
+        kept_m=np.column_stack([ring, np.where(np.arange(len(ring)) % 2, 5e-4, -5e-4)]),
+        rejected_m=np.array([[0.21, 1.5e-3], [0.22, 0.5]]),
+    )
+    evidence = Evidence(wheel("RR").observation.evidence.target, profile=replace(seen, **changed))
+    return replace(wheel("RR"), observation=replace(wheel("RR").observation, evidence=evidence))
+
+
+def test_the_profile_marks_the_ring_of_the_centre_and_the_rings_of_the_axis():
+    drawing = profile_drawing(profile(), EN)
+    dashed = [m for m in drawing.marks if isinstance(m, Path) and m.dash]
+    used = next(np.asarray(m.points) for m in drawing.marks if getattr(m, "stroke", "") == USED)
+    texts = {m.text: m for m in drawing.marks if isinstance(m, Text)}
+    assert len({x for m in dashed for x, _ in m.points}) == 1
+    shown = [(float(text), m.x) for text, m in texts.items() if text.isdecimal() and len(text) == 3]
+    at = np.polyval(np.polyfit(*np.transpose(shown), 1), [230.0, 202.0])
+    assert dashed[0].points[0][0] == pytest.approx(at[0])
+    assert used[:, 0].min() == pytest.approx(at[1])
+    assert used[:, 0].max() == pytest.approx(at[0])
+    assert texts["edge of the flange, 230.0 mm"].x == pytest.approx(at[0])
+    assert "rms 0.500 mm" in next(text for text in texts if "rms" in text)
+    rejected = [m for m in drawing.marks if isinstance(m, Dots) and m.colour == LIMIT]
+    assert len(rejected[0].points) == 1  # the other lies beyond the range
+
+
+def test_a_tyre_s_profile_says_so_in_both_languages_and_a_target_has_none():
+    for language in LANGUAGES:
+        words = load_translations(language)
+        drawing = profile_drawing(profile(method="tyre"), words)
+        expected = words("plot.profile_tyre", radius=words.number("230.0"))
+        assert expected in [m.text for m in drawing.marks if isinstance(m, Text)]
+    assert profile_drawing(wheel("RR"), EN) is None
 
 
 # --- files --------------------------------------------------------------------------------------

@@ -92,3 +92,15 @@ def vehicle_points(rng, centres, axes, count=30_000, noise_m=0.0008):
     points = points[points[:, 2] > -0.001]
     points[:, 2] += rng.normal(0.0, noise_m, len(points))
     return points
+
+
+def with_disc(rng, points, centre, axis, normal, off_m, noise_m=0.0005):
+    """Points (N, 3) with a disc of 250 mm before the wheel at a centre, which hides the hub."""
+    away = points - centre
+    along = away @ axis
+    behind = np.sqrt(np.sum(away**2, axis=1) - along**2) < 0.128
+    kept = points[~(behind & (np.abs(along) < 0.3))]
+    radius = 0.125 * np.sqrt(rng.random(15_000))
+    angle = rng.uniform(0.0, 2.0 * np.pi, len(radius))
+    face = about_axis(radius, angle, np.zeros(len(radius)), centre + off_m * axis, normal)
+    return np.concatenate([kept, face + rng.normal(0.0, noise_m, face.shape)])

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from tests.support.mixed import disc_file, write_mixed
 from tests.support.mountings import OFFSETS, compared
+from tests.support.round_wheels import vehicle_points, with_disc
 from wheelplane.capture import open_capture
 from wheelplane.centre import TargetFit
 from wheelplane.cli import cli
@@ -50,6 +51,34 @@ def test_a_test_of_u_that_is_small_enough_to_serve(one):
         assert mounting.toe.u < np.radians(1.5 / 60.0)
         assert mounting.stand_off.u < 0.0003
         assert mounting.forward.u < 0.0002
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("discs", [("RR", "RL", "FR", "FL"), ("RR", "FL")])
+def test_targets_in_one_cloud_stand_to_the_wheels_behind_them_as_mounted(tmp_path, discs):
+    rng, tilt, off_m = np.random.default_rng(41), np.radians([0.3, -0.4]), 0.085
+    places = {"RR": (0.0, -0.75), "RL": (0.0, 0.75), "FR": (2.6, -0.75), "FL": (2.6, 0.75)}
+    centres = {name: np.array([x, y, 0.32]) for name, (x, y) in places.items()}
+    axes = {name: np.array([0.0, np.sign(y), 0.0]) for name, (_, y) in places.items()}
+    points = vehicle_points(rng, list(centres.values()), list(axes.values()), count=60_000)
+    for name in discs:
+        normal = np.array([np.sin(tilt[0]), axes[name][1], -np.sin(tilt[1])])
+        normal /= np.linalg.norm(normal)
+        points = with_disc(rng, points, centres[name], axes[name], normal, off_m)
+    np.save(tmp_path / "car.npy", points)
+    bare = "".join(f'{name} = "wheel"\n' for name in places if name not in discs)
+    text = f'cloud = "car.npy"\nfront = [1.0, 0.0, 0.0]\ntarget = "disc-250"\n[targets]\n{bare}'
+    (tmp_path / "capture.toml").write_text(text, encoding="utf-8")
+    with open_capture(tmp_path) as capture:
+        found = validate_mountings(capture, Config())
+    assert tuple(one.name for one in found.mountings) == discs
+    assert [name for name, _ in found.missing] == [name for name in places if name not in discs]
+    true = dict(zip(OFFSETS, (*tilt, off_m, 0.0, 0.0), strict=True))
+    for one in found.mountings:
+        assert one.by == "flange"
+        for name, known in one.offsets.items():
+            assert abs(known.value - true[name]) < 3.5 * known.u, name
+        assert one.toe.u < np.radians(3.0 / 60.0)
 
 
 def test_the_scatter_of_all_is_that_of_the_targets_file(one):

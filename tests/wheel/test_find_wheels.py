@@ -5,6 +5,7 @@ import pytest
 
 from tests.support.round_wheels import angle_between, vehicle_points, wheel_points
 from wheelplane.errors import NotMeasuredError
+from wheelplane.wheel.find_axis import find_axis
 from wheelplane.wheel.find_wheels import find_wheels
 
 CENTRES = [(x, y, 0.32) for x in (0.0, 2.6) for y in (-0.75, 0.75)]
@@ -68,6 +69,18 @@ def test_a_chosen_point_decides_which_wheel():
     found = find_wheels(points, None, near_m=near)
     away = [np.linalg.norm(p.origin_m - np.array(c)) for p, c in zip(found, near, strict=True)]
     assert max(away) < 0.25
+
+
+def test_a_chosen_point_decides_between_wheels_of_a_tandem():
+    rng = np.random.default_rng(8)
+    pair = [np.array([x, 0.75, 0.32]) for x in (0.0, -0.7)]
+    points = np.concatenate([wheel_points(rng, one, LEVEL[1]) for one in pair])
+    with pytest.raises(NotMeasuredError, match=r"two wheels are in the scan, 0\.70 m apart"):
+        find_axis(points)
+    for centre in pair:
+        for off in rng.uniform(-0.15, 0.15, (3, 3)):
+            (found,) = find_wheels(points, None, near_m=[centre + off])
+            assert np.linalg.norm(found.origin_m - centre) < 0.03
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from ...measurement import Measurement, Stated, WheelResult, against, stated
 from ..format.writer import Writer
 from ..plots.budget import wheel_budget
 from ..plots.drawing import Drawing
-from ..plots.histogram import histogram_drawing
+from ..plots.residuals import histogram_drawing, profile_drawing
 from ..plots.target_face import coarseness, face_drawing
 from .provenance import Pairs, wheel_facts
 
@@ -23,6 +23,7 @@ class Card:
     camber: tuple[str, ...]
     face: Drawing | None
     histogram: Drawing | None
+    profile: Drawing | None
     budget: Drawing | None
     facts: Pairs
 
@@ -59,6 +60,7 @@ def _card(
         camber=camber,
         face=face_drawing(result, measurement.frame, words, coarser),
         histogram=histogram_drawing(result, words),
+        profile=profile_drawing(result, words),
         budget=wheel_budget(measurement, name, words, writer.view.axis) if measured else None,
         facts=wheel_facts(result, writer),
     )

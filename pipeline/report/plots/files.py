@@ -14,7 +14,7 @@ from .budget import budget_drawing
 from .drawing import Drawing
 from .drawing_png import drawing_png
 from .frame import frame_drawing
-from .histogram import histogram_drawing
+from .residuals import histogram_drawing, profile_drawing
 from .target_face import face_drawing
 from .top_view import top_drawing
 
@@ -45,6 +45,9 @@ def _drawings(
         if face is not None and histogram is not None:
             yield f"residuals-{name}", face
             yield f"histogram-{name}", histogram
+        profile = profile_drawing(result, words)
+        if profile is not None:
+            yield f"profile-{name}", profile
 
 
 def file_name(stem: str, suffix: str, taken: Iterable[str]) -> str:

@@ -22,7 +22,7 @@ from ...report.html.provenance import head_pairs, troubles, wheel_facts
 from ...report.html.results import headline
 from ...report.plots.budget import wheel_budget
 from ...report.plots.drawing import Drawing
-from ...report.plots.histogram import histogram_drawing
+from ...report.plots.residuals import histogram_drawing, profile_drawing
 from ...report.plots.target_face import face_drawing
 from ...report.tables.conformity import joint, limits_table
 from ...report.tables.kinematics import runout_tables, steering_tables
@@ -77,6 +77,7 @@ def drawings(
     of_target = [
         face_drawing(result, measurement.frame, words),
         histogram_drawing(result, words),
+        profile_drawing(result, words),
     ]
     yield from (drawing for drawing in of_target if drawing is not None)
     if result.angles is not None:
