@@ -20,7 +20,7 @@ from .five_point import (
     observe_block,
     pooled_noise,
 )
-from .kinematics import solve
+from .kinematics import carried, solve
 from .measurement import (
     Evidence,
     Fit,
@@ -35,6 +35,7 @@ from .measurement import (
     notes_of_assumptions,
     observe_cloud,
     observe_entries,
+    observe_rolled,
     residual_map,
     rounded,
     shaded,
@@ -78,12 +79,17 @@ def observe_capture(
 ) -> tuple[list[Observation], Naming | None]:
     """Observe every target, those of RR, RL, FR, FL first; return how a cloud's wheels were named.
 
-    A capture is scans of single wheels, whose names say which, or one scan of the whole vehicle.
+    Scans of a vehicle that has rolled are carried to where it was in the others. A capture is scans
+    of single wheels, whose names say which, or one scan of the whole vehicle.
     """
     if capture.cloud is not None:
-        return observe_cloud(capture.cloud, capture, config, fit, progress)
+        found, naming = observe_cloud(capture.cloud, capture, config, fit, progress)
+        for cloud in capture.rolled:
+            found += observe_rolled(cloud, capture, config, fit, progress)
+        return carried(found, capture.source), naming
     several = fit is fit_target
-    return observe_entries(capture, config, fit, progress, several), None
+    found = observe_entries(capture, config, fit, progress, several)
+    return carried(found, capture.source), None
 
 
 def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
@@ -154,7 +160,10 @@ def provenance_of_capture(
         used["hints"] = {name: hint.stated() for name, hint in capture.hints.items()}
     inputs = {observation.source: observation.sha256 for observation in observations}
     if capture.cloud is not None:  # its observations name the single scans of the file as well
-        inputs = {capture.cloud.file: observations[0].sha256}
+        clouds = (capture.cloud, *capture.rolled)
+        inputs = {
+            cloud.file: four.sha256 for cloud, four in zip(clouds, observations[::4], strict=True)
+        }
     origin = (capture.source, capture.vehicle, __version__, inputs, used, config.seed)
     return Provenance(*origin, naming, capture.date)
 

@@ -40,11 +40,16 @@ class DeclaredSweep(Section):
 
 
 class DeclaredRunout(Section):
-    """A scan of a lifted wheel, rotated about its axle by angle_deg."""
+    """A scan of a lifted wheel, rotated about its axle by angle_deg; or of a vehicle that rolled.
+
+    position: of a vehicle that rolled, the same text for its four wheels; one cloud of all wheels
+    names no wheel, and its name serves.
+    """
 
     name: str = Field(min_length=1)
     file: str = Field(min_length=1)
-    wheel: WheelName
+    wheel: WheelName | None = None
+    position: str | None = Field(None, min_length=1)
     angle_deg: float
     u_angle_deg: float = Field(1.0, gt=0.0, le=30.0)
 
@@ -150,11 +155,18 @@ def read_capture_file(path: Path, where: str) -> CaptureFile:
 
 
 def _check_cloud(declared: CaptureFile, where: str) -> None:
-    for table in ("trial", "sweep", "runout"):
+    for table in ("trial", "sweep"):
         if getattr(declared, table):
             raise InputError(
                 f"{where}: [[{table}]] without [reference]: a cloud of the whole vehicle has "
                 f"no others: give each wheel its scan in [reference], or leave out [[{table}]]"
+            )
+    for scan in declared.runout:
+        if scan.wheel is not None:
+            raise InputError(
+                f"{where}: runout {scan.name!r} is of {scan.wheel}, in a capture of one cloud: "
+                "give each wheel its scan in [reference], or name a cloud of the rolled vehicle "
+                "and leave out its wheel"
             )
 
 
@@ -164,6 +176,11 @@ def _check_reference(declared: CaptureFile, reference: dict[str, str], where: st
             f"{where}: holds both [reference] and cloud = {declared.cloud!r}: keep [reference] for "
             "one scan a wheel, or cloud for one scan of all wheels"
         )
+    for scan in declared.runout:
+        if scan.wheel is None:
+            raise InputError(
+                f'{where}: runout {scan.name!r} names no wheel: add wheel = "RR", or another'
+            )
     for wheel in REFERENCE_WHEELS:
         if wheel not in reference:
             raise InputError(f"{where}: [reference] lacks {wheel}: name the scan of that wheel")

@@ -18,7 +18,7 @@ from .declaration import (
     DeclaredTrial,
     named_files,
 )
-from .entry import ScanEntry, Turn
+from .entry import Role, ScanEntry, Turn
 from .file_names import check_plain, only_cloud
 from .folder import check_path
 
@@ -43,6 +43,7 @@ def scans_of(
     trials = {trial.name: trial for trial in reversed(declared.trial)}  # the first of a name
     entries += [_of_trial(trial, trials, where) for trial in declared.trial]
     entries += _of_sweeps(declared.sweep, where) + _of_runouts(declared.runout, where)
+    _check_rolled(entries, where)
     _check_names(entries, where)
     for file in (*(entry.file for entry in entries), *named_files(declared)):
         check_inside(folder if packed else within, folder / file, file, where)
@@ -86,7 +87,9 @@ def _of_sweeps(sweeps: tuple[DeclaredSweep, ...], where: str) -> list[ScanEntry]
 
 
 def _of_runouts(runouts: tuple[DeclaredRunout, ...], where: str) -> list[ScanEntry]:
-    """Return the entries of the run-outs, two or more per wheel."""
+    """Return the entries of the run-outs, two or more per wheel; of a rolled vehicle, all four."""
+    if any(scan.position or scan.wheel is None for scan in runouts):
+        return _of_rolled(runouts, where)
     entries = []
     scans = Counter(scan.wheel for scan in runouts)
     for scan in runouts:
@@ -98,6 +101,42 @@ def _of_runouts(runouts: tuple[DeclaredRunout, ...], where: str) -> list[ScanEnt
         pose = Turn(None, math.radians(scan.angle_deg), math.radians(scan.u_angle_deg))
         entries.append(ScanEntry(scan.name, "runout", scan.wheel, scan.file, Path(), turn=pose))
     return entries
+
+
+def _of_rolled(runouts: tuple[DeclaredRunout, ...], where: str) -> list[ScanEntry]:
+    """Return the entries of a rolled vehicle: at each position its four wheels, or one cloud."""
+    entries = []
+    positions: dict[str, list[DeclaredRunout]] = {}
+    for scan in runouts:
+        position = scan.position or (scan.name if scan.wheel is None else "")
+        positions.setdefault(position, []).append(scan)
+        pose = Turn(position, math.radians(scan.angle_deg), math.radians(scan.u_angle_deg))
+        role: Role = "vehicle" if scan.wheel is None else "runout"
+        entries.append(ScanEntry(scan.name, role, scan.wheel, scan.file, Path(), turn=pose))
+    for position, four in positions.items():
+        wheels, angles = [str(scan.wheel) for scan in four], {scan.angle_deg for scan in four}
+        if not position or (
+            four[0].wheel and (sorted(wheels) != sorted(REFERENCE_WHEELS) or len(angles) > 1)
+        ):
+            named = f"position {position!r}" if position else "a position that is not named"
+            raise InputError(
+                f"{where}: runout: {named} has {', '.join(wheels)}: a vehicle that rolled needs "
+                f"each of {', '.join(REFERENCE_WHEELS)} once, with the same position and angle_deg"
+            )
+    return entries
+
+
+def _check_rolled(entries: list[ScanEntry], where: str) -> None:
+    """Check that a capture of a rolled vehicle has neither sweeps nor repeats of its wheels."""
+    if not any(e.role == "runout" and e.turn and e.turn.position for e in entries):
+        return
+    for entry in entries:
+        if entry.role == "sweep" or entry.repeats in REFERENCE_WHEELS:
+            what = "is of a sweep" if entry.role == "sweep" else f"repeats {entry.repeats}"
+            raise InputError(
+                f"{where}: {entry.name!r} {what}, in a capture of a vehicle that rolled, whose "
+                "wheels are means over its positions: put it into a capture of its own"
+            )
 
 
 def _check_names(entries: list[ScanEntry], where: str) -> None:

@@ -17,7 +17,8 @@ Role = Literal["reference", "trial", "sweep", "runout", "vehicle"]
 class Turn:
     """Stated position of a wheel in a scan of a sweep or a run-out.
 
-    position: of the steering wheel, the same name for both front wheels; None if not stated.
+    position: of the steering wheel, the same name for both front wheels, or of a vehicle that has
+    rolled, the same for all four; None if not stated.
     angle_rad: rotation about the axle, > 0 as the wheel rolls forwards, u_rad: its standard
     uncertainty; None in a sweep, whose angles are measured.
     """

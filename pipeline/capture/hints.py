@@ -106,7 +106,7 @@ def hints_of(
     for name, point in given.items():
         box = merged.get(name, DeclaredHint()).box
         merged[name] = DeclaredHint(near=point, box=box, region=drawn.get(name))
-    whole = len(scans) == 1 and scans[0].role == "vehicle"
+    whole = scans[0].role == "vehicle"
     names = (*REFERENCE_WHEELS, "vehicle") if whole else tuple(scan.name for scan in scans)
     for name, hint in merged.items():
         _check(name, hint, names, f"{where}: hint {name!r}", whole=whole)

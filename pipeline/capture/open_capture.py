@@ -36,11 +36,12 @@ class Capture:
 
     targets: by the names of scans, or of a cloud's wheels, whose target is not the common one.
     cloud: instead of entries, the one scan that shows all wheels, with its `front`, if given, and
-    the method that finds `up`. date: in ISO 8601, if declared. vehicle_model: if declared. reading:
-    what the scans do not say. verticals: the floor's normal and gravity, as far as they are stated.
-    hints: the operator's decisions, by the name of an entry, for a cloud of a wheel or 'vehicle'.
-    folder: that holds its files, unpacked if they came in an archive. within: folder that they must
-    lie in, if they were not unpacked.
+    the method that finds `up`; rolled: more such scans, after the vehicle has rolled. date: in ISO
+    8601, if declared. vehicle_model: if declared. reading: what the scans do not say. verticals:
+    the floor's normal and gravity, as far as they are stated. hints: the operator's decisions, by
+    the name of an entry, for a cloud of a wheel or 'vehicle'. folder: that holds its files,
+    unpacked if they came in an archive. within: folder that they must lie in, if they were not
+    unpacked.
     """
 
     source: str
@@ -60,6 +61,7 @@ class Capture:
     folder: Path = Path()
     within: Path | None = None
     targets: Mapping[str, Target] = field(default_factory=dict)
+    rolled: tuple[ScanEntry, ...] = ()
 
     def target_of(self, entry: ScanEntry) -> Target:
         """Return the target that a scan shows."""
@@ -73,7 +75,8 @@ class Capture:
     @property
     def steps(self) -> int:
         """Number of progress steps of its measurement."""
-        return len(self.entries) if self.cloud is None else 2 + len(REFERENCE_WHEELS)
+        clouds = 0 if self.cloud is None else 1 + len(self.rolled)
+        return len(self.entries) + clouds * (2 + len(REFERENCE_WHEELS))
 
     def called(self, entry: ScanEntry) -> str:
         """Return the name of a scan's file in messages."""
@@ -141,6 +144,7 @@ def open_capture(
             scanner=_in_folder(declared.scanner, found.folder),
             entries=() if whole else found.scans,
             cloud=found.scans[0] if whole else None,
+            rolled=found.scans[1:] if whole else (),
             front=_front(found, options, source),
             up=options.up or declared.up,
             date=None if declared.date is None else declared.date.isoformat(),

@@ -44,7 +44,7 @@ def inspect(
             for entry in entries.scans
         ]
     first, summary = summaries[0]
-    if first.role == "vehicle":
+    if first.role == "vehicle" and len(summaries) == 1:
         return _show(f"{file}: {first.file}", summary, as_json)
     if not as_json:
         click.echo(_capture_text(file, unit, summaries))

@@ -7,6 +7,7 @@ from dataclasses import replace
 from ..measurement import Measurement, evaluate
 from ..system import stage
 from .axle_pose import compensated, vertical_as_effect, wheel_poses, with_mounting
+from .rolled import is_rolled, over_positions
 from .runout import runouts_of
 from .steering_axis import fit_steering_axes
 from .sweep import sweep_scans
@@ -18,9 +19,12 @@ from .wheel_axis import Framed, fit_axles, on_axles
 def solve(measurement: Measurement) -> Measurement:
     """Return the measurement with its steering axes, run-outs and toe-out on turns.
 
-    Wheels whose axle is known have its angles, and the frame stands on its centre. The same
-    measurement where none of its scans is of a sweep or a run-out.
+    Of a vehicle that has rolled, its wheels are means over the positions. Wheels whose axle is
+    known have its angles, and the frame stands on its centre. The same measurement where none of
+    its scans is of a sweep or a run-out.
     """
+    if any(map(is_rolled, measurement.wheels)):
+        return over_positions(measurement)
     if not any(wheel.observation.role in ("sweep", "runout") for wheel in measurement.wheels):
         return measurement
     scans = sweep_scans(measurement)

@@ -5,7 +5,7 @@ from .conformity import Conformity, Deciding, Verdict, assess, conforms, decide
 from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
 from .observe import Fit, find_searched, noisy, observe_entries, rounded, shaded
-from .observe_vehicle import observe_cloud
+from .observe_vehicle import observe_cloud, observe_rolled
 from .quantities import (
     CROSS,
     UNITS,
@@ -115,6 +115,7 @@ __all__ = [
     "notes_of_assumptions",
     "observe_cloud",
     "observe_entries",
+    "observe_rolled",
     "pool_repeats",
     "read_value",
     "residual_map",

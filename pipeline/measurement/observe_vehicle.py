@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -196,6 +196,18 @@ def observe_cloud(
         for wheel, shown in zip(REFERENCE_WHEELS, by_wheel(found.sample_m, centres_m), strict=True)
     ]
     return observations, naming
+
+
+def observe_rolled(
+    cloud: ScanEntry, capture: Capture, config: Config, fit: Fit, progress: Callable[[str], None]
+) -> list[Observation]:
+    """Observe all four wheels of a vehicle that has rolled since its first cloud."""
+    plain = replace(capture, hints={}, cloud=cloud)
+    four, _ = observe_cloud(cloud, plain, config, fit, progress)
+    return [
+        replace(one, name=f"{one.name} {cloud.name}", role="runout", turn=cloud.turn)
+        for one in four
+    ]
 
 
 def _chosen(

@@ -171,6 +171,37 @@ def test_a_target_where_none_is_mounted_is_refused_with_a_list(tmp_path):
 
 
 @pytest.mark.slow
+def test_two_clouds_of_a_vehicle_that_rolled_give_the_spin_axes(tmp_path):
+    yaw = np.radians(3.0)
+    heading = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+    for number, turn in enumerate((0.0, np.pi)):
+        moved = heading if number else np.eye(3)
+        centres = [moved @ (x, y, 0.32) + [0.9 * number, 0, 0] for x, y in CENTRES.values()]
+        axes = [moved @ wobbling(wheel, turn) for wheel in CENTRES]
+        points = vehicle_points(np.random.default_rng(14 + number), centres, axes)
+        np.save(tmp_path / f"{number}.npy", points)
+    text = 'cloud = "0.npy"\nfront = [1.0, 0.0, 0.0]\ntarget = "wheel"\n'
+    more = '[[runout]]\nname = "rolled"\nfile = "1.npy"\nangle_deg = 180.0\nu_angle_deg = 3.0\n'
+    (tmp_path / "capture.toml").write_text(text + more, encoding="utf-8")
+    found = measured(tmp_path)
+    names = [wheel.observation.name for wheel in found.wheels]
+    assert names == [*CENTRES, *(f"{wheel} rolled" for wheel in CENTRES)]
+    assert set(found.provenance.inputs) == {"0.npy", "1.npy"}
+    for wheel, plate in zip(found.wheels[:4], found.plates.wheels, strict=False):
+        assert wheel.compensated
+        k = 2.0 * coverage_factor(0.95, np.array([wheel.dof_toe]))[0]
+        for name, true in (("toe", TOE), ("camber", CAMBER)):
+            u = getattr(wheel, f"u_{name}_rad")
+            assert abs(getattr(wheel.angles, f"{name}_rad") - true) < k * u
+            assert u < np.radians(1.5 / 60.0)
+        off = [plate.angles.toe_rad - TOE, plate.angles.camber_rad - CAMBER]
+        assert np.hypot(*off) > 0.7 * WOBBLE
+    us = [[w.u_camber_rad for w in one.wheels[:4]] for one in (found, found.plates)]
+    assert np.sqrt(np.mean(np.square(us[0]))) < 0.9 * np.sqrt(np.mean(np.square(us[1])))
+    assert "not in the uncertainty" not in " ".join(found.notes)
+
+
+@pytest.mark.slow
 def test_a_third_axle_is_refused_with_a_list(tmp_path):
     centres = [(x, y, 0.32) for x, y in [*CENTRES.values(), (-1.6, -0.75), (-1.6, 0.75)]]
     axes = [outward(name) for name in [*CENTRES, "RR", "RL"]]
