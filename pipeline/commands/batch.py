@@ -14,6 +14,7 @@ import click
 from ..errors import InputError
 from .batch_options import (
     absolute,
+    given_options,
     make_engine,
     measuring_options,
     read_settings,
@@ -148,7 +149,7 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
     places = absolute(archive), absolute(results)
     request = RunRequest(*places, read_settings(options), retry=options["retry"] or "")
     shard = read_shard(options["shard"]) if options["shard"] else ALL
-    _begin(request, resume, watch=options["watch"])
+    _begin(request, resume, given_options(options), watch=options["watch"])
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     interrupted = False
     with ExitStack() as stack:
@@ -189,9 +190,9 @@ def _log(path: str) -> TextIO:
         raise InputError(f"--log {path}: cannot be written ({error.strerror})") from error
 
 
-def _begin(request: RunRequest, resume: bool, watch: bool) -> None:
+def _begin(request: RunRequest, resume: bool, given: dict[str, str], watch: bool) -> None:
     """Check that an equal request created the results folder, or create it."""
-    from ..batch.run.run_manifest import differences, write_run_manifest
+    from ..batch.run.run_manifest import differences, write_options, write_run_manifest
     from ..batch.storage.store import open_store
 
     archive, results = open_store(request.archive), open_store(request.results)
@@ -211,3 +212,4 @@ def _begin(request: RunRequest, resume: bool, watch: bool) -> None:
             raise InputError(f"{fact}: add --resume to measure all anew, or name another folder")
         click.confirm(f"{fact}\nMeasure all captures anew?", abort=True)
     write_run_manifest(results, request)
+    write_options(results, given)

@@ -53,6 +53,7 @@ OPTIONS = (
         "(?P<y>), (?P<m>), (?P<d>).",
     ),
 )
+FILES = ("target", "config", "scanner", "total_station")  # or names
 WORK_OPTIONS = (
     click.option(
         "--workers",
@@ -116,6 +117,21 @@ def read_settings(options: dict[str, Any]) -> BatchSettings:
         radius_m=None if options["radius"] is None else options["radius"] / 1e3,
         date_in_name=options["date_in_name"],
     )
+
+
+def given_options(options: dict[str, Any]) -> dict[str, str]:
+    """Return the measuring options that differ from their defaults, as texts by their names.
+
+    Names of files are absolute, so that the options are of use in any folder.
+    """
+    given: dict[str, str] = {}
+    for parameter in click.command("measuring")(measuring_options(lambda: None)).params:
+        name, value = str(parameter.name), options[str(parameter.name)]
+        if value is not None and value != parameter.default:
+            is_file = name in FILES and Path(value).is_file()
+            text = absolute(str(value)) if is_file else str(value)
+            given[max(parameter.opts, key=len)] = text
+    return given
 
 
 def make_engine(options: dict[str, Any], scratch: Path) -> Engine:

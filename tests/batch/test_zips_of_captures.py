@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import random
+import shlex
 import shutil
 import subprocess
 import sys
@@ -12,10 +14,21 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.batches import archive_of, call, five_points, run, settle, trees, zip_of_discs
+from tests.support.batches import (
+    archive_of,
+    call,
+    five_points,
+    run,
+    run_process,
+    settle,
+    trees,
+    zip_of_discs,
+)
 from wheelplane.batch.plan.discover import holds_several
+from wheelplane.batch.storage.entry import Entry
 from wheelplane.batch.storage.local import LocalStore
-from wheelplane.batch.storage.zipped import ZippedStore
+from wheelplane.batch.storage.remote import RemoteStore
+from wheelplane.batch.storage.zipped import ZippedRemoteStore, ZippedStore
 
 OPTIONS = ("--workers", "1")
 
@@ -202,13 +215,56 @@ def test_the_command_that_why_names_measures_a_packed_capture(tmp_path, top):
         assert numbers(json.loads(done.stdout) | {"batch": tree["batch"]}) == numbers(tree)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("is_far", [False, True])
+def test_the_command_that_why_names_has_the_options_of_the_run(
+    remote, tmp_path, monkeypatch, is_far
+):
+    """Run as printed, in another folder: without --target and --radius there would be no result."""
+    plain = archive_of(tmp_path / "plain", 1)
+    discs(plain / "it's here", 1)
+    (plain / "it's here" / "capture.toml").unlink()
+    packed(archive_of(tmp_path / "two", 2), plain / "two.zip")
+    settle(plain)
+    (tmp_path / "ours.toml").write_text('shape = "disc"\ndiameter = 0.25\n')
+    archive, results = plain, tmp_path / "results"
+    if is_far:
+        archive = "s3://cars/archive"
+        put_all(plain, RemoteStore(archive))
+    monkeypatch.chdir(tmp_path)
+    options = ("--target", "ours.toml", "--radius", "999", "--length-unit", "m")
+    run(archive, results, *OPTIONS, *options)
+    found = trees(results)
+    assert {name: tree["batch"]["status"] for name, tree in found.items()} == {
+        "it's here": "ok", "00/car-0000.txt": "failed", "two.zip/00/car-0000.txt": "failed",
+        "two.zip/00/car-0001.txt": "failed",
+    }  # fmt: skip
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    for name, tree in found.items():
+        said = call("batch", "-o", results, "--why", name).stdout.splitlines()
+        see, again = (line.partition(": ")[2] for line in said[-2:])
+        folder = tmp_path / "at" / name
+        folder.mkdir(parents=True)
+        done = subprocess.run(
+            see.replace("--plot DIR", "--json"), shell=True, cwd=folder, capture_output=True,
+            env=os.environ | {"PATH": path}, check=False, text=True,
+        )  # fmt: skip
+        if tree["batch"]["status"] == "ok":
+            assert numbers(json.loads(done.stdout) | {"batch": tree["batch"]}) == numbers(tree)
+        else:
+            assert done.returncode == 2
+            assert "radius" in done.stderr
+            assert "radius" in tree["batch"]["reason"]
+        assert "1 " in call(*shlex.split(again)[1:], *OPTIONS).stdout.partition("now: ")[2][:2]
+
+
 def test_members_are_files_of_the_store(tmp_path):
     plain = archive_of(tmp_path / "plain", 2)
     archive = tmp_path / "archive"
     packed(plain, archive / "all.zip")
     store = ZippedStore(archive, confined=True)
     (listed,) = store.list()
-    members = store.members(listed)
+    members = store.zips.members(listed)
     assert [one.name for one in members] == [f"all.zip/00/car-000{k}.txt" for k in range(2)]
     for one in members:
         assert store.stat(one.name) == one
@@ -219,5 +275,74 @@ def test_members_are_files_of_the_store(tmp_path):
     assert not store.exists("all.zip/none")
     assert store.stat("all.zip/none") is LocalStore(archive).stat(members[0].name) is None
     packed(archive_of(plain, 1, 5), archive / "all.zip")
-    assert len(store.members(next(iter(store.list())))) == 3
-    store.close()
+    assert len(store.zips.members(next(iter(store.list())))) == 3
+    store.zips.close()
+
+
+def put_all(folder: Path, store: RemoteStore) -> None:
+    """Put all files of a folder into object storage."""
+    for path in folder.rglob("*"):
+        if path.is_file():
+            store.write(path.relative_to(folder).as_posix(), path.read_bytes())
+
+
+@pytest.mark.slow
+def test_captures_in_a_zip_in_object_storage_are_those_of_the_folder(remote, tmp_path):
+    plain = archive_of(tmp_path / "plain", 5)
+    discs(plain / "discs" / "a", 1)
+    (plain / "discs" / "a" / "capture.toml").write_text('target = "../ours.toml"\n')
+    (plain / "discs" / "ours.toml").write_text('shape = "disc"\ndiameter = 0.25\n')
+    (plain / "bad.txt").write_text("no number\n")
+    archive = tmp_path / "archive"
+    packed(plain, archive / "2026" / "all.zip")
+    zip_of_discs(archive / "one.zip", 1)
+    (archive / "cut.zip").write_bytes((archive / "2026" / "all.zip").read_bytes()[:-30])
+    settle(tmp_path)
+    store = RemoteStore("s3://cars/archive")
+    put_all(archive, store)
+    assert run_process(archive, tmp_path / "local", *OPTIONS).returncode == 1
+    done = run_process(store.url, tmp_path / "far", *OPTIONS)
+    assert done.returncode == 1, done.stderr
+    expected, found = (trees(tmp_path / place) for place in ("local", "far"))
+    assert {name: numbers(tree) for name, tree in found.items()} == {
+        name: numbers(tree) for name, tree in expected.items()
+    }
+    assert len(found) == 5 + 1 + 1 + 2
+    assert (
+        "9 done before; now: nothing new"
+        in run_process(store.url, tmp_path / "far", *OPTIONS).stdout
+    )
+    five_points(plain / "00" / "car-0001.txt", 77)
+    store.write("2026/all.zip", packed(plain, tmp_path / "new.zip").read_bytes())
+    done = run_process(store.url, tmp_path / "far", *OPTIONS)
+    assert "2 done before; now: 1 ok, 6 recognised" in done.stdout
+
+
+@pytest.mark.parametrize("members", [1, 3, 2000])
+def test_members_in_object_storage_are_listed_without_the_rest_of_the_zip(
+    remote, tmp_path, monkeypatch, members
+):
+    """Two thousand, whose list alone is longer than the first piece."""
+    path, noise = tmp_path / "many.zip", random.Random(1).randbytes(500)
+    with zipfile.ZipFile(path, "w") as target:
+        for k in range(members):
+            target.writestr(f"folder of many files/car-{k:06d}.txt", noise)
+    store = ZippedRemoteStore("s3://cars/archive")
+    store.write("a/many.zip", path.read_bytes())
+    read, real = [], RemoteStore.tail
+    monkeypatch.setattr(RemoteStore, "tail", lambda *given: read.append(given[2]) or real(*given))
+    (listed,) = store.list()
+    found = store.zips.members(listed)
+    assert len(found) == members
+    assert read == ([2**16, 2**20] if members == 2000 else [min(2**16, listed.size)])
+    assert members < 2000 or max(read) < listed.size
+    (first, *_) = found
+    assert first == Entry("a/many.zip/folder of many files/car-000000.txt", 500, listed.stamp)
+    copy = store.fetch(first.name, tmp_path / "scratch")
+    assert copy == tmp_path / "scratch" / first.name
+    assert copy.read_bytes() == noise
+    assert store.stat(first.name) == first
+    assert store.exists(first.name)
+    assert not store.exists("a/many.zip/none")
+    assert store.fetch("a/many.zip", tmp_path / "scratch2").read_bytes() == path.read_bytes()
+    store.zips.close()

@@ -13,8 +13,22 @@ from ..catalogue.load_records import json_name
 from ..storage.store import Store, open_store
 from ..storage.zipped import zip_above
 
-MANIFEST = "run/begun.json"
-UNPACKED = "UNPACKED"  # folder that the user names, as DIR
+MANIFEST, OPTIONS = "run/begun.json", "run/options.json"
+COPY, UNPACKED = "COPY", "UNPACKED"  # folders that the user names, as DIR
+FETCH = (
+    "import sys, fsspec; fs, path = fsspec.url_to_fs(sys.argv[1]); "
+    "fs.get(path, sys.argv[2], recursive=True)"
+)
+TAKEN = {  # of the options of `batch`, by the command that measures one capture
+    "measure": (
+        *("--target", "--length-unit", "--columns", "--pitch", "--front", "--front-point"),
+        *("--up", "--config", "--scanner", "--vertical"),
+    ),
+    "five-point": (
+        *("--length-unit", "--coordinates", "--angle-unit", "--azimuth", "--total-station"),
+        *("--total-station-position", "--radius"),
+    ),
+}
 
 
 def account(results: str, name: str) -> str:
@@ -40,7 +54,7 @@ def account_of(store: Store, key: str) -> str:
 
 def files_of(key: str) -> tuple[str, ...]:
     """Return the names of the files that an account is made of, whether they exist or not."""
-    return json_name(key), _log(key), MANIFEST
+    return json_name(key), _log(key), MANIFEST, OPTIONS
 
 
 def _log(key: str) -> str:
@@ -68,27 +82,48 @@ def _lines(store: Store, key: str, tree: dict[str, Any]) -> list[str]:
 def _next(store: Store, capture: dict[str, Any]) -> list[str]:
     """Return the commands that show a capture's targets, and that measure it again."""
     name = capture["capture"]
-    again = ["wheelplane", "batch", "ARCHIVE", "-o", store.url, "--retry", name]
+    given = json.loads(store.read(OPTIONS)) if store.exists(OPTIONS) else {}
+    again = ["wheelplane", "batch", "ARCHIVE", "-o", store.url, "--retry", name, *_flat(given)]
     commands = {"measure it again": shlex.join(again)}
     if store.exists(MANIFEST):
         again[2] = json.loads(store.read(MANIFEST))["archive"]
-        commands["measure it again"] = shlex.join(again)
-        if "://" not in again[2]:  # of object storage, nothing is measured where it lies
-            seen = _alone(Path(again[2]), name, capture["batch"]["kind"])
-            commands = {"see its targets": seen} | commands
+        command = "five-point" if capture["batch"]["kind"] == "five-point" else "measure"
+        taken = {option: text for option, text in given.items() if option in TAKEN[command]}
+        alone = _alone(again[2], name, ["wheelplane", command], _flat(taken))
+        commands = {"see its targets": alone, "measure it again": shlex.join(again)}
     return [f"{what}: {command}" for what, command in commands.items()]
 
 
-def _alone(archive: Path, name: str, kind: str) -> str:
-    """Return the command that measures a capture of a folder, unpacked if a zip of many holds it.
+def _flat(options: dict[str, str]) -> list[str]:
+    return [part for option in options.items() for part in option]
 
-    The whole zip is unpacked, since a capture.toml may name files beside its capture's folder.
+
+def _alone(archive: str, name: str, command: list[str], options: list[str]) -> str:
+    """Return the command that measures a capture of an archive outside it.
+
+    Copied first from object storage, and unpacked if a zip of many holds it: the whole zip, since
+    a capture.toml may name files beside its capture's folder.
     """
-    command = "five-point" if kind == "five-point" else "measure"
-    packed = zip_above(archive, name)
-    where = archive / name if packed is None else Path(UNPACKED) / name[len(packed) + 1 :]
-    measured = shlex.join(["wheelplane", command, str(where), "--plot", "DIR"])
-    if packed is None:
-        return measured
-    unpacked = shlex.join(["python3", "-m", "zipfile", "-e", str(archive / packed), UNPACKED])
-    return f"{unpacked} && {measured}"
+    steps: list[list[str]] = []
+    is_remote = "://" in archive
+    packed = _zip_of(archive, name)
+    source = packed or name
+    at = archive.rstrip("/") + f"/{source}" if is_remote else str(Path(archive) / source)
+    if is_remote:
+        copy = f"{COPY}/{source}"
+        steps.append(["python3", "-c", FETCH, at, copy])
+        at = copy
+    if packed is not None:
+        steps.append(["python3", "-m", "zipfile", "-e", at, UNPACKED])
+        at = f"{UNPACKED}/{name[len(packed) + 1 :]}"
+    steps.append([*command, at, "--plot", "DIR", *options])
+    return " && ".join(map(shlex.join, steps))
+
+
+def _zip_of(archive: str, name: str) -> str | None:
+    """Return the name of the zip that holds the capture ZIP/PATH, if any.
+
+    Of object storage by the name alone, without a request: the page asks as well.
+    """
+    is_remote = "://" in archive
+    return zip_above(lambda one: is_remote or (Path(archive) / one).is_file(), name)

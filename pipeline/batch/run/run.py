@@ -16,7 +16,7 @@ from ..plan.discover import Captures, FoundCapture, discover
 from ..plan.shard import ALL, Shard
 from ..storage.entry import Entry, legible
 from ..storage.store import Store, open_store
-from ..storage.zipped import ZippedStore
+from ..storage.zipped import ZippedRemoteStore, ZippedStore
 from .progress import ProgressListener, RunCounts
 from .result_index import ResultIndex
 from .tasks import Engine, Run, tasks_of
@@ -151,9 +151,10 @@ class Batch:
     def _inside(self, entry: Entry) -> tuple[Entry, ...]:
         """Return the members of a zip; none of one that is known to be a single capture."""
         single = FoundCapture(entry.name, "zip", (entry,))
-        if not isinstance(self._archive, ZippedStore) or self._index.knows(single):
+        store = self._archive
+        if not isinstance(store, ZippedStore | ZippedRemoteStore) or self._index.knows(single):
             return ()
-        return self._archive.members(entry)
+        return store.zips.members(entry)
 
     def _probe(self) -> float:
         """Wait until archive and results answer, and return since when they do."""

@@ -11,6 +11,7 @@ from ..storage.store import Store
 from .work import RunRequest
 
 FILE = "run/begun.json"  # name of a file that users hold
+OPTIONS = "run/options.json"
 
 
 def differences(results: Store, request: RunRequest) -> list[str]:
@@ -32,6 +33,11 @@ def differences(results: Store, request: RunRequest) -> list[str]:
 def write_run_manifest(results: Store, request: RunRequest) -> None:
     """Write the manifest of these results."""
     results.write(FILE, (json.dumps(_manifest(request), indent=1) + "\n").encode())
+
+
+def write_options(results: Store, options: dict[str, str]) -> None:
+    """Write the options of measuring that the user gave, by which `--why` names its commands."""
+    results.write(OPTIONS, (json.dumps(options, indent=1, ensure_ascii=False) + "\n").encode())
 
 
 def _manifest(request: RunRequest) -> dict[str, str]:

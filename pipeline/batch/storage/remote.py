@@ -41,7 +41,7 @@ class RemoteStore:
         self._note = note
 
     def __reduce__(self) -> tuple[type[RemoteStore], tuple[str]]:
-        return RemoteStore, (self.url,)
+        return type(self), (self.url,)
 
     def check(self) -> None:
         """Check that the bucket can be reached. Raises InputError."""
@@ -105,6 +105,15 @@ class RemoteStore:
     def read(self, name: str) -> bytes:
         """Return the content of an object."""
         data = self._request(lambda: self._fs.cat_file(self._path(name)), name)
+        assert isinstance(data, bytes)
+        return data
+
+    def tail(self, entry: Entry, length: int) -> bytes:
+        """Return the last bytes of an object."""
+        path, start = self._path(entry.name), entry.size - length
+        data = self._request(
+            lambda: self._fs.cat_file(path, start=start, end=entry.size), entry.name
+        )
         assert isinstance(data, bytes)
         return data
 

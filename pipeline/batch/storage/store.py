@@ -82,7 +82,7 @@ def open_store(url: str, confined: bool = False) -> Store:
     Raises InputError, MissingDependencyError.
     """
     from .local import LocalStore
-    from .zipped import ZippedStore
+    from .zipped import ZippedRemoteStore, ZippedStore
 
     kind = ZippedStore if confined else LocalStore
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", url) is None:
@@ -95,6 +95,6 @@ def open_store(url: str, confined: bool = False) -> Store:
 
     from .remote import RemoteStore
 
-    store = RemoteStore(url.rstrip("/"))
+    store = (ZippedRemoteStore if confined else RemoteStore)(url.rstrip("/"))
     store.check()
     return store
