@@ -29,6 +29,7 @@ from ..batch.results.query import (
     ALL,
     Filter,
     ValueRange,
+    by_status,
     captures,
     count,
     failures,
@@ -273,7 +274,7 @@ def results(
             _list(catalogue, query, mode, worst or 0)
         _warn_undated(catalogue, which)
         _warn_of_verticals(catalogue, which)
-        return int(set(listing.by_status(catalogue, which)) - {"ok"} != set())
+        return int(set(by_status(catalogue, which)) - {"ok"} != set())
 
 
 def _slowest(results: str, number: int, as_json: bool) -> int:
@@ -342,7 +343,7 @@ def _list(catalogue: Catalogue, query: Query, mode: str, worst: int) -> None:
             click.echo(line)
         click.echo(f"\n{listing.captures_note()}")
         gone = 0 if which.removed is False else count(catalogue, replace(which, removed=True))
-        click.echo(listing.totals(listing.by_status(catalogue, which), gone))
+        click.echo(listing.totals(by_status(catalogue, which), gone))
 
 
 def _print(name: str, found: tuple[Any, ...], text: Callable[..., str], query: Query) -> None:

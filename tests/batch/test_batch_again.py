@@ -219,7 +219,7 @@ def batch_of(archive, results, scratch, error=None, settings=None) -> Batch:
 def test_what_ended_a_run_is_what_is_reported(tmp_path, monkeypatch, capsys, error, spoilt):
     archive = archive_of(tmp_path / "archive", 1)
 
-    def spoil(*_):
+    def spoil(*_, **__):
         raise InputError("the catalogue cannot be made")
 
     if spoilt:
@@ -230,7 +230,7 @@ def test_what_ended_a_run_is_what_is_reported(tmp_path, monkeypatch, capsys, err
 
 
 def test_a_fault_of_the_catalogue_alone_is_reported(tmp_path, monkeypatch):
-    def spoil(*_):
+    def spoil(*_, **__):
         raise InputError("the catalogue cannot be made")
 
     monkeypatch.setattr(run_module, "update", spoil)

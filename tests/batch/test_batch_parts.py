@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import pickle
 import time
 from pathlib import PurePosixPath
 
@@ -10,17 +11,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.support.batches import five_points
+from tests.support.batches import archive_of, five_points, run
+from tests.support.records import add, result
 from tests.test_structure import ROOMS, sources
+from wheelplane.batch.catalogue import segments
+from wheelplane.batch.catalogue.catalogue import rebuild
+from wheelplane.batch.catalogue.load_records import json_name, load_records
+from wheelplane.batch.catalogue.rows import read_record
 from wheelplane.batch.plan.discover import FoundCapture, discover
 from wheelplane.batch.plan.settings import BatchSettings
 from wheelplane.batch.plan.shard import Shard, read_shard
+from wheelplane.batch.run import result_index
 from wheelplane.batch.run.measure_one import Outcome, Subject, TransientError, measure_bytes
+from wheelplane.batch.run.result_index import ResultIndex
 from wheelplane.batch.run.stages import STAGES, stage_of, transient_fault
 from wheelplane.batch.run.tasks import MOST_TOGETHER, Run, tasks_of
 from wheelplane.batch.run.work import ArchiveError, CompletedCapture, RunRequest, Task
 from wheelplane.batch.run.worker_process import WorkerError
 from wheelplane.batch.storage.entry import Entry
+from wheelplane.batch.storage.store import open_store
 from wheelplane.capture.open_capture import CaptureOptions, open_capture
 from wheelplane.config import Config
 from wheelplane.errors import InputError
@@ -323,3 +332,44 @@ def test_small_captures_go_together_and_large_ones_alone():
     tasks: list[Task] = list(tasks_of(RunRequest("a", "r", BatchSettings()), captures))
     assert sorted(len(task.captures) for task in tasks) == [1, 1, 21, 50]
     assert sorted(int(f.name) for task in tasks for f in task.captures) == list(range(73))
+
+
+def test_a_record_is_that_of_a_result_while_its_file_is_the_same(tmp_path):
+    store = open_store(str(tmp_path / "results"))
+    tree = result("a")
+    add(store, tree)
+    key = tree["batch"]["key"]
+    name = json_name(key)
+    data = store.read(name)
+    record = read_record(key, data)
+    index = ResultIndex(store, "0" * 64, store, tmp_path / "index")
+    index.load()
+    stamp = store.stat(name).stamp
+    pickled = pickle.dumps(record)
+    index.add(CompletedCapture("a", key, Outcome("ok"), "f", (), pickled, stamp))
+    assert index.record_of(key) == record
+    assert index.record_of("0" * 64) is None
+    store.write(name, data.replace(b'"car"', b'"bus"'))
+    assert index.record_of(key) is None
+    index.forget_records()
+    index.add(CompletedCapture("a", key, Outcome("ok"), "f", (), pickled, store.stat(name).stamp))
+    assert index.record_of(key) == record
+    store.remove(name)
+    assert index.record_of(key) is None
+
+
+@pytest.mark.parametrize("most", [0, 5, 1000])
+def test_the_catalogue_of_a_run_is_that_of_its_files(tmp_path, monkeypatch, most):
+    """With the records of all, of some, and of none of the results."""
+    monkeypatch.setattr(result_index, "MOST_RECORDS", most)
+    archive, results = archive_of(tmp_path / "archive", 12), tmp_path / "results"
+    (archive / "bad.txt").write_text("no number\n")
+    read, real = [], load_records
+    monkeypatch.setattr(
+        segments, "load_records", lambda s, keys: real(s, [read.append(k) or k for k in keys])
+    )
+    assert run(archive, results, "--workers", "1").returncode == 1
+    assert len(read) == 13 - min(13, most)
+    made = (results / "catalogue.sqlite").read_bytes()
+    rebuild(open_store(str(results)))
+    assert (results / "catalogue.sqlite").read_bytes() == made

@@ -133,7 +133,7 @@ def test_an_update_reads_only_what_changed(store, monkeypatch):
     monkeypatch.setattr(
         catalogue_module,
         "load_changed_records",
-        lambda s, c, p: read.extend(c.read) or real(s, c, p),
+        lambda s, c, p, k: read.extend(c.read) or real(s, c, p, k),
     )
     time.sleep(2 * GRAIN_NS * 1e-9)  # what was written just before is looked at once more
     update(store)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import random
 import signal
 import time
 
@@ -256,3 +257,26 @@ def test_times_of_a_repeated_measurement_count_once(tmp_path):
         times.flush()
     assert [(one.name, one.total_s) for one in slowest(store, 5)] == [("a", 5.0), ("b", 2.0)]
     assert "No times" in slow_text(slowest(open_store(str(tmp_path / "none")), 5))
+
+
+@pytest.mark.parametrize("count", [1, 3, 10, 500])
+def test_the_slowest_are_the_first_of_all_sorted(tmp_path, monkeypatch, count):
+    """Over files of this version and of earlier ones, of which only some have to be read."""
+    store = open_store(str(tmp_path))
+    seconds = random.Random(2).sample(range(1, 10_000), 200)
+    every = [CaptureTime(f"c{s}", f"k{s}", {"copy": s / 1e3}, 5) for s in seconds]
+    for at in range(0, 200, 20):
+        times = Times(store)
+        for one in every[at : at + 20]:
+            times.add(one)
+        times.flush()
+    expected = sorted(every, key=lambda one: -one.total_s)
+    read, real = [], type(store).read
+    monkeypatch.setattr(type(store), "read", lambda self, n: read.append(n) or real(self, n))
+    assert slowest(store, count) == expected[:count]
+    assert len(read) < 10 or count > 3
+    (first, *_) = store.names("run/times/")
+    lines = store.read(first).splitlines(keepends=True)
+    store.write("run/times/0123456789abcdef.jsonl", b"".join(lines[::-1]))  # as earlier versions
+    store.remove(first)
+    assert slowest(store, count) == expected[:count]

@@ -25,10 +25,12 @@ from tests.support.records import add, key_of, result
 from wheelplane.batch.catalogue.catalogue import open_catalogue
 from wheelplane.batch.catalogue.schema import number_of
 from wheelplane.batch.results import export
-from wheelplane.batch.results import series as series_module
+from wheelplane.batch.results import query as query_module
+from wheelplane.batch.results import trends as trends_module
 from wheelplane.batch.results.query import (
     Filter,
     ValueRange,
+    by_status,
     captures,
     count,
     failures,
@@ -278,10 +280,57 @@ def test_the_outlier_is_the_worst(catalogue):
     assert worst(catalogue, 1, ["wheelbase_left"])[0].name in ("site/00", "site/11")
 
 
-def test_a_large_catalogue_in_blocks_is_the_same(catalogue, monkeypatch):
-    whole = summary(catalogue)
-    monkeypatch.setattr(series_module, "BLOCK", 5)
-    assert summary(catalogue) == whole
+@pytest.mark.parametrize("few", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize("low", [-9.0, 2.6005, 2.6035, 2.6085, 2.6105, 9.0])
+def test_ranges_choose_what_a_loop_chooses(catalogue, monkeypatch, few, low):
+    """Of all captures, most, some, one, and none, by whichever way they are looked up."""
+    monkeypatch.setattr(query_module, "FEW", few)
+    which = Filter(ranges=(ValueRange("wheelbase_left", low), ValueRange("RR toe", 0.05, 0.18)))
+    toes, lengths = series(catalogue, ["RR toe", "wheelbase_left"])
+    inside = (lengths.values >= low) & (toes.values >= 0.05) & (toes.values <= 0.18)
+    expected = set(toes.numbers[inside].tolist())
+    found = list(captures(catalogue, which))
+    assert {number_of(row.key) for row in found} == expected
+    assert count(catalogue, which) == sum(by_status(catalogue, which).values()) == len(expected)
+    (one, *_) = series(catalogue, ["RR toe"], which) or (None,)
+    assert (set() if one is None else set(one.numbers.tolist())) == expected
+
+
+def test_columns_are_the_rows_of_the_tables(catalogue):
+    """Of each quantity and angle: the captures, days, values and u that the tables hold."""
+    of_wheel = "SELECT id, day, {0}_deg, u_{0}_deg FROM wheel_rows JOIN captures USING(id)"
+    of_kind = "SELECT id, day, value, q.u FROM quantity_rows AS q JOIN captures USING(id)"
+    for name in quantity_units(catalogue):
+        wheel, _, angle = name.rpartition(" ")
+        rows = catalogue.connection.execute(
+            f"{of_wheel.format(angle)} WHERE wheel_rows.name = ? AND role = 'reference' ORDER BY id"
+            if wheel
+            else f"{of_kind} JOIN kinds USING(kind_id) WHERE kinds.kind = ? ORDER BY id",
+            (wheel or name,),
+        )
+        expected = [row for row in rows if row[2] is not None]
+        (one,) = series(catalogue, [name])
+        assert one.numbers.tolist() == [row[0] for row in expected]
+        shown = np.array([(row[1:]) for row in expected], float)
+        np.testing.assert_array_equal(np.column_stack([one.day, one.values, one.u]), shown)
+
+
+@pytest.mark.parametrize("n", [1, 3, 12, 40])
+def test_the_worst_are_the_first_of_all_sorted(catalogue, n):
+    found = worst(catalogue, n)
+    every = worst(catalogue, 10**6)
+    assert found == every[:n]
+    assert len({one.key for one in every}) == len(every) == 12
+
+
+def test_a_drift_of_many_values_is_that_of_its_parts_together(monkeypatch):
+    rng = np.random.default_rng(5)
+    one = made(rng.normal(size=1000), 0.1 + rng.random(1000))
+    whole = drift(one)
+    monkeypatch.setattr(trends_module, "BLOCK", 37)
+    in_blocks = drift(one)
+    for name in ("slope", "u_slope", "at_mean", "mean_day", "scatter", "p"):
+        assert getattr(in_blocks, name) == pytest.approx(getattr(whole, name), rel=1e-9)
 
 
 @pytest.mark.parametrize(

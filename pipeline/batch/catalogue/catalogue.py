@@ -17,16 +17,17 @@ import tempfile
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 from ...errors import InputError
 from ...system import acquire, sync_folder
 from ..storage.entry import PARTIAL
 from ..storage.store import Store, open_store
 from .changes import Changes, in_folder, in_storage
-from .load_records import RecordProgress, no_progress
+from .columns import renew_columns
+from .load_records import KnownRecord, RecordProgress, no_progress, none_known
 from .rows import Record
 from .schema import create, drop, number_of, open_draft, put
 from .segments import load_changed_records
@@ -37,10 +38,14 @@ FILE, LOCK = "catalogue.sqlite", "catalogue.lock"
 
 @dataclass(frozen=True)
 class Catalogue:
-    """Open catalogue, read-only, usable from any thread; see `query` and `trends`."""
+    """Open catalogue, read-only, usable from any thread; see `query` and `trends`.
+
+    kept: answers that several questions need, by what was asked.
+    """
 
     store: Store
     connection: sqlite3.Connection
+    kept: dict[Any, Any] = field(default_factory=dict, compare=False)
 
     def __enter__(self) -> Catalogue:
         return self
@@ -54,17 +59,21 @@ def rebuild(store: Store, progress: RecordProgress = no_progress) -> int:
 
     progress: called with the number of files read and the number to read. Raises InputError.
     """
-    return _published(store, lambda space: _refresh(store, space, progress, from_scratch=True))
+    return _published(
+        store, lambda space: _refresh(store, space, progress, none_known, from_scratch=True)
+    )
 
 
-def update(store: Store, progress: RecordProgress = no_progress) -> int:
+def update(
+    store: Store, progress: RecordProgress = no_progress, known: KnownRecord = none_known
+) -> int:
     """Bring the catalogue up to date with the JSON files and return how many differed.
 
     The changes are detected here. The cost hardly depends on their number, since the whole file is
-    written again (1 s at 100,000 results): call it once a minute, not once a result.
-    Raises InputError.
+    written again (1 s at 100,000 results): call it once a minute, not once a result. known: the
+    record of a key without reading its file, if the caller has it. Raises InputError.
     """
-    return _published(store, lambda space: _refresh(store, space, progress))
+    return _published(store, lambda space: _refresh(store, space, progress, known))
 
 
 class _OvertakenError(Exception):
@@ -89,7 +98,7 @@ def open_catalogue(results: str, progress: RecordProgress = no_progress) -> Cata
         raise InputError(f"{results}: no results found: give the folder that `batch` wrote to")
     with _workspace(store, reading=True) as workspace:
         if workspace.locked:
-            _refresh(store, workspace, progress)
+            _refresh(store, workspace, progress, none_known)
         connection = open_sqlite_file(workspace.file, verified=workspace.locked)
     if connection is None:
         raise InputError(f"{results}/{FILE}: damaged, and being rebuilt: try again later")
@@ -133,7 +142,11 @@ def _workspace(store: Store, reading: bool = False) -> Iterator[_Workspace]:
 
 
 def _refresh(
-    store: Store, workspace: _Workspace, progress: RecordProgress, from_scratch: bool = False
+    store: Store,
+    workspace: _Workspace,
+    progress: RecordProgress,
+    known: KnownRecord,
+    from_scratch: bool = False,
 ) -> int:
     """Replace the catalogue by one of the present JSON files; return how many differed."""
     draft, final = (workspace.folder / uuid.uuid4().hex for _ in range(2))
@@ -147,7 +160,7 @@ def _refresh(
             if store.local is None
             else in_folder(store.local, current, updated_ns)
         )
-        records = load_changed_records(store, changes, progress)
+        records = load_changed_records(store, changes, progress, known)
         differing = _draft(workspace.file, current, draft, final, changes, records)
         if final.exists():
             _publish(store, workspace, final)
@@ -184,6 +197,8 @@ def _draft(
         connection.execute("BEGIN")
         drop(connection, map(number_of, changes.removed))
         differing = len(changes.removed) + put(connection, records)
+        if differing:
+            renew_columns(connection, map(number_of, (*changes.removed, *changes.read)))
         connection.execute("COMMIT")
         if differing or current is None:
             write_sqlite_file(connection, final)

@@ -14,10 +14,15 @@ from .rows import Record, read_record
 THREADS_LOCAL, THREADS_REMOTE = 4, 32
 AHEAD = 8  # results in memory for each thread
 RecordProgress = Callable[[int, int], None]
+KnownRecord = Callable[[str], Record | None]
 
 
 def no_progress(_done: int, _total: int) -> None:
     """Ignore the progress."""
+
+
+def none_known(_key: str) -> None:
+    """Know no record without reading its file."""
 
 
 def json_name(key: str) -> str:

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import json
-import math
 import sqlite3
-import struct
-import zlib
-from collections.abc import Iterable, Iterator
-from dataclasses import astuple, fields
+from collections.abc import Iterable
+from dataclasses import fields
 from pathlib import Path
 
 from ...errors import InputError
-from ...vehicle import REFERENCE_WHEELS
 from .calibration_row import TABLE as CALIBRATIONS
+from .columns import TABLES as COLUMNS
+from .columns import kind_id
 from .rows import CaptureRow, Record, WheelRow
 
-APPLICATION = 0x77706C04  # "wpl" and a number to raise with every change of the tables
+APPLICATION = 0x77706C05  # "wpl" and a number to raise with every change of the tables
 KEY_DIGITS = 15  # of the key make the row's number: 60 bits, in the order of the keys
 CAPTURE_COLUMNS = tuple(field.name for field in fields(CaptureRow))
 WHEEL_COLUMNS = tuple(field.name for field in fields(WheelRow))
@@ -33,18 +30,15 @@ CREATE INDEX captures_by_name ON captures(name);
 CREATE INDEX captures_by_status ON captures(status, name);
 CREATE INDEX captures_by_day ON captures(day, status);
 CREATE INDEX captures_by_vehicle ON captures(vehicle, status);
-CREATE INDEX captures_by_vertical ON captures(vertical);
+CREATE INDEX captures_by_vertical ON captures(vertical, status);
 CREATE TABLE wheel_rows(
   id INTEGER NOT NULL, place INTEGER NOT NULL, name TEXT NOT NULL, role TEXT NOT NULL, wheel TEXT,
   status TEXT NOT NULL, toe_deg REAL, camber_deg REAL, u_toe_deg REAL, u_camber_deg REAL,
   points_on_target INTEGER, plane_rms_m REAL, PRIMARY KEY(id, place)) WITHOUT ROWID;
-CREATE TABLE kinds(kind_id INTEGER PRIMARY KEY, kind TEXT NOT NULL, unit TEXT NOT NULL);
 CREATE TABLE quantity_rows(
   kind_id INTEGER NOT NULL, id INTEGER NOT NULL, value REAL, u REAL,
   PRIMARY KEY(kind_id, id)) WITHOUT ROWID;
-CREATE TABLE layouts(layout INTEGER PRIMARY KEY, names TEXT NOT NULL);
-CREATE TABLE packed(id INTEGER PRIMARY KEY, layout INTEGER NOT NULL, numbers BLOB NOT NULL);
-CREATE VIEW wheels AS SELECT {KEY}, {", ".join(f"w.{name}" for name in WHEEL_COLUMNS)}
+{COLUMNS}CREATE VIEW wheels AS SELECT {KEY}, {", ".join(f"w.{name}" for name in WHEEL_COLUMNS)}
   FROM wheel_rows AS w;
 CREATE VIEW quantities AS SELECT {KEY}, k.kind, value, u, unit
   FROM kinds AS k CROSS JOIN quantity_rows AS w USING(kind_id);
@@ -78,40 +72,43 @@ def put(connection: sqlite3.Connection, records: Iterable[Record]) -> int:
     Raises InputError if two keys share their first KEY_DIGITS (at a million results: once in
     2,000,000).
     """
-    return sum(_put(connection, record) for record in records)
+    kinds: set[int] = set()
+    return sum(_put(connection, record, kinds) for record in records)
 
 
-def _put(connection: sqlite3.Connection, record: Record) -> bool:
+def _put(connection: sqlite3.Connection, record: Record, kinds: set[int]) -> bool:
+    """Put one record. kinds: quantities that are entered already."""
     key, number = record.capture.key, number_of(record.capture.key)
     present = connection.execute("SELECT key, md5 FROM captures WHERE id = ?", (number,)).fetchone()
     if present == (key, record.capture.md5):
         return False
     if present is not None and present[0] != key:
         raise InputError(f"keys {present[0]} and {key} collide: move one to another folder")
-    drop(connection, [number])
+    if present is not None:
+        drop(connection, [number])
     marks = ", ".join("?" * (1 + len(CAPTURE_COLUMNS)))
     columns = ", ".join(("id", *CAPTURE_COLUMNS))
     connection.execute(
         f"INSERT INTO captures({columns}) VALUES ({marks})",  # noqa: S608
-        (number, *astuple(record.capture)),
+        (number, *vars(record.capture).values()),
     )
     connection.executemany(
         f"INSERT INTO wheel_rows VALUES ({', '.join('?' * (2 + len(WHEEL_COLUMNS)))})",  # noqa: S608
-        [(number, place, *astuple(wheel)) for place, wheel in enumerate(record.wheels)],
+        [(number, place, *vars(wheel).values()) for place, wheel in enumerate(record.wheels)],
     )
-    kinds = [(zlib.crc32(f"{q.kind} {q.unit}".encode()), q) for q in record.quantities]
-    connection.executemany(
-        "INSERT OR IGNORE INTO kinds VALUES (?, ?, ?)", [(i, q.kind, q.unit) for i, q in kinds]
-    )
+    quantities = [(kind_id(q.kind, q.unit), q) for q in record.quantities]
+    new = [(kind, q.kind, q.unit) for kind, q in quantities if kind not in kinds]
+    if new:
+        connection.executemany("INSERT OR IGNORE INTO kinds VALUES (?, ?, ?)", new)
+        kinds.update(kind for kind, *_ in new)
     connection.executemany(
         "INSERT OR REPLACE INTO quantity_rows VALUES (?, ?, ?, ?)",
-        [(i, number, q.value, q.u) for i, q in kinds],
+        [(kind, number, q.value, q.u) for kind, q in quantities],
     )
     if record.calibration is not None:
-        cells = (number, *astuple(record.calibration))
+        cells = (number, *vars(record.calibration).values())
         marks = ", ".join("?" * len(cells))
         connection.execute(f"INSERT INTO calibration_rows VALUES ({marks})", cells)  # noqa: S608
-    _pack(connection, number, record)
     return True
 
 
@@ -121,38 +118,7 @@ def drop(connection: sqlite3.Connection, numbers: Iterable[int]) -> None:
         connection.execute("DELETE FROM captures WHERE id = ?", (number,))
         connection.execute("DELETE FROM wheel_rows WHERE id = ?", (number,))
         connection.execute("DELETE FROM calibration_rows WHERE id = ?", (number,))
-        connection.execute("DELETE FROM packed WHERE id = ?", (number,))
         connection.execute(
             "DELETE FROM quantity_rows WHERE id = ? AND kind_id IN (SELECT kind_id FROM kinds)",
             (number,),
         )
-
-
-def _pack(connection: sqlite3.Connection, number: int, record: Record) -> None:
-    """Store all numbers of a capture in one cell, values then u: statistics read 10 times faster.
-
-    Names are "RR toe [deg]" and so on; little-endian float64, nan where not measured.
-    """
-    found = list(numbers(record))
-    if not found:
-        return
-    names = json.dumps([name for name, _, _ in found], separators=(",", ":"))
-    layout = zlib.crc32(names.encode())
-    cells = [math.nan if row[k] is None else row[k] for k in (1, 2) for row in found]
-    connection.execute("INSERT OR IGNORE INTO layouts VALUES (?, ?)", (layout, names))
-    connection.execute(
-        "INSERT INTO packed VALUES (?, ?, ?)",
-        (number, layout, struct.pack(f"<{len(cells)}d", *cells)),
-    )
-
-
-def numbers(record: Record) -> Iterator[tuple[str, float | None, float | None]]:
-    """Yield name with unit, value and u of the wheels' angles and the vehicle's quantities."""
-    wheels = {wheel.name: wheel for wheel in record.wheels if wheel.role == "reference"}
-    for name in REFERENCE_WHEELS:
-        if name in wheels:
-            wheel = wheels[name]
-            yield f"{name} toe [deg]", wheel.toe_deg, wheel.u_toe_deg
-            yield f"{name} camber [deg]", wheel.camber_deg, wheel.u_camber_deg
-    for row in record.quantities:
-        yield f"{row.kind} [{row.unit}]", row.value, row.u

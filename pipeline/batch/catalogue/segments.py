@@ -16,7 +16,7 @@ from dataclasses import astuple
 from ..storage.store import Store
 from .calibration_row import CalibrationRow
 from .changes import Changes, ObjectComparison
-from .load_records import RecordProgress, load_records
+from .load_records import KnownRecord, RecordProgress, load_records
 from .rows import CaptureRow, QuantityRow, Record, WheelRow
 
 FOLDER = "segments/"
@@ -58,16 +58,21 @@ class Segments:
 
 
 def load_changed_records(
-    store: Store, changes: Changes, progress: RecordProgress
+    store: Store, changes: Changes, progress: RecordProgress, known: KnownRecord
 ) -> Iterator[Record]:
-    """Yield the records of all keys to read, from segments if possible, else from JSON files."""
-    for done, record in enumerate(_load_changed(store, changes), start=1):
+    """Yield the records of all keys to read: known ones, of segments if possible, of JSON files."""
+    for done, record in enumerate(_load_changed(store, changes, known), start=1):
         progress(done, len(changes.read))
         yield record
 
 
-def _load_changed(store: Store, changes: Changes) -> Iterator[Record]:
-    wanted = changes.read
+def _load_changed(store: Store, changes: Changes, known: KnownRecord) -> Iterator[Record]:
+    wanted = []
+    for key in changes.read:
+        if (record := known(key)) is None:
+            wanted.append(key)
+        else:
+            yield record
     if store.local is None and len(wanted) >= WORTH:
         is_unchanged, missing = ObjectComparison(store), dict.fromkeys(wanted)
         for record in _from_segments(store):

@@ -24,11 +24,7 @@ def write_sqlite_file(connection: sqlite3.Connection, path: Path) -> None:
     version-valid-for (92) and the library's version (96), which are set to constants. The user
     version (60) holds the checksum of all the rest.
     """
-    connection.execute(
-        "DELETE FROM kinds WHERE NOT EXISTS "
-        "(SELECT 1 FROM quantity_rows AS q WHERE q.kind_id = kinds.kind_id)"
-    )
-    connection.execute("DELETE FROM layouts WHERE layout NOT IN (SELECT layout FROM packed)")
+    connection.execute("DELETE FROM kinds WHERE kind_id NOT IN (SELECT kind_id FROM columns)")
     connection.execute("VACUUM INTO ?", (str(path),))
     connection.close()
     with path.open("r+b") as stream:
@@ -89,6 +85,7 @@ def open_sqlite_file(path: Path, verified: bool = False) -> sqlite3.Connection |
         f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True, check_same_thread=False
     )
     try:
+        connection.execute("PRAGMA temp_store = MEMORY")  # of `--where`
         if connection.execute("PRAGMA application_id").fetchone() == (APPLICATION,):
             return connection
     except sqlite3.Error:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import heapq
 import json
+import math
 import time
 import uuid
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...errors import printable
@@ -15,6 +15,7 @@ from ..storage.store import Store
 
 FOLDER = "run/times/"
 FLUSH_S, FLUSH_LINES = 60.0, 2000
+STEP_S = 1e-4  # of the bound in a file's name
 # In the order of the flow; "other": unpacking and the rest of the measurement. Earlier versions
 # wrote "measure" for all of it.
 HEADS = ("copy", "identify", *STAGES, "other", "measure")
@@ -40,36 +41,52 @@ class Times:
 
     def __init__(self, results: Store) -> None:
         self._results = results
-        self._lines: list[str] = []
+        self._added: list[CaptureTime] = []
         self._flushed_s = time.monotonic()
 
     def add(self, one: CaptureTime) -> None:
         """Add the times of a capture."""
-        self._lines.append(json.dumps([one.name, one.key, one.seconds, one.memory_bytes]))
-        if len(self._lines) >= FLUSH_LINES or time.monotonic() > self._flushed_s + FLUSH_S:
+        self._added.append(one)
+        if len(self._added) >= FLUSH_LINES or time.monotonic() > self._flushed_s + FLUSH_S:
             self.flush()
 
     def flush(self) -> None:
-        """Write what was added to the results."""
-        if self._lines:
-            text = "\n".join(self._lines) + "\n"
-            self._results.write_new(f"{FOLDER}{uuid.uuid4().hex}.jsonl", text.encode())
-        self._lines = []
+        """Write what was added to the results, longest first, with a bound of it in the name."""
+        if self._added:
+            ordered = sorted(self._added, key=lambda one: one.total_s, reverse=True)
+            lines = [[one.name, one.key, one.seconds, one.memory_bytes] for one in ordered]
+            text = "".join(json.dumps(line) + "\n" for line in lines)
+            bound = math.ceil(ordered[0].total_s / STEP_S)
+            name = f"{FOLDER}{bound:010d}-{uuid.uuid4().hex}.jsonl"
+            self._results.write_new(name, text.encode())
+        self._added = []
         self._flushed_s = time.monotonic()
 
 
 def slowest(results: Store, count: int) -> list[CaptureTime]:
-    """Return the measurements that took longest, each result once."""
-    found: dict[str, CaptureTime] = {}
-    for one in heapq.nlargest(4 * count, _all(results), key=lambda one: one.total_s):
-        found.setdefault(one.key, one)
-    return list(found.values())[:count]
+    """Return the measurements that took longest, each result once.
+
+    Files whose bound is below all of them are not read.
+    """
+    found: list[CaptureTime] = []
+    for bound_s, name in sorted(((_bound_s(n), n) for n in results.names(FOLDER)), reverse=True):
+        if len(found) == count and found[-1].total_s >= bound_s:
+            break
+        longest: dict[str, CaptureTime] = {one.key: one for one in found}
+        for line in results.read(name).splitlines():
+            one = CaptureTime(*json.loads(line))
+            if math.isfinite(bound_s) and len(found) == count and one.total_s < found[-1].total_s:
+                break
+            if one.key not in longest or one.total_s > longest[one.key].total_s:
+                longest[one.key] = one
+        found = heapq.nlargest(count, longest.values(), key=lambda one: one.total_s)
+    return found
 
 
-def _all(results: Store) -> Iterator[CaptureTime]:
-    for entry in results.list(FOLDER):
-        for line in results.read(entry.name).splitlines():
-            yield CaptureTime(*json.loads(line))
+def _bound_s(name: str) -> float:
+    """Return the most that any capture of a file took; no bound for one of an earlier version."""
+    bound, dash, _ = name.removeprefix(FOLDER).partition("-")
+    return int(bound) * STEP_S if dash and bound.isdecimal() else math.inf
 
 
 def slow_text(found: list[CaptureTime]) -> str:

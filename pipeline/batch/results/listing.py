@@ -11,15 +11,13 @@ from ...report.format.layout import paragraph
 from ...report.format.view import PAPER, View
 from ...report.format.writer import Table, Writer
 from ...report.text.plain import plain_writer
-from ...vehicle import REFERENCE_WHEELS
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.rows import CaptureRow
 from ..catalogue.schema import number_of
-from .query import ALL, FailureGroup, Filter, captures, condition
+from .query import ALL, REFERENCE_ANGLES, FailureGroup, Filter, captures
 from .tables import drift_table, expanded, summary_table, worst_table
 from .trends import Drift, Outlier, Summary
 
-ANGLES = tuple(f"{wheel} {angle}" for wheel in REFERENCE_WHEELS for angle in ("toe", "camber"))
 Angles = dict[str, tuple[float, float | None]]  # by "RR toe": degrees and u
 BLOCK = 500
 
@@ -32,7 +30,7 @@ def capture_table(
     widths = [max([len(head), *map(len, map(f, rows))]) for head, f in HEADS.items()]
     angle_width = len(view.angle(math.radians(-10.0), "camber"))  # with all digits, the widest
     heads = [f"{head:<{width}}" for head, width in zip(HEADS, widths, strict=True)]
-    yield "  ".join([*heads, *(f"{name:>{angle_width}}" for name in ANGLES), "largest u"])
+    yield "  ".join([*heads, *(f"{name:>{angle_width}}" for name in REFERENCE_ANGLES), "largest u"])
     for start in range(0, len(rows), BLOCK):
         block = rows[start : start + BLOCK]
         angles = _angles(catalogue, [number_of(row.key) for row in block])
@@ -46,7 +44,7 @@ def _angle_cells(found: Angles, width: int, view: View) -> list[str]:
     """Return the cells of a capture's angles and of the largest u; empty if it has none."""
     known = [u for _, u in found.values() if u is not None]
     largest = [view.width(math.radians(max(known)), "camber").rjust(9)] if known else []
-    return [_angle(found, name, view).rjust(width) for name in ANGLES if found] + largest
+    return [_angle(found, name, view).rjust(width) for name in REFERENCE_ANGLES if found] + largest
 
 
 HEADS: dict[str, Callable[[CaptureRow], str]] = {
@@ -106,16 +104,6 @@ def totals(rows: dict[str, int], removed: int = 0) -> str:
     parts = ", ".join(f"{count:,} {status}" for status, count in rows.items())
     parts += f", {removed:,} no longer in the archive" * (removed > 0)
     return f"{sum(rows.values()):,} captures" + (f": {parts}." if parts else ".")
-
-
-def by_status(catalogue: Catalogue, which: Filter = ALL) -> dict[str, int]:
-    """Count the captures of each status."""
-    where, values = condition(catalogue, which)
-    rows = catalogue.connection.execute(
-        f"SELECT status, count(*) FROM captures AS c {where} GROUP BY status ORDER BY status",  # noqa: S608
-        values,
-    )
-    return dict(rows.fetchall())
 
 
 def summary_text(found: tuple[Summary, ...], view: View = PAPER) -> str:

@@ -12,8 +12,8 @@ from ...report.format.writer import NONE, Column, Columns, Table, Writer
 from ...report.html.document import Document, Part, Section
 from ...report.html.results import Headline
 from ..catalogue.catalogue import Catalogue
-from .listing import ANGLES, angles_of, by_status
-from .query import Filter, captures, failures
+from .listing import angles_of
+from .query import REFERENCE_ANGLES, Filter, by_status, captures, failures
 from .series import series
 from .tables import (
     drift_table,
@@ -117,12 +117,12 @@ def _captures(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Sectio
             printable(row.name or row.key), row.date or writer.none, words(f"page.{row.status}"),
             f"{row.wheels_ok}/{row.wheels}",
             *(value(found[name][0], "deg", writer, expanded(found[name][1]))
-              if name in found else writer.none for name in ANGLES),
+              if name in found else writer.none for name in REFERENCE_ANGLES),
             width(max(known, default=math.nan), "deg", writer),
         ])  # fmt: skip
         classes.append({"ok": "", "part": "undecided"}.get(row.status, "not-conform"))
     heads = [f"{writer.wheel(wheel)} {writer.quantity(kind)}" for wheel, kind in
-             (name.split() for name in ANGLES)]  # fmt: skip
+             (name.split() for name in REFERENCE_ANGLES)]  # fmt: skip
     columns: Columns = (
         words("listing.capture"), words("listing.date"), words("listing.status"),
         Column(words("listing.wheels"), minor=True), *heads, words("listing.largest_u"),

@@ -9,8 +9,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from ...errors import InputError
+from ...vehicle import REFERENCE_WHEELS
 from ..catalogue.catalogue import Catalogue
+from ..catalogue.columns import ANGLES, Numbers, captures_of, column_of
 from ..catalogue.history import read_removed
 from ..catalogue.rows import CaptureRow, QuantityRow, WheelRow
 from ..catalogue.schema import CAPTURE_COLUMNS, WHEEL_COLUMNS, number_of
@@ -47,6 +51,8 @@ class Filter:
 
 
 ALL = Filter()
+FEW = 0.1  # of all captures, of which each is looked up
+REFERENCE_ANGLES = tuple(f"{wheel} {angle}" for wheel in REFERENCE_WHEELS for angle in ANGLES)
 
 
 @dataclass(frozen=True)
@@ -67,14 +73,34 @@ def count(catalogue: Catalogue, which: Filter = ALL) -> int:
     return int(found.fetchone()[0])
 
 
+def by_status(catalogue: Catalogue, which: Filter = ALL) -> dict[str, int]:
+    """Count the captures of each status, by its name."""
+    found: dict[str, int] = {}
+    for (_, status), number in _counts(catalogue, which).items():
+        found[status] = found.get(status, 0) + number
+    return dict(sorted(found.items()))
+
+
 def verticals(catalogue: Catalogue, which: Filter = ALL) -> dict[str, int]:
     """Count the captures by the vertical of their cambers, those without any left out."""
-    where, values = condition(catalogue, which)
-    rows = catalogue.connection.execute(
-        f"SELECT vertical, count(*) FROM captures AS c {where} GROUP BY vertical ORDER BY vertical",  # noqa: S608
-        values,
-    )
-    return {vertical: number for vertical, number in rows if vertical}
+    found: dict[str, int] = {}
+    for (vertical, _), number in _counts(catalogue, which).items():
+        found[vertical] = found.get(vertical, 0) + number
+    return {vertical: number for vertical, number in sorted(found.items()) if vertical}
+
+
+def _counts(catalogue: Catalogue, which: Filter) -> dict[tuple[str, str], int]:
+    """Count the captures by vertical and status, once for all questions about them."""
+    if which not in catalogue.kept:
+        where, values = condition(catalogue, which)
+        rows = catalogue.connection.execute(
+            f"SELECT vertical, status, count(*) FROM captures AS c {where} "  # noqa: S608
+            "GROUP BY vertical, status",
+            values,
+        )
+        catalogue.kept[which] = {(vertical, status): number for vertical, status, number in rows}
+    found: dict[tuple[str, str], int] = catalogue.kept[which]
+    return found
 
 
 def captures(
@@ -151,14 +177,10 @@ NUMBERS = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def quantity_units(catalogue: Catalogue) -> dict[str, str]:
-    """Return the quantities of the catalogue with the unit (deg or m) of each."""
-    names: dict[str, str] = {}
-    for (layout,) in catalogue.connection.execute("SELECT names FROM layouts ORDER BY layout"):
-        for text in json.loads(layout):
-            name, _, unit = text.rpartition(" [")
-            names[name] = unit.rstrip("]")
-    wheels = [name for name in names if " " in name]
-    return {name: names[name] for name in (*wheels, *sorted(set(names) - set(wheels)))}
+    """Return the quantities of the catalogue with the unit (deg or m) of each, angles first."""
+    found = dict(catalogue.connection.execute("SELECT kind, unit FROM kinds ORDER BY kind, unit"))
+    angles = [name for name in REFERENCE_ANGLES if name in found]
+    return {name: found[name] for name in dict.fromkeys((*angles, *found))}
 
 
 def known_quantity(catalogue: Catalogue, name: str) -> str:
@@ -195,23 +217,57 @@ def condition(catalogue: Catalogue, which: Filter) -> tuple[str, list[object]]:
         add(f"{among} (SELECT value FROM json_each(?))", names)  # noqa: S608
     if which.vertical is not None:
         add("c.vertical = ?", which.vertical)
-    for span in which.ranges:
-        terms.append(_within(catalogue, span, values))
+    if which.ranges:
+        add(_within(catalogue, which.ranges))
     return f"WHERE {' AND '.join(terms)}" if terms else "", values
 
 
-def _within(catalogue: Catalogue, span: ValueRange, values: list[object]) -> str:
-    """Return the SQL term for a vehicle quantity, or for an angle of a wheel or trial."""
+def chosen(catalogue: Catalogue, which: Filter) -> Numbers:
+    """Return the numbers (N,) of the captures of a filter."""
+    where, values = condition(catalogue, which)
+    rows = catalogue.connection.execute(f"SELECT id FROM captures AS c {where}", values)  # noqa: S608
+    return np.fromiter((number for (number,) in rows), np.int64)
+
+
+def _within(catalogue: Catalogue, ranges: tuple[ValueRange, ...]) -> str:
+    """Return the SQL term for the captures whose quantities all lie in their ranges.
+
+    Those that do, or do not if these are fewer, are in a temporary table. `+` keeps SQLite from
+    looking up each of many, where it can go through an index.
+    """
+    if ranges not in catalogue.kept:
+        connection = catalogue.connection
+        every, _ = captures_of(connection)
+        among = every
+        for span in ranges:
+            among = _in_range(catalogue, span, among)
+        term = "c.id IN" if len(among) < FEW * len(every) else "+c.id IN"
+        if 2 * len(among) > len(every):
+            term, among = "+c.id NOT IN", np.setdiff1d(every, among, assume_unique=True)
+        table = f"within_{len(catalogue.kept)}"
+        connection.execute(f"CREATE TEMP TABLE {table}(id INTEGER PRIMARY KEY)")
+        rows = json.dumps(among.tolist())
+        connection.execute(f"INSERT INTO {table} SELECT value FROM json_each(?)", (rows,))  # noqa: S608
+        catalogue.kept[ranges] = f"{term} {table}"
+    return str(catalogue.kept[ranges])
+
+
+def _in_range(catalogue: Catalogue, span: ValueRange, among: Numbers) -> Numbers:
+    """Return those captures whose quantity, or angle of a wheel or trial, lies in its range."""
     wheel, _, angle = span.quantity.rpartition(" ")
+    units, connection = quantity_units(catalogue), catalogue.connection
     of_wheel = "SELECT id FROM wheel_rows WHERE name = ?"
-    if angle in ("toe", "camber") and catalogue.connection.execute(of_wheel, (wheel,)).fetchone():
-        values += [wheel, span.low, span.high]
-        return f"c.id IN ({of_wheel} AND {angle}_deg BETWEEN ? AND ?)"
-    values += [known_quantity(catalogue, span.quantity), span.low, span.high]
-    return (
-        "c.id IN (SELECT q.id FROM kinds AS k CROSS JOIN quantity_rows AS q USING(kind_id) "
-        "WHERE k.kind = ? AND value BETWEEN ? AND ?)"
-    )
+    is_trial = span.quantity not in units and angle in ANGLES
+    if is_trial and connection.execute(of_wheel, (wheel,)).fetchone():
+        rows = connection.execute(
+            f"{of_wheel} AND {angle}_deg BETWEEN ? AND ?", (wheel, span.low, span.high)
+        )
+        return np.intersect1d(among, np.fromiter((number for (number,) in rows), np.int64))
+    name = known_quantity(catalogue, span.quantity)
+    numbers, _ = captures_of(connection)
+    values, _ = column_of(connection, name, units[name], numbers)
+    inside = numbers[(values >= span.low) & (values <= span.high)]
+    return np.intersect1d(among, inside, assume_unique=True)
 
 
 def _identity(key: str) -> tuple[int, str]:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from ...uncertainty import quantile, tail
 from ...vectors import Array
 from ..catalogue.catalogue import Catalogue
 from .query import ALL, Filter
-from .series import Series, series
+from .series import Series, each_series, series
 
 __all__ = [
     "MONTH_DAYS",
@@ -30,6 +31,7 @@ __all__ = [
 ]
 
 LEVEL = 0.95
+BLOCK = 16_384  # values of 128 kB
 MONTH_DAYS = 30.0  # to which slopes are stated
 NORMAL_OF_MAD = 1.482602218505602  # 1 / the normal's upper quartile
 
@@ -104,12 +106,12 @@ def summary(
     catalogue: Catalogue, quantities: Sequence[str] | None = None, which: Filter = ALL
 ) -> tuple[Summary, ...]:
     """Compute the statistics of each quantity; without names of all, wheel angles first."""
-    return tuple(summarised(one) for one in series(catalogue, quantities, which))
+    return tuple(summarised(one) for one in each_series(catalogue, quantities, which))
 
 
 def summarised(one: Series) -> Summary:
     """Compute the statistics of a series of at least one value."""
-    x = one.values
+    x, known = one.values, one.u[np.isfinite(one.u)]
     median = float(np.median(x))
     return Summary(
         one.quantity,
@@ -121,7 +123,7 @@ def summarised(one: Series) -> Summary:
         median=median,
         low=float(x.min()),
         high=float(x.max()),
-        u_rms=math.sqrt(float(np.nanmean(one.u**2))) if np.isfinite(one.u).any() else math.nan,
+        u_rms=math.sqrt(float((known**2).mean())) if len(known) else math.nan,
     )
 
 
@@ -129,7 +131,7 @@ def drifts(
     catalogue: Catalogue, quantities: Sequence[str] | None = None, which: Filter = ALL
 ) -> tuple[Drift, ...]:
     """Fit the drift of each quantity, with Holm's correction for their number."""
-    return with_holm([drift(one) for one in series(catalogue, quantities, which)])
+    return with_holm([drift(one) for one in each_series(catalogue, quantities, which)])
 
 
 def drift(one: Series) -> Drift:
@@ -149,38 +151,60 @@ def drift(one: Series) -> Drift:
     floor = (1e-12 * max(1e-3, float(np.abs(y).max()))) ** 2
     variance = np.maximum(u**2, floor)
     scatter2 = _scatter(day, y, variance)
-    mean_day, at_mean, slope, weights, _ = _line(day, y, variance + scatter2)
-    u_slope = 1.0 / math.sqrt(_sum(weights, (day - mean_day) ** 2))
+    line = _line(day, y, variance, scatter2)
+    u_slope = 1.0 / math.sqrt(line.steepness)
     return Drift(
         one.quantity,
         one.unit,
         n,
         first_day=float(day.min()),
         last_day=float(day.max()),
-        mean_day=mean_day,
-        at_mean=at_mean,
-        slope=slope,
+        mean_day=line.mean_day,
+        at_mean=line.at_mean,
+        slope=line.slope,
         u_slope=u_slope,
         expanded=quantile(0.5 + LEVEL / 2, n - 2) * u_slope,
         scatter=math.sqrt(scatter2),
-        p=min(1.0, 2.0 * tail(abs(slope) / u_slope, n - 2)),
+        p=min(1.0, 2.0 * tail(abs(line.slope) / u_slope, n - 2)),
     )
 
 
-def _line(day: Array, y: Array, variance: Array) -> tuple[float, float, float, Array, Array]:
-    """Return mean day, value there, slope, weights and residuals of the weighted line fit."""
-    weights = 1.0 / variance
-    total = float(weights.sum())
-    mean_day, at_mean = _sum(weights, day) / total, _sum(weights, y) / total
-    centred = day - mean_day
-    weighted = weights * centred
-    slope = _sum(weighted, y - at_mean) / _sum(weighted, centred)
-    return mean_day, at_mean, slope, weights, y - at_mean - slope * centred
+@dataclass(frozen=True)
+class _Line:
+    """Weighted line; steepness: weighted sum of squared distances from mean_day."""
+
+    mean_day: float
+    at_mean: float
+    slope: float
+    steepness: float
 
 
-def _sum(a: Array, b: Array) -> float:
-    """Sum the products by numpy's pairwise sum, independent of the number of BLAS threads."""
-    return float((a * b).sum())
+def _line(day: Array, y: Array, variance: Array, scatter2: float) -> _Line:
+    """Fit the line with weights 1/(variance + scatter2)."""
+
+    def means(part: slice) -> tuple[Array, ...]:
+        weights = 1.0 / (variance[part] + scatter2)
+        return weights, weights * day[part], weights * y[part]
+
+    def moments(part: slice) -> tuple[Array, ...]:
+        centred = day[part] - mean_day
+        weighted = centred / (variance[part] + scatter2)
+        return weighted * (y[part] - at_mean), weighted * centred
+
+    total, of_day, of_y = _sums(means, len(day))
+    mean_day, at_mean = of_day / total, of_y / total
+    product, steepness = _sums(moments, len(day))
+    return _Line(mean_day, at_mean, product / steepness, steepness)
+
+
+def _sums(terms: Callable[[slice], tuple[Array, ...]], n: int) -> list[float]:
+    """Sum terms over n values, in blocks that stay in the processor's cache.
+
+    By numpy's pairwise sum, which is independent of the number of BLAS threads.
+    """
+    parts = [slice(at, at + BLOCK) for at in range(0, n, BLOCK)]
+    blocks = np.array([[term.sum() for term in terms(part)] for part in parts])
+    return [float(one) for one in blocks.T.copy().sum(axis=1)]
 
 
 def _scatter(day: Array, y: Array, variance: Array) -> float:
@@ -189,14 +213,19 @@ def _scatter(day: Array, y: Array, variance: Array) -> float:
     1/Q is nearly linear in the variance.
     """
     scatter2, dof = 0.0, len(day) - 2
-    for _ in range(100):
-        *_, weights, residuals = _line(day, y, variance + scatter2)
+
+    def misfit(part: slice) -> tuple[Array, ...]:
+        weights = 1.0 / (variance[part] + scatter2)
+        residuals = y[part] - line.at_mean - line.slope * (day[part] - line.mean_day)
         squares = weights * residuals**2
-        q = float(squares.sum())
+        return squares, weights * squares
+
+    for _ in range(100):
+        line = _line(day, y, variance, scatter2)
+        q, steepness = _sums(misfit, len(day))
         if q == 0.0:
             return 0.0
-        step = (q / dof - 1.0) * q / _sum(weights, squares)
-        after = max(0.0, scatter2 + step)
+        after = max(0.0, scatter2 + (q / dof - 1.0) * q / steepness)
         if abs(after - scatter2) <= 1e-10 * after:
             return after
         scatter2 = after
@@ -218,25 +247,32 @@ def worst(
     catalogue: Catalogue, n: int, quantities: Sequence[str] | None = None, which: Filter = ALL
 ) -> tuple[Outlier, ...]:
     """Return the n captures with the largest score of any quantity (see `Outlier`)."""
-    found = series(catalogue, quantities, which)
-    best: dict[int, tuple[float, Series, int, float]] = {}
-    for one in found:
+    best: dict[int, Outlier] = {}
+    for one in each_series(catalogue, quantities, which):
         stats = summarised(one)
         width = max(stats.robust_sd, stats.u_rms if stats.u_rms > 0.0 else 0.0, 1e-12)
-        score = np.abs(one.values - stats.median) / width
-        for at in np.argsort(-score, kind="stable")[:n]:
-            number = int(one.numbers[at])
-            if number not in best or score[at] > best[number][0]:
-                best[number] = (float(score[at]), one, int(at), stats.median)
-    ranked = sorted(best.items(), key=lambda item: (-item[1][0], item[0]))[:n]
-    return tuple(_outlier(catalogue, number, *row) for number, row in ranked)
+        scores = np.abs(one.values - stats.median) / width
+        for at in _largest(scores, n):
+            number, score = int(one.numbers[at]), float(scores[at])
+            if number not in best or score > best[number].score:
+                value, u = float(one.values[at]), float(one.u[at])
+                best[number] = Outlier(
+                    "", "", None, one.quantity, one.unit, value, u, stats.median, score
+                )
+    ranked = sorted(best.items(), key=lambda item: (-item[1].score, item[0]))[:n]
+    return tuple(_named(catalogue, number, outlier) for number, outlier in ranked)
 
 
-def _outlier(
-    catalogue: Catalogue, number: int, score: float, one: Series, at: int, median: float
-) -> Outlier:
+def _largest(scores: Array, n: int) -> npt.NDArray[np.intp]:
+    """Return the indices of the n largest, the first of equal ones first."""
+    n = min(n, len(scores))
+    least = np.partition(scores, len(scores) - n)[len(scores) - n]
+    among = np.flatnonzero(scores >= least)
+    return among[np.argsort(-scores[among], kind="stable")[:n]]
+
+
+def _named(catalogue: Catalogue, number: int, outlier: Outlier) -> Outlier:
     key, name, date = catalogue.connection.execute(
         "SELECT key, name, date FROM captures WHERE id = ?", (number,)
     ).fetchone()
-    value, u = float(one.values[at]), float(one.u[at])
-    return Outlier(key, name, date, one.quantity, one.unit, value, u, median, score)
+    return replace(outlier, key=key, name=name, date=date)

@@ -7,6 +7,7 @@ changed: several runs may write at once, and a kill loses only what the next run
 from __future__ import annotations
 
 import json
+import pickle
 import sqlite3
 import time
 import uuid
@@ -14,7 +15,8 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache
 from pathlib import Path
 
-from ..catalogue.load_records import load_records
+from ..catalogue.load_records import json_name, load_records
+from ..catalogue.rows import Record
 from ..plan.discover import FoundCapture
 from ..storage.entry import Entry, legible
 from ..storage.store import Store
@@ -22,12 +24,14 @@ from .work import CompletedCapture
 
 FOLDER = "run/seen/"
 FLUSH_S, FLUSH_LINES = 10.0, 2000
+MOST_RECORDS = 200_000  # kept for the catalogue: 2 kB each
 TABLES = """
 PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA locking_mode = EXCLUSIVE;
 PRAGMA cache_size = -65536;
 CREATE TABLE known(name, fingerprint, key, elsewhere,
   PRIMARY KEY(name, fingerprint, key, elsewhere)) WITHOUT ROWID;
 CREATE TABLE present(key PRIMARY KEY, name, done DEFAULT TRUE) WITHOUT ROWID;
+CREATE TABLE written(key PRIMARY KEY, stamp, record) WITHOUT ROWID;
 CREATE TABLE current(name PRIMARY KEY, fingerprint, ours, key) WITHOUT ROWID;
 """
 
@@ -61,6 +65,7 @@ class ResultIndex:
         self._database.executescript(TABLES)
         self._listed = lru_cache(maxsize=4096)(archive.stat)
         self._lines: list[str] = []
+        self._records = 0
         self._flushed_s = time.monotonic()
 
     def __del__(self) -> None:
@@ -142,9 +147,28 @@ class ResultIndex:
         elsewhere = json.dumps([[file.name, file.size, file.stamp] for file in done.elsewhere])
         row = (name, done.fingerprint or "", done.key, elsewhere)
         self._database.execute("INSERT OR IGNORE INTO known VALUES (?, ?, ?, ?)", row)
+        if done.stamp and self._records < MOST_RECORDS:
+            self._records += 1
+            record = (done.key, done.stamp, done.record)
+            self._database.execute("INSERT OR REPLACE INTO written VALUES (?, ?, ?)", record)
         self._lines.append(json.dumps(row))
         if len(self._lines) >= FLUSH_LINES or time.monotonic() > self._flushed_s + FLUSH_S:
             self.flush()
+
+    def record_of(self, key: str) -> Record | None:
+        """Return the record of a result that this run wrote, if its file is still the same."""
+        asked = "SELECT stamp, record FROM written WHERE key = ?"
+        row = self._database.execute(asked, (key,)).fetchone()
+        if row is None:
+            return None
+        entry = self._results.stat(json_name(key))
+        known: Record = pickle.loads(row[1])  # noqa: S301 - of our workers
+        return known if entry is not None and entry.stamp == row[0] else None
+
+    def forget_records(self) -> None:
+        """Drop the records of results, which the catalogue holds."""
+        self._database.execute("DELETE FROM written")
+        self._records = 0
 
     def outdated(self) -> list[str]:
         """Return the keys of results that are superseded by another result of their capture."""

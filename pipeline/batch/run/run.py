@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import islice
@@ -103,8 +104,8 @@ class Batch:
                     took = {stage: round(seconds, 4) for stage, seconds in done.seconds}
                     name = legible(done.name)
                     self._times.add(CaptureTime(name, done.key, took, done.memory_bytes))
-                if done.record is not None:
-                    self._segments.add(done.record)
+                if done.record and self._results.local is None:
+                    self._segments.add(pickle.loads(done.record))  # noqa: S301 - of our workers
                 self.counts.done[done.outcome.status] += 1
                 self._listener.finished(done)
         except BaseException:
@@ -139,7 +140,8 @@ class Batch:
         if self.counts.removed is not None:
             write_removed(self._results, self.counts.removed)
         if at_end or self.shard.n == 1:
-            update(self._results)
+            update(self._results, known=self._index.record_of)
+            self._index.forget_records()
 
     def _entries(self) -> Iterator[Entry]:
         """Yield the files of the archive, without those of the results if these are inside."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import tempfile
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -16,7 +17,7 @@ from ...errors import WheelplaneError
 from ...system import peak_bytes, taken
 from ..catalogue.history import is_retried
 from ..catalogue.load_records import json_name
-from ..catalogue.rows import Record, read_record
+from ..catalogue.rows import read_record
 from ..plan.discover import FoundCapture
 from ..plan.identity import (
     Identity,
@@ -85,8 +86,9 @@ class CompletedCapture:
     archive, and it has no result.
 
     fingerprint: of its files as listed, None if it does not identify the capture reliably.
-    record: of a new result in object storage, where reading it back is expensive. seconds: by
-    stage, see `times.HEADS`. memory_bytes: the most that its worker process has held.
+    record: of a new result, pickled, and stamp of its file in a folder: so that the catalogue need
+    not read it back. seconds: by stage, see `times.HEADS`. memory_bytes: the most that its worker
+    process has held.
     """
 
     name: str
@@ -94,7 +96,8 @@ class CompletedCapture:
     outcome: Outcome
     fingerprint: str | None
     elsewhere: tuple[Entry, ...]
-    record: Record | None = None
+    record: bytes = b""
+    stamp: str = ""
     seconds: tuple[tuple[str, float], ...] = ()
     memory_bytes: int = 0
 
@@ -111,17 +114,15 @@ def work(task: Task) -> list[CompletedCapture]:
     try:
         results = _store(task.request.results)
         worked = [_one(found, task, results) for found in task.captures]
-        for _, writing in worked:  # written while the next ones are measured
-            if writing is not None:
-                writing.result()
+        # written while the next ones are measured
+        return [done if to is None else replace(done, stamp=to.result()) for done, to in worked]
     except WheelplaneError as error:
         raise TransientError(str(error)) from error
-    return [done for done, _ in worked]
 
 
 def _one(
     found: FoundCapture, task: Task, results: Store
-) -> tuple[CompletedCapture, Future[None] | None]:
+) -> tuple[CompletedCapture, Future[str] | None]:
     """Measure a capture; return it with its outcome, and the pending write of a new result."""
     watch = _Stopwatch()
     with ExitStack() as stack:
@@ -141,9 +142,7 @@ def _one(
     writing = _writers().submit(_write, results, known.key, result, exists)
     done = _done(found, known, result.outcome)
     done = replace(done, seconds=tuple(watch.laps), memory_bytes=peak_bytes())
-    if results.local is None:
-        done = replace(done, record=read_record(known.key, result.data))
-    return done, writing
+    return replace(done, record=pickle.dumps(read_record(known.key, result.data))), writing
 
 
 class _Stopwatch:
@@ -213,20 +212,24 @@ def _is_retried(results: Store, key: str, retry: str) -> bool:
     return is_retried(read_record(key, results.read(json_name(key))).capture, retry)
 
 
-def _write(results: Store, key: str, result: Result, replace_failure: bool) -> None:
+def _write(results: Store, key: str, result: Result, replace_failure: bool) -> str:
     """Write the log of a failure, then the result, whose presence means done.
 
+    Return the stamp of its file, unless another process was faster, or it is in object storage.
     replace_failure: replace the result of a failure and remove its log.
     """
     log = f"logs/{key}.log"
     if result.log:
         results.write(log, result.log.encode(errors="replace"))
     if not replace_failure:
-        results.write_new(json_name(key), result.data)
-        return
-    results.write(json_name(key), result.data)
-    if not result.log:
-        results.remove(log)
+        is_ours = results.write_new(json_name(key), result.data)
+    else:
+        results.write(json_name(key), result.data)
+        is_ours = True
+        if not result.log:
+            results.remove(log)
+    written = results.stat(json_name(key)) if is_ours and results.local is not None else None
+    return "" if written is None else written.stamp
 
 
 @lru_cache(maxsize=1)
