@@ -51,15 +51,14 @@ class Forked(Generic[T]):
                 "with WHEELPLANE_THREADS=1, fewer points, or on a larger machine"
             ) from None
         finally:
-            self._answer.close()
-            os.waitpid(self._process, 0)
+            self.cancel()
         add_taken(seconds)
         if error is not None:
             raise error
         return cast(T, returned)
 
     def cancel(self) -> None:
-        """End the process, whose result is no longer wanted."""
+        """End the process, whose result is here or no longer wanted."""
         os.kill(self._process, signal.SIGKILL)
         os.waitpid(self._process, 0)
         self._answer.close()

@@ -15,13 +15,14 @@ from tests.support.batches import archive_of, five_points, run
 from tests.support.records import add, result
 from tests.test_structure import ROOMS, sources
 from wheelplane.batch.catalogue import segments
-from wheelplane.batch.catalogue.catalogue import rebuild
+from wheelplane.batch.catalogue.catalogue import rebuild, update
 from wheelplane.batch.catalogue.load_records import json_name, load_records
 from wheelplane.batch.catalogue.rows import read_record
 from wheelplane.batch.plan.discover import FoundCapture, discover
 from wheelplane.batch.plan.settings import BatchSettings
 from wheelplane.batch.plan.shard import Shard, read_shard
 from wheelplane.batch.run import result_index
+from wheelplane.batch.run import run as batch_run
 from wheelplane.batch.run.measure_one import Outcome, Subject, TransientError, measure_bytes
 from wheelplane.batch.run.result_index import ResultIndex
 from wheelplane.batch.run.stages import STAGES, stage_of, transient_fault
@@ -368,8 +369,15 @@ def test_the_catalogue_of_a_run_is_that_of_its_files(tmp_path, monkeypatch, most
     monkeypatch.setattr(
         segments, "load_records", lambda s, keys: real(s, [read.append(k) or k for k in keys])
     )
+    written = []  # files read by the end of an update; the list of results reads late ones again
+
+    def counted(store, known):
+        update(store, known=known)
+        written.append(len(read))
+
+    monkeypatch.setattr(batch_run, "update", counted)
     assert run(archive, results, "--workers", "1").returncode == 1
-    assert len(read) == 13 - min(13, most)
+    assert written[-1] == 13 - min(13, most)
     made = (results / "catalogue.sqlite").read_bytes()
     rebuild(open_store(str(results)))
     assert (results / "catalogue.sqlite").read_bytes() == made

@@ -37,6 +37,7 @@ from wheelplane.batch.catalogue.schema import create
 from wheelplane.batch.run.stages import STAGES
 from wheelplane.manual.build import chapter_files, pages
 from wheelplane.manual.markdown import render
+from wheelplane.report.format.language import load_translations
 
 ROOT = Path(__file__).resolve().parents[2]
 CHAPTERS = {path.name: path.read_text(encoding="utf-8") for path in chapter_files()}
@@ -397,7 +398,7 @@ NOTES = {
     ),
     "observe_vehicle.py": ("_left_out",),
     "records.py": ("notes",),
-    "observe.py": ("noisy", "note_on_hint", "note_on_lone_points", "rounded", "shaded"),
+    "observe.py": ("noisy", "note_on_hint", "rounded", "shaded"),
     "plane.py": ("_coarse",),
     "file.py": ("_note_if_upside_down", "_note_of_sense"),
     "five_point.py": ("note_of_aiming",),
@@ -407,6 +408,7 @@ NOTES = {
     "findings.py": ("findings", "_few_points", "_size", "_steps", "_duplicates", "_origin", "_flat",
                     "_pose"),
 }  # fmt: skip
+SENTENCES = set(load_translations("en").section("note").values())
 SENTENCE = 24  # characters; shorter strings are parts of a note
 
 
@@ -426,15 +428,23 @@ def constants_of(text: ast.JoinedStr) -> list[str]:
 
 
 def notes_of_the_code() -> dict[str, list[str]]:
-    """Return the strings of each function of NOTES."""
-    return {
-        f"{path.name}:{node.name}": [
-            x for x in strings(node) if x != ast.get_docstring(node, False)
-        ]
-        for path, tree in sources()
-        for node in ast.walk(tree)
-        if isinstance(node, ast.FunctionDef) and node.name in NOTES.get(path.name, ())
-    }
+    """Return the strings of each function of NOTES, and the sentences in constants."""
+    found = {}
+    for path, tree in sources():
+        constants = {
+            target.id: list(strings(node.value))
+            for node in tree.body
+            if isinstance(node, ast.Assign)
+            for target in node.targets
+            if isinstance(target, ast.Name)
+        }
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef) and node.name in NOTES.get(path.name, ()):
+                own = [x for x in strings(node) if x != ast.get_docstring(node, False)]
+                named = {x.id for x in ast.walk(node) if isinstance(x, ast.Name)}
+                said = [text for name in sorted(named) for text in constants.get(name, ())]
+                found[f"{path.name}:{node.name}"] = own + [x for x in said if x in SENTENCES]
+    return found
 
 
 def test_entries_of_notes_match_the_code():
