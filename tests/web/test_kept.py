@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 import pickle
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tests.support.made import write_small_capture
+from tests.support.reported import measured
 from tests.support.web_site import PAPER, Site
 from wheelplane.commands.view import opened
-from wheelplane.errors import InputError
-from wheelplane.web.files.stored import load, load_records
+from wheelplane.errors import InputError, Wording
+from wheelplane.web.files.stored import load, load_records, store
 
 SHOWN = ("measurement.json", "panel-en.json", "scene-pt.json", "points.json", "points.bin")
 
@@ -173,3 +175,13 @@ def test_the_command_opens_a_stored_measurement_file_or_folder(tmp_path):
     file.write_text('{"schema": "wheelplane/measurement/1"}')
     assert opened(file, ()) == ((tmp_path,), "open=0/measurement.json")
     assert opened(tmp_path, ()) == ((tmp_path,), "open=0/")
+
+
+def test_a_measurement_with_notes_comes_back_whole(tmp_path):
+    """Require the pickle: there is no measurement.json, which lacks the points, to fall back on."""
+    note = Wording("{name}: {choice}.", name="RR", choice=Wording("box {low}", low="1"))
+    found = replace(measured(), notes=(note,)), None
+    store(found, tmp_path / "measurement.pickle")
+    again, _ = load(tmp_path)
+    assert (again.notes[0], again.notes[0].template) == (note, note.template)
+    assert again.notes[0].parts["choice"].parts == {"low": "1"}

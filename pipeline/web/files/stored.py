@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from ...config import Section
-from ...errors import InputError
+from ...errors import InputError, Wording
 from ...files import lies_in
 from ...measurement import Conformity, Measurement
 from ...report.json.stored import read_measurement
 
 PICKLE, RECORD = "measurement.pickle", "measurement.json"
 OURS = __package__.partition(".")[0]
-ROOMS = {"capture", "centre", "cloud", "measurement", "plane", "targets", "uncertainty", "vehicle",
-         "validation"}  # fmt: skip
+ROOMS = {"capture", "centre", "cloud", "errors", "measurement", "plane", "targets", "uncertainty",
+         "vehicle", "validation"}  # fmt: skip
 ARRAYS = {
     ("numpy", "ndarray"),
     ("numpy", "dtype"),
@@ -69,7 +69,7 @@ def whole(found: object) -> bool:
 
 
 class _Records(pickle.Unpickler):
-    """Reader of pickles that knows arrays, and the dataclasses and settings of this program."""
+    """Reader of pickles that knows arrays, and this program's dataclasses, settings, sentences."""
 
     def find_class(self, module: str, name: str) -> Any:
         """Return a class that is allowed. Raises UnpicklingError for all else."""
@@ -79,7 +79,7 @@ class _Records(pickle.Unpickler):
         if package == OURS and room in ROOMS and "." not in name:
             found = super().find_class(module, name)
             if isinstance(found, type) and (
-                dataclasses.is_dataclass(found) or issubclass(found, Section)
+                dataclasses.is_dataclass(found) or issubclass(found, Section | Wording)
             ):
                 return found
         raise pickle.UnpicklingError(f"{module}.{name} is no record")
