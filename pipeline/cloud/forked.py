@@ -47,8 +47,8 @@ class Forked(Generic[T]):
             returned, error, seconds = self._answer.recv()
         except EOFError:
             raise InputError(
-                "a process that measured a scan was killed, perhaps for lack of memory: measure "
-                "with WHEELPLANE_THREADS=1, fewer points, or on a larger machine"
+                "one of several processes was killed, perhaps for lack of memory: set "
+                "WHEELPLANE_THREADS=1, or use a larger machine"
             ) from None
         finally:
             self.cancel()

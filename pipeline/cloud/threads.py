@@ -46,18 +46,20 @@ def over_chunks(work: Callable[[slice], T], rows: int, size: int = ROWS_PER_CHUN
     return [done[k % workers][k // workers] for k in range(len(chunks))]
 
 
-def side_by_side(first: Callable[[S], R], then: Callable[[R], T], items: Sequence[S]) -> list[T]:
+def side_by_side(
+    first: Callable[[S], R], then: Callable[[R], T], items: Sequence[S], *, forks: bool = False
+) -> list[T]:
     """Call `first` on one item after another, and `then` on what it returns, several at once.
 
-    In forked processes where that is safe, else in threads. Returns the results in the order of the
-    items; of several errors, raises that of the first item.
+    forks: in forked processes where these are safe, else in threads. Returns the results in the
+    order of the items; of several errors, raises that of the first item.
     """
     workers = min(threads(), len(items))
     if workers < 2:
         return [then(first(item)) for item in items]
     with ExitStack() as stack:
         begin: Callable[[Callable[[R], T], R], Future[T] | Forked[T]]
-        if can_fork():
+        if forks and can_fork():
             each = {THREADS: str(threads() // workers)}
             begin = partial(Forked, workers=workers, environment=each)
         else:

@@ -63,7 +63,7 @@ def observe_entries(
         return observe_entry(*given, capture, config, fit_target)
 
     if several:
-        return side_by_side(read, observe, capture.entries)
+        return side_by_side(read, observe, capture.entries, forks=True)
     return [observe(read(entry)) for entry in capture.entries]
 
 

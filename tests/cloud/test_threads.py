@@ -54,13 +54,16 @@ def test_results_come_in_the_order_of_the_items(workers, tmp_path):
         (tmp_path / str(item)).touch()
         return -item
 
-    assert side_by_side(lambda k: k, later_first, ITEMS) == [-k for k in ITEMS]
+    assert side_by_side(lambda k: k, later_first, ITEMS, forks=True) == [-k for k in ITEMS]
 
 
 def test_the_first_step_runs_here_in_order(workers):
     seen, here = [], (threading.current_thread(), os.getpid())
     side_by_side(
-        lambda k: seen.append((k, threading.current_thread(), os.getpid())), lambda _: None, ITEMS
+        lambda k: seen.append((k, threading.current_thread(), os.getpid())),
+        lambda _: None,
+        ITEMS,
+        forks=True,
     )
     assert seen == [(k, *here) for k in ITEMS]
 
@@ -71,7 +74,7 @@ def test_the_first_step_runs_here_in_order(workers):
 )
 def test_the_error_of_the_first_item_is_raised(workers, first, then, raised):
     with pytest.raises(OddError) as error:
-        side_by_side(fails_at(*first), fails_at(*then), ITEMS)
+        side_by_side(fails_at(*first), fails_at(*then), ITEMS, forks=True)
     assert error.value.args == (raised,)
 
 
@@ -84,7 +87,7 @@ def test_at_most_one_item_waits_beside_those_at_work(workers):
         most.append(sum(one() is not None for one in made))
         return [points]
 
-    side_by_side(take, lambda points: len(points.pop()), ITEMS)
+    side_by_side(take, lambda points: len(points.pop()), ITEMS, forks=True)
     assert max(most) <= workers + 1
 
 
@@ -99,8 +102,8 @@ def test_a_process_that_is_killed_is_one_line_and_no_process_is_left(monkeypatch
         if item == 4:
             os.kill(os.getpid(), signal.SIGKILL)
 
-    with pytest.raises(InputError, match="a process that measured a scan was killed"):
-        side_by_side(lambda k: k, ends, ITEMS)
+    with pytest.raises(InputError, match="one of several processes was killed"):
+        side_by_side(lambda k: k, ends, ITEMS, forks=True)
     assert begun
     for process in begun:
         with pytest.raises(ChildProcessError):

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from ...vectors import Array
+from ...cloud import side_by_side
+from ...vectors import Array, Mask
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.columns import captures_of, column_of
 from .query import ALL, Filter, chosen, known_quantity, quantity_units
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -35,26 +39,54 @@ def series(
     catalogue: Catalogue, quantities: Sequence[str] | None = None, which: Filter = ALL
 ) -> tuple[Series, ...]:
     """Load the named quantities, or all, without those of no capture. Raises InputError."""
-    return tuple(each_series(catalogue, quantities, which))
+    loader = _Loader(catalogue, which)
+    loaded = map(loader.load, loader.names(quantities))
+    return tuple(one for one in loaded if one is not None)
 
 
-def each_series(
-    catalogue: Catalogue, quantities: Sequence[str] | None = None, which: Filter = ALL
-) -> Iterator[Series]:
-    """Yield the same one by one, so that those of a million captures need no memory together."""
-    units = quantity_units(catalogue)
-    wanted = (
-        list(units)
-        if quantities is None
-        else [known_quantity(catalogue, name) for name in quantities]
-    )
-    numbers, days = captures_of(catalogue.connection)
-    among = None if which == ALL else np.isin(numbers, chosen(catalogue, which))
-    before = np.zeros(len(numbers), bool)
-    for name in wanted:
-        values, u = column_of(catalogue.connection, name, units[name], numbers)
-        found = np.isfinite(values) if among is None else np.isfinite(values) & among
-        if found.any():
-            if not np.array_equal(found, before):  # most are of the same captures
-                before, shared = found, (numbers[found], days[found])
-            yield Series(name, units[name], *shared, values[found], u[found])
+def over_series(
+    work: Callable[[Series], T],
+    catalogue: Catalogue,
+    quantities: Sequence[str] | None = None,
+    which: Filter = ALL,
+) -> list[T]:
+    """Call `work` on each of the same, several at once; return its results in their order.
+
+    Those of a million captures need no memory together.
+    """
+    loader = _Loader(catalogue, which)
+    names = loader.names(quantities)
+    found = side_by_side(loader.load, lambda one: None if one is None else [work(one)], names)
+    return [result for one in found if one is not None for result in one]
+
+
+class _Loader:
+    """Loader of the series of the captures chosen."""
+
+    def __init__(self, catalogue: Catalogue, which: Filter) -> None:
+        self._catalogue, self._units = catalogue, quantity_units(catalogue)
+        self._numbers, self._days = captures_of(catalogue.connection)
+        self._among = None if which == ALL else np.isin(self._numbers, chosen(catalogue, which))
+        self._before = np.zeros(len(self._numbers), bool)
+        self._shared = self._numbers[:0], self._days[:0]
+
+    def names(self, quantities: Sequence[str] | None) -> list[str]:
+        """Return the names of the quantities, or of all. Raises InputError."""
+        if quantities is None:
+            return list(self._units)
+        return [known_quantity(self._catalogue, name) for name in quantities]
+
+    def load(self, name: str) -> Series | None:
+        """Return the series of a quantity; None where no capture has it."""
+        values, u = column_of(self._catalogue.connection, name, self._units[name], self._numbers)
+        found = np.isfinite(values) if self._among is None else np.isfinite(values) & self._among
+        if not found.any():
+            return None
+        if not np.array_equal(found, self._before):  # most are of the same captures
+            self._before, self._shared = found, (self._numbers[found], self._days[found])
+        return Series(name, self._units[name], *self._shared, *taken(found, values, u))
+
+
+def taken(wanted: Mask, *columns: Array) -> tuple[Array, ...]:
+    """Return the wanted rows of columns (N,); the columns themselves where that is all of them."""
+    return columns if wanted.all() else tuple(column[wanted] for column in columns)

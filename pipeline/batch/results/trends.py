@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,7 @@ from ...uncertainty import quantile, tail
 from ...vectors import Array
 from ..catalogue.catalogue import Catalogue
 from .query import ALL, Filter
-from .series import Series, each_series, series
+from .series import Series, over_series, series, taken
 
 __all__ = [
     "MONTH_DAYS",
@@ -106,12 +107,12 @@ def summary(
     catalogue: Catalogue, quantities: Sequence[str] | None = None, which: Filter = ALL
 ) -> tuple[Summary, ...]:
     """Compute the statistics of each quantity; without names of all, wheel angles first."""
-    return tuple(summarised(one) for one in each_series(catalogue, quantities, which))
+    return tuple(over_series(summarised, catalogue, quantities, which))
 
 
 def summarised(one: Series) -> Summary:
     """Compute the statistics of a series of at least one value."""
-    x, known = one.values, one.u[np.isfinite(one.u)]
+    x, (known,) = one.values, taken(np.isfinite(one.u), one.u)
     median = float(np.median(x))
     return Summary(
         one.quantity,
@@ -131,7 +132,7 @@ def drifts(
     catalogue: Catalogue, quantities: Sequence[str] | None = None, which: Filter = ALL
 ) -> tuple[Drift, ...]:
     """Fit the drift of each quantity, with Holm's correction for their number."""
-    return with_holm([drift(one) for one in each_series(catalogue, quantities, which)])
+    return with_holm(over_series(drift, catalogue, quantities, which))
 
 
 def drift(one: Series) -> Drift:
@@ -143,7 +144,7 @@ def drift(one: Series) -> Drift:
     Errors common to all captures do not change the slope; all others are taken as independent.
     """
     known = np.isfinite(one.day) & np.isfinite(one.u)
-    day, y, u = one.day[known], one.values[known], one.u[known]
+    day, y, u = taken(known, one.day, one.values, one.u)
     n = len(day)
     if n < 3 or np.ptp(day) == 0.0:
         reason = "fewer than three dated values" if n < 3 else "all on one date"
@@ -248,19 +249,25 @@ def worst(
 ) -> tuple[Outlier, ...]:
     """Return the n captures with the largest score of any quantity (see `Outlier`)."""
     best: dict[int, Outlier] = {}
-    for one in each_series(catalogue, quantities, which):
-        stats = summarised(one)
-        width = max(stats.robust_sd, stats.u_rms if stats.u_rms > 0.0 else 0.0, 1e-12)
-        scores = np.abs(one.values - stats.median) / width
-        for at in _largest(scores, n):
-            number, score = int(one.numbers[at]), float(scores[at])
-            if number not in best or score > best[number].score:
-                value, u = float(one.values[at]), float(one.u[at])
-                best[number] = Outlier(
-                    "", "", None, one.quantity, one.unit, value, u, stats.median, score
-                )
+    for found in over_series(partial(_outliers, n=n), catalogue, quantities, which):
+        for number, outlier in found:
+            if number not in best or outlier.score > best[number].score:
+                best[number] = outlier
     ranked = sorted(best.items(), key=lambda item: (-item[1].score, item[0]))[:n]
     return tuple(_named(catalogue, number, outlier) for number, outlier in ranked)
+
+
+def _outliers(one: Series, n: int) -> list[tuple[int, Outlier]]:
+    """Return the n captures farthest from the median, by their numbers, still without names."""
+    stats = summarised(one)
+    width = max(stats.robust_sd, stats.u_rms if stats.u_rms > 0.0 else 0.0, 1e-12)
+    scores = np.abs(one.values - stats.median) / width
+    found = []
+    for at in _largest(scores, n):
+        value, u, score = float(one.values[at]), float(one.u[at]), float(scores[at])
+        outlier = Outlier("", "", None, one.quantity, one.unit, value, u, stats.median, score)
+        found.append((int(one.numbers[at]), outlier))
+    return found
 
 
 def _largest(scores: Array, n: int) -> npt.NDArray[np.intp]:
