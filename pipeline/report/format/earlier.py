@@ -44,17 +44,26 @@ class Earlier:
     vertical: str = "wheels"
 
 
-def read_earlier(path: Path) -> Earlier:
-    """Read measurement.json. Raises InputError that names the file and the fact."""
+def read_tree(path: Path, name: str) -> tuple[dict[str, Any], bytes]:
+    """Return the tree of a measurement.json, and the file's bytes.
+
+    Raises InputError that names the file `name` and the fact.
+    """
     try:
         data = path.read_bytes()
         tree = json.loads(data)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}: check the path") from error
+        raise InputError(f"{name}: cannot be read: {error.strerror}: check the path") from error
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not JSON: give a measurement.json") from error
+        raise InputError(f"{name}: not JSON: give a measurement.json") from error
     if not isinstance(tree, dict) or tree.get("schema") != SCHEMA:
-        raise InputError(f"{path}: no measurement of schema {SCHEMA!r}: give a measurement.json")
+        raise InputError(f"{name}: no measurement of schema {SCHEMA!r}: give a measurement.json")
+    return tree, data
+
+
+def read_earlier(path: Path) -> Earlier:
+    """Read measurement.json. Raises InputError that names the file and the fact."""
+    tree, data = read_tree(path, str(path))
     try:
         return Earlier(
             source=str(path),

@@ -5,7 +5,6 @@ What the file does not hold is missing: the points of the scans, the maps of the
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -33,7 +32,7 @@ from ...measurement import (
 )
 from ...uncertainty import MonteCarlo, UncertaintyComponent
 from ...vectors import Array
-from .measurement import SCHEMA
+from ..format.earlier import SCHEMA, read_tree
 
 Tree = Mapping[str, Any]
 
@@ -48,14 +47,7 @@ def read_measurement(path: Path, name: str) -> tuple[Measurement, Conformity | N
 
     Raises InputError that names the file `name` and the fact.
     """
-    try:
-        tree = json.loads(path.read_bytes())
-    except OSError as error:
-        raise InputError(f"{name}: cannot be read: {error.strerror}: check the path") from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{name}: not JSON: give a measurement.json") from error
-    if not isinstance(tree, dict) or tree.get("schema") != SCHEMA:
-        raise InputError(f"{name}: no measurement of schema {SCHEMA!r}: give a measurement.json")
+    tree, _ = read_tree(path, name)
     if tree.get("frame") is None:
         raise InputError(f"{name}: the record of a capture that could not be measured: see `batch`")
     try:
