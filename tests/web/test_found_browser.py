@@ -177,11 +177,7 @@ def test_a_region_is_entered_by_keyboard_and_a_wrong_one_is_refused(visit):
 
 def test_the_wheels_of_a_cloud_are_named(visit, centres):
     page = found(visit, "whole.ply", target="disc-250")
-    tree = page.evaluate(
-        "async () => (await fetch(document.querySelector('.looked img').src.replace(/[^/]+$/, "
-        "'explanation.json'))).json()"
-    )
-    (scan,) = tree["scans"]
+    (scan,) = tree_of(page)["scans"]
     page.locator("#again").click()
     assert "all four wheels" in page.locator(".looked [role=status]").inner_text()
     for name, centre in centres.items():
@@ -199,11 +195,7 @@ def test_the_wheels_of_a_cloud_are_named(visit, centres):
 def test_the_front_of_a_cloud_is_chosen_in_its_picture(visit, centres):
     """The side of the picture on which the front wheels lie, by which no other choice is needed."""
     page = found(visit, "single.ply", target="disc-250")
-    tree = page.evaluate(
-        "async () => (await fetch(document.querySelector('.looked img').src.replace(/[^/]+$/, "
-        "'explanation.json'))).json()"
-    )
-    (scan,) = tree["scans"]
+    (scan,) = tree_of(page)["scans"]
     ahead = (centres["FR"] + centres["FL"] - centres["RR"] - centres["RL"]) / 2.0
     right, up = (float(np.dot(axis, ahead)) for axis in scan["picture_axes"])
     sides = {"right": right, "left": -right, "top": up, "bottom": -up}
