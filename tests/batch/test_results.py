@@ -283,7 +283,7 @@ def test_the_outlier_is_the_worst(catalogue):
 @pytest.mark.parametrize("few", [0.0, 0.1, 1.0])
 @pytest.mark.parametrize("low", [-9.0, 2.6005, 2.6035, 2.6085, 2.6105, 9.0])
 def test_ranges_choose_what_a_loop_chooses(catalogue, monkeypatch, few, low):
-    """Of all captures, most, some, one, and none, by whichever way they are looked up."""
+    """Ranges that hold all captures, most, some, one, and none, by each way of looking them up."""
     monkeypatch.setattr(query_module, "FEW", few)
     which = Filter(ranges=(ValueRange("wheelbase_left", low), ValueRange("RR toe", 0.05, 0.18)))
     toes, lengths = series(catalogue, ["RR toe", "wheelbase_left"])
@@ -297,7 +297,7 @@ def test_ranges_choose_what_a_loop_chooses(catalogue, monkeypatch, few, low):
 
 
 def test_columns_are_the_rows_of_the_tables(catalogue):
-    """Of each quantity and angle: the captures, days, values and u that the tables hold."""
+    """Columns hold the captures, days, values and u of the tables, for each quantity and angle."""
     of_wheel = "SELECT id, day, {0}_deg, u_{0}_deg FROM wheel_rows JOIN captures USING(id)"
     of_kind = "SELECT id, day, value, q.u FROM quantity_rows AS q JOIN captures USING(id)"
     for name in quantity_units(catalogue):

@@ -69,7 +69,7 @@ def test_run_out_of_targets_and_frame_cancels_wherever_the_vehicle_stands(turns)
 
 
 def test_errors_are_as_large_as_stated():
-    """Of noise alone; with both scans' components, each at half its weight."""
+    """Noise alone, and with both scans' components, each at half its weight."""
     ratios, us = [], []
     for seed in range(100):
         scene, truth = rolled(seed, normal_rad=1e-4)

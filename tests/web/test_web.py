@@ -422,7 +422,7 @@ def test_an_archive_is_browsed(site, results):
 
 
 def test_cambers_from_unlike_verticals_are_named_and_can_be_chosen(site, five):
-    """Of one vertical nothing is said; of two, how many there are of each."""
+    """One vertical needs no notice; two are counted, each."""
     tree = file_of(site, five, "measurement.json").json
     place = write_results(site.allowed / "verticals", tree)
     address = "/api/archive/{}/0/verticals?quantity=RR+camber"
