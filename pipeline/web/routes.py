@@ -15,13 +15,13 @@ from werkzeug.wsgi import wrap_file
 
 from ..files import lies_in
 from ..report.format.language import load_translations
+from ..report.json.stored import RECORD
 from .archive import calibrations
 from .archive import views as archive
 from .content import choices
 from .content.changes import changes
 from .content.reporting import TYPES
 from .files.folders import RESULTS, check_name, kind_of_file, kind_of_folder
-from .files.stored import RECORD
 from .front import given, language
 from .jobs.process import PageJob
 from .jobs.saving import report_file, save

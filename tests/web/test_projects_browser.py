@@ -214,6 +214,30 @@ def test_a_control_chart_is_read_by_pointer_and_keyboard(visit, archive):
     until(page, "document.querySelector('#archive h2')?.innerText.includes('RR toe')")
 
 
+def test_a_late_answer_of_a_view_that_was_left_is_not_shown(visit, archive):
+    page = visit.open("archive=0/archive?part=charts&quantity=RR+toe")
+    page.wait_for_selector(".chart svg")
+    held = []
+    page.route("**/archive/chart/**thrust_angle*", lambda route: held.append(route))
+    page.select_option("select[name=quantity]", "thrust_angle")
+    until(page, "document.querySelector('#archive select[name=quantity]').value === 'thrust_angle'")
+    page.select_option("select[name=quantity]", "FL camber")
+    until(page, "document.querySelector('#archive h2')?.innerText.includes('FL camber')")
+    with page.expect_response("**/archive/chart/**thrust_angle*"):
+        held.pop().continue_()
+    page.wait_for_timeout(200)
+    assert "FL camber" in page.locator("#archive h2").inner_text()
+
+    page.route("**/archive/overview/**", lambda route: held.append(route))
+    page.evaluate("location.hash = '#archive=0/archive/2026?part=captures'")
+    page.wait_for_timeout(100)
+    page.evaluate("location.hash = '#archive=0/archive?part=captures'")
+    until(page, "document.querySelectorAll('#archive table tbody tr').length > 0")
+    count = page.locator("#archive .tile b").first.inner_text()
+    assert held
+    assert count == "28"
+
+
 def test_before_and_after_of_a_vehicle(visit, archive):
     page = visit.open("archive=0/archive?part=captures&text=car-0")
     page.wait_for_selector("#archive table")

@@ -48,7 +48,7 @@ KIND = r"^(?:item: )?(?P<kind>\w+)"
 ITEM_FAULTS = {
     key: re.compile(form)
     for key, form in {
-        "empty": PLACE + r"string should have at least 1 char",
+        "empty": r"^(?:item: |item\.)?(?P<field>[\w.]+) is empty: fill it in",
         "missing": r"^'(?:item\.)?(?P<field>[\w.]+)' is missing: add it",
         "no_axis": KIND + r" has no axis:",
         "no_sign": KIND + r" has no sign convention:",

@@ -26,9 +26,10 @@ from ...measure import measure_capture, measure_five_point
 from ...measurement import Conformity, Measurement, assess, tolerance_for
 from ...report.format.language import LANGUAGES, load_translations
 from ...report.json.measurement import to_json
+from ...report.json.stored import RECORD
 from ...report.scene.scene import scene
 from ...system import give_way
-from ..files.stored import PICKLE, RECORD, store
+from ..files.stored import PICKLE, store
 from .panel import drawings, panel
 from .points import stamps, write_points
 

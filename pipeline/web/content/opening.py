@@ -9,8 +9,8 @@ from typing import Any
 
 from ...errors import InputError
 from ...files import lies_in
-from ...report.json.stored import read_measurement
-from ..files.stored import RECORD, load
+from ...report.json.stored import RECORD, read_measurement
+from ..files.stored import load
 from .measuring import Send, about, write_results
 
 POINTS = ("points.json", "points.bin")

@@ -18,12 +18,13 @@ from ...report.format.writer import Writer
 from ...report.html.comparison import comparison_document
 from ...report.json.before import before_tree
 from ...report.json.measurement import json_text
+from ...report.json.stored import RECORD
 from ...report.json.validation import validation_json
 from ...report.text.report import detailed_report
 from ...report.validation import validation_report
 from ...report.write import ReportFiles, document_files, html_bytes, pdf_bytes, write_whole
 from ...validation import Comparison
-from ..files.stored import RECORD, load, load_records
+from ..files.stored import load, load_records
 from .comparing import COMPARISON
 from .panel import view_of
 

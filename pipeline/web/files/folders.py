@@ -10,12 +10,11 @@ from pathlib import Path
 from ...capture import TABLES, is_capture
 from ...files import ARCHIVE_SUFFIXES
 from ...readers import READERS, scan_suffix
-from ...report.json.stored import is_measurement
+from ...report.json.stored import RECORD, is_measurement
 from ..security import RefusedError
 
 MOST_LISTED = 2000
 TEXTS = (*TABLES, ".xyz")
-HEAD_BYTES = 200
 FIVE_POINT_BYTES = 200_000  # a text file up to this size is taken for five points a wheel
 LONGEST_NAME = 120
 RESULTS = ("measurements", "run/state")  # folders, of which results of a batch have one or both
@@ -97,8 +96,7 @@ def kind_of_file(path: Path) -> str | None:
     name = path.name.lower()
     suffix = scan_suffix(name)
     if name.endswith(".json"):
-        with path.open("rb") as stream:
-            return "measurement" if is_measurement(stream.read(HEAD_BYTES)) else None
+        return "measurement" if is_measurement(path) else None
     if name.endswith(ARCHIVE_SUFFIXES):
         return "archive"
     if suffix in TEXTS and path.stat().st_size <= FIVE_POINT_BYTES:
@@ -112,7 +110,7 @@ def kind_of_folder(folder: Path) -> str:
         return "results"
     if is_capture(folder):
         return "capture"
-    return "measurement" if (folder / "measurement.json").is_file() else "folder"
+    return "measurement" if (folder / RECORD).is_file() else "folder"
 
 
 def check_name(name: str) -> None:

@@ -11,9 +11,9 @@ from ...config import Section
 from ...errors import InputError, Wording
 from ...files import lies_in
 from ...measurement import Conformity, Measurement
-from ...report.json.stored import read_measurement
+from ...report.json.stored import RECORD, read_measurement
 
-PICKLE, RECORD = "measurement.pickle", "measurement.json"
+PICKLE = "measurement.pickle"
 OURS = __package__.partition(".")[0]
 ROOMS = {"capture", "centre", "cloud", "errors", "measurement", "plane", "targets", "uncertainty",
          "vehicle", "validation"}  # fmt: skip

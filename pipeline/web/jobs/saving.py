@@ -11,10 +11,10 @@ from typing import Any
 
 from ...report.format.language import LANGUAGES
 from ...report.format.view import CONVENTIONS, PAPER, STYLES_WITHOUT_RIM
+from ...report.json.stored import RECORD
 from ...report.write import write_files, write_whole
 from ...vehicle import AXES
 from ..content.reporting import TYPES
-from ..files.stored import RECORD
 from ..security import RefusedError
 from .process import MEASURED, PageJob
 from .queue import Jobs

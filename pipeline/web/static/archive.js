@@ -1,6 +1,6 @@
 // Results of a batch: captures, failures, trends, calibrations of machines, runs at work.
 import { addressOf, archiveAddress, go } from "./address.js";
-import { ask, el, pathOf, select, t, tableOf } from "./base.js";
+import { ask, el, pathOf, select, t, tableOf, whileShown } from "./base.js";
 import { Browser } from "./browser.js";
 import { ControlChart } from "./chart.js";
 
@@ -15,13 +15,14 @@ export class Archive {
 
   /** Browse the results at {root, path}, as the query of the address says; null: select a folder first. */
   async show(at, query = {}) {
+    this.view = {};
     if (!at) {
       this.at = null;
       return this.#choose();
     }
     this.onAddress(location.hash);
     const { part, key, quantity, offset, ...filter } = query;
-    const isSame = this.at?.root === at.root && this.at?.path === at.path && this.form?.isConnected;
+    const isSame = this.built?.root === at.root && this.built.path === at.path && this.form.isConnected;
     Object.assign(this, { at, filter });
     try {
       if (!isSame) {
@@ -31,8 +32,11 @@ export class Archive {
       for (const field of ["text", "status", "vehicle", "vertical"].filter((name) => name in this.form.elements)) this.form.elements[field].value = filter[field] ?? "";
       const shown = PARTS.includes(part) ? part : this.overview.total ? "captures" : "runs";
       const list = JSON.stringify([shown, filter, offset]);
-      if (!isSame || list !== this.listed) await this.#show(shown, { offset: offset ?? 0 });
-      this.listed = list;
+      if (!isSame || list !== this.listed) {
+        this.listed = null;
+        await this.#show(shown, { offset: offset ?? 0 });
+        this.listed = list;
+      }
       if (shown === "charts") await this.#chart(quantity);
       else if (key) await this.#open(shown === "calibrations" ? "calibration" : "capture", key);
       else if (quantity) this.#plot(quantity);
@@ -59,8 +63,10 @@ export class Archive {
     return `/api/${question}/${this.at.root}/${pathOf(this.at.path)}?${given}`;
   }
 
+  /** Ask about these results, for the view that is shown now. */
   #ask(question, asked) {
-    return ask(this.#address(`archive/${question}`, asked));
+    const { view } = this;
+    return whileShown(ask(this.#address(`archive/${question}`, asked)), () => view === this.view);
   }
 
   #build() {
@@ -81,6 +87,7 @@ export class Archive {
         el("button", { type: "button", "data-part": part, onclick: () => this.#go({ part }) }, t(part))))),
       this.list, this.detail);
     this.form = filter;
+    this.built = this.at;
   }
 
   #leave() {
@@ -102,7 +109,6 @@ export class Archive {
     if (part === "charts") return;
     try {
       const found = await this.#ask(part, asked);
-      if (part !== this.part) return; // another was chosen meanwhile
       if (part === "runs") {
         this.#showRuns(found);
         return;
@@ -169,7 +175,6 @@ export class Archive {
     this.list.replaceChildren(quantities.length ? select("quantity", t("quantity"), quantities, chosen, (name) => this.#go({ quantity: name })) : el("p", { class: "empty" }, t("no_rows")));
     if (!chosen) return;
     const answer = await this.#ask("chart", { quantity: chosen }).catch((error) => error);
-    if (this.part !== "charts") return;
     if (answer instanceof Error) {
       this.detail.replaceChildren(el("div", { class: "card" }, el("p", {}, answer.message)));
       return;
@@ -182,7 +187,11 @@ export class Archive {
   #changes(key, before) {
     if (!before.length) return [];
     const table = el("div");
-    const show = async (earlier) => table.replaceChildren(tableOf((await this.#ask("changes", { key, before: earlier })).table));
+    const show = async (earlier) => {
+      this.earlier = earlier;
+      const found = await whileShown(this.#ask("changes", { key, before: earlier }), () => earlier === this.earlier);
+      table.replaceChildren(tableOf(found.table));
+    };
     const refused = (error) => table.replaceChildren(el("p", { role: "alert" }, error.message));
     show(before[0][0]).catch(refused);
     return [select("earlier", t("before_of"), before, before[0][0], (earlier) => show(earlier).catch(refused)), table];

@@ -93,6 +93,11 @@ async function reason(text, status) {
 }
 
 export const pathOf = (...parts) => parts.map((part) => String(part).split("/").map(encodeURIComponent).join("/")).join("/");
+/** Wait for an answer while isShown() holds; after that, nothing that waits for it goes on. */
+export const whileShown = (answer, isShown) => new Promise((resolve, reject) => {
+  answer.then((found) => isShown() && resolve(found), (error) => isShown() && reject(error));
+});
+
 export const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
 /** Wait for a job, calling onState with every state; resolves with the first that `until` accepts. */

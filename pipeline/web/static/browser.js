@@ -1,5 +1,5 @@
 // List of the files in the allowed folders.
-import { ask, el, pathOf, t } from "./base.js";
+import { ask, el, pathOf, t, whileShown } from "./base.js";
 
 /** Show the folders in `place`; onOpen is called with the kind, root and path of the chosen item. */
 export class Browser {
@@ -17,7 +17,8 @@ export class Browser {
   }
 
   async #show() {
-    const { items } = await ask(`/api/files/${this.root}/${pathOf(this.at)}`);
+    const { root, path } = this;
+    const { items } = await whileShown(ask(`/api/files/${root}/${pathOf(this.at)}`), () => root === this.root && path === this.path);
     const list = items.filter((item) => item.kind === "folder" || this.wanted(item.kind));
     this.place.replaceChildren(this.#crumbs(), list.length
       ? el("ul", { class: "items" }, ...list.map((item) => el("li", {}, this.#button(item))))

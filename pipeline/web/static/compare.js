@@ -1,6 +1,6 @@
 // Comparison of two measurements.
 import { go } from "./address.js";
-import { ask, byId, called, el, follow, language, post, select, session, t, tableOf } from "./base.js";
+import { ask, byId, called, el, follow, language, post, select, session, t, tableOf, whileShown } from "./base.js";
 import { Saver, stem } from "./save.js";
 
 export class Comparer {
@@ -16,7 +16,7 @@ export class Comparer {
     if (!pair || pair === this.pair) return null;
     this.pair = pair;
     this.#build();
-    return this.#compare(pair.split(","));
+    return this.#compare(pair);
   }
 
   #build() {
@@ -39,18 +39,20 @@ export class Comparer {
     go(`#compare=${chosen.get("first")},${chosen.get("second")}`);
   }
 
-  async #compare([first, second]) {
+  async #compare(pair) {
     this.found ??= el("div");
     this.found.replaceChildren(el("p", { role: "status" }, t("starting")));
-    const pair = this.pair;
     try {
-      const job = await follow(await post("/api/compare", { first, second }), () => {});
-      if (job.state !== "done") throw new Error(job.failure?.text ?? t("cancelled"));
-      const found = await ask(`/api/jobs/${job.id}/comparison.json`);
-      if (pair === this.pair) this.#show(found, job);
+      this.#show(...await whileShown(this.#compared(pair.split(",")), () => pair === this.pair));
     } catch (error) {
       this.found.replaceChildren(el("div", { class: "trouble card", role: "alert" }, el("p", {}, error.message)));
     }
+  }
+
+  async #compared([first, second]) {
+    const job = await follow(await post("/api/compare", { first, second }), () => {});
+    if (job.state !== "done") throw new Error(job.failure?.text ?? t("cancelled"));
+    return [await ask(`/api/jobs/${job.id}/comparison.json`), job];
   }
 
   #show({ verdict, table, lengths, text, missing, names }, job) {

@@ -1,5 +1,5 @@
 // Steps 2 and 3: table of angles, 3D view, details of a wheel, report.
-import { ServerError, ask, byId, called, dayOf, el, follow, language, post, select, session, t, tableOf, viewerWords } from "./base.js";
+import { ServerError, ask, byId, called, dayOf, el, follow, language, post, select, session, t, tableOf, viewerWords, whileShown } from "./base.js";
 import { Machine } from "./machine.js";
 import { Saver } from "./save.js";
 import { streamPoints } from "./stream.js";
@@ -25,8 +25,8 @@ export class Result {
     this.chosen = null;
     this.stop?.abort();
     this.stop = new AbortController();
-    const [panel, scene] = await Promise.all(["panel", "scene"].map((kind) => ask(`/api/jobs/${job.id}/${kind}-${language}.json`)));
-    if (job !== this.job) return; // another was chosen meanwhile
+    const parts = ["panel", "scene"].map((kind) => ask(`/api/jobs/${job.id}/${kind}-${language}.json`));
+    const [panel, scene] = await whileShown(Promise.all(parts), () => job === this.job);
     this.panel = panel;
     this.#build();
     this.place.hidden = false;
@@ -98,7 +98,8 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
     const show = async (id) => {
       this.earlier = id;
       if (!id) return table.replaceChildren();
-      const answer = await ask(`/api/jobs/${this.job.id}/changes?before=${id}`).catch((error) => error);
+      const asked = ask(`/api/jobs/${this.job.id}/changes?before=${id}`).catch((error) => error);
+      const answer = await whileShown(asked, () => id === this.earlier);
       return table.replaceChildren(answer instanceof Error ? el("p", { role: "alert" }, answer.message) : tableOf({ ...answer.table, caption: "" }));
     };
     return el("section", { class: "card", "aria-labelledby": "change-title" }, el("h2", { id: "change-title" }, t("before_after")),
@@ -138,7 +139,7 @@ assessed ? el("span", { class: `verdict ${headline.kind}` }, `${headline.sign} $
 
   /** Give way to step 1; whether a result was shown. */
   leave() {
-    if (this.place.hidden) return false;
+    if (!this.job) return false;
     this.stop.abort();
     this.viewer?.dispose();
     this.viewer = this.job = null;
