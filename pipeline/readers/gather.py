@@ -104,7 +104,7 @@ class Placer:
 
     def _valid(self, points: Array) -> Mask | None:
         """Return the mask of the rows that hold a point; None when all do."""
-        if np.isfinite(points.sum()) and _is_usual(points):
+        if _is_usual(points):
             return None
         infinite = np.flatnonzero(np.isinf(points))
         if len(infinite):

@@ -71,12 +71,7 @@ def is_huge(values: Array) -> Mask:
 
 def _places(some: Array, points_m: Array) -> Array:
     """Return the places (P, 3) where more of `some` (S, 3) lie than noise puts anywhere."""
-    ticks = np.rint(some[:, 0] / SAME_M)
-    value, count = np.unique(ticks, return_counts=True)
-    often = some[np.isin(ticks, value[count >= OUTSTANDING])]
-    if not len(often):
-        return np.zeros((0, 3))
-    place, count = np.unique(np.rint(often / SAME_M), axis=0, return_counts=True)
+    place, count = np.unique(np.rint(some / SAME_M), axis=0, return_counts=True)
     order = np.argsort(-count)
     count = np.append(count[order], 1)
     chosen = np.flatnonzero(count[:-1] >= OUTSTANDING * count[1:])
@@ -105,9 +100,12 @@ def _plane(some: Array, axis: int, points_m: Array) -> list[float]:
 def _are_noisy(others: Array, points_m: Array) -> bool:
     """Return whether the surfaces of the others (S, 3) among points_m (N, 3) are noisy, not smooth.
 
-    Of a made scene without noise, an exact plane is a surface like all others.
+    Of a made scene without noise, an exact plane is a surface like all others. So it is where the
+    points are too few to show their noise.
     """
     points_m = points_m[:: 1 + len(points_m) // MOST_NEAR]
+    if len(points_m) <= NEIGHBOURS[1]:
+        return False
     found = []
     for seed in others[:: max(1, len(others) // SEEDS)][:SEEDS]:
         square = np.sum((points_m - seed) ** 2, axis=1)

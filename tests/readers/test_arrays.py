@@ -36,6 +36,7 @@ MASK[3, 1] = True
         (open3d.geometry.PointCloud(open3d.utility.Vector3dVector(POINTS)), POINTS),
         (open3d.t.geometry.PointCloud(POINTS), POINTS),
         (trimesh.PointCloud(POINTS), POINTS),
+        (SimpleNamespace(points=POINTS, vertices=np.arange(9)), POINTS),  # as scipy's ConvexHull
     ],
 )
 def test_points_of_any_holder_are_copied_once(given, wanted):

@@ -11,6 +11,7 @@ from tests.fuzzing.samples import samples
 from tests.readers.test_missing import MARKED, mixed
 from wheelplane.errors import InputError
 from wheelplane.readers import AS_THE_FILE_SAYS, ReadOptions, read_scan
+from wheelplane.readers import blocks as read_by_blocks
 from wheelplane.readers.blocks import read_blocks
 
 SCANS = [sample for sample in samples() if sample.door == "scan" and sample.name == sample.file]
@@ -56,3 +57,22 @@ def test_missing_returns_are_dropped(tmp_path, name):
     assert np.array_equal(points, read_scan(path).points_m)
     _, every = joined(path, has_missing=False)
     assert len(every) == len(points) + len(MARKED[name])
+
+
+def test_few_missing_returns_of_a_small_file_are_dropped(tmp_path):
+    path = tmp_path / "a.npy"
+    np.save(path, mixed(np.zeros((12, 3)), np.random.default_rng(4).normal(size=(500, 3))))
+    assert read_scan(path).invalid_points == 12
+    assert len(joined(path)[1]) == 500
+
+
+def test_the_sample_is_every_nth_point_wherever_blocks_end(tmp_path, monkeypatch):
+    rows = np.random.default_rng(7).normal(size=(100_000, 3))
+    np.save(tmp_path / "a.npy", rows)
+    samples = []
+    monkeypatch.setattr(read_by_blocks, "SAMPLE", 1000)
+    monkeypatch.setattr(read_by_blocks, "find_markers", samples.append)
+    blocks, points = joined(tmp_path / "a.npy")
+    assert len(blocks) > 2
+    assert np.array_equal(points, rows)
+    assert np.array_equal(samples[0], rows[::100])

@@ -8,8 +8,15 @@ import pytest
 from tests.support.sources import opened
 from wheelplane.errors import InputError
 from wheelplane.readers.options import KNOWN_COLUMNS, ReadOptions
+from wheelplane.readers.parsing import heading as text_headings
 from wheelplane.readers.parsing.ascii import is_label, is_missing, is_prose
-from wheelplane.readers.parsing.columns import are_known, check_unnamed, find_layout, unit_of
+from wheelplane.readers.parsing.columns import (
+    INTENSITIES,
+    are_known,
+    check_unnamed,
+    find_layout,
+    unit_of,
+)
 from wheelplane.readers.parsing.heading import named_layout, read_heading
 from wheelplane.readers.source import Layout
 
@@ -65,6 +72,7 @@ def test_units_are_words():
 def test_names_that_are_known_are_no_prose():
     assert are_known(["Y", "X", "Z", "Intensity"])
     assert are_known(sorted(KNOWN_COLUMNS))
+    assert are_known(sorted({*KNOWN_COLUMNS, *INTENSITIES}))
     assert not are_known(["rotate", "x", "y", "z"])
     assert not are_known(["x", "y"])
     assert ReadOptions(("ID", "X", "Y", "Z", "-", "-")).columns is not None
@@ -193,3 +201,83 @@ def test_names_stand_anywhere_above_the_rows_and_units_below_them(tmp_path):
     assert named == (3, Layout((2, 1, 0), None))
     _, named = heading_of(tmp_path, "// z y x\nx y z\n1 2 3\n")  # names before comments
     assert named == (3, Layout((0, 1, 2), None))
+
+
+WHOLE = np.round(RNG.uniform(0.0, 900.0, (50, 4)))
+RISING = np.cumsum(RNG.integers(1, 9, 50)).astype(float)
+RASTER = {
+    "row, column, x y z": [COUNT // 10, COUNT % 10, SOMEWHERE[:, :3]],
+    "row, column, x y z in whole millimetres": [COUNT // 10, COUNT % 10, WHOLE[:, :3]],
+    "column, row, x y z in whole millimetres": [COUNT % 10, COUNT // 10, WHOLE[:, :3]],
+    "three rows, column, x y z in whole millimetres": [COUNT // 3, COUNT % 3, WHOLE[:, :3]],
+    "any row and column, and an intensity": [WHOLE[:, :2], SOMEWHERE[:, :3], WHOLE[:, 0]],
+    "an index, and an intensity": [RISING, SOMEWHERE[:, :3], WHOLE[:, 0]],
+    "a count, and whole x y z of which one has steps of one": [COUNT, COUNT // 2, WHOLE[:, :2]],
+}
+POINTS = {
+    "the diagonal": [COUNT, COUNT, SOMEWHERE[:, :2]],
+    "x and y in whole numbers, x rising": [RISING, WHOLE[:, 0], SOMEWHERE[:, :2]],
+    "x and z in whole numbers, x rising": [RISING, SOMEWHERE[:, :2], WHOLE[:, 0]],
+    "x in whole numbers": [WHOLE[:, 0], SOMEWHERE[:, :3]],
+    "x in steps": [COUNT // 2, SOMEWHERE[:, :3]],
+    "x that is whole at times": [np.where(COUNT % 3, RISING, RISING + 0.5), SOMEWHERE[:, :3]],
+    "y in whole numbers": [np.abs(SOMEWHERE[:, 0]), WHOLE[:, 0], SOMEWHERE],
+    "x y z in whole numbers, of which one is a number more": [WHOLE[:, :3], SOMEWHERE[:, :2]],
+}
+
+
+@pytest.mark.parametrize("name", RASTER)
+@pytest.mark.parametrize("rows", [3, 50])
+def test_indices_are_known_whatever_follows_them(tmp_path, name, rows):
+    table = np.column_stack(RASTER[name])[:rows]
+    with pytest.raises(InputError, match="and no column has a name"):
+        unnamed(tmp_path, table)
+    unnamed(tmp_path, table[:2])
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_whole_coordinates_are_no_indices(tmp_path, name):
+    unnamed(tmp_path, np.column_stack(POINTS[name]))
+
+
+@pytest.mark.parametrize("gap", ["N/A N/A N/A", "-- null n/a"])
+def test_rows_of_three_cells_without_a_value_are_rows(tmp_path, gap):
+    heading, _ = heading_of(tmp_path, f"Export made by hand\n{gap}\n1 2 3\n")
+    assert (heading.line, heading.first[0]) == (2, 3)
+
+
+def test_two_marks_are_no_row(tmp_path):
+    heading, _ = heading_of(tmp_path, "Export made by hand\n-- --\n1 2 3\n")
+    assert (heading.line, heading.first[0]) == (3, 3)
+    assert [text for _, text in heading.lines] == ["Export made by hand", "-- --"]
+
+
+def test_the_last_line_above_the_rows_that_is_looked_at(tmp_path, monkeypatch):
+    monkeypatch.setattr(text_headings, "_MOST_LINES_BEFORE", 3)
+    assert heading_of(tmp_path, "Export made by hand\n\n1 2 3\n")[0].line == 3
+    with pytest.raises(InputError, match="more than 3 lines before its points"):
+        heading_of(tmp_path, "Export made by hand\n\n\n1 2 3\n")
+
+
+def test_names_of_more_columns_in_a_comment_are_no_matter_where_x_y_z_come_first(tmp_path):
+    assert heading_of(tmp_path, "// X Y Z intensity\n1 2 3\n")[1] is None
+    with pytest.raises(InputError, match="4 columns are named in 'y x z intensity'"):
+        heading_of(tmp_path, "// y x z intensity\n1 2 3\n")
+
+
+@pytest.mark.parametrize("below", ["x9\nmm;mm;mm\n", "mm;mm;mm\nx9\n", "mm;mm;mm\nby hand\nx9\n"])
+def test_a_damaged_row_near_the_units_is_refused(tmp_path, below):
+    with pytest.raises(InputError, match="is neither a row of numbers nor a heading: 'x9'"):
+        heading_of(tmp_path, f"y;x;z\n{below}1;2;3\n")
+
+
+@pytest.mark.parametrize("names", ["Range - Zenith", "Range;;Zenith"])
+def test_words_with_a_gap_may_be_names(tmp_path, names):
+    rows = "1;2;3\n" if ";" in names else "1 2 3\n"
+    with pytest.raises(InputError, match="x is missing among the columns Range"):
+        heading_of(tmp_path, f"{names}\n{rows}")
+
+
+def test_marks_and_other_words_are_no_names(tmp_path):
+    for line in ("--- --- ---", "Export of a wheel scan", "Scan 7", "Scan 7 now"):
+        assert heading_of(tmp_path, f"{line}\n1 2 3\n")[1] is None

@@ -11,7 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from tests.support.sources import opened
 from wheelplane.errors import InputError
-from wheelplane.readers.gather import apply_pose, checked_pose, gather
+from wheelplane.readers import memory
+from wheelplane.readers.gather import PointRows, apply_pose, checked_pose, gather
+from wheelplane.readers.memory import check_memory
 from wheelplane.readers.scan import Part, Scan
 from wheelplane.readers.source import Block, RawCloud, RawPart
 
@@ -120,13 +122,16 @@ def test_a_pose_is_exact_to_two_roundings_far_from_the_origin():
         lambda T: T @ np.diag([1.0, 1.0, 0.0, 1.0]),
         lambda T: np.where(np.eye(4) == 1, np.nan, T),
         lambda T: T + np.eye(4)[[3, 2, 1, 0]],
+        lambda T: np.where(np.arange(4) == 3, T * [[np.nan], [1], [1], [1]], T),
     ],
-    ids=["mirrored", "singular", "nan", "projective"],
+    ids=["mirrored", "singular", "nan", "projective", "nowhere"],
 )
 def test_what_is_no_pose_is_refused(tmp_path, change):
     with opened(tmp_path, b"?") as source:
         assert checked_pose(RawPart("a", pose(3)), source) is not None
         assert checked_pose(RawPart("a", np.eye(4)), source) is None
+        half = pose(3) @ np.diag([0.5, 0.5, 0.5, 1.0])  # read; a finding says that it scales
+        assert checked_pose(RawPart("a", half), source) is not None
         with pytest.raises(InputError, match=r"^rr\.dat: the pose of its scan a "):
             checked_pose(RawPart("a", change(pose(3))), source)
 
@@ -143,3 +148,56 @@ def test_more_rows_than_declared_and_none_at_all_are_refused(tmp_path, declared)
     raw = cloud((), (RawPart("a"), RawPart("b")))
     with opened(tmp_path, b"?") as source, pytest.raises(InputError, match=r"declares"):
         gather(RawCloud(declared, True, raw.blocks, True, raw.parts), source, "m")
+
+
+@pytest.mark.parametrize("unit", ["m", "mm", "in"])
+def test_the_pose_that_was_applied_stands_in_the_scan_in_metres(tmp_path, unit):
+    T = pose(3)
+    scan = scan_of(tmp_path, (), (RawPart("a", T), RawPart("b")), unit)
+    metres = {"m": 1.0, "mm": 1e-3, "in": 0.0254}[unit]
+    np.testing.assert_allclose(scan.parts[0].station_m, metres * T[:3, 3], rtol=1e-15)
+    assert scan.parts[0].T_file_scan[3].tolist() == [0.0, 0.0, 0.0, 1.0]
+    assert scan.parts[0].axes.tolist() == T[:3, :3].T.tolist()
+
+
+@pytest.mark.parametrize("beyond", [1.2e10, -1.2e10, 7e11])
+@pytest.mark.parametrize("shift", [None, 1e3], ids=["as it is", "posed"])
+@pytest.mark.parametrize("axis", range(3))
+def test_one_coordinate_beyond_any_site_is_refused(tmp_path, beyond, shift, axis):
+    points = np.random.default_rng(5).normal(size=(9, 3))
+    points[4, axis] = beyond
+    T = None if shift is None else np.eye(4) + shift * np.eye(4)[[0]].T * np.eye(4)[3]
+    raw = RawCloud(9, False, iter([Block(tuple(points.T))]), parts=(RawPart("a", T),))
+    with opened(tmp_path, b"?") as source, pytest.raises(InputError, match="beyond any site"):
+        gather(raw, source, "m")
+
+
+def test_a_block_without_points_adds_none(tmp_path):
+    points = np.random.default_rng(5).normal(size=(9, 3))
+    blocks = iter([Block(tuple(part.T)) for part in (points[:4], points[:0], points[4:])])
+    with opened(tmp_path, b"?") as source:
+        scan = gather(RawCloud(9, False, blocks), source, "m")
+    assert scan.points_m.tobytes() == points.tobytes()
+    assert scan.grid is None
+    assert scan.intensity is None
+
+
+@pytest.mark.parametrize("has_intensity", [False, True])
+@pytest.mark.parametrize("has_grid", [False, True])
+def test_the_memory_of_a_row_is_that_of_its_columns(has_intensity, has_grid):
+    raw = RawCloud(0, has_intensity, iter(()), has_grid=has_grid)
+    room = PointRows.room(1000, raw)
+    held = [column for column in (room.points, room.intensity, room.grid) if column is not None]
+    assert sum(column.nbytes for column in held) == 1000 * PointRows.row_bytes(raw)
+
+
+@pytest.mark.parametrize("limits", [(3 << 30, 1 << 30), (1 << 30, 3 << 30)])
+def test_a_cloud_needs_what_is_free_but_for_the_rest_of_the_program(tmp_path, monkeypatch, limits):
+    """The smaller of what the machine has and what the process may take."""
+    monkeypatch.setattr(memory, "free_bytes", lambda: limits[0])
+    monkeypatch.setattr(memory, "unlimited_bytes", lambda: limits[1])
+    most = ((1 << 30) - (64 << 20)) // 32
+    with opened(tmp_path, b"?") as source:
+        check_memory(most, 32, source)
+        with pytest.raises(InputError, match=r"need 0\.938 GiB of memory, 0\.938 GiB are free"):
+            check_memory(most + 1, 32, source)

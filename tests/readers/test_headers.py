@@ -157,3 +157,49 @@ def test_a_pcd_header_adds_up_to_the_size_of_the_file(tmp_path):
             assert header.points * width == left
         else:
             assert header.points == data[len(data) - left :].count(b"\n")
+
+
+def described(text, version=1, encoding="latin-1", declared=None):
+    """An NPY file of a header with any text."""
+    head = text.encode(encoding)
+    length = len(head) if declared is None else declared
+    form = "<H" if version == 1 else "<I"
+    return b"\x93NUMPY" + bytes([version, 0]) + struct.pack(form, length) + head
+
+
+@pytest.mark.parametrize(
+    ("shape", "order"),
+    [
+        *((shape, "False") for shape in ("()", "[3, 3]", "3", "(3.0, 3)", "(-3, 3)", "(3, -3)")),
+        *(("(True, 3)", "False"), ("(3, 3)", "0"), ("(3, 3)", "None"), ("None", "None")),
+    ],
+)
+def test_a_shape_is_whole_numbers_and_an_order_true_or_false(tmp_path, shape, order):
+    text = f"{{'descr': '<f8', 'fortran_order': {order}, 'shape': {shape}}}"
+    with opened(tmp_path, described(text)) as source, pytest.raises(InputError, match="the shape"):
+        npy_format.read_header(source)
+
+
+@pytest.mark.parametrize(
+    ("version", "encoding", "name"), [(1, "latin-1", "é"), (2, "latin-1", "é"), (3, "utf-8", "ж")]
+)
+def test_names_of_fields_are_in_the_encoding_of_their_version(tmp_path, version, encoding, name):
+    fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), (name, "<f4")]
+    text = f"{{'descr': {fields}, 'fortran_order': False, 'shape': (2,)}}"
+    with opened(tmp_path, described(text, version, encoding)) as source:
+        assert npy_format.read_header(source).dtype.names == ("x", "y", "z", name)
+
+
+def test_records_without_fields_are_refused(tmp_path):
+    text = "{'descr': [], 'fortran_order': False, 'shape': (2,)}"
+    with opened(tmp_path, described(text)) as source, pytest.raises(InputError, match="the type '"):
+        npy_format.read_header(source)
+
+
+def test_a_header_as_long_as_it_says_and_no_longer_than_any(tmp_path):
+    text = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 3)}"
+    for data in (described(text, declared=2000), described(text.ljust(70_000), 2)):
+        with opened(tmp_path, data) as source, pytest.raises(InputError, match="bytes of itself"):
+            npy_format.read_header(source)
+    with opened(tmp_path, described(text.ljust(65_536), 2)) as source:
+        assert npy_format.read_header(source).shape == (2, 3)

@@ -11,7 +11,9 @@ from tests.support.sources import opened
 from wheelplane.diagnostics import summarise_scan
 from wheelplane.errors import InputError
 from wheelplane.readers import ReadOptions, read_scan
+from wheelplane.readers.formats import npy as npy_format
 from wheelplane.readers.formats.gocator import UNIT, is_gocator
+from wheelplane.readers.parsing import lines as text_lines
 from wheelplane.readers.parsing.heights import Heights, stated_heights
 
 ROWS, COLUMNS = 7, 16
@@ -74,7 +76,10 @@ def test_any_pitch_scales_and_mirrors(tmp_path):
     assert in_mm.points_m.tobytes() == (expected() / 1000).tobytes()
 
 
-@pytest.mark.parametrize("none", ["", "NaN", "N/A", "-99999.9999", "-9999", "99.9999", "1.#QNAN"])
+NONES = ["", "NaN", "N/A", "-99999.9999", "-9999", "99.9999", "1.#QNAN", "-32768", "-2147483648"]
+
+
+@pytest.mark.parametrize("none", NONES)
 def test_missing_heights_are_missing_returns(tmp_path, none):
     """Keyence writes -99999.9999, Gocator an empty cell."""
     scan = read(tmp_path, matrix(heights=holed(), none=none))
@@ -174,6 +179,13 @@ def gocator_surface(heights=HEIGHTS, section="Part", corner="Y\\X"):
     return f"{INFO}{section}\n{NAMES}\n{values}\n{top}\n{body}End\n"
 
 
+def gocator_cloud():
+    points = np.round(np.random.default_rng(2).normal(0, 9, (3, 4, 3)), 4)
+    rows = "".join(",".join(f"{v:.4f}" for v in row.ravel()) + "\n" for row in points)
+    values = "0,0,123,3,4,0,0,0"
+    return points, f"{INFO}SurfacePointCloud\n{NAMES}\n{values}\n0,1,2,3\n{rows}End\n"
+
+
 @pytest.mark.parametrize("section", ["Part", "Surface"])
 @pytest.mark.parametrize("corner", ["", "Y\\X"])
 def test_a_surface_of_gocator(tmp_path, section, corner):
@@ -187,10 +199,7 @@ def test_a_surface_of_gocator(tmp_path, section, corner):
 
 
 def test_a_cloud_of_gocator(tmp_path):
-    points = np.round(np.random.default_rng(2).normal(0, 9, (3, 4, 3)), 4)
-    rows = "".join(",".join(f"{v:.4f}" for v in row.ravel()) + "\n" for row in points)
-    values = "0,0,123,3,4,0,0,0"
-    data = f"{INFO}SurfacePointCloud\n{NAMES}\n{values}\n0,1,2,3\n{rows}End\n"
+    points, data = gocator_cloud()
     scan = read(tmp_path, data, pitch=None, unit="mm")
     assert scan.points_m.tobytes() == (points.reshape(-1, 3) / 1e3).tobytes()
 
@@ -205,6 +214,7 @@ def test_a_cloud_of_gocator(tmp_path):
         (f",{ROWS},{COLUMNS},", f",6,{COLUMNS},", "declares 6 rows, and .* follows, not End"),
         ("\n0.20000,", "\nx.20000,", "line 18 holds 'x.20000'"),
         ("End\n", "", "."),
+        (f",{ROWS},{COLUMNS},", f",5000,{COLUMNS},", "declares 80000 points, and for their bytes"),
     ],
 )
 def test_a_damaged_file_of_gocator_is_refused(tmp_path, old, new, says):
@@ -235,3 +245,103 @@ def test_inspect_shows_the_raster(tmp_path):
     summary = summarise_scan(path, "mm", options=ReadOptions(pitch=PITCH))
     assert summary.raster == (ROWS, COLUMNS)
     assert summary.points == HEIGHTS.size
+
+
+@pytest.mark.parametrize("piece", [1, 200, 1 << 19])
+def test_the_raster_of_gocator_is_the_same_in_pieces_of_any_size(tmp_path, monkeypatch, piece):
+    monkeypatch.setattr(text_lines, "_PIECE", piece)
+    surface = read(tmp_path, gocator_surface(), pitch=None, unit="mm")
+    assert surface.grid.tolist() == [[r, c] for r in range(ROWS) for c in range(COLUMNS)]
+    cloud = read(tmp_path, gocator_cloud()[1], pitch=None, unit="mm")
+    assert cloud.grid.tolist() == [[r, c] for r in range(3) for c in range(4)]
+
+
+def test_what_follows_the_end_of_gocator_s_surface_is_no_matter(tmp_path):
+    for data in (gocator_surface(), gocator_cloud()[1]):
+        alone = read(tmp_path, data, pitch=None, unit="mm").points_m
+        more = read(tmp_path, f"{data}Profile\n1,2\nEnd\n", pitch=None, unit="mm").points_m
+        assert more.tobytes() == alone.tobytes()
+
+
+def test_a_surface_of_gocator_that_ends_early_or_has_a_wrong_row_is_refused(tmp_path):
+    rows = gocator_surface().splitlines(keepends=True)
+    refuse(tmp_path, "".join(rows[:-2]), f"declares {ROWS} rows, the file holds 6", unit="mm")
+    rows = gocator_cloud()[1].splitlines(keepends=True)
+    refuse(tmp_path, "".join(rows[:-2]), "declares 3 rows, the file holds 2", unit="mm")
+    number = len(rows) - 1  # the last row, above End
+    rows[number - 1] = "x" + rows[number - 1]
+    refuse(tmp_path, "".join(rows), f"line {number} holds 'x", unit="mm")
+
+
+@pytest.mark.parametrize("chunk", [1, 100, 1 << 20])
+@pytest.mark.parametrize("heights", [HEIGHTS, HEIGHTS.T])
+def test_an_array_of_heights_is_the_same_in_chunks_of_any_size(
+    tmp_path, monkeypatch, chunk, heights
+):
+    monkeypatch.setattr(npy_format, "CHUNK_BYTES", chunk)
+    np.save(tmp_path / "rr.npy", heights)
+    scan = read_scan(tmp_path / "rr.npy", options=ReadOptions(pitch=PITCH))
+    assert scan.points_m.tolist() == expected(heights).tolist()
+    assert scan.grid.tolist() == [list(at) for at in np.ndindex(heights.shape)]
+    assert scan.intensity is None
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        *(("1 m", "100 cm"), ("1 cm", "10 mm"), ("1 mm", "1000 µm"), ("1 µm", "1000 nm")),
+        *(("1 in", "25.4 mm"), ("1 ft", "12 in"), ("0.3048 m", "1 ft")),
+    ],
+)
+def test_pitches_in_different_units_are_in_that_of_x(one, other):
+    for x, y in ((one, other), (other, one)):
+        found = stated_heights([f"x pitch {x}", f"y pitch {y}"])
+        assert found.pitch == pytest.approx((float(x.split()[0]),) * 2, rel=1e-12)
+        assert found.unit == x.split()[1]
+
+
+@pytest.mark.parametrize("value", [-99999.9999, -9999.0, -32768.0, -2147483648.0, 0.0, 1.5])
+def test_a_row_of_one_value_is_no_row_of_positions(tmp_path, value):
+    """The first row of a profiler is often without heights: all of it is a mark."""
+    heights = HEIGHTS.copy()
+    heights[0] = value
+    scan = read(tmp_path, matrix(heights=heights))
+    missing = COLUMNS if value < -2.0 else 0
+    assert scan.points_m.tolist() == expected(heights)[missing:].tolist()
+    assert scan.invalid_points == missing
+    positions = ",".join(f"{0.05 * k:.4f}" for k in range(COLUMNS)) + "\n"
+    refuse(tmp_path, positions + matrix(heights=heights), "rises in equal steps", pitch=PITCH)
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "positions"),
+    [(1, 16, False), (2, 16, True), (2, 8, True), (2, 7, False), (9, 8, True)],
+)
+def test_positions_are_known_by_two_rows_of_eight(tmp_path, rows, columns, positions):
+    heights = np.vstack([0.05 * np.arange(columns), HEIGHTS[:1, :columns].repeat(rows - 1, 0)])
+    heights[1:] += np.round(np.random.default_rng(1).normal(0.0, 0.1, (rows - 1, columns)), 4)
+    if positions:
+        refuse(tmp_path, matrix(heights=heights), "rises in equal steps", pitch=PITCH)
+    else:
+        assert len(read(tmp_path, matrix(heights=heights)).points_m) == heights.size
+
+
+def test_a_surface_that_is_tilted_or_falls_in_equal_steps_is_read(tmp_path):
+    ramp = 0.05 * np.arange(COLUMNS)
+    for heights in (np.tile(ramp, (3, 1)), np.vstack([ramp[::-1], HEIGHTS])):
+        assert len(read(tmp_path, matrix(heights=heights)).points_m) == heights.size
+
+
+def test_a_pitch_without_a_unit_is_in_that_of_the_file():
+    assert stated_heights(["x pitch 1 mm", "y pitch 2"]) == Heights((1.0, 2.0), "mm")
+    assert stated_heights(["Unit: mm", "x pitch 1", "y pitch 2"]) == Heights((1.0, 2.0), "mm")
+    assert stated_heights(["Unit: mm", "x pitch 1 cm", "y pitch 2"]).pitch == (10.0, 2.0)
+
+
+def test_steps_that_are_nearly_equal_are_a_slope(tmp_path):
+    """Steps of 0.05 that differ by a tenth, above and below a row of equal ones."""
+    ramp = 0.05 * np.arange(COLUMNS)
+    rough = ramp + np.where(np.arange(COLUMNS) % 2, 0.005, 0.0)
+    refuse(tmp_path, matrix(heights=np.array([ramp, rough])), "rises in equal steps", pitch=PITCH)
+    read(tmp_path, matrix(heights=np.array([rough, ramp])))
+    read(tmp_path, matrix(heights=np.array([rough, HEIGHTS[0]])))

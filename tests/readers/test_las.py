@@ -337,3 +337,105 @@ def test_without_its_library_laz_says_what_to_install_and_las_is_read(monkeypatc
     with pytest.raises(MissingDependencyError, match=r"pip install 'wheelplane\[las\]'"):
         read_scan(FORMATS / "simple.laz")
     assert len(read_scan(FORMATS / "simple.las").points_m) == 1065
+
+
+def chunked(path, point_format=3):
+    """A LAZ file, the byte of its points, and the byte of its table of chunks."""
+    data = make(path, point_format=point_format).read_bytes()
+    points = struct.unpack_from("<I", data, 96)[0]
+    return data, points, struct.unpack_from("<q", data, points)[0]
+
+
+def test_a_compression_written_to_a_pipe_is_read(tmp_path):
+    """LASzip then puts -1 for the table's offset, and the offset behind the table."""
+    path = tmp_path / "rr.laz"
+    data, points, table = chunked(path)
+    piped = data[:points] + struct.pack("<q", -1) + data[points + 8 :] + struct.pack("<q", table)
+    path.write_bytes(piped)
+    assert read_scan(path).points_m.tobytes() == expected()[0].tobytes()
+    for cut in (1, 4, 8):
+        path.write_bytes(piped[:-cut])
+        refusal(path)
+
+
+def test_the_table_of_chunks_lies_between_its_offset_and_the_end(tmp_path):
+    path = tmp_path / "rr.laz"
+    data, points, _ = chunked(path)
+    for wrong in (0, points, points + 7, len(data) - 7, len(data), 2**63 - 1):
+        path.write_bytes(data)
+        doctored(path, {points: ("<q", wrong)})
+        assert f"its table of chunks should be at byte {wrong}" in refusal(path)
+    for wrong in (points + 8, len(data) - 8):
+        path.write_bytes(data)
+        assert "chunks do not fit in" in refusal(doctored(path, {points: ("<q", wrong)}))
+
+
+def test_no_more_chunks_than_their_first_points_fill(tmp_path):
+    path = tmp_path / "rr.laz"
+    _, points, table = chunked(path)
+    held = table - points - 8
+    doctored(path, {table + 4: ("<I", held // POINT_BYTES[3] + 1)})
+    assert f"do not fit in {held} bytes" in refusal(path)
+
+
+@pytest.mark.parametrize(
+    ("points", "chunks", "fits"),
+    [(COUNT, 1, True), (COUNT - 1, 1, False), (COUNT, 2, False), (COUNT // 2, 1, False)],
+)
+def test_chunks_hold_the_declared_points(tmp_path, points, chunks, fits):
+    path = tmp_path / "rr.laz"
+    data, _, table = chunked(path)
+    doctored(path, {laszip_at(data) + 12: ("<I", points), table + 4: ("<I", chunks)})
+    if fits:
+        assert read_scan(path).points_m.tobytes() == expected()[0].tobytes()
+    else:
+        assert f"declares 300 points, the table {chunks} chunks of {points}" in refusal(path)
+
+
+def test_a_file_of_a_header_alone_has_no_points(tmp_path):
+    path = make(tmp_path / "rr.las", 1, point_format=0)
+    data = path.read_bytes()[:227]
+    path.write_bytes(data)
+    doctored(path, {96: ("<I", 227), 100: ("<I", 0)})
+    assert "declares 1 points, the file holds 0" in refusal(path)
+    assert "it declares 0 points" in refusal(doctored(path, {107: ("<I", 0)}))
+
+
+@pytest.mark.parametrize("lengths", [(0,), (0, 0), (500, 0), (7, 500, 30)])
+def test_every_extended_record_is_where_the_one_before_it_ends(tmp_path, lengths):
+    path = make(tmp_path / "rr.las", point_format=6, version="1.4")
+    plain = path.read_bytes()
+    records = [struct.pack("<2x16sHQ32x", b"someone", 1, n) + bytes(n) for n in lengths]
+    data = plain + b"".join(records)
+    path.write_bytes(data)
+    doctored(path, {235: ("<Q", len(plain)), 243: ("<I", len(lengths))})
+    assert read_scan(path).points_m.tobytes() == expected()[0].tobytes()
+    whole = path.read_bytes()
+    for cut in {1, 59, len(records[-1])}:
+        path.write_bytes(whole[:-cut])
+        assert "extended records are there" in refusal(path)
+    path.write_bytes(whole)
+    assert "extended records are there" in refusal(doctored(path, {243: ("<I", len(lengths) + 1)}))
+
+
+def test_records_of_a_header_end_where_the_points_begin(tmp_path):
+    """The last one may be empty; none may reach a byte further."""
+    path = tmp_path / "rr.laz"
+    data, points, table = chunked(path)
+    (records,) = struct.unpack_from("<I", data, 100)
+    more = struct.pack("<2x16sHH32x", b"someone", 1, 0)
+    path.write_bytes(data[:points] + more + data[points:])
+    moved = {96: ("<I", points + 54), 100: ("<I", records + 1)}
+    moved |= {points + 54: ("<q", table + 54)}
+    assert read_scan(doctored(path, moved)).points_m.tobytes() == expected()[0].tobytes()
+    doctored(path, {points + 20: ("<H", 1)})
+    assert f"record {records + 1} of {records + 1} in its header reaches" in refusal(path)
+
+
+def test_points_take_as_many_bytes_as_laspy_finds():
+    assert [laspy.PointFormat(number).size for number in range(11)] == list(POINT_BYTES)
+
+
+def test_version_1_1_is_read(tmp_path):
+    path = doctored(make(tmp_path / "rr.las", point_format=1), {25: ("<B", 1)})
+    assert read_scan(path).points_m.tobytes() == expected()[0].tobytes()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import struct
 import zipfile
 
@@ -339,3 +340,80 @@ def test_samples_lie_on_the_surface_in_proportion_to_its_area(tmp_path):
     assert np.all((points[~low, :2] >= [4, 0]) & (points[~low, :2] <= [7, 3]))
     half = points[~low, 0] < 5.5
     assert abs(half.sum() - len(half) / 2) < 5 * np.sqrt(len(half) / 4)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_mesh_of_any_size_is_sampled(tmp_path, size):
+    points = read(tmp_path, "a.off", off(size * CORNERS), sample=300).points_m
+    assert len(points) == 300
+    assert (points >= size * CORNERS.min(axis=0) * (1.0 - 1e-12)).all()
+    assert (points <= size * CORNERS.max(axis=0) * (1.0 + 1e-12)).all()
+
+
+def test_a_mesh_of_infinite_area_is_refused(tmp_path):
+    refuse(tmp_path, "a.off", off(1e200 * CORNERS), "no faces to sample", sample=10)
+
+
+PYRAMID = np.vstack([CORNERS, [[1.1, 1.3, 0.3]]])
+SIDES = np.array([[0, 1, 3], [1, 4, 3], [4, 2, 3], [2, 0, 3], [0, 2, 4], [0, 4, 1]])
+
+
+@pytest.mark.parametrize("counts", [None, "5 6"])
+def test_vertices_of_off_are_no_faces(tmp_path, counts):
+    data = off(PYRAMID, SIDES, counts)
+    assert read(tmp_path, "a.off", data).points_m.tolist() == PYRAMID.tolist()
+    for face in SIDES:
+        row = f"3 {' '.join(map(str, face))}"
+        cut = data.replace(row.encode(), row[:-2].encode())
+        refuse(tmp_path, "a.off", cut, f"one of its faces is cut, '{row[:-2]}'")
+
+
+def test_a_glb_without_anything_but_its_description_has_no_points(tmp_path):
+    text = json.dumps({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{}]}).encode()
+    text += b" " * (-len(text) % 4)
+    data = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text), len(text), b"JSON") + text
+    refuse(tmp_path, "a.glb", data, "0 points|cannot be read")
+
+
+def test_obj_with_a_weight_and_a_colour_declares_its_vertices(tmp_path):
+    rows = "".join(f"v {' '.join(map(repr, row))} 1 0.5 0.5 0.5\n" for row in CORNERS.tolist())
+    with opened(tmp_path, rows.encode(), "rr.obj") as source:
+        cloud = read_obj(source)
+        assert table(cloud).tolist() == CORNERS.tolist()
+        assert cloud.rows == len(CORNERS)
+    refuse(tmp_path, "a.obj", b"v 1 2 3 1 0.5 0.5 0.5 9\n", "a vertex has 8 numbers")
+
+
+def test_keywords_of_stl_are_whole_words(tmp_path):
+    data = stl_text()
+    assert len(read(tmp_path, "a.stl", data).points_m) == 4
+    refuse(tmp_path, "a.stl", data.replace(b"solid", b"solids"), "no `endsolid` for a `solid`")
+    refuse(tmp_path, "a.stl", b"solid a\nendsolid a\n", "0 points")
+
+
+def test_a_wrong_corner_is_named_by_its_line(tmp_path):
+    data = stl_text().replace(b"vertex 1.1", b"vertex x.1", 1)
+    number = 1 + data[: data.index(b"x.1")].count(b"\n")
+    refuse(tmp_path, "a.stl", data, f"line {number} holds 'x.1'")
+
+
+@pytest.mark.parametrize("mode", [0, 1, 4])
+def test_points_and_lines_of_a_glb_are_read(tmp_path, mode):
+    drawn = {"attributes": {"POSITION": 0}, "mode": mode} | ({"indices": 1} if mode == 4 else {})
+    data = glb(meshes=[{"primitives": [drawn]}])
+    assert read(tmp_path, "a.glb", data).points_m.tolist() == np.float32(CORNERS).tolist()
+
+
+def test_the_library_says_nothing_to_the_log_of_others(tmp_path, monkeypatch):
+    logger, heard, others = logging.getLogger("trimesh"), [], logging.Handler()
+    others.emit = lambda record: heard.append(record.message)
+    monkeypatch.setattr(logging.getLogger(), "handlers", [others])
+    monkeypatch.setattr(logger, "propagate", True)
+
+    def noisy(*_, **__):
+        logger.warning("a traceback")
+        return trimesh.Trimesh(CORNERS, FACES, process=False)
+
+    monkeypatch.setattr("trimesh.load", noisy)
+    assert len(read(tmp_path, "a.off", off()).points_m) == 4
+    assert heard == []

@@ -12,7 +12,7 @@ from wheelplane.diagnostics.scan_summary import summarise_scan
 from wheelplane.errors import InputError
 from wheelplane.plane.find_planes import find_planes
 from wheelplane.readers import read_scan
-from wheelplane.readers.missing import find_markers, is_huge
+from wheelplane.readers.missing import Markers, find_markers, is_huge
 
 SCAN = make(WHEEL.but(spacing_m=0.004), 1).points_m
 LEVEL = Setup(turned=False, incidence_deg=5.0, half_width_m=0.2, spacing_m=0.004, pairs=4)
@@ -160,3 +160,98 @@ def test_the_plane_that_they_would_make_is_not_listed(tmp_path):
     assert abs(plane.normal[2]) > 0.9999
     assert plane.points > 3900
     assert json.dumps(plane.extents_m)
+
+
+def test_a_mark_is_one_place_or_one_value_of_an_axis():
+    markers = Markers(np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]), ((2, 7.0),))
+    inside = [[1.0, 2.0, 3.0], [1.0 + 5e-7, 2.0, 3.0 - 5e-7], [0.0, 0.0, 0.0], [4.0, 5.0, 7.0]]
+    outside = [[1.0, 2.0, 3.1], [1.0, 2.1, 3.0], [1.1, 2.0, 3.0], [-1.0, 2.0, 3.0]]
+    outside += [[2.0, 1.0, 3.0], [7.0, 7.0, 6.0], [0.0, 0.0, 1e-5], [1.0, 2.0 + 2e-6, 3.0]]
+    assert markers.mask(np.array(inside)).tolist() == [True] * len(inside)
+    assert markers.mask(np.array(outside)).tolist() == [False] * len(outside)
+
+
+FEW = np.random.default_rng(11).normal(size=(1500, 3))
+
+
+@pytest.mark.parametrize("place", [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0], [-9999.0, 5.0, 0.0]])
+@pytest.mark.parametrize("count", [9, 10, 11, 400])
+def test_ten_points_at_one_place_are_missing(place, count):
+    markers = find_markers(mixed(np.tile(place, (count, 1)), FEW))
+    if count < 10:
+        assert not markers
+    else:
+        np.testing.assert_allclose(markers.places_m, [place], rtol=0, atol=1e-6)
+        assert markers.planes == ()
+
+
+@pytest.mark.parametrize("lines", [2, 10])
+def test_places_that_many_points_share_by_and_by_are_no_marks(lines):
+    """A coarse surface: each place has fewer than four times the points of the next."""
+    counts = [90, 60, 40, 25, 15, 10, 7, 5, 3, 2]
+    grid = np.column_stack([np.arange(10) % lines, np.arange(10) // 2, FEW[:10, 2]])
+    steps = np.repeat(grid, counts, axis=0)
+    assert not find_markers(mixed(steps, FEW))
+    assert not find_markers(mixed(steps - grid[0], FEW))  # the most of them at the origin
+    one_more = np.vstack([np.tile([50.0, 50.0, 50.0], (400, 1)), steps])
+    places = find_markers(mixed(one_more, FEW)).places_m
+    np.testing.assert_allclose(places, [[50.0, 50.0, 50.0]], rtol=0, atol=1e-6)
+
+
+def plane_of(value, count, axis=2, seed=12):
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    points[:, axis] = value
+    return points
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_value_far_from_all_others_is_no_surface(axis):
+    flat = plane_of(0.0, 100, axis)
+    assert find_markers(mixed(plane_of(-9999.0, 500, axis, 13), flat)).planes == ((axis, -9999.0),)
+    other = np.vstack([plane_of(0.0, 200, axis), plane_of(1.0, 5, axis)])
+    assert not find_markers(mixed(plane_of(-9999.0, 500, axis, 13), other))
+    assert not find_markers(mixed(plane_of(-9999.0, 12, axis), np.vstack([FEW, 1.0 + FEW])))
+    assert find_markers(mixed(plane_of(-9999.0, 40, axis), np.vstack([FEW, 1.0 + FEW])))
+
+
+def sphere(count, radius, seed=3):
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    return radius * points / np.linalg.norm(points, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("size", [0.01, 0.1, 10.0])
+def test_far_is_three_times_as_far_as_a_smooth_scene_reaches(size):
+    """A sphere without noise spans 2 of its radii along each axis, 3.5 in all."""
+    scene = sphere(1000, size)
+    for distance, marked in ((15.0 * size, True), (8.0 * size, False)):
+        extra = plane_of(distance, 300)
+        extra[:, :2] *= size
+        assert bool(find_markers(mixed(extra, scene))) == marked
+
+
+def test_an_exact_plane_within_a_noisy_scene_is_a_mark_and_within_an_exact_one_a_surface():
+    wide = np.random.default_rng(5).uniform(0.0, 1.0, (2000, 2))
+    x, y = wide.T
+    exact = np.column_stack([x, y, 0.3 * x + 0.1 * y + 0.5])
+    noisy = exact + [0.0, 0.0, 1.0] * np.random.default_rng(6).normal(0.0, 1e-3, (2000, 1))
+    level = plane_of(0.7, 600)
+    level[:, :2] = np.random.default_rng(7).uniform(0.0, 1.0, (600, 2))
+    assert find_markers(mixed(level, noisy)).planes == ((2, 0.7),)
+    assert not find_markers(mixed(level, exact))
+    away = np.array([1e5, 2e5, 0.0])  # where coordinates have fewer decimals
+    assert not find_markers(mixed(level + away, exact + away))
+    further = np.array([1e7, 2e7, -0.5])  # and one coordinate near 0
+    assert not find_markers(mixed(level + further, exact + further))
+    shift = np.ones(3)
+    strip = np.where(x[:, None] < 0.1, exact, noisy)  # a tenth without noise
+    assert find_markers(mixed(level + shift, strip + shift)).planes != ()
+
+
+@pytest.mark.parametrize("others", [1, 3, 13, 14, 15, 20])
+@pytest.mark.parametrize("marked", [10, 300])
+def test_few_points_beside_those_of_one_value_are_read(others, marked):
+    points = mixed(plane_of(0.5, marked), np.random.default_rng(others).normal(size=(others, 3)))
+    markers = find_markers(points)
+    assert markers.planes in ((), ((2, 0.5),))
+    if others > 1 and len(points) <= 24:
+        assert not markers

@@ -245,3 +245,16 @@ def test_npz_by_name_or_alone(tmp_path, name, order):
 )  # fmt: skip
 def test_npz_that_is_refused(tmp_path, arrays, says):
     assert says in refusal(write_npz(tmp_path / "rr.npz", **arrays))
+
+
+def test_binary_data_that_happen_to_be_letters_are_no_text(tmp_path):
+    """Three pieces of an array, the last two of which hold neither a zero nor a line end."""
+    count = 3 * (1 << 20) // 24
+    rows = np.frombuffer(b"A" * 24 * count).reshape(count, 3).copy()
+    rows[0] = [1.0, 2.0, 3.0]
+    stream = io.BytesIO()
+    np.save(stream, rows)
+    (tmp_path / "a.npy.gz").write_bytes(gzip.compress(stream.getvalue()))
+    assert read_scan(tmp_path / "a.npy.gz").invalid_points + len(
+        read_scan(tmp_path / "a.npy.gz").points_m
+    ) == len(rows)

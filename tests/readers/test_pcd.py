@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
+from wheelplane.readers.formats import pcd as pcd_format
 from wheelplane.readers.parsing.lzf import decompress
 
 
@@ -254,3 +255,55 @@ def test_lzf_of_junk_gives_the_declared_size_or_a_value_error(junk, size):
 def test_lzf_refuses_what_leaves_its_bounds(packed, size):
     with pytest.raises(ValueError, match=r"unpack|back reference"):
         decompress(packed, size)
+
+
+def test_a_wrong_row_is_named_by_its_line(tmp_path):
+    refuse(tmp_path, head("ascii") + b"1 2 3\n4 5 x\n", "line 12 holds 'x'")
+
+
+def test_a_binary_cloud_that_is_cut_says_how_many_points_it_holds(tmp_path):
+    refuse(tmp_path, head("binary", 9, 1, 9) + bytes(8 * 12 + 11), "9 points, the file holds 8")
+
+
+def test_a_width_without_a_height_is_the_number_of_points(tmp_path):
+    data = head("ascii", HEIGHT=None, POINTS=None) + b"1 2 3\n4 5 6\n"
+    assert read(tmp_path, data).points_m.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_the_longest_header_is_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(pcd_format, "_MOST_LINES", 10)
+    assert len(read(tmp_path, head("ascii") + b"1 2 3\n4 5 6\n").points_m) == 2
+    refuse(tmp_path, b"# more\n" + head("ascii") + b"1 2 3\n4 5 6\n", "more than 10 lines in its")
+
+
+@pytest.mark.parametrize("page", [4096, 16384, 65536])
+def test_a_compressed_cloud_that_fills_its_pages_is_followed_by_no_other(tmp_path, page):
+    planes = struct.pack("<6f", 1, 4, 2, 5, 3, 6)
+    packed = lzf(planes)
+    body = struct.pack("<II", len(packed), len(planes)) + packed
+    plain = head("binary_compressed") + body
+    full = b"#" * (page - len(plain) - 1) + b"\n" + plain
+    assert len(full) == page
+    assert read(tmp_path, full).points_m.tolist() == [[1, 2, 3], [4, 5, 6]]
+    refuse(tmp_path, full + bytes(page), f"{page} bytes follow")
+
+
+@pytest.mark.parametrize(
+    ("kind", "form"),
+    [
+        *(("F4", "f"), ("F8", "d"), ("I1", "b"), ("I2", "h"), ("I4", "i"), ("I8", "q")),
+        *(("U1", "B"), ("U2", "H"), ("U4", "I"), ("U8", "Q")),
+    ],
+)
+def test_any_type_of_number(tmp_path, kind, form):
+    data = head("binary", SIZE=" ".join(kind[1] * 3), TYPE=" ".join(kind[0] * 3))
+    scan = read(tmp_path, data + struct.pack(f"<6{form}", 1, 2, 3, 4, 5, 6))
+    assert scan.points_m.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize("runs", [8, 9, 80])
+def test_lzf_long_literals_end_where_a_shorter_one_begins(runs):
+    """Whose bytes are what the first byte of a long one is."""
+    plain = bytes(i % 251 for i in range(32 * runs)) + b"\x1f" * 100
+    packed = b"".join(b"\x1f" + plain[at : at + 32] for at in range(0, 32 * runs, 32))
+    assert decompress(packed + b"\x04\x1f\x1f\x1f\x1f\x1f" * 20, len(plain)) == plain

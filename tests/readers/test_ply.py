@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
+from wheelplane.readers.formats import ply as ply_format
 
 TYPES = {
     **{"char": "b", "int8": "b", "uchar": "B", "uint8": "B", "short": "h", "int16": "h"},
@@ -181,3 +182,28 @@ def test_rows_of_other_elements_are_no_vertices_and_are_counted_first(tmp_path):
     text = head("ascii", "element group 400", "property int a", "element vertex 500", *XYZ)
     refuse(tmp_path, text + b"1\n" * 400 + b"1 2 3\n" * 200, "500 vertices, the file holds 200")
     refuse(tmp_path, text + b"1\n" * 300 + b"x y z\n" * 250, "500 vertices, the file holds 150")
+
+
+def test_a_wrong_row_below_other_elements_is_named_by_its_line(tmp_path):
+    text = head("ascii", "element group 2", "property int a", "element vertex 2", *XYZ)
+    refuse(tmp_path, text + b"1\n\n2\n1 2 3\n1 2 x\n", "line 14 holds 'x'")
+
+
+def test_the_longest_header_is_read(tmp_path, monkeypatch):
+    text = head("ascii", "element vertex 1", *XYZ)
+    monkeypatch.setattr(ply_format, "_MOST_LINES", text.count(b"\n") - 1)
+    assert len(read(tmp_path, text + b"1 2 3\n").points_m) == 1
+    longer = text.replace(b"end_header", b"comment more\nend_header")
+    refuse(tmp_path, longer + b"1 2 3\n", "more than 6 lines in its header")
+
+
+@pytest.mark.parametrize("form", ORDERS)
+@pytest.mark.parametrize("lengths", [[0], [3], [3, 0], [0, 3], [3, 3, 3], [1, 0, 0]])
+def test_lists_may_end_the_file_and_no_later(tmp_path, form, lengths):
+    text = head(form, "element vertex 1", *XYZ, f"element face {len(lengths)}", FACES)
+    order = ORDERS[form]
+    faces = b"".join(struct.pack(f"{order}B{n}i", n, *range(n)) for n in lengths)
+    data = text + struct.pack(order + "3f", 1, 2, 3) + faces
+    assert read(tmp_path, data).points_m.tolist() == [[1, 2, 3]]
+    for cut in range(1, len(faces) + 1):
+        refuse(tmp_path, data[:-cut], "ends within")

@@ -15,6 +15,8 @@ from tests.support.sources import opened
 from tests.support.sources import table as rows_of
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
+from wheelplane.readers.formats import pts as pts_format
+from wheelplane.readers.formats import ptx as ptx_format
 from wheelplane.readers.formats.pts import read_pts
 from wheelplane.readers.formats.ptx import read_ptx
 
@@ -341,3 +343,38 @@ def test_a_file_cut_at_any_line_is_refused(tmp_path, name):
     for end in sorted({*range(len(lines))} - whole):
         with opened(tmp_path, b"".join(lines[:end]), name) as source, pytest.raises(InputError):
             rows_of(read(source))
+
+
+@pytest.mark.parametrize("above", ["", "\n", "\n \n\n"])
+def test_rows_of_pts_without_a_count_are_counted(tmp_path, above):
+    with opened(tmp_path, f"{above}1 2 3\n4 5 6\n".encode()) as source:
+        cloud = read_pts(source)
+        assert rows_of(cloud).tolist() == [[1, 2, 3], [4, 5, 6]]
+        assert cloud.rows == 2
+
+
+def test_the_most_scans_of_a_file_are_read(tmp_path, monkeypatch):
+    monkeypatch.setattr(pts_format, "_MOST_BLOCKS", 2)
+    monkeypatch.setattr(ptx_format, "_MOST_SCANS", 2)
+    block, raster = b"1\n1 2 3\n", ptx([(1, 1, IDENTITY, [[1, 2, 3, 0.5]])])
+    for name, piece, noun in (("a.pts", block, "blocks"), ("a.ptx", raster, "scans")):
+        assert len(read(tmp_path, name, 2 * piece).points_m) == 2
+        refuse(tmp_path, name, 3 * piece, f"more than 2 {noun}")
+
+
+def test_a_raster_without_beams_holds_no_points(tmp_path):
+    rows = [[1.0, 2.0, 3.0, 0.5], [4.0, 5.0, 6.0, 0.5]]
+    data = ptx([(0, 7, IDENTITY, []), (1, 2, IDENTITY, rows), (3, 0, IDENTITY, [])])
+    scan = read(tmp_path, "a.ptx", data)
+    assert scan.points_m.tolist() == [row[:3] for row in rows]
+    assert [part.stop - part.start for part in scan.parts] == [0, 2, 0]
+
+
+@pytest.mark.parametrize("columns", [4, 7, 10])
+def test_rows_of_ptx_may_have_a_colour_and_a_normal(tmp_path, columns):
+    rows = np.column_stack([table(1, 5), np.full((5, columns - 4), 7.0)])
+    scan = read(tmp_path, "a.ptx", ptx([(1, 5, IDENTITY, rows)]))
+    assert scan.points_m.tobytes() == rows[:, :3].tobytes()
+    assert scan.intensity.tolist() == rows[:, 3].astype(np.float32).tolist()
+    wider = ptx([(1, 5, IDENTITY, np.column_stack([rows, rows[:, :1]]))])
+    refuse(tmp_path, "a.ptx", wider, f"line 11 has {columns + 1} columns, not x y z intensity")

@@ -161,8 +161,10 @@ def test_what_a_library_raises_or_eats_is_reported(tmp_path, source, capfd, body
     assert capfd.readouterr() == ("", "")
 
 
-def test_memory_within_the_allowance_is_granted(tmp_path, source):
-    script = MAIN.format(body=indented("eaten = bytearray(1 << 25)\nslots.filled(0, 4)"))
+@pytest.mark.parametrize("size_b", [1 << 25, 60 << 20])
+def test_memory_within_the_allowance_is_granted(tmp_path, source, size_b):
+    """Of 64 MiB, beyond what the child held before."""
+    script = MAIN.format(body=indented(f"eaten = bytearray({size_b})\nslots.filled(0, 4)"))
     assert [filled.rows for filled in run_child(job(tmp_path, script), source)] == [4]
 
 
@@ -279,3 +281,9 @@ def test_what_is_missing_is_reported_with_what_to_install(source):
     with pytest.raises(MissingDependencyError, match=r"pip install 'wheelplane\[e57\]'") as caught:
         find_library("no_such_library", "E57", "e57", source)
     assert str(caught.value).startswith("rr.laz: reading E57 needs the library no_such_library")
+
+
+@pytest.mark.parametrize("deed", ["say(b'B', 0, 4)", "say(b'B', 1, 4)"])
+def test_every_part_is_delivered_whole(tmp_path, source, deed):
+    text = refused(job(tmp_path, SPEAK + f"{deed}; say(b'D')", (4, 4)), source)
+    assert "declares 8 points, the file holds 4" in text

@@ -278,3 +278,43 @@ def test_columns_are_found_by_name_in_any_order_and_case(tmp_path, delimiter):
         for declared in ("", "20\n"):
             with opened(tmp_path, f"# a\n{declared}{head}\n{body}".encode()) as source:
                 assert table(read_text(source)).tobytes() == rows.tobytes()
+
+
+def rows_of_numbers(columns, count=5):
+    return "".join(" ".join(f"{r}.{c:02d}5" for c in range(columns)) + "\n" for r in range(count))
+
+
+def test_twelve_columns_may_be_a_point_and_thirteen_are_none(tmp_path):
+    pitch = "X pitch: 0.5\nY pitch: 0.5\n"
+    assert len(read(tmp_path, "a.txt", rows_of_numbers(12).encode()).points_m) == 5
+    refuse(tmp_path, "a.txt", rows_of_numbers(13).encode(), "13 columns without names")
+    heights = read(tmp_path, "a.txt", (pitch + rows_of_numbers(13)).encode())
+    assert len(heights.points_m) == 5 * 13
+    refuse(tmp_path, "a.txt", (pitch + rows_of_numbers(12)).encode(), "12 columns below a pitch")
+
+
+FOOTER = "\nEnd of the export\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "pitch", "points"),
+    [
+        (rows_of_numbers(5), (0.5, 0.5), 25),
+        ("X pitch: 0.5\nY pitch: 0.5\n" + rows_of_numbers(13), None, 65),
+        ("P1 1 2 3\nP2 4 5 6\n", None, 2),
+        ("P1 1 2 3 0.5\nP2 4 5 6 0.5\n", None, 2),
+    ],
+)
+def test_text_may_follow_rows_of_any_kind(tmp_path, text, pitch, points):
+    for end in ("", FOOTER):
+        (tmp_path / "a.txt").write_text(text + end)
+        scan = read_scan(tmp_path / "a.txt", options=ReadOptions(pitch=pitch))
+        assert len(scan.points_m) == points
+
+
+def test_an_npy_raster_with_its_row_and_column_in_front_is_refused(tmp_path):
+    row, column = np.mgrid[:6, :7]
+    points = np.random.default_rng(3).normal(size=(6, 7, 3))
+    np.save(tmp_path / "a.npy", np.dstack([row, column, points]))
+    with pytest.raises(InputError, match="two columns are whole numbers"):
+        read_scan(tmp_path / "a.npy")

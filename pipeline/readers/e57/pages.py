@@ -85,7 +85,7 @@ def read_xml(pages: Pages) -> bytes:
     """
     source = pages.source
     head = source.stream.read(_HEADER.size)
-    if len(head) < _HEADER.size or source.size < PAGE:
+    if len(head) < _HEADER.size:
         raise fault(source, f"its {source.size} bytes are no E57 file", INCOMPLETE)
     _, major, minor, size, xml_at, xml_bytes, page_bytes = _HEADER.unpack(head)
     if (major, minor) != (1, 0):

@@ -70,8 +70,8 @@ def _scan(index: int, scan: Element, source: Source) -> E57Scan:
         rows = _integer(points, "recordCount", None)
         points_at = _integer(points, "fileOffset", 0)
         fields = tuple(_field(element) for element in points.each("prototype"))
-        if rows < 0 or not fields:
-            raise ValueError(f"it declares {rows} points of {len(fields)} fields")
+        if rows < 0:
+            raise ValueError(f"it declares {rows} points")
         part = _part(name, scan.find("pose"))
         found = E57Scan(index, part, rows, points_at, fields)
         if rows and not (found.has(*CARTESIAN) or found.has(*SPHERICAL)):

@@ -80,7 +80,7 @@ def _extent(pages: Pages, scan: E57Scan) -> tuple[int, int]:
     """Return the logical offsets of the first packet and of the end of the section."""
     source, at = pages.source, pages.logical(scan.points_at)
     fact = f"the points of its scan {scan.part.name} are not within it"
-    if scan.points_at < 0 or at < 0 or at + _SECTION.size > pages.size:
+    if at < 0 or at + _SECTION.size > pages.size:
         raise fault(source, fact, DAMAGED)
     kind, length, data_at, _ = _SECTION.unpack(pages.read(at, _SECTION.size, checked=False))
     first = pages.logical(data_at)

@@ -23,7 +23,7 @@ from ..source import Block, Layout, RawCloud, Source
 # X, Y, Z and the intensity come first in every point format.
 FORMATS, OFFSETS = ["<i4", "<i4", "<i4", "<u2"], [0, 4, 8, 12]
 LAYOUT = Layout((0, 1, 2), 3)
-SLOT_BYTES = 8 << 20
+SLOT_BYTES = 8 << 20  # a point takes at most 65,535
 WORKING_BYTES, THREAD_BYTES = 128 << 20, 16 << 20  # of laz-rs; chunks of the file come on top
 POINTS_PER_BYTE = 200  # equal points compress to 145 a byte
 VARIABLE_CHUNKS = 0xFFFFFFFF
@@ -80,8 +80,8 @@ def _decompressed(header: LasHeader, library: str, source: Source) -> Iterator[B
             "parallel": cores > 1 and (is_small or chunk_points == VARIABLE_CHUNKS),
         },
         rows=(header.count,),
-        slot_rows=max(1, SLOT_BYTES // header.point_bytes),
-        slot_bytes=max(SLOT_BYTES, header.point_bytes),
+        slot_rows=SLOT_BYTES // header.point_bytes,
+        slot_bytes=SLOT_BYTES,
         memory_bytes=WORKING_BYTES + cores * THREAD_BYTES + source.size,
     )
     return _records(header, job, source)
@@ -112,9 +112,9 @@ def _chunk_points(header: LasHeader, source: Source) -> int:
 def _check_chunks(header: LasHeader, source: Source, chunk_points: int) -> None:
     """Check the table of chunks, which follows them: they hold the declared points."""
     first = header.points_at + 8
-    table_at = _int_at(source, header.points_at, first)
+    table_at = _int_at(source, header.points_at)
     if table_at == -1:  # written to a pipe: the offset is at the end of the file
-        table_at = _int_at(source, source.size - 8, source.size)
+        table_at = _int_at(source, source.size - 8)
     if not first <= table_at <= source.size - _CHUNKS.size:
         raise fault(source, f"its table of chunks should be at byte {table_at}", DAMAGED)
     source.stream.seek(table_at)
@@ -122,7 +122,8 @@ def _check_chunks(header: LasHeader, source: Source, chunk_points: int) -> None:
     held = table_at - first
     if version or chunks * header.point_bytes > held:
         raise fault(source, f"its {chunks} chunks do not fit in {held} bytes", DAMAGED)
-    if chunk_points != VARIABLE_CHUNKS and chunks != -(-header.count // max(chunk_points, 1)):
+    fits = (chunks - 1) * chunk_points < header.count <= chunks * chunk_points
+    if chunk_points != VARIABLE_CHUNKS and not fits:
         raise fault(
             source,
             f"the header declares {header.count} points, the table {chunks} chunks of "
@@ -133,9 +134,7 @@ def _check_chunks(header: LasHeader, source: Source, chunk_points: int) -> None:
         raise too_short(source, header.count, held, "points, and for their compressed bytes")
 
 
-def _int_at(source: Source, at: int, end: int) -> int:
-    if at < 0 or end > source.size:
-        return 0
+def _int_at(source: Source, at: int) -> int:
     source.stream.seek(at)
     return int.from_bytes(source.stream.read(8), "little", signed=True)
 

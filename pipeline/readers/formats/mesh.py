@@ -64,8 +64,7 @@ def sampled(mesh: Any, count: int, source: Source) -> RawCloud:
 
     check_memory(count, _SAMPLED_BYTES, source)
     with _silence():
-        area = float(getattr(mesh, "area", 0.0))
-        if not (isinstance(mesh, trimesh.Trimesh) and 0.0 < area < np.inf):
+        if not (isinstance(mesh, trimesh.Trimesh) and 0.0 < mesh.area < np.inf):
             raise fault(source, "it has no faces to sample", "read its vertices, without --sample")
         points, _ = trimesh.sample.sample_surface(mesh, count, seed=_SEED)
     return cloud_of(np.asarray(points, dtype=np.float64))

@@ -193,7 +193,7 @@ def _dtype(descr: object, source: Source) -> np.dtype[Any]:
         dtype = np.lib.format.descr_to_dtype(descr)
     except Exception:  # whatever a damaged description makes of numpy's own parser
         dtype = np.dtype(object)
-    if dtype.hasobject or dtype.names is None or not dtype.itemsize:
+    if dtype.hasobject or not dtype.itemsize:
         fact = f"it holds values of the type {shown(str(descr))}"
         raise fault(source, fact, "save records of numbers")
     return dtype

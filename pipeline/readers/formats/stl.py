@@ -33,7 +33,6 @@ def sample_stl(source: Source, count: int) -> RawCloud:
 def _triangles(source: Source) -> Array:
     """Read the corners (T, 3, 3) of all solids."""
     head = source.stream.read(_HEAD)
-    source.stream.seek(0)
     if head.lstrip()[:5].lower() == b"solid" and b"\0" not in head:
         return _from_text(source)
     if len(head) < _HEAD:
@@ -64,8 +63,7 @@ def _from_text(source: Source) -> Array:
     check_memory(facets, _PARSED_BYTES, source)
     source.stream.seek(0)
     lines = Lines(source.text, edit=_only_corners)
-    tables = list(table_blocks(lines, 3, None, source, 1))
-    found = np.concatenate(tables) if tables else np.empty((0, 3))
+    found = np.concatenate(list(table_blocks(lines, 3, None, source, 1)))
     if len(found) != corners:
         fact = f"{len(found)} of its {corners} corners could be read"
         raise fault(source, fact, "export it again, or as binary STL")

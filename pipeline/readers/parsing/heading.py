@@ -128,11 +128,8 @@ def named_layout(heading: Heading, source: Source) -> tuple[int, Layout] | None:
 
 def _may_be_names(cells: Sequence[str], columns: int) -> bool:
     """Return whether the cells can be the names of as many columns: words, and no number."""
-    return (
-        len(cells) == columns
-        and not any(map(is_number, cells))
-        and any(re.search(r"\w", cell) for cell in cells)
-    )
+    words = [cell for cell in cells if re.search(r"\w", cell)]
+    return bool(words) and len(cells) == columns and not any(map(is_number, cells))
 
 
 def _named_in_comment(heading: Heading, source: Source) -> tuple[int, Layout] | None:

@@ -103,8 +103,11 @@ def _marks(heights: Array) -> Iterator[float]:
 
 
 def _counts_up(table: Array) -> bool:
-    """Return whether the first row, and not the next, rises in equal steps."""
+    """Return whether the first row rises in equal steps, and the next neither rises nor falls so.
+
+    A row of one value, as of missing heights, has no steps.
+    """
     if len(table) < 2 or table.shape[1] < _FEWEST_IN_STEPS:
         return False
     first, second = (np.diff(row) for row in table[:2])
-    return bool(np.ptp(first) <= 1e-3 * first[0] and not np.ptp(second) <= 1e-3 * abs(second[0]))
+    return bool(np.ptp(first) < 1e-3 * first[0] and not np.ptp(second) < 1e-3 * abs(second[0]))

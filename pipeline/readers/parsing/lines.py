@@ -60,10 +60,10 @@ class Lines:
             return piece
         end = rows = 0
         for line in io.StringIO(piece):
-            if rows == most:
-                break
             rows += not line.isspace() and bool(is_row(line))
             end += len(line)
+            if rows == most:
+                break
         self._ahead = piece[end:] + self._ahead
         return piece[:end]
 
