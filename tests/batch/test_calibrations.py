@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from tests.support.calibration_bay import ORIGIN, TOE, Bay, changed, item_of, machine
-from wheelplane.batch.results.calibrations import LONGEST_DAYS, machine_history
+from wheelplane.batch.results.calibrations import LONGEST_DAYS, history_text, machine_history
 from wheelplane.calibration import Reference, calibrate
 from wheelplane.commands.results import results as command
 from wheelplane.errors import InputError
@@ -49,8 +49,10 @@ def test_a_machine_that_does_not_drift_has_a_long_interval_and_a_bad_one_none(tm
     steady = machine_history(write(tmp_path / "steady", 12), "7")
     assert not any(one.significant for one in steady.drifts)
     assert steady.intervals[0].days is None or steady.intervals[0].days > LONGEST_DAYS / 10.0
+    assert "toe: next calibration within" in history_text(steady)
     bad = machine_history(write(tmp_path / "bad", 4, start=8.0), "7")
     assert bad.intervals[0].days == 0.0
+    assert "toe: no interval: at 95 % confidence an error may have" in history_text(bad)
 
 
 def test_two_calibrations_show_no_drift_and_say_so(tmp_path):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import json
 import os
 import random
 import shutil
@@ -12,6 +14,9 @@ import subprocess
 import sys
 import threading
 import time
+import zlib
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -19,12 +24,25 @@ import pytest
 from tests.support.records import add, key_of, place, result, text
 from wheelplane.batch.catalogue import catalogue as catalogue_module
 from wheelplane.batch.catalogue import segments, sqlite_file
+from wheelplane.batch.catalogue.calibration_row import CalibrationRow, calibration_row
 from wheelplane.batch.catalogue.catalogue import FILE, open_catalogue, rebuild, update
-from wheelplane.batch.catalogue.changes import GRAIN_NS
-from wheelplane.batch.catalogue.history import REMOVED, read_removed, write_removed
-from wheelplane.batch.catalogue.rows import read_record
-from wheelplane.batch.catalogue.schema import TABLES
+from wheelplane.batch.catalogue.changes import GRAIN_NS, in_folder, in_storage
+from wheelplane.batch.catalogue.columns import captures_of, column_of, renew_columns
+from wheelplane.batch.catalogue.history import (
+    REMOVED,
+    is_retried,
+    read_removed,
+    retried,
+    write_removed,
+)
+from wheelplane.batch.catalogue.rows import CaptureRow, QuantityRow, Record, read_record
+from wheelplane.batch.catalogue.schema import TABLES, create, number_of, put
 from wheelplane.batch.catalogue.segments import Segments
+from wheelplane.batch.catalogue.sqlite_file import (
+    mark_verified,
+    open_sqlite_file,
+    write_sqlite_file,
+)
 from wheelplane.batch.results.query import capture_of, captures, count, quantities_of, wheels_of
 from wheelplane.batch.storage.entry import PARTIAL, Entry
 from wheelplane.batch.storage.store import open_store
@@ -164,6 +182,14 @@ def test_results_moved_in_with_their_old_dates_are_found(store, tmp_path):
     assert len(shown(store.local)) == 70
 
 
+def calibrated(kind: str, state: str, error: object, *mpes: float | None) -> dict:
+    """Calibration of a quantity whose points have one error and these permissible ones."""
+    points = [
+        {"point": at, "error": {"value_deg": error}, "mpe_deg": mpe} for at, mpe in enumerate(mpes)
+    ]
+    return {"quantity": kind, "state": state, "points": points}
+
+
 LONG, DEEP = b"9" * 400, b"[" * 990 + b"]" * 990
 
 
@@ -191,6 +217,10 @@ LONG, DEEP = b"9" * 400, b"[" * 990 + b"]" * 990
         (lambda data: data.replace(b'"date": null', b'"date": "tomorrow"'), "not ISO 8601"),
         (lambda data: data.replace(b'"wheels": [', b'"wheels": [7, '), "wheel is not an object"),
         (lambda data: data.replace(b'"capture": "', b'"capture": "\\udceb'), "not Unicode"),
+        (
+            lambda data: data.replace(b'"vehicle": {', b'"vehicle": {"\\ud800_m": 1.0, ', 1),
+            "quantity is '\\ud800', not Unicode",
+        ),
     ],
 )
 def test_a_damaged_json_is_reported_and_the_rest_is_there(store, spoil, reason):
@@ -204,6 +234,49 @@ def test_a_damaged_json_is_reported_and_the_rest_is_there(store, spoil, reason):
     assert sum(row.status == "ok" for row in rows) == 24
     store.write(place(key), text(result("bad")))
     assert "damaged" not in {row.status for row in shown(store.local)}
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        {"item": {"serial": "\ud800", "maker": "", "model": ""}},
+        {"item": {"serial": "7", "maker": "\ud800", "model": ""}},
+        {"item": {"serial": "7", "maker": "", "model": "\ud800"}},
+        {"error": "\ud800"},
+        {"decision": "\ud800"},
+        {"decision": ["conform"]},
+        {"quantities": [calibrated("toe", "as found", 10**400, 1.0)]},
+        {"quantities": [calibrated("toe", "as found", 1.0, 0.0)]},
+        {"quantities": [calibrated("toe", "as found", "1.0", 1.0)]},
+        {"quantities": [calibrated("\ud800", "as found", 1.0, 1.0)]},
+        {"quantities": None},
+    ],
+)
+def test_a_damaged_calibration_is_reported_and_the_rest_is_there(store, spoilt):
+    whole = {"item": {"serial": "7", "maker": "a", "model": "b"}, "decision": None}
+    tree = result("bad") | {"calibration": whole | {"quantities": []} | spoilt}
+    store.write(place(key_of("bad")), json.dumps(tree).encode())
+    assert rebuild(store) == 41
+    with open_catalogue(str(store.local)) as catalogue:
+        ((name, error),) = catalogue.connection.execute("SELECT name, error FROM calibrations")
+        assert (name, error[:30]) == ("bad", "no calibration of this program")
+        assert count(catalogue) == 41
+
+
+def test_a_calibration_counts_as_it_was_left():
+    found, left = "as found", "as left"
+    quantities = [
+        calibrated("toe", found, -9.0, 2.0),
+        calibrated("camber", found, -3.0, 2.0, 0.5),
+        calibrated("toe", left, 1.0, 2.0, None),
+    ]
+    item = {"serial": 7, "maker": "a", "model": "b"}
+    row = calibration_row({"item": item, "decision": "undecided", "quantities": quantities})
+    assert row == CalibrationRow("7", "a", "b", "undecided", 4, 6.0, "camber 1")
+    failed = calibration_row({"item": None, "error": "no readings"})
+    assert failed == CalibrationRow(error="no readings")
+    assert (failed.points, failed.worst) == (0, None)
+    assert calibration_row(None) is None
 
 
 def test_what_is_no_result_is_left_alone(store):
@@ -360,6 +433,8 @@ def test_an_open_catalogue_stays_as_it_was(store):
 def test_a_folder_without_results_is_reported_in_one_line(tmp_path):
     with pytest.raises(InputError, match="no results found: give the folder"):
         open_catalogue(str(tmp_path))
+    with pytest.raises(InputError, match="no results found: give the folder"):
+        rebuild(open_store(str(tmp_path / "mistyped")))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -377,6 +452,193 @@ def test_results_that_cannot_be_written_to_can_be_read(store, monkeypatch):
     assert not (store.local / FILE).exists()
     with pytest.raises(InputError, match="not writable"):
         update(store)
+
+
+def test_a_full_disk_is_reported_and_leaves_no_drafts(store, monkeypatch):
+    rebuild(store)
+    expected = digest(store.local)
+    add(store, *some(1, start=40))
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    for owner, name in ((Path, "touch"), (shutil, "copyfile"), (os, "fsync")):
+        with monkeypatch.context() as patch:
+            patch.setattr(owner, name, full)
+            with pytest.raises(InputError, match=r"cannot be written \(No space left"):
+                update(store)
+        assert digest(store.local) == expected
+        assert [path.name for path in (store.local / PARTIAL).iterdir()] == [catalogue_module.LOCK]
+    assert update(store) == 1
+
+
+def test_only_a_rebuild_reads_what_was_changed_in_place(store):
+    time.sleep(2 * GRAIN_NS * 1e-9)
+    rebuild(store)
+    tree = some(40)[0]
+    path = store.local / place(tree["batch"]["key"])
+    path.write_bytes(text(tree | {"vehicle_name": "changed in place"}))
+    assert update(store) == 0
+    assert rebuild(store) == 40
+    assert "changed in place" in {row.vehicle for row in shown(store.local)}
+
+
+def test_captures_at_the_bounds_of_parts_are_in_one_each(tmp_path):
+    keys = [head + 62 * digit for head in ("00", "01", "02", "fe", "ff") for digit in "0f"]
+    keys += [f"01{'0' * 12}{digit}{'0' * 49}" for digit in "12"]
+    records = [
+        Record(CaptureRow(key, day=float(i)), quantities=(QuantityRow("span", 2.0 * i, i, "m"),))
+        for i, key in enumerate(keys)
+    ]
+    with closing(create(tmp_path / FILE)) as connection:
+        assert put(connection, records) == len(keys)
+        assert put(connection, records) == 0
+        renew_columns(connection, map(number_of, keys))
+        ids, days = captures_of(connection)
+        column = column_of(connection, "span", "m", ids)
+    order = sorted(range(len(keys)), key=keys.__getitem__)
+    assert ids.tolist() == [int(keys[i][:15], 16) for i in order]
+    assert days.tolist() == order
+    assert column.tolist() == [[2.0 * i for i in order], order]
+
+
+def test_keys_that_collide_are_refused_and_one_alone_is_replaced(tmp_path):
+    one, other = "a" * 64, "a" * 15 + "b" * 49
+    with closing(create(tmp_path / FILE)) as connection:
+        assert put(connection, [Record(CaptureRow(one, md5="1"))]) == 1
+        assert put(connection, [Record(CaptureRow(one, "again", md5="2"))]) == 1
+        with pytest.raises(InputError, match=f"keys {one} and {other} collide"):
+            put(connection, [Record(CaptureRow(other, md5="2"))])
+        assert connection.execute("SELECT key, name FROM captures").fetchall() == [(one, "again")]
+
+
+def read_changed(**changes: object) -> Record:
+    """Record of a result some of whose sections are others."""
+    tree = result("one") | changes
+    return read_record(key_of("one"), text(tree))
+
+
+@pytest.mark.parametrize(
+    ("kind", "points", "total"),
+    [
+        ("cloud", [5, 9, 7], 9),
+        ("scans", [5, 9, 7], 21),
+        ("cloud", [None, 3], 3),
+        ("scans", [None, 3], 3),
+        ("scans", [0, 1], 1),
+        ("cloud", [], 0),
+        ("scans", [], 0),
+        ("scans", [2**53 - 1, 1], 2**53),
+    ],
+)
+def test_points_of_one_cloud_count_once(kind, points, total):
+    batch = result("one")["batch"] | {"kind": kind}
+    record = read_changed(wheels=[{"points_total": count} for count in points], batch=batch)
+    assert (record.capture.points_total, record.capture.status) == (total, "ok")
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"frame": [1]}, "`frame` or `vehicle` is not an object"),
+        ({"vehicle": [1]}, "`frame` or `vehicle` is not an object"),
+        ({"wheels": {}}, "`wheels` or `batch` is missing"),
+        ({"batch": []}, "`wheels` or `batch` is missing"),
+        ({"wheels": [{"toe_deg": True}]}, "`toe_deg` is True, not a number"),
+        ({"wheels": [{"points_total": -1}]}, "`points_total` is -1, no number of points"),
+        ({"wheels": [{"points_total": 2**53}]}, "no number of points"),
+        ({"wheels": 2 * [{"points_total": 2**53 - 1}]}, f"hold {2**54 - 2} points"),
+        ({"capture": 7}, "`capture` is 7, not text"),
+    ],
+)
+def test_a_section_of_another_kind_is_damage(changes, reason):
+    record = read_changed(**changes)
+    assert (record.capture.status, record.wheels, record.quantities) == ("damaged", (), ())
+    assert reason in record.capture.reason
+
+
+def test_quantities_are_those_with_a_name_and_a_unit():
+    vehicle = {"toe_deg": 1.0, "u_toe_deg": 0.1, "_deg": 2.0, "roll_rad": 3.0, "note": "x"}
+    record = read_changed(frame=None, vehicle=vehicle)
+    assert record.quantities == (QuantityRow("toe", 1.0, 0.1, "deg"),)
+    frame = {"wheelbase_m": 2.5, "u_wheelbase_m": 0.001}
+    of_frame = {q.kind: (q.value, q.u) for q in read_changed(frame=frame, vehicle={}).quantities}
+    assert of_frame["wheelbase"] == (2.5, 0.001)
+    assert read_changed(frame={}, vehicle={}).quantities == ()
+
+
+def test_a_vertical_is_that_of_the_wheels():
+    assert read_changed(vertical_in_use="gravity").capture.vertical == "gravity"
+    assert read_changed(vertical_in_use=None).capture.vertical == "wheels"
+    assert read_changed(vertical_in_use="gravity", wheels=[]).capture.vertical == ""
+
+
+def test_each_byte_of_the_header_is_under_the_checksum(tmp_path):
+    path = tmp_path / FILE
+    connection = create(tmp_path / "draft")
+    put(connection, [Record(CaptureRow("a" * 64))])
+    write_sqlite_file(connection, path)
+    whole = path.read_bytes()
+    assert int.from_bytes(whole[60:64], "big") == zlib.crc32(whole[:60] + whole[64:])
+    for at in range(sqlite_file.HEADER):
+        path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
+        assert open_sqlite_file(path) is None
+    path.write_bytes(whole)
+    catalogue = open_sqlite_file(path)
+    assert catalogue is not None
+    with closing(catalogue), ThreadPoolExecutor(1) as other_thread:
+        rows = other_thread.submit(lambda: catalogue.execute("SELECT key FROM captures").fetchall())
+        assert rows.result() == [("a" * 64,)]
+    for time_ns in (10**18, 10**18 + 1, 10**18 + 999_999):
+        mark_verified(path, time_ns)
+        assert time_ns - 2_000_000 < path.stat().st_mtime_ns < time_ns
+
+
+@pytest.mark.parametrize(
+    ("retry", "statuses"),
+    [
+        ("failed", {"failed", "quarantined", "damaged"}),
+        ("quarantined", {"quarantined"}),
+        ("part", {"part"}),
+        ("ok", {"ok"}),
+        ("day 2/capture 2", set()),
+    ],
+)
+def test_a_retry_measures_what_has_the_status_or_the_name(store, retry, statuses):
+    trees = [*some(40), result("suspect", status="quarantined")]
+    add(store, trees[-1])
+    store.write(place(key_of("bad")), b"{}")
+    batches = [(tree["batch"]["key"], tree["batch"]["status"], tree["capture"]) for tree in trees]
+    batches.append((key_of("bad"), "damaged", ""))
+    expected = {key for key, status, name in batches if status in statuses or name == retry}
+    assert expected
+    assert set(retried(store, retry)) == expected
+    assert {row.key for row in shown(store.local) if is_retried(row, retry)} == expected
+
+
+def test_a_retry_of_nothing_is_refused_unless_it_is_a_status(tmp_path, store):
+    assert retried(store, "quarantined") == []
+    with pytest.raises(InputError, match=r"--retry capture 2: .* has no result of this name"):
+        retried(store, "capture 2")
+    assert retried(open_store(str(tmp_path / "none")), "capture 2") == []
+
+
+def test_the_catalogue_of_a_run_without_results_yet_is_empty(tmp_path):
+    store = open_store(str(tmp_path / "new" / "results"))
+    assert update(store) == 0
+    add(store, *some(2))
+    assert update(store) == 2
+
+
+def test_only_keys_in_their_places_are_read(store, remote):
+    trees = some(3)
+    add(remote, *trees)
+    for name in ("ab/notes.txt", "ab/abnotes", f"00/{'f' * 64}.json", f"00/{'0' * 63}.json"):
+        store.write(f"measurements/{name}", b"{}")
+        remote.write(f"measurements/{name}", b"{}")
+    expected = sorted(tree["batch"]["key"] for tree in some(40))
+    assert in_folder(store.local, None, 0).read == expected
+    assert in_storage(remote, None).read == sorted(tree["batch"]["key"] for tree in trees)
 
 
 def test_progress_is_reported(store):
@@ -524,6 +786,10 @@ def test_segments_spare_the_reading_and_change_nothing(remote, monkeypatch):
     jsons = {name for name in read if name.startswith("measurements/")}
     assert jsons == {place(trees[i]["batch"]["key"]) for i in (11, 12, 13)}
     assert remote.read(FILE) == expected
+    read.clear()
+    add(remote, *some(2, start=30))
+    assert update(remote) == 2
+    assert not [name for name in read if name.startswith("segments/")]
 
 
 @pytest.fixture

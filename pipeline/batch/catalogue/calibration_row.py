@@ -39,32 +39,45 @@ def calibration_row(tree: Any) -> CalibrationRow | None:
     if tree is None:
         return None
     try:
-        item = tree["item"] or {}
-        serial = str(item.get("serial", ""))
-        if "error" in tree:
-            return CalibrationRow(serial, error=str(tree["error"]))
-        found = [(q["quantity"], point) for q in final(tree) for point in q["points"]]
-        ratios = [
-            (
-                abs(point["error"][f"value_{unit}"]) / point[f"mpe_{unit}"],
-                f"{kind} {point['point']}",
-            )
-            for kind, point in found
-            for unit in ("deg", "m")
-            if point.get(f"mpe_{unit}") is not None
-        ]
-        worst, where = max(ratios, default=(None, ""))
-        return CalibrationRow(
-            serial,
-            str(item["maker"]),
-            str(item["model"]),
-            tree["decision"],
-            len(found),
-            worst,
-            where,
-        )
-    except (KeyError, TypeError, AttributeError, ZeroDivisionError) as error:
+        return _storable(_row(tree))
+    except (KeyError, TypeError, AttributeError, ArithmeticError, UnicodeError) as error:
         return CalibrationRow(error=f"no calibration of this program ({type(error).__name__})")
+
+
+def _row(tree: Any) -> CalibrationRow:
+    item = tree["item"] or {}
+    serial = str(item.get("serial", ""))
+    if "error" in tree:
+        return CalibrationRow(serial, error=str(tree["error"]))
+    found = [(q["quantity"], point) for q in final(tree) for point in q["points"]]
+    ratios = [
+        (
+            abs(point["error"][f"value_{unit}"]) / point[f"mpe_{unit}"],
+            f"{kind} {point['point']}",
+        )
+        for kind, point in found
+        for unit in ("deg", "m")
+        if point.get(f"mpe_{unit}") is not None
+    ]
+    worst, where = max(ratios, default=(None, ""))
+    return CalibrationRow(
+        serial,
+        str(item["maker"]),
+        str(item["model"]),
+        tree["decision"],
+        len(found),
+        worst,
+        where,
+    )
+
+
+def _storable(row: CalibrationRow) -> CalibrationRow:
+    """Raise TypeError or UnicodeError for what SQLite does not store; return the row."""
+    if not isinstance(row.decision, str | None):
+        raise TypeError
+    for text in (row.serial, row.maker, row.model, row.decision, row.worst_at, row.error):
+        (text or "").encode()
+    return row
 
 
 def final(tree: dict[str, Any]) -> list[dict[str, Any]]:

@@ -57,8 +57,10 @@ class Catalogue:
 def rebuild(store: Store, progress: RecordProgress = no_progress) -> int:
     """Rebuild the catalogue from the JSON files and return how many were read.
 
-    progress: called with the number of files read and the number to read. Raises InputError.
+    progress: called with the number of files read and the number to read. Raises InputError,
+    also for a folder without results, in which nothing is written.
     """
+    _require_results(store, store.url)
     return _published(
         store, lambda space: _refresh(store, space, progress, none_known, from_scratch=True)
     )
@@ -94,8 +96,7 @@ def open_catalogue(results: str, progress: RecordProgress = no_progress) -> Cata
     and for object storage, a temporary copy is used. Raises InputError.
     """
     store = open_store(results)
-    if store.local is not None and not (store.local / "measurements").is_dir():
-        raise InputError(f"{results}: no results found: give the folder that `batch` wrote to")
+    _require_results(store, results)
     with _workspace(store, reading=True) as workspace:
         if workspace.locked:
             _refresh(store, workspace, progress, none_known)
@@ -105,6 +106,11 @@ def open_catalogue(results: str, progress: RecordProgress = no_progress) -> Cata
     if store.local is None and not connection.execute("SELECT 1 FROM captures").fetchone():
         raise InputError(f"{results}: no results found: give the URL that `batch` wrote to")
     return Catalogue(store, connection)
+
+
+def _require_results(store: Store, results: str) -> None:
+    if store.local is not None and not (store.local / "measurements").is_dir():
+        raise InputError(f"{results}: no results found: give the folder that `batch` wrote to")
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ def in_folder(folder: Path, current: sqlite3.Connection | None, updated_ns: int)
     """
     changes = Changes()
     root = folder / "measurements"
-    since_ns = updated_ns - GRAIN_NS if current else 0
+    since_ns = updated_ns - GRAIN_NS
     try:
         folders = {e.name: e.stat().st_ctime_ns for e in os.scandir(root) if e.is_dir()}
         root_changed = root.stat().st_ctime_ns >= since_ns

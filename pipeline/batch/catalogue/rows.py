@@ -202,6 +202,8 @@ def _quantities(frame: Any, vehicle: Any) -> list[QuantityRow]:
     for key in (*of_frame, *vehicle):
         kind, _, unit = key.rpartition("_")
         if unit in UNITS and kind and not kind.startswith("u_"):
+            if SURROGATE.search(kind):
+                raise _DamagedError(f"a quantity is {kind!r:.60}, not Unicode")
             tree = frame if key in of_frame else vehicle
             rows.append(QuantityRow(kind, _number(tree, key), _number(tree, f"u_{key}"), unit))
     return rows

@@ -81,7 +81,7 @@ class Captures:
     def __iter__(self) -> Iterator[FoundCapture]:
         with self.spool.open("rb") as lines:
             for line in lines:
-                name, kind, files, packed = json.loads(line)
+                name, kind, files, packed = json.loads(line.decode())
                 if kind:
                     files = tuple(Entry(*file) for file in files)
                     yield FoundCapture(name, kind, files, packed[0] if packed else "")
@@ -128,9 +128,13 @@ def discover(
 def _unpacked(entries: Iterable[Entry], inside: Inside) -> Iterator[tuple[Entry, Entry | None]]:
     """Yield the files, and in the place of a zip of several captures its members and the zip."""
     for entry in entries:
+        if not entry.name.lower().endswith(".zip"):
+            yield entry, None
+            continue
         file = entry.name.rpartition("/")[2]
-        is_zip = kind_of(file) == "zip" and entry.stamp not in UNUSABLE
-        if is_zip and not (_marks_a_capture(file) or PASSED_OVER.search(entry.name)):
+        if entry.stamp not in UNUSABLE and not (
+            _marks_a_capture(file) or PASSED_OVER.search(entry.name)
+        ):
             members = inside(entry)
             if holds_several(member.name[len(entry.name) + 1 :] for member in members):
                 yield from ((member, entry) for member in members)

@@ -213,9 +213,12 @@ def history_text(found: MachineHistory) -> str:
         )
     lines.append("")
     for interval in found.intervals:
-        days = interval.days
-        until = (
-            f"more than {LONGEST_DAYS / 365.25:.0f} years" if days is None else f"{days:.0f} days"
-        )
-        lines.append(f"  {interval.quantity}: next calibration within {until} of the last")
+        lines.append(f"  {interval.quantity}: {_proposed(interval.days)}")
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _proposed(days: float | None) -> str:
+    if days == 0.0:
+        return "no interval: at 95 % confidence an error may have reached the MPE already"
+    most = f"more than {LONGEST_DAYS / 365.25:.0f} years"
+    return f"next calibration within {most if days is None else f'{days:.0f} days'} of the last"

@@ -172,6 +172,8 @@ class ResultIndex:
 
     def outdated(self) -> list[str]:
         """Return the keys of results that are superseded by another result of their capture."""
+        if not self._holds_others():
+            return []
         rows = self._database.execute(
             "SELECT present.key FROM present JOIN current USING(name) "
             "WHERE present.key <> current.key"
@@ -184,11 +186,21 @@ class ResultIndex:
 
     def removed(self) -> list[str]:
         """Return the captures with results that are not in the latest listing, by name."""
+        if not self._holds_others():
+            return []
         rows = self._database.execute(
             "SELECT DISTINCT name FROM present WHERE name <> '' "
             "AND name NOT IN (SELECT name FROM current) ORDER BY name"
         )
         return [name for (name,) in rows]
+
+    def _holds_others(self) -> bool:
+        """Return whether there are other results than those of the captures listed.
+
+        By their numbers: a key is of one capture, whose name it hashes.
+        """
+        asked = "SELECT (SELECT count(*) FROM present) > (SELECT count(key) FROM current)"
+        return bool(self._database.execute(asked).fetchone()[0])
 
     def flush(self) -> None:
         """Write what was added to the results."""
