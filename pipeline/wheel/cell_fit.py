@@ -19,7 +19,7 @@ import numpy as np
 
 from ..vectors import Array, Mask
 from .cells import Heights
-from .meridian import LEAST_IN_CELL, Meridian
+from .meridian import Meridian
 
 HARMONICS = (2, 3)
 TUKEY = 4.0
@@ -36,7 +36,8 @@ class CellFit:
     step: (P,) tilt s, t, shift x, y, then the harmonics. ring_m: (R,) heights added to the
     meridian. used: (rings,) those rings. y_m, rows, weight: (R, sectors), (R, sectors, P), (R,
     sectors) heights, their derivatives, and weights, 0 where rejected. white_m2: (R, sectors)
-    variance of independent noise. excess_m: spread of the cells beyond that noise, on the level.
+    variance of independent noise. excess_m: spread of the cells beyond that noise, on the level;
+    steep: (R, sectors) its square on a slope over that on the level.
     """
 
     step: Array
@@ -48,6 +49,7 @@ class CellFit:
     count: Array
     white_m2: Array
     excess_m: float
+    steep: Array
 
     @property
     def residual_m(self) -> Array:
@@ -74,10 +76,13 @@ class CellFit:
     @property
     def white_covariance(self) -> Array:
         """Covariance (P, P) of the step by independent noise."""
+        return self._by_cells(self.white_m2)
+
+    def _by_cells(self, variance_m2: Array) -> Array:
+        """Return the covariance (P, P) of the step by independent variances (R, sectors)."""
         solved = _Normal.of(self.rows, self.weight)
         moved = solved.centred * self.weight[:, :, None]
-        middle = np.einsum("rsp,rs,rsq->pq", moved, self.white_m2, moved)
-        return solved.sandwich(middle)
+        return solved.sandwich(np.einsum("rsp,rs,rsq->pq", moved, variance_m2, moved))
 
     @property
     def covariance(self) -> Array:
@@ -86,12 +91,12 @@ class CellFit:
         Parts of the circle are left out one by one (jackknife), which shows what is alike within a
         part: noise that is correlated, waves, lettering. Likewise groups of neighbouring rings,
         whose axes differ where edges and steep flanks shift them. Independent noise, which both
-        show, is counted once; the covariance is never less than by that.
+        show, is counted once; the covariance is never less than by the spread of single cells.
         Source: clustering in two ways, Cameron, Gelbach and Miller, J. Bus. Econ. Stat. 29 (2011)
         238.
         """
         both = positive(self._by_sectors + self._by_rings - self.white_covariance)
-        return both + positive(self.white_covariance - both)
+        return both + positive(self._by_cells(self.white_m2 + self.excess_m**2 * self.steep) - both)
 
     @property
     def dof(self) -> float:
@@ -130,7 +135,7 @@ def fit_cells(heights: Heights, meridian: Meridian, used: Mask) -> CellFit:
     them all, and those far off are rejected by Tukey's function.
     """
     y, count = heights.mean_m[used], heights.count[used]
-    seen = count >= LEAST_IN_CELL
+    seen = count >= meridian.grid.least
     rows = _columns(meridian, used)
     steep = 1.0 + meridian.slope[used][:, None] ** 2 + np.zeros_like(y)
     white = meridian.noise_m[used][:, None] ** 2 / np.maximum(count, 1.0)
@@ -143,7 +148,7 @@ def fit_cells(heights: Heights, meridian: Meridian, used: Mask) -> CellFit:
         weight = np.where(seen, (1.0 - size**2) ** 2 / variance, 0.0)
         step, ring = _Normal.of(rows, weight).solve(y)
         rest = y - ring[:, None] - rows @ step
-    return CellFit(step, ring, used, y, rows, weight, count, white, excess)
+    return CellFit(step, ring, used, y, rows, weight, count, white, excess, steep)
 
 
 def _columns(meridian: Meridian, used: Mask) -> Array:

@@ -14,12 +14,16 @@ QUANTA = 1 << 20  # steps of a value by which points of a cell are sorted
 
 @dataclass(frozen=True)
 class Grid:
-    """Rings of equal width about an axis from low_m outwards, each in equal sectors."""
+    """Rings of equal width about an axis from low_m outwards, each in equal sectors.
+
+    least: points in a cell that counts.
+    """
 
     low_m: float
     width_m: float
     rings: int
     sectors: int
+    least: int = 2
 
     @property
     def radius_m(self) -> Array:

@@ -132,12 +132,19 @@ def _modes(pieces: Pieces) -> list[Array]:
 
 
 def _about(near_m: Array, found: list[RoughAxis]) -> list[RoughAxis]:
-    """Return the axis nearest to a point (3,), of those that hold it and are well seen."""
+    """Return the best axis of the wheel nearest to a point (3,).
+
+    It holds the point and is well seen; several of the axes found may be the same wheel's.
+    """
     held = {index: one.aside_m(near_m) for index, one in enumerate(found)}
     held = {index: aside for index, aside in held.items() if aside < found[index].radius_m}
     seen = RIVAL * max((found[index].score for index in held), default=0.0)
-    nearest = sorted((index for index in held if found[index].score > seen), key=held.__getitem__)
-    return [found[index] for index in nearest[:1]]
+    clear = [index for index in held if found[index].score > seen]
+    if not clear:
+        return []
+    nearest = found[min(clear, key=held.__getitem__)]
+    same = [found[i] for i in clear if nearest.aside_m(found[i].axis.point_m) < 0.5 * APART_M]
+    return [max(same, key=lambda one: one.score)]
 
 
 def _check_alone(best: RoughAxis, found: list[RoughAxis]) -> None:

@@ -62,30 +62,51 @@ def find_wheels(
     point.
     """
     parts = parts or [(0, len(points_m))]
+    found: list[tuple[RoughAxis, Rows, Array | None]]
     if near_m:
-        balls = [_within(points_m, one, CHOSEN_M) for one in near_m]
-        found = [
-            (find_axis(points_m[rows], one), rows) for one, rows in zip(near_m, balls, strict=True)
-        ]
+        found = [(*one, None) for one in _chosen(points_m, near_m)]
     else:
-        found = _standing(points_m, rim_inch)
-    return tuple(_of_best_part(points_m, rough, rows, parts, stations_m) for rough, rows in found)
+        found = [
+            (rough, rows, rough.axis.direction) for rough, rows in _standing(points_m, rim_inch)
+        ]
+    return tuple(_of_best_part(points_m, *one, parts, stations_m) for one in found)
 
 
 def _of_best_part(
     points_m: Array,
     rough: RoughAxis,
     rows: Rows,
+    outward: Array | None,
     parts: Sequence[tuple[int, int]],
     stations_m: Sequence[Array | None],
 ) -> Patch:
-    """Return the patch of a wheel from the part with most points on it; rows: near it."""
+    """Return the patch of a wheel from the part with most points on it.
+
+    rows: near it. outward: (3,) about its normal, None where that is unknown.
+    """
     bounds = np.searchsorted(rows, np.array(parts))
     seen = (index for index, (start, stop) in enumerate(bounds) if stop > start)
-    patches = {index: cut_wheel(points_m[rows[slice(*bounds[index])]], rough) for index in seen}
+    patches = {
+        index: cut_wheel(points_m[rows[slice(*bounds[index])]], rough, outward) for index in seen
+    }
     part = max(patches, key=lambda index: len(patches[index].face_m))
     station_m = stations_m[part] if stations_m else None
     return replace(patches[part], match=rough.circle, part=part, station_m=station_m)
+
+
+def _chosen(points_m: Array, near_m: Sequence[Array]) -> list[tuple[RoughAxis, Rows]]:
+    """Return the wheels at points chosen by the operator, with the rows of points near each."""
+    try:
+        floor = _find_floor(*_pieces(points_m))
+    except NotMeasuredError:
+        floor = None
+    found = []
+    for one in near_m:
+        rows = _within(points_m, one, CHOSEN_M)
+        if floor is not None and 0.0 < float(floor.height_m(one)) < CHOSEN_M:
+            rows = rows[floor.height_m(points_m[rows]) > ABOVE_M]
+        found.append((find_axis(points_m[rows], one), rows))
+    return found
 
 
 def _standing(points_m: Array, rim_inch: float | None) -> list[tuple[RoughAxis, Rows]]:
@@ -96,11 +117,9 @@ def _standing(points_m: Array, rim_inch: float | None) -> list[tuple[RoughAxis, 
     for position in _positions(centroid, normal, floor):
         if any(_apart_m(rough.axis.point_m, position) < APART_M for rough, _ in found):
             continue
-        rows = _within(points_m, position, BALL_M)
-        rows = rows[floor.height_m(points_m[rows]) > ABOVE_M]
-        rough = _wheel_at(points_m[rows], floor, rim_inch)
-        if rough is not None:
-            found.append((rough, rows))
+        wheel = _wheel_at(points_m, position, floor, rim_inch)
+        if wheel is not None:
+            found.append(wheel)
     return _of_their_own(sorted(found, key=lambda one: (-one[0].circle, -one[0].score)))
 
 
@@ -206,20 +225,31 @@ def _peaks(
     return kept
 
 
-def _wheel_at(points_m: Array, floor: Floor, rim_inch: float | None) -> RoughAxis | None:
-    """Return the axis of the wheel in points (N, 3) if it stands on the floor and can be fitted."""
+def _wheel_at(
+    points_m: Array, position_m: Array, floor: Floor, rim_inch: float | None
+) -> tuple[RoughAxis, Rows] | None:
+    """Return the axis of the wheel at a position (3,), outwards, and the rows of points near it.
+
+    None where none stands on the floor and can be fitted.
+    """
     try:
-        rough = find_axis(points_m)
+        rough = find_axis(points_m[_above(points_m, position_m, floor)])
         axis = rough.axis
         height = float(floor.height_m(axis.point_m))
         leans = abs(float(axis.direction @ floor.up)) > MOST_LEAN
         if leans or not STANDS_M[0] < height - rough.radius_m < STANDS_M[1]:
             return None
-        patch = cut_wheel(points_m, rough)
-        fit_wheel(patch, rim_inch)
+        rows = _above(points_m, axis.point_m, floor)
+        fitted = fit_wheel(cut_wheel(points_m[rows], rough), rim_inch)
     except NotMeasuredError:
         return None
-    return replace(rough, axis=axis.towards(patch.basis[2]))
+    return replace(rough, axis=axis.towards(fitted.normal)), rows
+
+
+def _above(points_m: Array, centre_m: Array, floor: Floor) -> Rows:
+    """Return the rows of points_m (N, 3) about a centre (3,), without the floor."""
+    rows = _within(points_m, centre_m, BALL_M)
+    return np.asarray(rows[floor.height_m(points_m[rows]) > ABOVE_M])
 
 
 def _of_their_own(found: list[tuple[RoughAxis, Rows]]) -> list[tuple[RoughAxis, Rows]]:

@@ -17,14 +17,15 @@ from ..vectors import Array
 from .cell_fit import HARMONICS, root_of
 from .cells import Grid
 from .fit_axis import AxisFit, fit_axis
-from .flange import ROUND, edge_ring, find_flange, widest_ring
+from .flange import ROUND, Flange, bulges_inwards, edge_ring, find_flange, widest_ring
 from .normal_lines import Axis
 
 START_POINTS = 100_000
-START_ROUNDS, ROUNDS = 4, 6
+START_RAD = 1e-4  # last tilt by which the rough axis has settled
 INNER_M, START_M = 0.10, 0.15  # radii from which rings are laid, and from which they are used
 RING_M, RING_OF_SPACING = 0.0015, 0.75  # width of a ring
 SECTORS, FEW_SECTORS, SPARSE_M = 72, 48, 0.003
+RIM_RING_M, RIM_SECTORS = 0.002, 36  # of a rim with few points: its flange bends within wider rings
 LEAST_CIRCLE = 0.6  # of the sectors that show the rim
 LEAST_TYRE = 0.87  # of the cells of a tyre's side wall: part of it tilts far beyond its run-out
 SIDE_WALL = 0.7  # of the largest radius used: where it begins
@@ -35,12 +36,16 @@ OFF_CREST = 0.5  # of the height of a ridge over the rings beside it: uncertaint
 
 @dataclass(frozen=True)
 class WheelFit:
-    """Fitted wheel, and what it rests on. level_m: of the centre along the axis of `fit`."""
+    """Fitted wheel, and what it rests on. level_m: of the centre along the axis of `fit`.
+
+    bulge_m: height of the tyre's widest ring over the flange's edge, where both are seen.
+    """
 
     fit: AxisFit
     method: CentreMethod
     radius_m: float
     level_m: float
+    bulge_m: float | None = None
 
 
 def fit_wheel(patch: Patch, rim_inch: float | None) -> TargetFit:
@@ -53,7 +58,8 @@ def fit_surface(patch: Patch, rim_inch: float | None) -> WheelFit:
     """Fit the surface of revolution of the wheel in `patch`.
 
     By the rim where its flange is seen, else by the tyre; the centre is level with the flange's
-    edge, or with the tyre's widest ring. rim_inch: nominal diameter of the rim, if it is stated.
+    edge, or with the tyre's widest ring. The axis points outwards, as the tyre bulges.
+    rim_inch: nominal diameter of the rim, if it is stated.
     Raises NotMeasuredError 'wheel-not-found'.
     """
     found = _by_rim_or_tyre(patch, rim_inch)
@@ -72,6 +78,7 @@ def target_of(found: WheelFit, patch: Patch) -> TargetFit:
         plane_rms_m=float(np.sqrt(np.mean(fit.meridian.noise_m[used] ** 2))),
         points_on_target=int(np.sum(cells.count[cells.weight > 0.0])),
         method=found.method,
+        bulge_m=found.bulge_m,
     )
 
 
@@ -80,14 +87,20 @@ def _by_rim_or_tyre(patch: Patch, rim_inch: float | None) -> WheelFit:
     start = Axis(np.zeros(3), patch.basis[2])
     reach = float(np.sqrt(_square_m2(points, start).max()))
     grid = _grid(len(points), reach)
-    rough = fit_axis(sample(points, START_POINTS), start, grid, (START_M, reach), START_ROUNDS)
+    some = sample(points, START_POINTS)
+    rough = fit_axis(some, start, grid, (START_M, reach), START_RAD)
+    if bulges_inwards(rough):
+        start = Axis(rough.axis.point_m, -rough.axis.direction)
+        rough = fit_axis(some, start, grid, (START_M, reach), START_RAD)
     flange = find_flange(points, rough, rim_inch)
     if flange is None:
         radius, level = widest_ring(rough, START_M)
         return WheelFit(rough, "tyre", radius, level)
     near = points[_square_m2(points, rough.axis) < (flange.groove_m + 2.0 * grid.width_m) ** 2]
-    fit = fit_axis(near, rough.axis, grid, flange.within_m, ROUNDS)
-    return WheelFit(fit, "flange", *edge_ring(fit, flange))
+    fit = fit_axis(near, rough.axis, _rim_grid(rough, flange), flange.within_m)
+    bulge_m = widest_ring(rough, flange.groove_m)[1] - edge_ring(rough, flange)[1]
+    seen = bulge_m if math.isfinite(bulge_m) else None
+    return WheelFit(fit, "flange", *edge_ring(fit, flange), seen)
 
 
 def _square_m2(points_m: Array, axis: Axis) -> Array:
@@ -104,15 +117,37 @@ def _grid(points: int, reach_m: float) -> Grid:
     return Grid(INNER_M, width, rings, SECTORS if spacing < SPARSE_M else FEW_SECTORS)
 
 
+def _rim_grid(rough: AxisFit, flange: Flange) -> Grid:
+    """Return the grid of the rough axis, or one of narrower rings where its own are wide.
+
+    They are no narrower than the noise, by which points change rings.
+    """
+    grid, (low, high) = rough.meridian.grid, flange.within_m
+    own = (grid.radius_m > low) & (grid.radius_m < high) & np.isfinite(rough.meridian.noise_m)
+    width = max(RIM_RING_M, float(np.median(rough.meridian.noise_m[own])) if own.any() else 0.0)
+    if grid.width_m <= width:
+        return grid
+    rings = int(grid.rings * grid.width_m / width)
+    return Grid(grid.low_m, width, rings, RIM_SECTORS, least=1)
+
+
 def _check(fit: AxisFit, method: CentreMethod) -> None:
     """Raise NotMeasuredError 'wheel-not-found' where it is no surface of revolution."""
     cells = fit.cells
     circle = float(np.mean(np.any(cells.weight > 0.0, axis=0)))
     rings = int(np.count_nonzero(cells.kept >= ROUND))
-    tilt = math.sqrt(float(np.linalg.eigvalsh(cells.covariance[:2, :2])[-1]))
+    tilt, shift_m = (
+        math.sqrt(float(np.linalg.eigvalsh(cells.covariance[i : i + 2, i : i + 2])[-1]))
+        for i in (0, 2)
+    )
+    moves, moves_m = (float(np.abs(cells.step[i : i + 2]).max()) for i in (0, 2))
     radius = fit.meridian.grid.radius_m[cells.used]
     wall = float(np.mean(cells.weight[radius > SIDE_WALL * radius.max()] > 0.0))
     facts = (
+        (moves > tilt, f"the fit has not settled: the axis still moves by {math.degrees(moves):.2f}"
+         f"°, and is uncertain by {math.degrees(tilt):.2f}°"),
+        (moves_m > shift_m, "the fit has not settled: the centre still moves by "
+         f"{moves_m * 1e3:.1f} mm, and is uncertain by {shift_m * 1e3:.1f} mm"),
         (method == "tyre" and wall < LEAST_TYRE, "no flange of a rim stands out, and of the tyre's "
          f"side wall {wall:.0%} is seen, {LEAST_TYRE:.0%} needed"),
         (circle < LEAST_CIRCLE, f"{circle:.0%} of a wheel's circle is seen, "

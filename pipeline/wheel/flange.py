@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +14,12 @@ from .meridian import MAD, Meridian
 
 FINE_M = 0.002  # widest ring on which a flange stands out
 LEAST_M, MOST_M, SIGMAS = 0.0015, 0.02, 2.5  # depth of the groove between flange and side wall
+RIVAL = 0.65  # of the clearest groove: another that may be the flange's
 MEDIAN_LOSS = 1.25  # standard deviation of a median over that of a mean
 FLANGE_M, WALL_M = 0.014, 0.050  # widths of the flange and of the side wall's inner half
 WALL = (0.13, 0.41)  # height of a side wall over the tyre's radius
+BULGE = 0.6  # of the tyre's radius: outside it are the rim's edge, side wall and shoulder
+APEX = (0.3, 0.85)  # of the way from there to the tyre's radius: 0.45 to 0.74 of 290 wheels
 RIM_M = 0.045  # of the rim inside its flange's edge that is of revolution
 CREST_M = 0.0008  # of it outside the edge, before it falls away to the tyre
 BESIDE_M = (0.01, 0.03)  # of the side wall, beyond the groove
@@ -25,14 +29,15 @@ INCH_M, FLANGE_HEIGHT_M, SIZE_M = 0.0254, 0.0130, 0.012
 
 @dataclass(frozen=True)
 class Flange:
-    """Radii of the flange's edge and of the groove between it and the tyre; depth_m of the groove.
+    """Radii of the flange's edge and of the groove between it and the tyre.
 
-    noise_m: of single points on the side wall beside it.
+    clearness: depth of the groove over its standard uncertainty. noise_m: of single points on the
+    side wall beside it.
     """
 
     edge_m: float
     groove_m: float
-    depth_m: float
+    clearness: float
     noise_m: float
 
     @property
@@ -51,14 +56,15 @@ class Flange:
 def find_flange(points_m: Array, fit: AxisFit, rim_inch: float | None) -> Flange | None:
     """Find the flange's edge: a ridge, and outside it a groove, beyond which the tyre rises.
 
-    points_m: (N, 3) of the wheel. rim_inch: nominal diameter of the rim, if it is stated. None
-    where no groove is clear.
+    points_m: (N, 3) of the wheel. rim_inch: nominal diameter of the rim, if it is stated. Of
+    several, the clearest. None where no groove is clear, and where one nearer to the axis is about
+    as clear: the outer one may be the tyre's, whose axis is not the rim's.
     """
     radius, height, u = _fine(points_m, fit)
     outer = _outer_m(fit)
     width = float(radius[1] - radius[0])
     inside, outside = (max(2, round(reach / width)) for reach in (FLANGE_M, WALL_M))
-    best: Flange | None = None
+    clear: list[Flange] = []
     for i in range(1, len(height) - 1):
         sides = height[[i - 1, i + 1]]
         if not np.isfinite(height[i]) or not np.all(height[i] <= sides):
@@ -69,12 +75,33 @@ def find_flange(points_m: Array, fit: AxisFit, rim_inch: float | None) -> Flange
         depths = float(height[edge] - height[i]), float(height[wall] - height[i])
         depth, other = min(zip(depths, (edge, wall), strict=True))
         sigmas = depth / max(float(np.hypot(u[i], u[other])), 1e-9)
-        found = Flange(float(radius[edge]), float(radius[i]), depth, _wall_noise(fit, radius[i]))
-        clear = LEAST_M < depth < MOST_M and sigmas > SIGMAS
-        clear &= WALL[0] * outer < outer - found.groove_m < WALL[1] * outer
-        if clear and _fits(found, rim_inch) and (best is None or depth > best.depth_m):
-            best = found
+        found = Flange(float(radius[edge]), float(radius[i]), sigmas, _wall_noise(fit, radius[i]))
+        inside_tyre = WALL[0] * outer < outer - found.groove_m < WALL[1] * outer
+        if LEAST_M < depth < MOST_M and inside_tyre and _fits(found, rim_inch):
+            clear.append(found)
+    best = max(clear, key=lambda one: one.clearness, default=None)
+    if best is None or best.clearness < SIGMAS:
+        return None
+    nearer = (one for one in clear if one.groove_m < best.groove_m - FLANGE_M)
+    if any(one.clearness > RIVAL * best.clearness for one in nearer):
+        return None
     return best
+
+
+def bulges_inwards(fit: AxisFit) -> bool:
+    """Return whether the side wall bulges against the axis's direction: a tyre's bulges outwards.
+
+    Rim and tread lie behind it, so that a parabola through the round rings bends outwards, whatever
+    is seen through the rim; its apex is between them. False where it is not: of a wheel that is
+    seen in part, the rim alone decides nothing.
+    """
+    radius, height, outer = fit.meridian.grid.radius_m, fit.meridian.height_m, _outer_m(fit)
+    own = _round(fit) & np.isfinite(height) & (radius > BULGE * outer) & (radius <= outer)
+    if np.count_nonzero(own) < 3:
+        return False
+    inner = float(radius[own][0])
+    bend, slope, _ = np.polyfit((radius[own] - inner) / (outer - inner), height[own], 2)
+    return bool(bend > 0.0 and APEX[0] < -0.5 * slope / bend < APEX[1])
 
 
 def _fine(points_m: Array, fit: AxisFit) -> tuple[Array, Array, Array]:
@@ -93,12 +120,14 @@ def _fine(points_m: Array, fit: AxisFit) -> tuple[Array, Array, Array]:
 
 
 def _round(fit: AxisFit) -> Mask:
-    """Return the rings that are round, or steep between round ones."""
+    """Return the rings that are round, steep beside round ones, or hidden in part between them.
+
+    A groove is hidden in part, seen aslant.
+    """
     good = fit.cells.kept >= ROUND
-    near = good.copy()
-    near[1:] |= good[:-1]
-    near[:-1] |= good[1:]
-    return np.asarray(near & (good | ~fit.cells.used))
+    beside = np.zeros((2, len(good)), dtype=bool)
+    beside[0, 1:], beside[1, :-1] = good[:-1], good[1:]
+    return np.asarray(good | beside.all(axis=0) | (beside.any(axis=0) & ~fit.cells.used))
 
 
 def _outer_m(fit: AxisFit) -> float:
@@ -124,9 +153,13 @@ def _fits(flange: Flange, rim_inch: float | None) -> bool:
 
 
 def widest_ring(fit: AxisFit, inner_m: float) -> tuple[float, float]:
-    """Return radius and height of the highest round ring outside inner_m: the tyre's widest."""
-    radius = fit.meridian.grid.radius_m
-    return _crest(fit.meridian, (fit.cells.kept >= ROUND) & (radius > inner_m))
+    """Return radius and height of the highest round ring outside inner_m: the tyre's widest.
+
+    NaN where none is seen.
+    """
+    radius, height = fit.meridian.grid.radius_m, fit.meridian.height_m
+    own = (fit.cells.kept >= ROUND) & (radius > inner_m) & np.isfinite(height)
+    return _crest(fit.meridian, own) if own.any() else (math.nan, math.nan)
 
 
 def edge_ring(fit: AxisFit, flange: Flange) -> tuple[float, float]:

@@ -10,7 +10,6 @@ from ..vectors import Array, Mask
 from .cells import CellPoints, Grid, Heights, clipped_means, medians
 
 MOST_SLOPE = 2.5
-LEAST_IN_CELL = 2
 LEAST_FILLED = 0.4  # of a ring's sectors
 CLIP = 3.0  # of the noise of single points about the median of their cell
 MAD = 1.4826
@@ -41,7 +40,7 @@ class Meridian:
         """Return the meridian by the medians of the cells of each ring."""
         grid = points.grid
         middle, count = medians(points.cell, points.height_m, grid.cells)
-        middle[count < LEAST_IN_CELL] = np.nan
+        middle[count < grid.least] = np.nan
         cells = middle.reshape(grid.shape)
         filled = np.mean(np.isfinite(cells), axis=1) >= LEAST_FILLED
         height = np.full(grid.rings, np.nan)

@@ -12,7 +12,7 @@ from ..plane import Patch
 from ..vectors import Array, Mask
 from .cells import CellPoints
 from .fit_wheel import START_POINTS, WheelFit
-from .meridian import LEAST_IN_CELL, Meridian
+from .meridian import Meridian
 
 SHOWN = 1500  # points, cells that were kept, and cells that were rejected
 
@@ -46,7 +46,7 @@ def profile_of(found: WheelFit, patch: Patch) -> WheelProfile:
     height_m = Meridian.of(points).height_m
     height_m[cells.used] = fit.meridian.height_m[cells.used]
     some = slice(None, None, 1 + len(points.cell) // SHOWN)
-    seen = cells.count >= LEAST_IN_CELL
+    seen = cells.count >= grid.least
     radius_m = np.broadcast_to(grid.radius_m[cells.used][:, None], seen.shape)
     over = np.stack([radius_m, cells.residual_m], axis=-1)
     return WheelProfile(

@@ -1,9 +1,10 @@
 """Bare wheels: axis and centre against the rim's own axis, the spin axis, and usual ways.
 
-.venv/bin/python -m tests.bench.bare_wheels [--kind one|yard|turned] [--wheels 200] [--first 0]
-    [--keep DIR] [--today] [--million]
+.venv/bin/python -m tests.bench.bare_wheels [--kind one|yard|sparse|turned] [--wheels 200]
+    [--first 0] [--keep DIR] [--today] [--million]
 
 one: 0.8 mm noise, 1 mm spacing, one scan, against the rim's axis. yard: 3 mm, 4 mm, likewise.
+sparse: 0.8 mm, 5 mm, 30 to 45 degrees off the axle, likewise.
 turned: three scans at 0, 120 and 240 degrees, 0.5 mm run-out; the mean of the three axes against
 the spin axis. Wheel number s is drawn from the seed s (tests/support/bare_wheels.py). Rubber has
 three times the noise. A scan takes some 5 s; --keep DIR keeps the clouds. --today: besides, the
@@ -36,6 +37,7 @@ TURNS = (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)
 KINDS = {
     "one": ({"noise_m": 0.0008, "spacing_m": 0.001}, TURNS[:1]),
     "yard": ({"noise_m": 0.003, "spacing_m": 0.004}, TURNS[:1]),
+    "sparse": ({"noise_m": 0.0008, "spacing_m": 0.005, "incidence_deg": (30.0, 45.0)}, TURNS[:1]),
     "turned": ({"noise_m": 0.0008, "spacing_m": 0.001, "rim_runout_m": 0.0005}, TURNS),
 }
 
@@ -54,6 +56,7 @@ def scans_of(kind: str, seed: int, keep: Path | None) -> Iterator[dict[str, np.n
         names = {"points": scan.points_m.astype(np.float32), "up": scan.up}
         names |= {"rim": np.stack(scan.rim), "spin": np.stack(scan.spin)}
         if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
             np.savez(path, **names)
         yield names
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.support.round_wheels import vehicle_points, wheel_points, with_disc
+from tests.support.round_wheels import MERIDIAN, vehicle_points, wheel_points, with_disc
 from wheelplane.capture import CaptureOptions, open_capture
 from wheelplane.config import Config
 from wheelplane.errors import InputError
@@ -75,6 +75,46 @@ def test_the_first_page_says_what_was_measured_and_what_is_not_included(plain):
     assert "run-out of RR, RL, FR and FL against the spin axis is not in the uncertainty" in text
     assert "as mounted" not in text
     assert "flatness" not in text
+
+
+SMOOTH = MERIDIAN[(MERIDIAN[:, 0] < 0.228) | (MERIDIAN[:, 0] > 0.252)]  # no groove, no flange
+
+
+def with_tyres(folder, *wheels):
+    """The plain vehicle, some wheels without a flange."""
+    write(folder)
+    for wheel in wheels:
+        x, y = CENTRES[wheel]
+        place = np.array([x, y, 0.3])
+        points = wheel_points(np.random.default_rng(12), place, outward(wheel), meridian=SMOOTH)
+        np.save(folder / f"{wheel.lower()}.npy", points)
+    return measured(folder)
+
+
+def test_a_wheel_by_its_tyre_lies_level_with_the_flange_on_the_other_side(tmp_path, plain):
+    """Its widest ring stands out by 11 mm, which would turn the centreline by 7'."""
+    found = with_tyres(tmp_path, "RL")
+    assert [w.observation.fitted.method for w in found.wheels] == [
+        "flange",
+        "tyre",
+        *["flange"] * 2,
+    ]
+    off = found.wheels[1].pose.centre_m - np.array([*CENTRES["RL"], 0.3])
+    along = np.sqrt(outward("RL") @ found.wheels[1].pose.covariance[3:, 3:] @ outward("RL"))
+    assert abs(off @ outward("RL")) < 2.0 * along
+    assert along < 0.003
+    (note,) = (note for note in found.notes if "in the scan of RL: its axis" in note)
+    assert "is carried 1" in note
+    assert "(u 1.5 mm)" in note
+
+
+def test_an_axle_of_tyres_lies_level_with_its_tyres(tmp_path):
+    found = with_tyres(tmp_path, "RR", "RL")
+    for wheel in found.wheels[:2]:
+        name = wheel.observation.name
+        off = wheel.pose.centre_m - np.array([*CENTRES[name], 0.3])
+        assert abs(off @ outward(name) - 0.011) < 0.001
+    assert "scans of RR and RL: their axes are those of the tyres" in " ".join(found.notes)
 
 
 def test_a_stated_run_out_is_in_the_uncertainty(tmp_path, plain):

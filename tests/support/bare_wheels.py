@@ -66,10 +66,18 @@ class Bay:
         return BareScan(found.points_station_m, rim, spin, R[:, 2], self.drawn)
 
 
-def draw_bay(seed: int, noise_m: float = 0.0008, spacing_m: float = 0.001, **bare) -> Bay:
-    """Draw a wheel and a scanner."""
+def draw_bay(
+    seed: int,
+    noise_m: float = 0.0008,
+    spacing_m: float = 0.001,
+    incidence_deg: tuple[float, float] = (3.0, 25.0),
+    **bare,
+) -> Bay:
+    """Draw a wheel and a scanner; incidence_deg: least and most angle off its axle."""
     rng = np.random.default_rng([seed, 22])
     car_recipe, scanner = recipes(**bare)
+    station = {**scanner.tree["station"], "incidence_deg": list(incidence_deg)}
+    scanner = Recipe(scanner.source, {**scanner.tree, "station": station})
     car = draw_vehicle(car_recipe, rng)
     wheel = draw_wheel(car, car_recipe, NAMES[seed % 4], rng)
     drawn = draw_bare_wheel(car.body, car_recipe, rng)

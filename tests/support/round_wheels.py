@@ -55,6 +55,18 @@ def wheel_points(
     return points + rng.normal(0.0, noise_m, points.shape)
 
 
+def seen_from(rng, points, centre, direction, sight, meridian=MERIDIAN):
+    """Those of the points that a scanner in the direction `sight` sees, as densely as it does."""
+    local = points - centre
+    height = local @ direction
+    away = local - height[:, None] * direction
+    radius = np.linalg.norm(away, axis=1)
+    slope = np.interp(radius, meridian[:, 0], np.gradient(meridian[:, 1], meridian[:, 0]))
+    normal = direction - slope[:, None] * away / radius[:, None]
+    density = normal @ sight / np.linalg.norm(normal, axis=1)
+    return points[density > rng.random(len(points))]
+
+
 def door_points(rng, centre, direction, count=20_000):
     """Points of a flat panel beside the wheel, a little off square to its axis."""
     basis = plane_basis(direction)

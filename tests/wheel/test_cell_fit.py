@@ -71,6 +71,20 @@ def test_correlated_residuals_make_the_uncertainty_larger():
     assert waved.dof < 24.0
 
 
+def test_no_fit_states_much_less_than_its_cells_scatter():
+    """The jackknife scatters itself: alone, with few cells, it states 0.4 of some variances."""
+    rng = np.random.default_rng(8)
+    grid = Grid(0.2, 0.004, 6, 36)
+    meridian = Meridian(grid, np.interp(grid.radius_m, GRID.radius_m, HEIGHT_M), np.full(6, 1e-4))
+    fits = []
+    for _ in range(60):
+        y = rng.normal(0.0, 0.001, grid.shape)
+        fits.append(fit_cells(Heights(y, np.full(grid.shape, 10.0)), meridian, meridian.usable))
+    off = np.stack([fit.step[:2] for fit in fits])
+    stated = np.stack([np.diag(fit.covariance)[:2] for fit in fits])
+    assert np.all(stated.min(axis=0) > 0.5 * off.var(axis=0))
+
+
 def test_roots_of_covariances():
     rng = np.random.default_rng(6)
     A = rng.normal(size=(4, 4))

@@ -5,7 +5,8 @@ import pytest
 
 from tests.support.round_wheels import angle_between, aside, axis_of, door_points, wheel_points
 from wheelplane.errors import NotMeasuredError
-from wheelplane.wheel.find_axis import find_axis
+from wheelplane.wheel.find_axis import RoughAxis, _about, find_axis
+from wheelplane.wheel.normal_lines import Axis
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -44,3 +45,14 @@ def test_few_points_are_too_few():
     with pytest.raises(NotMeasuredError) as caught:
         find_axis(np.random.default_rng(0).normal(size=(50, 3)))
     assert caught.value.status == "too-few-points"
+
+
+def test_of_several_axes_of_the_chosen_wheel_the_best_counts():
+    """Another start may lead to a poorer axis of the same wheel, nearer to the point by chance."""
+    level = np.array([0.0, 1.0, 0.0])
+    best, poor, other = (
+        RoughAxis(Axis(np.array([x, 0.0, 0.3]), level), score, 0.32, 1.0)
+        for x, score in ((0.0, 80.0), (0.02, 50.0), (0.7, 90.0))
+    )
+    near = np.array([0.04, 0.1, 0.3])
+    assert _about(near, [poor, other, best]) == [best]

@@ -5,7 +5,7 @@ import numpy as np
 from tests.support.round_wheels import EDGE_M, GROOVE_M, MERIDIAN, axis_of, wheel_points
 from wheelplane.wheel.cells import Grid
 from wheelplane.wheel.fit_axis import fit_axis
-from wheelplane.wheel.flange import edge_ring, find_flange, widest_ring
+from wheelplane.wheel.flange import bulges_inwards, edge_ring, find_flange, widest_ring
 from wheelplane.wheel.normal_lines import Axis
 
 GRID = Grid(0.1, 0.0015, 150, 72)
@@ -15,7 +15,7 @@ def fitted(seed, meridian=MERIDIAN):
     rng = np.random.default_rng(seed)
     centre, direction = axis_of(rng)
     points = wheel_points(rng, centre, direction, meridian=meridian)
-    return points, fit_axis(points, Axis(centre, direction), GRID, (0.15, 0.33), 4)
+    return points, fit_axis(points, Axis(centre, direction), GRID, (0.15, 0.33))
 
 
 def test_edge_and_groove_are_found_and_the_edge_has_its_height():
@@ -39,3 +39,47 @@ def test_a_wall_without_a_groove_has_no_flange():
     smooth = MERIDIAN[(MERIDIAN[:, 0] < 0.228) | (MERIDIAN[:, 0] > 0.252)]
     points, fit = fitted(2, smooth)
     assert find_flange(points, fit, None) is None
+
+
+def grooved(at_m, depth_m):
+    """The meridian with a groove in the tyre's side wall."""
+    away = np.array([-0.006, 0.0, 0.006])
+    height = np.interp(at_m + away, *MERIDIAN.T) - [0.0, depth_m, 0.0]
+    beside = np.abs(MERIDIAN[:, 0] - at_m) > 0.0061
+    rows = np.vstack([MERIDIAN[beside], np.column_stack([at_m + away, height])])
+    return rows[np.argsort(rows[:, 0])]
+
+
+def test_a_groove_of_the_tyre_that_is_less_clear_is_not_the_flange_s():
+    points, fit = fitted(3, grooved(0.274, 0.0035))
+    assert abs(find_flange(points, fit, None).edge_m - EDGE_M) < 0.003
+
+
+def test_a_groove_farther_out_that_is_only_a_little_clearer_decides_nothing():
+    points, fit = fitted(4, grooved(0.274, 0.0085))
+    assert find_flange(points, fit, None) is None
+
+
+def test_a_groove_that_half_the_circle_hides_is_the_flange_s():
+    rng = np.random.default_rng(5)
+    centre, direction = axis_of(rng)
+    points = wheel_points(rng, centre, direction)
+    local = points - centre
+    off = local - (local @ direction)[:, None] * direction
+    radius = np.linalg.norm(off, axis=1)
+    side = np.cross(direction, [0.3, 0.5, 0.8])
+    hidden = (np.abs(radius - GROOVE_M) < 0.0022) & (off @ side > 0.0)
+    grid = Grid(0.1, 0.004, 56, 48)
+    fit = fit_axis(points[~hidden], Axis(centre, direction), grid, (0.15, 0.33))
+    assert abs(find_flange(points[~hidden], fit, None).edge_m - EDGE_M) < 0.003
+
+
+def test_the_side_wall_decides_what_is_outwards_and_the_rim_alone_nothing():
+    rng = np.random.default_rng(6)
+    centre, direction = axis_of(rng)
+    points = wheel_points(rng, centre, direction)
+    radius = np.linalg.norm(np.cross(points - centre, direction), axis=1)
+    for sign, seen, inwards in ((1, 1.0, False), (-1, 1.0, True), (1, 0.265, False)):
+        start = Axis(centre, sign * direction)
+        fit = fit_axis(points[radius < seen], start, GRID, (0.15, 0.33))
+        assert bulges_inwards(fit) is inwards
