@@ -6,7 +6,8 @@ It runs through the functions of the calibration itself, with readings that scat
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from bisect import bisect_left
+from collections.abc import Callable, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +29,7 @@ from .scatter import (
 )
 
 CONFIDENCE, POWER = 0.95, 0.95
-MOST_REPEATS, MOST_TRIALS = 200, 100
+MOST_REPEATS, MOST_TRIALS = 200, 40
 NewReference = Callable[[int], Reference]  # by the number of trials
 
 
@@ -36,8 +37,8 @@ NewReference = Callable[[int], Reference]  # by the number of trials
 class Detection:
     """An error to be detected, its estimate's u, and the power of the test at 95 % confidence.
 
-    name: zero, gain or hysteresis. trials: that detect it with a power of 95 %; None where none of
-    up to MOST_TRIALS do, or where the set is given.
+    name: zero, gain or hysteresis. trials: the fewest, placed as the plan places them, that detect
+    it with a power of 95 %; None where none of up to MOST_TRIALS do, or where the set is given.
     """
 
     name: str
@@ -126,6 +127,9 @@ def _quantity(
         of_readings = math.sqrt(max(0.0, error.u**2 - known**2))
         left = (wanted * error.u / error.expanded) ** 2 - of_readings**2
         u_reference = math.sqrt(left) if left > 0.0 else None
+    found, fewest = detections(kind, plan, item, set_), {}
+    if new_reference is not None:
+        fewest = _fewest_trials({one.name for one in found}, kind, plan, item, new_reference)
     return QuantityPlan(
         quantity=kind,
         unit=QUANTITIES[kind].unit,
@@ -136,10 +140,7 @@ def _quantity(
         zero=set_.zero,
         sensitivity=set_.sensitivity,
         hysteresis=set_.hysteresis,
-        detections=tuple(
-            replace(one, trials=_trials(one, kind, plan, item, new_reference))
-            for one in detections(kind, plan, item, set_)
-        ),
+        detections=tuple(replace(one, trials=fewest.get(one.name)) for one in found),
         wanted=wanted,
         repeats=repeats,
         u_reference=u_reference,
@@ -213,40 +214,34 @@ def power(size: float, known: Estimate) -> float:
 
 
 def _repeats(kind: str, plan: Plan, item: Item, reference: Reference, wanted: float) -> int | None:
-    """Return the fewest repeats by which every point reaches the wanted U."""
+    """Return the fewest repeats by which every point reaches the wanted U, which falls with each.
+
+    None where MOST_REPEATS do not.
+    """
 
     def reached(repeats: int) -> bool:
         more = plan.model_copy(update={"repeats": repeats})
         errors = planned_set(kind, more, item, reference).errors
         return max(one.expanded for one in errors) <= wanted
 
-    return _least(reached, 2 if plan.series == 1 else 1, MOST_REPEATS)
+    numbers = range(2 if plan.series == 1 else 1, MOST_REPEATS + 1)
+    index = bisect_left(numbers, True, key=reached)
+    return numbers[index] if index < len(numbers) else None
 
 
-def _trials(
-    one: Detection, kind: str, plan: Plan, item: Item, new_reference: NewReference | None
-) -> int | None:
-    """Return the fewest trials by which an error is detected with POWER."""
-    if new_reference is None:
-        return None
+def _fewest_trials(
+    names: Set[str], kind: str, plan: Plan, item: Item, new_reference: NewReference
+) -> dict[str, int]:
+    """Return the fewest trials by which each of the named errors is detected with POWER.
 
-    def detected(trials: int) -> bool:
+    Every number is tried in turn: one trial more moves all others, so that the power may fall.
+    """
+    fewest: dict[str, int] = {}
+    for trials in range(MOST_TRIALS + 1):
+        if names <= fewest.keys():
+            break
         set_ = planned_set(kind, plan, item, new_reference(trials))
-        return any(
-            d.name == one.name and d.power >= POWER for d in detections(kind, plan, item, set_)
-        )
-
-    return _least(detected, 0, MOST_TRIALS)
-
-
-def _least(enough: Callable[[int], bool], low: int, most: int) -> int | None:
-    """Return the least number that is enough, which larger ones are too; None beyond `most`."""
-    if enough(low):
-        return low
-    if not enough(most):
-        return None
-    high = most
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if enough(middle) else (middle, high)
-    return high
+        for one in detections(kind, plan, item, set_):
+            if one.power >= POWER:
+                fewest.setdefault(one.name, trials)
+    return fewest

@@ -24,9 +24,10 @@ def planned_reference(
 ) -> Reference:
     """Return the four wheels and trials of a plan, spread evenly over its ranges, as a reference.
 
-    Toe and camber run through their ranges in opposite ways, wheel after wheel. Noise is that of
-    the scanner's file, independent from point to point; the centre is known as well as the spacing
-    of the points shows an edge. Raises ValueError for what the files do not state.
+    Toe and camber run through their ranges in opposite ways, and the trials over the wheels
+    (`_wheels`). Noise is that of the scanner's file, independent from point to point; the centre is
+    known as well as the spacing of the points shows an edge. Raises ValueError for what the files
+    do not state.
     """
     sigma_m = config.instrument.range_sigma_m
     if isinstance(target, WheelTarget):
@@ -36,7 +37,7 @@ def planned_reference(
     if plan.spacing is None:
         raise ValueError("plan.spacing is missing: add the spacing of the scan's points")
     count = len(REFERENCE_WHEELS) + trials
-    wheels = [REFERENCE_WHEELS[k % 4] for k in range(count)]
+    wheels = [*REFERENCE_WHEELS, *_wheels(trials)]
     toes = _spread("toe", plan, item, trials)
     cambers = _spread("camber", plan, item, trials)
     observations = []
@@ -49,6 +50,19 @@ def planned_reference(
             Observation(name, role, wheel, "plan", "", 0, 0, evidence=Evidence(fit))
         )
     return Reference(align(observations, Provenance("plan", None, "", {}, {}, 0)))
+
+
+def _wheels(trials: int) -> list[str]:
+    """Return the wheels of the trials: one after the other up to the middle, and back.
+
+    Sides and angles are so uncorrelated, and either side has as many trials as the other, or one
+    more: an error of the frame, of opposite sign left and right, is taken for no gain, and for
+    little of a zero error. Of 2, 6, 10 ... trials both cannot be had; there the sides are alike.
+    """
+    order = [min(k, trials - 1 - k) for k in range(trials)]
+    if trials % 4 == 2:
+        order[trials // 2] += 1  # from right to left
+    return [REFERENCE_WHEELS[k % 4] for k in order]
 
 
 def _spread(kind: str, plan: Plan, item: Item, trials: int) -> list[float]:

@@ -19,12 +19,26 @@ from ..measurement import (
     weighted_sum,
 )
 from ..uncertainty import Effect, effects_of
+from ..vectors import Array
 from ..vehicle import VEHICLE, WHEEL, linearise, named
 from .forms.item import Item, ItemQuantity
 from .forms.quantities import AXLES, QUANTITIES, TURNS
 from .forms.quantities import VEHICLE as WHOLE
 
 ROLES = ("reference", "trial")
+
+
+class Quantities(dict[str, Estimate]):
+    """Estimates by name, each made when it is first asked for: most of a vehicle's never are."""
+
+    def __init__(self, known: dict[str, tuple[float, Array]], effects: tuple[Effect, ...]) -> None:
+        super().__init__()
+        self.known, self.effects = known, effects
+
+    def __missing__(self, name: str) -> Estimate:
+        value, slope = self.known[name]
+        self[name] = estimate(value, slope, self.effects)
+        return self[name]
 
 
 @dataclass(frozen=True)
@@ -40,7 +54,7 @@ class Reference:
         return self.measurement.provenance.source
 
     @cached_property
-    def by_name(self) -> dict[str, Estimate]:
+    def by_name(self) -> Quantities:
         """Quantities of all wheels and of the vehicle: `RR.toe`, `thrust_angle`."""
         wheels = [wheel for wheel in self.measurement.wheels if wheel.evaluated is not None]
         poses = [wheel.pose for wheel in wheels if wheel.pose is not None]
@@ -49,14 +63,10 @@ class Reference:
             np.stack([pose.normal for pose in poses]),
             [str(wheel.wheel) for wheel in wheels],
         )
-        effects = tuple(effects_of(poses))
         names = [f"{w.observation.name}.{entry.name}" for entry in WHEEL for w in wheels]
         names += [entry.name for entry in VEHICLE]
         pairs = zip(linear.values.tolist(), linear.slopes, strict=True)
-        return {
-            name: estimate(value, slope, effects)
-            for name, (value, slope) in zip(names, pairs, strict=True)
-        }
+        return Quantities(dict(zip(names, pairs, strict=True)), tuple(effects_of(poses)))
 
     @cached_property
     def wheels(self) -> dict[str, WheelResult]:
@@ -117,7 +127,9 @@ class Reference:
         name = {"total_toe": f"{point}_total_toe", "track": f"{point}_track",
                 "setback": f"{point}_setback"}.get(kind, kind)  # fmt: skip
         name = named(name, stated.axis)
-        return self.by_name.get(name) or f"{kind} at {point} is zero by definition of its axis"
+        if name not in self.by_name.known:
+            return f"{kind} at {point} is zero by definition of its axis"
+        return self.by_name[name]
 
     def _of_wheel(self, point: str, name: str) -> Estimate | str:
         wheel = self.wheels[point]

@@ -31,6 +31,7 @@ from ..measure import measure_capture, measure_five_point
 from ..measurement import Measurement
 from ..report.format.view import DigitStyle, View
 from ..report.json.calibration import calibration_json, plan_json
+from ..report.json.stored import read_measurement, record_of
 from ..report.text.calibration import calibration_text
 from ..report.text.calibration_plan import plan_text
 from ..report.write import write_files
@@ -81,9 +82,12 @@ class Opening:
         )
 
     def measure(self, source: Path) -> Measurement:
-        """Measure a capture, or a five-point file."""
+        """Measure a capture, or a five-point file; read what is measured already."""
         if self.five_point:
             return measure_five_point(self.read_points(source), self.station)
+        record = record_of(source)
+        if record is not None:
+            return self.read(record)
         with (
             open_capture(source, self.target, self.overrides) as opened,
             TerminalProgress(opened.steps) as progress,
@@ -91,11 +95,23 @@ class Opening:
             config = with_scanner(self.config, self.scanner or opened.scanner)
             return measure_capture(opened, config, progress)
 
+    def read(self, record: Path) -> Measurement:
+        """Read a measurement.json. Raises InputError where options of a capture are given, too."""
+        if self.target or self.scanner or self.overrides != CaptureOptions():
+            raise InputError(
+                f"{record}: measured already: leave out --target, --scanner and the options of a "
+                "capture, or name the capture instead"
+            )
+        return read_measurement(record, str(record))[0]
+
     def targets(self, source: Path) -> list[str]:
         """Return the names of the reference wheels and trials, without measuring them."""
         if self.five_point:
             trials = len(self.read_points(source).blocks_m) - len(REFERENCE_WHEELS)
             return [*REFERENCE_WHEELS, *(str(number) for number in range(1, trials + 1))]
+        record = record_of(source)
+        if record is not None:
+            return list(Reference(self.read(record)).wheels)
         with open_capture(source, self.target, self.overrides) as opened:
             roles = ("reference", "trial")
             names = [entry.name for entry in opened.entries if entry.role in roles]
@@ -179,8 +195,9 @@ def calibrate(
 ) -> int:
     """Calibrate a wheel alignment machine: its readings against the angles of REFERENCES.
 
-    REFERENCES is a capture, or with --five-point a five-point file, whose wheels and trials the
-    machine has read as well; or several of them, the references of series 1, 2, ... in this order.
+    REFERENCES is a capture, the results of `measure`, or with --five-point a five-point file, whose
+    wheels and trials the machine has read as well; or several of them, the references of series 1,
+    2, ... in this order.
 
     \b
     wheelplane calibrate bay --template forms

@@ -27,7 +27,10 @@ from wheelplane.calibration.forms.table_file import FaultyTableError
 from wheelplane.calibration.forms.template import ITEM_FORM, readings_form
 from wheelplane.commands.calibrate import calibrate as command
 from wheelplane.errors import InputError
+from wheelplane.five_point import read_five_point
+from wheelplane.measure import measure_five_point
 from wheelplane.report.json.calibration import calibration_json
+from wheelplane.report.json.measurement import to_json
 from wheelplane.report.text.calibration import calibration_text
 from wheelplane_synth.machine.forms import item_toml, readings_csv
 from wheelplane_synth.machine.indicate import indicate, with_points
@@ -95,6 +98,28 @@ def test_same_files_give_the_same_bytes(folder):
     first, second = of(folder, "--json"), of(folder, "--json")
     assert first.stdout_bytes == second.stdout_bytes
     assert json.loads(first.stdout)["item"]["serial"] == "1"
+
+
+def numbers(tree: object) -> list[float]:
+    """Return all numbers of a tree, in its order."""
+    if isinstance(tree, dict | list):
+        inner = tree.values() if isinstance(tree, dict) else tree
+        return [number for one in inner for number in numbers(one)]
+    return [float(tree)] if isinstance(tree, int | float) else []
+
+
+def test_what_is_measured_already_calibrates_as_its_points_do(folder, tmp_path):
+    measured = measure_five_point(read_five_point(folder / "points.txt"))
+    (tmp_path / "measurement.json").write_text(to_json(measured))
+    files = ("--item", folder / "item.toml", "--readings", folder / "readings.csv", "--json")
+    points = json.loads(of(folder, "--json").stdout)
+    for source in (tmp_path, tmp_path / "measurement.json"):
+        read = json.loads(run(source, *files).stdout)
+        found, wanted = numbers(read["quantities"]), numbers(points["quantities"])
+        assert len(found) > 100
+        assert found == pytest.approx(wanted, rel=1e-6, abs=1e-12)
+    with pytest.raises(InputError, match=r"measurement\.json: measured already: leave out"):
+        run(tmp_path, *files, "--target", "disc-250")
 
 
 def test_a_machine_that_does_not_conform_is_exit_code_1(folder):

@@ -172,7 +172,7 @@ def test_the_form_is_a_certificate_file_that_lacks_everything(tmp_path):
         ("[certificate]\nperformed_until = 2026-11-01", "add the first day"),
         ("[certificate]\nnumber = '7'\nreplaces = '7'", "replaces is its own number"),
         ("[certificate]\nreason = 'wrong'", "reason without replaces"),
-        ("[certificate]\nissued = 'today'", "certificate.issued"),
+        ("[certificate]\nissued = 'today'", "certificate.issued: a date is needed, as 2026-11-03"),
         ("[laboratory]\nname = 'L'", "belongs to the settings"),
     ],
 )
