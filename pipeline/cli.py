@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import signal
 import sys
+from types import ModuleType
 
 import click
 
@@ -45,7 +47,7 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         module, name = COMMANDS[cmd_name][0].split(":")
-        command = getattr(importlib.import_module(f".{module}", __package__), name)
+        command = getattr(_import(f"{__package__}.{module}"), name)
         assert isinstance(command, click.Command)
         return command
 
@@ -75,6 +77,18 @@ wheelplane validate CAPTURE      the two methods compared
 @click.version_option(__version__, prog_name="wheelplane")
 def cli() -> None:
     """Hold the commands of the table above."""
+
+
+def _import(name: str) -> ModuleType:
+    """Import a module; the garbage collector then passes over what it and the others hold."""
+    if name in sys.modules:
+        return sys.modules[name]
+    gc.disable()
+    try:
+        return importlib.import_module(name)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def main() -> None:

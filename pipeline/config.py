@@ -28,6 +28,7 @@ _PART = r"""(?:(?<![\w-])[\w-]++|"(?:[^"\\\n]++|\\.)*+"|'[^'\n]*+')[ \t]*+"""
 _LONG_KEY = re.compile(rf"(?:{_PART}\.[ \t]*+){{{MAX_KEY_PARTS}}}")
 MOST_FAULTS = 6  # named in one line; the others are counted
 TABLE_FAULTS = ("model_type", "dict_type")
+DATE_FAULTS = ("date_type", "datetime_type")  # of a date, and of a day or time, which names both
 # Sections of who issues a report, which change no result.
 ISSUER = frozenset({"report", "laboratory", "standard", "environment"})
 
@@ -307,7 +308,7 @@ def parse_section(model: type[T], table: dict[str, object], where: str) -> T:
         return model.model_validate(table)
     except ValidationError as error:
         found = error.errors()
-        faults = "; ".join(_fault(model, fault) for fault in found[:MOST_FAULTS])
+        faults = "; ".join(dict.fromkeys(_fault(model, fault) for fault in found[:MOST_FAULTS]))
         if len(found) > MOST_FAULTS:
             faults += f"; and {len(found) - MOST_FAULTS} more mistakes"
         raise ConfigError(f"{where}: {faults}") from error
@@ -319,9 +320,15 @@ def _fault(model: type[BaseModel], fault: object) -> str:
     name = ".".join(path)
     if fault["type"] == "missing":
         return f"{name!r} is missing: add it"
+    if fault["type"] == "string_too_short" and not fault["input"]:
+        return f"{name} is empty: fill it in"
     if fault["type"] == "value_error":  # of a model's own check: the fact, and what to do
         message = str(fault["msg"]).removeprefix("Value error, ")
         return f"{name}: {message}" if name else message
+    if fault["type"] in DATE_FAULTS:
+        name = name.removesuffix(".datetime").removesuffix(".date")
+        form = "a date is needed, as 2026-11-03, without quotes"
+        return f"{name}: {form}, got {_short(fault['input'])}"
     if fault["type"] != "extra_forbidden":
         message = "a table is needed" if fault["type"] in TABLE_FAULTS else str(fault["msg"])
         return f"{name}: {message[0].lower()}{message[1:]}, got {_short(fault['input'])}"

@@ -42,7 +42,7 @@ from .measurement import (
 )
 from .plane import Patch, fit_plane
 from .targets import Target, WheelTarget
-from .uncertainty import with_type_b
+from .uncertainty import brightness_component, with_type_b
 from .wheel import fit_surface, profile_of, target_of
 
 
@@ -101,9 +101,12 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
         return _fit_bare_wheel(patch, target, config)
     plane = fit_plane(patch, target, config.plane)
     fitted = locate_centre(patch, plane, target, config.centre)
-    sight_m = fitted.sight_m(plane, config.instrument.distance_m)
+    sight_m = fitted.sight_m(config.instrument.distance_m, patch.scanner_m, plane)
     of_fit, stated = (fitted.components, fitted.normal, sight_m), config.instrument
     components = with_type_b(*of_fit, target, stated, patch.station)
+    if plane.brightness is not None and plane.brightness.level_m:
+        off = brightness_component(plane.brightness.level_m, sight_m, fitted.normal)
+        components = (*components, off)
     fitted = replace(fitted, components=components)
     residuals = residual_map(patch, plane, fitted, target, config.plane.edge_margin_m)
     return Evidence(fitted, plane, residuals)
@@ -112,9 +115,7 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
 def _fit_bare_wheel(patch: Patch, target: WheelTarget, config: Config) -> Evidence:
     found, stated = fit_surface(patch, target.rim_inch), config.instrument
     fitted = target_of(found, patch)
-    sight_m = -stated.distance_m * fitted.normal
-    if patch.station is not None and patch.station_m is not None:
-        sight_m = fitted.centre_m - patch.station_m
+    sight_m = fitted.sight_m(stated.distance_m, patch.scanner_m)
     of_fit = (fitted.components, fitted.normal, sight_m)
     components = with_type_b(*of_fit, target, stated, patch.station)
     return Evidence(replace(fitted, components=components), profile=profile_of(found, patch))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterable
 from functools import cache
 from graphlib import TopologicalSorter
@@ -402,6 +404,16 @@ def without(blocked: Iterable[str], *arguments: str) -> subprocess.CompletedProc
     return subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
     )
+
+
+def test_changes_listed_as_equivalent_are_of_lines_that_exist():
+    listed = tomllib.loads((ROOT / "tests/bench/equivalent_mutants.toml").read_text())["kind"]
+    for kind in listed:
+        for file, changes in kind["changes"].items():
+            lines = {line.strip() for line in (ROOT / "pipeline" / file).read_text().splitlines()}
+            was = [re.sub("«(.*?)→(.*?)»", r"\1", change) for change in changes]
+            assert set(was) <= lines, (file, set(was) - lines)
+            assert len(set(changes)) == len(changes)
 
 
 RAY_CASTING = {"open3d", "trimesh", "libusb_package"}

@@ -3,7 +3,7 @@
 from .combine import CentreMethod
 from .in_plane_rotation import InPlaneRotation, RotationMark
 from .locate_centre import OtherCentre, TargetFit, locate_centre
-from .on_wheel import MOST_M, lies_on_wheel, on_wheel, unlike_wheels, with_unstated
+from .on_wheel import MOST_M, lies_on_wheel, off_tyre, on_wheel, unlike_wheels, with_unstated
 from .outline_fit import fit_edge_points
 from .pattern.detect import marker_modules
 
@@ -18,6 +18,7 @@ __all__ = [
     "lies_on_wheel",
     "locate_centre",
     "marker_modules",
+    "off_tyre",
     "on_wheel",
     "unlike_wheels",
     "with_unstated",

@@ -103,6 +103,8 @@ def _by_edge(
     plane, config = view.plane, view.config
     near = view.near(outline, start)
     face = _on_target(view, near)
+    if view.patch.around_share < 1.0:
+        near = view.near(outline, start, even=True)
     known = beside.edge_fit if beside else None
     aim = None if known else _aimed(view, near, outline, start)
     edge_fit = (
@@ -211,7 +213,7 @@ def _by_mixed_pixels(
     edge_fit = None if begin is None else fit(near, begin=begin)
     if edge_fit is not None and float(np.hypot(*edge_fit.beam)) < GENTLE:
         return edge_fit
-    near = view.near(outline, start, STEEPEST)
+    near = view.near(outline, start, STEEPEST, even=True)
     if not isinstance(begin, EdgeFit):
         first = replace(begin, state=edge_fit.state) if begin and edge_fit else None
         begin = first or _aimed(view, near, outline, start)

@@ -41,7 +41,8 @@ class TargetFit:
     method: 'rim' from the edge fit, 'outline' from the points alone, 'hole' or 'holes' from the
     edges of holes, 'pattern' from what is printed, 'combined' from several of these, which `others`
     then lists; 'points' from five points. marker_ids: of the markers that were found; wheel: that
-    they name. turn: in-plane rotation; None of a disc or a ring, which show none.
+    they name. turn: in-plane rotation; None of a disc or a ring, which show none. bulge_m: of a
+    bare wheel by its flange, how far the tyre's widest ring stands out over the flange's edge.
     """
 
     centre_m: Array
@@ -55,14 +56,18 @@ class TargetFit:
     marker_ids: tuple[int, ...] = ()
     wheel: str | None = None
     turn: InPlaneRotation | None = None
+    bulge_m: float | None = None
 
-    def sight_m(self, plane: PlaneFit, distance_m: float) -> Array:
-        """Return the vector from the scanner to the centre (3,), from the mixed pixels.
+    def sight_m(
+        self, distance_m: float, scanner_m: Array | None, plane: PlaneFit | None = None
+    ) -> Array:
+        """Return the vector from the scanner to the centre (3,).
 
-        Without them: along the normal of `plane`, from the stated distance.
+        From the mixed pixels, in the axes of `plane`; without an edge fit from the scanner's
+        position scanner_m (3,), if it is known; else along the normal, from the stated distance.
         """
-        if self.edge_fit is None:
-            return -distance_m * plane.normal
+        if self.edge_fit is None or plane is None:
+            return -distance_m * self.normal if scanner_m is None else self.centre_m - scanner_m
         away = self.edge_fit.beam @ plane.basis[:2] - plane.normal
         inverse = max(self.edge_fit.inverse_distance, 1.0 / (10.0 * distance_m))
         return np.asarray(away / inverse)

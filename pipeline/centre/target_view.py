@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..cloud import thin
 from ..config import CentreConfig
 from ..plane import Patch, PlaneFit
 from ..targets import Outline, Target
@@ -28,20 +29,32 @@ class TargetView:
     config: CentreConfig
 
     def near(
-        self, outline: Outline, start: tuple[Array, float], slope: float = GENTLE_SLOPE
+        self,
+        outline: Outline,
+        start: tuple[Array, float],
+        slope: float = GENTLE_SLOPE,
+        even: bool = False,
     ) -> Array:
         """Return the points that may matter to an outline, in plane coordinates (M, 3).
 
-        slope: of the beams, by which points behind the plane are shifted aside per depth.
+        slope: of the beams, by which points behind the plane are shifted aside per depth. even:
+        those on the target are thinned as those around it are, so that all beams count alike.
         """
         kept = []
         inner = max(0.1 * outline.size_m, 0.012)
-        for points in (self.patch.face_m, self.patch.around_m):
+        parts: list[tuple[npt.NDArray[Any], float]] = [
+            (self.patch.face_m, self.patch.around_share),
+            (self.patch.around_m, 1.0),
+        ]
+        for points, share in parts:
             uvw = self._in_plane(points)
             q = turned(uvw[:, :2] - start[0].astype(uvw.dtype), -start[1])
             x = outline.outside_m(*q.T)
             aside = slope * np.abs(uvw[:, 2])
-            kept.append(uvw[(x > -inner - aside) & (x < BEYOND_M + aside)])
+            close = (x > -inner - aside) & (x < BEYOND_M + aside)
+            if even and share < 1.0:
+                close[close] = thin(points[close], share)
+            kept.append(uvw[close])
         return np.concatenate(kept, dtype=np.float64)
 
     def on_face(self, radius_m: float) -> tuple[Array, npt.NDArray[np.intp]]:

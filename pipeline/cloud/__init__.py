@@ -21,6 +21,7 @@ from .selection import (
     sample,
     sample_rows,
     surroundings,
+    thin,
     within_slab,
 )
 from .steps import EXACT, Levels, Steps, coordinate_levels, coordinate_steps
@@ -58,6 +59,7 @@ __all__ = [
     "side_by_side",
     "slab_moments",
     "surroundings",
+    "thin",
     "voxel_key",
     "voxel_moments",
     "within_slab",

@@ -55,15 +55,13 @@ def near_plane(
     normal: Any,
     face: Any,
     around: Any,
-    limit: Any,
     on_face: Any,
     beside: Any,
 ) -> tuple[Any, Any]:
     """Write rows of points (N, 3) in `face` to on_face; return the number of each.
 
-    Rows of other points in `around` with a hash up to the limit go to beside; both arrays have
-    length N. face, around: (reach, depth, slope, most reach). Branchless: points in random order
-    would be mispredicted.
+    Rows of other points in `around` go to beside; both arrays have length N. face, around: (reach,
+    depth, slope, most reach). Branchless: points in random order would be mispredicted.
     """
     faces, besides = np.int64(0), np.int64(0)
     cx, cy, cz = centre[0], centre[1], centre[2]
@@ -77,7 +75,7 @@ def near_plane(
         square = x * x + y * y + z * z - depth * depth
         r, q = min(reach + slope * depth, most), min(wide + rise * depth, widest)
         one = (depth < deep) & (square < r * r)
-        two = (depth < far) & (square < q * q) & (coordinate_hash(px, py, pz) <= limit) & (not one)
+        two = (depth < far) & (square < q * q) & (not one)
         on_face[faces] = i
         faces += np.int64(one)
         beside[besides] = i

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -99,17 +100,23 @@ def _hash_limit(share: float) -> np.uint64:
     return WHOLE if share >= 1.0 else np.uint64(int(share * 2.0**64))
 
 
+def thin(points_m: npt.NDArray[Any], share: float) -> Mask:
+    """Return which of points_m (N, 3) belong to that share of all, by their hashes."""
+    return np.asarray(coordinate_hash(points_m) <= _hash_limit(share))
+
+
 @dataclass(frozen=True)
 class Surroundings:
-    """Points relative to a target's centre: all near its plane, and a share of those around it.
+    """Points relative to a target's centre: all near its plane, and those around it.
 
     face_m: (N, 3). intensity: (N,) of these, or None. around_m: (M, 3) in single precision, which
-    resolves 30 nm half a metre from the centre.
+    resolves 30 nm half a metre from the centre; share: of them that was kept.
     """
 
     face_m: Array
     intensity: Array32 | None
     around_m: Array32
+    share: float
 
 
 def surroundings(
@@ -118,14 +125,13 @@ def surroundings(
     normal: Array,
     face: Slab,
     around: Slab,
-    keep_around: float,
+    most_around: int,
     intensity: Array32 | None = None,
 ) -> Surroundings:
     """Return points of points_m (N, 3) in the slabs `face` and `around` at centre_m, along normal.
 
-    keep_around: share kept of the points in `around` but not in `face`, by their hash.
+    most_around: number kept of the points in `around` but not in `face`, chosen by their hash.
     """
-    limit = _hash_limit(keep_around)
     kernels = kernels_for(len(points_m), COMPILED_ROWS)
     slabs = [np.array([s.reach_m, s.depth_m, s.slope, s.most_m]) for s in (face, around)]
     axes = plane_basis(normal)
@@ -135,7 +141,7 @@ def surroundings(
         part = points_m[chunk]
         if kernels is not None:
             rows = np.empty((2, len(part)), np.int32)
-            counts = kernels.near_plane(part, centre_m, normal, *slabs, limit, *rows)
+            counts = kernels.near_plane(part, centre_m, normal, *slabs, *rows)
             return rows[0, : counts[0]].copy(), rows[1, : counts[1]].copy()
         uvw = axes @ part.T
         uvw -= origin
@@ -144,11 +150,17 @@ def surroundings(
         square += np.multiply(v, v, out=v)
         on_face = face.holds(square, depth)
         beside = np.nonzero(around.holds(square, depth) > on_face)[0]
-        if limit != WHOLE:
-            beside = beside[coordinate_hash(part.take(beside, axis=0)) <= limit]
         return np.nonzero(on_face)[0].astype(np.int32), beside.astype(np.int32)
 
     chosen = over_chunks(choose, len(points_m))
+    share = min(1.0, most_around / max(sum(len(beside) for _, beside in chosen), 1))
+
+    def thinned(chunk: slice) -> tuple[ChunkRows, ChunkRows]:
+        on_face, beside = chosen[chunk.start // ROWS_PER_CHUNK]
+        return on_face, beside[thin(points_m[chunk].take(beside, axis=0), share)]
+
+    if share < 1.0:
+        chosen = over_chunks(thinned, len(points_m))
     counts = np.array([[len(rows) for rows in both] for both in chosen], np.int64).reshape(-1, 2)
     starts = np.vstack([np.zeros((1, 2), np.int64), np.cumsum(counts, axis=0)])
     face_m = np.empty((starts[-1, 0], 3))
@@ -168,7 +180,7 @@ def surroundings(
             on_face_intensity[a:c] = intensity[chunk][on_face]
 
     over_chunks(fill, len(points_m))
-    return Surroundings(face_m, on_face_intensity, around_m)
+    return Surroundings(face_m, on_face_intensity, around_m, share)
 
 
 def gather_ball(points_m: Array, centre_m: Array, radius_m: float) -> Array:

@@ -28,8 +28,8 @@ def cut_patch(
     """Cut a candidate and its surroundings out of points_m (N, 3).
 
     The normal is flipped, if necessary, away from the side with more points.
-    intensity: (N,) or None. most_around: number of points kept off the target if all of points_m
-    were in its surroundings. Raises NotMeasuredError 'too-few-points'.
+    intensity: (N,) or None. most_around: number of points kept off the target.
+    Raises NotMeasuredError 'too-few-points'.
     """
     near = surroundings(
         points_m,
@@ -37,7 +37,7 @@ def cut_patch(
         candidate.normal,
         Slab(FACE_REACH * target.radius_m, candidate.band_m),
         around_slab(target),
-        most_around / len(points_m),
+        most_around,
         intensity,
     )
     if len(near.face_m) < MIN_POINTS:
@@ -51,6 +51,7 @@ def cut_patch(
         origin_m=candidate.centre_m,
         face_m=near.face_m,
         around_m=near.around_m,
+        around_share=near.share,
         match=candidate.match,
         basis=basis,
         sigma_m=candidate.sigma_m,

@@ -224,7 +224,7 @@ def _score_again(
 ) -> Candidate:
     """Score the candidate at a position by all of points_m (N, 3) about it."""
     ball = Slab(REACH * target.radius_m, REACH * target.radius_m)
-    near = surroundings(points_m, at.centre_m, at.normal, ball, ball, 0.0).face_m
+    near = surroundings(points_m, at.centre_m, at.normal, ball, ball, 0).face_m
     return score_near(near, at, target, config, steps)
 
 

@@ -16,7 +16,7 @@ from ..vectors import Array
 Standing = Literal["chosen", "rival", "refused"]
 Finding = Literal[
     "chosen_by_hand", "no_outline", "outline", "outline_too", "worse", "of_wheel", "at_no_wheel",
-    "outside_region",
+    "other_target", "stands", "outside_region",
 ]  # fmt: skip
 
 
@@ -25,11 +25,12 @@ NO_POINTS: Array = np.zeros((0, 3))
 
 @dataclass(frozen=True)
 class ExplainedCandidate:
-    """A plane that may be the target, with the verdict on it.
+    """A plane that may be the target, or a wheel that may be one, with the verdict on it.
 
     number: from 1, best match first. finding: why it was taken or refused. least_match: that it
     lacks; apart_m: its distance from the best one; where the finding is of these. wheel: in a
-    cloud, the wheel that it was named, or ''.
+    cloud, the wheel that it was named, or ''. target: in a cloud of several kinds, the description
+    of its own, or ''. region: of that target; None where it is the scan's.
     """
 
     number: int
@@ -39,6 +40,8 @@ class ExplainedCandidate:
     wheel: str = ""
     least_match: float = 0.0
     apart_m: float = 0.0
+    target: str = ""
+    region: Region | None = None
 
 
 @dataclass(frozen=True)

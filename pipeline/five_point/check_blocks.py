@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..system import stage
-from ..uncertainty import chi_square_beyond, f_beyond, tails
+from ..uncertainty import chi_square_beyond, f_beyond, least_tail
 from ..vectors import Array
 from .components import SIGNIFICANCE, Station, stated_variance
 from .fit_block import BlockFit, fit_points
@@ -150,7 +150,7 @@ class Misfit:
         share = of_flat / weight
         with np.errstate(divide="ignore"):
             dof = 1.0 / (share**2 / usual.flat_dof + (1.0 - share) ** 2 / usual.ring_dof)
-        return float(2.0 * tails(np.abs(residuals) / np.sqrt(weight), dof).min())
+        return 2.0 * least_tail((np.abs(residuals) / np.sqrt(weight)).ravel(), dof.ravel())
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from .conformity import Conformity, Deciding, Verdict, assess, conforms, decide
 from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
 from .observe import Fit, find_searched, noisy, observe_entries, rounded, shaded
-from .observe_vehicle import observe_cloud, observe_rolled
+from .observe_vehicle import kinds_of, observe_cloud, observe_rolled
 from .quantities import (
     CROSS,
     UNITS,
@@ -109,6 +109,7 @@ __all__ = [
     "evaluate",
     "find_searched",
     "find_verticals",
+    "kinds_of",
     "load_tolerance",
     "map_about",
     "noisy",

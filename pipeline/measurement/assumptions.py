@@ -39,6 +39,11 @@ OF_TYRES = (
     "No flange of a rim stands out in the scans of {names}: their axes are those of the tyres, "
     "with more uncertainty, and their centres lie level with the tyre's widest ring."
 )
+OFF_TYRES = (
+    "No flange of a rim stands out in the scan of {name}: its axis is that of the tyre, with more "
+    "uncertainty, and its centre is carried {bulge} mm inwards from the tyre's widest ring to the "
+    "flange of the other wheels (u {u} mm)."
+)
 RIM_RUN_OUT = (
     "The run-out of {names} against the spin axis is not in the uncertainty: no turned scans show "
     "it, and [target] states no rim_runout."
@@ -159,14 +164,21 @@ def _note_of_bare_wheels(measurement: Measurement, target: Target) -> Iterator[s
     shown = ("reference", "trial")
     posed = [w for w in measurement.wheels if w.pose and w.observation.role in shown]
     seen = [wheel for wheel in posed if _is_bare(wheel, target)]
+    carried = [w.observation for w in seen if w.observation.on_wheel is not None]
     by = {
         method: [w.observation.name for w in seen if w.observation.fitted.method == method]
         for method in ("flange", "tyre")
     }
+    by["tyre"] = [name for name in by["tyre"] if name not in [one.name for one in carried]]
     if by["flange"]:
         yield Wording(OF_RIMS, names=_and(by["flange"]))
     if by["tyre"]:
         yield Wording(OF_TYRES, names=_and(by["tyre"]))
+    for one in carried:
+        assert one.evidence is not None
+        bulge_m = np.linalg.norm(one.fitted.centre_m - one.evidence.target.centre_m)
+        u_m = np.linalg.norm(one.fitted.components[-1].factor)
+        yield Wording(OFF_TYRES, name=one.name, bulge=f"{bulge_m * 1e3:.1f}", u=f"{u_m * 1e3:.1f}")
     unstated = [w for w in seen if _shown(w, target).clamp_tilt_deg == 0.0]
     own = [w.observation.name for w in unstated if not w.compensated]
     if own:

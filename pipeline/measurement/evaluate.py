@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..capture import StatedVertical
-from ..centre import on_wheel, unlike_wheels, with_unstated
+from ..centre import off_tyre, on_wheel, unlike_wheels, with_unstated
 from ..errors import InputError, Wording
 from ..system import stage
 from ..uncertainty import (
@@ -115,9 +115,11 @@ def _with_wheel_centres(
 ) -> list[Observation]:
     """Return the observations with targets carried to their wheels' centres, where that is stated.
 
-    Where it is not, and the other side of the axle is unlike, it counts in the uncertainty.
+    Where it is not, and the other side of the axle is unlike, it counts in the uncertainty. Wheels
+    by their tyres are carried to the flange where other scans of their axle show one.
     """
     unlike = unlike_wheels([observation.target for observation in observations[:4]])
+    bulges = tyre_bulges(observations)
     found = []
     for one in observations:
         if one.evidence is not None and one.target is not None and one.wheel is not None:
@@ -125,9 +127,27 @@ def _with_wheel_centres(
             carried = on_wheel(one.fitted, one.target, outward)
             if carried is None and one.name in unlike:
                 carried = with_unstated(one.fitted, one.target, outward)
+            if one.fitted.method == "tyre" and one.wheel[0] in bulges:
+                carried = off_tyre(one.fitted, bulges[one.wheel[0]], outward, one.wheel)
             one = replace(one, on_wheel=carried)
         found.append(one)
     return found
+
+
+def tyre_bulges(observations: Sequence[Observation]) -> dict[str, float | None]:
+    """Return the bulge of the tyres over the flange's edge by axle, R and F, where it matters.
+
+    That is where centres of an axle lie level with the flange; None where none shows the bulge.
+    """
+    seen: dict[str, list[float]] = {}
+    for one in observations:
+        if one.evidence is None or one.wheel is None:
+            continue
+        stated = one.target is not None and one.target.stand_off is not None
+        if stated or one.fitted.method == "flange":
+            known = seen.setdefault(one.wheel[0], [])
+            known += [] if one.fitted.bulge_m is None else [one.fitted.bulge_m]
+    return {axle: float(np.mean(known)) if known else None for axle, known in seen.items()}
 
 
 def evaluate(

@@ -45,6 +45,15 @@ class RangeByBrightness:
     significant: bool
     covariance: Array
 
+    @property
+    def level_m(self) -> float:
+        """How far off the mean range may be: half the step, beyond its uncertainty; its sign.
+
+        Bright or dark, either may be measured at its true range.
+        """
+        half = math.sqrt(max(self.step_m**2 - self.u_m**2, 0.0)) / 2.0
+        return math.copysign(half, self.step_m)
+
 
 @dataclass(frozen=True)
 class FittedBrightness:

@@ -26,8 +26,10 @@ POINTS_A_CELL = 8  # on average; fewer points get larger cells
 MIN_CELLS = 12
 LENGTHS_OF_RADIUS = (0.02, 0.035, 0.06, 0.09, 0.13, 0.18, 0.25, 0.35, 0.5)
 ALONG_OF_RADIUS = (0.1, 0.25, 0.5, 1.0, 3.0, math.inf)  # lengths in cells along scan lines
-ACROSS_OF_RADIUS = (0.01, 0.03, 0.09)
+ACROSS_OF_RADIUS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.3)  # the longest: ranges that drift
 FORM_OF_RADIUS = 0.3  # longer waves are the target's form error, not noise of the scanner
+LEVELS = np.arange(-40.0, 41.0)  # of log s^2, by the greatest eigenvalue: where a maximum is sought
+HALVINGS = 50
 SUSPECT = 2.5  # standard deviations of the score test above which the likelihood is maximised
 SIGNIFICANT = 9.0  # of twice the gain in log-likelihood, before correlation is believed
 SIGNIFICANT_LINED = 12.0  # the same in cells along scan lines, which show more kinds of noise
@@ -133,9 +135,22 @@ def correlated_noise(
         length_m=math.exp(float(belief @ np.log(reach).mean(axis=1))),
         covariance=noise,
         form_covariance=form,
-        dof=float(belief @ [fit.dof for fit in fits]),
+        dof=_dof(fields, fits, belief),
         white_sigma_m=math.sqrt(float(belief @ [field.white_variance for field in fields])),
     )
+
+
+def _dof(fields: Sequence[_Field], fits: Sequence[_Maximum], belief: Array) -> float:
+    """Return the degrees of freedom of the tilt's variance, averaged over fields by belief (K,).
+
+    2 m^2 / V by its mean m and variance V: within each field, and from field to field.
+    """
+    tilt = np.array([np.trace(field.plane_covariance[1:3, 1:3]) for field in fields])
+    tilt *= [fit.variance for fit in fits]
+    mean = float(belief @ tilt)
+    within = 2.0 * tilt**2 / np.array([fit.dof for fit in fits])
+    spread = float(belief @ (within + (tilt - mean) ** 2))
+    return max(2.0 * mean**2 / spread, 1.0) if spread > 0.0 else math.inf
 
 
 def _likely_fields(
@@ -258,17 +273,26 @@ class _Field:
         return score > SUSPECT * math.sqrt(2.0 * float(np.sum(self.kernel**2)))
 
     def maximise(self) -> _Maximum:
-        """Return the s^2 of greatest likelihood, by bisection on its slope in log s^2."""
+        """Return the least s^2 at which the likelihood has a maximum, by its slope in log s^2.
+
+        A smooth field of absurd size may pass for waves shorter than its length: a maximum beyond.
+        """
         values, vectors = np.linalg.eigh(self.kernel)
         values = values.clip(min=0.0)
         square = (vectors.T @ self.residual) ** 2
-        low, high = -40.0, 40.0
         scale = 1.0 / max(float(values[-1]), 1e-300)
-        for _ in range(60):
+
+        def slope(level: Array) -> Array:
+            share = np.multiply.outer(np.exp(level), values * scale)
+            return np.asarray(
+                np.sum(share / (1.0 + share) * (square / (1.0 + share) - 1.0), axis=-1)
+            )
+
+        high = LEVELS[np.argmax(np.append(slope(LEVELS[:-1]) <= 0.0, True))]
+        low = high - 1.0
+        for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            share = values * scale * math.exp(middle)
-            slope = float(np.sum(share / (1.0 + share) * (square / (1.0 + share) - 1.0)))
-            low, high = (middle, high) if slope > 0.0 else (low, middle)
+            low, high = (middle, high) if slope(middle) > 0.0 else (low, middle)
         variance = scale * math.exp(0.5 * (low + high))
         share = values * variance
         gain = 0.5 * float(np.sum(square * share / (1.0 + share) - np.log1p(share)))

@@ -15,7 +15,8 @@ class Patch:
     origin_m: (3,) scanner frame, near the target's centre.
     face_m: (N, 3) all points near the target's plane, relative to origin_m, scanner axes.
     face_intensity: (N,) float32 intensities of face_m, or None.
-    around_m: (M, 3) float32, other points around, likewise relative, thinned where there are many.
+    around_m: (M, 3) float32, other points around, likewise relative, thinned where there are many;
+    around_share: of them that was kept.
     match: score of the outline. sigma_m: rough noise across the plane.
     basis: (3, 3) rows: the target's axes u and v, then the normal towards the scanner.
     part: index of the cloud's part that holds the points. station_m: (3,) scanner frame, position
@@ -29,16 +30,25 @@ class Patch:
     basis: Array
     sigma_m: float
     face_intensity: Array32 | None = None
+    around_share: float = 1.0
     part: int = 0
     station_m: Array | None = None
     steps: Steps = EXACT
 
     @property
-    def station(self) -> str | None:
-        """Name of the scanner's station, by its position.
+    def scanner_m(self) -> Array | None:
+        """Position of the scanner (3,), scanner frame.
 
-        None if that is not stated, or lies behind the target, which contradicts the scan.
+        None if the file does not state it, or if it lies behind the target, which contradicts the
+        scan.
         """
         if self.station_m is None or not (self.station_m - self.origin_m) @ self.basis[2] > 0.0:
             return None
-        return "station {:.3f} {:.3f} {:.3f}".format(*(self.station_m.round(3) + 0.0))
+        return self.station_m
+
+    @property
+    def station(self) -> str | None:
+        """Name of the scanner's station, by its position; None without one."""
+        if self.scanner_m is None:
+            return None
+        return "station {:.3f} {:.3f} {:.3f}".format(*(self.scanner_m.round(3) + 0.0))

@@ -25,8 +25,11 @@ Blocks = Callable[[Callable[[Array, Array | None], Any]], list[Any]]
 NARROW, LONG = 40, 5  # cells across the lines, and along them
 LEAST_NARROW = 16  # fewer are no narrower than the square cells
 SAMPLED = 350  # points near the middle that show the grid
-LONGEST, SHORTEST = 3.0, 0.6  # waves, in mean distances of the points
+VOID = 0.3  # of the farthest of these: where none is nearer, they lie about a hole
+LONGEST = 3.0  # wave, in mean distances of the points
+SHORTEST = (0.6, 0.25)  # the second: thinned to a tenth, the points are far apart on their lattice
 APART = math.radians(40.0)  # least angle between both kinds of lines
+CLEAR = 0.1  # least |mean exp(i k.x)|^2 of a lattice's strongest wave; points on no grid: 0.05
 ALIKE = 0.5  # of the strongest wave: those as strong are of the lattice
 STEEPEST, MOST_SHIFTS = 1.2, 12  # q: 50 degrees of incidence; factors exp(-i c w) tried
 ZOOM, ZOOMED = 0.4, 6
@@ -45,18 +48,26 @@ class Grid:
 
 
 def cells_along_lines(blocks: Blocks) -> Iterator[Cells]:
-    """Yield the cells along the two kinds of scan lines; none where points are too few.
+    """Yield the cells along the two kinds of scan lines; none of too few points or on no grid.
 
     blocks: calls a function on every block of the points and returns what it returns, in order;
-    once for the middle that shows the grid, once for how far points reach, once for the sums, so
-    that no more than a block is held. Of a block uvw_m (M, 3), u and v about the centroid, w a
-    residual, and (M,) a column that was fitted besides the plane, or None.
+    once for the middle that shows the grid, or beside a hole there again, once for how far points
+    reach, once for the sums, so that no more than a block is held. Of a block uvw_m (M, 3), u and v
+    about the centroid, w a residual, and (M,) a column that was fitted besides the plane, or None.
     """
     found = blocks(lambda uvw, _: (len(uvw), nearest(uvw)))
     narrow = min(NARROW, int(sum(count for count, _ in found) / (POINTS_A_CELL * LONG)))
     if narrow < LEAST_NARROW:
         return
-    grid = grid_of(np.concatenate([some for _, some in found]))
+    some = nearest(np.concatenate([near for _, near in found]))
+    away = np.hypot(*some[:, :2].T)
+    if away.min() > VOID * away.max():  # a ring has its middle in its hole
+        edge = some[np.argmin(away)] * [1.0, 1.0, 0.0]
+        some = nearest(np.concatenate(blocks(lambda uvw, _: nearest(uvw - edge))))
+        some = some - some.mean(axis=0) * [1.0, 1.0, 0.0]
+    grid = grid_of(some)
+    if grid is None:
+        return
     to_lines = np.linalg.inv(grid.directions).T
     # In place: noise would sort the points of a line between the cells on either side.
     to_lines = np.column_stack([to_lines, -to_lines @ grid.beam])
@@ -84,24 +95,29 @@ def nearest(uvw_m: Array) -> Array:
     return uvw_m[np.argpartition(away, SAMPLED)[:SAMPLED]]
 
 
-def grid_of(uvw_m: Array) -> Grid:
-    """Return the grid of the beams that points uvw_m (N, 3), w off the plane, lie on.
+def grid_of(uvw_m: Array) -> Grid | None:
+    """Return the grid of the beams that points uvw_m (N, 3), w off the plane, lie on, or None.
 
-    From the two longest waves of the lattice; lines of one kind only have the other across. Of
-    points on no grid any.
+    From the two longest waves of the lattice; lines of one kind only have the other across. Points
+    on no grid (thinned, or merged from several scans) have no clear wave: a beam fitted to them
+    would sort their noise into the cells along invented lines.
     """
     some = nearest(uvw_m)
     apart_m = float(np.hypot(*some[:, :2].T).max()) * math.sqrt(math.pi / len(some))
     noise_m = max(float(np.std(some[:, 2])), 1e-9 * apart_m)
     x = some / [apart_m, apart_m, noise_m]
-    most, step = 2.0 * math.pi / SHORTEST, 1.4 / math.sqrt(len(some) / math.pi)
-    k = np.arange(-most, most + step, step)
-    reach = min(math.ceil(STEEPEST * 2.0 * math.pi * noise_m / apart_m), MOST_SHIFTS)
-    axes = (k, k[k >= 0.0], np.arange(-reach, reach + 1.0))
-    power = _power(x, axes)
-    length = np.hypot(axes[0][:, None], axes[1])
+    step = 1.4 / math.sqrt(len(some) / math.pi)
+    for shortest in SHORTEST:
+        axes = _waves_to(shortest, step, noise_m / apart_m)
+        power = _power(x, axes)
+        length = np.hypot(axes[0][:, None], axes[1])
+        seen = (length > 2.0 * math.pi / LONGEST) & (length < 2.0 * math.pi / shortest)
+        power *= seen[:, :, None]
+        if float(power.max()) >= CLEAR:
+            break
+    else:
+        return None
     angle = np.arctan2(axes[1], axes[0][:, None])
-    power *= ((length > 2.0 * math.pi / LONGEST) & (length < most))[:, :, None]
     least = ALIKE * float(power.max())
     waves = [_zoomed(x, _longest_wave(axes, power, least), step)]
     apart = np.abs(np.sin(angle - math.atan2(waves[0][1], waves[0][0]))) > math.sin(APART)
@@ -115,6 +131,14 @@ def grid_of(uvw_m: Array) -> Grid:
     rows /= np.linalg.norm(rows, axis=1)[:, None]
     beam = np.asarray(np.linalg.solve(found[:, :2], found[:, 2]) * (apart_m / noise_m))
     return Grid(rows, beam)
+
+
+def _waves_to(shortest: float, step: float, noise: float) -> tuple[Array, Array, Array]:
+    """Return the k, m and c tried, of waves down to the shortest; lengths in mean distances."""
+    k = np.arange(-2.0 * math.pi / shortest, 2.0 * math.pi / shortest + step, step)
+    shifts = STEEPEST * 2.0 * math.pi * noise * SHORTEST[0] / shortest
+    reach = min(math.ceil(shifts), MOST_SHIFTS)
+    return k, k[k >= 0.0], np.arange(-reach, reach + 1.0)
 
 
 def _power(points: Array, waves: tuple[Array, Array, Array]) -> Array:

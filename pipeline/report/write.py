@@ -92,11 +92,12 @@ def document_files(
 ) -> dict[str, bytes]:
     """Return the wanted forms of a document by file name. Raises MissingDependencyError."""
     from .html.document import document_html
-    from .html.pdf import pdf_report
 
     page = document_html(document, options.words, options.laboratory)
     files = {f"{stem}.html": page.encode(errors="backslashreplace")} if wanted.html else {}
     if wanted.pdf:
+        from .html.pdf import pdf_report
+
         identifier = hashlib.sha256(page.encode(errors="backslashreplace")).hexdigest()[:32]
         files[f"{stem}.pdf"] = pdf_report(page, identifier)
     return files

@@ -3,6 +3,7 @@
 from .components import (
     UncertainTarget,
     UncertaintyComponent,
+    brightness_component,
     centre_component,
     mounting_component,
     plane_component,
@@ -16,13 +17,13 @@ from .distributions import (
     coverage_factor,
     f_beyond,
     f_sum_limits,
+    least_tail,
     normal_scores,
     power_of_f,
     power_of_t,
     quantile,
     share_limits,
     tail,
-    tails,
 )
 from .field_tests import FieldTests, FoundTerm, evaluate_tests
 from .monte_carlo import TOLERANCE, MonteCarlo, monte_carlo
@@ -48,6 +49,7 @@ __all__ = [
     "UncertaintyComponent",
     "binomial_tail",
     "box_probability",
+    "brightness_component",
     "centre_component",
     "chi_square_beyond",
     "chi_square_limits",
@@ -57,6 +59,7 @@ __all__ = [
     "evaluate_tests",
     "f_beyond",
     "f_sum_limits",
+    "least_tail",
     "monte_carlo",
     "mounting_component",
     "normal_scores",
@@ -67,7 +70,6 @@ __all__ = [
     "quantile",
     "share_limits",
     "tail",
-    "tails",
     "vertical_component",
     "with_type_b",
 ]

@@ -8,7 +8,7 @@ the points, type B components are stated in the target's and the scanner's files
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -127,6 +127,15 @@ def range_bias_component(bias_m: float, sight_m: Array, normal: Array) -> Uncert
     return UncertaintyComponent(
         "range bias", bias_m * np.concatenate([tilt, d])[:, None], shared="scanner"
     )
+
+
+def brightness_component(level_m: float, sight_m: Array, normal: Array) -> UncertaintyComponent:
+    """Return the component of ranges that are all off by level_m, as their steps by brightness are.
+
+    level_m: signed; of the same sign, scans share it, since the scanner is the same.
+    """
+    found = range_bias_component(level_m, sight_m, normal)
+    return replace(found, name="brightness", shared="brightness")
 
 
 def pointing_component(

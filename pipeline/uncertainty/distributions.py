@@ -98,6 +98,15 @@ def tails(x: Array, dof: Array) -> Array:
     return np.asarray(np.where(finite, stdtr(np.where(finite, dof, 1.0), -x), ndtr(-x)))
 
 
+def least_tail(x: Array, dof: Array) -> float:
+    """Return the least of the probabilities (N,) that Student's t exceeds x; dof: (N,).
+
+    Only those are calculated that no larger x of as many degrees of freedom or more undercuts.
+    """
+    undercut = np.any(np.less.outer(x, x) & np.less_equal.outer(dof, dof), axis=1)
+    return min(map(tail, x[~undercut].tolist(), dof[~undercut].tolist()))
+
+
 @functools.lru_cache(maxsize=1024)
 def quantile(probability: float, dof: float = math.inf, uniform: float = 0.0) -> float:
     """Return the quantile of Student's t, standard normal for inf; uniform: as of `tail`."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..vectors import Array, Mask, Rows
+from ..vectors import Array, Rows
 
 BESIDE_M = 0.8  # from a wheel's centre, level: how far its floor is searched
 DEPTH_M = (0.08, 1.0)  # of the floor below the wheel centres
@@ -43,17 +43,14 @@ def fit_floor(points_m: Array, wheels_m: Array) -> Floor | None:
     cell = np.floor(points[:, :2] / CELL_M).astype(np.int64)
     key = (wheel << 48) + ((cell[:, 0] + (1 << 20)) << 24) + cell[:, 1] + (1 << 20)
     cells = _lowest(points, key)
-    if len(cells) < MIN_CELLS * len(wheels_m):
+    if not len(cells):
         return None
     plane: Array = np.array([np.median(cells[:, 2]), 0.0, 0.0])
-    kept: Mask = np.ones(len(points), dtype=bool)
     for near_m in NEAR_M:
         seen = cells if near_m == NEAR_M[0] else points
         seen = seen[np.abs(_above(seen, plane)) < near_m]
-        if len(seen) < MIN_CELLS * len(wheels_m):
-            return None
         plane = _fitted(seen)
-        kept = np.abs(_above(points, plane)) < near_m
+    kept = np.abs(_above(points, plane)) < NEAR_M[-1]
     means, of = _means(points[kept], key[kept])
     if any(np.count_nonzero(of >> 48 == i) < MIN_CELLS for i in range(len(wheels_m))):
         return None

@@ -66,6 +66,11 @@ def write_whole(
             f"{scanner}: sensor.kind '{kit.sensor.kind}' scans wheel by wheel; leave --whole out, "
             "or name a laser scanner"
         )
+    if kit.beam.return_mode == "two":
+        raise SynthError(
+            f"{scanner}: beam.return_mode 'two' scans wheel by wheel; leave --whole out, or name "
+            "another return mode"
+        )
     car = draw_vehicle(kit.vehicle_recipe, vehicle_rng)
     site = draw_site(car, kit, seed, points, wheel_rngs)
     with new_folder(out) as folder:

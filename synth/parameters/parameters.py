@@ -196,7 +196,8 @@ class Beam(Section):
     brightness_bias_m: range error of a surface of albedo 0.1 against one of 0.8, linear in albedo;
     incidence_bias_m, b: range error b (1 / cos - 1) at the incidence.
     return_mode: which return of a spot that meets several surfaces is reported: the average of
-    all, or the first, last or strongest of those that are range_gate_m or more apart.
+    all, or the first, last or strongest of those that are range_gate_m or more apart; or two, the
+    first and the last, each as a point (a multi-echo scanner; scans of single wheels only).
     detector_threshold: least power detected, albedo * cosine / range^2 of a whole spot, as the
     intensity.
     line_sigma_m: standard deviation of a range error that is common to a scan line; lines are
@@ -222,7 +223,7 @@ class Beam(Section):
     power_weighted: bool = False
     brightness_bias_m: float = Field(0.0, ge=-0.1, le=0.1)
     incidence_bias_m: float = Field(0.0, ge=-0.1, le=0.1)
-    return_mode: Literal["average", "first", "last", "strongest"] = "average"
+    return_mode: Literal["average", "first", "last", "strongest", "two"] = "average"
     range_gate_m: float = Field(0.0, ge=0.0, le=10.0)
     detector_threshold: float = Field(0.0, ge=0.0)
     line_sigma_m: float = Field(0.0, ge=0.0, le=0.1)

@@ -54,6 +54,15 @@ class Scan:
         """Mask (N,) of the points on a measured face."""
         return self.target >= 0
 
+    def with_returns(self, other: Scan) -> Scan:
+        """Return the points of both, which are other returns of the same beams."""
+        return Scan(
+            np.concatenate([self.points_station_m, other.points_station_m]),
+            np.concatenate([self.intensity, other.intensity]),
+            np.concatenate([self.target, other.target]),
+            self.beams,
+        )
+
 
 def draw_stand(vehicle: Vehicle, wheel: Wheel, recipe: Recipe, rng: np.random.Generator) -> Stand:
     """Draw a position in any direction round the target's axis, within the allowed heights."""
@@ -94,13 +103,23 @@ def scan(
     jitter = rng.normal(0.0, 1.0, (2, *elevation.shape)) * beam.angle_sigma_urad * 1e-6
     true = directions(azimuth + jitter[0] / np.cos(elevation), elevation + jitter[1])
     caster = RayCaster(scene.vertices_m, scene.faces)
-    echoes = spot_echoes(scene, caster, true, step, beam)
-    range_m = echoes.range_m.reshape(elevation.shape)
-    angles = measured_angles(azimuth, elevation, range_m, calibration)
-    noise_m = _range_noise(echoes, elevation, grid, beam, rng)
-    if scene.optics is not None:
-        echoes, noise_m = by_surfaces(echoes, noise_m, scene.optics, rng)
-    return report(echoes, directions(*angles).reshape(-1, 3), noise_m, beam, rng, calibration)
+
+    def reported(echoes: Echoes) -> Scan:
+        range_m = echoes.range_m.reshape(elevation.shape)
+        angles = measured_angles(azimuth, elevation, range_m, calibration)
+        noise_m = _range_noise(echoes, elevation, grid, beam, rng)
+        if scene.optics is not None:
+            echoes, noise_m = by_surfaces(echoes, noise_m, scene.optics, rng)
+        return report(echoes, directions(*angles).reshape(-1, 3), noise_m, beam, rng, calibration)
+
+    if beam.return_mode != "two":
+        return reported(spot_echoes(scene, caster, true, step, beam))
+    first, last = (
+        spot_echoes(scene, caster, true, step, beam.model_copy(update={"return_mode": mode}))
+        for mode in ("first", "last")
+    )
+    last.range_m[last.range_m == first.range_m] = np.nan  # a beam of one return
+    return reported(first).with_returns(reported(last))
 
 
 def directions(azimuth_rad: Array, elevation_rad: Array) -> Array:

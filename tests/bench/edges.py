@@ -57,7 +57,7 @@ CASES: dict[str, tuple[str, Values]] = {
     for name, (base, values) in KINDS.items()
     for count, spacing in SPACING_M.items()
 }
-CASES |= {name: (name, STILL) for name in ("structured-light", "line-profile")}
+CASES |= {name: (name, STILL) for name in ("pulse", "structured-light", "line-profile")}
 
 
 @dataclass(frozen=True)

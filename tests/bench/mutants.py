@@ -1,204 +1,109 @@
-"""One-token changes of the code, drawn at random, and whether the tests of its room see them.
+"""One-token changes of the code, and whether the tests of its room see them.
 
-    nice -n 10 .venv/bin/python -m tests.bench.mutants [--count 60] [--seed 1] [--room ROOM]
-    nice -n 10 .venv/bin/python -m tests.bench.mutants --named
+    nice -n 10 .venv/bin/python -m tests.bench.mutants [--room ROOM] [--budget S] [--survivors]
 
-Each change is made in a copy of the files under version control, and the room's own tests, but for
-the slow ones, run there until the first fails. A survivor is a law without a test, or an equivalent
-change.
+The outcomes are lines of JSON in --folder, by which an interrupted run goes on. A survivor is a law
+without a test, or an equivalent change: those stand in equivalent_mutants.toml and are left out.
+mutant_session.py says how the tests are run.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
-import io
-import keyword
+import json
 import os
 import random
 import shutil
 import subprocess
 import sys
 import tempfile
-import time
-import tokenize
+from dataclasses import asdict
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-ROOMS = {
-    "pipeline/plane": ["tests/plane"],
-    "pipeline/vehicle": ["tests/vehicle"],
-    "pipeline/centre/edge": ["tests/centre"],
-    "pipeline/uncertainty": ["tests/uncertainty"],
-    "pipeline/readers": ["tests/readers"],
-    "pipeline/batch/catalogue": ["tests/batch/test_catalogue.py", "tests/batch/test_results.py"],
-}
-OTHERS = {
-    "<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "==",
-    "+": "-", "-": "+", "*": "/", "/": "*", "//": "*", "%": "*", "**": "*", "@": "*",
-    "&": "|", "|": "&", "+=": "-=", "-=": "+=", "*=": "/=", "&=": "|=", "|=": "&=",
-    "and": "or", "or": "and", "True": "False", "False": "True", "break": "continue",
-    "min": "max", "max": "min", "any": "all", "all": "any", "sin": "cos", "cos": "sin",
-    "argmin": "argmax", "argmax": "argmin", "minimum": "maximum", "maximum": "minimum",
+from tests.bench.changes import ROOT, Change, Outcome, changes_of
+
+ROOMS = {  # own tests first; then quick ones of other rooms that use its results
+    "pipeline/vehicle": ["vehicle", "uncertainty", "kinematics", "five_point", "measurement"],
+    "pipeline/plane": ["plane", "cloud", "detection", "measurement/test_measure.py"],
+    "pipeline/uncertainty": ["uncertainty", "vehicle", "five_point", "measurement/test_limits.py",
+                             "measurement/test_quantities.py", "measurement/test_tolerance.py",
+                             "measurement/test_conformity.py", "calibration/test_calibrate.py"],
+    "pipeline/centre/edge": ["centre", "targets", "measurement/test_measure.py"],
+    "pipeline/batch/catalogue": ["batch/test_catalogue.py", "batch/test_results.py"],
+    "pipeline/readers": ["readers"],
 }  # fmt: skip
-TIME_S = 600.0
-NAMED = [  # that no test saw once: module, text, other text, tests
-    ("vehicle/angles.py", "MIN_OUTWARD_COSINE = 0.1", "MIN_OUTWARD_COSINE = 0.05", "vehicle"),
-    ("vehicle/angles.py", "MAX_NEAREST_RATIO = 0.9", "MAX_NEAREST_RATIO = 0.95", "vehicle"),
-    ("vehicle/frame.py", "wheelbase_m <= MIN_HEIGHT_TO_SPREAD * spread_m", "False", "vehicle"),
-    ("plane/least_squares.py", "where=wide > 0.0", "where=wide <= 0.0", "plane"),
-    ("plane/least_squares.py", "- tilt @ along[:2, 2]", "+ tilt @ along[:2, 2]", "plane"),
-    ("cloud/selection.py", "min(self.reach_m, self.most_m)", "max(self.reach_m, self.most_m)",
-     "cloud"),
-    ("plane/fit_plane.py", "correlated.white_sigma_m / CLIPPED_SIGMA_RATIO",
-     "correlated.white_sigma_m", "plane"),
-    ("plane/fit_plane.py", "np.linalg.inv(self.scatter_m2)) / 2.0",
-     "np.linalg.inv(self.scatter_m2))", "plane"),
-    ("plane/clipped_plane.py", "or slab.is_near(plane, radius_m)", "or True", "plane"),
-    ("readers/formats/ply.py", "lines < before + count", "lines < count",
-     "readers/test_ply.py"),
-    ("batch/catalogue/catalogue.py", "verified=workspace.locked", "verified=True",
-     "batch/test_catalogue.py"),
-    ("batch/catalogue/catalogue.py", "wait=not (reading and file.exists())", "wait=True",
-     "batch/test_catalogue.py"),
-    ("batch/catalogue/catalogue.py", "mark_verified(workspace.file, now_ns)", "pass",
-     "batch/test_catalogue.py"),
-]  # fmt: skip
-
-
-def changes(path: Path) -> list[tuple[int, int, str, str]]:
-    """Return line, column, token and other token of all changes of a module's code.
-
-    Texts, annotations, imports, signatures and `|` of types are left out.
-    """
-    text = path.read_text()
-    skipped: set[int] = set()
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Import | ast.ImportFrom | ast.Raise):
-            skipped |= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            skipped |= set(range(node.lineno, node.body[0].lineno))
-        if isinstance(node, ast.AnnAssign):
-            skipped |= set(range(node.lineno, (node.annotation.end_lineno or node.lineno) + 1))
-        if isinstance(node, ast.ClassDef):
-            skipped |= {node.lineno}
-    found, before = [], None
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        line, column = token.start
-        if line not in skipped:
-            other = OTHERS.get(token.string) if token.type in (1, 54) else number(token.string)
-            is_unary = token.string in "+-*" and (
-                before is None
-                or before.string in ("(", "[", ",", "=", ":", "return", "{")
-                or keyword.iskeyword(before.string)
-            )
-            if is_unary:
-                other = "" if token.string == "-" else None
-            is_decorator = token.string == "@" and not token.line[:column].strip()
-            if other is not None and token.type in (1, 2, 54) and not is_decorator:
-                found.append((line, column, token.string, other))
-        before = token
-    return found
-
-
-def number(text: str) -> str | None:
-    """Return another number: half as much more, or one more of a whole one."""
-    try:
-        return str(int(text) + 1)
-    except ValueError:
-        pass
-    try:
-        return repr(1.5 * float(text) or 0.5)
-    except ValueError:
-        return None
-
-
-def drawn(count: int, seed: int) -> list[tuple[str, Path, tuple[int, int, str, str]]]:
-    """Draw the same number of changes in each room."""
-    rng, found = random.Random(seed), []
-    for room in ROOMS:
-        paths = sorted((ROOT / room).rglob("*.py"))
-        every = [(path.relative_to(ROOT), one) for path in paths for one in changes(path)]
-        found += [(room, *one) for one in rng.sample(every, count // len(ROOMS))]
-    return found
-
-
-def tested(work: Path, tests: list[str]) -> tuple[bool, str]:
-    """Return whether the tests pass there, and the first that fails."""
-    environment = os.environ | {"PYTHONPATH": str(work / ".ci" / "editable")}
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow", "--no-header"]
-    command += ["-p", "no:cacheprovider", *tests]
-    try:
-        done = subprocess.run(
-            command, cwd=work, env=environment, capture_output=True, text=True, timeout=TIME_S,
-            check=False,
-        )  # fmt: skip
-    except subprocess.TimeoutExpired:
-        return False, "takes too long"
-    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    return done.returncode == 0, (failed or [f"exit code {done.returncode}"])[0][:100]
 
 
 def copy_of(work: Path) -> None:
-    """Copy the files under version control."""
+    """Copy the files under version control, as they are."""
     listed = subprocess.run(
-        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
-    )
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
     for name in filter(None, listed.stdout.split("\0")):
         (work / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(ROOT / name, work / name, follow_symlinks=False)
-
-
-def named() -> None:
-    """Make the changes of NAMED, and print whether they are seen."""
-    with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-        work = Path(folder)
-        copy_of(work)
-        for module, text, other, tests in NAMED:
-            path = work / "pipeline" / module
-            before = path.read_text()
-            assert before.count(text) == 1, (module, text)
-            path.write_text(before.replace(text, other))
-            passed, which = tested(work, [f"tests/{tests}"])
-            path.write_text(before)
-            what = "SURVIVES" if passed else "seen"
-            print(f"{what:8} {module}: {text} -> {other}  [{which}]", flush=True)
+        if (ROOT / name).is_file() or (ROOT / name).is_symlink():
+            shutil.copy2(ROOT / name, work / name, follow_symlinks=False)
 
 
 def main() -> None:
-    """Change, test, and print."""
+    """Try the changes in a copy of the files, and print how many were seen."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=60)
-    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--room", choices=ROOMS, help="this room's alone")
-    parser.add_argument("--named", action="store_true", help="those that no test saw once")
+    parser.add_argument("--survivors", action="store_true", help="again, those that no test saw")
+    parser.add_argument("--tests", nargs="+", help="instead of the room's")
+    parser.add_argument("--count", type=int, help="as many of each room, drawn at random")
+    parser.add_argument("--budget", type=float, default=20.0, help="seconds of tests a change")
+    parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()) / "mutants")
     chosen = parser.parse_args()
-    survivors = total = 0
-    if chosen.named:
-        named()
-        return
-    with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
-        work = Path(folder)
-        copy_of(work)
-        for room, path, (line, column, token, other) in drawn(chosen.count, chosen.seed):
-            if chosen.room not in (None, room):
-                continue
-            before = (work / path).read_text()
-            lines = before.splitlines(keepends=True)
-            old = lines[line - 1]
-            lines[line - 1] = old[:column] + other + old[column + len(token) :]
-            (work / path).write_text("".join(lines))
-            began = time.monotonic()
-            passed, which = tested(work, ROOMS[room])
-            (work / path).write_text(before)
-            survivors, total = survivors + passed, total + 1
-            what = "SURVIVES" if passed else "seen"
-            print(
-                f"{what:8} {time.monotonic() - began:4.0f} s {path}:{line}: {token} -> {other}: "
-                f"{old.strip()[:90]}  [{'' if passed else which}]",
-                flush=True,
-            )
-    print(f"{survivors} of {total} survive")
+    if "MUTANTS_COPY" not in os.environ:
+        with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+            work = Path(folder)
+            copy_of(work)
+            paths = os.pathsep.join([str(work / ".ci" / "editable"), str(work)])
+            environment = os.environ | {"PYTHONPATH": paths, "MUTANTS_COPY": "1"}
+            command = [sys.executable, "-m", "tests.bench.mutants", *sys.argv[1:]]
+            sys.exit(subprocess.run(command, cwd=work, env=environment, check=False).returncode)
+    chosen.folder.mkdir(parents=True, exist_ok=True)
+    for room, tests in ROOMS.items():
+        if chosen.room not in (None, room):
+            continue
+        file = chosen.folder / (room.replace("/", "-") + ".jsonl")
+        known = outcomes(file)
+        changes = changes_of(room)
+        if chosen.count:
+            changes = random.Random(1).sample(changes, min(chosen.count, len(changes)))
+        if chosen.survivors:
+            again = [one for one in changes if known.get(one.key, "") is None]
+        else:
+            again = [one for one in changes if one.key not in known]
+        tried(room, chosen.tests or [f"tests/{one}" for one in tests], again, chosen, file)
+        known = outcomes(file)
+        seen = [bool(known[one.key]) for one in changes if one.key in known]
+        print(f"{room}: {sum(seen)} of {len(seen)} seen, of {len(changes)}", flush=True)
+
+
+def tried(
+    room: str, tests: list[str], changes: list[Change], chosen: argparse.Namespace, file: Path
+) -> None:
+    """Try changes of one room; add their outcomes to a file, and print the survivors."""
+    from tests.bench.mutant_session import Room, try_all  # once this is the copy
+
+    def write(outcome: Outcome) -> None:
+        with file.open("a") as stream:
+            stream.write(json.dumps(asdict(outcome)) + "\n")
+        if not outcome.seen_by:
+            change = outcome.change
+            text = f"{change.file}:{change.line}: {change.was}  ->  {change.now}"
+            os.write(2, f"SURVIVES {outcome.tests} tests: {text}\n".encode())
+
+    try_all(Room(room, tests, chosen.folder, chosen.budget), changes, write)
+
+
+def outcomes(file: Path) -> dict[tuple[str, int, str, str], str | None]:
+    """Return by which test each change was seen, by the changes' keys."""
+    rows = [json.loads(line) for line in file.open()] if file.exists() else []
+    return {Change(**row["change"]).key: row["seen_by"] for row in rows}
 
 
 if __name__ == "__main__":

@@ -134,12 +134,21 @@ CASES: dict[str, Case] = {
     "dark-half-1.0": Case(PLAIN | HALF | {"beam.brightness_bias_m": 0.001}),
     "first": Case(PLAIN | RETURNS | {"beam.return_mode": "first"}),
     "strongest": Case(PLAIN | RETURNS | {"beam.return_mode": "strongest"}),
+    "two-returns": Case(PLAIN | RETURNS | {"beam.return_mode": "two"}),
     "strongest-3000": Case(
         PLAIN | RETURNS | NARROW | {"beam.return_mode": "strongest", "grid.spacing_m": 0.0039}
     ),
     "points-300": Case(PLAIN | NARROW | {"grid.spacing_m": 0.0125}),
     "points-3000": Case(PLAIN | NARROW | {"grid.spacing_m": 0.0039}),
     "points-90000": Case(PLAIN | {"grid.spacing_m": 0.0007, "grid.half_width_m": 0.155}),
+    "points-1000000": Case(
+        PLAIN
+        | {
+            "grid.spacing_m": 0.00021,
+            "grid.half_width_m": 0.15,
+            "station.incidence_deg": 10.0,
+        }
+    ),
     "form": Case(PLAIN | SPARSE | QUIET, flatness_m=0.0003),
     "incidence": Case(PLAIN | INCIDENCE),
     "axes": Case(PLAIN | AXES | BARE),

@@ -23,8 +23,9 @@ DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)
 PLAIN = Setup(spacing_m=0.0018, half_width_m=0.19)
 
 
-def fit(points, target=DISC, seed=0, station_m=None):
-    patch = find_target(points, target, SegmentConfig(), seed)
+def fit(points, target=DISC, seed=0, station_m=None, most_around=400_000):
+    segment = SegmentConfig().model_copy(update={"around_points": most_around})
+    patch = find_target(points, target, segment, seed)
     patch = replace(patch, station_m=station_m)
     plane = fit_plane(patch, target, PlaneConfig())
     return locate_centre(patch, plane, target, CentreConfig())
@@ -98,6 +99,17 @@ def test_centre_is_found_to_hundredths_of_a_millimetre(name):
     # 99.9 % of a normal error in the plane lies within 3.72 u.
     assert np.linalg.norm(error(cloud, fitted)) < 3.72 * u_of(cloud, fitted)
     assert 1e-6 < u_of(cloud, fitted) < 1e-4
+
+
+@pytest.mark.parametrize("most", [3000, 1500])
+@pytest.mark.parametrize("name", ["plain", "thick", "parallel rim", "spokes"])
+def test_an_edge_whose_surroundings_are_thinned_is_found_as_well(name, most):
+    """Where the target was not thinned as they were, dense scans had too few mixed pixels."""
+    cloud, whole = measured(IN_FULL_VIEW[name], 1)
+    fitted = fit(cloud.points_m, thickness_of(cloud.setup), most_around=most)
+    assert fitted.method == "rim"
+    assert np.linalg.norm(error(cloud, fitted)) < 3.72 * u_of(cloud, fitted)
+    assert u_of(cloud, whole) < u_of(cloud, fitted) < 2e-4
 
 
 @pytest.mark.parametrize("name", ["plain", "thick", "strip before it", "half a disc cut off below"])

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from wheelplane.centre.locate_centre import TargetFit
-from wheelplane.centre.on_wheel import MOST_M, on_wheel, unlike_wheels, with_unstated
+from wheelplane.centre.on_wheel import (
+    MOST_BULGE_M,
+    MOST_M,
+    off_tyre,
+    on_wheel,
+    unlike_wheels,
+    with_unstated,
+)
 from wheelplane.targets import load_target, parse_target
 from wheelplane.uncertainty import UncertaintyComponent
 
@@ -39,6 +46,17 @@ def test_its_covariance_is_that_of_carrying_each_draw(sign):
     size = np.sqrt(np.outer(np.diag(found), np.diag(found)))
     assert np.abs((found - moved.covariance) / size).max() < 5.0 / np.sqrt(len(draws))
     assert np.abs((found - given.covariance) / size).max() > 0.1
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_tyre_s_ring_is_carried_inwards_by_the_bulge_and_by_half_the_most_where_unknown(sign):
+    moved, unknown = (off_tyre(fit(sign), bulge, NORMAL, "RL") for bulge in (0.012, None))
+    assert np.allclose(moved.centre_m, CENTRE - 0.012 * NORMAL, atol=1e-15)
+    assert np.allclose(unknown.centre_m, CENTRE - MOST_BULGE_M / 2.0 * NORMAL, atol=1e-15)
+    along = np.sqrt(NORMAL @ unknown.components[-1].covariance[3:, 3:] @ NORMAL)
+    draws = np.random.default_rng(3).uniform(0.0, MOST_BULGE_M, 100_000)
+    assert along == pytest.approx(draws.std(), rel=0.01)
+    assert moved.components[-1].shared == "tyre of RL"
 
 
 def test_a_target_without_a_stated_stand_off_and_a_bare_wheel_stay():

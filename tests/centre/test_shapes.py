@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
-from tests.support.plates import Found, fit, found, in_target
+from tests.support.plates import Found, fit, found, in_target, patch_of
 from tests.support.printing import setup_of
 from tests.support.scenes import Setup, Sheet, make, rotation
+from wheelplane.config import PlaneConfig
 from wheelplane.errors import NotMeasuredError
+from wheelplane.plane import fit_plane
 from wheelplane.targets.plates import DiscTarget, RectangleTarget
 from wheelplane.targets.registry import load_target
 
@@ -121,6 +123,14 @@ def arc(degrees):
 
 
 ARCS = {degrees: arc(degrees) for degrees in (360, 270, 180, 120)}
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_independent_noise_on_a_ring_is_not_taken_for_correlated(seed):
+    """The grid of beams is seen beside its hole: the points about that lie on no patch of it."""
+    cloud = make(setup_of(RING, PLAIN), seed)
+    plane = fit_plane(patch_of(cloud, RING, seed), RING, PlaneConfig())
+    assert not plane.correlated.covariance.any()
 
 
 @pytest.mark.slow

@@ -41,15 +41,13 @@ def test_rows_near_a_plane_are_those_of_two_masks(points):
     """A cone that widens with depth up to a limit; what is on the face is not beside it."""
     centre, normal = np.array([0.1, -0.2, 0.05]), np.array([2.0, -1.0, 2.0]) / 3.0
     face, around = np.array([0.5, 0.1, 0.0, 9.0]), np.array([0.4, 0.6, 0.8, 0.7])
-    limit = np.uint64(2**63)
     on_face, beside = np.empty((2, COUNT), np.int32)
-    counts = compiled.near_plane(points, centre, normal, face, around, limit, on_face, beside)
+    counts = compiled.near_plane(points, centre, normal, face, around, on_face, beside)
     offset = points - centre
     depth = np.abs(offset @ normal)
     radius = np.linalg.norm(np.cross(offset, normal), axis=1)
     first = (depth < 0.1) & (radius < 0.5)
     second = (depth < 0.6) & (radius < np.minimum(0.4 + 0.8 * depth, 0.7)) & ~first
-    second &= coordinate_hash(points) <= limit
     np.testing.assert_array_equal(on_face[: counts[0]], np.nonzero(first)[0])
     np.testing.assert_array_equal(beside[: counts[1]], np.nonzero(second)[0])
     assert min(counts) > 50

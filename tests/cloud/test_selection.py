@@ -60,7 +60,7 @@ def face_basis():
 
 def everything(cloud):
     """Return the results of all passes over a cloud."""
-    near = surroundings(cloud, CENTRE, NORMAL, Slab(0.4, 0.05), Slab(0.4, 0.3, 1.0, 0.6), 0.3)
+    near = surroundings(cloud, CENTRE, NORMAL, Slab(0.4, 0.05), Slab(0.4, 0.3, 1.0, 0.6), 5000)
     inner = slab_moments(
         near.face_m,
         face_basis(),
@@ -156,11 +156,13 @@ def test_surroundings_are_those_of_a_plain_mask(cloud, backend):
     around = (aside < np.minimum(0.4 + depth, 0.6)) & (depth < 0.3) & ~on_face
     intensity = np.arange(len(cloud), dtype=np.float32)
     slabs = (Slab(0.4, 0.05), Slab(0.4, 0.3, 1.0, 0.6))
-    near = surroundings(cloud, CENTRE, NORMAL, *slabs, 1.0, intensity)
+    near = surroundings(cloud, CENTRE, NORMAL, *slabs, len(cloud), intensity)
+    assert near.share == 1.0
     np.testing.assert_array_equal(near.face_m, offset[on_face])
     np.testing.assert_array_equal(near.intensity, intensity[on_face])
     np.testing.assert_array_equal(near.around_m, offset[around].astype(np.float32))
-    some = surroundings(cloud, CENTRE, NORMAL, *slabs, 0.25)
+    some = surroundings(cloud, CENTRE, NORMAL, *slabs, np.count_nonzero(around) // 4)
+    assert some.share == pytest.approx(0.25, rel=1e-3)
     np.testing.assert_array_equal(some.face_m, offset[on_face])
     assert some.intensity is None
     expected = np.count_nonzero(around) / 4.0
@@ -168,7 +170,7 @@ def test_surroundings_are_those_of_a_plain_mask(cloud, backend):
 
 
 def test_slab_moments_are_those_of_a_plain_mask(cloud, backend):
-    near = surroundings(cloud, CENTRE, NORMAL, Slab(0.5, 0.05), Slab(0.5, 0.05), 0.0).face_m
+    near = surroundings(cloud, CENTRE, NORMAL, Slab(0.5, 0.05), Slab(0.5, 0.05), 0).face_m
     hole = np.array([[0.1, 0.0, 0.05]])
     held = slab_moments(near, face_basis(), 1e-4, (2e-3, 4e-3), (0.3, SIDES, hole), 7)
     uvw = near @ face_basis().T

@@ -1010,3 +1010,21 @@ def test_a_file_of_a_thousand_mistakes_gets_a_short_line(copy, wheelplane):
     is_refusal(run, "capture.toml")
     assert "more mistakes" in run.err
     assert len(run.err) < 1000
+
+
+FROZEN = """
+import gc
+from click.testing import CliRunner
+from wheelplane.cli import cli
+frozen = []
+for _ in range(2):
+    assert CliRunner().invoke(cli, ["five-point", "--help"]).exit_code == 0
+    assert gc.isenabled()
+    frozen.append(gc.get_freeze_count())
+print(frozen[0] > 10_000, frozen[1] <= frozen[0])
+"""
+
+
+def test_the_collector_passes_over_what_a_command_imports_and_goes_on():
+    done = subprocess.run([sys.executable, "-c", FROZEN], capture_output=True, text=True)
+    assert done.stdout == "True True\n", done.stderr

@@ -70,7 +70,8 @@ def test_a_floor_in_front_does_not_flip_the_normal():
 def test_surroundings_are_thinned_and_the_target_is_not():
     points, on_disc = scene(5)
     wheel = np.count_nonzero(~on_disc)
-    patch = cut(points, np.eye(3), most=len(points) // 4)
+    patch = cut(points, np.eye(3), most=wheel // 4)
+    assert patch.around_share == pytest.approx(0.25, rel=1e-3)
     assert len(patch.face_m) == np.count_nonzero(on_disc)
     assert len(patch.around_m) == pytest.approx(wheel / 4, abs=5.0 * np.sqrt(wheel * 3 / 16))
 

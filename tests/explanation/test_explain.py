@@ -22,6 +22,7 @@ from tests.support.made import (
     with_second_target,
     write_small_capture,
 )
+from tests.support.round_wheels import vehicle_points, with_disc
 from wheelplane.capture import CaptureOptions, open_capture
 from wheelplane.config import Config
 from wheelplane.errors import InputError
@@ -31,7 +32,8 @@ from wheelplane.explanation.records import ExplainedCandidate, ExplainedScan, Fi
 from wheelplane.explanation.verdicts import MOST_SHOWN, apart
 from wheelplane.measure import measure_capture
 from wheelplane.report.candidates.pictures import picture_corners_m, places
-from wheelplane.report.candidates.tree import verdict_of
+from wheelplane.report.candidates.text import explanation_text
+from wheelplane.report.candidates.tree import explanation_tree, verdict_of
 from wheelplane.report.format.language import load_translations
 from wheelplane_synth.output.files import ply
 
@@ -358,11 +360,14 @@ def test_a_bare_wheel_has_no_candidates_but_a_status(plain):
         assert len(scan.sample_m) > 1000
 
 
-def test_a_cloud_of_bare_wheels_shows_no_plane_as_a_candidate(whole):
+def test_a_cloud_of_bare_wheels_shows_its_wheels_and_no_plane(whole, measured):
     with open_capture(whole, "wheel") as capture:
         (scan,) = explain_capture(capture, Config()).scans
-    assert (scan.status, scan.candidates) == ("not-named", ())
-    assert "targets found, four are needed" in scan.reason
+    assert scan.status == "not-named"
+    assert {one.finding for one in scan.candidates} == {"stands"}
+    for one in scan.candidates:
+        discs_m = [centre(measured, name) for name in ("RR", "RL", "FR", "FL")]
+        assert min(np.linalg.norm(one.candidate.centre_m - disc) for disc in discs_m) < 0.2
 
 
 @pytest.mark.parametrize("finding", get_args(Finding))
@@ -376,3 +381,35 @@ def test_every_verdict_is_said_in_both_languages(finding):
     if finding in ("outline_too", "worse"):
         assert "12 mm" in english
         assert "12 mm" in portuguese
+
+
+def test_of_a_cloud_with_unlike_targets_each_kind_is_shown(tmp_path):
+    """A disc before one of four real wheels, which is seen beside it."""
+    rng = np.random.default_rng(51)
+    names = ("RR", "RL", "FR", "FL")
+    centres = [np.array([x, y, 0.32]) for x in (0.0, 2.6) for y in (-0.75, 0.75)]
+    axes = [np.array([0.0, np.sign(y), 0.0]) for _, y, _ in centres]
+    points = vehicle_points(rng, centres, axes)
+    np.save(tmp_path / "car.npy", with_disc(rng, points, centres[0], axes[0], axes[0], 0.085))
+    text = 'cloud = "car.npy"\nfront = [1, 0, 0]\ntarget = "wheel"\n[targets]\nRR = "disc-250"\n'
+    (tmp_path / "capture.toml").write_text(text, encoding="utf-8")
+    with open_capture(tmp_path) as capture:
+        kinds = capture.of_wheels
+        explanation = explain_capture(capture, Config())
+    (scan,) = explanation.scans
+    assert scan.status == "ok"
+    chosen = {one.wheel: one for one in scan.candidates if one.standing == "chosen"}
+    assert {name: one.target for name, one in chosen.items()} == {
+        name: kinds[name].description for name in names
+    }
+    for name, centre in zip(names, centres, strict=True):
+        assert np.linalg.norm(chosen[name].candidate.centre_m - centre) < 0.12
+        assert chosen[name].region == kinds[name].region
+    behind = [one for one in scan.candidates if one.finding == "other_target"]
+    assert {(one.wheel, one.target) for one in behind} == {("RR", kinds["FL"].description)}
+    shown = explanation_text(explanation)
+    assert all(kind.description in shown for kind in kinds.values())
+    tree = explanation_tree(explanation, {}, load_translations("en"))
+    assert {one["target"] for one in tree["scans"][0]["candidates"]} == {
+        kind.description for kind in kinds.values()
+    }

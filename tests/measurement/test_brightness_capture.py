@@ -68,6 +68,10 @@ def test_it_is_removed_noted_and_counted(tmp_path):
     for found in tree["wheels"]:
         assert found["brightness_step_m"] == pytest.approx(BIAS_M, abs=0.05 * BIAS_M)
         assert 0.0 < found["u_brightness_deg"] < found["u_plane_deg"]
+    for found, wheel in zip(tree["wheels"], wheels, strict=True):
+        off_m = np.linalg.norm(np.subtract(found["centre_m"], wheel.T_vehicle_target[:3, 3]))
+        assert 0.3 < off_m / found["u_centre_m"] < 3.0  # half the step is off, one way or the other
+        assert off_m > 0.4 * BIAS_M
     note = next(note for note in tree["notes"] if note.startswith("Ranges follow brightness"))
     assert all(f"mm ({name})" in note for name in WHEELS)
     assert "brightness" in json.dumps(tree["uncertainty"])

@@ -152,3 +152,19 @@ def test_three_points_are_refused():
     points = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0]])
     with pytest.raises(NotMeasuredError, match="fewer than 4 points agree"):
         fit(points, ClipSlab(np.eye(3), 0.0, SIGMA, RESOLUTION))
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.4, -0.7), (-0.2, 0.05)])
+def test_distances_of_points_in_other_axes_are_those_from_the_plane(tilt):
+    """By rows (3, 3) from the axes of the scan, by the plane's own, and by its nearest point."""
+    rng = np.random.default_rng(3)
+    axes, uvw = rotation(rng), rng.normal(size=(50, 3))
+    plane = ClippedPlane(np.zeros((1, 10)), rng.normal(size=3), np.array(tilt), np.eye(2), 0.0, 9)
+    rows, away = plane.distances(axes)
+    local = uvw @ axes @ rows.T
+    np.testing.assert_allclose(local[:, :2], uvw[:, :2], atol=1e-14)
+    np.testing.assert_allclose(local[:, 2] - away, plane.distance_m(uvw), atol=1e-14)
+    normal = plane.basis(axes)[2] @ axes.T
+    nearest = uvw - np.outer(plane.distance_m(uvw), normal)
+    u, v, w = (nearest - plane.centroid_m).T
+    np.testing.assert_allclose(w, tilt[0] * u + tilt[1] * v, atol=1e-14)

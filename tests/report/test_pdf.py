@@ -130,6 +130,24 @@ def test_nothing_is_fetched(caplog, tmp_path):
                    for r in caplog.records)  # fmt: skip
 
 
+ALONE = """
+import ctypes.util, gc, subprocess
+from wheelplane.report.html.pdf import pdf_report
+started, search, popen = [], ctypes.util.find_library, subprocess.Popen
+subprocess.Popen = lambda *given, **named: started.append(given) or popen(*given, **named)
+assert pdf_report("<p>x", "x").startswith(b"%PDF")
+assert ctypes.util.find_library is search and gc.isenabled()
+print(len(started))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="libraries are named otherwise")
+def test_no_process_is_started_to_find_a_library_and_all_is_as_before():
+    pytest.importorskip("weasyprint")
+    done = subprocess.run([sys.executable, "-c", ALONE], capture_output=True, text=True, check=True)
+    assert done.stdout == "0\n"
+
+
 def test_without_weasyprint_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "weasyprint", None)
     page = html_report(measured(1), None, ReportOptions(load_translations("en"), PAPER), still=True)

@@ -63,7 +63,7 @@ def check_alike(one, other, at=""):
 def check(found, tmp_path, conformity=None):
     path = tmp_path / "measurement.json"
     path.write_text(to_json(found, conformity))
-    assert is_measurement(path.read_bytes()[:200])
+    assert is_measurement(path)
     again = read_measurement(path, "measurement.json")
     trees = [json.loads(text) for text in (path.read_text(), to_json(*again))]
     check_alike(*map(kept, trees))

@@ -22,7 +22,7 @@ def patch_of(scan, target, config):
 
 def with_stated(fitted, plane, target, instrument):
     """The fitted target with the type B components that target and instrument state."""
-    sight_m = fitted.sight_m(plane, instrument.distance_m)
+    sight_m = fitted.sight_m(instrument.distance_m, None, plane)
     stated = with_type_b(fitted.components, fitted.normal, sight_m, target, instrument)
     return replace(fitted, components=stated)
 

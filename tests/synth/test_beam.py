@@ -10,6 +10,7 @@ from tests.support.made import DEFAULT, DISC, IDEAL, SALOON, changed, of_spot, r
 from tests.support.paths import CONFIGS
 from wheelplane_synth.errors import SynthError
 from wheelplane_synth.output.archive import write_capture
+from wheelplane_synth.output.whole import write_whole
 from wheelplane_synth.parameters.parameters import ScannerFile, Surfaces, VehicleFile
 from wheelplane_synth.parameters.recipe import read_recipe
 from wheelplane_synth.parameters.target_file import read_target
@@ -290,6 +291,28 @@ def test_a_surface_that_returns_less_than_the_threshold_is_not_there(tmp_path):
     assert intensity.min() >= 0.02
     assert uv[:, 0].max() < 0.0
     assert uv[:, 0].min() < -0.11
+
+
+def test_two_returns_are_the_points_of_the_first_and_of_the_last(tmp_path):
+    """Beams that meet two surfaces give two points, all others one."""
+    points = {}
+    for mode in ("first", "last", "two"):
+        beam = MODES | {"spot_radius_m": W_M, "return_mode": mode}
+        scanner = changed(IDEAL, tmp_path, {f"beam.{k}": v for k, v in beam.items()})
+        files = {"vehicle": SALOON, "scanner": scanner, "target": DISC}
+        write_capture(tmp_path / mode, seed=4, trials=0, **files)
+        found, _ = read_ply(tmp_path / mode / "fr.ply")
+        points[mode] = {row.tobytes() for row in found}
+        assert len(points[mode]) == len(found)
+    assert points["two"] == points["first"] | points["last"]
+    assert 20 < len(points["first"] - points["last"]) < len(points["first"]) / 4
+
+
+def test_two_returns_are_for_scans_of_single_wheels(tmp_path):
+    beam = MODES | {"return_mode": "two"}
+    scanner = changed(DEFAULT, tmp_path, {f"beam.{k}": v for k, v in beam.items()})
+    with pytest.raises(SynthError, match="return_mode 'two' scans wheel by wheel"):
+        write_whole(tmp_path / "w", seed=1, vehicle=SALOON, scanner=scanner, target=DISC)
 
 
 def test_a_return_mode_needs_its_gate(tmp_path):

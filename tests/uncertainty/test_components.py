@@ -20,6 +20,7 @@ from wheelplane.uncertainty.components import (
     pointing_component,
     range_bias_component,
     registration_component,
+    vertical_component,
 )
 
 DRAWS = 4000
@@ -235,3 +236,74 @@ def test_scans_of_one_station_share_its_errors_where_its_position_is_stated(evid
 
 
 NAMES = {"axes", "pointing", "registration"}
+
+
+def test_the_line_of_sight_without_mixed_pixels_is_that_from_the_stated_station(evidence):
+    """And along the normal where the station is unknown, or lies behind the target."""
+    from tests.support.single_scan import patch_of
+    from wheelplane.config import Config
+    from wheelplane.measure import fit_target
+    from wheelplane.readers import Scan
+
+    cloud, _ = evidence
+    patch = patch_of(Scan(cloud.face_m, None, "memory", 0), PLATE, Config())
+    pointing_rad, distance_m = 1e-3, 2.0
+    instrument = InstrumentConfig(pointing_urad=1e6 * pointing_rad, distance_m=distance_m)
+    behind = 2.0 * cloud.centre_m - cloud.viewpoint_m
+    lengths = {}
+    for name, station_m in (("front", cloud.viewpoint_m), ("behind", behind), ("none", None)):
+        here = replace(patch, station_m=station_m)
+        found = fit_target(here, PLATE, Config(instrument=instrument)).target
+        assert found.edge_fit is None
+        (pointing,) = (c for c in found.components if c.name == "pointing")
+        # three independent rotations move a centre at r by sqrt(2) |r| in all
+        lengths[name] = np.sqrt(np.trace(pointing.covariance[3:, 3:]) / 2.0) / pointing_rad
+    true_m = np.linalg.norm(cloud.viewpoint_m - cloud.centre_m)
+    assert lengths["front"] == pytest.approx(true_m, abs=0.005)
+    assert lengths["behind"] == lengths["none"] == pytest.approx(distance_m, abs=1e-9)
+
+
+def joint(component):
+    """Return the covariance (7, 7) of normal, centre and in-plane rotation."""
+    whole = np.vstack([component.factor, component.turn])
+    return whole @ whole.T
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_plane_component_is_its_jacobian_between_covariances(seed):
+    """Height and slopes at the centroid move normal, centre and rotation, all correlated."""
+    rng = np.random.default_rng(seed)
+    basis, lever, root = rotation(rng), rng.normal(size=3), rng.normal(size=(3, 3))
+    by_plane, by_turn = rng.normal(size=(2, 3)), rng.normal(size=3)
+    at_centre = np.eye(3)
+    at_centre[0, 1:] = basis[:2] @ lever
+    of_normal = np.hstack([np.zeros((3, 1)), -basis[:2].T])
+    of_centre = np.outer(basis[2], [1.0, 0.0, 0.0]) + basis[:2].T @ by_plane
+    J = np.vstack([of_normal, of_centre, by_turn]) @ at_centre
+    found = plane_component("p", root @ root.T, basis, lever, by_plane, turn_by_plane=by_turn)
+    np.testing.assert_allclose(joint(found), J @ root @ root.T @ J.T, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_centre_component_carries_position_and_rotation_together(seed):
+    rng = np.random.default_rng(seed)
+    basis, root = rotation(rng), rng.normal(size=(3, 3))
+    J = np.zeros((7, 3))
+    J[3:6, :2], J[6, 2] = basis[:2].T, 1.0
+    wanted = J @ root @ root.T @ J.T
+    np.testing.assert_allclose(
+        joint(centre_component("c", root @ root.T, basis)), wanted, atol=1e-12
+    )
+    alone = centre_component("c", (root @ root.T)[:2, :2], basis)
+    assert alone.turn is None
+    np.testing.assert_allclose(alone.factor @ alone.factor.T, wanted[:6, :6], atol=1e-12)
+
+
+def test_a_direction_moves_across_itself_alone():
+    """A vertical by two columns of tilt; a pointed station rotates a target by the axis' share."""
+    normal, tilt = np.array([2.0, -1.0, 2.0]) / 3.0, np.random.default_rng(1).normal(size=(3, 2))
+    found = vertical_component("v", normal, tilt, 7.0).factor
+    np.testing.assert_allclose(found[:3], tilt - np.outer(normal, normal @ tilt), atol=1e-15)
+    assert not found[3:].any()
+    turn = pointing_component(1e-3, np.array([3.0, 0.0, 1.0]), normal).turn
+    np.testing.assert_allclose(turn, 1e-3 * normal, atol=1e-18)

@@ -17,6 +17,7 @@ from wheelplane.uncertainty.distributions import (
     coverage_factor,
     f_beyond,
     f_sum_limits,
+    least_tail,
     power_of_f,
     power_of_t,
     quantile,
@@ -47,6 +48,15 @@ def test_tails_of_an_array_are_those_of_its_elements():
     x = np.array([[-2.0, 0.3, 7.0, 1.0, 30.0]] * 2)
     expected = [tail(a, dof) for a, dof in zip(x[0], DOF, strict=True)]
     np.testing.assert_allclose(tails(x, np.array([DOF] * 2)), [expected] * 2, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_least_tail_is_that_of_all(seed):
+    """The largest x has it only where it has the degrees of freedom as well."""
+    rng = np.random.default_rng(seed)
+    x, dof = rng.uniform(0.0, 6.0, 15), rng.choice([*DOF, 2.0, 4.0, math.inf], 15)
+    assert least_tail(x, dof) == pytest.approx(tails(x, dof).min(), rel=1e-9)
+    assert least_tail(x[:1], dof[:1]) == pytest.approx(tail(x[0], dof[0]), rel=1e-12)
 
 
 @pytest.mark.parametrize("level", LEVELS)
@@ -213,3 +223,31 @@ def test_power_with_a_rectangle_is_the_rate_of_detection(own):
     rate = np.mean(shift + seen > quantile(0.975, dof, share) * drawn)
     assert power == pytest.approx(rate, abs=0.005 if math.isinf(own) else 0.06)
     assert abs(power_of_t(shift, 0.95) - rate) > 0.01
+
+
+@pytest.mark.parametrize("uniform", [0.0, 0.3, 0.9])
+@pytest.mark.parametrize("dof", [1.0, 3.0, 40.0, math.inf])
+@pytest.mark.parametrize("probability", [0.3, 0.6, 0.975])
+def test_quantiles_lie_on_both_sides_of_the_median(probability, dof, uniform):
+    """That of 1 - p is the opposite of that of p, and below zero only under a half."""
+    dof = dof / (1.0 - uniform**2) ** 2
+    one, other = quantile(probability, dof, uniform), quantile(1.0 - probability, dof, uniform)
+    assert one == pytest.approx(-other, rel=1e-12)
+    assert (one > 0.0) == (probability > 0.5)
+    assert quantile(0.5, dof, uniform) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("shift", [0.5, 2.5])
+@pytest.mark.parametrize("uniform", [0.2, 0.8])
+def test_power_with_a_rectangle_is_its_mean_over_the_rectangle(uniform, shift):
+    """By adaptive quadrature of the noncentral t; 200 nodes leave some 1e-5."""
+    scale = math.sqrt(1.0 - uniform**2)
+    dof = 6.0 / scale**4
+    limit = quantile(0.975, dof, uniform) / scale
+    half = math.sqrt(3.0) * uniform
+
+    def detected(inside):
+        return stats.nct.sf(limit, 6.0, (shift + inside) / scale)
+
+    wanted = integrate.quad(detected, -half, half, epsabs=1e-9)[0] / (2.0 * half)
+    assert power_of_t(shift, 0.95, dof, uniform) == pytest.approx(wanted, abs=3e-5)

@@ -104,6 +104,13 @@ def test_what_the_tests_cannot_tell_apart_is_left_out(tmp_path):
     assert abs(scale.value - 60.0) < 4.0 * scale.u
 
 
+def test_only_what_a_test_could_have_shown_is_left_out(tmp_path):
+    """Lengths alone say nothing of the axes, neither terms nor what is missing."""
+    found = evaluate_tests([lengths(tmp_path / "l.csv", between=False)])
+    assert [term.key for term in found.terms] == ["range_scale_ppm"]
+    assert found.left_out == ("range_bias_m",)
+
+
 def test_few_lengths_are_no_better_than_their_references(tmp_path):
     found = evaluate_tests([lengths(tmp_path / "l.csv", 3, repeats=1, noise=0.0)])
     (fit,) = found.fits
@@ -175,3 +182,131 @@ def test_two_files_of_one_kind_are_refused(tmp_path):
     both = [two_faces(tmp_path / "a.csv"), two_faces(tmp_path / "b.csv", 1)]
     with pytest.raises(InputError, match="join both in one file"):
         evaluate_tests(both)
+
+
+def test_both_parts_of_eccentricities_are_found_without_noise(tmp_path):
+    """Seen over all azimuths and 80 degrees of elevation: sine and cosine, in any phase."""
+    found = evaluate_tests([two_faces(tmp_path / "f.csv", count=200, steep_deg=80.0, noise=0.0)])
+    values = {term.key: term.value for term in found.terms}
+    assert found.left_out == ()
+    assert values["azimuth_eccentricity_arcsec"] == pytest.approx(9.0, abs=1e-3)
+    assert values["elevation_eccentricity_arcsec"] == pytest.approx(14.0, abs=1e-3)
+    assert values["vertical_index_arcsec"] == pytest.approx(12.0, abs=1e-3)
+
+
+def faces_file(path, rows):
+    lines = [f"T{k},{face},{a:.9f},{e:.9f},0.4" for k, face, a, e in rows]
+    path.write_text("\n".join([",".join(FACES), *lines]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("offset", [0.0, 180.0, -180.0, 720.0, -359.9])
+def test_azimuths_count_in_any_turn_and_from_any_zero(tmp_path, offset):
+    """Each reading in a turn of its own, targets at elevations 180 degrees off the azimuth too."""
+    rng = np.random.default_rng(1)
+    a, e, turns = rng.uniform(-180, 180, 30), rng.uniform(-60, 60, 30), rng.integers(-2, 3, (30, 2))
+    a[:10] = e[:10] + 180.0
+    apart = np.array([[-5.0, 5.0], [-3.0, 3.0]]) / 3600.0  # of azimuth, elevation; by face
+    rows = [
+        (k, face, a[k] + offset + 360.0 * turns[k, face - 1] + apart[0, face - 1],
+         e[k] + apart[1, face - 1])
+        for k in range(30) for face in (1, 2)
+    ]  # fmt: skip
+    terms = {t.key: t.value for t in evaluate_tests([faces_file(tmp_path / "f.csv", rows)]).terms}
+    assert terms["vertical_index_arcsec"] == pytest.approx(-3.0)
+    assert "trunnion_arcsec" in terms
+
+
+@pytest.mark.parametrize(
+    ("elevation", "azimuth_apart", "elevation_apart", "refused"),
+    [
+        (60.0, 0.9, 0.0, False),  # half of it across the beam
+        (60.0, 1.1, 0.0, True),
+        (60.0, -1.1, 0.0, True),
+        (0.0, 0.45, 0.0, False),
+        (0.0, 0.55, 0.0, True),
+        (60.0, 0.0, 0.45, False),
+        (60.0, 0.0, 0.55, True),
+        (60.0, 0.0, -0.55, True),
+    ],
+)
+def test_faces_half_a_degree_apart_across_the_beam_are_two_targets(
+    tmp_path, elevation, azimuth_apart, elevation_apart, refused
+):
+    rows = [(k, face, 30.0 * k, elevation) for k in range(12) for face in (1, 2)]
+    k, face, a, e = rows[5]
+    rows[5] = (k, face, a + azimuth_apart, e + elevation_apart)
+    path = faces_file(tmp_path / "f.csv", rows)
+    if refused:
+        with pytest.raises(InputError, match="both faces of target 'T2'"):
+            evaluate_tests([path])
+    else:
+        evaluate_tests([path])
+
+
+def pairs_file(path, rows):
+    lines = [f"L{k}," + ",".join(f"{x:.12g}" for x in row) for k, *row in rows]
+    path.write_text("\n".join([",".join(LENGTHS), *lines]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("repeated", [False, True])
+def test_terms_of_the_range_are_those_of_weighted_least_squares(tmp_path, repeated):
+    """Pairs at any angle, of unlike u and number; an offset's effect by moving the points."""
+    rng, rows, columns, means, counts, us, scatters = (
+        np.random.default_rng(4),
+        [],
+        [],
+        [],
+        [],
+        [],
+        [],
+    )
+    for k in range(20):
+        p, q = rng.uniform(2, 4, 2) * (1 + 3 * (k % 2))
+        angle = rng.uniform(0.5, 1.0) if k % 2 else rng.uniform(2.0, 3.0)
+        sides = [
+            np.hypot(p + o - (q + o) * np.cos(angle), (q + o) * np.sin(angle)) for o in (0, 1e-6)
+        ]
+        by_offset, u = (sides[1] - sides[0]) / 1e-6, rng.uniform(1e-5, 2e-4)
+        count = 1 + k % 4 if repeated else 1
+        errors = 8e-4 * by_offset + 6e-5 * sides[0] + rng.normal(0, 3e-4, 4)[:count]
+        rows += [(k, sides[0] + error, sides[0], u, p, q) for error in errors]
+        columns.append([by_offset, 1e-6 * sides[0]])
+        means.append(errors.mean())
+        scatters.append(np.sum((errors - errors.mean()) ** 2))
+        counts.append(count)
+        us.append(u)
+    (fit,) = evaluate_tests([pairs_file(tmp_path / "l.csv", rows)]).fits
+    pooled = sum(scatters) / max(len(rows) - 20, 1)
+    weight = 1.0 / np.sqrt(np.square(us) + pooled / np.array(counts))
+    design = weight[:, None] * np.array(columns)
+    wanted, (square,), *_ = np.linalg.lstsq(design, weight * means)
+    np.testing.assert_allclose(fit.values, wanted, rtol=1e-5)
+    by_scatter, by_stated = square / 16, 1.0  # of Student's t with 18 degrees of freedom
+    inverse = np.linalg.inv(design.T @ design)
+    np.testing.assert_allclose(fit.covariance, max(by_scatter, by_stated) * inverse, rtol=1e-4)
+
+
+@pytest.mark.parametrize(("share", "refused"), [(0.9992, False), (0.9988, True)])
+def test_a_length_lies_between_difference_and_sum_of_the_ranges_within_a_thousandth(
+    tmp_path, share, refused
+):
+    rows = [(k, 1.0 + k, 1.0 + k, 1e-4, 2.0, 3.0 + k) for k in range(8)]
+    for length in (2.0 * share, 8.0 / share):  # ranges 3 and 5
+        path = pairs_file(tmp_path / "l.csv", [*rows, (8, length, length, 1e-4, 3.0, 5.0)])
+        if refused:
+            with pytest.raises(InputError, match="cannot lie between points"):
+                evaluate_tests([path])
+        else:
+            evaluate_tests([path])
+
+
+@pytest.mark.parametrize(
+    "row", ["T1,1,,5.0,3.0", "T1,1,10.0,5.0,0.0", "T1,1,10.0,5.0,", "T1,1,1e6,5,3"]
+)
+def test_an_empty_cell_or_no_range_is_refused_with_its_line(tmp_path, row):
+    path = tmp_path / "f.csv"
+    path.write_text(f"{','.join(FACES)}\n{ROW}\n,,,,\n# note\n{row}\n")
+    with pytest.raises(InputError, match="line 5: "):
+        evaluate_tests([path])

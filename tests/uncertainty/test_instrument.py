@@ -97,9 +97,10 @@ def stated(values, normal, sight, station=None):
     return [component for component in found if component.factor.any()]
 
 
+@pytest.mark.parametrize("seed", [7, 8, 9, 10])
 @pytest.mark.parametrize("which", ["azimuth", "elevation"])
-def test_an_eccentricity_is_that_of_all_phases(which):
-    normal, sight = scene(7)
+def test_an_eccentricity_is_that_of_all_phases(which, seed):
+    normal, sight = scene(seed)
     (found,) = stated({f"{which}_eccentricity_arcsec": 15.0}, normal, sight)
     total = np.zeros((6, 6))
     phases = np.linspace(0, 2 * np.pi, 24, endpoint=False)
@@ -194,7 +195,7 @@ def ratio_of(observation, truth):
     """Error of a centre in its plane, along the beams, over u."""
     fitted, true = observation.fitted, truth[observation.name]
     normal = np.array(true["normal"])
-    beam = fitted.sight_m(observation.evidence.plane, 2.5)
+    beam = fitted.sight_m(2.5, None, observation.evidence.plane)
     along = beam - (beam @ normal) * normal
     along /= np.linalg.norm(along)
     return (
@@ -202,3 +203,25 @@ def ratio_of(observation, truth):
         @ (fitted.centre_m - true["centre_m"])
         / np.sqrt(along @ fitted.centre_covariance_m2 @ along)
     )
+
+
+def test_a_centre_shifts_within_its_plane_along_the_sight_by_the_sine_of_incidence():
+    normal, sight = scene(3)
+    sine = np.linalg.norm(np.cross(normal, sight)) / np.linalg.norm(sight)
+    for away in (0.1, 1.0, 7.0):
+        shift = edge_shift_m(1e-3, away * sight, normal)
+        assert shift @ normal == pytest.approx(0.0, abs=1e-18)
+        assert np.linalg.norm(shift) == pytest.approx(4e-4 * sine)
+        assert shift @ sight > 0.9 * np.linalg.norm(shift) * np.linalg.norm(sight) * sine
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_a_target_square_to_an_axis_is_like_any_other(axis):
+    """Its components are those of one turned by a nanoradian."""
+    normal = np.vstack([np.eye(3), -np.eye(3)])[axis]
+    sight = -2.0 * normal + np.array([0.3, 0.4, 0.5])
+    near = normal + 1e-9 * np.array([1.0, -1.0, 1.0])
+    values = {"collimation_arcsec": 15.0, "vertical_index_arcsec": 9.0, "range_scale_ppm": 50.0}
+    pair = [stated(values, n / np.linalg.norm(n), sight) for n in (normal, near)]
+    for one, other in zip(*pair, strict=True):
+        np.testing.assert_allclose(one.factor, other.factor, atol=1e-12)

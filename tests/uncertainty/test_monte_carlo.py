@@ -1,5 +1,6 @@
 """The Monte Carlo check: an independent model agrees; a wrong formula is detected."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,8 @@ from scipy import stats
 from tests.support.given import components
 from tests.uncertainty.test_propagation import WHEELS, car, values
 from wheelplane.uncertainty.components import UncertaintyComponent
-from wheelplane.uncertainty.monte_carlo import BLOCK, TOLERANCE, _moved, monte_carlo
+from wheelplane.uncertainty.monte_carlo import BLOCK, TOLERANCE, _ends, _moved, _status, monte_carlo
+from wheelplane.uncertainty.monte_carlo_model import independent_quantities
 from wheelplane.uncertainty.propagation import Effect, propagate
 
 
@@ -126,3 +128,77 @@ def test_shared_components_are_drawn_together():
     assert drawn(together, 20_000).standard.max() < 1e-12
     apart = [replace(t, components=(UncertaintyComponent("shift", shift),)) for t in together]
     assert drawn(apart, 20_000).standard.min() > 1e-6
+
+
+def test_the_results_are_those_of_the_draws_where_nothing_is_linear():
+    """Centres wrong by a tenth of the track with their normals: against draws made here."""
+    rng, wild = np.random.default_rng(5), []
+    for target in car(7):
+        root = np.vstack([0.05 * np.eye(3), 0.15 * np.eye(3) + 0.05 * rng.normal(size=(3, 3))])
+        wild.append(replace(target, components=(UncertaintyComponent("wild", root),)))
+    found = drawn(wild, 20_000)
+    normals = np.stack([target.normal for target in wild])
+    centres = np.stack([target.centre_m for target in wild])
+    moves = [rng.standard_normal((20_000, 3)) @ target.components[0].factor.T for target in wild]
+    moved = np.stack(moves, axis=1)
+    values = independent_quantities(normals + moved[..., :3], centres + moved[..., 3:], WHEELS)
+    # Of two samples of 20,000: 5 standard deviations of a mean, a spread, and an end.
+    u = values.std(axis=0)
+    share = 5.0 * np.sqrt(2.0 / 20_000)
+    assert np.all(np.abs(found.mean - values.mean(axis=0)) < share * u)
+    np.testing.assert_allclose(found.standard, u, rtol=3.0 * share)
+    for end, level in ((found.low, 0.025), (found.high, 0.975)):
+        spread = np.quantile(
+            values, level + np.array([[-5.0], [5.0]]) * np.sqrt(2 * 0.025 / 2e4), axis=0
+        )
+        assert np.all((spread[0] <= end) & (end <= spread[1]))
+    base = independent_quantities(normals[None], centres[None], WHEELS)[0]
+    assert np.any(np.abs(values.mean(axis=0) - base) > 3.0 * share * u)  # it is not linear
+    ends = np.abs([found.low - base + found.expanded, found.high - base - found.expanded])
+    np.testing.assert_allclose(found.end_difference, ends.max(axis=0), atol=1e-12)
+    np.testing.assert_allclose(found.half, (found.high - found.low) / 2.0, rtol=1e-15)
+    np.testing.assert_allclose(found.tolerance, 0.5 / 10.0 * found.formula, rtol=1e-15)
+
+
+@pytest.mark.parametrize(("most", "draws"), [(1, 2), (29_999, 2), (30_000, 3), (39_999, 3)])
+def test_as_many_whole_blocks_are_drawn_as_are_allowed_but_two(most, draws):
+    assert drawn(car(2), most).draws == draws * BLOCK
+
+
+@pytest.mark.parametrize("draws", [200, 1000])
+def test_the_interval_leaves_out_as_many_on_either_side(draws):
+    """JCGM 101, 7.7.2: q = 0.95 M between the ends, of order r = (M - q)/2 and r + q."""
+    values = np.random.default_rng(1).permutation(np.arange(1.0, draws + 1.0))[:, None]
+    assert _ends(values).ravel().tolist() == [0.025 * draws, 0.975 * draws]
+
+
+def blocks(low, high, doubt):
+    """Ends (B, 2, Q) of eight blocks, off the mean by doubt sqrt(8)/2 (one sigma) alternately."""
+    signs = np.array([1.0, -1.0] * 4)[:, None, None] * math.sqrt(7 / 8)
+    return np.array([low, high]) + signs * np.asarray(doubt) * math.sqrt(8) / 2.0
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "doubt", "status"),
+    [
+        ([-1.0, -1.0], [1.0, 1.0], [0.0097, 0.0097], "agree"),
+        ([-1.0, -1.0], [1.0, 1.0], [0.0097, 0.0103], "not-converged"),  # a fifth of the tolerance
+        ([-1.0, -1.0], [1.0, 1.04], [0.0097, 0.0097], "agree"),
+        ([-1.0, -1.055], [1.0, 1.0], [0.0097, 0.0097], "not-converged"),  # not beyond doubt
+        ([-1.0, -1.0], [1.0, 1.065], [0.0097, 0.0097], "disagree"),
+        ([-1.0, -0.935], [1.0, 1.0], [0.0097, 0.0097], "disagree"),
+        ([-1.0, -1.0], [0.7, 1.0], [0.2, 0.001], "disagree"),
+        ([-1.0, -1.0], [0.7, 1.0], [0.3, 0.001], "not-converged"),
+    ],
+)
+def test_ends_agree_within_the_tolerance_beyond_two_sigma(low, high, doubt, status):
+    half = np.ones(2)
+    assert _status(blocks(low, high, doubt), half, 0.05 * half) == status
+
+
+def test_both_ends_count_and_the_larger_doubt_of_the_two():
+    one_end = (
+        np.array([[[-1.0], [1.2]]] * 8)
+        + np.array([0.3, 0.0])[:, None] * (np.array([1.0, -1.0] * 4)[:, None, None])
+    )
+    assert _status(one_end, np.ones(1), np.array([0.05])) == "not-converged"

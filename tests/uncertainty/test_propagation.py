@@ -13,7 +13,7 @@ from tests.support.plain_geometry import all_plain
 from tests.support.scenes import rotation
 from wheelplane.centre.locate_centre import TargetFit
 from wheelplane.uncertainty.components import UncertaintyComponent
-from wheelplane.uncertainty.propagation import propagate
+from wheelplane.uncertainty.propagation import effective_dof, effects_of, propagate
 from wheelplane.vehicle.definitions import VEHICLE, WHEEL
 from wheelplane.vehicle.frame import REFERENCE_WHEELS
 from wheelplane.vehicle.jacobian import jacobian
@@ -295,3 +295,22 @@ def test_degrees_of_freedom_by_welch_and_satterthwaite():
     assert np.all(np.isinf(propagate(targets, WHEELS).dof))
     np.testing.assert_allclose(known.coverage_factor, stats.t.ppf(0.975, known.dof), rtol=1e-9)
     assert propagate(targets, WHEELS).coverage_factor == pytest.approx(stats.norm.ppf(0.975))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_contributions_of_all_components_are_the_variance(seed):
+    known = propagate(car(seed), WHEELS)
+    assert known.contributions.min() >= 0.0
+    variance = np.diag(known.covariance)
+    np.testing.assert_allclose(known.contributions.sum(axis=1), variance, rtol=1e-12, atol=1e-30)
+
+
+@pytest.mark.parametrize(("pooled", "dof"), [(None, 16.0), (False, 16.0), (True, 8.0)])
+def test_a_pooled_estimate_is_one_and_two_of_one_size_have_twice_its_dof(pooled, dof):
+    """Noise of two targets, each with 8 degrees of freedom, independent unless it is stated."""
+    choice = {} if pooled is None else {"pooled": pooled}
+    noise = UncertaintyComponent("noise", np.eye(6)[:, :1], 8.0, **choice)
+    targets = [replace(car(1)[i], components=(noise,)) for i in range(2)]
+    effects = effects_of(targets)
+    found = effective_dof(effects, [np.ones(1), np.ones(1)], np.array([2.0]))
+    assert found == pytest.approx([dof])

@@ -1,6 +1,7 @@
 """Toe and camber: signs from plain geometry, values from rotated wheels, text of angles."""
 
 import math
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -54,6 +55,19 @@ def test_the_angles_of_a_rotated_wheel_are_recovered(wheel, toe_deg, camber_deg)
             math.tan(camber) / math.cos(toe), abs=1e-12
         )
         np.testing.assert_allclose(outward_normal(frame, sense * normal, wheel), normal, atol=1e-12)
+
+
+@pytest.mark.parametrize("wheel", REFERENCE_WHEELS)
+def test_angles_from_a_vertical_are_those_of_a_frame_whose_up_it_is(wheel):
+    """As it is, and of a frame rolled about the car's forward axis: toe stays, camber follows."""
+    frame, n = build_reference_frame(CENTRES), rotated_wheel(wheel, -0.6, 0.05)
+    one, two = (astuple(wheel_angles(frame, n, wheel, up)) for up in (None, frame.up))
+    assert two == pytest.approx(one, abs=1e-14)
+    roll = Rotation.from_rotvec(0.03 * FORWARD)
+    rolled = wheel_angles(build_reference_frame(roll.apply(CENTRES)), n, wheel)
+    found = wheel_angles(frame, n, wheel, roll.apply(UP))
+    assert found.camber_rad == pytest.approx(rolled.camber_rad, abs=1e-14)
+    assert abs(found.camber_rad - 0.05) > 0.02
 
 
 def test_two_cambers_differ_by_a_second_at_toe_1_camber_2():

@@ -7,13 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from wheelplane.vehicle.autodiff import Dual, atan2, constant, cos, length, sin
+from wheelplane.vehicle.autodiff import Dual, atan2, constant, cos, length, over, sin
 
 STEP = 1e-5
 FUNCTIONS = {
     "sum": (lambda x, y, z: x + y - z, lambda x, y, z: x + y - z),
     "product": (lambda x, y, z: x * y * z, lambda x, y, z: x * y * z),
     "scaled": (lambda x, y, z: -(x * 3.0) / 7.0 + y * z, lambda x, y, z: -3 * x / 7 + y * z),
+    "quotient": (lambda x, y, z: over(x * y, z), lambda x, y, z: x * y / z),
     "sine": (lambda x, y, z: sin(x * y) - sin(z), lambda x, y, z: math.sin(x * y) - math.sin(z)),
     "cosine": (lambda x, y, z: cos(x + y) * z, lambda x, y, z: math.cos(x + y) * z),
     "angle": (lambda x, y, z: atan2(x, y) * z, lambda x, y, z: math.atan2(x, y) * z),

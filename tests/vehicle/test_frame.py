@@ -160,6 +160,10 @@ BAD = {
     "near": (np.vstack([RECTANGLE[:3], RECTANGLE[1] + 0.001]), "RL and FL are only 0.0017 m"),
     "collinear": (np.outer([0, 1, 2, 3], [1, 2, 3]), "RR, RL, FR lie on one line"),
     "three": ([[0, 0, 0], [0, 1, 0], [0.01, 2, 0], [2, 1, 0]], "RR, RL, FR lie on one line"),
+    "three of the front": (
+        [[0, 0, 0], [0, 1.5, 0], [2, 0, 0], [1, 0.75, 0]],
+        "RL, FR, FL lie on one line",
+    ),
     "perpendicular": ([[0, 0, 0], [0, 1.5, 0], [1, 0.7, 0], [2.5, 0.7, 0]], "90.00°"),
     "diagonals": (DIAGONALS, "passes 0.0000 m from the middle"),
     "nan": (np.where(np.eye(4, 3) == 1, np.nan, RECTANGLE), "wheel RR is \\(nan, "),
@@ -222,3 +226,25 @@ def test_no_length_of_a_frame_is_under_a_twentieth_of_its_spread(case, words):
     for share in (0.0481, 0.03, 0.001):
         with pytest.raises(InputError, match=words):
             build_reference_frame(bounded(**{case: share}))
+
+
+def front_axle_at(cosine):
+    along = np.array([np.sqrt(1.0 - cosine**2), cosine, 0.0])
+    front = np.array([[1.5, 1.0, 0.0]] * 2) + np.outer([-0.35, 0.35], along)
+    return np.vstack([[[0, -0.25, 0], [0, 0.25, 0]], front])
+
+
+@pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
+def test_what_is_refused_does_not_depend_on_the_size_of_the_vehicle(scale):
+    """Shares of the spread and the cosine of the axles have no unit."""
+    for case in ("closest", "height", "base"):
+        build_reference_frame(scale * bounded(**{case: 0.056}))
+        with pytest.raises(InputError):
+            build_reference_frame(scale * bounded(**{case: 0.0481}))
+    build_reference_frame(scale * front_axle_at(0.101))
+    with pytest.raises(InputError, match=r"is at 84\.\d\d° to the rear axle"):
+        build_reference_frame(scale * front_axle_at(0.099))
+    with pytest.raises(InputError, match=r"is at 95\.\d\d° to the rear axle"):
+        build_reference_frame(scale * front_axle_at(-0.099))
+    with pytest.raises(InputError, match="runs against the rear axle"):
+        build_reference_frame(scale * front_axle_at(-0.101))

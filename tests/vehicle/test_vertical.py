@@ -59,3 +59,70 @@ def test_without_floor_beside_every_wheel_there_is_none():
     away = everywhere[np.linalg.norm(everywhere[:, :2] - WHEELS[0, :2], axis=1) > 1.0]
     assert fit_floor(away, WHEELS) is None
     assert fit_floor(np.zeros((0, 3)), WHEELS) is None
+
+
+def beside(wheels, cells, each, height=LEVEL):
+    """Points of a level floor: as many in as many cells of 0.2 m beside each wheel."""
+    middles = np.array([[x, y] for x in (0.1, 0.3) for y in (0.1, 0.3, 0.5)])
+    spots = [np.asarray(wheel[:2]) + middles[:n] for wheel, n in zip(wheels, cells, strict=True)]
+    xy = np.concatenate(spots).repeat(each, axis=0)
+    xy = xy + np.random.default_rng(2).uniform(-0.05, 0.05, xy.shape)
+    return np.column_stack([xy, np.full(len(xy), height)])
+
+
+APART = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [-1.0, 3.0, 0.0], [1.0, 9.0, 0.0]])
+
+
+def test_a_floor_needs_four_cells_of_four_points_beside_each_wheel():
+    assert fit_floor(beside(APART, [4, 4, 4, 4], 4), APART).dof == 16 - 3
+    assert fit_floor(beside(APART, [6, 6, 6, 6], 3), APART) is None
+    for few in range(4):
+        cells = [3 if i == few else 6 for i in range(4)]
+        assert fit_floor(beside(APART, cells, 8), APART) is None
+
+
+@pytest.mark.parametrize("wheel", range(4))
+def test_each_wheel_has_the_cells_that_are_nearest_to_it(wheel):
+    """The same cells in any order of the wheels, also where one is far from the others."""
+    order = np.roll(np.arange(4), wheel)
+    floor = fit_floor(beside(APART, [4, 5, 6, 4], 8), APART[order])
+    assert floor.dof == 19 - 3
+    assert floor.depth_m == pytest.approx(-LEVEL, abs=1e-12)
+
+
+@pytest.mark.parametrize("depth", [0.06, 0.1, 0.95, 1.05])
+def test_a_floor_lies_8_to_100_cm_below_the_wheel_centres(depth):
+    floor = fit_floor(beside(APART, [6, 6, 6, 6], 8, -depth), APART)
+    if 0.08 < depth < 1.0:
+        assert floor.depth_m == pytest.approx(depth, abs=1e-12)
+    else:
+        assert floor is None
+
+
+def test_what_lies_elsewhere_changes_nothing():
+    """A pit, the body, and heaps further than 0.8 m from every wheel; nearer they would count."""
+    alone, rng = points(5), np.random.default_rng(6)
+    pit = rng.uniform((-2.0, -1.5, -1.6), (2.0, 4.5, -1.05), (20_000, 3))
+    body = rng.uniform((-2.0, -1.5, -0.07), (2.0, 4.5, 1.0), (20_000, 3))
+    heaps = rng.uniform((-2.0, -1.5, LEVEL - 0.02), (2.0, 4.5, LEVEL), (20_000, 3))
+    apart = np.linalg.norm(heaps[:, None, :2] - WHEELS[:, :2], axis=2).min(axis=1)
+    one = fit_floor(alone, WHEELS)
+    two = fit_floor(np.concatenate([alone, pit, body, heaps[apart > 0.81]]), WHEELS)
+    np.testing.assert_array_equal(two.slopes, one.slopes)
+    np.testing.assert_array_equal(two.covariance, one.covariance)
+    near = fit_floor(np.concatenate([alone, heaps[(apart > 0.7) & (apart < 0.79)]]), WHEELS)
+    assert np.abs(near.slopes - one.slopes).max() > 1e-6
+
+
+def test_the_floor_is_found_under_what_lies_on_it_and_over_its_mirror_image():
+    """100 points lie beside a wheel: each cell has 60 on a mat of 3 to 5 cm, 4 mirrored below."""
+    rng = np.random.default_rng(7)
+    found = beside(APART, [6, 6, 6, 6], 100)
+    part = np.tile(np.arange(100), len(found) // 100)
+    on_mat = part < 60
+    found[on_mat, 2] += rng.uniform(0.03, 0.049, np.count_nonzero(on_mat))
+    found[part >= 96, 2] -= 0.3
+    found[:, 2] += found[:, :2] @ SLOPES
+    floor = fit_floor(found, APART)
+    np.testing.assert_allclose(floor.slopes, SLOPES, atol=1e-12)
+    assert floor.depth_m == pytest.approx(-LEVEL - np.mean(APART[:, :2] @ SLOPES), abs=1e-12)

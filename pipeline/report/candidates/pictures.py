@@ -189,7 +189,8 @@ def _palette() -> np.ndarray[tuple[int, int], np.dtype[np.uint8]]:
 def _candidate(one: ExplainedCandidate, scan: ExplainedScan, seen: _Seen) -> list[Mark]:
     """Draw the target's outline where the candidate lies, with its number and match."""
     found, colour = one.candidate, COLOURS[one.standing]
-    outline = scan.region.polygons_m(CORNERS)[0] @ found.basis[:2] + found.centre_m
+    region = one.region or scan.region
+    outline = region.polygons_m(CORNERS)[0] @ found.basis[:2] + found.centre_m
     edge = seen.at(outline)
     x, y = seen.at(found.centre_m[None])[0]
     dash = None if one.standing == "chosen" else (6.0, 4.0)

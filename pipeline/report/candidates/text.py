@@ -20,12 +20,14 @@ def _scan(scan: ExplainedScan, unit: str) -> str:
         return head
     words = load_translations("en")
     heading = ("", "verdict", "centre / m", "match", "noise / mm", "points")
-    rows: list[tuple[str, ...]] = [heading]
+    several = any(one.target for one in scan.candidates)
+    rows: list[tuple[str, ...]] = [(*heading, "target") if several else heading]
     for one in scan.candidates:
         centre = ", ".join(f"{x:.3f}" for x in one.candidate.centre_m + 0.0)
         noise = f"{one.candidate.sigma_m * 1e3:.2f}"
         match, points = f"{one.candidate.match:.2f}", str(one.candidate.points)
-        rows.append((str(one.number), verdict_of(one, words), f"({centre})", match, noise, points))
+        row = (str(one.number), verdict_of(one, words), f"({centre})", match, noise, points)
+        rows.append((*row, one.target) if several else row)
     lines = [head, aligned(rows, left=2)]
     if not scan.is_measured and (hint := hint_of(scan, scan.candidates[0], unit)):
         lines.append(f"  to choose the first: --hint {hint}, or [hints] in capture.toml")

@@ -77,6 +77,7 @@ def _scan(
                 "finding": one.finding,
                 "verdict": verdict_of(one, words),
                 "wheel": one.wheel or None,
+                "target": one.target or None,
                 "match": round(one.candidate.match, 4),
                 "centre_m": one.candidate.centre_m.tolist(),
                 "normal": one.candidate.normal.tolist(),

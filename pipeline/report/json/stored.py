@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...capture import Turn
+from ...capture import Turn, is_capture
 from ...centre import InPlaneRotation, TargetFit
 from ...errors import ConfigError, InputError
 from ...kinematics import solve
@@ -34,12 +34,24 @@ from ...uncertainty import MonteCarlo, UncertaintyComponent
 from ...vectors import Array
 from ..format.earlier import SCHEMA, read_tree
 
+RECORD, HEAD_BYTES = "measurement.json", 200
+
 Tree = Mapping[str, Any]
 
 
-def is_measurement(head: bytes) -> bool:
-    """Return whether a file that begins with these bytes is a measurement.json."""
-    return head.lstrip().startswith(b"{") and SCHEMA.encode() in head[:200]
+def is_measurement(path: Path) -> bool:
+    """Return whether a file is a measurement.json, by its first bytes."""
+    with path.open("rb") as stream:
+        head = stream.read(HEAD_BYTES)
+    return head.lstrip().startswith(b"{") and SCHEMA.encode() in head
+
+
+def record_of(source: Path) -> Path | None:
+    """Return the measurement.json that a source is, or that a folder without a capture holds."""
+    if source.is_dir():
+        record = source / RECORD
+        return record if record.is_file() and not is_capture(source) else None
+    return source if source.is_file() and is_measurement(source) else None
 
 
 def read_measurement(path: Path, name: str) -> tuple[Measurement, Conformity | None]:
