@@ -58,12 +58,18 @@ def target_depth_m(state: Array, sigma_m: float) -> float:
 
 
 def clean_equations(
-    problem: EdgeProblem, state: Array, robust: bool, rough: bool, by_power: bool
+    problem: EdgeProblem,
+    state: Array,
+    robust: bool,
+    rough: bool,
+    by_power: bool,
+    by_background: bool = True,
 ) -> Equations:
     """Linearise the depths of the target's points, and the points next to the edge, at `state`.
 
     rough: far from convergence, where points farther from the edge still count. by_power: whether
     returns part by power; else the least part of a footprint on face or wall decides, however dark.
+    by_background: whether the points next to the edge on its outer side count.
     """
     beams, depth = problem.beams(state), problem.depth
     seen = beams.clear & (depth > -5.0 * problem.sigma_m - 1e-4)
@@ -75,7 +81,8 @@ def clean_equations(
     face = on_target & (beams.x_m > -INNER_M) & (beyond < 0.0)
     known = (state if by_power else first_state(state)), (grid, table), robust, rough
     sides = _sides(problem, beams, beyond, (on_target, seen & ~on_target), *known)
-    parts = [_depths(problem, beams, face, state, robust, not rough), *sides]
+    depths, behind = _depths(problem, beams, face, state, robust, not rough), len(sides[1][0])
+    parts = [depths, *sides] if by_background else [depths, sides[0]]
     q_m, share, residual_m, slopes, weight, change, by_height = (
         np.concatenate(values) for values in zip(*parts, strict=True)
     )
@@ -87,7 +94,8 @@ def clean_equations(
         weight=weight,
         change=change,
         by_height=by_height,
-        depths=len(parts[0][0]),
+        depths=len(depths[0]),
+        behind=behind if by_background else 0,
         zones=Zones.alike(),
     )
 

@@ -104,7 +104,7 @@ class Equations:
     residual_m: (N,). slopes: (N, 11). weight: (N,) robust, over the variance. change: (N,)
     derivative of weight * residual by the residual. by_height: (N,) derivative of the residual
     by the plane's height. depths: number of first rows that are
-    depths; the others are places of the edge. None where all are depths.
+    depths; the others are places of the edge, the last `behind` of them on the background.
     """
 
     q_m: Array
@@ -116,6 +116,7 @@ class Equations:
     by_height: Array
     zones: Zones
     depths: int
+    behind: int = 0
 
     @cached_property
     def zone(self) -> npt.NDArray[np.int64]:

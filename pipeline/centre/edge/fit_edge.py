@@ -60,6 +60,7 @@ DIFFERENT = 0.18  # scatter of the zones' reflectances, in logs: 0 to 0.17 where
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST, LEAST_CLEAN = 24, 24  # points about an edge
 MIN_MIXED, MOST_CLEAN = 0.15, 0.35  # shares of mixed pixels: none below, certainly some above
+CONTRADICTED = 0.35  # share of outliers beside a clean edge: a background that says nothing
 MISFIT = 0.09  # share of outliers beyond which a fit to mixed pixels is none, between these
 STEP_M, CONVERGED_M = (
     2e-7,
@@ -198,9 +199,9 @@ def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit 
     problem = replace(problem, prior=problem.prior.by_power())
     state = state.copy()
     state[WALL] = problem.prior.mean[WALL]
-    found = _converge_clean(problem, state, config.max_iterations, by_power=True)
+    found = _explained(problem, state, config.max_iterations, by_power=True)
     if found.state[RATIO] < FIRST:
-        found = _converge_clean(problem, state, config.max_iterations, by_power=False)
+        found = _explained(problem, state, config.max_iterations, by_power=False)
     lies_m = shift_m(found.state)
     if lies_m < -ERODED * config.spot_radius_m:  # beams at the edge were filtered out
         return None
@@ -218,10 +219,25 @@ def _settled(fitted: EdgeFit, found: _Converged) -> EdgeFit:
     return replace(fitted, converged=found.last_m < max(CONVERGED_M, SETTLED * u_m))
 
 
-def _converge_clean(problem: EdgeProblem, state: Array, most: int, by_power: bool) -> _Converged:
+def _explained(problem: EdgeProblem, state: Array, most: int, by_power: bool) -> _Converged:
+    """Return the solution with the background, or without one that contradicts it.
+
+    The latter was seen from elsewhere, or hidden by something else: it says nothing of the beams.
+    """
+    found = _converge_clean(problem, state, most, by_power, by_background=True)
+    behind = found.equations.weight[len(found.equations.weight) - found.equations.behind :]
+    if len(behind) == 0 or float(np.mean(behind <= 0.0)) < CONTRADICTED:
+        return found
+    return _converge_clean(problem, found.state, most, by_power, by_background=False)
+
+
+def _converge_clean(
+    problem: EdgeProblem, state: Array, most: int, by_power: bool, by_background: bool
+) -> _Converged:
     """Iterate damped Gauss-Newton steps: the nearest points change from step to step."""
     for iteration in range(1, most + 1):
-        linear = clean_equations(problem, state, iteration > 9, iteration <= 6, by_power)
+        how = iteration > 9, iteration <= 6, by_power, by_background
+        linear = clean_equations(problem, state, *how)
         moved = step(linear, state, problem.prior)[0] * min(1.0, UNDAMPED / iteration)
         state = state + moved
         last_m = float(np.abs(moved[CENTRE]).max())
