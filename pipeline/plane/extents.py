@@ -4,38 +4,41 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..vectors import Array, Rows
-
-STRIPS = 1000  # across the points, of each of which the two outermost ones are looked at
-DIRECTIONS, ROUNDS = 90, 5  # compared at once; each round the best one's neighbours
+from ..vectors import Array
 
 
 def smallest_rectangle(uv_m: Array) -> tuple[float, float]:
     """Return the sides of the rectangle of least area about points uv_m (N, 2), the longer first.
 
-    The main directions of points are no guide: those of a square are arbitrary.
+    One of its sides lies along an edge of the convex hull. The main directions of points are no
+    guide: those of a square are arbitrary. Source: Freeman, Shapira, Commun. ACM 18 (1975) 409.
     """
-    outer = uv_m[_outermost(uv_m)]
-    low, width = 0.0, 0.5 * np.pi
-    for _ in range(ROUNDS):
-        angles = low + width * np.arange(DIRECTIONS + 1) / DIRECTIONS
-        best = float(angles[np.argmin([np.prod(_sides(outer, angle)) for angle in angles])])
-        low, width = best - width / DIRECTIONS, 2.0 * width / DIRECTIONS
-    short, long = np.sort(_sides(uv_m, best))
+    hull = _hull(uv_m)
+    edges = np.roll(hull, -1, axis=0) - hull
+    along = np.arctan2(edges[:, 1], edges[:, 0])
+    turns = np.mod(along - along[0], 2.0 * np.pi)  # growing: the vertices lie counterclockwise
+
+    def farthest(quarters: int) -> Array:
+        """Return the vertex (K, 2) farthest in the direction of each edge, turned by quarters."""
+        ahead = np.mod(turns + (quarters + 1) * 0.5 * np.pi, 2.0 * np.pi)
+        return np.asarray(hull[np.searchsorted(turns, ahead) % len(hull)])
+
+    units = np.stack([np.cos(along), np.sin(along)], axis=1)
+    across = np.stack([-units[:, 1], units[:, 0]], axis=1)
+    length = np.sum((farthest(0) - farthest(2)) * units, axis=1)
+    width = np.sum((farthest(1) - hull) * across, axis=1)
+    best = int(np.argmin(length * width))
+    short, long = np.sort(np.maximum([length[best], width[best]], 0.0))
     return float(long), float(short)
 
 
-def _outermost(uv_m: Array) -> Rows:
-    """Return the rows of uv_m (N, 2) with the least and the largest v of each strip of u."""
-    u, v = uv_m.T
-    strip = ((u - u.min()) * (STRIPS / max(float(np.ptp(u)), 1e-300))).astype(np.int64)
-    order = np.lexsort((v, strip))
-    first = np.flatnonzero(np.diff(strip[order], prepend=-1))
-    ends = np.concatenate([order[first], order[np.append(first[1:], len(order)) - 1]])
-    return np.append(ends, [np.argmin(u), np.argmax(u)])
+def _hull(uv_m: Array) -> Array:
+    """Return the vertices of the convex hull (K, 2), counterclockwise; of a line its two ends."""
+    from scipy.spatial import ConvexHull, QhullError
 
-
-def _sides(uv_m: Array, angle_rad: float) -> Array:
-    """Return the extents (2,) of uv_m (N, 2) along and across a direction."""
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    return np.asarray(np.ptp(uv_m @ np.array([[cos, -sin], [sin, cos]]), axis=0))
+    try:
+        return np.asarray(uv_m[ConvexHull(uv_m).vertices])
+    except (QhullError, ValueError):  # fewer than three points, or all on a line
+        away = uv_m - uv_m.mean(axis=0)
+        line = away @ np.linalg.svd(away.T @ away)[0][:, 0]
+        return np.asarray(uv_m[[np.argmin(line), np.argmax(line)]])

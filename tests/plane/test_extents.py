@@ -21,10 +21,22 @@ def test_a_rectangle_has_its_sides_however_it_lies(sides, degrees):
     assert short == pytest.approx(min(sides), rel=1e-3)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_no_direction_has_a_smaller_rectangle(seed):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(rng.integers(3, 300), 2)) @ rng.normal(size=(2, 2)) + 7.0
+    long, short = smallest_rectangle(points)
+    angles = np.radians(np.arange(0.0, 90.0, 0.01))
+    sides = [np.ptp(turned(points, angle), axis=0) for angle in angles]
+    least = min(sides, key=np.prod)
+    assert np.prod(least) * (1.0 - 3e-3) < long * short <= np.prod(least) * (1.0 + 1e-12)
+
+
 def test_a_point_and_a_line():
     assert smallest_rectangle(np.ones((5, 2))) == (0.0, 0.0)
     long, short = smallest_rectangle(np.outer(np.linspace(0.0, 1.0, 30), [3.0, 4.0]))
-    assert (long, short) == (pytest.approx(5.0), pytest.approx(0.0, abs=1e-3))
+    assert (long, short) == (pytest.approx(5.0), pytest.approx(0.0, abs=1e-12))
+    assert smallest_rectangle(np.array([[1.0, 1.0], [4.0, 5.0]])) == pytest.approx((5.0, 0.0))
 
 
 def test_the_faces_of_a_cube_are_squares():
