@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.support.scenes import rotation
 from wheelplane.cloud.moments import sums_by
 from wheelplane.errors import NotMeasuredError
-from wheelplane.plane.clipped_plane import ClippedPlane, ClipSlab, fit_clipped_plane
+from wheelplane.plane.clipped_plane import (
+    MARGIN,
+    ClippedPlane,
+    ClipSlab,
+    _converge,
+    fit_clipped_plane,
+)
 from wheelplane.plane.least_squares import total_least_squares
-from wheelplane.plane.sigma_clipping import Clipping, converge
+from wheelplane.plane.sigma_clipping import CLIPPED_SIGMA_RATIO, Clipping, converge
 from wheelplane.targets.outline import Circle, rectangle
 from wheelplane.targets.region import Region
 
@@ -168,3 +176,74 @@ def test_distances_of_points_in_other_axes_are_those_from_the_plane(tilt):
     nearest = uvw - np.outer(plane.distance_m(uvw), normal)
     u, v, w = (nearest - plane.centroid_m).T
     np.testing.assert_allclose(w, tilt[0] * u + tilt[1] * v, atol=1e-14)
+
+
+@pytest.mark.parametrize("height", [0.0, 1.5, -1.0])  # sigmas
+def test_as_many_fits_as_sigma_clipping_from_there_takes(height):
+    """A slab so near that the points are summed once: fits and refits by plain least squares."""
+    points = disc(4)
+    points[:, 2] += 0.02  # so that heights in the axes are no distances from the slab
+    slab = ClipSlab(np.eye(3), 0.02 + height * SIGMA, 1.3 * SIGMA, RESOLUTION)
+    keep, fits = np.abs(points[:, 2] - slab.height_m) < 3.9 * SIGMA, 0
+    counts = []
+    while True:
+        fits += 1
+        terms = np.column_stack([np.ones(keep.sum()), points[keep, :2]])
+        best = np.linalg.lstsq(terms, points[keep, 2])[0]
+        off = points[:, 2] - best[0] - points[:, :2] @ best[1:]
+        sigma = np.sqrt(np.sum(off[keep] ** 2) / (keep.sum() - 3)) / CLIPPED_SIGMA_RATIO
+        counts.append(keep.sum())
+        before, keep = keep, np.abs(off) < 3.0 * sigma
+        if np.array_equal(before, keep):
+            break
+    assert fits > 2
+    moments = slab.sums(points, DISC, ACROSS)
+    wide = replace(moments, sums=np.zeros_like(moments.sums), edge=points)  # all are near the limit
+    plane, steps = _converge(wide, slab, 50)
+    assert (steps, plane.count) == (fits, counts[-1])
+    for most in (1, 2):
+        plane, steps = _converge(wide, slab, most)
+        assert (steps, plane.count) == (most, counts[most - 1])
+
+
+def test_fits_are_counted_over_all_slabs_up_to_the_most():
+    points = disc(5)
+    far = ClipSlab(tilted(0.01), 0.0, 4.0 * SIGMA, RESOLUTION)
+    assert fit_clipped_plane(points, DISC, far, RADIUS, ACROSS, 1).iterations == 1
+    whole = fit_clipped_plane(points, DISC, far, RADIUS, ACROSS, 50)
+    here = fit_clipped_plane(points, DISC, whole.slab, RADIUS, ACROSS, 50)
+    assert here.iterations < whole.iterations < 20
+    assert here.slab is whole.slab
+
+
+@pytest.mark.parametrize("height", [0.0, 0.5, -0.5])
+@pytest.mark.parametrize(("share", "near"), [(0.97, True), (1.03, False)])
+def test_a_slab_is_near_a_plane_if_its_limits_move_by_less_than_the_margin(height, share, near):
+    """By height, tilt at the radius or noise; each alone, either way, and all together."""
+    slab, radius = ClipSlab(np.eye(3), height, 2e-4, RESOLUTION), 0.3
+    most = MARGIN * slab.limit_m * share
+
+    def plane(up, tilt, limit):
+        sigma = slab.sigma_m + limit / 3.0
+        square = (sigma * CLIPPED_SIGMA_RATIO) ** 2 * 97
+        mean = np.array([0.1, 0.2, height + up])
+        return ClippedPlane(np.zeros((1, 10)), mean, np.array(tilt), np.eye(2), square, 100)
+
+    for sign in (-1.0, 1.0):
+        by = sign * most
+        for tilt in ((by / radius, 0.0), (0.6 * by / radius, -0.8 * by / radius)):
+            assert slab.is_near(plane(0.0, tilt, 0.0), radius) == near
+        assert slab.is_near(plane(by, (0.0, 0.0), 0.0), radius) == near
+        assert slab.is_near(plane(0.0, (0.0, 0.0), by), radius) == near
+        third = by / 3.0
+        assert slab.is_near(plane(third, (0.0, third / radius), third), radius) == near
+
+
+def test_four_points_give_a_plane_and_a_strip_narrower_than_its_noise_gives_none():
+    corners = np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0], [1.0, -1.0, -1.0]])
+    plane = ClippedPlane.of(sums_by(np.zeros(4, int), corners * [0.1, 0.1, 1e-3], 1))
+    assert plane.count == 4
+    assert plane.sigma_m * CLIPPED_SIGMA_RATIO == pytest.approx(2e-3)
+    strip = np.random.default_rng(1).normal(size=(500, 3)) * [0.1, 1e-3, 2e-3]
+    with pytest.raises(NotMeasuredError, match="span no plane"):
+        ClippedPlane.of(sums_by(np.zeros(500, int), strip, 1))

@@ -39,6 +39,24 @@ def test_a_point_and_a_line():
     assert smallest_rectangle(np.array([[1.0, 1.0], [4.0, 5.0]])) == pytest.approx((5.0, 0.0))
 
 
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e5])
+@pytest.mark.parametrize("degrees", [0.0, 90.0, 31.0])
+def test_corners_alone_have_their_sides_in_any_unit(degrees, scale):
+    corners = np.array([[0.0, 0.0], [0.0, 2.0], [3.0, 0.0], [3.0, 2.0]]) * scale
+    inner = np.random.default_rng(1).random((200, 2)) * [3.0 * scale, 2.0 * scale]
+    for points in (corners, np.vstack([inner, corners])):
+        found = smallest_rectangle(turned(points, np.radians(degrees)))
+        np.testing.assert_allclose(found, [3.0 * scale, 2.0 * scale], rtol=1e-5)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_point_farthest_out_counts_beside_others_of_its_strip(sign):
+    """A spike on a short side: the rectangle is longer by it."""
+    corners = np.array([[0.0, 0.0], [0.0, 0.4], [1.0, 0.0], [1.0, 0.4], [-5e-4, 0.2]])
+    found = smallest_rectangle(sign * corners)
+    np.testing.assert_allclose(found, [1.0005, 0.4], rtol=1e-5)
+
+
 def test_the_faces_of_a_cube_are_squares():
     rng = np.random.default_rng(2)
     points = rng.random((60_000, 3))

@@ -102,9 +102,10 @@ def test_permute_mirror_and_scale(seed):
     assert tilt(plane.normal, shuffled.normal) < 1e-13
     mirror = np.array([1.0, 1.0, -1.0])
     assert tilt(plane.normal * mirror, total_least_squares(points * mirror).normal) < 1e-13
-    large = total_least_squares(points * 1e3)
-    assert tilt(plane.normal, large.normal) < 1e-13
-    np.testing.assert_allclose(large.scatter_m2, plane.scatter_m2 * 1e6, rtol=1e-10)
+    for scale in (1e3, 1e-4):
+        scaled = total_least_squares(points * scale)
+        assert tilt(plane.normal, scaled.normal) < 1e-13
+        np.testing.assert_allclose(scaled.scatter_m2, plane.scatter_m2 * scale**2, rtol=1e-10)
 
 
 def test_basis_is_right_handed_and_its_normal_points_up():
@@ -194,3 +195,24 @@ def test_a_scatter_that_is_not_wider_than_thick_is_left():
     basis, across = _tilted(np.eye(3), np.diag([2.0, 1.0, 1.0]))
     np.testing.assert_array_equal(basis, np.eye(3))
     assert across == 1.0
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-8])
+def test_the_scatter_of_a_thick_cloud_in_axes_near_its_own_gives_its_own(scale):
+    """Eigenvectors, to the second order of what the axes are off."""
+    off = linalg.expm(1e-5 * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -2.0], [-1.0, 2.0, 0.0]]))
+    along = off @ np.diag([3.0, 2.0, 0.5]) @ off.T * scale
+    basis, across = _tilted(np.eye(3), along)
+    values, vectors = linalg.eigh(along)
+    assert tilt(basis[2], vectors[:, 0]) < 100.0 * 1e-10
+    assert across == pytest.approx(values[0], rel=1e-9)
+
+
+def test_a_point_that_is_left_out_costs_no_digit():
+    rng = np.random.default_rng(2)
+    points = rng.uniform(-1.0, 1.0, (CHUNK_ROWS + 9, 3)) * [1.0, 1.0, 0.0]
+    points[0] = 1e12
+    keep = np.arange(len(points)) > 0
+    plane = total_least_squares(points, keep)
+    assert tilt(plane.normal, np.array([0.0, 0.0, 1.0])) < 4 * EPS
+    np.testing.assert_allclose(plane.centroid_m, points[1:].mean(axis=0), atol=1e-14)

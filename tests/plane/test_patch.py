@@ -73,3 +73,6 @@ def test_a_station_is_named_by_its_position_unless_that_contradicts_the_scan():
         patch(), origin_m=np.array([0.0, 0.0, -2.0]), station_m=np.array([-0.0, 0.0, 1e-9])
     )
     assert zero.station == "station 0.000 0.000 0.000"
+    assert replace(zero, station_m=np.array([-4e-4, 0.0, -0.0])).station == zero.station
+    near = replace(patch(), station_m=np.array([3.0, -7.0, 1.6]))
+    assert near.station == "station 3.000 -7.000 1.600"

@@ -153,3 +153,9 @@ def test_same_seed_same_draws():
         counts.append((problem.proposed, result.proposals, result.model))
     assert counts[0] == counts[1]
     assert len(set(counts)) > 1
+
+
+def test_any_support_counts():
+    assert run(Mock({3: 0.2}, rate=1.0), max_proposals=5, batch=5).score == 1.0
+    weak = Mock(dict.fromkeys(range(1, 6), 0.01), rate=1.0)
+    assert run(weak, max_proposals=5, batch=5).score == 0.01

@@ -117,3 +117,20 @@ def test_points_that_span_no_plane_are_refused(points):
 def test_too_few_depths_are_refused(count):
     with pytest.raises(NotMeasuredError, match=f"{count} points on the target, 10 needed"):
         first_sigma(np.zeros(count), 1.0)
+
+
+def test_ten_depths_and_four_points_are_enough():
+    assert first_sigma(np.arange(10.0), 100.0) == pytest.approx(1.4826 * 2.5)
+    corners = np.array([[1.0, 1, 1], [-1, 1, -1], [-1, -1, 1], [1, -1, -1]]) * [0.1, 0.1, SIGMA]
+    _, moments = converge(corners, start(tilt=0.0), RESOLUTION)
+    assert moments.count == 4
+
+
+@pytest.mark.parametrize(("width", "plane"), [(1e-6, True), (1e-10, False)])
+def test_a_strip_spans_a_plane_if_it_is_wider_than_the_resolution(width, plane):
+    strip = np.random.default_rng(1).normal(size=(50, 3)) * [0.1, width, 0.0]
+    if plane:
+        assert converge(strip, start(1.0, tilt=0.0), 1e-9)[1].count == 50
+        return
+    with pytest.raises(NotMeasuredError, match="span no plane"):
+        converge(strip, start(1.0, tilt=0.0), 1e-9)
