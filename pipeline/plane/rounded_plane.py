@@ -19,7 +19,7 @@ import numpy as np
 
 from ..errors import NotMeasuredError
 from ..vectors import Array, Mask, Rows
-from .correlated_noise import MIN_CELLS, Cells
+from .correlated_noise import Cells, filled
 
 KEPT = 4.0  # sigma beyond its step, within which a point is kept
 FEW = 20  # points beyond the two steps that most are on, below which the steps hide the angle
@@ -223,8 +223,8 @@ def _cells(
         for y in (found.weight, found.by_height, *(found.weight * uv_m.T))
     )
     count = np.asarray(weight * sigma**2, dtype=np.float64)
-    full = count > max(2.0, 0.2 * float(count.max()))
-    if np.count_nonzero(full) < MIN_CELLS:
+    full = filled(count)
+    if full is None:
         return None
     index = np.stack([np.flatnonzero(full) % across, np.flatnonzero(full) // across], axis=1)
     return Cells(

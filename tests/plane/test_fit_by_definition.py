@@ -153,6 +153,16 @@ def test_fine_steps_are_a_part_of_the_noise():
     np.testing.assert_allclose(plane.point_covariance / sizes, by_points / sizes, atol=0.02)
 
 
+def test_a_step_is_noted_from_a_hundredth_of_the_noise_s_variance_on():
+    """Uniform within the step, it has a twelfth of its square."""
+    patch, _ = patch_of(2, 4e-4)
+    sigma = fit_plane(patch, DISC, PlaneConfig()).sigma_m
+    for share, noted in ((0.0095, False), (0.0110, True)):
+        steps = Steps(np.sqrt(12.0 * share) * sigma * np.eye(3)[2])
+        plane = fit_plane(replace(patch, steps=steps), DISC, PlaneConfig())
+        assert (plane.rounding is not None) == noted
+
+
 @pytest.mark.parametrize("shade", [None, "halves"])
 def test_scan_lines_are_shown_the_residuals_of_the_points_used(shade, monkeypatch):
     patch, _ = patch_of(3, 4e-4, tilt_deg=3.0, others=200)

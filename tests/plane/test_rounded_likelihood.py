@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from wheelplane.errors import NotMeasuredError
 from wheelplane.plane.rounded_plane import (
+    FEW,
+    HIDDEN,
+    KEPT,
     _cells,
     _evaluate,
     _maximise,
@@ -35,7 +39,7 @@ def terms_of(step, height, sigma, noise):
 
 
 @pytest.mark.parametrize("tail", NOISE)
-@pytest.mark.parametrize("sigma", [0.05, 0.3, 1.7])
+@pytest.mark.parametrize("sigma", [0.05, 0.3, 1.7, 4.0])
 def test_value_slope_and_information_are_those_of_every_steps_probability(sigma, tail):
     noise = NOISE[tail]
     uvw, state = rounded(1, sigma, 60)
@@ -103,3 +107,78 @@ def test_cells_are_the_weighted_means_of_their_points():
         assert mean == pytest.approx(found.by_height[own].sum() / weight.sum() * step)
         assert count == pytest.approx(weight.sum() * sigma**2)
     assert cells.white_variance == pytest.approx((sigma * step) ** 2)
+
+
+def fitted(uvw, sigma=0.3):
+    """Fit of points on steps of 1 within a radius of 1."""
+    return fit_rounded(uvw, uvw[:, 2].astype(int), 1.0, sigma, 12, 0.2)
+
+
+def test_points_beyond_their_step_by_more_than_four_sigma_are_left_out():
+    uvw, _ = rounded(5, 0.15, 3000)
+    uvw[0, :2] = 0.0
+    uvw[:60:4, 2] += 1.0
+    uvw[1:60:4, 2] -= 1.0
+    found = fitted(uvw)
+    off = np.abs(uvw[:, 2] - found.height_m - uvw[:, :2] @ found.slopes)
+    np.testing.assert_array_equal(found.kept, off < 0.5 + KEPT * found.sigma_m)
+    assert 5 < np.sum(~found.kept) < 31
+    assert np.sum((off > 0.5) & found.kept) > 20
+    again = fitted(uvw[found.kept])
+    assert found.rms_m == pytest.approx(np.sqrt(np.mean(off[found.kept] ** 2)))
+    np.testing.assert_allclose(again.slopes, found.slopes, atol=1e-3)
+
+
+def test_many_points_are_all_fitted():
+    """Some are fitted first, which must leave the answer alone."""
+    uvw, state = rounded(6, 0.3, 45_000)
+    found = fitted(uvw)
+    assert len(found.kept) == 45_000
+    assert found.kept.mean() > 0.999
+    exact = _maximise(uvw[found.kept], state, normal_tail)
+    u = np.sqrt(np.diag(found.covariance))
+    assert np.all(np.abs(np.array([found.height_m, *found.slopes]) - exact[:3]) < 0.03 * u)
+    assert np.all(np.abs(exact[:3] - state[:3]) < 5.0 * u)
+    few = fitted(uvw[::9])
+    np.testing.assert_allclose(np.sqrt(np.diag(few.covariance)), 3.0 * u, rtol=0.1)
+
+
+def test_steps_hide_an_angle_by_too_few_points_beyond_two_or_too_unsure_a_noise():
+    """Both rules apart, as the levels and the information at the maximum give them."""
+    kinds = set()
+    for seed in range(90):
+        rng = np.random.default_rng(seed)
+        slope, sigma = rng.uniform(0.3, 1.5), math.exp(rng.uniform(-4.0, -1.2))
+        uvw, _ = rounded(seed, sigma, int(rng.integers(40, 600)), (0.5, slope, 0.0))
+        best = _maximise(uvw, np.array([0.0, 0.0, 0.0, math.log(0.5)]), normal_tail)
+        off = np.abs(uvw[:, 2] - best[0] - uvw[:, :2] @ best[1:3])
+        if np.any(off >= 0.5 + KEPT * math.exp(best[3])):
+            continue
+        information = _evaluate(uvw, best, normal_tail).information
+        count = np.sort(np.unique(uvw[:, 2], return_counts=True)[1])[::-1]
+        few = count[2:].sum() < FEW
+        unsure = math.sqrt(np.linalg.pinv(information)[3, 3]) > HIDDEN
+        kinds.add((few, unsure))
+        if few or unsure:
+            with pytest.raises(NotMeasuredError) as caught:
+                fitted(uvw, 0.5)
+            assert caught.value.status == "steps-too-coarse"
+            assert f"only {count[2:].sum()} of its {len(uvw)} points" in str(caught.value)
+        else:
+            fitted(uvw, 0.5)
+    assert len(kinds) == 4
+
+
+def test_exactly_as_many_points_beyond_two_steps_as_needed():
+    uvw, _ = rounded(7, 0.2, 2000, (0.5, 1.2, 0.0))
+    order = np.argsort(np.unique(uvw[:, 2], return_inverse=True, return_counts=True)[2])[::-1]
+    level = np.unique(uvw[:, 2])[order]
+    main = np.isin(uvw[:, 2], level[:2])
+    beyond = np.flatnonzero(~main)
+    for count, enough in ((FEW, True), (FEW - 1, False)):
+        some = np.sort(np.append(np.flatnonzero(main), beyond[:count]))
+        if enough:
+            assert fitted(uvw[some]).kept.all()
+        else:
+            with pytest.raises(NotMeasuredError, match=f"only {count} of its"):
+                fitted(uvw[some])
