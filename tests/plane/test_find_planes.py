@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from tests.support.scenes import Setup, make, rotation
 from wheelplane.errors import InputError, NotMeasuredError
 from wheelplane.plane.find_planes import find_planes, plane_of_all
+from wheelplane.plane.sigma_clipping import converge
 from wheelplane.readers import read_scan
 
 CERTIFIED = Path(__file__).parents[2] / "pipeline" / "diagnostics" / "certified"
@@ -229,3 +231,62 @@ def test_the_test_that_refused_is_named_with_its_figures():
     assert "5% at most" in str(caught.value)
     with pytest.raises(NotMeasuredError, match=r"nothing in it is flat: .* 25% at most"):
         find_planes(rng.normal(size=(3000, 3)), 1)
+
+
+def test_four_points_have_a_plane_and_three_one_of_all():
+    corners = np.array([[0.0, 0.0, 5.0], [1.0, 0.0, 5.0], [1.0, 2.0, 5.0], [0.0, 2.0, 5.0]])
+    (plane,) = find_planes(corners, 3)
+    assert plane.points == 4
+    assert tilt(plane.normal, np.array([0.0, 0.0, 1.0])) < 1e-12
+    all_of_it = plane_of_all(corners[:3])
+    assert tilt(all_of_it.normal, plane.normal) < 1e-12
+    with pytest.raises(InputError, match="at least 3 points, got 2"):
+        plane_of_all(corners[:2])
+    with pytest.raises(NotMeasuredError, match=r"one of e\^0\.0 clouds"):
+        find_planes(np.ones((20, 3)), 1)
+
+
+@pytest.mark.parametrize("shift", [0.0, 300.0])
+def test_rms_and_extents_are_those_of_the_points_about_their_plane(shift):
+    rng = np.random.default_rng(3)
+    R, sides = rotation(rng), np.array([2.0, 0.7])
+    local = np.column_stack([rng.uniform(0.0, 1.0, (4000, 2)) * sides, rng.normal(0, 0.003, 4000)])
+    points = local @ R.T + shift
+    plane = plane_of_all(points)
+    off = points @ plane.normal + plane.offset_m
+    assert plane.rms_m == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-6)
+    assert plane.rms_m == pytest.approx(0.003, rel=5 / np.sqrt(2 * 4000))
+    np.testing.assert_allclose(plane.extents_m, sides, rtol=5e-3)
+    np.testing.assert_allclose(plane.centroid_m, points.mean(axis=0), atol=1e-9)
+    (found,) = find_planes(points, 1)
+    assert found.rms_m == pytest.approx(plane.rms_m, rel=0.02)
+    np.testing.assert_allclose(found.extents_m, sides, rtol=5e-3)
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e4])
+def test_levels_and_resolution_are_those_at_the_plane(shift, monkeypatch):
+    """Both depend on where a plane lies: asked for at a point on it, in the file's coordinates."""
+    points = box(4)[0][:6000] + shift * np.array([1.0, -0.2, 0.4])
+    middle, asked, given = points.mean(axis=0), [], []
+    normal = np.linalg.svd(points - middle, full_matrices=False)[2][2]
+
+    class Levels:
+        def beside(self, point, direction):
+            if abs(direction @ normal) > 1.0 - 1e-9:
+                asked.append(abs((point - middle) @ normal))
+            assert np.all(point > points.min(axis=0) - 1e-6)
+            assert np.all(point < points.max(axis=0) + 1e-6)
+            return 0.0
+
+    def converged(points, start, resolution):
+        given.append(resolution)
+        return converge(points, start, resolution)
+
+    module = importlib.import_module("wheelplane.plane.find_planes")
+    monkeypatch.setattr(module, "coordinate_levels", lambda *_: Levels())
+    monkeypatch.setattr(module, "converge", converged)
+    (plane,) = find_planes(points, 1)
+    assert plane.points == 6000
+    assert max(asked) < 1e-6
+    last_place = np.spacing(np.abs(points).max())
+    assert all(4.0 * last_place < resolution < 80.0 * last_place for resolution in given)
