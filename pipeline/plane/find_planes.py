@@ -255,7 +255,7 @@ class _AnyPlane:
             scale, _ = self.best_scale(model)
             near = np.abs((self._points - model[:3]) @ model[3:]) <= scale
             if np.count_nonzero(near) < 4:
-                break
+                return model
             plane = total_least_squares(self._points[near])
             model = np.concatenate([plane.centroid_m, plane.normal])
         return model

@@ -29,6 +29,7 @@ LEAST_SIGMA = 1e-3  # of a step
 LARGEST_MOVE = 0.7  # of ln sigma, in one iteration
 MAX_ITERATIONS, MAX_HALVINGS, MAX_SETS = 60, 8, 10
 SETTLED = 1e-4  # expected gain in log-likelihood: a hundredth of the uncertainty, squared
+FARTHEST = 300.0  # sigma, beyond which a logistic tail below 1e-236 counts as there: exp is finite
 TAIL, PER_STEP, PER_SIGMA = 9.0, 200, 25  # reach of the tables in sigma, nodes a step and a sigma
 
 Tail = Callable[[Array], tuple[Array, Array]]
@@ -99,7 +100,7 @@ def normal_tail(x: Array) -> tuple[Array, Array]:
 
 def logistic_tail(x: Array) -> tuple[Array, Array]:
     """Return the same of a logistic variable of unit variance, (N,) each."""
-    rate = math.pi / math.sqrt(3.0)
+    rate, x = math.pi / math.sqrt(3.0), x.clip(-FARTHEST, FARTHEST)
     beyond = 1.0 / (1.0 + np.exp(rate * x))
     return beyond, rate * beyond / (1.0 + np.exp(-rate * x))
 
@@ -127,7 +128,7 @@ def _fit_kept(uvw: Array, state: Array) -> tuple[Array, Mask]:
         before = kept
         kept = np.abs(_distance(uvw, state)) < 0.5 + KEPT * math.exp(state[3])
         if np.array_equal(before, kept):
-            break
+            return state, kept
     return state, kept
 
 
@@ -138,7 +139,7 @@ def _maximise(uvw: Array, state: Array, tail: Tail) -> Array:
         least = 1e-9 * len(uvw) * np.eye(4)  # one step only shows nothing of a slope
         move = np.linalg.solve(here.information + least, here.slope)
         if float(here.slope @ move) < SETTLED:
-            break
+            return state
         move *= min(1.0, LARGEST_MOVE / max(abs(float(move[3])), 1e-300))
         for _ in range(MAX_HALVINGS):
             ahead = state + move
@@ -148,7 +149,7 @@ def _maximise(uvw: Array, state: Array, tail: Tail) -> Array:
                 break
             move /= 2.0
         else:
-            break
+            return state
         state, here = ahead, there
     return state
 

@@ -173,11 +173,13 @@ def test_a_plane_is_thinner_than_a_twentieth_of_its_narrower_side(level, share, 
         _check_standing_out(points, moments, 0.05, level)
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e-6])
 @pytest.mark.parametrize("seed", range(8))
-def test_the_least_rectangle_has_a_side_along_one_of_the_convex_hull(seed):
+def test_the_least_rectangle_has_a_side_along_one_of_the_convex_hull(seed, scale):
     """Freeman and Shapira, Comm. ACM 18 (1975) 409: exact."""
     rng = np.random.default_rng(seed)
     uv = rng.normal(size=(int(rng.integers(3, 300)), 2)) @ rng.normal(size=(2, 2)) + 7.0
+    uv *= scale
     corners = uv[ConvexHull(uv).vertices]
     sides = []
     for edge in np.roll(corners, -1, axis=0) - corners:

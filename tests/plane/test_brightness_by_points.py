@@ -10,7 +10,12 @@ from scipy import stats
 
 from tests.support.shaded_discs import Disc, checkerboard, gradient, halves
 from wheelplane.config import PlaneConfig
-from wheelplane.plane.brightness import SETTLED, _is_significant, fit_brightness
+from wheelplane.plane.brightness import (
+    SETTLED,
+    RangeByBrightness,
+    _is_significant,
+    fit_brightness,
+)
 from wheelplane.plane.clipped_plane import ClipSlab, fit_clipped_plane
 from wheelplane.plane.correlated_noise import Cells, CorrelatedNoise, cells_across
 from wheelplane.targets.plates import DiscTarget
@@ -153,3 +158,14 @@ def test_missing_intensities_count_as_the_middle_one():
     _, some = fitted(replace(patch, face_intensity=intensity), 3.0)
     assert some.step_m == pytest.approx(whole.step_m, rel=0.2)
     assert np.unique(some.shade[::9]).size == 1
+
+
+def test_the_level_s_square_is_that_of_half_the_true_step():
+    """Estimates scatter by u about the step: their squares are larger by u^2 on average."""
+    step, u = -1.0, 0.2
+    drawn = np.random.default_rng(1).normal(step, u, 20_000)
+    levels = np.array([RangeByBrightness(g, u, True, np.eye(3)).level_m for g in drawn])
+    scatter = np.std(drawn**2) / 4.0 / math.sqrt(len(drawn))
+    assert np.mean(levels**2) == pytest.approx(step**2 / 4.0, abs=5.0 * scatter)
+    assert np.all(levels * drawn >= 0.0)
+    assert RangeByBrightness(0.99 * u, u, False, np.eye(3)).level_m == 0.0

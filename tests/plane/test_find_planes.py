@@ -239,11 +239,18 @@ def test_four_points_have_a_plane_and_three_one_of_all():
     assert plane.points == 4
     assert tilt(plane.normal, np.array([0.0, 0.0, 1.0])) < 1e-12
     all_of_it = plane_of_all(corners[:3])
+    assert all_of_it.level_m == 0.0
     assert tilt(all_of_it.normal, plane.normal) < 1e-12
     with pytest.raises(InputError, match="at least 3 points, got 2"):
         plane_of_all(corners[:2])
     with pytest.raises(NotMeasuredError, match=r"one of e\^0\.0 clouds"):
         find_planes(np.ones((20, 3)), 1)
+
+
+def test_the_search_ends_where_no_further_plane_stands_out():
+    points, _, _ = box(6)
+    rest = np.random.default_rng(1).uniform(points.min(axis=0), points.max(axis=0), (500, 3))
+    assert len(find_planes(np.concatenate([points, rest]), 9)) == 3
 
 
 @pytest.mark.parametrize("shift", [0.0, 300.0])

@@ -12,7 +12,7 @@ from wheelplane.cloud.steps import Steps
 from wheelplane.config import PlaneConfig
 from wheelplane.plane.clipped_plane import fit_clipped_plane
 from wheelplane.plane.correlated_noise import CorrelatedNoise, correlated_noise
-from wheelplane.plane.fit_plane import PlaneFit, fit_plane
+from wheelplane.plane.fit_plane import PlaneFit, _white_variance, fit_plane
 from wheelplane.plane.patch import Patch
 from wheelplane.plane.rounded_plane import fit_rounded
 from wheelplane.plane.scan_lines import cells_along_lines
@@ -233,3 +233,13 @@ def test_correlated_noise_adds_to_the_tilt_and_counts_for_fewer_points():
     assert alone.tilt_rad**2 * 100 / both.effective_count == pytest.approx(both.tilt_rad**2)
     assert with_noise(-0.5 * alone.noise_covariance).effective_count == 100  # no more than all
     assert with_noise(np.zeros((3, 3)), 0.0).effective_count == 100
+
+
+def test_independent_noise_is_that_within_cells_where_there_is_correlated_noise():
+    """Of it three sigma are cut off; never more than all noise, and all of it without other."""
+    clipped = stats.truncnorm(-3.0, 3.0).std()
+    for sigma in (1e-9, 1e-4, 0.4):
+        found = replace(NONE, sigma_m=sigma, white_sigma_m=0.8 * clipped)
+        assert _white_variance(1.0, found) == pytest.approx(0.64, rel=1e-4)
+        assert _white_variance(0.7, found) == pytest.approx(0.49)
+    assert _white_variance(1.0, replace(NONE, white_sigma_m=0.8)) == 1.0

@@ -76,3 +76,8 @@ def test_a_station_is_named_by_its_position_unless_that_contradicts_the_scan():
     assert replace(zero, station_m=np.array([-4e-4, 0.0, -0.0])).station == zero.station
     near = replace(patch(), station_m=np.array([3.0, -7.0, 1.6]))
     assert near.station == "station 3.000 -7.000 1.600"
+
+
+def test_a_patch_is_whole_and_of_one_part_unless_stated():
+    assert (patch().around_share, patch().part) == (1.0, 0)
+    assert not patch().steps.step_m.any()

@@ -157,11 +157,19 @@ def test_fields_of_all_lengths_are_averaged_by_their_likelihoods(waves_m, size, 
     np.testing.assert_array_equal(plane.form_covariance, seen.form_covariance[:3, :3])
 
 
-@pytest.mark.parametrize(("lined", "limit"), [(None, SIGNIFICANT), (UP, SIGNIFICANT_LINED)])
-def test_noise_is_believed_from_twice_a_gain_in_likelihood(lined, limit):
+@pytest.mark.parametrize(
+    ("lined", "limit", "waves_m"),
+    [
+        (None, SIGNIFICANT, (0.015, 0.015)),
+        (None, SIGNIFICANT, (0.003, 0.003)),
+        (None, SIGNIFICANT, (0.06, 0.06)),
+        (UP, SIGNIFICANT_LINED, LINES[UP]),
+    ],
+)
+def test_noise_is_believed_from_twice_a_gain_in_likelihood(lined, limit, waves_m):
     """Cells of the same field, the larger the clearer: nothing below the limit, all above."""
     shape = lined or SQUARE
-    known = cells(3, shape, LINES[lined] if lined else (0.015, 0.015), 1e-4)
+    known = cells(3, shape, waves_m, 1e-4)
     plain, mean = cells(5, SQUARE), known.mean_m.copy()
 
     def twice_gain(size):

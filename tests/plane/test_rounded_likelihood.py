@@ -14,6 +14,7 @@ from wheelplane.plane.rounded_plane import (
     _cells,
     _evaluate,
     _maximise,
+    _Table,
     fit_rounded,
     logistic_tail,
     normal_tail,
@@ -60,6 +61,24 @@ def test_value_slope_and_information_are_those_of_every_steps_probability(sigma,
     np.testing.assert_array_less(np.abs(found.slope - slope), 5e-3 * u)
     np.testing.assert_allclose(found.information, information, atol=2e-3 * information.max())
     assert sigma > 0.1 or abs(information[3, :3]).max() > 1.0  # height and noise are confounded
+
+
+@pytest.mark.parametrize("tail", NOISE)
+@pytest.mark.parametrize("sigma", [0.002, 0.05, 0.4, 3.0])
+def test_tables_hold_the_likelihood_of_a_point_at_any_distance(sigma, tail):
+    """Also where it changes within a thousandth of a step."""
+    noise = NOISE[tail]
+    reach = np.linspace(-4.0, 4.0, 4001) * sigma
+    table = _Table.of(sigma, tail)
+    for away in (np.linspace(-0.5, 0.5, 1001), 0.5 + reach, -0.5 - reach):
+        near, far = (np.abs(away) - 0.5) / sigma, (np.abs(away) + 0.5) / sigma
+        p = noise.sf(near) - noise.sf(far)
+        by_height = np.sign(away) * (noise.pdf(near) - noise.pdf(far)) / (sigma * p)
+        by_noise = (near * noise.pdf(near) - far * noise.pdf(far)) / p
+        found = [np.interp(away, table.at, y) for y in table.point]
+        np.testing.assert_allclose(found[0], np.log(p), atol=2e-3)
+        np.testing.assert_allclose(found[1] * sigma, by_height * sigma, atol=4e-3)
+        np.testing.assert_allclose(found[2], by_noise, atol=8e-3)
 
 
 @pytest.mark.parametrize("start", [0.02, 5.0])
