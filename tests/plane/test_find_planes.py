@@ -270,10 +270,11 @@ def test_rms_and_extents_are_those_of_the_points_about_their_plane(shift):
     np.testing.assert_allclose(found.extents_m, sides, rtol=5e-3)
 
 
-@pytest.mark.parametrize("shift", [0.0, 1e4])
+@pytest.mark.parametrize("shift", [None, 0.0, 1e4])
 def test_levels_and_resolution_are_those_at_the_plane(shift, monkeypatch):
     """Both depend on where a plane lies: asked for at a point on it, in the file's coordinates."""
-    points = box(4)[0][:6000] + shift * np.array([1.0, -0.2, 0.4])
+    points = box(4)[0][:6000]
+    points += -np.median(points, axis=0) if shift is None else shift * np.array([1.0, -0.2, 0.4])
     middle, asked, given = points.mean(axis=0), [], []
     normal = np.linalg.svd(points - middle, full_matrices=False)[2][2]
 

@@ -173,6 +173,18 @@ def test_cells_along_both_kinds_of_lines_are_those_of_loops(radius, hole):
         assert cells.sides_m[np.argmax(shape)] < cells.sides_m[np.argmin(shape)]
 
 
+@pytest.mark.parametrize(("hole", "kept"), [(0.0, 0.2), (0.05, 0.2), (0.1, 1.0), (0.06, 0.15)])
+def test_lines_of_thinned_scans_and_of_narrow_rings_are_found(hole, kept):
+    """Few points lie on a line, or all that are near the middle are far from each other."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        uv = lattice(seed, 0.12, hole=hole)
+        uvw = moved(uv[rng.random(len(uv)) < kept], 2e-4, (0.1, 0.2))
+        uvw -= uvw.mean(axis=0)
+        both = list(cells_along_lines(whole(uvw)))
+        assert len(both) == 2
+
+
 def test_cells_along_lines_are_those_of_enough_points_and_narrower_than_squares():
     least = LEAST_NARROW * LONG * POINTS_A_CELL
     uv = lattice(6, 0.06)

@@ -176,9 +176,8 @@ def test_noise_is_believed_from_twice_a_gain_in_likelihood(lined, limit, waves_m
         known.mean_m[:] = size * mean
         return 2.0 * max(by_matrices(known, pair)[1] for pair in lengths_of(shape)[::2])
 
-    at = optimize.brentq(lambda size: twice_gain(size) - limit, 0.05, 1.0, xtol=1e-3)
-    for size, found in ((0.9 * at, False), (1.1 * at, True)):
-        known.mean_m[:] = size * mean
+    for share, found in ((0.8, False), (1.2, True)):
+        twice_gain(optimize.brentq(lambda x, g=share * limit: twice_gain(x) - g, 0.02, 1.0))
         if lined:
             seen = correlated_noise(plain, RADIUS, WHITE, 0.0, [known])
         else:
