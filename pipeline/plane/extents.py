@@ -39,6 +39,9 @@ def _hull(uv_m: Array) -> Array:
     try:
         return np.asarray(uv_m[ConvexHull(uv_m).vertices])
     except (QhullError, ValueError):  # fewer than three points, or all on a line
-        away = uv_m - uv_m.mean(axis=0)
-        line = away @ np.linalg.svd(away.T @ away)[0][:, 0]
-        return np.asarray(uv_m[[np.argmin(line), np.argmax(line)]])
+        one = _farthest_from(uv_m[0], uv_m)
+        return np.stack([one, _farthest_from(one, uv_m)])
+
+
+def _farthest_from(point_m: Array, uv_m: Array) -> Array:
+    return np.asarray(uv_m[np.argmax(np.linalg.norm(uv_m - point_m, axis=1))])

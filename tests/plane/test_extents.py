@@ -33,7 +33,8 @@ def test_no_direction_has_a_smaller_rectangle(seed):
 
 
 def test_a_point_and_a_line():
-    assert smallest_rectangle(np.ones((5, 2))) == (0.0, 0.0)
+    for count in (1, 5):
+        assert smallest_rectangle(np.ones((count, 2))) == (0.0, 0.0)
     long, short = smallest_rectangle(np.outer(np.linspace(0.0, 1.0, 30), [3.0, 4.0]))
     assert (long, short) == (pytest.approx(5.0), pytest.approx(0.0, abs=1e-12))
     assert smallest_rectangle(np.array([[1.0, 1.0], [4.0, 5.0]])) == pytest.approx((5.0, 0.0))
