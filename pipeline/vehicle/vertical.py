@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..vectors import Array, Rows
+from ..vectors import Array, Mask, Rows
 
 BESIDE_M = 0.8  # from a wheel's centre, level: how far its floor is searched
 DEPTH_M = (0.08, 1.0)  # of the floor below the wheel centres
 CELL_M, MIN_IN_CELL, MIN_CELLS = 0.2, 4, 4  # MIN_CELLS: of each wheel
 LOWEST = 0.05  # of a cell's points may lie beyond the floor: a glossy one mirrors what is above
 NEAR_M = (0.05, 0.02, 0.01)  # points about the plane that the next fit uses
+FLAT = 0.7  # least share of a cell's points beside its floor that are on it: a tyre rises from it
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,9 @@ class Floor:
 def fit_floor(points_m: Array, wheels_m: Array) -> Floor | None:
     """Fit the floor around four wheels; None unless it lies beside each of them.
 
+    A cell is the floor's where nearly all of its points about the plane lie in it, and none below:
+    tyres and rims have points at every height.
+
     points_m: (N, 3) of the scan and wheels_m: (4, 3) centres, both left, forward, up in the vehicle
     frame.
     """
@@ -50,7 +54,7 @@ def fit_floor(points_m: Array, wheels_m: Array) -> Floor | None:
         seen = cells if near_m == NEAR_M[0] else points
         seen = seen[np.abs(_above(seen, plane)) < near_m]
         plane = _fitted(seen)
-    kept = np.abs(_above(points, plane)) < NEAR_M[-1]
+    kept = _on_floor(_above(points, plane), key)
     means, of = _means(points[kept], key[kept])
     if any(np.count_nonzero(of >> 48 == i) < MIN_CELLS for i in range(len(wheels_m))):
         return None
@@ -72,6 +76,18 @@ def _fitted(points_m: Array) -> Array:
 
 def _above(points_m: Array, plane: Array) -> Array:
     return np.asarray(points_m[:, 2] - _terms(points_m) @ plane)
+
+
+def _on_floor(above_m: Array, key: Rows) -> Mask:
+    """Return which points (N,) lie in the plane and in a cell that is the floor's."""
+    _, cell = np.unique(key, return_inverse=True)
+    on = np.abs(above_m) < NEAR_M[-1]
+    flat, beside, below = (
+        np.bincount(cell, weights=chosen)
+        for chosen in (on, np.abs(above_m) < NEAR_M[1], above_m < -NEAR_M[1])
+    )
+    floor = (flat >= FLAT * beside) & (below <= LOWEST * np.bincount(cell))
+    return np.asarray(on & floor[cell])
 
 
 def _lowest(points_m: Array, key: Rows) -> Array:

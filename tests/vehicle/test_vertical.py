@@ -114,6 +114,22 @@ def test_what_lies_elsewhere_changes_nothing():
     assert np.abs(near.slopes - one.slopes).max() > 1e-6
 
 
+@pytest.mark.parametrize("below", [None, 0.03, 0.1])
+def test_what_has_points_at_every_height_is_no_floor(below):
+    """Tyres alone, or over a floor that too few points show: no plane through them is one."""
+    rng = np.random.default_rng(8)
+    found = beside(APART, [6, 6, 6, 6], 60)
+    found[:, 2] += rng.uniform(0.0, 0.25, len(found))
+    if below is not None:
+        sparse = beside(APART, [6, 6, 6, 6], 6, LEVEL - below)
+        found = np.concatenate([found, sparse[rng.random(len(sparse)) < 0.6]])
+    floor = fit_floor(found, APART)
+    if floor is not None:  # then it is the true one
+        np.testing.assert_allclose(floor.slopes, 0.0, atol=2e-3)
+        assert floor.depth_m == pytest.approx(-LEVEL + (below or 0.0), abs=0.005)
+    assert floor is None or below is not None
+
+
 def test_the_floor_is_found_under_what_lies_on_it_and_over_its_mirror_image():
     """100 points lie beside a wheel: each cell has 60 on a mat of 3 to 5 cm, 4 mirrored below."""
     rng = np.random.default_rng(7)
