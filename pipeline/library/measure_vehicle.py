@@ -15,7 +15,7 @@ from ..measurement import VerticalKind
 from ..units import LengthUnit
 from ..vehicle import REFERENCE_WHEELS
 from .alignment import Alignment
-from .scans import Settings, TargetName, as_config, as_scan, as_targets, is_path
+from .scans import Settings, TargetName, as_config, as_scan, as_targets, check_one_of, is_path
 
 SOURCE = "points in memory"
 
@@ -47,6 +47,8 @@ def measure(
         m = wp.measure({"RR": rr, "RL": rl, "FR": fr, "FL": fl}, target="disc-250")
         m.wheels["FL"].toe.deg, m.wheels["FL"].toe.U_deg
     """
+    check_one_of(length_unit or "m", LengthUnit, "length_unit")
+    check_one_of(vertical, VerticalKind, "vertical")
     if isinstance(scans, FivePointFile):
         return Alignment(measure_five_point(scans))
     if is_path(scans):

@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import get_args
 
 from ..config import Config, load_config, with_scanner
+from ..errors import InputError
 from ..readers import Scan, read_scan, scan_of_points
 from ..targets import Target, TargetChoice, load_target, parse_target, read_targets
 from ..units import LengthUnit
@@ -17,11 +19,19 @@ Settings = Config | str | Path | None
 
 def as_scan(points: object, length_unit: LengthUnit, name: str) -> Scan:
     """Read a file, or copy points to metres. Raises InputError, one line."""
+    check_one_of(length_unit, LengthUnit, "length_unit")
     if isinstance(points, Scan):
         return points
     if is_path(points):
         return read_scan(Path(os.fspath(points)), length_unit)  # type: ignore[call-overload]
     return scan_of_points(points, length_unit, name)
+
+
+def check_one_of(value: object, names: object, what: str) -> None:
+    """Raise InputError unless a value is one of the names of a Literal."""
+    known = get_args(names)
+    if value not in known:
+        raise InputError(f"{what} {value!r} is unknown: give {', '.join(known)}")
 
 
 def is_path(points: object) -> bool:
@@ -35,6 +45,8 @@ def as_target(target: TargetName) -> Target:
         return load_target(target)
     if isinstance(target, Mapping):
         return parse_target(dict(target), "target")
+    if not isinstance(target, Target):
+        raise InputError(f"target {target!r} is no target: give its name, its file or its table")
     return target
 
 

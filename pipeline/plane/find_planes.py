@@ -85,7 +85,16 @@ def plane_of_all(points_m: Array) -> CloudPlane:
     if len(points_m) < 3:
         raise InputError(f"a plane needs at least 3 points, got {len(points_m)}")
     origin = points_m[0]
-    return _describe(total_least_squares(points_m - origin), points_m - origin, origin)
+    moments, largest_m = total_least_squares(points_m - origin), float(np.abs(points_m).max())
+    long, wide = moments.scatter_m2[:2]
+    if wide <= max(len(points_m) * _resolution(largest_m) ** 2, _resolution(float(long))):
+        raise InputError("all points lie on one line, or at one place: they show no plane")
+    return _describe(moments, points_m - origin, origin)
+
+
+def _resolution(largest_m: float) -> float:
+    """Return the distance that rounding of coordinates up to the largest may hide."""
+    return 16.0 * float(np.finfo(float).eps) * largest_m
 
 
 def _span(points: Array) -> float:
@@ -101,7 +110,7 @@ def _next_plane(
     """
     scored = random_rows(points, SCORED_POINTS, rng)
     largest_m = float(np.abs(origin).max() + np.abs(points).max())
-    resolution = 16.0 * float(np.finfo(float).eps) * largest_m
+    resolution = _resolution(largest_m)
     problem = _AnyPlane(scored, origin, resolution, widest, levels)
     result = ransac(problem, RansacOptions(max_proposals=1000), rng)
     if result is None or result.score < MIN_SCORE:

@@ -289,3 +289,18 @@ def test_what_is_given_is_read_as_it_is(tmp_path):
     path.write_text("seed = 7\n")
     assert as_config(path, None).seed == 7
     assert as_config(str(path), "default").seed == 7
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"length_unit": "cm"}, "length_unit 'cm' is unknown: give m, mm, in"),
+        ({"vertical": "x"}, "vertical 'x' is unknown: give wheels, floor, gravity"),
+        ({"target": 5}, "target 5 is no target"),
+    ],
+)
+def test_an_option_that_is_none_is_named(options, words):
+    points = np.random.default_rng(0).random((100, 3))
+    known = {"target": "disc-250"} | options
+    with pytest.raises(wp.InputError, match=words):
+        wp.measure(dict.fromkeys(("RR", "RL", "FR", "FL"), points), **known)

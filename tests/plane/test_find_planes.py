@@ -298,3 +298,13 @@ def test_levels_and_resolution_are_those_at_the_plane(shift, monkeypatch):
     assert max(asked) < 1e-6
     last_place = np.spacing(np.abs(points).max())
     assert all(4.0 * last_place < resolution < 80.0 * last_place for resolution in given)
+
+
+@pytest.mark.parametrize("place", [0.0, 4e5])
+def test_points_on_a_line_or_at_one_place_show_no_plane(place):
+    line = np.outer(np.linspace(0.0, 1.0, 50), [1.0, 2.0, 3.0])
+    for points in (line, np.ones((10, 3))):
+        with pytest.raises(InputError, match="all points lie on one line, or at one place"):
+            plane_of_all(points + place)
+    line[20, 0] += 1e-4
+    assert plane_of_all(line + place).points == 50
