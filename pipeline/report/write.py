@@ -42,7 +42,11 @@ def write_reports(
     options: ReportOptions | None = None,
     wanted: ReportFiles = EVERYDAY,
 ) -> list[Path]:
-    """Write measurement.json, report.txt, budget.svg and the wanted reports to `folder`."""
+    """Write measurement.json, report.txt, budget.svg and the wanted reports to `folder`.
+
+    Reports of an earlier measurement that this one does not replace are removed: they would stand
+    beside its numbers as its own.
+    """
     from .json.measurement import to_json
     from .plots.budget import budget_svg
     from .plots.files import file_name
@@ -64,7 +68,18 @@ def write_reports(
         png = face_png(result, measurement.frame)
         if png is not None:
             files[file_name(f"target-{result.observation.name}", "png", files)] = png
-    return write_files(folder, files)
+    earlier = _earlier(folder)
+    written = write_files(folder, files)
+    for path in earlier - set(written):
+        path.unlink(missing_ok=True)
+    return written
+
+
+def _earlier(folder: Path) -> set[Path]:
+    """Return the reports and pictures of targets beside a measurement.json of the folder."""
+    if not (folder / "measurement.json").is_file():
+        return set()
+    return {folder / "report.html", folder / "report.pdf", *folder.glob("target-*.png")}
 
 
 def html_bytes(

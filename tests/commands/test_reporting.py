@@ -51,6 +51,19 @@ def test_what_is_wanted_is_written(wanted, more, tmp_path):
     assert all(path.stat().st_size > 1000 for path in written)
 
 
+def test_no_report_of_an_earlier_measurement_stays_beside_a_new_one(tmp_path):
+    """What is not the program's stays, as do like names in a folder without a measurement."""
+    own = {"report.pdf", "target-1.png", "target-FL.png", "report.html"}
+    others = {"notes.txt", "measurement.pdf", "photo-1.png"}
+    for name in own | others:
+        (tmp_path / name).write_bytes(b"1")
+    only = ReportFiles(pictures=False, html=False)
+    write_reports(measured(1), tmp_path, wanted=only)
+    assert {path.name for path in tmp_path.iterdir()} == ALWAYS | own | others
+    write_reports(measured(1), tmp_path, wanted=only)
+    assert {path.name for path in tmp_path.iterdir()} == ALWAYS | others
+
+
 def test_the_report_is_of_the_file_beside_it(tmp_path):
     """Its number is the beginning of the digest of measurement.json, as any tool tells it."""
     import hashlib
