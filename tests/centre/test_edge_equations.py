@@ -1,0 +1,268 @@
+"""Normal equations of an edge, against dense matrices with an unknown for each zone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import block_diag, sqrtm
+
+from wheelplane.centre.edge.beams import RATIO, Prior
+from wheelplane.centre.edge.edge_residuals import (
+    CHANCE,
+    LEAST_CHANGE,
+    LEAST_SHOWN,
+    LIMIT,
+    SECTORS,
+    ZONE_LOG,
+    ZONES,
+    EdgeProblem,
+    Equations,
+    Zones,
+    robust_weight,
+    spread,
+    step,
+    zone_scatter,
+)
+from wheelplane.config import CentreConfig
+from wheelplane.targets.outline import Circle, rectangle
+
+POINTS, STATES = 1500, 11
+
+
+def drawn(seed=0, scatter=0.5, share=None, size=1.0):
+    """Equations of random slopes, weights and residuals; prior and state."""
+    rng = np.random.default_rng(seed)
+    weight = rng.uniform(0.2, 1.5, POINTS)
+    linear = Equations(
+        q_m=rng.normal(size=(POINTS, 2)),
+        share=rng.random(POINTS) if share is None else share,
+        residual_m=size * rng.normal(size=POINTS),
+        slopes=rng.normal(size=(POINTS, STATES)) + 0.3,
+        weight=weight,
+        change=weight * rng.uniform(0.7, 1.0, POINTS),
+        by_height=rng.uniform(0.2, 1.0, POINTS),
+        zones=Zones(0.1 * rng.normal(size=ZONES), scatter),
+        depths=POINTS,
+    )
+    prior = Prior(0.01 * rng.normal(size=STATES), rng.uniform(10.0, 60.0, STATES))
+    return linear, prior, 0.01 * rng.normal(size=STATES)
+
+
+def dense(linear, prior):
+    """Slopes (N, 11 + ZONES) by the state and by each zone, and the diagonal of the prior."""
+    zone = np.floor(linear.share * ZONES).astype(int)
+    by_zone = linear.slopes[:, RATIO, None] * (zone[:, None] == np.arange(ZONES))
+    known = np.append(prior.weight, np.full(ZONES, 1.0 / linear.zones.sigma**2))
+    return np.column_stack([linear.slopes, by_zone]), known
+
+
+@pytest.mark.parametrize("size", [0.003, 20.0])
+def test_a_step_is_that_of_all_unknowns_at_once_and_of_limited_length(size):
+    linear, prior, state = drawn(size=size)
+    slopes, known = dense(linear, prior)
+    here = np.append(state - prior.mean, linear.zones.log)
+    gradient = slopes.T @ (linear.weight * linear.residual_m) - known * here
+    whole = np.linalg.solve((slopes.T * linear.weight) @ slopes + np.diag(known), gradient)
+    moved, zones = step(linear, state, prior)
+    length = min(1.0, np.min(LIMIT / np.abs(whole[:STATES])))
+    assert (length < 1.0) == (size > 1.0)
+    np.testing.assert_allclose(moved, length * whole[:STATES], rtol=1e-9)
+    left = gradient[STATES:] - slopes[:, STATES:].T @ (linear.weight * (linear.slopes @ moved))
+    own = np.sum(linear.weight[:, None] * slopes[:, STATES:] ** 2, axis=0) + known[STATES:]
+    by_step = np.clip(left / own, -0.5, 0.5)
+    assert (np.abs(left / own).max() > 0.5) == (size > 1.0)
+    np.testing.assert_allclose(zones.log - linear.zones.log, by_step, atol=1e-12)
+    assert zones.sigma == linear.zones.sigma
+    if size < 1.0:
+        np.testing.assert_allclose(by_step, whole[STATES:], atol=1e-12)
+
+
+def test_a_step_of_nothing_is_no_step():
+    linear, prior, _ = drawn(size=0.0)
+    linear = replace(linear, zones=Zones.alike())
+    moved, zones = step(linear, prior.mean, prior)
+    assert not moved.any()
+    assert not zones.log.any()
+
+
+@pytest.mark.parametrize("outline", [Circle(0.125), rectangle(0.3, 0.2)], ids=["disc", "plate"])
+def test_few_points_have_the_covariance_of_all_unknowns_and_of_student_s_t(outline):
+    linear, prior, _ = drawn(size=1.7)
+    linear = replace(linear, change=linear.weight)
+    slopes, known = dense(linear, prior)
+    data = (slopes.T * linear.weight) @ slopes
+    inverse = np.linalg.inv(data + np.diag(known))
+    covariance, by_plane, dof = spread(linear, outline, prior, few=True)
+    assert dof == pytest.approx(outline.axis_share * (SECTORS - 2 - outline.shows_rotation))
+    square = np.sum(linear.weight * linear.residual_m**2) / (POINTS - STATES)
+    assert square > 1.5
+    scale = square * dof / (dof - 2.0)
+    expected = inverse @ (np.diag(known) + scale * data) @ inverse
+    np.testing.assert_allclose(covariance, expected[:STATES, :STATES], rtol=1e-7, atol=1e-12)
+    lift = linear.by_height[:, None] * np.column_stack([np.ones(POINTS), linear.q_m])
+    expected = inverse @ (slopes.T * linear.weight) @ lift
+    np.testing.assert_allclose(by_plane, expected[:STATES], rtol=1e-7, atol=1e-12)
+
+
+def test_few_quiet_points_are_no_better_than_their_stated_noise():
+    linear, prior, _ = drawn()
+    quiet, silent = (replace(linear, residual_m=s * linear.residual_m) for s in (0.1, 0.0))
+    np.testing.assert_array_equal(
+        spread(quiet, Circle(0.1), prior, few=True)[0],
+        spread(silent, Circle(0.1), prior, few=True)[0],
+    )
+
+
+def test_a_point_without_weight_is_none():
+    linear, prior, _ = drawn(size=2.0)
+    rng = np.random.default_rng(5)
+    left = np.sort(rng.permutation(POINTS)[:400])  # all sectors hold some
+    weight = np.zeros(POINTS)
+    weight[left] = linear.weight[left]
+    shown = replace(linear, weight=weight, change=weight)
+    alone = replace(
+        shown,
+        **{
+            name: getattr(shown, name)[left]
+            for name in ("q_m", "share", "residual_m", "slopes", "weight", "change", "by_height")
+        },
+    )
+    for few in (False, True):
+        both = (spread(one, Circle(0.1), prior, few)[0] for one in (shown, alone))
+        np.testing.assert_allclose(*both, rtol=1e-9, atol=1e-15)
+    assert zone_scatter(shown, prior) == pytest.approx(zone_scatter(alone, prior), rel=1e-9)
+
+
+def test_the_covariance_is_that_of_bell_and_mccaffrey_with_the_zones_as_unknowns():
+    """Scores of a sector over the symmetric root of 1 - H, H its share of the information."""
+    linear, prior, _ = drawn(1)
+    slopes, known = dense(linear, prior)
+    full = (slopes.T * linear.weight) @ slopes + np.diag(known)
+    cross = full[:STATES, STATES:] @ np.linalg.inv(full[STATES:, STATES:])
+    free = slopes[:, :STATES] - slopes[:, STATES:] @ cross.T
+    apart = block_diag(np.diag(known[:STATES])) + cross @ np.diag(known[STATES:]) @ cross.T
+    information = (free.T * linear.weight) @ free + apart
+    np.testing.assert_allclose(np.linalg.inv(full)[:STATES, :STATES], np.linalg.inv(information))
+    root = np.linalg.cholesky(information)
+    squares = apart.copy()
+    for k in range(SECTORS):
+        rows = np.floor(linear.share * SECTORS) == k
+        taken = (free[rows].T * linear.weight[rows]) @ free[rows]
+        within = np.linalg.inv(root) @ taken @ np.linalg.inv(root).T
+        assert np.linalg.eigvalsh(within).max() < 0.5
+        over = np.linalg.inv(np.real(sqrtm(np.eye(STATES) - within)))
+        pull = free[rows].T @ (linear.weight * linear.residual_m)[rows]
+        score = root @ over @ np.linalg.inv(root) @ pull
+        squares += np.outer(score, score)
+    change = (free.T * linear.change) @ free + apart
+    inverse = np.linalg.inv(change)
+    covariance, by_plane, _ = spread(linear, Circle(0.125), prior)
+    np.testing.assert_allclose(covariance, inverse @ squares @ inverse, rtol=1e-6, atol=1e-10)
+    lift = linear.by_height[:, None] * np.column_stack([np.ones(POINTS), linear.q_m])
+    expected = inverse @ (free.T * linear.change) @ lift
+    np.testing.assert_allclose(by_plane, expected, rtol=1e-6, atol=1e-10)
+
+
+def test_a_sector_that_shows_all_alone_has_no_endless_uncertainty():
+    linear, prior, _ = drawn(2, share=np.full(POINTS, 0.3))
+    prior = replace(prior, weight=np.full(STATES, 1e-9))
+    covariance, _, dof = spread(linear, Circle(0.125), prior)
+    assert dof == Circle(0.125).axis_share  # one sector less two, at least 1
+    few, _, _ = spread(replace(linear, change=linear.weight), Circle(0.125), prior, few=True)
+    assert np.all(np.linalg.eigvalsh(covariance) > -1e-12)
+    assert np.trace(covariance) < 1.0
+    assert np.trace(few) < 1.0
+
+
+def test_slopes_of_the_influence_keep_a_share_of_the_information():
+    """Without any slope that share is left; the reflectance ratio is partly that of the zones."""
+    linear, prior, _ = drawn(3)
+    prior, others = replace(prior, weight=np.full(STATES, 1e-9)), np.arange(STATES) != RATIO
+    whole, none = (
+        spread(replace(linear, change=change), Circle(0.1), prior)[0][others][:, others]
+        for change in (linear.weight, 0.0 * linear.weight)
+    )
+    np.testing.assert_allclose(np.diag(none) * LEAST_CHANGE**2, np.diag(whole), rtol=1e-3)
+
+
+@pytest.mark.parametrize("unlike", [0.0, 0.8])
+def test_the_scatter_of_zones_is_that_of_moments_from_two_fits(unlike):
+    """Chi-squares of all residuals with and without zones, by least squares of numpy."""
+    linear, prior, _ = drawn(4, scatter=1.0)
+    rng = np.random.default_rng(6)
+    share = rng.random(POINTS) * (1.0 - 1.5 / ZONES)  # the last zone is empty
+    linear = replace(linear, share=share, zones=Zones(np.zeros(ZONES), 1.0))
+    slopes, known = dense(linear, prior)
+    weak = slopes[:, STATES:].any(axis=0)
+    root = np.sqrt(linear.weight)
+    residual = linear.residual_m / root + slopes[:, STATES:] @ (unlike * rng.normal(size=ZONES))
+    A = np.vstack([root[:, None] * slopes, np.diag(np.sqrt(known))])
+    b = np.append(root * residual, np.zeros(STATES + ZONES))
+    plain = np.r_[0:POINTS, POINTS : POINTS + STATES]
+    first = A[plain][:, :STATES]
+    solved = np.linalg.lstsq(first, b[plain], rcond=None)[0]
+    # At the solution without zones; the prior's pull is part of it.
+    left = b[plain] - first @ solved
+    linear = replace(linear, residual_m=left[:POINTS] / root)
+    with_zones = A[plain][:, np.append(np.ones(STATES, bool), weak)]
+    rest = left - with_zones @ np.linalg.lstsq(with_zones, left, rcond=None)[0]
+    explained = left @ left - rest @ rest
+    variance = np.mean(left[:POINTS] ** 2)
+    inverse = np.linalg.inv(with_zones.T @ with_zones)[STATES:, STATES:]
+    count = int(np.count_nonzero(weak))
+    beyond = explained - (count + CHANCE * math.sqrt(2.0 * count)) * variance
+    expected = math.sqrt(max(beyond, 0.0) / np.trace(np.linalg.inv(inverse)))
+    assert zone_scatter(linear, prior) == pytest.approx(expected, rel=1e-3, abs=1e-9)
+    assert (0.5 < expected < 1.1) if unlike else expected < 0.1
+
+
+def test_a_zone_that_hardly_shows_its_reflectance_does_not_count():
+    linear, prior, _ = drawn(4)
+    zone = np.floor(linear.share * ZONES).astype(int)
+    there, unlike = zone == 7, np.random.default_rng(7).normal(size=ZONES)[zone]
+    assert LEAST_SHOWN > 1e-6
+    scatters = []
+    for size in (0.0, 1e-3):
+        slopes = np.where(there[:, None], 0.0, linear.slopes)
+        slopes[there, RATIO] = size
+        residual = linear.residual_m + np.where(there, 5.0, unlike * slopes[:, RATIO])
+        scatters.append(zone_scatter(replace(linear, slopes=slopes, residual_m=residual), prior))
+    assert scatters[0] == pytest.approx(scatters[1], rel=1e-4)
+    assert scatters[0] > 0.5
+
+
+@pytest.mark.parametrize(("converged", "width"), [(True, 4.0), (False, 2.0)])
+def test_influence_and_its_slope_are_tukey_s_and_cauchy_s(converged, width):
+    r = np.linspace(-6.0, 6.0, 241) + 0.011
+    weight, change = robust_weight(r**2, converged)
+    if converged:
+        np.testing.assert_allclose(weight, np.where(abs(r) < 4, (1 - (r / width) ** 2) ** 2, 0))
+    else:
+        np.testing.assert_allclose(weight, 1.0 / (1.0 + (r / width) ** 2))
+    ahead, behind = (x * robust_weight(x**2, converged)[0] for x in (r + 1e-6, r - 1e-6))
+    np.testing.assert_allclose(change, (ahead - behind) / 2e-6, atol=1e-8)
+
+
+def test_zones_that_are_free_scatter_by_a_factor_and_those_alike_do_not():
+    assert not Zones.alike().log.any()
+    assert not Zones.free().log.any()
+    assert len(Zones.alike().log) == len(Zones.free().log) == ZONES
+    assert Zones.free().weight == ZONE_LOG**-2
+    assert Zones.alike().weight > 1e6 * Zones.free().weight
+
+
+def test_the_prior_of_a_problem_looks_from_its_station():
+    prior, station = Prior.of(0.01, CentreConfig()), np.array([0.4, -0.3, 2.0])
+    problem = EdgeProblem(np.zeros((3, 2)), np.zeros(3), prior, Circle(0.1), 1e-3)
+    assert problem.about(prior.mean) is problem
+    seen = replace(problem, station=station).about(prior.mean).prior
+    np.testing.assert_array_equal(seen.mean, prior.seen_from(station, prior.mean).mean)
+    state = prior.mean.copy()
+    first = problem.beams(state)
+    assert problem.beams(state) is first
+    state[0] = 0.01
+    assert problem.beams(state).x_m is not first.x_m
+    np.testing.assert_allclose(problem.beams(state).q_m[:, 0], -0.01)
