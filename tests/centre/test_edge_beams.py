@@ -1,0 +1,334 @@
+"""Beams about an edge by geometry, their prior by propagation, the background by plain medians."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wheelplane.centre.edge.beams import (
+    BEAM,
+    CENTRE,
+    HELD_BEAM,
+    HELD_THICKNESS,
+    HELD_WALL,
+    IN_SECTOR,
+    IN_SECTOR_SPARSE,
+    INVERSE,
+    LAMBERT,
+    LAMBERT_SIGMA,
+    LEAST_IN_HALF,
+    LEAST_IN_RING,
+    LEAST_WALL,
+    MAX_SPREAD,
+    MAX_SPREAD_SPARSE,
+    MIN_DEPTH_M,
+    RATIO,
+    RING_M,
+    ROTATION,
+    SHAPE,
+    SPARSE,
+    SPOT,
+    STATED_THICKNESS,
+    STATION_M,
+    THICKNESS,
+    TWELFTHS,
+    WALL,
+    WIDEST_M,
+    Background,
+    Beams,
+    Prior,
+    carry,
+    carry_near,
+    look_up,
+    mixed_share,
+    pointed,
+    wall_reflectance,
+)
+from wheelplane.config import CentreConfig
+from wheelplane.targets.outline import Circle, Holes, rectangle
+from wheelplane.vectors import turned
+
+CONFIG = CentreConfig()
+OUTLINES = {
+    "disc": Circle(0.06),
+    "plate": rectangle(0.28, 0.2),
+    "holes": Holes(np.array([[0.09, 0.0, 0.03], [-0.05, 0.08, 0.02]])),
+}
+STATION = np.array([-0.9, 0.5, 1.6])
+
+
+def state_of(station=STATION, centre=(0.002, -0.003), rotation=0.05, thickness_m=0.012):
+    """A state whose beams come from the station."""
+    state = pointed(Prior.of(thickness_m, CONFIG).mean, station, np.array(centre))
+    state[CENTRE], state[ROTATION] = centre, rotation
+    return state
+
+
+def scattered(count=3000, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-0.2, 0.2, (count, 2)), rng.uniform(-0.001, 0.15, count)
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_beams_run_from_the_station_through_their_points(name):
+    """Where they meet the plane by the intersection of lines, and the target's axes there."""
+    outline, state, (plane, depth) = OUTLINES[name], state_of(), scattered()
+    beams = carry(plane, depth, state, outline)
+    points = np.column_stack([plane, -depth])
+    ray = points - STATION
+    met = STATION + ray * (-STATION[2] / ray[:, 2])[:, None]
+    np.testing.assert_allclose(met[:, 2], 0.0, atol=1e-15)
+    np.testing.assert_allclose(beams.q_m, met[:, :2] - state[CENTRE], atol=1e-14)
+    np.testing.assert_allclose(beams.shrink, STATION[2] / (STATION[2] + depth), rtol=1e-14)
+    own = outline.closest(turned(met[:, :2] - state[CENTRE], -state[ROTATION]))
+    np.testing.assert_allclose(beams.x_m, own.x_m, atol=1e-14)
+    np.testing.assert_allclose(beams.rho, turned(own.normal, state[ROTATION]), atol=1e-14)
+    np.testing.assert_array_equal(beams.clear, own.clear)
+    np.testing.assert_allclose(beams.share, own.share, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_a_beam_at_the_edge_is_as_far_inside_the_wall_as_tau_says(name):
+    """By the distance of its place at the wall's foot from an outline of that depth."""
+    outline, thickness_m = OUTLINES[name], 0.004
+    state = state_of(thickness_m=thickness_m)
+    plane, _ = scattered()
+    beams = carry(plane, np.zeros(len(plane)), state, outline)
+    away = np.abs(beams.x_m) + (0.0 if name == "plate" else beams.x_m)
+    near = (np.abs(away) < 0.02) & (np.abs(beams.x_m) < 0.01) & beams.clear
+    foot = beams.q_m[near] - beams.x_m[near, None] * beams.rho[near]
+    along = (foot + state[CENTRE] - STATION[:2]) / STATION[2]
+    lower = turned(foot + thickness_m * along, -state[ROTATION])
+    inside = -outline.closest(lower).x_m
+    bent = thickness_m**2 * float(state[BEAM] @ state[BEAM]) / (2.0 * outline.size_m)
+    tolerance = 1e-12 if name == "plate" else 0.25 * bent  # the next power of T / R
+    np.testing.assert_allclose(beams.tau[near] * thickness_m, inside, rtol=0, atol=tolerance)
+    assert np.count_nonzero(near) > 100
+    assert np.ptp(inside) > 10.0 * tolerance
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+@pytest.mark.parametrize("slope", [0.3, 3.0])
+def test_those_near_are_all_near_and_as_carried(name, slope):
+    outline, (plane, depth) = OUTLINES[name], scattered()
+    station, band_m = np.array([-slope, 0.4 * slope, 1.0]), (0.006, 0.004)
+    state = state_of(station)
+    whole = carry(plane, depth, state, outline)
+    rows, beams = carry_near(plane, depth, state, outline, band_m)
+    for field, values in vars(whole).items():
+        np.testing.assert_allclose(getattr(beams, field), values[rows], atol=1e-13)
+    wall_m = np.maximum(whole.tau, 0.0) * np.exp(state[THICKNESS])
+    wanted = (whole.x_m > -band_m[0]) & (whole.x_m < band_m[1] + wall_m)
+    assert not np.setdiff1d(np.flatnonzero(wanted), rows).size
+    assert whole.x_m[rows].min() > -band_m[0]
+    run = np.hypot(*(whole.q_m[rows] + state[CENTRE] - station[:2]).T).max()
+    assert whole.x_m[rows].max() < band_m[1] + 2.0 * np.exp(state[THICKNESS]) * run
+    assert 0 < np.count_nonzero(wanted) <= len(rows) < len(plane)
+
+
+def test_some_beams_are_those_rows():
+    beams = carry(*scattered(50), state_of(), OUTLINES["disc"])
+    rows = np.array([3, 7, 40])
+    for field, values in vars(beams).items():
+        np.testing.assert_array_equal(getattr(beams.taken(rows), field), values[rows])
+
+
+def test_a_wall_reflects_by_lambert_s_law_its_own_share_of_it():
+    state, wall = state_of(), np.array([0.0, 0.3, 1.0, 2.0])
+    for share in (0.0, 0.5, 1.0):
+        state[WALL] = share
+        shown, free = wall_reflectance(wall, state)
+        np.testing.assert_allclose(shown, np.maximum((1 - share) + share * wall, LEAST_WALL))
+        np.testing.assert_array_equal(free, (1 - share) + share * wall > LEAST_WALL)
+
+
+def test_the_prior_s_mean_is_what_is_stated():
+    config = CONFIG.model_copy(update={"spot_radius_m": 0.0021})
+    known, unknown = Prior.of(0.013, config), Prior.of(None, config)
+    for prior in (known, unknown):
+        assert np.exp(prior.mean[SPOT]) == pytest.approx(0.0021)
+        assert not prior.mean[[0, 1, 2, 3, RATIO, ROTATION]].any()
+        assert np.all(prior.weight > 0.0)
+    assert np.exp(known.mean[THICKNESS]) == pytest.approx(0.013)
+    assert known.weight[THICKNESS] == pytest.approx(STATED_THICKNESS**-2)
+    assert unknown.weight[THICKNESS] < 0.01 * known.weight[THICKNESS]
+    assert 0.003 < np.exp(unknown.mean[THICKNESS]) < 0.02
+    others = np.arange(11) != THICKNESS
+    np.testing.assert_array_equal(known.weight[others], unknown.weight[others])
+    assert np.exp(Prior.of(0.0, config).mean[THICKNESS]) > 0.0  # a foil
+
+
+def test_a_station_s_uncertainty_is_propagated_to_the_beams():
+    """The largest variance of their slope, and that of the inverse distance, by derivatives."""
+    prior, state = Prior.of(0.01, CONFIG), state_of()
+    seen, step_m = prior.seen_from(STATION, state), 1e-7
+    columns = []
+    for axis in np.eye(3):
+        there = (pointed(state, STATION + s * step_m * axis, state[CENTRE]) for s in (1.0, -1.0))
+        columns.append(np.subtract(*there) / (2.0 * step_m))
+    by_station = np.stack(columns, axis=1) * STATION_M
+    variance = by_station @ by_station.T
+    largest = np.linalg.eigvalsh(variance[BEAM, BEAM]).max()
+    np.testing.assert_allclose(1.0 / seen.weight[BEAM], largest, rtol=1e-6)
+    assert 1.0 / seen.weight[INVERSE] == pytest.approx(variance[INVERSE, INVERSE], rel=1e-6)
+    np.testing.assert_allclose(seen.mean[BEAM], (state[CENTRE] - STATION[:2]) / STATION[2])
+    assert seen.mean[INVERSE] == pytest.approx(1.0 / STATION[2])
+    rest = [0, 1, *range(5, 11)]
+    np.testing.assert_array_equal(seen.mean[rest], prior.mean[rest])
+    np.testing.assert_array_equal(seen.weight[rest], prior.weight[rest])
+
+
+def test_what_a_prior_holds_and_nothing_else():
+    prior, state = Prior.of(0.01, CONFIG), state_of()
+    before = prior.mean.copy(), prior.weight.copy()
+    held, plain, power = prior.held(state), prior.plain(), prior.by_power()
+
+    def others(*some):
+        return np.setdiff1d(np.arange(11), some)
+
+    for one, means, weights in (
+        (held, (2, 3), (2, 3, THICKNESS)),
+        (plain, (WALL,), (WALL, SHAPE)),
+        (power, (WALL,), (WALL, SPOT)),
+    ):
+        np.testing.assert_array_equal(one.mean[others(*means)], before[0][others(*means)])
+        np.testing.assert_array_equal(one.weight[others(*weights)], before[1][others(*weights)])
+    np.testing.assert_array_equal(held.mean[BEAM], state[BEAM])
+    np.testing.assert_allclose(held.weight[BEAM], HELD_BEAM**-2)
+    assert held.weight[THICKNESS] == pytest.approx(HELD_THICKNESS**-2)
+    seen = prior.seen_from(STATION, state)
+    np.testing.assert_array_equal(seen.held(state).weight[BEAM], seen.weight[BEAM])  # firmer
+    assert plain.mean[WALL] == 0.0
+    np.testing.assert_allclose(plain.weight[[WALL, SHAPE]], HELD_WALL**-2)
+    assert power.mean[WALL] == LAMBERT
+    assert power.weight[WALL] == pytest.approx(LAMBERT_SIGMA**-2)
+    assert power.weight[SPOT] < prior.weight[SPOT]
+    beside = Prior.beside(state)
+    np.testing.assert_array_equal(beside.mean, state)
+    assert np.all(beside.weight[[2, 3, INVERSE]] > prior.weight[[2, 3, INVERSE]])
+    np.testing.assert_array_equal(prior.mean, before[0])
+    np.testing.assert_array_equal(prior.weight, before[1])
+
+
+def ring(count, seed=0, share=None, tau=0.4):
+    """Beams about an edge, as many at any distance outside, and the depth of a tilted plane."""
+    rng = np.random.default_rng(seed)
+    x_m, share = rng.uniform(-0.01, 0.045, count), rng.random(count) if share is None else share
+    depth = np.where(x_m > 0.002, 0.08 + 0.9 * x_m + 0.01 * share, 0.0)
+    depth = depth + rng.normal(0.0, 0.001, count)
+    none = np.zeros((count, 2))
+    tau = np.full(count, tau) * np.where(rng.random(count) < 0.5, 1.0, -1.0)
+    whole = np.ones(count)
+    return Beams(x_m, none, tau, whole, none, 0.0 * whole, share, whole > 0.0), depth
+
+
+def by_sectors(beams, depth, state):
+    """Rows (depth, from, slope, spread, usable), sector by sector; NaN where it is empty."""
+    wall = np.clip(beams.tau, 0.0, None) * np.exp(state[THICKNESS])
+    beyond = beams.x_m - np.exp(state[SPOT]) - wall
+    deep, outer_m, (each, least) = depth > MIN_DEPTH_M, RING_M[1], IN_SECTOR
+    found = np.sum(deep & (beyond > RING_M[0]) & (beyond < RING_M[1]))
+    if found < LEAST_IN_RING:
+        wide = RING_M[0] + (RING_M[1] - RING_M[0]) * LEAST_IN_RING / max(found, 1)
+        outer_m, (each, least) = min(wide, WIDEST_M), IN_SECTOR_SPARSE
+    inside = deep & (beyond > RING_M[0]) & (beyond < outer_m)
+    count = min(max(int(np.sum(inside)) // each, 12), 90)
+    part, rows = np.floor(beams.share * count).astype(int), []
+
+    def middle(values, share=0.5):
+        return np.sort(values)[int(share * len(values))]
+
+    for k in range(count):
+        here = inside & (part == k)
+        if not here.any():
+            rows.append([np.nan, np.nan, 0.0, np.nan, False])
+            continue
+        far = here & (beyond > (RING_M[0] + outer_m) / 2.0)
+        halves, slope = (here & ~far, far), 0.0
+        if min(np.sum(half) for half in halves) >= LEAST_IN_HALF:
+            (z0, z1), (x0, x1) = (
+                [middle(values[half]) for half in halves] for values in (depth, beams.x_m)
+            )
+            slope = (z1 - z0) / (x1 - x0)
+        from_m = middle(beams.x_m[here])
+        rest = depth[here] - slope * (beams.x_m[here] - from_m)
+        spread = (middle(rest, 0.75) - middle(rest, 0.25)) / 1.349
+        few = np.sum(here) < SPARSE
+        usable = np.sum(here) >= least
+        usable &= spread < (MAX_SPREAD_SPARSE if few else MAX_SPREAD) * middle(rest)
+        rows.append([middle(rest), from_m, slope, spread, usable])
+    return np.array(rows, dtype=float)
+
+
+@pytest.mark.parametrize("count", [60, 300, 600, 1500, 8000])
+def test_the_background_of_a_sector_is_a_line_through_medians(count):
+    beams, depth = ring(count)
+    if count == 1500:  # a rough third, and an empty one
+        depth = np.where(beams.share < 0.3, depth * (1.0 + 3.0 * np.sin(1e5 * depth) ** 2), depth)
+        depth[beams.share > 0.7] = 0.0
+    state = state_of()
+    found, expected = look_up(beams, depth, state), by_sectors(beams, depth, state)
+    assert len(found.usable) == len(expected)
+    shown = np.isfinite(expected[:, 0])
+    for column, name in enumerate(("depth_m", "from_m", "slope", "spread_m", "usable")):
+        values = getattr(found, name)[shown]
+        np.testing.assert_allclose(values, expected[shown, column], atol=1e-12, err_msg=name)
+    assert not found.usable[~shown].any()
+    assert np.any(found.slope) == (count > 100)
+
+
+def test_the_background_is_that_of_its_plane():
+    beams, depth = ring(20_000)
+    found = look_up(beams, depth, state_of())
+    assert found.usable.all()
+    part = found.sector(beams)
+    outside = (beams.x_m > 0.003) & (beams.x_m < 0.02)
+    shown, slope = found.at(part, beams.x_m)
+    truth = 0.08 + 0.9 * beams.x_m + 0.01 * beams.share
+    # Noise of 1 mm, medians of 30 points 5 mm apart: 0.06 of the slope in each of 90 sectors.
+    assert np.sqrt(np.mean((shown - truth)[outside] ** 2)) < 0.002
+    assert abs(np.mean(slope[outside]) - 0.9) < 0.04
+    np.testing.assert_allclose(np.median(found.spread_m), 0.001, rtol=0.2)
+
+
+def test_no_background_is_nearer_than_the_least():
+    flat = Background(*(np.array([v]) for v in (0.001, 0.0, 0.0, 0.0)), np.array([True]))
+    depth, _ = flat.at(np.zeros(1, dtype=np.int64), np.array([0.01]))
+    assert depth[0] == MIN_DEPTH_M
+
+
+def about(shares, ring_count, mixed_count, hidden=()):
+    """Beams: in each share of the edge so many on the target, and so many mixed pixels."""
+    x, depth, share = [], [], []
+    for k in range(TWELFTHS):
+        mixed = 0 if k in hidden else mixed_count
+        x += [np.full(ring_count, -0.004), np.full(mixed, 0.0005), np.full(20, 0.02)]
+        depth += [np.zeros(ring_count), np.full(mixed, 0.05), np.full(20, 0.1)]
+        share += [np.full(ring_count + mixed + 20, (k + 0.5) / TWELFTHS)]
+    x, depth, share = (np.concatenate(values) for values in (x, depth, share))
+    whole, none = np.ones(len(x)), np.zeros((len(x), 2))
+    beams = Beams(x, none, 0.0 * whole, whole, none, 0.0 * whole, share, whole > 0.0)
+    one = np.ones(shares)
+    back = Background(0.1 * one, 0.0 * one, 0.0 * one, 0.0 * one, one > 0.0)
+    return mixed_share(beams, depth, back)
+
+
+def test_the_share_of_mixed_pixels_is_that_of_the_middle_of_the_edge():
+    assert about(24, 10, 6) == pytest.approx(0.6)
+    assert about(24, 10, 6, hidden=range(5)) == pytest.approx(0.6)
+    assert about(24, 10, 6, hidden=range(7)) == 0.0
+    assert about(24, 2, 1) == pytest.approx(0.5)  # few: of all
+    assert about(24, 2, 1, hidden=range(6)) == pytest.approx(0.25)
+    assert about(24, 0, 1) == 12.0
+
+
+@pytest.mark.parametrize(("depth", "x_m", "counts"), [(0.05, 0.0, True), (0.01, 0.0, False),
+                                                      (0.09, 0.0, False), (0.05, 0.006, False),
+                                                      (0.05, -0.006, False)])  # fmt: skip
+def test_a_mixed_pixel_lies_between_and_near_the_edge(depth, x_m, counts):
+    x = np.array([x_m, -0.004, -0.004])
+    z, whole, none = np.array([depth, 0.0, 0.0]), np.ones(3), np.zeros((3, 2))
+    beams = Beams(x, none, 0.0 * whole, whole, none, 0.0 * whole, 0.5 * whole, whole > 0.0)
+    one = np.ones(1)
+    back = Background(0.1 * one, 0.0 * one, 0.0 * one, 0.0 * one, one > 0.0)
+    assert mixed_share(beams, z, back) == (0.5 if counts else 0.0)
