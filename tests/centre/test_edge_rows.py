@@ -1,0 +1,359 @@
+"""Rows of the edge's equations, mixed and clean: by plain formulas, and slopes by differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from wheelplane.centre.edge.beams import (
+    BEAM,
+    CENTRE,
+    RATIO,
+    ROTATION,
+    SHAPE,
+    SPOT,
+    THICKNESS,
+    WALL,
+    Prior,
+    carry,
+    look_up,
+    pointed,
+    wall_reflectance,
+)
+from wheelplane.centre.edge.clean_edge import (
+    FAR_M,
+    LEAST_IN_SECTOR,
+    NONE,
+    RING_M,
+    RING_SKIP_M,
+    ROUGH,
+    SECTOR_COUNTS,
+    _edge_table,
+    clean_equations,
+    first_state,
+    shift_m,
+    target_depth_m,
+)
+from wheelplane.centre.edge.edge_residuals import (
+    DEPTH_SHARE,
+    INNER_M,
+    OUTER_M,
+    POINTING_M,
+    ZONES,
+    EdgeProblem,
+    Zones,
+    equations,
+    profile_slopes,
+    robust_weight,
+)
+from wheelplane.centre.edge.mixed_pixel import EdgeProfile, Profile, edge_profile
+from wheelplane.config import CentreConfig
+from wheelplane.targets.outline import Circle, rectangle
+from wheelplane.vectors import turned
+
+CONFIG = CentreConfig()
+DISC, PLATE = Circle(0.06), rectangle(0.28, 0.2)
+SIGMA_M = 0.0006
+
+
+def state_of(station=(-0.7, 0.4, 1.8), centre=(0.002, -0.003), rotation=0.05, thickness_m=0.012):
+    station, centre = np.array(station), np.array(centre)
+    state = pointed(Prior.of(thickness_m, CONFIG).mean, station, centre)
+    state[CENTRE], state[ROTATION] = centre, rotation
+    state[RATIO], state[WALL], state[SHAPE] = np.log(0.7), 0.6, 0.3
+    return state
+
+
+def scene(outline, state, count, mixed=True, seed=0):
+    """Points where beams from the state's station meet target, background or both."""
+    rng = np.random.default_rng(seed)
+    q = rng.uniform(-1.0, 1.0, (count, 2)) * (1.7 * outline.size_m)
+    closest = outline.closest(turned(q, -state[ROTATION]))
+    far = 0.09 + 0.2 * closest.x_m + 0.02 * q[:, 0]
+    depth = np.where(closest.x_m < 0.0, 0.0, far)
+    if mixed:
+        depth = far * np.clip(0.5 + closest.x_m / 0.006, 0.0, 1.0)
+    depth = depth + SIGMA_M * rng.normal(size=count)
+    plane = state[CENTRE] + q * (1.0 + state[4] * depth)[:, None] + depth[:, None] * state[BEAM]
+    depth[:3] = -0.02, -5.0 * SIGMA_M - 2e-4, -5.0 * SIGMA_M - 0.5e-4  # nearer than the target
+    prior = Prior.of(0.012, CONFIG)
+    return EdgeProblem(np.asfortranarray(plane), depth, prior, outline, SIGMA_M)
+
+
+NAMES = ("d_x", "d_tau", "d_log_spot", "d_thickness", "d_log_ratio", "d_wall", "d_shape")
+
+
+@pytest.mark.parametrize("outline", [DISC, PLATE], ids=["disc", "plate"])
+def test_slopes_by_the_state_are_those_of_any_profile(outline):
+    """A depth linear in what a profile depends on, with x and tau from the beams themselves.
+
+    Of a disc without thickness: how a wall's bend goes with the state is left out of the slopes.
+    """
+    state = state_of(centre=(0.0, 0.0) if outline is DISC else (0.002, -0.003))
+    state[THICKNESS] = -18.0 if outline is DISC else state[THICKNESS]
+    problem, rng = scene(outline, state, 400), np.random.default_rng(1)
+    by = rng.normal(size=(7, 400))
+
+    def value(at):
+        beams = carry(problem.plane, problem.depth, at, outline)
+        tau = np.maximum(beams.tau, 0.0)
+        wall = wall_reflectance(tau, at)[0]
+        return (
+            by[0] * beams.x_m + by[1] * tau + by[2] * at[SPOT] + by[3] * np.exp(at[THICKNESS])
+            + by[4] * at[RATIO] + by[5] * wall + by[6] * at[SHAPE]
+        )  # fmt: skip
+
+    none = np.zeros(400)
+    profile = EdgeProfile(none, *by, none, none)
+    beams = carry(problem.plane, problem.depth, state, outline)
+    shown = profile_slopes(profile, beams, problem.depth, state)
+    clear = beams.clear & (np.abs(beams.tau) > 1e-3) & (np.abs(beams.x_m) < 0.02)
+    for index in range(11):
+        step = np.zeros(11)
+        step[index] = 1e-6
+        seen = (value(state + step) - value(state - step)) / 2e-6
+        moved = shown[:, index]
+        np.testing.assert_allclose(
+            moved[clear], seen[clear], atol=2e-6 * max(1.0, np.abs(seen[clear]).max()),
+            err_msg=str(index),
+        )  # fmt: skip
+        assert np.abs(seen[clear]).max() > 1e-8 or (
+            outline is DISC and index in (THICKNESS, ROTATION)
+        )
+    assert np.count_nonzero(clear) > 30
+    assert np.ptp(np.sign(beams.tau[clear])) == 2.0
+
+
+def test_a_wall_at_its_least_reflectance_has_no_slope():
+    state = state_of((-9.0, 0.9, 180.0))
+    state[WALL] = 1.0
+    problem = scene(PLATE, state, 400)
+    beams = carry(problem.plane, problem.depth, state, PLATE)
+    one = np.ones(400)
+    profile = EdgeProfile(*(one for _ in range(10)))
+    slopes = profile_slopes(profile, beams, problem.depth, state)
+    dark = wall_reflectance(np.maximum(beams.tau, 0.0), state)[1] == 0.0
+    assert 0 < np.count_nonzero(dark) < 400
+    assert not slopes[dark, WALL].any()
+    assert slopes[~dark, WALL].all()
+
+
+@pytest.mark.parametrize("converged", [False, True])
+@pytest.mark.parametrize("outline", [DISC, PLATE], ids=["disc", "plate"])
+def test_rows_of_mixed_pixels_are_those_of_their_formulas(outline, converged):
+    state, rng = state_of(), np.random.default_rng(2)
+    problem = scene(outline, state, 4000)
+    found = look_up(problem.beams(state), problem.depth, state)
+    usable = found.usable & (np.arange(len(found.usable)) % 7 > 0)
+    background, zones = replace(found, usable=usable), Zones(rng.normal(size=ZONES), 0.5)
+    linear = equations(problem, background, state, zones, converged, True)
+    beams, z = carry(problem.plane, problem.depth, state, outline), problem.depth
+    part = background.sector(beams)
+    tau, thickness = np.maximum(beams.tau, 0.0), float(np.exp(state[THICKNESS]))
+    kept = (beams.x_m > -INNER_M) & (beams.x_m < OUTER_M + thickness * tau) & beams.clear
+    kept &= (z > -5.0 * SIGMA_M - 1e-4) & usable[part]
+    assert len(linear.residual_m) == linear.depths == np.count_nonzero(kept)
+    assert np.count_nonzero(kept & (np.arange(4000) < 3)) <= 1
+    spot = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
+    log = zones.log[np.floor(beams.share * ZONES).astype(int)]
+    slant = beams.tau / (1.0 + state[BEAM] @ state[BEAM])
+
+    def depth(x, by_echo=0.0, behind=None):
+        far = background.at(part, x)[0] if behind is None else behind
+        light = 1.0 + state[WALL] * (tau - 1.0)
+        echo = np.exp(state[RATIO] + log + by_echo)
+        return edge_profile(x, tau, far, spot, thickness, echo, light, state[SHAPE], slant)
+
+    here, h = depth(beams.x_m), 1e-8
+    by_x = (depth(beams.x_m + h).depth_m - depth(beams.x_m - h).depth_m) / (2.0 * h)
+    behind = background.at(part, beams.x_m)[0]
+    rough = here.background_share * (background.spread_m[part] + DEPTH_SHARE * behind)
+    variance = (SIGMA_M + 1e-6) ** 2 + (by_x * POINTING_M) ** 2 + rough**2
+    residual = z - here.depth_m
+    np.testing.assert_allclose(linear.residual_m, residual[kept], atol=1e-12)
+    weight, change = robust_weight(residual**2 / variance, converged)
+    # The table's steps of 2 radii / 4000 lie between the slope of a line and of a difference.
+    smooth = np.abs(linear.weight * variance[kept] - weight[kept])
+    assert np.median(smooth) < 1e-4
+    scale = linear.weight * variance[kept] / np.maximum(weight[kept], 1e-9)
+    np.testing.assert_allclose(np.median(scale[weight[kept] > 0.1]), 1.0, rtol=1e-4)
+    assert np.mean(np.abs(scale - 1.0)[weight[kept] > 0.1] < 0.05) > 0.97
+    assert np.median(np.abs(linear.change * variance[kept] - change[kept])) < 1e-4
+    deeper = (depth(beams.x_m, behind=behind + s * 1e-7).depth_m for s in (1.0, -1.0))
+    by_depth = np.subtract(*deeper) / 2e-7
+    lifted = 1.0 - by_depth - by_x * beams.tau * beams.shrink
+    assert np.median(np.abs(linear.by_height - lifted[kept])) < 1e-5
+    assert np.mean(np.abs(linear.by_height - lifted[kept]) < 0.05) > 0.9
+    np.testing.assert_allclose(linear.q_m, beams.q_m[kept], atol=1e-13)
+    np.testing.assert_allclose(linear.share, beams.share[kept], atol=1e-12)
+    by_echo = (depth(beams.x_m, s * 1e-6).depth_m for s in (1.0, -1.0))
+    seen = (np.subtract(*by_echo) / 2e-6)[kept]
+    np.testing.assert_allclose(linear.slopes[:, RATIO], seen, atol=1e-7)
+    assert linear.zones is zones
+    assert np.ptp(np.sign(beams.tau[kept])) == 2.0
+
+
+def test_consistent_slopes_are_those_at_the_profile_s_depth():
+    state = state_of()
+    problem = scene(PLATE, state, 3000)
+    background = look_up(problem.beams(state), problem.depth, state)
+    rows = [equations(problem, background, state, Zones.alike(), True, c) for c in (True, False)]
+    z = rows[0].residual_m
+    apart = rows[1].slopes - rows[0].slopes
+    # By the beams' slope along an edge's normal: d_x times how much deeper the point is.
+    across = rows[0].slopes[:, CENTRE]
+    np.testing.assert_allclose(apart[:, BEAM], across * z[:, None], atol=1e-12)
+    assert not apart[:, CENTRE].any()
+
+
+# Clean edges: where target and background return the same power.
+
+
+def excess(x, tau, state):
+    """Power of face and wall less that of the background, of a beam x outside the edge."""
+    spot, profile = np.exp(state[SPOT]), Profile(float(state[SHAPE]))
+    wall = max(1.0 + state[WALL] * (tau - 1.0), 0.02)
+    a, b = (profile.share(np.array([v / spot]))[0] for v in (x, x - tau * np.exp(state[THICKNESS])))
+    return (1.0 - a) + wall * (a - b) - np.exp(state[RATIO]) * b
+
+
+def parted(tau, state):
+    reach = 2.0 * np.exp(state[SPOT])
+    return brentq(excess, -reach, reach + tau * np.exp(state[THICKNESS]), (tau, state), xtol=1e-15)
+
+
+@pytest.mark.parametrize("ratio", [0.2, 1.0, 6.0])
+def test_a_clean_edge_lies_where_the_powers_are_alike(ratio):
+    state = state_of()
+    state[RATIO] = np.log(ratio)
+    tau = np.array([0.0, 0.05, 0.13, 0.4, 1.1])
+    table = _edge_table(tau, state)
+    np.testing.assert_allclose(table[0], [parted(t, state) for t in tau], atol=1e-9)
+    assert shift_m(state) == pytest.approx(parted(0.0, state), abs=1e-9)
+    assert shift_m(state) * (1.0 - ratio) > 1e-4 or ratio == 1.0
+    h, shown = 2e-5, np.array([0.13, 0.4, 1.1])
+    table = _edge_table(shown, state)
+
+    def by(change):
+        ahead, behind = ([parted(*change(t, s * h)) for t in shown] for s in (1.0, -1.0))
+        return np.subtract(ahead, behind) / (2.0 * h)
+
+    def along(index):
+        return lambda t, d: (t, state + d * (np.arange(11) == index))
+
+    close = {"atol": 3e-6, "rtol": 0.01}
+    np.testing.assert_allclose(table[1], by(lambda t, d: (t + d, state)), **close)
+    for row, index in ((2, SPOT), (4, RATIO), (6, SHAPE), (7, WALL)):
+        np.testing.assert_allclose(table[row], by(along(index)), err_msg=str(row), **close)
+    np.testing.assert_allclose(table[3] * np.exp(state[THICKNESS]), by(along(THICKNESS)), **close)
+    np.testing.assert_allclose(table[5] * (shown - 1.0), table[7], atol=3e-6, rtol=0.01)
+
+
+def test_the_state_of_first_returns_has_a_bright_wall_and_is_a_copy():
+    state = state_of()
+    first = first_state(state)
+    assert first[WALL] == 0.0
+    assert state[WALL] == 0.6
+    np.testing.assert_array_equal(np.delete(first, WALL), np.delete(state, WALL))
+
+
+def test_a_target_is_as_deep_as_its_wall_and_noise():
+    thick, thin = state_of(thickness_m=0.02), state_of(thickness_m=0.001)
+    assert target_depth_m(thick, 0.001) - target_depth_m(thick, 0.0) == pytest.approx(0.005)
+    assert 0.02 < target_depth_m(thick, 0.0) < 0.04
+    assert target_depth_m(thin, 0.0) == target_depth_m(state_of(thickness_m=0.002), 0.0)
+
+
+CLEAN = [(400, False, True), (2500, True, True), (2500, False, False), (9000, False, True),
+         (40_000, True, False)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("count", "rough", "by_power"), CLEAN)
+@pytest.mark.parametrize("outline", [DISC, PLATE], ids=["disc", "plate"])
+def test_rows_of_a_clean_edge_are_those_of_its_nearest_points(outline, count, rough, by_power):
+    state = state_of()
+    problem = scene(outline, state, count, mixed=False)
+    linear = clean_equations(problem, state, True, rough, by_power)
+    beams, z = carry(problem.plane, problem.depth, state, outline), problem.depth
+    tau = np.maximum(beams.tau, 0.0)
+    grid = np.linspace(0.0, tau.max(), 48)
+    at = state if by_power else first_state(state)
+    beyond = beams.x_m - np.interp(tau, grid, [parted(t, at) for t in grid])
+    seen = beams.clear & (z > -5.0 * SIGMA_M - 1e-4)
+    front = seen & (z < target_depth_m(state, SIGMA_M))
+    face = np.flatnonzero(front & (beams.x_m > -INNER_M) & (beyond < 0.0))
+    assert linear.depths == len(face)
+    spot = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
+    light = 1.0 + state[WALL] * (tau - 1.0)
+    slant, thickness = beams.tau / (1.0 + state[BEAM] @ state[BEAM]), np.exp(state[THICKNESS])
+    mean = edge_profile(
+        beams.x_m, tau, 0.0 * z, spot, thickness, NONE, light, state[SHAPE], slant
+    )  # fmt: skip
+    residual = (z - mean.depth_m)[face]
+    variance = ((SIGMA_M + 1e-6) ** 2 + (mean.d_x * POINTING_M) ** 2)[face]
+    weight, change = robust_weight(residual**2 / variance, True)
+    np.testing.assert_allclose(linear.residual_m[: len(face)], residual, atol=1e-12)
+    np.testing.assert_allclose(linear.weight[: len(face)], weight / variance)
+    np.testing.assert_allclose(linear.change[: len(face)], change / variance)
+    lifted = (1.0 - mean.d_x * beams.tau * beams.shrink)[face]
+    np.testing.assert_allclose(linear.by_height[: len(face)], lifted)
+    np.testing.assert_array_equal(linear.q_m[: len(face)], beams.q_m[face])
+    ring = front & (beyond < -RING_SKIP_M) & (beyond > -RING_SKIP_M - RING_M)
+    fit = [k for k in SECTOR_COUNTS if np.sum(ring) >= LEAST_IN_SECTOR * k]
+    sectors = fit[0] if fit else SECTOR_COUNTS[-1]
+    part = np.floor(beams.share * sectors).astype(int)
+    filled = [n for k in range(sectors) if (n := np.sum(ring & (part == k)))]
+    gap_m, rows, sides = RING_M / np.median(filled), [], []
+    for side, sign in ((front, -1.0), (seen & ~front, 1.0)):
+        for k in range(sectors):
+            here = np.flatnonzero(side & (part == k) & (np.abs(beyond) < FAR_M + gap_m))
+            if len(here):
+                rows.append(here[np.argmin(sign * beyond[here])])
+                sides.append(sign)
+    rows, sides = np.array(rows), np.array(sides)
+    assert len(linear.residual_m) == len(face) + len(rows)
+    assert linear.behind == np.count_nonzero(sides > 0.0) > 0
+    last = beyond[rows] - sides * gap_m
+    np.testing.assert_allclose(linear.residual_m[len(face) :], last, atol=1e-8)
+    variance = gap_m**2 + POINTING_M**2
+    weight, change = robust_weight(last**2 / variance / (ROUGH if rough else 1.0) ** 2, True)
+    np.testing.assert_allclose(linear.weight[len(face) :], weight / variance, atol=1.0)
+    np.testing.assert_allclose(linear.change[len(face) :], change / variance, atol=2.0)
+    lifted = (beams.tau * beams.shrink)[rows]
+    np.testing.assert_allclose(linear.by_height[len(face) :], lifted)
+    np.testing.assert_allclose(linear.share[len(face) :], beams.share[rows])
+    alone = clean_equations(problem, state, True, rough, by_power, by_background=False)
+    assert alone.behind == 0
+    assert len(alone.residual_m) == len(linear.residual_m) - linear.behind
+    np.testing.assert_array_equal(alone.residual_m, linear.residual_m[: len(alone.residual_m)])
+
+
+def test_slopes_of_the_nearest_points_are_those_of_central_differences():
+    """Of a plate from afar: x and tau go with the state alone, as in the slopes."""
+    state = state_of((-70.0, 40.0, 180.0), rotation=0.02)
+    problem = scene(PLATE, state, 40_000, mixed=False)
+    here = clean_equations(problem, state, True, False, True)
+    last = slice(here.depths, None)
+    for index in (0, 1, 2, 3, SPOT, THICKNESS, RATIO, ROTATION, WALL, SHAPE):
+        step = np.zeros(11)
+        step[index] = 1e-7 if index in (0, 1, 8) else 1e-5
+        ahead, behind = (
+            clean_equations(problem, state + s * step, True, False, True) for s in (1.0, -1.0)
+        )
+        moved = -(ahead.residual_m[ahead.depths :] - behind.residual_m[behind.depths :]) / (
+            2.0 * step[index]
+        )
+        shown = here.slopes[last, index]
+        size = np.linalg.norm(shown)
+        assert np.linalg.norm(moved - shown) < 0.03 * size, index
+        assert size > 1e-6
+
+
+def test_without_points_about_the_edge_there_are_no_rows():
+    state = state_of()
+    problem = EdgeProblem(np.zeros((4, 2)), np.zeros(4), Prior.of(0.01, CONFIG), DISC, SIGMA_M)
+    linear = clean_equations(problem, state, True, False, True)
+    assert len(linear.residual_m) == linear.depths == linear.behind == 0
