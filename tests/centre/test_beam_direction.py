@@ -258,6 +258,7 @@ def test_a_tenth_seen_through_contradicts():
         (0.30, 40, 0.1, 1.5 * WINDOW_M, False),
         (0.30, 40, 0.5 * MIN_DEPTH_M, 0.01, False),
         (1.00, LEAST_IN_SECTOR, 0.1, 0.01, True),
+        (1.00, 2.8, 0.1, 0.01, True),
         (1.00, 0.7, 0.1, 0.01, False),
     ],
 )

@@ -8,6 +8,7 @@ import pytest
 from wheelplane.centre.edge.beams import (
     BEAM,
     CENTRE,
+    CLEAN_SPOT,
     HELD_BEAM,
     HELD_THICKNESS,
     HELD_WALL,
@@ -25,6 +26,7 @@ from wheelplane.centre.edge.beams import (
     RATIO,
     RING_M,
     ROTATION,
+    ROTATION_RAD,
     SHAPE,
     SPARSE,
     SPOT,
@@ -108,11 +110,11 @@ def test_a_beam_at_the_edge_is_as_far_inside_the_wall_as_tau_says(name):
 
 
 @pytest.mark.parametrize("name", OUTLINES)
-@pytest.mark.parametrize("slope", [0.3, 3.0])
-def test_those_near_are_all_near_and_as_carried(name, slope):
+@pytest.mark.parametrize(("slope", "thickness_m"), [(0.3, 0.012), (3.0, 0.012), (3.0, 0.05)])
+def test_those_near_are_all_near_and_as_carried(name, slope, thickness_m):
     outline, (plane, depth) = OUTLINES[name], scattered()
     station, band_m = np.array([-slope, 0.4 * slope, 1.0]), (0.006, 0.004)
-    state = state_of(station)
+    state = state_of(station, thickness_m=thickness_m)
     whole = carry(plane, depth, state, outline)
     rows, beams = carry_near(plane, depth, state, outline, band_m)
     for field, values in vars(whole).items():
@@ -121,9 +123,10 @@ def test_those_near_are_all_near_and_as_carried(name, slope):
     wanted = (whole.x_m > -band_m[0]) & (whole.x_m < band_m[1] + wall_m)
     assert not np.setdiff1d(np.flatnonzero(wanted), rows).size
     assert whole.x_m[rows].min() > -band_m[0]
-    run = np.hypot(*(whole.q_m[rows] + state[CENTRE] - station[:2]).T).max()
+    bent = thickness_m * (1.16 * slope**2) / (2.0 * outline.size_m)
+    run = bent + np.hypot(*(whole.q_m[rows] + state[CENTRE] - station[:2]).T).max()
     assert whole.x_m[rows].max() < band_m[1] + 2.0 * np.exp(state[THICKNESS]) * run
-    assert 0 < np.count_nonzero(wanted) <= len(rows) < len(plane)
+    assert 0 < np.count_nonzero(wanted) <= len(rows) <= len(plane)
 
 
 def test_some_beams_are_those_rows():
@@ -202,9 +205,12 @@ def test_what_a_prior_holds_and_nothing_else():
     np.testing.assert_allclose(plain.weight[[WALL, SHAPE]], HELD_WALL**-2)
     assert power.mean[WALL] == LAMBERT
     assert power.weight[WALL] == pytest.approx(LAMBERT_SIGMA**-2)
+    assert power.weight[SPOT] == pytest.approx(CLEAN_SPOT**-2)
     assert power.weight[SPOT] < prior.weight[SPOT]
     beside = Prior.beside(state)
     np.testing.assert_array_equal(beside.mean, state)
+    for one in (prior, beside):
+        assert one.weight[ROTATION] == pytest.approx(ROTATION_RAD**-2)
     assert np.all(beside.weight[[2, 3, INVERSE]] > prior.weight[[2, 3, INVERSE]])
     np.testing.assert_array_equal(prior.mean, before[0])
     np.testing.assert_array_equal(prior.weight, before[1])
@@ -297,10 +303,10 @@ def test_no_background_is_nearer_than_the_least():
     assert depth[0] == MIN_DEPTH_M
 
 
-def about(shares, ring_count, mixed_count, hidden=()):
+def about(shares, ring_count, mixed_count, hidden=(), empty=()):
     """Beams: in each share of the edge so many on the target, and so many mixed pixels."""
     x, depth, share = [], [], []
-    for k in range(TWELFTHS):
+    for k in np.setdiff1d(range(TWELFTHS), empty):
         mixed = 0 if k in hidden else mixed_count
         x += [np.full(ring_count, -0.004), np.full(mixed, 0.0005), np.full(20, 0.02)]
         depth += [np.zeros(ring_count), np.full(mixed, 0.05), np.full(20, 0.1)]
@@ -318,13 +324,16 @@ def test_the_share_of_mixed_pixels_is_that_of_the_middle_of_the_edge():
     assert about(24, 10, 6, hidden=range(5)) == pytest.approx(0.6)
     assert about(24, 10, 6, hidden=range(7)) == 0.0
     assert about(24, 2, 1) == pytest.approx(0.5)  # few: of all
-    assert about(24, 2, 1, hidden=range(6)) == pytest.approx(0.25)
+    assert about(24, 2, 1, hidden=range(5)) == pytest.approx(0.5 * 7.0 / 12.0)
+    assert about(24, 10, 6, empty=range(8)) == pytest.approx(0.6)  # of what is in the scan
+    assert about(24, 10, 6, hidden=range(8, 10), empty=range(8)) == pytest.approx(0.3)
     assert about(24, 0, 1) == 12.0
 
 
 @pytest.mark.parametrize(("depth", "x_m", "counts"), [(0.05, 0.0, True), (0.01, 0.0, False),
                                                       (0.09, 0.0, False), (0.05, 0.006, False),
-                                                      (0.05, -0.006, False)])  # fmt: skip
+                                                      (0.05, -0.006, False),
+                                                      (0.01, 0.002, False)])  # fmt: skip
 def test_a_mixed_pixel_lies_between_and_near_the_edge(depth, x_m, counts):
     x = np.array([x_m, -0.004, -0.004])
     z, whole, none = np.array([depth, 0.0, 0.0]), np.ones(3), np.zeros((3, 2))

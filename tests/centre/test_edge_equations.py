@@ -109,11 +109,17 @@ def test_few_points_have_the_covariance_of_all_unknowns_and_of_student_s_t(outli
 
 def test_few_quiet_points_are_no_better_than_their_stated_noise():
     linear, prior, _ = drawn()
-    quiet, silent = (replace(linear, residual_m=s * linear.residual_m) for s in (0.1, 0.0))
-    np.testing.assert_array_equal(
-        spread(quiet, Circle(0.1), prior, few=True)[0],
-        spread(silent, Circle(0.1), prior, few=True)[0],
-    )
+    outline = Circle(0.1)
+    for share in (linear.share, np.full(POINTS, 0.3)):  # all sectors, and one
+        quiet = replace(linear, residual_m=0.1 * linear.residual_m, share=share)
+        quiet = replace(quiet, change=quiet.weight)
+        slopes, known = dense(quiet, prior)
+        data = (slopes.T * quiet.weight) @ slopes
+        covariance, _, dof = spread(quiet, outline, prior, few=True)
+        scale = dof / max(dof - 2.0, 1.0)
+        inverse = np.linalg.inv(data + np.diag(known))
+        expected = inverse @ (np.diag(known) + scale * data) @ inverse
+        np.testing.assert_allclose(covariance, expected[:STATES, :STATES], rtol=1e-7, atol=1e-12)
 
 
 def test_a_point_without_weight_is_none():

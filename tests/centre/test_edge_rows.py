@@ -77,8 +77,9 @@ def scene(outline, state, count, mixed=True, seed=0):
     if mixed:
         depth = far * np.clip(0.5 + closest.x_m / 0.006, 0.0, 1.0)
     depth = depth + SIGMA_M * rng.normal(size=count)
+    near = np.flatnonzero(closest.clear & (np.abs(closest.x_m) < 0.003))[:3]
+    depth[near] = -0.02, -5.0 * SIGMA_M - 1.2e-4, -5.0 * SIGMA_M - 0.8e-4  # before the target
     plane = state[CENTRE] + q * (1.0 + state[4] * depth)[:, None] + depth[:, None] * state[BEAM]
-    depth[:3] = -0.02, -5.0 * SIGMA_M - 2e-4, -5.0 * SIGMA_M - 0.5e-4  # nearer than the target
     prior = Prior.of(0.012, CONFIG)
     return EdgeProblem(np.asfortranarray(plane), depth, prior, outline, SIGMA_M)
 
@@ -156,7 +157,6 @@ def test_rows_of_mixed_pixels_are_those_of_their_formulas(outline, converged):
     kept = (beams.x_m > -INNER_M) & (beams.x_m < OUTER_M + thickness * tau) & beams.clear
     kept &= (z > -5.0 * SIGMA_M - 1e-4) & usable[part]
     assert len(linear.residual_m) == linear.depths == np.count_nonzero(kept)
-    assert np.count_nonzero(kept & (np.arange(4000) < 3)) <= 1
     spot = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
     log = zones.log[np.floor(beams.share * ZONES).astype(int)]
     slant = beams.tau / (1.0 + state[BEAM] @ state[BEAM])
@@ -276,6 +276,10 @@ CLEAN = [(400, False, True), (2500, True, True), (2500, False, False), (9000, Fa
 def test_rows_of_a_clean_edge_are_those_of_its_nearest_points(outline, count, rough, by_power):
     state = state_of()
     problem = scene(outline, state, count, mixed=False)
+    if count == 9000:  # less than half of the edge is in the scan
+        shown = carry(problem.plane, problem.depth, state, outline).share > 0.55
+        plane = np.asfortranarray(problem.plane[shown])
+        problem = replace(problem, plane=plane, depth=problem.depth[shown])
     linear = clean_equations(problem, state, True, rough, by_power)
     beams, z = carry(problem.plane, problem.depth, state, outline), problem.depth
     tau = np.maximum(beams.tau, 0.0)
