@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wheelplane.centre.edge.mixed_pixel import edge_profile
+from wheelplane.centre.edge.mixed_pixel import Profile, edge_profile
 
 # x/s, tau, B, s, T: incidence up to 60 degrees on the wall, plates of 3 to 20 mm.
 CASES = [
@@ -211,3 +211,59 @@ def test_slopes_by_wall_and_shape_are_those_of_central_differences():
     np.testing.assert_allclose(profile.d_shape, by_shape, atol=1e-5 * np.abs(by_shape).max())
     assert np.abs(by_wall).max() > 1e-4
     assert np.abs(by_shape).max() > 1e-4
+
+
+@pytest.mark.parametrize("shape", [0.0, 0.4, 1.0])
+def test_shares_and_moments_are_integrals_of_one_footprint(shape):
+    """Sums over 400,000 strips of a disc of unit radius, of exp(-2 r^2), or of a mixture."""
+    t = (np.arange(400_000) + 0.5) / 1e5 - 2.0
+    disc, bell = np.sqrt(np.clip(1.0 - t * t, 0.0, None)), np.exp(-2.0 * t * t)
+    power = (1.0 - shape) * disc / disc.sum() + shape * bell / bell.sum()
+    u = np.array([-2.5, -1.99, -1.2, -0.7, 0.0, 0.3, 0.95, 1.4, 2.0, 3.0])
+    footprint = Profile(shape)
+    share = np.array([power[t > -place].sum() for place in u])
+    np.testing.assert_allclose(footprint.share(u), share, atol=2e-5)
+    np.testing.assert_allclose(footprint.density(u), np.interp(u, t, power * 1e5), atol=3e-4)
+    moment = np.array([(power * t)[t > -place].sum() for place in u])
+    np.testing.assert_allclose(footprint.moment(u), moment, atol=2e-4)
+    integral = np.array([(power * np.clip(t + place, 0.0, None)).sum() for place in u])
+    np.testing.assert_allclose(footprint.integral(u), integral, atol=2e-5)
+
+
+@pytest.mark.parametrize("slant", [0.0, 0.25])
+@pytest.mark.parametrize("shape", [0.6, 1.0])
+def test_all_slopes_of_a_dim_wall_are_those_of_central_differences(shape, slant):
+    """Of a slanted footprint those that take its parts beside the beam's axis into account."""
+    x = np.array([-0.8, -0.6, -0.25, 0.3, 0.7, 1.23, 1.7, 2.2, 2.77, 4.5]) * 0.0015
+    whole = np.ones(len(x))
+    here = {
+        "x": 0.0, "tau": 0.27, "log_spot": np.log(0.0015), "thickness": 0.01,
+        "log_ratio": np.log(0.4), "wall": 0.3, "shape": shape,
+    }  # fmt: skip
+
+    def depth(x_off, tau, log_spot, thickness, log_ratio, wall, shape):
+        full = tau * whole, 0.08 * whole, np.exp(log_spot) * whole
+        rest = np.exp(log_ratio), wall, shape, slant
+        return edge_profile(x + x_off, *full, thickness, *rest)
+
+    shown = depth(*here.values())
+    for name in here if slant == 0.0 else ("x", "log_ratio", "wall"):
+        h = 1e-6 if name in ("x", "thickness") else 1e-5
+        ahead, behind = (depth(*(here | {name: here[name] + s * h}).values()) for s in (1.0, -1.0))
+        seen = (ahead.depth_m - behind.depth_m) / (2.0 * h)
+        limit = 5e-3 * np.abs(seen).max()
+        np.testing.assert_allclose(getattr(shown, f"d_{name}"), seen, atol=limit, err_msg=name)
+        assert limit > 1e-8
+    light = (depth(*here.values()).depth_m, shown.background_light)
+    deeper = edge_profile(
+        x, 0.27 * whole, 0.08001 * whole, 0.0015 * whole, 0.01, 0.4, 0.3, shape, slant
+    )  # fmt: skip
+    np.testing.assert_allclose(light[1], (deeper.depth_m - light[0]) / 1e-5, atol=1e-6)
+
+
+def test_a_wall_without_width_has_no_slope_by_its_width():
+    whole = np.ones(5)
+    x = np.linspace(-1.0, 1.0, 5) * 0.001
+    profile = edge_profile(x, 0.0 * whole, 0.1 * whole, 0.0015 * whole, 0.01, 0.5, 0.3)
+    assert not profile.d_tau.any()
+    assert np.isfinite(profile.depth_m).all()
