@@ -203,7 +203,7 @@ def test_what_a_prior_holds_and_nothing_else():
     np.testing.assert_array_equal(seen.held(state).weight[BEAM], seen.weight[BEAM])  # firmer
     assert plain.mean[WALL] == 0.0
     np.testing.assert_allclose(plain.weight[[WALL, SHAPE]], HELD_WALL**-2)
-    assert power.mean[WALL] == LAMBERT
+    assert power.mean[WALL] == LAMBERT == 1.0  # by definition
     assert power.weight[WALL] == pytest.approx(LAMBERT_SIGMA**-2)
     assert power.weight[SPOT] == pytest.approx(CLEAN_SPOT**-2)
     assert power.weight[SPOT] < prior.weight[SPOT]
@@ -341,3 +341,9 @@ def test_a_mixed_pixel_lies_between_and_near_the_edge(depth, x_m, counts):
     one = np.ones(1)
     back = Background(0.1 * one, 0.0 * one, 0.0 * one, 0.0 * one, one > 0.0)
     assert mixed_share(beams, z, back) == (0.5 if counts else 0.0)
+
+
+def test_each_place_in_a_state_is_of_one_quantity():
+    places = [*range(11)[CENTRE], *range(11)[BEAM], INVERSE]
+    places += [SPOT, THICKNESS, RATIO, ROTATION, WALL, SHAPE]
+    assert places == list(range(11))

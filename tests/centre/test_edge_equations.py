@@ -272,3 +272,8 @@ def test_the_prior_of_a_problem_looks_from_its_station():
     state[0] = 0.01
     assert problem.beams(state).x_m is not first.x_m
     np.testing.assert_allclose(problem.beams(state).q_m[:, 0], -0.01)
+
+
+def test_a_zone_lies_within_one_sector():
+    """So that the sum of squares by sectors holds each zone's reflectance once."""
+    assert ZONES % SECTORS == 0
