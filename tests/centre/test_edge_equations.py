@@ -229,14 +229,14 @@ def test_a_zone_that_hardly_shows_its_reflectance_does_not_count():
     linear, prior, _ = drawn(4)
     zone = np.floor(linear.share * ZONES).astype(int)
     there, unlike = zone == 7, np.random.default_rng(7).normal(size=ZONES)[zone]
-    assert LEAST_SHOWN > 1e-6
+    assert LEAST_SHOWN > 0.03**2
     scatters = []
-    for size in (0.0, 1e-3):
+    for size in (0.0, 0.03):
         slopes = np.where(there[:, None], 0.0, linear.slopes)
         slopes[there, RATIO] = size
         residual = linear.residual_m + np.where(there, 5.0, unlike * slopes[:, RATIO])
         scatters.append(zone_scatter(replace(linear, slopes=slopes, residual_m=residual), prior))
-    assert scatters[0] == pytest.approx(scatters[1], rel=1e-4)
+    assert scatters[0] == pytest.approx(scatters[1], rel=1e-3)
     assert scatters[0] > 0.5
 
 
@@ -264,6 +264,7 @@ def test_the_prior_of_a_problem_looks_from_its_station():
     prior, station = Prior.of(0.01, CentreConfig()), np.array([0.4, -0.3, 2.0])
     problem = EdgeProblem(np.zeros((3, 2)), np.zeros(3), prior, Circle(0.1), 1e-3)
     assert problem.about(prior.mean) is problem
+    assert not problem.few
     seen = replace(problem, station=station).about(prior.mean).prior
     np.testing.assert_array_equal(seen.mean, prior.seen_from(station, prior.mean).mean)
     state = prior.mean.copy()

@@ -193,6 +193,7 @@ def test_rows_of_mixed_pixels_are_those_of_their_formulas(outline, converged):
     seen = (np.subtract(*by_echo) / 2e-6)[kept]
     np.testing.assert_allclose(linear.slopes[:, RATIO], seen, atol=1e-7)
     assert linear.zones is zones
+    assert linear.behind == 0
     assert np.ptp(np.sign(beams.tau[kept])) == 2.0
 
 
