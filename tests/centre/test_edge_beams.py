@@ -129,6 +129,18 @@ def test_those_near_are_all_near_and_as_carried(name, slope, thickness_m):
     assert 0 < np.count_nonzero(wanted) <= len(rows) <= len(plane)
 
 
+def test_the_far_wall_of_a_hole_beside_the_centre_is_near():
+    """Beams fan out: its wall is met more steeply than at the target's centre."""
+    hole = Holes(np.array([[0.09, 0.0, 0.03]]))
+    state = state_of(np.array([-0.08, 0.0, 0.4]), (0.0, 0.0), 0.0, thickness_m=0.03)
+    plane = np.column_stack([np.linspace(0.095, 0.119, 200), np.zeros(200)])
+    whole = carry(plane, np.zeros(200), state, hole)
+    wanted = whole.x_m < 0.004 + whole.tau * 0.03
+    rows, _ = carry_near(plane, np.zeros(200), state, hole, (0.006, 0.004))
+    assert 100 < np.count_nonzero(wanted) < 180
+    assert np.isin(np.flatnonzero(wanted), rows).all()
+
+
 def test_some_beams_are_those_rows():
     beams = carry(*scattered(50), state_of(), OUTLINES["disc"])
     rows = np.array([3, 7, 40])
@@ -308,8 +320,8 @@ def about(shares, ring_count, mixed_count, hidden=(), empty=()):
     x, depth, share = [], [], []
     for k in np.setdiff1d(range(TWELFTHS), empty):
         mixed = 0 if k in hidden else mixed_count
-        x += [np.full(ring_count, -0.004), np.full(mixed, 0.0005), np.full(20, 0.02)]
-        depth += [np.zeros(ring_count), np.full(mixed, 0.05), np.full(20, 0.1)]
+        x += [np.full(ring_count, -0.004), np.full(mixed, 0.0005), np.repeat([0.002, 0.02], 10)]
+        depth += [np.zeros(ring_count), np.full(mixed, 0.05), np.repeat([0.0, 0.1], 10)]
         share += [np.full(ring_count + mixed + 20, (k + 0.5) / TWELFTHS)]
     x, depth, share = (np.concatenate(values) for values in (x, depth, share))
     whole, none = np.ones(len(x)), np.zeros((len(x), 2))

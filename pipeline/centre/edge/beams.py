@@ -242,13 +242,11 @@ def carry_near(
     """
     shrink, q, aligned = _on_plane(plane, depth, state)
     x = outline.outside_m(*aligned.T)
-    square = float(state[BEAM] @ state[BEAM])
-    thickness = np.exp(state[THICKNESS])
     rows = np.flatnonzero(x > -band_m[0])
     far = np.abs(q.T[:, rows]).sum(axis=0) + np.abs(x[rows])
-    steepest = np.sqrt(square) + thickness * square / (2.0 * outline.size_m)
-    steepest = steepest + abs(state[INVERSE]) * far
-    rows = rows[x[rows] < band_m[1] + steepest * thickness]
+    # A hole's wall that bends farther inwards reaches across the whole hole.
+    steepest = np.hypot(*state[BEAM]) + abs(state[INVERSE]) * far
+    rows = rows[x[rows] < band_m[1] + steepest * np.exp(state[THICKNESS])]
     return rows, _against_edge(shrink[rows], q.T[:, rows].T, aligned.T[:, rows].T, state, outline)
 
 
