@@ -1,0 +1,271 @@
+"""Course of an edge fit with equations and steps put in: looks, damping, ends, what is tried."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.centre.test_edge_rows import DISC, PLATE, SIGMA_M, scene, state_of
+from wheelplane.centre.edge import fit_edge
+from wheelplane.centre.edge.beams import BEAM, CENTRE, RATIO, ROTATION, WALL, look_up
+from wheelplane.centre.edge.edge_residuals import (
+    ALIKE_LOG,
+    SECTORS,
+    ZONE_LOG,
+    EdgeProblem,
+    Zones,
+    equations,
+    spread,
+)
+from wheelplane.centre.edge.fit_edge import (
+    CONTRADICTED,
+    DIFFERENT,
+    FIRST,
+    LEAST_CLEAN,
+    LOOKS,
+    SHORTER,
+    SHORTEST,
+    STEEP,
+    STEP_M,
+    UNDAMPED,
+    _Converged,
+)
+from wheelplane.config import CentreConfig
+
+CONFIG = CentreConfig()
+
+
+def put_in(monkeypatch, moves):
+    """Steps of the centre along u in their order, the last again and again; what was called."""
+    called = SimpleNamespace(flags=[], looks=[])
+
+    def move(linear, state, prior):
+        moved = np.zeros(11)
+        moved[0] = moves[min(len(called.flags), len(moves)) - 1]
+        return moved, Zones.alike()
+
+    def linear(*args, **kwargs):
+        called.flags.append(args[-2:] if len(args) > 5 else args[2:])
+
+    def look(*args):
+        called.looks.append(len(called.flags) + 1)
+
+    monkeypatch.setattr(fit_edge, "step", move)
+    monkeypatch.setattr(fit_edge, "equations", linear)
+    monkeypatch.setattr(fit_edge, "clean_equations", lambda *a: called.flags.append(a[2:]) or ZERO)
+    monkeypatch.setattr(fit_edge, "look_up", look)
+    return called
+
+
+ZERO = SimpleNamespace(zones=None)
+
+
+def problem_of(few=False):
+    problem = scene(DISC, state_of(), 50)
+    return EdgeProblem(problem.plane, problem.depth, problem.prior, DISC, SIGMA_M, few)
+
+
+@pytest.mark.parametrize("few", [False, True])
+def test_a_first_fit_looks_up_the_background_again_and_takes_nine_steps(monkeypatch, few):
+    called = put_in(monkeypatch, [0.5 * STEP_M])
+    found = fit_edge._converge(problem_of(few), state_of(), Zones.alike(), 40, consistent=False)
+    assert called.looks == [1, *LOOKS]
+    assert found.iterations == len(called.flags) == 9
+    robust = [flags[0] for flags in called.flags]
+    assert robust == [not few and iteration > 6 for iteration in range(1, 10)]
+    assert not any(flags[1] for flags in called.flags)
+    assert found.state[0] == pytest.approx(state_of()[0] + 9 * 0.5 * STEP_M, abs=1e-15)
+    assert found.last_m == pytest.approx(0.5 * STEP_M)
+
+
+@pytest.mark.parametrize("few", [False, True])
+def test_a_consistent_fit_ends_with_its_first_small_step(monkeypatch, few):
+    called = put_in(monkeypatch, [1e-4, 1e-5, 1e-6, 0.5 * STEP_M, 1.0])
+    found = fit_edge._converge(problem_of(few), state_of(), Zones.alike(), 40, consistent=True)
+    assert called.looks == [1]
+    assert found.iterations == 4
+    assert all(flags == (not few, True) for flags in called.flags)
+    sought = state_of()[0] + 1.11e-4 + 0.5 * STEP_M
+    assert found.state[0] == pytest.approx(sought, abs=1e-12)
+
+
+def test_steps_that_go_back_are_shortened_to_a_least(monkeypatch):
+    moves = [1e-4, -1e-4, -1e-4] + [1e-4 * (-1) ** k for k in range(20)]
+    lengths, before = [1.0], moves[0]
+    for move in moves[1:]:
+        back = move * before < 0.0
+        lengths.append(max(lengths[-1] * SHORTER, SHORTEST) if back else lengths[-1])
+        before = move
+    for consistent, expected in ((True, lengths), (False, np.ones(len(moves)))):
+        put_in(monkeypatch, moves)
+        args = problem_of(), state_of(), Zones.alike(), len(moves)
+        found = fit_edge._converge(*args, consistent=consistent)
+        assert found.iterations == len(moves)
+        sought = state_of()[0] + np.dot(expected, moves)
+        assert found.state[0] == pytest.approx(sought, abs=1e-12)
+    assert min(lengths) == SHORTEST
+
+
+def test_a_clean_fit_is_rough_at_first_robust_later_and_damped_then(monkeypatch):
+    called = put_in(monkeypatch, [-1e-4] * 14 + [-0.5 * STEP_M])
+    found = fit_edge._converge_clean(problem_of(), state_of(), 40, True, by_background=False)
+    flags = [(k > 9, k <= 6, True, False) for k in range(1, found.iterations + 1)]
+    assert called.flags == flags
+    moved = sum(1e-4 * min(1.0, UNDAMPED / k) for k in range(1, 15))
+    assert found.state[0] == pytest.approx(state_of()[0] - moved, abs=2.0 * STEP_M)
+    assert found.iterations == 15
+    put_in(monkeypatch, [0.5 * STEP_M])
+    found = fit_edge._converge_clean(problem_of(), state_of(), 40, True, by_background=True)
+    assert found.iterations == UNDAMPED + 1
+    put_in(monkeypatch, [1e-3])
+    found = fit_edge._converge_clean(problem_of(), state_of(), 13, True, by_background=True)
+    assert found.iterations == 13
+    assert found.last_m == pytest.approx(1e-3 * UNDAMPED / 13)
+
+
+def recorded(last_m=1e-8, few=False):
+    """Record of a solution, with its equations and the problem."""
+    state = state_of()
+    problem = scene(PLATE, state, 4000)
+    problem = EdgeProblem(problem.plane, problem.depth, problem.prior, PLATE, SIGMA_M, few)
+    background = look_up(problem.beams(state), problem.depth, state)
+    linear = equations(problem, background, state, Zones.alike(), True, True)
+    found = _Converged(state, Zones.alike(), background, linear, 7, last_m)
+    return fit_edge._record(found, problem, 0.8), linear, problem
+
+
+RECORD = recorded()[0]
+
+
+def ended(weight=(1.0,) * 40, behind=0, share=None, depths=0, ratio=0.0, state=None):
+    """A solution with equations of those weights."""
+    state = state_of() if state is None else state.copy()
+    state[RATIO] = ratio
+    share = np.arange(len(weight)) / len(weight) if share is None else share
+    linear = SimpleNamespace(
+        weight=np.array(weight), behind=behind, share=share, depths=depths,
+        residual_m=np.zeros(len(weight)),
+    )  # fmt: skip
+    return _Converged(state, Zones.alike(), SimpleNamespace(usable=np.ones(9)), linear, 12, 1e-8)
+
+
+@pytest.mark.parametrize(
+    ("front", "back", "contradicts"),
+    [
+        ([0.0] * 60, [], False),
+        ([1.0] * 60, [0.0], True),
+        ([0.0] * 60, [0.3] * 20, False),
+        ([1.0] * 60, [0.0] * 6 + [0.2] * 14, False),
+        ([1.0] * 60, [0.0] * 8 + [0.2] * 12, True),
+    ],
+)
+def test_a_background_of_outliers_is_left_out(monkeypatch, front, back, contradicts):
+    assert 6 / 20 < CONTRADICTED < 8 / 20
+    calls, solution = [], ended(front + back, len(back))
+
+    def converge(problem, state, most, by_power, by_background):
+        calls.append((state is solution.state, by_background))
+        return solution
+
+    monkeypatch.setattr(fit_edge, "_converge_clean", converge)
+    fit_edge._explained(problem_of(), state_of(), 40, by_power=True)
+    assert calls == [(False, True), (True, False)][: 1 + contradicts]
+
+
+@pytest.mark.parametrize("ratio", [FIRST - 0.1, FIRST + 0.1])
+def test_first_returns_are_those_of_a_small_ratio(monkeypatch, ratio):
+    """And the wall of a scanner that parts returns by power begins as Lambert's."""
+    problem, calls = problem_of(), []
+
+    def explained(problem, state, most, by_power):
+        calls.append((state[WALL], by_power))
+        return ended(ratio=ratio)
+
+    monkeypatch.setattr(fit_edge, "has_background", lambda *args: True)
+    monkeypatch.setattr(fit_edge, "_explained", explained)
+    monkeypatch.setattr(fit_edge, "_record", lambda *args: None)
+    monkeypatch.setattr(fit_edge, "_settled", lambda *args: RECORD)
+    state = state_of()
+    found = fit_edge._clean(problem, state, CONFIG)
+    assert found.clean_shift_m == pytest.approx(fit_edge.shift_m(ended(ratio=ratio).state))
+    assert calls == [(1.0, True), (1.0, False)][: 1 + (ratio < FIRST)]
+    assert state[WALL] == state_of()[WALL]
+
+
+@pytest.mark.parametrize(
+    ("sectors", "rows", "shown"),
+    [(SECTORS, LEAST_CLEAN - 1, False), (5, 200, False), (7, 200, True), (SECTORS, 200, True)],
+)
+def test_few_rows_or_sectors_give_no_clean_fit(monkeypatch, sectors, rows, shown):
+    share = (np.arange(rows) % sectors + 0.5) / SECTORS
+    monkeypatch.setattr(fit_edge, "has_background", lambda *args: True)
+    monkeypatch.setattr(fit_edge, "_explained", lambda *a, **k: ended([1.0] * rows, 0, share))
+    monkeypatch.setattr(fit_edge, "_record", lambda *args: None)
+    monkeypatch.setattr(fit_edge, "_settled", lambda *args: RECORD)
+    assert (fit_edge._clean(problem_of(), state_of(), CONFIG) is not None) == shown
+
+
+@pytest.mark.parametrize("strange", [False, True])
+@pytest.mark.parametrize("thickness_m", [None, 0.01])
+@pytest.mark.parametrize("steep", [False, True])
+def test_a_steep_fit_of_another_thickness_is_held(monkeypatch, steep, thickness_m, strange):
+    state, priors = state_of(), []
+    state[BEAM] = 0.0, 1.1 * STEEP if steep else 0.9 * STEEP
+    problem = problem_of()
+
+    def best(problem, state, most):
+        priors.append(problem.prior)
+        return ended()
+
+    monkeypatch.setattr(fit_edge, "_best", best)
+    monkeypatch.setattr(fit_edge, "_is_strange", lambda *args: strange)
+    monkeypatch.setattr(fit_edge, "_record", lambda *args: RECORD)
+    assert fit_edge._mixed(problem, state, thickness_m, CONFIG) is RECORD
+    first = problem.prior.plain() if steep else problem.prior
+    expected = [first.weight, first.held(state).weight]
+    held = steep and strange and thickness_m is not None
+    np.testing.assert_array_equal([one.weight for one in priors], expected[: 1 + held])
+    np.testing.assert_array_equal(priors[0].mean, first.mean)
+
+
+@pytest.mark.parametrize("scatter", [0.9 * DIFFERENT, 1.1 * DIFFERENT])
+@pytest.mark.parametrize("few", [False, True])
+@pytest.mark.parametrize("steep", [False, True])
+def test_zones_are_free_where_beams_are_steep_or_backgrounds_differ(
+    monkeypatch, steep, few, scatter
+):
+    state, calls = state_of(), []
+    state[BEAM] = 0.0, 1.1 * STEEP if steep else 0.9 * STEEP
+
+    def converge(problem, state, zones, most, consistent):
+        calls.append((zones.sigma, consistent))
+        return _Converged(state, zones, None, None, 5, 0.0)
+
+    monkeypatch.setattr(fit_edge, "_converge", converge)
+    monkeypatch.setattr(fit_edge, "zone_scatter", lambda *args: scatter)
+    fit_edge._best(problem_of(few), state, 40)
+    first = [(ZONE_LOG if steep else ALIKE_LOG, False)]
+    if not steep and not few and scatter > DIFFERENT:
+        first.append((ZONE_LOG, False))
+    assert calls == [*first, (first[-1][0], True)]
+
+
+@pytest.mark.parametrize("few", [False, True])
+def test_a_record_is_of_the_last_solution(few):
+    state = state_of()
+    for last_m in (0.5e-5, 2e-5):
+        fit, linear, problem = recorded(last_m, few)
+        covariance, by_plane, dof = spread(linear, PLATE, problem.prior, few)
+        np.testing.assert_allclose(fit.state, state, rtol=1e-12)
+        np.testing.assert_array_equal(fit.covariance_m2, covariance[CENTRE, CENTRE])
+        noise = [covariance[ROTATION, 0], covariance[ROTATION, 1], covariance[ROTATION, ROTATION]]
+        np.testing.assert_array_equal(fit.rotation_noise, noise)
+        np.testing.assert_array_equal(fit.by_plane, by_plane[CENTRE])
+        np.testing.assert_array_equal(fit.rotation_by_plane, by_plane[ROTATION])
+        assert (fit.dof, fit.covered, fit.iterations) == (dof, 0.8, 7)
+        assert fit.points == len(linear.residual_m)
+        assert fit.misfit == np.mean(linear.weight == 0.0) > 0.0
+        assert fit.converged == (last_m < 1e-5)
+        assert fit.clean_shift_m is None
