@@ -267,3 +267,37 @@ def test_a_wall_without_width_has_no_slope_by_its_width():
     profile = edge_profile(x, 0.0 * whole, 0.1 * whole, 0.0015 * whole, 0.01, 0.5, 0.3)
     assert not profile.d_tau.any()
     assert np.isfinite(profile.depth_m).all()
+
+
+@pytest.mark.parametrize("shape", [0.0, 0.6, 1.0])
+def test_what_a_slanted_footprint_adds_has_slopes_of_its_own(shape):
+    """Differences of two profiles, with and without slant, which the rest would hide."""
+    x = np.array([-1.3, -0.6, -0.25, 0.3, 0.7, 1.23, 1.7, 2.2, 2.77]) * 0.0015
+    whole = np.ones(len(x))
+
+    def added(name, off_m=0.0, wall=0.3, echo=0.4):
+        full = 0.27 * whole, 0.08 * whole, 0.0015 * whole, 0.01
+        pair = [edge_profile(x + off_m, *full, echo, wall, shape, slant) for slant in (0.25, 0.0)]
+        return getattr(pair[0], name) - getattr(pair[1], name)
+
+    for name, unit in (("d_x", {"off_m": 1e-7}), ("d_wall", {"wall": 1e-6})):
+        start = {"off_m": 0.0, "wall": 0.3}
+        ahead, behind = (
+            added("depth_m", **{key: start[key] + s * h for key, h in unit.items()})
+            for s in (1.0, -1.0)
+        )
+        seen = (ahead - behind) / (2.0 * next(iter(unit.values())))
+        np.testing.assert_allclose(added(name), seen, atol=0.01 * np.abs(seen).max(), err_msg=name)
+        assert np.abs(seen).max() > 1e-5
+
+
+def test_nothing_but_the_background_counts_beyond_wall_and_footprint():
+    whole = np.ones(3)
+    x = np.array([0.0068, 0.01, 0.02])
+    profile = edge_profile(
+        x, 0.27 * whole, 0.08 * whole, 0.0015 * whole, 0.01, 0.4, 0.3, 0.6, 0.25
+    )  # fmt: skip
+    np.testing.assert_allclose(profile.depth_m, 0.08, rtol=1e-9)
+    for name, values in vars(profile).items():
+        if name.startswith("d_"):
+            np.testing.assert_allclose(values, 0.0, atol=1e-9, err_msg=name)
