@@ -6,15 +6,22 @@ import doctest
 import re
 
 import wheelplane as wp
-from tests.support.manual_blocks import folder, prepare
+from tests.support.manual_blocks import folder, prepare, run
 from wheelplane.manual.build import chapter_files
 
 CHAPTER = next(path for path in chapter_files() if path.name.endswith("-library.md"))
+SYNTH = "wheelplane synth mine --seed 5 --scanner coarse.toml"  # of chapter 2
+
+
+def test_the_capture_of_the_examples_is_that_of_chapter_2():
+    text = next(path for path in chapter_files() if path.name.startswith("02-")).read_text("utf-8")
+    assert f"\n{SYNTH}\n" in text
 
 
 def test_examples_print_what_is_shown(tmp_path):
     prepare(tmp_path)
     with folder(tmp_path):
+        assert run(SYNTH)[0] == 0
         found = doctest.testfile(
             str(CHAPTER),
             module_relative=False,
