@@ -337,7 +337,7 @@ def test_rows_of_a_clean_edge_are_those_of_its_nearest_points(outline, count, ro
 
 
 def test_slopes_of_the_nearest_points_are_those_of_central_differences():
-    """Of a plate from afar: x and tau go with the state alone, as in the slopes."""
+    """Seen from afar, x and tau depend on the state alone, as in the slopes."""
     state = state_of((-70.0, 40.0, 180.0), rotation=0.02)
     problem = scene(PLATE, state, 40_000, mixed=False)
     here = clean_equations(problem, state, True, False, True)

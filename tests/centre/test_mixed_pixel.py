@@ -233,7 +233,7 @@ def test_shares_and_moments_are_integrals_of_one_footprint(shape):
 @pytest.mark.parametrize("slant", [0.0, 0.25])
 @pytest.mark.parametrize("shape", [0.6, 1.0])
 def test_all_slopes_of_a_dim_wall_are_those_of_central_differences(shape, slant):
-    """Of a slanted footprint those that take its parts beside the beam's axis into account."""
+    """A slanted footprint takes those with its parts beside the beam's axis."""
     x = np.array([-0.8, -0.6, -0.25, 0.3, 0.7, 1.23, 1.7, 2.2, 2.77, 4.5]) * 0.0015
     whole = np.ones(len(x))
     here = {

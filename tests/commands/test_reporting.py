@@ -52,7 +52,7 @@ def test_what_is_wanted_is_written(wanted, more, tmp_path):
 
 
 def test_no_report_of_an_earlier_measurement_stays_beside_a_new_one(tmp_path):
-    """What is not the program's stays, as do like names in a folder without a measurement."""
+    """Other people's files stay, as do like names in a folder without a measurement."""
     own = {"report.pdf", "target-1.png", "target-FL.png", "report.html"}
     others = {"notes.txt", "measurement.pdf", "photo-1.png"}
     for name in own | others:

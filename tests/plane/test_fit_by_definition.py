@@ -235,7 +235,7 @@ def test_correlated_noise_adds_to_the_tilt_and_counts_for_fewer_points():
 
 
 def test_independent_noise_is_that_within_cells_where_there_is_correlated_noise():
-    """Of it three sigma are cut off; never more than all noise, and all of it without other."""
+    """Clipped at three sigma; never more than all noise, and all of it where there is no other."""
     clipped = stats.truncnorm(-3.0, 3.0).std()
     for sigma in (1e-9, 1e-4, 0.4):
         found = replace(NONE, sigma_m=sigma, white_sigma_m=0.8 * clipped)

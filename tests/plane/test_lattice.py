@@ -138,7 +138,7 @@ def by_loops(uvw, extra, shape, directions, beam):
 
 @pytest.mark.parametrize(("radius", "hole"), [(0.06, 0.0), (0.1, 0.05), (0.031, 0.0)])
 def test_cells_along_both_kinds_of_lines_are_those_of_loops(radius, hole):
-    """Of a disc, of a ring, and of a small disc, whose cells are fewer and larger."""
+    """Disc, ring, and a small disc, whose cells are fewer and larger."""
     beam = np.array([0.3, -0.5])
     uvw = moved(lattice(5, radius, hole=hole), 1e-3, beam)
     uvw -= uvw.mean(axis=0)

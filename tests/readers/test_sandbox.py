@@ -163,7 +163,7 @@ def test_what_a_library_raises_or_eats_is_reported(tmp_path, source, capfd, body
 
 @pytest.mark.parametrize("size_b", [1 << 25, 60 << 20])
 def test_memory_within_the_allowance_is_granted(tmp_path, source, size_b):
-    """Of 64 MiB, beyond what the child held before."""
+    """The allowance is 64 MiB beyond what the child held before."""
     script = MAIN.format(body=indented(f"eaten = bytearray({size_b})\nslots.filled(0, 4)"))
     assert [filled.rows for filled in run_child(job(tmp_path, script), source)] == [4]
 
