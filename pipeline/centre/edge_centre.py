@@ -15,6 +15,7 @@ from ..targets import Holes, Outline
 from ..vectors import Array
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
+from .edge.beams import SIZE_M
 from .edge.fit_edge import Aim, Behind, EdgeFit, aimed, fit_edge, look_behind
 from .in_plane_rotation import PlaneRotation
 from .outline_fit import OutlineFit, check_outline, fit_outline, place_circle
@@ -41,7 +42,12 @@ MAX_RATIO = 50.0  # reflectance ratio, or its inverse, beyond which a fit is imp
 CELL = 2.0  # of the spacing: cells in which points on and off the target are counted
 MANY_OFF = 0.05  # points off the target, of those on it: below, no other surface is that near
 SOUGHT = 1.5  # of its size: radius about the matched template in which its points lie
-SPARSE_M = 0.006  # spacing from which the edge's start must be better than the template's match
+# Spacing from which, and match of a partly hidden target below which, the edge's start must be
+# better than the template's position: 20 mm off half a disc of 250 mm.
+SPARSE_M, HIDDEN = 0.006, 0.9
+# Standard deviations of an edge's growth at which doubt begins, and which a stated size does not
+# explain; share of that growth's movement into the centre; least share of SIZE_M that is shown.
+STRANGE_SIZE, WRONG_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 5.0, 0.6, 0.1
 GENTLE = 1.0  # slope below which all points that matter lie within target_view.GENTLE_SLOPE
 
 
@@ -61,7 +67,8 @@ def centre_by_edge(view: TargetView, outline: Outline) -> EdgeCentre:
     """
     start = np.zeros(2), 0.0
     try:
-        if outline.shows_rotation or view.spacing_m > SPARSE_M:
+        rough = view.spacing_m > SPARSE_M or view.patch.match < HIDDEN
+        if outline.shows_rotation or rough:
             first = fit_outline(_on_target(view, view.near(outline, start)), outline)
             start = first.centre_m, first.rotation_rad
         found = _by_edge(view, outline, start, "rim", None)
@@ -110,6 +117,8 @@ def _by_edge(
     edge_fit = (
         None if beside and not known else _by_mixed_pixels(view, outline, start, near, known or aim)
     )
+    if edge_fit is not None and edge_fit.converged:
+        _check_size(edge_fit, outline)
     model = None if edge_fit is None else _model_variance(edge_fit, face, outline, view)
     if edge_fit is not None and model is not None and _is_lost(edge_fit, model):
         edge_fit = None
@@ -179,6 +188,26 @@ def _rows_m(view: TargetView, outline: Outline) -> float:
     Rows along one edge do so along the opposite one, too; an arc has points of many rows.
     """
     return ROWS * view.spacing_m if outline.shows_rotation else 0.0
+
+
+def _check_size(edge_fit: EdgeFit, outline: Outline) -> None:
+    """Raise NotMeasuredError 'wrong-outline' where SIZE_M does not explain where the edge lies."""
+    growth_m = edge_fit.growth_m
+    if abs(growth_m) > WRONG_SIZE * _growth_explained_m(edge_fit):
+        side = "beyond" if growth_m > 0.0 else "inside"
+        raise NotMeasuredError(
+            "wrong-outline",
+            f"by its mixed pixels, the target's edge lies {abs(growth_m) * 1e3:.2f} mm or more "
+            f"{side} that of {outline.description} all round: check its sizes",
+        )
+
+
+def _growth_explained_m(edge_fit: EdgeFit) -> float:
+    """Return the standard deviation of an edge's growth where SIZE_M holds.
+
+    A posterior mean has the variance of its prior less that of the posterior.
+    """
+    return SIZE_M * math.sqrt(max(1.0 - (edge_fit.growth_u_m / SIZE_M) ** 2, LEAST_SHOWN))
 
 
 def _is_lost(edge_fit: EdgeFit, model_m2: float) -> bool:
@@ -257,19 +286,24 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
     """Return the model variance of the edge fit, m^2.
 
     It grows with the incidence, at first by the cube of its tangent, as the beams see more of the
-    wall, which is curved where the profile takes it for straight; and by the shift of a clean edge.
-    A fit that did not converge, has an implausible reflectance ratio, or leaves many outliers, as
-    in a scan from two stations, is given its difference from the outline by points.
+    wall, which is curved where the profile takes it for straight; by the shift of a clean edge; and
+    by a growth that the target's size hardly explains.
+    A fit that did not converge, has an implausible reflectance ratio or beams that do not meet, or
+    leaves many outliers, as in a scan from two stations, is given its difference from the outline
+    by points.
     """
     square = float(edge_fit.beam @ edge_fit.beam)
     spread: float = (view.config.model_uncertainty_m * (1.0 + 2.0 * square)) ** 2
     spread += (WALL_SHARE * edge_fit.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
     spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2
+    grown_m = abs(edge_fit.growth_m) - STRANGE_SIZE * _growth_explained_m(edge_fit)
+    spread += (BY_GROWTH * max(grown_m, 0.0)) ** 2
     bend = edge_fit.thickness_m**2 * square / (8.0 * outline.size_m)  # of the wall, along a beam
     beyond = edge_fit.misfit - MISFIT[0] - MISFIT_BY_BEND * max(bend - MIN_BEND_M, 0.0)
     doubt = min(max(beyond / (MISFIT[1] - MISFIT[0]), 0.0), 1.0)
     clean = edge_fit.clean_shift_m is not None
-    likely = clean or 1.0 / MAX_RATIO < edge_fit.reflectance_ratio < MAX_RATIO
+    ratio, inverse = edge_fit.reflectance_ratio, edge_fit.inverse_distance
+    likely = clean or (1.0 / MAX_RATIO < ratio < MAX_RATIO and inverse > 0.0)
     if not (edge_fit.converged and likely):
         doubt = 1.0
     if doubt == 0.0 and not outline.shows_rotation:

@@ -136,9 +136,9 @@ class PatternTarget(Plate):
     def description(self) -> str:
         """Shape and size, as in messages."""
         if self.diameter is not None:
-            return f"a round board of {self.diameter * 1e3:.0f} mm"
+            return f"a round board of {self.diameter * 1e3:.5g} mm"
         half = self.region.half_m
-        return f"a board of {half[0] * 2e3:.0f} x {half[1] * 2e3:.0f} mm"
+        return f"a board of {half[0] * 2e3:.5g} x {half[1] * 2e3:.5g} mm"
 
     @property
     def id_sets(self) -> dict[str, tuple[int, ...]]:

@@ -115,7 +115,7 @@ class DiscTarget(Plate):
     @property
     def description(self) -> str:
         """Shape and size, as in messages."""
-        return f"a disc of {self.diameter * 1e3:.0f} mm"
+        return f"a disc of {self.diameter * 1e3:.5g} mm"
 
 
 class RingTarget(Plate):
@@ -145,7 +145,7 @@ class RingTarget(Plate):
     @property
     def description(self) -> str:
         """Shape and size, as in messages."""
-        return f"a ring of {self.diameter * 1e3:.0f} mm"
+        return f"a ring of {self.diameter * 1e3:.5g} mm"
 
 
 class RectangleTarget(Plate):
@@ -166,7 +166,7 @@ class RectangleTarget(Plate):
     @property
     def description(self) -> str:
         """Shape and size, as in messages."""
-        return f"a rectangle of {self.width * 1e3:.0f} x {self.height * 1e3:.0f} mm"
+        return f"a rectangle of {self.width * 1e3:.5g} x {self.height * 1e3:.5g} mm"
 
 
 class SquareTarget(Plate):
@@ -202,7 +202,7 @@ class SquareTarget(Plate):
     @property
     def description(self) -> str:
         """Shape and size, as in messages."""
-        return f"a square of {self.side * 1e3:.0f} mm"
+        return f"a square of {self.side * 1e3:.5g} mm"
 
 
 class WheelTarget(Plate):

@@ -9,7 +9,9 @@ from wheelplane.centre.edge.beams import (
     BEAM,
     CENTRE,
     CLEAN_SPOT,
+    GROWTH,
     HELD_BEAM,
+    HELD_SIZE_M,
     HELD_THICKNESS,
     HELD_WALL,
     IN_SECTOR,
@@ -28,6 +30,7 @@ from wheelplane.centre.edge.beams import (
     ROTATION,
     ROTATION_RAD,
     SHAPE,
+    SIZE_M,
     SPARSE,
     SPOT,
     STATED_THICKNESS,
@@ -168,7 +171,7 @@ def test_the_prior_s_mean_is_what_is_stated():
     assert known.weight[THICKNESS] == pytest.approx(STATED_THICKNESS**-2)
     assert unknown.weight[THICKNESS] < 0.01 * known.weight[THICKNESS]
     assert 0.003 < np.exp(unknown.mean[THICKNESS]) < 0.02
-    others = np.arange(11) != THICKNESS
+    others = np.arange(12) != THICKNESS
     np.testing.assert_array_equal(known.weight[others], unknown.weight[others])
     assert np.exp(Prior.of(0.0, config).mean[THICKNESS]) > 0.0  # a foil
 
@@ -188,7 +191,7 @@ def test_a_station_s_uncertainty_is_propagated_to_the_beams():
     assert 1.0 / seen.weight[INVERSE] == pytest.approx(variance[INVERSE, INVERSE], rel=1e-6)
     np.testing.assert_allclose(seen.mean[BEAM], (state[CENTRE] - STATION[:2]) / STATION[2])
     assert seen.mean[INVERSE] == pytest.approx(1.0 / STATION[2])
-    rest = [0, 1, *range(5, 11)]
+    rest = [0, 1, *range(5, 12)]
     np.testing.assert_array_equal(seen.mean[rest], prior.mean[rest])
     np.testing.assert_array_equal(seen.weight[rest], prior.weight[rest])
 
@@ -199,12 +202,12 @@ def test_what_a_prior_holds_and_nothing_else():
     held, plain, power = prior.held(state), prior.plain(), prior.by_power()
 
     def others(*some):
-        return np.setdiff1d(np.arange(11), some)
+        return np.setdiff1d(np.arange(12), some)
 
     for one, means, weights in (
         (held, (2, 3), (2, 3, THICKNESS)),
-        (plain, (WALL,), (WALL, SHAPE)),
-        (power, (WALL,), (WALL, SPOT)),
+        (plain, (WALL,), (WALL, SHAPE, GROWTH)),
+        (power, (WALL,), (WALL, SPOT, GROWTH)),
     ):
         np.testing.assert_array_equal(one.mean[others(*means)], before[0][others(*means)])
         np.testing.assert_array_equal(one.weight[others(*weights)], before[1][others(*weights)])
@@ -219,10 +222,14 @@ def test_what_a_prior_holds_and_nothing_else():
     assert power.weight[WALL] == pytest.approx(LAMBERT_SIGMA**-2)
     assert power.weight[SPOT] == pytest.approx(CLEAN_SPOT**-2)
     assert power.weight[SPOT] < prior.weight[SPOT]
+    np.testing.assert_allclose([one.weight[GROWTH] for one in (plain, power)], HELD_SIZE_M**-2)
+    state[GROWTH] = 1e-4
     beside = Prior.beside(state)
-    np.testing.assert_array_equal(beside.mean, state)
+    np.testing.assert_array_equal(beside.mean[others(GROWTH)], state[others(GROWTH)])
     for one in (prior, beside):
         assert one.weight[ROTATION] == pytest.approx(ROTATION_RAD**-2)
+        assert one.mean[GROWTH] == 0.0  # each edge has a size of its own
+        assert one.weight[GROWTH] == pytest.approx(SIZE_M**-2)
     assert np.all(beside.weight[[2, 3, INVERSE]] > prior.weight[[2, 3, INVERSE]])
     np.testing.assert_array_equal(prior.mean, before[0])
     np.testing.assert_array_equal(prior.weight, before[1])
@@ -356,6 +363,6 @@ def test_a_mixed_pixel_lies_between_and_near_the_edge(depth, x_m, counts):
 
 
 def test_each_place_in_a_state_is_of_one_quantity():
-    places = [*range(11)[CENTRE], *range(11)[BEAM], INVERSE]
-    places += [SPOT, THICKNESS, RATIO, ROTATION, WALL, SHAPE]
-    assert places == list(range(11))
+    places = [*range(12)[CENTRE], *range(12)[BEAM], INVERSE]
+    places += [SPOT, THICKNESS, RATIO, ROTATION, WALL, SHAPE, GROWTH]
+    assert places == list(range(12))

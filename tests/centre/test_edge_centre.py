@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import functools
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from tests.support.plates import patch_of
 from tests.support.printing import setup_of
 from tests.support.scenes import Setup, make
+from wheelplane.centre.edge.beams import SIZE_M
 from wheelplane.centre.edge_centre import OUTLINE_EDGE_M, ROWS, centre_by_edge, centre_by_holes
 from wheelplane.centre.target_view import TargetView
 from wheelplane.config import CentreConfig, PlaneConfig
@@ -74,6 +77,81 @@ def test_rotation_is_shown_by_what_is_not_round(name):
     off = (np.arctan2(axis[1], axis[0]) + period / 2.0) % period - period / 2.0
     assert abs(off) < 2e-3
     assert 0.0 < found.estimate.rotation.noise[2] < 1e-6
+
+
+def grown(name, growth_m, seed, **changes):
+    """Cloud and view of a target whose edge lies that much farther out than its file states."""
+    target = load_target(name)
+    stated = setup_of(target, PLAIN.but(spacing_m=0.0018))
+    if stated.half_m is None:
+        larger = stated.but(radius_m=stated.radius_m + growth_m)
+    else:
+        larger = stated.but(half_m=tuple(half + growth_m for half in stated.half_m))
+    cloud = make(larger.but(**changes), seed)
+    patch = patch_of(cloud, target, seed)
+    return cloud, TargetView(patch, fit_plane(patch, target, PlaneConfig()), target, CentreConfig())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_sizes_as_uncertain_as_stated_move_no_centre_and_are_found(name):
+    """Growths about as large as SIZE_M: squares of errors over u, of centre and growth."""
+    drawn_m = SIZE_M * np.array([-1.5, -1.0, -0.5, 0.5, 1.0, 1.5])
+    centres, growths, left_m = 0.0, 0.0, []
+    for seed, growth_m in enumerate(drawn_m):
+        cloud, view = grown(name, growth_m, seed)
+        found = centre_by_edge(view, view.target.edge)
+        assert found.edge_fit is not None
+        u_m2 = np.trace(found.estimate.covariance_m2) / 2.0
+        centres += np.sum(error_m(cloud, view, found.estimate) ** 2) / u_m2
+        left_m.append(found.edge_fit.growth_m - growth_m)
+        growths += (left_m[-1] / found.edge_fit.growth_u_m) ** 2
+        assert found.edge_fit.growth_u_m < 0.8 * SIZE_M
+    assert centres < stats.chi2.ppf(0.999, 12)
+    assert growths < stats.chi2.ppf(0.999, 6)
+    assert np.linalg.norm(left_m) < 0.7 * np.linalg.norm(drawn_m)  # 1 where none is found
+
+
+@pytest.mark.parametrize("growth_m", [-0.0015, 0.0015])
+@pytest.mark.parametrize("name", NAMES)
+def test_a_size_that_the_edge_contradicts_is_refused(name, growth_m):
+    """Points alone allow for it: they end within their spacing of the edge."""
+    side = "beyond" if growth_m > 0.0 else "inside"
+    for seed in range(2):
+        _, view = grown(name, growth_m, seed)
+        with pytest.raises(
+            NotMeasuredError, match=f"mm or more {side} that of a .* all round"
+        ) as e:
+            centre_by_edge(view, view.target.edge)
+        assert e.value.status == "wrong-outline"
+
+
+@pytest.mark.parametrize("growth_m", [-0.003, -0.001, -0.0005, 0.0005, 0.001, 0.003])
+@pytest.mark.parametrize("name", NAMES)
+def test_no_size_moves_a_centre_beyond_its_uncertainty_unnoticed(name, growth_m):
+    """Fits to an edge 3 mm elsewhere may not converge: their uncertainty is of that order."""
+    for seed in range(2):
+        cloud, view = grown(name, growth_m, seed)
+        try:
+            found = centre_by_edge(view, view.target.edge)
+        except NotMeasuredError:
+            continue
+        u_m = math.sqrt(np.trace(found.estimate.covariance_m2) / 2.0)
+        assert np.hypot(*error_m(cloud, view, found.estimate)) < 3.72 * u_m
+
+
+@pytest.mark.parametrize(("growth_m", "seen"), [(0.0007, True), (0.0001, False)])
+def test_a_size_in_doubt_is_in_the_uncertainty(growth_m, seen):
+    """The model's variance grows where SIZE_M hardly explains the edge, and not before."""
+    for seed in range(2):
+        _, view = grown("disc-250", growth_m, seed, spacing_m=0.004)
+        try:
+            found = centre_by_edge(view, view.target.edge)
+        except NotMeasuredError:
+            assert seen
+            continue
+        least_m = view.config.model_uncertainty_m
+        grown_m = math.sqrt(found.estimate.model_m2[0, 0])
+        assert (grown_m > 2.0 * least_m) == seen
 
 
 def test_another_size_is_refused_and_named():

@@ -29,7 +29,7 @@ from wheelplane.centre.edge.edge_residuals import (
 from wheelplane.config import CentreConfig
 from wheelplane.targets.outline import Circle, rectangle
 
-POINTS, STATES = 1500, 11
+POINTS, STATES = 1500, 12
 
 
 def drawn(seed=0, scatter=0.5, share=None, size=1.0):
@@ -52,7 +52,7 @@ def drawn(seed=0, scatter=0.5, share=None, size=1.0):
 
 
 def dense(linear, prior):
-    """Slopes (N, 11 + ZONES) by the state and by each zone, and the diagonal of the prior."""
+    """Slopes (N, 12 + ZONES) by the state and by each zone, and the diagonal of the prior."""
     zone = np.floor(linear.share * ZONES).astype(int)
     by_zone = linear.slopes[:, RATIO, None] * (zone[:, None] == np.arange(ZONES))
     known = np.append(prior.weight, np.full(ZONES, 1.0 / linear.zones.sigma**2))

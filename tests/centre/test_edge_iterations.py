@@ -9,7 +9,18 @@ import pytest
 
 from tests.centre.test_edge_rows import DISC, PLATE, SIGMA_M, scene, state_of
 from wheelplane.centre.edge import fit_edge
-from wheelplane.centre.edge.beams import BEAM, CENTRE, RATIO, ROTATION, WALL, look_up
+from wheelplane.centre.edge.beams import (
+    BEAM,
+    CENTRE,
+    GROWTH,
+    HELD_SIZE_M,
+    INVERSE,
+    RATIO,
+    ROTATION,
+    SIZE_M,
+    WALL,
+    look_up,
+)
 from wheelplane.centre.edge.edge_residuals import (
     ALIKE_LOG,
     SECTORS,
@@ -29,6 +40,7 @@ from wheelplane.centre.edge.fit_edge import (
     SHORTEST,
     STEEP,
     STEP_M,
+    STRANGE_GROWTH_M,
     UNDAMPED,
     _Converged,
 )
@@ -42,7 +54,7 @@ def put_in(monkeypatch, moves):
     called = SimpleNamespace(flags=[], looks=[])
 
     def move(linear, state, prior):
-        moved = np.zeros(11)
+        moved = np.zeros(12)
         moved[0] = moves[min(len(called.flags), len(moves)) - 1]
         return moved, Zones.alike()
 
@@ -245,11 +257,54 @@ def test_zones_are_free_where_beams_are_steep_or_backgrounds_differ(
 
     monkeypatch.setattr(fit_edge, "_converge", converge)
     monkeypatch.setattr(fit_edge, "zone_scatter", lambda *args: scatter)
-    fit_edge._best(problem_of(few), state, 40)
-    first = [(ZONE_LOG if steep else ALIKE_LOG, False)]
+    fit_edge._by_backgrounds(problem_of(few), state, 40)
+    first = ZONE_LOG if steep else ALIKE_LOG
+    expected = [(first, False), (first, True)]
     if not steep and not few and scatter > DIFFERENT:
-        first.append((ZONE_LOG, False))
-    assert calls == [*first, (first[-1][0], True)]
+        expected += [(ZONE_LOG, False), (ZONE_LOG, True)]
+    assert calls == expected
+
+
+@pytest.mark.parametrize(
+    ("first", "again", "inverse", "left_out", "taken"),
+    [
+        (0.9, 0.0, 0.4, 0, "first"),
+        (1.1, 0.9, 0.4, 0, "again"),
+        (-1.1, -0.9, 0.4, 1, "again"),
+        (1.1, 0.9, 0.4, 2, "first"),  # explains less
+        (1.1, 1.1, 0.4, 0, "first"),  # of another size
+        (-1.1, -0.1, 0.0, 0, "first"),  # no such scanner
+    ],
+)
+def test_a_strange_growth_gives_way_to_the_stated_size(
+    monkeypatch, first, again, inverse, left_out, taken
+):
+    states, weights = {}, []
+    for name, growth in (("first", first), ("stated", 0.0), ("again", again)):
+        states[name] = state_of()
+        states[name][GROWTH] = growth * STRANGE_GROWTH_M
+    states["again"][INVERSE] = inverse
+
+    def by_backgrounds(problem, state, most):
+        weights.append(problem.prior.weight[GROWTH])
+        name = "first" if len(weights) == 1 else "stated"
+        linear = SimpleNamespace(weight=np.array([0.0, 1.0, 1.0]))
+        return _Converged(states[name], Zones.alike(), None, linear, 5, 0.0)
+
+    def converge(problem, state, zones, most, consistent):
+        assert consistent
+        assert state is states["stated"]
+        weights.append(problem.prior.weight[GROWTH])
+        linear = SimpleNamespace(weight=(np.arange(3) >= left_out) * 1.0)
+        return _Converged(states["again"], zones, None, linear, 5, 0.0)
+
+    monkeypatch.setattr(fit_edge, "_by_backgrounds", by_backgrounds)
+    monkeypatch.setattr(fit_edge, "_converge", converge)
+    found = fit_edge._best(problem_of(False), state_of(), 40)
+    np.testing.assert_array_equal(found.state, states[taken])
+    strange = abs(first) > 1.0
+    expected = [SIZE_M**-2, HELD_SIZE_M**-2, SIZE_M**-2]
+    np.testing.assert_allclose(weights, expected if strange else expected[:1])
 
 
 @pytest.mark.parametrize("few", [False, True])

@@ -149,10 +149,11 @@ def test_the_start_does_not_matter(returned):
 
 @pytest.mark.parametrize("returned", ["mean", "strongest"])
 def test_no_more_steps_than_allowed(returned):
-    few = CONFIG.model_copy(update={"max_iterations": 3})
+    most = 2 if returned == "mean" else 3
+    few = CONFIG.model_copy(update={"max_iterations": most})
     found = fitted("disc", few, returned=returned)
-    assert found.iterations == 3 if returned == "strongest" else found.iterations <= 3
-    assert fitted("disc", returned=returned).iterations != 3
+    assert found.iterations == most if returned == "strongest" else found.iterations <= most
+    assert fitted("disc", returned=returned).iterations > most
 
 
 @pytest.mark.parametrize(("hidden", "shown"), [(0.65, True), (0.85, False)])

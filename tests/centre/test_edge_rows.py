@@ -112,8 +112,8 @@ def test_slopes_by_the_state_are_those_of_any_profile(outline):
     beams = carry(problem.plane, problem.depth, state, outline)
     shown = profile_slopes(profile, beams, problem.depth, state)
     clear = beams.clear & (np.abs(beams.tau) > 1e-3) & (np.abs(beams.x_m) < 0.02)
-    for index in range(11):
-        step = np.zeros(11)
+    for index in range(12):
+        step = np.zeros(12)
         step[index] = 1e-6
         seen = (value(state + step) - value(state - step)) / 2e-6
         moved = shown[:, index]
@@ -243,7 +243,7 @@ def test_a_clean_edge_lies_where_the_powers_are_alike(ratio):
         return np.subtract(ahead, behind) / (2.0 * h)
 
     def along(index):
-        return lambda t, d: (t, state + d * (np.arange(11) == index))
+        return lambda t, d: (t, state + d * (np.arange(12) == index))
 
     close = {"atol": 3e-6, "rtol": 0.01}
     np.testing.assert_allclose(table[1], by(lambda t, d: (t + d, state)), **close)
@@ -343,7 +343,7 @@ def test_slopes_of_the_nearest_points_are_those_of_central_differences():
     here = clean_equations(problem, state, True, False, True)
     last = slice(here.depths, None)
     for index in (0, 1, 2, 3, SPOT, THICKNESS, RATIO, ROTATION, WALL, SHAPE):
-        step = np.zeros(11)
+        step = np.zeros(12)
         step[index] = 1e-7 if index in (0, 1, 8) else 1e-5
         ahead, behind = (
             clean_equations(problem, state + s * step, True, False, True) for s in (1.0, -1.0)

@@ -22,10 +22,9 @@ from wheelplane.centre.edge.edge_residuals import (
     Zones,
     equations,
     spread,
-    step,
     zone_scatter,
 )
-from wheelplane.centre.edge.fit_edge import DIFFERENT, Aim, aimed, fit_edge, look_behind
+from wheelplane.centre.edge.fit_edge import DIFFERENT, Aim, _solved, aimed, fit_edge, look_behind
 from wheelplane.config import CentreConfig
 from wheelplane.targets.outline import Circle, rectangle
 from wheelplane.vectors import turned
@@ -246,13 +245,9 @@ def test_residuals_where_the_influence_falls_do_not_take_all_information():
 
 def scatter_of_zones(**changes):
     outline, points, station = scanned("disc", **changes)
-    state, prior = true_state(station), Prior.of(0.01, CONFIG)
+    prior = Prior.of(0.01, CONFIG)
     problem = EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
-    for _ in range(10):
-        background = look_up(problem.beams(state), problem.depth, state)
-        linear = equations(problem, background, state, Zones.alike(), True, False)
-        state = state + step(linear, state, problem.prior)[0]
-    return zone_scatter(linear, prior)
+    return zone_scatter(_solved(problem, true_state(station), Zones.alike(), 40).equations, prior)
 
 
 def test_backgrounds_of_one_brightness_do_not_differ():

@@ -93,12 +93,15 @@ IN_FULL_VIEW = {
 
 @pytest.mark.parametrize("name", IN_FULL_VIEW)
 def test_centre_is_found_to_hundredths_of_a_millimetre(name):
-    cloud, fitted = measured(IN_FULL_VIEW[name], 1)
-    assert fitted.method == "rim"
-    assert np.linalg.norm(error(cloud, fitted)) < 1.2e-4
-    # 99.9 % of a normal error in the plane lies within 3.72 u.
-    assert np.linalg.norm(error(cloud, fitted)) < 3.72 * u_of(cloud, fitted)
-    assert 1e-6 < u_of(cloud, fitted) < 1e-4
+    squares = 0.0
+    for seed in (1, 2, 3):
+        cloud, fitted = measured(IN_FULL_VIEW[name], seed)
+        off_m = np.linalg.norm(error(cloud, fitted))
+        assert fitted.method == "rim"
+        assert off_m < 1.2e-4
+        assert 1e-6 < u_of(cloud, fitted) < 1e-4
+        squares += (off_m / u_of(cloud, fitted)) ** 2
+    assert squares < stats.chi2.ppf(0.999, 6)  # of normal errors in the plane
 
 
 @pytest.mark.parametrize("most", [3000, 1500])
@@ -218,11 +221,22 @@ def test_half_hidden_disc_is_within_its_larger_uncertainty(seed):
     assert u_of(cloud, fitted) > 1.05 * whole
 
 
+@pytest.mark.parametrize("from_m", [-0.03, 0.0])
+def test_what_hangs_before_a_disc_moves_its_centre_within_its_uncertainty(from_m):
+    """A sheet 60 mm before it, as a fender: the matched template lies up to 20 mm off the disc."""
+    setup = PLAIN.but(extra=(Sheet((0.0, from_m - 0.25, 0.06), half=(0.3, 0.25)),))
+    squares = 0.0
+    for seed in range(4):
+        cloud, fitted = measured(setup, seed)
+        squares += (np.linalg.norm(error(cloud, fitted)) / u_of(cloud, fitted)) ** 2
+    assert squares < stats.chi2.ppf(0.99, 8)
+
+
 def test_a_shown_station_adds_to_what_many_points_show_and_does_not_decide_it():
     cloud, alone = measured(PLAIN, 1)
     shown = fit(cloud.points_m, thickness_of(PLAIN), station_m=cloud.viewpoint_m)
     was_m, is_m = u_of(cloud, alone), u_of(cloud, shown)
-    assert 0.9 * was_m < is_m <= was_m
+    assert 0.8 * was_m < is_m <= was_m
     assert np.linalg.norm(shown.centre_m - alone.centre_m) < np.sqrt(was_m**2 - is_m**2)
 
 

@@ -109,17 +109,20 @@ def mixed_share(beams: Beams, depth: Array, background: Background) -> float:
     return float(np.median(count[0][shown]) / np.mean(count[1][shown]))
 
 
-# A state is (11,): centre u v, beam u v, 1/distance, log spot, log thickness, log reflectance
-# ratio, in-plane rotation, Lambert's share in the wall's reflectance, spot shape.
+# A state is (12,): centre u v, beam u v, 1/distance, log spot, log thickness, log reflectance
+# ratio, in-plane rotation, Lambert's share in the wall's reflectance, spot shape, growth: how much
+# farther out the target's edge lies than its stated size, all round.
 CENTRE, BEAM, INVERSE = slice(0, 2), slice(2, 4), 4
 SPOT, THICKNESS, RATIO, ROTATION = 5, 6, 7, 8
-WALL, SHAPE = 9, 10
+WALL, SHAPE, GROWTH = 9, 10, 11
 LAMBERT, LAMBERT_SIGMA = 1.0, 0.3  # of a scanner that parts returns by power
 CLEAN_SPOT = 2.0  # of the log footprint, of such a scanner or a camera (k = 1)
 LEAST_WALL = 0.02  # reflectance of a wall, of the target's
 STATED_THICKNESS = 0.03  # relative standard uncertainty (k = 1)
 HELD_WALL = 0.02  # of Lambert's share and the spot's shape in a first fit (k = 1)
+HELD_SIZE_M = 1e-5  # of an edge of the stated size (k = 1)
 HELD_BEAM, HELD_THICKNESS = 0.05, 0.03  # of a fit that diverged (k = 1)
+SIZE_M = 1e-4  # of a target's radius, or half its width, against the stated one (k = 1)
 STATION_M = 0.005  # of a scanner's stated position against the origin of its beams (k = 1)
 ROTATION_RAD = 0.1  # of the detected axes against the target's (k = 1)
 MIN_DEPTH_M = 0.006  # least depth of a background
@@ -127,7 +130,7 @@ MIN_DEPTH_M = 0.006  # least depth of a background
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior of the state: mean and weight, one over the variance; (11,) each."""
+    """Prior of the state: mean and weight, one over the variance; (12,) each."""
 
     mean: Array
     weight: Array
@@ -138,13 +141,13 @@ class Prior:
         known = thickness_m is not None
         thickness = thickness_m if thickness_m is not None else 0.008
         logs = np.log([config.spot_radius_m, max(thickness, 1e-4)])
-        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0, 0.5, 0.5])
+        mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0, 0.5, 0.5, 0.0])
         known_log = STATED_THICKNESS if known else 1.0
-        sigma = [0.01, 0.01, 3.0, 3.0, 0.3, 0.7, known_log, 1.5, ROTATION_RAD, 0.5, 0.5]
+        sigma = [0.01, 0.01, 3.0, 3.0, 0.3, 0.7, known_log, 1.5, ROTATION_RAD, 0.5, 0.5, SIZE_M]
         return cls(mean, 1.0 / np.array(sigma) ** 2)
 
     def seen_from(self, station: Array, state: Array) -> Prior:
-        """Return the prior for beams that come from a station (3,), about a state (11,)."""
+        """Return the prior for beams that come from a station (3,), about a state (12,)."""
         mean, weight = pointed(self.mean, station, state[CENTRE]), self.weight.copy()
         slant = 1.0 + float(mean[BEAM] @ mean[BEAM])
         weight[BEAM] = (station[2] / STATION_M) ** 2 / slant
@@ -152,7 +155,7 @@ class Prior:
         return Prior(mean, weight)
 
     def held(self, state: Array) -> Prior:
-        """Return the prior with thickness and beams held near the start (11,)."""
+        """Return the prior with thickness and beams held near the start (12,)."""
         mean, weight = self.mean.copy(), self.weight.copy()
         mean[BEAM] = state[BEAM]
         weight[BEAM] = np.maximum(weight[BEAM], HELD_BEAM**-2)
@@ -167,24 +170,32 @@ class Prior:
         mean, weight = self.mean.copy(), self.weight.copy()
         mean[WALL], weight[WALL] = LAMBERT, LAMBERT_SIGMA**-2
         weight[SPOT] = CLEAN_SPOT**-2
-        return Prior(mean, weight)
+        return Prior(mean, weight).sized()
 
     def plain(self) -> Prior:
         """Return the prior with the wall as bright as the face and the spot's shape held."""
         mean, weight = self.mean.copy(), self.weight.copy()
         mean[WALL] = 0.0
         weight[WALL], weight[SHAPE] = HELD_WALL**-2, HELD_WALL**-2
-        return Prior(mean, weight)
+        return Prior(mean, weight).sized()
+
+    def sized(self) -> Prior:
+        """Return the prior of an edge of the stated size."""
+        weight = self.weight.copy()
+        weight[GROWTH] = HELD_SIZE_M**-2
+        return Prior(self.mean, weight)
 
     @classmethod
     def beside(cls, state: Array) -> Prior:
-        """Return the prior for another edge of a target whose first edge has that state (11,)."""
-        sigma = [0.01, 0.01, 0.02, 0.02, 0.03, 0.2, 0.2, 0.7, ROTATION_RAD, 0.2, 0.2]
-        return cls(state, 1.0 / np.array(sigma) ** 2)
+        """Return the prior for another edge of a target whose first edge has that state (12,)."""
+        sigma = [0.01, 0.01, 0.02, 0.02, 0.03, 0.2, 0.2, 0.7, ROTATION_RAD, 0.2, 0.2, SIZE_M]
+        mean = state.copy()
+        mean[GROWTH] = 0.0
+        return cls(mean, 1.0 / np.array(sigma) ** 2)
 
 
 def pointed(state: Array, station: Array, centre: Array) -> Array:
-    """Return a state (11,) whose beams come from a station (3,) to a centre (2,)."""
+    """Return a state (12,) whose beams come from a station (3,) to a centre (2,)."""
     state = state.copy()
     state[BEAM] = (centre - station[:2]) / station[2]
     state[INVERSE] = 1.0 / station[2]
@@ -241,7 +252,7 @@ def carry_near(
     And their beams, as `carry` does. A few rows lie up to a wall's width farther outside.
     """
     shrink, q, aligned = _on_plane(plane, depth, state)
-    x = outline.outside_m(*aligned.T)
+    x = outline.outside_m(*aligned.T) - state[GROWTH]
     rows = np.flatnonzero(x > -band_m[0])
     far = np.abs(q.T[:, rows]).sum(axis=0) + np.abs(x[rows])
     # A hole's wall that bends farther inwards reaches across the whole hole.
@@ -264,4 +275,5 @@ def _against_edge(shrink: Array, q: Array, aligned: Array, state: Array, outline
     aside = state[BEAM] @ state[BEAM] - outward**2
     bent = np.exp(state[THICKNESS]) * aside * closest.bend / 2.0
     tau = -outward - state[INVERSE] * closest.support_m - bent
-    return Beams(closest.x_m, rho, tau, shrink, q, closest.curve, closest.share, closest.clear)
+    x_m = closest.x_m - state[GROWTH]
+    return Beams(x_m, rho, tau, shrink, q, closest.curve, closest.share, closest.clear)

@@ -101,7 +101,7 @@ def clean_equations(
 
 
 def first_state(state: Array) -> Array:
-    """Return a state (11,) whose wall parts from the background as the face does."""
+    """Return a state (12,) whose wall parts from the background as the face does."""
     state = state.copy()
     state[WALL] = FACE
     return state

@@ -31,7 +31,7 @@ POINTING_M = 1.5e-4  # standard uncertainty of x by beam pointing and scan grid
 DEPTH_SHARE = 0.02  # of the background's depth: its change between look-up and beam
 SECTORS = 24  # of the outline, taken as independent of each other
 ZONES = 48  # of the outline, each with a reflectance of its background; within one sector each
-LIMIT = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3])  # of a step
+LIMIT = np.array([0.002, 0.002, 0.1, 0.1, 0.2, 0.3, 0.5, 0.5, 0.02, 0.3, 0.3, 5e-4])  # of a step
 ZONE_LOG, ALIKE_LOG = 1.0, 1e-4  # scatter of their logs: where they may differ, and where not
 CHANCE = 1.5  # standard deviations of what zones explain by chance
 LEAST_SHOWN = 0.01  # of the information of the best zone: others do not count
@@ -101,7 +101,7 @@ class Equations:
     """Points near the edge, linearised: residual = slopes @ step.
 
     q_m: (N, 2) where their beams met the plane, relative to the centre; share: (N,) of the outline.
-    residual_m: (N,). slopes: (N, 11). weight: (N,) robust, over the variance. change: (N,)
+    residual_m: (N,). slopes: (N, 12). weight: (N,) robust, over the variance. change: (N,)
     derivative of weight * residual by the residual. by_height: (N,) derivative of the residual
     by the plane's height. depths: number of first rows that are
     depths; the others are places of the edge, the last `behind` of them on the background.
@@ -126,7 +126,7 @@ class Equations:
     def by_zone(self, weight: Array) -> tuple[Array, Array]:
         """Return the products of slopes by zones' ratios and by the state, weighted (N,).
 
-        (ZONES,) with each zone itself and its prior, (11, ZONES) with the state.
+        (ZONES,) with each zone itself and its prior, (12, ZONES) with the state.
         """
         d = self.slopes[:, RATIO]
         cross = np.stack([self.zone_sum(weight * d * column) for column in self.slopes.T])
@@ -193,7 +193,7 @@ def equations(
 
 
 def step(linear: Equations, state: Array, prior: Prior) -> tuple[Array, Zones]:
-    """Return one robust Gauss-Newton step (11,) of limited length, and the zones after it.
+    """Return one robust Gauss-Newton step (12,) of limited length, and the zones after it.
 
     The zones' ratios are eliminated (Schur complement).
     """
@@ -238,7 +238,7 @@ def zone_scatter(linear: Equations, prior: Prior) -> float:
 def spread(
     linear: Equations, outline: Outline, prior: Prior, few: bool = False
 ) -> tuple[Array, Array, float]:
-    """Return covariance (11, 11) of the state, derivatives (11, 3) by the plane, and dof.
+    """Return covariance (12, 12) of the state, derivatives (12, 3) by the plane, and dof.
 
     A^-1 B A^-1, A the derivative of the estimating equations, B the sum of their squares by sectors
     of the outline: the variances in the weights need not be right, nor the points of a sector
@@ -274,7 +274,7 @@ def _variance(linear: Equations, dof: float) -> float:
 def _squares(
     linear: Equations, slopes: Array, part: npt.NDArray[np.int64], information: Array
 ) -> Array:
-    """Return the sum of the squared estimating equations by sectors (11, 11).
+    """Return the sum of the squared estimating equations by sectors (12, 12).
 
     Residuals are smaller than errors, since each sector pulls the solution to itself: with the
     share H of a sector in the information, its equations are taken over sqrt(1 - H).
@@ -295,7 +295,7 @@ def _squares(
 
 
 def _inverse(change: Array, information: Array) -> Array:
-    """Return the inverse of the derivative of the estimating equations, (11, 11) each.
+    """Return the inverse of the derivative of the estimating equations, (12, 12) each.
 
     By chance residuals where Tukey's influence falls may take almost all of the information in one
     direction, of which LEAST_CHANGE is kept.
@@ -316,7 +316,7 @@ def robust_weight(square: Array, converged: bool) -> tuple[Array, Array]:
 
 
 def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Array) -> Array:
-    """Return derivatives of the depth by the state, (N, 11), by the chain rule over x and tau.
+    """Return derivatives of the depth by the state, (N, 12), by the chain rule over x and tau.
 
     With J a rotation by 90 degrees: d rho = curve (1 - rho rho') dq, and by the in-plane rotation,
     J rho - that of J q.
@@ -342,6 +342,7 @@ def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Arra
             -d_x * np.sum(rho * J_q, axis=0) + facing * tau_by_rotation,
             d_wall * (wall - 1.0),
             profile.d_shape,
+            -d_x,
         ]
     ).T
 

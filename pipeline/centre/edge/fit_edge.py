@@ -26,6 +26,7 @@ from .beam_direction import (
 from .beams import (
     BEAM,
     CENTRE,
+    GROWTH,
     INVERSE,
     RATIO,
     RING_M,
@@ -71,12 +72,13 @@ STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit m
 FIRST = np.log(0.1)  # reflectance ratio below which returns part by distance, not by power
 UNDAMPED, SETTLED = 10, 0.2  # steps of full length; share of u that a step may still be, then
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
+STRANGE_GROWTH_M = 2e-4  # twice SIZE_M
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
 
 
 @dataclass(frozen=True)
 class Aim:
-    """Start of a fit: state (11,); station (3,) that its beams come from, if one is known."""
+    """Start of a fit: state (12,); station (3,) that its beams come from, if one is known."""
 
     state: Array
     station: Array | None = None
@@ -95,9 +97,10 @@ class EdgeFit:
     centre, per metre of depth: tan of the incidence and its direction. inverse_distance: 1 /
     scanner's distance from the plane, 1/m. spot_m: radius of the footprint; thickness_m;
     reflectance_ratio: of the background over the target. wall: 0 of a wall as bright as the face, 1
-    of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. covered: share of the
-    outline that was used. misfit: share of outliers near the edge. converged: whether the last step
-    was small.
+    of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. growth_m: how
+    much farther out the edge lies than stated, all round, with its standard uncertainty
+    growth_u_m: both from SIZE_M as a prior. covered: share of the outline that was used. misfit:
+    share of outliers near the edge. converged: whether the last step was small.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     """
 
@@ -113,6 +116,8 @@ class EdgeFit:
     reflectance_ratio: float
     wall: float
     spot_shape: float
+    growth_m: float
+    growth_u_m: float
     covered: float
     misfit: float
     points: int
@@ -124,7 +129,7 @@ class EdgeFit:
 
     @property
     def state(self) -> Array:
-        """State (11,), see beams.py."""
+        """State (12,), see beams.py."""
         logs = np.log([self.spot_m, self.thickness_m, self.reflectance_ratio])
         return np.array(
             [
@@ -135,6 +140,7 @@ class EdgeFit:
                 self.rotation_rad,
                 self.wall,
                 self.spot_shape,
+                self.growth_m,
             ]
         )
 
@@ -292,7 +298,7 @@ def look_behind(
 ) -> Behind:
     """Return what lies behind an outline at a start, by the points uvw_m (N, 3) about it.
 
-    state: (11,) with the beams' direction, by `aimed` or another edge's fit; None if unknown.
+    state: (12,) with the beams' direction, by `aimed` or another edge's fit; None if unknown.
     """
     plane, depth = uvw_m[:, :2], -uvw_m[:, 2]
     begin = Prior.of(None, config).mean
@@ -323,16 +329,40 @@ def _reach_m(state: Array) -> float:
 
 
 def _best(problem: EdgeProblem, state: Array, most: int) -> _Converged:
-    """Return the solution with consistent slopes, or the first one where that diverged.
+    """Return the solution of a fit to mixed pixels.
 
-    With one reflectance of the background, or by zones where these differ, or where beams are
-    steep: there zones keep a rough fit from diverging.
+    A wide footprint and a growth explain an edge nearly as well as neither: a solution of strange
+    growth gives way to one without that is reached from the stated size and explains as much.
+    """
+    found = _by_backgrounds(problem, state, most)
+    if abs(found.state[GROWTH]) < STRANGE_GROWTH_M:
+        return found
+    stated = _by_backgrounds(replace(problem, prior=problem.prior.sized()), state, most)
+    again = _converge(problem.about(stated.state), stated.state, stated.zones, most, True)
+    likely = abs(again.state[GROWTH]) < STRANGE_GROWTH_M and again.state[INVERSE] > 0.0
+    return again if likely and _outliers(again) <= _outliers(found) else found
+
+
+def _outliers(found: _Converged) -> float:
+    """Return the share of points near the edge that a solution leaves out."""
+    return float(np.mean(found.equations.weight <= 0.0))
+
+
+def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> _Converged:
+    """Return the solution with one reflectance of the background, or by zones where these differ.
+
+    By zones also where beams are steep: there zones keep a rough fit from diverging.
     """
     steep = float(np.hypot(*state[BEAM])) > STEEP
-    zones = Zones.free() if steep else Zones.alike()
+    found = _solved(problem, state, Zones.free() if steep else Zones.alike(), most)
+    if not (steep or problem.few) and zone_scatter(found.equations, problem.prior) > DIFFERENT:
+        found = _solved(problem, found.state, Zones.free(), most)
+    return found
+
+
+def _solved(problem: EdgeProblem, state: Array, zones: Zones, most: int) -> _Converged:
+    """Return the solution with consistent slopes, or the first one where that diverged."""
     first = _converge(problem, state, zones, most, consistent=False)
-    if not (steep or problem.few) and zone_scatter(first.equations, problem.prior) > DIFFERENT:
-        first = _converge(problem, first.state, Zones.free(), most, consistent=False)
     found = _converge(problem.about(first.state), first.state, first.zones, most, consistent=True)
     return first if _diverged(found.state, first.state, problem.prior) else found
 
@@ -369,6 +399,7 @@ def _converge(
             length = max(length * SHORTER, SHORTEST)
         before = moved[CENTRE]
         state = state + length * moved
+        state[INVERSE] = max(state[INVERSE], 0.0)  # the scanner is before the plane
         last_m = float(np.abs(moved[CENTRE]).max())
         if last_m < STEP_M and (consistent or iteration > 8):
             break
@@ -391,8 +422,10 @@ def _record(found: _Converged, problem: EdgeProblem, covered: float) -> EdgeFit:
         reflectance_ratio=float(np.exp(state[RATIO])),
         wall=float(state[WALL]),
         spot_shape=float(state[SHAPE]),
+        growth_m=float(state[GROWTH]),
+        growth_u_m=float(np.sqrt(covariance[GROWTH, GROWTH])),
         covered=covered,
-        misfit=float(np.mean(found.equations.weight <= 0.0)),
+        misfit=_outliers(found),
         points=len(found.equations.residual_m),
         iterations=found.iterations,
         converged=found.last_m < CONVERGED_M,
