@@ -63,3 +63,16 @@ class Wording(str):
     def __getnewargs_ex__(self) -> tuple[Any, ...]:
         """Return what a copy is made of."""
         return (self.template,), self.parts
+
+
+class Doubt(Wording):
+    """Note on scans that contradict what they are named for, so that no verdict rests on them.
+
+    It is about the trial among its parts; about the vehicle, trials included, where it has none.
+    """
+
+    __slots__ = ()
+
+    def is_about(self, subject: str) -> bool:
+        """Return whether the values of a wheel, trial or `vehicle` are in doubt by it."""
+        return self.parts.get("trial", subject) == subject

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError, Wording
+from ..errors import Doubt, InputError, Wording
 from ..files import sha256
 from ..system import stage
 from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates, LengthUnit, to_metres
@@ -270,7 +270,7 @@ def _up_z(blocks_m: Array, order: Sequence[int], source: str) -> float:
 def _note_if_upside_down(up_z: float) -> tuple[str, ...]:
     if up_z > -MIN_UPRIGHT_COSINE:
         return ()
-    return (Wording(UPSIDE_DOWN, z=f"{up_z:.3f}", names=ORDER),)
+    return (Doubt(UPSIDE_DOWN, z=f"{up_z:.3f}", names=ORDER),)
 
 
 def _upright_sense(up_z: float, azimuth: str, source: str) -> str:

@@ -8,7 +8,8 @@ t distribution replaces the normal; where a part of u is rectangular, its convol
   k = Phi^-1(confidence) where the other limit is far, more where it is within some 6 u; no y is
   conforming where the limits are closer than 2 Phi^-1((1 + confidence)/2) u;
 - nonconforming: y is beyond one limit by k u or more, so that limit is exceeded with at least this
-  confidence; else undecided. Simple rule: k = g = 0, so nothing that was measured is undecided;
+  confidence; else undecided. Simple rule: k = g = 0, so nothing that was measured is undecided,
+  unless notes put in doubt of which wheel it is;
 - specific consumer's risk of a conforming verdict: 1 - p; producer's of a nonconforming one: p;
 - probability that all conform: each distributed as above, jointly by the covariance (a normal
   copula), by draws.
@@ -24,6 +25,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
+from ..errors import Doubt
 from ..uncertainty import box_probability, normal_scores, quantile, tail
 from ..vehicle import REFERENCE_WHEELS, Unit
 from .estimates import joint_covariance
@@ -99,6 +101,11 @@ class Conformity:
         return next((decision for decision in worst if decision in found), "conform")
 
     @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Notes that leave quantities undecided, each once."""
+        return tuple(dict.fromkeys(one for v in self.verdicts for one in v.quantity.doubts))
+
+    @property
     def factors(self) -> tuple[float, float]:
         """Least and largest k by which a single limit is guarded."""
         used = [verdict.factor for verdict in self.verdicts if verdict.factor is not None]
@@ -116,7 +123,9 @@ class Conformity:
 def assess(measurement: Measurement, tolerance: Tolerance) -> Conformity:
     """Assess every quantity that the tolerance limits, each on its own."""
     limited = [*_of_wheels(measurement, tolerance), *_of_vehicle(measurement, tolerance)]
-    verdicts = tuple(decide(what, interval, tolerance) for what, interval in limited)
+    verdicts = tuple(
+        decide(_in_doubt(what, measurement), interval, tolerance) for what, interval in limited
+    )
     found = Conformity(tolerance, verdicts)
     return replace(found, probability=_joint_probability(measurement, found))
 
@@ -143,6 +152,11 @@ def _joint_probability(measurement: Measurement, found: Conformity) -> float | N
     correlation = joint_covariance(measurement, sources) / np.outer(u, u)
     least, most = (normal_scores((limit - y) / u, dof) for limit in (lower, upper))
     return min(max(box_probability(least, most, correlation), low), high)
+
+
+def _in_doubt(what: Quantity, measurement: Measurement) -> Quantity:
+    about = tuple(doubt for doubt in measurement.doubts if doubt.is_about(what.subject))
+    return what if what.value is None else replace(what, doubts=about)
 
 
 def _of_wheels(measurement: Measurement, tolerance: Tolerance) -> Iterator[Limited]:
@@ -185,11 +199,13 @@ def _of_vehicle(measurement: Measurement, tolerance: Tolerance) -> Iterator[Limi
 
 
 def decide(quantity: Quantity, interval: ToleranceInterval | None, tolerance: Deciding) -> Verdict:
-    """Decide on one quantity by the tolerance's rule; undecided without a finite value."""
+    """Decide on one quantity by the tolerance's rule; undecided in doubt, or without a value."""
     y, u = quantity.value, quantity.u
     if interval is None or y is None or u is None or not (math.isfinite(y) and math.isfinite(u)):
         reason = quantity.reason or "its value or its uncertainty is not known"
         return Verdict(quantity, interval, "undecided", reason=reason)
+    if quantity.doubts:
+        return Verdict(quantity, interval, "undecided", reason=" ".join(quantity.doubts))
     shape = quantity.dof, quantity.uniform
     g, k = guard_band(u, interval, tolerance, *shape), _one_sided(tolerance, *shape)
     outer = k * u

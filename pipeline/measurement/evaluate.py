@@ -21,15 +21,14 @@ from ..uncertainty import (
 )
 from ..vectors import Array
 from ..vehicle import (
-    REFERENCE_WHEELS,
     VehicleFrame,
     build_reference_frame,
     deg_min_sec,
-    fit_floor,
     nearest_wheel,
     outward_normal,
     wheel_angles,
 )
+from .doubts import doubts_of, floor_below
 from .records import Measurement, Observation, Provenance, Vertical, VerticalKind, WheelResult
 from .repeatability import share_components
 
@@ -44,29 +43,11 @@ Verticals = Callable[
     [VehicleFrame, Sequence[Observation]], tuple[Vertical | None, tuple[Vertical, ...]]
 ]
 
-UPSIDE_DOWN = (
-    "The vehicle's up direction is opposite to z ({z}): if z points up, left and right, or front "
-    "and rear, are exchanged: check the order {names}."
-)
-UNLIKE_TRACKS = (
-    "The wheels are not placed as on two axles: tracks of {one} m and {two} m: check the order "
-    "{names}, and the points of each."
-)
-UNLIKE_WHEELBASES = (
-    "The wheels are not placed as on two axles: wheelbases of {one} m and {two} m: check the "
-    "order {names}, and the points of each."
-)
 WITHOUT_POINT = (
     "{name} stands in the frame and in the vehicle's quantities without its suspect point, line "
     "{line} of the file."
 )
-FAR_FROM_WHEEL = (
-    "Trial {trial} is named for {name}, {named} m from it, but lies {distance} m from {nearest}: "
-    "check its wheel."
-)
 FLOOR_OF_SCANS = "the floor in the scans, {depth} m below the wheel centres"
-# Largest differences of one vehicle, as shares of the larger: of its tracks, of its wheelbases.
-TRACKS, WHEELBASES = 0.25, 0.1
 
 
 @stage("angles")
@@ -87,14 +68,9 @@ def align(
     observations = _with_wheel_centres(observations, frame)
     centres, frame = _frame_of(observations, provenance)
     measured = [one for one in observations if one.evidence is not None]
-    notes = (
-        *notes,
-        *_upside_down(frame, measured),
-        *_unlike_axles(frame, centres),
-        *_far_from_their_wheel(measured, centres),
-        *_without_a_point(measured),
-    )
     used, known = verticals(frame, observations) if verticals else (None, ())
+    doubts = doubts_of(frame, centres, measured, known)
+    notes = (*notes, *doubts, *_without_a_point(measured))
     found = evaluate(observations, [one.fitted for one in measured], provenance, notes, used)
     return replace(found, verticals=known)
 
@@ -218,11 +194,7 @@ def _stated_vertical(stated: StatedVertical, frame: VehicleFrame, source: str) -
 
 def _floor_of_scans(frame: VehicleFrame, references: Sequence[Observation]) -> list[Vertical]:
     """Return the floor beside the four wheels, if their scans show it."""
-    clouds = [one.cloud.points_m for one in references if one.cloud is not None]
-    if not clouds:
-        return []
-    wheels = np.stack([one.fitted.centre_m for one in references])
-    floor = fit_floor(frame.to_vehicle(np.concatenate(clouds)), frame.to_vehicle(wheels))
+    floor = floor_below(frame, references)
     if floor is None:
         return []
     aside, ahead = floor.slopes
@@ -279,29 +251,6 @@ def _result(
     )
 
 
-def _upside_down(frame: VehicleFrame, measured: Sequence[Observation]) -> list[str]:
-    """Return a note where the vehicle is upside down, if z points up in the scans."""
-    scanned = measured[0].fitted.method != "points"  # a five-point file has its own note
-    if not scanned or frame.up[2] > -0.5:
-        return []
-    return [Wording(UPSIDE_DOWN, z=f"{frame.up[2]:+.2f}", names=", ".join(REFERENCE_WHEELS))]
-
-
-def _unlike_axles(frame: VehicleFrame, centres: Array) -> list[str]:
-    """Return a note where the four centres are not those of a vehicle's two axles."""
-    right_m, left_m = np.linalg.norm(centres[2:] - centres[:2], axis=1)
-    pairs = (
-        (frame.rear_track_m, frame.front_track_m, TRACKS, UNLIKE_TRACKS),
-        (left_m, right_m, WHEELBASES, UNLIKE_WHEELBASES),
-    )
-    order = ", ".join(REFERENCE_WHEELS)
-    return [
-        Wording(sentence, one=f"{one:.3f}", two=f"{other:.3f}", names=order)
-        for one, other, most, sentence in pairs
-        if abs(one - other) > most * max(one, other)
-    ]
-
-
 def _without_a_point(measured: Sequence[Observation]) -> list[str]:
     """Return a note for every reference wheel whose block is not plausible."""
     return [
@@ -309,27 +258,6 @@ def _without_a_point(measured: Sequence[Observation]) -> list[str]:
         for observation in measured[:4]
         if observation.suspect is not None
     ]
-
-
-def _far_from_their_wheel(measured: Sequence[Observation], centres: Array) -> list[str]:
-    """Return a note for every trial that is named for one wheel but lies at another."""
-    notes: list[str] = []
-    for observation in measured[4:]:
-        distance_m = np.linalg.norm(centres - observation.fitted.centre_m, axis=1)
-        nearest = REFERENCE_WHEELS[int(np.argmin(distance_m))]
-        if observation.wheel in REFERENCE_WHEELS and observation.wheel != nearest:
-            named_m = distance_m[REFERENCE_WHEELS.index(observation.wheel)]
-            notes.append(
-                Wording(
-                    FAR_FROM_WHEEL,
-                    trial=observation.name,
-                    name=observation.wheel,
-                    named=f"{named_m:.3f}",
-                    distance=f"{distance_m.min():.3f}",
-                    nearest=nearest,
-                )
-            )
-    return notes
 
 
 def _on_a_wheel(observation: Observation, centres: Array) -> Observation:

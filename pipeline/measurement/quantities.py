@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..errors import Doubt
 from ..uncertainty import LEVEL, coverage_factor
 from ..vectors import Array
 from ..vehicle import VEHICLE, WHEEL, Axis, Unit
@@ -149,7 +150,7 @@ class Quantity:
     subject: name of the wheel or trial, or "vehicle". reason: why it was not measured. dof: degrees
     of freedom of u. inner_rad: angle of the inner wheel, of toe-out on turns. source: its row in
     the measurement's covariance, or the estimate that it is, by which it covaries with others.
-    uniform: share of a rectangular part in u.
+    uniform: share of a rectangular part in u. doubts: notes by which it may be of another wheel.
     """
 
     name: str
@@ -163,6 +164,7 @@ class Quantity:
     inner_rad: float | None = None
     source: int | Estimate | None = None
     uniform: float = 0.0
+    doubts: tuple[Doubt, ...] = ()
 
 
 def turned_quantity(measurement: Measurement, name: str, wheel: str) -> Quantity:

@@ -11,7 +11,7 @@ import numpy as np
 from ..capture import Role, Turn
 from ..centre import RotationMark, TargetFit
 from ..cloud import CloudSample
-from ..errors import Wording
+from ..errors import Doubt, Wording
 from ..plane import PlaneFit
 from ..targets import Target
 from ..uncertainty import (
@@ -361,6 +361,11 @@ class Measurement:
     def vertical_kind(self) -> VerticalKind:
         """The vertical from which camber, caster and SAI are measured."""
         return "wheels" if self.vertical is None else self.vertical.kind
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Notes on what contradicts the names of the scans; no verdict rests on such values."""
+        return tuple(note for note in self.notes if isinstance(note, Doubt))
 
     @property
     def provisional(self) -> frozenset[str]:

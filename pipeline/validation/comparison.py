@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import Doubt, InputError
 from ..measurement import Provenance
 from ..uncertainty import UncertainTarget, effects_of
 from ..vectors import Array
@@ -80,21 +80,33 @@ class Comparison:
     @property
     def verdicts(self) -> tuple[AgreementVerdict, ...]:
         """(2 n) verdict on each angle by its own En."""
+        rows = zip(self.names * len(KINDS), self.en, self.detectable_rad, strict=True)
         return tuple(
-            self._verdict(abs(en) <= 1.0, float(least))
-            for en, least in zip(self.en, self.detectable_rad, strict=True)
+            self._verdict(abs(en) <= 1.0, float(least), self.doubts_about(name))
+            for name, en, least in rows
         )
 
     @property
     def verdict(self) -> AgreementVerdict:
         """Overall verdict by the joint test: correct methods agree in 95 % of comparisons."""
-        return self._verdict(self.joint.agrees, self.detectable_in_one_rad)
+        return self._verdict(self.joint.agrees, self.detectable_in_one_rad, self.doubts)
 
-    def _verdict(self, agrees: bool, detectable_rad: float) -> AgreementVerdict:
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Notes on scans that contradict their names: methods that agree may share an error."""
+        return tuple(note for note in self.notes if isinstance(note, Doubt))
+
+    def doubts_about(self, name: str) -> tuple[Doubt, ...]:
+        """Return the notes that put a wheel or trial in doubt."""
+        return tuple(doubt for doubt in self.doubts if doubt.is_about(name))
+
+    def _verdict(
+        self, agrees: bool, detectable_rad: float, doubts: Sequence[Doubt]
+    ) -> AgreementVerdict:
         if not agrees:
             return "disagree"
         undetectable = self.to_detect_rad is not None and detectable_rad > self.to_detect_rad
-        return "cannot tell" if undetectable else "agree"
+        return "cannot tell" if undetectable or doubts else "agree"
 
     @property
     def _state(self) -> Array:

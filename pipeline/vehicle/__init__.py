@@ -27,7 +27,7 @@ from .frame import (
     rotation_by_basis,
 )
 from .jacobian import FrameSlopes, frame_slopes, jacobian, linearise
-from .vertical import fit_floor
+from .vertical import Floor, fit_floor
 
 __all__ = [
     "AGAINST_AN_AXIS",
@@ -39,6 +39,7 @@ __all__ = [
     "WHEEL",
     "Axis",
     "Dual",
+    "Floor",
     "FrameSlopes",
     "Unit",
     "VehicleFrame",

@@ -7,6 +7,7 @@ import pickle
 import time
 from pathlib import PurePosixPath
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,12 +16,15 @@ from tests.support.batches import archive_of, five_points, run
 from tests.support.records import add, result
 from tests.test_structure import ROOMS, sources
 from wheelplane.batch.catalogue import segments
-from wheelplane.batch.catalogue.catalogue import rebuild, update
+from wheelplane.batch.catalogue.catalogue import open_catalogue, rebuild, update
 from wheelplane.batch.catalogue.load_records import json_name, load_records
 from wheelplane.batch.catalogue.rows import read_record
 from wheelplane.batch.plan.discover import FoundCapture, discover
 from wheelplane.batch.plan.settings import BatchSettings
 from wheelplane.batch.plan.shard import Shard, read_shard
+from wheelplane.batch.results.listing import capture_table
+from wheelplane.batch.results.page import Selection, results_document
+from wheelplane.batch.results.query import ALL, captures
 from wheelplane.batch.run import result_index
 from wheelplane.batch.run import run as batch_run
 from wheelplane.batch.run.measure_one import Outcome, Subject, TransientError, measure_bytes
@@ -35,6 +39,9 @@ from wheelplane.capture.open_capture import CaptureOptions, open_capture
 from wheelplane.config import Config
 from wheelplane.errors import InputError
 from wheelplane.measure import measure_capture
+from wheelplane.report.format.language import load_translations
+from wheelplane.report.format.view import PAPER
+from wheelplane.report.format.writer import Writer
 from wheelplane.targets import read_targets
 
 SINGLE = {
@@ -149,6 +156,26 @@ def test_settings_of_one_kind_do_not_concern_the_other():
     upright = BatchSettings(vertical="gravity")
     assert upright.digest("folder") != plain.digest("folder")
     assert upright.digest("five-point") == plain.digest("five-point")
+
+
+def test_doubts_stand_in_the_row_of_a_capture(tmp_path):
+    """Five points a wheel, left and right exchanged: measured, and nothing to be relied on."""
+    file = five_points(tmp_path / "archive" / "car.txt", 1)
+    blocks = np.array_split(file.read_text().splitlines(), 4)
+    file.write_text("".join(f"{line}\n" for i in (1, 0, 3, 2) for line in blocks[i]))
+    five_points(tmp_path / "archive" / "sound.txt", 2)
+    assert run(tmp_path / "archive", tmp_path / "results").returncode == 0
+    chosen = Selection("", ALL, None, ["list"], 9, 9)
+    writer = Writer(load_translations("pt"), PAPER)
+    with open_catalogue(str(tmp_path / "results")) as catalogue:
+        rows = {row.name: row for row in captures(catalogue)}
+        said = "\n".join(capture_table(catalogue))
+        page = results_document(catalogue, chosen, writer).results[0]
+    note = rows["car.txt"].reason
+    assert (rows["car.txt"].status, rows["sound.txt"].reason) == ("ok", "")
+    assert note.startswith("The frame's up points against z of the file")
+    assert said.count(note) == 1
+    assert f"car.txt: {note}" in [part for part in page.parts if isinstance(part, str)]
 
 
 def test_a_full_disk_and_too_little_memory_are_no_facts_of_a_capture(tmp_path, monkeypatch):

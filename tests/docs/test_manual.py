@@ -393,9 +393,8 @@ NOTES = {
         "_note_of_zeros",
     ),
     "request.py": ("note_of_plates",),
-    "evaluate.py": (
-        "_upside_down", "_far_from_their_wheel", "_unlike_axles", "_without_a_point",
-    ),
+    "evaluate.py": ("_without_a_point",),
+    "doubts.py": ("_upside_down", "_far_from_their_wheel", "_unlike_axles"),
     "observe_vehicle.py": ("_left_out",),
     "records.py": ("notes",),
     "observe.py": ("noisy", "note_on_hint", "rounded", "shaded"),

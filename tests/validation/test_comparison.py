@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from tests.support.scenes import rotation
 from tests.support.validation_cars import TM30, Car, points
-from wheelplane.errors import InputError
+from wheelplane.errors import Doubt, InputError
+from wheelplane.report.text.validation import validation_text
 from wheelplane.validation.comparison import ComparedMethod, check_alike, compare
 from wheelplane.validation.frame_effect import rigid_rotation, shape_of
 from wheelplane.validation.statistics.joint_test import ErrorSource, Spread
@@ -131,6 +132,21 @@ def test_a_planted_error_is_caught_where_the_tool_says_it_would_be():
     assert blind.verdict == ("cannot tell" if blind.joint.agrees else "disagree")
     assert replace(found[0], to_detect_rad=error).verdict == "disagree"
     assert {*replace(Car(3).compare(station=FINE), to_detect_rad=error).verdicts} == {"agree"}
+
+
+def test_methods_that_agree_on_scans_in_doubt_cannot_tell():
+    found = Car(3).compare(station=FINE)
+    assert (found.verdict, {*found.verdicts}) == ("agree", {"agree"})
+    doubted = replace(found, notes=("A note.", Doubt("All are in doubt.")))
+    assert (doubted.verdict, {*doubted.verdicts}) == ("cannot tell", {"cannot tell"})
+    trial = replace(found, notes=(Doubt("Trial {trial}.", trial=found.names[-1]),))
+    assert trial.verdict == "cannot tell"
+    n = len(found.names)
+    assert [i % n for i, verdict in enumerate(trial.verdicts) if verdict != "agree"] == [n - 1] * 2
+    assert "In doubt: All are in doubt." in validation_text(doubted)
+    assert "In doubt" not in validation_text(found)
+    wrong = replace(doubted, first=Car(4).compare(station=FINE).first)
+    assert wrong.verdict == "disagree"
 
 
 def turned(method, R, shift):

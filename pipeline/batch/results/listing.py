@@ -25,7 +25,7 @@ BLOCK = 500
 def capture_table(
     catalogue: Catalogue, which: Filter = ALL, view: View = PAPER, limit: int | None = None
 ) -> Iterator[str]:
-    """Yield the lines of a table: one capture a line, with wheel angles or the failure's reason."""
+    """Yield the lines of a table: one capture a line: wheel angles, a failure's reason, doubts."""
     rows = list(captures(catalogue, which, limit=limit))
     widths = [max([len(head), *map(len, map(f, rows))]) for head, f in HEADS.items()]
     angle_width = len(view.angle(math.radians(-10.0), "camber"))  # with all digits, the widest
@@ -90,7 +90,7 @@ def _angle(found: Angles, name: str, view: View) -> str:
 
 
 def _why(row: CaptureRow) -> list[str]:
-    return [] if row.status == "ok" else [printable(f"{row.stage}: {row.reason}".strip(": "))]
+    return [printable(f"{row.stage}: {row.reason}".strip(": "))]
 
 
 def captures_note() -> str:

@@ -12,6 +12,7 @@ from ...report.format.writer import NONE, Column, Columns, Table, Writer
 from ...report.html.document import Document, Part, Section
 from ...report.html.results import Headline
 from ..catalogue.catalogue import Catalogue
+from ..catalogue.rows import FAILED
 from .listing import angles_of
 from .query import REFERENCE_ANGLES, Filter, by_status, captures, failures
 from .series import series
@@ -120,7 +121,8 @@ def _captures(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Sectio
               if name in found else writer.none for name in REFERENCE_ANGLES),
             width(max(known, default=math.nan), "deg", writer),
         ])  # fmt: skip
-        classes.append({"ok": "", "part": "undecided"}.get(row.status, "not-conform"))
+        measured = "undecided" if row.reason else ""
+        classes.append({"ok": measured, "part": "undecided"}.get(row.status, "not-conform"))
     heads = [f"{writer.wheel(wheel)} {writer.quantity(kind)}" for wheel, kind in
              (name.split() for name in REFERENCE_ANGLES)]  # fmt: skip
     columns: Columns = (
@@ -130,6 +132,11 @@ def _captures(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Sectio
     table: Table = writer.table(columns, cells, 3, words("listing.captures"), classes)
     total = sum(by_status(catalogue, chosen.which).values())
     parts: list[Part] = [table, f"{words('listing.signs')} {words('listing.captures_note')}"]
+    parts += [
+        f"{printable(row.name or row.key)}: {printable(row.reason)}"
+        for row in rows
+        if row.reason and row.status not in FAILED
+    ]
     if total > len(rows):
         parts.append(words("listing.some", shown=words.count(len(rows)), total=words.count(total)))
     return Section("captures", table.caption, parts)

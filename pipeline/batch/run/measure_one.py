@@ -49,7 +49,10 @@ class Subject:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Status of a capture (ok, part, failed, quarantined), with stage and reason of a failure."""
+    """Status of a capture (ok, part, failed, quarantined), with stage and reason of a failure.
+
+    reason: of one that was measured, the notes that put it in doubt.
+    """
 
     status: str
     stage: str = ""
@@ -80,7 +83,8 @@ def measure_bytes(subject: Subject) -> Result:
     """
     try:
         measurement, calibration = _measure(subject)
-        outcome = Outcome("ok" if measurement.complete else "part")
+        status = "ok" if measurement.complete else "part"
+        outcome = Outcome(status, reason=" ".join(measurement.doubts))
         return Result(_report(measurement, calibration, outcome, subject), outcome)
     except Exception as error:
         _raise_foreign(error, subject)

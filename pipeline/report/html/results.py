@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ...measurement import Conformity, Measurement, stated
 from ..format.language import Translations
 from ..format.writer import NONE
-from ..tables.conformity import SIGNS, decided, rule
+from ..tables.conformity import SIGNS, decided, doubted, rule
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ def headline(
     tolerance, decision = conformity.tolerance, conformity.decision
     key = decision.replace(" ", "_")
     simple = "_simple" if decision == "conform" and tolerance.rule == "simple" else ""
-    says = [words(f"verdict.{key}_says{simple}"), *left]
+    says = [words(f"verdict.{key}_says{simple}"), *doubted(conformity.doubts, words), *left]
     title = " ".join(tolerance.title.split())
     if title:
         says.append(f"{words('verdict.against')}: {title}")

@@ -96,6 +96,9 @@ def to_tree(
         "monte_carlo": monte_carlo_tree(measurement),
         "before": before_tree(measurement, before),
         "notes": list(measurement.notes),
+        "doubts": [
+            {"trial": doubt.parts.get("trial"), "note": doubt} for doubt in measurement.doubts
+        ],
         "provenance": {
             "version": provenance.version,
             "inputs": provenance.inputs,

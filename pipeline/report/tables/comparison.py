@@ -10,6 +10,7 @@ from ...validation import KINDS, Comparison, JointTest, Spread
 from ...vectors import Array
 from ..format.language import Translations
 from ..format.writer import Column, Columns, Table, Writer
+from .conformity import doubted
 
 CLASSES = {"agree": "conform", "disagree": "not-conform"}
 # Names of the quantities of `validation.SHAPE`, and their units.
@@ -134,6 +135,7 @@ def whole_lines(found: Comparison, words: Translations) -> list[str]:
     ]
     if found.to_detect_rad is not None and one > found.to_detect_rad:
         lines.append(words("comparison.unseen", size=degrees(found.to_detect_rad, words)))
+    lines += doubted(found.doubts, words)
     shape = found.shape_spread.test(found.shape)
     if found.joint.agrees and shape.probability < SHAPE_DOUBT:
         p = words.number(f"{shape.probability:.2g}")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+from ...errors import Doubt
 from ...measurement import (
     VEHICLE_BY_SWEEP,
     WHEEL_BY_RUNOUT,
@@ -15,6 +17,7 @@ from ...measurement import (
 )
 from ..format.digits import UNKNOWN
 from ..format.language import Translations
+from ..format.notes import notes_in
 from ..format.writer import Column, Columns, Table, Writer
 
 SIGNS = {"conform": "✓", "not conform": "✗", "undecided": "?"}
@@ -53,11 +56,16 @@ def rule(conformity: Conformity, words: Translations) -> str:
     return f"{words('verdict.rule')}: {words(f'verdict.rule_{tolerance.rule}', **parts)}"
 
 
+def doubted(notes: Sequence[Doubt], words: Translations) -> list[str]:
+    """Return the notes that leave verdicts open, in words."""
+    return [words("verdict.doubt", note=note) for note in notes_in(dict.fromkeys(notes), words)]
+
+
 def joint(conformity: Conformity, writer: Writer) -> str:
     """Return the probability that all conform, and its bounds for any correlation, in words."""
     words = writer.words
     if conformity.probability is None:
-        return words("verdict.joint_unknown")
+        return words("verdict.joint_in_doubt" if conformity.doubts else "verdict.joint_unknown")
     low, high = conformity.joint_bounds
     least, most = math.floor(low * 1000) / 10, math.ceil(high * 1000) / 10
     bounds = {"low": words.number(f"{least:.1f}"), "high": words.number(f"{most:.1f} %")}
@@ -135,6 +143,8 @@ def _why(verdict: Verdict, writer: Writer) -> str:
         return words("verdict.no_sweep" if steered else "verdict.not_measured")
     if interval is None or what.value is None or what.u is None:
         return words("verdict.unknown")
+    if what.doubts:
+        return words("verdict.in_doubt")
     if verdict.guard_band is None:
         return words("verdict.undecidable")
     lower = what.value - interval.lower < interval.upper - what.value

@@ -1,0 +1,118 @@
+"""Notes on scans that contradict what they are named for, each a doubt in every verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import Doubt
+from ..vectors import Array
+from ..vehicle import REFERENCE_WHEELS, Floor, VehicleFrame, fit_floor
+from .records import Observation, Vertical
+
+UPSIDE_DOWN = (
+    "The vehicle's up direction is opposite to z ({z}): if z points up, left and right, or front "
+    "and rear, are exchanged: check the order {names}; if it points down, state gravity in "
+    "capture.toml."
+)
+FLOOR_ABOVE = (
+    "The floor in the scans lies {height} m above the wheel centres: left and right, or front and "
+    "rear, are exchanged, or the scans are mirrored: check the order {names}, and their axes."
+)
+UNLIKE_TRACKS = (
+    "The wheels are not placed as on two axles: tracks of {one} m and {two} m: check the order "
+    "{names}, and the points of each."
+)
+UNLIKE_WHEELBASES = (
+    "The wheels are not placed as on two axles: wheelbases of {one} m and {two} m: check the "
+    "order {names}, and the points of each."
+)
+FAR_FROM_WHEEL = (
+    "Trial {trial} is named for {name}, {named} m from it, but lies {distance} m from {nearest}: "
+    "check its wheel."
+)
+# Largest differences of one vehicle, as shares of the larger: of its tracks, of its wheelbases.
+TRACKS, WHEELBASES = 0.25, 0.1
+
+
+def doubts_of(
+    frame: VehicleFrame,
+    centres: Array,
+    measured: Sequence[Observation],
+    known: Sequence[Vertical],
+) -> list[Doubt]:
+    """Return the notes of doubt on a vehicle and its trials.
+
+    centres: (4, 3) of the reference wheels, the first four of `measured`. known: verticals.
+    """
+    return [
+        *_upside_down(frame, measured, known),
+        *_unlike_axles(frame, centres),
+        *_far_from_their_wheel(measured, centres),
+    ]
+
+
+def floor_below(frame: VehicleFrame, references: Sequence[Observation]) -> Floor | None:
+    """Return the floor beside the four wheels, against the frame's up, if their scans show it."""
+    clouds = [one.cloud.points_m for one in references if one.cloud is not None]
+    if not clouds:
+        return None
+    wheels = np.stack([one.fitted.centre_m for one in references])
+    return fit_floor(frame.to_vehicle(np.concatenate(clouds)), frame.to_vehicle(wheels))
+
+
+def _upside_down(
+    frame: VehicleFrame, measured: Sequence[Observation], known: Sequence[Vertical]
+) -> list[Doubt]:
+    """Return a note where the vehicle is upside down, by the floor, else if z points up.
+
+    A vertical that is known agrees with the frame's up, whatever the way of z.
+    """
+    scanned = measured[0].fitted.method != "points"  # a five-point file has its own note
+    if not scanned or known:
+        return []
+    names = ", ".join(REFERENCE_WHEELS)
+    above = floor_below(replace(frame, up=-frame.up), measured[:4])
+    if above is not None:
+        return [Doubt(FLOOR_ABOVE, height=f"{above.depth_m:.2f}", names=names)]
+    if frame.up[2] > -0.5:
+        return []
+    return [Doubt(UPSIDE_DOWN, z=f"{frame.up[2]:+.2f}", names=names)]
+
+
+def _unlike_axles(frame: VehicleFrame, centres: Array) -> list[Doubt]:
+    """Return a note where the four centres are not those of a vehicle's two axles."""
+    right_m, left_m = np.linalg.norm(centres[2:] - centres[:2], axis=1)
+    pairs = (
+        (frame.rear_track_m, frame.front_track_m, TRACKS, UNLIKE_TRACKS),
+        (left_m, right_m, WHEELBASES, UNLIKE_WHEELBASES),
+    )
+    order = ", ".join(REFERENCE_WHEELS)
+    return [
+        Doubt(sentence, one=f"{one:.3f}", two=f"{other:.3f}", names=order)
+        for one, other, most, sentence in pairs
+        if abs(one - other) > most * max(one, other)
+    ]
+
+
+def _far_from_their_wheel(measured: Sequence[Observation], centres: Array) -> list[Doubt]:
+    """Return a note for every trial that is named for one wheel but lies at another."""
+    notes: list[Doubt] = []
+    for observation in measured[4:]:
+        distance_m = np.linalg.norm(centres - observation.fitted.centre_m, axis=1)
+        nearest = REFERENCE_WHEELS[int(np.argmin(distance_m))]
+        if observation.wheel in REFERENCE_WHEELS and observation.wheel != nearest:
+            named_m = distance_m[REFERENCE_WHEELS.index(observation.wheel)]
+            notes.append(
+                Doubt(
+                    FAR_FROM_WHEEL,
+                    trial=observation.name,
+                    name=observation.wheel,
+                    named=f"{named_m:.3f}",
+                    distance=f"{distance_m.min():.3f}",
+                    nearest=nearest,
+                )
+            )
+    return notes

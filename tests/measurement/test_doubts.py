@@ -1,0 +1,190 @@
+"""Scans that contradict what they are named for: no verdict rests on their values."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tests.support.batches import call
+from tests.support.turning import NOWHERE, PLACES, Scene, facing
+from wheelplane.capture.vertical import StatedVertical
+from wheelplane.cloud.preview import cloud_sample
+from wheelplane.errors import Doubt
+from wheelplane.measurement.conformity import assess
+from wheelplane.measurement.doubts import TRACKS, WHEELBASES
+from wheelplane.measurement.evaluate import align, find_verticals
+from wheelplane.measurement.tolerance.model import Tolerance
+from wheelplane.report.format.language import load_translations
+from wheelplane.report.format.view import PAPER
+from wheelplane.report.format.writer import Writer
+from wheelplane.report.html.results import headline
+from wheelplane.report.json.measurement import to_json
+from wheelplane.report.tables.conformity import limits_table
+from wheelplane.report.text.conformity import conformity_text
+
+POINTS = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
+WIDE = {"lower_deg": -20.0, "upper_deg": 20.0}
+AXLE = {"toe": WIDE, "camber": WIDE}
+LIMITS = {"rear": AXLE, "front": AXLE, "vehicle": {"thrust_angle": WIDE}}
+OTHER_SIDE = {"RR": "RL", "RL": "RR", "FR": "FL", "FL": "FR"}
+OTHER_END = {"RR": "FR", "FR": "RR", "RL": "FL", "FL": "RL"}
+FLOOR_M = -0.3  # below the wheel centres
+
+
+def scene(names=None, moved=None, trials=(), flip=(1.0, 1.0, 1.0), floor=False):
+    """Measure a car that stands upright in z, whose wheels may have others' names.
+
+    moved: shift of a wheel's centre. trials: name, wheel it is named for, shift from RR. flip:
+    signs of the axes of the scans.
+    """
+    made, flip = Scene(seed=1, noise=0.0), np.array(flip)
+    made.R, made.shift = Rotation.from_euler("z", 40.0, degrees=True), np.zeros(3)
+    looks = [(wheel, "reference", wheel, wheel, (moved or {}).get(wheel, 0.0)) for wheel in PLACES]
+    looks += [(name, "trial", "RR", named, shift) for name, named, shift in trials]
+    for name, role, at, wheel, shift in looks:
+        at = (names or {}).get(at, at)
+        centre, normal = np.array(PLACES[at]) + shift, facing(at, 0.002, -0.01)
+        made.look(name, role, wheel, flip * centre, flip * normal)
+    if floor:
+        across = np.arange(-0.7, 0.71, 0.05)
+        for index, one in enumerate(made.seen[:4]):
+            x, y = np.meshgrid(across, across)
+            place = np.array(PLACES[one.wheel])
+            level = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, FLOOR_M - place[2])])
+            points = made.R.apply(flip * (level + place))
+            made.seen[index] = replace(one, cloud=cloud_sample(points))
+    return made
+
+
+def measured(made, stated=()):
+    return align(made.seen, NOWHERE, (), find_verticals(stated, "wheels", "test"))
+
+
+@cache
+def sound():
+    return measured(scene(trials=[("1", "RR", 0.01)]))
+
+
+def judged(measurement):
+    return assess(measurement, Tolerance.model_validate(LIMITS))
+
+
+def undecided(measurement):
+    """Subjects of the verdicts that are not conforming; none is nonconforming."""
+    found = judged(measurement).verdicts
+    assert {verdict.decision for verdict in found} <= {"conform", "undecided"}
+    return {verdict.quantity.subject for verdict in found if verdict.decision == "undecided"}
+
+
+EVERYTHING = {*PLACES, "1", "vehicle"}
+TRIAL = [("1", "RR", 0.01)]
+
+
+def test_a_vehicle_whose_wheels_are_where_they_are_named_is_decided():
+    assert sound().doubts == ()
+    assert undecided(sound()) == set()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"names": OTHER_SIDE}, "left and right, or front and rear, are exchanged"),
+        ({"names": OTHER_END}, "left and right, or front and rear, are exchanged"),
+        ({"flip": (1, -1, 1)}, "opposite to z (-1.00)"),
+        ({"moved": {"FL": [0.0, 1.1 * TRACKS * 2.0, 0.0]}}, "tracks of"),
+        ({"moved": {"FL": [1.1 * WHEELBASES * 2.65 / (1.0 - WHEELBASES), 0.0, 0.0]}}, "wheelbases"),
+    ],
+)
+def test_no_verdict_rests_on_a_vehicle_in_doubt(change, says):
+    found = measured(scene(trials=TRIAL, **change))
+    assert len(found.doubts) == 1
+    assert says in found.doubts[0]
+    assert undecided(found) == EVERYTHING
+    for verdict in judged(found).verdicts:
+        assert verdict.reason == found.doubts[0]
+        assert (verdict.probability, verdict.risk) == (None, None)
+
+
+def test_of_a_trial_at_another_wheel_its_own_values_alone_are_undecided():
+    found = measured(scene(trials=[*TRIAL, ("2", "RL", 0.01)]))
+    assert [doubt.parts["trial"] for doubt in found.doubts] == ["2"]
+    assert undecided(found) == {"2"}
+    assert judged(found).decision == "undecided"
+
+
+def test_a_value_outside_its_limits_is_undecided_too_where_it_may_be_of_another_wheel():
+    limits = Tolerance.model_validate({"rear": {"toe": {"lower_deg": 10.0}}})
+    assert assess(sound(), limits).decision == "not conform"
+    found = measured(scene(names=OTHER_SIDE))
+    assert assess(found, limits).decision == "undecided"
+
+
+@pytest.mark.parametrize("flip", [(1, 1, -1), (1, -1, 1), (-1, 1, 1)])
+def test_a_floor_above_the_wheel_centres_shows_mirrored_scans(flip):
+    """Of z mirrored, the frame's up is z, and only the floor shows it."""
+    found = measured(scene(flip=flip, floor=True))
+    assert [doubt.parts["height"] for doubt in found.doubts] == ["0.30"]
+    assert undecided(found) == EVERYTHING - {"1"}
+    assert measured(scene(floor=True)).doubts == ()
+
+
+@pytest.mark.parametrize("by", ["floor", "gravity"])
+def test_where_the_vertical_is_known_z_may_point_down(by):
+    turned = (1, -1, -1)  # half a turn about x: no mirror image
+    assert undecided(measured(scene(flip=turned))) == EVERYTHING - {"1"}
+    stated = StatedVertical("gravity", (0.0, 0.0, -1.0), 1e-4, "gravity = [0, 0, 1]", "")
+    floor = by == "floor"
+    found = measured(scene(flip=turned, floor=floor), () if floor else (stated,))
+    assert found.doubts == ()
+
+
+@pytest.mark.parametrize(
+    ("language", "says"),
+    [("en", "In doubt: Trial 2 is named for"), ("pt", "Em dúvida: O ensaio 2 tem o nome de")],
+)
+def test_reports_and_result_show_the_reason(language, says):
+    words = load_translations(language)
+    found = measured(scene(trials=[*TRIAL, ("2", "RL", 0.01)]))
+    conformity, note = judged(found), found.doubts[0]
+    text = conformity_text(conformity)
+    assert text.count(note) == 1
+    assert "at once: not known, since some are in doubt" in text
+    assert any(line.startswith(says) for line in headline(found, conformity, words).says)
+    table = limits_table(conformity, Writer(words, PAPER))
+    rows = [row for row in table.rows if row[-1] == words("verdict.in_doubt")]
+    assert len(rows) == len(AXLE)
+    tree = json.loads(to_json(found, conformity))
+    assert tree["doubts"] == [{"trial": "2", "note": note}]
+    reasons = {one["name"]: one["reason"] for one in tree["conformity"]}
+    assert reasons["2"] == note
+    assert reasons["1"] == ""
+    assert json.loads(to_json(sound()))["doubts"] == []
+
+
+def test_blocks_of_left_and_right_exchanged_do_not_pass(tmp_path):
+    """The paper's file, whose z points up: the command exits with 0, exchanged with 1."""
+    blocks = np.array_split(POINTS.read_text().split(), 8)
+    limits = tmp_path / "wide.toml"
+    table = "lower_deg = -20.0\nupper_deg = 20.0\n"
+    limits.write_text(
+        "".join(f"[{a}.{k}]\n{table}" for a in ("rear", "front") for k in ("toe", "camber"))
+    )
+    for order, code in (((0, 1, 2, 3), 0), ((1, 0, 3, 2), 1)):
+        file = tmp_path / "points.txt"
+        file.write_text("".join(f"{line}\n" for i in order for line in blocks[i]))
+        run = call("five-point", file, "--tolerance", limits)
+        assert run.returncode == code
+        assert ("Verdict: UNDECIDED" in run.stdout) == bool(code)
+        assert ("In doubt: The frame's up points against z" in run.stdout) == bool(code)
+
+
+def test_a_doubt_is_about_its_trial_or_about_all():
+    assert Doubt("a note").is_about("RR")
+    assert Doubt("Trial {trial}", trial="1").is_about("1")
+    assert not Doubt("Trial {trial}", trial="1").is_about("vehicle")
