@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -29,12 +30,21 @@ UNLIKE_WHEELBASES = (
     "The wheels are not placed as on two axles: wheelbases of {one} m and {two} m: check the "
     "order {names}, and the points of each."
 )
+TWISTED = (
+    "The wheels are not placed as on two axles: the line through the front wheel centres is "
+    "inclined by {angle}° against that through the rear ones, {height} m over its track: check "
+    "that all scans are in the same coordinates, and the points of each."
+)
 FAR_FROM_WHEEL = (
     "Trial {trial} is named for {name}, {named} m from it, but lies {distance} m from {nearest}: "
     "check its wheel."
 )
 # Largest differences of one vehicle, as shares of the larger: of its tracks, of its wheelbases.
 TRACKS, WHEELBASES = 0.25, 0.1
+# Largest difference in height of an axle's wheel centres against the other axle: all the travel of
+# a suspension, of one wheel against its bump stop and one hanging. A flat tyre is 0.1 m lower,
+# tyres, springs and floors of a bay differ by millimetres.
+TWIST_M = 0.2
 
 
 def doubts_of(
@@ -83,18 +93,23 @@ def _upside_down(
 
 
 def _unlike_axles(frame: VehicleFrame, centres: Array) -> list[Doubt]:
-    """Return a note where the four centres are not those of a vehicle's two axles."""
+    """Return notes where the four centres are not those of a vehicle's two axles."""
     right_m, left_m = np.linalg.norm(centres[2:] - centres[:2], axis=1)
     pairs = (
         (frame.rear_track_m, frame.front_track_m, TRACKS, UNLIKE_TRACKS),
         (left_m, right_m, WHEELBASES, UNLIKE_WHEELBASES),
     )
     order = ", ".join(REFERENCE_WHEELS)
-    return [
+    notes = [
         Doubt(sentence, one=f"{one:.3f}", two=f"{other:.3f}", names=order)
         for one, other, most, sentence in pairs
         if abs(one - other) > most * max(one, other)
     ]
+    _, _, height_m = np.abs(frame.to_vehicle(centres[3]) - frame.to_vehicle(centres[2]))
+    if height_m > TWIST_M:
+        angle = math.degrees(math.asin(height_m / frame.front_track_m))
+        notes.append(Doubt(TWISTED, angle=f"{angle:.1f}", height=f"{height_m:.2f}"))
+    return notes
 
 
 def _far_from_their_wheel(measured: Sequence[Observation], centres: Array) -> list[Doubt]:

@@ -17,7 +17,7 @@ from wheelplane.capture.vertical import StatedVertical
 from wheelplane.cloud.preview import cloud_sample
 from wheelplane.errors import Doubt
 from wheelplane.measurement.conformity import assess
-from wheelplane.measurement.doubts import TRACKS, WHEELBASES
+from wheelplane.measurement.doubts import TRACKS, TWIST_M, WHEELBASES
 from wheelplane.measurement.evaluate import align, find_verticals
 from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.language import load_translations
@@ -99,6 +99,8 @@ def test_a_vehicle_whose_wheels_are_where_they_are_named_is_decided():
         ({"flip": (1, -1, 1)}, "opposite to z (-1.00)"),
         ({"moved": {"FL": [0.0, 1.1 * TRACKS * 2.0, 0.0]}}, "tracks of"),
         ({"moved": {"FL": [1.1 * WHEELBASES * 2.65 / (1.0 - WHEELBASES), 0.0, 0.0]}}, "wheelbases"),
+        ({"moved": {"FR": [0.0, 0.0, 0.5]}}, "inclined by 18."),
+        ({"moved": {"RL": [0.0, 0.0, -0.5]}}, "m over its track"),
     ],
 )
 def test_no_verdict_rests_on_a_vehicle_in_doubt(change, says):
@@ -109,6 +111,23 @@ def test_no_verdict_rests_on_a_vehicle_in_doubt(change, says):
     for verdict in judged(found).verdicts:
         assert verdict.reason == found.doubts[0]
         assert (verdict.probability, verdict.risk) == (None, None)
+
+
+@pytest.mark.parametrize("wheel", PLACES)
+def test_axles_are_twisted_by_no_more_than_a_suspension_travels(wheel):
+    """One wheel is raised: by a flat tyre of the other, and beyond all travel."""
+    own = abs(PLACES["FR"][2] - PLACES["FL"][2])  # twist of the car itself, 15 mm
+    for rise_m in (0.1, -0.1, TWIST_M - 0.02, 0.02 - TWIST_M):
+        assert measured(scene(moved={wheel: [0.0, 0.0, rise_m]})).doubts == ()
+    for rise_m in (TWIST_M + 0.02, -TWIST_M - 0.02, 0.5):
+        found = measured(scene(moved={wheel: [0.0, 0.0, rise_m]}))
+        (doubt,) = found.doubts
+        angle = np.radians(float(doubt.parts["angle"]))
+        assert angle == pytest.approx(np.arctan2(abs(rise_m), 1.5), abs=own / 1.5 + 0.005)
+        height_m = found.frame.front_track_m * np.sin(angle)
+        assert float(doubt.parts["height"]) == pytest.approx(height_m, abs=0.01)
+    raised = {"FR": [0.0, 0.0, 0.5], "FL": [0.0, 0.0, 0.5]}  # both: a ramp, and no twist
+    assert measured(scene(moved=raised)).doubts == ()
 
 
 def test_of_a_trial_at_another_wheel_its_own_values_alone_are_undecided():
