@@ -39,12 +39,18 @@ FAR_FROM_WHEEL = (
     "Trial {trial} is named for {name}, {named} m from it, but lies {distance} m from {nearest}: "
     "check its wheel."
 )
+FAR_FROM_WHEELS = (
+    "Trial {trial} lies {distance} m from {nearest}, its nearest wheel: check its file, and that "
+    "it is in the coordinates of the other scans."
+)
 # Largest differences of one vehicle, as shares of the larger: of its tracks, of its wheelbases.
 TRACKS, WHEELBASES = 0.25, 0.1
 # Largest difference in height of an axle's wheel centres against the other axle: all the travel of
 # a suspension, of one wheel against its bump stop and one hanging. A flat tyre is 0.1 m lower,
 # tyres, springs and floors of a bay differ by millimetres.
 TWIST_M = 0.2
+# Of a trial's target from its wheel's centre: the radius of a lorry's wheel, with a bracket.
+FAR_M = 0.6
 
 
 def doubts_of(
@@ -113,21 +119,20 @@ def _unlike_axles(frame: VehicleFrame, centres: Array) -> list[Doubt]:
 
 
 def _far_from_their_wheel(measured: Sequence[Observation], centres: Array) -> list[Doubt]:
-    """Return a note for every trial that is named for one wheel but lies at another."""
+    """Return a note for every trial at another wheel than it is named for, or at none."""
     notes: list[Doubt] = []
     for observation in measured[4:]:
         distance_m = np.linalg.norm(centres - observation.fitted.centre_m, axis=1)
         nearest = REFERENCE_WHEELS[int(np.argmin(distance_m))]
+        known = {
+            "trial": observation.name,
+            "distance": f"{distance_m.min():.3f}",
+            "nearest": nearest,
+        }
         if observation.wheel in REFERENCE_WHEELS and observation.wheel != nearest:
             named_m = distance_m[REFERENCE_WHEELS.index(observation.wheel)]
-            notes.append(
-                Doubt(
-                    FAR_FROM_WHEEL,
-                    trial=observation.name,
-                    name=observation.wheel,
-                    named=f"{named_m:.3f}",
-                    distance=f"{distance_m.min():.3f}",
-                    nearest=nearest,
-                )
-            )
+            named = {"name": observation.wheel, "named": f"{named_m:.3f}"}
+            notes.append(Doubt(FAR_FROM_WHEEL, **known, **named))
+        elif observation.role == "trial" and distance_m.min() > FAR_M:
+            notes.append(Doubt(FAR_FROM_WHEELS, **known))
     return notes

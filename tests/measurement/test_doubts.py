@@ -17,7 +17,7 @@ from wheelplane.capture.vertical import StatedVertical
 from wheelplane.cloud.preview import cloud_sample
 from wheelplane.errors import Doubt
 from wheelplane.measurement.conformity import assess
-from wheelplane.measurement.doubts import TRACKS, TWIST_M, WHEELBASES
+from wheelplane.measurement.doubts import FAR_M, TRACKS, TWIST_M, WHEELBASES
 from wheelplane.measurement.evaluate import align, find_verticals
 from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.language import load_translations
@@ -135,6 +135,21 @@ def test_of_a_trial_at_another_wheel_its_own_values_alone_are_undecided():
     assert [doubt.parts["trial"] for doubt in found.doubts] == ["2"]
     assert undecided(found) == {"2"}
     assert judged(found).decision == "undecided"
+
+
+@pytest.mark.parametrize("named", ["RR", None])
+@pytest.mark.parametrize("way", [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
+def test_a_trial_that_lies_at_no_wheel_is_in_doubt(named, way):
+    """Whether it is named for the nearest wheel, or none; the scene's RR is at the origin."""
+    near = measured(scene(trials=[("1", named, 0.9 * FAR_M * np.array(way))]))
+    assert near.doubts == ()
+    for distance_m in (1.1 * FAR_M, 1.1):
+        found = measured(scene(trials=[*TRIAL, ("2", named, distance_m * np.array(way))]))
+        (doubt,) = found.doubts
+        assert doubt.parts == {"trial": "2", "distance": f"{distance_m:.3f}", "nearest": "RR"}
+        assert undecided(found) == {"2"}
+    far = measured(scene(trials=[*TRIAL, ("2", "RR", 7.0 * np.array(way))]))
+    assert undecided(far) == {"2"}
 
 
 def test_a_value_outside_its_limits_is_undecided_too_where_it_may_be_of_another_wheel():
