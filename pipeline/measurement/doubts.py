@@ -43,6 +43,10 @@ FAR_FROM_WHEELS = (
     "Trial {trial} lies {distance} m from {nearest}, its nearest wheel: check its file, and that "
     "it is in the coordinates of the other scans."
 )
+COPIED = (
+    "Trial {trial} holds the same points as {name}: it is a copy, which shows nothing of its own: "
+    "check its file."
+)
 # Largest differences of one vehicle, as shares of the larger: of its tracks, of its wheelbases.
 TRACKS, WHEELBASES = 0.25, 0.1
 # Largest difference in height of an axle's wheel centres against the other axle: all the travel of
@@ -67,6 +71,7 @@ def doubts_of(
         *_upside_down(frame, measured, known),
         *_unlike_axles(frame, centres),
         *_far_from_their_wheel(measured, centres),
+        *_copies(measured),
     ]
 
 
@@ -135,4 +140,22 @@ def _far_from_their_wheel(measured: Sequence[Observation], centres: Array) -> li
             notes.append(Doubt(FAR_FROM_WHEEL, **known, **named))
         elif observation.role == "trial" and distance_m.min() > FAR_M:
             notes.append(Doubt(FAR_FROM_WHEELS, **known))
+    return notes
+
+
+def _copies(measured: Sequence[Observation]) -> list[Doubt]:
+    """Return a note for every trial whose fit is that of an earlier scan to the last bit.
+
+    Noise makes any two scans differ; a sweep or a run-out may use the reference scan once more.
+    """
+    notes: list[Doubt] = []
+    seen: dict[bytes, str] = {}
+    for observation in measured:
+        if observation.role in ("reference", "trial") and observation.evidence is not None:
+            fit = observation.evidence.target
+            first = seen.setdefault(
+                np.concatenate([fit.centre_m, fit.normal]).tobytes(), observation.name
+            )
+            if first != observation.name:
+                notes.append(Doubt(COPIED, trial=observation.name, name=first))
     return notes

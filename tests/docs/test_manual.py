@@ -394,7 +394,7 @@ NOTES = {
     ),
     "request.py": ("note_of_plates",),
     "evaluate.py": ("_without_a_point",),
-    "doubts.py": ("_upside_down", "_far_from_their_wheel", "_unlike_axles"),
+    "doubts.py": ("_upside_down", "_far_from_their_wheel", "_unlike_axles", "_copies"),
     "observe_vehicle.py": ("_left_out",),
     "records.py": ("notes",),
     "observe.py": ("noisy", "note_on_hint", "rounded", "shaded"),

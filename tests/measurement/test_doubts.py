@@ -19,6 +19,7 @@ from wheelplane.errors import Doubt
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.doubts import FAR_M, TRACKS, TWIST_M, WHEELBASES
 from wheelplane.measurement.evaluate import align, find_verticals
+from wheelplane.measurement.records import Evidence
 from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.language import load_translations
 from wheelplane.report.format.view import PAPER
@@ -150,6 +151,28 @@ def test_a_trial_that_lies_at_no_wheel_is_in_doubt(named, way):
         assert undecided(found) == {"2"}
     far = measured(scene(trials=[*TRIAL, ("2", "RR", 7.0 * np.array(way))]))
     assert undecided(far) == {"2"}
+
+
+@pytest.mark.parametrize("of", ["RR", "1"])
+def test_a_copy_of_another_scan_is_no_trial(of):
+    """Of the reference or a trial; a second scan by which the fit is 1 nm off is none."""
+    made = scene(trials=TRIAL)
+    first = next(one for one in made.seen if one.name == of)
+    made.seen.append(replace(first, name="2", role="trial", sha256="sha256:another"))
+    found = measured(made)
+    assert [dict(doubt.parts) for doubt in found.doubts] == [{"trial": "2", "name": of}]
+    assert undecided(found) == {"2"}
+    target = first.evidence.target
+    near = replace(target, centre_m=target.centre_m + np.array([0.0, 0.0, 1e-9]))
+    made.seen[-1] = replace(made.seen[-1], evidence=Evidence(near))
+    assert measured(made).doubts == ()
+
+
+def test_the_reference_scan_in_a_sweep_is_no_copy():
+    made = scene()
+    front = made.seen[list(PLACES).index("FL")]
+    made.seen.append(replace(front, name="FL ahead", role="sweep"))
+    assert measured(made).doubts == ()
 
 
 def test_a_value_outside_its_limits_is_undecided_too_where_it_may_be_of_another_wheel():
