@@ -47,7 +47,7 @@ SOUGHT = 1.5  # of its size: radius about the matched template in which its poin
 SPARSE_M, HIDDEN = 0.006, 0.9
 # Standard deviations of an edge's growth at which doubt begins, and which a stated size does not
 # explain; share of that growth's movement into the centre; least share of SIZE_M that is shown.
-STRANGE_SIZE, WRONG_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 5.0, 0.6, 0.1
+STRANGE_SIZE, WRONG_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 6.0, 0.6, 0.1
 GENTLE = 1.0  # slope below which all points that matter lie within target_view.GENTLE_SLOPE
 
 
