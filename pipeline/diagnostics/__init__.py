@@ -2,6 +2,7 @@
 
 from .findings import findings, spacing_m
 from .plausibility import (
+    better_unit,
     check_cloud,
     check_vehicle_cloud,
     check_wheel_scan,
@@ -18,6 +19,7 @@ __all__ = [
     "Check",
     "Figure",
     "ScanSummary",
+    "better_unit",
     "check_cloud",
     "check_vehicle_cloud",
     "check_wheel_scan",

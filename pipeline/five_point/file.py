@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..diagnostics import better_unit, length
 from ..errors import Doubt, InputError, Wording
 from ..files import sha256
 from ..system import stage
@@ -34,6 +35,10 @@ COUNTERCLOCKWISE = (
     "Azimuth is taken counterclockwise from x: with blocks in the order {names}, this sense leaves "
     "the vehicle upright."
 )
+# Largest distance between two wheel centres: a child's kart has 1 m, the longest road train 25 m.
+# Between any two units lies a factor of 25 or more, so that every vehicle of 1.2 to 12.7 m whose
+# unit is wrong is outside.
+VEHICLE_SIZES_M = (0.5, 30.0)
 # cos 60 degrees: no ramp tilts a vehicle so far.
 MIN_UPRIGHT_COSINE = 0.5
 
@@ -97,6 +102,7 @@ def read_five_point(
     count = len(points_m) // 5
     order = tuple(range(count) if arrange is None else arrange(count))
     blocks_m = points_m.reshape(-1, 5, 3)[list(order)]
+    _check_vehicle(blocks_m[:4], length_unit, source)
     up_z = _up_z(blocks_m, order, source)
     if angle_unit is None:
         return FivePointFile(blocks_m, source, digest, _note_if_upside_down(up_z), order)
@@ -250,6 +256,21 @@ def _clockwise(polar: Array, angle_unit: str, source: str) -> Array:
             range_m * np.cos(zenith_rad),
         ]
     )
+
+
+def _check_vehicle(blocks_m: Array, unit: str, source: str) -> None:
+    """Raise InputError for reference blocks (4, 5, 3) as far apart as on no vehicle: a wrong unit.
+
+    By medians, so that one wrong point of a block is not taken for a wrong unit.
+    """
+    middles_m = np.median(blocks_m, axis=1)
+    size_m = float(np.linalg.norm(middles_m[:, None] - middles_m, axis=-1).max())
+    smallest, largest = VEHICLE_SIZES_M
+    if size_m > 0.0 and not smallest <= size_m <= largest:
+        raise InputError(
+            f"{source}: the wheel centres lie up to {length(size_m)} apart in {unit}, a vehicle's "
+            f"{smallest:g} to {largest:g} m: {better_unit(size_m, unit, '--length-unit {}')}"
+        )
 
 
 def _up_z(blocks_m: Array, order: Sequence[int], source: str) -> float:

@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.support.paths import DATA
+from wheelplane.diagnostics.plausibility import length
 from wheelplane.diagnostics.selftest import certified_folder
 from wheelplane.errors import InputError
 from wheelplane.five_point.file import read_five_point
@@ -20,6 +21,7 @@ from wheelplane.plane.least_squares import total_least_squares
 from wheelplane.report.format.view import View
 from wheelplane.report.text.report import detailed_report, summary_table
 from wheelplane.report.text.tcgc_2013 import tcgc_2013_text
+from wheelplane.units import LENGTH_UNITS, in_metres
 from wheelplane.vehicle.angles import WheelAngles, nearest_wheel, wheel_angles
 from wheelplane.vehicle.frame import REFERENCE_WHEELS, build_reference_frame
 
@@ -291,6 +293,39 @@ def test_length_unit(tmp_path, unit, metres):
     np.testing.assert_allclose(blocks, figure_4(), rtol=1e-15)
 
 
+@pytest.mark.parametrize("size_m", [1.25, 2.04, 12.0])
+@pytest.mark.parametrize("written", LENGTH_UNITS)
+@pytest.mark.parametrize("read", LENGTH_UNITS)
+def test_a_vehicle_of_any_size_in_another_unit_is_refused(tmp_path, size_m, written, read):
+    """From a kart to a long lorry; the message names the distance as read and the right unit."""
+    path = tmp_path / "five.txt"
+    centres = figure_4()[:4].mean(axis=1)
+    blocks = figure_4()
+    blocks[:4] += (size_m / 2.0417 - 1.0) * (centres - centres[0])[:, None]
+    np.savetxt(path, blocks.reshape(-1, 3) / in_metres(1.0, written), fmt="%.9f", delimiter=",")
+    if read == written:
+        assert len(read_five_point(path, length_unit=read).blocks_m) == 8
+        return
+    far = length(size_m * in_metres(1.0, read) / in_metres(1.0, written))
+    with pytest.raises(InputError) as caught:
+        read_five_point(path, name="five.txt", length_unit=read)
+    found = re.match(
+        r"five.txt: the wheel centres lie up to (\S+) (\S+) apart in (\w+), ", str(caught.value)
+    )
+    assert found is not None
+    assert float(found[1]) == pytest.approx(float(far.split()[0]), rel=0.03)
+    assert (found[2], found[3]) == (far.split()[1], read)
+    if size_m == 2.04:
+        assert str(caught.value).endswith(f"give --length-unit {written}")
+
+
+def test_one_wild_coordinate_is_no_wrong_unit(tmp_path):
+    path = tmp_path / "five.txt"
+    path.write_bytes(edited(1, "95297,97.912,51.191"))
+    with pytest.raises(InputError, match=r"lines 1-5: block 1: its point 1 lies"):
+        read_five_point(path)
+
+
 LINE = "0.1,0.2,0.3\n"
 BAD = {
     "short row": (edited(17, "96.4 99.6"), "line 17: 2 numbers where 3 are needed (x y z): compl"),
@@ -370,7 +405,10 @@ def test_missing_file_and_folder(tmp_path):
         ({"azimuth": "left"}, "--azimuth is 'left'"),
         ({"angle_unit": "deg"}, "cartesian rows have no angles"),
         ({"azimuth": "clockwise"}, "cartesian rows have no angles"),
-        ({"length_unit": "mm"}, r"lines 1-5: block 1: its five points lie within .* length unit"),
+        (
+            {"length_unit": "mm"},
+            r"the wheel centres lie up to 2.042 mm apart in mm, .* --length-unit m$",
+        ),
     ],
 )
 def test_options_are_checked(options, fact):
