@@ -32,6 +32,7 @@ from .measurement import (
     align,
     find_verticals,
     noisy,
+    not_printed,
     notes_of_assumptions,
     observe_cloud,
     observe_entries,
@@ -67,7 +68,7 @@ def measure_capture(
     origin = provenance_of_capture(capture, config, observations, naming)
     of_scans = [note for observation in observations for note in observation.notes]
     noted = [*of_scans, *noisy(observations, config.instrument)]
-    noted += [*rounded(observations), *shaded(observations)]
+    noted += [*rounded(observations), *shaded(observations), *not_printed(observations)]
     verticals = find_verticals(capture.verticals, vertical, capture.source)
     found = solve(align(observations, origin, [*origin.notes, *noted], verticals))
     assumed = notes_of_assumptions(found, capture.target, config.instrument)

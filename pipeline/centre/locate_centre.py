@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -43,6 +44,7 @@ class TargetFit:
     then lists; 'points' from five points. marker_ids: of the markers that were found; wheel: that
     they name. turn: in-plane rotation; None of a disc or a ring, which show none. bulge_m: of a
     bare wheel by its flange, how far the tyre's widest ring stands out over the flange's edge.
+    print_missed: why the target's print was not used; None where it was, or there is none.
     """
 
     centre_m: Array
@@ -57,6 +59,7 @@ class TargetFit:
     wheel: str | None = None
     turn: InPlaneRotation | None = None
     bulge_m: float | None = None
+    print_missed: Literal["no-intensity", "not-found"] | None = None
 
     def sight_m(
         self, distance_m: float, scanner_m: Array | None, plane: PlaneFit | None = None
@@ -108,6 +111,8 @@ def locate_centre(patch: Patch, plane: PlaneFit, target: Target, config: CentreC
         estimates.append(_by_pattern(printed, target, outer.edge_fit))
     check_agreement(estimates, _at(plane, view.to_scanner(outer.estimate.centre_m)))
     fitted = _fit(view, combined(estimates), outer.edge_fit)
+    missed = isinstance(target, PatternTarget) and printed is None
+    blind = patch.face_intensity is None
     others = (
         [_fit(view, estimate, outer.edge_fit) for estimate in estimates]
         if len(estimates) > 1
@@ -118,6 +123,7 @@ def locate_centre(patch: Patch, plane: PlaneFit, target: Target, config: CentreC
         others=tuple(OtherCentre(f.method, f.centre_m, f.centre_covariance_m2) for f in others),
         marker_ids=printed.marker_ids if printed else (),
         wheel=printed.wheel if printed else None,
+        print_missed=("no-intensity" if blind else "not-found") if missed else None,
     )
 
 

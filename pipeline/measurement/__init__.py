@@ -4,7 +4,15 @@ from .assumptions import VERTICALS, notes_of_assumptions
 from .conformity import Conformity, Deciding, Verdict, assess, conforms, decide
 from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
-from .observe import Fit, find_searched, noisy, observe_entries, rounded, shaded
+from .observe import (
+    Fit,
+    find_searched,
+    noisy,
+    not_printed,
+    observe_entries,
+    rounded,
+    shaded,
+)
 from .observe_vehicle import kinds_of, observe_cloud, observe_rolled
 from .quantities import (
     CROSS,
@@ -113,6 +121,7 @@ __all__ = [
     "load_tolerance",
     "map_about",
     "noisy",
+    "not_printed",
     "notes_of_assumptions",
     "observe_cloud",
     "observe_entries",

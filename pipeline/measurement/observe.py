@@ -31,6 +31,16 @@ SHADED = (
     "ones, across its plane, by {sizes}. This is fitted with the plane and removed; a target of "
     "one brightness avoids it."
 )
+NOT_PRINTED = {
+    "no-intensity": (
+        "The scans of {names} hold no intensities, so the print on their targets is not seen: "
+        "centre and in-plane rotation are by the edges alone; export the scans with intensities."
+    ),
+    "not-found": (
+        "The print on the targets of {names} was not found: centre and in-plane rotation are by "
+        "the edges alone; check the target's file against the board, and the scans' intensities."
+    ),
+}
 NOISE = (
     "The noise of {name} across its plane, {sigma} mm, is {ratio} times the range noise in the "
     "scanner file: check the target's surface, and the file."
@@ -209,6 +219,17 @@ def shaded(observations: Sequence[Observation]) -> Iterator[str]:
             sizes.append(Wording("{size} mm ({name})", size=size, name=observation.name))
     if sizes:
         yield Wording(SHADED, sizes=", ".join(sizes))
+
+
+def not_printed(observations: Sequence[Observation]) -> Iterator[str]:
+    """Yield a note for targets whose print was not used, one for each reason."""
+    names: dict[str, list[str]] = {}
+    for observation in observations:
+        missed = observation.evidence.target.print_missed if observation.evidence else None
+        if missed is not None:
+            names.setdefault(missed, []).append(observation.name)
+    for reason, scans in names.items():
+        yield Wording(NOT_PRINTED[reason], names=", ".join(scans))
 
 
 def notes_on_lone_points(points_m: Array, name: str) -> tuple[str, ...]:

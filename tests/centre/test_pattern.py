@@ -121,12 +121,20 @@ def test_strange_markers_and_blank_boards_name_none():
         cloud = make(setup_of(MARKERS, PLAIN).but(printed=printed), 1)
         fitted = found(cloud, MARKERS).fitted
         assert (fitted.method, fitted.wheel, fitted.marker_ids) == ("rim", None, ())
+        assert fitted.print_missed == "not-found"
 
 
 def test_without_intensities_the_outline_alone_serves():
     cloud = make(setup_of(CIRCLES, PLAIN).but(printed=None), 1)
     fitted = found(cloud, CIRCLES).fitted
     assert (fitted.method, fitted.others) == ("rim", ())
+    assert fitted.print_missed == "no-intensity"
+
+
+def test_nothing_is_missed_where_a_print_is_read_or_none_is_stated():
+    assert seen("circles", 1)[1].fitted.print_missed is None
+    plain = load_target("rectangle-360x240")
+    assert found(make(setup_of(plain, PLAIN), 1), plain).fitted.print_missed is None
 
 
 @pytest.mark.parametrize("name", FIRST_OR_SLOW)

@@ -14,7 +14,7 @@ from wheelplane.centre import TargetFit
 from wheelplane.config import Config, InstrumentConfig
 from wheelplane.errors import InputError, NotMeasuredError
 from wheelplane.measure import fit_target
-from wheelplane.measurement.observe import NOISY, noisy, observe_entries
+from wheelplane.measurement.observe import NOISY, noisy, not_printed, observe_entries
 from wheelplane.measurement.records import Evidence
 from wheelplane.targets.plates import DiscTarget
 
@@ -146,3 +146,17 @@ def test_a_lone_point_far_off_is_noted_and_changes_nothing(scan, cloud, tmp_path
     assert plain.notes == ()
     np.testing.assert_allclose(found.fitted.centre_m, plain.fitted.centre_m, atol=1e-4)
     np.testing.assert_allclose(found.fitted.normal, plain.fitted.normal, atol=1e-3)
+
+
+def test_a_print_that_was_not_used_is_noted_with_its_wheels_and_why(scan):
+    """One note for each reason; none of targets whose print was read."""
+    reasons = {"RR": "no-intensity", "RL": None, "FR": "not-found", "FL": "no-intensity"}
+    found = [
+        replace(observe(scan, lambda *_, r=r: Evidence(replace(FITTED, print_missed=r))), name=name)
+        for name, r in reasons.items()
+    ]
+    unseen, unfound = not_printed(found)
+    assert unseen.startswith("The scans of RR, FL hold no intensities")
+    assert unfound.startswith("The print on the targets of FR was not found")
+    assert all("by the edges alone" in note for note in (unseen, unfound))
+    assert not list(not_printed([replace(found[0], evidence=None), found[1]]))
