@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -87,6 +88,9 @@ def read_five_point(
     in four or more blocks of five, each a plane, the first four a frame.
     Source: the paper, section 1, point 1, and section 2.
     """
+    if not isinstance(path, (str, os.PathLike)):
+        kind = type(path).__name__
+        raise InputError(f"a {kind} is no five-point file: give its path")
     source = name or str(path)
     _check_options(source, length_unit, coordinates, angle_unit, azimuth)
     rows = _parse(_read_text(Path(path), source), COLUMNS[coordinates], source)

@@ -57,6 +57,11 @@ def as_targets(target: TargetName) -> TargetChoice:
 
 def as_config(config: Settings, scanner: str | None) -> Config:
     """Return the settings, read from their file, with the scanner's."""
+    if not (config is None or isinstance(config, Config) or is_path(config)):
+        kind = type(config).__name__
+        raise InputError(f"a {kind} is no configuration: give a Config, or the path of its file")
+    if not (scanner is None or isinstance(scanner, str)):
+        raise InputError(f"scanner {scanner!r} is no scanner: give its name, or its file as text")
     if not isinstance(config, Config):
         config = load_config(None if config is None else Path(config))
     return with_scanner(config, scanner)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from numbers import Integral
 
 import numpy as np
 
 from ..diagnostics import check_cloud, check_wheel_scan
+from ..errors import InputError
 from ..measure import fit_target
 from ..plane import CloudPlane, plane_of_all
 from ..plane import find_planes as planes_of
@@ -69,7 +71,8 @@ class FoundTarget:
 def fit_plane(points: object, *, length_unit: LengthUnit = "m") -> Plane:
     """Fit the least-squares plane to all points, none left out.
 
-    points: (N, 3), a cloud of Open3D or trimesh, or a path; at least 3 points. Raises InputError.
+    points: (N, 3) or (3, N), a cloud of Open3D or trimesh, or a path; at least 3 points. Raises
+    InputError.
     """
     scan = as_scan(points, length_unit, "points")
     return _plane(plane_of_all(scan.points_m))
@@ -82,6 +85,9 @@ def find_planes(
 
     points: as `fit_plane`. Raises InputError, and NotMeasuredError where no plane stands out.
     """
+    for what, number in (("max_planes", max_planes), ("seed", seed)):
+        if not isinstance(number, Integral) or number < 0:
+            raise InputError(f"{what} {number!r} is no whole number: give one from 0")
     scan = as_scan(points, length_unit, "points")
     check_cloud(scan.points_m, length_unit, scan.source)
     return [_plane(one) for one in planes_of(scan.points_m, max_planes, seed)]

@@ -275,6 +275,33 @@ def test_what_cannot_be_measured_is_one_clear_line(scans, more, says):
     assert "\n" not in str(caught.value)
 
 
+POINTS = np.random.default_rng(0).random((100, 3))
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: wp.read_five_point(3), "^a int is no five-point file: give its path$"),
+        (lambda: wp.read_five_point(POINTS), "^a ndarray is no five-point file: give its path$"),
+        (lambda: wp.find_target(POINTS, "disc-250", config=3), "^a int is no configuration: "),
+        (lambda: wp.find_target(POINTS, "disc-250", scanner=3), "^scanner 3 is no scanner: "),
+        (lambda: wp.find_planes(POINTS, "a"), "^max_planes 'a' is no whole number: "),
+        (lambda: wp.find_planes(POINTS, -1), "^max_planes -1 is no whole number: "),
+        (lambda: wp.find_planes(POINTS, seed=0.5), "^seed 0.5 is no whole number: "),
+        (lambda: wp.fit_plane(POINTS[:, :2]), r"^points: an array of the shape \(100, 2\) is no"),
+    ],
+)
+def test_an_argument_of_another_kind_is_one_clear_line(call, says):
+    with pytest.raises(wp.InputError, match=says):
+        call()
+
+
+def test_numbers_of_numpy_are_whole_numbers():
+    scan = POINTS * [1.0, 1.0, 1e-3]
+    found = wp.find_planes(scan, np.int64(1), seed=np.uint8(2))
+    assert [one.points for one in found] == [one.points for one in wp.find_planes(scan, 1, seed=2)]
+
+
 def test_what_is_given_is_read_as_it_is(tmp_path):
     assert is_path("a.ply")
     assert is_path(Path("a.ply"))
