@@ -45,6 +45,9 @@ from .options import (
 from .progress import TerminalProgress
 from .reporting import report_options
 
+# A mark is resolved to 0.01 mm at best, and a target is hardly wider than the larger. A standard
+# uncertainty in another unit is outside: in m, those below 10 mm; in µm, those above 0.05 mm.
+AIMING_MM = (0.01, 50.0)
 BESIDE = Path("five-point.txt")  # in each capture of an archive
 
 
@@ -165,7 +168,7 @@ def validate(
         azimuth=azimuth,
         blocks=blocks,
         station=read_station(total_station, total_station_position, coordinates, length_unit),
-        aiming_m=None if aiming is None else aiming / 1e3,
+        aiming_m=None if aiming is None else _aiming_m(aiming),
         radius_m=None if radius is None or virtual else radius / 1e3,
         method=method,
     )
@@ -219,6 +222,18 @@ def _one(
         if request.against == "wheel":
             return validate_mountings(opened, settings, progress)
         return validate_capture(opened, settings, request, progress)
+
+
+def _aiming_m(aiming_mm: float) -> float:
+    """Return it in metres. Raises InputError where it is in another unit beyond doubt."""
+    least, most = AIMING_MM
+    if aiming_mm and not least <= aiming_mm <= most:
+        unit, factor = ("m", 1e3) if aiming_mm < least else ("µm", 1e-3)
+        raise InputError(
+            f"--aiming is {aiming_mm:g} mm, and points are aimed at within {least:g} to {most:g} "
+            f"mm: if it is in {unit}, give {aiming_mm * factor:g}"
+        )
+    return aiming_mm / 1e3
 
 
 def _against(

@@ -289,6 +289,12 @@ def test_an_error_that_would_not_be_seen_is_no_agreement(found):
         ((), "nothing to compare with"),
         (("--virtual", "--truth"), "one at a time"),
         (("--virtual", "--aiming", "2"), "none is read"),
+        (
+            ("--five-point", FILE, "--aiming", "0.002"),
+            "--aiming is 0.002 mm, and points are aimed at within 0.01 to 50 mm: if it is in m, "
+            "give 2",
+        ),
+        (("--five-point", FILE, "--aiming", "2000"), "if it is in µm, give 2"),
         (("--truth", "--method", "tcgc-2013"), "none is read"),
         (("--truth", "--radius", "80"), "--radius without --virtual"),
         (("--five-point", "nowhere.txt"), "no such file"),
