@@ -16,7 +16,7 @@ from pydantic import (  # noqa: TID253 - the models need it to exist; nothing el
     ValidationError,
 )
 
-from .errors import ConfigError
+from .errors import ConfigError, fact_of
 
 T = TypeVar("T", bound="Section")
 # Of a TOML file: more is no settings of anybody, and `tomllib` takes quadratic time and memory.
@@ -26,8 +26,21 @@ MAX_KEY_PARTS = 32
 _TABLES = re.compile(r"^[ \t]*+\[\[", re.MULTILINE)
 _PART = r"""(?:(?<![\w-])[\w-]++|"(?:[^"\\\n]++|\\.)*+"|'[^'\n]*+')[ \t]*+"""
 _LONG_KEY = re.compile(rf"(?:{_PART}\.[ \t]*+){{{MAX_KEY_PARTS}}}")
+TOML_FAULTS = {
+    "Invalid value": "a value is a number, true, false, or text in quotes",
+    "Cannot overwrite a value": "a key is set twice",
+    "Expected newline or end of document after a statement": "more than one value stands on a line"
+    " (decimals have a point)",
+}
 MOST_FAULTS = 6  # named in one line; the others are counted
-TABLE_FAULTS = ("model_type", "dict_type")
+FORMS = {
+    **dict.fromkeys(("model_type", "dict_type"), "a table is needed"),
+    **dict.fromkeys(("list_type", "tuple_type"), "a list [...] is needed"),
+    **dict.fromkeys(("bool_type", "bool_parsing"), "true or false is needed"),
+    **dict.fromkeys(("float_type", "float_parsing"), "a number is needed"),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), "a whole number is needed"),
+    "string_type": "text in quotes is needed",
+}
 DATE_FAULTS = ("date_type", "datetime_type")  # of a date, and of a day or time, which names both
 # Sections of who issues a report, which change no result.
 ISSUER = frozenset({"report", "laboratory", "standard", "environment"})
@@ -143,7 +156,7 @@ class LaboratoryConfig(Section):
     email: str = ""
     phone: str = ""
     code: str = ""
-    country: str = Field("", pattern=r"^([A-Z]{2})?$")
+    country: str = Field("", pattern=r"^([A-Z]{2})?$", examples=["PT"])
     traceability: str = ""
 
 
@@ -272,11 +285,16 @@ def read_toml(path: Path) -> dict[str, object]:
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}: check the path") from error
     except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: not UTF-8 text ({error}): save it as UTF-8") from error
+        raise ConfigError(f"{path}: not UTF-8 text ({fact_of(error)}): save it as UTF-8") from error
     except RecursionError as error:
         raise ConfigError(f"{path}: not valid TOML: brackets are nested too deep") from error
-    except ValueError as error:  # of tomllib, and of int for 4300 digits
-        raise ConfigError(f"{path}: not valid TOML: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        fact = str(error)
+        for raw, clear in TOML_FAULTS.items():
+            fact = fact.replace(raw, clear)
+        raise ConfigError(f"{path}: not valid TOML: {fact}: correct it") from error
+    except ValueError as error:  # of int for 4300 digits
+        raise ConfigError(f"{path}: not valid TOML: a number is too long: correct it") from error
 
 
 def _check_extent(text: str, path: Path) -> None:
@@ -329,18 +347,25 @@ def _fault(model: type[BaseModel], fault: object) -> str:
         name = name.removesuffix(".datetime").removesuffix(".date")
         form = "a date is needed, as 2026-11-03, without quotes"
         return f"{name}: {form}, got {_short(fault['input'])}"
+    if fault["type"] == "string_pattern_mismatch":
+        example = (_section(model, path).model_fields[path[-1]].examples or [""])[0]
+        return f"{name}: write it as {example!r}, got {_short(fault['input'])}"
     if fault["type"] != "extra_forbidden":
-        message = "a table is needed" if fault["type"] in TABLE_FAULTS else str(fault["msg"])
-        return f"{name}: {message[0].lower()}{message[1:]}, got {_short(fault['input'])}"
+        raw = str(fault["msg"])
+        message = FORMS.get(fault["type"], raw[0].lower() + raw[1:])
+        return f"{name.removesuffix('.[key]')}: {message}, got {_short(fault['input'])}"
+    known = list(_section(model, path).model_fields)
+    return f"unknown key {_short(name)}: {_nearest(path[-1], known)}known are {', '.join(known)}"
+
+
+def _section(model: type[BaseModel], path: list[str]) -> type[BaseModel]:
+    """Return the section of `model` that holds the key at the end of `path`."""
     for part in path[:-1]:
         inner = model.model_fields[part].annotation if part in model.model_fields else None
         for kind in (inner, *get_args(inner)):  # a section, or a tuple of sections
             if isinstance(kind, type) and issubclass(kind, BaseModel):
                 model = kind
-    return (
-        f"unknown key {_short(name)}: {_nearest(path[-1], list(model.model_fields))}known are "
-        + (", ".join(model.model_fields))
-    )
+    return model
 
 
 def _short(value: object) -> str:

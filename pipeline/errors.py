@@ -10,6 +10,19 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
+def fact_of(error: Exception) -> str:
+    """Describe for a user what a parser, or the reading of what it parsed, stopped at."""
+    if isinstance(error, UnicodeDecodeError):
+        return f"byte 0x{error.object[error.start]:02x}"
+    if hasattr(error, "lineno"):  # of JSON
+        return f"line {error.lineno} is not JSON"
+    if isinstance(error, KeyError):
+        return f"it lacks {error}"
+    if isinstance(error, AttributeError | IndexError | TypeError | AssertionError):
+        return "a part of it is missing or has another form"
+    return " ".join(str(error).split())[:120]
+
+
 class WheelplaneError(Exception):
     """Any error that the user can correct.
 

@@ -11,7 +11,7 @@ import click
 
 from ..capture import open_capture
 from ..config import Config
-from ..errors import InputError
+from ..errors import InputError, fact_of
 from ..measure import measure_capture
 from ..measurement import Measurement, by_name
 from ..report.format.digits import arc, sexagesimal
@@ -57,7 +57,9 @@ def compared(measurement: Measurement, truth: Path) -> str:
     try:
         wheels = {wheel["name"]: wheel for wheel in json.loads(truth.read_text())["wheels"]}
     except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{truth}: not a truth file ({error}): run the demo again") from error
+        raise InputError(
+            f"{truth}: not a truth file ({fact_of(error)}): run the demo again"
+        ) from error
     rows: list[tuple[str, ...]] = [("name", "wheel", "angle", "measured", "truth", "error", "u")]
     known = by_name(measurement)
     for result in measurement.wheels:

@@ -214,7 +214,7 @@ class WheelTarget(Plate):
     """
 
     shape: Literal["wheel"]
-    rim: str | None = Field(None, pattern=r"^[1-9][0-9]?(\.[05])?in$")
+    rim: str | None = Field(None, pattern=r"^[1-9][0-9]?(\.[05])?in$", examples=["16in"])
     rim_runout: float = Field(0.0, ge=0.0, lt=0.02)
 
     lengths = (*Plate.lengths, "rim_runout")

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, fact_of
 from ..vectors import Array
 
 FACES = ("target", "face", "azimuth_deg", "elevation_deg", "range_m")
@@ -270,7 +270,7 @@ def _read(path: Path) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}: check the path") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text ({error}): save it as UTF-8") from error
+        raise InputError(f"{path}: not UTF-8 text ({fact_of(error)}): save it as UTF-8") from error
     if len(text) > MAX_BYTES:
         raise InputError(f"{path}: it is longer than {MAX_BYTES >> 20} MB: shorten it")
     try:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..centre import TargetFit
-from ..errors import InputError
+from ..errors import InputError, fact_of
 from ..vectors import Array
 from .comparison import ComparedMethod
 
@@ -31,8 +31,9 @@ def read_truth(path: Path, name: str, names: Sequence[str]) -> ComparedMethod:
             f"{name}: no such file, so there is no truth to compare with: {ADVICE}"
         ) from None
     except (OSError, ArithmeticError, ValueError, KeyError, TypeError, RecursionError) as error:
-        fact = f"{type(error).__name__}: {' '.join(str(error).split())[:100]}"
-        raise InputError(f"{name}: not a truth file of these wheels ({fact}): {ADVICE}") from error
+        raise InputError(
+            f"{name}: not a truth file of these wheels ({fact_of(error)}): {ADVICE}"
+        ) from error
     return ComparedMethod("truth", targets, np.array(angles))
 
 

@@ -599,10 +599,18 @@ def test_what_is_missing_or_unknown_ends_in_one_line(capture, copy, wheelplane, 
         ("[plane]\nedge_margin = 1\n", ["'plane.edge_margin'", "did you mean 'edge_margin_m'?"]),
         ("[plane]\nedge_margin_m = -1\n", ["plane.edge_margin_m", "greater than or equal to 0"]),
         ("[plane]\nedge_margin_m = inf\n", ["plane.edge_margin_m", "finite"]),
-        ('[plane]\nedge_margin_m = "x"\n', ["plane.edge_margin_m", "'x'"]),
+        ('[plane]\nedge_margin_m = "x"\n', ["plane.edge_margin_m: a number is needed, got 'x'"]),
         ("plane = 3\n", ["plane: a table is needed", "3"]),
-        ("seed = 1.5\n", ["seed", "1.5"]),
+        ("seed = 1.5\n", ["seed: a whole number is needed, got 1.5"]),
         ("seed\n", ["not valid TOML", "line 1"]),
+        ("seed = \n", ["not valid TOML: a value is a number, true, false, or text in quotes (at"]),
+        ("[plane]\nedge_margin_m = 0,01\n", ["(decimals have a point) (at line 2, column 18)"]),
+        ("seed = 1\nseed = 2\n", ["a key is set twice (at line 2, column 9): correct it"]),
+        ("seed = " + "9" * 5000, ["not valid TOML: a number is too long: correct it"]),
+        ("[instrument]\nsame_face = 3\n", ["same_face: true or false is needed, got 3"]),
+        ("[report]\nsignatures = 3\n", ["report.signatures: a list [...] is needed, got 3"]),
+        ("[report]\nlaboratory = 3\n", ["report.laboratory: text in quotes is needed, got 3"]),
+        ('[laboratory]\ncountry = "x"\n', ["laboratory.country: write it as 'PT', got 'x'"]),
         ("[plane]\nx = 1\ny = 2\n", ["plane.x", "plane.y"]),
     ],
 )
@@ -610,6 +618,13 @@ def test_a_wrong_configuration_is_refused(text, says, capture, wheelplane, tmp_p
     config = tmp_path / "mine.toml"
     config.write_text(text)
     is_refusal(wheelplane("measure", capture, "--config", config), config, *says)
+
+
+def test_a_configuration_of_another_encoding_is_refused(capture, wheelplane, tmp_path):
+    config = tmp_path / "mine.toml"
+    config.write_bytes(b'[report]\nlaboratory = "\xe9"\n')
+    fact = "not UTF-8 text (byte 0xe9): save it as UTF-8"
+    is_refusal(wheelplane("measure", capture, "--config", config), config, fact)
 
 
 def test_an_output_that_cannot_be_written_ends_in_one_line(capture, wheelplane, tmp_path):

@@ -132,7 +132,7 @@ WRONG = {
     "an id twice": (MARKERS | {"ids": [1, 1]}, "is listed twice"),
     "an id of two wheels": (MARKERS | {"wheels": {"RR": [0, 1], "FL": [1, 2]}}, "is listed twice"),
     "an id that is not printed": (MARKERS | {"ids": [1, 50]}, "has the markers 0 to 49"),
-    "a text as id": (MARKERS | {"ids": [1, "2"]}, "valid integer"),
+    "a text as id": (MARKERS | {"ids": [1, "2"]}, "a whole number is needed"),
     "a wheel that is none": (MARKERS | {"wheels": {"XX": [0, 1]}}, "XX"),
     "a dictionary that is none": (MARKERS | {"ids": [1, 2], "dictionary": "D"}, "dictionary"),
 }

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, fact_of
 from ...uncertainty import quantile
 from ..catalogue.calibration_row import final
 from .series import Series
@@ -113,7 +113,7 @@ def _calibrations(folder: Path) -> dict[str, dict[str, Any]]:
                 found[str(path)] = tree
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(
-                f"{path}: not a calibration of `wheelplane calibrate` ({error}): remove it"
+                f"{path}: not a calibration of `wheelplane calibrate` ({fact_of(error)}): remove it"
             ) from error
     return found
 

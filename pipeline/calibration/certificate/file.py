@@ -67,7 +67,7 @@ class CertificateConfig(Section):
     received. deviations: from the method. replaces: number of the certificate that this amends.
     """
 
-    number: str = Field("", pattern=NUMBER + "|^$")
+    number: str = Field("", pattern=NUMBER + "|^$", examples=["2026-0117"])
     customer: str = ""
     customer_address: str = ""
     method: str = ""
@@ -80,7 +80,7 @@ class CertificateConfig(Section):
     condition: str = ""
     deviations: str = ""
     remarks: str = ""
-    replaces: str = Field("", pattern=NUMBER + "|^$")
+    replaces: str = Field("", pattern=NUMBER + "|^$", examples=["2026-0117"])
     reason: str = ""
     signature: tuple[Signature, ...] = Field((), strict=False)
 

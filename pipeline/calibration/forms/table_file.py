@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from ...errors import InputError, MissingDependencyError, Wording
+from ...errors import InputError, MissingDependencyError, Wording, fact_of
 from .fault import Fault
 
 MAX_BYTES, MAX_UNPACKED, MAX_ROWS, MAX_COLUMNS = 16 << 20, 256 << 20, 20_000, 256
@@ -166,7 +166,7 @@ def _csv_cells(
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{faults.name}: not UTF-8 text ({error}): save it as CSV UTF-8, or as XLSX"
+            f"{faults.name}: not UTF-8 text ({fact_of(error)}): save it as CSV UTF-8, or as XLSX"
         ) from error
     if "\0" in text:
         raise InputError(f"{faults.name}: not text: save the table as CSV UTF-8, or as XLSX")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...errors import InputError
+from ...errors import InputError, fact_of
 
 SCHEMA = "wheelplane/measurement/1"
 SCALE = {"deg": math.radians(1.0), "m": 1.0}
@@ -76,7 +76,8 @@ def read_earlier(path: Path) -> Earlier:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"{path}: a measurement.json that is incomplete ({error!r}): measure that capture again"
+            f"{path}: a measurement.json that is incomplete ({fact_of(error)}): measure that "
+            "capture again"
         ) from error
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ...capture import Turn, is_capture
 from ...centre import InPlaneRotation, TargetFit
-from ...errors import ConfigError, InputError
+from ...errors import ConfigError, InputError, fact_of
 from ...kinematics import solve
 from ...measurement import (
     Conformity,
@@ -66,10 +66,9 @@ def read_measurement(path: Path, name: str) -> tuple[Measurement, Conformity | N
         return _measurement(tree)
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, ConfigError,
             InputError, AssertionError, np.linalg.LinAlgError) as error:  # fmt: skip
-        fact = " ".join(f"{type(error).__name__}: {error}".split())[:120]
         raise InputError(
-            f"{name}: a measurement.json that is incomplete or was changed ({fact}): measure that "
-            "capture again"
+            f"{name}: a measurement.json that is incomplete or was changed ({fact_of(error)}): "
+            "measure that capture again"
         ) from error
 
 

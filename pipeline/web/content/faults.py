@@ -72,8 +72,8 @@ ITEM_FAULTS = {
         "at_least": PLACE + r"input should be greater than or equal to (?P<limit>\S+)" + GOT,
         "below": PLACE + r"input should be less than (?P<limit>\S+)" + GOT,
         "above": PLACE + r"input should be greater than (?P<limit>\S+)" + GOT,
-        "no_number": PLACE + r"input should be a valid number" + GOT,
-        "no_text": PLACE + r"input should be a valid string" + GOT,
+        "no_number": PLACE + r"a number is needed" + GOT,
+        "no_text": PLACE + r"text in quotes is needed" + GOT,
         "no_table": PLACE + r"a table is needed" + GOT,
         "unknown": r"^unknown key '(?:item\.)?(?P<field>.+)': .*known are (?P<known>.+)$",
     }.items()
