@@ -97,7 +97,7 @@ def test_five_points_in_any_coordinates_and_unit(made, found, tmp_path):
     assert other.joint.probability == pytest.approx(found.joint.probability, abs=1e-3)
     # the file in metres keeps six decimals: 0.3 um on 88 mm
     np.testing.assert_allclose(other.difference_rad, found.difference_rad, atol=2e-5)
-    with pytest.raises(InputError, match="apart in m, .* give --length-unit mm"):
+    with pytest.raises(InputError, match=r"apart in m, .* give --length-unit mm"):
         compared(capture)
 
 
