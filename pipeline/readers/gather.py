@@ -76,7 +76,7 @@ class Placer:
     def place(self, block: Block, rows: PointRows) -> int:
         """Fill the first rows with the valid points of the block and return their number.
 
-        Raises InputError for an infinite coordinate, and for one beyond any site.
+        Raises InputError for a coordinate beyond any site.
         """
         count = _fill(rows, block)
         pose = self._poses[block.part] if self._poses else None
@@ -106,12 +106,8 @@ class Placer:
         """Return the mask of the rows that hold a point; None when all do."""
         if _is_usual(points):
             return None
-        infinite = np.flatnonzero(np.isinf(points))
-        if len(infinite):
-            number = self.seen + infinite[0] // 3 + 1
-            raise fault(self._source, f"point {number} has an infinite coordinate")
-        missing = np.isnan(points)
-        huge = np.abs(points) > MAX_COORDINATE_M
+        missing = ~np.isfinite(points)
+        huge = ~missing & (np.abs(points) > MAX_COORDINATE_M)
         missing[huge] = is_huge(points[huge])
         return np.asarray(~missing.any(axis=1))
 
@@ -152,8 +148,8 @@ def gather(
     """Fill the arrays block by block, drop invalid points, apply the poses, scale to metres.
 
     Points that mark missing returns (see missing.py) are dropped as invalid ones are.
-    progress: called with the number of rows read and the total. Raises InputError for an infinite
-    coordinate, and when no point is left.
+    progress: called with the number of rows read and the total. Raises InputError for a coordinate
+    beyond any site, and when no point is left.
     """
     if cloud.rows == 0:
         raise fault(source, "it declares 0 points")

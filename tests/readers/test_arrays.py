@@ -85,7 +85,7 @@ def test_a_cloud_without_points_of_another_library_is_no_cloud():
         ([[1, 2, 3], [4]], "a list"),
         (np.array([["a", "b", "c"]]), "type <U1"),
         (np.zeros((4, 3), dtype=complex), "type complex128"),
-        (np.full((4, 3), np.inf), "infinite"),
+        (np.full((4, 3), np.inf), "all its 4 points are invalid"),
         (np.full((4, 3), np.nan), "all its 4 points are invalid"),
         (np.full((4, 3), 3e11), "beyond any site"),
         (np.zeros((0, 3)), "0 points"),

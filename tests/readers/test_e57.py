@@ -165,9 +165,10 @@ def test_invalid_states_are_missing_returns(tmp_path, system):
     refusal(tmp_path, path.read_bytes(), "all its 50 points are invalid")
 
 
-def test_nan_is_a_missing_return(tmp_path):
+@pytest.mark.parametrize("none", [np.nan, np.inf, -np.inf])
+def test_nan_and_infinity_are_missing_returns(tmp_path, none):
     points = cloud()
-    points[3:9, 1] = np.nan
+    points[3:9, 1] = none
     scan = read(tmp_path, E57Scan(xyz(points)))
     assert scan.invalid_points == 6
     assert scan.points_m.tobytes() == np.delete(points, np.s_[3:9], axis=0).tobytes()

@@ -186,7 +186,7 @@ def test_every_cut_of_an_stl_is_refused(tmp_path, data):
         ("a.stl", stl(faces=FACES[:0]), "0 points"),
         ("a.stl", stl_text().replace(b"vertex 1.1", b"vertex x.1", 1), "."),
         ("a.stl", stl_text().replace(b"  vertex", b"  vortex", 1), "11 corners for 4 triangles"),
-        ("a.stl", stl(np.full((4, 3), np.inf)), "infinite coordinate"),
+        ("a.stl", stl(np.full((4, 3), np.inf)), "points are invalid"),
         ("a.obj", b"v 0 0\nv 1 1\n", "a vertex has 2 numbers"),
         ("a.obj", b"v 0 0 0\nv 1 1\n", "line 2 has 2 columns instead of 3"),
         ("a.obj", b"# a\nv 0 0 0\nvn 1 1 1\nv 1 1 x\n", "line 4 holds 'x'"),

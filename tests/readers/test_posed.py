@@ -292,7 +292,7 @@ def test_pts_without_count_and_leicas_intensities(tmp_path):
         (b"0\n", "0 points"),
         (b"0\n0\n", "0 points"),
         (b"\n\n", "0 points"),
-        (b"1\n1 2 inf\n", "point 1 has an infinite coordinate"),
+        (b"1\n1 2 inf\n", "all its 1 points are invalid"),
         (b"100000000000000000\n1 2 3\n", "the file holds 1"),
         (b"1\n1\r2 3\n", "."),
     ],

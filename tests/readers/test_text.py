@@ -108,7 +108,7 @@ def test_a_fifth_column_leaves_no_intensity(tmp_path):
         ("x y z\n", "0 points"),
         ("5\n", "declares 5 points, the file holds 0"),
         ("1.25 2.25 3.25\n" * 6 + "4.25 5.25 6.2", "ends in the middle of a number"),
-        ("1 2 1e400\n", "point 1 has an infinite coordinate"),
+        ("1 2 1e400\n", "all its 1 points are invalid"),
     ],
 )
 def test_text_that_is_refused(tmp_path, text, pattern):
