@@ -19,6 +19,7 @@ BEYOND_M, SHORT_M = 0.0015, 0.003  # how far points may reach over the outline, 
 MIN_DIRECTIONS = 0.02  # least information on one axis, of that on the other
 LEAST_ON_CIRCLE, FEW_OUTSIDE = 0.4, 0.1  # of the extreme points, on the circle; beyond it
 STRAYS = 400  # points of a sector, of which one may lie anywhere
+OPPOSITE = 0.5  # of the edge that is reached beyond, as much opposite: of another size all round
 STEP_M = 1e-9
 MAX_STEPS, MAX_LOOKS = 60, 20
 
@@ -102,7 +103,8 @@ def check_outline(
 
     face: points on the target (N, 2). noise_m: of a point along the plane. Sectors whose points
     stop well inside are hidden and do not count; few of the others may reach beyond the outline or
-    stop short of it. Raises NotMeasuredError 'wrong-outline'.
+    stop short of it. A target of another size reaches beyond on opposite sides alike; what adjoins
+    it or hides one side does not. Raises NotMeasuredError 'wrong-outline'.
     """
     closest = outline.closest(turned(face - centre, -rotation_rad))
     outermost = _ends(closest.x_m, sector(closest.share, SECTORS))
@@ -110,12 +112,19 @@ def check_outline(
     if np.count_nonzero(visible) < SECTORS // 4:
         return False
     excess = outermost[visible]
-    over = float(np.mean(excess > BEYOND_M + spacing_m + 3.0 * noise_m))
+    beyond = outermost > BEYOND_M + spacing_m + 3.0 * noise_m
+    over = float(np.mean(beyond[visible]))
     if over > MAX_BEYOND:
+        fact = (
+            f"{np.quantile(excess, 0.75) * 1e3:.1f} mm beyond the edge of {outline.description} "
+            f"on {over:.0%} of it"
+        )
+        if np.mean(beyond[np.roll(beyond, SECTORS // 2)]) > OPPOSITE:
+            raise NotMeasuredError("wrong-outline", f"the target reaches {fact}: check its sizes")
         raise NotMeasuredError(
             "wrong-outline",
-            f"the target reaches {np.quantile(excess, 0.75) * 1e3:.1f} mm beyond the edge of "
-            f"{outline.description} on {over:.0%} of it: check its sizes",
+            f"points in the target's plane reach {fact}, and not opposite: check whether another "
+            "surface adjoins it or hides a part of it, and its sizes",
         )
     short = excess < -(SHORT_M + 1.5 * spacing_m)
     if float(np.mean(short)) > MAX_SHORT:

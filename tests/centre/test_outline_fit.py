@@ -150,6 +150,29 @@ def test_no_circle_is_placed_on_what_is_none():
     assert place_circle(np.zeros((5, 2)), 0.125) is None
 
 
+@pytest.mark.parametrize(
+    ("outline", "sides"),
+    [(Circle(0.125), (0.13, 0.13)), (rectangle(0.36, 0.24), (0.19, 0.12))],
+)
+def test_another_size_and_another_surface_are_distinguished(outline, sides):
+    """A larger target reaches beyond its edge on opposite sides, a board beside it on one."""
+    rng = np.random.default_rng(4)
+    points = rng.uniform(-0.25, 0.25, (400_000, 2))
+
+    def of(half_u, half_v):
+        if isinstance(outline, Circle):
+            return points[np.hypot(*points.T) < half_u]
+        return points[(np.abs(points) < [half_u, half_v]).all(axis=1)]
+
+    checked = outline, np.zeros(2), 0.0, 0.001, 0.0
+    with pytest.raises(NotMeasuredError, match=r"^the target reaches .*: check its sizes$"):
+        check_outline(of(*sides), *checked)
+    own = of(0.125, 0.0) if isinstance(outline, Circle) else of(0.18, 0.12)
+    board = points[(points[:, 0] > 0.03) & (np.abs(points[:, 1]) < 0.2)]
+    with pytest.raises(NotMeasuredError, match=r"and not opposite: .* hides a part of it"):
+        check_outline(np.vstack([own, board]), *checked)
+
+
 def test_strays_among_very_many_points_are_not_the_edge_of_the_target():
     """One point in a thousand lies anywhere about a disc of 250 mm, as noise of millions does."""
     rng = np.random.default_rng(3)
