@@ -31,6 +31,7 @@ from wheelplane.centre.edge.edge_residuals import (
     spread,
 )
 from wheelplane.centre.edge.fit_edge import (
+    AS_MUCH,
     CONTRADICTED,
     DIFFERENT,
     FIRST,
@@ -266,18 +267,18 @@ def test_zones_are_free_where_beams_are_steep_or_backgrounds_differ(
 
 
 @pytest.mark.parametrize(
-    ("first", "again", "inverse", "left_out", "taken"),
+    ("first", "again", "inverse", "left", "taken"),
     [
-        (0.9, 0.0, 0.4, 0, "first"),
-        (1.1, 0.9, 0.4, 0, "again"),
-        (-1.1, -0.9, 0.4, 1, "again"),
-        (1.1, 0.9, 0.4, 2, "first"),  # explains less
-        (1.1, 1.1, 0.4, 0, "first"),  # of another size
-        (-1.1, -0.1, 0.0, 0, "first"),  # no such scanner
+        (0.9, 0.0, 0.4, 1.0, "first"),
+        (1.1, 0.9, 0.4, 1.0, "again"),
+        (-1.1, -0.9, 0.4, 0.999 * AS_MUCH, "again"),
+        (1.1, 0.9, 0.4, 1.001 * AS_MUCH, "first"),  # explains less
+        (1.1, 1.1, 0.4, 1.0, "first"),  # of another size
+        (-1.1, -0.1, 0.0, 1.0, "first"),  # no such scanner
     ],
 )
 def test_a_strange_growth_gives_way_to_the_stated_size(
-    monkeypatch, first, again, inverse, left_out, taken
+    monkeypatch, first, again, inverse, left, taken
 ):
     states, weights = {}, []
     for name, growth in (("first", first), ("stated", 0.0), ("again", again)):
@@ -288,14 +289,14 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
     def by_backgrounds(problem, state, most):
         weights.append(problem.prior.weight[GROWTH])
         name = "first" if len(weights) == 1 else "stated"
-        linear = SimpleNamespace(weight=np.array([0.0, 1.0, 1.0]))
+        linear = SimpleNamespace(weight=np.array([0.0, 4.0, 4.0]), residual_m=np.ones(3))
         return _Converged(states[name], Zones.alike(), None, linear, 5, 0.0)
 
     def converge(problem, state, zones, most, consistent):
         assert consistent
         assert state is states["stated"]
         weights.append(problem.prior.weight[GROWTH])
-        linear = SimpleNamespace(weight=(np.arange(3) >= left_out) * 1.0)
+        linear = SimpleNamespace(weight=np.full(3, 4.0), residual_m=np.full(3, left**0.5))
         return _Converged(states["again"], zones, None, linear, 5, 0.0)
 
     monkeypatch.setattr(fit_edge, "_by_backgrounds", by_backgrounds)

@@ -73,6 +73,7 @@ FIRST = np.log(0.1)  # reflectance ratio below which returns part by distance, n
 UNDAMPED, SETTLED = 10, 0.2  # steps of full length; share of u that a step may still be, then
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 STRANGE_GROWTH_M = 2e-4  # twice SIZE_M
+AS_MUCH = 1.01  # of what a solution leaves unexplained, what another may leave
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
 
 
@@ -340,12 +341,18 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> _Converged:
     stated = _by_backgrounds(replace(problem, prior=problem.prior.sized()), state, most)
     again = _converge(problem.about(stated.state), stated.state, stated.zones, most, True)
     likely = abs(again.state[GROWTH]) < STRANGE_GROWTH_M and again.state[INVERSE] > 0.0
-    return again if likely and _outliers(again) <= _outliers(found) else found
+    return again if likely and _unexplained(again) < AS_MUCH * _unexplained(found) else found
 
 
 def _outliers(found: _Converged) -> float:
     """Return the share of points near the edge that a solution leaves out."""
     return float(np.mean(found.equations.weight <= 0.0))
+
+
+def _unexplained(found: _Converged) -> float:
+    """Return the mean square of residuals over their standard uncertainties, outliers as of two."""
+    weight, residual_m = found.equations.weight, found.equations.residual_m
+    return float(np.mean(np.where(weight > 0.0, weight * residual_m**2, 4.0)))
 
 
 def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> _Converged:
