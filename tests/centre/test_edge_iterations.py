@@ -37,11 +37,11 @@ from wheelplane.centre.edge.fit_edge import (
     FIRST,
     LEAST_CLEAN,
     LOOKS,
+    NOTICED_GROWTH_M,
     SHORTER,
     SHORTEST,
     STEEP,
     STEP_M,
-    STRANGE_GROWTH_M,
     UNDAMPED,
     _Converged,
 )
@@ -270,10 +270,11 @@ def test_zones_are_free_where_beams_are_steep_or_backgrounds_differ(
     ("first", "again", "inverse", "left", "taken"),
     [
         (0.9, 0.0, 0.4, 1.0, "first"),
-        (1.1, 0.9, 0.4, 1.0, "again"),
+        (1.1, 0.0, 0.4, 1.0, "again"),
+        (5.0, 4.9, 0.4, 1.0, "again"),
         (-1.1, -0.9, 0.4, 0.999 * AS_MUCH, "again"),
         (1.1, 0.9, 0.4, 1.001 * AS_MUCH, "first"),  # explains less
-        (1.1, 1.1, 0.4, 1.0, "first"),  # of another size
+        (1.1, 1.2, 0.4, 1.0, "first"),  # of another size
         (-1.1, -0.1, 0.0, 1.0, "first"),  # no such scanner
     ],
 )
@@ -283,7 +284,7 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
     states, weights = {}, []
     for name, growth in (("first", first), ("stated", 0.0), ("again", again)):
         states[name] = state_of()
-        states[name][GROWTH] = growth * STRANGE_GROWTH_M
+        states[name][GROWTH] = growth * NOTICED_GROWTH_M
     states["again"][INVERSE] = inverse
 
     def by_backgrounds(problem, state, most):

@@ -72,7 +72,7 @@ STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit m
 FIRST = np.log(0.1)  # reflectance ratio below which returns part by distance, not by power
 UNDAMPED, SETTLED = 10, 0.2  # steps of full length; share of u that a step may still be, then
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
-STRANGE_GROWTH_M = 2e-4  # twice SIZE_M
+NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
 AS_MUCH = 1.01  # of what a solution leaves unexplained, what another may leave
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
 
@@ -332,15 +332,16 @@ def _reach_m(state: Array) -> float:
 def _best(problem: EdgeProblem, state: Array, most: int) -> _Converged:
     """Return the solution of a fit to mixed pixels.
 
-    A wide footprint and a growth explain an edge nearly as well as neither: a solution of strange
+    A wide footprint and a growth explain an edge nearly as well as neither: a solution with
     growth gives way to one without that is reached from the stated size and explains as much.
     """
     found = _by_backgrounds(problem, state, most)
-    if abs(found.state[GROWTH]) < STRANGE_GROWTH_M:
+    if abs(found.state[GROWTH]) < NOTICED_GROWTH_M:
         return found
     stated = _by_backgrounds(replace(problem, prior=problem.prior.sized()), state, most)
     again = _converge(problem.about(stated.state), stated.state, stated.zones, most, True)
-    likely = abs(again.state[GROWTH]) < STRANGE_GROWTH_M and again.state[INVERSE] > 0.0
+    less = abs(again.state[GROWTH]) < abs(found.state[GROWTH])
+    likely = less and again.state[INVERSE] > 0.0
     return again if likely and _unexplained(again) < AS_MUCH * _unexplained(found) else found
 
 
