@@ -117,7 +117,7 @@ def _by_edge(
     edge_fit = (
         None if beside and not known else _by_mixed_pixels(view, outline, start, near, known or aim)
     )
-    if edge_fit is not None and edge_fit.converged:
+    if edge_fit is not None and edge_fit.converged and edge_fit.misfit < MISFIT[0]:
         _check_size(edge_fit, outline)
     model = None if edge_fit is None else _model_variance(edge_fit, face, outline, view)
     if edge_fit is not None and model is not None and _is_lost(edge_fit, model):
