@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import Wording
+from ..errors import Doubt, Wording
 from ..measurement import Estimate, Quantity, ToleranceInterval, Verdict, decide, estimate
 from ..uncertainty import Effect, effective_dof
 from .forms.item import DecisionRule, Item
@@ -62,13 +62,18 @@ def evaluate_quantity(
     scatter, resolution = scatter_of(cells, of_levels), item.resolution(kind)
     known, budget = _references(values, scatter, resolution)
     effects = [effect for _, effect in budget]
+    used = [reference_of(references, series) for series, _ in levels]
+
+    def doubts(point: str) -> tuple[Doubt, ...]:
+        return tuple(dict.fromkeys(d for one in used if one for d in one.doubts_about(point)))
+
     of_means = scatter.errors
     estimates = [
         estimate(float(error), row, effects)
         for error, row in zip(of_means, np.eye(len(points)), strict=True)
     ]
     found = tuple(
-        _point(i, name, readings, known[i], estimates[i], budget, scatter, item, rule)
+        _point(i, name, readings, known[i], estimates[i], budget, scatter, item, rule, doubts(name))
         for i, name in enumerate(points)
     )
     study, why_not = _gauge_rr(readings, cells, values, points, levels)
@@ -216,6 +221,7 @@ def _point(
     scatter: Scatter,
     item: Item,
     rule: DecisionRule | None,
+    doubts: tuple[Doubt, ...],
 ) -> CalibrationPoint:
     own = [one for one in readings if one.point == name]
     kind, unit = own[0].quantity, QUANTITIES[own[0].quantity].unit
@@ -242,7 +248,10 @@ def _point(
         resolution=item.resolution(kind),
         en=None if stated is None else abs(error.value) / math.hypot(error.expanded, stated),
         mpe=mpe,
-        verdict=None if mpe is None or rule is None else _verdict(kind, name, error, mpe, rule),
+        doubts=doubts,
+        verdict=None
+        if mpe is None or rule is None
+        else _verdict(kind, name, error, mpe, rule, doubts),
     )
 
 
@@ -261,16 +270,30 @@ def _contributions(budget: Budget, index: int) -> tuple[Contribution, ...]:
     return tuple(found)
 
 
-def _verdict(kind: str, name: str, error: Estimate, mpe: float, rule: DecisionRule) -> Verdict:
-    """Decide whether an error is within the maximum permissible one."""
-    unit = QUANTITIES[kind].unit
+def _verdict(
+    kind: str,
+    name: str,
+    error: Estimate,
+    mpe: float,
+    rule: DecisionRule,
+    doubts: tuple[Doubt, ...],
+) -> Verdict:
+    """Decide whether an error is within the maximum permissible one; undecided in doubt."""
     what = Quantity(
-        kind, name, None, unit, error.value, error.u, dof=error.dof, uniform=error.uniform
+        kind,
+        name,
+        None,
+        QUANTITIES[kind].unit,
+        error.value,
+        error.u,
+        dof=error.dof,
+        uniform=error.uniform,
+        doubts=doubts,
     )
     interval = ToleranceInterval(-mpe, mpe)
     alone = rule.model_copy(update={"rule": "simple"}) if rule.rule == "shared" else rule
     found = decide(what, interval, alone)
-    if rule.rule == "shared" and error.expanded > mpe / rule.ratio:
+    if rule.rule == "shared" and not doubts and error.expanded > mpe / rule.ratio:
         reason = Wording(BELOW, value=f"{mpe / error.expanded:.2g}", ratio=f"{rule.ratio:g}")
         return replace(found, decision="undecided", risk=None, reason=reason)
     return found

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from ..errors import Doubt
 from ..measurement import Estimate, Provenance, Verdict
 from ..vehicle import Unit
 from .forms.item import DecisionRule, Item, ItemQuantity
@@ -48,7 +49,8 @@ class CalibrationPoint:
     series, operator and direction, with dof_repeatability; nan where none is repeated. error: of
     indication, with the u of reference and readings. budget: of its u. en: |error| over the root of
     the sum of squares of its U and the item's own; None where the item states none. mpe, verdict:
-    None where no maximum permissible error is stated.
+    None where no maximum permissible error is stated. doubts: notes by which its reference is in
+    doubt, so that it is undecided.
     """
 
     point: str
@@ -67,6 +69,7 @@ class CalibrationPoint:
     en: float | None = None
     mpe: float | None = None
     verdict: Verdict | None = None
+    doubts: tuple[Doubt, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -165,6 +168,12 @@ class Calibration:
         return tuple(
             one for one in self.results if one.state == "as left" or one.quantity not in left
         )
+
+    @property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Notes by which references of its points are in doubt, each once."""
+        points = [point for result in self.results for point in result.points]
+        return tuple(dict.fromkeys(doubt for point in points for doubt in point.doubts))
 
     @property
     def date(self) -> str | None:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..errors import Wording
+from ..errors import Doubt, Wording
 from ..measurement import (
     WHEEL_BY_SWEEP,
     Estimate,
@@ -76,6 +76,12 @@ class Reference:
             for wheel in self.measurement.wheels
             if wheel.observation.role in ROLES
         }
+
+    def doubts_about(self, point: str) -> tuple[Doubt, ...]:
+        """Return the notes by which a wheel, trial, pair, axle or the vehicle is in doubt."""
+        names = point.split("+")
+        doubts = self.measurement.doubts
+        return tuple(one for one in doubts if any(one.is_about(name) for name in names))
 
     def points(self, kind: str, item: Item) -> list[str]:
         """Return the points at which a quantity of the item has a reference value."""

@@ -24,6 +24,10 @@ from wheelplane.calibration.evaluate import adjustments
 from wheelplane.calibration.forms.item import DecisionRule
 from wheelplane.calibration.forms.table_file import FaultyTableError
 from wheelplane.calibration.records import Calibration, worst
+from wheelplane.errors import Doubt
+from wheelplane.report.json.calibration import calibration_tree
+from wheelplane.report.json.measurement import doubts_tree
+from wheelplane.report.text.calibration import calibration_text
 
 EXACT = changed(TOE, repeatability=1e-9, resolution=1e-9, mpe=None)
 
@@ -208,3 +212,36 @@ def test_two_points_show_a_mean_error_and_no_sensitivity():
     assert line.zero.value == pytest.approx(
         np.mean([p.error.value for p in found.results[0].points])
     )
+
+
+@pytest.mark.parametrize("rule", ["guarded", "simple", "shared"])
+def test_no_verdict_rests_on_a_reference_in_doubt(rule):
+    """Of a vehicle in doubt no point is decided, of a trial in doubt that trial alone."""
+    bay = Bay(seed=1)
+    tested = machine(toe=changed(TOE, mpe=60.0))
+    item = item_of(tested)
+    item = item.model_copy(update={"decision": DecisionRule(rule=rule)})
+    reference, readings = bay.reference(), bay.readings(tested)
+    sound = calibrate([reference], item, readings)
+    assert (sound.decision, sound.doubts) == ("conform", ())
+    of_trial, of_all = Doubt("{trial} is a copy", trial="2"), Doubt("it is mirrored")
+    for doubt, subjects in (
+        (of_trial, {"2"}),
+        (of_all, {p.point for p in sound.results[0].points}),
+    ):
+        measurement = replace(reference.measurement, notes=(doubt,))
+        found = calibrate([replace(reference, measurement=measurement)], item, readings)
+        assert (found.decision, found.doubts) == ("undecided", (doubt,))
+        verdicts = {point.point: point.verdict for point in found.results[0].points}
+        assert {n for n, one in verdicts.items() if one.decision == "undecided"} == subjects
+        assert all(verdicts[name].reason == doubt for name in subjects)
+        assert str(doubt) in " ".join(calibration_text(found).split())
+        assert doubts_tree(found.doubts) == calibration_tree(found)["doubts"]
+
+
+def test_a_pair_is_in_doubt_by_either_of_its_targets():
+    reference = Bay(seed=1).reference()
+    doubt = Doubt("{trial} is a copy", trial="2")
+    doubted = replace(reference, measurement=replace(reference.measurement, notes=(doubt, "other")))
+    assert doubted.doubts_about("1+2") == doubted.doubts_about("2+3") == (doubt,)
+    assert doubted.doubts_about("1+3") == doubted.doubts_about("rear") == ()

@@ -22,10 +22,12 @@ from wheelplane.measurement.evaluate import align, find_verticals
 from wheelplane.measurement.records import Evidence
 from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.language import load_translations
+from wheelplane.report.format.notes import notes_in
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.format.writer import Writer
 from wheelplane.report.html.results import headline
 from wheelplane.report.json.measurement import to_json
+from wheelplane.report.json.stored import read_measurement
 from wheelplane.report.tables.conformity import limits_table
 from wheelplane.report.text.conformity import conformity_text
 
@@ -129,6 +131,27 @@ def test_axles_are_twisted_by_no_more_than_a_suspension_travels(wheel):
         assert float(doubt.parts["height"]) == pytest.approx(height_m, abs=0.01)
     raised = {"FR": [0.0, 0.0, 0.5], "FL": [0.0, 0.0, 0.5]}  # both: a ramp, and no twist
     assert measured(scene(moved=raised)).doubts == ()
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        scene(trials=TRIAL, names=OTHER_SIDE),
+        scene(trials=TRIAL, flip=(1, 1, -1), floor=True),
+        scene(trials=[*TRIAL, ("2", "RL", 0.01)]),
+    ],
+)
+def test_a_stored_measurement_is_in_doubt_as_it_was_measured(made, tmp_path):
+    found = measured(made)
+    tree = json.loads(to_json(found, judged(found)))
+    (tmp_path / "measurement.json").write_text(json.dumps(tree))
+    again, verdicts = read_measurement(tmp_path / "measurement.json", "it")
+    assert again.doubts == found.doubts != ()
+    assert undecided(again) == undecided(found)
+    assert verdicts.decision == "undecided"
+    assert json.loads(to_json(again, verdicts))["doubts"] == tree["doubts"]
+    portuguese = load_translations("pt")
+    assert notes_in(again.doubts, portuguese) == notes_in(found.doubts, portuguese)
 
 
 def test_of_a_trial_at_another_wheel_its_own_values_alone_are_undecided():

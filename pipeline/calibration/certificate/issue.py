@@ -35,7 +35,8 @@ class Certificate:
     """A calibration with all that its certificate states.
 
     missing: what makes it a draft. overdue: standards past their due date on the day of use that
-    were accepted by name. doubted: readings that fit another convention make it a draft as well.
+    were accepted by name. doubted: readings that fit another convention, and references in doubt,
+    make it a draft as well.
     """
 
     calibration: Calibration
@@ -48,8 +49,8 @@ class Certificate:
 
     @property
     def doubted(self) -> bool:
-        """Whether readings fit another convention than the declared one far better."""
-        return bool(self.calibration.warnings)
+        """Whether readings fit another convention far better, or a reference is in doubt."""
+        return bool(self.calibration.warnings or self.calibration.doubts)
 
     @property
     def draft(self) -> bool:

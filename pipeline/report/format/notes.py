@@ -30,8 +30,8 @@ def _said(text: object, words: Translations) -> str:
 
 def _found(text: object) -> tuple[str, Mapping[str, object]]:
     """Return the key of a sentence and its parts; no key where it is none of those known."""
-    if isinstance(text, Wording):
-        return _keys().get(text.template, ""), text.parts
+    if isinstance(text, Wording) and text.template in _keys():
+        return _keys()[text.template], text.parts
     for key, form in _forms():
         found = form.fullmatch(str(text))
         if found is not None:

@@ -32,7 +32,7 @@ from ..tables.certificate import (
     standards_table,
     statements,
 )
-from ..tables.conformity import SIGNS, decided
+from ..tables.conformity import SIGNS, decided, doubted
 from .document import Document, Part, Section
 from .provenance import Pairs
 from .results import Headline
@@ -106,7 +106,7 @@ def _headline(found: Calibration, words: Translations) -> Headline | None:
     key = decision.replace(" ", "_")
     left = any(result.state == "as left" for result in found.final)
     state = words(f"calibration.{'left' if left else 'found'}").capitalize()
-    says = (words(f"certificate.{key}_says", state=state),)
+    says = (words(f"certificate.{key}_says", state=state), *doubted(found.doubts, words))
     return Headline(decision.replace(" ", "-"), SIGNS[decision], decided(decision, words), says)
 
 

@@ -18,6 +18,7 @@ from ...calibration import (
 )
 from ...measurement import Estimate
 from ...vehicle import Unit
+from .measurement import doubts_tree
 
 SCHEMA = "wheelplane/calibration/1"
 PLAN_SCHEMA = "wheelplane/calibration-plan/1"
@@ -39,6 +40,7 @@ def calibration_tree(found: Calibration) -> dict[str, Any]:
         "decision_rule": None if found.rule is None else found.rule.model_dump(),
         "decision": found.decision,
         "warnings": list(found.warnings),
+        "doubts": doubts_tree(found.doubts),
         "quantities": [_quantity(result) for result in found.results],
         "adjustments": [_adjustment(one) for one in found.adjustments],
         "readings": {

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from ...centre import OtherCentre
+from ...errors import Doubt
 from ...measurement import Conformity, Measurement, Naming, WheelResult, against, stated
 from ...plane import PlaneFit
 from ...uncertainty import UncertainTarget
@@ -26,6 +28,11 @@ from .verticals import verticals_tree
 
 OF_FRAME = ("rear_track", "front_track", "wheelbase")
 SCHEMA = "wheelplane/measurement/1"
+
+
+def doubts_tree(doubts: Sequence[Doubt]) -> list[dict[str, Any]]:
+    """Return notes of doubt, each with the trial that it is about."""
+    return [{"trial": doubt.parts.get("trial"), "note": doubt} for doubt in doubts]
 
 
 def to_json(
@@ -96,9 +103,7 @@ def to_tree(
         "monte_carlo": monte_carlo_tree(measurement),
         "before": before_tree(measurement, before),
         "notes": list(measurement.notes),
-        "doubts": [
-            {"trial": doubt.parts.get("trial"), "note": doubt} for doubt in measurement.doubts
-        ],
+        "doubts": doubts_tree(measurement.doubts),
         "provenance": {
             "version": provenance.version,
             "inputs": provenance.inputs,

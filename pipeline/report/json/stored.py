@@ -15,7 +15,7 @@ import numpy as np
 
 from ...capture import Turn, is_capture
 from ...centre import InPlaneRotation, TargetFit
-from ...errors import ConfigError, InputError, fact_of
+from ...errors import ConfigError, Doubt, InputError, fact_of
 from ...kinematics import solve
 from ...measurement import (
     Conformity,
@@ -85,11 +85,21 @@ def _measurement(tree: Tree) -> tuple[Measurement, Conformity | None]:
     verticals = tuple(map(_vertical, tree["verticals"]))
     used = next((one for one in verticals if one.kind == tree["vertical_in_use"]), None)
     targets = [one.fitted for one in observations if one.evidence is not None]
-    found = evaluate(observations, targets, _provenance(tree), tuple(tree["notes"]), used)
+    found = evaluate(observations, targets, _provenance(tree), _notes(tree), used)
     found = solve(replace(found, verticals=verticals))
     found = replace(found, monte_carlo=_monte_carlo(tree["monte_carlo"], found))
     limits = tree["provenance"]["config"].get("tolerance")
     return found, assess(found, tolerance_of(limits, "tolerance")) if limits else None
+
+
+def _notes(tree: Tree) -> tuple[str, ...]:
+    """Return the notes; those of doubt as such, so that no verdict rests on what they are about."""
+    about = {one["note"]: one["trial"] for one in tree.get("doubts", ())}
+    return tuple(_doubt(note, about[note]) if note in about else note for note in tree["notes"])
+
+
+def _doubt(note: str, trial: str | None) -> Doubt:
+    return Doubt("{note}", note=note) if trial is None else Doubt("{note}", note=note, trial=trial)
 
 
 def _components(entries: Sequence[Tree]) -> dict[str, list[UncertaintyComponent]]:

@@ -292,8 +292,8 @@ def reasons(result: QuantityResult, writer: Writer) -> list[str]:
         verdict = point.verdict
         if verdict is not None and verdict.decision == "undecided":
             key = "undecidable" if verdict.guard_band is None else "near"
-            text = words(f"calibration.{key}")
-            if isinstance(verdict.reason, Wording):
+            text = words("verdict.in_doubt" if point.doubts else f"calibration.{key}")
+            if isinstance(verdict.reason, Wording) and not point.doubts:
                 parts = {k: words.number(str(v)) for k, v in verdict.reason.parts.items()}
                 text = words("fault.below_ratio", **parts)
             name = point_name(point.point, point.quantity, words)

@@ -28,8 +28,10 @@ def lacking(made: Certificate, words: Translations) -> list[str]:
         )
         for one in made.missing
     ]
-    if made.doubted:
+    if made.calibration.warnings:
         found.append(words("certificate.doubted", file="calibration.txt"))
+    if made.calibration.doubts:
+        found.append(words("certificate.in_doubt", file="calibration.txt"))
     return found
 
 

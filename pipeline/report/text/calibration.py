@@ -17,7 +17,7 @@ from ..tables.calibration import (
     rule_words,
     shown_lines,
 )
-from ..tables.conformity import decided
+from ..tables.conformity import decided, doubted
 from .plain import plain_writer
 
 
@@ -39,6 +39,7 @@ def calibration_text(found: Calibration, view: View = PAPER) -> str:
         parts += ["", words("calibration.verdict", verdict=verdict)]
     parts += [paragraph(rule_words(found, words)), paragraph(words("calibration.signs"))]
     parts += [paragraph(words("calibration.warning", text=text)) for text in found.warnings]
+    parts += map(paragraph, doubted(found.doubts, words))
     for result in found.results:
         parts += ["", *_quantity(result, writer)]
     if found.adjustments:

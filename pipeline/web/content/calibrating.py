@@ -39,7 +39,7 @@ from ...report.tables.calibration import (
     shown_lines,
     signed,
 )
-from ...report.tables.conformity import SIGNS, decided
+from ...report.tables.conformity import SIGNS, decided, doubted
 from ...vehicle import AXES
 from ..files.stored import load
 from .calibration_files import READINGS, Request, item_of, readings_csv
@@ -154,7 +154,8 @@ def _found(found: Calibration, words: Translations) -> dict[str, Any]:
         "decision": None if found.decision is None else _decision(found.decision, words),
         "rule": rule_words(found, words),
         "warnings": [
-            words("calibration.warning", text=in_words(text, words)) for text in found.warnings
+            *(words("calibration.warning", text=in_words(text, words)) for text in found.warnings),
+            *doubted(found.doubts, words),
         ],
     }
 
