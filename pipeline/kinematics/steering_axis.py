@@ -70,17 +70,22 @@ def _steering_axis(wheel: str, best: Framed, measurement: Measurement) -> Steeri
     caster, inclination = _tilts(scans, fit, wheel)
     point, inwards, ahead = _beside_the_centre(scans, fit, wheel)
     status, reason = _assess(fit, caster, inclination, swept)
-    if status == "not-one-axis":
-        reason += _slipped(scans, members)
     faces = scans.faces_of(members)
-    included = _included(inclination, wheel, best, measurement)
-    return SteeringAxis(
-        wheel=wheel,
-        scans=names,
-        sweep_rad=sweep_rad,
-        frame=best.through,
+    none = replace(
+        none,
         status=status,
         reason=reason,
+        chi_square=fit.chi_square,
+        dof=fit.dof,
+        probability=fit.probability,
+        with_rotation=len(faces),
+        mark=scans.mark_of(faces),
+    )
+    if status == "not-one-axis":
+        return replace(none, reason=reason + _slipped(scans, members))
+    included = _included(inclination, wheel, best, measurement)
+    return replace(
+        none,
         caster=_if_known(caster),
         inclination=_if_known(inclination),
         caster_by_camber=_by_camber(scans, members),
@@ -89,11 +94,6 @@ def _steering_axis(wheel: str, best: Framed, measurement: Measurement) -> Steeri
         included_angle=_if_known(included),
         axis=fit.axis,
         point_m=point,
-        chi_square=fit.chi_square,
-        dof=fit.dof,
-        probability=fit.probability,
-        with_rotation=len(faces),
-        mark=scans.mark_of(faces),
     )
 
 
