@@ -19,6 +19,7 @@ from .statistics.joint_test import ErrorSource, JointTest, Spread, sources_of
 
 AgreementVerdict = Literal["agree", "disagree", "cannot tell"]
 KINDS = ("toe", "camber")
+SHAPE_DOUBT = 1e-3  # probability of the shape of the centres below which no agreement is stated
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,13 @@ class Comparison:
 
     @property
     def verdict(self) -> AgreementVerdict:
-        """Overall verdict by the joint test: correct methods agree in 95 % of comparisons."""
-        return self._verdict(self.joint.agrees, self.detectable_in_one_rad, self.doubts)
+        """Overall verdict by the joint test: correct methods agree in 95 % of comparisons.
+
+        Angles that agree by the stated uncertainties say nothing where these do not explain how far
+        the centres of both methods differ.
+        """
+        found = self._verdict(self.joint.agrees, self.detectable_in_one_rad, self.doubts)
+        return "cannot tell" if found == "agree" and self.is_shape_contradicted else found
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
@@ -139,6 +145,16 @@ class Comparison:
     def shape_spread(self) -> Spread:
         """Covariance of shape."""
         return Spread.of(slopes(shape_difference, self._state), self.sources)
+
+    @cached_property
+    def shape_test(self) -> JointTest:
+        """Joint test of the shape of the four centres."""
+        return self.shape_spread.test(self.shape)
+
+    @property
+    def is_shape_contradicted(self) -> bool:
+        """Whether the centres differ by more than their uncertainties explain."""
+        return self.shape_test.probability < SHAPE_DOUBT
 
 
 def compare(

@@ -205,12 +205,14 @@ def test_aiming_is_asked_for_and_counts(made):
     assert shown.shape_spread.u[4] > 3 * silent.shape_spread.u[4]
 
 
-def test_an_agreement_over_centres_that_contradict_is_reported_with_a_but(found, monkeypatch):
+def test_angles_that_agree_over_centres_that_contradict_are_no_agreement(found, monkeypatch):
     assert found.verdict == "agree"
     assert "contradict each other" not in validation_text(found)
     bent = found.shape + 8.0 * found.shape_spread.u
     monkeypatch.setitem(found.__dict__, "shape", bent)
-    assert found.verdict == "agree"
+    monkeypatch.delitem(found.__dict__, "shape_test")
+    assert found.joint.agrees
+    assert found.verdict == "cannot tell"
     assert "centres contradict each other" in validation_text(found)
 
 

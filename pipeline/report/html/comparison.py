@@ -45,7 +45,7 @@ def comparison_document(found: Comparison, writer: Writer, record: str) -> Docum
     """Return the report of one capture."""
     words = writer.words
     planes = joint_words(found.planes.test(found.planes_rad), words)
-    shape = joint_words(found.shape_spread.test(found.shape), words)
+    shape = joint_words(found.shape_test, words)
     results = Section(
         "results",
         words("section.results"),

@@ -56,7 +56,7 @@ def comparison_tree(found: Comparison) -> dict[str, Any]:
         "visible_in_all_deg": {kind: _deg(found.detectable_in_all_rad(kind)) for kind in KINDS},
         "angles": [_angle(found, i) for i in range(len(found.en))],
         "planes": _test(found.planes.test(found.planes_rad)),
-        "shape": {**_test(found.shape_spread.test(found.shape)), "quantities": _shape(found)},
+        "shape": {**_test(found.shape_test), "quantities": _shape(found)},
         "missing": [{"name": name, "reason": reason} for name, reason in found.missing],
         "notes": list(found.notes),
         "provenance": _provenance(found.origins),

@@ -16,7 +16,6 @@ CLASSES = {"agree": "conform", "disagree": "not-conform"}
 # Names of the quantities of `validation.SHAPE`, and their units.
 SHAPES = (("rear_track", "m"), ("front_track", "m"), ("wheelbase", "m"),
           ("offset", "m"), ("direction", "rad"), ("twist", "rad"))  # fmt: skip
-SHAPE_DOUBT = 1e-3  # probability of the centres' shape below which an agreement is qualified
 
 
 def labels(found: Comparison, words: Translations) -> tuple[str, str]:
@@ -136,9 +135,8 @@ def whole_lines(found: Comparison, words: Translations) -> list[str]:
     if found.to_detect_rad is not None and one > found.to_detect_rad:
         lines.append(words("comparison.unseen", size=degrees(found.to_detect_rad, words)))
     lines += doubted(found.doubts, words)
-    shape = found.shape_spread.test(found.shape)
-    if found.joint.agrees and shape.probability < SHAPE_DOUBT:
-        p = words.number(f"{shape.probability:.2g}")
+    if found.joint.agrees and found.is_shape_contradicted:
+        p = words.number(f"{found.shape_test.probability:.2g}")
         lines.append(words("comparison.shape_doubt", p=p))
     return lines
 

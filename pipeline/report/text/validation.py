@@ -37,7 +37,7 @@ def validation_text(found: Comparison, view: View = PAPER) -> str:
     first, second = labels(found, words)
     verdict, *others = whole_lines(found, words)
     planes = joint_words(found.planes.test(found.planes_rad), words)
-    shape = joint_words(found.shape_spread.test(found.shape), words)
+    shape = joint_words(found.shape_test, words)
     parts = [
         words("comparison.of", source=found.source, first=first, second=second),
         *found.notes,
