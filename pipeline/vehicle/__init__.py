@@ -12,6 +12,7 @@ from .axes import AXES, Axis, upright
 from .definitions import (
     AGAINST_AN_AXIS,
     OF_SECOND_ORDER,
+    RELATIVE,
     VEHICLE,
     WHEEL,
     Unit,
@@ -35,6 +36,7 @@ __all__ = [
     "MAX_COORDINATE_M",
     "OF_SECOND_ORDER",
     "REFERENCE_WHEELS",
+    "RELATIVE",
     "VEHICLE",
     "WHEEL",
     "Axis",

@@ -111,3 +111,4 @@ VEHICLE = (
     *_against("rear_setback"),
     *_against("axle_offset"),
 )
+RELATIVE = frozenset(one.kind for one in (*WHEEL, *VEHICLE) if one.axis is not None)  # to an axis

@@ -38,6 +38,7 @@ from wheelplane.measurement.records import Measurement, WheelResult
 from wheelplane.measurement.tolerance.find import load_tolerance
 from wheelplane.measurement.tolerance.limits import ToleranceInterval
 from wheelplane.measurement.tolerance.model import Tolerance
+from wheelplane.report.format.view import View
 from wheelplane.report.json.conformity import conformity_tree
 from wheelplane.report.json.measurement import to_tree
 from wheelplane.report.text.conformity import conformity_text
@@ -911,3 +912,21 @@ def test_the_estimator_of_2013_has_no_uncertainty_to_judge_by(wheelplane, tmp_pa
     assert (code, out) == (2, "")
     assert err.count("\n") == 1
     assert "--tolerance with --method tcgc-2013" in err
+
+
+@pytest.mark.parametrize(
+    "view",
+    [View(), View("thrust-line"), View("centreline", convention="german-workshop")],
+)
+def test_limited_values_name_the_axis_that_they_are_from_beside_those_from_another(view):
+    measurement = measure_five_point(read_five_point(FIGURE_4))
+    wide = {"lower_deg": -20.0, "upper_deg": 20.0}
+    limits = {"toe": wide, "camber": wide, "toe_to_thrust_line": wide}
+    vehicle = {"thrust_angle": wide, "front_total_toe": wide}
+    tolerance = Tolerance.model_validate({"front": limits, "vehicle": vehicle})
+    text = conformity_text(assess(measurement, tolerance), view)
+    own = view.axis != "rear-axle"
+    assert text.count("toe to the normal of the rear axle") == 2 * own  # FR, FL
+    assert text.count("thrust angle to the normal of the rear axle") == own
+    assert "camber to the" not in text
+    assert "total toe to the" not in text
