@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import Doubt
+from ..uncertainty import chi_square_beyond
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS, Floor, VehicleFrame, fit_floor
 from .records import Observation, Vertical
@@ -55,6 +56,10 @@ TRACKS, WHEELBASES = 0.25, 0.1
 TWIST_M = 0.2
 # Of a trial's target from its wheel's centre: the radius of a lorry's wheel, with a bracket.
 FAR_M = 0.6
+# Of two scans of one target: components of their uncertainty by the noise of points alone; a
+# difference of their centres beyond which they are no copies; probability of fits as near by
+# chance; noise, of the largest, below which there is none.
+OF_POINTS, NEAR_M, BY_CHANCE, LEAST = ("plane noise", "centre noise"), 5e-4, 1e-7, 1e-3
 
 
 def doubts_of(
@@ -144,18 +149,45 @@ def _far_from_their_wheel(measured: Sequence[Observation], centres: Array) -> li
 
 
 def _copies(measured: Sequence[Observation]) -> list[Doubt]:
-    """Return a note for every trial whose fit is that of an earlier scan to the last bit.
+    """Return a note for every trial whose fit is that of an earlier scan but for rounding.
 
     Noise makes any two scans differ; a sweep or a run-out may use the reference scan once more.
     """
     notes: list[Doubt] = []
-    seen: dict[bytes, str] = {}
+    seen: list[Observation] = []
     for observation in measured:
         if observation.role in ("reference", "trial") and observation.evidence is not None:
-            fit = observation.evidence.target
-            first = seen.setdefault(
-                np.concatenate([fit.centre_m, fit.normal]).tobytes(), observation.name
-            )
-            if first != observation.name:
+            first = next((one.name for one in seen if _are_copies(one, observation)), None)
+            seen.append(observation)
+            if first is not None:
                 notes.append(Doubt(COPIED, trial=observation.name, name=first))
     return notes
+
+
+def _are_copies(one: Observation, other: Observation) -> bool:
+    """Return whether two fits differ by less than the noise of their points ever makes two differ.
+
+    A copy that was exported again has other digits, another order of points, or fewer around it.
+    """
+    first, second = one.fitted, other.fitted
+    moved_m = second.centre_m - first.centre_m
+    if not np.abs(moved_m).max() < NEAR_M:
+        return False
+    tilted = second.normal - np.sign(first.normal @ second.normal) * first.normal  # signs are free
+    apart = np.concatenate([tilted, moved_m])
+    if not apart.any():
+        return True
+    noise = [
+        component.factor
+        for fit in (first, second)
+        for component in fit.components
+        if component.name in OF_POINTS
+    ]
+    if not noise:
+        return False
+    factor = np.hstack(noise)
+    parts, sizes, _ = np.linalg.svd(factor, full_matrices=False)
+    shown = sizes > LEAST * sizes[0]  # five; none about the normal itself
+    drawn = (parts.T @ apart)[shown] / sizes[shown]
+    dof = int(np.count_nonzero(shown))
+    return 1.0 - chi_square_beyond(float(drawn @ drawn), dof) < BY_CHANCE

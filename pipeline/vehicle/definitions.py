@@ -111,4 +111,6 @@ VEHICLE = (
     *_against("rear_setback"),
     *_against("axle_offset"),
 )
-RELATIVE = frozenset(one.kind for one in (*WHEEL, *VEHICLE) if one.axis is not None)  # to an axis
+RELATIVE = frozenset(  # to an axis
+    [one.kind for one in WHEEL if one.axis] + [one.kind for one in VEHICLE if one.axis]
+)
