@@ -32,6 +32,7 @@ from ..batch.results.query import (
     by_status,
     captures,
     count,
+    doubted,
     failures,
     known_quantity,
     quantities_of,
@@ -274,6 +275,8 @@ def results(
             _list(catalogue, query, mode, worst or 0)
         _warn_undated(catalogue, which)
         _warn_of_verticals(catalogue, which)
+        if {"summary", "drift", "worst"} & set(modes):
+            _warn_of_doubts(catalogue, which)
         return int(set(by_status(catalogue, which)) - {"ok"} != set())
 
 
@@ -434,6 +437,15 @@ def _warn_of_verticals(catalogue: Catalogue, which: Filter) -> None:
     if len(found) > 1:
         each = ", ".join(f"{number:,} from {vertical}" for vertical, number in found.items())
         click.echo(f"cambers are from unlike verticals ({each}): choose by --vertical", err=True)
+
+
+def _warn_of_doubts(catalogue: Catalogue, which: Filter) -> None:
+    """Note how many captures statistics leave out, as their scans contradict their names."""
+    if found := doubted(catalogue, which):
+        captures_are = "1 capture in doubt is" if found == 1 else f"{found:,} captures in doubt are"
+        click.echo(
+            f"{captures_are} left out of statistics: see the list, without options", err=True
+        )
 
 
 def _warn_undated(catalogue: Catalogue, which: Filter) -> None:

@@ -33,6 +33,7 @@ from wheelplane.batch.results.query import (
     by_status,
     captures,
     count,
+    doubted,
     failures,
     quantity_units,
 )
@@ -522,6 +523,27 @@ def test_unlike_verticals_are_named_and_selected(tmp_path):
     chosen = run(tmp_path, "--vertical", "gravity", "--json")
     assert chosen.stderr == ""
     assert [row["name"] for row in json.loads(chosen.stdout)["captures"]] == ["b"]
+
+
+def test_captures_in_doubt_are_listed_and_left_out_of_statistics(tmp_path):
+    """Of the vehicle; a doubt about a trial leaves the wheels' numbers in."""
+    trees = [result(name) for name in ("a", "b", "c", "d")]
+    trees[1]["doubts"] = [{"trial": None, "note": "mirrored"}]
+    trees[2]["doubts"] = [{"trial": "1", "note": "a copy"}]
+    trees[1]["wheels"][0]["toe_deg"] = 20.0
+    add(open_store(str(tmp_path)), *trees)
+    with open_catalogue(str(tmp_path)) as catalogue:
+        assert [row.doubted for row in captures(catalogue)] == [0, 1, 0, 0]
+        assert doubted(catalogue) == 1
+        for one in summary(catalogue):
+            assert one.n == 3
+            assert one.high < 20.0
+        assert {row.name for row in worst(catalogue, 9)} <= {"a", "c", "d"}
+    for option in ("--summary", "--drift", "--worst"):
+        said = run(tmp_path, option, *["3"] * (option == "--worst")).stderr
+        assert "1 capture in doubt is left out of statistics" in said
+    assert run(tmp_path).stderr == ""
+    assert len(json.loads(run(tmp_path, "--json").stdout)["captures"]) == 4
 
 
 def test_csv_is_printed_as_it_is_written(results, tmp_path):

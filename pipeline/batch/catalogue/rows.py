@@ -25,7 +25,7 @@ FAILED = ("failed", "quarantined", DAMAGED)
 WHEELS = "wheels"  # vertical of results from before there were others
 SECTIONS = (
     "$.schema $.capture $.vehicle_name $.wheels $.frame $.vehicle $.batch $.provenance.version "
-    "$.calibration $.vertical_in_use"
+    "$.calibration $.vertical_in_use $.doubts"
 )
 
 
@@ -36,6 +36,7 @@ class CaptureRow:
     day: `date` in days since 1970-01-01, UTC unless it names a zone. status: ok, part, failed,
     quarantined, or damaged (its JSON cannot be read). wheels: number of wheels and trials of the
     capture; wheels_ok: those with angles. vertical: from which its cambers are; empty of none.
+    doubted: 1 where the scans contradict the names of the wheels, so that statistics leave it out.
     """
 
     key: str
@@ -53,6 +54,7 @@ class CaptureRow:
     version: str = ""
     config_sha256: str = ""
     vertical: str = ""
+    doubted: int = 0
     size: int = 0
     md5: str = ""
 
@@ -146,7 +148,7 @@ def _connection() -> sqlite3.Connection:
 
 def _record(blank: CaptureRow, sections: list[Any]) -> Record:
     schema, name, vehicle_name, wheels, frame, vehicle, batch, version, *more = sections
-    calibrated, vertical = more
+    calibrated, vertical, doubts = more
     if schema != SCHEMA:
         raise _DamagedError(f"schema {schema!r:.60} instead of {SCHEMA!r}")
     if not isinstance(wheels, list) or not isinstance(batch, dict):
@@ -171,6 +173,7 @@ def _record(blank: CaptureRow, sections: list[Any]) -> Record:
         version=_text({"version": version}, "version"),
         config_sha256=_text(batch, "config_sha256"),
         vertical=(_text({"vertical": vertical}, "vertical") or WHEELS) if rows else "",
+        doubted=int(any(one.get("trial") is None for one in doubts or ())),
     )
     quantities = tuple(_quantities(frame or {}, vehicle or {}))
     return Record(capture, rows, quantities, calibration_row(calibrated))

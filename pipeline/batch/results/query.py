@@ -89,6 +89,13 @@ def verticals(catalogue: Catalogue, which: Filter = ALL) -> dict[str, int]:
     return {vertical: number for vertical, number in sorted(found.items()) if vertical}
 
 
+def doubted(catalogue: Catalogue, which: Filter = ALL) -> int:
+    """Count the captures in doubt, which statistics leave out."""
+    where, values = condition(catalogue, which)
+    counted = f"SELECT count(*) FROM captures AS c {where or 'WHERE TRUE'} AND c.doubted"  # noqa: S608
+    return int(catalogue.connection.execute(counted, values).fetchone()[0])
+
+
 def _counts(catalogue: Catalogue, which: Filter) -> dict[tuple[str, str], int]:
     """Count the captures by vertical and status, once for all questions about them."""
     if which not in catalogue.kept:
