@@ -1,5 +1,6 @@
 """Search for the target in a scan, or for all targets of a vehicle and the wheel of each."""
 
+from .bodywork import is_bodied
 from .candidates import FACE_BAND, Candidate
 from .find_target import (
     candidate_near,
@@ -29,6 +30,7 @@ __all__ = [
     "find_target",
     "find_targets",
     "find_up",
+    "is_bodied",
     "listed",
     "outnumbered",
     "patch_of",

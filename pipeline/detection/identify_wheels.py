@@ -16,12 +16,14 @@ import numpy as np
 from ..errors import InputError, Wording
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
+from .axle_lines import AxleLine, Bodied, axle_lines, level_with
 from .vehicles import (
     RIVAL,
     TRACK_M,
     WHEELBASE_M,
     Ends,
     FoundTarget,
+    centres_of,
     distance_m,
     vehicles,
 )
@@ -36,15 +38,16 @@ WORSE = 0.8  # of the match of another target: one that is worse and overlaps it
 class Axles:
     """Four targets as two axles, by their indices, the ends of both in the same order.
 
-    left_out: indices of the targets that belong to no vehicle.
+    further: indices of the targets on further axles of the vehicle. left_out: of all others.
     """
 
     ends: tuple[Ends, Ends]
     left_out: tuple[int, ...]
+    further: tuple[int, ...] = ()
 
     def centres_m(self, targets: Sequence[FoundTarget]) -> Array:
         """Return the centres (2, 2, 3): axle, end, coordinate."""
-        return _centres_m(targets, self.ends)
+        return centres_of(targets, self.ends)
 
     def named(
         self, targets: Sequence[FoundTarget], up: Array, second_is_front: bool
@@ -66,13 +69,19 @@ class Axles:
 
 
 def find_axles(
-    targets: Sequence[FoundTarget], radius_m: float, stand: Callable[[Array], bool] | None = None
+    targets: Sequence[FoundTarget],
+    radius_m: float,
+    stand: Callable[[Array], bool] | None = None,
+    near_front_m: Array | None = None,
+    bodied: Bodied | None = None,
 ) -> Axles:
     """Find the two axles of the one vehicle that the targets form; radius_m: of a target.
 
-    Targets beyond four are left out if no other four could be a vehicle's wheels, or all other sets
-    have a much worse target, or do not stand on the floor. stand: returns whether axles (2, 2, 3)
-    do, where the floor is known.
+    Other sets of four are left out if they have a much worse target, do not stand on the floor, or
+    are not in line where one that shares a target is. stand: returns whether axles (2, 2, 3) stand,
+    where the floor is known. near_front_m: (3,) where its front is: of several vehicles, the one
+    whose wheel is the nearest to it counts, and of axles in a row the two at that end. bodied: see
+    `is_bodied`.
     Raises InputError, which lists the targets, where there is no such four, or more than one.
     """
     among = _uncovered(targets, radius_m)
@@ -84,23 +93,67 @@ def find_axles(
     found = _clearest(vehicles(targets, among, RIVAL), targets)
     _check_apart(targets, among, {i for ends in found for axle in ends for i in axle}, radius_m)
     if len(found) > 1 and stand is not None:
-        standing = [ends for ends in found if stand(_centres_m(targets, ends))]
-        found = standing if len(standing) == 1 else found
-    if len(found) > 1:
-        raise InputError(
-            f"{_count(len(targets))} found, of which {len(found)} sets of four could be a "
-            f"vehicle's wheels, axle by axle ({_sets(found)}): {listed(targets)}: crop the cloud "
-            "to one vehicle"
-        )
-    if not found or found[0] not in _clearest(vehicles(targets, among, 1.0), targets):
+        found = [ends for ends in found if stand(centres_of(targets, ends))] or found
+    ends, further = _of_one_vehicle(targets, among, found, near_front_m, bodied)
+    if ends not in _clearest(vehicles(targets, among, 1.0), targets):
         raise InputError(
             f"{_count(len(targets))} found, but no four are arranged as a vehicle's wheels "
             f"(facing outwards, tracks of {TRACK_M[0]:g} to {TRACK_M[1]:g} m, a wheelbase of "
             f"{WHEELBASE_M[0]:g} to {WHEELBASE_M[1]:g} m): {listed(targets)}: check --target and "
             "the unit, or scan each wheel separately"
         )
-    used = {i for axle in found[0] for i in axle}
-    return Axles(found[0], tuple(i for i in range(len(targets)) if i not in used))
+    used = {*ends[0], *ends[1], *further}
+    return Axles(ends, tuple(i for i in range(len(targets)) if i not in used), further)
+
+
+def _of_one_vehicle(
+    targets: Sequence[FoundTarget],
+    among: Sequence[int],
+    found: Sequence[tuple[Ends, Ends]],
+    near_front_m: Array | None,
+    bodied: Bodied | None,
+) -> tuple[tuple[Ends, Ends] | None, tuple[int, ...]]:
+    """Return the two axles of the vehicle to measure, and the targets on its further axles.
+
+    None where there is no set of four. Raises InputError where there are several vehicles, or its
+    axles do not show which two.
+    """
+    bar = MUCH_WORSE * max((_weakest(targets, ends) for ends in found), default=0.0)
+    clear = [i for i in level_with(targets, among, found) if targets[i].match >= bar]
+    lines = axle_lines(targets, clear, found, bodied)
+    if not lines:
+        return None, ()
+    if near_front_m is not None:
+        away_m = [float(np.linalg.norm(targets[i].centre_m - near_front_m)) for i in among]
+        nearest = among[int(np.argmin(away_m))]
+        if len(lines) > 1:
+            lines = [line for line in lines if nearest in line.targets] or lines
+        lines = [line if line.ends else line.from_end(nearest, targets, found) for line in lines]
+    if len(lines) > 1 and _are_apart(lines):
+        raise InputError(
+            f"{_count(len(targets))} found, on {len(lines)} vehicles "
+            f"({_sets([line.axles for line in lines])}): {listed(targets)}: add --front-point "
+            "X,Y,Z near the front of the one to measure, or crop the cloud to one vehicle"
+        )
+    if len(lines) > 1:
+        raise InputError(
+            f"{_count(len(targets))} found, of which {len(found)} sets of four could be a "
+            f"vehicle's wheels, axle by axle ({_sets(found)}): {listed(targets)}: crop the cloud "
+            "to one vehicle"
+        )
+    (line,) = lines
+    if line.ends is None:
+        raise InputError(
+            f"{_count(len(targets))} found, in line as axles ({_sets([line.axles])}) that do not "
+            f"show which two are front and rear: {listed(targets)}: add --front-point X,Y,Z near "
+            "the front, or choose the four by --hint RR=X,Y,Z and so on"
+        )
+    return line.ends, tuple(sorted(line.targets - {*line.ends[0], *line.ends[1]}))
+
+
+def _are_apart(lines: Sequence[AxleLine]) -> bool:
+    """Return whether no target is of two vehicles."""
+    return sum(len(line.targets) for line in lines) == len({i for x in lines for i in x.targets})
 
 
 def wheels_by_markers(
@@ -138,22 +191,26 @@ def placed(target: FoundTarget) -> str:
     return Wording(PLACED, position=position, match=f"{target.match:.2f}")
 
 
-def _centres_m(targets: Sequence[FoundTarget], ends: tuple[Ends, Ends]) -> Array:
-    return np.array([[targets[i].centre_m for i in axle] for axle in ends])
-
-
 def _clearest(
     found: list[tuple[Ends, Ends]], targets: Sequence[FoundTarget]
 ) -> list[tuple[Ends, Ends]]:
     """Return the sets whose weakest target matches nearly as well as that of the best set."""
-    weakest = [min(targets[i].match for axle in ends for i in axle) for ends in found]
+    weakest = [_weakest(targets, ends) for ends in found]
     bar = MUCH_WORSE * max(weakest, default=0.0)
     return [ends for ends, match in zip(found, weakest, strict=True) if match >= bar]
 
 
-def _sets(found: Sequence[tuple[Ends, Ends]]) -> str:
+def _weakest(targets: Sequence[FoundTarget], ends: tuple[Ends, Ends]) -> float:
+    """Return the match of the worst target of four."""
+    return min(targets[i].match for axle in ends for i in axle)
+
+
+def _sets(found: Sequence[Sequence[Sequence[int]]]) -> str:
     """List the targets' numbers of each vehicle, axle by axle."""
-    sets = ["targets " + " and ".join(f"{i + 1}, {j + 1}" for i, j in axles) for axles in found]
+    sets = [
+        "targets " + " and ".join(", ".join(str(i + 1) for i in axle) for axle in axles)
+        for axles in found
+    ]
     more = [f"{len(sets) - MOST_LISTED} more"] if len(sets) > MOST_LISTED else []
     return "; ".join([*sets[:MOST_LISTED], *more])
 

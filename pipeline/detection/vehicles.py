@@ -19,6 +19,7 @@ MAX_TWIST_DEG = 10.0  # between the axles
 MAX_SKEW_DEG = 15.0  # of the line through the axles' middles, from the square to them
 MAX_STEERED_DEG = 50.0  # of a wheel's normal to its axle: 40 of steering, and camber
 MAX_STRAIGHT_DEG = 20.0  # the same of an axle that is not steered; there must be one
+IN_LINE_M, IN_LINE_DEG, LIKE_TRACKS = 0.05, 2.0, 0.8  # of the axles of a vehicle without damage
 RIVAL = 1.25  # all limits that much wider: another set of four that keeps these is a rival
 
 
@@ -38,19 +39,50 @@ def vehicles(
 
     among: indices of the targets that may be wheels.
     """
-    axles = [
-        (i, j)
-        for i, j in combinations(among, 2)
-        if _within(distance_m(targets[i], targets[j]), TRACK_M, slack)
-        and _steered_deg(targets, (i, j)) < MAX_STEERED_DEG * slack
-    ]
     return [
         (first, same)
-        for first, second in combinations(axles, 2)
+        for first, second in combinations(axles_among(targets, among, MAX_STEERED_DEG, slack), 2)
         if not set(first) & set(second)
         for same in (second, second[::-1])
         if _stand_square(targets, (first, same), slack)
     ]
+
+
+def axles_among(
+    targets: Sequence[FoundTarget], among: Sequence[int], steered_deg: float, slack: float = 1.0
+) -> list[Ends]:
+    """Return the pairs of targets that face away from each other, a track apart.
+
+    steered_deg: largest angle of their normals to the line through both.
+    """
+    return [
+        (i, j)
+        for i, j in combinations(among, 2)
+        if _within(distance_m(targets[i], targets[j]), TRACK_M, slack)
+        and _steered_deg(targets, (i, j)) < steered_deg * slack
+    ]
+
+
+def are_in_line(targets: Sequence[FoundTarget], ends: tuple[Ends, Ends]) -> bool:
+    """Return whether two axles, the ends of both in the same order, lie as one vehicle's do.
+
+    Those of two vehicles seldom do. Limits are those of setback, and of targets' rough centres.
+    """
+    centres = centres_of(targets, ends)
+    across = centres[:, 0] - centres[:, 1]
+    tracks_m = np.linalg.norm(across, axis=1)
+    along = centres[1].mean(axis=0) - centres[0].mean(axis=0)
+    both = across.sum(axis=0)
+    return (
+        _angle_deg(across[0], across[1]) < IN_LINE_DEG
+        and abs(float(along @ both)) < IN_LINE_M * float(np.linalg.norm(both))
+        and float(tracks_m.min() / tracks_m.max()) > LIKE_TRACKS
+    )
+
+
+def centres_of(targets: Sequence[FoundTarget], ends: tuple[Ends, Ends]) -> Array:
+    """Return the centres (2, 2, 3) of two axles: axle, end, coordinate."""
+    return np.array([[targets[i].centre_m for i in axle] for axle in ends])
 
 
 def _steered_deg(targets: Sequence[FoundTarget], ends: Ends) -> float:
@@ -62,7 +94,7 @@ def _steered_deg(targets: Sequence[FoundTarget], ends: Ends) -> float:
 
 def _stand_square(targets: Sequence[FoundTarget], ends: tuple[Ends, Ends], slack: float) -> bool:
     """Return whether two axles lie behind each other, alike, and at least one not steered."""
-    centres = np.array([[targets[i].centre_m for i in axle] for axle in ends])
+    centres = centres_of(targets, ends)
     across = centres[:, 0] - centres[:, 1]
     tracks_m = np.linalg.norm(across, axis=1)
     along = centres[1].mean(axis=0) - centres[0].mean(axis=0)

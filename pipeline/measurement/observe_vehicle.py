@@ -16,6 +16,7 @@ from ..detection import (
     FoundTarget,
     find_axles,
     find_up,
+    is_bodied,
     listed,
     placed,
     stand_on_a_floor,
@@ -147,6 +148,10 @@ def _notes(hint: Hint | None) -> tuple[str, ...]:
 
 MOST_SHOWN = 4
 SEARCHED = "vehicle: {choice}."
+FURTHER = (
+    "The vehicle has more than two axles: of those closer together than a wheelbase, the one "
+    "nearest to the other end is measured, and the others are not: {parts}."
+)
 LEFT_OUT = "Like the target, but at none of the vehicle's wheels: {parts}."
 BY_OPERATOR = "the wheels that the operator named"
 BY_MARKERS = "the markers of the boards"
@@ -244,11 +249,18 @@ def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Nami
     """Return the target of each wheel; in both senses where only markers show the front."""
     targets = found.targets
     stand = None if capture.up == "z" else partial(stand_on_a_floor, found.sample_m)
-    axles = find_axles(targets, min(kind.radius_m for kind in found.kinds), stand)
+    near = capture.front.point_m if capture.front is not None else None
+    near_m = None if near is None else np.array(near)
+    smallest_m = min(kind.radius_m for kind in found.kinds)
+    bodied = partial(is_bodied, found.sample_m)
+    axles = find_axles(targets, smallest_m, stand, near_m, bodied)
     centres_m = axles.centres_m(targets)
     up = find_up(found.sample_m, centres_m, capture.up)
     first_m, second_m = centres_m.mean(axis=1)
-    notes = _left_out([targets[i] for i in axles.left_out])
+    notes = (
+        *_named(FURTHER, [targets[i] for i in axles.further]),
+        *_named(LEFT_OUT, [targets[i] for i in axles.left_out]),
+    )
     if capture.front is not None:
         ahead = capture.front.is_ahead(first_m, second_m)
         naming = Naming(capture.front.note, up.by, found.points, notes)
@@ -266,14 +278,14 @@ def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Nami
     return both, Naming(BY_MARKERS, up.by, found.points, notes)
 
 
-def _left_out(targets: Sequence[FoundTarget]) -> tuple[str, ...]:
-    """Return a note on targets that are at no wheel."""
+def _named(sentence: str, targets: Sequence[FoundTarget]) -> tuple[str, ...]:
+    """Return a note on targets that are at none of the four wheels."""
     if not targets:
         return ()
     shown = [placed(target) for target in targets[:MOST_SHOWN]]
     if len(targets) > MOST_SHOWN:
         shown.append(Wording("{count} more", count=len(targets) - MOST_SHOWN))
-    return (Wording(LEFT_OUT, parts="; ".join(shown)),)
+    return (Wording(sentence, parts="; ".join(shown)),)
 
 
 def names_wheels(target: Target) -> bool:

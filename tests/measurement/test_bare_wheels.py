@@ -1,5 +1,7 @@
 """Captures of bare wheels: angles, run-out from turned scans, notes, refusals."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -241,12 +243,44 @@ def test_two_clouds_of_a_vehicle_that_rolled_give_the_spin_axes(tmp_path):
     assert "not in the uncertainty" not in " ".join(found.notes)
 
 
+def with_axles(folder, *more_m):
+    """Cloud of a car with further axles, each at a place along it."""
+    further = [(x, y) for x in more_m for y in (-0.75, 0.75)]
+    centres = [(x, y, 0.32) for x, y in [*CENTRES.values(), *further]]
+    return cloud(
+        folder, centres, [outward(name) for name in [*CENTRES, *["RR", "RL"] * len(more_m)]]
+    )
+
+
 @pytest.mark.slow
-def test_a_third_axle_is_refused_with_a_list(tmp_path):
-    centres = [(x, y, 0.32) for x, y in [*CENTRES.values(), (-1.6, -0.75), (-1.6, 0.75)]]
-    axes = [outward(name) for name in [*CENTRES, "RR", "RL"]]
-    with pytest.raises(InputError, match=r"6 targets found, of which .* could be a vehicle's"):
-        measured(cloud(tmp_path, centres, axes))
+def test_of_two_rear_axles_the_one_nearer_to_the_front_is_measured_and_the_other_named(tmp_path):
+    found = measured(with_axles(tmp_path, -1.1))
+    for wheel in found.wheels:
+        assert np.linalg.norm(wheel.pose.centre_m[:2] - CENTRES[wheel.observation.name]) < 0.03
+    (note,) = (note for note in found.notes if "more than two axles" in note)
+    assert len(re.findall(r"at \(-1\.(1|09)", note)) == 2
+
+
+@pytest.mark.slow
+def test_axles_that_do_not_show_which_are_the_vehicle_s_are_refused_with_a_list(tmp_path):
+    line = r"6 targets found, in line as axles .* target 6 at \(.*add --front-point"
+    with pytest.raises(InputError, match=line):
+        measured(with_axles(tmp_path, -2.9))
+
+
+@pytest.mark.slow
+def test_of_two_vehicles_the_one_with_its_front_at_a_stated_point_is_measured(tmp_path):
+    own = [(x, y, 0.32) for x, y in CENTRES.values()]
+    other = [(x - 1.3, y - 3.2, z) for x, y, z in own]
+    folder = cloud(tmp_path, [*other, *own], [outward(name) for name in [*CENTRES, *CENTRES]])
+    with pytest.raises(InputError, match=r"8 targets found, on 2 vehicles .* add --front-point"):
+        measured(folder)
+    options = CaptureOptions(front_point=(3.4, 0.2, 0.5))
+    with open_capture(folder, options=options) as capture:
+        found = measure_capture(capture, Config())
+    for wheel in found.wheels:
+        assert np.linalg.norm(wheel.pose.centre_m[:2] - CENTRES[wheel.observation.name]) < 0.03
+    assert "Like the target, but at none of the vehicle's wheels" in " ".join(found.notes)
 
 
 @pytest.mark.slow

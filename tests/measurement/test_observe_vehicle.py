@@ -415,8 +415,8 @@ def test_a_front_across_the_car_is_refused(bay, vehicle):
 def test_two_vehicles_in_one_cloud_are_refused(bay, tmp_path):
     path = write(tmp_path / "v.ply", np.concatenate([bay.cloud, bay.cloud + 4.0 * bay.left]))
     text = refused("measure", path, "--target", "disc-250", "--front", bay.front)
-    assert text.startswith(f"{path}: 8 targets found, of which ")
-    assert text.endswith("crop the cloud to one vehicle")
+    assert text.startswith(f"{path}: 8 targets found, on 2 vehicles (targets ")
+    assert text.endswith("or crop the cloud to one vehicle")
 
 
 def test_three_targets_are_refused_and_listed(bay, tmp_path):
