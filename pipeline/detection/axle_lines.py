@@ -29,7 +29,7 @@ Bodied = Callable[[Array, Array, Array], bool]  # see `is_bodied`
 
 STEERED_DEG = 15.0  # of the wheels of an axle that no set of four shows
 AXLES_M = (0.6, RIVAL * WHEELBASE_M[1])  # apart: two axles of one vehicle
-ASIDE_M = 0.06  # of a lone wheel, from the line along one side of the others
+ASIDE_M = 0.1  # of a lone wheel, from the line along one side of the others: tracks differ
 LEVEL_M = 0.15  # of wheels of one vehicle, from their plane
 
 
@@ -57,8 +57,8 @@ class AxleLine:
     def from_end(
         self, index: int, targets: Sequence[FoundTarget], found: Sequence[tuple[Ends, Ends]]
     ) -> AxleLine:
-        """Return the first two groups, from the end at which the target of that index is."""
-        for two in (self.groups[:2], self.groups[:-3:-1]):
+        """Return the first two of several groups, from the end that has a target, by its index."""
+        for two in (self.groups[:2], self.groups[:-3:-1]) if len(self.groups) > 2 else ():
             if index in chain.from_iterable(two[0]):
                 return _measured(targets, two, found)
         return self
@@ -73,8 +73,9 @@ def axle_lines(
     """Return the axles of each vehicle that the targets show.
 
     among: indices of the targets that may be wheels. found: sets of four that could be a vehicle's.
-    Those that are not in line count where they share no target with axles that are. bodied: see
-    `is_bodied`, where the points of the cloud are known.
+    Those that are not in line count where they share no target with axles that are, and measure a
+    vehicle where bodywork joins them. bodied: see `is_bodied`, where the points of the cloud are
+    known.
     """
     square = [ends for ends in found if are_in_line(targets, ends)]
     straight = axles_among(targets, among, STEERED_DEG)
@@ -87,8 +88,18 @@ def axle_lines(
         part for line in lines if len(line) > 1 for part in _pieces(targets, line, found, bodied)
     ]
     taken = {index for line in whole for index in line.targets}
-    loose = (ends for ends in found if not taken & {*ends[0], *ends[1]})
-    return whole + [AxleLine(((ends[0],), (ends[1],)), ends) for ends in loose]
+    loose = [ends for ends in found if not taken & {*ends[0], *ends[1]}]
+    return whole + [
+        AxleLine(((ends[0],), (ends[1],)), ends if _joins(targets, ends, bodied) else None)
+        for ends in loose
+    ]
+
+
+def _joins(targets: Sequence[FoundTarget], ends: tuple[Ends, Ends], bodied: Bodied | None) -> bool:
+    """Return whether bodywork joins two axles, as far as it is known."""
+    centres = centres_of(targets, ends)
+    rear_m, front_m = centres.mean(axis=1)
+    return bodied is None or bodied(rear_m, front_m, centres[0, 0] - centres[0, 1])
 
 
 def _sorted(ends: tuple[Ends, Ends]) -> tuple[Ends, Ends]:
@@ -182,11 +193,12 @@ def _measured(
 ) -> AxleLine:
     """Return axles by their groups, from end to end, with the two that they are measured by."""
     line = AxleLine(tuple(map(tuple, groups)), None)
-    if len(groups) != 2 or _overlap(line.axles) or _unevenness_m(targets, line.axles) > LEVEL_M:
+    if len(groups) != 2 or _overlap(line.axles):
         return line
     inner = {frozenset(groups[0][-1]), frozenset(groups[1][0])}
-    own = (ends for ends in found if set(map(frozenset, ends)) == inner)
-    return replace(line, ends=next(own, None))
+    own = next((ends for ends in found if set(map(frozenset, ends)) == inner), None)
+    even = own is not None and _unevenness_m(targets, line.axles) < LEVEL_M
+    return replace(line, ends=own if even else None)
 
 
 def _overlap(axles: Sequence[Axle]) -> bool:

@@ -144,8 +144,8 @@ def _of_one_vehicle(
     (line,) = lines
     if line.ends is None:
         raise InputError(
-            f"{_count(len(targets))} found, in line as axles ({_sets([line.axles])}) that do not "
-            f"show which two are front and rear: {listed(targets)}: add --front-point X,Y,Z near "
+            f"{_count(len(targets))} found, on axles ({_sets([line.axles])}) that do not show "
+            f"which two are one vehicle's: {listed(targets)}: add --front-point X,Y,Z near "
             "the front, or choose the four by --hint RR=X,Y,Z and so on"
         )
     return line.ends, tuple(sorted(line.targets - {*line.ends[0], *line.ends[1]}))

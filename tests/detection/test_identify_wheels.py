@@ -230,7 +230,7 @@ def test_of_axles_closer_than_a_wheelbase_the_one_nearest_to_the_other_end_count
 
 
 def test_axles_that_do_not_show_which_two_are_refused():
-    undecided = "that do not show which two are front and rear"
+    undecided = "that do not show which two are one vehicle's"
     lorry = [*axle(0.0), *axle(2.0), *axle(5.0)]
     assert undecided in refusal(lorry)  # a car with a trailer, or one of two cars in a row
     assert "(targets 5, 6 and 3, 4 and 1, 2)" in refusal(lorry)
@@ -245,6 +245,28 @@ def test_axles_that_do_not_show_which_two_are_refused():
         assert undecided in refusal(faces)
     bent = [*axle(0.0), *axle(2.6, yaw=4.0), *axle(-3.0, yaw=4.0)]  # none in line
     assert "6 targets found, of which 3 sets of four could be a vehicle's wheels" in refusal(bent)
+
+
+def test_wheels_on_one_side_are_of_a_vehicle_in_front_of_the_complete_one():
+    """Where tracks differ, wheels of one side are up to some 70 mm off one line."""
+    behind = [*axle(-5.6), *axle(-3.0)]
+
+    def bodied(rear_m, front_m, across_m):
+        return abs(abs(front_m[0] - rear_m[0]) - 2.6) < 0.01  # not the 3.0 m between the cars
+
+    for mine in ((axle(0.0)[1], axle(2.6, track=1.64)[1]), (*axle(0.0), axle(2.6, track=1.64)[0])):
+        with pytest.raises(InputError, match="targets found, on 2 vehicles"):
+            find_axles([*mine, *behind], RADIUS_M, bodied=bodied)
+
+
+def test_axles_out_of_line_are_one_vehicle_s_where_bodywork_joins_them():
+    """Else they may be the rear axle of one and the front axle of another, the others hidden."""
+    bent = car(shift=0.3)
+    assert find_axles(bent, RADIUS_M, bodied=lambda *_: True).left_out == ()
+    for near in (None, np.array([3.5, 0.0, 0.3])):
+        with pytest.raises(InputError, match=r"4 targets found, on axles .* which two are one"):
+            find_axles(bent, RADIUS_M, near_front_m=near, bodied=lambda *_: False)
+    assert find_axles(car(), RADIUS_M, bodied=lambda *_: False).left_out == ()
 
 
 def test_vehicles_in_line_are_parted_where_there_is_no_body_between_them():

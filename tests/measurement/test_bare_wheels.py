@@ -263,7 +263,7 @@ def test_of_two_rear_axles_the_one_nearer_to_the_front_is_measured_and_the_other
 
 @pytest.mark.slow
 def test_axles_that_do_not_show_which_are_the_vehicle_s_are_refused_with_a_list(tmp_path):
-    line = r"6 targets found, in line as axles .* target 6 at \(.*add --front-point"
+    line = r"6 targets found, on axles .* target 6 at \(.*add --front-point"
     with pytest.raises(InputError, match=line):
         measured(with_axles(tmp_path, -2.9))
 
