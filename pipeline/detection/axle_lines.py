@@ -25,7 +25,7 @@ from .vehicles import (
 )
 
 Axle = tuple[int, ...]  # both of its ends, or the one that was found
-Bodied = Callable[[Array, Array, Array], bool]  # see `is_bodied`
+Bodied = Callable[[Array, Array, Array], bool | None]  # see `is_bodied`
 
 STEERED_DEG = 15.0  # of the wheels of an axle that no set of four shows
 AXLES_M = (0.6, RIVAL * WHEELBASE_M[1])  # apart: two axles of one vehicle
@@ -96,10 +96,10 @@ def axle_lines(
 
 
 def _joins(targets: Sequence[FoundTarget], ends: tuple[Ends, Ends], bodied: Bodied | None) -> bool:
-    """Return whether bodywork joins two axles, as far as it is known."""
+    """Return whether bodywork joins two axles, or none is seen in the cloud."""
     centres = centres_of(targets, ends)
     rear_m, front_m = centres.mean(axis=1)
-    return bodied is None or bodied(rear_m, front_m, centres[0, 0] - centres[0, 1])
+    return bodied is None or bodied(rear_m, front_m, centres[0, 0] - centres[0, 1]) is not False
 
 
 def _sorted(ends: tuple[Ends, Ends]) -> tuple[Ends, Ends]:

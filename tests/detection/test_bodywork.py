@@ -24,14 +24,16 @@ def test_a_side_from_axle_to_axle_is_bodywork_in_any_coordinates(seed):
     for points, whole in (
         (side(rng, -0.7, 3.3), True),
         (np.concatenate([side(rng, -0.7, 0.9), side(rng, 1.5, 3.3)]), False),
-        (side(rng, -0.7, 3.3, height=(1.0, 2.0)), False),  # a beam above the gap
-        (side(rng, -0.7, 3.3) + np.array([0.0, 0.6, 0.0]), False),  # a wall beside it
-        (np.zeros((0, 3)), False),
+        (np.concatenate([side(rng, -0.7, 0.9), side(rng, 2.2, 3.3)]), False),
+        (np.concatenate([side(rng, -0.4, 0.4), side(rng, 2.2, 3.0)]), None),  # wheels alone
+        (side(rng, -0.7, 3.3, height=(1.0, 2.0)), None),  # a beam above the gap
+        (side(rng, -0.7, 3.3) + np.array([0.0, 0.6, 0.0]), None),  # a wall beside it
+        (np.zeros((0, 3)), None),
     ):
         moved = points @ R.T + shift
         ends = (R @ REAR + shift, R @ FRONT + shift)
-        assert is_bodied(moved, *ends, R @ ACROSS) == whole
-        assert is_bodied(moved, *ends[::-1], -(R @ ACROSS)) == whole
+        assert is_bodied(moved, *ends, R @ ACROSS) is whole
+        assert is_bodied(moved, *ends[::-1], -(R @ ACROSS)) is whole
 
 
 def test_axles_closer_than_a_gap_have_none():

@@ -263,6 +263,7 @@ def test_axles_out_of_line_are_one_vehicle_s_where_bodywork_joins_them():
     """Else they may be the rear axle of one and the front axle of another, the others hidden."""
     bent = car(shift=0.3)
     assert find_axles(bent, RADIUS_M, bodied=lambda *_: True).left_out == ()
+    assert find_axles(bent, RADIUS_M, bodied=lambda *_: None).left_out == ()  # wheels alone
     for near in (None, np.array([3.5, 0.0, 0.3])):
         with pytest.raises(InputError, match=r"4 targets found, on axles .* which two are one"):
             find_axles(bent, RADIUS_M, near_front_m=near, bodied=lambda *_: False)
