@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -34,12 +35,12 @@ class AngleUncertainty:
     through_frame: Array
     dof: Array
 
-    @property
+    @cached_property
     def standard(self) -> Array:
         """Standard uncertainties (Q,)."""
         return np.asarray(np.sqrt(np.diag(self.covariance).clip(min=0.0)))
 
-    @property
+    @cached_property
     def coverage_factor(self) -> Array:
         """Coverage factors (Q,) of 95 %: Student's t of the degrees of freedom."""
         return coverage_factor(LEVEL, self.dof)

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import InputError
-from ..vectors import Array
+from ..vectors import Array, norm
 from .frame import REFERENCE_WHEELS, VehicleFrame
 
 # The outer side of a normal more than 84 degrees off the outward direction is ambiguous.
@@ -71,7 +71,7 @@ def outward_normal(frame: VehicleFrame, normal: npt.ArrayLike, wheel: str) -> Ar
             f"wheel {wheel}: its plane has the normal {n.tolist()}: fit the plane again"
         )
     n = n / largest
-    n = n / np.linalg.norm(n)
+    n = n / norm(n)
     n_outward = float(n @ _outward(frame, wheel))
     if abs(n_outward) < MIN_OUTWARD_COSINE:
         across = float(np.linalg.norm(np.cross(n, frame.left)))

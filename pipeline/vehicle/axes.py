@@ -23,6 +23,7 @@ to the centreline; cross toe, cross camber and wheelbase difference: left less r
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 from .autodiff import Dual, atan2, constant, cos, length, over, sin
@@ -68,32 +69,53 @@ class Vehicle:
 
     def toe(self, index: int, axis: Axis = "rear-axle") -> Dual:
         """Return toe of one wheel relative to an axis; positive is toe-in."""
-        wheel = self.wheels[index]
-        return atan2(wheel.forward, wheel.outward) - self.axis(axis) * wheel.side
+        return self._toes_by_axis[axis][index]
 
     def camber(self, index: int) -> Dual:
         """Return camber as elevation, positive with the top outward; no axis changes it."""
-        return -atan2(*_rise_and_level(self.wheels[index]))
+        return -atan2(*self._rises_and_levels[index])
 
     def camber_iso(self, index: int, axis: Axis = "rear-axle") -> Dual:
         """Return ISO camber, projected on the plane across an axis."""
         wheel = self.wheels[index]
         if axis == "rear-axle" and wheel.rise is None:
             return -atan2(wheel.up, wheel.outward)
-        rise, level = _rise_and_level(wheel)
+        rise, level = self._rises_and_levels[index]
         return -atan2(rise, level * cos(self.toe(index, axis)))
 
     def axis(self, axis: Axis) -> Dual:
         """Return the angle of an axis from the rear-axle normal, > 0 to the right."""
-        if axis == "centreline":
-            middle = (self.positions[FL].left + self.positions[FR].left) / 2.0
-            ahead = (self.positions[FL].forward + self.positions[FR].forward) / 2.0
-            return atan2(-middle, ahead)
-        if axis == "thrust-line":
-            return (self.toe(RL) - self.toe(RR)) / 2.0
-        if axis == "side-bisector":
-            return (self._side(RL, FL) + self._side(RR, FR)) / 2.0
-        return constant(0.0, len(self.wheelbase.slope))
+        return self._axes[axis]
+
+    @cached_property
+    def _axes(self) -> dict[Axis, Dual]:
+        middle = (self.positions[FL].left + self.positions[FR].left) / 2.0
+        ahead = (self.positions[FL].forward + self.positions[FR].forward) / 2.0
+        return {
+            "rear-axle": constant(0.0, len(self.wheelbase.slope)),
+            "centreline": atan2(-middle, ahead),
+            "thrust-line": (self._toes[RL] - self._toes[RR]) / 2.0,
+            "side-bisector": (self._side(RL, FL) + self._side(RR, FR)) / 2.0,
+        }
+
+    @cached_property
+    def _toes(self) -> tuple[Dual, ...]:
+        """Toes of all wheels relative to the rear-axle normal."""
+        return tuple(atan2(wheel.forward, wheel.outward) for wheel in self.wheels)
+
+    @cached_property
+    def _toes_by_axis(self) -> dict[Axis, tuple[Dual, ...]]:
+        return {
+            axis: tuple(
+                toe - angle * wheel.side
+                for toe, wheel in zip(self._toes, self.wheels, strict=True)
+            )
+            for axis, angle in self._axes.items()
+        }
+
+    @cached_property
+    def _rises_and_levels(self) -> tuple[tuple[Dual, Dual], ...]:
+        return tuple(map(_rise_and_level, self.wheels))
 
     def _side(self, rear: int, front: int) -> Dual:
         back, head = self.positions[rear], self.positions[front]

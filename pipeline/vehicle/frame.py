@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
 from ..errors import InputError
-from ..vectors import Array, cross
+from ..vectors import Array, cross, norm
 
 REFERENCE_WHEELS = ("RR", "RL", "FR", "FL")
 
@@ -60,22 +61,31 @@ def build_reference_frame(centres_m: npt.ArrayLike) -> VehicleFrame:
     """
     centres = np.asarray(centres_m, dtype=np.float64)
     _check_numbers(centres)
+    return _built(centres.tobytes())
+
+
+@lru_cache(maxsize=16)  # every step of a measurement asks for the same frame
+def _built(data: bytes) -> VehicleFrame:
+    """Build the frame of centres (4, 3), bytes of float64; its arrays are read-only: shared."""
+    centres = np.frombuffer(data).reshape(4, 3)
     local = centres - centres[0]
     spread_m = _check_triangles(local)
     rear_right, rear_left, front_right, front_left = local
     c_R, c_F = (rear_left + rear_right) / 2, (front_left + front_right) / 2
-    rear_track_m = float(np.linalg.norm(rear_left - rear_right))
-    front_track_m = float(np.linalg.norm(front_left - front_right))
+    rear_track_m = norm(rear_left - rear_right)
+    front_track_m = norm(front_left - front_right)
     u_R, u_F = (rear_left - rear_right) / rear_track_m, (front_left - front_right) / front_track_m
     _check_axles(u_R, u_F)
     t = u_R @ (c_R - c_F) / (u_F @ u_R)
     to_front = c_F + t * u_F - c_R  # e - c_R
     to_front = to_front - (to_front @ u_R) * u_R  # removes rounding: t makes it perpendicular
-    wheelbase_m = float(np.linalg.norm(to_front))
+    wheelbase_m = norm(to_front)
     _check_wheelbase(wheelbase_m, spread_m)
     v = to_front / wheelbase_m
-    origin_m = centres[0] + c_R
-    return VehicleFrame(origin_m, u_R, v, cross(v, u_R), rear_track_m, front_track_m, wheelbase_m)
+    axes = centres[0] + c_R, u_R, v, cross(v, u_R)
+    for array in axes:
+        array.flags.writeable = False
+    return VehicleFrame(*axes, rear_track_m, front_track_m, wheelbase_m)
 
 
 def _check_numbers(centres: Array) -> None:
@@ -95,7 +105,7 @@ def _check_numbers(centres: Array) -> None:
 def _check_triangles(local: Array) -> float:
     """Return the largest distance between two centres; raise for equal or collinear ones."""
     distance_m = {
-        (i, j): float(np.linalg.norm(local[i] - local[j])) for i, j in combinations(range(4), 2)
+        (i, j): norm(local[i] - local[j]) for i, j in combinations(range(4), 2)
     }
     spread_m = max(distance_m.values())
     limit_m = MIN_HEIGHT_TO_SPREAD * spread_m
@@ -108,8 +118,7 @@ def _check_triangles(local: Array) -> float:
         )
     for a, b, c in combinations(range(4), 3):
         longest_m = max(distance_m[a, b], distance_m[a, c], distance_m[b, c])
-        area_twice = np.linalg.norm(cross(local[b] - local[a], local[c] - local[a]))
-        height_m = float(area_twice) / longest_m
+        height_m = norm(cross(local[b] - local[a], local[c] - local[a])) / longest_m
         if height_m <= limit_m:
             wheels = ", ".join(REFERENCE_WHEELS[k] for k in (a, b, c))
             raise InputError(

@@ -28,4 +28,6 @@ class Entry:
 
 def legible(name: str, escape: str = "\\x") -> str:
     r"""Return the name as written in results: with \xeb for a byte that is not UTF-8."""
+    if name.isascii():
+        return name
     return NO_TEXT.sub(lambda found: f"{escape}{ord(found[0]) - 0xDC00:02x}", name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ...measurement import Measurement, Stated, against, stated
+from ...measurement import Measurement, Stated, against
 from ...vehicle import AGAINST_AN_AXIS, AXES, OF_SECOND_ORDER, Axis, Unit
 from ..format.view import DEFINED
 
@@ -16,14 +16,13 @@ ANGLE = {
 }
 
 
-def axes_tree(measurement: Measurement) -> dict[str, Any]:
+def axes_tree(measurement: Measurement, found: list[Stated]) -> dict[str, Any]:
     """Return for each axis its angle, > 0 to the right, and the quantities relative to it.
 
-    Degrees and metres; angles of axes from the rear-axle normal. The elevation camber is the same
+    found: all stated quantities. Degrees and metres; angles of axes from the rear-axle normal. The elevation camber is the same
     for all axes. A quantity that is zero by definition of the axis is 0 with u 0; one that is zero
     except for second-order terms is null.
     """
-    found = stated(measurement)
     return {axis: _axis(measurement, axis, found) for axis in AXES}
 
 

@@ -63,7 +63,7 @@ def to_tree(
 
     axis: the longitudinal axis of the text report; `wheels` and `vehicle` use the rear-axle normal.
     """
-    frame, vehicle = measurement.frame, measurement.vehicle
+    frame, vehicle, found = measurement.frame, measurement.vehicle, stated(measurement)
     u = measurement.uncertainty.vehicle_standard
     provenance, english = measurement.provenance, load_translations("en")
     return {
@@ -87,16 +87,16 @@ def to_tree(
         },
         "vehicle": {
             key: number
-            for quantity in against(stated(measurement), "rear-axle")
+            for quantity in against(found, "rear-axle")
             if quantity.subject == "vehicle" and quantity.kind not in OF_FRAME
             for key, number in pair(quantity.kind, quantity, quantity.unit).items()
         }
         | {kind: in_words(kind, vehicle[kind], english) for kind in SIGNED if kind in vehicle},
         "axis_in_use": axis,
-        "axes": axes_tree(measurement),
+        "axes": axes_tree(measurement, found),
         **verticals_tree(measurement),
         **conformity_tree(conformity),
-        **uncertainty_tree(measurement),
+        **uncertainty_tree(measurement, found),
         "poses": poses_tree(measurement),
         "repeats": repeats_tree(measurement),
         **turned_tree(measurement),

@@ -13,13 +13,12 @@ from ...uncertainty import TOLERANCE
 IN_REPORT = {"rad": (math.degrees(1.0), "deg"), "m": (1.0, "m")}
 
 
-def uncertainty_tree(measurement: Measurement) -> dict[str, Any]:
+def uncertainty_tree(measurement: Measurement, found: list[Stated]) -> dict[str, Any]:
     """Return `uncertainty`, one entry per quantity, and the `covariance` for the rear-axle normal.
 
-    Degrees and metres. Toe relative to another axis is toe minus (left) or plus (right) the angle
+    found: all stated quantities. Degrees and metres. Toe relative to another axis is toe minus (left) or plus (right) the angle
     of that axis, which the covariance contains as well.
     """
-    found = stated(measurement)
     rows = [i for i, quantity in enumerate(found) if quantity.axis in (None, "rear-axle")]
     related = [found[i] for i in rows]
     scale = np.array([IN_REPORT[quantity.unit][0] for quantity in related])
