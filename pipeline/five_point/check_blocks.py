@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -138,19 +139,31 @@ class Misfit:
         estimate d; its degrees of freedom are those of Welch and Satterthwaite.
         """
         across, in_plane = usual.flat * self.unit, usual.ring
-        n, axes = self.fit.normal, self.fit.axes[1:]
-        offset = self.points_m - self.fit.centre_m
-        uv = offset @ axes.T
-        leverage = 1.0 / len(uv) + np.sum(uv**2 / self.fit.scatter_m2[1:], axis=1)
-        residuals = self.pentagon.residuals_m @ axes / in_plane
-        residuals = residuals + np.outer(offset @ n, n) / across
-        of_flat = np.outer(1.0 - leverage, n**2) / across
-        of_ring = KEPT * np.sum(axes**2, axis=0) / in_plane
+        flat_m, ring_m, kept_flat, kept_ring = self._coordinates
+        residuals = ring_m / in_plane + flat_m / across
+        of_flat, of_ring = kept_flat / across, kept_ring / in_plane
         weight = of_flat + of_ring
         share = of_flat / weight
         with np.errstate(divide="ignore"):
             dof = 1.0 / (share**2 / usual.flat_dof + (1.0 - share) ** 2 / usual.ring_dof)
         return 2.0 * least_tail((np.abs(residuals) / np.sqrt(weight)).ravel(), dof.ravel())
+
+    @cached_property
+    def _coordinates(self) -> tuple[Array, Array, Array, Array]:
+        """Residuals (n, 3) by coordinate, and shares of an error in them: (n, 3) and (3,).
+
+        Each of both: across the plane, and about the pentagon.
+        """
+        n, axes = self.fit.normal, self.fit.axes[1:]
+        offset = self.points_m - self.fit.centre_m
+        uv = offset @ axes.T
+        leverage = 1.0 / len(uv) + np.sum(uv**2 / self.fit.scatter_m2[1:], axis=1)
+        return (
+            np.outer(offset @ n, n),
+            self.pentagon.residuals_m @ axes,
+            np.outer(1.0 - leverage, n**2),
+            KEPT * np.sum(axes**2, axis=0),
+        )
 
 
 @dataclass(frozen=True)

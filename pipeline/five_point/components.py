@@ -114,20 +114,23 @@ def _sight(points_m: Array, station: Station) -> Array:
 
 def _own_factor(points_m: Array, fit: BlockFit, shifts: Array) -> Array:
     """Return the factor (6, n k) of independent shifts (n, 3, k) of the points."""
-    parts = []
-    for index in range(len(points_m)):
-        single = np.zeros_like(shifts)
-        single[index] = shifts[index]
-        parts.append(_joint_factor(points_m, fit, single))
-    return np.concatenate(parts, axis=1)
+    local, height = _local_and_height(points_m, fit, shifts)
+    slopes = local[:, :, None] * height[:, None] / fit.scatter_m2[1:, None]
+    moved = np.concatenate([-fit.axes[1:].T @ slopes, shifts / len(points_m)], axis=1)
+    return np.asarray(moved.transpose(1, 0, 2).reshape(6, -1))
 
 
 def _joint_factor(points_m: Array, fit: BlockFit, shifts: Array) -> Array:
-    """Return the factor (6, k) of errors that shift all points (n, 3, k) together.
+    """Return the factor (6, k) of errors that shift all points (n, 3, k) together."""
+    local, height = _local_and_height(points_m, fit, shifts)
+    slopes = local.T @ height / fit.scatter_m2[1:, None]
+    return np.vstack([-fit.axes[1:].T @ slopes, shifts.mean(axis=0)])
+
+
+def _local_and_height(points_m: Array, fit: BlockFit, shifts: Array) -> tuple[Array, Array]:
+    """Return the points in the plane (n, 2), and their shifts across it (n, k).
 
     The plane's slope along axis a is sum q_a (n . dx) / sum q_a^2; the normal tilts against it.
     """
     local = (points_m - fit.centre_m) @ fit.axes[1:].T
-    height = np.einsum("i,pik->pk", fit.normal, shifts)
-    slopes = local.T @ height / fit.scatter_m2[1:, None]
-    return np.vstack([-fit.axes[1:].T @ slopes, shifts.mean(axis=0)])
+    return local, np.einsum("i,pik->pk", fit.normal, shifts)

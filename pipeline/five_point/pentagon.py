@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -28,7 +29,7 @@ class Pentagon:
     residuals_m: Array
     free: Array
 
-    @property
+    @cached_property
     def square_m2(self) -> float:
         """Sum of the squared residuals."""
         return float(np.sum(self.residuals_m**2))

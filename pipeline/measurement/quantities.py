@@ -119,9 +119,11 @@ def _combined(measurement: Measurement, kind: str, value: float, slope: Array) -
 
 def against(quantities: Sequence[Stated], axis: Axis) -> list[Stated]:
     """Select the quantities that refer to `axis`, or to none, kind by kind."""
-    order = list(dict.fromkeys(quantity.kind for quantity in quantities))
-    chosen = [quantity for quantity in quantities if quantity.axis in (None, axis)]
-    return sorted(chosen, key=lambda quantity: order.index(quantity.kind))
+    chosen: dict[str, list[Stated]] = {quantity.kind: [] for quantity in quantities}
+    for quantity in quantities:
+        if quantity.axis in (None, axis):
+            chosen[quantity.kind].append(quantity)
+    return [quantity for of_kind in chosen.values() for quantity in of_kind]
 
 
 # Quantities of wheels in several positions, by name: attributes of SteeringAxis, of Runout.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..vectors import CHUNK_ROWS, Array, Mask, cross
+from ..vectors import CHUNK_ROWS, Array, Mask, cross, norm
 
 
 @dataclass(frozen=True)
@@ -72,10 +72,10 @@ def _tilted(basis: Array, along: Array) -> tuple[Array, float]:
     wide = np.diag(along)[:2] - along[2, 2]
     tilt = np.divide(along[:2, 2], wide, out=np.zeros(2), where=wide > 0.0)
     normal = basis[2] - tilt @ basis[:2]
-    normal /= np.linalg.norm(normal)
+    normal /= norm(normal)
     normal *= np.sign(normal[np.argmax(np.abs(normal))])
     first = basis[0] - (basis[0] @ normal) * normal
-    first /= np.linalg.norm(first)
+    first /= norm(first)
     across = max(float(along[2, 2] - tilt @ along[:2, 2]), 0.0)
     return np.stack([first, cross(normal, first), normal]), across
 

@@ -107,8 +107,7 @@ class Vehicle:
     def _toes_by_axis(self) -> dict[Axis, tuple[Dual, ...]]:
         return {
             axis: tuple(
-                toe - angle * wheel.side
-                for toe, wheel in zip(self._toes, self.wheels, strict=True)
+                toe - angle * wheel.side for toe, wheel in zip(self._toes, self.wheels, strict=True)
             )
             for axis, angle in self._axes.items()
         }

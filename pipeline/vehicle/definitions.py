@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Literal
 
 from .autodiff import Dual
@@ -30,7 +30,7 @@ class WheelQuantity:
     of: Callable[[Vehicle, int], Dual]
     axis: Axis | None = None
 
-    @property
+    @cached_property
     def name(self) -> str:
         """Kind, and the axis where it is not the rear-axle normal."""
         return named(self.kind, self.axis)
@@ -46,7 +46,7 @@ class VehicleQuantity:
     signed: bool = True
     axis: Axis | None = None
 
-    @property
+    @cached_property
     def name(self) -> str:
         """Kind, and the axis where it is not the rear-axle normal."""
         return named(self.kind, self.axis)

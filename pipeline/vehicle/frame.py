@@ -104,9 +104,7 @@ def _check_numbers(centres: Array) -> None:
 
 def _check_triangles(local: Array) -> float:
     """Return the largest distance between two centres; raise for equal or collinear ones."""
-    distance_m = {
-        (i, j): norm(local[i] - local[j]) for i, j in combinations(range(4), 2)
-    }
+    distance_m = {(i, j): norm(local[i] - local[j]) for i, j in combinations(range(4), 2)}
     spread_m = max(distance_m.values())
     limit_m = MIN_HEIGHT_TO_SPREAD * spread_m
     (i, j), closest_m = min(distance_m.items(), key=lambda item: item[1])

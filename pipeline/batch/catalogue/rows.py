@@ -99,13 +99,16 @@ class _DamagedError(Exception):
     """Reason why a JSON file is not a result."""
 
 
-def read_record(key: str, data: bytes) -> Record:
-    """Return the rows of the JSON `data` of the result `key`; status `damaged` with the reason."""
+def read_record(key: str, data: bytes, tree: dict[str, Any] | None = None) -> Record:
+    """Return the rows of the JSON `data` of the result `key`; status `damaged` with the reason.
+
+    tree: what is in it, if that is known.
+    """
     blank = CaptureRow(
         key, size=len(data), md5=hashlib.md5(data, usedforsecurity=False).hexdigest()
     )
     try:
-        return _record(blank, _sections(data))
+        return _record(blank, _sections(data) if tree is None else _sections_of(tree))
     except _DamagedError as error:
         return Record(replace(blank, stage="catalogue", reason=str(error)))
 
@@ -123,6 +126,11 @@ def _sections(data: bytes) -> list[Any]:
         raise _DamagedError(f"not JSON, or incomplete ({len(data)} bytes)") from error
     assert isinstance(sections, list)
     return sections
+
+
+def _sections_of(tree: dict[str, Any]) -> list[Any]:
+    version = tree["provenance"]["version"]
+    return [version if "version" in path else tree.get(path[2:]) for path in SECTIONS.split()]
 
 
 _EXTRACT = f"SELECT json_extract(?, {', '.join(map(repr, SECTIONS.split()))})"

@@ -61,11 +61,15 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Result:
-    """JSON of a capture, its outcome, and the log of a failure."""
+    """JSON of a capture, its outcome, and the log of a failure.
+
+    tree: the same as plain data; None where paths in its text were replaced.
+    """
 
     data: bytes
     outcome: Outcome
     log: str = ""
+    tree: dict[str, Any] | None = None
 
 
 class TransientError(Exception):
@@ -85,7 +89,7 @@ def measure_bytes(subject: Subject) -> Result:
         measurement, calibration = _measure(subject)
         status = "ok" if measurement.complete else "part"
         outcome = Outcome(status, reason=" ".join(measurement.doubts))
-        return Result(_report(measurement, calibration, outcome, subject), outcome)
+        return _report(measurement, calibration, outcome, subject)
     except Exception as error:
         _raise_foreign(error, subject)
         log = "".join(traceback.format_exception(error))
@@ -98,12 +102,12 @@ def _report(
     calibration: dict[str, Any] | None,
     outcome: Outcome,
     subject: Subject,
-) -> bytes:
+) -> Result:
     tree = to_tree(measurement)
     tree["batch"] = _batch(subject, outcome, tree["date"])
     if calibration is not None:
         tree["calibration"] = calibration | {"date": tree["batch"]["date"]}
-    return _bytes(tree, subject)
+    return _result(tree, subject, outcome)
 
 
 def _raise_foreign(error: Exception, subject: Subject) -> None:
@@ -142,7 +146,7 @@ def failed(subject: Subject, outcome: Outcome, log: str) -> Result:
         },
         "batch": _batch(subject, outcome, None),
     }
-    return Result(_bytes(tree, subject), outcome, log)
+    return _result(tree, subject, outcome, log)
 
 
 def _measure(subject: Subject) -> tuple[Measurement, dict[str, Any] | None]:
@@ -202,13 +206,14 @@ def _batch(subject: Subject, outcome: Outcome, date: str | None) -> dict[str, An
     }
 
 
-def _bytes(tree: dict[str, Any], subject: Subject) -> bytes:
+def _result(tree: dict[str, Any], subject: Subject, outcome: Outcome, log: str = "") -> Result:
     """Serialise with one line for each top-level key."""
     form: dict[str, Any] = {"ensure_ascii": False, "allow_nan": False, "separators": (",", ":")}
     lines = [f'"{key}":{json.dumps(value, **form)}' for key, value in tree.items()]
-    text = "{" + ",\n".join(lines) + "}\n"
-    text = _without_paths(text, subject, lambda path: json.dumps(path, ensure_ascii=False)[1:-1])
-    return legible(text, r"\\x").encode(errors="backslashreplace")
+    whole = "{" + ",\n".join(lines) + "}\n"
+    text = _without_paths(whole, subject, lambda path: json.dumps(path, ensure_ascii=False)[1:-1])
+    data = legible(text, r"\\x").encode(errors="backslashreplace")
+    return Result(data, outcome, log, tree if data == whole.encode(errors="replace") else None)
 
 
 def _without_paths(text: str, subject: Subject, written: Callable[[str], str] = str) -> str:

@@ -6,10 +6,11 @@ import os
 import pickle
 import tempfile
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 from ... import __version__
@@ -114,16 +115,21 @@ def work(task: Task) -> list[CompletedCapture]:
     try:
         results = _store(task.request.results)
         worked = [_one(found, task, results) for found in task.captures]
-        # written while the next ones are measured
-        return [done if to is None else replace(done, stamp=to.result()) for done, to in worked]
+        # Written together at the end: while captures are measured, each of the calls that write a
+        # file would wait for the interpreter's lock, and the measurement for it.
+        writes = [None if write is None else _writers().submit(write) for _, write in worked]
+        return [
+            done if writing is None else replace(done, stamp=writing.result())
+            for (done, _), writing in zip(worked, writes, strict=True)
+        ]
     except WheelplaneError as error:
         raise TransientError(str(error)) from error
 
 
 def _one(
     found: FoundCapture, task: Task, results: Store
-) -> tuple[CompletedCapture, Future[str] | None]:
-    """Measure a capture; return it with its outcome, and the pending write of a new result."""
+) -> tuple[CompletedCapture, Callable[[], str] | None]:
+    """Measure a capture; return it with its outcome, and what writes a new result."""
     watch = _Stopwatch()
     with ExitStack() as stack:
         archive, known, folder = _known(found, task, stack, watch)
@@ -139,10 +145,11 @@ def _one(
             raise TransientError(f"{found.name}: changed while it was measured")
         if not Path(tempfile.gettempdir()).is_dir():
             raise TransientError(f"{found.name}: the folder of temporary files was removed")
-    writing = _writers().submit(_write, results, known.key, result, exists)
+    write = partial(_write, results, known.key, result, exists)
     done = _done(found, known, result.outcome)
     done = replace(done, seconds=tuple(watch.laps), memory_bytes=peak_bytes())
-    return replace(done, record=pickle.dumps(read_record(known.key, result.data))), writing
+    record = read_record(known.key, result.data, result.tree)
+    return replace(done, record=pickle.dumps(record)), write
 
 
 class _Stopwatch:

@@ -19,9 +19,9 @@ ANGLE = {
 def axes_tree(measurement: Measurement, found: list[Stated]) -> dict[str, Any]:
     """Return for each axis its angle, > 0 to the right, and the quantities relative to it.
 
-    found: all stated quantities. Degrees and metres; angles of axes from the rear-axle normal. The elevation camber is the same
-    for all axes. A quantity that is zero by definition of the axis is 0 with u 0; one that is zero
-    except for second-order terms is null.
+    found: all stated quantities. Degrees and metres; angles of axes from the rear-axle normal. The
+    elevation camber is the same for all axes. A quantity that is zero by definition of the axis is
+    0 with u 0; one that is zero except for second-order terms is null.
     """
     return {axis: _axis(measurement, axis, found) for axis in AXES}
 

@@ -16,8 +16,8 @@ IN_REPORT = {"rad": (math.degrees(1.0), "deg"), "m": (1.0, "m")}
 def uncertainty_tree(measurement: Measurement, found: list[Stated]) -> dict[str, Any]:
     """Return `uncertainty`, one entry per quantity, and the `covariance` for the rear-axle normal.
 
-    found: all stated quantities. Degrees and metres. Toe relative to another axis is toe minus (left) or plus (right) the angle
-    of that axis, which the covariance contains as well.
+    found: all stated quantities. Degrees and metres. Toe relative to another axis is toe minus
+    (left) or plus (right) the angle of that axis, which the covariance contains as well.
     """
     rows = [i for i, quantity in enumerate(found) if quantity.axis in (None, "rear-axle")]
     related = [found[i] for i in rows]
