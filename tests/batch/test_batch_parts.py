@@ -212,6 +212,20 @@ def test_a_full_disk_and_too_little_memory_are_no_facts_of_a_capture(tmp_path, m
     assert "Traceback" in result.log
 
 
+@pytest.mark.parametrize("name", ["car.txt", "n\udceb.txt", "bad.txt", 'é "q".txt'])
+def test_the_rows_of_a_result_are_those_of_its_bytes(tmp_path, name):
+    file = five_points(tmp_path / name, 1)
+    if name == "bad.txt":
+        file.write_text("1 2 3\n")
+    settings = BatchSettings()
+    result = measure_bytes(Subject(file, name, "five-point", settings, "key"))
+    assert (result.outcome.status == "failed") == (name == "bad.txt")
+    assert (result.tree is None) == (name == "n\udceb.txt")  # its name is written otherwise
+    rows = read_record("key", result.data, result.tree)
+    assert rows == read_record("key", result.data)
+    assert rows.capture.status == result.outcome.status
+
+
 def test_passing_faults_are_seen_through_their_consequences():
     assert transient_fault(InputError("x")) is None
     assert transient_fault(OSError(errno.EIO, "bad sector")) is None

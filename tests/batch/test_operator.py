@@ -120,8 +120,11 @@ def test_the_status_of_a_run_is_read_from_its_results_while_it_works(tmp_path):
     options = ("--workers", "2", "--timeout", "600")
     process = start(archive, results, *options, **poisoned(tmp_path))
     try:
-        end = time.monotonic() + 60.0
-        while "1 failed, read: " not in (text := status(results)):
+        end, failure = (
+            time.monotonic() + 60.0,
+            "1 failed, read: line #: # numbers where # are needed",
+        )
+        while failure not in (text := status(results)):
             assert time.monotonic() < end, text
             time.sleep(0.2)
     finally:

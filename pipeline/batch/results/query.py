@@ -170,7 +170,7 @@ def failures(
     groups: dict[tuple[str, str, str], list[str]] = {}
     first: dict[tuple[str, str, str], str] = {}
     for status, stage, reason, name in rows:
-        group = status, stage, NUMBERS.sub("#", reason.replace(name, "") if name else reason)
+        group = status, stage, general(reason, name)
         groups.setdefault(group, []).append(name)
         first.setdefault(group, reason)
     found = [
@@ -181,6 +181,11 @@ def failures(
 
 
 NUMBERS = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def general(reason: str, name: str) -> str:
+    """Return the reason of a failure without the capture's name and its numbers."""
+    return NUMBERS.sub("#", reason.replace(name, "") if name else reason).removeprefix(": ")
 
 
 def quantity_units(catalogue: Catalogue) -> dict[str, str]:

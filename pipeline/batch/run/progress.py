@@ -20,7 +20,7 @@ from typing import Any, Protocol, Self, TextIO
 from ...errors import WheelplaneError, printable
 from ..catalogue.rows import FAILED
 from ..operation.run_state import AtWork, RunState, duration, forget_states, write_state
-from ..results.query import NUMBERS
+from ..results.query import general
 from ..storage.entry import legible
 from ..storage.store import Store
 from .work import CompletedCapture
@@ -193,7 +193,7 @@ class RunReport:
         with self._lock:
             count(self._state.done, outcome.status)
             if outcome.status in FAILED:
-                reason = NUMBERS.sub("#", outcome.reason.replace(done.name, ""))
+                reason = general(outcome.reason, legible(done.name))
                 count(self._state.failures, f"{outcome.status}, {outcome.stage}: {reason}")
         self._event(
             "finished",
