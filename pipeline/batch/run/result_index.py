@@ -165,6 +165,11 @@ class ResultIndex:
         known: Record = pickle.loads(row[1])  # noqa: S301 - of our workers
         return known if entry is not None and entry.stamp == row[0] else None
 
+    @property
+    def is_full(self) -> bool:
+        """Whether it holds as many records as it may: time to update the catalogue."""
+        return self._records >= max(1, MOST_RECORDS)
+
     def forget_records(self) -> None:
         """Drop the records of results, which the catalogue holds."""
         self._database.execute("DELETE FROM written")

@@ -108,6 +108,8 @@ class Batch:
                     self._segments.add(pickle.loads(done.record))  # noqa: S301 - of our workers
                 self.counts.done[done.outcome.status] += 1
                 self._listener.finished(done)
+                if self._index.is_full and self.shard.n == 1:
+                    self.update_catalogue()
         except BaseException:
             self._engine.close()
             raise
