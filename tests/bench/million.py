@@ -1,12 +1,12 @@
-"""A million five-point captures: found, some measured, a finished run repeated, results asked.
+"""A million five-point captures: found and measured, the finished run repeated, results asked.
 
-    nice -n 19 .venv/bin/python -m tests.bench.million DIR [--count 1000000] [--measured 100000]
+    .venv/bin/python -m tests.bench.million DIR [--count 1000000] [--zips] [--workers 2] [--copied]
 
-DIR takes 4 GB of captures, in folders of 100,000, and 4 GB of results; what is there already is
-used again. The repeated run's results are copies of one that was measured, with other names, keys
-and numbers, the fields that the catalogue reads alone (4 kB of 60), and the index that a run writes
-beside them. Wall and CPU seconds of whole processes, the runner's largest resident memory sampled
-every 0.2 s.
+DIR takes 4 GB of captures in folders of 100,000, or 0.4 GB as zips of 1,000, and 62 GB of results;
+what is there already is used again, and an interrupted run goes on. --copied: no more than one is
+measured, and the results are copies of it with other names, keys and numbers, the fields that the
+catalogue reads alone (4 kB of 60), and the index that a run writes beside them. Wall and CPU
+seconds of whole processes, the runner's largest resident memory sampled every 0.2 s.
 """
 
 from __future__ import annotations
@@ -16,10 +16,13 @@ import hashlib
 import json
 import os
 import random
+import shutil
 import sys
 import time
 import uuid
+import zipfile
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 from tests.bench.batch import Use
@@ -28,7 +31,8 @@ from wheelplane.batch.plan.discover import FoundCapture
 from wheelplane.batch.plan.settings import BatchSettings
 from wheelplane.batch.storage.entry import Entry
 
-A_FOLDER = 100_000
+A_FOLDER, A_ZIP = 100_000, 1000
+A_RESULT, A_CAPTURE = 61_440, 4096  # bytes on a disk of blocks of 4 kB
 ROWS = 20
 OF_WHEEL = ("name", "role", "wheel", "status", "toe_deg", "camber_deg", "u_toe_deg", "u_camber_deg",
             "points_on_target", "points_total", "plane_rms_m")  # fmt: skip
@@ -54,19 +58,35 @@ def name_of(i: int) -> str:
     return f"{i // A_FOLDER:03d}/car-{i:07d}.txt"
 
 
-def make_archive(folder: Path, count: int) -> None:
-    """Write the captures: five points a plane, the paper's moved by half a millimetre."""
+def captures(count: int) -> Iterator[str]:
+    """Yield the captures: five points a plane, the paper's moved by half a millimetre."""
     lines = [line.replace(",", " ").split() for line in PAPER.read_text().split("\n") if line]
     rows = [tuple(map(float, line)) for line in lines[:ROWS]]
-    then, rng = time.time() - 3600.0, random.Random(1)
-    for i in range(count):
+    rng = random.Random(1)
+    for _ in range(count):
+        moved = (tuple(x + rng.gauss(0.0, 0.0005) for x in row) for row in rows)
+        yield "".join("%.4f %.4f %.4f\n" % row for row in moved)  # noqa: UP031 (three times as fast)
+
+
+def make_archive(folder: Path, count: int) -> None:
+    """Write the captures into folders."""
+    then = time.time() - 3600.0
+    for i, text in enumerate(captures(count)):
         path = folder / name_of(i)
         if i % A_FOLDER == 0:
             path.parent.mkdir(parents=True, exist_ok=True)
-        moved = (tuple(x + rng.gauss(0.0, 0.0005) for x in row) for row in rows)
-        text = "".join("%.4f %.4f %.4f\n" % row for row in moved)  # noqa: UP031 (three times as fast)
         path.write_text(text)
         os.utime(path, (then, then))
+
+
+def make_zips(folder: Path, count: int) -> None:
+    """Write the same captures into zips."""
+    folder.mkdir(parents=True)
+    made = enumerate(captures(count))
+    for first in range(0, count, A_ZIP):
+        with zipfile.ZipFile(folder / f"{first // A_ZIP:04d}.zip", "w") as target:
+            for i, text in islice(made, A_ZIP):
+                target.writestr(name_of(i), text, zipfile.ZIP_DEFLATED)
 
 
 def found(folder: Path, count: int) -> Iterator[FoundCapture]:
@@ -153,28 +173,32 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--count", type=int, default=1_000_000)
-    parser.add_argument("--measured", type=int, default=100_000)
+    parser.add_argument("--zips", action="store_true")
+    parser.add_argument("--workers", default="2")
+    parser.add_argument("--copied", action="store_true")
     chosen = parser.parse_args()
-    archive = chosen.folder / "archive"
+    kind = "zips" if chosen.zips else "folders"
+    archive, results = chosen.folder / kind, chosen.folder / f"results-of-{kind}"
+    chosen.folder.mkdir(parents=True, exist_ok=True)
+    needed = chosen.count * ((A_CAPTURE if chosen.copied else A_RESULT) + A_CAPTURE)
+    if not results.is_dir() and shutil.disk_usage(chosen.folder).free < 1.05 * needed:
+        sys.exit(f"{chosen.folder}: {1.05 * needed / 1e9:.0f} GB of free space are needed")
     if not archive.is_dir():
         began = time.monotonic()
-        make_archive(archive, chosen.count)
+        (make_zips if chosen.zips else make_archive)(archive, chosen.count)
         print(f"{chosen.count:,} captures made in {time.monotonic() - began:.0f} s", flush=True)
-    few = chosen.folder / "measured"
-    if chosen.measured and not few.is_dir():
-        options = ("--limit", str(chosen.measured), "--workers", "1")
-        run(BATCH, f"all found, {chosen.measured:,} measured", archive, few, *options)
-        run(BATCH, "all found, those recognised, one measured", archive, few, "--limit", "1")
-    results = chosen.folder / "results"
-    if not results.is_dir():
+    if chosen.copied and not results.is_dir():
         began = time.monotonic()
         make_results(results, archive, chosen.count)
         print(f"{chosen.count:,} results made in {time.monotonic() - began:.0f} s", flush=True)
     ask = [sys.executable, "-m", "wheelplane", "results", str(results)]
-    run(ask, "catalogue made of the results", "--limit", "1")
+    if chosen.copied:
+        run(ask, "catalogue made of the results", "--limit", "1")
+    else:
+        run(BATCH, "found and measured", archive, results, "--workers", chosen.workers)
     print(f"catalogue: {(results / 'catalogue.sqlite').stat().st_size / 1e6:.0f} MB", flush=True)
     for again in ("finished run repeated", "and once more"):
-        run(BATCH, again, archive, results, "--workers", "1")
+        run(BATCH, again, archive, results, "--workers", chosen.workers)
     for name, options in QUESTIONS.items():
         run(ask, name, *options)
 
