@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import pickle
 import tempfile
+import threading
 import time
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 
 from ... import __version__
@@ -42,6 +42,7 @@ from .measure_one import (
 )
 
 WRITERS = 16  # simultaneous syncs to disk, or requests to storage
+LATEST_S = 1.0  # after which a result is written while others of its task are measured
 RECOGNISED = Outcome("recognised")
 VANISHED = Outcome("vanished")
 
@@ -114,22 +115,20 @@ def work(task: Task) -> list[CompletedCapture]:
         )
     try:
         results = _store(task.request.results)
-        worked = [_one(found, task, results) for found in task.captures]
-        # Written together at the end: while captures are measured, each of the calls that write a
-        # file would wait for the interpreter's lock, and the measurement for it.
-        writes = [None if write is None else _writers().submit(write) for _, write in worked]
-        return [
-            done if writing is None else replace(done, stamp=writing.result())
-            for (done, _), writing in zip(worked, writes, strict=True)
-        ]
+        measured = threading.Event()
+        try:
+            worked = [_one(found, task, results, measured) for found in task.captures]
+        finally:
+            measured.set()
+        return [done if to is None else replace(done, stamp=to.result()) for done, to in worked]
     except WheelplaneError as error:
         raise TransientError(str(error)) from error
 
 
 def _one(
-    found: FoundCapture, task: Task, results: Store
-) -> tuple[CompletedCapture, Callable[[], str] | None]:
-    """Measure a capture; return it with its outcome, and what writes a new result."""
+    found: FoundCapture, task: Task, results: Store, measured: threading.Event
+) -> tuple[CompletedCapture, Future[str] | None]:
+    """Measure a capture; return it with its outcome, and the pending write of a new result."""
     watch = _Stopwatch()
     with ExitStack() as stack:
         archive, known, folder = _known(found, task, stack, watch)
@@ -145,11 +144,11 @@ def _one(
             raise TransientError(f"{found.name}: changed while it was measured")
         if not Path(tempfile.gettempdir()).is_dir():
             raise TransientError(f"{found.name}: the folder of temporary files was removed")
-    write = partial(_write, results, known.key, result, exists)
+    writing = _writers().submit(_write, measured, results, known.key, result, exists)
     done = _done(found, known, result.outcome)
     done = replace(done, seconds=tuple(watch.laps), memory_bytes=peak_bytes())
     record = read_record(known.key, result.data, result.tree)
-    return replace(done, record=pickle.dumps(record)), write
+    return replace(done, record=pickle.dumps(record)), writing
 
 
 class _Stopwatch:
@@ -219,12 +218,17 @@ def _is_retried(results: Store, key: str, retry: str) -> bool:
     return is_retried(read_record(key, results.read(json_name(key))).capture, retry)
 
 
-def _write(results: Store, key: str, result: Result, replace_failure: bool) -> str:
+def _write(
+    measured: threading.Event, results: Store, key: str, result: Result, replace_failure: bool
+) -> str:
     """Write the log of a failure, then the result, whose presence means done.
 
     Return the stamp of its file, unless another process was faster, or it is in object storage.
-    replace_failure: replace the result of a failure and remove its log.
+    replace_failure: replace the result of a failure and remove its log. measured: whether all of
+    the task is; beside a measurement, which holds the interpreter's lock, each call that writes a
+    file waits for it, so that only what takes LATEST_S is not waited for.
     """
+    measured.wait(LATEST_S)
     log = f"logs/{key}.log"
     if result.log:
         results.write(log, result.log.encode(errors="replace"))
