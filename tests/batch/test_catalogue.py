@@ -553,8 +553,10 @@ def test_points_of_one_cloud_count_once(kind, points, total):
 )
 def test_a_section_of_another_kind_is_damage(changes, reason):
     record = read_changed(**changes)
-    assert (record.capture.status, record.wheels, record.quantities) == ("damaged", (), ())
-    assert reason in record.capture.reason
+    row = record.capture
+    assert (row.status, record.wheels, record.quantities) == ("damaged", (), ())
+    assert (row.wheels, row.wheels_ok, row.points_total) == (0, 0, 0)
+    assert reason in row.reason
 
 
 def test_quantities_are_those_with_a_name_and_a_unit():
@@ -580,6 +582,8 @@ def test_each_byte_of_the_header_is_under_the_checksum(tmp_path):
     write_sqlite_file(connection, path)
     whole = path.read_bytes()
     assert int.from_bytes(whole[60:64], "big") == zlib.crc32(whole[:60] + whole[64:])
+    of_history = [int.from_bytes(whole[at : at + 4], "big") for at in (24, 40, 92, 96)]
+    assert of_history == [1, 1, 1, 3_040_000]
     for at in range(sqlite_file.HEADER):
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :])
         assert open_sqlite_file(path) is None
