@@ -225,10 +225,11 @@ def _write(
 
     Return the stamp of its file, unless another process was faster, or it is in object storage.
     replace_failure: replace the result of a failure and remove its log. measured: whether all of
-    the task is; beside a measurement, which holds the interpreter's lock, each call that writes a
-    file waits for it, so that only what takes LATEST_S is not waited for.
+    the task is, which files wait for, at most LATEST_S: beside a measurement, which holds the
+    interpreter's lock, each call that writes one waits. Objects do not, as requests take longer.
     """
-    measured.wait(LATEST_S)
+    if results.local is not None:
+        measured.wait(LATEST_S)
     log = f"logs/{key}.log"
     if result.log:
         results.write(log, result.log.encode(errors="replace"))
