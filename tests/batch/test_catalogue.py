@@ -17,6 +17,7 @@ import time
 import zlib
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -632,6 +633,34 @@ def test_the_catalogue_of_a_run_without_results_yet_is_empty(tmp_path):
     assert update(store) == 0
     add(store, *some(2))
     assert update(store) == 2
+
+
+def test_changes_in_a_folder_are_those_since_the_update(store):
+    keys = sorted(add_some(store, 60))
+    update(store)
+    pairs = [two for two in pairwise(keys) if two[0][:2] == two[1][:2]]
+    (replaced, beside), root = pairs[0], store.local / "measurements"
+    time.sleep(0.1)
+    since_ns = time.time_ns()
+    updated_ns = since_ns + GRAIN_NS
+    with closing(open_sqlite_file(store.local / FILE)) as current:
+        assert not in_folder(store.local, current, updated_ns)
+        store.write(place(replaced), b"{}")
+        assert root.stat().st_ctime_ns < since_ns
+        at_ns = (store.local / place(replaced)).stat().st_ctime_ns
+        for known_ns in (updated_ns, at_ns + 1, at_ns + GRAIN_NS):
+            found = in_folder(store.local, current, known_ns)
+            assert (found.read, found.removed) == ([replaced], [])
+        (store.local / place(beside)).unlink()
+        assert in_folder(store.local, current, updated_ns).removed == [beside]
+        shutil.rmtree(root)
+        assert in_folder(store.local, current, updated_ns).removed == keys
+
+
+def add_some(store, n: int) -> list[str]:
+    trees = some(n)
+    add(store, *trees)
+    return [tree["batch"]["key"] for tree in trees]
 
 
 def test_only_keys_in_their_places_are_read(store, remote):
