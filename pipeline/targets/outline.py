@@ -361,7 +361,8 @@ def sector(share: Array, count: int) -> npt.NDArray[np.int64]:
 
 def _angle_share(vectors: Array) -> Array:
     """Return the angle of vectors (N, 2) from u towards v, as a share of a full rotation."""
-    return np.asarray((np.arctan2(vectors[:, 1], vectors[:, 0]) / (2.0 * np.pi)) % 1.0)
+    share = np.arctan2(vectors[:, 1], vectors[:, 0]) / (2.0 * np.pi)
+    return np.asarray(share + (share < 0.0))
 
 
 def _direction(share: Array) -> Array:

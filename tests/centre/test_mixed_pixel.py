@@ -223,11 +223,11 @@ def test_shares_and_moments_are_integrals_of_one_footprint(shape):
     footprint = Profile(shape)
     share = np.array([power[t > -place].sum() for place in u])
     np.testing.assert_allclose(footprint.share(u), share, atol=2e-5)
-    np.testing.assert_allclose(footprint.density(u), np.interp(u, t, power * 1e5), atol=3e-4)
+    np.testing.assert_allclose(footprint.at(u).density, np.interp(u, t, power * 1e5), atol=3e-4)
     moment = np.array([(power * t)[t > -place].sum() for place in u])
-    np.testing.assert_allclose(footprint.moment(u), moment, atol=2e-4)
+    np.testing.assert_allclose(footprint.at(u).moment, moment, atol=2e-4)
     integral = np.array([(power * np.clip(t + place, 0.0, None)).sum() for place in u])
-    np.testing.assert_allclose(footprint.integral(u), integral, atol=2e-5)
+    np.testing.assert_allclose(footprint.at(u).integral, integral, atol=2e-5)
 
 
 @pytest.mark.parametrize("slant", [0.0, 0.25])

@@ -85,7 +85,9 @@ def _quantiles(
 
     NaN in an empty part behind the last point.
     """
-    order = np.lexsort((values, part))
+    by_value = np.argsort(values)
+    narrow = part[by_value].astype(np.min_scalar_type(count))  # numpy sorts one byte by counting
+    order = by_value[np.argsort(narrow, kind="stable")]
     ranked = np.append(values[order], np.nan)
     start = np.searchsorted(part[order], np.arange(count + 1))
     size = np.diff(start)
@@ -264,7 +266,9 @@ def carry_near(
 def _on_plane(plane: Array, depth: Array, state: Array) -> tuple[Array, Array, Array]:
     """Return the shrinking (N,) of steps, and where beams meet the plane (N, 2), in both axes."""
     shrink = 1.0 / (1.0 + state[INVERSE] * depth)
-    q = (plane.T - state[CENTRE, None] - depth * state[BEAM, None]) * shrink
+    q = plane.T - state[CENTRE, None]
+    q -= depth * state[BEAM, None]
+    q *= shrink
     return shrink, q.T, turned(q.T, -state[ROTATION])
 
 

@@ -329,8 +329,8 @@ def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Arra
     d_x = profile.d_x
     by_centre = across * (beams.shrink * beams.curve * facing) - rho * (d_x * beams.shrink)
     J_q, J_rho = _quarter(q), _quarter(rho)
-    tau_by_rotation = beams.curve * np.sum(across * J_q, axis=0) - beam @ J_rho
-    support = np.sum(rho * q, axis=0)
+    tau_by_rotation = beams.curve * _dot(across, J_q) - beam @ J_rho
+    support = _dot(rho, q)
     return np.stack(
         [
             *by_centre,
@@ -339,7 +339,7 @@ def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Arra
             profile.d_log_spot,
             profile.d_thickness * np.exp(state[THICKNESS]),
             profile.d_log_ratio,
-            -d_x * np.sum(rho * J_q, axis=0) + facing * tau_by_rotation,
+            -d_x * _dot(rho, J_q) + facing * tau_by_rotation,
             d_wall * (wall - 1.0),
             profile.d_shape,
             -d_x,
@@ -350,3 +350,8 @@ def profile_slopes(profile: EdgeProfile, beams: Beams, depth: Array, state: Arra
 def _quarter(vectors: Array) -> Array:
     """Rotate vectors (2, N) by 90 degrees."""
     return np.stack([-vectors[1], vectors[0]])
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Return the scalar products (N,) of vectors (2, N)."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1])

@@ -33,24 +33,41 @@ class Profile:
 
     def share(self, u: Array) -> Array:
         """Return the share F beyond the edge (N,)."""
-        return _between(u, self._tables[0])
+        return _Places(u).between(self._tables[0])
 
-    def integral(self, u: Array) -> Array:
-        """Return the integral of F up to u (N,)."""
-        return _between(u, self._tables[1]) + np.maximum(u - _END, 0.0)
-
-    def density(self, u: Array) -> Array:
-        """Return the derivative of F (N,)."""
-        return (1.0 - self.shape) * chord(u) + self.shape * _bell(u)
-
-    def moment(self, u: Array) -> Array:
-        """Return the part beyond the edge times its mean distance from the middle (N,)."""
-        disc = 2.0 / (3.0 * np.pi) * np.clip(1.0 - u * u, 0.0, None) ** 1.5
-        return np.asarray((1.0 - self.shape) * disc + self.shape * _bell(u) / 4.0)
+    def at(self, u: Array) -> Footprint:
+        """Return all that a profile tells at u (N,)."""
+        places, bell = _Places(u), _bell(u)
+        square = np.clip(1.0 - u * u, 0.0, None)
+        disc = 2.0 / (3.0 * np.pi) * square**1.5
+        return Footprint(
+            share=places.between(self._tables[0]),
+            integral=places.between(self._tables[1]) + np.maximum(u - _END, 0.0),
+            density=(1.0 - self.shape) * (2.0 / np.pi * np.sqrt(square)) + self.shape * bell,
+            moment=(1.0 - self.shape) * disc + self.shape * bell / 4.0,
+            share_by_shape=places.between(_BY_SHAPE[0]),
+            integral_by_shape=places.between(_BY_SHAPE[1]),
+        )
 
     @cached_property
     def _tables(self) -> tuple[Array, Array]:
         return _mixed(_F, self.shape), _mixed(_G, self.shape)
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """Shares of a footprint of unit radius beyond straight edges, (N,) each.
+
+    share: F, beyond the edge; integral: of F from afar to there; density: derivative of F; moment:
+    the part beyond the edge times its mean distance from the middle. by_shape: derivatives.
+    """
+
+    share: Array
+    integral: Array
+    density: Array
+    moment: Array
+    share_by_shape: Array
+    integral_by_shape: Array
 
 
 def chord(u: Array) -> Array:
@@ -72,18 +89,18 @@ def _mixed(pair: Array, shape: float) -> Array:
     return np.asarray((1.0 - shape) * pair[0] + shape * pair[1])
 
 
-def _between(u: Array, table: Array) -> Array:
-    """Interpolate a table over _U linearly; its ends beyond them."""
-    place = np.clip((u + _END) * (_STEPS / (2.0 * _END)), 0.0, _STEPS - 1e-9)
-    row = place.astype(np.intp)
-    below = table[row]
-    return np.asarray(below + (place - row) * (table[row + 1] - below))
+class _Places:
+    """Places (N,) in tables over _U, between which these are interpolated; their ends beyond."""
 
+    def __init__(self, u: Array) -> None:
+        place = np.clip((u + _END) * (_STEPS / (2.0 * _END)), 0.0, _STEPS - 1e-9)
+        self._row = place.astype(np.intp)
+        self._next, self._beyond = self._row + 1, place - self._row
 
-def _by_shape(a: Array, b: Array, radii_per_width: Array) -> tuple[Array, Array, Array]:
-    """Return derivatives (N,) of F(a), F(b) and M by the shape."""
-    F_a, F_b, G_a, G_b = (_between(u, t) for t in _BY_SHAPE for u in (a, b))
-    return F_a, F_b, (G_a - G_b) * radii_per_width
+    def between(self, table: Array) -> Array:
+        """Interpolate a table linearly."""
+        below = table[self._row]
+        return np.asarray(below + self._beyond * (table[self._next] - below))
 
 
 # F of both profiles and G, the integral of F; (2, K) each.
@@ -143,12 +160,13 @@ def edge_profile(
     width = np.maximum(thickness_m * tau, 1e-3 * spot_m)  # a narrower wall acts as none
     a, b = x_m / spot_m, (x_m - width) / spot_m
     spot = Profile(shape)
-    Fa, Fb = spot.share(a), spot.share(b)
-    fa, fb = spot.density(a) / spot_m, spot.density(b) / spot_m
-    M = (spot.integral(a) - spot.integral(b)) * spot_m / width
+    at_a, at_b = spot.at(a), spot.at(b)
+    Fa, Fb = at_a.share, at_b.share
+    fa, fb = at_a.density / spot_m, at_b.density / spot_m
+    M = (at_a.integral - at_b.integral) * spot_m / width
     e, o, T = reflectance_ratio, wall, thickness_m
     light = 1.0 - Fa + o * (Fa - Fb) + e * Fb
-    m_a, m_b = slant * spot_m * spot.moment(a), slant * spot_m * spot.moment(b)
+    m_a, m_b = slant * spot_m * at_a.moment, slant * spot_m * at_b.moment
     depth = (o * T * (M - Fb) + e * background_m * Fb + (1.0 - o) * m_a + (o - e) * m_b) / light
 
     def change(d_Fa: Array | float, d_Fb: Array | float, d_M: Array | float) -> Array:
@@ -166,7 +184,11 @@ def edge_profile(
         d_thickness=o * (M - Fb) / light + d_width * tau,
         d_log_ratio=e * (Fb * (background_m - depth) - m_b) / light,
         d_wall=(T * (M - Fb) - depth * (Fa - Fb) + m_b - m_a) / light,
-        d_shape=change(*_by_shape(a, b, spot_m / width)),
+        d_shape=change(
+            at_a.share_by_shape,
+            at_b.share_by_shape,
+            (at_a.integral_by_shape - at_b.integral_by_shape) * (spot_m / width),
+        ),
         background_share=Fb,
         background_light=e * Fb / light,
     )
