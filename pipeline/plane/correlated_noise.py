@@ -29,7 +29,7 @@ ALONG_OF_RADIUS = (0.1, 0.25, 0.5, 1.0, 3.0, math.inf)  # lengths in cells along
 ACROSS_OF_RADIUS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.3)  # the longest: ranges that drift
 FORM_OF_RADIUS = 0.3  # longer waves are the target's form error, not noise of the scanner
 LEVELS = np.arange(-40.0, 41.0)  # of log s^2, by the greatest eigenvalue: where a maximum is sought
-HALVINGS = 50
+MOST_STEPS, CLOSE = 60, 1e-13  # to the maximum, in log s^2
 SUSPECT = 2.5  # standard deviations of the score test above which the likelihood is maximised
 SIGNIFICANT = 9.0  # of twice the gain in log-likelihood, before correlation is believed
 SIGNIFICANT_LINED = 12.0  # the same in cells along scan lines, which show more kinds of noise
@@ -282,18 +282,25 @@ class _Field:
         square = (vectors.T @ self.residual) ** 2
         scale = 1.0 / max(float(values[-1]), 1e-300)
 
-        def slope(level: Array) -> Array:
-            share = np.multiply.outer(np.exp(level), values * scale)
-            return np.asarray(
-                np.sum(share / (1.0 + share) * (square / (1.0 + share) - 1.0), axis=-1)
-            )
+        def slopes(level: Array) -> tuple[Array, Array]:
+            """Return the slope of the likelihood by log s^2, and the slope of that."""
+            ratio = np.multiply.outer(np.exp(level), values * scale)
+            left = 1.0 / (1.0 + ratio)
+            share, pull = ratio * left, square * left
+            first = share * (pull - 1.0)
+            second = first * left - share * share * pull
+            return np.sum(first, axis=-1), np.sum(second, axis=-1)
 
-        high = LEVELS[np.argmax(np.append(slope(LEVELS[:-1]) <= 0.0, True))]
-        low = high - 1.0
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if slope(middle) > 0.0 else (low, middle)
-        variance = scale * math.exp(0.5 * (low + high))
+        high = LEVELS[np.argmax(np.append(slopes(LEVELS[:-1])[0] <= 0.0, True))]
+        low, level = high - 1.0, high - 0.5
+        for _ in range(MOST_STEPS):
+            first, second = slopes(level)
+            low, high = (level, high) if first > 0.0 else (low, level)
+            ahead = level - first / second if second < 0.0 else low
+            before, level = level, ahead if low < ahead < high else 0.5 * (low + high)
+            if abs(level - before) < CLOSE:
+                break
+        variance = scale * math.exp(level)
         share = values * variance
         gain = 0.5 * float(np.sum(square * share / (1.0 + share) - np.log1p(share)))
         dof = float(np.sum((share / (1.0 + share)) ** 2))
