@@ -48,6 +48,7 @@ SPARSE_M, HIDDEN = 0.006, 0.9
 # Standard deviations of an edge's growth at which doubt begins, and which a stated size does not
 # explain; share of that growth's movement into the centre; least share of SIZE_M that is shown.
 STRANGE_SIZE, WRONG_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 6.0, 0.6, 0.1
+BY_SIZE = 0.4  # of what an unknown size would move a clean edge's centre: model uncertainty
 GENTLE = 1.0  # slope below which all points that matter lie within target_view.GENTLE_SLOPE
 
 
@@ -197,7 +198,7 @@ def _check_size(edge_fit: EdgeFit, outline: Outline) -> None:
         side = "beyond" if growth_m > 0.0 else "inside"
         raise NotMeasuredError(
             "wrong-outline",
-            f"by its mixed pixels, the target's edge lies {abs(growth_m) * 1e3:.2f} mm or more "
+            f"by the points about it, the target's edge lies {abs(growth_m) * 1e3:.2f} mm or more "
             f"{side} that of {outline.description} all round: check its sizes",
         )
 
@@ -205,8 +206,11 @@ def _check_size(edge_fit: EdgeFit, outline: Outline) -> None:
 def _growth_explained_m(edge_fit: EdgeFit) -> float:
     """Return the standard deviation of an edge's growth where SIZE_M holds.
 
-    A posterior mean has the variance of its prior less that of the posterior.
+    A posterior mean has the variance of its prior less that of the posterior. That of a clean edge
+    has a wide prior, and the variance of its estimate besides.
     """
+    if edge_fit.clean_shift_m is not None:
+        return math.hypot(SIZE_M, edge_fit.growth_u_m)
     return SIZE_M * math.sqrt(max(1.0 - (edge_fit.growth_u_m / SIZE_M) ** 2, LEAST_SHOWN))
 
 
@@ -296,6 +300,8 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
     spread: float = (view.config.model_uncertainty_m * (1.0 + 2.0 * square)) ** 2
     spread += (WALL_SHARE * edge_fit.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
     spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2
+    if edge_fit.by_size_m is not None:
+        spread += BY_SIZE**2 * float(edge_fit.by_size_m @ edge_fit.by_size_m)
     grown_m = abs(edge_fit.growth_m) - STRANGE_SIZE * _growth_explained_m(edge_fit)
     spread += (BY_GROWTH * max(grown_m, 0.0)) ** 2
     bend = edge_fit.thickness_m**2 * square / (8.0 * outline.size_m)  # of the wall, along a beam

@@ -39,6 +39,7 @@ from wheelplane.centre.edge.beams import (
     TWELFTHS,
     WALL,
     WIDEST_M,
+    WRONG_SIZE_M,
     Background,
     Beams,
     Prior,
@@ -208,6 +209,7 @@ def test_what_a_prior_holds_and_nothing_else():
         (held, (2, 3), (2, 3, THICKNESS)),
         (plain, (WALL,), (WALL, SHAPE, GROWTH)),
         (power, (WALL,), (WALL, SPOT, GROWTH)),
+        (prior.unsized(), (), (GROWTH,)),
     ):
         np.testing.assert_array_equal(one.mean[others(*means)], before[0][others(*means)])
         np.testing.assert_array_equal(one.weight[others(*weights)], before[1][others(*weights)])
@@ -223,6 +225,7 @@ def test_what_a_prior_holds_and_nothing_else():
     assert power.weight[SPOT] == pytest.approx(CLEAN_SPOT**-2)
     assert power.weight[SPOT] < prior.weight[SPOT]
     np.testing.assert_allclose([one.weight[GROWTH] for one in (plain, power)], HELD_SIZE_M**-2)
+    assert prior.unsized().weight[GROWTH] == pytest.approx(WRONG_SIZE_M**-2)
     state[GROWTH] = 1e-4
     beside = Prior.beside(state)
     np.testing.assert_array_equal(beside.mean[others(GROWTH)], state[others(GROWTH)])
@@ -244,7 +247,7 @@ def ring(count, seed=0, share=None, tau=0.4):
     none = np.zeros((count, 2))
     tau = np.full(count, tau) * np.where(rng.random(count) < 0.5, 1.0, -1.0)
     whole = np.ones(count)
-    return Beams(x_m, none, tau, whole, none, 0.0 * whole, share, whole > 0.0), depth
+    return Beams(x_m, none, tau, whole, none, 0.0 * whole, share, whole > 0.0, 0.0 * whole), depth
 
 
 def by_sectors(beams, depth, state):
@@ -332,7 +335,7 @@ def about(shares, ring_count, mixed_count, hidden=(), empty=()):
         share += [np.full(ring_count + mixed + 20, (k + 0.5) / TWELFTHS)]
     x, depth, share = (np.concatenate(values) for values in (x, depth, share))
     whole, none = np.ones(len(x)), np.zeros((len(x), 2))
-    beams = Beams(x, none, 0.0 * whole, whole, none, 0.0 * whole, share, whole > 0.0)
+    beams = Beams(x, none, 0.0 * whole, whole, none, 0.0 * whole, share, whole > 0.0, 0.0 * whole)
     one = np.ones(shares)
     back = Background(0.1 * one, 0.0 * one, 0.0 * one, 0.0 * one, one > 0.0)
     return mixed_share(beams, depth, back)
@@ -356,7 +359,9 @@ def test_the_share_of_mixed_pixels_is_that_of_the_middle_of_the_edge():
 def test_a_mixed_pixel_lies_between_and_near_the_edge(depth, x_m, counts):
     x = np.array([x_m, -0.004, -0.004])
     z, whole, none = np.array([depth, 0.0, 0.0]), np.ones(3), np.zeros((3, 2))
-    beams = Beams(x, none, 0.0 * whole, whole, none, 0.0 * whole, 0.5 * whole, whole > 0.0)
+    beams = Beams(
+        x, none, 0.0 * whole, whole, none, 0.0 * whole, 0.5 * whole, whole > 0.0, 0.0 * whole
+    )
     one = np.ones(1)
     back = Background(0.1 * one, 0.0 * one, 0.0 * one, 0.0 * one, one > 0.0)
     assert mixed_share(beams, z, back) == (0.5 if counts else 0.0)

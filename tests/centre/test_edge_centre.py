@@ -139,6 +139,26 @@ def test_no_size_moves_a_centre_beyond_its_uncertainty_unnoticed(name, growth_m)
         assert np.hypot(*error_m(cloud, view, found.estimate)) < 3.72 * u_m
 
 
+@pytest.mark.parametrize("growth_m", [-0.001, 0.0, 0.001])
+@pytest.mark.parametrize("name", ["disc-250", "rectangle-360x240"])
+def test_a_size_that_a_clean_edge_contradicts_is_refused(name, growth_m):
+    """As a camera sees it, whose pixels return target or background."""
+    for seed in range(2):
+        cloud, view = grown(name, growth_m, seed, spot_m=0.0, noise_m=0.0002, pointing_m=2e-5)
+        if growth_m > 0.0:
+            with pytest.raises(NotMeasuredError, match=r"mm or more beyond that of a .* all round"):
+                centre_by_edge(view, view.target.edge)
+            continue
+        try:
+            found = centre_by_edge(view, view.target.edge)
+        except NotMeasuredError:
+            assert growth_m < 0.0
+            continue
+        u_m = math.sqrt(np.trace(found.estimate.covariance_m2) / 2.0)
+        assert np.hypot(*error_m(cloud, view, found.estimate)) < 3.72 * u_m
+        assert u_m < 1e-4 or growth_m < 0.0
+
+
 @pytest.mark.parametrize(("growth_m", "seen"), [(0.0007, True), (0.0001, False)])
 def test_a_size_in_doubt_is_in_the_uncertainty(growth_m, seen):
     """The model's variance grows where SIZE_M hardly explains the edge, and not before."""

@@ -31,10 +31,10 @@ from wheelplane.centre.edge.edge_residuals import (
     spread,
 )
 from wheelplane.centre.edge.fit_edge import (
+    ALONE,
     AS_MUCH,
     CONTRADICTED,
     DIFFERENT,
-    FIRST,
     LEAST_CLEAN,
     LOOKS,
     NOTICED_GROWTH_M,
@@ -187,10 +187,11 @@ def test_a_background_of_outliers_is_left_out(monkeypatch, front, back, contradi
     assert calls == [(False, True), (True, False)][: 1 + contradicts]
 
 
-@pytest.mark.parametrize("ratio", [FIRST - 0.1, FIRST + 0.1])
-def test_first_returns_are_those_of_a_small_ratio(monkeypatch, ratio):
+@pytest.mark.parametrize("beyond", [-0.1, 0.1])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_first_and_last_returns_are_those_of_ratios_far_from_one(monkeypatch, beyond, sign):
     """And the wall of a scanner that parts returns by power begins as Lambert's."""
-    problem, calls = problem_of(), []
+    problem, calls, ratio = problem_of(), [], sign * (ALONE + beyond)
 
     def explained(problem, state, most, by_power):
         calls.append((state[WALL], by_power))
@@ -198,12 +199,14 @@ def test_first_returns_are_those_of_a_small_ratio(monkeypatch, ratio):
 
     monkeypatch.setattr(fit_edge, "has_background", lambda *args: True)
     monkeypatch.setattr(fit_edge, "_explained", explained)
-    monkeypatch.setattr(fit_edge, "_record", lambda *args: None)
-    monkeypatch.setattr(fit_edge, "_settled", lambda *args: RECORD)
+    monkeypatch.setattr(fit_edge, "ERODED", 2.0)
+    monkeypatch.setattr(fit_edge, "_record", lambda *args: RECORD)
+    monkeypatch.setattr(fit_edge, "_settled", lambda fitted, found: fitted)
     state = state_of()
     found = fit_edge._clean(problem, state, CONFIG)
     assert found.clean_shift_m == pytest.approx(fit_edge.shift_m(ended(ratio=ratio).state))
-    assert calls == [(1.0, True), (1.0, False)][: 1 + (ratio < FIRST)]
+    assert calls[0] == (1.0, True)
+    assert [by_power for _, by_power in calls] == [True, False][: 1 + (beyond > 0.0)] * 2
     assert state[WALL] == state_of()[WALL]
 
 
@@ -215,7 +218,7 @@ def test_few_rows_or_sectors_give_no_clean_fit(monkeypatch, sectors, rows, shown
     share = (np.arange(rows) % sectors + 0.5) / SECTORS
     monkeypatch.setattr(fit_edge, "has_background", lambda *args: True)
     monkeypatch.setattr(fit_edge, "_explained", lambda *a, **k: ended([1.0] * rows, 0, share))
-    monkeypatch.setattr(fit_edge, "_record", lambda *args: None)
+    monkeypatch.setattr(fit_edge, "_record", lambda *args: RECORD)
     monkeypatch.setattr(fit_edge, "_settled", lambda *args: RECORD)
     assert (fit_edge._clean(problem_of(), state_of(), CONFIG) is not None) == shown
 

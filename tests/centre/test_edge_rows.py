@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.optimize import brentq
 from wheelplane.centre.edge.beams import (
     BEAM,
     CENTRE,
+    INVERSE,
     RATIO,
     ROTATION,
     SHAPE,
@@ -215,22 +217,32 @@ def test_consistent_slopes_are_those_at_the_profile_s_depth():
 
 def excess(x, tau, state):
     """Power of face and wall less that of the background, of a beam x outside the edge."""
-    spot, profile = np.exp(state[SPOT]), Profile(float(state[SHAPE]))
+    spot, profile = _across_m(tau, state), Profile(float(state[SHAPE]))
     wall = max(1.0 + state[WALL] * (tau - 1.0), 0.02)
-    a, b = (profile.share(np.array([v / spot]))[0] for v in (x, x - tau * np.exp(state[THICKNESS])))
+    a, b = (
+        profile.share(np.array([v / spot]))[0]
+        for v in (x, x - max(tau, 0.0) * np.exp(state[THICKNESS]))
+    )
     return (1.0 - a) + wall * (a - b) - np.exp(state[RATIO]) * b
 
 
+def _across_m(tau, state):
+    """Radius of a slanted footprint across the edge."""
+    return np.exp(state[SPOT]) * math.hypot(1.0, tau)
+
+
 def parted(tau, state):
-    reach = 2.0 * np.exp(state[SPOT])
-    return brentq(excess, -reach, reach + tau * np.exp(state[THICKNESS]), (tau, state), xtol=1e-15)
+    reach = 2.0 * _across_m(tau, state)
+    return brentq(
+        excess, -reach, reach + max(tau, 0.0) * np.exp(state[THICKNESS]), (tau, state), xtol=1e-15
+    )
 
 
 @pytest.mark.parametrize("ratio", [0.2, 1.0, 6.0])
 def test_a_clean_edge_lies_where_the_powers_are_alike(ratio):
     state = state_of()
     state[RATIO] = np.log(ratio)
-    tau = np.array([0.0, 0.05, 0.13, 0.4, 1.1])
+    tau = np.array([-0.6, -0.2, 0.0, 0.05, 0.13, 0.4, 1.1])
     table = _edge_table(tau, state)
     np.testing.assert_allclose(table[0], [parted(t, state) for t in tau], atol=1e-9)
     assert shift_m(state) == pytest.approx(parted(0.0, state), abs=1e-9)
@@ -283,19 +295,26 @@ def test_rows_of_a_clean_edge_are_those_of_its_nearest_points(outline, count, ro
         problem = replace(problem, plane=plane, depth=problem.depth[shown])
     linear = clean_equations(problem, state, True, rough, by_power)
     beams, z = carry(problem.plane, problem.depth, state, outline), problem.depth
-    tau = np.maximum(beams.tau, 0.0)
-    grid = np.linspace(0.0, tau.max(), 48)
+    run = state[BEAM] + state[INVERSE] * beams.q_m  # of each beam, per depth
+    slope, square = -np.sum(beams.rho * run, axis=1), np.sum(run**2, axis=1)
+    lower, thickness = slope - beams.bent, np.exp(state[THICKNESS])
+    grid = np.linspace(-np.abs(lower).max(), np.abs(lower).max(), 97)
     at = state if by_power else first_state(state)
-    beyond = beams.x_m - np.interp(tau, grid, [parted(t, at) for t in grid])
-    seen = beams.clear & (z > -5.0 * SIGMA_M - 1e-4)
+    beyond = beams.x_m - np.interp(lower, grid, [parted(t, at) for t in grid])
+    incidence = np.arctan(np.hypot(*state[BEAM]))
+    seen = beams.clear & (z > -5.0 * SIGMA_M - 1e-4 - np.exp(state[SPOT]) * np.sin(2 * incidence))
     front = seen & (z < target_depth_m(state, SIGMA_M))
     face = np.flatnonzero(front & (beams.x_m > -INNER_M) & (beyond < 0.0))
     assert linear.depths == len(face)
-    spot = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
+    spot = np.exp(state[SPOT]) * np.sqrt(1.0 + lower**2)
+    # A wall that bends by b, met at the depth d: x = s d - b d^2 / T.
+    with np.errstate(invalid="ignore"):
+        root = np.nan_to_num(np.sqrt(slope**2 - 4.0 * beams.bent / thickness * beams.x_m))
+    deep = 2.0 * beams.x_m / np.maximum(slope + root, 1e-12)
+    tau = np.maximum(slope - beams.bent * np.clip(deep / thickness, 0.0, 1.0), 0.0)
     light = 1.0 + state[WALL] * (tau - 1.0)
-    slant, thickness = beams.tau / (1.0 + state[BEAM] @ state[BEAM]), np.exp(state[THICKNESS])
     mean = edge_profile(
-        beams.x_m, tau, 0.0 * z, spot, thickness, NONE, light, state[SHAPE], slant
+        beams.x_m, tau, 0.0 * z, spot, thickness, NONE, light, state[SHAPE], slope / (1.0 + square)
     )  # fmt: skip
     residual = (z - mean.depth_m)[face]
     variance = ((SIGMA_M + 1e-6) ** 2 + (mean.d_x * POINTING_M) ** 2)[face]
@@ -303,7 +322,7 @@ def test_rows_of_a_clean_edge_are_those_of_its_nearest_points(outline, count, ro
     np.testing.assert_allclose(linear.residual_m[: len(face)], residual, atol=1e-12)
     np.testing.assert_allclose(linear.weight[: len(face)], weight / variance)
     np.testing.assert_allclose(linear.change[: len(face)], change / variance)
-    lifted = (1.0 - mean.d_x * beams.tau * beams.shrink)[face]
+    lifted = (1.0 - mean.d_x * lower * beams.shrink)[face]
     np.testing.assert_allclose(linear.by_height[: len(face)], lifted)
     np.testing.assert_array_equal(linear.q_m[: len(face)], beams.q_m[face])
     ring = front & (beyond < -RING_SKIP_M) & (beyond > -RING_SKIP_M - RING_M)
@@ -327,7 +346,7 @@ def test_rows_of_a_clean_edge_are_those_of_its_nearest_points(outline, count, ro
     weight, change = robust_weight(last**2 / variance / (ROUGH if rough else 1.0) ** 2, True)
     np.testing.assert_allclose(linear.weight[len(face) :], weight / variance, atol=1.0)
     np.testing.assert_allclose(linear.change[len(face) :], change / variance, atol=2.0)
-    lifted = (beams.tau * beams.shrink)[rows]
+    lifted = (lower * beams.shrink)[rows]
     np.testing.assert_allclose(linear.by_height[len(face) :], lifted)
     np.testing.assert_allclose(linear.share[len(face) :], beams.share[rows])
     alone = clean_equations(problem, state, True, rough, by_power, by_background=False)

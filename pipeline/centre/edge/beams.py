@@ -125,6 +125,7 @@ HELD_WALL = 0.02  # of Lambert's share and the spot's shape in a first fit (k = 
 HELD_SIZE_M = 1e-5  # of an edge of the stated size (k = 1)
 HELD_BEAM, HELD_THICKNESS = 0.05, 0.03  # of a fit that diverged (k = 1)
 SIZE_M = 1e-4  # of a target's radius, or half its width, against the stated one (k = 1)
+WRONG_SIZE_M = 1e-3  # of a radius that is wrong (k = 1)
 STATION_M = 0.005  # of a scanner's stated position against the origin of its beams (k = 1)
 ROTATION_RAD = 0.1  # of the detected axes against the target's (k = 1)
 MIN_DEPTH_M = 0.006  # least depth of a background
@@ -181,6 +182,12 @@ class Prior:
         weight[WALL], weight[SHAPE] = HELD_WALL**-2, HELD_WALL**-2
         return Prior(mean, weight).sized()
 
+    def unsized(self) -> Prior:
+        """Return the prior of an edge of a size that may be wrong."""
+        weight = self.weight.copy()
+        weight[GROWTH] = WRONG_SIZE_M**-2
+        return Prior(self.mean, weight)
+
     def sized(self) -> Prior:
         """Return the prior of an edge of the stated size."""
         weight = self.weight.copy()
@@ -209,7 +216,8 @@ class Beams:
     """Beams carried to the plane, (N,) each or (N, 2): x outside the edge, its normal rho, tau.
 
     q_m: where they met the plane, from the centre. shrink: of a step at the point's depth, on its
-    way to the plane. curve: see ClosestPoints.
+    way to the plane. curve: see ClosestPoints. bent: by which the wall's bend lessens tau, down to
+    the thickness.
     """
 
     x_m: Array
@@ -220,6 +228,7 @@ class Beams:
     curve: Array
     share: Array
     clear: Mask
+    bent: Array
 
     def taken(self, rows: npt.NDArray[np.intp]) -> Beams:
         """Return those of some rows, the components of vectors contiguous as before."""
@@ -280,4 +289,4 @@ def _against_edge(shrink: Array, q: Array, aligned: Array, state: Array, outline
     bent = np.exp(state[THICKNESS]) * aside * closest.bend / 2.0
     tau = -outward - state[INVERSE] * closest.support_m - bent
     x_m = closest.x_m - state[GROWTH]
-    return Beams(x_m, rho, tau, shrink, q, closest.curve, closest.share, closest.clear)
+    return Beams(x_m, rho, tau, shrink, q, closest.curve, closest.share, closest.clear, bent)

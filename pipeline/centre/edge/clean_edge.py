@@ -10,6 +10,8 @@ return, whose mean depth is that of the mixed pixel without background.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -17,6 +19,7 @@ from ...targets import sector
 from ...vectors import Array, Mask
 from .beams import (
     BEAM,
+    INVERSE,
     LEAST_WALL,
     MIN_DEPTH_M,
     RATIO,
@@ -38,7 +41,7 @@ from .edge_residuals import (
 )
 from .mixed_pixel import EdgeProfile, Profile, edge_profile
 
-SLOPES = 48  # of the wall against the beams, at which x* is solved
+SLOPES = 97  # of the wall against the beams, at which x* is solved
 HALVINGS = 40
 NONE = 1e-9  # reflectance of what is not in the return
 STEP_M, STEP = 1e-6, 1e-4  # of x* and of tau, for derivatives of x*
@@ -71,13 +74,15 @@ def clean_equations(
     returns part by power; else the least part of a footprint on face or wall decides, however dark.
     by_background: whether the points next to the edge on its outer side count.
     """
-    beams, depth = problem.beams(state), problem.depth
-    seen = beams.clear & (depth > -5.0 * problem.sigma_m - 1e-4)
+    beams, depth = _fanned(problem.beams(state), state), problem.depth
+    square = float(state[BEAM] @ state[BEAM])
+    nearer_m = 2.0 * np.exp(state[SPOT]) * np.sqrt(square) / (1.0 + square)  # parts of a footprint
+    seen = beams.clear & (depth > -5.0 * problem.sigma_m - 1e-4 - nearer_m)
     on_target = seen & (depth < target_depth_m(state, problem.sigma_m))
-    tau = np.maximum(beams.tau, 0.0)
-    grid = np.linspace(0.0, max(float(tau.max(initial=0.0)), 1e-3), SLOPES)
+    steepest = max(float(np.abs(beams.tau).max(initial=0.0)), 1e-3)
+    grid = np.linspace(-steepest, steepest, SLOPES)
     table = _edge_table(grid, state if by_power else first_state(state))
-    beyond = beams.x_m - np.interp(tau, grid, table[0])
+    beyond = beams.x_m - np.interp(beams.tau, grid, table[0])
     face = on_target & (beams.x_m > -INNER_M) & (beyond < 0.0)
     known = (state if by_power else first_state(state)), (grid, table), robust, rough
     sides = _sides(problem, beams, beyond, (on_target, seen & ~on_target), *known)
@@ -98,6 +103,11 @@ def clean_equations(
         behind=behind if by_background else 0,
         zones=Zones.alike(),
     )
+
+
+def _fanned(beams: Beams, state: Array) -> Beams:
+    """Return beams whose tau is that of their own direction, not of one that meets the edge."""
+    return replace(beams, tau=beams.tau - state[INVERSE] * beams.x_m)
 
 
 def first_state(state: Array) -> Array:
@@ -152,8 +162,8 @@ def _values(state: Array) -> Array:
 
 def _edge_m(tau: Array, values: Array) -> Array:
     """Return x* (K,) at slopes tau (K,), by bisection."""
-    spot = np.exp(values[0])
-    low, high = np.full(len(tau), -2.0 * spot), values[1] * np.maximum(tau, 0.0) + 2.0 * spot
+    spot = np.exp(values[0]) * np.sqrt(1.0 + tau**2)
+    low, high = -2.0 * spot, values[1] * np.maximum(tau, 0.0) + 2.0 * spot
     for _ in range(HALVINGS):
         x = (low + high) / 2.0
         nearer = _excess(x, tau, values) > 0.0
@@ -164,7 +174,7 @@ def _edge_m(tau: Array, values: Array) -> Array:
 def _excess(x_m: Array, tau: Array, values: Array) -> Array:
     """Return the target's power less the background's (K,)."""
     log_spot, thickness, log_ratio, brighter, shape, lambert = values
-    spot, profile = np.exp(log_spot), Profile(float(shape))
+    spot, profile = np.exp(log_spot) * np.sqrt(1.0 + tau**2), Profile(float(shape))
     wall = np.maximum(1.0 + lambert * (tau - 1.0) + brighter, LEAST_WALL)
     Fa = profile.share(x_m / spot)
     Fb = profile.share((x_m - thickness * np.maximum(tau, 0.0)) / spot)
@@ -182,9 +192,11 @@ def _depths(
     """Return the rows of Equations for depths of target points: q to by_height."""
     beams = Beams(*(values[chosen] for values in vars(beams).values()))
     z = problem.depth[chosen]
-    slant = beams.tau / (1.0 + float(state[BEAM] @ state[BEAM]))
+    steep = state[BEAM, None] + state[INVERSE] * beams.q_m.T
+    slant = (beams.tau + beams.bent) / (1.0 + np.sum(steep**2, axis=0))
     spot_m = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
-    profile = _mean_depth(beams.x_m, np.maximum(beams.tau, 0.0), slant, spot_m, state)
+    wall = np.maximum(_wall_slope(beams, float(np.exp(state[THICKNESS]))), 0.0)
+    profile = _mean_depth(beams.x_m, wall, slant, spot_m, state)
     residual = z - profile.depth_m
     variance = (problem.sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2
     weight, change = robust_weight(residual**2 / variance, robust)
@@ -199,6 +211,17 @@ def _depths(
         change / variance,
         by_height,
     )
+
+
+def _wall_slope(beams: Beams, thickness_m: float) -> Array:
+    """Return tau down to the depth at which a beam meets a wall that bends, instead of all of it.
+
+    x = s d - b d^2 / T at the depth d, with s = tau + b at the face, and b for `bent`.
+    """
+    slope, bend = beams.tau + beams.bent, beams.bent / thickness_m
+    root = np.sqrt(np.maximum(slope**2 - 4.0 * bend * beams.x_m, 0.0))
+    depth = 2.0 * beams.x_m / np.maximum(slope + root, 1e-12)
+    return np.asarray(slope - bend * np.clip(depth, 0.0, thickness_m))
 
 
 def _sides(
@@ -248,11 +271,10 @@ def _nearest(
 ) -> tuple[Array, ...]:
     """Return the rows of Equations for points that lie expected_m outside the edge."""
     beams = Beams(*(values[chosen] for values in vars(beams).values()))
-    tau = np.maximum(beams.tau, 0.0)
     _, by_tau, by_spot, by_thickness, by_ratio, by_wall, by_shape, _ = (
-        np.interp(tau, tables[0], row) for row in tables[1]
+        np.interp(beams.tau, tables[0], row) for row in tables[1]
     )
-    nothing = np.zeros(len(tau))
+    nothing = np.zeros(len(chosen))
     profile = EdgeProfile(
         depth_m=nothing,
         d_x=nothing - 1.0,

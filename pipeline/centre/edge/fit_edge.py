@@ -69,7 +69,7 @@ STEP_M, CONVERGED_M = (
 )  # a step of the centre that ends the fit; one that counts as converged
 NEAR_M = 0.025  # beams that can matter, once their direction is roughly known
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
-FIRST = np.log(0.1)  # reflectance ratio below which returns part by distance, not by power
+ALONE = np.log(10.0)  # reflectance ratio, or its inverse, of first or last returns: not by power
 UNDAMPED, SETTLED = 10, 0.2  # steps of full length; share of u that a step may still be, then
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
@@ -103,6 +103,7 @@ class EdgeFit:
     growth_u_m: both from SIZE_M as a prior. covered: share of the outline that was used. misfit:
     share of outliers near the edge. converged: whether the last step was small.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
+    by_size_m: (2,) by which its centre would move if the size were hardly known.
     """
 
     centre_m: Array
@@ -127,6 +128,7 @@ class EdgeFit:
     rotation_noise: Array
     rotation_by_plane: Array
     clean_shift_m: float | None = None
+    by_size_m: Array | None = None
 
     @property
     def state(self) -> Array:
@@ -206,18 +208,47 @@ def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit 
     problem = replace(problem, prior=problem.prior.by_power())
     state = state.copy()
     state[WALL] = problem.prior.mean[WALL]
-    found = _explained(problem, state, config.max_iterations, by_power=True)
-    if found.state[RATIO] < FIRST:
-        found = _explained(problem, state, config.max_iterations, by_power=False)
+    found = _by_returns(problem, state, config.max_iterations)
     lies_m = shift_m(found.state)
     if lies_m < -ERODED * config.spot_radius_m:  # beams at the edge were filtered out
         return None
     linear = found.equations
-    shown = np.bincount(sector(linear.share[linear.depths :], SECTORS), minlength=SECTORS)
-    covered = float(np.mean(shown > 0))
+    beside = np.bincount(sector(linear.share[linear.depths :], SECTORS), minlength=SECTORS)
+    covered = float(np.mean(beside > 0))
     if covered < 0.25 or len(linear.residual_m) < LEAST_CLEAN:
         return None
-    return replace(_settled(_record(found, problem, covered), found), clean_shift_m=lies_m)
+    fitted = _record(found, problem, covered)
+    grown = _grown(problem, found.state, config.max_iterations, covered)
+    shown = grown if grown.converged else fitted
+    fitted = replace(
+        fitted,
+        growth_m=shown.growth_m,
+        growth_u_m=shown.growth_u_m,
+        clean_shift_m=lies_m,
+        by_size_m=grown.centre_m - fitted.centre_m,
+    )
+    return _settled(fitted, found)
+
+
+def _grown(problem: EdgeProblem, state: Array, most: int, covered: float) -> EdgeFit:
+    """Return the fit with a size that is hardly known, from a solution (12,) with the stated one.
+
+    A clean edge lies elsewhere all round by what the scanner reports, or by the target's size: this
+    fit begins with the latter.
+    """
+    loose = replace(problem, prior=problem.prior.unsized())
+    state = state.copy()
+    state[GROWTH] += shift_m(state)
+    state[RATIO] = 0.0
+    return _record(_by_returns(loose, state, most), loose, covered)
+
+
+def _by_returns(problem: EdgeProblem, state: Array, most: int) -> _Converged:
+    """Return the solution for a scanner that parts returns by power, or reports first or last."""
+    found = _explained(problem, state, most, by_power=True)
+    if abs(found.state[RATIO]) < ALONE:
+        return found
+    return _explained(problem, state, most, by_power=False)
 
 
 def _settled(fitted: EdgeFit, found: _Converged) -> EdgeFit:
