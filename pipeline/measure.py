@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 
 from . import __version__
 from .capture import Capture
-from .centre import locate_centre
+from .centre import TargetFit, locate_centre
 from .config import ISSUER, Config
 from .five_point import (
     FivePointFile,
@@ -41,10 +42,12 @@ from .measurement import (
     rounded,
     shaded,
 )
-from .plane import Patch, fit_plane
+from .plane import Patch, PlaneFit, fit_plane
 from .targets import Target, WheelTarget
 from .uncertainty import brightness_component, with_type_b
 from .wheel import fit_surface, profile_of, target_of
+
+REFITTED = 0.5  # of the margin at the edges: how far the patch's edges may be from those fitted
 
 
 def measure_capture(
@@ -100,8 +103,7 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     """
     if isinstance(target, WheelTarget):
         return _fit_bare_wheel(patch, target, config)
-    plane = fit_plane(patch, target, config.plane)
-    fitted = locate_centre(patch, plane, target, config.centre)
+    plane, fitted = _fit_plane_and_centre(patch, target, config)
     sight_m = fitted.sight_m(config.instrument.distance_m, patch.scanner_m, plane)
     of_fit, stated = (fitted.components, fitted.normal, sight_m), config.instrument
     components = with_type_b(*of_fit, target, stated, patch.station)
@@ -111,6 +113,26 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     fitted = replace(fitted, components=components)
     residuals = residual_map(patch, plane, fitted, target, config.plane.edge_margin_m)
     return Evidence(fitted, plane, residuals)
+
+
+def _fit_plane_and_centre(
+    patch: Patch, target: Target, config: Config
+) -> tuple[PlaneFit, TargetFit]:
+    """Fit the plane, and the centre on it; again where the centre is far from the patch's origin.
+
+    Detection may be off by more than the margin at the edges where a target is hidden in part:
+    mixed pixels of the edge in view then count as points of the plane, and tilt it.
+    """
+    plane = fit_plane(patch, target, config.plane)
+    fitted = locate_centre(patch, plane, target, config.centre)
+    period_rad = target.region.period_rad
+    turn_rad = math.remainder(fitted.turn_rad(plane), period_rad) if period_rad else 0.0
+    aside_m = float(np.linalg.norm(plane.basis[:2] @ (fitted.centre_m - patch.origin_m)))
+    if aside_m + abs(turn_rad) * target.radius_m < REFITTED * config.plane.edge_margin_m:
+        return plane, fitted
+    patch = patch.placed(fitted.centre_m, turn_rad)
+    plane = fit_plane(patch, target, config.plane)
+    return plane, locate_centre(patch, plane, target, config.centre)
 
 
 def _fit_bare_wheel(patch: Patch, target: WheelTarget, config: Config) -> Evidence:

@@ -75,6 +75,13 @@ class TargetFit:
         inverse = max(self.edge_fit.inverse_distance, 1.0 / (10.0 * distance_m))
         return np.asarray(away / inverse)
 
+    def turn_rad(self, plane: PlaneFit) -> float:
+        """Return the in-plane rotation of the target's axis u from the plane's; 0 if not seen."""
+        if self.turn is None:
+            return 0.0
+        along, across = plane.basis[:2] @ self.turn.axis
+        return math.atan2(across, along)
+
     @property
     def covariance(self) -> Array:
         """Covariance (6, 6) of the normal (rad), then the centre (m), by all components."""

@@ -70,7 +70,7 @@ def residual_map(
     centre_m = (
         fitted.centre_m - ((fitted.centre_m - plane.centroid_m) @ plane.normal) * plane.normal
     )
-    turn_rad = _turn(plane, fitted)
+    turn_rad = fitted.turn_rad(plane)
     return map_about(patch, plane.basis, centre_m, turn_rad, plane.sigma_m, target, margin_m)
 
 
@@ -177,14 +177,6 @@ def _local(patch: Patch, basis: Array, centre_m: Array) -> Array32:
     uvw = points @ basis.T.astype(np.float32)
     uvw += shift.astype(np.float32)
     return np.asarray(uvw)
-
-
-def _turn(plane: PlaneFit, fitted: TargetFit) -> float:
-    """Return the in-plane rotation of the target's axis u from the plane's; 0 if not visible."""
-    if fitted.turn is None:
-        return 0.0
-    along, across = plane.basis[:2] @ fitted.turn.axis
-    return math.atan2(across, along)
 
 
 def _cell_centres(half_m: float) -> Array:

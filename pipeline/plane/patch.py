@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from ..cloud import EXACT, Steps
-from ..vectors import Array, Array32
+from ..vectors import Array, Array32, turned
 
 
 @dataclass(frozen=True)
@@ -52,3 +54,15 @@ class Patch:
         if self.scanner_m is None:
             return None
         return "station {:.3f} {:.3f} {:.3f}".format(*(self.scanner_m.round(3) + 0.0))
+
+    def placed(self, centre_m: Array, turn_rad: float) -> Patch:
+        """Return the same points about another centre (3,), the axes u and v rotated in-plane."""
+        moved = self.origin_m - centre_m
+        axes = turned(self.basis[:2].T, -turn_rad).T
+        return replace(
+            self,
+            origin_m=centre_m,
+            face_m=self.face_m + moved,
+            around_m=self.around_m + moved.astype(np.float32),
+            basis=np.vstack([axes, self.basis[2]]),
+        )
