@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from io import BufferedReader
@@ -12,6 +12,7 @@ from typing import Any, TextIO, cast
 import numpy.typing as npt
 
 from ..vectors import Array, Mask
+from .colour import luminance
 from .options import AS_THE_FILE_SAYS, ReadOptions
 
 PointColumn = npt.NDArray[Any]
@@ -100,16 +101,37 @@ class RawCloud:
 
 @dataclass(frozen=True)
 class Layout:
-    """Indices of the file's columns x, y, z and, if any, the intensity; the unit of the three."""
+    """Indices of the file's columns x, y, z and, if any, the intensity; the unit of the three.
+
+    colour: where there is no intensity, those of red, green and blue, or the one that packs them.
+    """
 
     xyz: tuple[int, int, int]
     intensity: int | None
     unit: str | None = None
+    colour: tuple[int, ...] = ()
+
+    @property
+    def has_intensity(self) -> bool:
+        """Whether points have an intensity, or a colour, whose luminance stands for it."""
+        return self.intensity is not None or bool(self.colour)
+
+    @property
+    def used(self) -> tuple[int, ...]:
+        """Indices of all these columns."""
+        return (*self.xyz, *(self.colour if self.intensity is None else (self.intensity,)))
 
     def block(self, table: Array) -> Block:
         """Return a table (N, columns) as a block."""
-        x, y, z = (table[:, column] for column in self.xyz)
-        return Block((x, y, z), None if self.intensity is None else table[:, self.intensity])
+        return self.block_of(list(table.T))
+
+    def block_of(self, columns: Sequence[PointColumn]) -> Block:
+        """Return columns of the same length as a block."""
+        x, y, z = (columns[index] for index in self.xyz)
+        if self.intensity is not None:
+            return Block((x, y, z), columns[self.intensity])
+        colour = [columns[index] for index in self.colour]
+        return Block((x, y, z), luminance(*colour) if colour else None)
 
 
 def shown(text: str | bytes) -> str:

@@ -20,6 +20,7 @@ from wheelplane.readers import ReadOptions, read_scan
 MANUAL = ROOT / "pipeline" / "manual" / "17-formats.md"
 XYZ = np.round(np.random.default_rng(11).uniform(-2.0, 2.0, (12, 3)), 3)
 RGB = np.random.default_rng(12).integers(0, 256, (12, 3))
+GREY = np.float32(0.2126 * RGB[:, 0] + 0.7152 * RGB[:, 1] + 0.0722 * RGB[:, 2]).tolist()
 SHADE = np.random.default_rng(13).integers(-2048, 2048, 12)
 GONE = (2, 7)  # beams without a return
 KEPT = [k for k in range(12) if k not in GONE]
@@ -93,7 +94,7 @@ def scene_rows():
     text = lines(np.arange(12) // 4 + 820, np.arange(12) % 4 + 3401, XYZ, RGB)
     names = ("row", "col", "x", "y", "z", "r", "g", "b")
     says = "its first two columns are whole numbers, as of a raster, and no column has a name"
-    return Written("a.xyz", text.encode(), XYZ, given={"columns": names}, refused=says)
+    return Written("a.xyz", text.encode(), XYZ, GREY, given={"columns": names}, refused=says)
 
 
 @row("SCENE", "`.xyz`: `x y z r g b`")
@@ -149,7 +150,8 @@ def zivid_pcd():
     head += "HEIGHT 3\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 12\nDATA binary\n"
     body = b"".join(struct.pack("<3fI", *p, 7) for p in without_returns())
     single = np.float64(np.float32(XYZ[KEPT] * 1e3))
-    return Written("a.pcd", head.encode() + body, single, None, 2, {"length_unit": "mm"})
+    grey = [float(np.float32(0.0722 * 7))] * 10
+    return Written("a.pcd", head.encode() + body, single, grey, 2, {"length_unit": "mm"})
 
 
 @row("Zivid", "`.npy` in mm: the array (H, W, 3) of `copy_data`")
@@ -182,7 +184,7 @@ def realsense():
     head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
     body = b"".join(struct.pack("<3f3B", *p, *c) for p, c in zip(XYZ, RGB.tolist(), strict=True))
     body += struct.pack("<B3i", 3, 0, 1, 2) + struct.pack("<B3i", 3, 1, 2, 3)
-    return Written("a.ply", head.encode() + body, np.float64(np.float32(XYZ)))
+    return Written("a.ply", head.encode() + body, np.float64(np.float32(XYZ)), GREY)
 
 
 HEIGHTS = np.round(np.random.default_rng(14).normal(1.0, 0.2, (5, 15)), 4)

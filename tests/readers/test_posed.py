@@ -257,6 +257,9 @@ def test_pts_blocks_with_their_counts(tmp_path_factory, counts, columns, end):
     assert scan.points_m.tolist() == rows[:, :3].tolist()
     if columns in (4, 7):
         assert scan.intensity.tolist() == rows[:, 3].astype(np.float32).tolist()
+    elif columns == 6:
+        grey = rows[:, 3:] @ [0.2126, 0.7152, 0.0722]
+        np.testing.assert_allclose(scan.intensity, grey, rtol=1e-6, atol=1e-6 * np.abs(rows).max())
     else:
         assert scan.intensity is None
     ends = np.cumsum(counts).tolist()

@@ -365,9 +365,7 @@ def test_pts_with_a_header_comments_and_commas(tmp_path, head, delimiter):
     assert read(tmp_path, rows(), "rr.pts", columns=("z", "x", "y", "-")).intensity is None
 
 
-@pytest.mark.parametrize(
-    ("columns", "shaded"), [(3, False), (4, True), (6, False), (7, True), (10, True)]
-)
+@pytest.mark.parametrize(("columns", "shaded"), [(3, False), (4, True), (7, True), (10, True)])
 def test_the_fourth_of_four_seven_or_ten_columns_of_pts_is_the_intensity(tmp_path, columns, shaded):
     behind = " 1" * (columns - 3 - shaded)
     scan = read(tmp_path, f"6\n{rows(shades=shaded, behind=behind)}", "rr.pts")

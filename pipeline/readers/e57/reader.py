@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ..colour import luminance
 from ..faults import fault
 from ..sandbox.client import find_library, run_child
 from ..sandbox.process import Job
@@ -24,6 +25,7 @@ WORKING_BYTES = 64 << 20  # of libE57Format, for a file with a short XML
 BYTES_PER_XML_BYTE = 20
 INVALID = {CARTESIAN: "cartesianInvalidState", SPHERICAL: "sphericalInvalidState"}
 INTENSITY = "intensity"
+COLOUR = ("colorRed", "colorGreen", "colorBlue")
 GRID = ("rowIndex", "columnIndex")
 LARGEST_INDEX = 2**31
 
@@ -31,7 +33,8 @@ LARGEST_INDEX = 2**31
 def read_e57(source: Source) -> RawCloud:
     """Read all scans, in the file's order; points whose state is invalid are dropped.
 
-    Where only some scans have intensity, or rows and columns, the others get NaN, or -1.
+    Where only some scans have intensity, or rows and columns, the others get NaN, or -1. Colours
+    count where no scan has intensity.
     """
     library = find_library("pye57", "E57", "e57", source)
     pages = Pages(source)
@@ -39,10 +42,11 @@ def read_e57(source: Source) -> RawCloud:
     scans = find_scans(parse_xml(xml, source), source)
     filled = [scan for scan in scans if scan.rows]
     check_sections(pages, filled)
+    shade = (INTENSITY,) if any(scan.has(INTENSITY) for scan in filled) else COLOUR
     return RawCloud(
         rows=sum(scan.rows for scan in filled),
-        has_intensity=any(scan.has(INTENSITY) for scan in filled),
-        blocks=_blocks(scans, library, len(xml), source),
+        has_intensity=any(scan.has(*shade) for scan in filled),
+        blocks=_blocks(scans, shade, library, len(xml), source),
         has_grid=any(scan.has(*GRID) for scan in filled),
         parts=tuple(scan.part for scan in scans),
     )
@@ -52,20 +56,21 @@ def _system(scan: E57Scan) -> tuple[str, str, str]:
     return CARTESIAN if scan.has(*CARTESIAN) else SPHERICAL
 
 
-def _columns(scan: E57Scan) -> dict[str, str]:
+def _columns(scan: E57Scan, shade: tuple[str, ...]) -> dict[str, str]:
     """Return the fields to decode, and the struct format of each."""
     if not scan.rows:
         return {}
     system = _system(scan)
     columns = dict.fromkeys(system, "d")
-    optional = {INVALID[system]: "q", INTENSITY: "d", GRID[0]: "q", GRID[1]: "q"}
-    return columns | {name: form for name, form in optional.items() if scan.has(name)}
+    columns |= dict.fromkeys(shade if scan.has(*shade) else (), "d")
+    optional = (INVALID[system], *GRID)
+    return columns | {name: "q" for name in optional if scan.has(name)}
 
 
 def _blocks(
-    scans: tuple[E57Scan, ...], library: str, xml_bytes: int, source: Source
+    scans: tuple[E57Scan, ...], shade: tuple[str, ...], library: str, xml_bytes: int, source: Source
 ) -> Iterator[Block]:
-    columns = [_columns(scan) for scan in scans]
+    columns = [_columns(scan, shade) for scan in scans]
     job = Job(
         task="e57",
         library=library,
@@ -95,9 +100,13 @@ def _block(table: dict[str, PointColumn], part: int, system: tuple[str, str, str
     first, second, third = (table[name] for name in system)
     invalid = table.get(INVALID[system])
     no_intensity, no_index = (np.broadcast_to(value, len(first)) for value in (np.nan, -1))
+    if COLOUR[0] in table:
+        intensity = luminance(*(table[name] for name in COLOUR))
+    else:
+        intensity = table.get(INTENSITY, no_intensity)
     return Block(
         xyz=_to_cartesian(first, second, third) if system == SPHERICAL else (first, second, third),
-        intensity=table.get(INTENSITY, no_intensity),
+        intensity=intensity,
         grid=(table.get(GRID[0], no_index), table.get(GRID[1], no_index)),
         invalid=None if invalid is None else invalid != 0,
         part=part,

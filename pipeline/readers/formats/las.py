@@ -18,11 +18,14 @@ from ..faults import fault, too_long, too_short
 from ..parsing.binary import record_blocks
 from ..sandbox.client import find_library, run_child
 from ..sandbox.process import DAMAGED, Job
-from ..source import Block, Layout, RawCloud, Source
+from ..source import Block, Layout, PointColumn, RawCloud, Source
 
-# X, Y, Z and the intensity come first in every point format.
+# X, Y, Z and the intensity come first in every point format, red, green and blue in some.
 FORMATS, OFFSETS = ["<i4", "<i4", "<i4", "<u2"], [0, 4, 8, 12]
 LAYOUT = Layout((0, 1, 2), 3)
+COLOURED = Layout((0, 1, 2), None, colour=(4, 5, 6))
+COLOUR_AT = {2: 20, 3: 28, 5: 28, 7: 30, 8: 30, 10: 30}  # by point format
+FIRST_POINTS = 10_000  # whose intensities are all 0 where the file holds none
 SLOT_BYTES = 8 << 20  # a point takes at most 65,535
 WORKING_BYTES, THREAD_BYTES = 128 << 20, 16 << 20  # of laz-rs; chunks of the file come on top
 POINTS_PER_BYTE = 200  # equal points compress to 145 a byte
@@ -34,7 +37,10 @@ _CHUNKS = struct.Struct("<II")  # version of the table, chunks
 
 
 def read_las(source: Source) -> RawCloud:
-    """Read X, Y, Z and the intensity of a LAS or LAZ file of any point format."""
+    """Read X, Y, Z and the intensity of a LAS or LAZ file of any point format.
+
+    Intensities of 0 stand where there are none: then the colours count.
+    """
     header = read_header(source)
     if header.compressed:
         library = find_library("lazrs", "LAZ", "las", source)
@@ -59,8 +65,26 @@ def _plain(header: LasHeader, source: Source) -> Iterator[Block]:
         raise too_short(source, header.count, held)
     if held > header.count:
         raise too_long(source, header.count, f"{held - header.count} more")
+    size = header.point_bytes
     source.stream.seek(header.points_at)
-    return record_blocks(source, header.count, FORMATS, OFFSETS, header.point_bytes, LAYOUT)
+    first = source.stream.read(min(header.count, FIRST_POINTS) * size)
+    rows = np.frombuffer(first, np.uint8, len(first) // size * size).reshape(-1, size)
+    layout = _layout(header, rows[:, OFFSETS[3] : OFFSETS[3] + 2])
+    source.stream.seek(header.points_at)
+    return record_blocks(source, header.count, *_columns(header), size, layout)
+
+
+def _columns(header: LasHeader) -> tuple[list[str], list[int]]:
+    """Return format and offset of each column of a point record that may be used."""
+    if not header.has_colour:
+        return FORMATS, OFFSETS
+    at = COLOUR_AT[header.point_format]
+    return [*FORMATS, *["<u2"] * 3], [*OFFSETS, at, at + 2, at + 4]
+
+
+def _layout(header: LasHeader, intensity: PointColumn) -> Layout:
+    """Return the columns to use, by the intensities of the first points, or their bytes."""
+    return COLOURED if header.has_colour and not intensity[:FIRST_POINTS].any() else LAYOUT
 
 
 def _decompressed(header: LasHeader, library: str, source: Source) -> Iterator[Block]:
@@ -77,6 +101,7 @@ def _decompressed(header: LasHeader, library: str, source: Source) -> Iterator[B
             "laszip": header.laszip.hex(),
             "record_bytes": header.point_bytes,
             "rows": header.count,
+            "colour": header.has_colour,
             "parallel": cores > 1 and (is_small or chunk_points == VARIABLE_CHUNKS),
         },
         rows=(header.count,),
@@ -88,12 +113,14 @@ def _decompressed(header: LasHeader, library: str, source: Source) -> Iterator[B
 
 
 def _records(header: LasHeader, job: Job, source: Source) -> Iterator[Block]:
+    layout = None
     for filled in run_child(job, source):
-        x, y, z, intensity = (
+        columns = [
             np.ndarray((filled.rows,), form, filled.memory, offset, (header.point_bytes,))
-            for form, offset in zip(FORMATS, OFFSETS, strict=True)
-        )
-        yield Block((x, y, z), intensity)
+            for form, offset in zip(*_columns(header), strict=True)
+        ]
+        layout = layout or _layout(header, columns[3])
+        yield layout.block_of(columns)
 
 
 def _chunk_points(header: LasHeader, source: Source) -> int:
@@ -171,6 +198,11 @@ class LasHeader:
     shift: tuple[float, float, float]
     compressed: bool
     laszip: bytes
+
+    @property
+    def has_colour(self) -> bool:
+        """Whether every point has red, green and blue."""
+        return self.point_format in COLOUR_AT
 
 
 def read_header(source: Source) -> LasHeader:

@@ -11,7 +11,7 @@ import math
 import re
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -68,7 +68,7 @@ def _read_points(header: Header, source: Source) -> RawCloud:
         raise fault(source, fact, "name each, or - to skip it")
     if names is None:
         check_unnamed(_first_rows(mapped(header, source)), source)
-    layout = unnamed_layout(columns) if names is None else find_layout(names)
+    layout = unnamed_layout(columns) if names is None else replace(find_layout(names), colour=())
     rows, width = header.values // columns, header.dtype.itemsize
     if header.fortran_order:
         blocks = _raster_blocks(mapped(header, source), layout)

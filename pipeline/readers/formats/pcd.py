@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
 
 import numpy as np
 
+from ..colour import PACKED
 from ..faults import fault, too_long, too_many, too_short
 from ..memory import check_memory
 from ..parsing.ascii import table_blocks
@@ -25,13 +26,13 @@ _PAGES = (4096, 16384, 65536)
 
 
 def read_pcd(source: Source) -> RawCloud:
-    """Read the declared points, with the field `intensity` if there is one."""
+    """Read the declared points, with the field `intensity`, or a colour, if there is one."""
     header = read_header(source)
     blocks = {"ascii": _ascii, "binary": _binary, "binary_compressed": _compressed}[
         header.encoding
     ](header, source)
     layout = header.layout
-    return RawCloud(header.points, layout.intensity is not None, blocks, unit=layout.unit)
+    return RawCloud(header.points, layout.has_intensity, blocks, unit=layout.unit)
 
 
 def _ascii(header: PcdHeader, source: Source) -> Iterator[Block]:
@@ -43,17 +44,15 @@ def _ascii(header: PcdHeader, source: Source) -> Iterator[Block]:
 
 def _ascii_blocks(header: PcdHeader, source: Source) -> Iterator[Block]:
     starts = [0, *accumulate(field.count for field in header.fields)]
-    columns = header.layout
-    layout = Layout(
-        (starts[columns.xyz[0]], starts[columns.xyz[1]], starts[columns.xyz[2]]),
-        None if columns.intensity is None else starts[columns.intensity],
-    )
     rows = 0
     for table in table_blocks(Lines(source.text), starts[-1], None, source, header.lines + 1):
         rows += len(table)
         if rows > header.points:
             raise too_long(source, header.points, "more rows")
-        yield layout.block(table)
+        columns = [table[:, start] for start in starts[:-1]]
+        for index in header.packed:
+            columns[index] = columns[index].astype(header.fields[index].form)
+        yield header.layout.block_of(columns)
     if rows < header.points:
         raise too_short(source, header.points, rows)
 
@@ -103,9 +102,7 @@ def _compressed_blocks(
         np.frombuffer(data, field.form, header.points * field.count, start)
         for field, start in zip(header.fields, starts[:-1], strict=True)
     ]
-    x, y, z = (columns[index] for index in header.layout.xyz)
-    intensity = None if header.layout.intensity is None else columns[header.layout.intensity]
-    yield Block((x, y, z), intensity)
+    yield header.layout.block_of(columns)
 
 
 def _check_end(header: PcdHeader, source: Source, size: int) -> None:
@@ -155,6 +152,11 @@ class PcdHeader:
     lines: int
     layout: Layout
 
+    @property
+    def packed(self) -> tuple[int, ...]:
+        """Index of the field that packs a colour, in which the bits of the number count."""
+        return self.layout.colour if len(self.layout.colour) == 1 else ()
+
 
 def read_header(source: Source) -> PcdHeader:
     """Read up to and including the DATA line."""
@@ -169,10 +171,22 @@ def read_header(source: Source) -> PcdHeader:
             raise fault(source, f"the field {field.name} has {field.count} values a point")
     if layout.intensity is not None and fields[layout.intensity].count != 1:
         layout = replace(layout, intensity=None)
+    if not layout.has_intensity:
+        layout = replace(layout, colour=_packed_colour(fields))
+    if any(fields[index].count != 1 for index in layout.colour):
+        layout = replace(layout, colour=())
     encoding = " ".join(entries["DATA"])
     if encoding not in _ENCODINGS:
         raise fault(source, f"the encoding {shown(encoding)} is none of {', '.join(_ENCODINGS)}")
     return PcdHeader(fields, _points(entries, source), encoding, lines, layout)
+
+
+def _packed_colour(fields: Sequence[PcdField]) -> tuple[int, ...]:
+    """Return the index of the field in which PCL packs a colour into four bytes, if any."""
+    packs = (
+        i for i, field in enumerate(fields) if field.name.lower() in PACKED and field.size == 4
+    )
+    return tuple(packs)[:1]
 
 
 def _read_entries(source: Source) -> tuple[dict[str, list[str]], int]:

@@ -32,7 +32,7 @@ def read_ply(source: Source) -> RawCloud:
         raise fault(source, str(error)) from None
     read = _binary if header.order else _ascii
     blocks = read(header, layout, source)
-    return RawCloud(vertex.count, layout.intensity is not None, blocks, unit=layout.unit)
+    return RawCloud(vertex.count, layout.has_intensity, blocks, unit=layout.unit)
 
 
 def _binary(header: PlyHeader, layout: Layout, source: Source) -> Iterator[Block]:

@@ -19,7 +19,8 @@ from .text import read_text
 
 # Columns of a row: x y z, then an intensity, a colour, both, or both and a normal.
 _LAYOUTS = {
-    count: Layout((0, 1, 2), 3 if count in (4, 7, 10) else None) for count in (3, 4, 6, 7, 10)
+    **{count: Layout((0, 1, 2), 3) for count in (4, 7, 10)},
+    **{3: Layout((0, 1, 2), None), 6: Layout((0, 1, 2), None, colour=(3, 4, 5))},
 }
 # What other text holds besides numbers, NaN among them.
 _OTHER_TEXT = re.compile(r"[^\s\d.+\-einfaty]", re.IGNORECASE)
@@ -53,7 +54,7 @@ def read_pts(source: Source) -> RawCloud:
     parts = tuple(RawPart(str(n)) for n in range(1, len(runs) + 1)) if len(runs) > 1 else ()
     layout = _LAYOUTS[columns]
     blocks = _blocks(runs, columns, layout, source)
-    return RawCloud(sum(r.rows for r in runs), layout.intensity is not None, blocks, parts=parts)
+    return RawCloud(sum(r.rows for r in runs), layout.has_intensity, blocks, parts=parts)
 
 
 def _index(source: Source, lines: int) -> tuple[list[_Run], bytes]:

@@ -50,8 +50,8 @@ def read_text(source: Source, with_intensity: Sequence[int] = (4,)) -> RawCloud:
         blocks = height_blocks(form.holds, tables, source)
         rows = lines * form.columns
         return RawCloud(rows, False, blocks, has_grid=True, unit=form.holds.unit)
-    has_intensity = form.holds.intensity is not None
-    return RawCloud(lines, has_intensity, map(form.holds.block, tables), unit=form.holds.unit)
+    blocks = map(form.holds.block, tables)
+    return RawCloud(lines, form.holds.has_intensity, blocks, unit=form.holds.unit)
 
 
 def _form(heading: Heading, source: Source, with_intensity: Sequence[int]) -> _Form:
@@ -95,8 +95,7 @@ def _unnamed(
 
 
 def _points(columns: int, layout: Layout) -> _Form:
-    needed = layout.xyz if layout.intensity is None else (*layout.xyz, layout.intensity)
-    return _Form(columns, layout, Cells(needed, footer=True))
+    return _Form(columns, layout, Cells(layout.used, footer=True))
 
 
 def _tables(form: _Form, heading: Heading, source: Source) -> Iterator[NumberTable]:

@@ -35,9 +35,7 @@ def record_blocks(
     while done < count:
         wanted = min(rows, count - done)
         read_exactly(source, memoryview(buffer)[: wanted * itemsize])
-        x, y, z = (columns[column][:wanted] for column in layout.xyz)
-        intensity = None if layout.intensity is None else columns[layout.intensity][:wanted]
-        yield Block((x, y, z), intensity)
+        yield layout.block_of([column[:wanted] for column in columns])
         done += wanted
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...vectors import Array
+from ..colour import COLOURS
 from ..faults import fault
 from ..options import KNOWN_COLUMNS
 from ..source import Layout, Source
@@ -51,7 +52,8 @@ def unit_of(text: str) -> str | None:
 def find_layout(names: Sequence[str]) -> Layout:
     """Find x, y, z and the intensity by name, in either case, with the unit they state.
 
-    Names may have a unit (`X [m]`, `x(mm)`, `X_m`) and may be those of surveyors and of ParaView.
+    Where no intensity is named, a colour is. Names may have a unit (`X [m]`, `x(mm)`, `X_m`) and
+    may be those of surveyors and of ParaView.
     Raises ValueError when a coordinate is missing or occurs twice, or the units differ.
     """
     parted = [_part(name) for name in names]
@@ -61,13 +63,22 @@ def find_layout(names: Sequence[str]) -> Layout:
             if all(known.count(axis) == 1 for axis in axes):
                 x, y, z = (known.index(axis) for axis in axes)
                 shade = next((known.index(name) for name in INTENSITIES if name in known), None)
-                return Layout((x, y, z), shade, _one_unit([parted[k][1] for k in (x, y, z)]))
+                unit = _one_unit([parted[k][1] for k in (x, y, z)])
+                return Layout((x, y, z), shade, unit, () if shade is not None else _colour(bare))
     for axis in "xyz":
         if bare.count(axis) != 1:
             count = bare.count(axis)
             what = "missing" if not count else f"there {count} times"
             raise ValueError(f"{axis} is {what} among the columns {', '.join(names)[:120]}")
     raise AssertionError("x, y and z are there")
+
+
+def _colour(names: Sequence[str]) -> tuple[int, ...]:
+    """Return the indices of red, green and blue among the names; none if one is not there once."""
+    for colour in COLOURS:
+        if all(names.count(name) == 1 for name in colour):
+            return tuple(names.index(name) for name in colour)
+    return ()
 
 
 def are_known(names: Sequence[str]) -> bool:

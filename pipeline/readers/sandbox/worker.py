@@ -97,6 +97,7 @@ def fill_laz(lazrs: ModuleType, plan: SimpleNamespace, slots: Slots) -> None:
         lazrs.SELECTIVE_DECOMPRESS_XY_RETURNS_CHANNEL
         | lazrs.SELECTIVE_DECOMPRESS_Z
         | lazrs.SELECTIVE_DECOMPRESS_INTENSITY
+        | (lazrs.SELECTIVE_DECOMPRESS_RGB if plan.colour else 0)
     )
     kind = lazrs.ParLasZipDecompressor if plan.parallel else lazrs.LasZipDecompressor
     with open(plan.path, "rb") as stream:  # noqa: PTH123

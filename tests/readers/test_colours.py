@@ -1,0 +1,157 @@
+"""Colours of points: their luminance stands for the intensity where a file holds none."""
+
+from __future__ import annotations
+
+import laspy
+import numpy as np
+import pytest
+
+from tests.support.native_files import E57Scan, Integer, write_e57, xyz
+from tests.support.scenes import Setup, make
+from wheelplane.config import Config
+from wheelplane.detection import find_target
+from wheelplane.plane import fit_plane
+from wheelplane.readers import read_scan
+from wheelplane.targets import load_target
+
+COUNT = 40
+RNG = np.random.default_rng(4)
+XYZ = np.round(RNG.normal(0.0, 3.0, (COUNT, 3)), 3)
+RGB = RNG.integers(0, 256, (COUNT, 3))
+SHADE = np.arange(1, COUNT + 1)
+PACKED = (RGB @ [1 << 16, 1 << 8, 1]).astype("<u4")
+BYTES = [(name, "u1") for name in ("red", "green", "blue")]
+
+
+def records(points, colours, fields):
+    """Records of x y z and a colour."""
+    made = np.empty(len(points), [("x", "<f8"), ("y", "<f8"), ("z", "<f8"), *fields])
+    for name, column in zip(made.dtype.names, [*points.T, *np.atleast_2d(colours.T)], strict=True):
+        made[name] = column
+    return made
+
+
+def write_ply(path, points, colours):
+    made = records(points, colours, BYTES)
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+    head += "".join(f"property double {axis}\n" for axis in "xyz")
+    head += "".join(f"property uchar {name}\n" for name, _ in BYTES)
+    path.write_bytes(f"{head}end_header\n".encode() + made.tobytes())
+    return path
+
+
+def pcd_head(kind, data):
+    head = f"VERSION 0.7\nFIELDS x y z rgb\nSIZE 8 8 8 4\nTYPE F F F {kind}\nCOUNT 1 1 1 1\n"
+    return f"{head}WIDTH {COUNT}\nHEIGHT 1\nPOINTS {COUNT}\nDATA {data}\n"
+
+
+def pcd_binary(path, kind="F"):
+    made = records(XYZ, PACKED, [("rgb", "<u4")])  # the bits are the same
+    path.write_bytes(pcd_head(kind, "binary").encode() + made.tobytes())
+
+
+def pcd_text(path, kind="F"):
+    shown = PACKED.view("<f4") if kind == "F" else PACKED
+    rows = [f"{x} {y} {z} {c!r}" for (x, y, z), c in zip(XYZ.tolist(), shown.tolist(), strict=True)]
+    path.write_text(pcd_head(kind, "ascii") + "\n".join(rows) + "\n")
+
+
+def text(path, heading=""):
+    rows = [" ".join(map(str, row)) for row in np.column_stack([XYZ, RGB]).tolist()]
+    path.write_text(heading + "\n".join(rows) + "\n")
+
+
+def las(path, point_format, intensity=0):
+    header = laspy.LasHeader(point_format=point_format, version="1.4")
+    header.scales = np.full(3, 0.001)
+    made = laspy.LasData(header)
+    made.x, made.y, made.z = XYZ.T
+    made.red, made.green, made.blue = RGB.T
+    made.intensity = np.broadcast_to(intensity, COUNT)
+    made.write(str(path))
+
+
+def e57(path, **more):
+    byte = Integer(0, 255)
+    names = ("colorRed", "colorGreen", "colorBlue")
+    colours = {name: (byte, column) for name, column in zip(names, RGB.T, strict=True)}
+    write_e57(path, E57Scan(xyz(XYZ) | colours | more))
+
+
+WRITERS = {
+    "binary.ply": lambda path: write_ply(path, XYZ, RGB),
+    "float.pcd": pcd_binary,
+    "integer.pcd": lambda path: pcd_binary(path, "U"),
+    "text.pcd": pcd_text,
+    "integers.pcd": lambda path: pcd_text(path, "U"),
+    "six.pts": lambda path: text(path, f"{COUNT}\n"),
+    "named.csv": lambda path: text(path, "X Y Z R G B\n"),
+    "comment.xyz": lambda path: text(path, "# x y z red green blue\n"),
+    **{f"{form}.las": lambda path, form=form: las(path, form) for form in (2, 3, 7, 8)},
+    **{f"{form}.laz": lambda path, form=form: las(path, form) for form in (2, 3, 7, 8)},
+    "colours.e57": e57,
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_the_luminance_is_read_where_there_is_no_intensity(tmp_path, name):
+    WRITERS[name](tmp_path / name)
+    scan = read_scan(tmp_path / name)
+    np.testing.assert_allclose(scan.points_m, XYZ, atol=1e-9)
+    np.testing.assert_allclose(scan.intensity, RGB @ [0.2126, 0.7152, 0.0722], rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["rr.las", "rr.laz", "rr.e57", "rr.csv"])
+def test_an_intensity_goes_before_colours(tmp_path, name):
+    path = tmp_path / name
+    if name == "rr.e57":
+        e57(path, intensity=(Integer(0, 255), SHADE))
+    elif name == "rr.csv":
+        rows = np.column_stack([XYZ, RGB, SHADE]).tolist()
+        text = "\n".join(" ".join(map(str, row)) for row in rows)
+        path.write_text(f"x y z r g b intensity\n{text}\n")
+    else:
+        las(path, 7, SHADE)
+    assert read_scan(path).intensity.tolist() == SHADE.tolist()
+
+
+def fitted(folder, points_m, colours):
+    """The plane of a disc in a PLY of coloured points."""
+    scan = read_scan(write_ply(folder / "rr.ply", points_m, colours))
+    config, target = Config(), load_target("disc-250")
+    patch = find_target(scan.points_m, target, config.segment, 0, scan.intensity)
+    return fit_plane(patch, target, config.plane)
+
+
+def test_ranges_that_follow_the_colour_tilt_no_plane(tmp_path):
+    cloud = make(Setup(spacing_m=0.002, half_width_m=0.15), 3)
+    u = cloud.in_target(cloud.points_m)[:, 0]
+    beams = cloud.points_m - cloud.viewpoint_m
+    beams /= np.linalg.norm(beams, axis=1, keepdims=True)
+    points = cloud.points_m + np.where(u > 0.0, 0.5e-3, 0.0)[:, None] * beams
+    half = np.where(u > 0.0, 40, 200)[:, None].repeat(3, axis=1)
+    blind = fitted(tmp_path, points, np.full_like(half, 90))
+    plane = fitted(tmp_path, points, half)
+    off = [np.linalg.norm(np.cross(one.normal, cloud.normal)) for one in (plane, blind)]
+    assert off[0] < 3.5 * plane.tilt_rad
+    assert off[1] > 5.0 * blind.tilt_rad
+    assert plane.brightness.significant
+
+
+def test_halves_of_two_colours_that_ranges_do_not_follow_cost_no_more_than_they_add_to_u(tmp_path):
+    cloud = make(Setup(spacing_m=0.002, half_width_m=0.15), 7)
+    u = cloud.in_target(cloud.points_m)[:, 0]
+    half = np.where(u > 0.0, 40, 200)[:, None].repeat(3, axis=1)
+    plane, blind = (fitted(tmp_path, cloud.points_m, c) for c in (half, np.full_like(half, 90)))
+    assert not plane.brightness.significant
+    moved = np.linalg.norm(np.cross(plane.normal, blind.normal))
+    assert moved < 3.5 * np.sqrt(2.0 * (plane.tilt_rad**2 - blind.tilt_rad**2))
+
+
+def test_colours_that_ranges_do_not_follow_change_no_digit(tmp_path):
+    cloud = make(Setup(spacing_m=0.002, half_width_m=0.15), 5)
+    colours = np.random.default_rng(8).integers(0, 256, (len(cloud.points_m), 3))
+    plane = fitted(tmp_path, cloud.points_m, colours)
+    blind = fitted(tmp_path, cloud.points_m, np.full_like(colours, 90))
+    assert plane.brightness is None
+    assert plane.basis.tobytes() == blind.basis.tobytes()
