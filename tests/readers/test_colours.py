@@ -12,6 +12,7 @@ from wheelplane.config import Config
 from wheelplane.detection import find_target
 from wheelplane.plane import fit_plane
 from wheelplane.readers import read_scan
+from wheelplane.readers.colour import luminance
 from wheelplane.targets import load_target
 
 COUNT = 40
@@ -113,6 +114,18 @@ def test_an_intensity_goes_before_colours(tmp_path, name):
     else:
         las(path, 7, SHADE)
     assert read_scan(path).intensity.tolist() == SHADE.tolist()
+
+
+@pytest.mark.parametrize("alpha", [0, 1, 127, 255])
+def test_a_packed_colour_is_in_the_lowest_three_bytes_whatever_the_fourth(alpha):
+    bits = PACKED + np.uint32(alpha << 24)
+    grey = RGB @ [0.2126, 0.7152, 0.0722]
+    for packed in (bits, bits.view("<i4"), bits.view("<f4")):
+        np.testing.assert_allclose(luminance(packed), grey)
+
+
+def test_a_packed_colour_that_text_calls_nan_is_not_known():
+    assert np.isnan(luminance(np.array([np.nan], "<f4"))).all()
 
 
 def fitted(folder, points_m, colours):
