@@ -41,6 +41,7 @@ from .measurement import (
     residual_map,
     rounded,
     shaded,
+    thinned,
 )
 from .plane import Patch, PlaneFit, fit_plane
 from .targets import Target, WheelTarget
@@ -71,7 +72,8 @@ def measure_capture(
     origin = provenance_of_capture(capture, config, observations, naming)
     of_scans = [note for observation in observations for note in observation.notes]
     noted = [*of_scans, *noisy(observations, config.instrument)]
-    noted += [*rounded(observations), *shaded(observations), *not_printed(observations)]
+    noted += [*rounded(observations), *thinned(observations), *shaded(observations)]
+    noted += not_printed(observations)
     verticals = find_verticals(capture.verticals, vertical, capture.source)
     found = solve(align(observations, origin, [*origin.notes, *noted], verticals))
     assumed = notes_of_assumptions(found, capture.target, config.instrument)

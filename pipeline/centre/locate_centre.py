@@ -207,7 +207,7 @@ def _fit(view: TargetView, estimate: CentreEstimate, edge_fit: EdgeFit | None) -
         normal=plane.normal,
         components=(
             *_plane_components(plane, centre_m - plane.centroid_m, estimate),
-            *_brightness(plane, centre_m - plane.centroid_m, estimate),
+            *_besides(plane, centre_m - plane.centroid_m, estimate),
             *_rounding(plane, centre_m - plane.centroid_m, estimate, view.target.radius_m),
             centre_component("centre noise", noise, plane.basis, estimate.dof),
             centre_component("centre model", model, plane.basis),
@@ -238,18 +238,23 @@ def _plane_components(
     ]
 
 
-def _brightness(
+def _besides(
     plane: PlaneFit, lever_m: Array, estimate: CentreEstimate
 ) -> list[UncertaintyComponent]:
-    """Return the component of fitting range by brightness together with the plane."""
-    if plane.brightness is None:
-        return []
-    covariance, by_plane = plane.brightness.covariance, estimate.by_plane
+    """Return components of what is fitted with the plane: range by brightness, a lattice's pull."""
     rotation = None if estimate.rotation is None else estimate.rotation.by_plane
+    fitted = {"brightness": plane.brightness, "thinning": plane.thinning}
     return [
         plane_component(
-            "brightness", covariance, plane.basis, lever_m, by_plane, turn_by_plane=rotation
+            name,
+            part.covariance,
+            plane.basis,
+            lever_m,
+            estimate.by_plane,
+            turn_by_plane=rotation,
         )
+        for name, part in fitted.items()
+        if part is not None
     ]
 
 

@@ -1,5 +1,6 @@
 """Passes over all points of a cloud: sample, crop, voxel grid, octree, moments."""
 
+from .lattice import VoxelLattice, find_lattice
 from .moments import SlabMoments, slab_moments
 from .native import load_opencv
 from .octree import (
@@ -41,12 +42,14 @@ __all__ = [
     "SlabMoments",
     "Steps",
     "VoxelGrid",
+    "VoxelLattice",
     "by_wheel",
     "cell_index",
     "cloud_sample",
     "coordinate_levels",
     "coordinate_steps",
     "divide",
+    "find_lattice",
     "gather_ball",
     "load_opencv",
     "lowest",

@@ -68,7 +68,7 @@ def coordinate_steps(
     axes = np.eye(3) if axes is None else axes
     if not len(points_m):
         return Steps(axes=axes)
-    some = points_m[_scattered(len(points_m))] @ axes.T
+    some = points_m[scattered(len(points_m))] @ axes.T
     about = np.median(some, axis=0) if about_m is None else axes @ about_m
     precision = float(np.spacing(np.abs(some).max(initial=0.0)))
     found = [_local_step(values, at, precision) for values, at in zip(some.T, about, strict=True)]
@@ -123,7 +123,7 @@ class Levels:
 
 def coordinate_levels(points_m: Array, most_m: float) -> Levels:
     """Find the levels of points_m (N, 3), unless they are more than most_m apart, as a rule."""
-    some = points_m[_scattered(len(points_m), LEVEL_ROWS)]
+    some = points_m[scattered(len(points_m), LEVEL_ROWS)]
     precision = float(np.spacing(np.abs(some).max(initial=0.0)))
     few_m = coordinate_steps(points_m).step_m
     found = [level_step(values, precision) for values in some.T]
@@ -149,7 +149,7 @@ def _gaps(values: Array, step: float) -> tuple[Array, Array]:
     return level, np.median(about, axis=1)
 
 
-def _scattered(count: int, most: int = ROWS) -> Rows:
+def scattered(count: int, most: int = ROWS) -> Rows:
     """Return rows of `count`, `most` at most, in the order of a sequence without a period."""
     if count <= most:
         return np.arange(count)

@@ -12,6 +12,7 @@ from .observe import (
     observe_entries,
     rounded,
     shaded,
+    thinned,
 )
 from .observe_vehicle import kinds_of, observe_cloud, observe_rolled
 from .quantities import (
@@ -135,6 +136,7 @@ __all__ = [
     "smoothed",
     "stated",
     "steering_quantity",
+    "thinned",
     "toe_out_at",
     "tolerance_for",
     "tolerance_of",

@@ -26,6 +26,12 @@ ROUNDED = (
     "The coordinates of {names} lie in steps of {step}, which is not fine against their noise: "
     "rounding adds to the uncertainty, as a component of its own; export more decimals to avoid it."
 )
+THINNED = (
+    "The points of {names} were thinned on a voxel grid of about {edge}, along whose cells the "
+    "targets lie: the cells pull the planes. The pull is fitted with the planes, and what it hides "
+    "is in the uncertainty, as a component of its own; export without voxel thinning, or thin at "
+    "random."
+)
 SHADED = (
     "Ranges follow brightness: bright parts of the target lie nearer to the scanner than its dark "
     "ones, across its plane, by {sizes}. This is fitted with the plane and removed; a target of "
@@ -206,6 +212,18 @@ def rounded(observations: Sequence[Observation]) -> Iterator[str]:
             names.setdefault(step, []).append(observation.name)
     for step, scans in names.items():
         yield Wording(ROUNDED, names=", ".join(scans), step=step)
+
+
+def thinned(observations: Sequence[Observation]) -> Iterator[str]:
+    """Yield a note for scans thinned on a voxel grid that pulls their planes, one an edge."""
+    names: dict[str, list[str]] = {}
+    for observation in observations:
+        plane = observation.evidence.plane if observation.evidence else None
+        if plane is not None and plane.thinning is not None:
+            edge = f"{plane.thinning.edge_m * 1e3:.2g} mm"
+            names.setdefault(edge, []).append(observation.name)
+    for edge, scans in names.items():
+        yield Wording(THINNED, names=", ".join(scans), edge=edge)
 
 
 def shaded(observations: Sequence[Observation]) -> Iterator[str]:

@@ -8,6 +8,7 @@ from .least_squares import total_least_squares
 from .patch import Patch
 from .ransac import RansacOptions, ransac
 from .sigma_clipping import Clipping, converge, first_sigma
+from .thinned_plane import Thinning
 
 __all__ = [
     "SPANNED",
@@ -20,6 +21,7 @@ __all__ = [
     "RangeByBrightness",
     "RansacOptions",
     "Rounding",
+    "Thinning",
     "converge",
     "find_planes",
     "first_sigma",

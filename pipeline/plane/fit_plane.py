@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..cloud import Steps, over_chunks
+from ..cloud import Steps, find_lattice, over_chunks
 from ..config import PlaneConfig
 from ..system import stage
 from ..targets import Region, Target
@@ -26,12 +26,14 @@ from .patch import Patch
 from .rounded_plane import fit_rounded
 from .scan_lines import cells_along_lines
 from .sigma_clipping import CLIPPED_SIGMA_RATIO
+from .thinned_plane import LatticePull, Thinning, fit_pull
 
 T = TypeVar("T")
 
 LEAST_STEP_M = 1e-6  # finer steps are no coarser than the target is flat
 NOTED = 0.35  # of the noise: a finer step adds less than 1 % to its variance
 COARSE = 2.0  # step squared over the variance of the residuals, above which least squares are wrong
+ROUNDED = 4.0  # steps: points on a lattice of shorter cells were rounded, not thinned
 SPANNED = 1.5  # steps: no point within them of the plane is clipped
 
 
@@ -60,7 +62,8 @@ class PlaneFit:
     in-plane scatter along u and v. count: points used. iterations: until the set of points
     converged. correlated: noise correlated from point to point, from the residuals. rounding: of
     the coordinates, None where it does not matter. brightness: what ranges follow of it, None where
-    none was fitted; the plane is that of the mean brightness.
+    none was fitted; the plane is that of the mean brightness. thinning: on a
+    voxel lattice, whose pull was removed; None without.
     """
 
     centroid_m: Array
@@ -73,6 +76,7 @@ class PlaneFit:
     correlated: CorrelatedNoise
     rounding: Rounding | None = None
     brightness: RangeByBrightness | None = None
+    thinning: Thinning | None = None
 
     @property
     def normal(self) -> Array:
@@ -86,8 +90,9 @@ class PlaneFit:
 
     @property
     def point_covariance(self) -> Array:
-        """Covariance (3, 3) of the same by independent noise, rounding and brightness."""
-        parts = [part.covariance for part in (self.rounding, self.brightness) if part is not None]
+        """Covariance (3, 3) of the same by independent noise and what is fitted besides."""
+        besides = (self.rounding, self.brightness, self.thinning)
+        parts = [part.covariance for part in besides if part is not None]
         return np.asarray(sum(parts, self.noise_covariance))
 
     @property
@@ -129,7 +134,8 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
     until the set of points converges; at 3 sigma one step leaves 2.7 % of the error, so few steps
     suffice. Points nearer to an edge than the margin are left out: there the laser spot mixes
     target and background. Where the coordinates were rounded to steps that are not fine compared
-    with the noise, the plane of the greatest likelihood follows (see rounded_plane.py); otherwise,
+    with the noise, the plane of the greatest likelihood follows (see rounded_plane.py). Otherwise
+    the pull of a voxel lattice on which the points were thinned is removed (see thinned_plane.py);
     where ranges may follow the intensities, that is fitted with the plane (see brightness.py).
     Raises NotMeasuredError 'too-few-points' or 'steps-too-coarse'.
     """
@@ -143,6 +149,10 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
     fit = fit_clipped_plane(patch.face_m, region, slab, radius, across, most)
     if _step_across(patch.steps, fit.normal) ** 2 > COARSE * _rms(fit) ** 2:
         return _by_steps(patch, region, fit, radius, across, resolution)
+    pull = _by_lattice(patch, region, fit)
+    if pull is not None:
+        patch = replace(patch, face_m=pull.levelled(patch.face_m))
+        fit = fit_clipped_plane(patch.face_m, region, fit.slab, radius, across, most)
     shaded = _by_brightness(patch, region, fit, across, most, resolution)
     fit = fit if shaded is None else shaded.fit
     plane, rms = fit.plane, _rms(fit)
@@ -161,7 +171,23 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
         correlated=correlated,
         rounding=_as_noise(patch.steps, fit, correlated),
         brightness=None if shaded is None else shaded.found(white),
+        thinning=None if pull is None else pull.thinning(fit.centroid_m, fit.basis),
     )
+
+
+def _by_lattice(patch: Patch, region: Region, fit: ClippedFit) -> LatticePull | None:
+    """Fit the pull of the lattice on which the points were thinned; None without one.
+
+    The boundaries of its layers show farther from the plane than points are used.
+    """
+    uvw = patch.face_m @ fit.slab.basis.T
+    off = np.abs(fit.plane.distance_m(uvw))
+    off[~region.holds(uvw[:, :2])] = np.inf
+    axes, limit_m = patch.steps.axes, fit.slab.limit_m
+    lattice = find_lattice(patch.face_m[off < 2.0 * limit_m], axes, fit.normal)
+    if lattice is None or not lattice.edge_m > ROUNDED * float(patch.steps.step_m.max()):
+        return None
+    return fit_pull(patch.face_m[off < limit_m], lattice, axes)
 
 
 def _along_lines(

@@ -20,6 +20,7 @@ COLOURS = {
     "tyre run-out": "#009E73",
     "flatness": "#009E73",
     "rounding": "#882255",
+    "thinning": "#44AA99",
     "brightness": "#AA4499",
     "clamp": "#F0E442",
     "stand-off": "#F0E442",

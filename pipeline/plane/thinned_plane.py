@@ -1,0 +1,174 @@
+"""Pull of a voxel lattice on a plane along its layers, fitted with the plane and removed.
+
+Of a thinned face each cell holds one point, that of few and that of many alike. Where the face lies
+within its noise of the boundary of two layers, each layer holds the part of the noise on its side,
+and the mean of both lies between the face and that boundary. The mean height of points where the
+face has the depth d is so d + b(d): b has the period of the lattice, and is odd about a boundary,
+by the symmetry of noise and cells. With p_k the share of the noise in layer k, m_k its mean there
+and n points a column before thinning, b = sum w_k m_k / sum w_k - d, w_k = 1 - (1 - p_k)^n. Neither
+n nor how a program chooses among the points of a cell is known: b is the sum of this form for few
+and for many points, in shares near a half, and of a smooth odd rest, each with its prior. Where the
+face crosses less than a layer, b and a tilt are hard to tell apart, and the covariance says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..cloud import VoxelLattice
+from ..vectors import Array
+from .correlated_noise import erf
+
+TABLE = 200  # depths in a layer
+LAYERS = np.arange(-4, 5)
+APART = 1.7  # distance of two points in a column by the noise before thinning: 1.6 to 2.1
+POINTS = (2.0, 6.0)  # a column before thinning: forms between which others lie
+SHARE, SHARE_U = 0.5, 0.3  # prior of each form
+REST, REST_LENGTH = 0.2, 0.7  # prior of the rest: its size and length, of the noise
+TO_MIDDLE = 0.4  # size of its longest wave besides, of the noise: points nearest to the middle
+MOST_TO_MIDDLE = 0.08  # the same, of a cell
+LEAST_REST = 1e-3  # prior variance of a wave of the rest, of the longest
+WAVES = 15
+STEPS = 15  # of Gauss and Newton; few suffice
+LEAST_SLOPE = 0.05  # of the mean height by the plane's
+
+
+@dataclass(frozen=True)
+class Thinning:
+    """Effect of a voxel lattice on a plane.
+
+    edge_m: of a cell. covariance: (3, 3) what fitting its pull adds to that of the height (m) at
+    the centroid and of the slopes along u and v.
+    """
+
+    edge_m: float
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class LatticePull:
+    """Pull of a lattice, fitted together with a plane z = h + slopes . (xy - middle).
+
+    z: along the lattice's axis; xy: along the other two of the axes (3, 3). plane: (3,) h and
+    slopes. table_m: (TABLE,) pull by the depth in a layer, of which one starts at boundary_m.
+    added: (3, 3) what fitting the pull adds to the covariance of the plane.
+    """
+
+    lattice: VoxelLattice
+    axes: Array
+    middle_m: Array
+    plane: Array
+    boundary_m: float
+    table_m: Array
+    added: Array
+
+    def levelled(self, points_m: Array) -> Array:
+        """Return points_m (N, 3) without the pull."""
+        terms = _terms(points_m @ self.axes[1:].T - self.middle_m)
+        row = _row(terms @ self.plane - self.boundary_m, self.lattice.edge_m)
+        return np.asarray(points_m - self.table_m[row][:, None] * self.axes[0])
+
+    def thinning(self, centroid_m: Array, basis: Array) -> Thinning:
+        """Return the effect on the plane through centroid_m (3,) with that basis (3, 3)."""
+        carried = np.zeros((3, 3))
+        carried[0, 0] = 1.0
+        carried[0, 1:] = self.axes[1:] @ centroid_m - self.middle_m
+        carried[1:, 1:] = basis[:2] @ self.axes[1:].T
+        carried *= abs(float(basis[2] @ self.axes[0]))
+        return Thinning(self.lattice.edge_m, carried @ self.added @ carried.T)
+
+
+def fit_pull(points_m: Array, lattice: VoxelLattice, axes: Array) -> LatticePull:
+    """Fit plane and pull together to the points_m (N, 3) of a face thinned on a lattice.
+
+    Least squares with the priors of the pull, by Gauss and Newton; the depth at which each point
+    is pulled follows the plane. axes: (3, 3) rows, of which one is the lattice's.
+    """
+    own = int(np.argmax(np.abs(axes @ lattice.axis)))
+    axes = np.roll(axes, -own, axis=0)
+    depth_m, xy = points_m @ axes[0], points_m @ axes[1:].T
+    middle = xy.mean(axis=0)
+    terms = _terms(xy - middle)
+    plane = np.linalg.lstsq(terms, depth_m, rcond=None)[0]
+    columns, mean, variance = _forms(lattice)
+    by_depth = (np.roll(columns, -1, axis=0) - np.roll(columns, 1, axis=0)) * TABLE / 2.0
+    by_depth /= lattice.edge_m
+    pull = mean.copy()
+    for _ in range(STEPS):
+        boundary = lattice.boundary_m + pull[-1]
+        row = _row(terms @ plane - boundary, lattice.edge_m)
+        rest = depth_m - terms @ plane - columns[row] @ pull[:-1]
+        steep = by_depth[row] @ pull[:-1]
+        slope = (1.0 + steep).clip(min=LEAST_SLOPE)
+        by_all = np.column_stack([terms * slope[:, None], columns[row], -steep])
+        white = float(rest @ rest) / (len(rest) - 3)
+        information = by_all.T @ by_all / white
+        information[3:, 3:] += np.diag(1.0 / variance)
+        gradient = by_all.T @ rest / white
+        gradient[3:] -= (pull - mean) / variance
+        step = np.linalg.solve(information, gradient)
+        plane, pull = plane + step[:3], pull + step[3:]
+    added = np.linalg.inv(information)[:3, :3] - white * np.linalg.inv(terms.T @ terms)
+    boundary = lattice.boundary_m + float(pull[-1])
+    table = columns @ pull[:-1]
+    return LatticePull(lattice, axes, middle, plane, boundary, table, _positive(added))
+
+
+def _forms(lattice: VoxelLattice) -> tuple[Array, Array, Array]:
+    """Return columns (TABLE, K) of a pull by depth, and means and variances (K + 1,) of the priors.
+
+    The last prior is that of the boundary's position.
+    """
+    noise = lattice.apart_m / APART / lattice.edge_m
+    depth = np.arange(TABLE) / TABLE
+    wave = np.arange(1, WAVES + 1)
+    size = np.exp(-((2.0 * np.pi * REST_LENGTH * noise * wave) ** 2) / 2.0)
+    wave = wave[size > LEAST_REST * size[0]]
+    size = size[: len(wave)] / size[: len(wave)].sum()
+    columns = [_form(depth, noise, points) * lattice.edge_m for points in POINTS]
+    columns += [np.sin(2.0 * np.pi * number * depth) for number in wave]
+    mean = np.zeros(len(columns) + 1)
+    mean[: len(POINTS)] = SHARE
+    rest = 2.0 * (REST * noise * lattice.edge_m) ** 2 * size
+    rest[0] += (min(TO_MIDDLE * noise, MOST_TO_MIDDLE) * lattice.edge_m) ** 2
+    boundary = lattice.boundary_u_m**2
+    variance = np.concatenate([np.full(len(POINTS), SHARE_U**2), rest, [boundary]])
+    return np.column_stack(columns), mean, variance
+
+
+def _form(depth: Array, noise: float, points: float) -> Array:
+    """Return the pull (D,) at depths (D,) in a layer, for that many points a column, in cells."""
+    low = (LAYERS - depth[:, None]) / noise
+    high = low + 1.0 / noise
+    share = (_cumulative(high) - _cumulative(low)).clip(min=0.0)
+    moment = noise * (_density(low) - _density(high))
+    weight = 1.0 - (1.0 - share.clip(max=1.0)) ** points
+    by_share = np.divide(weight, share, out=np.zeros_like(share), where=share > 1e-12)
+    return np.asarray((by_share * moment).sum(axis=1) / weight.sum(axis=1))
+
+
+def _cumulative(x: Array) -> Array:
+    return 0.5 + 0.5 * erf(x.ravel() / np.sqrt(2.0)).reshape(x.shape)
+
+
+def _density(x: Array) -> Array:
+    return np.asarray(np.exp(-x * x / 2.0) / np.sqrt(2.0 * np.pi))
+
+
+def _terms(xy_m: Array) -> Array:
+    return np.column_stack([np.ones(len(xy_m)), xy_m])
+
+
+def _row(depth_m: Array, edge_m: float) -> Array:
+    """Return rows (N,) of the table for depths (N,) from a boundary."""
+    return np.asarray(np.rint(depth_m / edge_m * TABLE).astype(np.int64) % TABLE)
+
+
+def _positive(covariance: Array) -> Array:
+    """Return a covariance (3, 3) without what is negative of it, at heights scaled to slopes."""
+    scale = np.sqrt(np.abs(np.diag(covariance)).clip(min=1e-300))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = scale[:, None] * vectors * np.sqrt(values.clip(min=0.0))
+    return np.asarray(root @ root.T)
