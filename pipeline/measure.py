@@ -33,6 +33,7 @@ from .measurement import (
     align,
     find_verticals,
     noisy,
+    not_as_thick,
     not_printed,
     notes_of_assumptions,
     observe_cloud,
@@ -73,7 +74,7 @@ def measure_capture(
     of_scans = [note for observation in observations for note in observation.notes]
     noted = [*of_scans, *noisy(observations, config.instrument)]
     noted += [*rounded(observations), *thinned(observations), *shaded(observations)]
-    noted += not_printed(observations)
+    noted += [*not_printed(observations), *not_as_thick(observations)]
     verticals = find_verticals(capture.verticals, vertical, capture.source)
     found = solve(align(observations, origin, [*origin.notes, *noted], verticals))
     assumed = notes_of_assumptions(found, capture.target, config.instrument)

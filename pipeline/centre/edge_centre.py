@@ -11,8 +11,8 @@ import numpy as np
 from ..config import CentreConfig
 from ..detection import OFF_PLANE, outnumbered
 from ..errors import NotMeasuredError
-from ..targets import Holes, Outline
-from ..vectors import Array
+from ..targets import Holes, Outline, sector
+from ..vectors import Array, turned
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
 from .edge.beams import SIZE_M
@@ -28,6 +28,7 @@ SHORT, U_SHORT = 0.5, 0.3  # shift of the centre and its u, of the footprint at 
 GRAZING = 1.3  # slope of beams, 52 degrees, from which it shifts
 LOST_M = 2e-3  # uncertainty above which an edge fit gives way to the outline
 UNCONVERGED_M = 3e-4  # model uncertainty of an edge fit that did not converge
+BY_THICKNESS = 0.4  # of what an unknown thickness would move a centre: model uncertainty
 WALL_SHARE = 2e-3  # of thickness times tan^3 of the incidence: model uncertainty by the wall
 CLEAN_SHARE = 0.015  # of the shift of a clean edge: model uncertainty by what the scanner reports
 MISFIT = (0.06, 0.09)  # share of outliers at which doubt begins, and is complete
@@ -38,6 +39,9 @@ APART, WORST_APART = 3.0, 5.0
 # Of the spacing: half the difference of two edges that rows of points run along, each of whose last
 # rows lies anywhere within a spacing of it: 1 / sqrt(24).
 ROWS = 0.2
+# How far beyond the edge, and how many in a sector, points show that no crop ended the target.
+BEYOND_EDGE_M, BEYOND_SECTORS, LEAST_BEYOND = 0.005, 24, 2
+BY_SPACING = 0.1  # of the spacing: how far inside the edge the outermost points may lie all round
 MAX_RATIO = 50.0  # reflectance ratio, or its inverse, beyond which a fit is implausible
 CELL = 2.0  # of the spacing: cells in which points on and off the target are counted
 MANY_OFF = 0.05  # points off the target, of those on it: below, no other surface is that near
@@ -130,6 +134,7 @@ def _by_edge(
         grazing_m = _grazing(behind, config)
         edge_m = UNEXPLAINED_EDGE_M if behind.seen and behind.beam is None else OUTLINE_EDGE_M
         edge_m = max(edge_m, _rows_m(view, outline))
+        edge_m = math.hypot(edge_m, _cut_m(near, outline, fitted, view.spacing_m))
         centre, rotation = fitted.centre_m + SHORT * grazing_m, fitted.rotation_rad
         method = "outline" if method == "rim" else method
         estimate = CentreEstimate(
@@ -191,6 +196,22 @@ def _rows_m(view: TargetView, outline: Outline) -> float:
     return ROWS * view.spacing_m if outline.shows_rotation else 0.0
 
 
+def _cut_m(near: Array, outline: Outline, fitted: OutlineFit, spacing_m: float) -> float:
+    """Return the standard uncertainty of a round outline that a round crop may have cut.
+
+    Such a crop leaves points that end inside the stated outline, not evenly, and nothing beyond
+    them; the middle is then elsewhere by about as much as they end inside all round.
+    near: points (N, 3) about the outline, at all depths.
+    """
+    if outline.shows_rotation or not fitted.is_uneven:
+        return 0.0
+    closest = outline.closest(turned(near[:, :2] - fitted.centre_m, -fitted.rotation_rad))
+    beyond = sector(closest.share[closest.x_m > BEYOND_EDGE_M], BEYOND_SECTORS)
+    count = np.bincount(beyond, minlength=BEYOND_SECTORS)
+    empty = float(np.mean(count < LEAST_BEYOND))
+    return empty * max(-fitted.growth_m - BY_SPACING * spacing_m, 0.0)
+
+
 def _check_size(edge_fit: EdgeFit, outline: Outline) -> None:
     """Raise NotMeasuredError 'wrong-outline' where SIZE_M does not explain where the edge lies."""
     growth_m = edge_fit.growth_m
@@ -199,7 +220,8 @@ def _check_size(edge_fit: EdgeFit, outline: Outline) -> None:
         raise NotMeasuredError(
             "wrong-outline",
             f"by the points about it, the target's edge lies {abs(growth_m) * 1e3:.2f} mm or more "
-            f"{side} that of {outline.description} all round: check its sizes",
+            f"{side} that of {outline.description} all round: check its sizes and thickness, "
+            "and whether its face is flat",
         )
 
 
@@ -298,6 +320,8 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
     """
     square = float(edge_fit.beam @ edge_fit.beam)
     spread: float = (view.config.model_uncertainty_m * (1.0 + 2.0 * square)) ** 2
+    if edge_fit.by_thickness_m is not None:
+        spread += BY_THICKNESS**2 * float(edge_fit.by_thickness_m @ edge_fit.by_thickness_m)
     spread += (WALL_SHARE * edge_fit.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
     spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2
     if edge_fit.by_size_m is not None:

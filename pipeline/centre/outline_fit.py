@@ -20,6 +20,8 @@ MIN_DIRECTIONS = 0.02  # least information on one axis, of that on the other
 LEAST_ON_CIRCLE, FEW_OUTSIDE = 0.4, 0.1  # of the extreme points, on the circle; beyond it
 STRAYS = 400  # points of a sector, of which one may lie anywhere
 OPPOSITE = 0.5  # of the edge that is reached beyond, as much opposite: of another size all round
+UNEVEN_WAVES, UNEVEN = (2, 3), 9.5  # chi-square of 4 dof, 0.95
+UNEVEN_BY_GROWTH = 0.1  # their least amplitude: footprint and grid make some, too
 STEP_M = 1e-9
 MAX_STEPS, MAX_LOOKS = 60, 20
 
@@ -29,7 +31,8 @@ class OutlineFit:
     """An outline through the outermost points of a target: centre_m (2,), covariance_m2 (2, 2).
 
     rotation_noise: (3,) covariances of the rotation with the centre, and its variance.
-    growth_m: how much farther out than the outline its points lie, all round.
+    growth_m: how much farther out than the outline its points lie, all round. excess_m: (K,) how
+    far outside that each of them lies; share: (K,) where along the outline, ascending.
     """
 
     centre_m: Array
@@ -37,6 +40,23 @@ class OutlineFit:
     covariance_m2: Array
     rotation_noise: Array
     growth_m: float
+    excess_m: Array
+    share: Array
+
+    @property
+    def is_uneven(self) -> bool:
+        """Whether the points follow no grown outline: something else ends the target in a part.
+
+        By the second and third harmonics along the outline: chi-square of 4 dof of independent
+        points, whose variance is that of successive differences (von Neumann, Ann. Math. Stat. 12
+        (1941) 367), and their amplitude against the growth.
+        """
+        steps_m = np.diff(self.excess_m, append=self.excess_m[0])
+        variance = max(float(np.mean(steps_m**2)) / 2.0, 1e-18)
+        waves = np.exp(2j * np.pi * np.outer(UNEVEN_WAVES, self.share))
+        square = float(np.sum(np.abs(2.0 * waves @ self.excess_m / len(self.share)) ** 2))
+        significant = square * len(self.share) / (2.0 * variance) > UNEVEN
+        return significant and square > (UNEVEN_BY_GROWTH * self.growth_m) ** 2
 
 
 def fit_outline(
@@ -187,8 +207,16 @@ def fit_edge_points(edge: Array, outline: Outline, centre: Array, rotation: floa
         if float(np.abs(step).max()) < 1e-15:
             break
     covariance: Array = np.linalg.inv(information).astype(np.float64)
-    turn_noise = covariance[2, :3]
-    return OutlineFit(state[:2], float(state[2]), covariance[:2, :2], turn_noise, float(state[3]))
+    order = np.argsort(closest.share)
+    return OutlineFit(
+        centre_m=state[:2],
+        rotation_rad=float(state[2]),
+        covariance_m2=covariance[:2, :2],
+        rotation_noise=covariance[2, :3],
+        growth_m=float(state[3]),
+        excess_m=excess[order],
+        share=closest.share[order],
+    )
 
 
 def _check_directions(information: Array, outline: Outline) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
@@ -36,6 +37,10 @@ SHADED = (
     "Ranges follow brightness: bright parts of the target lie nearer to the scanner than its dark "
     "ones, across its plane, by {sizes}. This is fitted with the plane and removed; a target of "
     "one brightness avoids it."
+)
+THICKNESS = (
+    "By its mixed pixels, the target's edge is {seen} mm thick, its file says {stated} mm: "
+    "{names}. The centre is by the former; correct the thickness in the target's file, or omit it."
 )
 NOT_PRINTED = {
     "no-intensity": (
@@ -248,6 +253,24 @@ def not_printed(observations: Sequence[Observation]) -> Iterator[str]:
             names.setdefault(missed, []).append(observation.name)
     for reason, scans in names.items():
         yield Wording(NOT_PRINTED[reason], names=", ".join(scans))
+
+
+def not_as_thick(observations: Sequence[Observation]) -> Iterator[str]:
+    """Yield a note on targets whose edges contradict the stated thickness, one for each of these.
+
+    With the median of the scans' thicknesses.
+    """
+    scans: dict[float, list[tuple[str, float]]] = {}
+    for observation in observations:
+        edge = observation.evidence.target.edge_fit if observation.evidence else None
+        if edge is not None and edge.stated_thickness_m is not None:
+            found = scans.setdefault(edge.stated_thickness_m, [])
+            found.append((observation.name, edge.thickness_m))
+    for stated_m, found in scans.items():
+        seen_m = statistics.median(thickness_m for _, thickness_m in found)
+        names = ", ".join(name for name, _ in found)
+        seen, stated = f"{seen_m * 1e3:.1f}", f"{stated_m * 1e3:.3g}"
+        yield Wording(THICKNESS, seen=seen, stated=stated, names=names)
 
 
 def notes_on_lone_points(points_m: Array, name: str) -> tuple[str, ...]:

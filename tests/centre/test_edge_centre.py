@@ -111,6 +111,85 @@ def test_sizes_as_uncertain_as_stated_move_no_centre_and_are_found(name):
     assert np.linalg.norm(left_m) < 0.7 * np.linalg.norm(drawn_m)  # 1 where none is found
 
 
+def thick(real_m, stated_m, seed, **changes):
+    """Squared error over u^2 of a disc of another thickness than stated, u, and its edge's fit."""
+    target = load_target("disc-250")
+    cloud = make(setup_of(target, PLAIN).but(thickness_m=real_m, **changes), seed)
+    target = target.model_copy(update={"thickness": stated_m})
+    patch = patch_of(cloud, target, seed)
+    view = TargetView(patch, fit_plane(patch, target, PlaneConfig()), target, CentreConfig())
+    found = centre_by_edge(view, target.edge)
+    u_m2 = np.trace(found.estimate.covariance_m2) / 2.0
+    return np.sum(error_m(cloud, view, found.estimate) ** 2) / u_m2, u_m2**0.5, found.edge_fit
+
+
+@pytest.mark.parametrize("incidence_deg", [15.0, 30.0, 45.0])
+@pytest.mark.parametrize(("real_m", "stated_m"), [(0.003, 0.01), (0.01, 0.003), (0.02, 0.01)])
+def test_a_thickness_that_the_edge_contradicts_moves_no_centre(real_m, stated_m, incidence_deg):
+    """The centre is that of an unknown thickness, whose u is hardly larger."""
+    squares = 0.0
+    for seed in range(2):
+        square, u_m, edge = thick(real_m, stated_m, seed, incidence_deg=incidence_deg)
+        assert edge.stated_thickness_m == stated_m
+        assert edge.thickness_m == pytest.approx(real_m, rel=0.25)
+        assert u_m < 1.5e-4
+        squares += square
+    assert squares < stats.chi2.ppf(0.999, 4)
+
+
+@pytest.mark.parametrize("incidence_deg", [15.0, 30.0])
+@pytest.mark.parametrize("thickness_m", [0.003, 0.01, 0.02])
+def test_a_thickness_that_the_edge_confirms_is_used(thickness_m, incidence_deg):
+    square, _, edge = thick(thickness_m, thickness_m, 0, incidence_deg=incidence_deg)
+    assert edge.stated_thickness_m is None
+    assert edge.thickness_m == pytest.approx(thickness_m, rel=0.06)
+    assert square < stats.chi2.ppf(0.999, 2)
+
+
+@pytest.mark.parametrize("stated_m", [0.01, 0.003])
+def test_few_points_do_not_hide_a_wrong_thickness(stated_m):
+    """300 points, each time with the other thickness: squares of errors over u^2, of 12 scans."""
+    real_m = 0.013 - stated_m
+    squares = sum(
+        thick(real_m, stated_m, seed, spacing_m=0.0125, incidence_deg=20.0)[0] for seed in range(12)
+    )
+    assert squares < stats.chi2.ppf(0.999, 24)
+
+
+def cropped(aside_m, radius_m, seed, **changes):
+    """Error over u of a disc in a scan that a round crop has cut, and u."""
+    keep = lambda u, v: np.hypot(u - aside_m, v) < radius_m  # noqa: E731
+    target = load_target("disc-250")
+    cloud = make(setup_of(target, PLAIN).but(keep=keep, **changes), seed)
+    patch = patch_of(cloud, target, seed)
+    view = TargetView(patch, fit_plane(patch, target, PlaneConfig()), target, CentreConfig())
+    found = centre_by_edge(view, target.edge)
+    u_m = math.sqrt(np.trace(found.estimate.covariance_m2) / 2.0)
+    return np.hypot(*error_m(cloud, view, found.estimate)) / u_m, u_m
+
+
+@pytest.mark.parametrize("background_m", [None, 0.08])
+@pytest.mark.parametrize(
+    ("aside_m", "radius_m"), [(0.004, 0.123), (0.003, 0.125), (0.006, 0.126), (0.006, 0.121)]
+)
+def test_a_round_crop_that_cuts_the_target_is_in_the_uncertainty(aside_m, radius_m, background_m):
+    for seed in range(2):
+        error, _ = cropped(aside_m, radius_m, seed, background_m=background_m)
+        assert error < 3.72  # chi-square of two axes, 0.999
+
+
+def test_only_what_ends_inside_unevenly_with_nothing_beyond_may_be_cut():
+    """Neither a crop beyond the target nor a scanner that filters mixed pixels widens u."""
+    for crop in ({"background_m": None}, {"filtered": True}):
+        for radius_m in (0.140, 1.0):
+            _, u_m = cropped(0.004, radius_m, 0, **crop)
+            assert u_m < 1.1 * OUTLINE_EDGE_M
+    _, u_m = cropped(0.0, 1.0, 0, filtered=True, background_m=None)
+    assert u_m < 1.1 * OUTLINE_EDGE_M
+    _, u_m = cropped(0.004, 0.123, 0)
+    assert u_m > 3.0 * OUTLINE_EDGE_M
+
+
 @pytest.mark.parametrize("growth_m", [-0.0015, 0.0015])
 @pytest.mark.parametrize("name", NAMES)
 def test_a_size_that_the_edge_contradicts_is_refused(name, growth_m):
@@ -119,7 +198,7 @@ def test_a_size_that_the_edge_contradicts_is_refused(name, growth_m):
     for seed in range(2):
         _, view = grown(name, growth_m, seed)
         with pytest.raises(
-            NotMeasuredError, match=f"mm or more {side} that of a .* all round"
+            NotMeasuredError, match=f"mm or more {side} that of a .* all round.* thickness.* flat"
         ) as e:
             centre_by_edge(view, view.target.edge)
         assert e.value.status == "wrong-outline"

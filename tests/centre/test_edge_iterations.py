@@ -237,6 +237,7 @@ def test_a_steep_fit_of_another_thickness_is_held(monkeypatch, steep, thickness_
 
     monkeypatch.setattr(fit_edge, "_best", best)
     monkeypatch.setattr(fit_edge, "_is_strange", lambda *args: strange)
+    monkeypatch.setattr(fit_edge, "_tension", lambda *args: 0.0)
     monkeypatch.setattr(fit_edge, "_record", lambda *args: RECORD)
     assert fit_edge._mixed(problem, state, thickness_m, CONFIG) is RECORD
     first = problem.prior.plain() if steep else problem.prior

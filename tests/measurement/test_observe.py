@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from wheelplane.centre import TargetFit
 from wheelplane.config import Config, InstrumentConfig
 from wheelplane.errors import InputError, NotMeasuredError
 from wheelplane.measure import fit_target
-from wheelplane.measurement.observe import NOISY, noisy, not_printed, observe_entries
+from wheelplane.measurement.observe import NOISY, noisy, not_as_thick, not_printed, observe_entries
 from wheelplane.measurement.records import Evidence
 from wheelplane.targets.plates import DiscTarget
 
@@ -160,3 +161,18 @@ def test_a_print_that_was_not_used_is_noted_with_its_wheels_and_why(scan):
     assert unfound.startswith("The print on the targets of FR was not found")
     assert all("by the edges alone" in note for note in (unseen, unfound))
     assert not list(not_printed([replace(found[0], evidence=None), found[1]]))
+
+
+def test_a_thickness_that_the_edges_contradict_is_noted_with_what_they_show(scan):
+    """One note for each stated one, with the median by its scans; none of confirmed ones."""
+    shown = {"RR": (0.0031, 0.01), "RL": (0.0029, 0.01), "FR": (0.01, None), "FL": (0.0033, 0.01)}
+    found = [
+        replace(observe(scan, lambda *_, e=e: Evidence(replace(FITTED, edge_fit=e))), name=name)
+        for name, (seen_m, stated_m) in shown.items()
+        for e in [SimpleNamespace(thickness_m=seen_m, stated_thickness_m=stated_m)]
+    ]
+    (note,) = not_as_thick(found)
+    assert note.startswith(
+        "By its mixed pixels, the target's edge is 3.1 mm thick, its file says 10 mm: RR, RL, FL. "
+    )
+    assert not list(not_as_thick([replace(found[0], evidence=None), found[2]]))

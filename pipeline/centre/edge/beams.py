@@ -120,7 +120,7 @@ WALL, SHAPE, GROWTH = 9, 10, 11
 LAMBERT, LAMBERT_SIGMA = 1.0, 0.3  # of a scanner that parts returns by power
 CLEAN_SPOT = 2.0  # of the log footprint, of such a scanner or a camera (k = 1)
 LEAST_WALL = 0.02  # reflectance of a wall, of the target's
-STATED_THICKNESS = 0.03  # relative standard uncertainty (k = 1)
+STATED_THICKNESS, WRONG_THICKNESS = 0.03, 1.0  # relative: of a stated one; of a wrong one (k = 1)
 HELD_WALL = 0.02  # of Lambert's share and the spot's shape in a first fit (k = 1)
 HELD_SIZE_M = 1e-5  # of an edge of the stated size (k = 1)
 HELD_BEAM, HELD_THICKNESS = 0.05, 0.03  # of a fit that diverged (k = 1)
@@ -145,7 +145,7 @@ class Prior:
         thickness = thickness_m if thickness_m is not None else 0.008
         logs = np.log([config.spot_radius_m, max(thickness, 1e-4)])
         mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0, 0.5, 0.5, 0.0])
-        known_log = STATED_THICKNESS if known else 1.0
+        known_log = STATED_THICKNESS if known else WRONG_THICKNESS
         sigma = [0.01, 0.01, 3.0, 3.0, 0.3, 0.7, known_log, 1.5, ROTATION_RAD, 0.5, 0.5, SIZE_M]
         return cls(mean, 1.0 / np.array(sigma) ** 2)
 
@@ -186,6 +186,12 @@ class Prior:
         """Return the prior of an edge of a size that may be wrong."""
         weight = self.weight.copy()
         weight[GROWTH] = WRONG_SIZE_M**-2
+        return Prior(self.mean, weight)
+
+    def doubted(self) -> Prior:
+        """Return the prior of an edge of a thickness that may be wrong."""
+        weight = self.weight.copy()
+        weight[THICKNESS] = WRONG_THICKNESS**-2
         return Prior(self.mean, weight)
 
     def sized(self) -> Prior:

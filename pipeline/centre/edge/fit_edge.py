@@ -9,6 +9,7 @@ edge, and estimates the scanner's position from the points themselves.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +34,7 @@ from .beams import (
     ROTATION,
     SHAPE,
     SPOT,
+    STATED_THICKNESS,
     THICKNESS,
     WALL,
     Background,
@@ -74,6 +76,11 @@ UNDAMPED, SETTLED = 10, 0.2  # steps of full length; share of u that a step may 
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
 AS_MUCH = 1.01  # of what a solution leaves unexplained, what another may leave
+TENSE = 2.0  # standard deviations off the prior from which the stated thickness is doubted
+CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
+EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
+THICKNESS_MODEL = 0.05  # relative standard uncertainty of one by the data alone, besides noise
+LEAST_SHOWN = 0.01  # of the variance of a prior, that the data show
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
 
 
@@ -101,7 +108,9 @@ class EdgeFit:
     of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. growth_m: how
     much farther out the edge lies than stated, all round, with its standard uncertainty
     growth_u_m: both from SIZE_M as a prior. covered: share of the outline that was used. misfit:
-    share of outliers near the edge. converged: whether the last step was small.
+    share of outliers near the edge. converged: whether the last step was small. thickness_u:
+    relative. stated_thickness_m: one that the data contradict, and that was not used;
+    by_thickness_m: (2,) by which the centre would move if it were not, where that is in doubt.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     by_size_m: (2,) by which its centre would move if the size were hardly known.
     """
@@ -127,6 +136,9 @@ class EdgeFit:
     converged: bool
     rotation_noise: Array
     rotation_by_plane: Array
+    thickness_u: float
+    stated_thickness_m: float | None = None
+    by_thickness_m: Array | None = None
     clean_shift_m: float | None = None
     by_size_m: Array | None = None
 
@@ -186,7 +198,10 @@ def fit_edge(
 def _mixed(
     problem: EdgeProblem, state: Array, thickness_m: float | None, config: CentreConfig
 ) -> EdgeFit | None:
-    """Fit an edge to its mixed pixels; None where a quarter of it has no background."""
+    """Fit an edge to its mixed pixels; None where a quarter of it has no background.
+
+    Without the stated thickness where the data pull it or the size, and contradict it then.
+    """
     steep = float(np.hypot(*state[BEAM])) > STEEP
     if steep:  # footprint and beams would diverge with the wall
         problem = replace(problem, prior=problem.prior.plain())
@@ -194,11 +209,43 @@ def _mixed(
     if steep and thickness_m is not None and _is_strange(found, problem.prior):
         held = replace(problem, prior=problem.prior.held(state))
         found = _best(held, state, config.max_iterations)
+    fitted = _recorded(found, problem)
+    if fitted is None or thickness_m is None:
+        return fitted
+    if not problem.few and _tension(fitted, problem.prior) < TENSE:
+        return fitted
+    doubted = replace(problem, prior=problem.prior.doubted())
+    free = _recorded(_best(doubted, state, config.max_iterations), doubted)
+    return fitted if free is None else _by_thickness(fitted, free, thickness_m)
+
+
+def _by_thickness(fitted: EdgeFit, free: EdgeFit, thickness_m: float) -> EdgeFit:
+    """Return the fit with the stated thickness, or the one without where that contradicts it."""
+    u = math.hypot(free.thickness_u, STATED_THICKNESS, THICKNESS_MODEL)
+    off = abs(math.log(free.thickness_m / thickness_m)) / u
+    if free.converged and off > CONTRADICTED_THICKNESS:
+        return replace(free, stated_thickness_m=thickness_m)
+    return replace(fitted, by_thickness_m=free.centre_m - fitted.centre_m)
+
+
+def _recorded(found: _Converged, problem: EdgeProblem) -> EdgeFit | None:
+    """Return the fit of a solution; None where a quarter of the edge has no background."""
     covered = float(np.mean(found.background.usable))
     if covered < 0.25 or len(found.equations.residual_m) < LEAST:
         return None
     fitted = _record(found, problem, covered)
     return _settled(fitted, found) if problem.few else fitted
+
+
+def _tension(fitted: EdgeFit, prior: Prior) -> float:
+    """Return how far the edge's parameters lie from their prior, in standard deviations.
+
+    A posterior mean has the variance of its prior less that of the posterior.
+    """
+    variance, u = 1.0 / prior.weight[EDGE], np.zeros(len(EDGE))
+    u[EDGE.index(THICKNESS)], u[EDGE.index(GROWTH)] = fitted.thickness_u, fitted.growth_u_m
+    shown = np.maximum(variance - u**2, LEAST_SHOWN * variance)
+    return float(np.sqrt(np.sum((fitted.state - prior.mean)[EDGE] ** 2 / shown)))
 
 
 def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit | None:
@@ -470,4 +517,5 @@ def _record(found: _Converged, problem: EdgeProblem, covered: float) -> EdgeFit:
         converged=found.last_m < CONVERGED_M,
         rotation_noise=covariance[ROTATION, [0, 1, ROTATION]],
         rotation_by_plane=by_plane[ROTATION],
+        thickness_u=float(np.sqrt(covariance[THICKNESS, THICKNESS])),
     )
