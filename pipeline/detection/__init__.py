@@ -11,7 +11,7 @@ from .find_target import (
     rivals,
 )
 from .find_targets import candidates_of_cloud, find_targets
-from .identify_wheels import find_axles, listed, placed, wheels_by_markers
+from .identify_wheels import Axles, find_axles, listed, placed, wheels_by_markers
 from .surfels import planes_of
 from .template_match import OFF_PLANE, outnumbered
 from .up_direction import find_up, stand_on_a_floor
@@ -20,6 +20,7 @@ from .vehicles import FoundTarget
 __all__ = [
     "FACE_BAND",
     "OFF_PLANE",
+    "Axles",
     "Candidate",
     "FoundTarget",
     "candidate_near",

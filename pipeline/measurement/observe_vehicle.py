@@ -13,6 +13,7 @@ from ..capture import Capture, Hint, ScanEntry, Searched, boxed
 from ..cloud import by_wheel, sample
 from ..config import Config
 from ..detection import (
+    Axles,
     FoundTarget,
     find_axles,
     find_up,
@@ -257,10 +258,7 @@ def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Nami
     centres_m = axles.centres_m(targets)
     up = find_up(found.sample_m, centres_m, capture.up)
     first_m, second_m = centres_m.mean(axis=1)
-    notes = (
-        *_named(FURTHER, [targets[i] for i in axles.further]),
-        *_named(LEFT_OUT, [targets[i] for i in axles.left_out]),
-    )
+    notes = _of_others(targets, axles)
     if capture.front is not None:
         ahead = capture.front.is_ahead(first_m, second_m)
         naming = Naming(capture.front.note, up.by, found.points, notes)
@@ -276,6 +274,12 @@ def _ways(found: Found, capture: Capture) -> tuple[list[Mapping[str, int]], Nami
         axles.named(targets, up.direction, ahead) for ahead in (True, False)
     ]
     return both, Naming(BY_MARKERS, up.by, found.points, notes)
+
+
+def _of_others(targets: Sequence[FoundTarget], axles: Axles) -> tuple[str, ...]:
+    """Return notes on the targets of further axles, and on those of no vehicle."""
+    further = _named(FURTHER, [targets[i] for i in axles.further])
+    return further + _named(LEFT_OUT, [targets[i] for i in axles.left_out])
 
 
 def _named(sentence: str, targets: Sequence[FoundTarget]) -> tuple[str, ...]:

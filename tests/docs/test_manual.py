@@ -395,9 +395,11 @@ NOTES = {
     "request.py": ("note_of_plates",),
     "evaluate.py": ("_without_a_point",),
     "doubts.py": ("_upside_down", "_far_from_their_wheel", "_unlike_axles", "_copies"),
-    "observe_vehicle.py": ("_left_out",),
+    "observe_vehicle.py": ("_of_others",),
     "records.py": ("notes",),
-    "observe.py": ("noisy", "not_as_thick", "not_printed", "note_on_hint", "rounded", "shaded"),
+    "observe.py": (
+        "noisy", "not_as_thick", "not_printed", "note_on_hint", "rounded", "thinned", "shaded",
+    ),
     "plane.py": ("_coarse",),
     "file.py": ("_note_if_upside_down", "_note_of_sense"),
     "five_point.py": ("note_of_aiming",),
