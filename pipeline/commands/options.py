@@ -233,8 +233,8 @@ WHOLE_VEHICLE_OPTIONS = (
     click.option(
         "--front-point",
         metavar="X,Y,Z",
-        help="Whole-vehicle scan: instead, a point near the front, in the scan's coordinates "
-        "and unit.",
+        help="Whole-vehicle scan: instead, a point near the front of the vehicle to measure, in "
+        "the scan's coordinates and unit.",
     ),
     click.option(
         "--up",
