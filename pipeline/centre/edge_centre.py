@@ -228,15 +228,12 @@ def _check_size(edge_fit: EdgeFit, outline: Outline) -> None:
 def _growth_explained_m(edge_fit: EdgeFit) -> float:
     """Return the standard deviation of an edge's growth where SIZE_M holds.
 
-    A posterior mean has the variance of its prior less that of the posterior. Where the points
-    scatter by u while their weights state p, as with correlated noise, k = 1 - p^2/S^2 of what they
-    show is in the mean, whose variance is k^2 S^2 + u^2 - (1-k)^2 S^2 = S^2 + u^2 - 2 p^2. That of
-    a clean edge has a wide prior, and the variance of its estimate besides.
+    A posterior mean has the variance of its prior less that of the posterior. That of a clean edge
+    has a wide prior, and the variance of its estimate besides.
     """
-    prior, u, p = SIZE_M**2, edge_fit.growth_u_m**2, edge_fit.growth_stated_u_m**2
     if edge_fit.clean_shift_m is not None:
-        return math.sqrt(prior + u)
-    return math.sqrt(max(prior - u, prior + u - 2.0 * p, LEAST_SHOWN * prior))
+        return math.hypot(SIZE_M, edge_fit.growth_u_m)
+    return SIZE_M * math.sqrt(max(1.0 - (edge_fit.growth_u_m / SIZE_M) ** 2, LEAST_SHOWN))
 
 
 def _is_lost(edge_fit: EdgeFit, model_m2: float) -> bool:

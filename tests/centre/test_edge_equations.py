@@ -95,7 +95,7 @@ def test_few_points_have_the_covariance_of_all_unknowns_and_of_student_s_t(outli
     slopes, known = dense(linear, prior)
     data = (slopes.T * linear.weight) @ slopes
     inverse = np.linalg.inv(data + np.diag(known))
-    covariance, by_plane, dof, _ = spread(linear, outline, prior, few=True)
+    covariance, by_plane, dof = spread(linear, outline, prior, few=True)
     assert dof == pytest.approx(outline.axis_share * (SECTORS - 2 - outline.shows_rotation))
     square = np.sum(linear.weight * linear.residual_m**2) / (POINTS - STATES)
     assert square > 1.5
@@ -115,7 +115,7 @@ def test_few_quiet_points_are_no_better_than_their_stated_noise():
         quiet = replace(quiet, change=quiet.weight)
         slopes, known = dense(quiet, prior)
         data = (slopes.T * quiet.weight) @ slopes
-        covariance, _, dof, _ = spread(quiet, outline, prior, few=True)
+        covariance, _, dof = spread(quiet, outline, prior, few=True)
         scale = dof / max(dof - 2.0, 1.0)
         inverse = np.linalg.inv(data + np.diag(known))
         expected = inverse @ (np.diag(known) + scale * data) @ inverse
@@ -165,7 +165,7 @@ def test_the_covariance_is_that_of_bell_and_mccaffrey_with_the_zones_as_unknowns
         squares += np.outer(score, score)
     change = (free.T * linear.change) @ free + apart
     inverse = np.linalg.inv(change)
-    covariance, by_plane, _, _ = spread(linear, Circle(0.125), prior)
+    covariance, by_plane, _ = spread(linear, Circle(0.125), prior)
     np.testing.assert_allclose(covariance, inverse @ squares @ inverse, rtol=1e-6, atol=1e-10)
     lift = linear.by_height[:, None] * np.column_stack([np.ones(POINTS), linear.q_m])
     expected = inverse @ (free.T * linear.change) @ lift
@@ -175,9 +175,9 @@ def test_the_covariance_is_that_of_bell_and_mccaffrey_with_the_zones_as_unknowns
 def test_a_sector_that_shows_all_alone_has_no_endless_uncertainty():
     linear, prior, _ = drawn(2, share=np.full(POINTS, 0.3))
     prior = replace(prior, weight=np.full(STATES, 1e-9))
-    covariance, _, dof, _ = spread(linear, Circle(0.125), prior)
+    covariance, _, dof = spread(linear, Circle(0.125), prior)
     assert dof == Circle(0.125).axis_share  # one sector less two, at least 1
-    few, _, _, _ = spread(replace(linear, change=linear.weight), Circle(0.125), prior, few=True)
+    few, _, _ = spread(replace(linear, change=linear.weight), Circle(0.125), prior, few=True)
     assert np.all(np.linalg.eigvalsh(covariance) > -1e-12)
     assert np.trace(covariance) < 1.0
     assert np.trace(few) < 1.0

@@ -318,7 +318,7 @@ def test_a_record_is_of_the_last_solution(few):
     state = state_of()
     for last_m in (0.5e-5, 2e-5):
         fit, linear, problem = recorded(last_m, few)
-        covariance, by_plane, dof, _ = spread(linear, PLATE, problem.prior, few)
+        covariance, by_plane, dof = spread(linear, PLATE, problem.prior, few)
         np.testing.assert_allclose(fit.state, state, rtol=1e-12)
         np.testing.assert_array_equal(fit.covariance_m2, covariance[CENTRE, CENTRE])
         noise = [covariance[ROTATION, 0], covariance[ROTATION, 1], covariance[ROTATION, ROTATION]]

@@ -237,10 +237,8 @@ def zone_scatter(linear: Equations, prior: Prior) -> float:
 
 def spread(
     linear: Equations, outline: Outline, prior: Prior, few: bool = False
-) -> tuple[Array, Array, float, Array]:
-    """Return covariance (12, 12) of the state, derivatives (12, 3) by plane, dof; and variances.
-
-    The variances (12,) are those that the weights state, as of independent points.
+) -> tuple[Array, Array, float]:
+    """Return covariance (12, 12) of the state, derivatives (12, 3) by the plane, and dof.
 
     A^-1 B A^-1, A the derivative of the estimating equations, B the sum of their squares by sectors
     of the outline: the variances in the weights need not be right, nor the points of a sector
@@ -263,7 +261,7 @@ def spread(
         squares = known + _variance(linear, dof) * (information - known)
     else:
         squares = known + _squares(linear, slopes, part, information)
-    return inverse @ squares @ inverse, by_plane, dof, np.diag(inverse)
+    return inverse @ squares @ inverse, by_plane, dof
 
 
 def _variance(linear: Equations, dof: float) -> float:

@@ -107,10 +107,9 @@ class EdgeFit:
     reflectance_ratio: of the background over the target. wall: 0 of a wall as bright as the face, 1
     of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. growth_m: how
     much farther out the edge lies than stated, all round, with its standard uncertainty
-    growth_u_m, and growth_stated_u_m by the weights of the points alone: from SIZE_M as a prior.
-    covered: share of the outline that was used. misfit: share of outliers near the edge.
-    converged: whether the last step was small. thickness_u: relative. stated_thickness_m: one that
-    the data contradict, and that was not used;
+    growth_u_m: both from SIZE_M as a prior. covered: share of the outline that was used. misfit:
+    share of outliers near the edge. converged: whether the last step was small. thickness_u:
+    relative. stated_thickness_m: one that the data contradict, and that was not used;
     by_thickness_m: (2,) by which the centre would move if it were not, where that is in doubt.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     by_size_m: (2,) by which its centre would move if the size were hardly known.
@@ -130,7 +129,6 @@ class EdgeFit:
     spot_shape: float
     growth_m: float
     growth_u_m: float
-    growth_stated_u_m: float
     covered: float
     misfit: float
     points: int
@@ -496,9 +494,7 @@ def _converge(
 
 def _record(found: _Converged, problem: EdgeProblem, covered: float) -> EdgeFit:
     state = found.state
-    covariance, by_plane, dof, stated = spread(
-        found.equations, problem.outline, problem.prior, problem.few
-    )
+    covariance, by_plane, dof = spread(found.equations, problem.outline, problem.prior, problem.few)
     return EdgeFit(
         centre_m=state[CENTRE],
         rotation_rad=float(state[ROTATION]),
@@ -514,7 +510,6 @@ def _record(found: _Converged, problem: EdgeProblem, covered: float) -> EdgeFit:
         spot_shape=float(state[SHAPE]),
         growth_m=float(state[GROWTH]),
         growth_u_m=float(np.sqrt(covariance[GROWTH, GROWTH])),
-        growth_stated_u_m=float(np.sqrt(max(stated[GROWTH], 0.0))),
         covered=covered,
         misfit=_outliers(found),
         points=len(found.equations.residual_m),
