@@ -11,7 +11,7 @@ from ..cloud import cloud_sample, side_by_side
 from ..config import Config, InstrumentConfig
 from ..diagnostics import check_wheel_scan, lone_points
 from ..errors import InputError, NotMeasuredError, Wording
-from ..plane import Patch
+from ..plane import Patch, PlaneFit
 from ..readers import Scan
 from ..system import stage
 from ..targets import Target
@@ -209,26 +209,36 @@ def note_on_hint(hint: Hint, name: str, patch: Patch, config: Config) -> str:
 
 def rounded(observations: Sequence[Observation]) -> Iterator[str]:
     """Yield a note for scans in which rounded coordinates add to the uncertainty, one a step."""
-    names: dict[str, list[str]] = {}
-    for observation in observations:
-        plane = observation.evidence.plane if observation.evidence else None
-        if plane is not None and plane.rounding is not None:
-            step = f"{float(plane.rounding.steps.step_m.max()) * 1e3:.3g} mm"
-            names.setdefault(step, []).append(observation.name)
-    for step, scans in names.items():
-        yield Wording(ROUNDED, names=", ".join(scans), step=step)
+
+    def step(plane: PlaneFit) -> str:
+        found = plane.rounding
+        return "" if found is None else f"{float(found.steps.step_m.max()) * 1e3:.3g} mm"
+
+    for size, names in _names_by(observations, step):
+        yield Wording(ROUNDED, names=names, step=size)
 
 
 def thinned(observations: Sequence[Observation]) -> Iterator[str]:
     """Yield a note for scans thinned on a voxel grid that pulls their planes, one an edge."""
+
+    def edge(plane: PlaneFit) -> str:
+        found = plane.thinning
+        return "" if found is None else f"{found.edge_m * 1e3:.2g} mm"
+
+    for size, names in _names_by(observations, edge):
+        yield Wording(THINNED, names=names, edge=size)
+
+
+def _names_by(
+    observations: Sequence[Observation], size_of: Callable[[PlaneFit], str]
+) -> list[tuple[str, str]]:
+    """Return each size that planes show, and the names of their scans; "" shows none."""
     names: dict[str, list[str]] = {}
     for observation in observations:
         plane = observation.evidence.plane if observation.evidence else None
-        if plane is not None and plane.thinning is not None:
-            edge = f"{plane.thinning.edge_m * 1e3:.2g} mm"
-            names.setdefault(edge, []).append(observation.name)
-    for edge, scans in names.items():
-        yield Wording(THINNED, names=", ".join(scans), edge=edge)
+        if plane is not None and (size := size_of(plane)):
+            names.setdefault(size, []).append(observation.name)
+    return [(size, ", ".join(scans)) for size, scans in names.items()]
 
 
 def shaded(observations: Sequence[Observation]) -> Iterator[str]:

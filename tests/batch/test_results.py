@@ -526,7 +526,7 @@ def test_unlike_verticals_are_named_and_selected(tmp_path):
 
 
 def test_captures_in_doubt_are_listed_and_left_out_of_statistics(tmp_path):
-    """Of the vehicle; a doubt about a trial leaves the wheels' numbers in."""
+    """A doubt about a trial, not the vehicle, leaves the wheels' numbers in."""
     trees = [result(name) for name in ("a", "b", "c", "d")]
     trees[1]["doubts"] = [{"trial": None, "note": "mirrored"}]
     trees[2]["doubts"] = [{"trial": "1", "note": "a copy"}]

@@ -216,7 +216,7 @@ def test_two_points_show_a_mean_error_and_no_sensitivity():
 
 @pytest.mark.parametrize("rule", ["guarded", "simple", "shared"])
 def test_no_verdict_rests_on_a_reference_in_doubt(rule):
-    """Of a vehicle in doubt no point is decided, of a trial in doubt that trial alone."""
+    """A vehicle in doubt leaves every point undecided, a trial in doubt that trial alone."""
     bay = Bay(seed=1)
     tested = machine(toe=changed(TOE, mpe=60.0))
     item = item_of(tested)

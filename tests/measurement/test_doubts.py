@@ -196,7 +196,7 @@ def with_trial(made, of, noise, rng):
 
 @pytest.mark.parametrize("of", ["RR", "1"])
 def test_a_copy_of_another_scan_is_no_trial(of):
-    """Of the reference or a trial, as it is or exported again: digits move a fit by 3 % of u."""
+    """A copy of the reference or a trial, exported again too: digits move a fit by 3 % of u."""
     made, rng = scene(trials=TRIAL), np.random.default_rng(1)
     for noise in (0.0, 1e-6, *[0.02] * 20):
         found = measured(with_trial(made, of, noise, rng))
@@ -205,7 +205,7 @@ def test_a_copy_of_another_scan_is_no_trial(of):
 
 
 def test_a_second_scan_is_no_copy():
-    """Of fits that noise alone moves apart, by the root of two of one scan's, none is."""
+    """Fits that noise alone moves apart, by the root of two of one scan's, are none."""
     made, rng = scene(trials=TRIAL), np.random.default_rng(2)
     assert all(measured(with_trial(made, "RR", 2**0.5, rng)).doubts == () for _ in range(300))
 
