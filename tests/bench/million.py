@@ -1,9 +1,11 @@
 """A million five-point captures: found and measured, the finished run repeated, results asked.
 
-    .venv/bin/python -m tests.bench.million DIR [--count 1000000] [--zips] [--workers 2] [--copied]
+    .venv/bin/python -m tests.bench.million DIR [--count 1000000] [--form folders|zips|both]
+        [--workers 2] [--copied]
 
-DIR takes 4 GB of captures in folders of 100,000, or 0.4 GB as zips of 1,000, and 62 GB of results;
-what is there already is used again, and an interrupted run goes on. --copied: no more than one is
+DIR takes 4 GB of captures in folders of 100,000, or 0.4 GB as zips of 1,000 (both: the first half
+in folders, the second as zips), and 62 GB of results; what is there already is used again, and an
+interrupted run goes on. --copied: no more than one is
 measured, and the results are copies of it with other names, keys and numbers, the fields that the
 catalogue reads alone (4 kB of 60), and the index that a run writes beside them. Wall and CPU
 seconds of whole processes, the runner's largest resident memory sampled every 0.2 s.
@@ -33,6 +35,7 @@ from wheelplane.batch.storage.entry import Entry
 
 A_FOLDER, A_ZIP = 100_000, 1000
 A_RESULT, A_CAPTURE = 61_440, 4096  # bytes on a disk of blocks of 4 kB
+IN_FOLDERS = {"folders": 1.0, "zips": 0.0, "both": 0.5}
 ROWS = 20
 OF_WHEEL = ("name", "role", "wheel", "status", "toe_deg", "camber_deg", "u_toe_deg", "u_camber_deg",
             "points_on_target", "points_total", "plane_rms_m")  # fmt: skip
@@ -58,34 +61,30 @@ def name_of(i: int) -> str:
     return f"{i // A_FOLDER:03d}/car-{i:07d}.txt"
 
 
-def captures(count: int) -> Iterator[str]:
-    """Yield the captures: five points a plane, the paper's moved by half a millimetre."""
+def captures(count: int) -> Iterator[tuple[int, str]]:
+    """Yield number and text of the captures: five points a plane, moved by half a mm."""
     lines = [line.replace(",", " ").split() for line in PAPER.read_text().split("\n") if line]
     rows = [tuple(map(float, line)) for line in lines[:ROWS]]
     rng = random.Random(1)
-    for _ in range(count):
+    for i in range(count):
         moved = (tuple(x + rng.gauss(0.0, 0.0005) for x in row) for row in rows)
-        yield "".join("%.4f %.4f %.4f\n" % row for row in moved)  # noqa: UP031 (three times as fast)
+        yield i, "".join("%.4f %.4f %.4f\n" % row for row in moved)  # noqa: UP031 (three times as fast)
 
 
-def make_archive(folder: Path, count: int) -> None:
-    """Write the captures into folders."""
+def make_archive(folder: Path, count: int, in_folders: int) -> None:
+    """Write the captures: the first into folders, the others into zips."""
+    folder.mkdir(parents=True)
     then = time.time() - 3600.0
-    for i, text in enumerate(captures(count)):
+    made = captures(count)
+    for i, text in islice(made, in_folders):
         path = folder / name_of(i)
         if i % A_FOLDER == 0:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir()
         path.write_text(text)
         os.utime(path, (then, then))
-
-
-def make_zips(folder: Path, count: int) -> None:
-    """Write the same captures into zips."""
-    folder.mkdir(parents=True)
-    made = enumerate(captures(count))
-    for first in range(0, count, A_ZIP):
-        with zipfile.ZipFile(folder / f"{first // A_ZIP:04d}.zip", "w") as target:
-            for i, text in islice(made, A_ZIP):
+    while some := list(islice(made, A_ZIP)):
+        with zipfile.ZipFile(folder / f"{some[0][0] // A_ZIP:04d}.zip", "w") as target:
+            for i, text in some:
                 target.writestr(name_of(i), text, zipfile.ZIP_DEFLATED)
 
 
@@ -173,19 +172,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--count", type=int, default=1_000_000)
-    parser.add_argument("--zips", action="store_true")
+    parser.add_argument("--form", choices=IN_FOLDERS, default="folders")
     parser.add_argument("--workers", default="2")
     parser.add_argument("--copied", action="store_true")
     chosen = parser.parse_args()
-    kind = "zips" if chosen.zips else "folders"
-    archive, results = chosen.folder / kind, chosen.folder / f"results-of-{kind}"
+    archive, results = chosen.folder / chosen.form, chosen.folder / f"results-of-{chosen.form}"
     chosen.folder.mkdir(parents=True, exist_ok=True)
     needed = chosen.count * ((A_CAPTURE if chosen.copied else A_RESULT) + A_CAPTURE)
     if not results.is_dir() and shutil.disk_usage(chosen.folder).free < 1.05 * needed:
         sys.exit(f"{chosen.folder}: {1.05 * needed / 1e9:.0f} GB of free space are needed")
     if not archive.is_dir():
         began = time.monotonic()
-        (make_zips if chosen.zips else make_archive)(archive, chosen.count)
+        make_archive(archive, chosen.count, int(chosen.count * IN_FOLDERS[chosen.form]))
         print(f"{chosen.count:,} captures made in {time.monotonic() - began:.0f} s", flush=True)
     if chosen.copied and not results.is_dir():
         began = time.monotonic()
