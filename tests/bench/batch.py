@@ -57,7 +57,8 @@ class Use:
         """Peaks of the first, the second and the last third."""
         n = max(1, len(samples) // 3)
         return " ".join(
-            f"{max(s, default=0.0):.0f}" for s in (samples[:n], samples[n : 2 * n], samples[2 * n :])
+            f"{max(s, default=0.0):.0f}"
+            for s in (samples[:n], samples[n : 2 * n], samples[2 * n :])
         )
 
 
