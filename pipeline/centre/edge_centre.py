@@ -52,7 +52,7 @@ SPARSE_M, HIDDEN = 0.006, 0.9
 # Standard deviations of an edge's growth at which doubt begins, and which a stated size does not
 # explain; share of that growth's movement into the centre; least share of SIZE_M that is shown.
 STRANGE_SIZE, WRONG_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 6.0, 0.6, 0.1
-BY_SIZE = 0.4  # of what an unknown size would move a clean edge's centre: model uncertainty
+BY_SIZE = 0.4  # of what an unknown size would move a clean edge's centre: largest model uncertainty
 GENTLE = 1.0  # slope below which all points that matter lie within target_view.GENTLE_SLOPE
 
 
@@ -325,7 +325,8 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
     spread += (WALL_SHARE * edge_fit.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
     spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2
     if edge_fit.by_size_m is not None:
-        spread += BY_SIZE**2 * float(edge_fit.by_size_m @ edge_fit.by_size_m)
+        share = min(BY_SIZE**2, edge_fit.size_chance)
+        spread += share * float(edge_fit.by_size_m @ edge_fit.by_size_m)
     grown_m = abs(edge_fit.growth_m) - STRANGE_SIZE * _growth_explained_m(edge_fit)
     spread += (BY_GROWTH * max(grown_m, 0.0)) ** 2
     bend = edge_fit.thickness_m**2 * square / (8.0 * outline.size_m)  # of the wall, along a beam

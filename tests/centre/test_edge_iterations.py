@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +20,8 @@ from wheelplane.centre.edge.beams import (
     ROTATION,
     SIZE_M,
     WALL,
+    WRONG_SIZE_M,
+    Prior,
     look_up,
 )
 from wheelplane.centre.edge.edge_residuals import (
@@ -330,3 +333,21 @@ def test_a_record_is_of_the_last_solution(few):
         assert fit.misfit == np.mean(linear.weight == 0.0) > 0.0
         assert fit.converged == (last_m < 1e-5)
         assert fit.clean_shift_m is None
+
+
+def test_another_size_that_explains_no_more_is_as_likely_as_its_prior():
+    def solution(growth_m, outliers):
+        state = prior.mean.copy()
+        state[GROWTH] = growth_m
+        return ended(weight=(0.0,) * outliers + (1.0,) * (40 - outliers), state=state)
+
+    prior = Prior.of(0.01, CONFIG).by_power().unsized()
+    stated = solution(0.0, 20)
+    for sizes in (0.0, 1.0, 3.0, 100.0):
+        odds = math.exp(-(sizes**2) / 2.0)
+        alike, better = (
+            fit_edge._chance(prior, stated, solution(sizes * WRONG_SIZE_M, outliers))
+            for outliers in (20, 18)
+        )
+        assert alike == pytest.approx(odds / (1.0 + odds), abs=1e-12)
+        assert better == 1.0

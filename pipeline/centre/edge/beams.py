@@ -182,6 +182,10 @@ class Prior:
         weight[WALL], weight[SHAPE] = HELD_WALL**-2, HELD_WALL**-2
         return Prior(mean, weight).sized()
 
+    def off(self, state: Array, which: slice = slice(None)) -> float:
+        """Return the square of how far a state (12,) lies from the mean, in standard deviations."""
+        return float(np.sum(self.weight[which] * (state - self.mean)[which] ** 2))
+
     def unsized(self) -> Prior:
         """Return the prior of an edge of a size that may be wrong."""
         weight = self.weight.copy()

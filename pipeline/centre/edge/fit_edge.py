@@ -112,7 +112,8 @@ class EdgeFit:
     relative. stated_thickness_m: one that the data contradict, and that was not used;
     by_thickness_m: (2,) by which the centre would move if it were not, where that is in doubt.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
-    by_size_m: (2,) by which its centre would move if the size were hardly known.
+    by_size_m: (2,) by which its centre would move if the size were hardly known; size_chance: the
+    probability of that.
     """
 
     centre_m: Array
@@ -141,6 +142,7 @@ class EdgeFit:
     by_thickness_m: Array | None = None
     clean_shift_m: float | None = None
     by_size_m: Array | None = None
+    size_chance: float = 0.0
 
     @property
     def state(self) -> Array:
@@ -265,29 +267,42 @@ def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit 
     if covered < 0.25 or len(linear.residual_m) < LEAST_CLEAN:
         return None
     fitted = _record(found, problem, covered)
-    grown = _grown(problem, found.state, config.max_iterations, covered)
-    shown = grown if grown.converged else fitted
+    loose = replace(problem, prior=problem.prior.unsized())
+    other = _grown(loose, found.state, config.max_iterations)
+    chance, grown = _chance(loose.prior, found, other), _record(other, loose, covered)
+    shown = grown if grown.converged and chance > 0.5 else fitted
     fitted = replace(
         fitted,
         growth_m=shown.growth_m,
         growth_u_m=shown.growth_u_m,
         clean_shift_m=lies_m,
         by_size_m=grown.centre_m - fitted.centre_m,
+        size_chance=chance,
     )
     return _settled(fitted, found)
 
 
-def _grown(problem: EdgeProblem, state: Array, most: int, covered: float) -> EdgeFit:
-    """Return the fit with a size that is hardly known, from a solution (12,) with the stated one.
+def _grown(problem: EdgeProblem, state: Array, most: int) -> _Converged:
+    """Return the solution with a size that is hardly known, from a state (12,) of the stated one.
 
     A clean edge lies elsewhere all round by what the scanner reports, or by the target's size: this
     fit begins with the latter.
     """
-    loose = replace(problem, prior=problem.prior.unsized())
     state = state.copy()
     state[GROWTH] += shift_m(state)
     state[RATIO] = 0.0
-    return _record(_by_returns(loose, state, most), loose, covered)
+    return _by_returns(problem, state, most)
+
+
+def _chance(prior: Prior, stated: _Converged, grown: _Converged) -> float:
+    """Return the probability of a solution of another size beside one of the stated size.
+
+    Where beams are square to a target, what the scanner reports may undo any growth: where the
+    stated size explains as much, their priors decide.
+    """
+    if _unexplained(stated) >= AS_MUCH * _unexplained(grown):
+        return 1.0
+    return 0.5 - 0.5 * math.tanh((prior.off(grown.state) - prior.off(stated.state)) / 4.0)
 
 
 def _by_returns(problem: EdgeProblem, state: Array, most: int) -> _Converged:
@@ -462,11 +477,8 @@ def _is_strange(found: _Converged, prior: Prior) -> bool:
 def _diverged(state: Array, first: Array, prior: Prior) -> bool:
     """Return whether a state is far from the first one, and farther from the prior."""
     far = float(np.abs(state[SPOT:ROTATION] - first[SPOT:ROTATION]).max()) > RIDGE
-    off, first_off = (
-        float(np.sum(prior.weight[SPOT:ROTATION] * (s - prior.mean)[SPOT:ROTATION] ** 2))
-        for s in (state, first)
-    )
-    return far and off > first_off
+    logs = slice(SPOT, ROTATION)
+    return far and prior.off(state, logs) > prior.off(first, logs)
 
 
 def _converge(
