@@ -33,7 +33,7 @@ def limited(command: Callable[..., Any]) -> Callable[..., Any]:
     )  # fmt: skip
     @wraps(command)
     def run(*values: Any, timeout: float, memory: str | None, **options: Any) -> Any:
-        with within(timeout, size_in_bytes(memory) or int(0.9 * machine_bytes())):
+        with within(timeout, memory, "measure fewer points"):
             return command(*values, **options)
 
     return run
@@ -50,11 +50,13 @@ def size_in_bytes(size: str | None) -> int | None:
 
 
 @contextmanager
-def within(seconds: float, more_bytes: int) -> Iterator[None]:
-    """Allow that many seconds, and bytes of memory beyond what the process holds now.
+def within(seconds: float, memory: str | None, advice: str) -> Iterator[None]:
+    """Allow that many seconds, and memory beyond what the process holds now.
 
-    Raises InputError that names the option, once all temporary files have been removed.
+    memory: nine tenths of the machine's if None. advice: what needs less. Raises InputError that
+    names the option, once all temporary files have been removed.
     """
+    more_bytes = size_in_bytes(memory) or int(0.9 * machine_bytes())
     try:
         with memory_limit(more_bytes), time_limit(seconds, TimeLimitError):
             yield
@@ -63,5 +65,5 @@ def within(seconds: float, more_bytes: int) -> Iterator[None]:
     except MemoryError:
         raise InputError(
             f"it needs more than {more_bytes / 2**20:.0f} MB of memory: allow more by --memory, "
-            "or measure fewer points at once"
+            f"or {advice} at once"
         ) from None

@@ -6,7 +6,7 @@ import csv
 import json
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
@@ -48,6 +48,7 @@ from ..report.format.report_options import ReportOptions
 from ..report.format.view import AngleStyle, DigitStyle, View
 from ..report.format.writer import Writer
 from ..report.write import ReportFiles, document_files, write_whole
+from .limits import within
 from .options import config_option, digits_option, language_option
 from .progress import Reading
 from .reporting import report_options
@@ -156,6 +157,19 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     help="SQL query of the tables captures, wheels, quantities and calibrations.",
 )
 @click.option(
+    "--timeout",
+    type=click.FloatRange(min=1),
+    default=600.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Time limit of --sql, after which it ends.",
+)
+@click.option(
+    "--memory",
+    metavar="SIZE",
+    help="Memory limit of --sql, such as 4G; by default, nine tenths of the machine's.",
+)
+@click.option(
     "--quantity",
     "quantities",
     multiple=True,
@@ -204,6 +218,8 @@ def results(
     worst: int | None,
     slow: int | None,
     sql: str | None,
+    timeout: float,
+    memory: str | None,
     quantities: tuple[str, ...],
     limit: int | None,
     angles: AngleStyle,
@@ -262,7 +278,8 @@ def results(
         catalogue = open_catalogue(results, progress)
     with catalogue:
         if sql is not None:
-            return _answer(catalogue, sql, as_json)
+            with within(timeout, memory, "select fewer rows"):
+                return _answer(catalogue, sql, as_json)
         for name in quantities:
             known_quantity(catalogue, name)
         if calibrated:
@@ -358,15 +375,24 @@ def _print(name: str, found: tuple[Any, ...], text: Callable[..., str], query: Q
 
 
 def _print_captures(catalogue: Catalogue, query: Query) -> None:
-    """Print the captures one by one, so that a million of them need no memory."""
-    click.echo(f'{{"schema": "{SCHEMA}", "captures": [', nl=False)
-    between = "\n"
-    for row in captures(catalogue, query.which, limit=query.limit):
-        tree = listing.plain(row) | {
+    found = captures(catalogue, query.which, limit=query.limit)
+    trees = (
+        listing.plain(row)
+        | {
             "wheels": [listing.plain(wheel) for wheel in wheels_of(catalogue, row.key)],
             "quantities": [listing.plain(q) for q in quantities_of(catalogue, row.key)],
         }
-        click.echo(between + json.dumps(tree, ensure_ascii=False), nl=False)
+        for row in found
+    )
+    _print_rows('"captures"', trees)
+
+
+def _print_rows(head: str, rows: Iterable[Any]) -> None:
+    """Print JSON of a list one by one, so that a million of them need no memory."""
+    click.echo(f'{{"schema": "{SCHEMA}", {head}: [', nl=False)
+    between = "\n"
+    for row in rows:
+        click.echo(between + json.dumps(row, ensure_ascii=False), nl=False)
         between = ",\n"
     click.echo("\n]}")
 
@@ -375,14 +401,19 @@ def _answer(catalogue: Catalogue, question: str, as_json: bool) -> int:
     """Print the answer to an SQL query as CSV or JSON."""
     answer = ask(catalogue, question)
     if as_json:
-        rows = [[f"{x!r}" if isinstance(x, bytes) else x for x in row] for row in answer.rows]
-        tree = {"schema": SCHEMA, "columns": answer.columns, "rows": rows}
-        click.echo(json.dumps(tree, indent=1, ensure_ascii=False))
+        columns = json.dumps(answer.columns, ensure_ascii=False)
+        _print_rows(f'"columns": {columns}, "rows"', ([*map(_in_json, row)] for row in answer.rows))
     else:
         writer = csv.writer(sys.stdout, lineterminator="\n")
         writer.writerow(answer.columns)
         writer.writerows(answer.rows)
     return 0
+
+
+def _in_json(cell: object) -> object:
+    """Return a cell as JSON holds it: bytes, and infinity, which JSON has not, as text."""
+    is_infinite = isinstance(cell, float) and not math.isfinite(cell)
+    return repr(cell) if isinstance(cell, bytes) or is_infinite else cell
 
 
 def _export(catalogue: Catalogue, which: Filter, files: dict[str, Path | None]) -> bool:

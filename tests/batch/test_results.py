@@ -7,9 +7,12 @@ import hashlib
 import io
 import json
 import math
+import os
+import signal
 import sqlite3
 import subprocess
 import sys
+import threading
 import zipfile
 from contextlib import closing
 from pathlib import Path
@@ -455,6 +458,50 @@ def test_sql_reads_the_tables_of_the_contract(catalogue):
     assert [row[1] for row in rows] == [
         by_number[number_of(key_of(name))] for name in ("site/00", "site/01")
     ]
+
+
+ENDLESS = "WITH RECURSIVE a(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM a) SELECT "
+
+
+class RaisedError(BaseException):
+    """Exception of a signal, as the command line and its limit of time raise it."""
+
+
+@pytest.mark.parametrize("end", ["count(*) FROM a", "0 UNION ALL SELECT count(*) FROM a"])
+def test_an_endless_query_ends_by_what_a_signal_raises(catalogue, end):
+    def ended(*_: object) -> None:
+        raise RaisedError
+
+    before = signal.signal(signal.SIGUSR1, ended)
+    threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGUSR1)).start()
+    with pytest.raises(RaisedError):
+        list(ask(catalogue, ENDLESS + end).rows)
+    signal.signal(signal.SIGUSR1, before)
+    assert list(ask(catalogue, "SELECT count(*) > 0 FROM captures").rows) == [(1,)]
+
+
+@pytest.mark.parametrize(
+    ("limit", "reason"),
+    [
+        (("--timeout", "1"), "it takes more than 1 s: allow more by --timeout"),
+        (("--memory", "60M"), "it needs more than 60 MB of memory: allow more by --memory, or"),
+    ],
+)
+def test_an_endless_query_ends_at_its_limits_in_a_line(results, limit, reason):
+    done = run(results, "--sql", f"{ENDLESS}x FROM a ORDER BY x", *limit)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"wheelplane: {reason}")
+    assert done.stderr.count("\n") == 1
+
+
+def test_sql_as_json_is_json_of_any_cell(results):
+    cells = "NULL, 7, 0.5, 'a\"\n\x1bé', 1e999, -1e999, x'0a'"
+    done = run(results, "--json", "--sql", f"SELECT {cells} UNION ALL SELECT {cells}")
+    tree = json.loads(done.stdout, parse_constant=lambda name: pytest.fail(name))
+    assert tree["rows"] == 2 * [[None, 7, 0.5, 'a"\n\x1bé', "inf", "-inf", "b'\\n'"]]
+    assert len(tree["columns"]) == 7
+    empty = json.loads(run(results, "--json", "--sql", "SELECT 1 AS a WHERE FALSE").stdout)
+    assert (empty["columns"], empty["rows"]) == (["a"], [])
 
 
 def run(*arguments) -> subprocess.CompletedProcess[str]:

@@ -17,7 +17,7 @@ READING = {
 }
 REACHING = ("load_extension", "fts3_tokenizer")  # code from a file, or an address in memory
 TABLES = "captures, wheels, quantities, calibrations"
-STEPS = 100_000  # instructions of SQLite between two checks for Ctrl-C
+STEPS = 100_000  # instructions of SQLite between two checks for signals
 
 
 @dataclass(frozen=True)
@@ -32,26 +32,36 @@ def ask(catalogue: Catalogue, question: str) -> Answer:
     """Run one SELECT. Raises InputError for any other statement and for SQL errors.
 
     The file is opened read-only, and SQLite's authorizer denies everything but reading: no
-    ATTACH, no PRAGMA, no extension.
+    ATTACH, no PRAGMA, no extension. What a signal raises, as at Ctrl-C, ends the query.
     """
-    connection = catalogue.connection
+    connection, raised = catalogue.connection, list[BaseException]()
     connection.set_authorizer(_allowed)
-    connection.set_progress_handler(lambda: 0, STEPS)
+    connection.set_progress_handler(_watch(raised).__next__, STEPS)
     try:
         cursor = connection.execute(question)
     except (sqlite3.Error, sqlite3.Warning) as error:
-        raise _refused(error) from error
+        raise _cause(error, raised) from error
     if cursor.description is None:
         raise InputError(f"--sql: the statement returns nothing: write a SELECT from {TABLES}")
-    return Answer(tuple(column[0] for column in cursor.description), _rows(cursor))
+    return Answer(tuple(column[0] for column in cursor.description), _rows(cursor, raised))
 
 
-def _rows(cursor: sqlite3.Cursor) -> Iterator[tuple[object, ...]]:
+def _watch(raised: list[BaseException]) -> Iterator[int]:
+    """Yield 0 each time that SQLite asks; keep what a signal raises here, which SQLite drops."""
+    try:
+        while True:
+            yield 0
+    except BaseException as error:
+        raised.append(error)
+        raise
+
+
+def _rows(cursor: sqlite3.Cursor, raised: list[BaseException]) -> Iterator[tuple[object, ...]]:
     while True:
         try:
             row = next(cursor, None)
         except sqlite3.Error as error:
-            raise _refused(error) from error
+            raise _cause(error, raised) from error
         if row is None:
             return
         yield row
@@ -62,7 +72,9 @@ def _allowed(action: int, _: str | None, function: str | None, *__: str | None) 
     return sqlite3.SQLITE_DENY if denied else sqlite3.SQLITE_OK
 
 
-def _refused(error: Exception) -> InputError:
+def _cause(error: Exception, raised: list[BaseException]) -> BaseException:
+    if raised:
+        return raised[0]
     if "not authorized" in str(error):
         return InputError(f"--sql: read-only: write a SELECT from {TABLES}")
     return InputError(f"--sql: {error}: check the statement; the tables are {TABLES}")
