@@ -20,6 +20,7 @@ from .batch_options import (
     read_settings,
     work_options,
 )
+from .options import FiniteRange, result_text
 
 if TYPE_CHECKING:
     from ..batch.run.work import RunRequest
@@ -62,6 +63,7 @@ MOST_SHOWN = 3
 )
 @click.option(
     "--why",
+    type=result_text,
     metavar="NAME",
     help="Print the status, reason, inputs and log of a capture in RESULTS.",
 )
@@ -78,7 +80,7 @@ MOST_SHOWN = 3
 @click.option("--watch", is_flag=True, help="Wait for new captures in ARCHIVE until Ctrl-C.")
 @click.option(
     "--settle",
-    type=click.FloatRange(min=0.1),
+    type=FiniteRange(min=0.1),
     default=10.0,
     show_default=True,
     metavar="SECONDS",
@@ -101,6 +103,7 @@ def batch(archive: str | None, results: str | None, resume: bool, **options: Any
     """
     if archive is None and options["retry"] is not None:  # it follows --retry, which takes no value
         archive, options["retry"] = options["retry"], "failed"
+    _require_values()
     if options["watched"] is not None:
         _show_status(options["watched"], options["metrics"])
         return 0
@@ -114,6 +117,14 @@ def batch(archive: str | None, results: str | None, resume: bool, **options: Any
     if archive is None:
         raise click.UsageError("Missing argument 'ARCHIVE'.")
     return _measure(archive, results, resume, options)
+
+
+def _require_values() -> None:
+    """Raise UsageError for an empty value, as of a variable that is not set."""
+    context = click.get_current_context()
+    for one in context.command.params:
+        if context.params[str(one.name)] == "":
+            raise click.UsageError(f"{one.opts[0]} is empty: give a value, or leave it out")
 
 
 def _show_status(results: str, metrics: str | None) -> None:
@@ -147,7 +158,7 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
     from ..batch.storage.store import open_store
 
     places = absolute(archive), absolute(results)
-    request = RunRequest(*places, read_settings(options), retry=options["retry"] or "")
+    request = RunRequest(*places, read_settings(options), retry=result_text(options["retry"] or ""))
     shard = read_shard(options["shard"]) if options["shard"] else ALL
     _begin(request, resume, given_options(options), watch=options["watch"])
     signal.signal(signal.SIGTERM, signal.default_int_handler)

@@ -14,7 +14,7 @@ from ..config import load_config, with_scanner
 from ..errors import InputError
 from ..system import check_temporary_folder
 from ..targets import read_targets
-from .limits import size_in_bytes
+from .limits import SECONDS, size_in_bytes
 from .options import (
     added,
     capture_options,
@@ -62,7 +62,7 @@ WORK_OPTIONS = (
     ),
     click.option(
         "--timeout",
-        type=click.FloatRange(min=1),
+        type=SECONDS,
         default=600.0,
         show_default=True,
         metavar="SECONDS",
@@ -151,5 +151,8 @@ def make_engine(options: dict[str, Any], scratch: Path) -> Engine:
 
 
 def absolute(path: str) -> str:
-    """Return a URL as it is and a local path as an absolute one, the same in every process."""
-    return path if "://" in path else os.path.abspath(path)  # noqa: PTH100 - keeps links
+    """Return a URL as it is and a local path as an absolute one, the same in every process.
+
+    An empty path, which would be the current folder, remains empty.
+    """
+    return path if "://" in path or not path else os.path.abspath(path)  # noqa: PTH100 - keeps links

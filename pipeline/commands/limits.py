@@ -12,7 +12,10 @@ import click
 
 from ..errors import InputError
 from ..system import machine_bytes, memory_limit, time_limit
+from .options import FiniteRange
 
+TOO_MUCH = 2.0**62  # bytes
+SECONDS = FiniteRange(1, 1e6)  # 11 days
 MEMORY = re.compile(r"(\d+(?:\.\d+)?)\s*([KMGT])i?B?", re.IGNORECASE)
 
 
@@ -24,7 +27,7 @@ def limited(command: Callable[..., Any]) -> Callable[..., Any]:
     """Add --timeout and --memory to a command, and run it within them."""
 
     @click.option(
-        "--timeout", type=click.FloatRange(min=1), default=3600.0, show_default=True,
+        "--timeout", type=SECONDS, default=3600.0, show_default=True,
         metavar="SECONDS", help="Time limit, after which it ends.",
     )  # fmt: skip
     @click.option(
@@ -44,9 +47,10 @@ def size_in_bytes(size: str | None) -> int | None:
     if size is None:
         return None
     match = MEMORY.fullmatch(size)
-    if match is None:
+    number = float(match[1]) * 2 ** (10 * (1 + "KMGT".index(match[2].upper()))) if match else 0.0
+    if not 2.0**20 <= number < TOO_MUCH:
         raise InputError(f"--memory {size}: a size such as 900M or 4G is needed")
-    return int(float(match[1]) * 2 ** (10 * (1 + "KMGT".index(match[2].upper()))))
+    return int(number)
 
 
 @contextmanager

@@ -26,6 +26,24 @@ if TYPE_CHECKING:
 Command = Callable[..., Any]
 
 
+def result_text(text: str) -> str:
+    """Return an argument as results hold it, with bytes that are not UTF-8 written in ASCII."""
+    return text.encode(errors="backslashreplace").decode()
+
+
+class FiniteRange(click.FloatRange):
+    """Number in a range, neither infinite nor NaN."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the number of an argument."""
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value} is no finite number.", param, ctx)
+        return number
+
+
 class RenamedOption(click.Option):
     """Option that accepts its former name as well, which help does not show."""
 
@@ -364,7 +382,7 @@ def five_point_options(
 
 radius_option = click.option(
     "--radius",
-    type=click.FloatRange(min=1.0),
+    type=FiniteRange(min=1.0),
     metavar="MM",
     help="Radius of the circle through the five points of a target, which every block must have.",
 )

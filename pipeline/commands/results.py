@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import click
+from click.core import ParameterSource
 
 from ..batch.catalogue.catalogue import Catalogue, open_catalogue, rebuild
 from ..batch.catalogue.rows import STATUSES
@@ -48,8 +49,8 @@ from ..report.format.report_options import ReportOptions
 from ..report.format.view import AngleStyle, DigitStyle, View
 from ..report.format.writer import Writer
 from ..report.write import ReportFiles, document_files, write_whole
-from .limits import within
-from .options import config_option, digits_option, language_option
+from .limits import SECONDS, within
+from .options import config_option, digits_option, language_option, result_text
 from .progress import Reading
 from .reporting import report_options
 
@@ -93,9 +94,14 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
 )
 @click.argument("results")
 @click.option(
-    "--name", "text", default="", metavar="TEXT", help="Text that the captures' names contain."
+    "--name",
+    "text",
+    type=result_text,
+    default="",
+    metavar="TEXT",
+    help="Text that the captures' names contain.",
 )
-@click.option("--vehicle", metavar="NAME", help="Vehicle of the captures.")
+@click.option("--vehicle", type=result_text, metavar="NAME", help="Vehicle of the captures.")
 @click.option("--since", metavar="DATE", help="First date of the captures (ISO 8601).")
 @click.option("--until", metavar="DATE", help="Last date of the captures.")
 @click.option(
@@ -114,6 +120,7 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     "spans",
     multiple=True,
     nargs=2,
+    type=result_text,
     metavar="QUANTITY MIN..MAX",
     help="Quantity ('RR toe', '1 camber', wheelbase ...) and its range, in degrees or metres; "
     "either end may be left out. May be repeated.",
@@ -128,6 +135,7 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
 @click.option(
     "--item",
     "serial",
+    type=result_text,
     metavar="SERIAL",
     help="Serial number of a machine, whose calibrations in RESULTS, or below that folder, --drift "
     "takes instead of captures; proposes an interval.",
@@ -153,12 +161,13 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
 )
 @click.option(
     "--sql",
+    type=result_text,
     metavar="SELECT",
     help="SQL query of the tables captures, wheels, quantities and calibrations.",
 )
 @click.option(
     "--timeout",
-    type=click.FloatRange(min=1),
+    type=SECONDS,
     default=600.0,
     show_default=True,
     metavar="SECONDS",
@@ -173,6 +182,7 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     "--quantity",
     "quantities",
     multiple=True,
+    type=result_text,
     metavar="NAME",
     help="Quantity for --summary, --drift and --worst; all by default. May be repeated.",
 )
@@ -236,12 +246,14 @@ def results(
 ) -> int:
     """Query the catalogue of RESULTS."""
     if slow is not None:
+        _require_alone("--slow", "slow", "as_json")
         return _slowest(results, slow, as_json)
     given = {"summary": summary, "drift": drift, "failures": failing, "worst": worst is not None}
     modes = [mode for mode, chosen in given.items() if chosen]
     if serial is not None:
         if modes != ["drift"]:
             raise click.UsageError("--item is of --drift: add it, and leave out other lists")
+        _require_alone("--item", "serial", "drift", "as_json")
         return _of_machine(results, serial, as_json)
     if calibrated and (modes or worst or sql or html_file or pdf_file):
         raise click.UsageError("--calibrations is a list of its own: leave out other lists")
@@ -264,6 +276,9 @@ def results(
     written = [*files.values(), html_file, pdf_file]
     if sql is not None and (modes or any(written) or quantities or limit or which != ALL):
         raise click.UsageError("--sql stands alone: write the selection into the SELECT")
+    named = [path.absolute() for path in written if path is not None]
+    if len(set(named)) < len(named):
+        raise click.UsageError("two tables or reports into one file: name a file for each")
     if PIPE in (xlsx_file, parquet_file, html_file, pdf_file):
         raise InputError(
             "--xlsx -, --parquet -, --html -, --pdf -: only --csv is printed: give a file"
@@ -295,6 +310,15 @@ def results(
         if {"summary", "drift", "worst"} & set(modes):
             _warn_of_doubts(catalogue, which)
         return int(set(by_status(catalogue, which)) - {"ok"} != set())
+
+
+def _require_alone(option: str, *beside: str) -> None:
+    """Raise UsageError where options are given that this one does not heed."""
+    context = click.get_current_context()
+    for one in context.command.params:
+        given = context.get_parameter_source(str(one.name)) is ParameterSource.COMMANDLINE
+        if given and one.name not in ("results", *beside):
+            raise click.UsageError(f"{option} does not go with {one.opts[0]}: leave one out")
 
 
 def _slowest(results: str, number: int, as_json: bool) -> int:
@@ -498,13 +522,13 @@ def _warn_undated(catalogue: Catalogue, which: Filter) -> None:
 def _day(option: str, text: str, end: bool) -> float:
     """Return days since 1970-01-01 (UTC unless a zone is given); with `end`, of its last moment."""
     try:
-        moment = datetime.fromisoformat(text)
+        moment = datetime.fromisoformat("" if "W" in text else text)  # a week is no day
     except ValueError as error:
         raise InputError(f"{option} {text}: is not a date: write it as 2026-11-20") from error
     zoned = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
     whole_day = len(text) <= len(date.min.isoformat())
     after = timedelta(days=1) if whole_day else timedelta(microseconds=1)
-    return (zoned + after * end).timestamp() / 86400.0
+    return (zoned.timestamp() + after.total_seconds() * end) / 86400.0
 
 
 def _range(quantity: str, text: str) -> ValueRange:

@@ -30,6 +30,7 @@ from ..validation import (
     validate_mountings,
 )
 from .options import (
+    FiniteRange,
     capture_options,
     config_option,
     digits_option,
@@ -92,13 +93,13 @@ BESIDE = Path("five-point.txt")  # in each capture of an archive
 )
 @click.option(
     "--aiming",
-    type=click.FloatRange(min=0.0),
+    type=FiniteRange(min=0.0),
     metavar="MM",
     help="Standard uncertainty of aiming at a point, along each axis of the target.",
 )
 @click.option(
     "--radius",
-    type=click.FloatRange(min=1.0),
+    type=FiniteRange(min=1.0),
     metavar="MM",
     help="Radius of the circle through the five points of a target: that of --virtual, or what "
     "those of --five-point must have.",
@@ -106,7 +107,7 @@ BESIDE = Path("five-point.txt")  # in each capture of an archive
 @option(
     "--detectable",
     former="--see",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=FiniteRange(min=0.0, min_open=True),
     metavar="DEG",
     help="Require that an error of DEG be detectable; otherwise report 'cannot tell'.",
 )

@@ -11,7 +11,7 @@ import click
 from ..config import load_config, read_toml
 from ..errors import InputError
 from ..web.settings import GIB, Endpoint, PageSettings
-from .options import config_option
+from .options import FiniteRange, config_option
 
 
 @click.command()
@@ -63,15 +63,15 @@ from .options import config_option
 )
 @click.option("--no-browser", is_flag=True, help="Do not open a browser.")
 @click.option(
-    "--upload-limit", type=click.FloatRange(0.001, 64), default=2, show_default=True, metavar="GB",
+    "--upload-limit", type=FiniteRange(0.001, 64), default=2, show_default=True, metavar="GB",
     help="Size limit of one upload.",
 )  # fmt: skip
 @click.option(
-    "--memory-limit", type=click.FloatRange(0.5, 1024), default=8, show_default=True, metavar="GB",
+    "--memory-limit", type=FiniteRange(0.5, 1024), default=8, show_default=True, metavar="GB",
     help="Memory limit of one measurement.",
 )  # fmt: skip
 @click.option(
-    "--time-limit", type=click.FloatRange(1, 86400), default=900, show_default=True, metavar="S",
+    "--time-limit", type=FiniteRange(1, 86400), default=900, show_default=True, metavar="S",
     help="Time limit of one measurement.",
 )  # fmt: skip
 def view(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import re
 import shutil
@@ -18,6 +19,7 @@ import pytest
 from tests.support.batches import (
     ROOT,
     archive_of,
+    call,
     descendants,
     five_points,
     kill,
@@ -348,6 +350,14 @@ def test_the_summary_says_how_much_more_failed(tmp_path):
         (["--date-in-name", r"(\d+)-(\d+)-(\d+)"], "it has 3 groups"),
         (["--scheduler", "tcp://127.0.0.1:1", "--workers", "2"], "leave it out"),
         (["--station", "1,2,3"], "--total-station"),
+        (["--memory", "0G"], "a size such as 900M"),
+        (["--memory", "99999999999T"], "a size such as 900M"),
+        (["--timeout", "nan"], "nan is no finite number"),
+        (["--timeout", "1e300"], "not in the range"),
+        (["--settle", "inf"], "inf is no finite number"),
+        (["--metrics", "/dev/null"], "no regular file"),
+        (["--retry", ""], "--retry is empty"),
+        (["--metrics", ""], "--metrics is empty"),
     ],
 )
 def test_unusable_options_are_one_line(options, words, tmp_path):
@@ -357,8 +367,44 @@ def test_unusable_options_are_one_line(options, words, tmp_path):
     assert words in done.stderr
 
 
+def test_limits_that_allow_no_result_end_the_run_in_a_line(tmp_path):
+    five_points(tmp_path / "archive" / "car.txt", 1)
+    done = run(tmp_path / "archive", tmp_path / "results", "--memory", "1M", "--workers", "1")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "1 MB of memory, even to write that it failed: allow more by --memory" in done.stderr
+
+
+def test_a_limit_of_captures_may_exceed_all_numbers_of_the_machine(tmp_path):
+    five_points(tmp_path / "archive" / "car.txt", 1)
+    places = tmp_path / "archive", tmp_path / "results"
+    assert run(*places, "--limit", str(10**20)).returncode == 0
+    assert "1 captures: 1 ok" in call("results", places[1], "--limit", 10**20).stdout
+
+
+def test_a_full_log_is_named(tmp_path):
+    five_points(tmp_path / "archive" / "car.txt", 1)
+    done = run(tmp_path / "archive", tmp_path / "results", "--log", "/dev/full")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "--log /dev/full: cannot be written (No space left on device)" in done.stderr
+
+
+def test_a_capture_is_named_by_the_bytes_of_its_file(tmp_path):
+    name = os.fsdecode(b"b\xff.txt")
+    five_points(tmp_path / "archive" / name, 1)
+    places = tmp_path / "archive", tmp_path / "results"
+    assert run(*places).returncode == 0
+    assert "1 ok" in call("results", places[1], "--name", name).stdout
+    assert call("batch", "-o", places[1], "--why", name).returncode == 0
+    assert "1 to do" in run(*places, "--retry", name).stderr
+
+
 def test_unusable_places_are_one_line(capture, tmp_path):
+    (tmp_path / "empty").mkdir()
+    assert "a path is empty" in run(tmp_path, "").stderr
     for archive, words in (
+        ("", "a path is empty"),
+        ("s3:///x", "names no bucket"),
+        (tmp_path / "empty", "no captures found, nor any other file"),
         (tmp_path / "nowhere", "no such folder"),
         (capture, "itself a capture"),
         (five_points(tmp_path / "car.txt", 1), "is a file"),

@@ -27,7 +27,12 @@ from wheelplane.batch.catalogue import catalogue as catalogue_module
 from wheelplane.batch.catalogue import segments, sqlite_file
 from wheelplane.batch.catalogue.calibration_row import CalibrationRow, calibration_row
 from wheelplane.batch.catalogue.catalogue import FILE, open_catalogue, rebuild, update
-from wheelplane.batch.catalogue.changes import GRAIN_NS, in_folder, in_storage
+from wheelplane.batch.catalogue.changes import (
+    GRAIN_NS,
+    ObjectComparison,
+    in_folder,
+    in_storage,
+)
 from wheelplane.batch.catalogue.columns import captures_of, column_of, renew_columns
 from wheelplane.batch.catalogue.history import (
     REMOVED,
@@ -556,8 +561,20 @@ def test_a_section_of_another_kind_is_damage(changes, reason):
     record = read_changed(**changes)
     row = record.capture
     assert (row.status, record.wheels, record.quantities) == ("damaged", (), ())
-    assert (row.wheels, row.wheels_ok, row.points_total) == (0, 0, 0)
+    assert (row.wheels, row.wheels_ok, row.points_total, row.doubted) == (0, 0, 0, 0)
     assert reason in row.reason
+
+
+def test_rows_are_those_of_the_json_whether_its_tree_is_known_or_not():
+    doubts = [{"trial": "1", "reason": "far"}, {"trial": None, "reason": "mirrored"}]
+    calibration = {"item": None, "error": "no readings"}
+    changed = {"doubts": doubts, "calibration": calibration, "vertical_in_use": "gravity"}
+    for tree in (*some(5), result("in doubt") | changed, result("trial") | {"doubts": doubts[:1]}):
+        key, data = tree["batch"]["key"], text(tree)
+        record = read_record(key, data)
+        assert record == read_record(key, data, tree)
+        assert record.capture.version
+        assert record.capture.doubted == (tree["capture"] == "in doubt")
 
 
 def test_quantities_are_those_with_a_name_and_a_unit():
@@ -704,6 +721,43 @@ def test_a_catalogue_in_object_storage(remote, tmp_path, monkeypatch):
     assert remote.read(FILE) == (tmp_path / "copy" / FILE).read_bytes()
 
 
+def test_a_reader_of_object_storage_sees_what_is_there_and_writes_nothing(remote):
+    for stop in (2, 3):  # without a catalogue, and with an older one
+        add(remote, *some(stop))
+        before = {entry.name for entry in remote.list()}
+        assert len(shown(remote.url)) == stop
+        assert {entry.name for entry in remote.list()} == before
+        update(remote)
+
+
+class Objects:
+    """Store of one content, which counts how often it is read."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data, self.reads = data, 0
+
+    def read(self, _: str) -> bytes:
+        self.reads += 1
+        return self.data
+
+
+@pytest.mark.parametrize("etags_are_md5", [True, False])
+def test_an_object_is_unchanged_by_its_size_and_by_its_sum_where_that_is_one(etags_are_md5):
+    data, other = b"content", b"CONTENT"
+    of = {each: hashlib.md5(each).hexdigest() for each in (data, other)}
+    objects = Objects(other)
+    compare = ObjectComparison(objects)
+    entry = Entry("a", len(other), of[other] if etags_are_md5 else "0" * 32)
+    assert compare(entry, len(other), of[other])
+    assert compare(entry, len(data), of[data]) != etags_are_md5
+    assert compare(entry, len(data), "") != etags_are_md5
+    for size in (None, len(data) + 1):
+        assert not compare(entry, size, of[data])
+        assert not compare(entry, size, of[other])
+        assert not compare(entry, size, entry.stamp)
+    assert objects.reads == 1
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_of_writers_to_object_storage_none_undoes_the_work_of_another(remote, monkeypatch, first):
     """Another process publishes a result while this one makes its catalogue, and again."""
@@ -841,6 +895,21 @@ def test_a_reader_does_not_wait_for_a_writer(locked):
     reader.start()
     reader.join(20.0)
     assert len(found) == 40
+
+
+def test_a_writer_waits_for_another(store):
+    update(store)
+    add(store, *some(1, start=40))
+    file = (store.local / PARTIAL / catalogue_module.LOCK).open("w")
+    acquire(file.fileno())
+    found: list[int] = []
+    writer = threading.Thread(target=lambda: found.append(update(store)))
+    writer.start()
+    writer.join(0.5)
+    assert (writer.is_alive(), found) == (True, [])
+    file.close()
+    writer.join()
+    assert found == [1]
 
 
 def test_a_reader_of_a_damaged_catalogue_says_that_it_is_at_work(locked):

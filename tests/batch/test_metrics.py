@@ -90,6 +90,25 @@ def test_a_file_is_whole_at_any_time(results, tmp_path, monkeypatch):
         pass
 
 
+def test_faults_of_the_results_are_said_and_do_not_end_the_metrics(results, tmp_path, monkeypatch):
+    def away(_: object) -> str:
+        raise InputError("the storage is away")
+
+    monkeypatch.setattr("wheelplane.batch.operation.metrics.RENEWED_S", 0.001)
+    file = tmp_path / "wheelplane.prom"
+    with metrics_at(results, str(file)), metrics_at(results, "127.0.0.1:0") as address:
+        with monkeypatch.context() as patch:
+            patch.setattr("wheelplane.batch.operation.metrics.metrics_text", away)
+            with pytest.raises(HTTPError, match="503") as answer:
+                urllib.request.urlopen(address)
+            assert answer.value.read() == b"the storage is away\n"
+        file.unlink()
+        end = time.monotonic() + 20.0
+        while not file.exists():
+            assert time.monotonic() < end
+        assert urllib.request.urlopen(address).status == 200
+
+
 def test_a_run_leaves_its_end_in_the_file(tmp_path):
     archive = archive_of(tmp_path / "archive", 2)
     file = tmp_path / "wheelplane.prom"

@@ -504,6 +504,21 @@ def test_sql_as_json_is_json_of_any_cell(results):
     assert (empty["columns"], empty["rows"]) == (["a"], [])
 
 
+@pytest.mark.parametrize("kind", ["csv", "xlsx", "parquet"])
+def test_a_pipe_gets_the_table_and_stays_a_pipe(results, tmp_path, kind):
+    pipe, file = tmp_path / "pipe", tmp_path / "file"
+    os.mkfifo(pipe)
+    read: list[bytes] = []
+    reader = threading.Thread(target=lambda: read.append(pipe.read_bytes()))
+    reader.start()
+    assert run(results, f"--{kind}", pipe).returncode == 1
+    reader.join()
+    run(results, f"--{kind}", file)
+    assert pipe.is_fifo()
+    assert read == [file.read_bytes()]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "pipe"]
+
+
 def run(*arguments) -> subprocess.CompletedProcess[str]:
     """Run `wheelplane results` in this process."""
     return call("results", *arguments)
@@ -616,6 +631,13 @@ def test_csv_is_printed_as_it_is_written(results, tmp_path):
         (["--sql", "DROP TABLE captures"], "read-only: write a SELECT"),
         (["--csv", "/nowhere/at/all.csv"], "/nowhere/at/all.csv: cannot be written"),
         (["--status", "good"], "--status"),
+        (["--since", "2026-W05"], "--since 2026-W05: is not a date"),
+        (["--slow", "2", "--name", "x"], "--slow does not go with --name"),
+        (["--item", "7", "--drift", "--csv", "x.csv"], "--item does not go with --csv"),
+        (["--csv", "x.csv", "--parquet", "./x.csv"], "name a file for each"),
+        (["--sql", "SELECT 1", "--timeout", "inf"], "inf is no finite number"),
+        (["--sql", "\udcff"], "check the statement"),
+        (["--quantity", "\udcff"], r"quantity '\udcff': not in these results"),
     ],
 )
 def test_a_bad_argument_is_one_line(results, arguments, text):
@@ -623,6 +645,11 @@ def test_a_bad_argument_is_one_line(results, arguments, text):
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.count("\n") == 1
     assert text in done.stderr
+
+
+def test_until_the_last_day_that_a_date_can_name_is_all(results):
+    whole = run(results, "--until", "9999-12-31", "--since", "0001-01-01")
+    assert "12 captures: 11 ok, 1 part" in whole.stdout
 
 
 def test_no_results_is_one_line(tmp_path):

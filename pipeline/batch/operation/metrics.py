@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
@@ -85,14 +85,25 @@ def metrics_at(results: Store, where: str) -> Iterator[str]:
             yield where
 
 
+class _Server(ThreadingHTTPServer):
+    def handle_error(self, *_: object) -> None:
+        """Print nothing of a client that leaves."""
+
+
 @contextmanager
 def _served(results: Store, host: str, port: int) -> Iterator[str]:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             known = self.path.split("?")[0] == "/metrics"
-            content = metrics_text(results).encode() if known else b"see /metrics\n"
-            self.send_response(200 if known else 404)
-            self.send_header("Content-Type", CONTENT_TYPE if known else "text/plain")
+            status, kind, text = 404, "text/plain", "see /metrics\n"
+            try:
+                if known:
+                    status, kind, text = 200, CONTENT_TYPE, metrics_text(results)
+            except InputError as error:
+                status, text = 503, f"{error}\n"
+            content = text.encode()
+            self.send_response(status)
+            self.send_header("Content-Type", kind)
             self.send_header("Content-Length", str(len(content)))
             self.end_headers()
             self.wfile.write(content)
@@ -101,7 +112,7 @@ def _served(results: Store, host: str, port: int) -> Iterator[str]:
             """Print nothing: the terminal shows the run's progress."""
 
     try:
-        server = ThreadingHTTPServer((host, port), Handler)
+        server = _Server((host, port), Handler)
     except (OSError, OverflowError) as error:
         raise InputError(
             f"--metrics {host}:{port}: cannot be listened on ({error}): give another port"
@@ -121,18 +132,21 @@ def _kept(results: Store, file: Path) -> Iterator[None]:
     """Keep the file up to date; a reader sees the old text or the new one, whole."""
 
     def renew() -> None:
-        beside = file.with_name(f".{file.name}.new")
-        beside.write_text(metrics_text(results), encoding="utf-8")
-        beside.replace(file)
+        try:
+            beside = file.with_name(f".{file.name}.new")
+            beside.write_text(metrics_text(results), encoding="utf-8")
+            beside.replace(file)
+        except OSError as error:
+            raise InputError(f"--metrics {file}: cannot be written ({error.strerror})") from error
 
     def renew_always() -> None:
         while not ended.wait(RENEWED_S):
-            renew()
+            with suppress(InputError):  # its time shows how old it is; the end tells why
+                renew()
 
-    try:
-        renew()
-    except OSError as error:
-        raise InputError(f"--metrics {file}: cannot be written ({error.strerror})") from error
+    if file.exists() and not file.is_file():
+        raise InputError(f"--metrics {file}: is no regular file: give a file, or a port")
+    renew()
     ended = threading.Event()
     thread = threading.Thread(target=renew_always, daemon=True)
     thread.start()

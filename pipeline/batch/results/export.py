@@ -7,6 +7,8 @@ import importlib
 import io
 import math
 import re
+import shutil
+import tempfile
 import uuid
 import zipfile
 from collections.abc import Callable, Iterator
@@ -59,11 +61,20 @@ def _column(name: str, rows: list[CaptureRow]) -> npt.NDArray[Any]:
 def export(
     path: Path, columns: ExportColumns, write: Callable[[Path, ExportColumns], None]
 ) -> None:
-    """Write a table, completely or not at all, by one of the writers below. Raises InputError."""
-    temporary = path.with_name(f"{PARTIAL}-{uuid.uuid4().hex}{path.suffix}")
+    """Write a table, completely or not at all, by one of the writers below. Raises InputError.
+
+    What is no regular file, such as /dev/stdout or a pipe, is written to, never replaced.
+    """
+    is_special = path.exists() and not path.is_file()
+    folder = Path(tempfile.gettempdir()) if is_special else path.parent
+    temporary = folder / f"{PARTIAL}-{uuid.uuid4().hex}{path.suffix}"
     try:
         write(temporary, columns)
-        temporary.replace(path)
+        if is_special:
+            with temporary.open("rb") as whole, path.open("wb") as stream:
+                shutil.copyfileobj(whole, stream)
+        else:
+            temporary.replace(path)
     except OSError as error:
         raise InputError(
             f"{path}: cannot be written ({error.strerror}): give another file"

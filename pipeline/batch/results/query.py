@@ -51,6 +51,7 @@ class Filter:
 
 
 ALL = Filter()
+MOST = 2**63 - 1  # SQLite's largest number
 FEW = 0.1  # of all captures, of which each is looked up
 REFERENCE_ANGLES = tuple(f"{wheel} {angle}" for wheel in REFERENCE_WHEELS for angle in ANGLES)
 
@@ -122,7 +123,7 @@ def captures(
     rows = catalogue.connection.execute(
         f"SELECT {', '.join(CAPTURE_COLUMNS)} FROM captures AS c {where} "  # noqa: S608
         f"ORDER BY {ORDERS[order]}name, id LIMIT ? OFFSET ?",
-        (*values, -1 if limit is None else limit, offset),
+        (*values, min(limit or MOST, MOST), offset),
     )
     return (CaptureRow(*row) for row in rows)
 

@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any, Protocol, Self, TextIO
 
-from ...errors import WheelplaneError, printable
+from ...errors import InputError, WheelplaneError, printable
 from ..catalogue.rows import FAILED
 from ..operation.run_state import AtWork, RunState, duration, forget_states, write_state
 from ..results.query import general
@@ -225,7 +225,13 @@ class RunReport:
         if self._log is not None:
             moment = datetime.now(UTC).isoformat(timespec="milliseconds")
             line = json.dumps({"time": moment, "event": event, **fields}, ensure_ascii=False)
-            print(legible(line), file=self._log, flush=True)
+            try:
+                print(legible(line), file=self._log, flush=True)
+            except OSError as error:
+                file, self._log = self._log.name, None
+                raise InputError(
+                    f"--log {file}: cannot be written ({error.strerror}): check disk space and path"
+                ) from error
 
 
 def count(counts: dict[str, int], what: str) -> None:

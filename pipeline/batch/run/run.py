@@ -65,14 +65,16 @@ class Batch:
         captures = self.find_captures()
         self.counts.known, todo = self._index.counts()
         if not (todo or self.counts.known or self.shard.n > 1):
-            present = ", ".join(sorted(captures.passed_over)) or "no files"
+            kinds = [kind or "files without suffix" for kind in sorted(captures.passed_over)]
+            fact = f"only {', '.join(kinds)}" if kinds else "nor any other file"
             raise InputError(
-                f"{self.request.archive}: no captures found, only {present}: give the folder that "
-                "contains them"
+                f"{self.request.archive}: no captures found, {fact}: give the folder that contains "
+                "them"
             )
-        self._listener.planned(self.counts.known, todo if limit is None else min(todo, limit))
+        most = todo if limit is None else min(todo, limit)
+        self._listener.planned(self.counts.known, most)
         with self.updating_catalogue():
-            self.measure(islice(self.pending(captures), limit) if todo else ())
+            self.measure(islice(self.pending(captures), limit and most) if todo else ())
         return self.counts
 
     def find_captures(self) -> Captures:

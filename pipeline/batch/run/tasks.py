@@ -110,7 +110,10 @@ class Run:
         return self._later.popleft() if task is None and self._later else task
 
     def _died(self, task: Task, error: WorkerError) -> None:
-        """Retry several captures one by one; retry a single one, or quarantine it."""
+        """Retry several captures one by one; retry a single one, or quarantine it.
+
+        Raises InputError if the limits do not even allow to write that.
+        """
         if len(task.captures) > 1:
             self._again.extend(replace(task, captures=(found,)) for found in task.captures)
             return
@@ -118,6 +121,11 @@ class Run:
         attempts = (*task.attempts, f"{error.cause}: {error.text}\n{error.log}".rstrip())
         task = replace(task, attempts=attempts)
         alike = sum(attempt.startswith(error.cause) for attempt in attempts)
+        if task.blind and error.cause != "killed":
+            raise InputError(
+                f"{name}: {error.text}, even to write that it failed: allow more by --memory or "
+                "--timeout"
+            )
         if task.outcome is not None:
             task = replace(task, blind=True)
         elif alike >= (ATTEMPTS_IF_KILLED if error.cause == "killed" else ATTEMPTS):

@@ -190,5 +190,7 @@ def _answer(task: Task) -> tuple[str, Any]:
         return "memory", None
     except TransientError as error:
         return "failed", type(error)(str(error))
-    except Exception:
+    except Exception as error:
+        if "start new thread" in str(error):  # for lack of memory
+            return "memory", None
         return "failed", TransientError(traceback.format_exc())

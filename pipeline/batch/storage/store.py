@@ -85,6 +85,8 @@ def open_store(url: str, confined: bool = False) -> Store:
     from .zipped import ZippedRemoteStore, ZippedStore
 
     kind = ZippedStore if confined else LocalStore
+    if not url:  # as of a variable that is not set
+        raise InputError("a path is empty: name a folder or URL; . is the current folder")
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]+://", url) is None:
         return kind(Path(url), url, confined)
     parts = urlsplit(url)
@@ -92,6 +94,9 @@ def open_store(url: str, confined: bool = False) -> Store:
         if parts.netloc not in ("", "localhost"):
             raise InputError(f"{url}: has the host {parts.netloc}: write file:///path")
         return kind(Path(unquote(parts.path)), url, confined)
+
+    if not parts.netloc:
+        raise InputError(f"{url}: names no bucket: write {parts.scheme}://bucket/path")
 
     from .remote import RemoteStore
 
