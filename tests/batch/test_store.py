@@ -216,10 +216,13 @@ def test_a_folder_with_odd_links_is_listed_once(tmp_path):
     (tmp_path / "a" / "x").write_bytes(b"1")
     (tmp_path / "a" / "up").symlink_to(tmp_path)
     (tmp_path / "b").symlink_to(tmp_path / "a")
-    (tmp_path / "gone").symlink_to(tmp_path / "nowhere")
-    entries = {entry.name: entry for entry in open_store(str(tmp_path)).list()}
-    assert sorted(entries) == ["a/x", "b/x", "gone"]
-    assert entries["gone"].stamp == "broken link"
+    broken = {"gone": "nowhere", "itself": "itself", "one": "other", "other": "one", "of": "a/x/y"}
+    for name, target in broken.items():
+        (tmp_path / name).symlink_to(tmp_path / target)
+    for confined in (False, True):
+        entries = {entry.name: entry for entry in open_store(str(tmp_path), confined).list()}
+        assert sorted(entries) == sorted(["a/x", "b/x", *broken])
+        assert {entries[name].stamp for name in broken} == {"broken link"}
 
 
 def test_a_fan_of_links_is_listed_as_often_as_it_has_folders(tmp_path):

@@ -95,7 +95,7 @@ class LocalStore:
                 return
             linked.add(identity)
         ahead = f"{at}/" if at else ""
-        folders = {entry.name: entry.is_dir() for entry in found}
+        folders = {entry.name: _is_folder(entry) for entry in found}
         for entry in sorted(found, key=lambda e: e.name + "/" * folders[e.name]):
             name = ahead + entry.name
             if name == PARTIAL or not (name.startswith(prefix) or prefix.startswith(f"{name}/")):
@@ -107,7 +107,7 @@ class LocalStore:
 
     def _leads_out(self, entry: os.DirEntry[str] | Path) -> bool:
         """Return whether the entry is a link to a folder that is not to be followed."""
-        is_link = self._confined and entry.is_symlink() and entry.is_dir()
+        is_link = self._confined and entry.is_symlink() and _is_folder(entry)
         return is_link and not lies_in(Path(entry), self.folder)
 
     def _entry(self, entry: os.DirEntry[str] | Path, name: str) -> Entry | None:
@@ -213,14 +213,24 @@ class LocalStore:
         return InputError(f"{self.folder / name}: {what} ({error.strerror}): {advice}")
 
 
+def _is_folder(entry: os.DirEntry[str] | Path) -> bool:
+    """Return whether an entry is a folder, or a link to one; a link to itself is none."""
+    try:
+        return entry.is_dir()
+    except OSError:
+        return False
+
+
 def _entry(entry: os.DirEntry[str] | Path, name: str) -> Entry | None:
     try:
         stat = entry.stat()
-    except (FileNotFoundError, NotADirectoryError):
-        return Entry(name, 0, "broken link") if entry.is_symlink() else None  # None: just removed
     except OSError as error:
         if error.errno == errno.ENAMETOOLONG:
             return Entry(name, 0, TOO_DEEP)
+        if entry.is_symlink():
+            return Entry(name, 0, "broken link")
+        if isinstance(error, FileNotFoundError | NotADirectoryError):
+            return None  # just removed
         raise
     return Entry(name, stat.st_size, f"{stat.st_mtime_ns}-{stat.st_ino}")
 
