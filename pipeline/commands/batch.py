@@ -20,7 +20,7 @@ from .batch_options import (
     read_settings,
     work_options,
 )
-from .options import FiniteRange, result_text
+from .options import FiniteRange
 
 if TYPE_CHECKING:
     from ..batch.run.work import RunRequest
@@ -63,7 +63,6 @@ MOST_SHOWN = 3
 )
 @click.option(
     "--why",
-    type=result_text,
     metavar="NAME",
     help="Print the status, reason, inputs and log of a capture in RESULTS.",
 )
@@ -111,8 +110,9 @@ def batch(archive: str | None, results: str | None, resume: bool, **options: Any
         raise click.UsageError("Missing option '-o' / '--output': a folder or URL for the results")
     if options["why"] is not None:
         from ..batch.operation.why import account
+        from ..batch.storage.entry import legible
 
-        click.echo(account(results, options["why"]))
+        click.echo(account(results, legible(options["why"])))
         return 0
     if archive is None:
         raise click.UsageError("Missing argument 'ARCHIVE'.")
@@ -124,7 +124,8 @@ def _require_values() -> None:
     context = click.get_current_context()
     for one in context.command.params:
         if context.params[str(one.name)] == "":
-            raise click.UsageError(f"{one.opts[0]} is empty: give a value, or leave it out")
+            hint = one.get_error_hint(context)
+            raise click.UsageError(f"{hint} is empty: give a value, or leave it out")
 
 
 def _show_status(results: str, metrics: str | None) -> None:
@@ -154,11 +155,12 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
     from ..batch.run.summary import summary
     from ..batch.run.watch import watch
     from ..batch.run.work import RunRequest
+    from ..batch.storage.entry import legible
     from ..batch.storage.scratch import scratch_folder
     from ..batch.storage.store import open_store
 
     places = absolute(archive), absolute(results)
-    request = RunRequest(*places, read_settings(options), retry=result_text(options["retry"] or ""))
+    request = RunRequest(*places, read_settings(options), retry=legible(options["retry"] or ""))
     shard = read_shard(options["shard"]) if options["shard"] else ALL
     _begin(request, resume, given_options(options), watch=options["watch"])
     signal.signal(signal.SIGTERM, signal.default_int_handler)

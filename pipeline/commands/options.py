@@ -26,11 +26,6 @@ if TYPE_CHECKING:
 Command = Callable[..., Any]
 
 
-def result_text(text: str) -> str:
-    """Return an argument as results hold it, with bytes that are not UTF-8 written in ASCII."""
-    return text.encode(errors="backslashreplace").decode()
-
-
 class FiniteRange(click.FloatRange):
     """Number in a range, neither infinite nor NaN."""
 

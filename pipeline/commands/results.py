@@ -41,6 +41,7 @@ from ..batch.results.query import (
     wheels_of,
 )
 from ..batch.results.sql import ask
+from ..batch.storage.entry import legible
 from ..batch.storage.store import open_store
 from ..config import load_config
 from ..errors import InputError
@@ -50,7 +51,7 @@ from ..report.format.view import AngleStyle, DigitStyle, View
 from ..report.format.writer import Writer
 from ..report.write import ReportFiles, document_files, write_whole
 from .limits import SECONDS, within
-from .options import config_option, digits_option, language_option, result_text
+from .options import config_option, digits_option, language_option
 from .progress import Reading
 from .reporting import report_options
 
@@ -96,12 +97,12 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
 @click.option(
     "--name",
     "text",
-    type=result_text,
+    type=legible,
     default="",
     metavar="TEXT",
     help="Text that the captures' names contain.",
 )
-@click.option("--vehicle", type=result_text, metavar="NAME", help="Vehicle of the captures.")
+@click.option("--vehicle", type=legible, metavar="NAME", help="Vehicle of the captures.")
 @click.option("--since", metavar="DATE", help="First date of the captures (ISO 8601).")
 @click.option("--until", metavar="DATE", help="Last date of the captures.")
 @click.option(
@@ -120,7 +121,7 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     "spans",
     multiple=True,
     nargs=2,
-    type=result_text,
+    type=legible,
     metavar="QUANTITY MIN..MAX",
     help="Quantity ('RR toe', '1 camber', wheelbase ...) and its range, in degrees or metres; "
     "either end may be left out. May be repeated.",
@@ -135,7 +136,7 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
 @click.option(
     "--item",
     "serial",
-    type=result_text,
+    type=legible,
     metavar="SERIAL",
     help="Serial number of a machine, whose calibrations in RESULTS, or below that folder, --drift "
     "takes instead of captures; proposes an interval.",
@@ -161,7 +162,7 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
 )
 @click.option(
     "--sql",
-    type=result_text,
+    type=legible,
     metavar="SELECT",
     help="SQL query of the tables captures, wheels, quantities and calibrations.",
 )
@@ -182,7 +183,7 @@ wheelplane results RESULTS --sql "SELECT name FROM captures WHERE kind = 'zip'"
     "--quantity",
     "quantities",
     multiple=True,
-    type=result_text,
+    type=legible,
     metavar="NAME",
     help="Quantity for --summary, --drift and --worst; all by default. May be repeated.",
 )

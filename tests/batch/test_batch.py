@@ -356,8 +356,8 @@ def test_the_summary_says_how_much_more_failed(tmp_path):
         (["--timeout", "1e300"], "not in the range"),
         (["--settle", "inf"], "inf is no finite number"),
         (["--metrics", "/dev/null"], "no regular file"),
-        (["--retry", ""], "--retry is empty"),
-        (["--metrics", ""], "--metrics is empty"),
+        (["--retry", ""], "'--retry' is empty"),
+        (["--metrics", ""], "'--metrics' is empty"),
     ],
 )
 def test_unusable_options_are_one_line(options, words, tmp_path):
@@ -400,9 +400,9 @@ def test_a_capture_is_named_by_the_bytes_of_its_file(tmp_path):
 
 def test_unusable_places_are_one_line(capture, tmp_path):
     (tmp_path / "empty").mkdir()
-    assert "a path is empty" in run(tmp_path, "").stderr
+    assert "'--output' is empty" in run(tmp_path, "").stderr
     for archive, words in (
-        ("", "a path is empty"),
+        ("", "ARCHIVE]' is empty"),
         ("s3:///x", "names no bucket"),
         (tmp_path / "empty", "no captures found, nor any other file"),
         (tmp_path / "nowhere", "no such folder"),

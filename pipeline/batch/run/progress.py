@@ -228,7 +228,9 @@ class RunReport:
             try:
                 print(legible(line), file=self._log, flush=True)
             except OSError as error:
-                file, self._log = self._log.name, None
+                file, log, self._log = self._log.name, self._log, None
+                with suppress(OSError):
+                    log.close()
                 raise InputError(
                     f"--log {file}: cannot be written ({error.strerror}): check disk space and path"
                 ) from error
