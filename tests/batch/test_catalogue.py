@@ -41,7 +41,13 @@ from wheelplane.batch.catalogue.history import (
     retried,
     write_removed,
 )
-from wheelplane.batch.catalogue.rows import CaptureRow, QuantityRow, Record, read_record
+from wheelplane.batch.catalogue.rows import (
+    CaptureRow,
+    QuantityRow,
+    Record,
+    WheelRow,
+    read_record,
+)
 from wheelplane.batch.catalogue.schema import TABLES, create, number_of, put
 from wheelplane.batch.catalogue.segments import Segments
 from wheelplane.batch.catalogue.sqlite_file import (
@@ -489,11 +495,20 @@ def test_only_a_rebuild_reads_what_was_changed_in_place(store):
     assert "changed in place" in {row.vehicle for row in shown(store.local)}
 
 
+ANGLES = ("toe_deg", "camber_deg", "u_toe_deg", "u_camber_deg")
+NO_PATCH = {"points_on_target": None, "plane_rms_m": None}
+
+
 def test_captures_at_the_bounds_of_parts_are_in_one_each(tmp_path):
     keys = [head + 62 * digit for head in ("00", "01", "02", "fe", "ff") for digit in "0f"]
     keys += [f"01{'0' * 12}{digit}{'0' * 49}" for digit in "12"]
+    angles = [dict(zip(ANGLES, (i, 5.0 + i, 0.1 * i, 0.2 * i), strict=True)) for i in range(99)]
     records = [
-        Record(CaptureRow(key, day=float(i)), quantities=(QuantityRow("span", 2.0 * i, i, "m"),))
+        Record(
+            CaptureRow(key, day=float(i)),
+            (WheelRow("RR", "reference", "RR", "ok", **angles[i], **NO_PATCH),),
+            (QuantityRow("span", 2.0 * i, i, "m"),),
+        )
         for i, key in enumerate(keys)
     ]
     with closing(create(tmp_path / FILE)) as connection:
@@ -502,10 +517,15 @@ def test_captures_at_the_bounds_of_parts_are_in_one_each(tmp_path):
         renew_columns(connection, map(number_of, keys))
         ids, days = captures_of(connection)
         column = column_of(connection, "span", "m", ids)
+        toe, camber = (
+            column_of(connection, f"RR {kind}", "deg", ids) for kind in ("toe", "camber")
+        )
     order = sorted(range(len(keys)), key=keys.__getitem__)
     assert ids.tolist() == [int(keys[i][:15], 16) for i in order]
     assert days.tolist() == order
     assert column.tolist() == [[2.0 * i for i in order], order]
+    assert toe.tolist() == [order, [0.1 * i for i in order]]
+    assert camber.tolist() == [[5.0 + i for i in order], [0.2 * i for i in order]]
 
 
 def test_keys_that_collide_are_refused_and_one_alone_is_replaced(tmp_path):
