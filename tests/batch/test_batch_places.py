@@ -56,8 +56,8 @@ def cluster(tmp_path):
 
 
 @contextmanager
-def dask_cluster(tmp_path, port: str = "0"):
-    """A scheduler with two workers: its address, its process, and theirs."""
+def dask_cluster(tmp_path, port: str = "0", names: str = "ab"):
+    """A scheduler with a worker of each name: its address, its process, and theirs."""
     environment = os.environ | {
         "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
         **poisoned(tmp_path),
@@ -81,7 +81,7 @@ def dask_cluster(tmp_path, port: str = "0"):
                 address = found[0]
                 break
         workers = []
-        for name in ("a", "b"):
+        for name in names:
             worker = subprocess.Popen(
                 [*DASK, "worker", address, "--no-dashboard", "--nthreads", "1", "--name", name],
                 stderr=subprocess.DEVNULL,

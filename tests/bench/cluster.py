@@ -1,8 +1,9 @@
 """Serial share of a run on a Dask cluster: CPU of runner, scheduler and workers a capture.
 
     nice -n 10 .venv/bin/python -m tests.bench.cluster [--captures 300 1200] [--discs] [--rounds 2]
+    [--workers 2]
 
-Two runs of different size on a warm cluster of two workers: what a capture takes is the slope, free
+Two runs of different size on a warm cluster: what a capture takes is the slope, free
 of what a run takes at its start. All go on at the same time, so that four workers are to one at
 most as the worker's CPU to that of the busier of runner and scheduler; without any overlap, as
 Amdahl's law says.
@@ -57,6 +58,7 @@ def main() -> None:
     parser.add_argument("--captures", type=int, nargs=2, default=[300, 1200])
     parser.add_argument("--discs", action="store_true", help="zips of four scans, not five points")
     parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--workers", type=int, default=2)
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
@@ -68,7 +70,11 @@ def main() -> None:
                 settle(archive)
             else:
                 archive_of(archive, count)
-        with dask_cluster(place) as (address, scheduler, workers):
+        with dask_cluster(place, names="abcdefgh"[: chosen.workers]) as (
+            address,
+            scheduler,
+            workers,
+        ):
             groups = [worker.pid for worker in workers]
             run(place / "archive-4", place / "warm", address)
             for number in range(chosen.rounds):
