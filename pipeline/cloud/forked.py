@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import sys
@@ -13,15 +14,25 @@ from typing import Generic, NoReturn, TypeVar, cast
 
 from ..errors import InputError
 from ..system import add_taken, share_memory, signals, taken
+from .native import load_opencv
 
 R = TypeVar("R")
 T = TypeVar("T")
+
+LATE = ("numpy.fft", "numpy.ma")  # numpy imports them at its first transform and median
 
 
 def can_fork() -> bool:
     """Return whether a fork is safe: no other thread of Python may hold a lock at that moment."""
     forks = hasattr(os, "fork") and sys.platform != "darwin"  # whose libraries are not made for it
     return forks and threading.active_count() == 1
+
+
+def load_ahead() -> None:
+    """Import what measuring imports late, once for all processes that are forked afterwards."""
+    load_opencv()
+    for name in LATE:
+        importlib.import_module(name)
 
 
 class Forked(Generic[T]):

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from functools import lru_cache, partial
 from typing import TypeVar
 
-from .forked import Forked, can_fork
+from .forked import Forked, can_fork, load_ahead
 
 R = TypeVar("R")
 S = TypeVar("S")
@@ -60,6 +60,7 @@ def side_by_side(
     with ExitStack() as stack:
         begin: Callable[[Callable[[R], T], R], Future[T] | Forked[T]]
         if forks and can_fork():
+            load_ahead()
             each = {THREADS: str(threads() // workers)}
             begin = partial(Forked, workers=workers, environment=each)
         else:
