@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +11,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Array32 = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
+F = TypeVar("F", bound=np.floating)
 Rows = npt.NDArray[np.int64]  # indices of points
 GRID_PER_M = 2.0**20  # to which coordinates are rounded before they are hashed
 CHUNK_ROWS = 32_768  # three float64 columns of it stay in a second-level cache
@@ -36,6 +38,14 @@ def plane_basis(normal: Array) -> Array:
     first = cross(axis, normal)
     first /= math.sqrt(first @ first)
     return np.stack([first, cross(normal, first), normal])
+
+
+def in_axes(axes: npt.NDArray[F], points: npt.NDArray[F]) -> npt.NDArray[F]:
+    """Return the coordinates (N, K) of points (N, 3) along axes (K, 3), rows.
+
+    Each coordinate lies in one piece of memory: what follows with single ones is faster by far.
+    """
+    return np.asarray(axes @ points.T).T
 
 
 def turned(vectors: Array, turn_rad: float) -> Array:

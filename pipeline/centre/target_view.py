@@ -13,7 +13,7 @@ from ..cloud import thin
 from ..config import CentreConfig
 from ..plane import Patch, PlaneFit
 from ..targets import Outline, Target
-from ..vectors import Array, turned
+from ..vectors import Array, in_axes, turned
 
 GENTLE_SLOPE = 1.2  # of beams: shift aside per depth, as a rule
 BEYOND_M = 0.03  # distance outside an edge within which points may matter to it
@@ -96,6 +96,6 @@ class TargetView:
         return float((self.patch.origin_m - self.plane.centroid_m) @ self.plane.basis[2])
 
     def _in_plane(self, points: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        uvw = points @ self.plane.basis.T.astype(points.dtype)
+        uvw = in_axes(self.plane.basis.astype(points.dtype), points)
         uvw[:, 2] += self._lift_m
-        return np.asarray(uvw)
+        return uvw

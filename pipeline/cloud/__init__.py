@@ -27,7 +27,7 @@ from .selection import (
 )
 from .steps import EXACT, Levels, Steps, coordinate_levels, coordinate_steps
 from .threads import over_chunks, side_by_side
-from .voxel_grid import VoxelGrid, lowest, voxel_key, voxel_moments, within_voxels
+from .voxel_grid import VoxelGrid, highest, lowest, voxel_key, voxel_moments, within_voxels
 
 __all__ = [
     "CODE_BITS",
@@ -51,6 +51,7 @@ __all__ = [
     "divide",
     "find_lattice",
     "gather_ball",
+    "highest",
     "load_opencv",
     "lowest",
     "mixed",

@@ -40,7 +40,8 @@ def cloud_sample(
     looked_at = points_m[::step]
     if target_m is None:
         return _about(sample(looked_at, count))
-    apart_m = np.linalg.norm(looked_at - target_m, axis=1)
+    x, y, z = (column - at for column, at in zip(looked_at.T, target_m, strict=True))
+    apart_m = np.sqrt(x * x + y * y + z * z)
     close = looked_at[apart_m < CLOSE_M]
     others = looked_at[(apart_m >= CLOSE_M) & (apart_m < VEHICLE_M)]
     of_target = min(len(close), max(count // 2, count - len(others)))

@@ -52,17 +52,26 @@ class VoxelGrid:
 
 def lowest(points_m: Array) -> Array:
     """Return the least coordinates (3,) of points_m (N, 3)."""
+    return _reduced(np.minimum, points_m)
+
+
+def highest(points_m: Array) -> Array:
+    """Return the greatest coordinates (3,) of points_m (N, 3)."""
+    return _reduced(np.maximum, points_m)
+
+
+def _reduced(extreme: np.ufunc, points_m: Array) -> Array:
+    """Return the least or greatest coordinates; wide rows reduce faster than three columns."""
 
     def of(chunk: slice) -> Array:
         part = points_m[chunk]
         wide = len(part) // _WIDE * _WIDE
-        low = part[wide:].min(axis=0, initial=np.inf)
-        if wide:  # wide rows reduce faster than three columns
-            side_by_side = part[:wide].reshape(-1, 3 * _WIDE).min(axis=0).reshape(-1, 3)
-            low = np.minimum(low, side_by_side.min(axis=0))
-        return np.asarray(low)
+        if not wide:
+            return np.asarray(extreme.reduce(part))
+        found = extreme.reduce(extreme.reduce(part[:wide].reshape(-1, 3 * _WIDE)).reshape(-1, 3))
+        return np.asarray(extreme.reduce([found, *part[wide:]]))
 
-    return np.asarray(np.min(over_chunks(of, len(points_m)), axis=0))
+    return np.asarray(extreme.reduce(over_chunks(of, len(points_m))))
 
 
 def voxel_key(index: Rows) -> Rows:

@@ -104,7 +104,8 @@ def candidate_near(
     Raises NotMeasuredError 'too-few-points', 'no-plane' or 'no-target'.
     """
     reach_m = SEARCHED * target.radius_m
-    around = points_m[np.max(np.abs(points_m - near_m), axis=1) < reach_m]
+    x, y, z = reach_m > np.abs(points_m - near_m).T
+    around = points_m[x & y & z]
     place = ", ".join(f"{x:.3f}" for x in near_m + 0.0)
     if len(around) < MIN_POINTS:
         raise NotMeasuredError(

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ..cloud import highest, lowest
 from ..errors import InputError, Wording
 from ..units import LENGTH_UNITS, in_metres
 from ..vectors import Array
@@ -146,7 +147,7 @@ def length(metres: float) -> str:
 
 def _size(points_m: Array) -> float:
     """Return the longest side of the box about points_m (N, 3)."""
-    return max(float(np.ptp(column)) for column in points_m.T)
+    return float((highest(points_m) - lowest(points_m)).max())
 
 
 def _some(points_m: Array) -> Array:

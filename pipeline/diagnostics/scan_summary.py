@@ -178,7 +178,8 @@ def _place(placer: Placer, block: Block, cloud: RawCloud, summary: ScanSummary) 
 
 def _near(points_m: Array, middle_m: Array) -> npt.NDArray[np.bool_]:
     """Return which points (N, 3) lie within the reach of a scan."""
-    return np.asarray(np.abs(points_m - middle_m).max(axis=1) <= CLOUD_SIZES_M[1])
+    x, y, z = CLOUD_SIZES_M[1] >= np.abs(points_m - middle_m).T
+    return np.asarray(x & y & z)
 
 
 def _extend(summary: ScanSummary, rows: PointRows) -> None:

@@ -13,7 +13,7 @@ from ..detection import FACE_BAND
 from ..plane import Patch, PlaneFit
 from ..system import stage
 from ..targets import Region, Target
-from ..vectors import Array, Array32, Mask, turned
+from ..vectors import Array, Array32, Mask, in_axes, turned
 
 REACH = 1.25  # of the radius: half the map's edge
 CELLS = 240
@@ -91,7 +91,8 @@ def map_about(
     radius_m = target.radius_m
     half = REACH * radius_m
     uvw = _local(patch, basis, centre_m)
-    uvw = uvw[np.max(np.abs(uvw[:, :2]), axis=1) < half]
+    u, v, _ = np.abs(uvw.T)
+    uvw = uvw[(u < half) & (v < half)]
     column, row = ((uvw[:, axis] * sign + half) * (CELLS / (2 * half)) for axis, sign in _AXES)
     cell = row.astype(np.int32).clip(0, CELLS - 1) * CELLS
     cell += column.astype(np.int32).clip(0, CELLS - 1)
@@ -174,9 +175,9 @@ def _local(patch: Patch, basis: Array, centre_m: Array) -> Array32:
     """Return the patch's points (N, 3) from the centre along the plane's axes."""
     shift = (patch.origin_m - centre_m) @ basis.T
     points = np.concatenate([patch.face_m.astype(np.float32), patch.around_m])
-    uvw = points @ basis.T.astype(np.float32)
+    uvw = in_axes(basis.astype(np.float32), points)
     uvw += shift.astype(np.float32)
-    return np.asarray(uvw)
+    return uvw
 
 
 def _cell_centres(half_m: float) -> Array:

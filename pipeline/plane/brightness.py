@@ -17,7 +17,7 @@ import numpy as np
 
 from ..targets import Region
 from ..uncertainty import tail
-from ..vectors import Array, Array32, Mask
+from ..vectors import Array, Array32, Mask, in_axes
 from .clipped_plane import ClippedFit, fit_clipped_plane
 from .correlated_noise import Cells, cells_of, correlated_noise
 
@@ -175,7 +175,7 @@ def _threshold(shade: Array) -> float | None:
 
 def _used(points_m: Array, region: Region, fit: ClippedFit) -> Mask:
     """Return which points (N,) the plane was fitted to."""
-    uvw = points_m @ fit.slab.basis.T
+    uvw = in_axes(fit.slab.basis, points_m)
     off = np.abs(fit.plane.distance_m(uvw))
     return np.asarray(region.holds(uvw[:, :2]) & (off < fit.slab.limit_m))
 
@@ -188,7 +188,7 @@ def _cells(
     if cells is None:
         return None
     used = _used(points_m, region, fit)
-    uv = points_m[used] @ fit.slab.basis[:2].T
+    uv = in_axes(fit.slab.basis[:2], points_m[used])
     column, row = (uv.T / fit.side_m + 0.5 * across).astype(np.int32).clip(0, across - 1)
     cell = row * across + column
     count = np.bincount(cell, minlength=across * across).clip(min=1)

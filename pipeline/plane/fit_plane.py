@@ -12,7 +12,7 @@ from ..cloud import Steps, find_lattice, over_chunks
 from ..config import PlaneConfig
 from ..system import stage
 from ..targets import Region, Target
-from ..vectors import Array
+from ..vectors import Array, in_axes
 from .brightness import FittedBrightness, RangeByBrightness, fit_brightness
 from .clipped_plane import ClippedFit, ClipSlab, fit_clipped_plane
 from .correlated_noise import (
@@ -180,7 +180,7 @@ def _by_lattice(patch: Patch, region: Region, fit: ClippedFit) -> LatticePull | 
 
     The boundaries of its layers show farther from the plane than points are used.
     """
-    uvw = patch.face_m @ fit.slab.basis.T
+    uvw = in_axes(fit.slab.basis, patch.face_m)
     off = np.abs(fit.plane.distance_m(uvw))
     off[~region.holds(uvw[:, :2])] = np.inf
     axes, limit_m = patch.steps.axes, fit.slab.limit_m
@@ -261,7 +261,7 @@ def _by_steps(
     steps, basis, centroid = patch.steps, fit.basis, fit.centroid_m
     axis = int(np.argmax(steps.along(fit.normal)))
     step_m = _step_across(steps, fit.normal)
-    uvw = patch.face_m @ basis.T
+    uvw = in_axes(basis, patch.face_m)
     uvw[:, 2] -= centroid @ basis[2]
     limit = max(3.0 * fit.plane.sigma_m, SPANNED * float(steps.across(fit.normal)))
     used = region.holds(uvw[:, :2]) & (np.abs(uvw[:, 2]) < limit)

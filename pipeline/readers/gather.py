@@ -109,7 +109,8 @@ class Placer:
         missing = ~np.isfinite(points)
         huge = ~missing & (np.abs(points) > MAX_COORDINATE_M)
         missing[huge] = is_huge(points[huge])
-        return np.asarray(~missing.any(axis=1))
+        x, y, z = missing.T
+        return np.asarray(~(x | y | z))
 
     def _check_size(self, points: Array) -> None:
         if len(points) and max(points.max(), -points.min()) > MAX_COORDINATE_M:
