@@ -1,11 +1,10 @@
-"""From scans, or from five points a wheel, to angles with their uncertainty: the whole story."""
+"""From scans to angles with their uncertainty: the whole story."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,14 +12,6 @@ from . import __version__
 from .capture import Capture
 from .centre import TargetFit, locate_centre
 from .config import ISSUER, Config
-from .five_point import (
-    FivePointFile,
-    Station,
-    check_blocks,
-    check_radius,
-    observe_block,
-    pooled_noise,
-)
 from .kinematics import carried, solve
 from .measurement import (
     Evidence,
@@ -147,33 +138,6 @@ def _fit_bare_wheel(patch: Patch, target: WheelTarget, config: Config) -> Eviden
     return Evidence(replace(fitted, components=components), profile=profile_of(found, patch))
 
 
-def measure_five_point(
-    file: FivePointFile,
-    station: Station | None = None,
-    radius_m: float | None = None,
-    *,
-    check: bool = True,
-) -> Measurement:
-    """Measure the same quantities from five points a plane, by total least squares.
-
-    station: total station whose stated uncertainty is used; without it, the points' scatter.
-    radius_m: of the circle that the five points of every block lie on, if it is known. check:
-    whether a block that is not plausible gets a status, and adds nothing to the noise of the
-    others. Raises InputError where it is a reference wheel's, and not because of a single point.
-    """
-    if radius_m is not None:
-        check_radius(file.blocks_m, radius_m, file.source)
-    checks = check_blocks(file.blocks_m, station, radius_m) if check else ()
-    bad = [index for index, one in enumerate(checks) if one.status != "ok"]
-    noise = pooled_noise(np.delete(file.blocks_m, bad, axis=0), station)
-    observations = [
-        observe_block(file, index, noise, station, checks[index] if checks else None)
-        for index in range(len(file.blocks_m))
-    ]
-    origin = provenance_of_five_point(file, observations, station, radius_m)
-    return align(observations, origin, file.notes)
-
-
 def provenance_of_capture(
     capture: Capture, config: Config, observations: Sequence[Observation], naming: Naming | None
 ) -> Provenance:
@@ -193,19 +157,3 @@ def provenance_of_capture(
         }
     origin = (capture.source, capture.vehicle, __version__, inputs, used, config.seed)
     return Provenance(*origin, naming, capture.date)
-
-
-def provenance_of_five_point(
-    file: FivePointFile,
-    observations: Sequence[Observation],
-    station: Station | None,
-    radius_m: float | None = None,
-) -> Provenance:
-    """Return the input and the method of a measurement from five points a plane."""
-    inputs = {observation.source: observation.sha256 for observation in observations}
-    used: dict[str, Any] = {"method": "total-least-squares"}
-    if station is not None:
-        used |= {"station": station.stated.model_dump(), "place_m": station.position_m.tolist()}
-    if radius_m is not None:
-        used |= {"radius_m": radius_m}
-    return Provenance(file.source, None, __version__, inputs, used, 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 import subprocess
 import sys
@@ -390,7 +391,7 @@ BLOCKED = """
 import sys
 class Missing:
     def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in {blocked!r}:
+        if name in {blocked!r} or name.split(".")[0] in {blocked!r}:
             raise ImportError(f"no {{name}} on this machine")
 sys.meta_path.insert(0, Missing())
 sys.argv = ["wheelplane", *{arguments!r}]
@@ -430,6 +431,42 @@ def test_measuring_needs_neither_open3d_nor_libusb(command, small, tmp_path):
     run = without(RAY_CASTING, *arguments)
     assert (run.returncode, run.stderr) == (0, "")
     assert run.stdout
+
+
+OTHER_WORK = {"wheelplane.five_point", "wheelplane.measurement.tolerance.limits"}
+
+
+def test_measuring_scans_loads_no_model_of_other_work(small):
+    run = without(OTHER_WORK, "measure", str(small), "--json")
+    assert (run.returncode, run.stderr) == (0, "")
+    assert without(OTHER_WORK, "five-point", str(PAPER)).returncode != 0  # so they are blocked
+
+
+IN_FORKS = """
+import os, sys
+here = os.getpid()
+def note(event, arguments):
+    if event == "import" and os.getpid() != here:
+        print("imported in a fork:", arguments[0], file=sys.stderr)
+sys.addaudithook(note)
+sys.argv = ["wheelplane", "measure", sys.argv[1], "--json"]
+from wheelplane.cli import main
+main()
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no forks on this system")
+def test_forked_processes_import_nothing(small):
+    """What each of them imported would be imported once a scan."""
+    run = subprocess.run(
+        [sys.executable, "-c", IN_FORKS, str(small)],
+        cwd=ROOT,
+        env=os.environ | {"WHEELPLANE_THREADS": "2"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stderr == ""
 
 
 @pytest.mark.parametrize("blocked", [RAY_CASTING, {"open3d"}, {"libusb_package"}, {"trimesh"}])

@@ -26,8 +26,8 @@ from ..calibration import (
 from ..capture import CaptureOptions, Upright, open_capture
 from ..config import Config, load_config, with_scanner
 from ..errors import InputError, MissingDependencyError
-from ..five_point import FivePointFile, Station, read_five_point
-from ..measure import measure_capture, measure_five_point
+from ..five_point import FivePointFile, Station, measure_five_point, read_five_point
+from ..measure import measure_capture
 from ..measurement import Measurement
 from ..report.format.view import DigitStyle, View
 from ..report.json.calibration import calibration_json, plan_json

@@ -10,8 +10,7 @@ import click
 
 from ..config import load_config
 from ..errors import InputError
-from ..five_point import FivePointFile, check_blocks, read_five_point, tcgc_2013
-from ..measure import measure_five_point
+from ..five_point import FivePointFile, check_blocks, measure_five_point, read_five_point, tcgc_2013
 from ..measurement import assess, check_by_monte_carlo, conforms, tolerance_for
 from ..report.format.view import PAPER, AngleStyle, Convention, DigitStyle, read_view
 from ..report.json.measurement import to_json

@@ -9,8 +9,8 @@ from typing import cast
 
 from ..capture import Capture, CaptureOptions, ScanEntry, open_capture
 from ..errors import InputError
-from ..five_point import FivePointFile
-from ..measure import measure_capture, measure_five_point
+from ..five_point import FivePointFile, measure_five_point
+from ..measure import measure_capture
 from ..measurement import VerticalKind
 from ..units import LengthUnit
 from ..vehicle import REFERENCE_WHEELS

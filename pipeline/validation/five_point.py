@@ -11,8 +11,14 @@ from typing import Literal
 import numpy as np
 
 from ..errors import InputError, Wording
-from ..five_point import FivePointFile, Station, fit_block, fit_pentagon, read_five_point
-from ..measure import measure_five_point
+from ..five_point import (
+    FivePointFile,
+    Station,
+    fit_block,
+    fit_pentagon,
+    measure_five_point,
+    read_five_point,
+)
 from ..measurement import Measurement, WheelPose, WheelResult
 from ..uncertainty import UncertainTarget, UncertaintyComponent
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit

@@ -25,8 +25,8 @@ from ..centre import TargetFit
 from ..cloud import random_rows
 from ..config import Config
 from ..errors import InputError, NotMeasuredError
-from ..five_point import FivePointFile
-from ..measure import fit_target, measure_capture, measure_five_point
+from ..five_point import FivePointFile, measure_five_point
+from ..measure import fit_target, measure_capture
 from ..measurement import Evidence, WheelPose, WheelResult
 from ..plane import Patch, PlaneFit
 from ..targets import Target, WheelTarget

@@ -27,8 +27,7 @@ from wheelplane.calibration.forms.table_file import FaultyTableError
 from wheelplane.calibration.forms.template import ITEM_FORM, readings_form
 from wheelplane.commands.calibrate import calibrate as command
 from wheelplane.errors import InputError
-from wheelplane.five_point import read_five_point
-from wheelplane.measure import measure_five_point
+from wheelplane.five_point import measure_five_point, read_five_point
 from wheelplane.report.json.calibration import calibration_json
 from wheelplane.report.json.measurement import to_json
 from wheelplane.report.text.calibration import calibration_text

@@ -28,11 +28,11 @@ from tests.support.wrong_digits import (
 )
 from wheelplane.cli import cli
 from wheelplane.errors import InputError, WheelplaneError
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.check_blocks import LEVEL, Misfit, Scatter, check_blocks
 from wheelplane.five_point.components import Station
 from wheelplane.five_point.file import read_five_point
 from wheelplane.five_point.observe import pooled_noise
-from wheelplane.measure import measure_five_point
 from wheelplane.vehicle.frame import build_reference_frame
 
 TRIAL = 5  # block of trial 2, on RL

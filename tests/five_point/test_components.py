@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from wheelplane.cli import cli
 from wheelplane.config import StationConfig, load_station
 from wheelplane.errors import ConfigError
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.components import Station
 from wheelplane.five_point.file import FivePointFile
 from wheelplane.five_point.observe import pooled_noise
-from wheelplane.measure import measure_five_point
 
 STATED = StationConfig(
     range_sigma_m=6e-4,

@@ -15,8 +15,8 @@ from wheelplane.diagnostics.selftest import certified_folder
 from wheelplane.errors import InputError
 from wheelplane.five_point.file import read_five_point
 from wheelplane.five_point.fit_block import fit_block
+from wheelplane.five_point.measure import measure_five_point
 from wheelplane.five_point.tcgc_2013 import tcgc_2013
-from wheelplane.measure import measure_five_point
 from wheelplane.plane.least_squares import total_least_squares
 from wheelplane.report.format.view import View
 from wheelplane.report.text.report import detailed_report, summary_table

@@ -21,8 +21,8 @@ from wheelplane.cli import main
 from wheelplane.commands import measure as measure_command
 from wheelplane.config import config_folder
 from wheelplane.errors import ConfigError
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
-from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import (
     Conformity,
     Quantity,
@@ -36,8 +36,8 @@ from wheelplane.measurement.conformity import (
 from wheelplane.measurement.quantities import by_name
 from wheelplane.measurement.records import Measurement, WheelResult
 from wheelplane.measurement.tolerance.find import load_tolerance
-from wheelplane.measurement.tolerance.limits import ToleranceInterval
 from wheelplane.measurement.tolerance.model import Tolerance
+from wheelplane.measurement.tolerance.values import ToleranceInterval
 from wheelplane.report.format.view import View
 from wheelplane.report.json.conformity import conformity_tree
 from wheelplane.report.json.measurement import to_tree

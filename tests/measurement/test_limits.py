@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from wheelplane.measurement.tolerance.limits import (
-    AngleLimits,
-    LengthLimits,
-    OffsetLimits,
+from wheelplane.measurement.tolerance.limits import AngleLimits, LengthLimits, OffsetLimits
+from wheelplane.measurement.tolerance.values import (
     ToleranceInterval,
     Value,
     angle_rad,

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wheelplane.five_point import read_five_point
-from wheelplane.measure import measure_five_point
+from wheelplane.five_point import measure_five_point, read_five_point
 from wheelplane.measurement.quantities import against, by_name, stated
 from wheelplane.vehicle import AXES
 

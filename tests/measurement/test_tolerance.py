@@ -12,8 +12,8 @@ from wheelplane.config import config_folder
 from wheelplane.errors import ConfigError, InputError
 from wheelplane.measurement.quantities import VEHICLE_BY_SWEEP, WHEEL_BY_RUNOUT, WHEEL_BY_SWEEP
 from wheelplane.measurement.tolerance.find import load_tolerance, tolerance_for
-from wheelplane.measurement.tolerance.limits import ToleranceInterval
 from wheelplane.measurement.tolerance.model import Tolerance
+from wheelplane.measurement.tolerance.values import ToleranceInterval
 from wheelplane.vehicle import VEHICLE, WHEEL
 
 LENGTHS = {"lateral_offset", "longitudinal_offset", "radial_runout"}

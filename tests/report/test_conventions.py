@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from tests.report.test_poses import STEP, unit
 from tests.support.validation_cars import write_capture
 from wheelplane.cli import cli
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
-from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import by_name, workshop_angles
 from wheelplane.measurement.tolerance.model import Tolerance

@@ -14,8 +14,8 @@ from tests.support.paths import FIGURE_4
 from tests.support.printed import arc_s, arc_step_s, seconds_of, step, two_digits
 from tests.support.reported import measured
 from tests.support.turning import Scene, rolled, swept
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
-from wheelplane.measure import measure_five_point
 from wheelplane.measurement.quantities import by_name
 from wheelplane.report.format.digits import (
     arc,

@@ -15,8 +15,8 @@ from tests.support.printed import says_angle
 from tests.support.reported import lost, measured
 from tests.support.turning import Scene, rolled, swept
 from wheelplane.errors import InputError
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
-from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import by_name
 from wheelplane.measurement.tolerance import ToleranceInterval

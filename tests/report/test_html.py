@@ -20,8 +20,8 @@ from tests.support.reported import ANGLES, lost, many, measured, renamed
 from tests.support.turning import Scene, rolled, swept
 from wheelplane.config import ReportConfig
 from wheelplane.errors import ConfigError, InputError
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
-from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.evaluate import check_by_monte_carlo
 from wheelplane.measurement.tolerance.model import Tolerance

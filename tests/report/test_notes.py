@@ -13,7 +13,7 @@ from tests.support.wordings import PART, sentences, texts
 from wheelplane.config import InstrumentConfig
 from wheelplane.errors import Wording
 from wheelplane.measurement import notes_of_assumptions
-from wheelplane.report.format.language import load_translations
+from wheelplane.report.format.language import Translations, load_translations
 from wheelplane.report.format.notes import notes_in
 from wheelplane.targets import load_target
 
@@ -22,6 +22,14 @@ ROOMS = [ROOT / room for room in ("capture", "detection", "diagnostics", "five_p
                                   "measurement", "validation")]  # fmt: skip
 EN, PT = load_translations("en"), load_translations("pt")
 KNOWN = {key: text for key, text in EN.section("note").items() if key != "and"}
+
+
+def test_texts_are_read_when_one_is_asked_for():
+    """A measurement that is printed as JSON needs none of them."""
+    words = Translations("en")
+    assert "texts" not in vars(words)
+    assert words.wheel("RR") == "RR"
+    assert "texts" in vars(words)
 
 
 def test_every_note_has_words_and_every_word_is_of_a_note():

@@ -12,8 +12,8 @@ import pytest
 from tests.kinematics.test_runout import ECCENTRIC, HALF, WOBBLE, all_round
 from tests.measurement.test_verticals import measured, scene
 from tests.support.turning import WHEELS, Scene, mounted, rolled
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
-from wheelplane.measure import measure_five_point
 from wheelplane.report.json.measurement import to_json
 
 FIGURE_4 = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"

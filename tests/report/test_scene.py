@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 from tests.support.printed import says_angle
 from tests.support.reported import ANGLES, lost, measured, off_m, scan
 from tests.support.turning import PLACES, WHEELS, Scene, facing, kingpin, swept
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
-from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import by_name
 from wheelplane.measurement.tolerance.model import Tolerance

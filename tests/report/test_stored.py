@@ -16,8 +16,9 @@ from tests.support.turning import WHEELS, Scene, mounted, rolled
 from wheelplane.capture import open_capture
 from wheelplane.config import load_config
 from wheelplane.errors import InputError
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
-from wheelplane.measure import measure_capture, measure_five_point
+from wheelplane.measure import measure_capture
 from wheelplane.measurement import assess, check_by_monte_carlo, load_tolerance
 from wheelplane.report.json.measurement import to_json
 from wheelplane.report.json.stored import is_measurement, read_measurement

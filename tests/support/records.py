@@ -8,8 +8,8 @@ import hashlib
 import json
 from pathlib import Path
 
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
-from wheelplane.measure import measure_five_point
 from wheelplane.report.json.measurement import to_tree
 
 PAPER = Path(__file__).resolve().parents[1] / "data" / "paper" / "figure-4.txt"

@@ -12,9 +12,9 @@ from tests.support.given import root
 from tests.support.scenes import Setup, make
 from wheelplane.centre.locate_centre import TargetFit
 from wheelplane.config import StationConfig, config_file
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.components import Station
 from wheelplane.five_point.file import FivePointFile
-from wheelplane.measure import measure_five_point
 from wheelplane.uncertainty.components import UncertaintyComponent
 from wheelplane.validation.comparison import ComparedMethod, compare
 from wheelplane.validation.five_point import FivePointOptions, with_aiming

@@ -10,9 +10,9 @@ import numpy as np
 from tests.support.paths import DATA
 from tests.support.validation_cars import TM30, Car
 from wheelplane.errors import InputError
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.check_blocks import check_blocks
 from wheelplane.five_point.file import FivePointFile, read_five_point
-from wheelplane.measure import measure_five_point
 
 PAPER = DATA / "paper" / "figure-4.txt"
 TEXT = PAPER.read_text("ascii")

@@ -18,9 +18,9 @@ from tests.five_point.test_components import STATED, file, observed, vehicle
 from tests.support.plain_geometry import all_plain
 from tests.support.printed import says_angle, says_width
 from wheelplane.cli import main
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.components import Station
 from wheelplane.five_point.file import read_five_point
-from wheelplane.measure import measure_five_point
 from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import against, by_name, stated
 from wheelplane.measurement.tolerance.model import Tolerance

@@ -9,8 +9,8 @@ import pytest
 from tests.support.browser import IN_A_BROWSER, Visit, serving, until
 from tests.support.layout import check_layout
 from tests.support.web_site import PAPER, write_results
+from wheelplane.five_point import measure_five_point
 from wheelplane.five_point.file import read_five_point
-from wheelplane.measure import measure_five_point
 from wheelplane.report.json.measurement import to_tree
 
 pytestmark = IN_A_BROWSER

@@ -16,8 +16,8 @@ from ...calibration import Reference, calibrate_file, load_item
 from ...capture import Capture, check_inside, open_capture
 from ...config import with_scanner
 from ...errors import WheelplaneError
-from ...five_point import read_five_point
-from ...measure import measure_capture, measure_five_point
+from ...five_point import measure_five_point, read_five_point
+from ...measure import measure_capture
 from ...measurement import Measurement
 from ...report.json.calibration import SCHEMA as CALIBRATION_SCHEMA
 from ...report.json.calibration import calibration_tree

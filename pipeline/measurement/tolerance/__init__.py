@@ -1,7 +1,7 @@
 """Tolerances: limits as data sheets print them, a file of them, and which file is a capture's."""
 
 from .find import BY_MODEL, load_tolerance, tolerance_for, tolerance_of
-from .limits import ToleranceInterval, Value, angle_rad, read_value, rim_diameter
+from .values import ToleranceInterval, Value, angle_rad, read_value, rim_diameter
 
 __all__ = [
     "BY_MODEL",

@@ -11,14 +11,8 @@ from pydantic import Field, create_model, model_validator  # noqa: TID253 - a to
 from ...config import Section
 from ...vehicle import REFERENCE_WHEELS, VEHICLE, WHEEL, Unit
 from ..quantities import CROSS, RADIAN, TURNS, UNITS, WHEEL_BY_RUNOUT, WHEEL_BY_SWEEP
-from .limits import (
-    AngleLimits,
-    LengthLimits,
-    OffsetLimits,
-    ToleranceInterval,
-    TurnLimits,
-    rim_diameter,
-)
+from .limits import AngleLimits, LengthLimits, OffsetLimits, TurnLimits
+from .values import ToleranceInterval, rim_diameter
 
 Rule = Literal["guarded", "simple"]
 # The number of wheels whose toe a quantity sums; only these are given in mm at the rim.

@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,15 @@ POINT = re.compile(r"(?<=\d)\.(?=\d)")
 
 @dataclass(frozen=True)
 class Translations:
-    """All texts of a language by section and key, such as `scene.forward`."""
+    """All texts of one of LANGUAGES, which are read when one of them is first asked for."""
 
     language: str
-    texts: Mapping[str, str]
+
+    @cached_property
+    def texts(self) -> Mapping[str, str]:
+        """All texts by section and key, such as `scene.forward`."""
+        text = (FOLDER / f"{self.language}.toml").read_text(encoding="utf-8")
+        return dict(_flat(tomllib.loads(text)))
 
     def __call__(self, key: str, **parts: object) -> str:
         """Return the text `key` with its {parts} filled in."""
@@ -53,11 +58,10 @@ class Translations:
 
 @cache
 def load_translations(language: str) -> Translations:
-    """Load the texts of one of LANGUAGES. Raises InputError that lists them."""
+    """Return the texts of one of LANGUAGES. Raises InputError that lists them."""
     if language not in LANGUAGES:
         raise InputError(f"language {language!r}: known are {', '.join(LANGUAGES)}")
-    table = tomllib.loads((FOLDER / f"{language}.toml").read_text(encoding="utf-8"))
-    return Translations(language, dict(_flat(table)))
+    return Translations(language)
 
 
 def _flat(table: Mapping[str, Any], before: str = "") -> list[tuple[str, str]]:

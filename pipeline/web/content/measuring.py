@@ -21,8 +21,8 @@ from ...capture import (
 from ...config import Config, load_config, load_station, with_scanner
 from ...errors import InputError
 from ...files import lies_in
-from ...five_point import Station, read_five_point
-from ...measure import measure_capture, measure_five_point
+from ...five_point import Station, measure_five_point, read_five_point
+from ...measure import measure_capture
 from ...measurement import Conformity, Measurement, assess, tolerance_for
 from ...report.format.language import LANGUAGES, load_translations
 from ...report.json.measurement import to_json
