@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..vectors import Array
+from ..vectors import Array, in_axes
 from .steps import scattered
 
 EDGES_M = (1e-3, 2e-2)  # of cells that are looked for
@@ -58,9 +58,15 @@ def find_lattice(points_m: Array, axes: Array, normal: Array) -> VoxelLattice | 
     across = int(np.argmax(np.abs(axes @ normal)))
     if abs(float(axes[across] @ normal)) < SQUARE or len(points_m) < 2 * MIN_PAIRS:
         return None
-    uv_m = points_m @ np.delete(axes, across, axis=0).T
-    depth_m = points_m @ axes[across]
-    for frequency in _waves(uv_m):
+    along = np.delete(axes, across, axis=0)
+    some = in_axes(along, points_m[scattered(len(points_m), ROWS)])
+    waves = _waves(some)
+    if not waves:
+        return None
+    uv_m, depth_m = in_axes(along, points_m), points_m @ axes[across]
+    most = MOST_LAYERS * float(np.prod(np.ptp(uv_m, axis=0)))
+    for wave in [one for one in waves if len(points_m) < most * one**2][:TRIED]:
+        frequency = _refined(some, wave)
         found = _layers(uv_m, depth_m, frequency)
         if found is not None:
             boundary, u, apart = (float(x) / frequency for x in found)
@@ -110,9 +116,11 @@ def _boundary(share: Array) -> tuple[float, float]:
     return at / PHASES, U_OF_FALL / float(np.sqrt(weight.sum())) / PHASES
 
 
-def _waves(uv_m: Array) -> list[float]:
-    """Return frequencies, 1/m, of the clearest waves that both axes of uv_m (N, 2) show."""
-    some = uv_m[scattered(len(uv_m), ROWS)]
+def _waves(some: Array) -> list[float]:
+    """Return frequencies, 1/m, of clear waves that both axes of some points (N, 2) show.
+
+    The clearest first.
+    """
     bins = int(SPAN_M / BIN_M)
     power = np.full(bins // 2 + 1, np.inf)
     for values in some.T:
@@ -122,10 +130,9 @@ def _waves(uv_m: Array) -> list[float]:
     first, last = (int(SPAN_M / edge_m) for edge_m in EDGES_M[::-1])
     inner = power[first : last + 1]
     peak = (inner >= power[first - 1 : last]) & (inner >= power[first + 1 : last + 2])
-    columns = np.prod(np.ptp(uv_m, axis=0)) * (np.arange(first, last + 1) / SPAN_M) ** 2
-    found = np.flatnonzero(peak & (inner > CLEAR) & (len(uv_m) < MOST_LAYERS * columns))
-    found = found[np.argsort(-inner[found], kind="stable")][:TRIED]
-    return [_refined(some, (first + int(one)) / SPAN_M) for one in found]
+    found = np.flatnonzero(peak & (inner > CLEAR))
+    found = found[np.argsort(-inner[found], kind="stable")]
+    return [(first + int(one)) / SPAN_M for one in found]
 
 
 def _refined(uv_m: Array, frequency: float) -> float:

@@ -180,14 +180,24 @@ def _by_lattice(patch: Patch, region: Region, fit: ClippedFit) -> LatticePull | 
 
     The boundaries of its layers show farther from the plane than points are used.
     """
-    uvw = in_axes(fit.slab.basis, patch.face_m)
-    off = np.abs(fit.plane.distance_m(uvw))
-    off[~region.holds(uvw[:, :2])] = np.inf
-    axes, limit_m = patch.steps.axes, fit.slab.limit_m
-    lattice = find_lattice(patch.face_m[off < 2.0 * limit_m], axes, fit.normal)
+    axes = patch.steps.axes
+    lattice = find_lattice(_within(2.0, patch, region, fit), axes, fit.normal)
     if lattice is None or not lattice.edge_m > ROUNDED * float(patch.steps.step_m.max()):
         return None
-    return fit_pull(patch.face_m[off < limit_m], lattice, axes)
+    return fit_pull(_within(1.0, patch, region, fit), lattice, axes)
+
+
+def _within(limits: float, patch: Patch, region: Region, fit: ClippedFit) -> Array:
+    """Return the points (M, 3) of the region within so many times the limit of the plane."""
+    axes, off_m = fit.plane.distances(fit.slab.basis)
+
+    def near(rows: slice) -> Array:
+        points = patch.face_m[rows]
+        uvw = in_axes(axes, points)
+        off = np.abs(uvw[:, 2] - off_m)
+        return points[region.holds(uvw[:, :2]) & (off < limits * fit.slab.limit_m)]
+
+    return np.concatenate(over_chunks(near, len(patch.face_m)))
 
 
 def _along_lines(
