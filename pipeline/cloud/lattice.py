@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..vectors import Array, in_axes
+from ..vectors import Array, Rows, in_axes
 from .steps import scattered
 
 EDGES_M = (1e-3, 2e-2)  # of cells that are looked for
@@ -49,20 +49,25 @@ class VoxelLattice:
     apart_m: float
 
 
-def find_lattice(points_m: Array, axes: Array, normal: Array) -> VoxelLattice | None:
+def find_lattice(
+    points_m: Array, axes: Array, normal: Array, rows: Rows | None = None
+) -> VoxelLattice | None:
     """Find the lattice on which points_m (N, 3) of a face with that normal (3,) were thinned.
 
-    axes: (3, 3) rows along which a lattice would lie. None where there is none, where the face lies
-    along none of its layers, or where it hardly crosses from one to the next.
+    axes: (3, 3) rows along which a lattice would lie. rows: of the points that count, all by
+    default. None where there is no lattice, where the face lies along none of its layers, or where
+    it hardly crosses from one to the next.
     """
     across = int(np.argmax(np.abs(axes @ normal)))
-    if abs(float(axes[across] @ normal)) < SQUARE or len(points_m) < 2 * MIN_PAIRS:
+    rows = np.arange(len(points_m)) if rows is None else rows
+    if abs(float(axes[across] @ normal)) < SQUARE or len(rows) < 2 * MIN_PAIRS:
         return None
     along = np.delete(axes, across, axis=0)
-    some = in_axes(along, points_m[scattered(len(points_m), ROWS)])
+    some = in_axes(along, points_m[rows[scattered(len(rows), ROWS)]])
     waves = _waves(some)
     if not waves:
         return None
+    points_m = points_m[rows]
     uv_m, depth_m = in_axes(along, points_m), points_m @ axes[across]
     most = MOST_LAYERS * float(np.prod(np.ptp(uv_m, axis=0)))
     for wave in [one for one in waves if len(points_m) < most * one**2][:TRIED]:

@@ -12,7 +12,7 @@ from ..cloud import Steps, find_lattice, over_chunks
 from ..config import PlaneConfig
 from ..system import stage
 from ..targets import Region, Target
-from ..vectors import Array, in_axes
+from ..vectors import Array, Rows, in_axes
 from .brightness import FittedBrightness, RangeByBrightness, fit_brightness
 from .clipped_plane import ClippedFit, ClipSlab, fit_clipped_plane
 from .correlated_noise import (
@@ -181,21 +181,21 @@ def _by_lattice(patch: Patch, region: Region, fit: ClippedFit) -> LatticePull | 
     The boundaries of its layers show farther from the plane than points are used.
     """
     axes = patch.steps.axes
-    lattice = find_lattice(_within(2.0, patch, region, fit), axes, fit.normal)
+    lattice = find_lattice(patch.face_m, axes, fit.normal, _within(2.0, patch, region, fit))
     if lattice is None or not lattice.edge_m > ROUNDED * float(patch.steps.step_m.max()):
         return None
-    return fit_pull(_within(1.0, patch, region, fit), lattice, axes)
+    return fit_pull(patch.face_m[_within(1.0, patch, region, fit)], lattice, axes)
 
 
-def _within(limits: float, patch: Patch, region: Region, fit: ClippedFit) -> Array:
-    """Return the points (M, 3) of the region within so many times the limit of the plane."""
+def _within(limits: float, patch: Patch, region: Region, fit: ClippedFit) -> Rows:
+    """Return the rows (M,) of points in the region, within so many times the limit."""
     axes, off_m = fit.plane.distances(fit.slab.basis)
 
-    def near(rows: slice) -> Array:
-        points = patch.face_m[rows]
-        uvw = in_axes(axes, points)
+    def near(rows: slice) -> Rows:
+        uvw = in_axes(axes, patch.face_m[rows])
         off = np.abs(uvw[:, 2] - off_m)
-        return points[region.holds(uvw[:, :2]) & (off < limits * fit.slab.limit_m)]
+        near = region.holds(uvw[:, :2]) & (off < limits * fit.slab.limit_m)
+        return np.asarray(rows.start + np.flatnonzero(near))
 
     return np.concatenate(over_chunks(near, len(patch.face_m)))
 
