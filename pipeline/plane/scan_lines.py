@@ -16,8 +16,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from ..vectors import Array
+from ..vectors import Array, Array32
 from .correlated_noise import POINTS_A_CELL, Cells, filled
 
 Blocks = Callable[[Callable[[Array, Array | None], Any]], list[Any]]
@@ -144,9 +145,18 @@ def _waves_to(shortest: float, step: float, noise: float) -> tuple[Array, Array,
 def _power(points: Array, waves: tuple[Array, Array, Array]) -> Array:
     """Return |mean exp(i (k u + m v - c w))|^2 (K, M, C) over points u, v, w (N, 3)."""
     x, k, m, c = (one.astype(np.float32) for one in (points, *waves))  # twice as fast
-    u, v = np.exp(1j * np.outer(k, x[:, 0])), np.exp(1j * np.outer(x[:, 1], m))
-    w = np.exp(-1j * np.outer(c, x[:, 2])) / np.float32(len(x))
-    return np.stack([np.abs((u * one) @ v) ** 2 for one in w], axis=2)
+    u, v = _on_circle(np.outer(k, x[:, 0])), _on_circle(np.outer(x[:, 1], m))
+    w = _on_circle(np.outer(-c, x[:, 2])) / np.float32(len(x))
+    means = ((u * one) @ v for one in w)
+    return np.stack([mean.real**2 + mean.imag**2 for mean in means], axis=2)
+
+
+def _on_circle(phase: Array32) -> npt.NDArray[np.complex64]:
+    """Return exp(i phase), in a third of the time of the complex exponential."""
+    found = np.empty(phase.shape, np.complex64)
+    np.cos(phase, out=found.real)
+    np.sin(phase, out=found.imag)
+    return found
 
 
 def _longest_wave(axes: tuple[Array, Array, Array], power: Array, least: float) -> Array:
