@@ -103,7 +103,8 @@ def _write_scans(
 ) -> list[dict[str, Any]]:
     """Scan from every station; return the values used for each."""
     previews = [
-        preview_scene(site.scene(s), site.panorama, site.middle_m(s)) for s in site.stations
+        preview_scene(site.scene(s), site.caster(s), site.panorama, site.middle_m(s))
+        for s in site.stations
     ]
     step = _step_rad(site.panorama, previews, kit.beam.dropout_fraction)
     used, first = [], 0
@@ -140,6 +141,7 @@ def _write_station(
     misplaced = draw_misplacement(kit.registration, rng)
     for block in scan_rows(
         site.scene(station),
+        site.caster(station),
         grid,
         kit.beam,
         target_m,

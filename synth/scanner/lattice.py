@@ -68,7 +68,7 @@ def draw_lattice(
     return Lattice(azimuth, elevation, step_rad, panorama.window_deg == 360.0)
 
 
-def preview_scene(scene: Scene, panorama: Panorama, middle_m: Array) -> Preview:
+def preview_scene(scene: Scene, caster: RayCaster, panorama: Panorama, middle_m: Array) -> Preview:
     """Cast some thousand beams over the window."""
     rows, columns = PREVIEW
     wide = np.radians(panorama.window_deg)
@@ -77,6 +77,5 @@ def preview_scene(scene: Scene, panorama: Panorama, middle_m: Array) -> Preview:
     azimuth = start + (np.arange(columns) + 0.5) * wide / columns
     elevation = low + (np.arange(rows) + 0.5) * (high - low) / rows
     beams = directions(*np.meshgrid(azimuth, elevation)).reshape(-1, 3)
-    caster = RayCaster(scene.vertices_m, scene.faces)
     range_m = trace(scene, caster, 0.0, beams).range_m
     return Preview(float(np.mean(~np.isnan(range_m))), SAFETY * float(np.nanmin(range_m)))

@@ -29,6 +29,7 @@ ROWS, CORRELATED, LINES = 3, 5, 6  # streams of random numbers, with the seed
 
 def scan_rows(
     scene: Scene,
+    caster: RayCaster,
     grid: Lattice,
     beam: Beam,
     target_m: Array,
@@ -43,7 +44,7 @@ def scan_rows(
     nearest_m: lower bound of the range; stream: seed and number of the station; block: beams per
     block.
     """
-    row_scanner = _RowScanner(scene, grid, beam, target_m, nearest_m, *stream, calibration)
+    row_scanner = _RowScanner(scene, caster, grid, beam, target_m, nearest_m, *stream, calibration)
     count = len(grid.elevation_rad)
     height = max(1, block // len(grid.azimuth_rad))
     for first in range(0, count, height):
@@ -55,6 +56,7 @@ class _RowScanner:
     """Scanner of rows from one station."""
 
     scene: Scene
+    caster: RayCaster
     grid: Lattice
     beam: Beam
     target_m: Array
@@ -62,10 +64,6 @@ class _RowScanner:
     seed: int
     station: int
     calibration: Calibration
-
-    @cached_property
-    def caster(self) -> RayCaster:
-        return RayCaster(self.scene.vertices_m, self.scene.faces)
 
     @cached_property
     def reach(self) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,13 @@ class RayCaster:
         self._scene.add_triangles(
             tensor(vertices_m.astype(np.float32)), tensor(faces.astype(np.uint32))
         )
+        self._origin_m = np.zeros(3)
+
+    def seen_from(self, origin_m: Array) -> RayCaster:
+        """Return it for rays in coordinates whose origin lies at origin_m (3,) of the mesh."""
+        seen = copy(self)
+        seen._origin_m = origin_m
+        return seen
 
     def cast(
         self, origins_m: Array | float, directions: Array
@@ -37,7 +45,7 @@ class RayCaster:
         origins_m: (N, 3) or 0. directions: (N, 3) of unit length.
         """
         rays = np.empty((len(directions), 6), dtype=np.float32)
-        rays[:, :3] = origins_m
+        rays[:, :3] = origins_m + self._origin_m
         rays[:, 3:] = directions
         answer = self._scene.cast_rays(self._open3d.core.Tensor(rays))
         facets = answer["primitive_ids"].numpy()

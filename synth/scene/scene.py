@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -37,6 +37,12 @@ class PlacedTarget:
         local = points_station_m - self.T_station_target[:3, 3]
         return np.asarray(local @ self.T_station_target[:3, :2])
 
+    def seen_from(self, origin_m: Array) -> PlacedTarget:
+        """Return the target in coordinates whose origin lies at origin_m (3,)."""
+        pose = self.T_station_target.copy()
+        pose[:3, 3] -= origin_m
+        return replace(self, T_station_target=pose)
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -58,6 +64,15 @@ class Scene:
     target: npt.NDArray[np.int64]
     targets: tuple[PlacedTarget, ...] = ()
     optics: Optics | None = None
+
+    def seen_from(self, origin_m: Array) -> Scene:
+        """Return the scene in coordinates whose origin lies at origin_m (3,)."""
+        return replace(
+            self,
+            vertices_m=self.vertices_m - origin_m,
+            offsets_m=self.offsets_m - self.normals @ origin_m,
+            targets=tuple(target.seen_from(origin_m) for target in self.targets),
+        )
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from ..errors import SynthError
 from ..parameters.instruments import Instruments
 from ..parameters.parameters import Obstacle, Panorama, Surfaces
 from ..parameters.parameters import Site as SiteKind
+from ..scanner.raycast import RayCaster
 from ..scanner.stations import Station, draw_stations
 from ..vehicle.body import body_solids
 from ..vehicle.turning import draw_turning
@@ -49,13 +51,25 @@ class Site:
 
     def scene(self, station: Station) -> Scene:
         """Return the scene of a station."""
-        position_m = station.position_vehicle_m
+        return self._scene.seen_from(-self.to_station(np.zeros(3), station))
+
+    def caster(self, station: Station) -> RayCaster:
+        """Return the ray caster of a station's scene."""
+        return self._caster.seen_from(-self.to_station(np.zeros(3), station))
+
+    @cached_property
+    def _scene(self) -> Scene:
+        """Scene in the axes of the site, the origin that of the vehicle."""
         mounted = () if self.bare else self.mounted
-        scene = seen_from(position_m, self.solids, mounted, self.vehicle, self.surfaces)
+        scene = seen_from(np.zeros(3), self.solids, mounted, self.vehicle, self.surfaces)
         if not self.bare:
             return scene
         form = next(iter(self.bare.values())).form
         return replace(scene, optics=optics_of(self.solids, surfaces_of(form)))
+
+    @cached_property
+    def _caster(self) -> RayCaster:
+        return RayCaster(self._scene.vertices_m, self._scene.faces)
 
     def to_station(self, point_vehicle_m: Array, station: Station) -> Array:
         """Transform a point (3,) of the vehicle to station coordinates."""
