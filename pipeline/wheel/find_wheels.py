@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -43,6 +44,25 @@ class Floor:
     def height_m(self, points_m: Array) -> Array:
         """Return the heights (N,) of points (N, 3)."""
         return np.asarray((points_m - self.point_m) @ self.up)
+
+
+@dataclass(frozen=True)
+class _Cloud:
+    """Points of a cloud, points_m (N, 3), that are looked up by places in it."""
+
+    points_m: Array
+
+    @cached_property
+    def _x_m(self) -> Array:
+        """First coordinates (N,), side by side: all are read at every place."""
+        return np.ascontiguousarray(self.points_m[:, 0])
+
+    def within(self, centre_m: Array, reach_m: float) -> Rows:
+        """Return the rows of the points in a ball about a centre (3,)."""
+        low, high = centre_m[0] - reach_m, centre_m[0] + reach_m
+        rows = np.nonzero((self._x_m > low) & (self._x_m < high))[0]
+        off = self.points_m[rows] - centre_m
+        return np.asarray(rows[np.einsum("ij,ij->i", off, off) < reach_m**2])
 
 
 def find_wheels(
@@ -100,9 +120,9 @@ def _chosen(points_m: Array, near_m: Sequence[Array]) -> list[tuple[RoughAxis, R
         floor = _find_floor(*_pieces(points_m))
     except NotMeasuredError:
         floor = None
-    found = []
+    cloud, found = _Cloud(points_m), []
     for one in near_m:
-        rows = _within(points_m, one, CHOSEN_M)
+        rows = cloud.within(one, CHOSEN_M)
         if floor is not None and 0.0 < float(floor.height_m(one)) < CHOSEN_M:
             rows = rows[floor.height_m(points_m[rows]) > ABOVE_M]
         found.append((find_axis(points_m[rows], one), rows))
@@ -113,11 +133,12 @@ def _standing(points_m: Array, rim_inch: float | None) -> list[tuple[RoughAxis, 
     """Return the wheels that stand on the floor, with the rows of points near each."""
     centroid, normal = _pieces(points_m)
     floor = _find_floor(centroid, normal)
+    cloud = _Cloud(points_m)
     found: list[tuple[RoughAxis, Rows]] = []
     for position in _positions(centroid, normal, floor):
         if any(_apart_m(rough.axis.point_m, position) < APART_M for rough, _ in found):
             continue
-        wheel = _wheel_at(points_m, position, floor, rim_inch)
+        wheel = _wheel_at(cloud, position, floor, rim_inch)
         if wheel is not None:
             found.append(wheel)
     return _of_their_own(sorted(found, key=lambda one: (-one[0].circle, -one[0].score)))
@@ -212,44 +233,43 @@ def _peaks(
     for axis, reach in ((0, (-1, 0, 1)), (1, (-1, 0, 1)), (2, (0, 1))):
         smooth = np.sum([np.roll(smooth, -shift, axis=axis) for shift in reach], axis=0)
     best = np.argsort(-smooth, axis=None, kind="stable")[: 20 * MOST]
+    cell = np.column_stack(np.unravel_index(best, size)) + low
+    local = (cell + np.array([0.5, 0.5, 1.0])) * [CELL_M, CELL_M, DEPTH_M]
+    positions = floor.point_m + local @ np.stack([ahead, floor.up, along])
     kept: list[tuple[float, Array]] = []
-    for flat in best:
-        cell = np.array(np.unravel_index(int(flat), size)) + low
-        x, z = (cell[:2] + 0.5) * CELL_M
-        y = (cell[2] + 1.0) * DEPTH_M
-        position = floor.point_m + x * ahead + z * floor.up + y * along
-        if all(_apart_m(position, other) > APART_M for _, other in kept):
-            kept.append((float(smooth.flat[flat]), position))
-        if len(kept) == MOST:
-            break
+    free = np.ones(len(best), dtype=bool)
+    while len(kept) < MOST and free.any():
+        first = int(np.argmax(free))
+        kept.append((float(smooth.flat[best[first]]), positions[first]))
+        free &= np.linalg.norm(local - local[first], axis=1) > APART_M
     return kept
 
 
 def _wheel_at(
-    points_m: Array, position_m: Array, floor: Floor, rim_inch: float | None
+    cloud: _Cloud, position_m: Array, floor: Floor, rim_inch: float | None
 ) -> tuple[RoughAxis, Rows] | None:
     """Return the axis of the wheel at a position (3,), outwards, and the rows of points near it.
 
     None where none stands on the floor and can be fitted.
     """
     try:
-        rough = find_axis(points_m[_above(points_m, position_m, floor)])
+        rough = find_axis(cloud.points_m[_above(cloud, position_m, floor)])
         axis = rough.axis
         height = float(floor.height_m(axis.point_m))
         leans = abs(float(axis.direction @ floor.up)) > MOST_LEAN
         if leans or not STANDS_M[0] < height - rough.radius_m < STANDS_M[1]:
             return None
-        rows = _above(points_m, axis.point_m, floor)
-        fitted = fit_wheel(cut_wheel(points_m[rows], rough), rim_inch)
+        rows = _above(cloud, axis.point_m, floor)
+        fitted = fit_wheel(cut_wheel(cloud.points_m[rows], rough), rim_inch)
     except NotMeasuredError:
         return None
     return replace(rough, axis=axis.towards(fitted.normal)), rows
 
 
-def _above(points_m: Array, centre_m: Array, floor: Floor) -> Rows:
-    """Return the rows of points_m (N, 3) about a centre (3,), without the floor."""
-    rows = _within(points_m, centre_m, BALL_M)
-    return np.asarray(rows[floor.height_m(points_m[rows]) > ABOVE_M])
+def _above(cloud: _Cloud, centre_m: Array, floor: Floor) -> Rows:
+    """Return the rows of the points about a centre (3,), without the floor."""
+    rows = cloud.within(centre_m, BALL_M)
+    return np.asarray(rows[floor.height_m(cloud.points_m[rows]) > ABOVE_M])
 
 
 def _of_their_own(found: list[tuple[RoughAxis, Rows]]) -> list[tuple[RoughAxis, Rows]]:
@@ -269,13 +289,6 @@ def _is_behind(axis: Axis, other: Axis) -> bool:
     ahead = float(off @ axis.direction)
     aside = float(np.linalg.norm(off - ahead * axis.direction))
     return aside < TWIN_M[0] and 0.0 < ahead < TWIN_M[1]
-
-
-def _within(points_m: Array, centre_m: Array, reach_m: float) -> Rows:
-    """Return the rows of points_m (N, 3) in a ball."""
-    rows = np.nonzero(np.abs(points_m[:, 0] - centre_m[0]) < reach_m)[0]
-    off = points_m[rows] - centre_m
-    return np.asarray(rows[np.einsum("ij,ij->i", off, off) < reach_m**2])
 
 
 def _apart_m(one: Array, other: Array) -> float:

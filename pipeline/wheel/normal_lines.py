@@ -48,18 +48,18 @@ def axis_of_normals(points_m: Array, normals: Array, weights: Array, start: Axis
     start: by which the first weights are found. Lines parallel to the axis count for nothing, as
     the distance is times the sine of the angle to it.
     """
-    axis = start
+    axis, about_origin = start, np.cross(points_m, normals)
     for _ in range(ROUNDS):
-        local = points_m - axis.point_m
-        moments = np.cross(local, normals)
-        off = moments @ axis.direction
+        basis = axis.basis
+        # (p - q) x n . b = p x n . b - n . (b x q): moments about the axis's point, by its basis
+        moments = about_origin @ basis.T - normals @ np.cross(basis, axis.point_m).T
+        off = moments[:, 2]
         scale = max(1.4826 * float(np.median(np.abs(off))), LEAST_SCALE_M)
         share = (off / (2.0 * CLIP * scale)) ** 2
         w = weights * np.where(share < 1.0, (1.0 - share) ** 2, 0.0)
-        basis = axis.basis
         # a + s b1 + t b2, point + x b1 + y b2: the distance is linear in s, t, x, y at the start
         rows = np.column_stack(
-            [moments @ basis[0], moments @ basis[1], -(normals @ basis[1]), normals @ basis[0]]
+            [moments[:, 0], moments[:, 1], -(normals @ basis[1]), normals @ basis[0]]
         )
         normal_matrix = (rows * w[:, None]).T @ rows
         if not np.trace(normal_matrix) > 0.0:
