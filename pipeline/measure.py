@@ -10,7 +10,13 @@ import numpy as np
 
 from . import __version__
 from .capture import Capture
-from .centre import TargetFit, locate_centre
+from .centre import (
+    TargetFit,
+    TargetView,
+    clear_of_occluders,
+    locate_centre,
+    scanner_by_shadow,
+)
 from .config import ISSUER, Config
 from .kinematics import carried, solve
 from .measurement import (
@@ -97,7 +103,7 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     """
     if isinstance(target, WheelTarget):
         return _fit_bare_wheel(patch, target, config)
-    plane, fitted = _fit_plane_and_centre(patch, target, config)
+    patch, plane, fitted = _fit_plane_and_centre(patch, target, config)
     sight_m = fitted.sight_m(config.instrument.distance_m, patch.scanner_m, plane)
     of_fit, stated = (fitted.components, fitted.normal, sight_m), config.instrument
     components = with_type_b(*of_fit, target, stated, patch.station)
@@ -111,22 +117,45 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
 
 def _fit_plane_and_centre(
     patch: Patch, target: Target, config: Config
-) -> tuple[PlaneFit, TargetFit]:
-    """Fit the plane, and the centre on it; again where the centre is far from the patch's origin.
+) -> tuple[Patch, PlaneFit, TargetFit]:
+    """Fit the plane, and the centre on it; also return the patch of the points that were used.
 
-    Detection may be off by more than the margin at the edges where a target is hidden in part:
-    mixed pixels of the edge in view then count as points of the plane, and tilt it.
+    Both are fitted again without the points beside what hides a part of the target, and where the
+    centre is far from the patch's origin. Detection may be off by more than the margin at the edges
+    then: mixed pixels of the edge in view count as points of the plane, and tilt it.
     """
     plane = fit_plane(patch, target, config.plane)
+    margin_m, distance_m = config.plane.edge_margin_m, config.instrument.distance_m
+    view = TargetView(patch, plane, target, config.centre)
+    scanner_m = patch.scanner_m
+    if scanner_m is None:
+        scanner_m = scanner_by_shadow(view, margin_m, distance_m)
+    if scanner_m is not None:
+        clear = clear_of_occluders(view, margin_m, scanner_m)
+        if clear is not patch:
+            patch, plane = clear, fit_plane(clear, target, config.plane)
     fitted = locate_centre(patch, plane, target, config.centre)
+    again = _placed(patch, plane, fitted, target, config.plane.edge_margin_m)
+    if scanner_m is None and fitted.edge_fit is not None:
+        scanner_m = fitted.centre_m - fitted.sight_m(distance_m, None, plane)
+        view = TargetView(again, plane, target, config.centre)
+        again = clear_of_occluders(view, margin_m, scanner_m)
+    if again is patch:
+        return patch, plane, fitted
+    plane = fit_plane(again, target, config.plane)
+    return again, plane, locate_centre(again, plane, target, config.centre)
+
+
+def _placed(
+    patch: Patch, plane: PlaneFit, fitted: TargetFit, target: Target, margin_m: float
+) -> Patch:
+    """Return the patch about the fitted centre; the very same one where that is near enough."""
     period_rad = target.region.period_rad
     turn_rad = math.remainder(fitted.turn_rad(plane), period_rad) if period_rad else 0.0
     aside_m = float(np.linalg.norm(plane.basis[:2] @ (fitted.centre_m - patch.origin_m)))
-    if aside_m + abs(turn_rad) * target.radius_m < REFITTED * config.plane.edge_margin_m:
-        return plane, fitted
-    patch = patch.placed(fitted.centre_m, turn_rad)
-    plane = fit_plane(patch, target, config.plane)
-    return plane, locate_centre(patch, plane, target, config.centre)
+    if aside_m + abs(turn_rad) * target.radius_m < REFITTED * margin_m:
+        return patch
+    return patch.placed(fitted.centre_m, turn_rad)
 
 
 def _fit_bare_wheel(patch: Patch, target: WheelTarget, config: Config) -> Evidence:

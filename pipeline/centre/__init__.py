@@ -3,9 +3,11 @@
 from .combine import CentreMethod
 from .in_plane_rotation import InPlaneRotation, RotationMark
 from .locate_centre import OtherCentre, TargetFit, locate_centre
+from .occlusion import clear_of_occluders, scanner_by_shadow
 from .on_wheel import MOST_M, lies_on_wheel, off_tyre, on_wheel, unlike_wheels, with_unstated
 from .outline_fit import fit_edge_points
 from .pattern.detect import marker_modules
+from .target_view import TargetView
 
 __all__ = [
     "MOST_M",
@@ -14,12 +16,15 @@ __all__ = [
     "OtherCentre",
     "RotationMark",
     "TargetFit",
+    "TargetView",
+    "clear_of_occluders",
     "fit_edge_points",
     "lies_on_wheel",
     "locate_centre",
     "marker_modules",
     "off_tyre",
     "on_wheel",
+    "scanner_by_shadow",
     "unlike_wheels",
     "with_unstated",
 ]

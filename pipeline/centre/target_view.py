@@ -47,7 +47,7 @@ class TargetView:
             (self.patch.around_m, 1.0),
         ]
         for points, share in parts:
-            uvw = self._in_plane(points)
+            uvw = self.in_plane(points)
             q = turned(uvw[:, :2] - start[0].astype(uvw.dtype), -start[1])
             x = outline.outside_m(*q.T)
             aside = slope * np.abs(uvw[:, 2])
@@ -57,9 +57,15 @@ class TargetView:
             kept.append(uvw[close])
         return np.concatenate(kept, dtype=np.float64)
 
+    def in_plane(self, points: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        """Return points (N, 3) of the patch in the plane's coordinates."""
+        uvw = in_axes(self.plane.basis.astype(points.dtype), points)
+        uvw[:, 2] += self._lift_m
+        return uvw
+
     def on_face(self, radius_m: float) -> tuple[Array, npt.NDArray[np.intp]]:
         """Return the points on the target in plane coordinates (M, 3), and their rows."""
-        uvw = self._in_plane(self.patch.face_m)
+        uvw = self.in_plane(self.patch.face_m)
         near = np.hypot(uvw[:, 0], uvw[:, 1]) < 1.1 * radius_m
         kept = np.flatnonzero(near & (np.abs(uvw[:, 2]) < self.band_m))
         return uvw[kept], kept
@@ -72,7 +78,7 @@ class TargetView:
         """
         if self.patch.station_m is None:
             return None
-        position = self._in_plane((self.patch.station_m - self.patch.origin_m)[None])[0]
+        position = self.in_plane((self.patch.station_m - self.patch.origin_m)[None])[0]
         return position if position[2] > 0.0 else None
 
     @property
@@ -94,8 +100,3 @@ class TargetView:
     def _lift_m(self) -> float:
         """Height of the patch's origin above the plane."""
         return float((self.patch.origin_m - self.plane.centroid_m) @ self.plane.basis[2])
-
-    def _in_plane(self, points: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        uvw = in_axes(self.plane.basis.astype(points.dtype), points)
-        uvw[:, 2] += self._lift_m
-        return uvw

@@ -110,8 +110,9 @@ def find_target(
     settings = as_config(config, scanner)
     check_wheel_scan(scan.points_m, 2.0 * known.radius_m, length_unit, scan.source)
     patch = find_patch(scan.points_m, known, settings, scan.intensity)
-    found = fit_target(patch, known, settings).target
-    towards = np.sign(found.normal @ patch.basis[2])
+    fit = fit_target(patch, known, settings)
+    found, front = fit.target, patch.basis[2] if fit.plane is None else fit.plane.normal
+    towards = np.sign(found.normal @ front)
     return FoundTarget(
         found.centre_m,
         towards * found.normal,

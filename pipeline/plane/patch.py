@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..cloud import EXACT, Steps
-from ..vectors import Array, Array32, turned
+from ..vectors import Array, Array32, Mask, turned
 
 
 @dataclass(frozen=True)
@@ -66,3 +66,17 @@ class Patch:
             around_m=self.around_m + moved.astype(np.float32),
             basis=np.vstack([axes, self.basis[2]]),
         )
+
+    def kept(self, face: Mask, around: Mask) -> Patch:
+        """Return the patch with those of its points alone, masks of face_m and around_m."""
+        intensity = self.face_intensity
+        return replace(
+            self,
+            face_m=self.face_m[face],
+            around_m=self.around_m[around],
+            face_intensity=None if intensity is None else intensity[face],
+        )
+
+    def turned_round(self) -> Patch:
+        """Return the same points, the scanner on the other side of the target."""
+        return replace(self, basis=self.basis * np.array([[1.0], [-1.0], [-1.0]]))

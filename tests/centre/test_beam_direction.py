@@ -18,8 +18,8 @@ from wheelplane.centre.edge.beam_direction import (
     WINDOW_M,
     _background_outside,
     _by_consensus,
-    _directions,
     _of_all_directions,
+    directions,
     first_beam,
     has_background,
     is_contradicted,
@@ -137,7 +137,7 @@ def test_a_background_seen_through_the_target_shows_no_direction():
 
 @pytest.mark.parametrize(("steepest", "step"), [(STEEPEST, COARSE_STEP), (COARSE_STEP, FINE_STEP)])
 def test_directions_cover_a_disc_evenly(steepest, step):
-    tried = _directions(steepest, step)
+    tried = directions(steepest, step)
     apart = np.hypot(*(tried[:, None] - tried).transpose(2, 0, 1))
     np.fill_diagonal(apart, np.inf)
     assert apart.min() > 0.85 * step

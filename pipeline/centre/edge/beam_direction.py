@@ -162,9 +162,9 @@ def _of_all_directions(plane: Array, depth: Array, state: Array, outline: Outlin
     for inverse in TRIED_INVERSE:
         here = state.copy()
         here[INVERSE] = inverse
-        tries = _directions(STEEPEST, COARSE_STEP)
+        tries = directions(STEEPEST, COARSE_STEP)
         score = _background_outside(plane[some], depth[some], here, tries, outline)
-        tries = tries[int(np.argmax(score))] + _directions(COARSE_STEP, FINE_STEP)
+        tries = tries[int(np.argmax(score))] + directions(COARSE_STEP, FINE_STEP)
         score = _background_outside(plane[some], depth[some], here, tries, outline)
         if score.max() > highest:
             highest, found = float(score.max()), here
@@ -172,7 +172,7 @@ def _of_all_directions(plane: Array, depth: Array, state: Array, outline: Outlin
     return found
 
 
-def _directions(steepest: float, step: float) -> Array:
+def directions(steepest: float, step: float) -> Array:
     """Return in-plane slopes (K, 2) on rings `step` apart, and as far apart on each."""
     rings = np.arange(0.0, steepest + 0.5 * step, step)
     turns = [
