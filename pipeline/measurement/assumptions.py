@@ -128,6 +128,7 @@ def _notes_of_verticals(measurement: Measurement) -> Iterator[str]:
             right=_arc(aside.value, aside),
             caster=_arc(ahead.value, ahead),
         )
+        yield from vertical.notes
 
 
 def _arc(value: float, known: Estimate) -> str:

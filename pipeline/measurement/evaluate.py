@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +21,8 @@ from ..uncertainty import (
 )
 from ..vectors import Array
 from ..vehicle import (
+    REFERENCE_WHEELS,
+    Floor,
     VehicleFrame,
     build_reference_frame,
     deg_min_sec,
@@ -48,6 +50,15 @@ WITHOUT_POINT = (
     "{line} of the file."
 )
 FLOOR_OF_SCANS = "the floor in the scans, {depth} m below the wheel centres"
+PADS = (
+    "Wheels stand on other heights than the floor beside them ({sizes}), as on turn plates or "
+    "shims: the floor's normal is that of the plane nearest to what the wheels stand on."
+)
+TWISTED_FLOOR = (
+    "What the wheels stand on is no plane: each stands {twist} mm off the plane of the other "
+    "three. The angles from the floor hold this in their uncertainty: level it with shims, state "
+    "floor in capture.toml, or measure from the wheel centres or gravity."
+)
 
 
 @stage("angles")
@@ -199,13 +210,36 @@ def _floor_of_scans(frame: VehicleFrame, references: Sequence[Observation]) -> l
         return []
     aside, ahead = floor.slopes
     up = frame.up - aside * frame.left - ahead * frame.forward
-    values, vectors = np.linalg.eigh(floor.covariance)
-    axes = np.column_stack([frame.left, frame.forward])
-    tilt = axes @ (vectors * np.sqrt(values.clip(min=0.0)))
     up = up / np.linalg.norm(up)
-    component = vertical_component("vertical", up, tilt, float(floor.dof))
+    axes = np.column_stack([frame.left, frame.forward])
+    components = [
+        vertical_component(name, up, axes @ _root(covariance), dof)
+        for name, covariance, dof in (
+            ("vertical", floor.covariance, float(floor.dof)),
+            ("floor twist", floor.twist_covariance, math.inf),
+        )
+        if covariance.any()
+    ]
     by = Wording(FLOOR_OF_SCANS, depth=f"{floor.depth_m:.2f}")
-    return [Vertical("floor", up, (component,), by)]
+    return [Vertical("floor", up, tuple(components), by, tuple(_notes_of_floor(floor)))]
+
+
+def _root(covariance: Array) -> Array:
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(values.clip(min=0.0)))
+
+
+def _notes_of_floor(floor: Floor) -> Iterator[str]:
+    """Yield notes on what the wheels stand on, where the floor beside them does not say all."""
+    pads = [
+        f"{wheel} {height_m * 1e3:+.1f} mm"
+        for wheel, height_m in zip(REFERENCE_WHEELS, floor.pads_m, strict=True)
+        if height_m != 0.0
+    ]
+    if pads:
+        yield Wording(PADS, sizes=", ".join(pads))
+    if floor.twist_m:
+        yield Wording(TWISTED_FLOOR, twist=f"{floor.twist_m * 1e3:.1f}")
 
 
 def check_by_monte_carlo(measurement: Measurement, max_draws: int, seed: int) -> Measurement:

@@ -119,13 +119,14 @@ class WheelPose:
 class Vertical:
     """Direction from which camber, caster and SAI can be measured, with its uncertainty.
 
-    normal: (3,) unit, upwards, scanner coordinates. by: its source, in words.
+    normal: (3,) unit, upwards, scanner coordinates. by: its source, in words. notes: on it.
     """
 
     kind: VerticalKind
     normal: Array
     components: tuple[UncertaintyComponent, ...]
     by: str
+    notes: tuple[str, ...] = ()
 
     @property
     def centre_m(self) -> Array:

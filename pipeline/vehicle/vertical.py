@@ -1,12 +1,18 @@
-"""The floor that the wheels stand on, by the points of a scan around them."""
+"""The floor that the wheels stand on, by the points of a scan around them.
+
+It is the plane of the floor beside them. Where that is no plane, or a wheel stands on a turn plate
+or a shim, it is the plane nearest to the four heights on which the wheels stand.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..vectors import Array, Mask, Rows
+from .contact import Contact, find_contact
 
 BESIDE_M = 0.8  # from a wheel's centre, level: how far its floor is searched
 DEPTH_M = (0.08, 1.0)  # of the floor below the wheel centres
@@ -14,6 +20,9 @@ CELL_M, MIN_IN_CELL, MIN_CELLS = 0.2, 4, 4  # MIN_CELLS: of each wheel
 LOWEST = 0.05  # of a cell's points may lie beyond the floor: a glossy one mirrors what is above
 NEAR_M = (0.05, 0.02, 0.01)  # points about the plane that the next fit uses
 FLAT = 0.7  # least share of a cell's points beside its floor that are on it: a tyre rises from it
+CHANCE = 5.0  # standard deviations by which squares exceed their mean by chance
+TWISTED = 3.0  # standard deviations of a twist
+LEAST_M = 1e-5  # below which heights are alike
 
 
 @dataclass(frozen=True)
@@ -21,13 +30,20 @@ class Floor:
     """Plane of the floor: height in the vehicle frame = level + slopes . (left, forward).
 
     covariance: (2, 2) of the slopes to the left and forward, by the scatter of cells about the
-    plane, with `dof` degrees of freedom.
+    floor, with `dof` degrees of freedom. pads_m: (4,) heights of what the wheels stand on above the
+    floor beside them; 0 where no step is seen. twist_m: how far a wheel stands off the plane of the
+    other three; 0 where the scatter explains it. twist_covariance: (2, 2) of the slopes, since no
+    plane then holds all four heights: those of any three, or of one axle, have slopes that differ
+    by its standard deviation.
     """
 
     slopes: Array
     covariance: Array
     dof: int
     depth_m: float
+    pads_m: Array = field(default_factory=lambda: np.zeros(4))
+    twist_m: float = 0.0
+    twist_covariance: Array = field(default_factory=lambda: np.zeros((2, 2)))
 
 
 def fit_floor(points_m: Array, wheels_m: Array) -> Floor | None:
@@ -46,24 +62,127 @@ def fit_floor(points_m: Array, wheels_m: Array) -> Floor | None:
     wheel = wheel[apart.min(axis=1) < BESIDE_M]
     cell = np.floor(points[:, :2] / CELL_M).astype(np.int64)
     key = (wheel << 48) + ((cell[:, 0] + (1 << 20)) << 24) + cell[:, 1] + (1 << 20)
-    cells = _lowest(points, key)
-    if not len(cells):
+    lowest = _lowest(points, key)
+    if not len(lowest):
         return None
-    plane: Array = np.array([np.median(cells[:, 2]), 0.0, 0.0])
+    plane: Array = np.array([np.median(lowest[:, 2]), 0.0, 0.0])
     for near_m in NEAR_M:
-        seen = cells if near_m == NEAR_M[0] else points
+        seen = lowest if near_m == NEAR_M[0] else points
         seen = seen[np.abs(_above(seen, plane)) < near_m]
         plane = _fitted(seen)
     kept = _on_floor(_above(points, plane), key)
-    means, of = _means(points[kept], key[kept])
-    if any(np.count_nonzero(of >> 48 == i) < MIN_CELLS for i in range(len(wheels_m))):
+    cells = _cells(points[kept], key[kept])
+    if any(np.count_nonzero(cells.wheel == i) < MIN_CELLS for i in range(len(wheels_m))):
         return None
-    terms, plane = _terms(means), _fitted(means)
-    dof = len(means) - 3
-    variance = float(np.sum(_above(means, plane) ** 2)) / dof
-    covariance = np.asarray(variance * np.linalg.inv(terms.T @ terms), dtype=np.float64)
-    depth_m = float(np.mean(wheels_m[:, 2] - _terms(wheels_m) @ plane))
-    return Floor(plane[1:], covariance[1:, 1:], dof, depth_m)
+    plane, beside = _fitted(cells.means_m), _beside(cells)
+    above = _above(cells.means_m, plane)
+    offset_m = np.array([above[cells.wheel == i].mean() for i in range(len(wheels_m))])
+    above = _above(points, plane) - offset_m[wheel]
+    sigma_m = float(np.sqrt(cells.points_m2 + beside.hidden_m2)) + LEAST_M
+    contacts = [find_contact(points, above, centre, sigma_m) for centre in wheels_m]
+    if beside.alike and not any(one.pad_m for one in contacts):
+        return _plane_of(cells, plane, beside.hidden_m2, wheels_m)
+    middles_m = np.stack([one.middle_m for one in contacts])
+    return _stood_on(beside, _terms(middles_m) @ plane + offset_m, contacts, wheels_m)
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """Means (C, 3) of the floor's points in cells, and the wheel (C,) that each is beside.
+
+    points_m2: variance of the points' heights in a cell; noise_m2: of the means, by it.
+    """
+
+    means_m: Array
+    wheel: Rows
+    points_m2: float
+    noise_m2: float
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """Floor of its own height beside each wheel, with common slopes: values (6,), heights first.
+
+    covariance: (6, 6), by the scatter of the cells, with `dof` degrees of freedom. hidden_m2:
+    variance of its height where it is not seen. alike: whether one plane holds all heights.
+    """
+
+    values: Array
+    covariance: Array
+    dof: int
+    hidden_m2: float
+    alike: bool
+
+
+def _beside(cells: _Cells) -> _Beside:
+    """Fit the floor beside each wheel.
+
+    It is uneven where its cells scatter more than the noise of their points: by as much where it is
+    hidden.
+    """
+    terms = np.column_stack([cells.wheel[:, None] == np.arange(4), cells.means_m[:, :2]])
+    inverse, z = np.linalg.pinv(terms), cells.means_m[:, 2]
+    values = inverse @ z
+    dof, common = len(z) - len(values), len(values) - 3
+    squares = float(np.sum((z - terms @ values) ** 2))
+    variance = squares / dof
+    gained = float(np.sum(_above(cells.means_m, _fitted(cells.means_m)) ** 2)) - squares
+    return _Beside(
+        values,
+        variance * inverse @ inverse.T,
+        dof,
+        variance if squares > _by_chance(dof) * cells.noise_m2 else 0.0,
+        alike=gained < _by_chance(common) * (variance + LEAST_M**2),
+    )
+
+
+def _by_chance(dof: int) -> float:
+    """Return the sum of squares, in variances, that `dof` differences do not exceed by chance."""
+    return dof + CHANCE * float(np.sqrt(2.0 * dof))
+
+
+def _plane_of(cells: _Cells, plane: Array, hidden_m2: float, wheels_m: Array) -> Floor:
+    """Return the plane of all cells; hidden_m2: variance of what is beneath a wheel."""
+    terms, at_wheels, dof = _terms(cells.means_m), _terms(wheels_m), len(cells.means_m) - 3
+    variance = float(np.sum(_above(cells.means_m, plane) ** 2)) / dof
+    seen, hidden = (np.linalg.inv(each.T @ each) for each in (terms, at_wheels))
+    covariance: Array = np.asarray(variance * seen + hidden_m2 * hidden, dtype=np.float64)
+    return Floor(plane[1:], covariance[1:, 1:], dof, _depth_m(wheels_m, plane))
+
+
+def _stood_on(
+    beside: _Beside, floors_m: Array, contacts: Sequence[Contact], wheels_m: Array
+) -> Floor:
+    """Return the plane nearest to the heights on which the wheels stand.
+
+    floors_m: (4,) heights of the floor beside the pads, at the middles of the contact patches.
+    """
+    middles_m = np.stack([one.middle_m for one in contacts])
+    pads_m, u_m = (np.array([getattr(one, name) for one in contacts]) for name in ("pad_m", "u_m"))
+    by_patch = np.column_stack([np.eye(4), middles_m]) * (pads_m == 0.0)[:, None]
+    heights_m = np.where(pads_m == 0.0, by_patch @ beside.values, floors_m + pads_m)
+    covariance = by_patch @ beside.covariance @ by_patch.T
+    covariance += np.diag(u_m**2 + beside.hidden_m2)
+    terms = _terms(middles_m)
+    fit = np.linalg.pinv(terms)
+    plane: Array = np.asarray(fit @ heights_m, dtype=np.float64)
+    off_m = heights_m - terms @ plane  # of one degree of freedom
+    twist_m = float(np.linalg.norm(off_m))
+    u_twist_m = np.sqrt(off_m @ covariance @ off_m) / max(twist_m, LEAST_M)
+    twist_m *= twist_m > TWISTED * u_twist_m + LEAST_M
+    return Floor(
+        plane[1:],
+        np.asarray((fit @ covariance @ fit.T)[1:, 1:]),
+        beside.dof,
+        _depth_m(wheels_m, plane),
+        pads_m,
+        2.0 * twist_m,
+        np.asarray(twist_m**2 * (fit @ fit.T)[1:, 1:]),
+    )
+
+
+def _depth_m(wheels_m: Array, plane: Array) -> float:
+    return float(np.mean(_above(wheels_m, plane)))
 
 
 def _terms(points_m: Array) -> Array:
@@ -98,9 +217,13 @@ def _lowest(points_m: Array, key: Rows) -> Array:
     return np.asarray(points_m[order[chosen]])
 
 
-def _means(points_m: Array, key: Rows) -> tuple[Array, Rows]:
-    """Return the mean point (C, 3) of each cell that has enough of them, and its key."""
+def _cells(points_m: Array, key: Rows) -> _Cells:
+    """Return the cells that have enough points."""
     keys, index, count = np.unique(key, return_inverse=True, return_counts=True)
-    sums = np.stack([np.bincount(index, weights=column) for column in points_m.T], axis=1)
     full = count >= MIN_IN_CELL
-    return sums[full] / count[full, None], keys[full]
+    sums = np.stack([np.bincount(index, weights=column) for column in points_m.T], axis=1)
+    means = sums / count[:, None]
+    squares = np.bincount(index, weights=(points_m[:, 2] - means[index, 2]) ** 2)[full]
+    points_m2 = float(squares.sum() / max(1, (count[full] - 1).sum()))
+    noise_m2 = points_m2 * float(np.mean(1.0 / count[full])) if full.any() else 0.0
+    return _Cells(means[full], keys[full] >> 48, points_m2, noise_m2)
