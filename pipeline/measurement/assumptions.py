@@ -14,6 +14,7 @@ from ..targets import PatternTarget, Target, WheelTarget
 from ..vehicle import build_reference_frame
 from .estimates import vertical_tilts
 from .records import Estimate, Measurement, VerticalKind, WheelResult
+from .repeatability import pool_repeats
 
 SHOWN_M = 0.05  # stand-off by which the effect of unlike targets is shown
 
@@ -62,6 +63,11 @@ UNLIKE = (
     "by {camber}' (camber), and the line through the middles of both axles by {middles}'. {most} "
     "mm are in the uncertainty: state stand_off and stand_off_u of the target to be rid of this."
 )
+SCATTERED = (
+    "Repeat scans of {name} scatter more than their uncertainty says: beyond it, {sizes} (one "
+    "standard deviation of a scan). This is in the uncertainty of their pooled values, not in that "
+    "of each scan: check whether something moved between them."
+)
 ZEROS = "Counted as zero, as no file states them: {parts}."
 
 # Terms of [instrument] by their names in the notes.
@@ -93,6 +99,7 @@ def notes_of_assumptions(
         *_note_of_axles(measurement),
         *_note_of_bare_wheels(measurement, target),
         *_note_of_centres(measurement),
+        *_note_of_repeats(measurement),
         *_note_of_mounting(measurement, target),
         *_note_of_zeros(measurement, target, instrument),
     )
@@ -140,6 +147,16 @@ def _note_of_axles(measurement: Measurement) -> Iterator[str]:
     axles = [w.observation.name for w in measurement.wheels if w.compensated]
     if axles:
         yield Wording(OF_AXLES, names=_and(axles))
+
+
+def _note_of_repeats(measurement: Measurement) -> Iterator[str]:
+    """Yield a note on each wheel whose repeat scans contradict each other."""
+    for group in pool_repeats(measurement):
+        sizes = [
+            f"{a.kind} {math.degrees(a.scatter) * 60:.1f}'" for a in group.angles if a.scatter > 0.0
+        ]
+        if sizes:
+            yield Wording(SCATTERED, name=group.of, sizes=_and(sizes))
 
 
 def _note_of_mounting(measurement: Measurement, target: Target) -> Iterator[str]:

@@ -57,7 +57,7 @@ PADS = (
 TWISTED_FLOOR = (
     "What the wheels stand on is no plane: each stands {twist} mm off the plane of the other "
     "three. The angles from the floor hold this in their uncertainty: level it with shims, state "
-    "floor in capture.toml, or measure from the wheel centres or gravity."
+    "the floor's normal in capture.toml, or measure from the wheel centres or gravity."
 )
 
 

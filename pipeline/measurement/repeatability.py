@@ -19,6 +19,7 @@ OF_PLATE = (
     "stand-off",
 )  # components constant for a target, which no scatter shows
 DOUBT = 0.01  # probability below which scatter counts as larger, or smaller, than predicted
+BISECTIONS = 60
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,10 @@ class PooledAngle:
     """Angle from repeat scans, radians, values in the order of the scans.
 
     pooled: generalised least squares estimate; u: its standard uncertainty. chi_square: of the
-    scatter about it, with `dof` degrees of freedom; probability: of exceeding it by chance. drift:
-    per scan, and its u; None for two scans. status: 'as-predicted', 'larger' or 'smaller' scatter
-    than predicted.
+    scatter about that without `scatter`, with `dof` degrees of freedom; probability: of exceeding
+    it by chance. status: 'as-predicted', 'larger' or 'smaller' scatter than predicted. scatter:
+    standard deviation of a scan beyond its u, 0 unless larger; it is in both u, whose degrees of
+    freedom are then `dof`. drift: per scan, and its u; None for two scans.
     """
 
     kind: str
@@ -41,6 +43,7 @@ class PooledAngle:
     drift: float | None
     u_drift: float | None
     status: Literal["as-predicted", "larger", "smaller"]
+    scatter: float
 
 
 @dataclass(frozen=True)
@@ -103,13 +106,17 @@ def pool(kind: str, values: Array, covariance: Array) -> PooledAngle:
     """Pool values (n,) with their covariance (n, n), radians.
 
     Source: generalised least squares, Aitken (1935); chi-square test as in JCGM 100, 4.2.3 and F.1,
-    with the covariance in place of a single sigma.
+    with the covariance in place of a single sigma. Scatter as of a series over time
+    (batch/results/trends.py): Paule and Mandel, J. Res. NBS 87 (1982) 377.
     """
     count = len(values)
-    start = values[0]
-    mean, u_mean, chi_square = _fit(np.ones((count, 1)), values - start, covariance)
+    start, ones = values[0], np.ones((len(values), 1))
+    mean, u_mean, chi_square = _fit(ones, values - start, covariance)
     dof = count - 1
     probability = chi_square_beyond(chi_square, dof)
+    scatter = _scatter(values - start, covariance) if probability < DOUBT else 0.0
+    covariance = covariance + scatter**2 * np.eye(count)
+    mean, u_mean, _ = _fit(ones, values - start, covariance)
     drift = u_drift = None
     if count > 2:
         order = np.arange(count) - (count - 1) / 2.0
@@ -133,7 +140,21 @@ def pool(kind: str, values: Array, covariance: Array) -> PooledAngle:
         drift=drift,
         u_drift=u_drift,
         status=status,
+        scatter=scatter,
     )
+
+
+def _scatter(values: Array, covariance: Array) -> float:
+    """Return the standard deviation of each of values (n,) beyond their covariance (n, n).
+
+    With it, the squares about their mean are n - 1; without it, they are more.
+    """
+    ones, low, high = np.ones((len(values), 1)), 0.0, float(np.ptp(values))
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2.0
+        chi_square = _fit(ones, values, covariance + middle**2 * np.eye(len(values)))[2]
+        low, high = (middle, high) if chi_square > len(values) - 1 else (low, middle)
+    return high
 
 
 def _fit(slopes: Array, values: Array, covariance: Array) -> tuple[Array, Array, float]:

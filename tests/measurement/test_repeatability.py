@@ -8,10 +8,13 @@ from scipy import stats
 
 from tests.uncertainty.test_propagation import WHEELS, car
 from wheelplane.capture.open_capture import open_capture
+from wheelplane.config import InstrumentConfig
 from wheelplane.errors import InputError
+from wheelplane.measurement.assumptions import notes_of_assumptions
 from wheelplane.measurement.evaluate import align
 from wheelplane.measurement.records import Evidence, Observation, Provenance
 from wheelplane.measurement.repeatability import pool, pool_repeats
+from wheelplane.targets.registry import load_target
 from wheelplane.uncertainty.components import flatness_component, mounting_component
 
 NOWHERE = Provenance("test", None, "0", {}, {}, 0)
@@ -58,6 +61,31 @@ def test_scatter_is_judged_by_its_chance():
     )
     assert np.mean([found.status == "larger" for found in drawn(4.0)]) > 0.9
     assert np.mean([found.status == "smaller" for found in drawn(0.1)]) > 0.9
+
+
+def test_scatter_beyond_u_widens_the_pooled_value():
+    """Where it is larger than predicted; the true value is 0, all scans share one error."""
+    rng, count, runs = np.random.default_rng(4), 4, 400
+    own, shared, beyond = 1e-5, 2e-5, 2e-4
+    V = own**2 * np.eye(count) + shared**2
+    found = []
+    for _ in range(runs):
+        values = shared * rng.normal() + np.hypot(own, beyond) * rng.normal(size=count)
+        found.append(pool("toe", values, V))
+    larger = [one for one in found if one.status == "larger"]
+    assert len(larger) > 0.95 * runs
+    for one in larger[:20]:
+        assert pool("toe", one.values, V + one.scatter**2 * np.eye(count)).chi_square == (
+            pytest.approx(count - 1, rel=1e-6)
+        )
+    error = np.array([one.pooled / one.u for one in larger])
+    outside = np.count_nonzero(np.abs(error) > stats.t.ppf(0.975, count - 1))
+    assert stats.binom.cdf(outside, len(larger), 0.05) > 0.001
+    assert stats.binom.sf(outside - 1, len(larger), 0.05) > 0.001
+    drift = np.array([one.drift / one.u_drift for one in larger])
+    assert np.mean(np.abs(drift) > stats.t.ppf(0.975, count - 1)) < 0.1
+    for one in found + drawn(1.0):
+        assert (one.scatter > 0.0) == (one.status == "larger")
 
 
 def test_drift_is_found_with_its_uncertainty():
@@ -109,6 +137,15 @@ def test_what_comes_with_the_plate_cancels_between_its_scans():
 def test_a_scan_that_moved_is_reported():
     assert pool_repeats(measurement())[0].angles[0].status != "larger"
     assert pool_repeats(measurement(moved=(0.0, 2e-3)))[0].angles[0].status == "larger"
+    noted = [
+        [note for note in notes_of_assumptions(each, load_target("disc-250"), InstrumentConfig())
+         if note.startswith("Repeat scans of RR scatter")]
+        for each in (measurement(), measurement(moved=(0.0, 2e-3)))
+    ]  # fmt: skip
+    assert (len(noted[0]), len(noted[1])) == (0, 1)
+    toe = pool_repeats(measurement(moved=(0.0, 2e-3)))[0].angles[0]
+    assert toe.scatter == pytest.approx(np.std(toe.values, ddof=1), rel=0.02)
+    assert f"toe {np.degrees(toe.scatter) * 60:.1f}'" in noted[1][0]
 
 
 def test_no_repeats_no_groups():

@@ -103,4 +103,5 @@ def _pooled(angle: PooledAngle) -> dict[str, Any]:
         "drift_deg_per_scan": None if drift is None else math.degrees(drift),
         "u_drift_deg_per_scan": None if u_drift is None else math.degrees(u_drift),
         "status": angle.status,
+        "scatter_deg": math.degrees(angle.scatter),
     }
