@@ -112,6 +112,11 @@ class InstrumentConfig(Section):
     registration_m: float = Field(0.0, ge=0.0)
     distance_m: float = Field(3.0, gt=0.0)
 
+    def of_stations(self, share: float) -> InstrumentConfig:
+        """Return it with that share of the errors that each station has on its own."""
+        own = {"pointing_urad": self.pointing_urad, "registration_m": self.registration_m}
+        return self.model_copy(update={key: share * value for key, value in own.items()})
+
 
 class StationConfig(Section):
     """Total station: standard uncertainties of one point (five_point/components.py).

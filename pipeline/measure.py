@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -14,10 +15,14 @@ from .centre import (
     TargetFit,
     TargetView,
     clear_of_occluders,
+    joined,
     locate_centre,
+    of_stations,
+    on_plane,
     scanner_by_shadow,
 )
 from .config import ISSUER, Config
+from .errors import NotMeasuredError
 from .kinematics import carried, solve
 from .measurement import (
     Evidence,
@@ -30,6 +35,7 @@ from .measurement import (
     align,
     find_verticals,
     noisy,
+    not_as_registered,
     not_as_thick,
     not_printed,
     notes_of_assumptions,
@@ -71,7 +77,8 @@ def measure_capture(
     of_scans = [note for observation in observations for note in observation.notes]
     noted = [*of_scans, *noisy(observations, config.instrument)]
     noted += [*rounded(observations), *thinned(observations), *shaded(observations)]
-    noted += [*not_printed(observations), *not_as_thick(observations)]
+    noted += [*not_as_registered(observations), *not_printed(observations)]
+    noted += not_as_thick(observations)
     verticals = find_verticals(capture.verticals, vertical, capture.source)
     found = solve(align(observations, origin, [*origin.notes, *noted], verticals))
     assumed = notes_of_assumptions(found, capture.target, config.instrument)
@@ -103,9 +110,11 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     """
     if isinstance(target, WheelTarget):
         return _fit_bare_wheel(patch, target, config)
-    patch, plane, fitted = _fit_plane_and_centre(patch, target, config)
+    patch, plane, fitted = _fit_stations(patch, target, config)
     sight_m = fitted.sight_m(config.instrument.distance_m, patch.scanner_m, plane)
     of_fit, stated = (fitted.components, fitted.normal, sight_m), config.instrument
+    if fitted.stations is not None:
+        stated = stated.of_stations(fitted.stations.share)
     components = with_type_b(*of_fit, target, stated, patch.station)
     if plane.brightness is not None and plane.brightness.level_m:
         off = brightness_component(plane.brightness.level_m, sight_m, fitted.normal)
@@ -113,6 +122,36 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     fitted = replace(fitted, components=components)
     residuals = residual_map(patch, plane, fitted, target, config.plane.edge_margin_m)
     return Evidence(fitted, plane, residuals)
+
+
+def _fit_stations(
+    patch: Patch, target: Target, config: Config
+) -> tuple[Patch, PlaneFit, TargetFit]:
+    """Fit the target to the points of each station that saw it, and join the fits.
+
+    Patch and plane are those of the station with the most points. Where that one shows too little,
+    the points of all count as those of one station; where another does, its plane alone counts.
+    """
+    main, *others = sorted(of_stations(patch, target.region), key=lambda one: -len(one.face_m))
+    try:
+        main, plane, fitted = _fit_plane_and_centre(main, target, config)
+    except NotMeasuredError:
+        if not others:
+            raise
+        return _fit_plane_and_centre(patch, target, config)
+    fits = [fitted]
+    for other in others:
+        with suppress(NotMeasuredError):
+            fits.append(_fit_beside(fitted, other, target, config))
+    return main, plane, joined(fits, config.instrument)
+
+
+def _fit_beside(main: TargetFit, patch: Patch, target: Target, config: Config) -> TargetFit:
+    """Fit the target to the points of another station; by their plane if they show no centre."""
+    try:
+        return _fit_plane_and_centre(patch, target, config)[2]
+    except NotMeasuredError:
+        return on_plane(fit_plane(patch, target, config.plane), main.centre_m, target.radius_m)
 
 
 def _fit_plane_and_centre(

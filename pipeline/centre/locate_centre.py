@@ -34,6 +34,21 @@ class OtherCentre:
 
 
 @dataclass(frozen=True)
+class StationSpread:
+    """Stations whose fits of one target were joined, and the largest differences between them.
+
+    significant: whether these are beyond their uncertainty, and beyond what is stated. share: of
+    an error that each station has on its own in the mean.
+    """
+
+    count: int
+    shift_m: float
+    tilt_rad: float
+    significant: bool
+    share: float
+
+
+@dataclass(frozen=True)
 class TargetFit:
     """A measured target: its plane and its centre, in scanner coordinates.
 
@@ -45,6 +60,7 @@ class TargetFit:
     they name. turn: in-plane rotation; None of a disc or a ring, which show none. bulge_m: of a
     bare wheel by its flange, how far the tyre's widest ring stands out over the flange's edge.
     print_missed: why the target's print was not used; None where it was, or there is none.
+    stations: that saw it, where they are several; what is not theirs together is that of the first.
     """
 
     centre_m: Array
@@ -60,6 +76,7 @@ class TargetFit:
     turn: InPlaneRotation | None = None
     bulge_m: float | None = None
     print_missed: Literal["no-intensity", "not-found"] | None = None
+    stations: StationSpread | None = None
 
     def sight_m(
         self, distance_m: float, scanner_m: Array | None, plane: PlaneFit | None = None
@@ -132,6 +149,29 @@ def locate_centre(patch: Patch, plane: PlaneFit, target: Target, config: CentreC
         wheel=printed.wheel if printed else None,
         print_missed=("no-intensity" if blind else "not-found") if missed else None,
     )
+
+
+def on_plane(plane: PlaneFit, near_m: Array, unknown_m: float) -> TargetFit:
+    """Return a target of which the plane alone is known, its centre nearest to near_m (3,).
+
+    unknown_m: standard uncertainty of the centre in the plane.
+    """
+    centre_m = near_m - ((near_m - plane.centroid_m) @ plane.normal) * plane.normal
+    nowhere = CentreEstimate(
+        "points",
+        np.zeros(2),
+        unknown_m**2 * np.eye(2),
+        np.zeros((2, 2)),
+        np.zeros((2, 3)),
+        math.inf,
+    )
+    lever_m = centre_m - plane.centroid_m
+    components = (
+        *_plane_components(plane, lever_m, nowhere),
+        *_besides(plane, lever_m, nowhere),
+        centre_component("centre noise", nowhere.noise_m2, plane.basis),
+    )
+    return TargetFit(centre_m, plane.normal, components, plane.rms_m, plane.count, "points")
 
 
 def _printed(view: TargetView, target: Target, outer: EdgeCentre) -> PatternFit | None:

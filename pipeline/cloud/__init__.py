@@ -25,7 +25,7 @@ from .selection import (
     thin,
     within_slab,
 )
-from .steps import EXACT, Levels, Steps, coordinate_levels, coordinate_steps
+from .steps import EXACT, Levels, Steps, coordinate_levels, coordinate_steps, scattered
 from .threads import over_chunks, side_by_side
 from .voxel_grid import VoxelGrid, highest, lowest, voxel_key, voxel_moments, within_voxels
 
@@ -60,6 +60,7 @@ __all__ = [
     "random_rows",
     "sample",
     "sample_rows",
+    "scattered",
     "side_by_side",
     "slab_moments",
     "surroundings",

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..vectors import CHUNK_ROWS, GRID_PER_M, Array, Array32, Mask, plane_basis
+from ..vectors import CHUNK_ROWS, GRID_PER_M, Array, Array32, Mask, Rows, plane_basis
 from .threads import ROWS_PER_CHUNK, over_chunks
 
 COMPILED_ROWS = 2_500_000  # loading the compiled kernels takes 0.2 s and 100 MB
@@ -110,12 +110,14 @@ class Surroundings:
     """Points relative to a target's centre: all near its plane, and those around it.
 
     face_m: (N, 3). intensity: (N,) of these, or None. around_m: (M, 3) in single precision, which
-    resolves 30 nm half a metre from the centre; share: of them that was kept.
+    resolves 30 nm half a metre from the centre; after: (M,) how many of face_m stand before each in
+    the cloud, whose order both keep; share: of them that was kept.
     """
 
     face_m: Array
     intensity: Array32 | None
     around_m: Array32
+    after: Rows
     share: float
 
 
@@ -165,12 +167,14 @@ def surroundings(
     starts = np.vstack([np.zeros((1, 2), np.int64), np.cumsum(counts, axis=0)])
     face_m = np.empty((starts[-1, 0], 3))
     around_m = np.empty((starts[-1, 1], 3), np.float32)
+    after = np.empty(len(around_m), np.int64)
     on_face_intensity = None if intensity is None else np.empty(len(face_m), np.float32)
 
     def fill(chunk: slice) -> None:
         number = chunk.start // ROWS_PER_CHUNK
         (a, b), (c, d) = starts[number], starts[number + 1]
         on_face, beside = chosen[number]
+        after[b:d] = a + np.searchsorted(on_face, beside)
         for rows, out in ((on_face, face_m[a:c]), (beside, around_m[b:d])):
             if kernels is not None:
                 kernels.take(points_m[chunk], centre_m, rows, out)
@@ -180,7 +184,7 @@ def surroundings(
             on_face_intensity[a:c] = intensity[chunk][on_face]
 
     over_chunks(fill, len(points_m))
-    return Surroundings(face_m, on_face_intensity, around_m, share)
+    return Surroundings(face_m, on_face_intensity, around_m, after, share)
 
 
 def gather_ball(points_m: Array, centre_m: Array, radius_m: float) -> Array:

@@ -51,6 +51,7 @@ def cut_patch(
         origin_m=candidate.centre_m,
         face_m=near.face_m,
         around_m=near.around_m,
+        around_after=near.after,
         around_share=near.share,
         match=candidate.match,
         basis=basis,

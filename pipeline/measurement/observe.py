@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -41,6 +42,12 @@ SHADED = (
 THICKNESS = (
     "By its mixed pixels, the target's edge is {seen} mm thick, its file says {stated} mm: "
     "{names}. The centre is by the former; correct the thickness in the target's file, or omit it."
+)
+STATIONS = (
+    "The targets of {names} were seen by several stations, one behind the other in the file, that "
+    "disagree there, by up to {sizes}. The results are means of the stations, and what they "
+    "disagree by is in the uncertainty, as a component of its own; register the stations better, "
+    "give the scan of one, or state registration_m and pointing_urad in the scanner file."
 )
 NOT_PRINTED = {
     "no-intensity": (
@@ -252,6 +259,19 @@ def shaded(observations: Sequence[Observation]) -> Iterator[str]:
             sizes.append(Wording("{size} mm ({name})", size=size, name=observation.name))
     if sizes:
         yield Wording(SHADED, sizes=", ".join(sizes))
+
+
+def not_as_registered(observations: Sequence[Observation]) -> Iterator[str]:
+    """Yield a note on targets at which merged stations differ beyond their noise, with sizes."""
+    names, sizes = [], []
+    for observation in observations:
+        found = observation.evidence.target.stations if observation.evidence else None
+        if found is not None and found.significant:
+            names.append(observation.name)
+            size = f"{found.shift_m * 1e3:.2f} mm, {math.degrees(found.tilt_rad):.3f}°"
+            sizes.append(Wording("{size} at {name}", size=size, name=names[-1]))
+    if names:
+        yield Wording(STATIONS, names=", ".join(names), sizes=", ".join(sizes))
 
 
 def not_printed(observations: Sequence[Observation]) -> Iterator[str]:

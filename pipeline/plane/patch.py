@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..cloud import EXACT, Steps
-from ..vectors import Array, Array32, Mask, turned
+from ..vectors import Array, Array32, Mask, Rows, turned
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,8 @@ class Patch:
     face_m: (N, 3) all points near the target's plane, relative to origin_m, scanner axes.
     face_intensity: (N,) float32 intensities of face_m, or None.
     around_m: (M, 3) float32, other points around, likewise relative, thinned where there are many;
-    around_share: of them that was kept.
+    around_share: of them that was kept; around_after: (M,) how many of face_m stand before each in
+    the file, whose order both keep; None where that is not known.
     match: score of the outline. sigma_m: rough noise across the plane.
     basis: (3, 3) rows: the target's axes u and v, then the normal towards the scanner.
     part: index of the cloud's part that holds the points. station_m: (3,) scanner frame, position
@@ -33,6 +34,7 @@ class Patch:
     sigma_m: float
     face_intensity: Array32 | None = None
     around_share: float = 1.0
+    around_after: Rows | None = None
     part: int = 0
     station_m: Array | None = None
     steps: Steps = EXACT
@@ -74,6 +76,7 @@ class Patch:
             self,
             face_m=self.face_m[face],
             around_m=self.around_m[around],
+            around_after=None,
             face_intensity=None if intensity is None else intensity[face],
         )
 

@@ -398,7 +398,8 @@ NOTES = {
     "observe_vehicle.py": ("_of_others",),
     "records.py": ("notes",),
     "observe.py": (
-        "noisy", "not_as_thick", "not_printed", "note_on_hint", "rounded", "thinned", "shaded",
+        "noisy", "not_as_registered", "not_as_thick", "not_printed", "note_on_hint", "rounded",
+        "thinned", "shaded",
     ),
     "plane.py": ("_coarse",),
     "file.py": ("_note_if_upside_down", "_note_of_sense"),

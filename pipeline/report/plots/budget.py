@@ -21,6 +21,7 @@ COLOURS = {
     "flatness": "#009E73",
     "rounding": "#882255",
     "thinning": "#44AA99",
+    "stations": "#888855",
     "brightness": "#AA4499",
     "clamp": "#F0E442",
     "stand-off": "#F0E442",
