@@ -392,7 +392,7 @@ def test_nothing_is_left_untranslated():
              "divisor", "holm", "double", "fahrachswinkel", "radversatz",
              "radstandsdifferenz", "nelson", "results", "found",
              "left", "down", "unit", "positive", "axis", "clamp", "tilt", "target", "runout",
-             "stand"}  # fmt: skip
+             "stand", "registration", "pointing", "urad"}  # fmt: skip
     both = names | {"normal", "total", "zero", "face", "manual", "linear", "vertical",
                     "longitudinal", "lateral", "axial", "regular", "terminal",
                     "javascript", "decimal", "capture", "toml", "gravity"}  # fmt: skip
