@@ -20,7 +20,7 @@ CELL_M, MIN_IN_CELL, MIN_CELLS = 0.2, 4, 4  # MIN_CELLS: of each wheel
 LOWEST = 0.05  # of a cell's points may lie beyond the floor: a glossy one mirrors what is above
 NEAR_M = (0.05, 0.02, 0.01)  # points about the plane that the next fit uses
 FLAT = 0.7  # least share of a cell's points beside its floor that are on it: a tyre rises from it
-CHANCE = 5.0  # standard deviations by which squares exceed their mean by chance
+CHANCE = 10.0  # standard deviations by which squares exceed their mean by chance
 TWISTED = 3.0  # standard deviations of a twist
 LEAST_M = 1e-5  # below which heights are alike
 
@@ -118,20 +118,23 @@ def _beside(cells: _Cells) -> _Beside:
     """Fit the floor beside each wheel.
 
     It is uneven where its cells scatter more than the noise of their points: by as much where it is
-    hidden.
+    hidden. The lower half of them tells, since tyres are in some, and raise them.
     """
     terms = np.column_stack([cells.wheel[:, None] == np.arange(4), cells.means_m[:, :2]])
     inverse, z = np.linalg.pinv(terms), cells.means_m[:, 2]
     values = inverse @ z
     dof, common = len(z) - len(values), len(values) - 3
-    squares = float(np.sum((z - terms @ values) ** 2))
+    off = z - terms @ values
+    squares = float(off @ off)
     variance = squares / dof
+    lower = np.minimum(off - np.median(off), 0.0)[off < np.median(off)]
+    uneven_m2 = float(np.mean(lower**2))
     gained = float(np.sum(_above(cells.means_m, _fitted(cells.means_m)) ** 2)) - squares
     return _Beside(
         values,
         variance * inverse @ inverse.T,
         dof,
-        variance if squares > _by_chance(dof) * cells.noise_m2 else 0.0,
+        uneven_m2 if uneven_m2 * len(lower) > _by_chance(len(lower)) * cells.noise_m2 else 0.0,
         alike=gained < _by_chance(common) * (variance + LEAST_M**2),
     )
 
