@@ -148,6 +148,24 @@ def test_a_run_whose_scheduler_is_lost_waits_for_it_and_goes_on(tmp_path):
     assert left(results) == left(tmp_path / "undisturbed")
 
 
+def test_a_result_that_a_lost_scheduler_keeps_is_measured_again(cluster, tmp_path, monkeypatch):
+    """The task had ended; the connection over which its result was to come breaks."""
+    gather, broken = distributed.Client._gather, []
+
+    async def break_once(*arguments, **options):
+        if not broken:
+            broken.append(True)
+            raise distributed.comm.CommClosedError("connection reset by peer")
+        return await gather(*arguments, **options)
+
+    monkeypatch.setattr(distributed.Client, "_gather", break_once)
+    archive, results = archive_of(tmp_path / "archive", 6), tmp_path / "results"
+    done = run(archive, results, "--scheduler", cluster[0])
+    assert done.returncode == 0, done.stderr
+    assert broken and done.stderr.count("the Dask scheduler is lost: waiting for it") == 1
+    assert len(list(results.rglob("measurements/*/*.json"))) == 6
+
+
 @pytest.mark.slow
 def test_a_run_whose_scheduler_stays_lost_ends_with_what_is_done(tmp_path, monkeypatch):
     archive, results = archive_of(tmp_path / "archive", 400), tmp_path / "results"

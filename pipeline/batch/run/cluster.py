@@ -42,19 +42,19 @@ class Cluster:
             self._client: Any = self._distributed.Client(
                 address, timeout=CONNECT_S, set_as_default=False
             )
-        except (OSError, ValueError, TimeoutError) as error:
+            self._check(address)
+        except (OSError, ValueError) as error:
             raise InputError(
                 f"--scheduler {address}: no Dask scheduler answers: start one with "
                 "`dask scheduler`, or check the address"
             ) from error
-        self._executor = self._client.get_executor(pure=False)
-        self._check(address)
 
     def _connect_again(self) -> None:
         """Wait for the scheduler to be started again. Raises InputError after WAIT_S."""
-        self._client.close(timeout=1.0)
         end_s = time.monotonic() + WAIT_S
         while self._is_lost:
+            with suppress(OSError):  # it does not end in time
+                self._client.close(timeout=1.0)
             try:
                 self._connect()
                 self._is_lost = False
@@ -83,7 +83,7 @@ class Cluster:
         names = tuple(found.name for found in task.captures)
         self._at_work[id(result)] = AtWork(names, time.time(), "given to the cluster")
         result.add_done_callback(lambda done: self._at_work.pop(id(done), None))
-        sent = self._executor.submit(run_in_worker, task, self._limits)
+        sent = self._client.submit(run_in_worker, task, self._limits, pure=False)
         sent.add_done_callback(lambda done: self._forward(done, result))
         return result
 
@@ -95,23 +95,24 @@ class Cluster:
     def close(self) -> None:
         """Cancel the tasks not yet done."""
         if not self._is_lost:
-            self._executor.shutdown(wait=False)
             self._client.close()
 
-    def _forward(
-        self, done: Future[list[CompletedCapture]], result: Future[list[CompletedCapture]]
-    ) -> None:
-        lost = EngineLostError(f"the Dask scheduler is lost: waiting for it up to {WAIT_S:.0f} s")
-        self._is_lost |= done.cancelled()
-        error = lost if done.cancelled() else done.exception()
-        if isinstance(error, self._distributed.KilledWorker):
-            error = WorkerError("killed", "the Dask workers that measured it were lost")
-        elif not isinstance(error, WorkerError | TransientError | InputError | None):
-            error = TransientError(f"a worker of the cluster: {error!r}")
-        if error is None:
-            result.set_result(done.result())
-        else:
+    def _forward(self, sent: Any, result: Future[list[CompletedCapture]]) -> None:
+        """Give `result` what became of a task sent, the cluster's future, which is done."""
+        try:
+            result.set_result(sent.result(timeout=WAIT_S))
+        except (WorkerError, TransientError, InputError) as error:
             result.set_exception(error)
+        except self._distributed.KilledWorker:
+            text = "the Dask workers that measured it were lost"
+            result.set_exception(WorkerError("killed", text))
+        except Exception as error:
+            if sent.status == "error":
+                result.set_exception(TransientError(f"a worker of the cluster: {error!r}"))
+                return
+            self._is_lost |= sent.client is self._client
+            fact = f"the Dask scheduler is lost: waiting for it up to {WAIT_S:.0f} s"
+            result.set_exception(EngineLostError(fact))
 
     def _check(self, address: str) -> None:
         about = self._client.run(_about)
