@@ -52,6 +52,9 @@ from .targets import Target, WheelTarget
 from .uncertainty import brightness_component, with_type_b
 from .wheel import fit_surface, profile_of, target_of
 
+# Of the edge that the best placement shows by mixed pixels: what makes another as likely; of the
+# radius: where it is the same.
+RIVAL_COVERED, SAME_PLACE = 0.8, 0.01
 REFITTED = 0.5  # of the margin at the edges: how far the patch's edges may be from those fitted
 
 
@@ -157,6 +160,40 @@ def _fit_beside(main: TargetFit, patch: Patch, target: Target, config: Config) -
 def _fit_plane_and_centre(
     patch: Patch, target: Target, config: Config
 ) -> tuple[Patch, PlaneFit, TargetFit]:
+    """Fit plane and centre; also return the patch of the points that were used.
+
+    Where what is seen of a partly hidden target fits at several placements, the one with mixed
+    pixels about its edge counts: there are none where the scan or its crop ends.
+    Raises NotMeasuredError: 'ambiguous-target' where no edge decides; as `locate_centre`.
+    """
+    if not patch.elsewhere:
+        return _fit_placed(patch, target, config)
+    found, refusals = [], []
+    for placement in patch.placements:
+        try:
+            found.append(_fit_placed(placement, target, config))
+        except NotMeasuredError as refusal:
+            refusals.append(refusal)
+    if not found:
+        raise refusals[0]
+    covered = [0.0 if f.edge_fit is None else f.edge_fit.covered for _, _, f in found]
+    best = int(np.argmax(covered))
+    centres_m = [f.centre_m for _, _, f in found]
+    apart_m = [float(np.linalg.norm(one - centres_m[best])) for one in centres_m]
+    rivals = [
+        apart > SAME_PLACE * target.radius_m and share >= RIVAL_COVERED * covered[best]
+        for apart, share in zip(apart_m, covered, strict=True)
+    ]
+    if covered[best] == 0.0 or any(rivals):
+        raise NotMeasuredError(
+            "ambiguous-target",
+            f"what is seen of {target.description} fits at {len(patch.placements)} placements, and "
+            "no background about its edges shows which: scan more of it, or more around it",
+        )
+    return found[best]
+
+
+def _fit_placed(patch: Patch, target: Target, config: Config) -> tuple[Patch, PlaneFit, TargetFit]:
     """Fit the plane, and the centre on it; also return the patch of the points that were used.
 
     Both are fitted again without the points beside what hides a part of the target, and where the

@@ -11,7 +11,7 @@ from ..config import SegmentConfig
 from ..errors import NotMeasuredError
 from ..plane import SPANNED, Clipping, RansacOptions, converge, first_sigma, ransac
 from ..targets import Target
-from ..vectors import Array, Mask, plane_basis
+from ..vectors import Array, Mask, plane_basis, turned
 from . import template_match
 from .local_planes import LocalPlanes
 
@@ -38,6 +38,7 @@ class Candidate:
     normal, its sign free. match: 1 for a whole target standing alone, the visible share for a
     partly hidden one, about 0 for a larger surface. sigma_m: noise across the plane; band_m: half
     the thickness of what may belong to the target. points: on the target, among those used.
+    elsewhere: other placements in its axes u, v, as in Patch.
     """
 
     centre_m: Array
@@ -46,6 +47,7 @@ class Candidate:
     sigma_m: float
     band_m: float
     points: int
+    elsewhere: tuple[tuple[Array, float], ...] = ()
 
     @property
     def normal(self) -> Array:
@@ -94,7 +96,8 @@ def score_candidate(
     local = (near - centre) @ basis.T
     on_target = target.region.holds(local[:, :2]) & (np.abs(local[:, 2]) < band)
     count = int(np.count_nonzero(on_target))
-    return Candidate(point + centre, basis, found.match, sigma, band, count)
+    elsewhere = tuple((turned(by, -found.rotation_rad), turn) for by, turn in found.elsewhere)
+    return Candidate(point + centre, basis, found.match, sigma, band, count, elsewhere)
 
 
 def _match(

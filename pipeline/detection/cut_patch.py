@@ -44,20 +44,21 @@ def cut_patch(
         raise NotMeasuredError(
             "too-few-points", f"{len(near.face_m)} points on the target, {MIN_POINTS} needed"
         )
-    basis = candidate.basis
-    if _points_backwards(basis.astype(np.float32) @ near.around_m.T, target.radius_m):
-        basis = basis * np.array([[1.0], [-1.0], [-1.0]])
-    return Patch(
+    patch = Patch(
         origin_m=candidate.centre_m,
         face_m=near.face_m,
         around_m=near.around_m,
         around_after=near.after,
         around_share=near.share,
         match=candidate.match,
-        basis=basis,
+        basis=candidate.basis,
         sigma_m=candidate.sigma_m,
         face_intensity=near.intensity,
+        elsewhere=candidate.elsewhere,
     )
+    if _points_backwards(candidate.basis.astype(np.float32) @ near.around_m.T, target.radius_m):
+        patch = patch.turned_round()
+    return patch
 
 
 def _points_backwards(uvw_m: Array32, radius_m: float) -> bool:

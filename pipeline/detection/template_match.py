@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,10 @@ Occupied = npt.NDArray[np.uint8]
 
 COARSE_ROTATION = np.radians(15.0)
 FINE_STEPS = 5  # that a coarse rotation is divided into
+NEARLY = 0.1  # of the score: what refining a rotation may add to it; what does not decide
+HIDDEN = 0.9  # match below which a part of the target is hidden, which may fit elsewhere as well
+APART, APART_RAD = 0.15, 0.2  # of the radius, and rotation: from where it is elsewhere
+MOST_ELSEWHERE = 4
 RING_REACH = 1.4  # of the radius: how far around the target emptiness counts
 SECTORS = 48
 FINEST, COARSEST = 1.0 / 60.0, 1.0 / 3.0  # cells, of the radius
@@ -33,13 +38,15 @@ class Placement:
 
     centre_m: (2,) in the plane. rotation_rad: of the target's axes in it. match: 1 for a whole
     target, the visible share of the outline for a partly hidden one, much less for part of a larger
-    surface. cell_m: edge of the cells.
+    surface. cell_m: edge of the cells. elsewhere: other centres, from this one, and rotations, from
+    this one, at which what is seen of a partly hidden target fits nearly as well.
     """
 
     centre_m: Array
     rotation_rad: float
     match: float
     cell_m: float
+    elsewhere: tuple[tuple[Array, float], ...] = ()
 
 
 def match_template(
@@ -64,17 +71,51 @@ def match_template(
     on_target = uv_m[_in_cells(uv_m, low, occupied, cell)] if coarse else NO_POINTS
     occupied = cv2.morphologyEx(occupied, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     angles = np.arange(0.0, period_rad, COARSE_ROTATION) if period_rad else np.zeros(1)
-    peak, angle = _best_rotation(occupied, region, radius_m, cell, angles)
+    scores = _rotated_scores(occupied, region, radius_m, cell, angles)
     if period_rad:
-        near = angle + np.linspace(-0.5, 0.5, FINE_STEPS) * COARSE_ROTATION
-        peak, angle = _best_rotation(occupied, region, radius_m, cell, near)
+        steps = np.linspace(-0.5, 0.5, FINE_STEPS) * COARSE_ROTATION
+        tops = np.array([score.max() for score in scores])
+        angles = np.concatenate([angles[k] + steps for k in _likely(tops)])
+        scores = _rotated_scores(occupied, region, radius_m, cell, angles)
+    best = int(np.argmax([score.max() for score in scores]))
+    peak, angle = _plateau_centre(scores[best]), float(angles[best])
     centre, edge = low + (peak + 0.5) * cell, cell
     if len(on_target) > 0:
         low, occupied, edge = _finer(on_target, cell, radius_m)
         peak = (centre - low) / edge - 0.5
     resolved = max(min(cell, COARSE * radius_m), 0.5 * cell)
     match = _outline_match(occupied, peak, angle, region, radius_m, edge, resolved)
-    return Placement(centre, angle, match, cell)
+    elsewhere: tuple[tuple[Array, float], ...] = ()
+    if period_rad and match < HIDDEN:
+        others = _elsewhere(scores, angles, best, period_rad, APART * radius_m / cell)
+        elsewhere = tuple((by * cell, turn) for by, turn in others)
+    return Placement(centre, angle, match, cell, elsewhere)
+
+
+def _elsewhere(
+    scores: Sequence[Image], angles: Array, best: int, period_rad: float, apart: float
+) -> list[tuple[Array, float]]:
+    """Return other peaks that are nearly as high as the best: cells (2,) from it, and rotation.
+
+    apart: number of cells from where a peak of the same rotation is another.
+    """
+    least = float(scores[best].max()) - NEARLY
+    tops: list[tuple[Array, float]] = [(_plateau_centre(scores[best]), float(angles[best]))]
+    column, row = np.meshgrid(*(np.arange(n) for n in scores[best].shape[::-1]))
+    for k in np.argsort([-float(score.max()) for score in scores], kind="stable"):
+        score = scores[k].copy()
+        while len(tops) <= MOST_ELSEWHERE and float(score.max()) > least:
+            peak, angle = _plateau_centre(score), float(angles[k])
+            if not any(
+                np.hypot(*(peak - at)) < apart
+                and abs(math.remainder(angle - turn, period_rad)) < APART_RAD
+                for at, turn in tops
+            ):
+                tops.append((peak, angle))
+            top_row, top_column = np.unravel_index(np.argmax(score), score.shape)
+            score[np.hypot(column - top_column, row - top_row) < apart] = -np.inf
+    at, turn = tops[0]
+    return [(other - at, angle - turn) for other, angle in tops[1:]]
 
 
 def _finer(uv_m: Array, cell: float, radius_m: float) -> tuple[Array, Occupied, float]:
@@ -166,10 +207,10 @@ def _cell_size(uv_m: Array, radius_m: float) -> float:
     return max(float(np.sqrt(4.0 / density)), FINEST * radius_m)
 
 
-def _best_rotation(
+def _rotated_scores(
     occupied: Occupied, region: Region, radius_m: float, cell: float, angles: Array
-) -> tuple[Array, float]:
-    """Return the position (2,), column and row, and the rotation of the highest score.
+) -> list[Image]:
+    """Return the scores of all positions for each of the rotations.
 
     Score: occupied share of the target, less that of the ring about it; for several angles, plus
     the same for narrow bands along the outline, since part of a rectangle fits at many positions.
@@ -183,8 +224,18 @@ def _best_rotation(
             inner, outer = _bands(uv, region.filled, radius_m, cell)
             kernel = kernel + _share(inner) - _share(outer)
         scores.append(_correlated(occupied, kernel))
-    best = int(np.argmax([score.max() for score in scores]))
-    return _plateau_centre(scores[best]), float(angles[best])
+    return scores
+
+
+def _likely(tops: Image) -> list[int]:
+    """Return which of the coarse rotations, a period of them, may be the best once refined.
+
+    tops: the best score of each. The best, and others of nearly its score that are no neighbours.
+    """
+    best = int(np.argmax(tops))
+    apart = np.abs(np.arange(len(tops)) - best)
+    others = (np.minimum(apart, len(tops) - apart) > 1) & (tops > tops[best] - NEARLY)
+    return [best, *np.flatnonzero(others).tolist()]
 
 
 def _coarse_score(

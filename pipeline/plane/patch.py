@@ -23,7 +23,9 @@ class Patch:
     match: score of the outline. sigma_m: rough noise across the plane.
     basis: (3, 3) rows: the target's axes u and v, then the normal towards the scanner.
     part: index of the cloud's part that holds the points. station_m: (3,) scanner frame, position
-    of the scanner, if the file states it. steps: in which the coordinates were rounded.
+    of the scanner, if the file states it. steps: in which the coordinates were rounded. elsewhere:
+    other placements, (2,) along u and v from origin_m and a rotation, at which what is seen of a
+    partly hidden target fits nearly as well.
     """
 
     origin_m: Array
@@ -38,6 +40,7 @@ class Patch:
     part: int = 0
     station_m: Array | None = None
     steps: Steps = EXACT
+    elsewhere: tuple[tuple[Array, float], ...] = ()
 
     @property
     def scanner_m(self) -> Array | None:
@@ -67,7 +70,14 @@ class Patch:
             face_m=self.face_m + moved,
             around_m=self.around_m + moved.astype(np.float32),
             basis=np.vstack([axes, self.basis[2]]),
+            elsewhere=(),
         )
+
+    @property
+    def placements(self) -> list[Patch]:
+        """The patch, and the same points about each of its other placements."""
+        others = ((self.origin_m + by @ self.basis[:2], turn) for by, turn in self.elsewhere)
+        return [replace(self, elsewhere=()), *(self.placed(at, turn) for at, turn in others)]
 
     def kept(self, face: Mask, around: Mask) -> Patch:
         """Return the patch with those of its points alone, masks of face_m and around_m."""
@@ -82,4 +92,6 @@ class Patch:
 
     def turned_round(self) -> Patch:
         """Return the same points, the scanner on the other side of the target."""
-        return replace(self, basis=self.basis * np.array([[1.0], [-1.0], [-1.0]]))
+        elsewhere = tuple((by * np.array([1.0, -1.0]), -turn) for by, turn in self.elsewhere)
+        basis = self.basis * np.array([[1.0], [-1.0], [-1.0]])
+        return replace(self, basis=basis, elsewhere=elsewhere)
