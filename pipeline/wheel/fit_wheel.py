@@ -14,7 +14,7 @@ from ..plane import Patch
 from ..system import stage
 from ..uncertainty import UncertaintyComponent
 from ..vectors import Array
-from .cell_fit import HARMONICS, root_of
+from .cell_fit import HARMONICS, TUKEY, root_of
 from .cells import Grid
 from .fit_axis import AxisFit, fit_axis
 from .flange import ROUND, Flange, bulges_inwards, edge_ring, find_flange, widest_ring
@@ -32,6 +32,7 @@ SIDE_WALL = 0.7  # of the largest radius used: where it begins
 LEAST_RINGS = 5
 MOST_TILT_RAD = math.radians(1.0)  # no angle of a wheel is worth stating beyond
 OFF_CREST = 0.5  # of the height of a ridge over the rings beside it: uncertainty of its top
+ARC = 0.13  # of the circle: the arc in which a tyre bulges, where it stands, by its most
 
 
 @dataclass(frozen=True)
@@ -165,10 +166,13 @@ def _components(found: WheelFit) -> list[UncertaintyComponent]:
     fit, cells = found.fit, found.fit.cells
     noise = cells.white_covariance
     rest = cells.covariance - noise
+    level_m = _off_crest(found)
+    if found.method == "tyre":
+        level_m = math.hypot(level_m, _hidden_bulge(found))
     parts = [
         UncertaintyComponent("surface noise", _moved(found, root_of(noise[:4, :4]))),
         UncertaintyComponent("surface form", _moved(found, root_of(rest[:4, :4])), cells.dof),
-        UncertaintyComponent("centre model", _along(fit.basis[2], _off_crest(found))),
+        UncertaintyComponent("centre model", _along(fit.basis[2], level_m)),
     ]
     if found.method == "tyre":
         parts.append(_tyre_runout(found))
@@ -195,6 +199,18 @@ def _off_crest(found: WheelFit) -> float:
     known = found.fit.cells.ring_u_m
     own = known[ring] if np.isfinite(known[ring]) else float(np.nanmedian(known))
     return math.hypot(blunt, own)
+
+
+def _hidden_bulge(found: WheelFit) -> float:
+    """Return the uncertainty of a tyre's level by a bulge where it stands that no cell shows.
+
+    Cells are rejected from TUKEY of their standard deviations; a bulge below that is as likely of
+    any height, and lifts the mean of the circle by its share of it.
+    """
+    cells = found.fit.cells
+    kept = cells.weight > 0.0
+    spread_m = math.sqrt(float(np.median(cells.white_m2[kept])) + cells.excess_m**2)
+    return ARC * TUKEY * spread_m / math.sqrt(3.0)
 
 
 def _tyre_runout(found: WheelFit) -> UncertaintyComponent:
