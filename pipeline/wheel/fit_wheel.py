@@ -31,6 +31,7 @@ LEAST_TYRE = 0.87  # of the cells of a tyre's side wall: part of it tilts far be
 SIDE_WALL = 0.7  # of the largest radius used: where it begins
 LEAST_RINGS = 5
 MOST_TILT_RAD = math.radians(1.0)  # no angle of a wheel is worth stating beyond
+CONTRADICTS = 10.0  # clearness of a flange beside which a stated rim of another size is wrong
 OFF_CREST = 0.5  # of the height of a ridge over the rings beside it: uncertainty of its top
 ARC = 0.13  # of the circle: the arc in which a tyre bulges, where it stands, by its most
 
@@ -95,6 +96,7 @@ def _by_rim_or_tyre(patch: Patch, rim_inch: float | None) -> WheelFit:
         rough = fit_axis(some, start, grid, (START_M, reach), START_RAD)
     flange = find_flange(points, rough, rim_inch)
     if flange is None:
+        _check_stated(points, rough, rim_inch)
         radius, level = widest_ring(rough, START_M)
         return WheelFit(rough, "tyre", radius, level)
     near = points[_square_m2(points, rough.axis) < (flange.groove_m + 2.0 * grid.width_m) ** 2]
@@ -102,6 +104,17 @@ def _by_rim_or_tyre(patch: Patch, rim_inch: float | None) -> WheelFit:
     bulge_m = widest_ring(rough, flange.groove_m)[1] - edge_ring(rough, flange)[1]
     seen = bulge_m if math.isfinite(bulge_m) else None
     return WheelFit(fit, "flange", *edge_ring(fit, flange), seen)
+
+
+def _check_stated(points_m: Array, rough: AxisFit, rim_inch: float | None) -> None:
+    """Raise NotMeasuredError 'wheel-not-found' where another rim than the stated one stands out."""
+    other = None if rim_inch is None else find_flange(points_m, rough, None)
+    if other is not None and other.clearness > CONTRADICTS:
+        raise NotMeasuredError(
+            "wheel-not-found",
+            f"no flange stands out where a rim of {rim_inch:g} inches has it, but that of a rim of "
+            f"{other.rim_inch:.1f} inches does: correct rim, or leave it out",
+        )
 
 
 def _square_m2(points_m: Array, axis: Axis) -> Array:

@@ -54,6 +54,11 @@ class Flange:
         outer = max(self.edge_m, self.groove_m - self.noise_m)
         return self.edge_m - RIM_M, min(self.edge_m + CREST_M, outer)
 
+    @property
+    def rim_inch(self) -> float:
+        """Nominal diameter of a rim with such a flange."""
+        return 2.0 * (self.edge_m - FLANGE_HEIGHT_M) / INCH_M
+
 
 def find_flange(points_m: Array, fit: AxisFit, rim_inch: float | None) -> Flange | None:
     """Find the flange's edge: a ridge, and outside it a groove, beyond which the tyre rises.
@@ -152,8 +157,7 @@ def _wall_noise(fit: AxisFit, groove_m: float) -> float:
 
 
 def _fits(flange: Flange, rim_inch: float) -> bool:
-    expected = 0.5 * rim_inch * INCH_M + FLANGE_HEIGHT_M
-    return abs(flange.edge_m - expected) < SIZE_M
+    return abs(flange.rim_inch - rim_inch) * 0.5 * INCH_M < SIZE_M
 
 
 def widest_ring(fit: AxisFit, inner_m: float) -> tuple[float, float]:

@@ -42,6 +42,18 @@ def test_axis_and_centre_lie_within_their_uncertainty(seed):
     assert np.sqrt(np.trace(C[:3, :3])) < np.radians(1.5 / 60.0)
 
 
+def test_a_rim_that_stands_out_and_is_not_the_stated_one_is_refused():
+    patch = find_wheel(scene(4)[0])
+    assert fit_wheel(patch, 17.5).method == "flange"
+    with pytest.raises(NotMeasuredError, match=r"14 inches has it, but that of a rim of 17\."):
+        fit_wheel(patch, 14.0)
+
+
+def test_a_stated_rim_is_believed_where_noise_hides_what_stands_out():
+    patch = find_wheel(scene(4, noise_m=0.003, count=15_000)[0])
+    assert fit_wheel(patch, 14.0).method == "tyre"
+
+
 def test_a_moved_wheel_gives_the_moved_result():
     points, _, _ = scene(5)
     one = fit_wheel(find_wheel(points), None)
