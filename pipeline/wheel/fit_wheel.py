@@ -183,8 +183,8 @@ def _components(found: WheelFit) -> list[UncertaintyComponent]:
     if found.method == "tyre":
         level_m = math.hypot(level_m, _hidden_bulge(found))
     parts = [
-        UncertaintyComponent("surface noise", _moved(found, root_of(noise[:4, :4]))),
-        UncertaintyComponent("surface form", _moved(found, root_of(rest[:4, :4])), cells.dof),
+        UncertaintyComponent("surface noise", _moved(found, root_of(noise))),
+        UncertaintyComponent("surface form", _moved(found, root_of(rest)), cells.dof),
         UncertaintyComponent("centre model", _along(fit.basis[2], level_m)),
     ]
     if found.method == "tyre":
