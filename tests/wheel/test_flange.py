@@ -8,7 +8,8 @@ import pytest
 from tests.support.round_wheels import EDGE_M, GROOVE_M, MERIDIAN, axis_of, wheel_points
 from wheelplane.wheel.cells import Grid
 from wheelplane.wheel.fit_axis import fit_axis
-from wheelplane.wheel.flange import bulges_inwards, edge_ring, find_flange, widest_ring
+from wheelplane.wheel.flange import Flange, bulges_inwards, edge_ring, find_flange, widest_ring
+from wheelplane.wheel.meridian import Meridian
 from wheelplane.wheel.normal_lines import Axis
 
 GRID = Grid(0.1, 0.0015, 150, 72)
@@ -81,6 +82,16 @@ def test_a_ridge_of_the_rim_deep_below_the_tyre_is_not_the_flange():
 def test_the_larger_a_tyre_the_farther_it_may_bulge_over_its_flange(size):
     found = find_flange(*fitted(7, ridged(0.006), size), None)
     assert abs(found.edge_m - size * 0.2) < 0.003
+
+
+@pytest.mark.parametrize("at_m", [0.2803, 0.2807, 0.2811])
+def test_the_top_of_a_round_wall_is_exact_wherever_it_lies_between_two_rings(at_m):
+    _, fit = fitted(9)
+    grid, noise = fit.meridian.grid, fit.meridian.noise_m
+    wall = Meridian(grid, 0.011 - (grid.radius_m - at_m) ** 2 / 0.16, noise)
+    fit = replace(fit, meridian=wall)
+    assert np.allclose(widest_ring(fit, 0.25), (at_m, 0.011), rtol=0.0, atol=1e-9)
+    assert np.allclose(edge_ring(fit, Flange(at_m, 0.29, 50.0, 0.001)), (at_m, 0.011), atol=1e-9)
 
 
 def test_a_tyre_s_widest_ring_is_not_the_highest_by_its_noise():
