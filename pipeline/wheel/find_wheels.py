@@ -15,7 +15,7 @@ from ..plane import Patch
 from ..vectors import Array, Rows, plane_basis
 from .find_axis import SLANT, RoughAxis, find_axis
 from .find_wheel import CHOSEN_M, cut_wheel
-from .fit_wheel import fit_wheel
+from .fit_wheel import fit_surface
 from .normal_lines import Axis
 
 EDGE_M, LEAST_IN_VOXEL, FLAT = 0.036, 8, 0.5  # of the pieces of surface
@@ -260,10 +260,24 @@ def _wheel_at(
         if leans or not STANDS_M[0] < height - rough.radius_m < STANDS_M[1]:
             return None
         rows = _above(cloud, axis.point_m, floor)
-        fitted = fit_wheel(cut_wheel(cloud.points_m[rows], rough), rim_inch)
+        outward = _outward(cut_wheel(cloud.points_m[rows], rough), rim_inch)
     except NotMeasuredError:
         return None
-    return replace(rough, axis=axis.towards(fitted.normal)), rows
+    return replace(rough, axis=axis.towards(outward)), rows
+
+
+def _outward(patch: Patch, rim_inch: float | None) -> Array:
+    """Return the outward axis (3,) of the wheel in a patch.
+
+    A rim that is not the stated one is a wheel all the same; it is refused when it is measured.
+    """
+    try:
+        found = fit_surface(patch, rim_inch)
+    except NotMeasuredError:
+        if rim_inch is None:
+            raise
+        found = fit_surface(patch, None)
+    return found.fit.axis.direction
 
 
 def _above(cloud: _Cloud, centre_m: Array, floor: Floor) -> Rows:

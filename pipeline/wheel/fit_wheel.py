@@ -14,7 +14,7 @@ from ..plane import Patch
 from ..system import stage
 from ..uncertainty import UncertaintyComponent
 from ..vectors import Array
-from .cell_fit import HARMONICS, root_of
+from .cell_fit import HARMONICS, TUKEY, root_of
 from .cells import Grid
 from .fit_axis import AxisFit, fit_axis
 from .flange import ROUND, Flange, bulges_inwards, edge_ring, find_flange, widest_ring
@@ -31,7 +31,9 @@ LEAST_TYRE = 0.87  # of the cells of a tyre's side wall: part of it tilts far be
 SIDE_WALL = 0.7  # of the largest radius used: where it begins
 LEAST_RINGS = 5
 MOST_TILT_RAD = math.radians(1.0)  # no angle of a wheel is worth stating beyond
+CONTRADICTS = 10.0  # clearness of a flange beside which a stated rim of another size is wrong
 OFF_CREST = 0.5  # of the height of a ridge over the rings beside it: uncertainty of its top
+ARC = 0.13  # of the circle: the arc in which a tyre bulges, where it stands, by its most
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,7 @@ def _by_rim_or_tyre(patch: Patch, rim_inch: float | None) -> WheelFit:
         rough = fit_axis(some, start, grid, (START_M, reach), START_RAD)
     flange = find_flange(points, rough, rim_inch)
     if flange is None:
+        _check_stated(points, rough, rim_inch)
         radius, level = widest_ring(rough, START_M)
         return WheelFit(rough, "tyre", radius, level)
     near = points[_square_m2(points, rough.axis) < (flange.groove_m + 2.0 * grid.width_m) ** 2]
@@ -101,6 +104,17 @@ def _by_rim_or_tyre(patch: Patch, rim_inch: float | None) -> WheelFit:
     bulge_m = widest_ring(rough, flange.groove_m)[1] - edge_ring(rough, flange)[1]
     seen = bulge_m if math.isfinite(bulge_m) else None
     return WheelFit(fit, "flange", *edge_ring(fit, flange), seen)
+
+
+def _check_stated(points_m: Array, rough: AxisFit, rim_inch: float | None) -> None:
+    """Raise NotMeasuredError 'wheel-not-found' where another rim than the stated one stands out."""
+    other = None if rim_inch is None else find_flange(points_m, rough, None)
+    if other is not None and other.clearness > CONTRADICTS:
+        raise NotMeasuredError(
+            "wheel-not-found",
+            f"no flange stands out where a rim of {rim_inch:g} inches has it, but that of a rim of "
+            f"{other.rim_inch:.1f} inches does: correct rim, or leave it out",
+        )
 
 
 def _square_m2(points_m: Array, axis: Axis) -> Array:
@@ -165,10 +179,13 @@ def _components(found: WheelFit) -> list[UncertaintyComponent]:
     fit, cells = found.fit, found.fit.cells
     noise = cells.white_covariance
     rest = cells.covariance - noise
+    level_m = _off_crest(found)
+    if found.method == "tyre":
+        level_m = math.hypot(level_m, _hidden_bulge(found))
     parts = [
-        UncertaintyComponent("surface noise", _moved(found, root_of(noise[:4, :4]))),
-        UncertaintyComponent("surface form", _moved(found, root_of(rest[:4, :4])), cells.dof),
-        UncertaintyComponent("centre model", _along(fit.basis[2], _off_crest(found))),
+        UncertaintyComponent("surface noise", _moved(found, root_of(noise))),
+        UncertaintyComponent("surface form", _moved(found, root_of(rest)), cells.dof),
+        UncertaintyComponent("centre model", _along(fit.basis[2], level_m)),
     ]
     if found.method == "tyre":
         parts.append(_tyre_runout(found))
@@ -195,6 +212,18 @@ def _off_crest(found: WheelFit) -> float:
     known = found.fit.cells.ring_u_m
     own = known[ring] if np.isfinite(known[ring]) else float(np.nanmedian(known))
     return math.hypot(blunt, own)
+
+
+def _hidden_bulge(found: WheelFit) -> float:
+    """Return the uncertainty of a tyre's level by a bulge where it stands that no cell shows.
+
+    Cells are rejected from TUKEY of their standard deviations; a bulge below that is as likely of
+    any height, and lifts the mean of the circle by its share of it.
+    """
+    cells = found.fit.cells
+    kept = cells.weight > 0.0
+    spread_m = math.sqrt(float(np.median(cells.white_m2[kept])) + cells.excess_m**2)
+    return ARC * TUKEY * spread_m / math.sqrt(3.0)
 
 
 def _tyre_runout(found: WheelFit) -> UncertaintyComponent:

@@ -23,6 +23,8 @@ APEX = (0.3, 0.85)  # of the way from there to the tyre's radius: 0.45 to 0.74 o
 RIM_M = 0.045  # of the rim inside its flange's edge that is of revolution
 CREST_M = 0.0008  # of it outside the edge, before it falls away to the tyre
 BESIDE_M = (0.01, 0.03)  # of the side wall, beyond the groove
+DEEP = 0.08  # of the tyre's radius: no tyre bulges as far over its flange's edge
+WALL_RADIUS_M = 0.08  # of a side wall's curve beside the tyre's widest ring
 ROUND = 0.6  # of a ring's cells at one height
 INCH_M, FLANGE_HEIGHT_M, SIZE_M = 0.0254, 0.0130, 0.012
 
@@ -52,16 +54,23 @@ class Flange:
         outer = max(self.edge_m, self.groove_m - self.noise_m)
         return self.edge_m - RIM_M, min(self.edge_m + CREST_M, outer)
 
+    @property
+    def rim_inch(self) -> float:
+        """Nominal diameter of a rim with such a flange."""
+        return 2.0 * (self.edge_m - FLANGE_HEIGHT_M) / INCH_M
+
 
 def find_flange(points_m: Array, fit: AxisFit, rim_inch: float | None) -> Flange | None:
     """Find the flange's edge: a ridge, and outside it a groove, beyond which the tyre rises.
 
     points_m: (N, 3) of the wheel. rim_inch: nominal diameter of the rim, if it is stated. Of
     several, the clearest. None where no groove is clear, and where one nearer to the axis is about
-    as clear: the outer one may be the tyre's, whose axis is not the rim's.
+    as clear: the outer one may be the tyre's, whose axis is not the rim's. Ridges DEEP below the
+    tyre's widest ring are spokes and ledges of the rim.
     """
     radius, height, u = _fine(points_m, fit)
     outer = _outer_m(fit)
+    widest_m = widest_ring(fit, (1.0 - WALL[1]) * outer)[1]
     width = float(radius[1] - radius[0])
     inside, outside = (max(2, round(reach / width)) for reach in (FLANGE_M, WALL_M))
     clear: list[Flange] = []
@@ -77,7 +86,9 @@ def find_flange(points_m: Array, fit: AxisFit, rim_inch: float | None) -> Flange
         sigmas = depth / max(float(np.hypot(u[i], u[other])), 1e-9)
         found = Flange(float(radius[edge]), float(radius[i]), sigmas, _wall_noise(fit, radius[i]))
         inside_tyre = WALL[0] * outer < outer - found.groove_m < WALL[1] * outer
-        if LEAST_M < depth < MOST_M and inside_tyre and _fits(found, rim_inch):
+        deep = widest_m - float(height[edge]) > DEEP * outer
+        own = not deep if rim_inch is None else _fits(found, rim_inch)
+        if LEAST_M < depth < MOST_M and inside_tyre and own:
             clear.append(found)
     best = max(clear, key=lambda one: one.clearness, default=None)
     if best is None or best.clearness < SIGMAS:
@@ -145,39 +156,44 @@ def _wall_noise(fit: AxisFit, groove_m: float) -> float:
     return float(np.median(known)) if len(known) else 0.0
 
 
-def _fits(flange: Flange, rim_inch: float | None) -> bool:
-    if rim_inch is None:
-        return True
-    expected = 0.5 * rim_inch * INCH_M + FLANGE_HEIGHT_M
-    return abs(flange.edge_m - expected) < SIZE_M
+def _fits(flange: Flange, rim_inch: float) -> bool:
+    return abs(flange.rim_inch - rim_inch) * 0.5 * INCH_M < SIZE_M
 
 
 def widest_ring(fit: AxisFit, inner_m: float) -> tuple[float, float]:
     """Return radius and height of the highest round ring outside inner_m: the tyre's widest.
 
-    NaN where none is seen.
+    Of rings that lie less than their noise below it, the highest is so by its noise: a parabola
+    through those over which a side wall falls by twice the noise. NaN where none is seen.
     """
     radius, height = fit.meridian.grid.radius_m, fit.meridian.height_m
     own = (fit.cells.kept >= ROUND) & (radius > inner_m) & np.isfinite(height)
-    return _crest(fit.meridian, own) if own.any() else (math.nan, math.nan)
+    if not own.any():
+        return math.nan, math.nan
+    noise_m = float(np.nanmedian(fit.cells.ring_u_m[own]))
+    return _crest(fit.meridian, own, math.sqrt(2.0 * WALL_RADIUS_M * 2.0 * noise_m))
 
 
 def edge_ring(fit: AxisFit, flange: Flange) -> tuple[float, float]:
     """Return radius and height of the flange's edge, its highest ring."""
     radius = fit.meridian.grid.radius_m
     own = np.isfinite(fit.meridian.height_m) & (np.abs(radius - flange.edge_m) < 0.006)
-    return _crest(fit.meridian, own)
+    return _crest(fit.meridian, own, 0.0)
 
 
-def _crest(meridian: Meridian, own: Mask) -> tuple[float, float]:
-    """Return the top of a parabola through the highest ring and its neighbours."""
-    radius, height = meridian.grid.radius_m, meridian.height_m
+def _crest(meridian: Meridian, own: Mask, reach_m: float) -> tuple[float, float]:
+    """Return the top of a parabola by the highest ring, its neighbours and those within reach.
+
+    The highest of several rings about as high is so by its noise.
+    """
+    radius, height, width = meridian.grid.radius_m, meridian.height_m, meridian.grid.width_m
     top = int(np.argmax(np.where(own, height, -np.inf)))
-    three = height[top - 1 : top + 2] if 0 < top < len(height) - 1 else np.zeros(0)
-    if len(three) < 3 or not np.isfinite(three).all():
+    off = radius - radius[top]
+    near = (np.abs(off) < 1.5 * width) | (own & (np.abs(off) < reach_m))
+    near &= np.isfinite(height)
+    if np.count_nonzero(near) < 3:
         return float(radius[top]), float(height[top])
-    bend = float(three[0] - 2.0 * three[1] + three[2])
-    aside = 0.5 * float(three[0] - three[2]) / bend if bend < 0.0 else 0.0
-    aside = float(np.clip(aside, -0.5, 0.5))
-    lift = -0.25 * float(three[0] - three[2]) * aside
-    return float(radius[top]) + aside * meridian.grid.width_m, float(height[top]) + lift
+    bend, slope, level = (float(one) for one in np.polyfit(off[near], height[near], 2))
+    most = 0.5 * max(width, reach_m)
+    aside = float(np.clip(-0.5 * slope / bend, -most, most)) if bend < 0.0 else 0.0
+    return float(radius[top]) + aside, level + (slope + bend * aside) * aside

@@ -15,7 +15,7 @@ from ..vehicle.vehicle import UP, Wheel, about
 from .brake import brake
 from .rim import edge_radius_m, rim
 from .runout import Wave, draw_wave
-from .tyre import flange_radius_m, tyre
+from .tyre import flange_radius_m, tyre, tyre_curve
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,11 @@ class DrawnWheel:
     def edge_m(self) -> float:
         """Radius of the flange's edge."""
         return edge_radius_m(self.body, self.form)
+
+    @property
+    def widest_m(self) -> float:
+        """Height of the tyre's widest ring over the flange's edge."""
+        return float(tyre_curve(self.body, self.form)[:, 1].max())
 
     @property
     def tilt_rad(self) -> tuple[float, float]:

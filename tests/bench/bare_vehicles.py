@@ -9,7 +9,7 @@ beams of the radius --spot in metres, by default without width. right: all four 
 mm and 1 degree of the truth; wrong: measured, but not that. Refused with a line of what was found
 are: option, right with a point near the vehicle's front; chosen, right with a point on each wheel,
 as an operator chooses it; lost, refused with that too. Angles against the rims' axes, minutes of
-arc. all: the kinds in turn. A scene takes 25 to 45 s of processor time; --keep DIR keeps the clouds
+arc. all: the kinds in turn. A scene takes 8 to 25 s of processor time; --keep DIR keeps the clouds
 of the scenes that were not right at once.
 """
 

@@ -39,15 +39,16 @@ def test_columns_are_the_derivatives_of_heights_about_a_moved_axis():
 
 
 def test_the_step_is_found_and_its_covariance_is_that_of_many_fits():
+    """It is the larger of two that scatter, so that it is too large on average, by half at most."""
     rng = np.random.default_rng(3)
     step = np.array([1e-3, -5e-4, 2e-4, 1e-4, *(1e-4 * rng.normal(size=8))])
     fits = [fit_cells(Heights(simulated(rng, step), COUNT), MERIDIAN, USED) for _ in range(60)]
-    off = np.stack([fit.step - step for fit in fits])
+    off = np.stack([fit.step - step for fit in fits])[:, :4]
     stated = np.mean([np.diag(fit.covariance) for fit in fits], axis=0)
     ratio = np.mean(off**2, axis=0) / stated
     assert np.all(np.abs(off.mean(axis=0)) < 4.0 * np.sqrt(stated / 60))
-    assert np.all(ratio[:4] < 1.0 + 4.0 * np.sqrt(2.0 / 60))
-    assert np.all(ratio[:4] > 0.3)
+    assert np.all(ratio < 1.0 + 4.0 * np.sqrt(2.0 / 60))
+    assert np.mean(ratio) > 0.6
 
 
 def test_a_part_that_is_not_round_is_rejected_and_waves_are_not_taken_for_tilt():

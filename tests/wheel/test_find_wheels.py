@@ -55,6 +55,11 @@ def test_the_outer_one_of_twin_wheels_counts():
     assert placed(find_wheels(points, None)) == [0, 1, 2, 3]
 
 
+def test_wheels_with_another_rim_than_the_stated_one_are_wheels():
+    rng = np.random.default_rng(9)
+    assert placed(find_wheels(vehicle_points(rng, CENTRES, LEVEL), 13.0)) == [0, 1, 2, 3]
+
+
 def test_all_wheels_that_stand_are_found_for_the_choice_of_four():
     rng = np.random.default_rng(2)
     six = [*CENTRES, (-1.1, -0.75, 0.32), (-1.1, 0.75, 0.32)]

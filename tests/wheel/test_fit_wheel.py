@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from tests.support.round_wheels import (
     EDGE_M,
@@ -20,6 +21,14 @@ from wheelplane.errors import NotMeasuredError
 from wheelplane.wheel.find_wheel import find_wheel
 from wheelplane.wheel.fit_wheel import fit_wheel
 
+# The outer one of a lorry's twin wheels, of 22.5 inches: the disc of its rim lies far behind.
+TWIN = np.array(
+    [(0.10, -0.160), (0.22, -0.155), (0.235, -0.12), (0.27, -0.03), (0.283, -0.012),
+     (0.290, -0.002), (0.2955, 0.0), (0.2985, -0.001), (0.3005, -0.005), (0.303, -0.009),
+     (0.308, -0.004), (0.33, 0.012), (0.37, 0.024), (0.41, 0.026), (0.45, 0.016),
+     (0.485, -0.010), (0.497, -0.030), (0.50, -0.070)]
+)  # fmt: skip
+
 
 def scene(seed, **given):
     rng = np.random.default_rng(seed)
@@ -28,9 +37,12 @@ def scene(seed, **given):
     return np.concatenate([wheel, door_points(rng, centre, direction)]), centre, direction
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_axis_and_centre_lie_within_their_uncertainty(seed):
-    points, centre, direction = scene(seed)
+@pytest.mark.parametrize(
+    ("seed", "meridian"), [*((seed, MERIDIAN) for seed in range(4)), (4, TWIN), (5, TWIN)]
+)
+def test_axis_and_centre_lie_within_their_uncertainty(seed, meridian):
+    as_dense = round(60_000 * (meridian[-1, 0] / MERIDIAN[-1, 0]) ** 2)
+    points, centre, direction = scene(seed, meridian=meridian, count=as_dense)
     found = fit_wheel(find_wheel(points), None)
     C = found.covariance
     assert found.method == "flange"
@@ -39,6 +51,18 @@ def test_axis_and_centre_lie_within_their_uncertainty(seed):
     along = (found.centre_m - centre) @ direction
     assert abs(along) < 4.0 * np.sqrt(direction @ C[3:, 3:] @ direction)
     assert np.sqrt(np.trace(C[:3, :3])) < np.radians(1.5 / 60.0)
+
+
+def test_a_rim_that_stands_out_and_is_not_the_stated_one_is_refused():
+    patch = find_wheel(scene(4)[0])
+    assert fit_wheel(patch, 17.5).method == "flange"
+    with pytest.raises(NotMeasuredError, match=r"14 inches has it, but that of a rim of 17\."):
+        fit_wheel(patch, 14.0)
+
+
+def test_a_stated_rim_is_believed_where_noise_hides_what_stands_out():
+    patch = find_wheel(scene(4, noise_m=0.003, count=15_000)[0])
+    assert fit_wheel(patch, 14.0).method == "tyre"
 
 
 def test_a_moved_wheel_gives_the_moved_result():
@@ -66,6 +90,25 @@ def test_without_a_flange_it_is_the_tyre_and_its_waves_count():
     assert np.sqrt(np.trace(runout.covariance[:3, :3])) > 0.5 * 0.0005 / 0.285
     assert angle_between(found.normal, direction) < np.radians(3.0 / 60.0)
     assert 0.005 < (found.centre_m - centre) @ direction < 0.015
+
+
+def test_a_bulge_that_noise_hides_is_in_the_uncertainty_of_a_tyre_s_level():
+    """9 mm high on a sixth of the circle, among 4 mm of noise: no cell shows it."""
+    smooth = MERIDIAN[(MERIDIAN[:, 0] < 0.228) | (MERIDIAN[:, 0] > 0.252)]
+    errors = []
+    for seed in range(8, 11):
+        points, centre, direction = scene(seed, meridian=smooth, noise_m=0.004)
+        local = points - centre
+        away = local - (local @ direction)[:, None] * direction
+        radius = np.linalg.norm(away, axis=1)
+        side = np.cross(direction, [0.3, 0.5, 0.8])
+        turn = np.arccos(np.clip(away @ side / radius / np.linalg.norm(side), -1.0, 1.0))
+        bulge = np.where(radius > 0.25, 0.009 * np.exp(-0.5 * (turn / 0.33) ** 2), 0.0)
+        found = fit_wheel(find_wheel(points + bulge[:, None] * direction), None)
+        assert found.method == "tyre"
+        u = np.sqrt(direction @ found.covariance[3:, 3:] @ direction)
+        errors.append(((found.centre_m - centre) @ direction - MERIDIAN[:, 1].max()) / u)
+    assert np.sum(np.square(errors)) < chi2.ppf(0.999, len(errors))
 
 
 def test_a_tyre_that_is_hidden_in_part_is_no_axis():
