@@ -95,6 +95,7 @@ def main() -> None:
     """Run the command; an error is one line: exit code 2 if a user can fix it, else 3."""
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ[variable] = "1"  # same bytes with any number of cores
+    os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # none is used: do not search for them
     for number in signals("SIGTERM", "SIGHUP"):
         if signal.getsignal(number) is signal.SIG_DFL:  # nohup ignores the latter
             signal.signal(number, _end)

@@ -16,7 +16,7 @@ from ..report.format.view import PAPER, AngleStyle, Convention, DigitStyle, read
 from ..report.json.measurement import to_json
 from ..report.text.report import detailed_report
 from ..report.text.tcgc_2013 import tcgc_2013_text
-from ..report.write import html_bytes, pdf_bytes, write_whole
+from ..report.write import ReportFiles, report_files, write_whole
 from ..units import AngleUnit, Azimuth, Coordinates, LengthUnit
 from ..vehicle import Axis
 from .options import (
@@ -164,10 +164,11 @@ def five_point(
     written = []
     if output:
         written.append(write_whole(output, detailed_report(measurement, conformity, view).encode()))
-    if html:
-        written.append(write_whole(html, html_bytes(measurement, conformity, options)))
-    if pdf:
-        written.append(write_whole(pdf, pdf_bytes(measurement, conformity, options)))
+    wanted = ReportFiles(html=html is not None, pdf=pdf is not None)
+    made = report_files(measurement, conformity, options, wanted)
+    for path, name in ((html, "report.html"), (pdf, "report.pdf")):
+        if path:
+            written.append(write_whole(path, made[name]))
     written += plot_to(plot, measurement, conformity, options)
     if as_json:
         click.echo(to_json(measurement, conformity, view.axis), nl=False)

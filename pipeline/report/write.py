@@ -60,10 +60,7 @@ def write_reports(
         "report.txt": detailed_report(measurement, conformity, view, options.before).encode(),
         "budget.svg": budget_svg(measurement, view.axis).encode(),
     }
-    if wanted.html:
-        files["report.html"] = html_bytes(measurement, conformity, options)
-    if wanted.pdf:
-        files["report.pdf"] = pdf_bytes(measurement, conformity, options)
+    files |= report_files(measurement, conformity, options, wanted)
     for result in measurement.wheels if wanted.pictures else ():
         png = face_png(result, measurement.frame)
         if png is not None:
@@ -82,24 +79,23 @@ def _earlier(folder: Path) -> set[Path]:
     return {folder / "report.html", folder / "report.pdf", *folder.glob("target-*.png")}
 
 
-def html_bytes(
-    measurement: Measurement, conformity: Conformity | None, options: ReportOptions
-) -> bytes:
-    """Return the HTML report."""
-    from .html.page import html_report
+def report_files(
+    measurement: Measurement,
+    conformity: Conformity | None,
+    options: ReportOptions,
+    wanted: ReportFiles,
+) -> dict[str, bytes]:
+    """Return the wanted forms of the report by file name. Raises MissingDependencyError."""
+    if not (wanted.html or wanted.pdf):
+        return {}
+    from .html.page import page_of, rendered
 
-    return html_report(measurement, conformity, options).encode()
-
-
-def pdf_bytes(
-    measurement: Measurement, conformity: Conformity | None, options: ReportOptions
-) -> bytes:
-    """Return the PDF report. Raises MissingDependencyError."""
-    from .html.page import html_report
-    from .html.pdf import pdf_report
-
-    page = html_report(measurement, conformity, options, still=True)
-    return pdf_report(page, hashlib.sha256(page.encode()).hexdigest()[:32])
+    page, files = page_of(measurement, conformity, options), {}
+    if wanted.html:
+        files["report.html"] = rendered(page).encode()
+    if wanted.pdf:
+        files["report.pdf"] = _printed(rendered(page, still=True))
+    return files
 
 
 def document_files(
@@ -111,11 +107,16 @@ def document_files(
     page = document_html(document, options.words, options.laboratory)
     files = {f"{stem}.html": page.encode(errors="backslashreplace")} if wanted.html else {}
     if wanted.pdf:
-        from .html.pdf import pdf_report
-
-        identifier = hashlib.sha256(page.encode(errors="backslashreplace")).hexdigest()[:32]
-        files[f"{stem}.pdf"] = pdf_report(page, identifier)
+        files[f"{stem}.pdf"] = _printed(page)
     return files
+
+
+def _printed(page: str) -> bytes:
+    """Return a page as PDF, whose identifier is a hash of the page."""
+    from .html.pdf import pdf_report
+
+    identifier = hashlib.sha256(page.encode(errors="backslashreplace")).hexdigest()[:32]
+    return pdf_report(page, identifier)
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> list[Path]:

@@ -26,25 +26,37 @@ from wheelplane.report.format.language import load_translations
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.html.page import ReportOptions, html_report
 from wheelplane.report.html.pdf import pdf_report
-from wheelplane.report.write import pdf_bytes
+from wheelplane.report.write import ReportFiles, report_files
 
 LABORATORY = Laboratory("Laboratório 7", ("Rua das Rodas 12",), "", ("Medido por", "Aprovado por"))
+
+
+def printed(language: str, laboratory: Laboratory) -> bytes:
+    dress = ReportOptions(load_translations(language), PAPER, laboratory)
+    wanted = ReportFiles(html=False, pdf=True)
+    return report_files(measured(1), None, dress, wanted)["report.pdf"]
 
 
 @pytest.fixture(scope="module")
 def made() -> bytes:
     pytest.importorskip("weasyprint")
-    return pdf_bytes(measured(1), None, ReportOptions(load_translations("pt"), PAPER, LABORATORY))
+    return printed("pt", LABORATORY)
 
 
 @pytest.mark.slow
 def test_same_measurement_same_bytes(made):
-    again = pdf_bytes(measured(1), None, ReportOptions(load_translations("pt"), PAPER, LABORATORY))
-    assert again == made
+    assert printed("pt", LABORATORY) == made
     assert made.startswith(b"%PDF-")
     assert b"/CreationDate" not in made
-    dress = ReportOptions(load_translations("en"), PAPER, replace(LABORATORY, name="Laboratory 7"))
-    assert pdf_bytes(measured(1), None, dress) != made
+    assert printed("en", replace(LABORATORY, name="Laboratory 7")) != made
+
+
+@pytest.mark.slow
+def test_both_forms_at_once_are_those_of_each_alone(made):
+    dress = ReportOptions(load_translations("pt"), PAPER, LABORATORY)
+    both = report_files(measured(1), None, dress, ReportFiles(pdf=True))
+    assert both["report.pdf"] == made
+    assert both["report.html"] == html_report(measured(1), None, dress).encode()
 
 
 @pytest.mark.skipif(not shutil.which("pdftotext"), reason="needs poppler")

@@ -42,15 +42,18 @@ def html_report(
     still: bool = False,
 ) -> str:
     """Return the page; still: without the 3D view, for print. Same measurement, same text."""
-    page = _page(measurement, conformity, dress)
-    if still:
-        page |= {"viewer": "", "scene": None}
-    return render("report.html", page)
+    return rendered(page_of(measurement, conformity, dress), still)
 
 
-def _page(
+def rendered(page: dict[str, Any], still: bool = False) -> str:
+    """Return the HTML of a page by its fields; still: as in `html_report`."""
+    return render("report.html", page | {"viewer": "", "scene": None} if still else page)
+
+
+def page_of(
     measurement: Measurement, conformity: Conformity | None, dress: ReportOptions
 ) -> dict[str, Any]:
+    """Return the fields of the page's template."""
     words, view = dress.words, dress.view
     writer = Writer(words, view)
     record = to_json(measurement, conformity, view.axis, dress.before).encode()

@@ -22,7 +22,7 @@ from ...report.json.stored import RECORD
 from ...report.json.validation import validation_json
 from ...report.text.report import detailed_report
 from ...report.validation import validation_report
-from ...report.write import ReportFiles, document_files, html_bytes, pdf_bytes, write_whole
+from ...report.write import ReportFiles, document_files, report_files, write_whole
 from ...validation import Comparison
 from ..files.stored import load, load_records
 from .comparing import COMPARISON
@@ -76,5 +76,5 @@ def _of_measurement(
         return json_text(tree | {"before": before_tree(measurement, before)}).encode()
     if kind == "txt":
         return detailed_report(measurement, conformity, view, before).encode()
-    wanted = html_bytes if kind == "html" else pdf_bytes
-    return wanted(measurement, conformity, options)
+    wanted = ReportFiles(html=kind == "html", pdf=kind == "pdf")
+    return report_files(measurement, conformity, options, wanted)[f"report.{kind}"]
