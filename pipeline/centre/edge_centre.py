@@ -18,7 +18,7 @@ from .edge.beam_direction import STEEPEST
 from .edge.beams import SIZE_M
 from .edge.fit_edge import Aim, Behind, EdgeFit, aimed, fit_edge, look_behind
 from .in_plane_rotation import PlaneRotation
-from .outline_fit import OutlineFit, check_outline, fit_outline, place_circle
+from .outline_fit import OutlineFit, check_alone, check_outline, fit_outline, place_circle
 from .target_view import TargetView
 
 OUTLINE_EDGE_M = 5e-4  # shift of an outline without background by the footprint (k = 1)
@@ -129,6 +129,7 @@ def _by_edge(
         edge_fit = None
     if edge_fit is None or model is None:
         fitted = fit_outline(face, outline, start)
+        check_alone(fitted, outline)
         begun = known or aim
         behind = look_behind(near, outline, config, start, begun.state if begun else None)
         grazing_m = _grazing(behind, config)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,9 @@ MIN_DIRECTIONS = 0.02  # least information on one axis, of that on the other
 LEAST_ON_CIRCLE, FEW_OUTSIDE = 0.4, 0.1  # of the extreme points, on the circle; beyond it
 STRAYS = 400  # points of a sector, of which one may lie anywhere
 OPPOSITE = 0.5  # of the edge that is reached beyond, as much opposite: of another size all round
+# Share of the sectors that an outline alone must reach more of.
+LEAST_ALONE = 0.4
+CORNER = 0.7  # of EROSION_M: uncertainty of the growth that corners alone leave
 UNEVEN_WAVES, UNEVEN = (2, 3), 9.5  # chi-square of 4 dof, 0.95
 UNEVEN_BY_GROWTH = 0.1  # their least amplitude: footprint and grid make some, too
 STEP_M = 1e-9
@@ -31,8 +34,9 @@ class OutlineFit:
     """An outline through the outermost points of a target: centre_m (2,), covariance_m2 (2, 2).
 
     rotation_noise: (3,) covariances of the rotation with the centre, and its variance.
-    growth_m: how much farther out than the outline its points lie, all round. excess_m: (K,) how
-    far outside that each of them lies; share: (K,) where along the outline, ascending.
+    growth_m: how much farther out than the outline its points lie, all round; growth_u_m: its
+    standard uncertainty. excess_m: (K,) how far outside that each of them lies; share: (K,) where
+    along the outline, ascending. seen: share of the outline's sectors that have points.
     """
 
     centre_m: Array
@@ -40,8 +44,10 @@ class OutlineFit:
     covariance_m2: Array
     rotation_noise: Array
     growth_m: float
+    growth_u_m: float
     excess_m: Array
     share: Array
+    seen: float = 1.0
 
     @property
     def is_uneven(self) -> bool:
@@ -83,7 +89,25 @@ def fit_outline(
         centre, rotation = fitted.centre_m, fitted.rotation_rad
         if float(np.abs(moved).max()) < STEP_M:
             break
-    return fitted
+    return replace(fitted, seen=len(edge) / count)
+
+
+def check_alone(fitted: OutlineFit, outline: Outline) -> None:
+    """Raise NotMeasuredError 'no-outline' where a surface that ends anywhere looks the same.
+
+    For an outline whose edges no background shows: the end of the scan, or of its crop, may be
+    taken for them. A larger surface has corners there; and little of an arc is that of any circle.
+    Edges opposite each other show how far in all of them lie, a corner does not.
+    """
+    corner = outline.shows_rotation and fitted.growth_u_m > CORNER * EROSION_M
+    if not corner and fitted.seen > LEAST_ALONE:
+        return
+    piece = "a corner" if corner else f"{fitted.seen:.0%} of the edge"
+    raise NotMeasuredError(
+        "no-outline",
+        f"no more than {piece} of {outline.description} is in the scan, and no background behind "
+        "it: scan more of it, or what is around it",
+    )
 
 
 def place_circle(face: Array, radius_m: float) -> Array | None:
@@ -214,6 +238,7 @@ def fit_edge_points(edge: Array, outline: Outline, centre: Array, rotation: floa
         covariance_m2=covariance[:2, :2],
         rotation_noise=covariance[2, :3],
         growth_m=float(state[3]),
+        growth_u_m=float(np.sqrt(covariance[3, 3])),
         excess_m=excess[order],
         share=closest.share[order],
     )

@@ -56,3 +56,30 @@ def test_without_a_background_it_is_placed_within_its_uncertainty_or_refused(cut
     except NotMeasuredError:
         off = 0.0
     assert off < 4.0
+
+
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(
+    ("shape", "setup", "keep"),
+    [
+        (
+            {"shape": "rectangle", "width": 0.25, "height": 0.25},
+            {"half_m": (0.125, 0.125)},
+            lambda u, v: (u < -0.01) & (v < -0.01),
+        ),
+        (
+            {"shape": "rectangle", "width": 0.25, "height": 0.25},
+            {"half_m": (0.125, 0.125)},
+            lambda u, v: u + v < -0.02,
+        ),
+        ({"shape": "disc", "diameter": 0.25}, {}, lambda u, v: (u < -0.02) & (np.abs(v) < 0.09)),
+        ({"shape": "disc", "diameter": 0.25}, {}, lambda u, v: u < -0.04),
+    ],
+    ids=["corner", "triangle", "boxed arc", "arc"],
+)
+def test_a_corner_or_a_little_of_an_arc_is_no_outline(shape, setup, keep, seed):
+    target = parse_target(shape, "a test")
+    cloud = make(Setup(spacing_m=0.002, background_m=None, keep=keep, **setup), seed)
+    with pytest.raises(NotMeasuredError) as refusal:
+        fit_target(find_target(cloud.points_m, target, CONFIG.segment, 0), target, CONFIG)
+    assert refusal.value.status in ("no-outline", "no-target")
