@@ -20,8 +20,7 @@ MIN_DIRECTIONS = 0.02  # least information on one axis, of that on the other
 LEAST_ON_CIRCLE, FEW_OUTSIDE = 0.4, 0.1  # of the extreme points, on the circle; beyond it
 STRAYS = 400  # points of a sector, of which one may lie anywhere
 OPPOSITE = 0.5  # of the edge that is reached beyond, as much opposite: of another size all round
-# Share of the sectors that an outline alone must reach more of.
-LEAST_ALONE = 0.4
+SHORT_ARC, MANY_OFF = 0.4, 0.2  # of the sectors; of their points, off the circle by SHORT_M
 CORNER = 0.7  # of EROSION_M: uncertainty of the growth that corners alone leave
 UNEVEN_WAVES, UNEVEN = (2, 3), 9.5  # chi-square of 4 dof, 0.95
 UNEVEN_BY_GROWTH = 0.1  # their least amplitude: footprint and grid make some, too
@@ -96,13 +95,17 @@ def check_alone(fitted: OutlineFit, outline: Outline) -> None:
     """Raise NotMeasuredError 'no-outline' where a surface that ends anywhere looks the same.
 
     For an outline whose edges no background shows: the end of the scan, or of its crop, may be
-    taken for them. A larger surface has corners there; and little of an arc is that of any circle.
-    Edges opposite each other show how far in all of them lie, a corner does not.
+    taken for them. A larger surface has corners there, whose edges do not show how far in they all
+    lie, as opposite edges do; and a little of an arc that does not fit well is that of any circle.
     """
-    corner = outline.shows_rotation and fitted.growth_u_m > CORNER * EROSION_M
-    if not corner and fitted.seen > LEAST_ALONE:
+    off = float(np.mean(np.abs(fitted.excess_m) > SHORT_M))
+    doubtful = abs(fitted.growth_m) > 2.0 * EROSION_M or off > MANY_OFF
+    if outline.shows_rotation and fitted.growth_u_m > CORNER * EROSION_M:
+        piece = "a corner"
+    elif doubtful and fitted.seen < SHORT_ARC:
+        piece = f"{fitted.seen:.0%} of the edge"
+    else:
         return
-    piece = "a corner" if corner else f"{fitted.seen:.0%} of the edge"
     raise NotMeasuredError(
         "no-outline",
         f"no more than {piece} of {outline.description} is in the scan, and no background behind "
