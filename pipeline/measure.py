@@ -33,6 +33,7 @@ from .measurement import (
     Provenance,
     VerticalKind,
     align,
+    broken,
     find_verticals,
     noisy,
     not_as_registered,
@@ -79,7 +80,8 @@ def measure_capture(
     origin = provenance_of_capture(capture, config, observations, naming)
     of_scans = [note for observation in observations for note in observation.notes]
     noted = [*of_scans, *noisy(observations, config.instrument)]
-    noted += [*rounded(observations), *thinned(observations), *shaded(observations)]
+    noted += [*rounded(observations), *thinned(observations)]
+    noted += [*shaded(observations), *broken(observations)]
     noted += [*not_as_registered(observations), *not_printed(observations)]
     noted += not_as_thick(observations)
     verticals = find_verticals(capture.verticals, vertical, capture.source)

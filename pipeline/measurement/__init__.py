@@ -6,6 +6,7 @@ from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
 from .observe import (
     Fit,
+    broken,
     find_searched,
     noisy,
     not_as_registered,
@@ -112,6 +113,7 @@ __all__ = [
     "align",
     "angle_rad",
     "assess",
+    "broken",
     "by_name",
     "check_by_monte_carlo",
     "conforms",

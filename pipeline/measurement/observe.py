@@ -34,6 +34,18 @@ THINNED = (
     "is in the uncertainty, as a component of its own; export without voxel thinning, or thin at "
     "random."
 )
+BROKEN = {
+    "step": (
+        "The target's face has a step along a line, by {sizes}: its plane is that of all points, "
+        "and what the step tilts it by is in the uncertainty (flatness). Look for a label, dirt or "
+        "damage on it, or for another surface that adjoins it."
+    ),
+    "bend": (
+        "The target's face is bent along a line, so that its edge is lifted by {sizes}: its plane "
+        "is that of all points, and what the bend tilts it by is in the uncertainty (flatness). "
+        "Straighten or replace it."
+    ),
+}
 SHADED = (
     "Ranges follow brightness: bright parts of the target lie nearer to the scanner than its dark "
     "ones, across its plane, by {sizes}. This is fitted with the plane and removed; a target of "
@@ -259,6 +271,20 @@ def shaded(observations: Sequence[Observation]) -> Iterator[str]:
             sizes.append(Wording("{size} mm ({name})", size=size, name=observation.name))
     if sizes:
         yield Wording(SHADED, sizes=", ".join(sizes))
+
+
+def broken(observations: Sequence[Observation]) -> Iterator[str]:
+    """Yield a note on targets whose face has a step, and on those that are bent, with sizes."""
+    sizes: dict[str, list[str]] = {}
+    for observation in observations:
+        plane = observation.evidence.plane if observation.evidence else None
+        found = plane.broken if plane else None
+        if found is not None and found.is_noted:
+            size = f"{found.height_m * 1e3:+.2f}"
+            named = Wording("{size} mm ({name})", size=size, name=observation.name)
+            sizes.setdefault(found.kind, []).append(named)
+    for kind, several in sizes.items():
+        yield Wording(BROKEN[kind], sizes=", ".join(several))
 
 
 def not_as_registered(observations: Sequence[Observation]) -> Iterator[str]:

@@ -44,7 +44,8 @@ class CorrelatedNoise:
     covariance: (3, 3) of the plane's height (m) at the centroid and its slopes along u and v, by
     this noise; (3 + K, 3 + K) where K columns more were fitted to the cells. form_covariance: the
     same by longer waves. dof: degrees of freedom of the estimate. white_sigma_m: of the noise
-    within a cell: the independent part and some of the correlated.
+    within a cell: the independent part and some of the correlated. gain: in log-likelihood over
+    independent noise, at most.
     """
 
     sigma_m: float
@@ -53,6 +54,7 @@ class CorrelatedNoise:
     form_covariance: Array
     dof: float
     white_sigma_m: float
+    gain: float = 0.0
 
     @property
     def of_plane(self) -> CorrelatedNoise:
@@ -137,6 +139,7 @@ def correlated_noise(
         form_covariance=form,
         dof=_dof(fields, fits, belief),
         white_sigma_m=math.sqrt(float(belief @ [field.white_variance for field in fields])),
+        gain=float(gain.max()),
     )
 
 

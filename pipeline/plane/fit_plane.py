@@ -20,8 +20,8 @@ from .correlated_noise import (
     CorrelatedNoise,
     cells_across,
     cells_of,
-    correlated_noise,
 )
+from .face_break import FaceBreak, noise_and_break
 from .patch import Patch
 from .rounded_plane import fit_rounded
 from .scan_lines import cells_along_lines
@@ -63,7 +63,8 @@ class PlaneFit:
     converged. correlated: noise correlated from point to point, from the residuals. rounding: of
     the coordinates, None where it does not matter. brightness: what ranges follow of it, None where
     none was fitted; the plane is that of the mean brightness. thinning: on a
-    voxel lattice, whose pull was removed; None without.
+    voxel lattice, whose pull was removed; None without. broken: step or bend of the face, which
+    counts in the form of `correlated`; None where none is likely.
     """
 
     centroid_m: Array
@@ -77,6 +78,7 @@ class PlaneFit:
     rounding: Rounding | None = None
     brightness: RangeByBrightness | None = None
     thinning: Thinning | None = None
+    broken: FaceBreak | None = None
 
     @property
     def normal(self) -> Array:
@@ -158,7 +160,7 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
     plane, rms = fit.plane, _rms(fit)
     cells = shaded.cells if shaded else cells_of(plane.residual_sums(), across, fit.side_m)
     lined = _along_lines(patch, region, fit, shaded)
-    correlated = correlated_noise(cells, radius, rms, resolution, lined).of_plane
+    correlated, broken = noise_and_break(cells, radius, rms, resolution, lined)
     white = _white_variance(plane.sigma_m, correlated)
     return PlaneFit(
         centroid_m=patch.origin_m + fit.centroid_m,
@@ -172,6 +174,7 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
         rounding=_as_noise(patch.steps, fit, correlated),
         brightness=None if shaded is None else shaded.found(white),
         thinning=None if pull is None else pull.thinning(fit.centroid_m, fit.basis),
+        broken=broken,
     )
 
 
@@ -290,6 +293,7 @@ def _by_steps(
     first = basis[0] - (basis[0] @ normal) * normal
     first /= np.linalg.norm(first)
     noise = found.sigma_m**2 * _covariance(count, scatter)
+    correlated, broken = noise_and_break(cells, radius_m, found.rms_m, resolution_m)
     return PlaneFit(
         centroid_m=patch.origin_m + np.append(mean, height) @ basis,
         basis=np.stack([first, np.cross(normal, first), normal]),
@@ -298,10 +302,11 @@ def _by_steps(
         scatter_m2=scatter,
         count=count,
         iterations=fit.iterations,
-        correlated=correlated_noise(cells, radius_m, found.rms_m, resolution_m),
+        correlated=correlated,
         rounding=Rounding(
             steps, step_m, found.sigma_m, at_mean @ found.covariance @ at_mean.T - noise
         ),
+        broken=broken,
     )
 
 
