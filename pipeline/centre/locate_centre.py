@@ -56,7 +56,8 @@ class TargetFit:
     plane_rms_m: over the points of the plane.
     method: 'rim' from the edge fit, 'outline' from the points alone, 'hole' or 'holes' from the
     edges of holes, 'pattern' from what is printed, 'combined' from several of these, which `others`
-    then lists; 'points' from five points. marker_ids: of the markers that were found; wheel: that
+    then lists; 'points' from five points; of a bare wheel what its axis is that of, 'flange' of the
+    rim or 'tyre'. marker_ids: of the markers that were found; wheel: that
     they name. turn: in-plane rotation; None of a disc or a ring, which show none. bulge_m: of a
     bare wheel by its flange, how far the tyre's widest ring stands out over the flange's edge.
     print_missed: why the target's print was not used; None where it was, or there is none.
@@ -77,6 +78,11 @@ class TargetFit:
     bulge_m: float | None = None
     print_missed: Literal["no-intensity", "not-found"] | None = None
     stations: StationSpread | None = None
+
+    @property
+    def is_bare_wheel(self) -> bool:
+        """Whether the wheel itself was measured, with nothing mounted on it."""
+        return self.method in ("flange", "tyre")
 
     def sight_m(
         self, distance_m: float, scanner_m: Array | None, plane: PlaneFit | None = None

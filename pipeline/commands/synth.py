@@ -115,10 +115,6 @@ def synth(
             "--machine with --whole: it reads trials, which are scans of single wheels: leave one "
             "of them out"
         )
-    if names_of_targets(target)[1]:
-        raise click.UsageError(
-            "--target of single wheels with --whole: leave --whole out, or give all one target"
-        )
     files = (vehicle, scanner, target)
     settings = {"form": whole, "points": None if points is None else round(points)}
     made = _make(

@@ -143,10 +143,11 @@ def _of_one_vehicle(
         )
     (line,) = lines
     if line.ends is None:
+        point = "add --front-point X,Y,Z near the front, or " if near_front_m is None else ""
         raise InputError(
             f"{_count(len(targets))} found, on axles ({_sets([line.axles])}) that do not show "
-            f"which two are one vehicle's: {listed(targets)}: add --front-point X,Y,Z near "
-            "the front, or choose the four by --hint RR=X,Y,Z and so on"
+            f"which two are one vehicle's: {listed(targets)}: {point}choose the four by --hint "
+            "RR=X,Y,Z and so on"
         )
     return line.ends, tuple(sorted(line.targets - {*line.ends[0], *line.ends[1]}))
 

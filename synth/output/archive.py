@@ -204,7 +204,6 @@ def _used(
 ) -> dict[str, Any]:
     return {
         "target": kit.target.stated,
-        **_clamped(kit),
         "axles": car.axles.model_dump(),
         "placement": car.placement.model_dump(),
         "body": car.body.model_dump(),
@@ -217,9 +216,3 @@ def _used(
         },
         "scans": scans,
     }
-
-
-def _clamped(kit: Instruments) -> dict[str, Any]:
-    """Return the targets of single wheels, if there are any."""
-    stated = {wheel: one.stated for wheel, one in kit.clamped.items()}
-    return {"targets": stated} if stated else {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from ..scanner.lattice import Preview, draw_lattice, preview_scene
 from ..scanner.panorama import scan_rows
 from ..scanner.stations import Station, draw_misplacement
 from ..scene.site import Site, draw_site
-from ..vehicle.vehicle import WHEELS, draw_vehicle
+from ..vehicle.vehicle import WHEELS, Wheel, draw_vehicle
 from .cloud_files import Cloud, PlyCloud
 from .e57 import E57Cloud
 from .files import five_point_text
@@ -44,14 +44,16 @@ def write_whole(
     target: Path,
     form: str = "ply",
     points: int | None = None,
+    targets: Mapping[str, Path] | None = None,
     progress: Callable[[str], None] = _silent,
 ) -> Truth:
     """Write the folder `out`, all of it or nothing, and return its truth.
 
     vehicle, scanner, target: parameter files; form: one of FORMS; points: of the cloud, within 1 or
-    2 %, instead of the scanner file's. `progress` is called with each station when it is written.
-    Vehicle, targets and five points are those of the wheel scans of the same seed. The same
-    arguments give the same bytes. Raises SynthError.
+    2 %, instead of the scanner file's; targets: those of single wheels, where others are bare.
+    `progress` is called with each station when it is written. Vehicle, targets and five points are
+    those of the wheel scans of the same seed. The same arguments give the same bytes. Raises
+    SynthError.
     """
     check_seed(seed)
     _check(form, points)
@@ -60,7 +62,7 @@ def write_whole(
     vehicle_rng, instruments_rng, survey_rng, *wheel_rngs = (
         np.random.default_rng(child) for child in seeds
     )
-    kit = draw_instruments(vehicle, scanner, target, instruments_rng)
+    kit = draw_instruments(vehicle, scanner, target, instruments_rng, targets)
     if kit.sensor.kind != "laser-scanner":
         raise SynthError(
             f"{scanner}: sensor.kind '{kit.sensor.kind}' scans wheel by wheel; leave --whole out, "
@@ -78,14 +80,15 @@ def write_whole(
         with closing(E57Cloud(file, seed) if form == "e57" else PlyCloud(file)) as cloud:
             scans = _write_scans(site, kit, seed, cloud, progress)
         position_m = draw_position(car, kit.total_station, survey_rng)
-        targets = [mounted.pose for mounted in site.mounted]
-        rows = measure_five(car, targets, kit.total_station, position_m, survey_rng)
+        poses = {one.wheel.name: one.pose for one in (*site.mounted, *site.shown)}
+        rows = measure_five(car, list(poses.values()), kit.total_station, position_m, survey_rng)
         write_text(folder / "five-point.txt", five_point_text(rows))
         wheels = tuple(mounted.wheel for mounted in site.mounted)
         used = {"file": file.name, **_used(site, kit, scans, position_m)}
         face = None if isinstance(kit.target, BareWheelFile) else kit.target
         truth = Truth(seed, car, wheels, used, target=face)
-        truth = truth.with_rims({name: one.mount for name, one in site.bare.items()})
+        shown = tuple(_clamped(site, wheel) for wheel in wheels)
+        truth = truth.with_rims({name: one.mount for name, one in site.bare.items()}, shown)
         write_text(folder / "truth.json", json.dumps(truth.to_json(), indent=1) + "\n")
         return truth
 
@@ -136,7 +139,8 @@ def _write_station(
     stream = (seed, station.number)
     target_m = site.nearest_target_m(station)
     grid = draw_lattice(site.panorama, site.middle_m(station), step_rad, stream)
-    on_targets = np.zeros(len(WHEELS) + 1, dtype=np.int64)
+    names = ("", *(one.wheel.name for one in site.shown))
+    on_targets = np.zeros(len(names), dtype=np.int64)
     rng = np.random.default_rng([seed, REGISTRATION, station.number])
     misplaced = draw_misplacement(kit.registration, rng)
     for block in scan_rows(
@@ -150,7 +154,7 @@ def _write_station(
         calibration=kit.calibration,
     ):
         cloud.add(misplaced.of(block.points_station_m), block.intensity)
-        on_targets += np.bincount(block.target + 1, minlength=len(on_targets))
+        on_targets += np.bincount(block.target + 1, minlength=len(names))
     return {
         "station": station.number,
         "station_m": station.position_site_m.tolist(),
@@ -158,9 +162,16 @@ def _write_station(
         "step_rad": grid.step_rad,
         "beams": grid.beams,
         "points": int(on_targets.sum()),
-        "points_on_target": dict(zip(WHEELS, on_targets[1:].tolist(), strict=True)),
+        "points_on_target": dict.fromkeys(WHEELS, 0)
+        | dict(zip(names[1:], on_targets[1:].tolist(), strict=True)),
         **misplaced.to_json(),
     }
+
+
+def _clamped(site: Site, wheel: Wheel) -> dict[str, Any]:
+    """Return the target before a bare wheel, if there is one."""
+    one = site.clamped.get(wheel.name)
+    return one.to_json(site.vehicle, wheel, site.bare[wheel.name]) if one else {}
 
 
 def _used(

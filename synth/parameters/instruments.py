@@ -48,10 +48,11 @@ class Instruments:
     clamped: Mapping[str, TargetFile] = field(default_factory=dict)
 
     def stated(self) -> dict[str, Any]:
-        """Return what the scanner file states of the optional tables, ready for JSON."""
+        """Return what files state that may be left out, ready for JSON."""
+        own = {wheel: one.stated for wheel, one in self.clamped.items()}
         names = ("surfaces", "sensor", "calibration", "registration")
         tables = {name: getattr(self, name).model_dump(exclude_unset=True) for name in names}
-        return {name: table for name, table in tables.items() if table}
+        return {name: table for name, table in ({"targets": own} | tables).items() if table}
 
 
 def draw_instruments(

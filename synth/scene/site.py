@@ -19,6 +19,7 @@ from ..vehicle.body import body_solids
 from ..vehicle.turning import draw_turning
 from ..vehicle.vehicle import FORWARD, WHEELS, Vehicle, draw_wheel
 from ..wheel.bare_wheel import DrawnWheel
+from ..wheel.clamp import Clamped, draw_clamped
 from ..wheel.others import COARSE, other_wheels
 from ..wheel.scan import draw_bare_wheels, surfaces_of
 from .bay import bay_solids, ground_solids
@@ -36,8 +37,8 @@ class Site:
     """A vehicle with its targets, in the order of WHEELS, the bay about it, the stations.
 
     solids: in vehicle coordinates. hidden: fraction of each target's face behind a board, from the
-    station at its corner. bare: the wheels themselves, by name, where nothing is mounted; then the
-    mounts are those of their rims.
+    station at its corner. bare: the wheels themselves, by name, where not all show a target; then
+    the mounts are those of their rims. clamped: the targets before single ones of these wheels.
     """
 
     vehicle: Vehicle
@@ -48,6 +49,15 @@ class Site:
     panorama: Panorama
     surfaces: Surfaces
     bare: Mapping[str, DrawnWheel] = field(default_factory=dict)
+    clamped: Mapping[str, Clamped] = field(default_factory=dict)
+
+    @cached_property
+    def shown(self) -> Sequence[Mounted]:
+        """Targets in the site, in the order of WHEELS; none before bare wheels."""
+        if not self.bare:
+            return self.mounted
+        wheels = [one.wheel for one in self.mounted if one.wheel.name in self.clamped]
+        return [self.clamped[one.name].mounted(one, self.bare[one.name]) for one in wheels]
 
     def scene(self, station: Station) -> Scene:
         """Return the scene of a station."""
@@ -60,8 +70,7 @@ class Site:
     @cached_property
     def _scene(self) -> Scene:
         """Scene in the axes of the site, the origin that of the vehicle."""
-        mounted = () if self.bare else self.mounted
-        scene = seen_from(np.zeros(3), self.solids, mounted, self.vehicle, self.surfaces)
+        scene = seen_from(np.zeros(3), self.solids, self.shown, self.vehicle, self.surfaces)
         if not self.bare:
             return scene
         form = next(iter(self.bare.values())).form
@@ -96,19 +105,21 @@ def draw_site(
     """Draw a site. wheel_rngs: one per wheel. points: instead of those of the scanner file."""
     _refuse_turning(kit, seed)
     bare = draw_bare_wheels(vehicle, kit, seed)
-    mounted = []
+    mounted, clamped = [], {}
     for name, wheel_rng in zip(WHEELS, wheel_rngs, strict=True):
         wheel = draw_wheel(vehicle, kit.vehicle_recipe, name, wheel_rng)
         mount = draw_mount(kit.target, wheel_rng)
         mount = bare[name].mount if bare else mount
         mounted.append(Mounted(wheel, mount, kit.target))
+        if name in kit.clamped:
+            clamped[name] = draw_clamped(kit.clamped[name], wheel_rng)
     rng = np.random.default_rng([seed, SURROUNDINGS])
     panorama = kit.scanner_recipe.draw("panorama", Panorama, rng)
     if points is not None:
         panorama = panorama.model_copy(update={"points": points})
     stations = draw_stations(vehicle, mounted, panorama.stations, kit.scanner_recipe, rng)
     wheels = [one.wheel for one in mounted]
-    solids = [solid for one in mounted for solid in _on_wheel(vehicle, one, bare)]
+    solids = [solid for one in mounted for solid in _on_wheel(vehicle, one, bare, clamped)]
     solids += body_solids(vehicle, wheels)
     kind = kit.vehicle_recipe.draw("site", SiteKind, rng)
     solids += bay_solids(vehicle, rng) if kind.kind == "bay" else ground_solids(vehicle)
@@ -120,18 +131,26 @@ def draw_site(
             solid = draw_board(kit.target, station_m, board.occluded_fraction, rng)
             solids.append(solid.placed(one.wheel.T_vehicle_target))
     shares = [board.occluded_fraction for board in hidden]
-    return Site(vehicle, mounted, solids, stations, shares, panorama, kit.surfaces, bare)
+    seen = (stations, shares, panorama, kit.surfaces)
+    return Site(vehicle, mounted, solids, *seen, bare, clamped)
 
 
 def _on_wheel(
-    vehicle: Vehicle, mounted: Mounted, bare: Mapping[str, DrawnWheel]
+    vehicle: Vehicle,
+    mounted: Mounted,
+    bare: Mapping[str, DrawnWheel],
+    clamped: Mapping[str, Clamped],
 ) -> Sequence[Solid]:
     """Build a wheel with its target, or the wheel itself, in vehicle coordinates."""
     wheel = mounted.wheel
     if not bare:
         return mounted.solids(vehicle.body)
-    own = bare[wheel.wheel].solids(wheel, coarse=COARSE)
-    return [solid.placed(wheel.T_vehicle_target) for solid in own]
+    drawn = bare[wheel.name]
+    own = drawn.solids(wheel, coarse=COARSE)
+    solids = [solid.placed(wheel.T_vehicle_target) for solid in own]
+    if wheel.name in clamped:
+        solids += clamped[wheel.name].before(wheel, drawn)
+    return solids
 
 
 def _refuse_turning(kit: Instruments, seed: int) -> None:

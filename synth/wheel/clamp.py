@@ -38,7 +38,12 @@ class Clamped:
         pose = wheel.T_vehicle_target @ drawn.T_wheel_rim @ before
         return Mounted(replace(wheel, T_vehicle_target=pose), self.mount, self.target)
 
-    def solids(self, edge_m: float) -> list[Solid]:
+    def before(self, wheel: Wheel, drawn: DrawnWheel) -> list[Solid]:
+        """Build target and clamp before `wheel`, in vehicle coordinates."""
+        pose = self.mounted(wheel, drawn).pose.T_vehicle_target
+        return [solid.placed(pose) for solid in self._solids(drawn.edge_m)]
+
+    def _solids(self, edge_m: float) -> list[Solid]:
         """Build target and clamp in the target's coordinates; edge_m: radius of the flange."""
         back, inner = -self.target.thickness, self.target.open_m[0]
         behind = back - PLATE_M

@@ -63,8 +63,7 @@ def bare_scene(
     solids = [solid.placed(wheel.T_vehicle_target) for solid in own]
     mounted = [clamped.mounted(wheel, drawn)] if clamped else []
     if clamped:
-        pose = mounted[0].pose.T_vehicle_target
-        solids += [solid.placed(pose) for solid in clamped.solids(drawn.edge_m)]
+        solids += clamped.before(wheel, drawn)
     solids += around(vehicle, wheel)
     scene = seen_from(station_vehicle_m, solids, mounted, vehicle)
     return replace(scene, optics=optics_of(solids, surfaces_of(drawn.form)))

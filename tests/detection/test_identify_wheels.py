@@ -239,7 +239,12 @@ def test_axles_that_do_not_show_which_two_are_refused():
         assert {i for one in axles.ends for i in one} == set(own)
     with pytest.raises(InputError, match=undecided):
         find_axles(lorry, RADIUS_M, near_front_m=np.array([2.4, 0.1, 0.5]))
-    assert undecided in refusal([*axle(0.0), *axle(1.3), *axle(2.6)])  # of a trailer alone
+    trailer = [*axle(0.0), *axle(1.3), *axle(2.6)]  # alone
+    assert "add --front-point X,Y,Z near the front, or choose the four" in refusal(trailer)
+    with pytest.raises(InputError, match=undecided) as refused:  # nor does a point decide
+        find_axles(trailer, RADIUS_M, near_front_m=np.array([3.5, 0.1, 0.5]))
+    assert "front-point" not in str(refused.value)
+    assert "choose the four by --hint RR=X,Y,Z" in str(refused.value)
     for lost in (2, 3):  # the nearer of two rear axles, of which one wheel is not found
         faces = [one for i, one in enumerate([*axle(0.0), *axle(1.1), *axle(4.0)]) if i != lost]
         assert undecided in refusal(faces)

@@ -286,8 +286,42 @@ def test_sweeps_and_run_outs_have_their_tables():
     swept(made, "FL", 0.08, 0.2, np.radians([-20.0, 0.0, 20.0]))
     rolled(made, "RR", np.radians([0.0, 180.0]))
     read = stated(made.measure(), language="pt").words
-    for key in ("turned.kingpins", "turned.runouts", "turned.caster", "turned.axial"):
+    for key in ("turned.kingpins", "turned.caster", "turned.axial"):
         assert PT(key) in read
+    assert PT("turned.runouts", shown=PT("turned.shown_targets")) in read
+
+
+def with_bare(measurement, wheels_shown):
+    """The measurement as if the scans of these wheels had shown them bare, by their flanges."""
+    wheels = []
+    for wheel in measurement.wheels:
+        seen = wheel.observation
+        if seen.wheel in wheels_shown:
+            target = replace(seen.evidence.target, method="flange")
+            seen = replace(seen, evidence=replace(seen.evidence, target=target))
+        wheels.append(replace(wheel, observation=seen))
+    return replace(measurement, wheels=tuple(wheels))
+
+
+@pytest.mark.parametrize(
+    ("bare", "shown"),
+    [((), "targets"), (("RR",), "both"), (("RR", "RL", "FR", "FL"), "bare")],
+)
+def test_bare_wheels_have_no_target_s_method_points_or_run_outs(bare, shown):
+    made = Scene(seed=3).references()
+    rolled(made, "RR", np.radians([0.0, 180.0]))
+    rolled(made, "FL", np.radians([0.0, 180.0]))
+    found = with_bare(made.measure(), bare)
+    assert len(found.runouts) == 2
+    for words in (EN, PT):
+        read = stated(found, language=words.language).words
+        is_bare, has_targets = shown != "targets", shown != "bare"
+        assert (words("conventions.bare_method") in read) == is_bare
+        assert (words("conventions.scan_method") in read) == has_targets
+        assert (words("wheel.points_bare") in read) == is_bare
+        assert (words("wheel.points") in read) == has_targets
+        title = words("turned.runouts", shown=words(f"turned.shown_{shown}"))
+        assert title in read
 
 
 def test_a_monte_carlo_check_is_reported():

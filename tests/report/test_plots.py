@@ -21,7 +21,14 @@ from wheelplane.report.format.language import LANGUAGES, load_translations
 from wheelplane.report.format.view import PAPER
 from wheelplane.report.plots.angle_chart import angles_text
 from wheelplane.report.plots.angles import angles_drawing, tick_text
-from wheelplane.report.plots.budget import BAR, wheel_budget
+from wheelplane.report.plots.budget import (
+    BAR,
+    COLOURS,
+    HEAD,
+    SWATCH,
+    bars_drawing,
+    wheel_budget,
+)
 from wheelplane.report.plots.drawing import (
     CircleMark,
     Dots,
@@ -409,3 +416,16 @@ def test_a_line_beyond_the_axes_is_not_drawn():
     chart.line((-1.0, 2.0), (1.0, 3.0), GREEN)
     chart.line((0.0, 2.0), (0.0, 3.0), GREEN)
     assert chart.marks == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_no_text_of_a_budgets_legend_runs_into_the_next(language):
+    words, font = load_translations(language), cv2.FontFace("sans")
+    drawing = bars_drawing((), tuple(COLOURS), words, "")
+    named = {words.known("cause", component) for component in COLOURS}
+    texts = [m for m in drawing.marks if isinstance(m, Text) and m.text in named and m.y >= HEAD]
+    assert len(texts) == len(COLOURS)
+    for one, after in itertools.pairwise([*texts, texts[0]]):
+        width = cv2.getTextSize((0, 0), one.text, (0, 0), font, 12, 400)[2]
+        ends = after.x - SWATCH if after.y == one.y else drawing.width
+        assert one.x + width < ends

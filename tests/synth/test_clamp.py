@@ -1,13 +1,16 @@
 """Targets clamped before real wheels: planted mountings, and what is written."""
 
+import json
 import tomllib
 
 import numpy as np
 import pytest
 
 from tests.support.bare_wheels import draw_bay
-from tests.support.mixed import DISC, disc_file, write_mixed
+from tests.support.made import IDEAL, read_ply
+from tests.support.mixed import BARE, DISC, WHEEL, disc_file, write_mixed
 from wheelplane_synth.errors import SynthError
+from wheelplane_synth.output.whole import write_whole
 from wheelplane_synth.parameters.target_file import read_target
 from wheelplane_synth.wheel.clamp import draw_clamped
 from wheelplane_synth.wheel.scan import rim_axis
@@ -61,7 +64,6 @@ def test_what_is_written_names_the_targets_and_their_truth(tmp_path):
 
 def test_targets_of_single_wheels_need_a_bare_wheel_among_them(tmp_path):
     from tests.support.made import DEFAULT
-    from tests.support.mixed import BARE
     from wheelplane_synth.output.archive import write_capture
 
     with pytest.raises(SynthError, match="none of which is a bare wheel"):
@@ -69,3 +71,25 @@ def test_targets_of_single_wheels_need_a_bare_wheel_among_them(tmp_path):
             tmp_path / "car", seed=1, vehicle=BARE, scanner=DEFAULT, target=DISC,
             targets={"RR": disc_file(tmp_path)},
         )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_one_cloud_shows_the_targets_of_single_wheels_where_the_wheel_scans_do(tmp_path):
+    targets = {"RL": disc_file(tmp_path), "FR": DISC}
+    alone = write_mixed(tmp_path / "car", targets, spacing_m=0.02)
+    write_whole(tmp_path / "whole", seed=1, vehicle=BARE, scanner=IDEAL, target=WHEEL,
+                targets=targets, points=300_000)  # fmt: skip
+    truth = json.loads((tmp_path / "whole" / "truth.json").read_text(encoding="utf-8"))
+    assert truth["wheels"] == alone["wheels"]
+    assert truth["used"]["targets"] == alone["used"]["targets"]
+    points, _ = read_ply(tmp_path / "whole" / "vehicle.ply")
+    for wheel, scan in zip(truth["wheels"], truth["used"]["scans"], strict=True):
+        name = wheel["name"]
+        assert (scan["points_on_target"][name] > 0) == (name in targets)
+        if name in targets:
+            shown = wheel["clamped_target"]
+            off = points - shown["centre_m"]
+            near = off[np.linalg.norm(off, axis=1) < 0.1]
+            on_face = np.abs(near @ shown["normal"]) < 1e-6
+            seen = sum(one["points_on_target"][name] for one in truth["used"]["scans"])
+            assert 0.4 * seen < np.count_nonzero(on_face) < 0.9 * seen

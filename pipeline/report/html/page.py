@@ -115,10 +115,10 @@ def page_of(
         if VIEWER.is_file()
         else "",
         "viewer_words": words.section("viewer"),
-    } | _said(measurement, dress, five_point)
+    } | _said(measurement, dress)
 
 
-def _said(measurement: Measurement, dress: ReportOptions, five_point: bool) -> dict[str, Any]:
+def _said(measurement: Measurement, dress: ReportOptions) -> dict[str, Any]:
     """Return sentences on axis, units, signs and method, and the names of the sections."""
     words, view = dress.words, dress.view
     axis = words.known("axis", view.axis)
@@ -149,7 +149,7 @@ def _said(measurement: Measurement, dress: ReportOptions, five_point: bool) -> d
         "axis_note": axis_note,
         "units": units,
         "conventions": [*lines, axis_note, words("conventions.wheels"), units, digits],
-        "method": words("conventions.five_method" if five_point else "conventions.scan_method"),
+        "method": page_origin.methods(measurement, words),
         "sections": [(name, words(f"section.{name}")) for name in ids],
     }
 

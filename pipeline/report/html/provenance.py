@@ -29,6 +29,17 @@ class Trouble:
     todo: str
 
 
+def methods(measurement: Measurement, words: Translations) -> str:
+    """Return how targets, bare wheels or both were measured."""
+    if is_five_point(measurement):
+        return words("conventions.five_method")
+    known = [wheel.observation.evidence for wheel in measurement.wheels]
+    bare = {evidence.target.is_bare_wheel for evidence in known if evidence is not None}
+    return " ".join(
+        words(f"conventions.{'bare' if one else 'scan'}_method") for one in sorted(bare)
+    )
+
+
 def head_pairs(measurement: Measurement, number: str, words: Translations) -> Pairs:
     """Return what was measured, from what, and the report's number."""
     made = measurement.provenance
@@ -84,11 +95,12 @@ def wheel_facts(result: WheelResult, writer: Writer) -> Pairs:
     if seen.evidence is None:
         return pairs
     target, plane = seen.evidence.target, seen.evidence.plane
+    bare = "_bare" * target.is_bare_wheel
     used = words("wheel.points_of", used=words.count(target.points_on_target),
                  total=words.count(seen.points_total))  # fmt: skip
     pairs += [
-        (words("wheel.points"), used),
-        (words("wheel.rms"), writer.millimetres(target.plane_rms_m)),
+        (words(f"wheel.points{bare}"), used),
+        (words(f"wheel.rms{bare}"), writer.millimetres(target.plane_rms_m)),
     ]
     if plane is not None:
         part = plane.correlated

@@ -41,7 +41,7 @@ COLOURS = {
 }
 OTHER = "#222222"
 LABEL, BAR, VALUE, ROW, HEAD = 204.0, 404.0, 164.0, 24.0, 62.0  # pixels
-COLUMNS, LEGEND = 4, 186.0
+LEGEND, SWATCH, CHARACTER = 186.0, 18.0, 5.8  # least width of a column; before and of its text
 
 
 def budget_svg(measurement: Measurement, axis: Axis = "rear-axle") -> str:
@@ -84,13 +84,13 @@ def bars_drawing(
     alone: bool = False,
 ) -> Drawing:
     """Draw one bar per quantity; alone: all are of one wheel, which the title names."""
-    legend_rows = math.ceil(len(components) / COLUMNS)
+    legend, legend_rows = _legend(components, words)
     top = HEAD + 20 * legend_rows + 14
     foot = top + ROW * len(found)
     marks: list[Mark] = [
         Text(12, 22, title, 15, bold=True),
         Text(12, 42, words("plot.budget_note"), 12, colour=PALE),
-        *_legend(components, words),
+        *legend,
     ]
     for percent in (0, 25, 50, 75, 100):
         x = LABEL + BAR * percent / 100
@@ -102,13 +102,17 @@ def bars_drawing(
     return Drawing(LABEL + BAR + VALUE, foot + 30, title, marks)
 
 
-def _legend(components: tuple[str, ...], words: Translations) -> list[Mark]:
+def _legend(components: tuple[str, ...], words: Translations) -> tuple[list[Mark], int]:
+    """Draw the legend in columns as wide as its longest text, and return its number of rows."""
+    texts = [words.known("cause", component) for component in components]
+    wide = max(LEGEND, SWATCH + CHARACTER * (max(map(len, texts), default=0) + 2))
+    columns = int((LABEL + BAR + VALUE - 12) // wide)
     marks: list[Mark] = []
-    for index, component in enumerate(components):
-        x, y = 12 + LEGEND * (index % COLUMNS), HEAD + 20 * (index // COLUMNS)
+    for index, (component, text) in enumerate(zip(components, texts, strict=True)):
+        x, y = 12 + wide * (index % columns), HEAD + 20 * (index // columns)
         marks.append(rectangle(x, y - 10, 12, 12, COLOURS.get(component, OTHER)))
-        marks.append(Text(x + 18, y, words.known("cause", component), 12))
-    return marks
+        marks.append(Text(x + SWATCH, y, text, 12))
+    return marks, math.ceil(len(components) / columns)
 
 
 def _bar(

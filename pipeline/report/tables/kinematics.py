@@ -29,16 +29,25 @@ def steering_tables(measurement: Measurement, writer: Writer) -> Noted:
 
 
 def runout_tables(measurement: Measurement, writer: Writer) -> Noted:
-    """Return the targets' own angles, and how they were mounted; none without run-outs."""
+    """Return angles without compensation, and the run-outs themselves; none without run-outs."""
     words, runouts = writer.words, measurement.runouts
     if not runouts:
         return []
     frame = words.known("through", runouts[0].frame)
-    tables = [(_plates_table(measurement, writer), words("turned.runout_note", frame=frame))]
+    shown = words(f"turned.shown_{_shown(measurement)}")
+    note = words("turned.runout_note", frame=frame, shown=shown)
+    tables = [(_plates_table(measurement, shown, writer), note)]
     known = [runout for runout in runouts if runout.axial_runout is not None]
     if known:
-        tables.append((_mounting_table(known, writer), words("turned.mounting_note")))
+        tables.append((_mounting_table(known, shown, writer), words("turned.mounting_note")))
     return tables
+
+
+def _shown(measurement: Measurement) -> str:
+    """Return what the scans of the run-outs show: targets, bare wheels or both."""
+    wheels = {wheel.observation.name: wheel.observation for wheel in measurement.wheels}
+    bare = {wheels[one.wheel].fitted.is_bare_wheel for one in measurement.runouts}
+    return "both" if len(bare) > 1 else "bare" if True in bare else "targets"
 
 
 def _rotations(axes: Sequence[SteeringAxis], writer: Writer) -> list[str]:
@@ -101,7 +110,7 @@ def _turns_table(turns: Sequence[ToeOut], writer: Writer) -> Table:
     return writer.table(columns, rows, 2, words("turned.toe_out"))
 
 
-def _plates_table(measurement: Measurement, writer: Writer) -> Table:
+def _plates_table(measurement: Measurement, shown: str, writer: Writer) -> Table:
     words = writer.words
     plates = {wheel.observation.name: wheel.plate or wheel for wheel in measurement.wheels}
     columns = (
@@ -119,7 +128,7 @@ def _plates_table(measurement: Measurement, writer: Writer) -> Table:
             *camber, iso[0],
             writer.reduced_chi_square(found.chi_square, found.dof), _reason(found),
         ])  # fmt: skip
-    return writer.table(columns, rows, 2, words("turned.runouts"))
+    return writer.table(columns, rows, 2, words("turned.runouts", shown=shown))
 
 
 def _plate_estimates(plate: WheelResult) -> tuple[Estimate, Estimate, Estimate]:
@@ -133,7 +142,7 @@ def _plate_estimates(plate: WheelResult) -> tuple[Estimate, Estimate, Estimate]:
     )
 
 
-def _mounting_table(runouts: Sequence[Runout], writer: Writer) -> Table:
+def _mounting_table(runouts: Sequence[Runout], shown: str, writer: Writer) -> Table:
     words, clock = writer.words, writer.words("turned.clock")
     rows = [
         [writer.wheel(found.wheel), *_axial(found.axial_runout, writer),
@@ -143,7 +152,7 @@ def _mounting_table(runouts: Sequence[Runout], writer: Writer) -> Table:
     ]  # fmt: skip
     columns = (words("results.wheel"), words("turned.axial"), "u", clock, "u",
                words("turned.radial"), "u", clock, "u")  # fmt: skip
-    return writer.table(columns, rows, 1, words("turned.mounting"))
+    return writer.table(columns, rows, 1, words("turned.mounting", shown=shown))
 
 
 def _axial(known: Estimate, writer: Writer) -> tuple[str, str]:

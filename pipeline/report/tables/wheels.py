@@ -44,8 +44,7 @@ def _wheel_row(
     wheel = writer.wheel(result.wheel) if result.wheel else "" if writer.plain else writer.none
     role = writer.words.known("role", seen.role)
     row = [writer.wheel(seen.name), wheel, role, writer.status(seen.status)]
-    of = "results.of_axle" if result.compensated else "results.of_target"
-    row += [writer.words(of)] * compensated
+    row += [writer.words(f"results.of_{_measured(result)}")] * compensated
     if result.angles is None:
         return [*row, *[writer.none] * 7, f"{seen.status}: {seen.reason}"]
     toe, camber, iso = (known[seen.name, kind] for kind in ("toe", "camber", "camber_iso"))
@@ -53,6 +52,14 @@ def _wheel_row(
         *row, writer.value(toe), *writer.spread(toe), writer.value(camber),
         *writer.spread(camber), writer.value(iso), "",
     ]  # fmt: skip
+
+
+def _measured(result: WheelResult) -> str:
+    """Return what the angles of a wheel are those of, where others are of their axles."""
+    if result.compensated:
+        return "axle"
+    known = result.observation.evidence
+    return known.target.method if known and known.target.is_bare_wheel else "target"
 
 
 def axles_table(measurement: Measurement, writer: Writer) -> Table:

@@ -22,7 +22,7 @@ from .plain import plain_writer
 
 
 def calibration_text(found: Calibration, view: View = PAPER) -> str:
-    """Return the item, the verdict, and of each quantity points, budget and characteristics."""
+    """Return item, verdict, notes, and of each quantity points, budget and characteristics."""
     writer = plain_writer(view)
     words, item = writer.words, found.item
     parts = [
@@ -40,6 +40,7 @@ def calibration_text(found: Calibration, view: View = PAPER) -> str:
     parts += [paragraph(rule_words(found, words)), paragraph(words("calibration.signs"))]
     parts += [paragraph(words("calibration.warning", text=text)) for text in found.warnings]
     parts += map(paragraph, doubted(found.doubts, words))
+    parts += [paragraph(note) for note in found.notes if note not in found.doubts]
     for result in found.results:
         parts += ["", *_quantity(result, writer)]
     if found.adjustments:
