@@ -201,7 +201,7 @@ def _describe(moments: PlaneMoments, points: Array, origin: Array) -> CloudPlane
         centroid_m=centroid,
         rms_m=float(np.sqrt(np.mean(across[:, 2] ** 2))),
         points=len(points),
-        extents_m=_smallest_rectangle(across[:, :2]),
+        extents_m=smallest_rectangle(across[:, :2]),
     )
 
 
@@ -274,7 +274,7 @@ class _AnyPlane:
         return 0.5 * math.pow(share, 3)
 
 
-def _smallest_rectangle(uv_m: Array) -> tuple[float, float]:
+def smallest_rectangle(uv_m: Array) -> tuple[float, float]:
     """Return the sides of the rectangle of least area about points uv_m (N, 2), the longer first.
 
     One of its sides lies along an edge of the convex hull. The main directions of points are no

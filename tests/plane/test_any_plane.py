@@ -8,13 +8,13 @@ from scipy import stats
 from scipy.spatial import ConvexHull
 
 from wheelplane.errors import NotMeasuredError
-from wheelplane.plane.extents import smallest_rectangle
 from wheelplane.plane.find_planes import (
     MAX_THICKNESS,
     SPANNED,
     _AnyPlane,
     _check_standing_out,
     _flatness,
+    smallest_rectangle,
 )
 from wheelplane.plane.least_squares import total_least_squares
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wheelplane.plane.extents import smallest_rectangle
-from wheelplane.plane.find_planes import find_planes
+from wheelplane.plane.find_planes import find_planes, smallest_rectangle
 from wheelplane.vectors import turned
 
 

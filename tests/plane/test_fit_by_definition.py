@@ -11,7 +11,8 @@ from scipy import stats
 from wheelplane.cloud.steps import Steps
 from wheelplane.config import PlaneConfig
 from wheelplane.plane.clipped_plane import fit_clipped_plane
-from wheelplane.plane.correlated_noise import CorrelatedNoise, correlated_noise
+from wheelplane.plane.correlated_noise import CorrelatedNoise
+from wheelplane.plane.face_break import noise_and_break
 from wheelplane.plane.fit_plane import PlaneFit, _white_variance, fit_plane
 from wheelplane.plane.patch import Patch
 from wheelplane.plane.rounded_plane import fit_rounded
@@ -84,8 +85,8 @@ def test_a_plane_of_coarse_steps_is_that_of_its_likelihood_in_any_axes(where, mo
     cells, levels = [], []
     monkeypatch.setattr(
         module,
-        "correlated_noise",
-        lambda c, *rest: (cells.append(c), correlated_noise(c, *rest))[1],
+        "noise_and_break",
+        lambda c, *rest: (cells.append(c), noise_and_break(c, *rest))[1],
     )
     monkeypatch.setattr(
         module,
