@@ -379,6 +379,21 @@ def test_a_patient_store_waits_notes_it_and_tells_since_when_it_is_back(remote, 
     assert system.calls == store_remote.TRIES
 
 
+def test_a_store_that_is_no_longer_patient_ends_what_waits(remote):
+    assert remote.exclusive
+    notes: list[str] = []
+
+    def noted(text):
+        notes.append(text)
+        remote.be_patient(None)
+
+    remote.be_patient(noted)
+    faulty(remote, TRANSIENT * 100)
+    with pytest.raises(InputError, match=f"after {store_remote.TRIES + 1} tries"):
+        remote.read("a")
+    assert len(notes) == 1
+
+
 def test_a_put_whose_answer_was_lost_is_known_as_done(remote):
     assert remote.exclusive
     faulty(remote, TRANSIENT[:1], done=True)

@@ -45,7 +45,7 @@ class LocalStore:
         """The folder."""
         return self.folder
 
-    def be_patient(self, note: Callable[[str], None]) -> None:
+    def be_patient(self, note: Callable[[str], None] | None) -> None:
         """Do nothing: the system itself waits for a network disk."""
 
     def list(self, prefix: str = "") -> Iterator[Entry]:

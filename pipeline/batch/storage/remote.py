@@ -36,7 +36,7 @@ class RemoteStore:
         self._note: Callable[[str], None] | None = None
         self._noted_s, self.back_s = -math.inf, 0.0
 
-    def be_patient(self, note: Callable[[str], None]) -> None:
+    def be_patient(self, note: Callable[[str], None] | None) -> None:
         """Wait up to AWAY_S for a server that does not answer TRIES tries, and note it."""
         self._note = note
 
