@@ -8,7 +8,9 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
@@ -295,6 +297,68 @@ def test_a_server_that_does_not_answer_is_reported_in_one_line(remote, monkeypat
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     with pytest.raises(InputError, match=r"after 3 tries.*address, credentials"):
         open_store("s3://cars/results")
+
+
+class Refusing(BaseHTTPRequestHandler):
+    """S3 that refuses every request, with the status and the code in the server's `answer`."""
+
+    protocol_version = "HTTP/1.1"
+
+    def refuse(self) -> None:
+        self.server.asked += 1
+        status, code = self.server.answer
+        body = f"<Error><Code>{code}</Code><Message>why</Message></Error>".encode() * bool(code)
+        self.send_response(status)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+    do_GET = do_HEAD = refuse  # noqa: N815
+
+    def log_message(self, *_: object) -> None:
+        """Keep quiet."""
+
+
+@pytest.fixture(scope="module")
+def refusing():
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Refusing)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield server
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.mark.parametrize(
+    ("status", "code", "text"),
+    [
+        (403, "SignatureDoesNotMatch", "SignatureDoesNotMatch: why"),
+        (403, "RequestTimeTooSkewed", "RequestTimeTooSkewed: why"),
+        (403, "InvalidAccessKeyId", "InvalidAccessKeyId: why"),
+        (400, "ExpiredToken", "ExpiredToken: why"),
+        (400, "InvalidToken", "InvalidToken: .*why"),
+        (404, "NoSuchBucket", "no such bucket"),
+        (404, "", "check the address of the storage"),
+    ],
+)
+def test_credentials_that_are_refused_are_named_by_the_server_s_code(
+    remote, refusing, monkeypatch, status, code, text
+):
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{refusing.server_port}")
+    refusing.answer, refusing.asked = (status, code), 0
+    with pytest.raises(InputError, match=text) as caught:
+        open_store("s3://cars/results")
+    assert "\n" not in str(caught.value)
+    assert refusing.asked == 1  # what is refused is refused again
+
+
+def test_an_address_that_never_answers_is_not_tried_again(remote, monkeypatch):
+    monkeypatch.setattr(store_remote, "CHECK_S", -1.0)
+    system = faulty(remote, TRANSIENT * 10)
+    with pytest.raises(InputError, match=r"after 1 try \("):
+        remote.check()
+    assert system.calls == 1
 
 
 def test_a_file_is_no_store(tmp_path):
