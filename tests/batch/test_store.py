@@ -17,7 +17,7 @@ import pytest
 
 from wheelplane.batch.storage import local as store_local
 from wheelplane.batch.storage import remote as store_remote
-from wheelplane.batch.storage.entry import MOST_LEVELS, PARTIAL, TOO_DEEP
+from wheelplane.batch.storage.entry import DENIED, MOST_LEVELS, PARTIAL, TOO_DEEP
 from wheelplane.batch.storage.store import open_store
 from wheelplane.errors import InputError, MissingDependencyError
 
@@ -258,6 +258,32 @@ def test_folders_in_folders_without_end_are_one_entry(tmp_path):
     deep, file = sorted(entries, key=lambda entry: entry.stamp == TOO_DEEP, reverse=True)
     assert (deep.stamp, file.name) == (TOO_DEEP, "file")
     assert deep.name == "/".join("d" * (MOST_LEVELS + 1))
+
+
+@pytest.mark.parametrize("lists", [False, True])
+def test_a_folder_without_permission_is_an_entry_of_an_archive_alone(tmp_path, monkeypatch, lists):
+    """Neither root nor Windows is refused by the modes of files: the answers are replaced."""
+    for name in ("a/1", "b/closed/2", "c/3"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).write_bytes(b"1")
+    scandir, access = os.scandir, os.access
+
+    def refused(path) -> bool:
+        return str(path).endswith("closed")
+
+    def scan(path):
+        if refused(path) and not lists:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", scan)
+    monkeypatch.setattr(os, "access", lambda p, mode: not refused(p) and access(p, mode))
+    entries = list(open_store(str(tmp_path), confined=True).list())
+    assert [entry.name for entry in entries] == ["a/1", "b/closed", "c/3"]
+    assert [entry.stamp == DENIED for entry in entries] == [False, True, False]
+    for store in (open_store(str(tmp_path)), open_store(str(tmp_path / "b/closed"), confined=True)):
+        with pytest.raises(InputError, match=r"closed.*cannot be listed \(Permission denied\)"):
+            list(store.list())
 
 
 @pytest.mark.parametrize("levels", [10, 60])
