@@ -12,7 +12,7 @@ from types import ModuleType
 import click
 
 from . import __version__
-from .errors import WheelplaneError
+from .errors import TimeLimitError, WheelplaneError
 from .system import signals
 
 COMMANDS = {
@@ -115,6 +115,8 @@ def main() -> None:
         code = _fail("interrupted: nothing more was written")
     except MemoryError:
         code = _fail("out of memory: measure fewer points at once, or on a larger machine")
+    except TimeLimitError:  # just as what it limits ended by something else
+        code = _fail("it takes too long: allow more by --timeout")
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 2

@@ -57,6 +57,10 @@ class NotMeasuredError(WheelplaneError):
         self.status = status
 
 
+class TimeLimitError(BaseException):
+    """End of the time; not an Exception, so that nothing takes it for a fault of one file."""
+
+
 class Wording(str):
     """Sentence in English that remembers its template and parts; a string like any other.
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..errors import InputError
-from ..files import is_archive, open_archive
+from ..files import ARCHIVE_SUFFIXES, is_archive, open_archive
 from ..readers import RAW_FORMATS, READERS, scan_suffix, unknown_format
 from ..vehicle import REFERENCE_WHEELS
 
@@ -35,6 +35,10 @@ def capture_folder(source: Path) -> Iterator[Path]:
             with open_archive(source, str(source), Path(scratch)) as archive:
                 archive.unpack(folder)
             yield _top(folder)
+    elif source.name.lower().endswith(ARCHIVE_SUFFIXES):
+        raise InputError(
+            f"{source}: no zip or tar, though its suffix says so, or cut: copy it again"
+        )
     else:
         raise InputError(
             f"{source}: not a folder, zip or tar with one scan for each of "

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -23,9 +25,12 @@ from .batch_options import (
 from .options import FiniteRange
 
 if TYPE_CHECKING:
+    from types import FrameType
+
     from ..batch.run.work import RunRequest
 
 MOST_SHOWN = 3
+HAND_BACK_S = 15.0  # after SIGTERM; machines that are taken back leave 30 s or more
 
 
 @click.command()
@@ -116,7 +121,8 @@ def batch(archive: str | None, results: str | None, resume: bool, **options: Any
         return 0
     if archive is None:
         raise click.UsageError("Missing argument 'ARCHIVE'.")
-    return _measure(archive, results, resume, options)
+    with _ending_in_time():
+        return _measure(archive, results, resume, options)
 
 
 def _require_values() -> None:
@@ -145,6 +151,34 @@ def _show_status(results: str, metrics: str | None) -> None:
                 threading.Event().wait()
 
 
+@contextmanager
+def _ending_in_time() -> Iterator[None]:
+    """Interrupt at SIGTERM, and end HAND_BACK_S later at the latest.
+
+    Whatever is waited for then, such as storage that does not answer, or a large catalogue:
+    results are written as they are measured, and processes end with this one.
+    """
+
+    def end() -> None:
+        fact = "interrupted before the catalogue was updated"
+        click.echo(f"wheelplane: {fact}: run the same command to go on", err=True)
+        os._exit(2)
+
+    timer = threading.Timer(HAND_BACK_S, end)
+    timer.daemon = True
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        with suppress(RuntimeError):  # not the first
+            timer.start()
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
 def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) -> int:
     """Measure an archive, and print what was done."""
     from ..batch.catalogue.catalogue import open_catalogue
@@ -163,7 +197,6 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
     request = RunRequest(*places, read_settings(options), retry=legible(options["retry"] or ""))
     shard = read_shard(options["shard"]) if options["shard"] else ALL
     _begin(request, resume, given_options(options), watch=options["watch"])
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     interrupted = False
     with ExitStack() as stack:
         scratch = stack.enter_context(scratch_folder())

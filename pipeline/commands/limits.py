@@ -10,17 +10,13 @@ from typing import Any
 
 import click
 
-from ..errors import InputError
+from ..errors import InputError, TimeLimitError
 from ..system import machine_bytes, memory_limit, time_limit
 from .options import FiniteRange
 
 TOO_MUCH = 2.0**62  # bytes
 SECONDS = FiniteRange(1, 1e6)  # 11 days
 MEMORY = re.compile(r"(\d+(?:\.\d+)?)\s*([KMGT])i?B?", re.IGNORECASE)
-
-
-class TimeLimitError(BaseException):
-    """End of the time; not an Exception, so that nothing takes it for a fault of one file."""
 
 
 def limited(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, get_args
 
 import click
@@ -44,7 +45,7 @@ from ..batch.results.sql import ask
 from ..batch.storage.entry import legible
 from ..batch.storage.store import open_store
 from ..config import load_config
-from ..errors import InputError
+from ..errors import InputError, printable
 from ..measurement import VerticalKind
 from ..report.format.report_options import ReportOptions
 from ..report.format.view import AngleStyle, DigitStyle, View
@@ -429,10 +430,17 @@ def _answer(catalogue: Catalogue, question: str, as_json: bool) -> int:
         columns = json.dumps(answer.columns, ensure_ascii=False)
         _print_rows(f'"columns": {columns}, "rows"', ([*map(_in_json, row)] for row in answer.rows))
     else:
-        writer = csv.writer(sys.stdout, lineterminator="\n")
+        shown = SimpleNamespace(write=lambda lines: sys.stdout.write(_shown(lines)))
+        out = shown if sys.stdout.isatty() else sys.stdout
+        writer = csv.writer(out, lineterminator="\n")
         writer.writerow(answer.columns)
         writer.writerows(answer.rows)
     return 0
+
+
+def _shown(csv_lines: str) -> str:
+    """Return lines of CSV for a terminal: what could control it is escaped."""
+    return "\n".join(map(printable, csv_lines.split("\n")))
 
 
 def _in_json(cell: object) -> object:
@@ -454,7 +462,8 @@ def _export_columns(
     named = {kind: path for kind, path in files.items() if path is not None}
     for kind, path in named.items():
         if path == PIPE:
-            click.echo(export.as_csv(columns), nl=False)
+            content = export.as_csv(columns)
+            click.echo(_shown(content.decode()) if sys.stdout.isatty() else content, nl=False)
             continue
         export.export(path, columns, WRITERS[kind])
         click.echo(f"wrote {path} ({len(columns['key']):,} {what})", err=True)

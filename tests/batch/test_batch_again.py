@@ -106,6 +106,24 @@ def test_a_damaged_result_is_measured_anew_when_asked_for(tmp_path):
     assert path.read_bytes() == whole
 
 
+def test_a_folder_without_permission_is_a_row_and_the_rest_is_measured(tmp_path, monkeypatch):
+    archive = archive_of(tmp_path / "archive", 21)
+    closed, access = archive / "01", os.access
+    five_points(archive / "lost+found" / "inode-7.txt", 7)
+    monkeypatch.setattr(os, "access", lambda path, mode: path != closed and access(path, mode))
+    done = run(archive, tmp_path / "results", "--workers", "1")
+    assert done.returncode == 1, done.stderr
+    found = {name: tree["batch"] for name, tree in trees(tmp_path / "results").items()}
+    row = found.pop("01")
+    assert (row["status"], row["stage"]) == ("failed", "discover")
+    assert row["reason"].startswith("01: no permission to list the folder")
+    assert [batch["status"] for batch in found.values()] == ["ok"] * 11
+    monkeypatch.undo()
+    again = run(archive, tmp_path / "results", "--workers", "1")
+    assert "now: 10 ok" in again.stdout
+    assert "1 no longer in the archive" in again.stdout
+
+
 def test_what_lies_too_deep_is_a_row_that_says_so_and_the_rest_is_measured(tmp_path):
     archive = archive_of(tmp_path / "archive", 2)
     five_points(archive.joinpath(*["d"] * (MOST_LEVELS + 3)) / "car.txt", 1)

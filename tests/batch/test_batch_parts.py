@@ -349,7 +349,8 @@ def test_who_is_killed_from_outside_is_not_blamed_at_once():
 def test_what_cannot_be_read_is_a_row_and_what_cannot_be_written_ends_the_run(monkeypatch):
     monkeypatch.setattr("wheelplane.batch.run.tasks.FIRST_WAIT_S", 0.0)
     found, _ = outcomes({"c7": [ArchiveError("c7 is gone")] * 9})
-    assert found["c7"] == Outcome("failed", "read", "its files cannot be read from the archive")
+    reason = "its files cannot be read from the archive: c7 is gone"
+    assert found["c7"] == Outcome("failed", "read", reason)
     assert sum(outcome.status == "ok" for outcome in found.values()) == 119
     with pytest.raises(
         InputError, match=r"disk full \(run stopped; repeat the command to continue"

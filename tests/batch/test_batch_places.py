@@ -265,6 +265,39 @@ def test_object_storage_that_fails_now_and_then_gives_the_same(
 
 
 @pytest.mark.slow
+def test_sigterm_ends_a_run_that_waits_for_storage(undisturbed, storage, tmp_path):
+    """Its grace is 20 s; before, each request of the last catalogue waited for half an hour."""
+    import s3fs
+
+    archive, _ = undisturbed
+    keys = {"AWS_ACCESS_KEY_ID": "k", "AWS_SECRET_ACCESS_KEY": "s", "AWS_DEFAULT_REGION": "x"}
+    files = s3fs.S3FileSystem(key="k", secret="s", endpoint_url=storage, skip_instance_cache=True)
+    files.mkdir("away")
+    files.put(str(archive), "away/archive", recursive=True)
+    proxy = FailingProxy(storage, share=0.0, seed=1)
+    places = ("s3://away/archive", "s3://away/results")
+    stopped = start(*places, "--workers", "1", AWS_ENDPOINT_URL=proxy.address, **keys)
+    while stopped.poll() is None and not files.glob("away/results/measurements/*/*.json"):
+        time.sleep(0.05)
+        files.invalidate_cache()
+    assert stopped.poll() is None
+    proxy.gone = True
+    stopped.send_signal(signal.SIGTERM)
+    try:
+        _, err = stopped.communicate(timeout=20)
+    finally:
+        stopped.kill()
+    assert stopped.returncode == 2
+    assert err.splitlines()[-1].endswith("catalogue was updated: run the same command to go on")
+    assert "Traceback" not in err
+    proxy.gone = False
+    done = run_process(*places, AWS_ENDPOINT_URL=proxy.address, **keys)
+    assert done.returncode == 1
+    assert "recognised" in done.stdout
+    proxy.close()
+
+
+@pytest.mark.slow
 def test_runners_at_once_in_object_storage_one_of_them_killed(undisturbed, storage, tmp_path):
     """Two shards and a killed runner of all: no lock is left, and the last shard has merged."""
     import s3fs

@@ -8,14 +8,16 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
 
 from wheelplane.batch.storage import local as store_local
 from wheelplane.batch.storage import remote as store_remote
-from wheelplane.batch.storage.entry import MOST_LEVELS, PARTIAL, TOO_DEEP
+from wheelplane.batch.storage.entry import DENIED, MOST_LEVELS, PARTIAL, TOO_DEEP
 from wheelplane.batch.storage.store import open_store
 from wheelplane.errors import InputError, MissingDependencyError
 
@@ -258,6 +260,32 @@ def test_folders_in_folders_without_end_are_one_entry(tmp_path):
     assert deep.name == "/".join("d" * (MOST_LEVELS + 1))
 
 
+@pytest.mark.parametrize("lists", [False, True])
+def test_a_folder_without_permission_is_an_entry_of_an_archive_alone(tmp_path, monkeypatch, lists):
+    """Neither root nor Windows is refused by the modes of files: the answers are replaced."""
+    for name in ("a/1", "b/closed/2", "c/3"):
+        (tmp_path / name).parent.mkdir(parents=True)
+        (tmp_path / name).write_bytes(b"1")
+    scandir, access = os.scandir, os.access
+
+    def refused(path) -> bool:
+        return str(path).endswith("closed")
+
+    def scan(path):
+        if refused(path) and not lists:
+            raise PermissionError(errno.EACCES, "Permission denied")
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", scan)
+    monkeypatch.setattr(os, "access", lambda p, mode: not refused(p) and access(p, mode))
+    entries = list(open_store(str(tmp_path), confined=True).list())
+    assert [entry.name for entry in entries] == ["a/1", "b/closed", "c/3"]
+    assert [entry.stamp == DENIED for entry in entries] == [False, True, False]
+    for store in (open_store(str(tmp_path)), open_store(str(tmp_path / "b/closed"), confined=True)):
+        with pytest.raises(InputError, match=r"closed.*cannot be listed \(Permission denied\)"):
+            list(store.list())
+
+
 @pytest.mark.parametrize("levels", [10, 60])
 def test_a_path_that_is_too_long_is_an_entry_and_ends_no_listing(tmp_path, levels):
     """Levels of 250 bytes, of which the system takes some fifteen in one path."""
@@ -295,6 +323,68 @@ def test_a_server_that_does_not_answer_is_reported_in_one_line(remote, monkeypat
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
     with pytest.raises(InputError, match=r"after 3 tries.*address, credentials"):
         open_store("s3://cars/results")
+
+
+class Refusing(BaseHTTPRequestHandler):
+    """S3 that refuses every request, with the status and the code in the server's `answer`."""
+
+    protocol_version = "HTTP/1.1"
+
+    def refuse(self) -> None:
+        self.server.asked += 1
+        status, code = self.server.answer
+        body = f"<Error><Code>{code}</Code><Message>why</Message></Error>".encode() * bool(code)
+        self.send_response(status)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+    do_GET = do_HEAD = refuse  # noqa: N815
+
+    def log_message(self, *_: object) -> None:
+        """Keep quiet."""
+
+
+@pytest.fixture(scope="module")
+def refusing():
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Refusing)
+    server.daemon_threads = True
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield server
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.mark.parametrize(
+    ("status", "code", "text"),
+    [
+        (403, "SignatureDoesNotMatch", "SignatureDoesNotMatch: why"),
+        (403, "RequestTimeTooSkewed", "RequestTimeTooSkewed: why"),
+        (403, "InvalidAccessKeyId", "InvalidAccessKeyId: why"),
+        (400, "ExpiredToken", "ExpiredToken: why"),
+        (400, "InvalidToken", "InvalidToken: .*why"),
+        (404, "NoSuchBucket", "no such bucket"),
+        (404, "", "check the address of the storage"),
+    ],
+)
+def test_credentials_that_are_refused_are_named_by_the_server_s_code(
+    remote, refusing, monkeypatch, status, code, text
+):
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{refusing.server_port}")
+    refusing.answer, refusing.asked = (status, code), 0
+    with pytest.raises(InputError, match=text) as caught:
+        open_store("s3://cars/results")
+    assert "\n" not in str(caught.value)
+    assert refusing.asked == 1  # what is refused is refused again
+
+
+def test_an_address_that_never_answers_is_not_tried_again(remote, monkeypatch):
+    monkeypatch.setattr(store_remote, "CHECK_S", -1.0)
+    system = faulty(remote, TRANSIENT * 10)
+    with pytest.raises(InputError, match=r"after 1 try \("):
+        remote.check()
+    assert system.calls == 1
 
 
 def test_a_file_is_no_store(tmp_path):
@@ -377,6 +467,21 @@ def test_a_patient_store_waits_notes_it_and_tells_since_when_it_is_back(remote, 
     with pytest.raises(InputError, match=f"after {store_remote.TRIES} tries"):
         remote.read("a")
     assert system.calls == store_remote.TRIES
+
+
+def test_a_store_that_is_no_longer_patient_ends_what_waits(remote):
+    assert remote.exclusive
+    notes: list[str] = []
+
+    def noted(text):
+        notes.append(text)
+        remote.be_patient(None)
+
+    remote.be_patient(noted)
+    faulty(remote, TRANSIENT * 100)
+    with pytest.raises(InputError, match=f"after {store_remote.TRIES + 1} tries"):
+        remote.read("a")
+    assert len(notes) == 1
 
 
 def test_a_put_whose_answer_was_lost_is_known_as_done(remote):

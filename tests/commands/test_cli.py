@@ -25,7 +25,7 @@ from wheelplane.capture.open_capture import open_capture
 from wheelplane.cli import main
 from wheelplane.commands.demo import compared
 from wheelplane.config import ISSUER, Config, load_config
-from wheelplane.errors import InputError
+from wheelplane.errors import InputError, TimeLimitError
 from wheelplane.measure import measure_capture
 from wheelplane.measurement.quantities import by_name
 
@@ -695,6 +695,7 @@ def test_memory_and_interruption_end_in_one_line(wheelplane, monkeypatch):
         (MemoryError(), "out of memory"),
         (KeyboardInterrupt(), "interrupted"),
         (OSError(28, "No space left on device", "/full"), "/full: No space left"),
+        (TimeLimitError(), "allow more by --timeout"),
     ):
 
         def fail(*_: object, error: BaseException = error, **__: object) -> None:

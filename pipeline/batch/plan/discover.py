@@ -23,13 +23,15 @@ from ...errors import InputError
 from ...files import ARCHIVE_SUFFIXES, improper
 from ...readers import READERS, scan_suffix
 from ...vehicle import REFERENCE_WHEELS
-from ..storage.entry import IMPROPER, MOST_LEVELS, OUTSIDE, TOO_DEEP, Entry
+from ..storage.entry import DENIED, IMPROPER, MOST_LEVELS, OUTSIDE, TOO_DEEP, Entry
 
 Kind = Literal["folder", "zip", "tar", "cloud", "five-point"]
 
 NO_DATA = re.compile(r"(readme|licen[cs]e|changelog|copying)\b", re.IGNORECASE)
-PASSED_OVER = re.compile(r"(^|/)(\.(?!\.?(/|$))|__MACOSX/|~\$)")  # . and .. are no hidden files
-UNUSABLE = (OUTSIDE, IMPROPER, TOO_DEEP)
+PASSED_OVER = re.compile(r"(^|/)(\.(?!\.?(/|$))|__MACOSX/|~\$|lost\+found(/|$))")
+# . and .. are no hidden files; lost+found is of the file system, and root's
+NOT_LISTED = (OUTSIDE, TOO_DEEP, DENIED)
+UNUSABLE = (*NOT_LISTED, IMPROPER)
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,9 @@ class FoundCapture:
                 f"{self.name[:60]}...: more than {MOST_LEVELS} folders deep, or too long a path: "
                 "move it up"
             )
+        for file in self.files:
+            if file.stamp == DENIED:
+                return f"{file.name}: no permission to list the folder: check its permissions"
         return None
 
     @property
@@ -106,7 +111,7 @@ def discover(
                 continue
             folder, _, file = entry.name.rpartition("/")
             _go_to(f"{folder}/" if folder else "", opened, stream)
-            kind = "folder" if entry.stamp in (OUTSIDE, TOO_DEEP) else kind_of(file)
+            kind = "folder" if entry.stamp in NOT_LISTED else kind_of(file)
             if kind is None and not _may_belong(file):
                 passed_over[Path(file).suffix.lower()] += 1
                 continue

@@ -118,10 +118,15 @@ class Batch:
 
     @contextmanager
     def updating_catalogue(self) -> Iterator[None]:
-        """Update the catalogue at the end, also after an error, which stays the one raised."""
+        """Update the catalogue at the end, also after an error, which stays the one raised.
+
+        Then storage that does not answer is no longer waited for.
+        """
         try:
             yield
         except BaseException:
+            for store in (self._archive, self._results):
+                store.be_patient(None)
             try:
                 self.update_catalogue(at_end=True)
             except WheelplaneError as error:

@@ -153,7 +153,8 @@ class Run:
         if isinstance(error, ArchiveError) and len(task.captures) == 1:
             task = replace(task, attempts=(*task.attempts, str(error)))
             if len(task.attempts) >= ATTEMPTS_TO_READ:
-                reason = "its files cannot be read from the archive"
+                fact = str(error).replace(f"{task.request.archive.rstrip('/')}/", "")
+                reason = f"its files cannot be read from the archive: {fact}"
                 task = replace(task, outcome=Outcome("failed", "read", reason), blind=True)
         elif self._faults >= FAULTS_IN_A_ROW:
             raise InputError(f"{error} (run stopped; repeat the command to continue)")

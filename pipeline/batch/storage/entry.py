@@ -8,6 +8,7 @@ from dataclasses import dataclass
 OUTSIDE = "link to a folder outside"  # stamp
 IMPROPER = "a name that no file can have"  # stamp
 TOO_DEEP = "below too many folders"  # stamp
+DENIED = "a folder without permission to list it"  # stamp
 MOST_LEVELS = 200  # of folders, whose files are listed
 PARTIAL = ".partial"  # folder of files being written, which is never listed
 NO_TEXT = re.compile("[\udc80-\udcff]")  # a byte that is not UTF-8, as Python keeps it (PEP 383)

@@ -11,6 +11,9 @@ from ...errors import InputError, MissingDependencyError
 TIMEOUTS_S = {"connect_timeout": 10, "read_timeout": 60}
 FINAL = (FileNotFoundError, FileExistsError, PermissionError, IsADirectoryError, NotADirectoryError)
 TAKEN = {"PreconditionFailed", "412"}
+UNKNOWN = {"NotImplemented", "501"}
+# a header has no code but its status: 400 of an expired token, of keys of another region
+REFUSED = {"400", "AuthorizationHeaderMalformed", "InvalidToken", "InvalidBucketName"}
 PACKAGES = {"s3": "wheelplane[storage]", "s3a": "wheelplane[storage]", "gs": "gcsfs"}
 PACKAGES |= {"gcs": "gcsfs", "az": "adlfs", "abfs": "adlfs", "abfss": "adlfs"}
 
@@ -46,7 +49,7 @@ def file_system(url: str) -> Any:
 def is_transient(error: Exception) -> bool:
     """Return whether the same request may succeed a little later."""
     kind = type(error).__name__
-    if isinstance(error, FINAL) or code_of(error) in TAKEN | {"NotImplemented", "501"}:
+    if isinstance(error, FINAL) or code_of(error) in TAKEN | UNKNOWN | REFUSED:
         return False
     return not isinstance(error, (TypeError, ValueError)) and "Credential" not in kind
 

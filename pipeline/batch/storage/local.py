@@ -13,7 +13,7 @@ from pathlib import Path
 from ...errors import InputError
 from ...files import lies_in
 from ...system import acquire, sync_folder
-from .entry import MOST_LEVELS, OUTSIDE, PARTIAL, TOO_DEEP, Entry
+from .entry import DENIED, MOST_LEVELS, OUTSIDE, PARTIAL, TOO_DEEP, Entry
 
 STALE_S = 3600.0  # a write takes milliseconds: older temporary files are of killed processes
 LOCK = "lock"
@@ -27,7 +27,8 @@ class LocalStore:
     A completed write survives a crash of the machine: content, then name, are synced to disk
     (fsync of the file and of the folders), about 0.2 ms each on a solid-state disk.
 
-    confined: links to folders outside it are listed, but not followed.
+    confined: links to folders outside it are listed, but not followed, and so are folders in it
+    without permission.
     """
 
     exclusive, back_s = True, 0.0
@@ -45,7 +46,7 @@ class LocalStore:
         """The folder."""
         return self.folder
 
-    def be_patient(self, note: Callable[[str], None]) -> None:
+    def be_patient(self, note: Callable[[str], None] | None) -> None:
         """Do nothing: the system itself waits for a network disk."""
 
     def list(self, prefix: str = "") -> Iterator[Entry]:
@@ -80,11 +81,16 @@ class LocalStore:
             if len(above) > MOST_LEVELS:
                 raise OSError(errno.ENAMETOOLONG, "below too many folders")
             found = list(os.scandir(folder))
+            if not os.access(folder, os.X_OK):  # names alone
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         except (FileNotFoundError, NotADirectoryError):
             return
         except OSError as error:
             if error.errno == errno.ENAMETOOLONG:
                 yield at, Entry(at, 0, TOO_DEEP)
+                return
+            if isinstance(error, PermissionError) and self._confined and at:
+                yield at, Entry(at, 0, DENIED)
                 return
             raise self._error(at, "cannot be listed", error) from error
         identity = (here.st_dev, here.st_ino)

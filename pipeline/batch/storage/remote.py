@@ -9,6 +9,7 @@ import random
 import time
 import uuid
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar
@@ -19,7 +20,8 @@ from .entry import IMPROPER, PARTIAL, Entry
 from .filesystem import TAKEN, code_of, file_system, is_transient
 
 T = TypeVar("T")
-FIRST_WAIT_S, TRIES, TRIES_OF_CHECK = 0.2, 8, 3  # 0.2 + 0.4 + ... = 25 s in all, +-50 %
+FIRST_WAIT_S, TRIES = 0.2, 8  # 0.2 + 0.4 + ... = 25 s in all, +-50 %
+CHECK_TRIES, CHECK_S = 3, 10.0  # of an address that may be mistyped
 AWAY_S, NOTED_S = 1800.0, 60.0  # how long a patient store waits; seconds between its notes
 UNKNOWN_HEADER = (errno.ENOSYS, errno.EINVAL)  # 501, 400
 
@@ -36,7 +38,7 @@ class RemoteStore:
         self._note: Callable[[str], None] | None = None
         self._noted_s, self.back_s = -math.inf, 0.0
 
-    def be_patient(self, note: Callable[[str], None]) -> None:
+    def be_patient(self, note: Callable[[str], None] | None) -> None:
         """Wait up to AWAY_S for a server that does not answer TRIES tries, and note it."""
         self._note = note
 
@@ -44,13 +46,23 @@ class RemoteStore:
         return type(self), (self.url,)
 
     def check(self) -> None:
-        """Check that the bucket can be reached. Raises InputError."""
-        nothing = self._path(f"{PARTIAL}/none")
+        """Check that the bucket can be reached, and on S3 listed. Raises InputError."""
+        fs, (bucket, _, prefix) = self._fs, self._path("").partition("/")
+
+        def ask() -> None:
+            if hasattr(fs, "call_s3"):  # a page: its error, unlike that of a header, has a code
+                fs.call_s3("list_objects_v2", Bucket=bucket, Prefix=prefix, MaxKeys=1)
+                return
+            with suppress(FileNotFoundError):
+                fs.info(self._path(f"{PARTIAL}/none"))
+
         try:
-            self._try(lambda: self._fs.info(nothing), "", TRIES_OF_CHECK)
+            self._try(ask, "", CHECK_TRIES, CHECK_S)
         except FileNotFoundError as error:
-            if code_of(error) == "NoSuchBucket":
-                raise InputError(f"{self.url}: no such bucket: create it first") from error
+            fact = "no such bucket: create it first, or check the address of the storage"
+            raise InputError(f"{self.url}: {fact}") from error
+        except OSError as error:
+            raise self._refused("", error) from error
 
     @property
     def exclusive(self) -> bool:
@@ -228,9 +240,14 @@ class RemoteStore:
         except OSError as error:
             raise self._refused(name, error) from error
 
-    def _try(self, request: Callable[[], T], name: str, tries: int = TRIES) -> T:
-        """Return the response to a request, retried after transient faults with longer waits."""
-        end_s = time.monotonic() + AWAY_S
+    def _try(
+        self, request: Callable[[], T], name: str, tries: int = TRIES, most_s: float = math.inf
+    ) -> T:
+        """Return the response to a request, retried after transient faults with longer waits.
+
+        Not more than `tries` times, nor after most_s seconds, unless the store is patient.
+        """
+        began_s = time.monotonic()
         for attempt in count():
             try:
                 response = request()
@@ -244,9 +261,11 @@ class RemoteStore:
                     if isinstance(error, OSError) and not isinstance(error, PermissionError):
                         raise
                     raise self._refused(name, error) from error
-                if attempt >= tries - 1:
-                    refused = self._refused(name, error, f" after {attempt + 1} tries")
-                    if self._note is None or time.monotonic() > end_s:
+                took_s = time.monotonic() - began_s
+                if attempt >= tries - 1 or took_s > most_s:
+                    times = f"{attempt + 1} tries" if attempt else "1 try"
+                    refused = self._refused(name, error, f" after {times}")
+                    if self._note is None or took_s > AWAY_S:
                         raise refused from error
                     self._say_away(refused)
             time.sleep(FIRST_WAIT_S * 2 ** min(attempt, TRIES - 2) * random.uniform(0.5, 1.5))  # noqa: S311
@@ -260,6 +279,8 @@ class RemoteStore:
 
     def _refused(self, name: str, error: Exception, when: str = "") -> InputError:
         fact = " ".join(str(error).split())[:200] or type(error).__name__
+        code = code_of(error)
+        fact = fact if code.isdecimal() or code in fact else f"{code}: {fact}"
         return InputError(
             f"{self.url}/{name}: request to object storage failed{when} ({fact}): check its "
             "address, credentials and permissions"

@@ -29,8 +29,11 @@ class Store(Protocol):
     def back_s(self) -> float:
         """Time at which it last answered again after a long silence, by time.monotonic()."""
 
-    def be_patient(self, note: Callable[[str], None]) -> None:
-        """Wait from now on for storage that does not answer, for minutes, and note it."""
+    def be_patient(self, note: Callable[[str], None] | None) -> None:
+        """Wait from now on for storage that does not answer, for minutes, and note it.
+
+        None: no longer, nor in requests that wait.
+        """
 
     @property
     def exclusive(self) -> bool:
