@@ -181,7 +181,7 @@ def broken(capture: Path, archive: Path) -> dict[str, tuple[str, str]]:
         "same": ("frame", ""),
         "noise": ("segment", "the target of reference wheel RR was not measured"),
         "noise.ply": ("discover", "no target is named"),
-        "torn.zip": ("discover", "not a folder, zip or tar"),
+        "torn.zip": ("discover", "no zip or tar, though its suffix says so, or cut"),
         "spoiled.zip": ("read", "cannot be unpacked"),
         "bare.zip": ("discover", "one scan rr.* is needed"),
         "half.txt": ("read", "line 2: 2 numbers where 3 are needed"),
