@@ -262,29 +262,39 @@ def _names_by(
 
 def shaded(observations: Sequence[Observation]) -> Iterator[str]:
     """Yield a note where ranges follow the brightness of a target beyond doubt, with the size."""
-    sizes: list[str] = []
-    for observation in observations:
-        plane = observation.evidence.plane if observation.evidence else None
-        brightness = plane.brightness if plane else None
-        if brightness is not None and brightness.significant:
-            size = f"{brightness.step_m * 1e3:+.2f}"
-            sizes.append(Wording("{size} mm ({name})", size=size, name=observation.name))
-    if sizes:
-        yield Wording(SHADED, sizes=", ".join(sizes))
+
+    def step(plane: PlaneFit) -> tuple[str, float] | None:
+        found = plane.brightness
+        return ("", found.step_m) if found is not None and found.significant else None
+
+    for sizes in _sizes_by(observations, step).values():
+        yield Wording(SHADED, sizes=sizes)
 
 
 def broken(observations: Sequence[Observation]) -> Iterator[str]:
     """Yield a note on targets whose face has a step, and on those that are bent, with sizes."""
+
+    def height(plane: PlaneFit) -> tuple[str, float] | None:
+        found = plane.broken
+        return (found.kind, found.height_m) if found is not None and found.is_noted else None
+
+    for kind, sizes in _sizes_by(observations, height).items():
+        yield Wording(BROKEN[kind], sizes=sizes)
+
+
+def _sizes_by(
+    observations: Sequence[Observation], found_in: Callable[[PlaneFit], tuple[str, float] | None]
+) -> dict[str, str]:
+    """Return of each kind that planes show, by kind and metres, the sizes with their scans."""
     sizes: dict[str, list[str]] = {}
     for observation in observations:
         plane = observation.evidence.plane if observation.evidence else None
-        found = plane.broken if plane else None
-        if found is not None and found.is_noted:
-            size = f"{found.height_m * 1e3:+.2f}"
-            named = Wording("{size} mm ({name})", size=size, name=observation.name)
-            sizes.setdefault(found.kind, []).append(named)
-    for kind, several in sizes.items():
-        yield Wording(BROKEN[kind], sizes=", ".join(several))
+        found = found_in(plane) if plane is not None else None
+        if found is not None:
+            kind, size_m = found
+            size = Wording("{size} mm ({name})", size=f"{size_m * 1e3:+.2f}", name=observation.name)
+            sizes.setdefault(kind, []).append(size)
+    return {kind: ", ".join(several) for kind, several in sizes.items()}
 
 
 def not_as_registered(observations: Sequence[Observation]) -> Iterator[str]:

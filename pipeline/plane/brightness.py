@@ -19,7 +19,7 @@ from ..targets import Region
 from ..uncertainty import tail
 from ..vectors import Array, Array32, Mask, in_axes
 from .clipped_plane import ClippedFit, fit_clipped_plane
-from .correlated_noise import Cells, cells_of, correlated_noise
+from .correlated_noise import Cells, cells_of, correlated_noise, regressed
 
 DARK, BRIGHT = 0.05, 0.95  # quantiles of the intensities; those beyond them count as these
 TWO_VALUED = 0.8  # share of the variance between two classes; uniform 0.75, normal 0.64
@@ -72,7 +72,7 @@ class FittedBrightness:
     def found(self, white_variance_m2: float) -> RangeByBrightness:
         """Return the difference of heights, by independent noise of that variance."""
         column = _shade(self.cells)
-        explained, _ = _regressed(self.cells, _plane(self.cells), column)
+        explained, _ = regressed(self.cells, _plane(self.cells), column)
         square = _square(self.cells, _plane(self.cells), column)
         variance = white_variance_m2 / square
         covariance = variance * np.outer(explained, explained)
@@ -238,19 +238,12 @@ def _plane(cells: Cells) -> Array:
     return np.column_stack([np.ones(len(cells.uv_m)), cells.uv_m])
 
 
-def _regressed(cells: Cells, terms: Array, column: Array) -> tuple[Array, Array]:
-    """Return coefficients (K,) of a column (C,) by terms (C, K), and what these leave of it."""
-    weighted = terms.T * cells.count
-    coefficients = np.asarray(np.linalg.solve(weighted @ terms, weighted @ column))
-    return coefficients, column - terms @ coefficients
-
-
 def _square(cells: Cells, terms: Array, column: Array) -> float:
     """Return the weighted square of what terms (C, K) leave of a column (C,)."""
-    return float(cells.count @ _regressed(cells, terms, column)[1] ** 2)
+    return float(cells.count @ regressed(cells, terms, column)[1] ** 2)
 
 
 def _slope(cells: Cells, terms: Array) -> float:
     """Return g, with terms (C, K) fitted as well."""
-    _, rest = _regressed(cells, terms, _shade(cells))
+    _, rest = regressed(cells, terms, _shade(cells))
     return float((cells.count * rest) @ cells.mean_m) / float(cells.count @ rest**2)

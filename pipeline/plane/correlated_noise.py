@@ -201,6 +201,16 @@ def cells_of(sums: Array, across: int, side_m: float) -> Cells | None:
     return Cells(np.stack([u, v], axis=1), mean, n, index, side_m, within)
 
 
+def regressed(cells: Cells, terms: Array, columns: Array) -> tuple[Array, Array]:
+    """Return coefficients (K, ...) of columns (C, ...) by terms (C, K), and what these leave.
+
+    Weighted by the number of points of each cell.
+    """
+    weighted = terms.T * cells.count
+    coefficients = np.asarray(np.linalg.solve(weighted @ terms, weighted @ columns))
+    return coefficients, columns - terms @ coefficients
+
+
 def filled(count: Array) -> Mask | None:
     """Return which cells hold enough of the points, count (C,); None where too few cells do."""
     full = count > max(2.0, 0.2 * float(count.max()))

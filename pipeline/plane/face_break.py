@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from ..vectors import Array
-from .correlated_noise import Cells, CorrelatedNoise, correlated_noise
+from .correlated_noise import Cells, CorrelatedNoise, correlated_noise, regressed
 
 Kind = Literal["step", "bend"]
 KINDS: tuple[Kind, ...] = ("step", "bend")
@@ -30,28 +30,36 @@ NOTED = 0.9  # belief
 
 
 @dataclass(frozen=True)
-class Line:
-    """Line on a face, beyond which it steps or bends, in the axes of the cells.
+class Lines:
+    """Lines on a face, beyond each of which it steps, or bends, in the axes of the cells.
 
-    direction: (2,) unit, across it. distance_m: from the cells' origin. side_m: of a cell.
+    directions: (L, 2) unit, across them. distances_m: (L,) from the cells' origin. side_m: of a
+    cell.
     """
 
     kind: Kind
-    direction: Array
-    distance_m: float
+    directions: Array
+    distances_m: Array
     side_m: float
 
-    def column(self, uv_m: Array) -> Array:
-        """Return how far (C,) the means of cells at uv_m (C, 2) follow a height of 1, or slope."""
-        beyond = uv_m @ self.direction - self.distance_m
+    def columns(self, uv_m: Array) -> Array:
+        """Return how far the means of cells at uv_m (C, 2) follow height or slope 1: (C, L)."""
+        beyond = uv_m @ self.directions.T - self.distances_m
         if self.kind == "bend":
             return np.asarray(beyond.clip(min=0.0))
         return np.asarray((beyond / self.side_m + 0.5).clip(0.0, 1.0))
 
-    @property
-    def other_side(self) -> Line:
-        """The same line, the face beyond it being the other part."""
-        return replace(self, direction=-self.direction, distance_m=-self.distance_m)
+    @classmethod
+    def of(cls, kind: Kind, turns: Array, distances_m: Array, side_m: float) -> Lines:
+        """Return the lines at each turn, rad, and at each distance."""
+        ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+        every = np.repeat(ways, len(distances_m), axis=0)
+        return cls(kind, every, np.tile(distances_m, len(turns)), side_m)
+
+    def one(self, index: int) -> Lines:
+        """Return one of them."""
+        at = slice(index, index + 1)
+        return replace(self, directions=self.directions[at], distances_m=self.distances_m[at])
 
 
 @dataclass(frozen=True)
@@ -89,16 +97,16 @@ def noise_and_break(
     if cells is None or not cells.white_variance > resolution_m**2:
         return plain.of_plane, None
     likely = _likely_lines(cells, radius_m)
-    line, size = likely.lines[likely.best], float(likely.size[likely.best])
-    gain = float(likely.gain.max())
+    line, size, gain = likely.lines.one(likely.best), likely.size[likely.best], likely.most
     if gain < LEAST_GAIN:
         return plain.of_plane, None
     levelled = [_without(line, size, one) for one in (cells, *lined)]
     rest = correlated_noise(levelled[0], radius_m, spread_m, resolution_m, levelled[1:])
-    belief = 1.0 / (1.0 + math.exp(UNLIKELY - (gain + rest.gain - plain.gain)))
+    log_odds = gain + rest.gain - plain.gain - UNLIKELY
+    belief = 0.5 + 0.5 * math.tanh(0.5 * log_odds)
     found = FaceBreak(
         kind=line.kind,
-        height_m=size * (1.0 if line.kind == "step" else radius_m - line.distance_m),
+        height_m=float(size * (1.0 if line.kind == "step" else radius_m - line.distances_m[0])),
         belief=belief,
         covariance=belief * likely.covariance,
     )
@@ -107,24 +115,23 @@ def noise_and_break(
 
 
 @dataclass(frozen=True)
-class _Lines:
+class _Fits:
     """Lines and what each explains of the cells' residuals.
 
     size: (L,) height or slope. gain: (L,) in log-likelihood. by_line: (3, L) height and slopes of
     the plane by each.
     """
 
-    lines: Sequence[Line]
+    lines: Lines
     size: Array
     gain: Array
     by_line: Array
 
     @classmethod
-    def of(cls, lines: Sequence[Line], cells: Cells) -> _Lines:
+    def of(cls, lines: Lines, cells: Cells) -> _Fits:
         """Fit each line on its own to the residuals."""
-        columns = np.stack([line.column(cells.uv_m) for line in lines], axis=1)
-        of_plane = _fitted(columns, cells)
-        rest = columns - cells.slopes @ of_plane
+        columns = lines.columns(cells.uv_m)
+        of_plane, rest = regressed(cells, cells.slopes, columns)
         square = cells.count @ rest**2
         shown = square > 1e-6 * (cells.count @ columns**2)
         size = (cells.count * cells.mean_m) @ rest / np.where(shown, square, np.inf)
@@ -137,41 +144,34 @@ class _Lines:
         return int(np.argmax(self.gain))
 
     @property
+    def most(self) -> float:
+        """Gain of the likeliest."""
+        return float(self.gain.max())
+
+    @property
     def covariance(self) -> Array:
         """Second moments (3, 3) of what a line does to the plane, over lines by likelihood."""
-        likely = np.exp(self.gain - self.gain.max())
+        likely = np.exp(self.gain - self.most)
         return np.asarray((self.by_line * likely / likely.sum()) @ self.by_line.T)
 
 
-def _likely_lines(cells: Cells, radius_m: float) -> _Lines:
+def _likely_lines(cells: Cells, radius_m: float) -> _Fits:
     """Return the lines about the likeliest, the face beyond them being its smaller part."""
     turns = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    distances_m = radius_m * DISTANCES_OF_RADIUS
     side_m = float(np.min(cells.sides_m))
-
-    def lines(kind: Kind, turns: Array, shares: Array) -> list[Line]:
-        ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
-        return [Line(kind, way, share * radius_m, side_m) for way in ways for share in shares]
-
-    every = _Lines.of(
-        [line for kind in KINDS for line in lines(kind, turns, DISTANCES_OF_RADIUS)], cells
-    )
-    line = every.lines[every.best]
-    if cells.count @ (cells.uv_m @ line.direction > line.distance_m) > 0.5 * cells.count.sum():
-        line = line.other_side
-    turn = math.atan2(line.direction[1], line.direction[0])
-    near = turn + FINER * np.pi / DIRECTIONS
-    shares = line.distance_m / radius_m + FINER * (DISTANCES_OF_RADIUS[1] - DISTANCES_OF_RADIUS[0])
-    return _Lines.of(lines(line.kind, near, shares), cells)
+    coarse = [_Fits.of(Lines.of(kind, turns, distances_m, side_m), cells) for kind in KINDS]
+    found = max(coarse, key=lambda fits: fits.most)
+    line = found.lines.one(found.best)
+    direction, distance_m = line.directions[0], line.distances_m[0]
+    if cells.count @ (cells.uv_m @ direction > distance_m) > 0.5 * cells.count.sum():
+        direction, distance_m = -direction, -distance_m
+    near = math.atan2(direction[1], direction[0]) + FINER * (turns[1] - turns[0])
+    beside_m = distance_m + FINER * (distances_m[1] - distances_m[0])
+    return _Fits.of(Lines.of(line.kind, near, beside_m, side_m), cells)
 
 
-def _fitted(columns: Array, cells: Cells) -> Array:
-    """Return the coefficients (3 + K, ...) of columns (C, ...) by what was fitted to the cells."""
-    weighted = cells.slopes.T * cells.count
-    return np.asarray(np.linalg.solve(weighted @ cells.slopes, weighted @ columns))
-
-
-def _without(line: Line, size: float, cells: Cells) -> Cells:
-    """Return the cells without what the line leaves in their residuals."""
-    column = line.column(cells.uv_m)
-    rest = column - cells.slopes @ _fitted(column, cells)
-    return replace(cells, mean_m=cells.mean_m - size * rest)
+def _without(line: Lines, size: float, cells: Cells) -> Cells:
+    """Return the cells without what one line leaves in their residuals."""
+    _, rest = regressed(cells, cells.slopes, line.columns(cells.uv_m))
+    return replace(cells, mean_m=cells.mean_m - size * rest[:, 0])
