@@ -136,6 +136,16 @@ def _channel(admit: Admit) -> type[HTTPChannel]:
             if unfinished is not None:
                 unfinished.close()
 
+        def close(self) -> None:
+            """Close the connection as `wasyncore.close_all` does, its temporary files included."""
+            self.handle_close()
+
+        def cancel(self) -> None:
+            """Close the bodies of requests that no thread took before the server ended."""
+            super().cancel()
+            for request in self.requests:
+                request.close()
+
         @property
         def is_busy(self) -> bool:
             receiving = self.request is not None and self.request.headers_finished

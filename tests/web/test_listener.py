@@ -34,9 +34,9 @@ class Served:
         guard = self.site.guard
         self.admitted = {"Cookie": f"{guard.cookie}={guard.session}", KEY_HEADER: guard.key}
         state = self.site.app.config["state"]
-        server = Listener(self.site.app, listening, partial(admit, state), MOST_BYTES)
-        thread = threading.Thread(target=server.run)
-        for end in (server.close, self.site.close, thread.join, server.stop):
+        self.listener = Listener(self.site.app, listening, partial(admit, state), MOST_BYTES)
+        thread = threading.Thread(target=self.listener.run)
+        for end in (self.listener.close, self.site.close, thread.join, self.listener.stop):
             stack.callback(end)
         thread.start()
 
@@ -193,6 +193,32 @@ def test_a_full_disk_ends_the_upload_and_nothing_else(served, monkeypatch):
         assert answer.status == 507
         assert b"(No space left on device): free some disk space" in text
     assert served.ask("PUT", f"/api/uploads/{upload}/rr.ply", b"1 2 3")[0].status == 200
+
+
+def test_an_unfinished_upload_is_closed_with_the_server(tmp_path):
+    before = nameless_files()
+    with ExitStack() as late, ExitStack() as stack:
+        served = Served(tmp_path, stack)
+        client = late.enter_context(served.connect())
+        lines = [f"{name}: {value}" for name, value in served.admitted.items()]
+        path = f"/api/uploads/{served.site.send()}/rr.ply"
+        head = [f"PUT {path} HTTP/1.1", f"Host: 127.0.0.1:{served.port}", *lines]
+        size = "Content-Length: 2000000"
+        client.sendall("\r\n".join([*head, size, "", ""]).encode() + bytes(1_000_000))
+        while not (body := nameless_files() - before):
+            time.sleep(0.01)
+        channels = list(served.listener._server.active_channels.values())
+    assert len(channels) == len(body) == 1
+    assert nameless_files() == before
+
+
+def nameless_files() -> set[str]:
+    """Temporary files that are open in this process."""
+    links = set()
+    for link in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):
+            links.add(str(link.readlink()))
+    return {link for link in links if link.endswith("(deleted)")}
 
 
 def open_files() -> int:
