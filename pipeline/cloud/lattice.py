@@ -2,8 +2,9 @@
 
 Programs that thin by a voxel grid keep one point of each cell: the mean of its points (Open3D,
 PCL), or the one nearest to its middle (the octree of CloudCompare). Such points crowd about the
-middles of the cells, so that both axes along a face show a wave of the same length; and where the
-face crosses from one layer of cells to the next, two points share a column and never a cell.
+middles of the cells, so that both axes along a face show a wave of the same length; where the face
+crosses from one layer of cells to the next, two points share a column and never a cell; and where
+it lies in one layer, each column has its point, at a place that tells nothing of the next one's.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..vectors import Array, Rows, in_axes
 from .steps import scattered
@@ -31,6 +33,16 @@ PARTED = 0.9  # share of the pairs that one boundary has to part
 AS_MANY = 0.03  # of that share: boundaries that part nearly as many are as likely
 FEWER = 0.25  # of that share: how far it falls says how near the boundary is
 U_OF_FALL = 0.5  # standard uncertainty of the boundary by the length of that fall
+APART = 1.55  # distance of two points in a column by the noise before thinning, at a boundary
+MOST_KEPT = 1.5  # noise of the points kept by that before thinning, at most
+BESIDE = 0.8  # share of the points that have a neighbour in the next column along each axis
+JUMPS = 0.3  # least change from column to column, by that of points which know nothing of the next
+LEAST_SPREAD = 0.03  # of points about the middles of their columns, in cells: else a grid of beams
+TO_MIDDLE_LIMITS = (0.02, 1.2)  # less hardly pulls; with more noise, no point was chosen by it
+MOST_TO_MIDDLE = 0.8  # that is believed
+TO_MIDDLE = 1.5  # 2 pi N s^2 by s^2 / r^2: of points at random 2, of a grid of beams 1.05
+INSIDE = (0.5, 99.5)  # percentiles of the depths of a face
+LEAST_SLACK = 0.05  # of a layer, by which a face may lie higher or lower in it
 
 
 @dataclass(frozen=True)
@@ -39,14 +51,18 @@ class VoxelLattice:
 
     edge_m: of a cell. axis: (3,) unit vector across the layers. boundary_m: where one boundary
     between two layers lies along it, from the origin of the points; boundary_u_m: its standard
-    uncertainty. apart_m: median distance along the axis of two points in one column.
+    uncertainty. noise_m: of the depths before thinning, roughly. to_middle: part of its distance to
+    the middle of its layer by which a point lies nearer, if each cell kept the one nearest to its
+    middle. layers: 1 if the face lies in one, else 2: more need not be told apart.
     """
 
     edge_m: float
     axis: Array
     boundary_m: float
     boundary_u_m: float
-    apart_m: float
+    noise_m: float
+    to_middle: float
+    layers: int = 2
 
 
 def find_lattice(
@@ -55,8 +71,7 @@ def find_lattice(
     """Find the lattice on which points_m (N, 3) of a face with that normal (3,) were thinned.
 
     axes: (3, 3) rows along which a lattice would lie. rows: of the points that count, all by
-    default. None where there is no lattice, where the face lies along none of its layers, or where
-    it hardly crosses from one to the next.
+    default. None where there is no lattice, or where the face lies along none of its layers.
     """
     across = int(np.argmax(np.abs(axes @ normal)))
     rows = np.arange(len(points_m)) if rows is None else rows
@@ -70,36 +85,100 @@ def find_lattice(
     points_m = points_m[rows]
     uv_m, depth_m = in_axes(along, points_m), points_m @ axes[across]
     most = MOST_LAYERS * float(np.prod(np.ptp(uv_m, axis=0)))
-    for wave in [one for one in waves if len(points_m) < most * one**2][:TRIED]:
-        frequency = _refined(some, wave)
-        found = _layers(uv_m, depth_m, frequency)
-        if found is not None:
-            boundary, u, apart = (float(x) / frequency for x in found)
-            return VoxelLattice(1.0 / frequency, axes[across], boundary, u, apart)
+    frequencies = [
+        _refined(some, wave) for wave in [w for w in waves if len(points_m) < most * w**2][:TRIED]
+    ]
+    for layers, look in ((2, _layers), (1, _one_layer)):
+        for frequency in frequencies:
+            found = look(uv_m, depth_m, frequency)
+            if found is not None:
+                boundary_m, u_m, noise_m = (length / frequency for length in found[:3])
+                return VoxelLattice(
+                    1.0 / frequency, axes[across], boundary_m, u_m, noise_m, found[3], layers
+                )
     return None
 
 
-def _layers(uv_m: Array, depth_m: Array, frequency: float) -> tuple[float, float, float] | None:
-    """Return boundary, its standard uncertainty, and distance of two points in a column, in cells.
+_Found = tuple[float, float, float, float]  # boundary, its u, noise, to the middle; in cells
 
-    uv_m: (N, 2) along the face; depth_m: (N,). None where no boundary parts the points.
+
+def _layers(uv_m: Array, depth_m: Array, frequency: float) -> _Found | None:
+    """Return what is found of a face in more than one layer; None where no boundary parts it.
+
+    uv_m: (N, 2) along the face; depth_m: (N,).
     """
-    some = scattered(len(uv_m), ROWS)
-    phase = np.angle(_wave(uv_m[some], frequency)) / (2.0 * np.pi)
-    column = np.rint(uv_m * frequency - phase).astype(np.int64)
+    column, beside = _columns(uv_m, frequency)
     order = np.lexsort([depth_m, *column.T])
     pair = (column[order[:-1]] == column[order[1:]]).all(axis=1)
     low, high = depth_m[order[:-1][pair]] * frequency, depth_m[order[1:][pair]] * frequency
     near = high - low < 1.0
     if np.count_nonzero(near) < max(MIN_PAIRS, MIN_SHARE * len(uv_m)):
         return None
-    boundary = np.arange(PHASES) / PHASES
     share = np.zeros(PHASES)
-    for row, at in enumerate(boundary):
+    for row, at in enumerate(np.arange(PHASES) / PHASES):
         share[row] = np.mean(np.floor(high[near] - at) > np.floor(low[near] - at))
     if share.max() < PARTED:
         return None
-    return *_boundary(share), float(np.median(high - low))
+    boundary, u = _boundary(share)
+    face = _terms(uv_m) @ np.linalg.lstsq(_terms(uv_m), depth_m, rcond=None)[0]
+    away = face[order[:-1][pair]] * frequency - boundary
+    away -= np.rint(away)  # of the face from a boundary; one of both points lies beyond it
+    noise = float(np.sqrt(max(np.median((high - low) ** 2 - away**2), 0.0))) / APART
+    noise = max(noise, float(np.std(depth_m - face)) * frequency / MOST_KEPT)
+    selected = TO_MIDDLE * noise**2 / float(np.mean(beside**2) * 2.0)
+    return boundary, u, noise, selected / (1.0 + selected)
+
+
+def _one_layer(uv_m: Array, depth_m: Array, frequency: float) -> _Found | None:
+    """Return what is found of a face in one layer; None where its points were not chosen.
+
+    Of the points in a cell that lie nearest to its middle, many are kept for their place along the
+    face, others for their depth: how far they lie from the middles along the face says how much
+    their depths were drawn to the middle of the layer. Where that is not shown, as of the beams of
+    a regular grid, nothing was thinned.
+    """
+    column, beside = _columns(uv_m, frequency)
+    row = column - column.min(axis=0)
+    wide = int(row[:, 1].max()) + 2
+    keys = row[:, 0] * wide + row[:, 1]
+    _, first = np.unique(keys, return_index=True)
+    if len(keys) - len(first) > max(MIN_PAIRS, MIN_SHARE * len(keys)):
+        return None
+    keys, beside = keys[first], beside[first]
+    for axis, step in enumerate((wide, 1)):
+        place = np.searchsorted(keys, keys + step).clip(max=len(keys) - 1)
+        next_to = keys[place] == keys + step
+        if np.mean(next_to) < BESIDE:
+            return None
+        jump = beside[place[next_to], axis] - beside[next_to, axis]
+        if np.mean(jump**2) < JUMPS * 2.0 * np.var(beside[:, axis]):
+            return None
+    terms = _terms(uv_m)
+    rest = (depth_m - terms @ np.linalg.lstsq(terms, depth_m, rcond=None)[0]) * frequency
+    kept = float(np.mean(rest**2))
+    spread = float(np.mean(beside**2))
+    to_middle = TO_MIDDLE * kept / (2.0 * spread)
+    least, most = TO_MIDDLE_LIMITS
+    if spread < LEAST_SPREAD**2 or not least < to_middle < most:
+        return None
+    to_middle = min(to_middle, MOST_TO_MIDDLE)
+    low, high = np.percentile(depth_m, INSIDE) * frequency
+    slack = max(LEAST_SLACK, 1.0 - float(high - low))
+    noise = float(np.sqrt(kept / (1.0 - to_middle)))
+    return float(low + high) / 2.0 - 0.5, slack / float(np.sqrt(12.0)), noise, to_middle
+
+
+def _terms(uv_m: Array) -> Array:
+    return np.column_stack([np.ones(len(uv_m)), uv_m])
+
+
+def _columns(uv_m: Array, frequency: float) -> tuple[NDArray[np.int64], Array]:
+    """Return columns of cells (N, 2) of points uv_m (N, 2), and their places in them, in cells."""
+    some = scattered(len(uv_m), ROWS)
+    phase = np.angle(_wave(uv_m[some], frequency)) / (2.0 * np.pi)
+    place = uv_m * frequency - phase
+    column = np.rint(place).astype(np.int64)
+    return column, place - column
 
 
 def _boundary(share: Array) -> tuple[float, float]:

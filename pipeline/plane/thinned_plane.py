@@ -5,10 +5,14 @@ within its noise of the boundary of two layers, each layer holds the part of the
 and the mean of both lies between the face and that boundary. The mean height of points where the
 face has the depth d is so d + b(d): b has the period of the lattice, and is odd about a boundary,
 by the symmetry of noise and cells. With p_k the share of the noise in layer k, m_k its mean there
-and n points a column before thinning, b = sum w_k m_k / sum w_k - d, w_k = 1 - (1 - p_k)^n. Neither
-n nor how a program chooses among the points of a cell is known: b is the sum of this form for few
-and for many points, in shares near a half, and of a smooth odd rest, each with its prior. Where the
-face crosses less than a layer, b and a tilt are hard to tell apart, and the covariance says so.
+and n points a column before thinning, b = sum w_k m_k / sum w_k - d, w_k = 1 - (1 - p_k)^n. Of the
+points nearest to the middles of their cells those near the middle of the layer are kept more often:
+m_k lies nearer to it by a part q of its distance. Of Gaussian noise s and N points per square metre
+q = k / (1 + k), k = 2 pi N s^2, and N follows from how far the kept points lie from the middles
+along the face (lattice.py). Neither n nor how a program chose is known: b is the sum of this form
+for few and for many points, in shares near a half, of the pull to the middle by none to all of q,
+and of a smooth odd rest, each with its prior. Where the face lies in one layer nothing of b can be
+told from a tilt: none is removed, and k times the tilt is in the covariance.
 """
 
 from __future__ import annotations
@@ -23,12 +27,11 @@ from .correlated_noise import erf
 
 TABLE = 200  # depths in a layer
 LAYERS = np.arange(-4, 5)
-APART = 1.7  # distance of two points in a column by the noise before thinning: 1.6 to 2.1
 POINTS = (2.0, 6.0)  # a column before thinning: forms between which others lie
 SHARE, SHARE_U = 0.5, 0.3  # prior of each form
+NEAREST, NEAREST_U = 0.5, 0.6  # prior of the pull to the middle: 0 of means, 1 of nearest points
+REST_TO_MIDDLE = 0.1  # what that pull leaves to the longest wave of the rest
 REST, REST_LENGTH = 0.2, 0.7  # prior of the rest: its size and length, of the noise
-TO_MIDDLE = 0.4  # size of its longest wave besides, of the noise: points nearest to the middle
-MOST_TO_MIDDLE = 0.08  # the same, of a cell
 LEAST_REST = 1e-3  # prior variance of a wave of the rest, of the longest
 WAVES = 15
 STEPS = 15  # of Gauss and Newton; few suffice
@@ -84,7 +87,9 @@ def fit_pull(points_m: Array, lattice: VoxelLattice, axes: Array) -> LatticePull
     """Fit plane and pull together to the points_m (N, 3) of a face thinned on a lattice.
 
     Least squares with the priors of the pull, by Gauss and Newton; the depth at which each point
-    is pulled follows the plane. axes: (3, 3) rows, of which one is the lattice's.
+    is pulled follows the plane. In one layer nothing shows whether there is one: the plane is that
+    of the points, and what they would be off counts. axes: (3, 3) rows, of which one is the
+    lattice's.
     """
     own = int(np.argmax(np.abs(axes @ lattice.axis)))
     axes = np.roll(axes, -own, axis=0)
@@ -92,6 +97,9 @@ def fit_pull(points_m: Array, lattice: VoxelLattice, axes: Array) -> LatticePull
     middle = xy.mean(axis=0)
     terms = _terms(xy - middle)
     plane = np.linalg.lstsq(terms, depth_m, rcond=None)[0]
+    if lattice.layers == 1:
+        added, none = _unseen(lattice, plane), np.zeros(TABLE)
+        return LatticePull(lattice, axes, middle, plane, lattice.boundary_m, none, added)
     columns, mean, variance = _forms(lattice)
     by_depth = (np.roll(columns, -1, axis=0) - np.roll(columns, 1, axis=0)) * TABLE / 2.0
     by_depth /= lattice.edge_m
@@ -116,37 +124,56 @@ def fit_pull(points_m: Array, lattice: VoxelLattice, axes: Array) -> LatticePull
     return LatticePull(lattice, axes, middle, plane, boundary, table, _positive(added))
 
 
+def _unseen(lattice: VoxelLattice, plane: Array) -> Array:
+    """Return the covariance (3, 3) of what a plane in one layer is off, if its points were chosen.
+
+    The layer may lie higher or lower than its middle shows by the uncertainty of its boundary.
+    """
+    part = lattice.to_middle / (1.0 - lattice.to_middle)
+    off = np.diag([lattice.boundary_u_m**2, 0.0, 0.0])
+    off[1:, 1:] = np.outer(plane[1:], plane[1:])
+    return np.asarray(part**2 * off)
+
+
 def _forms(lattice: VoxelLattice) -> tuple[Array, Array, Array]:
     """Return columns (TABLE, K) of a pull by depth, and means and variances (K + 1,) of the priors.
 
     The last prior is that of the boundary's position.
     """
-    noise = lattice.apart_m / APART / lattice.edge_m
+    noise = lattice.noise_m / lattice.edge_m
     depth = np.arange(TABLE) / TABLE
     wave = np.arange(1, WAVES + 1)
     size = np.exp(-((2.0 * np.pi * REST_LENGTH * noise * wave) ** 2) / 2.0)
     wave = wave[size > LEAST_REST * size[0]]
     size = size[: len(wave)] / size[: len(wave)].sum()
-    columns = [_form(depth, noise, points) * lattice.edge_m for points in POINTS]
+    forms = [_form(depth, noise, points) for points in POINTS]
+    forms.append(_form(depth, noise, POINTS[-1], lattice.to_middle) - forms[-1])
+    columns = [form * lattice.edge_m for form in forms]
     columns += [np.sin(2.0 * np.pi * number * depth) for number in wave]
     mean = np.zeros(len(columns) + 1)
-    mean[: len(POINTS)] = SHARE
+    mean[: len(forms)] = *([SHARE] * len(POINTS)), NEAREST
     rest = 2.0 * (REST * noise * lattice.edge_m) ** 2 * size
-    rest[0] += (min(TO_MIDDLE * noise, MOST_TO_MIDDLE) * lattice.edge_m) ** 2
+    rest[0] += (REST_TO_MIDDLE * lattice.to_middle * lattice.edge_m) ** 2
     boundary = lattice.boundary_u_m**2
-    variance = np.concatenate([np.full(len(POINTS), SHARE_U**2), rest, [boundary]])
+    of_forms = [*([SHARE_U**2] * len(POINTS)), NEAREST_U**2]
+    variance = np.concatenate([of_forms, rest, [boundary]])
     return np.column_stack(columns), mean, variance
 
 
-def _form(depth: Array, noise: float, points: float) -> Array:
-    """Return the pull (D,) at depths (D,) in a layer, for that many points a column, in cells."""
+def _form(depth: Array, noise: float, points: float, to_middle: float = 0.0) -> Array:
+    """Return the pull (D,) at depths (D,) in a layer, for that many points a column, in cells.
+
+    to_middle: part of its distance by which the mean in a layer lies nearer to the layer's middle.
+    """
     low = (LAYERS - depth[:, None]) / noise
     high = low + 1.0 / noise
     share = (_cumulative(high) - _cumulative(low)).clip(min=0.0)
     moment = noise * (_density(low) - _density(high))
     weight = 1.0 - (1.0 - share.clip(max=1.0)) ** points
-    by_share = np.divide(weight, share, out=np.zeros_like(share), where=share > 1e-12)
-    return np.asarray((by_share * moment).sum(axis=1) / weight.sum(axis=1))
+    seen = share > 1e-12
+    off = np.divide(moment, share, out=np.zeros_like(share), where=seen)
+    off -= to_middle * (depth[:, None] + off - LAYERS - 0.5)
+    return np.asarray((weight * seen * off).sum(axis=1) / weight.sum(axis=1))
 
 
 def _cumulative(x: Array) -> Array:

@@ -23,6 +23,23 @@ def test_lattice_is_found_with_its_edge_and_boundary(thin, edge_m, axis):
     assert abs(off) * edge_m < 4.0 * lattice.boundary_u_m + 0.02 * edge_m
 
 
+@pytest.mark.parametrize("edge_m", [3.7e-3, 5.3e-3])
+def test_lattice_is_found_where_a_face_lies_in_one_layer(edge_m):
+    """The face's depths are those of one layer, whose boundaries are uncertain by what is left."""
+    square = {"sigma_m": 3e-4, "toe_deg": (-0.1, 0.1), "camber_deg": (-0.1, 0.1)}
+    for seed in range(4):
+        points, normal = face(np.random.default_rng(seed), **square)
+        points[:, 1] += 0.5 * edge_m - np.median(points[:, 1])
+        thinned = nearest(points, edge_m)
+        assert np.ptp(np.floor(thinned[:, 1] / edge_m)) == 0.0
+        lattice = find_lattice(thinned, np.eye(3), normal)
+        assert lattice.edge_m == pytest.approx(edge_m, rel=0.005)
+        slack_m = edge_m - np.ptp(thinned[:, 1])
+        assert abs(lattice.boundary_m) < slack_m
+        assert 0.999 * slack_m < np.sqrt(12.0) * lattice.boundary_u_m < edge_m
+        assert 0.02 < lattice.to_middle < 0.6
+
+
 def test_lattice_along_a_rotated_pose_is_found_by_its_axes():
     points, normal = face(np.random.default_rng(7))
     turn = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
@@ -41,6 +58,12 @@ def on_raster(points, normal):
     return np.column_stack([number[:, 0], height + noise, number[:, 1]])
 
 
+def beside_raster(points, normal):
+    """The same, where the beams jitter by less than the noise."""
+    points = on_raster(points, normal)
+    return points + np.random.default_rng(2).normal(0.0, 2e-4, points.shape) * [1.0, 0.0, 1.0]
+
+
 UNTHINNED = {
     "as scanned": lambda points, _: points,
     "at random": lambda points, _: points[np.random.default_rng(1).random(len(points)) < 0.1],
@@ -49,6 +72,7 @@ UNTHINNED = {
         [points, points + np.array([7e-4, 4e-3, 3e-4])]
     ),
     "a raster": on_raster,
+    "a raster that jitters": beside_raster,
 }
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from tests.support.thinned import face, means, nearest
-from wheelplane.cloud import VoxelLattice
+from wheelplane.cloud import VoxelLattice, find_lattice
 from wheelplane.config import PlaneConfig
 from wheelplane.plane import Patch, fit_plane
 from wheelplane.plane.thinned_plane import _form, fit_pull
@@ -52,6 +52,48 @@ def test_plane_is_within_three_u_whatever_the_phase(thin, edge_m, scan):
         found.append(scores(fit(thin(points, edge_m), normal), normal))
     assert np.sum(np.square(found)) < 1.25**2 * stats.chi2.isf(TRUST, np.size(found))
     assert np.abs(found).max() < stats.norm.isf(TRUST / np.size(found))
+
+
+SQUARE_TO_AXES = {"toe_deg": (-0.2, 0.2), "camber_deg": (-0.2, 0.2)}
+
+
+def in_one_layer(edge_m, sigma_m, spacing_m, count):
+    """Planes of faces that lie in one layer, thinned to the points nearest to the middles."""
+    for seed in range(count):
+        rng = np.random.default_rng([seed, 7])
+        scan = {"sigma_m": sigma_m, "spacing_m": spacing_m}
+        points, normal = face(rng, **scan, **SQUARE_TO_AXES)
+        points[:, 1] += rng.uniform(0.4, 0.6) * edge_m - np.median(points[:, 1])
+        yield fit(nearest(points, edge_m), normal), normal, points
+
+
+ONE_LAYER = [(5e-3, 3e-4, 1e-3), (5e-3, 8e-4, 2e-3), (8e-3, 8e-4, 2e-3), (8e-3, 8e-4, 1e-3)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("edge_m", "sigma_m", "spacing_m"), ONE_LAYER)
+def test_nearest_points_in_one_layer_are_within_their_u(edge_m, sigma_m, spacing_m):
+    """Least squares of them are up to 10 of their own u off: the layer's middle draws them."""
+    planes = list(in_one_layer(edge_m, sigma_m, spacing_m, 12))
+    found = [scores(plane, normal) for plane, normal, _ in planes]
+    assert np.sum(np.square(found)) < 1.25**2 * stats.chi2.isf(TRUST, np.size(found))
+    assert sum(plane.thinning is not None for plane, *_ in planes) >= 11
+
+
+def test_the_pull_in_one_layer_is_seen_by_where_points_lie_along_the_face():
+    """Least squares find a tilt smaller by the part that is expected, within a half of it."""
+    edge_m, tilts, trues, expected = 5e-3, [], [], []
+    for plane, normal, points in in_one_layer(edge_m, 4e-4, 1e-3, 6):
+        assert plane.thinning is not None
+        assert plane.thinning.edge_m == pytest.approx(edge_m, rel=0.01)
+        kept = nearest(points, edge_m)
+        terms = np.column_stack([np.ones(len(kept)), kept[:, [0, 2]]])
+        tilts.append(np.linalg.lstsq(terms, kept[:, 1], rcond=None)[0][1:])
+        trues.append(-normal[[0, 2]] / normal[1])
+        expected.append(find_lattice(kept, np.eye(3), normal).to_middle)
+    part = 1.0 - np.sum(np.multiply(tilts, trues)) / np.sum(np.square(trues))
+    assert part > 0.2
+    assert np.mean(expected) == pytest.approx(part, rel=0.5)
 
 
 def test_a_pulled_plane_is_corrected_and_named():
@@ -105,7 +147,7 @@ def test_covariance_grows_where_less_than_a_layer_is_crossed():
         xy = rng.uniform(-0.1, 0.1, (4000, 2))
         depth = 1e-3 + xy @ [tilt, 0.0] + rng.normal(0.0, 5e-4, 4000)
         points = np.column_stack([xy, depth])
-        lattice = VoxelLattice(5e-3, np.array([0.0, 0.0, 1.0]), 0.0, 1e-4, 1e-3)
+        lattice = VoxelLattice(5e-3, np.array([0.0, 0.0, 1.0]), 0.0, 1e-4, 6e-4, 0.1)
         found = fit_pull(points, lattice, np.eye(3))
         added.append(np.sqrt(np.diag(found.added)[1:].max()))
     assert added[0] > 5.0 * added[1]

@@ -7,9 +7,17 @@ import numpy as np
 CENTRE_M = np.array([0.1, 0.75, 0.3])
 
 
-def face(rng, sigma_m=8e-4, spacing_m=2e-3, yaw_deg=0.0, incidence_deg=15.0):
+def face(
+    rng,
+    sigma_m=8e-4,
+    spacing_m=2e-3,
+    yaw_deg=0.0,
+    incidence_deg=15.0,
+    toe_deg=(-0.5, 0.5),
+    camber_deg=(-1.8, 1.5),
+):
     """Points (N, 3) of a disc near CENTRE_M that faces y, of a grid of beams; its normal (3,)."""
-    toe, camber = np.radians([yaw_deg + rng.uniform(-0.5, 0.5), rng.uniform(-1.8, 1.5)])
+    toe, camber = np.radians([yaw_deg + rng.uniform(*toe_deg), rng.uniform(*camber_deg)])
     normal = np.array([np.sin(toe), np.cos(toe), -np.tan(camber)])
     normal /= np.linalg.norm(normal)
     first = np.cross([0.0, 0.0, 1.0], normal)
