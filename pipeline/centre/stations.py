@@ -3,7 +3,8 @@
 A scanner passes a target once, line after line, and programs that merge clouds put one scan behind
 the other. Of one scan the place of a point in the order is nearly a slope over the target, across
 the lines; of several it is not. Where the order breaks into few parts of which each has a slope of
-its own, these are the stations; of points in any other order nothing is said.
+its own, these are the stations. Points in any other order, as shuffled or sorted ones, show their
+stations by the grids of their beams (see beam_grids.py), or not at all.
 """
 
 from __future__ import annotations
@@ -18,11 +19,15 @@ from ..cloud import find_lattice, scattered
 from ..plane import Patch
 from ..targets import Region
 from ..vectors import Array, Rows
+from .beam_grids import beam_grids, nearest_grid
+from .layers import find_layers
 
 BLOCKS = 64  # of points in their order, between which a break is looked for
 POINTS = 100_000  # enough to see one
 LEAST_POINTS = 100  # of a station
 SCANNED_ONCE = 0.06  # share of the variance of the order that no slope explains; one scan: 0.01
+ALIKE, FOLLOWING = 0.4, 0.8  # of a step to the next point: how alike they are; their share
+CLEAR_OF_EDGES = 0.1  # of the radius
 MOST, MOST_PARTS = 6, 16  # stations; parts tried, of which some are joined again
 
 
@@ -31,34 +36,86 @@ def of_stations(patch: Patch, region: Region) -> list[Patch]:
 
     region: of the face, in the patch's axes.
     """
-    if patch.around_after is None:
+    after = patch.around_after
+    if after is None:
         return [patch]
     uv = patch.face_m @ patch.basis[:2].T
     rows = np.flatnonzero(region.holds(uv))
     if len(rows) > POINTS:
         rows = rows[np.sort(scattered(len(rows), POINTS))]
-    breaks = _breaks(uv[rows] / region.radius_m)
-    if not breaks or find_lattice(patch.face_m[rows], patch.steps.axes, patch.basis[2]):
+    ordered = uv[rows] / region.radius_m
+    one = _is_one_scan(ordered)
+    if one and _follow_each_other(uv, rows):
+        return [patch]
+    if find_lattice(patch.face_m[rows], patch.steps.axes, patch.basis[2]):
         return [patch]  # voxels are sorted by layers, of which each is passed once
+    breaks = [] if one else _breaks(ordered)
+    parts = _by_order(patch, rows, after, breaks) if breaks else _by_grids(patch, rows)
+    parts = parts or _by_layers(patch, rows, region)
+    return [_at_its_height(part, region) for part in parts] or [patch]
+
+
+def _by_order(patch: Patch, rows: Rows, after: Rows, breaks: list[int]) -> list[Patch]:
+    """Return the patch of each station, of these rows of the face parted at the breaks."""
     face = [0, *(int(rows[at]) for at in breaks), len(patch.face_m)]
     # Behind a station's last point on the face, and before the first of the next, are both of them.
-    last = [np.searchsorted(patch.around_after, rows[at - 1], side="right") for at in breaks]
-    first = [np.searchsorted(patch.around_after, rows[at], side="right") for at in breaks]
+    last = [np.searchsorted(after, rows[at - 1], side="right") for at in breaks]
+    first = [np.searchsorted(after, rows[at], side="right") for at in breaks]
     around = [0, *(int(a + b) // 2 for a, b in zip(last, first, strict=True)), len(patch.around_m)]
     pairs = zip(pairwise(face), pairwise(around), strict=True)
-    return [_part(patch, slice(*on_face), slice(*beside)) for on_face, beside in pairs]
+    return [patch.kept(slice(*on_face), slice(*beside)) for on_face, beside in pairs]
 
 
-def _part(patch: Patch, face: slice, around: slice) -> Patch:
-    """Return the patch with these rows of its face and of the points around."""
-    intensity = patch.face_intensity
-    return replace(
-        patch,
-        face_m=patch.face_m[face],
-        face_intensity=None if intensity is None else intensity[face],
-        around_m=patch.around_m[around],
-        around_after=None,
-    )
+def _follow_each_other(uv: Array, rows: Rows) -> bool:
+    """Return whether most points of uv (N, 2) lie one step before the next in the file.
+
+    As along the lines of one scanner; not of scans that were sorted together.
+    """
+    ahead = uv[np.minimum(rows + 1, len(uv) - 1)] - uv[rows]
+    ahead *= np.where(ahead @ np.linalg.svd(ahead, full_matrices=False)[2][0] < 0.0, -1.0, 1.0)[
+        :, None
+    ]
+    step = np.median(ahead, axis=0)
+    alike = np.hypot(*(ahead - step).T) < ALIKE * np.hypot(*step)
+    return bool(np.mean(alike) > FOLLOWING)
+
+
+def _by_grids(patch: Patch, rows: Rows) -> list[Patch]:
+    """Return the patch of each station by the grids that these rows of the face show; else none."""
+    around = patch.around_m @ patch.basis.T
+    grids = beam_grids(patch.face_m[rows] @ patch.basis.T, around)
+    if not grids:
+        return []
+    of_face = nearest_grid(grids, patch.face_m @ patch.basis.T)
+    of_around = nearest_grid(grids, around)
+    return [patch.kept(of_face == k, of_around == k) for k in range(len(grids))]
+
+
+def _by_layers(patch: Patch, rows: Rows, region: Region) -> list[Patch]:
+    """Return the patch of each layer that these rows of the face show; none of one layer.
+
+    No layer shows which of the points around are its own: the one with the most points has them.
+    """
+    face = patch.face_m[rows] @ patch.basis.T
+    clear = region.shrunk(CLEAR_OF_EDGES * region.radius_m).holds(face[:, :2])
+    found = find_layers(face[clear], float(patch.steps.across(patch.basis[2])))
+    if found is None:
+        return []
+    of = found.of(patch.face_m @ patch.basis.T)
+    count = np.bincount(of)
+    around = np.ones(len(patch.around_m), bool)
+    most = int(np.argmax(count))
+    return [patch.kept(of == k, around & (k == most)) for k in range(len(count))]
+
+
+def _at_its_height(patch: Patch, region: Region) -> Patch:
+    """Return the patch at the height of its own points: clipping starts from the layer there."""
+    uvw = patch.face_m @ patch.basis.T
+    height_m = float(np.median(uvw[region.holds(uvw[:, :2]), 2]))
+    if abs(height_m) < patch.sigma_m:
+        return patch
+    placed = patch.placed(patch.origin_m + height_m * patch.basis[2], 0.0)
+    return replace(placed, elsewhere=patch.elsewhere)
 
 
 def _breaks(uv: Array) -> list[int]:

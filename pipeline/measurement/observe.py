@@ -56,8 +56,8 @@ THICKNESS = (
     "{names}. The centre is by the former; correct the thickness in the target's file, or omit it."
 )
 STATIONS = (
-    "The targets of {names} were seen by several stations, one behind the other in the file, that "
-    "disagree there, by up to {sizes}. The results are means of the stations, and what they "
+    "The targets of {names} were seen by several stations, merged into one cloud, that disagree "
+    "there, by up to {sizes}. The results are means of the stations, and what they "
     "disagree by is in the uncertainty, as a component of its own; register the stations better, "
     "give the scan of one, or state registration_m and pointing_urad in the scanner file."
 )

@@ -7,6 +7,7 @@ from .fit_plane import SPANNED, PlaneFit, Rounding, fit_plane
 from .least_squares import total_least_squares
 from .patch import Patch
 from .ransac import RansacOptions, ransac
+from .scan_lines import nearest, strong_waves
 from .sigma_clipping import Clipping, converge, first_sigma
 from .thinned_plane import Thinning
 
@@ -27,7 +28,9 @@ __all__ = [
     "first_sigma",
     "fit_clipped_plane",
     "fit_plane",
+    "nearest",
     "plane_of_all",
     "ransac",
+    "strong_waves",
     "total_least_squares",
 ]

@@ -79,8 +79,8 @@ class Patch:
         others = ((self.origin_m + by @ self.basis[:2], turn) for by, turn in self.elsewhere)
         return [replace(self, elsewhere=()), *(self.placed(at, turn) for at, turn in others)]
 
-    def kept(self, face: Mask, around: Mask) -> Patch:
-        """Return the patch with those of its points alone, masks of face_m and around_m."""
+    def kept(self, face: Mask | slice, around: Mask | slice) -> Patch:
+        """Return the patch with those of its points alone, rows of face_m and around_m."""
         intensity = self.face_intensity
         return replace(
             self,

@@ -34,6 +34,7 @@ CLEAR = 0.1  # least |mean exp(i k.x)|^2 of a lattice's strongest wave; points o
 ALIKE = 0.5  # of the strongest wave: those as strong are of the lattice
 STEEPEST, MOST_SHIFTS = 1.2, 12  # q: 50 degrees of incidence; factors exp(-i c w) tried
 ZOOM, ZOOMED = 0.4, 6
+ONE_WAVE = 3.0  # steps of the waves tried, within which two are one
 
 
 @dataclass(frozen=True)
@@ -88,12 +89,12 @@ def cells_along_lines(blocks: Blocks) -> Iterator[Cells]:
             yield cells
 
 
-def nearest(uvw_m: Array) -> Array:
-    """Return the SAMPLED points of (N, 3) nearest to the middle, or all."""
-    if len(uvw_m) <= SAMPLED:
+def nearest(uvw_m: Array, count: int = SAMPLED) -> Array:
+    """Return the `count` points of (N, 3) nearest to the middle, or all."""
+    if len(uvw_m) <= count:
         return uvw_m
     away = uvw_m[:, 0] ** 2 + uvw_m[:, 1] ** 2
-    return uvw_m[np.argpartition(away, SAMPLED)[:SAMPLED]]
+    return uvw_m[np.argpartition(away, count)[:count]]
 
 
 def grid_of(uvw_m: Array) -> Grid | None:
@@ -132,6 +133,34 @@ def grid_of(uvw_m: Array) -> Grid | None:
     rows /= np.linalg.norm(rows, axis=1)[:, None]
     beam = np.asarray(np.linalg.solve(found[:, :2], found[:, 2]) * (apart_m / noise_m))
     return Grid(rows, beam)
+
+
+def strong_waves(
+    uvw_m: Array, least: float, shortest: float = SHORTEST[0], most: int = 14
+) -> list[Array]:
+    """Return the waves of all grids that the points uvw_m (N, 3) lie on, the strongest first.
+
+    k, m and c (3,) in rad/m, of a power of at least `least`, and as long as `shortest`, in mean
+    distances of the points; those as near to each other as few points tell apart are one.
+    """
+    some = nearest(uvw_m)
+    apart_m = float(np.hypot(*some[:, :2].T).max()) * math.sqrt(math.pi / len(some))
+    noise_m = max(float(np.std(some[:, 2])), 1e-9 * apart_m)
+    x = some / [apart_m, apart_m, noise_m]
+    step = 1.4 / math.sqrt(len(some) / math.pi)
+    axes = _waves_to(shortest, step, noise_m / apart_m)
+    length = np.hypot(axes[0][:, None], axes[1])
+    seen = (length > 2.0 * math.pi / LONGEST) & (length < 2.0 * math.pi / shortest)
+    power = _power(x, axes) * seen[:, :, None]
+    found: list[Array] = []
+    while len(found) < most and float(power.max()) >= least:
+        place = np.unravel_index(np.argmax(power), power.shape)
+        wave = np.array([axis[i] for axis, i in zip(axes, place, strict=True)])
+        for side in (wave, -wave):
+            near = np.hypot(axes[0][:, None] - side[0], axes[1] - side[1]) < ONE_WAVE * step
+            power[near] = 0.0
+        found.append(_zoomed(x, wave, step) / [apart_m, apart_m, noise_m])
+    return found
 
 
 def _waves_to(shortest: float, step: float, noise: float) -> tuple[Array, Array, Array]:

@@ -1,4 +1,4 @@
-"""Stations merged into one cloud: found where their points follow each other, and nowhere else."""
+"""Stations merged into one cloud: found where their points follow each other."""
 
 from dataclasses import replace
 
@@ -16,10 +16,6 @@ DISC = load_target("disc-250")
 
 def parts_of(cloud, target=DISC):
     return of_stations(patch_of(cloud, target), target.region)
-
-
-def reordered(cloud, order):
-    return replace(cloud, points_m=cloud.points_m[order], on_face=cloud.on_face[order])
 
 
 def from_station(cloud, patch, first, last):
@@ -76,19 +72,6 @@ def test_points_of_one_scan_are_of_one_station(seed):
     ):
         cloud, _ = merged(seed, (setup,), of=0)
         assert len(parts_of(cloud)) == 1
-
-
-@pytest.mark.parametrize("order", ["shuffled", "along an axis", "by height"])
-def test_points_in_another_order_say_nothing(order):
-    cloud, _ = merged(2, shift_m=np.array([0.0, 0.0, 0.002]))
-    local = cloud.in_target(cloud.points_m)
-    rng = np.random.default_rng(3)
-    rows = {
-        "shuffled": rng.permutation(len(local)),
-        "along an axis": np.argsort(local[:, 0]),
-        "by height": np.argsort(local[:, 2]),
-    }[order]
-    assert len(parts_of(reordered(cloud, rows))) == 1
 
 
 def test_layers_of_voxels_are_no_stations():
