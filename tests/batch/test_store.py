@@ -332,9 +332,11 @@ class Refusing(BaseHTTPRequestHandler):
 
     def refuse(self) -> None:
         self.server.asked += 1
-        status, code = self.server.answer
+        status, code, *to = self.server.answer
         body = f"<Error><Code>{code}</Code><Message>why</Message></Error>".encode() * bool(code)
         self.send_response(status)
+        for address in to:
+            self.send_header("Location", address)
         self.send_header("Content-Length", str(len(body)))
         self.end_headers()
         if self.command != "HEAD":
@@ -377,6 +379,17 @@ def test_credentials_that_are_refused_are_named_by_the_server_s_code(
         open_store("s3://cars/results")
     assert "\n" not in str(caught.value)
     assert refusing.asked == 1  # what is refused is refused again
+
+
+@pytest.mark.parametrize(
+    "answer", [(301, ""), (301, "PermanentRedirect"), (302, "", "/"), (307, "", "/x")]
+)
+def test_a_server_that_redirects_without_end_is_one_line(remote, refusing, monkeypatch, answer):
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{refusing.server_port}")
+    refusing.answer, refusing.asked = answer, 0
+    with pytest.raises(InputError, match=r"cars/results/: the server redirects each .*region"):
+        open_store("s3://cars/results")
+    assert refusing.asked < 200  # by one try
 
 
 def test_an_address_that_never_answers_is_not_tried_again(remote, monkeypatch):

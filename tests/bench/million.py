@@ -29,9 +29,9 @@ from pathlib import Path
 
 from tests.bench.batch import Use
 from tests.support.batches import BATCH, PAPER, start
-from wheelplane.batch.plan.discover import FoundCapture
+from wheelplane.batch.plan.discover import Captures, discover
 from wheelplane.batch.plan.settings import BatchSettings
-from wheelplane.batch.storage.entry import Entry
+from wheelplane.batch.storage.zipped import ZippedStore
 
 A_FOLDER, A_ZIP = 100_000, 1000
 A_RESULT, A_CAPTURE = 61_440, 4096  # bytes on a disk of blocks of 4 kB
@@ -53,6 +53,9 @@ QUESTIONS = {
     "first 50": ("--limit", "50"),
     "failures": ("--failures",),
     "summary of one quantity": ("--summary", "--quantity", "RR toe"),
+    "summary of all quantities": ("--summary",),
+    "drift of all quantities": ("--drift",),
+    "worst of all quantities": ("--worst", "20"),
 }
 
 
@@ -88,12 +91,10 @@ def make_archive(folder: Path, count: int, in_folders: int) -> None:
                 target.writestr(name_of(i), text, zipfile.ZIP_DEFLATED)
 
 
-def found(folder: Path, count: int) -> Iterator[FoundCapture]:
-    """Yield the captures as they are listed."""
-    for i in range(count):
-        stat = (folder / name_of(i)).stat()
-        entry = Entry(name_of(i), stat.st_size, f"{stat.st_mtime_ns}-{stat.st_ino}")
-        yield FoundCapture(entry.name, "five-point", (entry,))
+def found(archive: Path, scratch: Path) -> Captures:
+    """Find the captures as a run does."""
+    store = ZippedStore(archive)
+    return discover(store.list(), scratch / "captures", str(archive), store.zips.members)
 
 
 def make_results(folder: Path, archive: Path, count: int) -> None:
@@ -112,7 +113,7 @@ def make_results(folder: Path, archive: Path, count: int) -> None:
     for digits in range(256):
         (folder / "measurements" / f"{digits:02x}").mkdir(parents=True, exist_ok=True)
     lines = []
-    for i, one in enumerate(found(archive, count)):
+    for i, one in enumerate(found(archive, folder.parent)):
         key = hashlib.sha256(one.name.encode()).hexdigest()
         failed = i % 50 == 49
         batch = tree["batch"] | {"key": key, "date": f"2026-{1 + i % 12:02d}-{1 + i % 28:02d}"}

@@ -51,7 +51,21 @@ def is_transient(error: Exception) -> bool:
     kind = type(error).__name__
     if isinstance(error, FINAL) or code_of(error) in TAKEN | UNKNOWN | REFUSED:
         return False
+    if is_redirected(error):
+        return False
     return not isinstance(error, (TypeError, ValueError)) and "Credential" not in kind
+
+
+def is_redirected(error: BaseException | None) -> bool:
+    """Return whether the server answers each request by a redirection, to itself or nowhere.
+
+    botocore follows a 301 without an address by calling itself, aiohttp others up to a limit.
+    """
+    while error is not None:
+        if isinstance(error, RecursionError) or type(error).__name__ == "TooManyRedirects":
+            return True
+        error = error.__cause__ or error.__context__
+    return False
 
 
 def code_of(error: BaseException) -> str:

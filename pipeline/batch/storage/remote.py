@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 from ...errors import InputError, WheelplaneError
 from ...files import improper, path_below
 from .entry import IMPROPER, PARTIAL, Entry
-from .filesystem import TAKEN, code_of, file_system, is_transient
+from .filesystem import TAKEN, code_of, file_system, is_redirected, is_transient
 
 T = TypeVar("T")
 FIRST_WAIT_S, TRIES = 0.2, 8  # 0.2 + 0.4 + ... = 25 s in all, +-50 %
@@ -278,6 +278,11 @@ class RemoteStore:
             self._note(f"{refused}: waiting for it up to {AWAY_S / 60:.0f} min")
 
     def _refused(self, name: str, error: Exception, when: str = "") -> InputError:
+        if is_redirected(error):
+            return InputError(
+                f"{self.url}/{name}: the server redirects each request, to no end: give its own "
+                "address (AWS_ENDPOINT_URL) and the bucket's region (AWS_DEFAULT_REGION)"
+            )
         fact = " ".join(str(error).split())[:200] or type(error).__name__
         code = code_of(error)
         fact = fact if code.isdecimal() or code in fact else f"{code}: {fact}"
