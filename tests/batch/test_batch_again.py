@@ -124,6 +124,22 @@ def test_a_folder_without_permission_is_a_row_and_the_rest_is_measured(tmp_path,
     assert "1 no longer in the archive" in again.stdout
 
 
+def test_what_lies_in_a_folder_that_cannot_be_listed_is_not_reported_as_gone(tmp_path, monkeypatch):
+    archive, results = archive_of(tmp_path / "archive", 25), tmp_path / "results"
+    assert run(archive, results, "--workers", "1").returncode == 0
+    (archive / "02" / "car-0020.txt").unlink()
+    closed, access = archive / "01", os.access
+    monkeypatch.setattr(os, "access", lambda path, mode: path != closed and access(path, mode))
+    done = run(archive, results, "--workers", "1")
+    assert "now: 1 failed" in done.stdout
+    assert "1 no longer in the archive" in done.stdout
+    assert ask(results, "--gone").stdout.splitlines()[1].split()[0] == "02/car-0020.txt"
+    monkeypatch.undo()
+    closed.rename(archive / "011")
+    done = run(archive, results, "--workers", "1")
+    assert "12 no longer in the archive" in done.stdout  # ten, the folder's own row, and the one
+
+
 def test_what_lies_too_deep_is_a_row_that_says_so_and_the_rest_is_measured(tmp_path):
     archive = archive_of(tmp_path / "archive", 2)
     five_points(archive.joinpath(*["d"] * (MOST_LEVELS + 3)) / "car.txt", 1)

@@ -67,6 +67,11 @@ class FoundCapture:
         return None
 
     @property
+    def hidden(self) -> tuple[str, ...]:
+        """Folders of it in the archive that could not be listed: what lies in them is unknown."""
+        return tuple(file.name for file in self.files if file.stamp in (DENIED, TOO_DEEP))
+
+    @property
     def fingerprint(self) -> str:
         """Hash of the names, sizes and stamps of its files: constant while none is modified."""
         stamps = [[file.name, file.size, file.stamp] for file in self.files]

@@ -64,6 +64,7 @@ class ResultIndex:
         self._database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
         self._database.executescript(TABLES)
         self._listed = lru_cache(maxsize=4096)(archive.stat)
+        self._hidden: list[str] = []
         self._lines: list[str] = []
         self._records = 0
         self._flushed_s = time.monotonic()
@@ -106,7 +107,13 @@ class ResultIndex:
         unchanged. is_ours: whether this run measures the capture of a name.
         """
         self._listed.cache_clear()
-        rows = ((legible(one.name), one.fingerprint, is_ours(one.name)) for one in captures)
+        self._hidden = []
+
+        def row(one: FoundCapture) -> tuple[str, str, bool]:
+            self._hidden += [f"{legible(folder)}/" for folder in one.hidden]
+            return legible(one.name), one.fingerprint, is_ours(one.name)
+
+        rows = map(row, captures)
         self._database.execute("BEGIN")
         self._database.execute("DELETE FROM current")
         self._database.executemany(COMPARED, rows)
@@ -190,14 +197,18 @@ class ResultIndex:
         self._database.execute("DELETE FROM present WHERE key = ?", (key,))
 
     def removed(self) -> list[str]:
-        """Return the captures with results that are not in the latest listing, by name."""
+        """Return the captures with results that are not in the latest listing, by name.
+
+        Those in folders that could not be listed may still be there.
+        """
         if not self._holds_others():
             return []
         rows = self._database.execute(
             "SELECT DISTINCT name FROM present WHERE name <> '' "
             "AND name NOT IN (SELECT name FROM current) ORDER BY name"
         )
-        return [name for (name,) in rows]
+        hidden = tuple(self._hidden)
+        return [name for (name,) in rows if not name.startswith(hidden)]
 
     def _holds_others(self) -> bool:
         """Return whether there are other results than those of the captures listed.
