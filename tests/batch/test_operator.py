@@ -22,8 +22,11 @@ from tests.support.batches import (
 )
 from wheelplane.batch.operation.run_state import AtWork, RunState, states_text, write_state
 from wheelplane.batch.operation.times import CaptureTime, Times, slow_text, slowest
+from wheelplane.batch.plan.discover import FoundCapture
+from wheelplane.batch.results.query import brief, general
 from wheelplane.batch.run.tasks import SMALL_BYTES
 from wheelplane.batch.run.work import _Stopwatch
+from wheelplane.batch.storage.entry import IMPROPER, TOO_DEEP, Entry
 from wheelplane.batch.storage.store import open_store
 from wheelplane.system import STAGES
 
@@ -105,6 +108,35 @@ def test_why_of_an_unknown_name_is_one_line(finished):
 def test_what_is_missing_is_said(arguments):
     done = call("batch", *arguments)
     assert (done.returncode, "Missing" in done.stderr) == (2, True)
+
+
+def test_a_long_name_hides_no_reason(tmp_path):
+    archive = tmp_path / "archive"
+    for letter in "mn":
+        path = archive / (letter * 240) / "bad.txt"
+        path.parent.mkdir(parents=True)
+        path.write_text("1 2 3\n4 5\n")
+    settle(archive)
+    done = run(archive, tmp_path / "results", "--workers", "1")
+    why = f"failed, read: {'m' * 57}...: line 2: 2 numbers where 3 are needed"
+    assert f"      2 {why}" in done.stdout
+    assert why.replace(", read", f": {'m' * 240}/bad.txt: read") in done.stderr
+    listed = call("results", tmp_path / "results", "--failures").stdout.splitlines()
+    assert listed[0].removesuffix(" (x y z): complete the row") == f"      2  {why.replace(', read', '  read')}"
+    assert [line.strip() for line in listed[1:]] == [f"{c * 240}/bad.txt" for c in "mn"]
+
+
+@pytest.mark.parametrize("stamp", [IMPROPER, TOO_DEEP])
+@pytest.mark.parametrize("name", ["n" * 300, "a//" + "b" * 250, "a  b\n/../c", "\x1b" + "d" * 999])
+def test_what_cannot_be_copied_is_one_reason_whatever_its_name(name, stamp):
+    reasons = set()
+    for more in ("", "-2"):
+        found = FoundCapture(name + more, "five-point", (Entry(name + more, 1, stamp),))
+        collapsed = " ".join(found.refusal.split())  # as in the results
+        reasons.add(general(collapsed, found.name))
+        assert len(brief(collapsed, found.name)) < 140
+    (reason,) = reasons
+    assert len(reason) < 100
 
 
 # Runs at work

@@ -55,12 +55,10 @@ class FoundCapture:
     def refusal(self) -> str | None:
         """Reason why it cannot be copied from the archive, if that is known from its name."""
         if any(file.stamp == IMPROPER for file in self.files):
-            return f"{self.name[:200]}: the key {improper(self.name)}: rename the object"
+            return f"{self.name}: the key {improper(self.name)}: rename the object"
         if any(file.stamp == TOO_DEEP for file in self.files):
-            return (
-                f"{self.name[:60]}...: more than {MOST_LEVELS} folders deep, or too long a path: "
-                "move it up"
-            )
+            fact = f"more than {MOST_LEVELS} folders deep, or too long a path"
+            return f"{self.name}: {fact}: move it up"
         for file in self.files:
             if file.stamp == DENIED:
                 return f"{file.name}: no permission to list the folder: check its permissions"

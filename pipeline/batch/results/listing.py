@@ -14,7 +14,7 @@ from ...report.text.plain import plain_writer
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.rows import CaptureRow
 from ..catalogue.schema import number_of
-from .query import ALL, REFERENCE_ANGLES, FailureGroup, Filter, captures
+from .query import ALL, REFERENCE_ANGLES, FailureGroup, Filter, brief, captures
 from .tables import drift_table, expanded, summary_table, worst_table
 from .trends import Drift, Outlier, Summary
 
@@ -137,7 +137,8 @@ def failures_text(found: tuple[FailureGroup, ...], _view: View = PAPER) -> str:
     lines = []
     for group in found:
         stage = group.stage or "-"
-        lines.append(f"{group.count:>7,}  {group.status}  {stage}: {printable(group.reason)}")
+        reason = printable(brief(group.reason, group.examples[0]))
+        lines.append(f"{group.count:>7,}  {group.status}  {stage}: {reason}")
         lines += [f"{'':9}{printable(name)}" for name in group.examples]
     return "\n".join(lines) or "No failures."
 

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...errors import InputError
+from ...errors import InputError, printable
 from ...vehicle import REFERENCE_WHEELS
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.columns import ANGLES, Numbers, captures_of, column_of
@@ -181,12 +181,25 @@ def failures(
     return tuple(sorted(found, key=lambda g: (-g.count, g.status, g.stage, g.reason)))
 
 
+MOST_OF_NAME = 60
 NUMBERS = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 def general(reason: str, name: str) -> str:
     """Return the reason of a failure without the capture's name and its numbers."""
-    return NUMBERS.sub("#", reason.replace(name, "") if name else reason).removeprefix(": ")
+    return NUMBERS.sub("#", _with_name(reason, name, "")).removeprefix(": ")
+
+
+def brief(reason: str, name: str) -> str:
+    """Return the reason of a failure with a long name of its capture cut, so that the fact shows."""
+    return reason if len(name) <= MOST_OF_NAME else _with_name(reason, name, f"{name[:57]}...")
+
+
+def _with_name(reason: str, name: str, by: str) -> str:
+    """Return the reason with the capture's name, in each form that it may have there, replaced."""
+    for form in dict.fromkeys((name, printable(name), " ".join(name.split()))):
+        reason = reason.replace(form, by) if form else reason
+    return reason
 
 
 def quantity_units(catalogue: Catalogue) -> dict[str, str]:

@@ -20,7 +20,7 @@ from typing import Any, Protocol, Self, TextIO
 from ...errors import InputError, WheelplaneError, printable
 from ..catalogue.rows import FAILED
 from ..operation.run_state import AtWork, RunState, duration, forget_states, write_state
-from ..results.query import general
+from ..results.query import brief, general
 from ..storage.entry import legible
 from ..storage.store import Store
 from .work import CompletedCapture
@@ -57,7 +57,8 @@ class ProgressLines:
         if outcome.status in ("failed", "quarantined"):
             self._failed += 1
             if self._failed <= MOST_LINES:
-                self._print(f"{outcome.status}: {done.name}: {outcome.stage}: {outcome.reason}")
+                reason = brief(outcome.reason, legible(done.name))
+                self._print(f"{outcome.status}: {done.name}: {outcome.stage}: {reason}")
             if self._failed == MOST_LINES:
                 self._print("further failures are not shown here; the catalogue lists them all")
         elif self._todo is None:

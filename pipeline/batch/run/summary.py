@@ -8,7 +8,7 @@ from ...errors import printable
 from ..catalogue.catalogue import Catalogue
 from ..catalogue.rows import STATUSES
 from ..plan.shard import ALL, Shard
-from ..results.query import Filter, count, failures
+from ..results.query import Filter, brief, count, failures
 from .progress import RunCounts
 from .work import RECOGNISED, VANISHED
 
@@ -42,7 +42,7 @@ def summary(
     lines += ["", f"results in {results}: {_numbers(held)}"]
     failing = failures(catalogue, examples=1)
     for group in failing[:WORST]:
-        reason = group.reason
+        reason = brief(group.reason, group.examples[0])
         shown = reason if len(reason) <= REASON_LENGTH else f"{reason[: REASON_LENGTH - 3]}..."
         lines.append(f"{group.count:7} {group.status}, {group.stage or 'wheels'}: {shown}")
         lines.append(f"        such as {group.examples[0]}")
