@@ -16,7 +16,7 @@ from pydantic import (  # noqa: TID253 - the models need it to exist; nothing el
     ValidationError,
 )
 
-from .errors import ConfigError, fact_of
+from .errors import ConfigError, fact_of, remedy_of
 
 T = TypeVar("T", bound="Section")
 # Of a TOML file: more is no settings of anybody, and `tomllib` takes quadratic time and memory.
@@ -288,7 +288,9 @@ def read_toml(path: Path) -> dict[str, object]:
         _check_whole_numbers(table, path)
         return table
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}: check the path") from error
+        raise ConfigError(
+            f"{path}: cannot be read: {error.strerror}: {remedy_of(error)}"
+        ) from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: not UTF-8 text ({fact_of(error)}): save it as UTF-8") from error
     except RecursionError as error:

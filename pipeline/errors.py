@@ -23,6 +23,13 @@ def fact_of(error: Exception) -> str:
     return " ".join(str(error).split())[:120]
 
 
+def remedy_of(error: Exception) -> str:
+    """Say what to do about a file that the system does not let be read."""
+    if isinstance(error, PermissionError):
+        return "change its permissions, or those of its folders"
+    return "check the path"
+
+
 class WheelplaneError(Exception):
     """Any error that the user can correct.
 

@@ -22,7 +22,7 @@ from itertools import islice
 from pathlib import Path
 from typing import IO
 
-from .errors import InputError
+from .errors import InputError, remedy_of
 
 MAX_UNPACKED_BYTES = 64 * 2**30
 MAX_RATIO = 200  # the unpacked of the packed size: text of `0 0 0 0.5` packs to a 300th, ...
@@ -162,6 +162,9 @@ def archive_errors(name: str) -> Iterator[None]:
     """Turn the errors of archive libraries into one InputError."""
     try:
         yield
+    except PermissionError as error:
+        fact = f"cannot be read ({error.strerror})"
+        raise InputError(f"{name}: {fact}: {remedy_of(error)}") from error
     except _FAULTS as error:
         fact = " ".join(str(error)[:100].split()) or type(error).__name__
         raise InputError(

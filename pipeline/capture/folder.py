@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..errors import InputError
+from ..errors import InputError, remedy_of
 from ..files import ARCHIVE_SUFFIXES, is_archive, open_archive
 from ..readers import RAW_FORMATS, READERS, scan_suffix, unknown_format
 from ..vehicle import REFERENCE_WHEELS
@@ -52,7 +52,7 @@ def check_path(source: Path, test: Callable[[], bool]) -> bool:
     try:
         return test()
     except OSError as error:  # a name too long, a folder that may not be entered
-        raise InputError(f"{source}: {error.strerror}: check the path") from error
+        raise InputError(f"{source}: {error.strerror}: {remedy_of(error)}") from error
 
 
 def _top(folder: Path) -> Path:

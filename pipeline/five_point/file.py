@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..diagnostics import better_unit, length
-from ..errors import Doubt, InputError, Wording
+from ..errors import Doubt, InputError, Wording, remedy_of
 from ..files import sha256
 from ..system import stage
 from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates, LengthUnit, to_metres
@@ -148,7 +148,7 @@ def _read_text(path: Path, source: str) -> str:
         raise InputError(f"{source}: no such file: check the path") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{source}: cannot be read ({reason}): check the path") from None
+        raise InputError(f"{source}: cannot be read ({reason}): {remedy_of(error)}") from None
     if len(data) > MAX_FILE_BYTES:
         raise InputError(
             f"{source}: is larger than {MAX_FILE_BYTES} bytes, so no file of five points per "

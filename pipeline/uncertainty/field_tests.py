@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError, fact_of
+from ..errors import InputError, fact_of, remedy_of
 from ..vectors import Array
 
 FACES = ("target", "face", "azimuth_deg", "elevation_deg", "range_m")
@@ -268,7 +268,7 @@ def _read(path: Path) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
         with path.open(encoding="utf-8-sig") as file:
             text = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}: check the path") from error
+        raise InputError(f"{path}: cannot be read: {error.strerror}: {remedy_of(error)}") from error
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8 text ({fact_of(error)}): save it as UTF-8") from error
     if len(text) > MAX_BYTES:

@@ -122,7 +122,10 @@ def test_a_long_name_hides_no_reason(tmp_path):
     assert f"      2 {why}" in done.stdout
     assert why.replace(", read", f": {'m' * 240}/bad.txt: read") in done.stderr
     listed = call("results", tmp_path / "results", "--failures").stdout.splitlines()
-    assert listed[0].removesuffix(" (x y z): complete the row") == f"      2  {why.replace(', read', '  read')}"
+    assert (
+        listed[0].removesuffix(" (x y z): complete the row")
+        == f"      2  {why.replace(', read', '  read')}"
+    )
     assert [line.strip() for line in listed[1:]] == [f"{c * 240}/bad.txt" for c in "mn"]
 
 

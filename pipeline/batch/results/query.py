@@ -191,7 +191,7 @@ def general(reason: str, name: str) -> str:
 
 
 def brief(reason: str, name: str) -> str:
-    """Return the reason of a failure with a long name of its capture cut, so that the fact shows."""
+    """Return the reason of a failure with a long name of its capture cut, to show the fact."""
     return reason if len(name) <= MOST_OF_NAME else _with_name(reason, name, f"{name[:57]}...")
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from ...errors import InputError, MissingDependencyError, Wording, fact_of
+from ...errors import InputError, MissingDependencyError, Wording, fact_of, remedy_of
 from .fault import Fault
 
 MAX_BYTES, MAX_UNPACKED, MAX_ROWS, MAX_COLUMNS = 16 << 20, 256 << 20, 20_000, 256
@@ -91,7 +91,7 @@ def read_table(
     try:
         content = path.read_bytes() if path.stat().st_size <= MAX_BYTES else None
     except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}: check the path") from error
+        raise InputError(f"{path}: cannot be read: {error.strerror}: {remedy_of(error)}") from error
     if content is None:
         raise InputError(f"{path}: it is larger than {MAX_BYTES >> 20} MB: give readings only")
     known = (*required, *optional)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...errors import InputError, fact_of
+from ...errors import InputError, fact_of, remedy_of
 
 SCHEMA = "wheelplane/measurement/1"
 SCALE = {"deg": math.radians(1.0), "m": 1.0}
@@ -53,7 +53,7 @@ def read_tree(path: Path, name: str) -> tuple[dict[str, Any], bytes]:
         data = path.read_bytes()
         tree = json.loads(data)
     except OSError as error:
-        raise InputError(f"{name}: cannot be read: {error.strerror}: check the path") from error
+        raise InputError(f"{name}: cannot be read: {error.strerror}: {remedy_of(error)}") from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{name}: not JSON: give a measurement.json") from error
     if not isinstance(tree, dict) or tree.get("schema") != SCHEMA:
