@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 import sys
 from collections.abc import Callable, Iterable
@@ -50,6 +49,7 @@ from ..measurement import VerticalKind
 from ..report.format.report_options import ReportOptions
 from ..report.format.view import AngleStyle, DigitStyle, View
 from ..report.format.writer import Writer
+from ..report.json.text import json_text
 from ..report.write import ReportFiles, document_files, write_whole
 from .limits import SECONDS, within
 from .options import config_option, digits_option, language_option
@@ -328,7 +328,7 @@ def _slowest(results: str, number: int, as_json: bool) -> int:
     found = times.slowest(open_store(results), number)
     if as_json:
         rows = [listing.plain(one) | {"total_s": one.total_s} for one in found]
-        click.echo(json.dumps({"schema": SCHEMA, "slow": rows}, indent=1, ensure_ascii=False))
+        click.echo(json_text({"schema": SCHEMA, "slow": rows}))
     else:
         click.echo(times.slow_text(found))
     return 0
@@ -351,7 +351,7 @@ def _of_machine(folder: str, serial: str, as_json: bool) -> int:
             "drift": [listing.plain(row) for row in found.drifts],
             "intervals": [listing.plain(row) for row in found.intervals],
         }
-        click.echo(json.dumps(tree, indent=1, ensure_ascii=False))
+        click.echo(json_text(tree))
     else:
         click.echo(calibrations.history_text(found), nl=False)
     return 0
@@ -364,7 +364,7 @@ def _show_calibrations(catalogue: Catalogue, query: Query, files: dict[str, Path
         if query.as_json:
             rows = [listing.plain(one) for one in found]
             tree = {"schema": SCHEMA, "calibrations": rows}
-            click.echo(json.dumps(tree, indent=1, ensure_ascii=False))
+            click.echo(json_text(tree))
         else:
             click.echo(calibrations_text(found[: query.limit], query.view))
     return int(any(one.error or one.decision not in (None, "conform") for one in found))
@@ -395,7 +395,7 @@ def _list(catalogue: Catalogue, query: Query, mode: str, worst: int) -> None:
 def _print(name: str, found: tuple[Any, ...], text: Callable[..., str], query: Query) -> None:
     if query.as_json:
         rows = [listing.plain(row) for row in found]
-        click.echo(json.dumps({"schema": SCHEMA, name: rows}, indent=1, ensure_ascii=False))
+        click.echo(json_text({"schema": SCHEMA, name: rows}))
     else:
         click.echo(text(found, query.view))
 
@@ -418,7 +418,7 @@ def _print_rows(head: str, rows: Iterable[Any]) -> None:
     click.echo(f'{{"schema": "{SCHEMA}", {head}: [', nl=False)
     between = "\n"
     for row in rows:
-        click.echo(between + json.dumps(row, ensure_ascii=False), nl=False)
+        click.echo(between + json_text(row, indent=None), nl=False)
         between = ",\n"
     click.echo("\n]}")
 
@@ -427,7 +427,7 @@ def _answer(catalogue: Catalogue, question: str, as_json: bool) -> int:
     """Print the answer to an SQL query as CSV or JSON."""
     answer = ask(catalogue, question)
     if as_json:
-        columns = json.dumps(answer.columns, ensure_ascii=False)
+        columns = json_text(answer.columns, indent=None)
         _print_rows(f'"columns": {columns}, "rows"', ([*map(_in_json, row)] for row in answer.rows))
     else:
         shown = SimpleNamespace(write=lambda lines: sys.stdout.write(_shown(lines)))

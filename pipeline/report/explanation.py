@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from ..explanation import Explanation
 from .candidates.pictures import best_drawing, candidates_drawing
 from .candidates.tree import explanation_tree
 from .format.language import Translations
+from .json.text import json_text
 from .plots.drawing_png import drawing_png
 from .plots.files import file_name
 from .write import write_files
@@ -29,6 +29,5 @@ def write_explanation(found: Explanation, folder: Path, words: Translations) -> 
                 files[name] = drawing_png(drawing)
                 pictures.setdefault(scan.name, []).append(name)
     tree = explanation_tree(found, pictures, words)
-    text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    files["explanation.json"] = text.encode(errors="backslashreplace")
+    files["explanation.json"] = f"{json_text(tree)}\n".encode()
     return write_files(folder, files)

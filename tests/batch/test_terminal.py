@@ -53,8 +53,16 @@ def test_names_do_not_control_the_terminal(tmp_path):
     odd = "\x1b[2J\x1b]0;title\x07\x9b31m"
     five_points(tmp_path / "archive" / f"{odd}.txt", 1)
     assert run(tmp_path / "archive", tmp_path / "results").returncode == 0
-    for arguments in ((), ("--sql", "SELECT name FROM captures"), ("--csv", "-")):
+    sql = "--sql", "SELECT name FROM captures"
+    for arguments in (
+        (),
+        sql,
+        ("--csv", "-"),
+        ("--json",),
+        (*sql, "--json"),
+        ("--slow", "1", "--json"),
+    ):
         code, shown = at_a_terminal("results", tmp_path / "results", *arguments)
         assert code == 0
-        assert r"\x1b[2J" in shown, arguments
+        assert (r"\u009b31m" if "--json" in arguments else r"\x1b[2J") in shown, arguments
         assert not {"\x1b", "\x07", "\x9b"} & set(shown), arguments

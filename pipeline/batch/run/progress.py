@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import json
 import os
 import socket
 import sys
@@ -18,6 +17,7 @@ from datetime import UTC, datetime
 from typing import Any, Protocol, Self, TextIO
 
 from ...errors import InputError, WheelplaneError, printable
+from ...report.json.text import json_text
 from ..catalogue.rows import FAILED
 from ..operation.run_state import AtWork, RunState, duration, forget_states, write_state
 from ..results.query import brief, general
@@ -225,9 +225,9 @@ class RunReport:
     def _event(self, event: str, **fields: Any) -> None:
         if self._log is not None:
             moment = datetime.now(UTC).isoformat(timespec="milliseconds")
-            line = json.dumps({"time": moment, "event": event, **fields}, ensure_ascii=False)
+            line = json_text({"time": moment, "event": event, **fields}, indent=None)
             try:
-                print(legible(line), file=self._log, flush=True)
+                print(line, file=self._log, flush=True)
             except OSError as error:
                 file, log, self._log = self._log.name, self._log, None
                 with suppress(OSError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
@@ -19,6 +18,7 @@ from ...calibration import (
 from ...measurement import Estimate
 from ...vehicle import Unit
 from .measurement import doubts_tree
+from .text import json_text
 
 SCHEMA = "wheelplane/calibration/1"
 PLAN_SCHEMA = "wheelplane/calibration-plan/1"
@@ -26,8 +26,7 @@ PLAN_SCHEMA = "wheelplane/calibration-plan/1"
 
 def calibration_json(found: Calibration) -> str:
     """Return the text of calibration.json; same calibration, same bytes."""
-    text = json.dumps(calibration_tree(found), indent=1, ensure_ascii=False, allow_nan=False)
-    return f"{text}\n".encode(errors="backslashreplace").decode()
+    return f"{json_text(calibration_tree(found))}\n"
 
 
 def calibration_tree(found: Calibration) -> dict[str, Any]:
@@ -76,7 +75,7 @@ def plan_json(found: CalibrationPlan) -> str:
             for name, wheel, toe, camber in found.places
         ],
     }  # fmt: skip
-    return json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return f"{json_text(tree)}\n"
 
 
 def _planned(one: QuantityPlan) -> dict[str, Any]:

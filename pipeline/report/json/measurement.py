@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -23,6 +22,7 @@ from .before import before_tree
 from .conformity import conformity_tree, tolerance_tree
 from .kinematics import turned_tree
 from .poses import poses_tree
+from .text import json_text
 from .uncertainty import monte_carlo_tree, repeats_tree, uncertainty_tree
 from .verticals import verticals_tree
 
@@ -42,15 +42,7 @@ def to_json(
     before: Earlier | None = None,
 ) -> str:
     """Return the text of measurement.json; same measurement, same bytes."""
-    return json_text(to_tree(measurement, conformity, axis, before))
-
-
-def json_text(tree: dict[str, Any]) -> str:
-    """Return the text of a measurement's plain data."""
-    text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    return text.encode(
-        errors="backslashreplace"
-    ).decode()  # a path may hold bytes that are not valid text
+    return f"{json_text(to_tree(measurement, conformity, axis, before))}\n"
 
 
 def to_tree(

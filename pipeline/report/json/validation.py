@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -24,6 +23,7 @@ from ...validation import (
     scores,
 )
 from ..tables.study import SETTLED_RAD
+from .text import json_text
 
 SCHEMA = "wheelplane/validation/1"
 
@@ -35,10 +35,7 @@ def validation_json(found: Comparison | ComparisonStudy | Mountings) -> str:
     else:
         tree = comparison_tree(found) if isinstance(found, Comparison) else study_tree(found)
     tree = {"schema": SCHEMA, "version": __version__, **tree}
-    text = json.dumps(tree, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    return text.encode(
-        errors="backslashreplace"
-    ).decode()  # a path may hold bytes that are not valid text
+    return f"{json_text(tree)}\n"
 
 
 def comparison_tree(found: Comparison) -> dict[str, Any]:

@@ -17,8 +17,8 @@ from ...report.format.view import PAPER
 from ...report.format.writer import Writer
 from ...report.html.comparison import comparison_document
 from ...report.json.before import before_tree
-from ...report.json.measurement import json_text
 from ...report.json.stored import RECORD
+from ...report.json.text import json_text
 from ...report.json.validation import validation_json
 from ...report.text.report import detailed_report
 from ...report.validation import validation_report
@@ -73,7 +73,8 @@ def _of_measurement(
     options, kind = ReportOptions(words, view, laboratory, before), plan["format"]
     if kind == "json":  # as it was written: an opened one holds more than is read from it
         tree = json.loads((out / RECORD).read_bytes()) | {"axis_in_use": view.axis}
-        return json_text(tree | {"before": before_tree(measurement, before)}).encode()
+        before_and_after = tree | {"before": before_tree(measurement, before)}
+        return f"{json_text(before_and_after)}\n".encode()
     if kind == "txt":
         return detailed_report(measurement, conformity, view, before).encode()
     wanted = ReportFiles(html=kind == "html", pdf=kind == "pdf")
