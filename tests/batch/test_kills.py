@@ -165,8 +165,8 @@ def test_a_run_whose_captures_are_removed_goes_on(tmp_path):
     archive, results = archive_of_zips(tmp_path / "archive", 3), tmp_path / "results"
 
     class Removing(ProgressLines):
-        def planned(self, known: int, todo: int) -> None:
-            super().planned(known, todo)
+        def planned(self, known: int, todo: int, expected_s: float) -> None:
+            super().planned(known, todo, expected_s)
             for name in ("car-000.zip", "car-002.zip"):
                 (archive / name).unlink()
 

@@ -20,7 +20,7 @@ from tests.support.batches import (
     trees,
     zip_of_discs,
 )
-from wheelplane.batch.operation.run_state import AtWork, RunState, states_text, write_state
+from wheelplane.batch.operation.run_state import AtWork, RunState, ordered, states_text, write_state
 from wheelplane.batch.operation.times import CaptureTime, Times, slow_text, slowest
 from wheelplane.batch.plan.discover import FoundCapture
 from wheelplane.batch.results.query import brief, general
@@ -196,6 +196,7 @@ def test_a_run_without_a_sign_and_one_that_works(tmp_path):
     task = AtWork(("a/\x1b[2J.zip", "b", "c"), now_s - 30.0, "worker 2")
     works = RunState("node1, process 7", "2/4", now_s - 100.0, now_s, 5, 1000, at_work=(task,))
     works.done, works.failures = {"ok": 180, "failed": 20}, {"failed, read: no number": 20}
+    works.expected_s, works.worked_s = 5.0, 1.0
     write_state(results, "b", works)
     lost = RunState("node2, process 8", "1/1", now_s - 900.0, now_s - 600.0, 0, 10)
     write_state(results, "a", lost)
@@ -208,6 +209,36 @@ def test_a_run_without_a_sign_and_one_that_works(tmp_path):
         r"  at work: a/\x1b[2J.zip and 2 small ones, for 30 s, worker 2",
         "     20 failed, read: no number",
     ]
+
+
+def test_the_time_left_is_that_of_what_is_left_also_where_small_captures_come_first():
+    """By the number alone, 1,000 five-point files before ten scans leave a hundredth."""
+    small = FoundCapture("a.txt", "five-point", (Entry("a.txt", 1000, ""),))
+    scans = FoundCapture("b.zip", "zip", (Entry("b.zip", 100_000_000, ""),))
+    assert 100.0 * small.expected_s < scans.expected_s
+    expected_s = 1000 * small.expected_s + 10 * scans.expected_s
+    for slow in (0.5, 1.0, 8.0):  # as many workers, or a slow machine
+        for done_small, done_scans in ((100, 0), (1000, 0), (1000, 7)):
+            worked_s = done_small * small.expected_s + done_scans * scans.expected_s
+            state = RunState("node1", "1/1", 0.0, slow * worked_s, 0, 1010)
+            state.expected_s, state.worked_s = expected_s, worked_s
+            state.done = {"ok": done_small + done_scans}
+            assert state.left_s == pytest.approx(slow * (expected_s - worked_s))
+    assert RunState("earlier version", "1/1", 0.0, 9.0, 0, 9, done={"ok": 3}).left_s is None
+
+
+@pytest.mark.parametrize("limit", [None, 2, 4])
+def test_a_run_counts_the_work_that_it_plans(tmp_path, limit):
+    archive = archive_of(tmp_path / "archive", 3)
+    zip_of_discs(archive / "car.zip", 1, 0.02)
+    settle(archive)
+    options = () if limit is None else ("--limit", str(limit))
+    assert run(archive, tmp_path / "results", "--workers", "1", *options).returncode == 0
+    (state,) = ordered(open_store(str(tmp_path / "results")))
+    expected_s = [0.008, 0.008, 0.008, 0.3 + (archive / "car.zip").stat().st_size / 1e8][:limit]
+    assert state.expected_s == pytest.approx(sum(expected_s))
+    assert state.worked_s == pytest.approx(sum(expected_s))
+    assert (state.left, state.left_s) == (0, None)
 
 
 def test_the_log_holds_an_event_a_line(tmp_path):

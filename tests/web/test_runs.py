@@ -18,6 +18,7 @@ def test_runs_at_work_are_shown_with_their_failures_and_these_with_their_account
     hidden = AtWork(("a/\x1b[2J.zip", "b", "c"), now_s - 30.0, "worker 2")
     works = RunState("node1, process 7", "2/4", now_s - 100.0, now_s, 5, 1000, at_work=(hidden,))
     works.done, works.failures = {"ok": 180, "failed": 20}, {"failed, read: no number": 20}
+    works.expected_s, works.worked_s = 5.0, 1.0
     write_state(store, "b", works)
     write_state(store, "a", RunState("node2", "1/1", now_s - 900.0, now_s - 600.0, 0, 10))
     write_state(

@@ -29,8 +29,9 @@ class AtWork:
 class RunState:
     """State of one run; times in seconds since 1970 by the clock of its machine.
 
-    known, todo: captures done before, and to be done when it began. done: by status. failures: by
-    status, stage and reason. ended: how; empty while it works.
+    known, todo: captures done before, and to be done when it began. expected_s, worked_s: seconds
+    expected of all these, and of those of them that are done (`FoundCapture.expected_s`). done: by
+    status. failures: by status, stage and reason. ended: how; empty while it works.
     """
 
     runner: str
@@ -39,6 +40,8 @@ class RunState:
     updated_s: float
     known: int = 0
     todo: int = 0
+    expected_s: float = 0.0
+    worked_s: float = 0.0
     done: dict[str, int] = field(default_factory=dict)
     failures: dict[str, int] = field(default_factory=dict)
     at_work: tuple[AtWork, ...] = ()
@@ -56,8 +59,9 @@ class RunState:
 
     @property
     def left_s(self) -> float | None:
-        """Seconds until all are done; None while the rate is unknown, and at the end."""
-        return self.left / self.rate if self.finished and self.left else None
+        """Seconds until all are done; None while that is unknown, and at the end."""
+        took_s = self.updated_s - self.started_s
+        return remaining_s(took_s, self.worked_s, self.expected_s) if self.left else None
 
     def is_up(self, now_s: float) -> bool:
         """Return whether it works, and gave a sign within SILENT_S."""
@@ -73,6 +77,11 @@ class RunState:
     def rate(self) -> float:
         """Captures per second."""
         return self.finished / max(1e-3, self.updated_s - self.started_s)
+
+
+def remaining_s(took_s: float, worked_s: float, expected_s: float) -> float | None:
+    """Return how long the rest takes, if what was expected to take worked_s took took_s."""
+    return took_s * max(0.0, expected_s / worked_s - 1.0) if worked_s > 0.0 else None
 
 
 def write_state(results: Store, name: str, state: RunState) -> None:

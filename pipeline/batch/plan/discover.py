@@ -32,6 +32,7 @@ PASSED_OVER = re.compile(r"(^|/)(\.(?!\.?(/|$))|__MACOSX/|~\$|lost\+found(/|$))"
 # . and .. are no hidden files; lost+found is of the file system, and root's
 NOT_LISTED = (OUTSIDE, TOO_DEEP, DENIED)
 UNUSABLE = (*NOT_LISTED, IMPROPER)
+FIVE_POINT_S, SCANS_S, BYTES_PER_S = 0.008, 0.3, 1e8  # of one core: see `expected_s`
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,11 @@ class FoundCapture:
     def size(self) -> int:
         """Bytes of all its files."""
         return sum(file.size for file in self.files)
+
+    @property
+    def expected_s(self) -> float:
+        """Seconds that one core takes for it, roughly: for their ratio to those of others."""
+        return FIVE_POINT_S if self.kind == "five-point" else SCANS_S + self.size / BYTES_PER_S
 
     @property
     def refusal(self) -> str | None:

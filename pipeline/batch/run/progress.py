@@ -19,7 +19,14 @@ from typing import Any, Protocol, Self, TextIO
 from ...errors import InputError, WheelplaneError, printable
 from ...report.json.text import json_text
 from ..catalogue.rows import FAILED
-from ..operation.run_state import AtWork, RunState, duration, forget_states, write_state
+from ..operation.run_state import (
+    AtWork,
+    RunState,
+    duration,
+    forget_states,
+    remaining_s,
+    write_state,
+)
 from ..results.query import brief, general
 from ..storage.entry import legible
 from ..storage.store import Store
@@ -37,6 +44,7 @@ class ProgressLines:
     def __init__(self) -> None:
         self._todo: int | None = None
         self._done = self._failed = 0
+        self._expected_s = self._worked_s = 0.0
         self._started_s = self._printed_s = time.monotonic()
 
     def __enter__(self) -> Self:
@@ -45,14 +53,16 @@ class ProgressLines:
     def __exit__(self, *_: object) -> None:
         return None
 
-    def planned(self, known: int, todo: int) -> None:
-        """Take the numbers of captures done before and to be done now."""
+    def planned(self, known: int, todo: int, expected_s: float) -> None:
+        """Take the numbers of captures done before and to be done now, and their seconds."""
         self._todo, self._started_s = todo, time.monotonic()
+        self._expected_s = expected_s
         self._print(f"{known + todo} captures: {known} done before, {todo} to do")
 
     def finished(self, done: CompletedCapture) -> None:
         """Take one more finished capture."""
         self._done += 1
+        self._worked_s += done.expected_s
         outcome = done.outcome
         if outcome.status in ("failed", "quarantined"):
             self._failed += 1
@@ -74,7 +84,8 @@ class ProgressLines:
         """Number done, rate, time left, failures."""
         took_s = max(1e-3, time.monotonic() - self._started_s)
         rate = self._done / took_s
-        left = f", {duration(((self._todo or 0) - self._done) / rate)} left" if rate else ""
+        left_s = remaining_s(took_s, self._worked_s, self._expected_s)
+        left = "" if left_s is None else f", {duration(left_s)} left"
         failed = f", {self._failed} failed" if self._failed else ""
         return f"{self._done} of {self._todo or 0}, {rate:.3g}/s{left}{failed}"
 
@@ -110,9 +121,9 @@ class Bar(ProgressLines):
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
 
-    def planned(self, known: int, todo: int) -> None:
-        """Take the numbers of captures done before and to be done now."""
-        super().planned(known, todo)
+    def planned(self, known: int, todo: int, expected_s: float) -> None:
+        """Take the numbers of captures done before and to be done now, and their seconds."""
+        super().planned(known, todo, expected_s)
         self._bar.update(self._task, total=todo)
 
     def _advance(self) -> None:
@@ -134,8 +145,8 @@ def _line(text: str) -> str:
 class ProgressListener(Protocol):
     """Listener to the progress of a run."""
 
-    def planned(self, known: int, todo: int) -> None:
-        """Take the numbers of captures done before and to be done now."""
+    def planned(self, known: int, todo: int, expected_s: float) -> None:
+        """Take the numbers of captures done before and to be done now, and their seconds."""
 
     def finished(self, done: CompletedCapture) -> None:
         """Take one more finished capture."""
@@ -182,17 +193,19 @@ class RunReport:
         with suppress(WheelplaneError):  # what ended the run is reported, not this
             self._write()
 
-    def planned(self, known: int, todo: int) -> None:
-        """Take the numbers of captures done before and to be done now."""
-        self._state.known, self._state.todo = known, todo
+    def planned(self, known: int, todo: int, expected_s: float) -> None:
+        """Take the numbers of captures done before and to be done now, and their seconds."""
+        state = self._state
+        state.known, state.todo, state.expected_s = known, todo, expected_s
         self._event("planned", known=known, todo=todo)
-        self._listener.planned(known, todo)
+        self._listener.planned(known, todo, expected_s)
 
     def finished(self, done: CompletedCapture) -> None:
         """Take one more finished capture."""
         outcome = done.outcome
         with self._lock:
             count(self._state.done, outcome.status)
+            self._state.worked_s += done.expected_s
             if outcome.status in FAILED:
                 reason = general(outcome.reason, legible(done.name))
                 count(self._state.failures, f"{outcome.status}, {outcome.stage}: {reason}")

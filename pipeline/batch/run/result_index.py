@@ -32,7 +32,7 @@ CREATE TABLE known(name, fingerprint, key, elsewhere,
   PRIMARY KEY(name, fingerprint, key, elsewhere)) WITHOUT ROWID;
 CREATE TABLE present(key PRIMARY KEY, name, done DEFAULT TRUE) WITHOUT ROWID;
 CREATE TABLE written(key PRIMARY KEY, stamp, record) WITHOUT ROWID;
-CREATE TABLE current(name PRIMARY KEY, fingerprint, ours, key) WITHOUT ROWID;
+CREATE TABLE current(name PRIMARY KEY, fingerprint, ours, expected_s, key) WITHOUT ROWID;
 """
 
 COMPARED = """
@@ -40,7 +40,7 @@ INSERT OR IGNORE INTO current SELECT given.*, (
   SELECT key FROM known JOIN present USING(key)
   WHERE known.name = given.name AND known.fingerprint = given.fingerprint
     AND elsewhere = '[]' AND done)
-FROM (SELECT ? AS name, ? AS fingerprint, ? AS ours) AS given
+FROM (SELECT ? AS name, ? AS fingerprint, ? AS ours, ? AS expected_s) AS given
 """
 DEPENDENT = """
 SELECT current.name, known.key, elsewhere
@@ -109,9 +109,9 @@ class ResultIndex:
         self._listed.cache_clear()
         self._hidden = []
 
-        def row(one: FoundCapture) -> tuple[str, str, bool]:
+        def row(one: FoundCapture) -> tuple[str, str, bool, float]:
             self._hidden += [f"{legible(folder)}/" for folder in one.hidden]
-            return legible(one.name), one.fingerprint, is_ours(one.name)
+            return legible(one.name), one.fingerprint, is_ours(one.name), one.expected_s
 
         rows = map(row, captures)
         self._database.execute("BEGIN")
@@ -129,6 +129,14 @@ class ResultIndex:
             "SELECT count(key), count(*) FROM current WHERE ours"
         ).fetchone()
         return done, total - done
+
+    def expected_s(self, limit: int) -> float:
+        """Return the expected seconds of the first of those that have none."""
+        asked = (
+            "SELECT total(expected_s) FROM (SELECT expected_s FROM current "
+            "WHERE ours AND key IS NULL ORDER BY name LIMIT ?)"
+        )
+        return float(self._database.execute(asked, (limit,)).fetchone()[0])
 
     def is_todo(self, found: FoundCapture) -> bool:
         """Return whether a capture is this run's, and has no valid result."""

@@ -72,7 +72,7 @@ class Batch:
                 "them"
             )
         most = todo if limit is None else min(todo, limit)
-        self._listener.planned(self.counts.known, most)
+        self._listener.planned(self.counts.known, most, self._index.expected_s(most))
         with self.updating_catalogue():
             self.measure(islice(self.pending(captures), limit and most) if todo else ())
         return self.counts

@@ -90,7 +90,7 @@ class CompletedCapture:
     fingerprint: of its files as listed, None if it does not identify the capture reliably.
     record: of a new result, pickled, and stamp of its file in a folder: so that the catalogue need
     not read it back. seconds: by stage, see `times.HEADS`. memory_bytes: the most that its worker
-    process has held.
+    process has held. expected_s: that of `FoundCapture`.
     """
 
     name: str
@@ -102,6 +102,7 @@ class CompletedCapture:
     stamp: str = ""
     seconds: tuple[tuple[str, float], ...] = ()
     memory_bytes: int = 0
+    expected_s: float = 0.0
 
 
 def work(task: Task) -> list[CompletedCapture]:
@@ -209,7 +210,8 @@ def _result(found: FoundCapture, known: Identity, folder: Path, task: Task) -> R
 
 def _done(found: FoundCapture, known: Identity, outcome: Outcome) -> CompletedCapture:
     fingerprint = found.fingerprint if known.lasting else None
-    return CompletedCapture(found.name, known.key, outcome, fingerprint, known.elsewhere)
+    done = CompletedCapture(found.name, known.key, outcome, fingerprint, known.elsewhere)
+    return replace(done, expected_s=found.expected_s)
 
 
 def _is_retried(results: Store, key: str, retry: str) -> bool:
