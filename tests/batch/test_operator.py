@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 import signal
+import subprocess
 import time
+import zipfile
 
 import pytest
 
@@ -26,7 +29,7 @@ from wheelplane.batch.plan.discover import FoundCapture
 from wheelplane.batch.results.query import brief, general
 from wheelplane.batch.run.tasks import SMALL_BYTES
 from wheelplane.batch.run.work import _Stopwatch
-from wheelplane.batch.storage.entry import IMPROPER, TOO_DEEP, Entry
+from wheelplane.batch.storage.entry import IMPROPER, TOO_DEEP, Entry, legible
 from wheelplane.batch.storage.store import open_store
 from wheelplane.system import STAGES
 
@@ -96,6 +99,41 @@ def test_why_shows_reason_inputs_and_log(finished):
     assert "Traceback" in done.stdout  # of the log
     assert f"wheelplane five-point {archive}/bad.txt --plot DIR" in done.stdout
     assert "00/car-0000.txt: ok" in call("batch", "-o", results, "--why", "00/car-0000.txt").stdout
+
+
+NAMES = [
+    "it's/car 1.txt",
+    "a\x1b[2J\n'\\b.txt",
+    os.fsdecode(b"Citro\xeb1.txt"),
+    r"Citro\xeb2.txt",
+    "-x.txt",
+]
+
+
+def test_what_why_prints_finds_the_file_when_it_is_pasted_into_a_shell(tmp_path):
+    archive, results = tmp_path / "my archive", tmp_path / "results"
+    for name in NAMES:
+        five_points(archive / name, 1)
+    with zipfile.ZipFile(archive / "many.zip", "w") as packed:
+        for name in NAMES[:1]:
+            packed.write(archive / name, f"a/{name}")
+            packed.write(archive / name, f"b/{name}")
+    settle(archive)
+    assert run(archive, results, "--workers", "1").returncode == 0
+    names = list(trees(results))
+    assert len(names) == len(NAMES) + 2
+    for name in names:
+        shown = call("batch", "-o", results, "--why", name).stdout
+        assert shown.replace("\n", "").isprintable()
+        pasted = shown.split("see its targets: ")[1].splitlines()[0]
+        repeated = shown.split("measure it again: ")[1].splitlines()[0]
+        # the file that `wheelplane` would be given, read by the shell's own means
+        called = f'wheelplane() {{ cat -- "$2"; }}; {pasted}'
+        done = subprocess.run(["bash", "-c", called], cwd=tmp_path, capture_output=True, check=True)
+        assert done.stdout == (archive / NAMES[0]).read_bytes()
+        called = f'wheelplane() {{ printf %s "$6"; }}; {repeated}'
+        done = subprocess.run(["bash", "-c", called], capture_output=True, check=True)
+        assert legible(os.fsdecode(done.stdout)) == name
 
 
 def test_why_of_an_unknown_name_is_one_line(finished):

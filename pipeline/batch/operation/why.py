@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from ..storage.store import Store, open_store
 from ..storage.zipped import zip_above
 
 MANIFEST, OPTIONS = "run/begun.json", "run/options.json"
+WRITTEN_BYTE = re.compile(r"\\x([89a-f][0-9a-f])")  # as `legible` writes one that is not UTF-8
 COPY, UNPACKED = "COPY", "UNPACKED"  # folders that the user names, as DIR
 FETCH = (
     "import sys, fsspec; fs, path = fsspec.url_to_fs(sys.argv[1]); "
@@ -84,13 +86,13 @@ def _next(store: Store, capture: dict[str, Any]) -> list[str]:
     name = capture["capture"]
     given = json.loads(store.read(OPTIONS)) if store.exists(OPTIONS) else {}
     again = ["wheelplane", "batch", "ARCHIVE", "-o", store.url, "--retry", name, *_flat(given)]
-    commands = {"measure it again": shlex.join(again)}
+    commands = {"measure it again": _pasted(again)}
     if store.exists(MANIFEST):
         again[2] = json.loads(store.read(MANIFEST))["archive"]
         command = "five-point" if capture["batch"]["kind"] == "five-point" else "measure"
         taken = {option: text for option, text in given.items() if option in TAKEN[command]}
         alone = _alone(again[2], name, ["wheelplane", command], _flat(taken))
-        commands = {"see its targets": alone, "measure it again": shlex.join(again)}
+        commands = {"see its targets": alone, "measure it again": _pasted(again)}
     return [f"{what}: {command}" for what, command in commands.items()]
 
 
@@ -106,6 +108,7 @@ def _alone(archive: str, name: str, command: list[str], options: list[str]) -> s
     """
     steps: list[list[str]] = []
     is_remote = "://" in archive
+    name = name if is_remote else _on_disk(archive, name)
     packed = _zip_of(archive, name)
     source = packed or name
     at = archive.rstrip("/") + f"/{source}" if is_remote else str(Path(archive) / source)
@@ -117,7 +120,30 @@ def _alone(archive: str, name: str, command: list[str], options: list[str]) -> s
         steps.append(["python3", "-m", "zipfile", "-e", at, UNPACKED])
         at = f"{UNPACKED}/{name[len(packed) + 1 :]}"
     steps.append([*command, at, "--plot", "DIR", *options])
-    return " && ".join(map(shlex.join, steps))
+    return " && ".join(map(_pasted, steps))
+
+
+def _on_disk(archive: str, name: str) -> str:
+    r"""Return a name of the results as the system holds it: \xeb may stand for that byte."""
+    as_bytes = WRITTEN_BYTE.sub(lambda found: chr(0xDC00 + int(found[1], 16)), name)
+    is_there = (Path(archive) / as_bytes).exists() or _zip_of(archive, as_bytes) is not None
+    return as_bytes if is_there else name
+
+
+def _pasted(command: list[str]) -> str:
+    """Return a command as a shell takes it, in printable signs alone."""
+    return " ".join(map(_quoted, command))
+
+
+def _quoted(word: str) -> str:
+    if word.isprintable():
+        return shlex.quote(word)
+    signs = (sign if sign.isprintable() else _as_bytes(sign) for sign in word.replace("\\", r"\\"))
+    return "$'" + "".join(signs).replace("'", r"\'") + "'"
+
+
+def _as_bytes(sign: str) -> str:
+    return "".join(f"\\x{byte:02x}" for byte in sign.encode(errors="surrogateescape"))
 
 
 def _zip_of(archive: str, name: str) -> str | None:
