@@ -91,7 +91,7 @@ HOMES = {
     "cryptography": {"pipeline/report/signature.py"},
     "markdown_it": {"pipeline/manual/markdown.py"},
     "distributed": {"pipeline/batch/run/cluster.py"},
-    "duckdb": {"pipeline/batch/results/export.py"},
+    "duckdb": {"pipeline/batch/results/export.py", "pipeline/batch/storage/inventory.py"},
     "fsspec": {"pipeline/batch/storage/filesystem.py"},
     "openpyxl": {"pipeline/batch/results/export.py", "pipeline/calibration/forms/table_file.py"},
     "rich": {"pipeline/batch/run/progress.py"},

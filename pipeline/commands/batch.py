@@ -77,6 +77,12 @@ HAND_BACK_S = 15.0  # after SIGTERM; machines that are taken back leave 30 s or 
     metavar="N",
     help="Number of captures to measure now, at most.",
 )
+@click.option(
+    "--inventory",
+    metavar="URL",
+    help="Manifest of a bucket's inventory (S3 Inventory, CSV or Parquet), read instead of listing "
+    "ARCHIVE; it needs duckdb.",
+)
 @click.option("--shard", metavar="K/N", help="Part K of N, from 1, for array jobs.")
 @click.option(
     "--log", type=click.Path(dir_okay=False), help="File to which each event is added, as JSON."
@@ -190,6 +196,7 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
     from ..batch.run.watch import watch
     from ..batch.run.work import RunRequest
     from ..batch.storage.entry import legible
+    from ..batch.storage.inventory import read_inventory
     from ..batch.storage.scratch import scratch_folder
     from ..batch.storage.store import open_store
 
@@ -209,7 +216,8 @@ def _measure(archive: str, results: str, resume: bool, options: dict[str, Any]) 
         if options["metrics"]:
             stack.enter_context(metrics_at(to, options["metrics"]))
         report = stack.enter_context(RunReport(shown, to, engine, part, log))
-        work = Batch(request, engine, scratch, report, shard)
+        inventory = read_inventory(options["inventory"]) if options["inventory"] else None
+        work = Batch(request, engine, scratch, report, shard, inventory)
         try:
             if options["watch"]:
                 watch(work, Path(request.archive), options["settle"])

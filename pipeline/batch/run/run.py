@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from itertools import islice
@@ -16,6 +17,7 @@ from ..operation.times import CaptureTime, Times
 from ..plan.discover import Captures, FoundCapture, discover
 from ..plan.shard import ALL, Shard
 from ..storage.entry import Entry, legible
+from ..storage.inventory import Inventory, objects_of
 from ..storage.store import Store, open_store
 from ..storage.zipped import ZippedRemoteStore, ZippedStore
 from .progress import ProgressListener, RunCounts
@@ -27,7 +29,8 @@ from .work import VANISHED, RunRequest
 class Batch:
     """Measurement of the captures of an archive, or of a shard of it.
 
-    scratch: existing folder for temporary files.
+    scratch: existing folder for temporary files. inventory: read in the place of a listing; it may
+    be days old, so that no capture counts as removed by it.
     """
 
     def __init__(
@@ -37,7 +40,9 @@ class Batch:
         scratch: Path,
         listener: ProgressListener,
         shard: Shard = ALL,
+        inventory: Inventory | None = None,
     ) -> None:
+        self._inventory = inventory
         self.request, self.shard, self.counts = request, shard, RunCounts()
         self._engine, self._scratch, self._listener = engine, scratch, listener
         self._archive = open_store(request.archive, confined=True)
@@ -83,7 +88,7 @@ class Batch:
         found = discover(self._entries(), spool, self.request.archive, self._inside)
         self.counts.passed_over = found.passed_over
         self._index.compare(found, self.shard.holds)
-        self.counts.removed = self._index.removed()
+        self.counts.removed = None if self._inventory else self._index.removed()
         return found
 
     def pending(self, captures: Iterable[FoundCapture]) -> Iterator[FoundCapture]:
@@ -155,9 +160,19 @@ class Batch:
     def _entries(self) -> Iterator[Entry]:
         """Yield the files of the archive, without those of the results if these are inside."""
         within = _within(self._archive, self._results)
-        for entry in self._archive.list():
+        for entry in self._listed():
             if within is None or not entry.name.startswith(within):
                 yield entry
+
+    def _listed(self) -> Iterator[Entry]:
+        if self._inventory is None:
+            yield from self._archive.list()
+            return
+        if not isinstance(self._archive, ZippedRemoteStore):
+            raise InputError(f"{self._archive.url}: --inventory is of a bucket: leave it out")
+        with tempfile.TemporaryDirectory(dir=self._scratch) as folder:
+            found = objects_of(self._inventory, self._archive.url, Path(folder))
+            yield from self._archive.entries(found)
 
     def _inside(self, entry: Entry) -> tuple[Entry, ...]:
         """Return the members of a zip; none of one that is known to be a single capture."""

@@ -8,7 +8,7 @@ import os
 import random
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
@@ -83,14 +83,18 @@ class RemoteStore:
         return self._exclusive
 
     def list(self, prefix: str = "") -> Iterator[Entry]:
-        """Yield objects whose name begins with `prefix`, sorted; in pages of 1,000 on S3.
+        """Yield objects whose name begins with `prefix`, sorted; in pages of 1,000 on S3."""
+        return (one for one in self.entries(self._listed(prefix)) if one.name.startswith(prefix))
+
+    def entries(self, objects: Iterable[tuple[str, int, str]]) -> Iterator[Entry]:
+        """Yield the entries of objects: BUCKET/KEY, size and stamp.
 
         One that cannot be copied to a folder by its name has the stamp IMPROPER.
         """
         skip = len(self._path(""))
-        for path, size, stamp in self._listed(prefix):
+        for path, size, stamp in objects:
             name = path[skip:]
-            if name.startswith(prefix) and not name.endswith("/") and _shown(name):
+            if not name.endswith("/") and _shown(name):
                 yield Entry(name, size, stamp if improper(name) is None else IMPROPER)
 
     def names(self, prefix: str = "") -> Iterator[str]:
