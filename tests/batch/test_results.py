@@ -741,3 +741,12 @@ def test_a_workbook_names_no_time_of_day(results, tmp_path):
     with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as book:
         assert {info.date_time for info in book.infolist()} == {export.EPOCH}
         assert b"2026" not in book.read("docProps/core.xml")
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 7, 100, 1001, 5000])
+def test_the_median_is_that_of_numpy_to_the_last_bit(n):
+    rng = np.random.default_rng(n)
+    for x in (rng.normal(size=n), rng.integers(0, 3, n).astype(float), np.full(n, -0.1)):
+        before = x.copy()
+        assert trends_module.median_of(x) == np.median(x)
+        assert np.array_equal(x, before)

@@ -113,19 +113,31 @@ def summary(
 def summarised(one: Series) -> Summary:
     """Compute the statistics of a series of at least one value."""
     x, (known,) = one.values, taken(np.isfinite(one.u), one.u)
-    median = float(np.median(x))
+    median = median_of(x)
     return Summary(
         one.quantity,
         one.unit,
         n=len(x),
         mean=float(x.mean()),
         sd=float(x.std(ddof=1)) if len(x) > 1 else math.nan,
-        robust_sd=NORMAL_OF_MAD * float(np.median(np.abs(x - median))),
+        robust_sd=NORMAL_OF_MAD * median_of(np.abs(x - median)),
         median=median,
         low=float(x.min()),
         high=float(x.max()),
         u_rms=math.sqrt(float((known**2).mean())) if len(known) else math.nan,
     )
+
+
+def median_of(x: Array) -> float:
+    """Return the median of at least one value, none of them nan.
+
+    By one partition, for which numpy has vector code: `np.median`, which also looks for nan, takes
+    five to seven times as long.
+    """
+    half = len(x) // 2
+    parted = np.partition(x, half)
+    upper = float(parted[half])
+    return upper if len(x) % 2 else 0.5 * (float(parted[:half].max()) + upper)
 
 
 def drifts(
