@@ -71,11 +71,6 @@ class FoundCapture:
         return None
 
     @property
-    def hidden(self) -> tuple[str, ...]:
-        """Folders of it in the archive that could not be listed: what lies in them is unknown."""
-        return tuple(file.name for file in self.files if file.stamp in (DENIED, TOO_DEEP))
-
-    @property
     def fingerprint(self) -> str:
         """Hash of the names, sizes and stamps of its files: constant while none is modified."""
         stamps = [[file.name, file.size, file.stamp] for file in self.files]
@@ -86,11 +81,13 @@ class FoundCapture:
 class Captures:
     """Captures that were found, listed on disk, iterable any number of times.
 
-    passed_over: files that are neither captures nor parts of one, counted by suffix.
+    passed_over: files that are neither captures nor parts of one, counted by suffix. unlisted:
+    folders that could not be listed, so that what lies in them is unknown.
     """
 
     spool: Path
     passed_over: Counter[str]
+    unlisted: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[FoundCapture]:
         with self.spool.open("rb") as lines:
@@ -113,6 +110,7 @@ def discover(
     that is not to be opened. Raises InputError if the archive is itself a capture.
     """
     passed_over: Counter[str] = Counter()
+    unlisted: list[str] = []
     with spool.open("w+b") as stream:
         opened = [_Folder("", 0)]
         for entry, packed in _unpacked(entries, inside):
@@ -126,6 +124,7 @@ def discover(
                 continue
             if entry.stamp in UNUSABLE:  # a capture, which cannot be measured
                 kind = kind or "folder"
+                unlisted += [entry.name] if entry.stamp in (DENIED, TOO_DEEP) else []
             else:
                 opened[-1].is_capture |= _marks_a_capture(file)
             if opened[0].is_capture:
@@ -136,7 +135,7 @@ def discover(
             of = None if packed is None else _listed(packed)
             _put(stream, entry.name, kind, [_listed(entry)], of)
         _go_to("", opened, stream)
-    return Captures(spool, passed_over)
+    return Captures(spool, passed_over, tuple(unlisted))
 
 
 def _unpacked(entries: Iterable[Entry], inside: Inside) -> Iterator[tuple[Entry, Entry | None]]:

@@ -64,7 +64,6 @@ class ResultIndex:
         self._database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
         self._database.executescript(TABLES)
         self._listed = lru_cache(maxsize=4096)(archive.stat)
-        self._hidden: list[str] = []
         self._lines: list[str] = []
         self._records = 0
         self._flushed_s = time.monotonic()
@@ -107,13 +106,10 @@ class ResultIndex:
         unchanged. is_ours: whether this run measures the capture of a name.
         """
         self._listed.cache_clear()
-        self._hidden = []
-
-        def row(one: FoundCapture) -> tuple[str, str, bool, float]:
-            self._hidden += [f"{legible(folder)}/" for folder in one.hidden]
-            return legible(one.name), one.fingerprint, is_ours(one.name), one.expected_s
-
-        rows = map(row, captures)
+        rows = (
+            (legible(one.name), one.fingerprint, is_ours(one.name), one.expected_s)
+            for one in captures
+        )
         self._database.execute("BEGIN")
         self._database.execute("DELETE FROM current")
         self._database.executemany(COMPARED, rows)
@@ -204,10 +200,10 @@ class ResultIndex:
         """Remove a result."""
         self._database.execute("DELETE FROM present WHERE key = ?", (key,))
 
-    def removed(self) -> list[str]:
+    def removed(self, unlisted: Iterable[str] = ()) -> list[str]:
         """Return the captures with results that are not in the latest listing, by name.
 
-        Those in folders that could not be listed may still be there.
+        unlisted: folders that could not be listed: captures in them may still be there.
         """
         if not self._holds_others():
             return []
@@ -215,7 +211,7 @@ class ResultIndex:
             "SELECT DISTINCT name FROM present WHERE name <> '' "
             "AND name NOT IN (SELECT name FROM current) ORDER BY name"
         )
-        hidden = tuple(self._hidden)
+        hidden = tuple(f"{legible(folder)}/" for folder in unlisted)
         return [name for (name,) in rows if not name.startswith(hidden)]
 
     def _holds_others(self) -> bool:

@@ -88,7 +88,7 @@ class Batch:
         found = discover(self._entries(), spool, self.request.archive, self._inside)
         self.counts.passed_over = found.passed_over
         self._index.compare(found, self.shard.holds)
-        self.counts.removed = None if self._inventory else self._index.removed()
+        self.counts.removed = None if self._inventory else self._index.removed(found.unlisted)
         return found
 
     def pending(self, captures: Iterable[FoundCapture]) -> Iterator[FoundCapture]:
