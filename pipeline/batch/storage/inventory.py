@@ -17,7 +17,7 @@ from typing import Any
 from ...errors import InputError, MissingDependencyError, fact_of
 from .store import Store, open_store
 
-MEMORY = "150MB"  # for sorting; what is beyond goes to disk
+MEMORY = "100MB"  # for sorting; what is beyond goes to disk
 AT_ONCE = 10_000  # rows
 NAMES = re.compile(r"\w+")
 OBJECTS = """
@@ -77,7 +77,8 @@ def objects_of(inventory: Inventory, archive: str, scratch: Path) -> Iterator[tu
     if not files:
         return
     given = {"bucket": bucket, "prefix": f"{prefix}/" if prefix else ""}
-    limits = {"threads": 1, "memory_limit": MEMORY, "temp_directory": str(scratch)}
+    limits: dict[str, Any] = {"threads": 1, "memory_limit": MEMORY, "temp_directory": str(scratch)}
+    limits["preserve_insertion_order"] = False  # which takes memory
     try:
         with duckdb.connect(config=limits) as connection:
             rows = connection.execute(_question(connection, inventory, files), given)
@@ -109,7 +110,8 @@ def _question(connection: Any, inventory: Inventory, files: list[str]) -> str:
     if is_csv := bool(inventory.columns):
         there = inventory.columns
         types = ", ".join(f"'{name}': 'VARCHAR'" for name in there)
-        form = """auto_detect = false, header = false, delim = ',', quote = '"', escape = '"'"""
+        form = "buffer_size = 4194304, max_line_size = 65536, "
+        form += """auto_detect = false, header = false, delim = ',', quote = '"', escape = '"'"""
         source = f"read_csv([{listed}], columns = {{{types}}}, {form})"
     else:
         source = f"read_parquet([{listed}])"
