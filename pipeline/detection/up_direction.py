@@ -112,7 +112,10 @@ def _outermost(local_m: Array) -> Array:
 
 
 def _as_floor(cells_m: Array) -> tuple[float, float]:
-    """Return the share of cells_m (C, 3) on one plane near that of the wheels, and its depth."""
+    """Return the share of cells_m (C, 3) on one plane near that of the wheels, and its depth.
+
+    The depth is that below the middle of the wheels, the origin of the cells.
+    """
     low, high = FLOOR_M
     near = cells_m[(cells_m[:, 2] > low) & (cells_m[:, 2] < high)]
     if len(near) < MIN_CELLS:
@@ -120,5 +123,6 @@ def _as_floor(cells_m: Array) -> tuple[float, float]:
     depth_m = float(np.median(near[:, 2]))
     near = near[np.abs(near[:, 2] - depth_m) < SLOPING_M]
     terms = np.column_stack([np.ones(len(near)), near[:, :2]])
-    off = near[:, 2] - terms @ np.linalg.lstsq(terms, near[:, 2], rcond=None)[0]
-    return float(np.count_nonzero(np.abs(off) < ROUGH_M) / len(cells_m)), depth_m
+    plane = np.linalg.lstsq(terms, near[:, 2], rcond=None)[0]
+    flat = np.abs(near[:, 2] - terms @ plane) < ROUGH_M
+    return float(np.count_nonzero(flat) / len(cells_m)), float(plane[0])
