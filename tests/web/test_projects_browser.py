@@ -247,6 +247,7 @@ def test_before_and_after_of_a_vehicle(visit, archive):
     for name in ("car-00", "car-03"):
         page.get_by_role("button", name=name).click()
         page.get_by_role("link", name="Open with 3D view and report").click()
+        page.wait_for_selector(f"#result-title:has-text('{name}')")
         page.wait_for_selector("#result:not([hidden]) table.angles")
         page.go_back()
         page.wait_for_selector("#archive h2")
