@@ -45,10 +45,7 @@ FITTED, STEPS = 3000, 3  # points that are enough; steps of Gauss and Newton
 FLAT_M, DEEP_M, BESIDE_M = 0.005, 0.8, 0.03  # heights; farthest beyond the target
 PRIOR, PRIOR_U = 0.5, 0.5  # inverse distance of a scanner, 1/m
 LEAST_SD = 0.01  # of a step
-OWN, LEAST_WITHIN = (
-    4.5,
-    0.03,
-)  # of the median distance; steps: how far off a grid its own points lie
+OWN, LEAST_WITHIN = 4.5, 0.03  # of their median; steps: how far off a grid its own points lie
 
 
 @dataclass(frozen=True)

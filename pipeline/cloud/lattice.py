@@ -53,7 +53,7 @@ class VoxelLattice:
     between two layers lies along it, from the origin of the points; boundary_u_m: its standard
     uncertainty. noise_m: of the depths before thinning, roughly. to_middle: part of its distance to
     the middle of its layer by which a point lies nearer, if each cell kept the one nearest to its
-    middle. layers: 1 if the face lies in one, else 2: more need not be told apart.
+    middle. layers: 1 if the face lies in one, else 2, for any number.
     """
 
     edge_m: float
@@ -120,7 +120,7 @@ def _layers(uv_m: Array, depth_m: Array, frequency: float) -> _Found | None:
     if share.max() < PARTED:
         return None
     boundary, u = _boundary(share)
-    face = _terms(uv_m) @ np.linalg.lstsq(_terms(uv_m), depth_m, rcond=None)[0]
+    face = _on_plane(uv_m, depth_m)
     away = face[order[:-1][pair]] * frequency - boundary
     away -= np.rint(away)  # of the face from a boundary; one of both points lies beyond it
     noise = float(np.sqrt(max(np.median((high - low) ** 2 - away**2), 0.0))) / APART
@@ -153,8 +153,7 @@ def _one_layer(uv_m: Array, depth_m: Array, frequency: float) -> _Found | None:
         jump = beside[place[next_to], axis] - beside[next_to, axis]
         if np.mean(jump**2) < JUMPS * 2.0 * np.var(beside[:, axis]):
             return None
-    terms = _terms(uv_m)
-    rest = (depth_m - terms @ np.linalg.lstsq(terms, depth_m, rcond=None)[0]) * frequency
+    rest = (depth_m - _on_plane(uv_m, depth_m)) * frequency
     kept = float(np.mean(rest**2))
     spread = float(np.mean(beside**2))
     to_middle = TO_MIDDLE * kept / (2.0 * spread)
@@ -168,8 +167,10 @@ def _one_layer(uv_m: Array, depth_m: Array, frequency: float) -> _Found | None:
     return float(low + high) / 2.0 - 0.5, slack / float(np.sqrt(12.0)), noise, to_middle
 
 
-def _terms(uv_m: Array) -> Array:
-    return np.column_stack([np.ones(len(uv_m)), uv_m])
+def _on_plane(uv_m: Array, depth_m: Array) -> Array:
+    """Return the depths (N,) of the plane of least squares at the points."""
+    terms = np.column_stack([np.ones(len(uv_m)), uv_m])
+    return np.asarray(terms @ np.linalg.lstsq(terms, depth_m, rcond=None)[0])
 
 
 def _columns(uv_m: Array, frequency: float) -> tuple[NDArray[np.int64], Array]:

@@ -104,17 +104,9 @@ def grid_of(uvw_m: Array) -> Grid | None:
     on no grid (thinned, or merged from several scans) have no clear wave: a beam fitted to them
     would sort their noise into the cells along invented lines.
     """
-    some = nearest(uvw_m)
-    apart_m = float(np.hypot(*some[:, :2].T).max()) * math.sqrt(math.pi / len(some))
-    noise_m = max(float(np.std(some[:, 2])), 1e-9 * apart_m)
-    x = some / [apart_m, apart_m, noise_m]
-    step = 1.4 / math.sqrt(len(some) / math.pi)
+    x, scale_m, step = _scaled(uvw_m)
     for shortest in SHORTEST:
-        axes = _waves_to(shortest, step, noise_m / apart_m)
-        power = _power(x, axes)
-        length = np.hypot(axes[0][:, None], axes[1])
-        seen = (length > 2.0 * math.pi / LONGEST) & (length < 2.0 * math.pi / shortest)
-        power *= seen[:, :, None]
+        axes, power = _tried(x, scale_m, step, shortest)
         if float(power.max()) >= CLEAR:
             break
     else:
@@ -131,7 +123,7 @@ def grid_of(uvw_m: Array) -> Grid | None:
     found = np.stack(waves)
     rows = np.stack([-found[:, 1], found[:, 0]], axis=1)
     rows /= np.linalg.norm(rows, axis=1)[:, None]
-    beam = np.asarray(np.linalg.solve(found[:, :2], found[:, 2]) * (apart_m / noise_m))
+    beam = np.asarray(np.linalg.solve(found[:, :2], found[:, 2]) * (scale_m[0] / scale_m[2]))
     return Grid(rows, beam)
 
 
@@ -141,17 +133,10 @@ def strong_waves(
     """Return the waves of all grids that the points uvw_m (N, 3) lie on, the strongest first.
 
     k, m and c (3,) in rad/m, of a power of at least `least`, and as long as `shortest`, in mean
-    distances of the points; those as near to each other as few points tell apart are one.
+    distances of the points; those as near to each other as few points can show are one.
     """
-    some = nearest(uvw_m)
-    apart_m = float(np.hypot(*some[:, :2].T).max()) * math.sqrt(math.pi / len(some))
-    noise_m = max(float(np.std(some[:, 2])), 1e-9 * apart_m)
-    x = some / [apart_m, apart_m, noise_m]
-    step = 1.4 / math.sqrt(len(some) / math.pi)
-    axes = _waves_to(shortest, step, noise_m / apart_m)
-    length = np.hypot(axes[0][:, None], axes[1])
-    seen = (length > 2.0 * math.pi / LONGEST) & (length < 2.0 * math.pi / shortest)
-    power = _power(x, axes) * seen[:, :, None]
+    x, scale_m, step = _scaled(uvw_m)
+    axes, power = _tried(x, scale_m, step, shortest)
     found: list[Array] = []
     while len(found) < most and float(power.max()) >= least:
         place = np.unravel_index(np.argmax(power), power.shape)
@@ -159,8 +144,31 @@ def strong_waves(
         for side in (wave, -wave):
             near = np.hypot(axes[0][:, None] - side[0], axes[1] - side[1]) < ONE_WAVE * step
             power[near] = 0.0
-        found.append(_zoomed(x, wave, step) / [apart_m, apart_m, noise_m])
+        found.append(_zoomed(x, wave, step) / scale_m)
     return found
+
+
+def _scaled(uvw_m: Array) -> tuple[Array, Array, float]:
+    """Return the points nearest to the middle in units, these (3,), and the step of their waves.
+
+    The units are the points' mean distance, in the plane, and their noise off it.
+    """
+    some = nearest(uvw_m)
+    apart_m = float(np.hypot(*some[:, :2].T).max()) * math.sqrt(math.pi / len(some))
+    noise_m = max(float(np.std(some[:, 2])), 1e-9 * apart_m)
+    scale_m = np.array([apart_m, apart_m, noise_m])
+    step = 1.4 / math.sqrt(len(some) / math.pi)
+    return some / scale_m, scale_m, step
+
+
+def _tried(
+    x: Array, scale_m: Array, step: float, shortest: float
+) -> tuple[tuple[Array, Array, Array], Array]:
+    """Return the waves tried on scaled points x (N, 3), k, m and c, and their power (K, M, C)."""
+    axes = _waves_to(shortest, step, float(scale_m[2] / scale_m[0]))
+    length = np.hypot(axes[0][:, None], axes[1])
+    seen = (length > 2.0 * math.pi / LONGEST) & (length < 2.0 * math.pi / shortest)
+    return axes, _power(x, axes) * seen[:, :, None]
 
 
 def _waves_to(shortest: float, step: float, noise: float) -> tuple[Array, Array, Array]:

@@ -11,8 +11,8 @@ m_k lies nearer to it by a part q of its distance. Of Gaussian noise s and N poi
 q = k / (1 + k), k = 2 pi N s^2, and N follows from how far the kept points lie from the middles
 along the face (lattice.py). Neither n nor how a program chose is known: b is the sum of this form
 for few and for many points, in shares near a half, of the pull to the middle by none to all of q,
-and of a smooth odd rest, each with its prior. Where the face lies in one layer nothing of b can be
-told from a tilt: none is removed, and k times the tilt is in the covariance.
+and of a smooth odd rest, each with its prior. Where the face lies in one layer nothing separates b
+from a tilt: none is removed, and k times the tilt is in the covariance.
 """
 
 from __future__ import annotations
