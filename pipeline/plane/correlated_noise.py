@@ -44,8 +44,8 @@ class CorrelatedNoise:
     covariance: (3, 3) of the plane's height (m) at the centroid and its slopes along u and v, by
     this noise; (3 + K, 3 + K) where K columns more were fitted to the cells. form_covariance: the
     same by longer waves. dof: degrees of freedom of the estimate. white_sigma_m: of the noise
-    within a cell: the independent part and some of the correlated. gain: in log-likelihood over
-    independent noise, at most.
+    within a cell: the independent part and some of the correlated. gains: of each kind of cells, in
+    log-likelihood over independent noise; 0 where the noise is not clear.
     """
 
     sigma_m: float
@@ -54,7 +54,7 @@ class CorrelatedNoise:
     form_covariance: Array
     dof: float
     white_sigma_m: float
-    gain: float = 0.0
+    gains: tuple[float, ...] = ()
 
     @property
     def of_plane(self) -> CorrelatedNoise:
@@ -119,10 +119,12 @@ def correlated_noise(
         return CorrelatedNoise(0.0, 0.0, nothing, nothing, math.inf, spread_m)
     nothing = np.zeros(2 * cells.slopes.shape[1:])
     white = math.sqrt(cells.white_variance)
-    found = _likely_fields(cells, radius_m, SIGNIFICANT)
-    found += [pair for one in lined for pair in _likely_fields(one, radius_m, SIGNIFICANT_LINED)]
+    by_kind = [_likely_fields(cells, radius_m, SIGNIFICANT)]
+    by_kind += [_likely_fields(one, radius_m, SIGNIFICANT_LINED) for one in lined]
+    gains = tuple(max((fit.gain for _, fit in pairs), default=0.0) for pairs in by_kind)
+    found = [pair for pairs in by_kind for pair in pairs]
     if not found:
-        return CorrelatedNoise(0.0, 0.0, nothing, nothing, math.inf, white)
+        return CorrelatedNoise(0.0, 0.0, nothing, nothing, math.inf, white, gains)
     fields, fits = zip(*found, strict=True)
     gain = np.array([fit.gain for fit in fits])
     belief = np.exp(gain - gain.max())
@@ -139,7 +141,7 @@ def correlated_noise(
         form_covariance=form,
         dof=_dof(fields, fits, belief),
         white_sigma_m=math.sqrt(float(belief @ [field.white_variance for field in fields])),
-        gain=float(gain.max()),
+        gains=gains,
     )
 
 

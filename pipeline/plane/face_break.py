@@ -4,7 +4,7 @@ A stationary field, as of correlated noise, varies everywhere alike. One line at
 steps or bends does not, and most of what it does passes for a tilt of the plane: that of a step in
 the middle is five times as large as a field with the same residuals would have. So lines are tried
 as one more column of the residuals' model, and believed as far as this is likelier than a field
-alone. The plane stays that of all points: what the line does to it is its form.
+alone, in the cells that show the field or the line best. The plane stays that of all points: what the line does to it is its form.
 """
 
 from __future__ import annotations
@@ -100,9 +100,12 @@ def noise_and_break(
     line, size, gain = likely.lines.one(likely.best), likely.size[likely.best], likely.most
     if gain < LEAST_GAIN:
         return plain.of_plane, None
-    levelled = [_without(line, size, one) for one in (cells, *lined)]
+    kinds = (cells, *lined)
+    levelled, by_line = zip(*(_without(line, size, one) for one in kinds), strict=True)
     rest = correlated_noise(levelled[0], radius_m, spread_m, resolution_m, levelled[1:])
-    log_odds = gain + rest.gain - plain.gain - UNLIKELY
+    with_line, without = np.add(by_line, rest.gains), np.array(plain.gains)
+    clearest = int(np.argmax(np.maximum(with_line, without)))
+    log_odds = float(with_line[clearest] - without[clearest]) - UNLIKELY
     belief = 0.5 + 0.5 * math.tanh(0.5 * log_odds)
     found = FaceBreak(
         kind=line.kind,
@@ -171,7 +174,9 @@ def _likely_lines(cells: Cells, radius_m: float) -> _Fits:
     return _Fits.of(Lines.of(line.kind, near, beside_m, side_m), cells)
 
 
-def _without(line: Lines, size: float, cells: Cells) -> Cells:
-    """Return the cells without what one line leaves in their residuals."""
+def _without(line: Lines, size: float, cells: Cells) -> tuple[Cells, float]:
+    """Return the cells without what one line leaves in their residuals, and its gain in them."""
     _, rest = regressed(cells, cells.slopes, line.columns(cells.uv_m))
-    return replace(cells, mean_m=cells.mean_m - size * rest[:, 0])
+    mean_m = cells.mean_m - size * rest[:, 0]
+    less = cells.count @ (cells.mean_m**2 - mean_m**2)
+    return replace(cells, mean_m=mean_m), float(0.5 * less / cells.white_variance)
