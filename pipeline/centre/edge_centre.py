@@ -50,8 +50,9 @@ SOUGHT = 1.5  # of its size: radius about the matched template in which its poin
 # better than the template's position: 20 mm off half a disc of 250 mm.
 SPARSE_M, HIDDEN = 0.006, 0.9
 # Standard deviations of an edge's growth at which doubt begins, and which a stated size does not
-# explain; share of that growth's movement into the centre; least share of SIZE_M that is shown.
-STRANGE_SIZE, WRONG_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 6.0, 0.6, 0.1
+# explain, if it is that many of its own u, too: where beams are square to a target, little is shown
+# of its size. Share of that growth's movement into the centre; least share of SIZE_M that is shown.
+STRANGE_SIZE, WRONG_SIZE, SURE_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 6.0, 4.0, 0.6, 0.1
 BY_SIZE = 0.4  # of what an unknown size would move a clean edge's centre: largest model uncertainty
 GENTLE = 1.0  # slope below which all points that matter lie within target_view.GENTLE_SLOPE
 
@@ -216,7 +217,8 @@ def _cut_m(near: Array, outline: Outline, fitted: OutlineFit, spacing_m: float) 
 def _check_size(edge_fit: EdgeFit, outline: Outline) -> None:
     """Raise NotMeasuredError 'wrong-outline' where SIZE_M does not explain where the edge lies."""
     growth_m = edge_fit.growth_m
-    if abs(growth_m) > WRONG_SIZE * _growth_explained_m(edge_fit):
+    explained_m = max(WRONG_SIZE * _growth_explained_m(edge_fit), SURE_SIZE * edge_fit.growth_u_m)
+    if abs(growth_m) > explained_m:
         side = "beyond" if growth_m > 0.0 else "inside"
         raise NotMeasuredError(
             "wrong-outline",

@@ -4,7 +4,8 @@ A stationary field, as of correlated noise, varies everywhere alike. One line at
 steps or bends does not, and most of what it does passes for a tilt of the plane: that of a step in
 the middle is five times as large as a field with the same residuals would have. So lines are tried
 as one more column of the residuals' model, and believed as far as this is likelier than a field
-alone, in the cells that show the field or the line best. The plane stays that of all points: what the line does to it is its form.
+alone, in the cells that show the field or the line best. The plane stays that of all points: what
+the line does to it is its form.
 """
 
 from __future__ import annotations
