@@ -67,7 +67,7 @@ def test_mixed_pixels_of_a_gaussian_spot_follow_the_error_function(aside):
     mean_m, scatter_m, _ = swept(half_planes(), gaussian, aside * W_M)
     expected_m = NEAR_M + DEEP_M * beyond(aside * W_M, W_M)
     assert mean_m == pytest.approx(expected_m, abs=0.003 * DEEP_M)
-    assert scatter_m < 0.03 * DEEP_M
+    assert scatter_m < 0.02 * DEEP_M
     uniform_m, _, _ = swept(half_planes(), of_spot(W_M), aside * W_M)
     if abs(aside) in (0.5, 0.6, 1.2):
         assert abs(uniform_m - expected_m) > 0.005 * DEEP_M
@@ -131,10 +131,10 @@ def test_gaussian_pattern_has_the_moments_of_the_cut_gaussian(truncation):
     wanted = {(1, 0): 0, (0, 1): 0, (2, 0): second, (0, 2): second, (1, 1): 0}
     for (i, j), moment in wanted.items():
         assert np.mean(x**i * y**j) == pytest.approx(moment, abs=1e-8)
-    # The outermost of 61 rays stands for the outermost 61st of the power; mean and second
+    # The outermost of 121 rays stands for the outermost 121st of the power; mean and second
     # moment were then set, by 1 %.
     lost = np.exp(-2 * truncation**2)
-    inner = np.sqrt(-np.log(lost + (1 - lost) / 61) / 2)
+    inner = np.sqrt(-np.log(lost + (1 - lost) / 121) / 2)
     assert 0.98 * inner < np.hypot(x, y).max() < truncation
 
 
