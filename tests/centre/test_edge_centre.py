@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 from dataclasses import replace
@@ -13,6 +14,7 @@ from scipy import stats
 from tests.support.plates import patch_of
 from tests.support.printing import setup_of
 from tests.support.scenes import Setup, make
+from wheelplane.centre import edge_centre
 from wheelplane.centre.edge.beams import SIZE_M
 from wheelplane.centre.edge_centre import OUTLINE_EDGE_M, ROWS, centre_by_edge, centre_by_holes
 from wheelplane.centre.target_view import TargetView
@@ -202,6 +204,23 @@ def test_a_size_that_the_edge_contradicts_is_refused(name, growth_m):
         ) as e:
             centre_by_edge(view, view.target.edge)
         assert e.value.status == "wrong-outline"
+
+
+@pytest.mark.parametrize(
+    ("growth_m", "u_m", "refused"),
+    [(-2.7e-4, 1.1e-4, False), (2.7e-4, 1.1e-4, False), (-5e-4, 1.1e-4, True), (7e-4, 2e-5, True)],
+)
+def test_a_size_is_refused_where_the_edge_shows_it(monkeypatch, growth_m, u_m, refused):
+    """Beams square to a face may show less of its size than is known beforehand."""
+    _, view = grown("disc-250", 0.0, 1)
+    by_edge = edge_centre._by_mixed_pixels
+
+    def less_certain(*given):
+        return replace(by_edge(*given), growth_m=growth_m, growth_u_m=u_m)
+
+    monkeypatch.setattr(edge_centre, "_by_mixed_pixels", less_certain)
+    with pytest.raises(NotMeasuredError) if refused else contextlib.nullcontext():
+        centre_by_edge(view, view.target.edge)
 
 
 @pytest.mark.parametrize("growth_m", [-0.003, -0.001, -0.0005, 0.0005, 0.001, 0.003])

@@ -9,6 +9,7 @@ from wheelplane.config import PlaneConfig
 from wheelplane.plane import Patch, fit_plane
 from wheelplane.plane.face_break import FaceBreak
 from wheelplane.targets.plates import DiscTarget
+from wheelplane_synth.scanner.noise import gaussian_field
 
 RADIUS_M = 0.125
 DISC = DiscTarget(shape="disc", diameter=2.0 * RADIUS_M, thickness=0.01)
@@ -29,7 +30,10 @@ def plane_of(height, seed=0, turn=0.3):
     s = uv @ [np.cos(turn), np.sin(turn)]
     t = uv @ [-np.sin(turn), np.cos(turn)]
     w = height(s, t) + rng.normal(0.0, SIGMA_M, len(uv))
-    points = np.column_stack([uv, w])
+    return plane_of_points(np.column_stack([uv, w]))
+
+
+def plane_of_points(points):
     none = np.zeros((0, 3), np.float32)
     patch = Patch(np.zeros(3), points, none, 1.0, np.eye(3), 1e-3)
     return fit_plane(patch, DISC, PlaneConfig())
@@ -83,6 +87,19 @@ def test_noise_shows_no_line(seed):
     assert plane.broken is None or plane.broken.belief < 0.5
     form = plane.correlated.form_covariance[1:, 1:]
     assert np.trace(form) < 0.5 * np.trace(plane.noise_covariance[1:, 1:])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_noise_correlated_along_scan_lines_shows_no_line(seed):
+    """Strips of 40 mm by 4 mm, which cells as wide as long show worst."""
+    rng = np.random.default_rng(seed)
+    ticks = np.arange(-RADIUS_M, RADIUS_M, 0.0013)
+    u, v = (axis.ravel() for axis in np.meshgrid(ticks, ticks))
+    strips = 0.0002 * gaussian_field((len(ticks),) * 2, (3.0, 30.0), rng).ravel()
+    w = strips + rng.normal(0.0, 0.0008, len(u))
+    found = plane_of_points(np.column_stack([u, v, w])[np.hypot(u, v) < RADIUS_M])
+    assert found.correlated.sigma_m == pytest.approx(0.0002, rel=0.3)
+    assert found.broken is None or not found.broken.is_noted
 
 
 @pytest.mark.parametrize("seed", range(3))
