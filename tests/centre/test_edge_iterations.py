@@ -316,6 +316,16 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
     np.testing.assert_allclose(weights, expected if strange else expected[:1])
 
 
+@pytest.mark.parametrize(("bad", "misfit"), [(0, 0.1), (3, 0.1), (5, 0.1), (6, 0.145)])
+def test_outliers_of_a_few_sectors_are_no_misfit(bad, misfit):
+    """One in ten points of each sector, and all of the bad ones, of which five are left out."""
+    share = (np.repeat(np.arange(SECTORS), 10) + 0.5) / SECTORS
+    weight = np.tile([0.0] + [1.0] * 9, SECTORS)
+    weight[: 10 * bad] = 0.0
+    found = fit_edge._misfit(SimpleNamespace(share=share, weight=weight))
+    assert found == pytest.approx(misfit, abs=0.005)
+
+
 @pytest.mark.parametrize("few", [False, True])
 def test_a_record_is_of_the_last_solution(few):
     state = state_of()
@@ -330,7 +340,7 @@ def test_a_record_is_of_the_last_solution(few):
         np.testing.assert_array_equal(fit.rotation_by_plane, by_plane[ROTATION])
         assert (fit.dof, fit.covered, fit.iterations) == (dof, 0.8, 7)
         assert fit.points == len(linear.residual_m)
-        assert fit.misfit == np.mean(linear.weight == 0.0) > 0.0
+        assert fit.misfit == fit_edge._misfit(linear) > 0.0
         assert fit.converged == (last_m < 1e-5)
         assert fit.clean_shift_m is None
 

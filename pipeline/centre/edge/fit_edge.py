@@ -64,6 +64,7 @@ LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST, LEAST_CLEAN = 24, 24  # points about an edge
 MIN_MIXED, MOST_CLEAN = 0.15, 0.35  # shares of mixed pixels: none below, certainly some above
 CONTRADICTED = 0.35  # share of outliers beside a clean edge: a background that says nothing
+UNEVEN = 5  # of the sectors: at most so many have a background that leaves outliers
 MISFIT = 0.09  # share of outliers beyond which a fit to mixed pixels is none, between these
 STEP_M, CONVERGED_M = (
     2e-7,
@@ -438,9 +439,16 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> _Converged:
     return again if likely and _unexplained(again) < AS_MUCH * _unexplained(found) else found
 
 
-def _outliers(found: _Converged) -> float:
-    """Return the share of points near the edge that a solution leaves out."""
-    return float(np.mean(found.equations.weight <= 0.0))
+def _misfit(linear: Equations) -> float:
+    """Return the share of points near the edge that a solution leaves out.
+
+    Without the UNEVEN sectors where it is largest: the background there has steps of its own.
+    """
+    part = sector(linear.share, SECTORS)
+    count = np.bincount(part, minlength=SECTORS)
+    out = np.bincount(part, linear.weight <= 0.0, SECTORS)
+    kept = np.argsort(out / np.maximum(count, 1), kind="stable")[: SECTORS - UNEVEN]
+    return float(out[kept].sum() / max(count[kept].sum(), 1))
 
 
 def _unexplained(found: _Converged) -> float:
@@ -523,7 +531,7 @@ def _record(found: _Converged, problem: EdgeProblem, covered: float) -> EdgeFit:
         growth_m=float(state[GROWTH]),
         growth_u_m=float(np.sqrt(covariance[GROWTH, GROWTH])),
         covered=covered,
-        misfit=_outliers(found),
+        misfit=_misfit(found.equations),
         points=len(found.equations.residual_m),
         iterations=found.iterations,
         converged=found.last_m < CONVERGED_M,
