@@ -27,6 +27,8 @@ POINTS = 100_000  # enough to see one
 LEAST_POINTS = 100  # of a station
 SCANNED_ONCE = 0.06  # share of the variance of the order that no slope explains; one scan: 0.01
 ALIKE, FOLLOWING = 0.4, 0.8  # of a step to the next point: how alike they are; their share
+HEADED = 8  # points on, by which a line's direction shows in spite of noise along it
+FOLLOWED = 3.0  # steps: points farther from where the next one should be begin another line
 CLEAR_OF_EDGES = 0.1  # of the radius
 MOST, MOST_PARTS = 6, 16  # stations; parts tried, of which some are joined again
 
@@ -45,7 +47,7 @@ def of_stations(patch: Patch, region: Region) -> list[Patch]:
         rows = rows[np.sort(scattered(len(rows), POINTS))]
     ordered = uv[rows] / region.radius_m
     one = _is_one_scan(ordered)
-    if one and _follow_each_other(uv, rows):
+    if one and _follow_each_other(patch.face_m @ patch.basis.T, rows):
         return [patch]
     if find_lattice(patch.face_m[rows], patch.steps.axes, patch.basis[2]):
         return [patch]  # voxels are sorted by layers, of which each is passed once
@@ -66,17 +68,21 @@ def _by_order(patch: Patch, rows: Rows, after: Rows, breaks: list[int]) -> list[
     return [patch.kept(slice(*on_face), slice(*beside)) for on_face, beside in pairs]
 
 
-def _follow_each_other(uv: Array, rows: Rows) -> bool:
-    """Return whether most points of uv (N, 2) lie one step before the next in the file.
+def _follow_each_other(uvw: Array, rows: Rows) -> bool:
+    """Return whether most beams of points uvw (N, 3) meet the plane one step before the next.
 
-    As along the lines of one scanner; not of scans that were sorted together.
+    As along the lines of one scanner; not of scans that were sorted together. A height over the
+    plane moves a point along its beam, whose slope is that of the steps over those of the heights.
     """
-    ahead = uv[np.minimum(rows + 1, len(uv) - 1)] - uv[rows]
-    ahead *= np.where(ahead @ np.linalg.svd(ahead, full_matrices=False)[2][0] < 0.0, -1.0, 1.0)[
-        :, None
-    ]
-    step = np.median(ahead, axis=0)
-    alike = np.hypot(*(ahead - step).T) < ALIKE * np.hypot(*step)
+    ahead, headed = (uvw[np.minimum(rows + k, len(uvw) - 1)] - uvw[rows] for k in (1, HEADED))
+    along = np.linalg.svd(headed[:, :2], full_matrices=False)[2][0]
+    ahead *= np.where(headed[:, :2] @ along < 0.0, -1.0, 1.0)[:, None]
+    uv, height = ahead[:, :2], ahead[:, 2]
+    step = np.median(uv, axis=0)
+    length = np.hypot(*step)
+    near = np.hypot(*(uv - step).T) < FOLLOWED * length
+    slope = height[near] @ (uv - step)[near] / max(height[near] @ height[near], 1e-30)
+    alike = np.hypot(*(uv - step - np.outer(height, slope)).T) < ALIKE * length
     return bool(np.mean(alike) > FOLLOWING)
 
 
