@@ -80,7 +80,9 @@ AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave;
 TENSE = 2.0  # standard deviations off the prior from which the stated thickness is doubted
 CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
 EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
-THICKNESS_MODEL = 0.05  # relative standard uncertainty of one by the data alone, besides noise
+# Relative standard uncertainty of one by the data alone, besides noise: of a wall that is seen wide;
+# the same times the square of footprint over width, where beams are square to a face.
+THICKNESS_MODEL, SQUARE_ON = 0.05, 5.0
 LEAST_SHOWN = 0.01  # of the variance of a prior, that the data show
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
 
@@ -224,7 +226,9 @@ def _mixed(
 
 def _by_thickness(fitted: EdgeFit, free: EdgeFit, thickness_m: float) -> EdgeFit:
     """Return the fit with the stated thickness, or the one without where that contradicts it."""
-    u = math.hypot(free.thickness_u, STATED_THICKNESS, THICKNESS_MODEL)
+    seen_m = max(thickness_m, free.thickness_m) * float(np.hypot(*free.beam))
+    by_model = THICKNESS_MODEL * (1.0 + SQUARE_ON * (free.spot_m / max(seen_m, 1e-9)) ** 2)
+    u = math.hypot(free.thickness_u, STATED_THICKNESS, by_model)
     off = abs(math.log(free.thickness_m / thickness_m)) / u
     if free.converged and off > CONTRADICTED_THICKNESS:
         return replace(free, stated_thickness_m=thickness_m)
