@@ -306,7 +306,7 @@ def test_a_change_elsewhere_is_learnt_once(tmp_path, first):
         results.write(f"run/seen/{'f' * 16}/{file}.jsonl", f"{line}\n".encode())
     index = ResultIndex(results, "f" * 64, archive, tmp_path / "index")
     index.load()
-    index.compare([found], lambda _: True)
+    index.compare([found.listed], lambda _: True)
     assert not index.is_todo(found)
     assert index.outdated() == [old]
 

@@ -87,7 +87,7 @@ class Batch:
         spool = self._scratch / "captures"
         found = discover(self._entries(), spool, self.request.archive, self._inside)
         self.counts.passed_over = found.passed_over
-        self._index.compare(found, self.shard.holds)
+        self._index.compare(found.listed(), self.shard.holds)
         self.counts.removed = None if self._inventory else self._index.removed(found.unlisted)
         return found
 
