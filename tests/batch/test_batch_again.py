@@ -121,7 +121,8 @@ def test_a_folder_without_permission_is_a_row_and_the_rest_is_measured(tmp_path,
     monkeypatch.undo()
     again = run(archive, tmp_path / "results", "--workers", "1")
     assert "now: 10 ok" in again.stdout
-    assert "1 no longer in the archive" in again.stdout
+    assert "no longer in the archive" not in again.stdout
+    assert {tree["batch"]["status"] for tree in trees(tmp_path / "results").values()} == {"ok"}
 
 
 def test_what_lies_in_a_folder_that_cannot_be_listed_is_not_reported_as_gone(tmp_path, monkeypatch):
@@ -138,6 +139,19 @@ def test_what_lies_in_a_folder_that_cannot_be_listed_is_not_reported_as_gone(tmp
     closed.rename(archive / "011")
     done = run(archive, results, "--workers", "1")
     assert "12 no longer in the archive" in done.stdout  # ten, the folder's own row, and the one
+
+
+def test_a_capture_whose_folder_becomes_one_of_captures_keeps_its_result(tmp_path):
+    archive, results = tmp_path / "archive", tmp_path / "results"
+    five_points(archive / "car.txt", 1)
+    settle(archive)
+    assert run(archive, results, "--workers", "1").returncode == 0
+    (archive / "car.txt").unlink()
+    five_points(archive / "car.txt" / "1.txt", 2)
+    settle(archive)
+    done = run(archive, results, "--workers", "1")
+    assert "1 no longer in the archive" in done.stdout
+    assert statuses(results) == {"car.txt": "ok", "car.txt/1.txt": "ok"}
 
 
 def test_what_lies_too_deep_is_a_row_that_says_so_and_the_rest_is_measured(tmp_path):
@@ -177,13 +191,16 @@ def test_shards_replace_what_changed_in_their_part(tmp_path, forgotten):
     ]
 
 
-def test_results_of_captures_that_left_the_archive_stay_and_are_reported(tmp_path):
+@pytest.mark.parametrize("forgotten", [False, True])
+def test_results_of_captures_that_left_the_archive_stay_and_are_reported(tmp_path, forgotten):
     archive = archive_of(tmp_path / "archive", 5)
     results = tmp_path / "results"
     assert "no longer" not in run(archive, results).stdout
     assert ask(results, "--gone").stdout.endswith("\n0 captures.\n")
     (archive / "00" / "car-0000.txt").unlink()
     (archive / "00" / "car-0001.txt").rename(archive / "00" / "renamed.txt")
+    if forgotten:
+        shutil.rmtree(results / "run" / "seen")
     done = run(archive, results, "--shard", "1/1")
     assert "2 no longer in the archive" in done.stdout
     assert len(trees(results)) == 6

@@ -94,7 +94,7 @@ class Captures:
     """Captures that were found, listed on disk, iterable any number of times.
 
     passed_over: files that are neither captures nor parts of one, counted by suffix. unlisted:
-    folders that could not be listed, so that what lies in them is unknown.
+    folders and zips that could not be listed, so that what lies in them is unknown.
     """
 
     spool: Path
@@ -120,7 +120,7 @@ class Captures:
                     yield name, kind, files, packed
 
 
-Inside = Callable[[Entry], tuple[Entry, ...]]
+Inside = Callable[[Entry], tuple[Entry, ...] | None]
 
 
 def discover(
@@ -129,13 +129,14 @@ def discover(
     """Find the captures among the files of the archive `source`, which are sorted by name.
 
     inside: the members of a zip, by their names in the archive, likewise sorted; none for a zip
-    that is not to be opened. Raises InputError if the archive is itself a capture.
+    that is not to be opened, None for one that cannot be. Raises InputError if the archive is
+    itself a capture.
     """
     passed_over: Counter[str] = Counter()
     unlisted: list[str] = []
     with spool.open("w+b") as stream:
         opened = [_Folder("", 0)]
-        for entry, packed in _unpacked(entries, inside):
+        for entry, packed in _unpacked(entries, inside, unlisted):
             if PASSED_OVER.search(entry.name):
                 continue
             folder, _, file = entry.name.rpartition("/")
@@ -160,8 +161,13 @@ def discover(
     return Captures(spool, passed_over, tuple(unlisted))
 
 
-def _unpacked(entries: Iterable[Entry], inside: Inside) -> Iterator[tuple[Entry, Entry | None]]:
-    """Yield the files, and in the place of a zip of several captures its members and the zip."""
+def _unpacked(
+    entries: Iterable[Entry], inside: Inside, unlisted: list[str]
+) -> Iterator[tuple[Entry, Entry | None]]:
+    """Yield the files, and in the place of a zip of several captures its members and the zip.
+
+    Adds the zips that cannot be opened to `unlisted`.
+    """
     for entry in entries:
         if not entry.name.lower().endswith(".zip"):
             yield entry, None
@@ -171,7 +177,9 @@ def _unpacked(entries: Iterable[Entry], inside: Inside) -> Iterator[tuple[Entry,
             _marks_a_capture(file) or PASSED_OVER.search(entry.name)
         ):
             members = inside(entry)
-            if holds_several(member.name[len(entry.name) + 1 :] for member in members):
+            if members is None:
+                unlisted.append(entry.name)
+            elif holds_several(member.name[len(entry.name) + 1 :] for member in members):
                 yield from ((member, entry) for member in members)
                 continue
         yield entry, None

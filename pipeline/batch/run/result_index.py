@@ -11,12 +11,12 @@ import pickle
 import sqlite3
 import time
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 
 from ..catalogue.load_records import json_name, load_records
-from ..catalogue.rows import Record
+from ..catalogue.rows import FAILED, Record
 from ..plan.discover import FoundCapture, ListedCapture
 from ..storage.entry import Entry, legible
 from ..storage.store import Store
@@ -54,9 +54,12 @@ SELECT DISTINCT named.key FROM named CROSS JOIN current USING(name) CROSS JOIN p
 ON present.key = named.key WHERE named.key <> current.key
 """
 REMOVED = """
-SELECT DISTINCT name FROM named CROSS JOIN present USING(key)
+SELECT DISTINCT name, key FROM named CROSS JOIN present USING(key)
 WHERE name NOT IN (SELECT name FROM current) AND name <> '' ORDER BY name
 """
+# captures below a folder or zip: "0" is the character after "/"
+LISTED_BELOW = "SELECT 1 FROM current WHERE name > ?1 || '/' AND name < ?1 || '0'"
+KNOWN_BELOW = "SELECT 1 FROM named WHERE name > ?1 || '/' AND name < ?1 || '0'"
 NAMELESS = "SELECT key FROM present WHERE key NOT IN (SELECT key FROM named)"
 UNDONE = "SELECT 1 FROM current WHERE name = ? AND ours AND key IS NULL"
 
@@ -105,6 +108,10 @@ class ResultIndex:
         row = (legible(found.name), found.fingerprint)
         asked = "SELECT 1 FROM known WHERE name = ? AND fingerprint = ?"
         return self._database.execute(asked, row).fetchone() is not None
+
+    def knows_below(self, name: str) -> bool:
+        """Return whether there are results of captures in the folder or zip of this name."""
+        return self._database.execute(KNOWN_BELOW, (legible(name),)).fetchone() is not None
 
     def compare(self, captures: Iterable[ListedCapture], is_ours: Callable[[str], bool]) -> None:
         """Look for valid results of the captures that are in the archive now, which become current.
@@ -192,10 +199,14 @@ class ResultIndex:
         self._records = 0
 
     def outdated(self) -> list[str]:
-        """Return the keys of results that are superseded by another result of their capture."""
+        """Return the keys of results that are superseded by another result of their capture.
+
+        Also those of folders and zips that could not be listed, whose captures are now.
+        """
         if not self._holds_others():
             return []
-        return [key for (key,) in self._database.execute(SUPERSEDED)]
+        superseded = [key for (key,) in self._database.execute(SUPERSEDED)]
+        return [*superseded, *(key for _, key, is_listed in self._missing() if is_listed)]
 
     def drop(self, key: str) -> None:
         """Remove a result."""
@@ -204,13 +215,25 @@ class ResultIndex:
     def removed(self, unlisted: Iterable[str] = ()) -> list[str]:
         """Return the captures with results that are not in the latest listing, by name.
 
-        unlisted: folders that could not be listed: captures in them may still be there.
+        unlisted: folders and zips that could not be listed: captures in them may still be there.
         """
         if not self._holds_others():
             return []
         hidden = tuple(f"{legible(folder)}/" for folder in unlisted)
-        names = (name for (name,) in self._database.execute(REMOVED))
+        names = dict.fromkeys(name for name, _, is_listed in self._missing() if not is_listed)
         return [name for name in names if not name.startswith(hidden)]
+
+    def _missing(self) -> Iterator[tuple[str, str, bool]]:
+        """Yield name and key of results that the latest listing has no capture of, by name.
+
+        And whether it is the failure of a folder or zip whose captures it has instead.
+        """
+        for name, key in self._database.execute(REMOVED):
+            is_listed = self._database.execute(LISTED_BELOW, (name,)).fetchone() is not None
+            yield name, key, is_listed and self._failed(key)
+
+    def _failed(self, key: str) -> bool:
+        return any(one.capture.status in FAILED for one in load_records(self._results, [key]))
 
     def _holds_others(self) -> bool:
         """Return whether there are other results than those of the captures listed.

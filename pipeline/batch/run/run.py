@@ -174,13 +174,16 @@ class Batch:
             found = objects_of(self._inventory, self._archive.url, Path(folder))
             yield from self._archive.entries(found)
 
-    def _inside(self, entry: Entry) -> tuple[Entry, ...]:
-        """Return the members of a zip; none of one that is known to be a single capture."""
-        single = FoundCapture(entry.name, "zip", (entry,))
-        store = self._archive
-        if not isinstance(store, ZippedStore | ZippedRemoteStore) or self._index.knows(single):
+    def _inside(self, entry: Entry) -> tuple[Entry, ...] | None:
+        """Return the members of a zip; none of one that is known to be a single capture.
+
+        None of one that cannot be opened.
+        """
+        store, single = self._archive, FoundCapture(entry.name, "zip", (entry,))
+        if not isinstance(store, ZippedStore | ZippedRemoteStore):
             return ()
-        return store.zips.members(entry)
+        is_single = self._index.knows(single) and not self._index.knows_below(entry.name)
+        return () if is_single else store.zips.members(entry)
 
     def _probe(self) -> float:
         """Wait until archive and results answer, and return since when they do."""
