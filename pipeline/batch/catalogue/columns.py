@@ -27,8 +27,7 @@ CREATE TABLE columns(
   kind_id INTEGER NOT NULL, part INTEGER NOT NULL, numbers BLOB NOT NULL,
   PRIMARY KEY(kind_id, part)) WITHOUT ROWID;
 """
-SHIFT, PARTS = 52, 256  # of the 60 bits of a capture's number, to that of its part
-STARTS = np.arange(PARTS + 1) << SHIFT
+SHIFT = 52  # of the 60 bits of a capture's number, to that of its part
 ANGLES = ("toe", "camber")
 QUANTITY = "SELECT id, value, u FROM quantity_rows WHERE kind_id = ? AND id BETWEEN ? AND ?"
 WHEELS = """
@@ -108,13 +107,15 @@ def column_of(connection: sqlite3.Connection, name: str, unit: str, ids: Numbers
 
     ids: those of `captures_of`.
     """
-    starts, column = np.searchsorted(ids, STARTS).tolist(), np.empty((2, len(ids)))
-    asked = "SELECT part, numbers FROM columns WHERE kind_id = ?"
-    unknown = set(range(PARTS))
-    for part, numbers in connection.execute(asked, (kind_id(name, unit),)):
+    column, filled = np.empty((2, len(ids))), 0
+    rows = connection.execute(
+        "SELECT part, numbers FROM columns WHERE kind_id = ? ORDER BY part", (kind_id(name, unit),)
+    )
+    for part, numbers in rows:
         cells = np.frombuffer(numbers, "<f8").reshape(2, -1)
-        column[:, starts[part] : starts[part + 1]] = cells
-        unknown.discard(part)
-    for part in unknown:
-        column[:, starts[part] : starts[part + 1]] = np.nan
+        start = int(np.searchsorted(ids, part << SHIFT))
+        column[:, filled:start] = np.nan
+        filled = start + cells.shape[1]
+        column[:, start:filled] = cells
+    column[:, filled:] = np.nan
     return column

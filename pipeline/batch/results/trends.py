@@ -162,8 +162,9 @@ def drift(one: Series) -> Drift:
     if n < 3 or first == last:
         reason = "fewer than three dated values" if n < 3 else "all on one date"
         return Drift(one.quantity, one.unit, n, reason=reason)
-    largest = max(1e-3, float(y.max()), -float(y.min()))
-    line, scatter2 = _fit(day, y, np.maximum(u**2, (1e-12 * largest) ** 2))
+    largest, variance = max(1e-3, float(y.max()), -float(y.min())), u**2
+    np.maximum(variance, (1e-12 * largest) ** 2, out=variance)
+    line, scatter2 = _fit(day, y, variance)
     u_slope = 1.0 / math.sqrt(line.steepness)
     return Drift(
         one.quantity,
