@@ -106,6 +106,24 @@ def test_a_damaged_result_is_measured_anew_when_asked_for(tmp_path):
     assert path.read_bytes() == whole
 
 
+def test_results_that_are_removed_in_mid_run_are_missed_and_measured_again(tmp_path, monkeypatch):
+    archive, results = archive_of(tmp_path / "archive", 5), tmp_path / "results"
+    update = Batch.update_catalogue
+
+    def removing(batch, at_end=False):
+        for path in sorted((results / "measurements").rglob("*.json"))[: 2 * at_end]:
+            path.unlink()
+        update(batch, at_end)
+
+    monkeypatch.setattr(Batch, "update_catalogue", removing)
+    done = run(archive, results, "--workers", "1")
+    assert (done.returncode, "2 were removed while it ran" in done.stdout) == (1, True)
+    monkeypatch.undo()
+    done = run(archive, results, "--workers", "1")
+    assert (done.returncode, "removed while" in done.stdout) == (0, False)
+    assert "3 done before; now: 2 ok" in done.stdout
+
+
 def test_a_folder_without_permission_is_a_row_and_the_rest_is_measured(tmp_path, monkeypatch):
     archive = archive_of(tmp_path / "archive", 21)
     closed, access = archive / "01", os.access

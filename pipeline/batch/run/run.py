@@ -148,6 +148,7 @@ class Batch:
         if at_end:
             self._segments.flush()
             self._times.flush()
+            self.counts.finished, _ = self._index.counts()
         for key in self._index.outdated():
             supersede(self._results, key)
             self._index.drop(key)
