@@ -106,6 +106,24 @@ def test_a_damaged_result_is_measured_anew_when_asked_for(tmp_path):
     assert path.read_bytes() == whole
 
 
+def test_results_that_are_removed_in_mid_run_are_missed_and_measured_again(tmp_path, monkeypatch):
+    archive, results = archive_of(tmp_path / "archive", 5), tmp_path / "results"
+    update = Batch.update_catalogue
+
+    def removing(batch, at_end=False):
+        for path in sorted((results / "measurements").rglob("*.json"))[: 2 * at_end]:
+            path.unlink()
+        update(batch, at_end)
+
+    monkeypatch.setattr(Batch, "update_catalogue", removing)
+    done = run(archive, results, "--workers", "1")
+    assert (done.returncode, "2 were removed while it ran" in done.stdout) == (1, True)
+    monkeypatch.undo()
+    done = run(archive, results, "--workers", "1")
+    assert (done.returncode, "removed while" in done.stdout) == (0, False)
+    assert "3 done before; now: 2 ok" in done.stdout
+
+
 def test_a_folder_without_permission_is_a_row_and_the_rest_is_measured(tmp_path, monkeypatch):
     archive = archive_of(tmp_path / "archive", 21)
     closed, access = archive / "01", os.access
@@ -121,7 +139,8 @@ def test_a_folder_without_permission_is_a_row_and_the_rest_is_measured(tmp_path,
     monkeypatch.undo()
     again = run(archive, tmp_path / "results", "--workers", "1")
     assert "now: 10 ok" in again.stdout
-    assert "1 no longer in the archive" in again.stdout
+    assert "no longer in the archive" not in again.stdout
+    assert {tree["batch"]["status"] for tree in trees(tmp_path / "results").values()} == {"ok"}
 
 
 def test_what_lies_in_a_folder_that_cannot_be_listed_is_not_reported_as_gone(tmp_path, monkeypatch):
@@ -138,6 +157,19 @@ def test_what_lies_in_a_folder_that_cannot_be_listed_is_not_reported_as_gone(tmp
     closed.rename(archive / "011")
     done = run(archive, results, "--workers", "1")
     assert "12 no longer in the archive" in done.stdout  # ten, the folder's own row, and the one
+
+
+def test_a_capture_whose_folder_becomes_one_of_captures_keeps_its_result(tmp_path):
+    archive, results = tmp_path / "archive", tmp_path / "results"
+    five_points(archive / "car.txt", 1)
+    settle(archive)
+    assert run(archive, results, "--workers", "1").returncode == 0
+    (archive / "car.txt").unlink()
+    five_points(archive / "car.txt" / "1.txt", 2)
+    settle(archive)
+    done = run(archive, results, "--workers", "1")
+    assert "1 no longer in the archive" in done.stdout
+    assert statuses(results) == {"car.txt": "ok", "car.txt/1.txt": "ok"}
 
 
 def test_what_lies_too_deep_is_a_row_that_says_so_and_the_rest_is_measured(tmp_path):
@@ -177,13 +209,16 @@ def test_shards_replace_what_changed_in_their_part(tmp_path, forgotten):
     ]
 
 
-def test_results_of_captures_that_left_the_archive_stay_and_are_reported(tmp_path):
+@pytest.mark.parametrize("forgotten", [False, True])
+def test_results_of_captures_that_left_the_archive_stay_and_are_reported(tmp_path, forgotten):
     archive = archive_of(tmp_path / "archive", 5)
     results = tmp_path / "results"
     assert "no longer" not in run(archive, results).stdout
     assert ask(results, "--gone").stdout.endswith("\n0 captures.\n")
     (archive / "00" / "car-0000.txt").unlink()
     (archive / "00" / "car-0001.txt").rename(archive / "00" / "renamed.txt")
+    if forgotten:
+        shutil.rmtree(results / "run" / "seen")
     done = run(archive, results, "--shard", "1/1")
     assert "2 no longer in the archive" in done.stdout
     assert len(trees(results)) == 6
@@ -306,7 +341,7 @@ def test_a_change_elsewhere_is_learnt_once(tmp_path, first):
         results.write(f"run/seen/{'f' * 16}/{file}.jsonl", f"{line}\n".encode())
     index = ResultIndex(results, "f" * 64, archive, tmp_path / "index")
     index.load()
-    index.compare([found], lambda _: True)
+    index.compare([found.listed], lambda _: True)
     assert not index.is_todo(found)
     assert index.outdated() == [old]
 

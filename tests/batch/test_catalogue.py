@@ -20,6 +20,7 @@ from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.support.records import add, key_of, place, result, text
@@ -526,6 +527,28 @@ def test_captures_at_the_bounds_of_parts_are_in_one_each(tmp_path):
     assert column.tolist() == [[2.0 * i for i in order], order]
     assert toe.tolist() == [order, [0.1 * i for i in order]]
     assert camber.tolist() == [[5.0 + i for i in order], [0.2 * i for i in order]]
+
+
+@pytest.mark.parametrize("having", [("01",), ("00", "fe"), ("02", "ff"), ("00",), ()])
+def test_captures_of_parts_without_a_quantity_are_without_it(tmp_path, monkeypatch, having):
+    keys = [head + 62 * digit for head in ("00", "01", "02", "fe", "ff") for digit in "0f"]
+    span = {key: float(i) for i, key in enumerate(keys) if key[:2] in having}
+    records = [
+        Record(
+            CaptureRow(key),
+            (),
+            tuple(QuantityRow("span", span[key], 0.1, "m") for _ in range(key in span)),
+        )
+        for key in keys
+    ]
+    with closing(create(tmp_path / FILE)) as connection:
+        put(connection, records)
+        renew_columns(connection, map(number_of, keys))
+        ids, _ = captures_of(connection)
+        monkeypatch.setattr(np, "empty", lambda shape: np.full(shape, 7.0))  # as it may be
+        values, u = column_of(connection, "span", "m", ids)
+    np.testing.assert_array_equal(values, [span.get(key, np.nan) for key in keys])
+    np.testing.assert_array_equal(u, [0.1 if key in span else np.nan for key in keys])
 
 
 def test_keys_that_collide_are_refused_and_one_alone_is_replaced(tmp_path):

@@ -99,6 +99,30 @@ def test_of_a_changed_zip_only_changed_captures_are_measured_again(tmp_path):
     assert "3 no longer in the archive" in run(archive, results, *OPTIONS).stdout
 
 
+def test_captures_of_a_zip_that_is_cut_are_not_gone_and_its_row_ends_when_it_is_whole(tmp_path):
+    plain = archive_of(tmp_path / "plain", 3)
+    archive, results = tmp_path / "archive", tmp_path / "results"
+    whole = packed(plain, archive / "all.zip").read_bytes()
+    packed(plain, archive / "other.zip")
+    settle(archive)
+    assert run(archive, results, *OPTIONS).returncode == 0
+    measured = set(trees(results))
+    (archive / "all.zip").write_bytes(whole[:-30])
+    (archive / "other.zip").unlink()
+    settle(archive)
+    for outcome in ("now: 1 failed", "now: nothing new"):
+        done = run(archive, results, *OPTIONS)
+        assert outcome in done.stdout
+        assert "3 no longer in the archive" in done.stdout  # those of the other
+    assert set(trees(results)) == {*measured, "all.zip"}
+    (archive / "all.zip").write_bytes(whole)
+    settle(archive)
+    done = run(archive, results, *OPTIONS)
+    assert "now: 3 recognised" in done.stdout
+    assert "3 no longer in the archive" in done.stdout
+    assert set(trees(results)) == measured
+
+
 def test_a_zip_of_one_capture_keeps_its_name(tmp_path):
     archive = tmp_path / "archive"
     zip_of_discs(archive / "one.zip", 1)

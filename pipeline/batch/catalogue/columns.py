@@ -107,12 +107,15 @@ def column_of(connection: sqlite3.Connection, name: str, unit: str, ids: Numbers
 
     ids: those of `captures_of`.
     """
-    column = np.full((2, len(ids)), np.nan)
+    column, filled = np.empty((2, len(ids))), 0
     rows = connection.execute(
         "SELECT part, numbers FROM columns WHERE kind_id = ? ORDER BY part", (kind_id(name, unit),)
     )
     for part, numbers in rows:
-        start = int(np.searchsorted(ids, part << SHIFT))
         cells = np.frombuffer(numbers, "<f8").reshape(2, -1)
-        column[:, start : start + cells.shape[1]] = cells
+        start = int(np.searchsorted(ids, part << SHIFT))
+        column[:, filled:start] = np.nan
+        filled = start + cells.shape[1]
+        column[:, start:filled] = cells
+    column[:, filled:] = np.nan
     return column

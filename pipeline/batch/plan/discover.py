@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import BinaryIO, Literal, NamedTuple
 
 from ...capture import TABLES
 from ...errors import InputError
@@ -55,7 +55,7 @@ class FoundCapture:
     @property
     def expected_s(self) -> float:
         """Seconds that one core takes for it, roughly: for their ratio to those of others."""
-        return FIVE_POINT_S if self.kind == "five-point" else SCANS_S + self.size / BYTES_PER_S
+        return _expected_s(self.kind, self.size)
 
     @property
     def refusal(self) -> str | None:
@@ -73,8 +73,20 @@ class FoundCapture:
     @property
     def fingerprint(self) -> str:
         """Hash of the names, sizes and stamps of its files: constant while none is modified."""
-        stamps = [[file.name, file.size, file.stamp] for file in self.files]
-        return hashlib.sha256(json.dumps([self.kind, stamps]).encode()).hexdigest()[:32]
+        return _fingerprint(self.kind, [_listed(file) for file in self.files])
+
+    @property
+    def listed(self) -> ListedCapture:
+        """What is compared with earlier runs."""
+        return ListedCapture(self.name, self.fingerprint, self.expected_s)
+
+
+class ListedCapture(NamedTuple):
+    """Name, fingerprint and expected seconds of a `FoundCapture`."""
+
+    name: str
+    fingerprint: str
+    expected_s: float
 
 
 @dataclass(frozen=True)
@@ -82,7 +94,7 @@ class Captures:
     """Captures that were found, listed on disk, iterable any number of times.
 
     passed_over: files that are neither captures nor parts of one, counted by suffix. unlisted:
-    folders that could not be listed, so that what lies in them is unknown.
+    folders and zips that could not be listed, so that what lies in them is unknown.
     """
 
     spool: Path
@@ -90,15 +102,25 @@ class Captures:
     unlisted: tuple[str, ...] = ()
 
     def __iter__(self) -> Iterator[FoundCapture]:
+        for name, kind, listed, packed in self._lines():
+            files = tuple(Entry(*file) for file in listed)
+            yield FoundCapture(name, kind, files, packed[0] if packed else "")
+
+    def listed(self) -> Iterator[ListedCapture]:
+        """Yield what is compared with earlier runs."""
+        for name, kind, files, _ in self._lines():
+            expected_s = _expected_s(kind, sum(size for _, size, _ in files))
+            yield ListedCapture(name, _fingerprint(kind, files), expected_s)
+
+    def _lines(self) -> Iterator[tuple[str, Kind, list[Listed], Listed | None]]:
         with self.spool.open("rb") as lines:
             for line in lines:
                 name, kind, files, packed = json.loads(line.decode())
                 if kind:
-                    files = tuple(Entry(*file) for file in files)
-                    yield FoundCapture(name, kind, files, packed[0] if packed else "")
+                    yield name, kind, files, packed
 
 
-Inside = Callable[[Entry], tuple[Entry, ...]]
+Inside = Callable[[Entry], tuple[Entry, ...] | None]
 
 
 def discover(
@@ -107,13 +129,14 @@ def discover(
     """Find the captures among the files of the archive `source`, which are sorted by name.
 
     inside: the members of a zip, by their names in the archive, likewise sorted; none for a zip
-    that is not to be opened. Raises InputError if the archive is itself a capture.
+    that is not to be opened, None for one that cannot be. Raises InputError if the archive is
+    itself a capture.
     """
     passed_over: Counter[str] = Counter()
     unlisted: list[str] = []
     with spool.open("w+b") as stream:
         opened = [_Folder("", 0)]
-        for entry, packed in _unpacked(entries, inside):
+        for entry, packed in _unpacked(entries, inside, unlisted):
             if PASSED_OVER.search(entry.name):
                 continue
             folder, _, file = entry.name.rpartition("/")
@@ -138,8 +161,13 @@ def discover(
     return Captures(spool, passed_over, tuple(unlisted))
 
 
-def _unpacked(entries: Iterable[Entry], inside: Inside) -> Iterator[tuple[Entry, Entry | None]]:
-    """Yield the files, and in the place of a zip of several captures its members and the zip."""
+def _unpacked(
+    entries: Iterable[Entry], inside: Inside, unlisted: list[str]
+) -> Iterator[tuple[Entry, Entry | None]]:
+    """Yield the files, and in the place of a zip of several captures its members and the zip.
+
+    Adds the zips that cannot be opened to `unlisted`.
+    """
     for entry in entries:
         if not entry.name.lower().endswith(".zip"):
             yield entry, None
@@ -149,7 +177,9 @@ def _unpacked(entries: Iterable[Entry], inside: Inside) -> Iterator[tuple[Entry,
             _marks_a_capture(file) or PASSED_OVER.search(entry.name)
         ):
             members = inside(entry)
-            if holds_several(member.name[len(entry.name) + 1 :] for member in members):
+            if members is None:
+                unlisted.append(entry.name)
+            elif holds_several(member.name[len(entry.name) + 1 :] for member in members):
                 yield from ((member, entry) for member in members)
                 continue
         yield entry, None
@@ -167,10 +197,10 @@ def holds_several(members: Iterable[str]) -> bool:
     found = set()
     for name in names:
         folder, _, file = name.rpartition("/")
-        is_marked = _marks_a_capture(file)
-        if not folder and (is_marked or kind_of(file) == "cloud"):
+        is_marked, kind = _marks_a_capture(file), kind_of(file)
+        if not folder and (is_marked or kind == "cloud"):
             return False
-        if is_marked or kind_of(file) is not None:
+        if is_marked or kind is not None:
             found.add(folder if is_marked else name)
     return len(found) > 1
 
@@ -221,20 +251,28 @@ def _close(folder: _Folder, stream: BinaryIO) -> None:
         _put(stream, folder.path.rstrip("/"), "folder", own, packed)
         for file in files:
             if file[2] == IMPROPER:
-                _put(stream, str(file[0]), "folder", [file], None)
+                _put(stream, file[0], "folder", [file], None)
 
 
-Listed = list[str | int]  # name, size and stamp of an entry
+Listed = tuple[str, int, str]  # name, size and stamp of an entry; a list when read back
 
 
 def _listed(entry: Entry) -> Listed:
-    return [entry.name, entry.size, entry.stamp]
+    return entry.name, entry.size, entry.stamp
 
 
 def _put(
     stream: BinaryIO, name: str, kind: Kind | None, files: list[Listed], packed: Listed | None
 ) -> None:
     stream.write(json.dumps([name, kind, files, packed]).encode() + b"\n")
+
+
+def _fingerprint(kind: Kind, files: list[Listed]) -> str:
+    return hashlib.sha256(json.dumps([kind, files]).encode()).hexdigest()[:32]
+
+
+def _expected_s(kind: Kind, size: int) -> float:
+    return FIVE_POINT_S if kind == "five-point" else SCANS_S + size / BYTES_PER_S
 
 
 def _marks_a_capture(file: str) -> bool:

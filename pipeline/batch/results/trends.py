@@ -158,20 +158,20 @@ def drift(one: Series) -> Drift:
     known = np.isfinite(one.day) & np.isfinite(one.u)
     day, y, u = taken(known, one.day, one.values, one.u)
     n = len(day)
-    if n < 3 or np.ptp(day) == 0.0:
+    first, last = (float(day.min()), float(day.max())) if n else (math.nan, math.nan)
+    if n < 3 or first == last:
         reason = "fewer than three dated values" if n < 3 else "all on one date"
         return Drift(one.quantity, one.unit, n, reason=reason)
-    floor = (1e-12 * max(1e-3, float(np.abs(y).max()))) ** 2
-    variance = np.maximum(u**2, floor)
-    scatter2 = _scatter(day, y, variance)
-    line = _line(day, y, variance, scatter2)
+    largest, variance = max(1e-3, float(y.max()), -float(y.min())), u**2
+    np.maximum(variance, (1e-12 * largest) ** 2, out=variance)
+    line, scatter2 = _fit(day, y, variance)
     u_slope = 1.0 / math.sqrt(line.steepness)
     return Drift(
         one.quantity,
         one.unit,
         n,
-        first_day=float(day.min()),
-        last_day=float(day.max()),
+        first_day=first,
+        last_day=last,
         mean_day=line.mean_day,
         at_mean=line.at_mean,
         slope=line.slope,
@@ -192,6 +192,22 @@ class _Line:
     steepness: float
 
 
+def _fit(day: Array, y: Array, variance: Array) -> tuple[_Line, float]:
+    """Return the line and the variance between captures, at least 0, by Newton's method on 1/Q.
+
+    1/Q is nearly linear in the variance.
+    """
+    scatter2, dof = 0.0, len(day) - 2
+    for _ in range(100):
+        line = _line(day, y, variance, scatter2)
+        q, steepness = _misfit(line, day, y, variance, scatter2)
+        after = max(0.0, scatter2 + (q / dof - 1.0) * q / steepness) if q else 0.0
+        if abs(after - scatter2) <= 1e-10 * after:
+            break
+        scatter2 = after
+    return line, scatter2
+
+
 def _line(day: Array, y: Array, variance: Array, scatter2: float) -> _Line:
     """Fit the line with weights 1/(variance + scatter2)."""
 
@@ -210,6 +226,17 @@ def _line(day: Array, y: Array, variance: Array, scatter2: float) -> _Line:
     return _Line(mean_day, at_mean, product / steepness, steepness)
 
 
+def _misfit(line: _Line, day: Array, y: Array, variance: Array, scatter2: float) -> list[float]:
+    """Return Q, the weighted sum of squared residuals, and how fast it falls with scatter2."""
+
+    def squares(part: slice) -> tuple[Array, ...]:
+        residuals = y[part] - line.at_mean - line.slope * (day[part] - line.mean_day)
+        weighted = residuals / (variance[part] + scatter2)
+        return weighted * residuals, weighted * weighted
+
+    return _sums(squares, len(day))
+
+
 def _sums(terms: Callable[[slice], tuple[Array, ...]], n: int) -> list[float]:
     """Sum terms over n values, in blocks that stay in the processor's cache.
 
@@ -218,31 +245,6 @@ def _sums(terms: Callable[[slice], tuple[Array, ...]], n: int) -> list[float]:
     parts = [slice(at, at + BLOCK) for at in range(0, n, BLOCK)]
     blocks = np.array([[term.sum() for term in terms(part)] for part in parts])
     return [float(one) for one in blocks.T.copy().sum(axis=1)]
-
-
-def _scatter(day: Array, y: Array, variance: Array) -> float:
-    """Return the variance between captures, at least 0, by Newton's method on 1/Q.
-
-    1/Q is nearly linear in the variance.
-    """
-    scatter2, dof = 0.0, len(day) - 2
-
-    def misfit(part: slice) -> tuple[Array, ...]:
-        weights = 1.0 / (variance[part] + scatter2)
-        residuals = y[part] - line.at_mean - line.slope * (day[part] - line.mean_day)
-        squares = weights * residuals**2
-        return squares, weights * squares
-
-    for _ in range(100):
-        line = _line(day, y, variance, scatter2)
-        q, steepness = _sums(misfit, len(day))
-        if q == 0.0:
-            return 0.0
-        after = max(0.0, scatter2 + (q / dof - 1.0) * q / steepness)
-        if abs(after - scatter2) <= 1e-10 * after:
-            return after
-        scatter2 = after
-    return scatter2
 
 
 def with_holm(found: Sequence[Drift]) -> tuple[Drift, ...]:

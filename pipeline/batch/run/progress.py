@@ -271,10 +271,12 @@ class RunCounts:
 
     known: captures done before. done: captures done now, by status. passed_over: files that belong
     to no capture, by suffix. removed: captures that have results but are no longer in the archive;
-    None if the archive was not listed completely.
+    None if the archive was not listed completely. finished: captures of the archive that have a
+    result at the end, as far as this run knows.
     """
 
     known: int = 0
     done: Counter[str] = field(default_factory=Counter)
     passed_over: Counter[str] = field(default_factory=Counter)
     removed: Sequence[str] | None = None
+    finished: int = 0

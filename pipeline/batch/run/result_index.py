@@ -11,13 +11,13 @@ import pickle
 import sqlite3
 import time
 import uuid
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 
 from ..catalogue.load_records import json_name, load_records
-from ..catalogue.rows import Record
-from ..plan.discover import FoundCapture
+from ..catalogue.rows import FAILED, Record
+from ..plan.discover import FoundCapture, ListedCapture
 from ..storage.entry import Entry, legible
 from ..storage.store import Store
 from .work import CompletedCapture
@@ -30,7 +30,9 @@ PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; PRAGMA locking_mode = EXCLU
 PRAGMA cache_size = -65536;
 CREATE TABLE known(name, fingerprint, key, elsewhere,
   PRIMARY KEY(name, fingerprint, key, elsewhere)) WITHOUT ROWID;
-CREATE TABLE present(key PRIMARY KEY, name, done DEFAULT TRUE) WITHOUT ROWID;
+CREATE TABLE others(name, key, PRIMARY KEY(name, key)) WITHOUT ROWID;
+CREATE VIEW named AS SELECT name, key FROM known UNION ALL SELECT name, key FROM others;
+CREATE TABLE present(key PRIMARY KEY, done DEFAULT TRUE) WITHOUT ROWID;
 CREATE TABLE written(key PRIMARY KEY, stamp, record) WITHOUT ROWID;
 CREATE TABLE current(name PRIMARY KEY, fingerprint, ours, expected_s, key) WITHOUT ROWID;
 """
@@ -47,6 +49,18 @@ SELECT current.name, known.key, elsewhere
 FROM known JOIN current USING(name, fingerprint) JOIN present ON present.key = known.key
 WHERE elsewhere <> '[]' AND done
 """  # results that depend on files elsewhere
+SUPERSEDED = """
+SELECT DISTINCT named.key FROM named CROSS JOIN current USING(name) CROSS JOIN present
+ON present.key = named.key WHERE named.key <> current.key
+"""
+REMOVED = """
+SELECT DISTINCT name, key FROM named CROSS JOIN present USING(key)
+WHERE name NOT IN (SELECT name FROM current) AND name <> '' ORDER BY name
+"""
+# captures below a folder or zip: "0" is the character after "/"
+LISTED_BELOW = "SELECT 1 FROM current WHERE name > ?1 || '/' AND name < ?1 || '0'"
+KNOWN_BELOW = "SELECT 1 FROM named WHERE name > ?1 || '/' AND name < ?1 || '0'"
+NAMELESS = "SELECT key FROM present WHERE key NOT IN (SELECT key FROM named)"
 UNDONE = "SELECT 1 FROM current WHERE name = ? AND ours AND key IS NULL"
 
 
@@ -65,27 +79,23 @@ class ResultIndex:
         self._database.executescript(TABLES)
         self._listed = lru_cache(maxsize=4096)(archive.stat)
         self._lines: list[str] = []
-        self._records = 0
+        self._records, self._all_named = 0, False
         self._flushed_s = time.monotonic()
 
     def __del__(self) -> None:
         self._database.close()
 
     def load(self) -> None:
-        """Read the indices of earlier runs, and which results exist and of which captures."""
+        """Read the indices of earlier runs, and which results exist."""
         keys = ((name[-69:-5],) for name in self._results.names("measurements/"))
-        set_name = "UPDATE present SET name = ? WHERE key = ?"
         self._database.execute("BEGIN")
         self._database.executemany("INSERT OR IGNORE INTO present(key) VALUES (?)", keys)
         for file in self._results.list(FOLDER):
             rows = json.loads(b"[%s]" % b",".join(self._results.read(file.name).splitlines()))
-            self._database.executemany(set_name, ((name, key) for name, _, key, _ in rows))
             if file.name.startswith(self._folder):
                 self._database.executemany("INSERT OR IGNORE INTO known VALUES (?, ?, ?, ?)", rows)
-        unknown = self._database.execute("SELECT key FROM present WHERE name IS NULL").fetchall()
-        records = load_records(self._results, (key for (key,) in unknown))
-        names = ((record.capture.name, record.capture.key) for record in records)
-        self._database.executemany(set_name, names)
+            else:
+                self._name((name, key) for name, _, key, _ in rows)
         self._database.execute("COMMIT")
 
     def mark_undone(self, keys: Iterable[str]) -> None:
@@ -99,7 +109,11 @@ class ResultIndex:
         asked = "SELECT 1 FROM known WHERE name = ? AND fingerprint = ?"
         return self._database.execute(asked, row).fetchone() is not None
 
-    def compare(self, captures: Iterable[FoundCapture], is_ours: Callable[[str], bool]) -> None:
+    def knows_below(self, name: str) -> bool:
+        """Return whether there are results of captures in the folder or zip of this name."""
+        return self._database.execute(KNOWN_BELOW, (legible(name),)).fetchone() is not None
+
+    def compare(self, captures: Iterable[ListedCapture], is_ours: Callable[[str], bool]) -> None:
         """Look for valid results of the captures that are in the archive now, which become current.
 
         Of several results with a capture's fingerprint it is the one whose files elsewhere are
@@ -107,8 +121,8 @@ class ResultIndex:
         """
         self._listed.cache_clear()
         rows = (
-            (legible(one.name), one.fingerprint, is_ours(one.name), one.expected_s)
-            for one in captures
+            (legible(name), fingerprint, is_ours(name), expected_s)
+            for name, fingerprint, expected_s in captures
         )
         self._database.execute("BEGIN")
         self._database.execute("DELETE FROM current")
@@ -152,9 +166,7 @@ class ResultIndex:
         """Add a finished capture."""
         name = legible(done.name)
         self._set_current(name, done.key)
-        self._database.execute(
-            "INSERT OR REPLACE INTO present(key, name) VALUES (?, ?)", (done.key, name)
-        )
+        self._database.execute("INSERT OR REPLACE INTO present(key) VALUES (?)", (done.key,))
         elsewhere = json.dumps([[file.name, file.size, file.stamp] for file in done.elsewhere])
         row = (name, done.fingerprint or "", done.key, elsewhere)
         self._database.execute("INSERT OR IGNORE INTO known VALUES (?, ?, ?, ?)", row)
@@ -187,14 +199,14 @@ class ResultIndex:
         self._records = 0
 
     def outdated(self) -> list[str]:
-        """Return the keys of results that are superseded by another result of their capture."""
+        """Return the keys of results that are superseded by another result of their capture.
+
+        Also those of folders and zips that could not be listed, whose captures are now.
+        """
         if not self._holds_others():
             return []
-        rows = self._database.execute(
-            "SELECT present.key FROM present JOIN current USING(name) "
-            "WHERE present.key <> current.key"
-        )
-        return [key for (key,) in rows]
+        superseded = [key for (key,) in self._database.execute(SUPERSEDED)]
+        return [*superseded, *(key for _, key, is_listed in self._missing() if is_listed)]
 
     def drop(self, key: str) -> None:
         """Remove a result."""
@@ -203,24 +215,45 @@ class ResultIndex:
     def removed(self, unlisted: Iterable[str] = ()) -> list[str]:
         """Return the captures with results that are not in the latest listing, by name.
 
-        unlisted: folders that could not be listed: captures in them may still be there.
+        unlisted: folders and zips that could not be listed: captures in them may still be there.
         """
         if not self._holds_others():
             return []
-        rows = self._database.execute(
-            "SELECT DISTINCT name FROM present WHERE name <> '' "
-            "AND name NOT IN (SELECT name FROM current) ORDER BY name"
-        )
         hidden = tuple(f"{legible(folder)}/" for folder in unlisted)
-        return [name for (name,) in rows if not name.startswith(hidden)]
+        names = dict.fromkeys(name for name, _, is_listed in self._missing() if not is_listed)
+        return [name for name in names if not name.startswith(hidden)]
+
+    def _missing(self) -> Iterator[tuple[str, str, bool]]:
+        """Yield name and key of results that the latest listing has no capture of, by name.
+
+        And whether it is the failure of a folder or zip whose captures it has instead.
+        """
+        for name, key in self._database.execute(REMOVED):
+            is_listed = self._database.execute(LISTED_BELOW, (name,)).fetchone() is not None
+            yield name, key, is_listed and self._failed(key)
+
+    def _failed(self, key: str) -> bool:
+        return any(one.capture.status in FAILED for one in load_records(self._results, [key]))
 
     def _holds_others(self) -> bool:
         """Return whether there are other results than those of the captures listed.
 
-        By their numbers: a key is of one capture, whose name it hashes.
+        By their numbers: a key is of one capture, whose name it hashes. If so, the captures of
+        results that are in no index are read from these.
         """
         asked = "SELECT (SELECT count(*) FROM present) > (SELECT count(key) FROM current)"
-        return bool(self._database.execute(asked).fetchone()[0])
+        if not self._database.execute(asked).fetchone()[0]:
+            return False
+        if not self._all_named:
+            nameless = self._database.execute(NAMELESS).fetchall()
+            records = load_records(self._results, (key for (key,) in nameless))
+            self._name((record.capture.name, record.capture.key) for record in records)
+            self._all_named = True
+        return True
+
+    def _name(self, rows: Iterable[tuple[str, str]]) -> None:
+        """Add the names of captures, by the keys of their results."""
+        self._database.executemany("INSERT OR IGNORE INTO others VALUES (?, ?)", rows)
 
     def flush(self) -> None:
         """Write what was added to the results."""

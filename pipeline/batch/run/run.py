@@ -87,7 +87,7 @@ class Batch:
         spool = self._scratch / "captures"
         found = discover(self._entries(), spool, self.request.archive, self._inside)
         self.counts.passed_over = found.passed_over
-        self._index.compare(found, self.shard.holds)
+        self._index.compare(found.listed(), self.shard.holds)
         self.counts.removed = None if self._inventory else self._index.removed(found.unlisted)
         return found
 
@@ -148,6 +148,7 @@ class Batch:
         if at_end:
             self._segments.flush()
             self._times.flush()
+            self.counts.finished, _ = self._index.counts()
         for key in self._index.outdated():
             supersede(self._results, key)
             self._index.drop(key)
@@ -174,13 +175,16 @@ class Batch:
             found = objects_of(self._inventory, self._archive.url, Path(folder))
             yield from self._archive.entries(found)
 
-    def _inside(self, entry: Entry) -> tuple[Entry, ...]:
-        """Return the members of a zip; none of one that is known to be a single capture."""
-        single = FoundCapture(entry.name, "zip", (entry,))
-        store = self._archive
-        if not isinstance(store, ZippedStore | ZippedRemoteStore) or self._index.knows(single):
+    def _inside(self, entry: Entry) -> tuple[Entry, ...] | None:
+        """Return the members of a zip; none of one that is known to be a single capture.
+
+        None of one that cannot be opened.
+        """
+        store, single = self._archive, FoundCapture(entry.name, "zip", (entry,))
+        if not isinstance(store, ZippedStore | ZippedRemoteStore):
             return ()
-        return store.zips.members(entry)
+        is_single = self._index.knows(single) and not self._index.knows_below(entry.name)
+        return () if is_single else store.zips.members(entry)
 
     def _probe(self) -> float:
         """Wait until archive and results answer, and return since when they do."""

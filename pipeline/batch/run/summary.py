@@ -40,6 +40,9 @@ def summary(
         return "\n".join(lines), not any(counts.done[status] for status in STATUSES[1:])
     held = Counter({s: count(catalogue, Filter(status=(s,))) for s in STATUSES})
     lines += ["", f"results in {results}: {_numbers(held)}"]
+    missing = max(0, counts.finished - held.total())
+    if missing:
+        lines.append(f"{missing:7} were removed while it ran: repeat the command to measure them")
     failing = failures(catalogue, examples=1)
     for group in failing[:WORST]:
         reason = brief(group.reason, group.examples[0])
@@ -52,7 +55,7 @@ def summary(
         others = f"{rest:7} for {kinds} other reason{'s' * (kinds > 1)}"
         lines.append(f"{others}: wheelplane results {results} --failures")
     lines += ["", f"next: wheelplane results {results}"]
-    return "\n".join(map(printable, lines)), held["ok"] == held.total()
+    return "\n".join(map(printable, lines)), held["ok"] == held.total() and not missing
 
 
 def _numbers(counts: Counter[str]) -> str:

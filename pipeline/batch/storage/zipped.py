@@ -39,13 +39,13 @@ class Zips:
     def __del__(self) -> None:
         self.close()
 
-    def members(self, packed: Entry) -> tuple[Entry, ...]:
-        """Return the members of a zip, sorted by name; none of one that cannot be opened."""
+    def members(self, packed: Entry) -> tuple[Entry, ...] | None:
+        """Return the members of a zip, sorted by name; None for one that cannot be opened."""
         try:
             with ExitStack() as stack:
                 _, members = self._read(packed, stack, listed=True)
         except InputError:
-            return ()  # which its measurement reports
+            return None  # which its measurement reports
         named = sorted(members.items())
         return tuple(
             Entry(f"{packed.name}/{name}", member.size, packed.stamp) for name, member in named
