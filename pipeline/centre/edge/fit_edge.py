@@ -80,8 +80,8 @@ AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave;
 TENSE = 2.0  # standard deviations off the prior from which the stated thickness is doubted
 CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
 EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
-# Relative standard uncertainty of one by the data alone, besides noise: of a wall that is seen wide;
-# the same times the square of footprint over width, where beams are square to a face.
+# Relative standard uncertainty of one by the data alone, besides noise; how much more it is by the
+# square of footprint over the wall's width as seen: square on to a face, it is seen narrow.
 THICKNESS_MODEL, SQUARE_ON = 0.05, 5.0
 LEAST_SHOWN = 0.01  # of the variance of a prior, that the data show
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
