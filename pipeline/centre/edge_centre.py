@@ -123,7 +123,7 @@ def _by_edge(
     edge_fit = (
         None if beside and not known else _by_mixed_pixels(view, outline, start, near, known or aim)
     )
-    if edge_fit is not None and edge_fit.converged and edge_fit.misfit < MISFIT[0]:
+    if edge_fit is not None and _is_sure(edge_fit):
         _check_size(edge_fit, outline)
     model = None if edge_fit is None else _model_variance(edge_fit, face, outline, view)
     if edge_fit is not None and model is not None and _is_lost(edge_fit, model):
@@ -212,6 +212,12 @@ def _cut_m(near: Array, outline: Outline, fitted: OutlineFit, spacing_m: float) 
     count = np.bincount(beyond, minlength=BEYOND_SECTORS)
     empty = float(np.mean(count < LEAST_BEYOND))
     return empty * max(-fitted.growth_m - BY_SPACING * spacing_m, 0.0)
+
+
+def _is_sure(edge_fit: EdgeFit) -> bool:
+    """Return whether a fit says how large a target is: a clean one where no stated size does."""
+    shown = edge_fit.clean_shift_m is None or edge_fit.size_chance == 1.0
+    return edge_fit.converged and edge_fit.misfit < MISFIT[0] and shown
 
 
 def _check_size(edge_fit: EdgeFit, outline: Outline) -> None:

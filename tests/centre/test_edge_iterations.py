@@ -214,6 +214,24 @@ def test_first_and_last_returns_are_those_of_ratios_far_from_one(monkeypatch, be
 
 
 @pytest.mark.parametrize(
+    ("stated", "grown", "alone", "taken"),
+    [(1.0, 0.99, 0.5, "stated"), (1.0, 0.9, 0.99, "stated"), (1.0, 0.9, 0.9, "alone")],
+)
+def test_first_returns_may_explain_what_seems_another_size(
+    monkeypatch, stated, grown, alone, taken
+):
+    """They are tried where the stated size explains less than another."""
+    left = {"stated": stated, "grown": grown, "alone": alone}
+    solutions = {name: SimpleNamespace(state=name) for name in left}
+    monkeypatch.setattr(fit_edge, "_by_returns", lambda *args: solutions["stated"])
+    monkeypatch.setattr(fit_edge, "_explained", lambda *args, by_power: solutions["alone"])
+    monkeypatch.setattr(fit_edge, "_grown", lambda problem, state, most: solutions["grown"])
+    monkeypatch.setattr(fit_edge, "_unexplained", lambda found: left[found.state])
+    found = fit_edge._by_size(None, None, None, 40)
+    assert found == (solutions[taken], solutions["grown"])
+
+
+@pytest.mark.parametrize(
     ("sectors", "rows", "shown"),
     [(SECTORS, LEAST_CLEAN - 1, False), (5, 200, False), (7, 200, True), (SECTORS, 200, True)],
 )

@@ -262,7 +262,8 @@ def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit 
     problem = replace(problem, prior=problem.prior.by_power())
     state = state.copy()
     state[WALL] = problem.prior.mean[WALL]
-    found = _by_returns(problem, state, config.max_iterations)
+    loose = replace(problem, prior=problem.prior.unsized())
+    found, other = _by_size(problem, loose, state, config.max_iterations)
     lies_m = shift_m(found.state)
     if lies_m < -ERODED * config.spot_radius_m:  # beams at the edge were filtered out
         return None
@@ -272,8 +273,6 @@ def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit 
     if covered < 0.25 or len(linear.residual_m) < LEAST_CLEAN:
         return None
     fitted = _record(found, problem, covered)
-    loose = replace(problem, prior=problem.prior.unsized())
-    other = _grown(loose, found.state, config.max_iterations)
     chance, grown = _chance(loose.prior, found, other), _record(other, loose, covered)
     shown = grown if grown.converged and chance > 0.5 else fitted
     fitted = replace(
@@ -285,6 +284,23 @@ def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit 
         size_chance=chance,
     )
     return _settled(fitted, found)
+
+
+def _by_size(
+    problem: EdgeProblem, loose: EdgeProblem, state: Array, most: int
+) -> tuple[_Converged, _Converged]:
+    """Return the solutions of the stated size, and of one that is hardly known.
+
+    Where the former explains less, first and last returns may explain more than those by power.
+    """
+    found = _by_returns(problem, state, most)
+    grown = _grown(loose, found.state, most)
+    if _unexplained(found) <= AS_MUCH * _unexplained(grown):
+        return found, grown
+    alone = _explained(problem, state, most, by_power=False)
+    if _unexplained(found) <= AS_MUCH * _unexplained(alone):
+        return found, grown
+    return alone, _grown(loose, alone.state, most)
 
 
 def _grown(problem: EdgeProblem, state: Array, most: int) -> _Converged:
