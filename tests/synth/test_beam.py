@@ -298,7 +298,8 @@ def test_two_returns_are_the_points_of_the_first_and_of_the_last(tmp_path):
     points = {}
     for mode in ("first", "last", "two"):
         beam = MODES | {"spot_radius_m": W_M, "return_mode": mode}
-        scanner = changed(IDEAL, tmp_path, {f"beam.{k}": v for k, v in beam.items()})
+        values = {f"beam.{k}": v for k, v in beam.items()} | {"grid.spacing_m": 0.004}
+        scanner = changed(IDEAL, tmp_path, values)
         files = {"vehicle": SALOON, "scanner": scanner, "target": DISC}
         write_capture(tmp_path / mode, seed=4, trials=0, **files)
         found, _ = read_ply(tmp_path / mode / "fr.ply")
