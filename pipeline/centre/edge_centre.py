@@ -215,7 +215,10 @@ def _cut_m(near: Array, outline: Outline, fitted: OutlineFit, spacing_m: float) 
 
 
 def _is_sure(edge_fit: EdgeFit) -> bool:
-    """Return whether a fit says how large a target is: a clean one where no stated size does."""
+    """Return whether a fit shows how large a target is.
+
+    A clean edge does where the stated size explains less than another.
+    """
     shown = edge_fit.clean_shift_m is None or edge_fit.size_chance == 1.0
     return edge_fit.converged and edge_fit.misfit < MISFIT[0] and shown
 

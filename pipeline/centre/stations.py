@@ -41,13 +41,14 @@ def of_stations(patch: Patch, region: Region) -> list[Patch]:
     after = patch.around_after
     if after is None:
         return [patch]
-    uv = patch.face_m @ patch.basis[:2].T
+    uvw = patch.face_m @ patch.basis.T
+    uv = uvw[:, :2]
     rows = np.flatnonzero(region.holds(uv))
     if len(rows) > POINTS:
         rows = rows[np.sort(scattered(len(rows), POINTS))]
     ordered = uv[rows] / region.radius_m
     one = _is_one_scan(ordered)
-    if one and _follow_each_other(patch.face_m @ patch.basis.T, rows):
+    if one and _follow_each_other(uvw, rows):
         return [patch]
     if find_lattice(patch.face_m[rows], patch.steps.axes, patch.basis[2]):
         return [patch]  # voxels are sorted by layers, of which each is passed once

@@ -77,7 +77,7 @@ class FoundCapture:
 
     @property
     def listed(self) -> ListedCapture:
-        """What is compared with earlier runs."""
+        """Name, fingerprint and expected seconds, which are compared with earlier runs."""
         return ListedCapture(self.name, self.fingerprint, self.expected_s)
 
 
