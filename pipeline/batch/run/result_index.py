@@ -58,8 +58,8 @@ SELECT DISTINCT name, key FROM named CROSS JOIN present USING(key)
 WHERE name NOT IN (SELECT name FROM current) AND name <> '' ORDER BY name
 """
 # captures below a folder or zip: "0" is the character after "/"
-LISTED_BELOW = "SELECT 1 FROM current WHERE name > ?1 || '/' AND name < ?1 || '0'"
-KNOWN_BELOW = "SELECT 1 FROM named WHERE name > ?1 || '/' AND name < ?1 || '0'"
+LISTED_BELOW = "SELECT 1 FROM current WHERE name > :name || '/' AND name < :name || '0'"
+KNOWN_BELOW = "SELECT 1 FROM named WHERE name > :name || '/' AND name < :name || '0'"
 NAMELESS = "SELECT key FROM present WHERE key NOT IN (SELECT key FROM named)"
 UNDONE = "SELECT 1 FROM current WHERE name = ? AND ours AND key IS NULL"
 
@@ -111,7 +111,7 @@ class ResultIndex:
 
     def knows_below(self, name: str) -> bool:
         """Return whether there are results of captures in the folder or zip of this name."""
-        return self._database.execute(KNOWN_BELOW, (legible(name),)).fetchone() is not None
+        return self._database.execute(KNOWN_BELOW, {"name": legible(name)}).fetchone() is not None
 
     def compare(self, captures: Iterable[ListedCapture], is_ours: Callable[[str], bool]) -> None:
         """Look for valid results of the captures that are in the archive now, which become current.
@@ -229,7 +229,7 @@ class ResultIndex:
         And whether it is the failure of a folder or zip whose captures it has instead.
         """
         for name, key in self._database.execute(REMOVED):
-            is_listed = self._database.execute(LISTED_BELOW, (name,)).fetchone() is not None
+            is_listed = self._database.execute(LISTED_BELOW, {"name": name}).fetchone() is not None
             yield name, key, is_listed and self._failed(key)
 
     def _failed(self, key: str) -> bool:
