@@ -53,7 +53,7 @@ SPARSE_M, HIDDEN = 0.006, 0.9
 # explain, if it is that many of its own u, too: where beams are square to a target, little is shown
 # of its size. Share of that growth's movement into the centre; least share of SIZE_M that is shown.
 STRANGE_SIZE, WRONG_SIZE, SURE_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 6.0, 4.0, 0.6, 0.1
-BY_SIZE = 0.4  # of what an unknown size would move a clean edge's centre: largest model uncertainty
+BY_SIZE = 0.4  # of what an unknown size would move a clean edge's centre: largest u, where likely
 GENTLE = 1.0  # slope below which all points that matter lie within target_view.GENTLE_SLOPE
 
 
@@ -325,7 +325,8 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
 
     It grows with the incidence, at first by the cube of its tangent, as the beams see more of the
     wall, which is curved where the profile takes it for straight; by the shift of a clean edge; and
-    by a growth that the target's size hardly explains.
+    by a growth that the target's size hardly explains: where a clean edge shows neither the one nor
+    the other, by what it would move.
     A fit that did not converge, has an implausible reflectance ratio or beams that do not meet, or
     leaves many outliers, as in a scan from two stations, is given its difference from the outline
     by points.
@@ -336,11 +337,12 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
         spread += BY_THICKNESS**2 * float(edge_fit.by_thickness_m @ edge_fit.by_thickness_m)
     spread += (WALL_SHARE * edge_fit.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
     spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2
+    grown_m = max(abs(edge_fit.growth_m) - STRANGE_SIZE * _growth_explained_m(edge_fit), 0.0)
     if edge_fit.by_size_m is not None:
-        share = min(BY_SIZE**2, edge_fit.size_chance)
+        share = min(BY_SIZE**2 if grown_m == 0.0 else 1.0, edge_fit.size_chance)
         spread += share * float(edge_fit.by_size_m @ edge_fit.by_size_m)
-    grown_m = abs(edge_fit.growth_m) - STRANGE_SIZE * _growth_explained_m(edge_fit)
-    spread += (BY_GROWTH * max(grown_m, 0.0)) ** 2
+    if edge_fit.by_size_m is None or edge_fit.size_chance == 1.0:
+        spread += (BY_GROWTH * grown_m) ** 2
     bend = edge_fit.thickness_m**2 * square / (8.0 * outline.size_m)  # of the wall, along a beam
     beyond = edge_fit.misfit - MISFIT[0] - MISFIT_BY_BEND * max(bend - MIN_BEND_M, 0.0)
     doubt = min(max(beyond / (MISFIT[1] - MISFIT[0]), 0.0), 1.0)

@@ -306,6 +306,26 @@ def test_a_size_in_doubt_is_in_the_uncertainty(growth_m, seen):
         assert (grown_m > 2.0 * least_m) == seen
 
 
+@pytest.mark.parametrize(
+    ("chance", "least_m", "most_m"), [(0.5, 6e-5, 8e-5), (0.97, 9e-5, 1.1e-4), (1.0, 5e-4, 7e-4)]
+)
+def test_a_size_that_nothing_shows_counts_by_what_it_would_move(
+    monkeypatch, chance, least_m, most_m
+):
+    """First returns square to a face: the priors alone made its size 1.4 mm other, at u 0.25 mm."""
+    _, view = grown("disc-250", 0.0, 1)
+    by_edge = edge_centre._by_mixed_pixels
+
+    def clean(*given):
+        moved = np.array([8e-5, -6e-5])
+        shown = {"by_size_m": moved, "size_chance": chance, "clean_shift_m": 0.0}
+        return replace(by_edge(*given), growth_m=0.0015, growth_u_m=3e-4, **shown)
+
+    monkeypatch.setattr(edge_centre, "_by_mixed_pixels", clean)
+    found = centre_by_edge(view, view.target.edge)
+    assert least_m < math.sqrt(found.estimate.model_m2[0, 0]) < most_m
+
+
 def test_another_size_is_refused_and_named():
     cloud = make(setup_of(load_target("disc-250"), PLAIN).but(radius_m=0.137), 3)
     target = load_target("disc-250")

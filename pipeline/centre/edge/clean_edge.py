@@ -19,6 +19,7 @@ from ...targets import sector
 from ...vectors import Array, Mask
 from .beams import (
     BEAM,
+    GROWTH,
     INVERSE,
     LEAST_WALL,
     MIN_DEPTH_M,
@@ -83,7 +84,7 @@ def clean_equations(
     grid = np.linspace(-steepest, steepest, SLOPES)
     table = _edge_table(grid, state if by_power else first_state(state))
     beyond = beams.x_m - np.interp(beams.tau, grid, table[0])
-    face = on_target & (beams.x_m > -INNER_M) & (beyond < 0.0)
+    face = on_target & (beams.x_m + state[GROWTH] > -INNER_M) & (beyond < 0.0)
     known = (state if by_power else first_state(state)), (grid, table), robust, rough
     sides = _sides(problem, beams, beyond, (on_target, seen & ~on_target), *known)
     depths, behind = _depths(problem, beams, face, state, robust, not rough), len(sides[1][0])
