@@ -129,7 +129,11 @@ def _lines(state: RunState, now_s: float) -> Iterator[str]:
     shard = "" if state.shard == "1/1" else f", shard {state.shard}"
     yield f"{state.runner}{shard}: {_standing(state, now_s)}"
     done = ", ".join(f"{count:,} {status}" for status, count in sorted(state.done.items()))
-    yield f"  {state.known:,} done before; now {done or 'none'}; {state.left:,} to do"
+    # of a run that was cut short, workers may have written results that it did not hear of
+    cut = state.left and not state.is_up(now_s)
+    least, most = ("at least ", "at most ") if cut else ("", "")
+    now = f"{least}{done or ('0' if least else 'none')}"
+    yield f"  {state.known:,} done before; now {now}; {most}{state.left:,} to do"
     for one in () if state.ended else sorted(state.at_work, key=lambda one: one.since_s):
         others = f" and {len(one.captures) - 1} small ones" * (len(one.captures) > 1)
         since = duration(now_s - one.since_s)
