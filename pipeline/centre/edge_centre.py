@@ -324,9 +324,9 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
     """Return the model variance of the edge fit, m^2.
 
     It grows with the incidence, at first by the cube of its tangent, as the beams see more of the
-    wall, which is curved where the profile takes it for straight; by the shift of a clean edge; and
-    by a growth that the target's size hardly explains: where a clean edge shows neither the one nor
-    the other, by what it would move.
+    wall, which is curved where the profile takes it for straight; by the shift of a clean edge; by
+    rows of points that run along its sides; and by a growth that the target's size hardly explains:
+    where a clean edge shows neither the one nor the other, by what it would move.
     A fit that did not converge, has an implausible reflectance ratio or beams that do not meet, or
     leaves many outliers, as in a scan from two stations, is given its difference from the outline
     by points.
@@ -336,7 +336,7 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
     if edge_fit.by_thickness_m is not None:
         spread += BY_THICKNESS**2 * float(edge_fit.by_thickness_m @ edge_fit.by_thickness_m)
     spread += (WALL_SHARE * edge_fit.thickness_m / (1.0 + square / 4.0)) ** 2 * square**3
-    spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2
+    spread += (CLEAN_SHARE * (edge_fit.clean_shift_m or 0.0)) ** 2 + edge_fit.rows_m**2 / 2.0
     grown_m = max(abs(edge_fit.growth_m) - STRANGE_SIZE * _growth_explained_m(edge_fit), 0.0)
     if edge_fit.by_size_m is not None:
         share = min(BY_SIZE**2 if grown_m == 0.0 else 1.0, edge_fit.size_chance)

@@ -14,8 +14,9 @@ from wheelplane.centre.edge.edge_residuals import EdgeProblem
 from wheelplane.centre.edge.fit_edge import Aim, aimed, fit_edge
 from wheelplane.config import CentreConfig
 from wheelplane.targets.outline import Circle, rectangle
+from wheelplane.vectors import turned
 
-CONFIG = CentreConfig()
+CONFIG, ROW_M = CentreConfig(), 0.0013
 THIN = Setup(
     spacing_m=0.002,
     half_width_m=0.2,
@@ -83,6 +84,35 @@ def test_a_background_that_was_seen_from_elsewhere_moves_no_centre():
         off.append(found.centre_m / np.sqrt(np.diag(found.covariance_m2)))
     assert np.sqrt(np.mean(np.square(off))) < 1.4  # of 24 values: 1.46 at 99.9 %, 1.7 with the ring
     assert abs(np.mean(off, axis=0)[1]) < 3.0 / math.sqrt(12.0)
+
+
+def rowed(seed, angle_rad):
+    """A thin plate before a far background, on a grid whose rows run at an angle to its sides."""
+    rng = np.random.default_rng(seed)
+    steps = np.arange(-0.2, 0.2, ROW_M)
+    q = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) + ROW_M * rng.random(2)
+    q = turned(q, angle_rad)
+    on_plate = (np.abs(q[:, 0]) < 0.14) & (np.abs(q[:, 1]) < 0.1)
+    w = np.where(on_plate, 0.0, -0.09) + rng.normal(0.0, 3e-4, len(q))
+    points = np.column_stack([q - np.outer(w, [0.1, 0.05]), w])
+    return points[(np.abs(q[:, 0]) < 0.18) & (np.abs(q[:, 1]) < 0.14)]
+
+
+@pytest.mark.parametrize(("angle_deg", "along"), [(0.0, True), (0.2, True), (23.0, False)])
+def test_a_side_that_rows_run_along_lies_anywhere_between_two_of_them(angle_deg, along):
+    """Of a levelled plate and scanner; where rows cross the sides, the last points show these."""
+    plate, off, us = rectangle(0.28, 0.2), [], []
+    for seed in range(24):
+        points = rowed(seed, math.radians(angle_deg))
+        begin = aimed(points, plate, 1e-4, CONFIG)
+        found = begin and fit_edge(points, plate, 1e-4, 3e-4, CONFIG, begin)
+        if found:
+            off.append(found.centre_m)
+            us.append(math.sqrt(np.trace(found.covariance_m2) / 2.0 + found.rows_m**2 / 2.0))
+    rms, u = np.sqrt(np.mean(np.square(off))), np.sqrt(np.mean(np.square(us)))
+    assert len(off) >= 8
+    assert rms < 1.6 * u  # 99.9 % of 16 values; 5 without the rows
+    assert u > 0.1 * ROW_M if along else u < 0.01 * ROW_M
 
 
 MISSED = (5e-3, 5e-3, 0.06, 0.1, 0.08, 0.12, 0.05, 1e-3, 5e-3, 1e-3, 0.09, 5e-3)  # of the slopes

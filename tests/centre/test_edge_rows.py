@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.optimize import brentq
 
 from wheelplane.centre.edge.beams import (
@@ -342,7 +343,9 @@ def test_rows_of_a_clean_edge_are_those_of_its_nearest_points(outline, count, ro
     assert linear.behind == np.count_nonzero(sides > 0.0) > 0
     last = beyond[rows] - sides * gap_m
     np.testing.assert_allclose(linear.residual_m[len(face) :], last, atol=1e-8)
-    variance = gap_m**2 + POINTING_M**2
+    inner = beyond[rows[sides < 0.0]]
+    scatter = stats.median_abs_deviation(inner, scale="normal")
+    variance = max(gap_m**2 + POINTING_M**2, scatter**2)
     weight, change = robust_weight(last**2 / variance / (ROUGH if rough else 1.0) ** 2, True)
     np.testing.assert_allclose(linear.weight[len(face) :], weight / variance, atol=1.0)
     np.testing.assert_allclose(linear.change[len(face) :], change / variance, atol=2.0)

@@ -10,6 +10,7 @@ return, whose mean depth is that of the mixed pixel without background.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -53,6 +54,10 @@ LEAST_IN_SECTOR = 12  # points in its ring
 RING_SKIP_M, RING_M = 0.001, 0.010  # inside the edge, where points are counted
 ROUGH, FAR_M = 8.0, 0.008  # factor on the scatter far from convergence, and reach beside the edge
 FACE = 0.0  # of Lambert's law in a wall as bright as the face
+MOST_STRAIGHT = 12  # sides of an outline; more are parts of arcs
+LEAST_ROWS, MOST_ROWS = 0.6, 3.0  # per mean spacing of the points: thinned ones lie farther apart
+BY_CHANCE = 4.0  # over the root of their number: a share of points in rows that is none
+NORMAL = 1.482602218505602  # standard deviation of a normal distribution over its median deviation
 HELD = 1.5  # thicknesses up to which a point may be the wall's
 
 
@@ -121,6 +126,32 @@ def first_state(state: Array) -> Array:
 def shift_m(state: Array) -> float:
     """Return how far outside the edge, away from a wall, target and background part."""
     return float(_edge_m(np.zeros(1), _values(state))[0])
+
+
+def between_rows_m(problem: EdgeProblem, state: Array) -> float:
+    """Return the standard uncertainty of straight edges that rows of a grid run along, rms.
+
+    Such an edge lies anywhere between two rows. How far its points, by their distance from it, lie
+    in rows is the largest of their Fourier coefficients: 1 along the edge, 0 where one row crosses.
+    """
+    beams = problem.beams(state)
+    on_target = beams.clear & (np.abs(problem.depth) < 5.0 * problem.sigma_m + 1e-4)
+    ring = on_target & (beams.x_m < -RING_SKIP_M) & (beams.x_m > -RING_SKIP_M - RING_M)
+    rho, q_m, x_m = beams.rho[ring], beams.q_m[ring], beams.x_m[ring]
+    sides, side = np.unique(np.round(rho, 6), axis=0, return_inverse=True)
+    if not 0 < len(sides) <= MOST_STRAIGHT:
+        return 0.0
+    square = 0.0
+    for k, (across, up) in enumerate(sides):
+        here = side.ravel() == k
+        along_m, count = q_m[here] @ [-up, across], int(np.count_nonzero(here))
+        spacing_m = math.sqrt(RING_M * max(float(np.ptp(along_m)), RING_M) / count)
+        turns = np.arange(LEAST_ROWS / spacing_m, MOST_ROWS / spacing_m, 0.25 / RING_M)
+        waves = np.exp(2j * np.pi * np.outer(turns, x_m[here])).mean(axis=1)
+        most = int(np.argmax(np.abs(waves)))
+        share = float(np.abs(waves[most]))
+        square += (share / turns[most]) ** 2 / 12.0 if share > BY_CHANCE / math.sqrt(count) else 0.0
+    return math.sqrt(square / len(sides))
 
 
 def _mean_depth(x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Array) -> EdgeProfile:
@@ -238,7 +269,8 @@ def _sides(
     """Return the rows of Equations for the points next to the edge on its two sides.
 
     Beams meet the plane evenly, n of a sector's in a ring of width h: the nearest to the edge lies
-    h / n from it, with a standard deviation as large (exponential distribution).
+    h / n from it, with a standard deviation as large (exponential distribution). They scatter more
+    where rows of a grid run along straight edges, or backgrounds of other brightness move them.
     """
     inside = sides[0] & (beyond_m < -RING_SKIP_M) & (beyond_m > -RING_SKIP_M - RING_M)
     total = int(np.count_nonzero(inside))
@@ -251,26 +283,29 @@ def _sides(
         near = np.flatnonzero(side & (np.abs(beyond_m) < FAR_M + gap_m))
         near = near[np.argsort(sign * beyond_m[near], kind="stable")]
         _, first = np.unique(part[near], return_index=True)
-        rows.append(
-            _nearest(
-                problem, beams, near[first], beyond_m, sign * gap_m, state, tables, robust, rough
-            )
-        )
-    return rows
+        rows.append(near[first])
+    inner_m = beyond_m[rows[0]]
+    u_m = math.hypot(gap_m, POINTING_M)
+    if len(inner_m):
+        u_m = max(u_m, NORMAL * float(np.median(np.abs(inner_m - np.median(inner_m)))))
+    return [
+        _nearest(problem, beams, chosen, beyond_m - off, u_m, state, tables, robust, rough)
+        for chosen, off in zip(rows, (-gap_m, gap_m), strict=True)
+    ]
 
 
 def _nearest(
     problem: EdgeProblem,
     beams: Beams,
     chosen: npt.NDArray[np.intp],
-    beyond_m: Array,
-    expected_m: float,
+    off_m: Array,
+    u_m: float,
     state: Array,
     tables: tuple[Array, Array],
     robust: bool,
     rough: bool,
 ) -> tuple[Array, ...]:
-    """Return the rows of Equations for points that lie expected_m outside the edge."""
+    """Return the rows of Equations for points that lie off_m outside where they should, u_m."""
     beams = Beams(*(values[chosen] for values in vars(beams).values()))
     _, by_tau, by_spot, by_thickness, by_ratio, by_wall, by_shape, _ = (
         np.interp(beams.tau, tables[0], row) for row in tables[1]
@@ -288,8 +323,7 @@ def _nearest(
         background_share=nothing,
         background_light=nothing,
     )
-    residual = beyond_m[chosen] - expected_m
-    variance = expected_m**2 + POINTING_M**2
+    residual, variance = off_m[chosen], u_m**2
     weight, change = robust_weight(residual**2 / variance / (ROUGH if rough else 1.0) ** 2, robust)
     slopes = profile_slopes(profile, beams, problem.depth[chosen], state)
     return (

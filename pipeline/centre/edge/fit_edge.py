@@ -44,7 +44,7 @@ from .beams import (
     mixed_share,
     pointed,
 )
-from .clean_edge import clean_equations, shift_m
+from .clean_edge import between_rows_m, clean_equations, shift_m
 from .edge_residuals import (
     FEW,
     OUTER_M,
@@ -116,7 +116,8 @@ class EdgeFit:
     by_thickness_m: (2,) by which the centre would move if it were not, where that is in doubt.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     by_size_m: (2,) by which its centre would move if the size were hardly known; size_chance: the
-    probability of that.
+    probability of that. rows_m: standard uncertainty of each straight edge by rows of points that
+    run along it.
     """
 
     centre_m: Array
@@ -146,6 +147,7 @@ class EdgeFit:
     clean_shift_m: float | None = None
     by_size_m: Array | None = None
     size_chance: float = 0.0
+    rows_m: float = 0.0
 
     @property
     def state(self) -> Array:
@@ -282,6 +284,7 @@ def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit 
         clean_shift_m=lies_m,
         by_size_m=grown.centre_m - fitted.centre_m,
         size_chance=chance,
+        rows_m=between_rows_m(problem, found.state),
     )
     return _settled(fitted, found)
 
