@@ -55,6 +55,7 @@ RING_SKIP_M, RING_M = 0.001, 0.010  # inside the edge, where points are counted
 ROUGH, FAR_M = 8.0, 0.008  # factor on the scatter far from convergence, and reach beside the edge
 FACE = 0.0  # of Lambert's law in a wall as bright as the face
 MOST_STRAIGHT = 12  # sides of an outline; more are parts of arcs
+ENOUGH = 2000  # points of a side that show its rows
 LEAST_ROWS, MOST_ROWS = 0.6, 3.0  # per mean spacing of the points: thinned ones lie farther apart
 BY_CHANCE = 4.0  # over the root of their number: a share of points in rows that is none
 NORMAL = 1.482602218505602  # standard deviation of a normal distribution over its median deviation
@@ -134,6 +135,8 @@ def between_rows_m(problem: EdgeProblem, state: Array) -> float:
     Such an edge lies anywhere between two rows. How far its points, by their distance from it, lie
     in rows is the largest of their Fourier coefficients: 1 along the edge, 0 where one row crosses.
     """
+    if not problem.outline.shows_rotation:
+        return 0.0
     beams = problem.beams(state)
     on_target = beams.clear & (np.abs(problem.depth) < 5.0 * problem.sigma_m + 1e-4)
     ring = on_target & (beams.x_m < -RING_SKIP_M) & (beams.x_m > -RING_SKIP_M - RING_M)
@@ -143,14 +146,16 @@ def between_rows_m(problem: EdgeProblem, state: Array) -> float:
         return 0.0
     square = 0.0
     for k, (across, up) in enumerate(sides):
-        here = side.ravel() == k
-        along_m, count = q_m[here] @ [-up, across], int(np.count_nonzero(here))
-        spacing_m = math.sqrt(RING_M * max(float(np.ptp(along_m)), RING_M) / count)
+        here = np.flatnonzero(side.ravel() == k)
+        along_m = q_m[here] @ [-up, across]
+        spacing_m = math.sqrt(RING_M * max(float(np.ptp(along_m)), RING_M) / len(here))
         turns = np.arange(LEAST_ROWS / spacing_m, MOST_ROWS / spacing_m, 0.25 / RING_M)
+        here = here[:: 1 + len(here) // ENOUGH]
         waves = np.exp(2j * np.pi * np.outer(turns, x_m[here])).mean(axis=1)
         most = int(np.argmax(np.abs(waves)))
         share = float(np.abs(waves[most]))
-        square += (share / turns[most]) ** 2 / 12.0 if share > BY_CHANCE / math.sqrt(count) else 0.0
+        if share > BY_CHANCE / math.sqrt(len(here)):
+            square += (share / turns[most]) ** 2 / 12.0
     return math.sqrt(square / len(sides))
 
 
