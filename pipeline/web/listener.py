@@ -129,6 +129,14 @@ def _channel(admit: Admit) -> type[HTTPChannel]:
                 min(idle, key=lambda channel: channel.last_activity).will_close = True
             super().__init__(server, *rest, **more)
 
+        def service(self) -> None:
+            """Answer requests; where the server ends meanwhile, nothing is left to be woken."""
+            try:
+                super().service()
+            except OSError:
+                if self._map:  # the server's sockets, until it ends
+                    raise
+
         def handle_close(self) -> None:
             """Close the temporary file of a body that was not received to its end."""
             unfinished = self.request

@@ -8,7 +8,7 @@ import re
 import socket
 import threading
 import time
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, nullcontext, suppress
 from functools import partial
 from pathlib import Path
 
@@ -210,6 +210,21 @@ def test_an_unfinished_upload_is_closed_with_the_server(tmp_path):
         channels = list(served.listener._server.active_channels.values())
     assert len(channels) == len(body) == 1
     assert nameless_files() == before
+
+
+@pytest.mark.parametrize("sockets", [{}, {3: "server"}], ids=["ended", "at work"])
+def test_a_request_that_outlives_the_server_is_no_fault(monkeypatch, sockets):
+    """Its thread wakes the server by a file that is closed by then."""
+
+    def woken(_channel):
+        raise OSError(errno.EBADF, "Bad file descriptor")
+
+    monkeypatch.setattr("waitress.channel.HTTPChannel.service", woken)
+    kind = module._channel(admit)
+    channel = kind.__new__(kind)
+    channel._map = sockets
+    with pytest.raises(OSError, match="descriptor") if sockets else nullcontext():
+        channel.service()
 
 
 def nameless_files() -> set[str]:
