@@ -29,8 +29,8 @@ class Cluster:
 
     def __init__(self, address: str, limits: Limits) -> None:
         self._distributed = _library()
-        for name in ("distributed", "distributed.client"):  # which print tracebacks of what is
-            logging.getLogger(name).setLevel(logging.CRITICAL)  # reported here
+        for name in ("distributed", "distributed.client", "asyncio"):  # which print tracebacks of
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what is reported here
         self._address, self._limits = address, limits
         self._at_work: dict[int, AtWork] = {}
         self._slots, self._is_lost = 1, False
