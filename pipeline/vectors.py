@@ -14,6 +14,7 @@ Mask = npt.NDArray[np.bool_]
 F = TypeVar("F", bound=np.floating)
 Rows = npt.NDArray[np.int64]  # indices of points
 GRID_PER_M = 2.0**20  # to which coordinates are rounded before they are hashed
+NORMAL_OF_MAD = 1.482602218505602  # 1 / the upper quartile of a normal distribution
 CHUNK_ROWS = 32_768  # three float64 columns of it stay in a second-level cache
 
 

@@ -39,6 +39,14 @@ def fitted(name, seed, **changes):
     return fit_edge(points, outline, 0.01, 0.0003, CONFIG, begin)
 
 
+def problem_of(name, incidence_deg):
+    """The points of a scene, for a scanner that parts returns by power."""
+    outline, setup = SCENES[name]
+    points = make(setup.but(incidence_deg=incidence_deg), 2).points_m
+    prior = Prior.of(0.01, CONFIG).by_power()
+    return EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_the_centre_follows_from_the_spacing(name):
     errors, us = [], []
@@ -100,7 +108,7 @@ def rowed(seed, angle_rad):
 
 @pytest.mark.parametrize(("angle_deg", "along"), [(0.0, True), (0.2, True), (23.0, False)])
 def test_a_side_that_rows_run_along_lies_anywhere_between_two_of_them(angle_deg, along):
-    """Of a levelled plate and scanner; where rows cross the sides, the last points show these."""
+    """A levelled plate and scanner; where rows cross the sides, the last points show these."""
     plate, off, us = rectangle(0.28, 0.2), [], []
     for seed in range(24):
         points = rowed(seed, math.radians(angle_deg))
@@ -120,13 +128,10 @@ MISSED = (5e-3, 5e-3, 0.06, 0.1, 0.08, 0.12, 0.05, 1e-3, 5e-3, 1e-3, 0.09, 5e-3)
 
 @pytest.mark.parametrize("index", range(12))
 def test_slopes_are_those_of_central_differences(index):
-    outline, setup = SCENES["rectangle"]
-    points = make(setup.but(incidence_deg=20.0), 2).points_m
-    prior = Prior.of(0.01, CONFIG).by_power()
-    state = prior.mean.copy()
+    problem = problem_of("rectangle", 20.0)
+    state = problem.prior.mean.copy()
     state[BEAM], state[INVERSE] = [-0.3152, -0.182], 0.42
     state[ROTATION], state[9:] = 0.002, [0.9, 0.4, 0.0]
-    problem = EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
     step = np.zeros(12)
     step[index] = 1e-9 if index in (0, 1, 8) else 1e-7
     here, ahead, behind = (
@@ -139,12 +144,9 @@ def test_slopes_are_those_of_central_differences(index):
 
 
 def test_depths_of_all_sizes_are_those_of_the_same_points():
-    """Of a camera's disc as of a size 12 mm wider, 400 were compared with the face's 18,000."""
-    outline, setup = SCENES["disc"]
-    points = make(setup.but(incidence_deg=10.0), 2).points_m
-    prior = Prior.of(0.01, CONFIG).by_power()
-    problem = EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
-    stated, other = prior.mean.copy(), prior.mean.copy()
+    """A camera's disc as of a size 12 mm wider was compared by 400 of the face's 18,000 points."""
+    problem = problem_of("disc", 10.0)
+    stated, other = problem.prior.mean.copy(), problem.prior.mean.copy()
     other[SPOT], other[RATIO] = np.log(0.008), 2.53
     other[GROWTH] = -shift_m(other)
     counts = [clean_equations(problem, one, True, False, True).depths for one in (stated, other)]
@@ -154,11 +156,8 @@ def test_depths_of_all_sizes_are_those_of_the_same_points():
 
 def test_first_returns_part_alike_at_dark_walls():
     """However dark, a wall is nearer than the background."""
-    outline, setup = SCENES["disc"]
-    points = make(setup.but(incidence_deg=20.0), 2).points_m
-    prior = Prior.of(0.01, CONFIG).by_power()
-    problem = EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
-    bright, dark = prior.mean.copy(), prior.mean.copy()
+    problem = problem_of("disc", 20.0)
+    bright, dark = problem.prior.mean.copy(), problem.prior.mean.copy()
     for state, wall in ((bright, 0.2), (dark, 1.0)):
         state[BEAM], state[RATIO], state[WALL] = [-0.3152, -0.182], np.log(0.01), wall
     for by_power, apart_m in ((False, 0.0), (True, 1e-4)):

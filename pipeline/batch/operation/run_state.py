@@ -131,9 +131,8 @@ def _lines(state: RunState, now_s: float) -> Iterator[str]:
     done = ", ".join(f"{count:,} {status}" for status, count in sorted(state.done.items()))
     # of a run that was cut short, workers may have written results that it did not hear of
     cut = state.left and not state.is_up(now_s)
-    least, most = ("at least ", "at most ") if cut else ("", "")
-    now = f"{least}{done or ('0' if least else 'none')}"
-    yield f"  {state.known:,} done before; now {now}; {most}{state.left:,} to do"
+    least, none, most = ("at least ", "0", "at most ") if cut else ("", "none", "")
+    yield f"  {state.known:,} done before; now {least}{done or none}; {most}{state.left:,} to do"
     for one in () if state.ended else sorted(state.at_work, key=lambda one: one.since_s):
         others = f" and {len(one.captures) - 1} small ones" * (len(one.captures) > 1)
         since = duration(now_s - one.since_s)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...uncertainty import quantile, tail
-from ...vectors import Array
+from ...vectors import NORMAL_OF_MAD, Array
 from ..catalogue.catalogue import Catalogue
 from .query import ALL, Filter
 from .series import Series, over_series, series, taken
@@ -34,7 +34,6 @@ __all__ = [
 LEVEL = 0.95
 BLOCK = 16_384  # values of 128 kB
 MONTH_DAYS = 30.0  # to which slopes are stated
-NORMAL_OF_MAD = 1.482602218505602  # 1 / the normal's upper quartile
 
 
 @dataclass(frozen=True)

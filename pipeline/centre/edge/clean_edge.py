@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...targets import sector
-from ...vectors import Array, Mask
+from ...vectors import NORMAL_OF_MAD, Array, Mask
 from .beams import (
     BEAM,
     GROWTH,
@@ -58,7 +58,6 @@ MOST_STRAIGHT = 12  # sides of an outline; more are parts of arcs
 ENOUGH = 2000  # points of a side that show its rows
 LEAST_ROWS, MOST_ROWS = 0.6, 3.0  # per mean spacing of the points: thinned ones lie farther apart
 BY_CHANCE = 4.0  # over the root of their number: a share of points in rows that is none
-NORMAL = 1.482602218505602  # standard deviation of a normal distribution over its median deviation
 HELD = 1.5  # thicknesses up to which a point may be the wall's
 
 
@@ -139,15 +138,15 @@ def between_rows_m(problem: EdgeProblem, state: Array) -> float:
         return 0.0
     beams = problem.beams(state)
     on_target = beams.clear & (np.abs(problem.depth) < 5.0 * problem.sigma_m + 1e-4)
-    ring = on_target & (beams.x_m < -RING_SKIP_M) & (beams.x_m > -RING_SKIP_M - RING_M)
+    ring = on_target & _in_ring(beams.x_m)
     rho, q_m, x_m = beams.rho[ring], beams.q_m[ring], beams.x_m[ring]
     sides, side = np.unique(np.round(rho, 6), axis=0, return_inverse=True)
     if not 0 < len(sides) <= MOST_STRAIGHT:
         return 0.0
     square = 0.0
-    for k, (across, up) in enumerate(sides):
+    for k, (a, b) in enumerate(sides):
         here = np.flatnonzero(side.ravel() == k)
-        along_m = q_m[here] @ [-up, across]
+        along_m = q_m[here] @ [-b, a]
         spacing_m = math.sqrt(RING_M * max(float(np.ptp(along_m)), RING_M) / len(here))
         turns = np.arange(LEAST_ROWS / spacing_m, MOST_ROWS / spacing_m, 0.25 / RING_M)
         here = here[:: 1 + len(here) // ENOUGH]
@@ -277,7 +276,7 @@ def _sides(
     h / n from it, with a standard deviation as large (exponential distribution). They scatter more
     where rows of a grid run along straight edges, or backgrounds of other brightness move them.
     """
-    inside = sides[0] & (beyond_m < -RING_SKIP_M) & (beyond_m > -RING_SKIP_M - RING_M)
+    inside = sides[0] & _in_ring(beyond_m)
     total = int(np.count_nonzero(inside))
     count = next((k for k in SECTOR_COUNTS if total >= LEAST_IN_SECTOR * k), SECTOR_COUNTS[-1])
     part = sector(beams.share, count)
@@ -292,11 +291,16 @@ def _sides(
     inner_m = beyond_m[rows[0]]
     u_m = math.hypot(gap_m, POINTING_M)
     if len(inner_m):
-        u_m = max(u_m, NORMAL * float(np.median(np.abs(inner_m - np.median(inner_m)))))
+        u_m = max(u_m, NORMAL_OF_MAD * float(np.median(np.abs(inner_m - np.median(inner_m)))))
     return [
         _nearest(problem, beams, chosen, beyond_m - off, u_m, state, tables, robust, rough)
         for chosen, off in zip(rows, (-gap_m, gap_m), strict=True)
     ]
+
+
+def _in_ring(beyond_m: Array) -> Mask:
+    """Return which points (N,) lie in the ring inside the edge, where points are counted."""
+    return (beyond_m < -RING_SKIP_M) & (beyond_m > -RING_SKIP_M - RING_M)
 
 
 def _nearest(
