@@ -1,6 +1,7 @@
 """One-token changes of the code, and whether the tests of its room see them.
 
     nice -n 10 .venv/bin/python -m tests.bench.mutants [--room ROOM] [--budget S] [--survivors]
+                                                       [--since COMMIT]
 
 The outcomes are lines of JSON in --folder, by which an interrupted run goes on. A survivor is a law
 without a test, or an equivalent change: those stand in equivalent_mutants.toml and are left out.
@@ -18,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 from tests.bench.changes import ROOT, Change, Outcome, changes_of
@@ -46,11 +48,21 @@ def copy_of(work: Path) -> None:
             shutil.copy2(ROOT / name, work / name, follow_symlinks=False)
 
 
+def lines_at(commit: str, room: str) -> set[str]:
+    """Return the lines, without indent, that a room had at a commit."""
+    git = ["git", "-C", os.environ["MUTANTS_COPY"]]
+    run = partial(subprocess.run, capture_output=True, text=True, check=True)
+    names = run([*git, "ls-tree", "-r", "--name-only", commit, f"{room}/"]).stdout.splitlines()
+    texts = [run([*git, "show", f"{commit}:{name}"]).stdout for name in names if name.endswith(".py")]
+    return {line.strip() for text in texts for line in text.splitlines()}
+
+
 def main() -> None:
     """Try the changes in a copy of the files, and print how many were seen."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--room", choices=ROOMS, help="this room's alone")
     parser.add_argument("--survivors", action="store_true", help="again, those that no test saw")
+    parser.add_argument("--since", metavar="COMMIT", help="of lines that the room had not then")
     parser.add_argument("--tests", nargs="+", help="instead of the room's")
     parser.add_argument("--count", type=int, help="as many of each room, drawn at random")
     parser.add_argument("--budget", type=float, default=20.0, help="seconds of tests a change")
@@ -61,7 +73,7 @@ def main() -> None:
             work = Path(folder)
             copy_of(work)
             paths = os.pathsep.join([str(work / ".ci" / "editable"), str(work)])
-            environment = os.environ | {"PYTHONPATH": paths, "MUTANTS_COPY": "1"}
+            environment = os.environ | {"PYTHONPATH": paths, "MUTANTS_COPY": str(ROOT)}
             command = [sys.executable, "-m", "tests.bench.mutants", *sys.argv[1:]]
             sys.exit(subprocess.run(command, cwd=work, env=environment, check=False).returncode)
     chosen.folder.mkdir(parents=True, exist_ok=True)
@@ -71,6 +83,9 @@ def main() -> None:
         file = chosen.folder / (room.replace("/", "-") + ".jsonl")
         known = outcomes(file)
         changes = changes_of(room)
+        if chosen.since:
+            before = lines_at(chosen.since, room)
+            changes = [one for one in changes if one.was not in before]
         if chosen.count:
             changes = random.Random(1).sample(changes, min(chosen.count, len(changes)))
         if chosen.survivors:
