@@ -55,9 +55,9 @@ RING_SKIP_M, RING_M = 0.001, 0.010  # inside the edge, where points are counted
 ROUGH, FAR_M = 8.0, 0.008  # factor on the scatter far from convergence, and reach beside the edge
 FACE = 0.0  # of Lambert's law in a wall as bright as the face
 MOST_STRAIGHT = 12  # sides of an outline; more are parts of arcs
-ENOUGH = 2000  # points of a side that show its rows
-LEAST_ROWS, MOST_ROWS = 0.6, 3.0  # per mean spacing of the points: thinned ones lie farther apart
-BY_CHANCE = 4.0  # over the root of their number: a share of points in rows that is none
+IN_RING, FINER = 200, 4  # cells across the ring, 0.05 mm; steps of a wave in the ring
+LEAST_ROWS = 2.0  # in the ring, whose window hides fewer
+BY_CHANCE = 4.0  # standard deviations of points in rows by chance
 HELD = 1.5  # thicknesses up to which a point may be the wall's
 
 
@@ -132,29 +132,27 @@ def between_rows_m(problem: EdgeProblem, state: Array) -> float:
     """Return the standard uncertainty of straight edges that rows of a grid run along, rms.
 
     Such an edge lies anywhere between two rows. How far its points, by their distance from it, lie
-    in rows is the largest of their Fourier coefficients: 1 along the edge, 0 where one row crosses.
+    in rows is a Fourier coefficient of these, in Hann's window: 1 along the edge, 0 where one row
+    crosses. Rows have harmonics; those that leave most between them count.
     """
     if not problem.outline.shows_rotation:
         return 0.0
     beams = problem.beams(state)
     on_target = beams.clear & (np.abs(problem.depth) < 5.0 * problem.sigma_m + 1e-4)
     ring = on_target & _in_ring(beams.x_m)
-    rho, q_m, x_m = beams.rho[ring], beams.q_m[ring], beams.x_m[ring]
-    sides, side = np.unique(np.round(rho, 6), axis=0, return_inverse=True)
+    sides, side = np.unique(np.round(beams.rho[ring], 6), axis=0, return_inverse=True)
     if not 0 < len(sides) <= MOST_STRAIGHT:
         return 0.0
-    square = 0.0
-    for k, (a, b) in enumerate(sides):
-        here = np.flatnonzero(side.ravel() == k)
-        along_m = q_m[here] @ [-b, a]
-        spacing_m = math.sqrt(RING_M * max(float(np.ptp(along_m)), RING_M) / len(here))
-        turns = np.arange(LEAST_ROWS / spacing_m, MOST_ROWS / spacing_m, 0.25 / RING_M)
-        here = here[:: 1 + len(here) // ENOUGH]
-        waves = np.exp(2j * np.pi * np.outer(turns, x_m[here])).mean(axis=1)
-        most = int(np.argmax(np.abs(waves)))
-        share = float(np.abs(waves[most]))
-        if share > BY_CHANCE / math.sqrt(len(here)):
-            square += (share / turns[most]) ** 2 / 12.0
+    inside_m, square = -RING_SKIP_M - beams.x_m[ring], 0.0
+    window = np.hanning(IN_RING)
+    per_m = np.fft.rfftfreq(FINER * IN_RING, RING_M / IN_RING)
+    for k in range(len(sides)):
+        counts, _ = np.histogram(inside_m[side.ravel() == k], IN_RING, (0.0, RING_M))
+        waves = np.abs(np.fft.rfft(window * counts, FINER * IN_RING))
+        by_chance = BY_CHANCE * math.sqrt(counts @ window**2)
+        shown = (per_m >= LEAST_ROWS / RING_M) & (waves > by_chance)
+        rows_m = waves[shown] / (counts @ window) / per_m[shown]
+        square += float(rows_m.max(initial=0.0)) ** 2 / 12.0
     return math.sqrt(square / len(sides))
 
 
