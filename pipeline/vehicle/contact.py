@@ -38,12 +38,14 @@ def find_contact(
 
     points_m: (N, 3) about the vehicle, left, forward, up; above_m: (N,) their heights above the
     floor beside the wheel, of standard deviation sigma_m; wheel_m: (3,) centre; raised_m: how much
-    higher it is above its floor than that of the lowest wheel, as on a pad; its tyre is as well.
+    higher it is above its floor than that of the lowest wheel: its tyre is as well, by a pad at
+    most; more is a larger wheel.
     """
     side = np.sign(wheel_m[0])
     out_m = side * (points_m[:, 0] - wheel_m[0])
     near = (np.abs(points_m[:, 1] - wheel_m[1]) < ALONG_M) & (np.abs(out_m) < REACH_M)
-    tyre = near & (above_m - raised_m > TYRE_M[0]) & (above_m - raised_m < TYRE_M[1])
+    tyre_m = above_m - min(raised_m, PAD_M)
+    tyre = near & (tyre_m > TYRE_M[0]) & (tyre_m < TYRE_M[1])
     if np.count_nonzero(tyre) < TYRE_POINTS:
         return Contact(_middle(wheel_m, -STAND_OFF_M))
     sidewall_m = float(np.percentile(out_m[tyre], OUTERMOST))

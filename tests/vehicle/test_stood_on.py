@@ -198,3 +198,14 @@ def test_a_target_and_what_stands_beside_the_wheel_are_no_sidewall():
         seen = find_contact(points, above_m, wheel, 0.0, 1e-3)
         assert seen.middle_m == pytest.approx(MIDDLES[1], abs=1e-12)
         assert seen.pad_m == pytest.approx(0.03, abs=1e-12)
+
+
+@pytest.mark.parametrize("raised_m", [0.0, 0.04, 0.1, 0.25])
+def test_the_sidewall_is_above_a_pad_however_large_the_wheel(raised_m):
+    """Heights of 70 to 140 mm above pads up to 100 mm; a tractor's rear wheel is 250 mm higher."""
+    pad_m, wheel = min(raised_m, 0.1), WHEELS[1]
+    heights_m = np.append(pad_m + np.linspace(0.07, 0.14, 12), np.full(8, pad_m))
+    points = above_wheel(wheel, [-0.06] * 12 + [0.0, 0.02, 0.04, 0.06] * 2, heights_m)
+    seen = find_contact(points, heights_m, wheel, raised_m, 1e-3)
+    assert seen.middle_m == pytest.approx(MIDDLES[1], abs=1e-12)
+    assert seen.pad_m == pytest.approx(pad_m, abs=1e-12)
