@@ -31,21 +31,26 @@ class Contact:
     u_m: float = 0.0
 
 
-def find_contact(points_m: Array, above_m: Array, wheel_m: Array, sigma_m: float) -> Contact:
+def find_contact(
+    points_m: Array, above_m: Array, wheel_m: Array, raised_m: float, sigma_m: float
+) -> Contact:
     """Find what a wheel stands on, by the points from its sidewall outwards.
 
     points_m: (N, 3) about the vehicle, left, forward, up; above_m: (N,) their heights above the
-    floor beside the wheel, of standard deviation sigma_m; wheel_m: (3,) centre.
+    floor beside the wheel, of standard deviation sigma_m; wheel_m: (3,) centre; raised_m: how much
+    higher it is above its floor than that of the lowest wheel: its tyre is as well, by a pad at
+    most; more is a larger wheel.
     """
     side = np.sign(wheel_m[0])
     out_m = side * (points_m[:, 0] - wheel_m[0])
     near = (np.abs(points_m[:, 1] - wheel_m[1]) < ALONG_M) & (np.abs(out_m) < REACH_M)
-    tyre = near & (above_m > TYRE_M[0]) & (above_m < TYRE_M[1])
+    tyre_m = above_m - min(raised_m, PAD_M)
+    tyre = near & (tyre_m > TYRE_M[0]) & (tyre_m < TYRE_M[1])
     if np.count_nonzero(tyre) < TYRE_POINTS:
         return Contact(_middle(wheel_m, -STAND_OFF_M))
     sidewall_m = float(np.percentile(out_m[tyre], OUTERMOST))
     out_m = out_m - sidewall_m
-    near &= (out_m > FROM_M) & (out_m < TO_M) & (np.abs(above_m) < PAD_M)
+    near &= (out_m > FROM_M) & (out_m < TO_M) & (np.abs(above_m) < PAD_M + CUT * sigma_m)
     outwards = np.argsort(out_m[near], kind="stable")
     pad_m, u_m = _innermost(above_m[near][outwards], sigma_m)
     return Contact(_middle(wheel_m, sidewall_m), pad_m, u_m)

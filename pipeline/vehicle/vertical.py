@@ -71,7 +71,7 @@ def fit_floor(points_m: Array, wheels_m: Array) -> Floor | None:
         seen = seen[np.abs(_above(seen, plane)) < near_m]
         plane = _fitted(seen)
     kept = _on_floor(_above(points, plane), key)
-    cells = _cells(points[kept], key[kept])
+    cells = _cells(points[kept], _above(points[kept], plane), key[kept])
     if any(np.count_nonzero(cells.wheel == i) < MIN_CELLS for i in range(len(wheels_m))):
         return None
     plane, beside = _fitted(cells.means_m), _beside(cells)
@@ -79,7 +79,12 @@ def fit_floor(points_m: Array, wheels_m: Array) -> Floor | None:
     offset_m = np.array([above[cells.wheel == i].mean() for i in range(len(wheels_m))])
     above = _above(points, plane) - offset_m[wheel]
     sigma_m = float(np.sqrt(cells.points_m2 + beside.hidden_m2)) + LEAST_M
-    contacts = [find_contact(points, above, centre, sigma_m) for centre in wheels_m]
+    raised_m = _above(wheels_m, plane) - offset_m
+    raised_m -= raised_m.min()
+    contacts = [
+        find_contact(points, above, wheel_m, up_m, sigma_m)
+        for wheel_m, up_m in zip(wheels_m, raised_m, strict=True)
+    ]
     if beside.alike and not any(one.pad_m for one in contacts):
         return _plane_of(cells, plane, beside.hidden_m2, wheels_m)
     middles_m = np.stack([one.middle_m for one in contacts])
@@ -90,7 +95,8 @@ def fit_floor(points_m: Array, wheels_m: Array) -> Floor | None:
 class _Cells:
     """Means (C, 3) of the floor's points in cells, and the wheel (C,) that each is beside.
 
-    points_m2: variance of the points' heights in a cell; noise_m2: of the means, by it.
+    points_m2: variance of the points in a cell about the floor's slopes; noise_m2: of the means,
+    by it.
     """
 
     means_m: Array
@@ -127,14 +133,15 @@ def _beside(cells: _Cells) -> _Beside:
     off = z - terms @ values
     squares = float(off @ off)
     variance = squares / dof
-    lower = np.minimum(off - np.median(off), 0.0)[off < np.median(off)]
-    uneven_m2 = float(np.mean(lower**2))
+    below = off - np.median(off)
+    below = below[below < 0.0]
+    uneven = float(np.sum(below**2))
     gained = float(np.sum(_above(cells.means_m, _fitted(cells.means_m)) ** 2)) - squares
     return _Beside(
         values,
         variance * inverse @ inverse.T,
         dof,
-        uneven_m2 if uneven_m2 * len(lower) > _by_chance(len(lower)) * cells.noise_m2 else 0.0,
+        uneven / len(below) if uneven > _by_chance(len(below)) * cells.noise_m2 else 0.0,
         alike=gained < _by_chance(common) * (variance + LEAST_M**2),
     )
 
@@ -220,13 +227,14 @@ def _lowest(points_m: Array, key: Rows) -> Array:
     return np.asarray(points_m[order[chosen]])
 
 
-def _cells(points_m: Array, key: Rows) -> _Cells:
-    """Return the cells that have enough points."""
+def _cells(points_m: Array, above_m: Array, key: Rows) -> _Cells:
+    """Return the cells that have enough points; above_m: (N,) heights above a plane of them."""
     keys, index, count = np.unique(key, return_inverse=True, return_counts=True)
     full = count >= MIN_IN_CELL
     sums = np.stack([np.bincount(index, weights=column) for column in points_m.T], axis=1)
     means = sums / count[:, None]
-    squares = np.bincount(index, weights=(points_m[:, 2] - means[index, 2]) ** 2)[full]
+    off_m = above_m - (np.bincount(index, weights=above_m) / count)[index]
+    squares = np.bincount(index, weights=off_m**2)[full]
     points_m2 = float(squares.sum() / max(1, (count[full] - 1).sum()))
     noise_m2 = points_m2 * float(np.mean(1.0 / count[full])) if full.any() else 0.0
     return _Cells(means[full], keys[full] >> 48, points_m2, noise_m2)

@@ -53,7 +53,9 @@ def lines_at(commit: str, room: str) -> set[str]:
     git = ["git", "-C", os.environ["MUTANTS_COPY"]]
     run = partial(subprocess.run, capture_output=True, text=True, check=True)
     names = run([*git, "ls-tree", "-r", "--name-only", commit, f"{room}/"]).stdout.splitlines()
-    texts = [run([*git, "show", f"{commit}:{name}"]).stdout for name in names if name.endswith(".py")]
+    texts = [
+        run([*git, "show", f"{commit}:{name}"]).stdout for name in names if name.endswith(".py")
+    ]
     return {line.strip() for text in texts for line in text.splitlines()}
 
 

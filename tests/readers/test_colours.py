@@ -5,6 +5,7 @@ from __future__ import annotations
 import laspy
 import numpy as np
 import pytest
+from laspy.vlrs.vlrlist import VLRList
 
 from tests.support.native_files import E57Scan, Integer, write_e57, xyz
 from tests.support.scenes import Setup, make
@@ -62,10 +63,13 @@ def text(path, heading=""):
     path.write_text(heading + "\n".join(rows) + "\n")
 
 
-def las(path, point_format, intensity=0):
+def las(path, point_format, intensity=0, following=()):
+    """Write points that are the last returns of their pulses, and records that follow them."""
     header = laspy.LasHeader(point_format=point_format, version="1.4")
     header.scales = np.full(3, 0.001)
     made = laspy.LasData(header)
+    made.return_number = made.number_of_returns = np.full(COUNT, 2)
+    made.evlrs = VLRList(following)
     made.x, made.y, made.z = XYZ.T
     made.red, made.green, made.blue = RGB.T
     made.intensity = np.broadcast_to(intensity, COUNT)
@@ -88,7 +92,7 @@ WRITERS = {
     "six.pts": lambda path: text(path, f"{COUNT}\n"),
     "named.csv": lambda path: text(path, "X Y Z R G B\n"),
     "comment.xyz": lambda path: text(path, "# x y z red green blue\n"),
-    **{f"{form}.las": lambda path, form=form: las(path, form) for form in (2, 3, 7, 8)},
+    **{f"{form}.las": lambda path, form=form: las(path, form) for form in (2, 3, 5, 7, 8, 10)},
     **{f"{form}.laz": lambda path, form=form: las(path, form) for form in (2, 3, 7, 8)},
     "colours.e57": e57,
 }
@@ -114,6 +118,53 @@ def test_an_intensity_goes_before_colours(tmp_path, name):
     else:
         las(path, 7, SHADE)
     assert read_scan(path).intensity.tolist() == SHADE.tolist()
+
+
+def test_what_follows_the_points_is_no_intensity(tmp_path):
+    las(tmp_path / "rr.las", 7, following=[laspy.VLR("others", 1, "all ones", b"\xff" * 999)])
+    scan = read_scan(tmp_path / "rr.las")
+    np.testing.assert_allclose(scan.intensity, RGB @ [0.2126, 0.7152, 0.0722], rtol=1e-6)
+
+
+@pytest.mark.parametrize("names", ["x y z", "x y z r", "x y z r g", "x y z r g g"])
+def test_a_part_of_a_colour_is_none(tmp_path, names):
+    rows = [" ".join(map(str, row)) + " 5" * (len(names.split()) - 3) for row in XYZ.tolist()]
+    (tmp_path / "rr.csv").write_text("\n".join([names, *rows]) + "\n")
+    scan = read_scan(tmp_path / "rr.csv")
+    np.testing.assert_array_equal(scan.points_m, XYZ)
+    assert scan.intensity is None
+
+
+def pcd_of(path, fields):
+    """Write points and further fields: names, type, values of a point (N, count)."""
+    names, kinds, columns = zip(*fields, strict=True)
+    sizes, counts = [c.dtype.itemsize for c in columns], [c.shape[1] for c in columns]
+    head = f"VERSION 0.7\nFIELDS x y z {' '.join(names)}\nSIZE 8 8 8 {' '.join(map(str, sizes))}\n"
+    head += f"TYPE F F F {' '.join(kinds)}\nCOUNT 1 1 1 {' '.join(map(str, counts))}\n"
+    head += f"WIDTH {COUNT}\nHEIGHT 1\nPOINTS {COUNT}\nDATA binary\n"
+    parts = [XYZ.astype("<f8"), *columns]
+    rows = [b"".join(part[i].tobytes() for part in parts) for i in range(COUNT)]
+    path.write_bytes(head.encode() + b"".join(rows))
+
+
+def test_of_two_packed_colours_the_first_counts(tmp_path):
+    other = np.full((COUNT, 1), 7, "<u4")
+    pcd_of(tmp_path / "rr.pcd", [("rgb", "U", PACKED[:, None]), ("rgba", "U", other)])
+    scan = read_scan(tmp_path / "rr.pcd")
+    np.testing.assert_allclose(scan.intensity, RGB @ [0.2126, 0.7152, 0.0722], rtol=1e-6)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_colour_has_one_value_a_point(tmp_path, count):
+    red, green, blue = (RGB[:, [i]].astype("<u2") for i in range(3))
+    fields = [("r", "U", red), ("g", "U", green.repeat(count, axis=1)), ("b", "U", blue)]
+    pcd_of(tmp_path / "rr.pcd", fields)
+    scan = read_scan(tmp_path / "rr.pcd")
+    np.testing.assert_array_equal(scan.points_m, XYZ)
+    if count == 1:
+        np.testing.assert_allclose(scan.intensity, RGB @ [0.2126, 0.7152, 0.0722], rtol=1e-6)
+    else:
+        assert scan.intensity is None
 
 
 @pytest.mark.parametrize("alpha", [0, 1, 127, 255])

@@ -15,7 +15,7 @@ def u_of(floor):
     return np.sqrt(np.diag(floor.covariance))
 
 
-@pytest.mark.parametrize("height", [0.003, 0.01, 0.04])
+@pytest.mark.parametrize("height", [0.003, 0.01, 0.04, 0.07, 0.1])
 @pytest.mark.parametrize("wheel", range(4))
 def test_a_wheel_on_a_pad_tilts_the_plane_and_is_in_its_uncertainty(wheel, height):
     """The floor beside the pad, another truth, lies within the twist's uncertainty as well."""
@@ -70,12 +70,12 @@ def test_a_board_beside_a_wheel_is_no_pad(gap):
 def test_without_a_sidewall_or_points_beside_it_no_pad_is_seen():
     points, wheels, _ = scanned(6, 0.01 * FR)
     above = points[:, 2] + 0.3 - points[:, :2] @ SLOPES
-    seen = find_contact(points, above, wheels[2], 1e-3)
+    seen = find_contact(points, above, wheels[2], 0.0, 1e-3)
     assert seen.pad_m == pytest.approx(0.01, abs=6e-4)
     assert seen.middle_m == pytest.approx([-0.58, 2.65], abs=0.01)
     low = above < 0.05
     for kept in (low, ~low, np.zeros(len(low), dtype=bool)):
-        none = find_contact(points[kept], above[kept], wheels[2], 1e-3)
+        none = find_contact(points[kept], above[kept], wheels[2], 0.0, 1e-3)
         assert (none.pad_m, none.u_m) == (0.0, 0.0)
         assert none.middle_m == pytest.approx([-0.58, 2.65], abs=0.01)
 

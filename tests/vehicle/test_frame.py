@@ -75,6 +75,15 @@ def axes(frame: VehicleFrame) -> np.ndarray:
     return np.array([frame.left, frame.forward, frame.up])
 
 
+def test_no_user_of_a_frame_can_alter_it_for_the_next():
+    """The frame of the same centres is built once, and shared."""
+    before = build_reference_frame(RECTANGLE)
+    for array in (before.origin_m, before.left, before.forward, before.up):
+        with pytest.raises(ValueError, match="read-only"):
+            array += 1.0
+    np.testing.assert_array_equal(axes(build_reference_frame(RECTANGLE)), axes(before))
+
+
 def test_rectangle_gives_its_own_axes():
     frame = build_reference_frame(RECTANGLE)
     np.testing.assert_allclose(axes(frame), [[0, 1, 0], [1, 0, 0], [0, 0, 1]], atol=4 * EPS)
