@@ -163,14 +163,14 @@ def _likely_lines(cells: Cells, radius_m: float) -> _Fits:
     """Return the lines about the likeliest, the face beyond them being its smaller part."""
     turns = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     distances_m = radius_m * DISTANCES_OF_RADIUS
-    side_m = float(np.min(cells.sides_m))
+    side_m = float(cells.side_m)
     coarse = [_Fits.of(Lines.of(kind, turns, distances_m, side_m), cells) for kind in KINDS]
     found = max(coarse, key=lambda fits: fits.most)
     line = found.lines.one(found.best)
     direction, distance_m = line.directions[0], line.distances_m[0]
     if cells.count @ (cells.uv_m @ direction > distance_m) > 0.5 * cells.count.sum():
         direction, distance_m = -direction, -distance_m
-    near = math.atan2(direction[1], direction[0]) + FINER * (turns[1] - turns[0])
+    near = math.atan2(direction[1], direction[0]) + FINER * turns[1]
     beside_m = distance_m + FINER * (distances_m[1] - distances_m[0])
     return _Fits.of(Lines.of(line.kind, near, beside_m, side_m), cells)
 

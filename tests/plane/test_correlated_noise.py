@@ -7,6 +7,7 @@ from scipy import stats
 from wheelplane.cloud.moments import SlabMoments, sums_by
 from wheelplane.plane.correlated_noise import (
     LENGTHS_OF_RADIUS,
+    Cells,
     cells_across,
     cells_of,
     correlated_noise,
@@ -139,3 +140,17 @@ def test_rounding_is_no_noise():
     steps = 1e-16 * np.floor(uv[:, 0] / 0.03)
     assert noise_of(uv, steps, RADIUS, resolution=1e-14).sigma_m == 0.0
     assert noise_of(uv, 1e10 * steps, RADIUS, resolution=1e-14).sigma_m > 0.0
+
+
+def test_noise_that_is_not_clear_has_no_length_and_gains_nothing():
+    """Nor has it a size or degrees of freedom, in squares or along lines."""
+    rng = np.random.default_rng(2)
+    column, row = (axis.ravel() for axis in np.meshgrid(np.arange(10), np.arange(10)))
+    index = np.stack([column, row], axis=1)
+    for side in (0.02, np.array([0.01, 0.02])):
+        mean = 0.2 * rng.normal(size=100)
+        known = Cells((index - 4.5) * side, mean, np.full(100, 25.0), index, side, 1.0)
+        for lined in ([], [known, known]):
+            seen = correlated_noise(known, RADIUS, 1.0, 0.0, lined)
+            assert (seen.sigma_m, seen.length_m, seen.dof) == (0.0, 0.0, np.inf)
+            assert seen.gains == (0.0,) * (1 + len(lined))

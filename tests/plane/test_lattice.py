@@ -13,6 +13,7 @@ from wheelplane.plane.scan_lines import (
     cells_along_lines,
     grid_of,
     nearest,
+    strong_waves,
 )
 
 PITCH = 0.002
@@ -75,6 +76,37 @@ def test_directions_and_beam_of_an_exact_lattice(first, between, aspect):
     for degrees in wanted:
         assert min(off_deg(direction, degrees) for direction in grid.directions) < 0.05
     assert np.linalg.norm(grid.directions, axis=1) == pytest.approx([1.0, 1.0])
+
+
+def waves_of(first_deg, between_deg, aspect=1.0):
+    """The two shortest steps (2, 2) of a lattice, and waves at which no step changes the phase."""
+    angle = np.radians([first_deg, first_deg + between_deg])
+    steps = PITCH * np.column_stack([np.cos(angle), np.sin(angle)]) * [[1.0], [aspect]]
+    return steps, 2.0 * np.pi * np.linalg.inv(steps).T
+
+
+@pytest.mark.parametrize(
+    ("first", "between", "aspect"), [(0.0, 90.0, 1.0), (33.0, 75.0, 1.0), (20.0, 90.0, 1.6)]
+)
+def test_strong_waves_are_those_of_the_lattice_and_each_is_found_once(first, between, aspect):
+    """A whole number of periods in each step, moved by the noise as the beams are."""
+    beam = np.array([0.4, -0.3])
+    uvw = moved(lattice(2, 0.06, first, between, aspect), 0.2 * PITCH, beam)
+    steps, both = waves_of(first, between, aspect)
+    found = np.array(strong_waves(uvw, 0.3))
+    periods = found[:, :2] @ steps.T / (2.0 * np.pi)
+    np.testing.assert_allclose(periods, np.rint(periods), atol=0.02)
+    numbers = {tuple(number) for number in np.abs(np.rint(periods)).astype(int)}
+    assert {(1, 0), (0, 1), (1, 1)} <= numbers
+    np.testing.assert_allclose(found[:, 2], found[:, :2] @ beam, atol=0.02 * np.abs(both).max())
+    for one, row in enumerate(found):
+        for other in found[:one]:
+            assert min(np.hypot(*(row + other)[:2]), np.hypot(*(row - other)[:2])) > 500.0
+    some = nearest(uvw)
+    power = np.abs(np.exp(1j * (some @ (found * [1.0, 1.0, -1.0]).T)).mean(axis=0)) ** 2
+    assert np.all(power > 0.3)
+    np.testing.assert_allclose(strong_waves(uvw, 0.3, most=2), found[:2])
+    assert strong_waves(uvw, 1.01) == []
 
 
 @pytest.mark.parametrize("noise", [0.3, 0.8, 1.2])

@@ -101,6 +101,49 @@ def test_the_maximum_is_that_of_the_restricted_likelihood(seed, variance):
     assert found.dof == pytest.approx(max(1.0, np.trace(share @ share)))
 
 
+def spectrum(*groups):
+    """A field of eigenvalues, each so many times, and residuals of that mean square: triples."""
+    values, squares = (
+        np.concatenate([np.full(count, one[k]) for count, *one in groups]) for k in (0, 1)
+    )
+    return _Field((1.0, 1.0), np.sqrt(squares), np.diag(values), np.eye(3), 1.0)
+
+
+@pytest.mark.parametrize("value", [1e-9, 3.0, 1e6])
+@pytest.mark.parametrize("count", [2, 12, 90])
+@pytest.mark.parametrize("excess", [0.03, 0.4, 7.0, 1e4])
+def test_the_maximum_of_one_eigenvalue_is_what_squares_exceed_noise_by(value, count, excess):
+    found = spectrum((count, value, 1.0 + excess)).maximise()
+    assert found.variance == pytest.approx(excess / value, rel=1e-11)
+    assert found.gain == pytest.approx(0.5 * count * (excess - math.log1p(excess)), rel=1e-9)
+    assert found.dof == pytest.approx(max(1.0, count * (excess / (1.0 + excess)) ** 2))
+
+
+@pytest.mark.parametrize(
+    "groups",
+    [
+        [(1, 0.0889, 86.5), (27, 1.0, 1.2175)],
+        [(1, 0.0743, 90.0), (26, 1.0, 1.2)],
+        [(1, 0.0415, 116.0), (34, 1.0, 2.6)],
+        [(1, 0.0142, 138.0), (22, 1.0, 2.87)],
+    ],
+    ids=["steep", "again", "again nearby", "again far away"],
+)
+def test_of_several_maxima_the_least_is_taken_and_a_steep_slope_misleads_no_step(groups):
+    """One small eigenvalue holds much: the slope rises soon before or after the maximum."""
+    field = spectrum(*groups)
+    values, square = np.diag(field.kernel), field.residual**2
+
+    def slope(level):
+        share = 1.0 / (1.0 + math.exp(level) * values)
+        return float(np.sum(values * share * (square * share - 1.0)))
+
+    levels = np.arange(-20.0, 20.0, 0.01)
+    falls = next(high for high in levels if slope(high) <= 0.0)
+    wanted = optimize.brentq(slope, falls - 0.01, falls, xtol=1e-14)
+    assert math.log(field.maximise().variance) == pytest.approx(wanted, abs=1e-11)
+
+
 def test_no_field_has_no_gain_and_one_degree_of_freedom():
     field = planted(1, 0.0)
     found = replace(field, residual=1e-3 * field.residual).maximise()

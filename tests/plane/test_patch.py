@@ -81,3 +81,42 @@ def test_a_station_is_named_by_its_position_unless_that_contradicts_the_scan():
 def test_a_patch_is_whole_and_of_one_part_unless_stated():
     assert (patch().around_share, patch().part) == (1.0, 0)
     assert not patch().steps.step_m.any()
+
+
+def placements_of(*elsewhere):
+    """Patch of a rotated basis with other placements of its target."""
+    basis = np.linalg.qr(np.random.default_rng(8).normal(size=(3, 3)))[0]
+    return replace(patch(count=50), basis=basis, elsewhere=elsewhere)
+
+
+PLACEMENTS = (np.array([0.03, -0.01]), 0.4), (np.array([-0.02, 0.05]), -1.3)
+
+
+def test_a_placement_s_axes_are_those_of_the_target_shifted_and_rotated_there():
+    """Where a mark of the target lies, in the first axes, at a placement: at its own coordinates.
+
+    The points themselves stay in the scanner's frame.
+    """
+    one, mark = placements_of(*PLACEMENTS), np.array([0.07, 0.02])
+    first, *others = one.placements
+    np.testing.assert_array_equal(first.face_m, one.face_m)
+    assert len(others) == 2
+    for (by, turn), other in zip(PLACEMENTS, others, strict=True):
+        c, s = np.cos(turn), np.sin(turn)
+        there = one.origin_m + (by + [[c, -s], [s, c]] @ mark) @ one.basis[:2]
+        found = other.basis @ (there - other.origin_m)
+        np.testing.assert_allclose(found, [*mark, 0.0], atol=1e-14)
+        moved = other.origin_m + other.face_m
+        np.testing.assert_allclose(moved, one.origin_m + one.face_m, atol=1e-14)
+        np.testing.assert_allclose(other.basis @ other.basis.T, np.eye(3), atol=1e-14)
+        assert other.elsewhere == first.elsewhere == ()
+
+
+def test_the_placements_of_a_target_turned_round_are_its_placements_turned_round():
+    one = placements_of(*PLACEMENTS)
+    mirrored = [[1.0], [-1.0], [-1.0]] * one.basis
+    np.testing.assert_allclose(one.turned_round().basis, mirrored, atol=1e-15)
+    for a, b in zip(one.placements, one.turned_round().placements, strict=True):
+        np.testing.assert_allclose(b.origin_m, a.origin_m, atol=1e-14)
+        np.testing.assert_allclose(b.basis, a.turned_round().basis, atol=1e-14)
+        np.testing.assert_allclose(b.face_m, a.face_m, atol=1e-14)
