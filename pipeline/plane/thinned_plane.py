@@ -34,7 +34,7 @@ REST_TO_MIDDLE = 0.1  # what that pull leaves to the longest wave of the rest
 REST, REST_LENGTH = 0.2, 0.7  # prior of the rest: its size and length, of the noise
 LEAST_REST = 1e-3  # prior variance of a wave of the rest, of the longest
 WAVES = 15
-STEPS = 15  # of Gauss and Newton; few suffice
+STEPS, SETTLED = 60, 1e-3  # of Gauss and Newton; the size of the last, by its u
 LEAST_SLOPE = 0.05  # of the mean height by the plane's
 
 
@@ -70,8 +70,8 @@ class LatticePull:
     def levelled(self, points_m: Array) -> Array:
         """Return points_m (N, 3) without the pull."""
         terms = _terms(points_m @ self.axes[1:].T - self.middle_m)
-        row = _row(terms @ self.plane - self.boundary_m, self.lattice.edge_m)
-        return np.asarray(points_m - self.table_m[row][:, None] * self.axes[0])
+        pull_m = _between(self.table_m, terms @ self.plane - self.boundary_m, self.lattice.edge_m)
+        return np.asarray(points_m - pull_m[:, None] * self.axes[0])
 
     def thinning(self, centroid_m: Array, basis: Array) -> Thinning:
         """Return the effect on the plane through centroid_m (3,) with that basis (3, 3)."""
@@ -86,10 +86,10 @@ class LatticePull:
 def fit_pull(points_m: Array, lattice: VoxelLattice, axes: Array) -> LatticePull:
     """Fit plane and pull together to the points_m (N, 3) of a face thinned on a lattice.
 
-    Least squares with the priors of the pull, by Gauss and Newton; the depth at which each point
-    is pulled follows the plane. In one layer nothing shows whether there is one: the plane is that
-    of the points, and what they would be off counts. axes: (3, 3) rows, of which one is the
-    lattice's.
+    Least squares with the priors of the pull, by Gauss and Newton; a step that leads back is
+    halved. The depth at which each point is pulled follows the plane. In one layer nothing shows
+    whether there is one: the plane is that of the points, and what they would be off counts. axes:
+    (3, 3) rows, of which one is the lattice's.
     """
     own = int(np.argmax(np.abs(axes @ lattice.axis)))
     axes = np.roll(axes, -own, axis=0)
@@ -103,20 +103,26 @@ def fit_pull(points_m: Array, lattice: VoxelLattice, axes: Array) -> LatticePull
     columns, mean, variance = _forms(lattice)
     by_depth = (np.roll(columns, -1, axis=0) - np.roll(columns, 1, axis=0)) * TABLE / 2.0
     by_depth /= lattice.edge_m
-    pull = mean.copy()
+    pull, last = mean.copy(), np.zeros(3 + len(mean))
     for _ in range(STEPS):
-        boundary = lattice.boundary_m + pull[-1]
-        row = _row(terms @ plane - boundary, lattice.edge_m)
-        rest = depth_m - terms @ plane - columns[row] @ pull[:-1]
-        steep = by_depth[row] @ pull[:-1]
+        height_m = terms @ plane
+        above_m = height_m - lattice.boundary_m - pull[-1]
+        here = _between(columns, above_m, lattice.edge_m)
+        rest = depth_m - height_m - here @ pull[:-1]
+        steep = _between(by_depth @ pull[:-1], above_m, lattice.edge_m)
         slope = (1.0 + steep).clip(min=LEAST_SLOPE)
-        by_all = np.column_stack([terms * slope[:, None], columns[row], -steep])
+        by_all = np.column_stack([terms * slope[:, None], here, -steep])
         white = float(rest @ rest) / (len(rest) - 3)
         information = by_all.T @ by_all / white
         information[3:, 3:] += np.diag(1.0 / variance)
         gradient = by_all.T @ rest / white
         gradient[3:] -= (pull - mean) / variance
         step = np.linalg.solve(information, gradient)
+        if step @ gradient < SETTLED**2:
+            break
+        if last @ information @ step < 0.0:
+            step /= 2.0
+        last = step
         plane, pull = plane + step[:3], pull + step[3:]
     added = np.linalg.inv(information)[:3, :3] - white * np.linalg.inv(terms.T @ terms)
     boundary = lattice.boundary_m + float(pull[-1])
@@ -130,7 +136,8 @@ def _unseen(lattice: VoxelLattice, plane: Array) -> Array:
     The layer may lie higher or lower than its middle shows by the uncertainty of its boundary.
     """
     part = lattice.to_middle / (1.0 - lattice.to_middle)
-    off = np.diag([lattice.boundary_u_m**2, 0.0, 0.0])
+    off = np.zeros((3, 3))
+    off[0, 0] = lattice.boundary_u_m**2
     off[1:, 1:] = np.outer(plane[1:], plane[1:])
     return np.asarray(part**2 * off)
 
@@ -169,7 +176,7 @@ def _form(depth: Array, noise: float, points: float, to_middle: float = 0.0) -> 
     high = low + 1.0 / noise
     share = (_cumulative(high) - _cumulative(low)).clip(min=0.0)
     moment = noise * (_density(low) - _density(high))
-    weight = 1.0 - (1.0 - share.clip(max=1.0)) ** points
+    weight = 1.0 - (1.0 - share) ** points
     seen = share > 1e-12
     off = np.divide(moment, share, out=np.zeros_like(share), where=seen)
     off -= to_middle * (depth[:, None] + off - LAYERS - 0.5)
@@ -188,9 +195,13 @@ def _terms(xy_m: Array) -> Array:
     return np.column_stack([np.ones(len(xy_m)), xy_m])
 
 
-def _row(depth_m: Array, edge_m: float) -> Array:
-    """Return rows (N,) of the table for depths (N,) from a boundary."""
-    return np.asarray(np.rint(depth_m / edge_m * TABLE).astype(np.int64) % TABLE)
+def _between(table: Array, depth_m: Array, edge_m: float) -> Array:
+    """Return a table (TABLE, ...) at depths (N,) from a boundary, linear between its rows."""
+    place = depth_m / edge_m * TABLE
+    below = np.floor(place)
+    row = below.astype(np.int64) % TABLE
+    rise = (np.roll(table, -1, axis=0) - table)[row]
+    return np.asarray(table[row] + ((place - below) * rise.T).T)
 
 
 def _positive(covariance: Array) -> Array:

@@ -121,18 +121,23 @@ def test_rounded_coordinates_count_as_rounded_alone():
     assert fit(points.round(3), normal).thinning is None
 
 
-def test_pull_follows_its_definition():
-    """The form for n points a column is the mean of simulated columns, thinned by definition."""
+@pytest.mark.parametrize("to_middle", [0.0, 0.4])
+def test_pull_follows_its_definition(to_middle):
+    """The form for n points a column is the mean of simulated columns, thinned by definition.
+
+    to_middle: part of its distance by which each kept point is moved to its layer's middle.
+    """
     rng = np.random.default_rng(1)
     noise, count, depths = 0.2, 6, np.array([0.05, 0.15, 0.3, 0.5, 0.8])
-    got = _form(depths, noise, float(count))
+    got = _form(depths, noise, float(count), to_middle)
     for depth, pull in zip(depths, got, strict=True):
         z = depth + noise * rng.normal(size=(20_000, count))
         kept = []
         for layer in range(-2, 3):
             inside = np.floor(z) == layer
             some = inside.any(axis=1)
-            kept.append((z * inside).sum(axis=1)[some] / inside.sum(axis=1)[some])
+            mean = (z * inside).sum(axis=1)[some] / inside.sum(axis=1)[some]
+            kept.append(mean + to_middle * (layer + 0.5 - mean))
         values = np.concatenate(kept)
         assert values.mean() - depth == pytest.approx(
             pull, abs=5.0 * values.std() / np.sqrt(len(values))
