@@ -266,6 +266,35 @@ def test_a_clean_edge_lies_where_the_powers_are_alike(ratio):
     np.testing.assert_allclose(table[5] * (shown - 1.0), table[7], atol=3e-6, rtol=0.01)
 
 
+@pytest.mark.parametrize("ratio", [1e-3, 1e3])
+def test_first_and_last_returns_part_at_a_footprint_s_rim_at_any_slope(ratio):
+    state = state_of()
+    state[RATIO] = np.log(ratio)
+    tau = np.array([-2.5, -1.1, -0.6, 0.0, 0.4, 1.1, 2.5])
+    found = _edge_table(tau, state)[0]
+    np.testing.assert_allclose(found, [parted(t, state) for t in tau], atol=1e-9)
+    aside = tau <= 0.0  # without a wall: outside by first returns, inside by last ones
+    across_m = np.array([_across_m(t, state) for t in tau])
+    rim = np.where(ratio < 1.0, 1.0, -1.0) * found / across_m
+    assert np.all(rim[aside] > 0.8)
+
+
+def test_the_edge_of_beams_square_to_a_target_is_that_of_their_own_slopes():
+    """To a nanometre, however little these differ."""
+    state = state_of((-0.02, 0.03, 2.0))
+    problem = scene(DISC, state, 4000, mixed=False)
+    linear = clean_equations(problem, state, True, False, True)
+    beams = carry(problem.plane, problem.depth, state, DISC)
+    last = linear.q_m[linear.depths :]
+    rows = [int(np.flatnonzero((beams.q_m == one).all(axis=1))[0]) for one in last]
+    run = state[BEAM] + state[INVERSE] * beams.q_m[rows]
+    lower = -np.sum(beams.rho[rows] * run, axis=1) - beams.bent[rows]
+    beyond = beams.x_m[rows] - [parted(t, state) for t in lower]
+    gap = np.abs(linear.residual_m[linear.depths :] - beyond)
+    assert np.ptp(gap) < 1e-9
+    assert 0.01 < np.ptp(lower) < 0.2
+
+
 def test_the_state_of_first_returns_has_a_bright_wall_and_is_a_copy():
     state = state_of()
     first = first_state(state)
