@@ -119,6 +119,7 @@ def test_those_near_are_all_near_and_as_carried(name, slope, thickness_m):
     outline, (plane, depth) = OUTLINES[name], scattered()
     station, band_m = np.array([-slope, 0.4 * slope, 1.0]), (0.006, 0.004)
     state = state_of(station, thickness_m=thickness_m)
+    state[GROWTH] = 0.002
     whole = carry(plane, depth, state, outline)
     rows, beams = carry_near(plane, depth, state, outline, band_m)
     for field, values in vars(whole).items():
@@ -210,6 +211,7 @@ def test_what_a_prior_holds_and_nothing_else():
         (plain, (WALL,), (WALL, SHAPE, GROWTH)),
         (power, (WALL,), (WALL, SPOT, GROWTH)),
         (prior.unsized(), (), (GROWTH,)),
+        (prior.doubted(), (), (THICKNESS,)),
     ):
         np.testing.assert_array_equal(one.mean[others(*means)], before[0][others(*means)])
         np.testing.assert_array_equal(one.weight[others(*weights)], before[1][others(*weights)])
@@ -226,6 +228,8 @@ def test_what_a_prior_holds_and_nothing_else():
     assert power.weight[SPOT] < prior.weight[SPOT]
     np.testing.assert_allclose([one.weight[GROWTH] for one in (plain, power)], HELD_SIZE_M**-2)
     assert prior.unsized().weight[GROWTH] == pytest.approx(WRONG_SIZE_M**-2)
+    unknown = Prior.of(None, CONFIG)
+    assert prior.doubted().weight[THICKNESS] == unknown.weight[THICKNESS]
     state[GROWTH] = 1e-4
     beside = Prior.beside(state)
     np.testing.assert_array_equal(beside.mean[others(GROWTH)], state[others(GROWTH)])

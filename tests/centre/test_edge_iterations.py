@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -224,16 +225,60 @@ def test_first_returns_may_explain_what_seems_another_size(
     left = {"stated": stated, "grown": grown, "alone": alone}
     solutions = {name: SimpleNamespace(state=name) for name in left}
     monkeypatch.setattr(fit_edge, "_by_returns", lambda *args: solutions["stated"])
-    monkeypatch.setattr(fit_edge, "_explained", lambda *args, by_power: solutions["alone"])
+    alone = {False: solutions["alone"], True: solutions["stated"]}
+    monkeypatch.setattr(fit_edge, "_explained", lambda *args, by_power: alone[by_power])
     monkeypatch.setattr(fit_edge, "_grown", lambda problem, state, most: solutions["grown"])
     monkeypatch.setattr(fit_edge, "_unexplained", lambda found: left[found.state])
     found = fit_edge._by_size(None, None, None, 40)
     assert found == (solutions[taken], solutions["grown"])
 
 
+@pytest.mark.parametrize("ratio", [0.1, 1.0, 3.0])
+def test_a_fit_of_another_size_begins_with_the_edge_where_it_was_seen(monkeypatch, ratio):
+    """Its place is explained by the size in place of the ratio of powers, of which it has none."""
+    begun = []
+    monkeypatch.setattr(fit_edge, "_by_returns", lambda problem, state, most: begun.append(state))
+    state = state_of()
+    state[RATIO], state[GROWTH] = math.log(ratio), 2e-4
+    before = state.copy()
+    fit_edge._grown(None, state, 40)
+    there_m = begun[0][GROWTH] + fit_edge.shift_m(begun[0])
+    assert there_m == pytest.approx(state[GROWTH] + fit_edge.shift_m(state), abs=1e-8)
+    assert begun[0][RATIO] == 0.0
+    others = np.delete(np.arange(12), [RATIO, GROWTH])
+    np.testing.assert_array_equal(begun[0][others], state[others])
+    np.testing.assert_array_equal(state, before)
+
+
+@pytest.mark.parametrize("converged", [False, True])
+@pytest.mark.parametrize("chance", [0.0, 0.4, 0.6, 1.0])
+def test_the_size_shown_is_that_of_the_likelier_solution(monkeypatch, chance, converged):
+    """If that converged; the centre stays that of the stated size."""
+    found, other = ended(ratio=0.1), ended(ratio=0.2)
+    moved = RECORD.centre_m + np.array([3e-5, -4e-5])
+    sizes = {"growth_m": 2e-4, "growth_u_m": 5e-5, "centre_m": moved, "converged": converged}
+    records = {id(found): RECORD, id(other): replace(RECORD, **sizes)}
+    monkeypatch.setattr(fit_edge, "has_background", lambda *args: True)
+    monkeypatch.setattr(fit_edge, "_by_size", lambda *args: (found, other))
+    monkeypatch.setattr(fit_edge, "_chance", lambda *args: chance)
+    monkeypatch.setattr(fit_edge, "_record", lambda solution, *args: records[id(solution)])
+    fit = fit_edge._clean(problem_of(), state_of(), CONFIG)
+    shown = records[id(other if converged and chance > 0.5 else found)]
+    assert (fit.growth_m, fit.growth_u_m) == (shown.growth_m, shown.growth_u_m)
+    assert fit.size_chance == chance
+    np.testing.assert_array_equal(fit.centre_m, RECORD.centre_m)
+    np.testing.assert_allclose(fit.by_size_m, [3e-5, -4e-5])
+
+
 @pytest.mark.parametrize(
     ("sectors", "rows", "shown"),
-    [(SECTORS, LEAST_CLEAN - 1, False), (5, 200, False), (7, 200, True), (SECTORS, 200, True)],
+    [
+        (SECTORS, LEAST_CLEAN - 1, False),
+        (5, 200, False),
+        (7, 200, True),
+        (SECTORS, 200, True),
+        (SECTORS, max(SECTORS, LEAST_CLEAN), True),  # one point of a sector shows it
+    ],
 )
 def test_few_rows_or_sectors_give_no_clean_fit(monkeypatch, sectors, rows, shown):
     share = (np.arange(rows) % sectors + 0.5) / SECTORS
@@ -344,6 +389,25 @@ def test_outliers_of_a_few_sectors_are_no_misfit(bad, misfit):
     assert found == pytest.approx(misfit, abs=0.005)
 
 
+@pytest.mark.parametrize(
+    ("counts", "outliers", "misfit"),
+    [
+        ([4] * 5 + [40] * 19, [4] * 5 + [4] * 19, 0.1),
+        ([1] * 5 + [10] * 19, [1] * 5 + [6] + [1] * 18, 24 / 190),
+        ([1] * 6 + [0] * 18, [1] * 6 + [0] * 18, 1.0),
+        ([0] * 24, [0] * 24, 0.0),
+    ],
+)
+def test_the_sectors_left_out_are_those_of_the_largest_share(counts, outliers, misfit):
+    """However few or many points they hold."""
+    assert len(counts) == len(outliers) == SECTORS
+    share = (np.repeat(np.arange(SECTORS), counts) + 0.5) / SECTORS
+    pairs = zip(counts, outliers, strict=True)
+    weight = np.concatenate([np.repeat([0.0, 1.0], [out, n - out]) for n, out in pairs])
+    found = fit_edge._misfit(SimpleNamespace(share=share, weight=weight))
+    assert found == pytest.approx(misfit, abs=1e-12)
+
+
 @pytest.mark.parametrize("few", [False, True])
 def test_a_record_is_of_the_last_solution(few):
     state = state_of()
@@ -361,6 +425,7 @@ def test_a_record_is_of_the_last_solution(few):
         assert fit.misfit == fit_edge._misfit(linear) > 0.0
         assert fit.converged == (last_m < 1e-5)
         assert fit.clean_shift_m is None
+        assert fit.size_chance == fit.rows_m == 0.0  # of clean edges alone
 
 
 def test_another_size_that_explains_no_more_is_as_likely_as_its_prior():
@@ -370,9 +435,9 @@ def test_another_size_that_explains_no_more_is_as_likely_as_its_prior():
         return ended(weight=(0.0,) * outliers + (1.0,) * (40 - outliers), state=state)
 
     prior = Prior.of(0.01, CONFIG).by_power().unsized()
-    stated = solution(0.0, 20)
+    stated = solution(0.5 * WRONG_SIZE_M, 20)
     for sizes in (0.0, 1.0, 3.0, 100.0):
-        odds = math.exp(-(sizes**2) / 2.0)
+        odds = math.exp((0.5**2 - sizes**2) / 2.0)
         alike, better = (
             fit_edge._chance(prior, stated, solution(sizes * WRONG_SIZE_M, outliers))
             for outliers in (20, 18)

@@ -266,6 +266,52 @@ def test_a_clean_edge_lies_where_the_powers_are_alike(ratio):
     np.testing.assert_allclose(table[5] * (shown - 1.0), table[7], atol=3e-6, rtol=0.01)
 
 
+@pytest.mark.parametrize("ratio", [1e-3, 1e3])
+def test_first_and_last_returns_part_at_a_footprint_s_rim_at_any_slope(ratio):
+    state = state_of()
+    state[RATIO] = np.log(ratio)
+    tau = np.array([-2.5, -1.1, -0.6, 0.0, 0.4, 1.1, 2.5])
+    found = _edge_table(tau, state)[0]
+    np.testing.assert_allclose(found, [parted(t, state) for t in tau], atol=1e-9)
+    aside = tau <= 0.0  # without a wall: outside by first returns, inside by last ones
+    across_m = np.array([_across_m(t, state) for t in tau])
+    rim = np.where(ratio < 1.0, 1.0, -1.0) * found / across_m
+    assert np.all(rim[aside] > 0.8)
+
+
+@pytest.mark.parametrize("incidence_deg", [0.0, 20.0, 45.0, 75.0])
+def test_all_parts_of_a_slanted_footprint_are_the_target_s(incidence_deg):
+    """They lie before its middle by the sine, along the normal; a Gaussian's end at two radii."""
+    way = 2.0 * math.tan(math.radians(incidence_deg))
+    state = state_of((-0.8 * way, 0.6 * way, 2.0), centre=(0.0, 0.0))
+    part_m = 2.0 * np.exp(state[SPOT]) * math.sin(math.radians(incidence_deg))
+    least_m = part_m + 5.0 * SIGMA_M + 1e-4
+    for beyond_m, shown in ((-2e-5, True), (2e-5, False)):
+        angle = np.linspace(0.0, 2.0 * np.pi, 200)
+        q = (DISC.size_m - 0.004) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        depth = np.full(len(q), -least_m - beyond_m)
+        plane = q * (1.0 + state[INVERSE] * depth)[:, None] + depth[:, None] * state[BEAM]
+        problem = EdgeProblem(plane, depth, Prior.of(0.012, CONFIG), DISC, SIGMA_M)
+        linear = clean_equations(problem, state, True, False, True)
+        assert linear.depths == (len(q) if shown else 0)
+
+
+def test_the_edge_of_beams_square_to_a_target_is_that_of_their_own_slopes():
+    """To a nanometre, however little these differ."""
+    state = state_of((-0.02, 0.03, 2.0))
+    problem = scene(DISC, state, 4000, mixed=False)
+    linear = clean_equations(problem, state, True, False, True)
+    beams = carry(problem.plane, problem.depth, state, DISC)
+    last = linear.q_m[linear.depths :]
+    rows = [int(np.flatnonzero((beams.q_m == one).all(axis=1))[0]) for one in last]
+    run = state[BEAM] + state[INVERSE] * beams.q_m[rows]
+    lower = -np.sum(beams.rho[rows] * run, axis=1) - beams.bent[rows]
+    beyond = beams.x_m[rows] - [parted(t, state) for t in lower]
+    gap = np.abs(linear.residual_m[linear.depths :] - beyond)
+    assert np.ptp(gap) < 1e-9
+    assert 0.01 < np.ptp(lower) < 0.2
+
+
 def test_the_state_of_first_returns_has_a_bright_wall_and_is_a_copy():
     state = state_of()
     first = first_state(state)
@@ -303,7 +349,8 @@ def test_rows_of_a_clean_edge_are_those_of_its_nearest_points(outline, count, ro
     at = state if by_power else first_state(state)
     beyond = beams.x_m - np.interp(lower, grid, [parted(t, at) for t in grid])
     incidence = np.arctan(np.hypot(*state[BEAM]))
-    seen = beams.clear & (z > -5.0 * SIGMA_M - 1e-4 - np.exp(state[SPOT]) * np.sin(2 * incidence))
+    part_m = 2.0 * np.exp(state[SPOT]) * np.sin(incidence)
+    seen = beams.clear & (z > -5.0 * SIGMA_M - 1e-4 - part_m)
     front = seen & (z < target_depth_m(state, SIGMA_M))
     face = np.flatnonzero(front & (beams.x_m > -INNER_M) & (beyond < 0.0))
     assert linear.depths == len(face)

@@ -82,7 +82,7 @@ def clean_equations(
     """
     beams, depth = _fanned(problem.beams(state), state), problem.depth
     square = float(state[BEAM] @ state[BEAM])
-    nearer_m = 2.0 * np.exp(state[SPOT]) * np.sqrt(square) / (1.0 + square)  # parts of a footprint
+    nearer_m = 2.0 * np.exp(state[SPOT]) * np.sqrt(square / (1.0 + square))  # parts of a footprint
     seen = beams.clear & (depth > -5.0 * problem.sigma_m - 1e-4 - nearer_m)
     on_target = seen & (depth < target_depth_m(state, problem.sigma_m))
     steepest = max(float(np.abs(beams.tau).max(initial=0.0)), 1e-3)
