@@ -36,6 +36,7 @@ MISFIT_BY_BEND, MIN_BEND_M = 30.0, 1e-3  # outliers by a curved wall, per metre 
 # Difference of straight edges by mixed pixels and by points, of its standard uncertainty:
 # tolerated; proof of another shape.
 APART, WORST_APART = 3.0, 5.0
+FULL_SLOPE = 0.5  # of the beams, from which a whole radius of the footprint meets the wall
 # Of the spacing: half the difference of two edges that rows of points run along, each of whose last
 # rows lies anywhere within a spacing of it: 1 / sqrt(24).
 ROWS = 0.2
@@ -359,13 +360,28 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
     )
     far = float(apart @ apart)
     if outline.shows_rotation:
+        apart = apart - _by_footprint(edge_fit, apart)
+        rest = float(apart @ apart)
         by_points = max(OUTLINE_EDGE_M, _rows_m(view, outline)) ** 2
-        if far > WORST_APART**2 * by_points:
+        if rest > WORST_APART**2 * by_points:
             raise NotMeasuredError(
                 "wrong-outline",
                 f"the centres by mixed pixels and by the outermost points lie "
                 f"{math.sqrt(far) * 1e3:.1f} mm apart: check whether the target is "
                 f"{outline.description}",
             )
-        spread += max(far - APART**2 * by_points, 0.0)
+        spread += max(rest - APART**2 * by_points, 0.0)
     return spread + doubt * (UNCONVERGED_M**2 + far)
+
+
+def _by_footprint(edge_fit: EdgeFit, apart_m: Array) -> Array:
+    """Return what the footprint explains of how far the outermost points lie from an edge fit (2,).
+
+    Beams that meet the near edge and the wall below it return points beside the edge; those that
+    meet the far edge and the background do not. The middle of the outermost points lies against the
+    beams by up to a footprint's radius.
+    """
+    slope = float(np.hypot(*edge_fit.beam))
+    along = edge_fit.beam / max(slope, 1e-9)
+    most_m = edge_fit.spot_m * min(slope / FULL_SLOPE, 1.0)
+    return np.asarray(np.clip(along @ apart_m, -most_m, 0.0) * along)

@@ -9,7 +9,8 @@ import numpy as np
 from ..vectors import Array
 
 ALONG_M = 0.12  # from the wheel's centre to the front and rear: beside the contact patch
-TYRE_M, TYRE_POINTS, OUTERMOST = (0.06, 0.15), 10, 95  # heights of the sidewall; percentile
+TYRES_M = ((0.11, 0.2), (0.06, 0.15))  # heights of the sidewall: on a high pad, and on a low one
+TYRE_POINTS, OUTERMOST = 10, 95  # least on the sidewall; their percentile that is its outermost
 REACH_M = 0.4  # of a wheel's sidewall from its centre, across
 HALF_M, STAND_OFF_M = 0.1, 0.06  # half a tyre's width; of the sidewall from the centre if unseen
 FROM_M, TO_M = 0.01, 0.3  # outwards from the sidewall
@@ -31,29 +32,31 @@ class Contact:
     u_m: float = 0.0
 
 
-def find_contact(
-    points_m: Array, above_m: Array, wheel_m: Array, raised_m: float, sigma_m: float
-) -> Contact:
+def find_contact(points_m: Array, above_m: Array, wheel_m: Array, sigma_m: float) -> Contact:
     """Find what a wheel stands on, by the points from its sidewall outwards.
 
     points_m: (N, 3) about the vehicle, left, forward, up; above_m: (N,) their heights above the
-    floor beside the wheel, of standard deviation sigma_m; wheel_m: (3,) centre; raised_m: how much
-    higher it is above its floor than that of the lowest wheel: its tyre is as well, by a pad at
-    most; more is a larger wheel.
+    floor beside the wheel, of standard deviation sigma_m; wheel_m: (3,) centre. The top of a high
+    pad lies where the sidewall of a wheel on the floor does: such a pad is looked for first.
     """
     side = np.sign(wheel_m[0])
     out_m = side * (points_m[:, 0] - wheel_m[0])
     near = (np.abs(points_m[:, 1] - wheel_m[1]) < ALONG_M) & (np.abs(out_m) < REACH_M)
-    tyre_m = above_m - min(raised_m, PAD_M)
-    tyre = near & (tyre_m > TYRE_M[0]) & (tyre_m < TYRE_M[1])
-    if np.count_nonzero(tyre) < TYRE_POINTS:
-        return Contact(_middle(wheel_m, -STAND_OFF_M))
-    sidewall_m = float(np.percentile(out_m[tyre], OUTERMOST))
-    out_m = out_m - sidewall_m
-    near &= (out_m > FROM_M) & (out_m < TO_M) & (np.abs(above_m) < PAD_M + CUT * sigma_m)
-    outwards = np.argsort(out_m[near], kind="stable")
-    pad_m, u_m = _innermost(above_m[near][outwards], sigma_m)
-    return Contact(_middle(wheel_m, sidewall_m), pad_m, u_m)
+    found = Contact(_middle(wheel_m, -STAND_OFF_M))
+    for low_m, high_m in TYRES_M:
+        tyre = near & (above_m > low_m) & (above_m < high_m)
+        if np.count_nonzero(tyre) < TYRE_POINTS:
+            continue
+        sidewall_m = float(np.percentile(out_m[tyre], OUTERMOST))
+        aside_m = out_m - sidewall_m
+        beside = near & (aside_m > FROM_M) & (aside_m < TO_M)
+        beside &= np.abs(above_m) < PAD_M + CUT * sigma_m
+        outwards = np.argsort(aside_m[beside], kind="stable")
+        pad_m, u_m = _innermost(above_m[beside][outwards], sigma_m)
+        found = Contact(_middle(wheel_m, sidewall_m), pad_m, u_m)
+        if pad_m > TYRES_M[-1][0] - CUT * sigma_m:
+            break
+    return found
 
 
 def _middle(wheel_m: Array, sidewall_m: float) -> Array:

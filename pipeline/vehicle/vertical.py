@@ -79,12 +79,7 @@ def fit_floor(points_m: Array, wheels_m: Array) -> Floor | None:
     offset_m = np.array([above[cells.wheel == i].mean() for i in range(len(wheels_m))])
     above = _above(points, plane) - offset_m[wheel]
     sigma_m = float(np.sqrt(cells.points_m2 + beside.hidden_m2)) + LEAST_M
-    raised_m = _above(wheels_m, plane) - offset_m
-    raised_m -= raised_m.min()
-    contacts = [
-        find_contact(points, above, wheel_m, up_m, sigma_m)
-        for wheel_m, up_m in zip(wheels_m, raised_m, strict=True)
-    ]
+    contacts = [find_contact(points, above, wheel_m, sigma_m) for wheel_m in wheels_m]
     if beside.alike and not any(one.pad_m for one in contacts):
         return _plane_of(cells, plane, beside.hidden_m2, wheels_m)
     middles_m = np.stack([one.middle_m for one in contacts])

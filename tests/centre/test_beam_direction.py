@@ -49,15 +49,17 @@ def start():
     return state
 
 
-def shadow(outline, slope, count=40_000, depth_m=0.1, hidden=0.0, seed=0):
+def shadow(outline, slope, count=40_000, depth_m=0.1, hidden=0.0, seed=0, uneven_m=0.0):
     """Points (N, 2) and depths where beams of a station end; beyond 40 mm the background is deeper.
 
-    hidden: share of the edge beside which something else hides the background.
+    hidden: share of the edge beside which something else hides the background; uneven_m: how much
+    deeper it is beside the middle of the edge than beside its ends.
     """
     rng, station = np.random.default_rng(seed), np.append(CENTRE_M - 2.0 * np.array(slope), 2.0)
     q = rng.uniform(-0.24, 0.24, (count, 2))
     closest = outline.closest(turned(q, -ROTATED))
     depth = np.where(closest.x_m < 0.04, depth_m, 2.0 * depth_m)
+    depth += uneven_m * np.sin(np.pi * closest.share) ** 2
     depth = np.where(closest.x_m < 0.0, 0.0, depth + 0.05 * depth_m * q[:, 0] / 0.24)
     shown = (closest.share > hidden) | (closest.x_m < 0.0) | (closest.x_m > 0.015)
     met = np.column_stack([q + CENTRE_M, np.zeros(count)])
@@ -116,6 +118,18 @@ def test_all_directions_hold_that_of_steep_beams(slope):
     assert np.hypot(*(found[BEAM] - slope)) < 1.5 * FINE_STEP * np.hypot(1.0, np.hypot(*slope))
     untouched = np.delete(found, [2, 3, INVERSE])
     np.testing.assert_array_equal(untouched, np.delete(start(), [2, 3, INVERSE]))
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+def test_an_uneven_background_shows_the_beams(name):
+    """60 to 260 mm deep: a slope half a coarse step off moves its shadow into the target."""
+    rng, off = np.random.default_rng(8), []
+    for seed in range(16):
+        slope = rng.uniform(-0.8, 0.8, 2)
+        plane, depth = shadow(OUTLINES[name], slope, 10_000, 0.06, seed=seed, uneven_m=0.2)
+        found = first_beam(plane, depth, start(), OUTLINES[name])
+        off.append(np.inf if found is None else np.hypot(*(found[BEAM] - slope)))
+    assert np.max(off) < 0.1
 
 
 def test_few_deep_points_show_no_direction():

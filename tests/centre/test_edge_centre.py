@@ -6,6 +6,7 @@ import contextlib
 import functools
 import json
 import math
+import types
 from dataclasses import replace
 
 import numpy as np
@@ -59,6 +60,35 @@ def test_each_edge_alone_gives_the_centre(name):
         off = error_m(cloud, view, part.estimate)
         u = np.sqrt(np.trace(part.estimate.covariance_m2) / 2.0)
         assert np.hypot(*off) < min(4.0 * u + 2e-5, 2e-4)
+
+
+@pytest.mark.parametrize("noise_m", [0.0008, 0.002])
+@pytest.mark.parametrize("name", ["square-300", "rectangle-360x240"])
+def test_steep_beams_leave_straight_edges_as_certain(name, noise_m):
+    """Their outermost points lie 1.5 to 2.7 mm against the beams, which contradicts no edge."""
+    cloud, view = viewed(name, incidence_deg=48.0, noise_m=noise_m, spacing_m=0.0015)
+    outer = centre_by_edge(view, view.target.edge)
+    parts = [outer]
+    if view.target.holes:
+        parts.append(centre_by_holes(view, view.target.holes, outer))
+    for part in parts:
+        u = np.sqrt(np.trace(part.estimate.covariance_m2) / 2.0)
+        assert u < 0.1 * noise_m
+        assert np.hypot(*error_m(cloud, view, part.estimate)) < 4.0 * u
+
+
+def test_only_what_the_footprint_explains_passes():
+    """Against the beams, up to its radius, and less as they are less steep; nothing aside."""
+    fit = types.SimpleNamespace(spot_m=0.0015, beam=np.array([0.6, -0.8]))
+    against, aside = np.array([-0.6, 0.8]), np.array([0.8, 0.6])
+    for off_m, explained_m in ((0.001, 0.001), (0.004, 0.0015), (-0.004, 0.0)):
+        found = edge_centre._by_footprint(fit, off_m * against + 0.002 * aside)
+        np.testing.assert_allclose(found, explained_m * against, atol=1e-12)
+    fit.beam = np.array([0.06, -0.08])
+    found = edge_centre._by_footprint(fit, 0.004 * against)
+    np.testing.assert_allclose(found, 0.0003 * against, atol=1e-12)
+    fit.beam = np.zeros(2)
+    assert not edge_centre._by_footprint(fit, 0.004 * against).any()
 
 
 @pytest.mark.parametrize("name", NAMES)

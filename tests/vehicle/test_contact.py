@@ -30,6 +30,26 @@ def test_a_wheel_on_a_pad_tilts_the_plane_and_is_in_its_uncertainty(wheel, heigh
     np.testing.assert_array_less(0.7 * twist, np.abs(SLOPES - true))
 
 
+@pytest.mark.parametrize(
+    "pads",
+    [
+        (0.08, 0.07, 0.08, 0.07),
+        (0.09, 0.07, 0.09, 0.07),
+        (0.08, 0.08, 0.07, 0.07),
+        (0.09, 0.06, 0.09, 0.06),
+        (0.06, 0.06, 0.06, 0.06),
+        (0.1, 0.02, 0.05, 0.0),
+    ],
+)
+def test_wheels_on_high_pads_are_seen_to_stand_on_them(pads):
+    """All of them too, where none shows by its centre how high the others are raised."""
+    for seed in range(3):
+        points, wheels, true = scanned(seed, np.array(pads))
+        floor = fit_floor(points, wheels)
+        np.testing.assert_allclose(floor.pads_m, pads, atol=6e-4)
+        np.testing.assert_array_less(np.abs(floor.slopes - true), 4.0 * u_of(floor))
+
+
 def test_pads_that_lie_in_one_plane_are_no_twist():
     """Plates of 40 mm beneath the front wheels, and beneath all: planes, as a floor is."""
     front, everywhere = 0.04 * (FR + FL), np.full(4, 0.04)
@@ -70,12 +90,12 @@ def test_a_board_beside_a_wheel_is_no_pad(gap):
 def test_without_a_sidewall_or_points_beside_it_no_pad_is_seen():
     points, wheels, _ = scanned(6, 0.01 * FR)
     above = points[:, 2] + 0.3 - points[:, :2] @ SLOPES
-    seen = find_contact(points, above, wheels[2], 0.0, 1e-3)
+    seen = find_contact(points, above, wheels[2], 1e-3)
     assert seen.pad_m == pytest.approx(0.01, abs=6e-4)
     assert seen.middle_m == pytest.approx([-0.58, 2.65], abs=0.01)
     low = above < 0.05
     for kept in (low, ~low, np.zeros(len(low), dtype=bool)):
-        none = find_contact(points[kept], above[kept], wheels[2], 0.0, 1e-3)
+        none = find_contact(points[kept], above[kept], wheels[2], 1e-3)
         assert (none.pad_m, none.u_m) == (0.0, 0.0)
         assert none.middle_m == pytest.approx([-0.58, 2.65], abs=0.01)
 

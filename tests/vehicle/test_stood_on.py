@@ -121,7 +121,7 @@ def contact_of(heights_m, sigma_m, sidewall=12):
     out_m = np.append([-0.06] * sidewall, -0.04 + 0.01 * np.arange(len(heights_m)))
     heights_m = np.append(np.linspace(0.07, 0.14, sidewall), heights_m)
     points = above_wheel(WHEELS[1], out_m, heights_m)
-    return find_contact(points, heights_m, WHEELS[1], 0.0, sigma_m)
+    return find_contact(points, heights_m, WHEELS[1], sigma_m)
 
 
 def pad_by_trial(z):
@@ -195,17 +195,17 @@ def test_a_target_and_what_stands_beside_the_wheel_are_no_sidewall():
     post = above_wheel(wheel, [0.5] * 12, heights_m)
     for points in (alone, np.concatenate([alone, plate, post])):
         above_m = points[:, 2] - LEVEL - points[:, :2] @ SLOPES
-        seen = find_contact(points, above_m, wheel, 0.0, 1e-3)
+        seen = find_contact(points, above_m, wheel, 1e-3)
         assert seen.middle_m == pytest.approx(MIDDLES[1], abs=1e-12)
         assert seen.pad_m == pytest.approx(0.03, abs=1e-12)
 
 
-@pytest.mark.parametrize("raised_m", [0.0, 0.04, 0.1, 0.25])
-def test_the_sidewall_is_above_a_pad_however_large_the_wheel(raised_m):
-    """Heights of 70 to 140 mm above pads up to 100 mm; a tractor's rear wheel is 250 mm higher."""
-    pad_m, wheel = min(raised_m, 0.1), WHEELS[1]
-    heights_m = np.append(pad_m + np.linspace(0.07, 0.14, 12), np.full(8, pad_m))
-    points = above_wheel(wheel, [-0.06] * 12 + [0.0, 0.02, 0.04, 0.06] * 2, heights_m)
-    seen = find_contact(points, heights_m, wheel, raised_m, 1e-3)
+@pytest.mark.parametrize("pad_m", [0.0, 0.04, 0.059, 0.061, 0.08, 0.1])
+def test_the_sidewall_is_above_a_pad(pad_m):
+    """20 to 140 mm above pads of up to 100 mm, whose top lies where other wheels' sidewalls do."""
+    wheel = WHEELS[1]
+    heights_m = np.append(pad_m + np.linspace(0.02, 0.14, 30), np.full(8, pad_m))
+    points = above_wheel(wheel, [-0.06] * 30 + [0.0, 0.02, 0.04, 0.06] * 2, heights_m)
+    seen = find_contact(points, heights_m, wheel, 1e-3)
     assert seen.middle_m == pytest.approx(MIDDLES[1], abs=1e-12)
     assert seen.pad_m == pytest.approx(pad_m, abs=1e-12)

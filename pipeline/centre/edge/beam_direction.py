@@ -19,7 +19,7 @@ AGREE_M, MAX_CONSTANT_M = 0.0015, 0.006  # of the shadow's edge in a sector; shi
 RING_M = (0.0035, 0.0095)  # rings inside the edge, without background, and outside, with it
 MAX_THROUGH = 0.1  # share of the background that may appear through the target
 STEEPEST = 4.0  # slope of the directions that are tried
-COARSE_STEP, FINE_STEP = 0.3, 0.1  # between directions, at first and about the best
+COARSE_STEP, FINE_STEP, BEST = 0.2, 0.07, 8  # between directions, at first and about the best ones
 LEAST_IN_SECTOR = 5  # points that count as a background
 LEAST_SHADOW = (6, 20)  # points of a sector that show the shadow's edge: few points, many
 TRIED_POINTS = 2000
@@ -163,8 +163,10 @@ def _of_all_directions(plane: Array, depth: Array, state: Array, outline: Outlin
         here = state.copy()
         here[INVERSE] = inverse
         tries = directions(STEEPEST, COARSE_STEP)
-        score = _background_outside(plane[some], depth[some], here, tries, outline)
-        tries = tries[int(np.argmax(score))] + directions(COARSE_STEP, FINE_STEP)
+        few = some[::2]
+        score = _background_outside(plane[few], depth[few], here, tries, outline)
+        best = tries[np.argsort(-score, kind="stable")[:BEST]]
+        tries = (best[:, None] + directions(COARSE_STEP, FINE_STEP)).reshape(-1, 2)
         score = _background_outside(plane[some], depth[some], here, tries, outline)
         if score.max() > highest:
             highest, found = float(score.max()), here

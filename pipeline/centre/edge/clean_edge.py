@@ -56,7 +56,7 @@ ROUGH, FAR_M = 8.0, 0.008  # factor on the scatter far from convergence, and rea
 FACE = 0.0  # of Lambert's law in a wall as bright as the face
 MOST_STRAIGHT = 12  # sides of an outline; more are parts of arcs
 IN_RING, FINER = 200, 4  # cells across the ring, 0.05 mm; steps of a wave in the ring
-LEAST_ROWS = 2.0  # in the ring, whose window hides fewer
+LEAST_ROWS, BESIDE = 2.0, 0.7  # in the ring, whose window hides fewer; least of the largest wave
 BY_CHANCE = 4.0  # standard deviations of points in rows by chance
 HELD = 1.5  # thicknesses up to which a point may be the wall's
 
@@ -133,7 +133,8 @@ def between_rows_m(problem: EdgeProblem, state: Array) -> float:
 
     Such an edge lies anywhere between two rows. How far its points, by their distance from it, lie
     in rows is a Fourier coefficient of these, in Hann's window: 1 along the edge, 0 where one row
-    crosses. Rows have harmonics; those that leave most between them count.
+    crosses. Rows have harmonics, of which the wave that leaves most between them counts. A strip
+    that is not seen has its largest waves below those of rows up to 5 mm apart.
     """
     if not problem.outline.shows_rotation:
         return 0.0
@@ -148,10 +149,12 @@ def between_rows_m(problem: EdgeProblem, state: Array) -> float:
     per_m = np.fft.rfftfreq(FINER * IN_RING, RING_M / IN_RING)
     for k in range(len(sides)):
         counts, _ = np.histogram(inside_m[side.ravel() == k], IN_RING, (0.0, RING_M))
-        waves = np.abs(np.fft.rfft(window * counts, FINER * IN_RING))
-        by_chance = BY_CHANCE * math.sqrt(counts @ window**2)
-        shown = (per_m >= LEAST_ROWS / RING_M) & (waves > by_chance)
-        rows_m = waves[shown] / (counts @ window) / per_m[shown]
+        seen = float(counts @ window)
+        waves = np.abs(np.fft.rfft(window * (counts - seen / window.sum()), FINER * IN_RING))
+        least = max(BY_CHANCE * math.sqrt(counts @ window**2), BESIDE * float(waves.max()))
+        shown = (per_m > LEAST_ROWS / RING_M) & (waves > least)
+        shown[1:-1] &= (waves[1:-1] >= waves[:-2]) & (waves[1:-1] >= waves[2:])
+        rows_m = waves[shown] / (seen * per_m[shown])
         square += float(rows_m.max(initial=0.0)) ** 2 / 12.0
     return math.sqrt(square / len(sides))
 
