@@ -60,6 +60,14 @@ TWISTED_FLOOR = (
     "the floor's normal in capture.toml, or measure from the wheel centres or gravity."
 )
 
+UNLIKE_HEIGHTS_M = 0.05  # of wheel centres above what the wheels stand on; tyres differ by less
+UNLIKE_HEIGHTS = (
+    "The wheel centres stand {low} to {high} mm above the floor, as the scans show it: where the "
+    "tyres are alike, a wheel is on a block or ramp whose top is not seen, and the angles from the "
+    "floor are wrong: state the floor's normal in capture.toml, or measure from the wheel centres "
+    "or gravity."
+)
+
 
 @stage("angles")
 def align(
@@ -238,6 +246,9 @@ def _notes_of_floor(floor: Floor) -> Iterator[str]:
     ]
     if pads:
         yield Wording(PADS, sizes=", ".join(pads))
+    if np.ptp(floor.above_m) > UNLIKE_HEIGHTS_M:
+        low, high = (f"{height_m * 1e3:.0f}" for height_m in np.sort(floor.above_m)[[0, -1]])
+        yield Wording(UNLIKE_HEIGHTS, low=low, high=high)
     if floor.twist_m:
         yield Wording(TWISTED_FLOOR, twist=f"{floor.twist_m * 1e3:.1f}")
 

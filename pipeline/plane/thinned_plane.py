@@ -34,7 +34,7 @@ REST_TO_MIDDLE = 0.1  # what that pull leaves to the longest wave of the rest
 REST, REST_LENGTH = 0.2, 0.7  # prior of the rest: its size and length, of the noise
 LEAST_REST = 1e-3  # prior variance of a wave of the rest, of the longest
 WAVES = 15
-STEPS, SETTLED = 60, 1e-3  # of Gauss and Newton; the size of the last, by its u
+STEPS, SETTLED = 60, 1e-3  # of Gauss-Newton; the size of the last, by its u
 LEAST_SLOPE = 0.05  # of the mean height by the plane's
 
 
@@ -86,7 +86,7 @@ class LatticePull:
 def fit_pull(points_m: Array, lattice: VoxelLattice, axes: Array) -> LatticePull:
     """Fit plane and pull together to the points_m (N, 3) of a face thinned on a lattice.
 
-    Least squares with the priors of the pull, by Gauss and Newton; a step that leads back is
+    Least squares with the priors of the pull, by Gauss-Newton; a step that leads back is
     halved. The depth at which each point is pulled follows the plane. In one layer nothing shows
     whether there is one: the plane is that of the points, and what they would be off counts. axes:
     (3, 3) rows, of which one is the lattice's.

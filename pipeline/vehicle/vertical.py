@@ -31,10 +31,10 @@ class Floor:
 
     covariance: (2, 2) of the slopes to the left and forward, by the scatter of cells about the
     floor, with `dof` degrees of freedom. pads_m: (4,) heights of what the wheels stand on above the
-    floor beside them; 0 where no step is seen. twist_m: how far a wheel stands off the plane of the
-    other three; 0 where the scatter explains it. twist_covariance: (2, 2) of the slopes, since no
-    plane then holds all four heights: those of any three, or of one axle, have slopes that differ
-    by its standard deviation.
+    floor beside them; 0 where no step is seen. above_m: (4,) of their centres above these.
+    twist_m: how far a wheel stands off the plane of the other three; 0 where the scatter explains
+    it. twist_covariance: (2, 2) of the slopes, since no plane then holds all four heights: those of
+    any three, or of one axle, have slopes that differ by its standard deviation.
     """
 
     slopes: Array
@@ -42,6 +42,7 @@ class Floor:
     dof: int
     depth_m: float
     pads_m: Array = field(default_factory=lambda: np.zeros(4))
+    above_m: Array = field(default_factory=lambda: np.zeros(4))
     twist_m: float = 0.0
     twist_covariance: Array = field(default_factory=lambda: np.zeros((2, 2)))
 
@@ -152,7 +153,8 @@ def _plane_of(cells: _Cells, plane: Array, hidden_m2: float, wheels_m: Array) ->
     variance = float(np.sum(_above(cells.means_m, plane) ** 2)) / dof
     seen, hidden = (np.linalg.inv(each.T @ each) for each in (terms, at_wheels))
     covariance: Array = np.asarray(variance * seen + hidden_m2 * hidden, dtype=np.float64)
-    return Floor(plane[1:], covariance[1:, 1:], dof, _depth_m(wheels_m, plane))
+    above_m = _above(wheels_m, plane)
+    return Floor(plane[1:], covariance[1:, 1:], dof, float(np.mean(above_m)), above_m=above_m)
 
 
 def _stood_on(
@@ -179,15 +181,12 @@ def _stood_on(
         plane[1:],
         np.asarray((fit @ covariance @ fit.T)[1:, 1:]),
         beside.dof,
-        _depth_m(wheels_m, plane),
+        float(np.mean(_above(wheels_m, plane))),
         pads_m,
+        wheels_m[:, 2] - heights_m,
         2.0 * twist_m,
         np.asarray(twist_m**2 * (fit @ fit.T)[1:, 1:]),
     )
-
-
-def _depth_m(wheels_m: Array, plane: Array) -> float:
-    return float(np.mean(_above(wheels_m, plane)))
 
 
 def _terms(points_m: Array) -> Array:

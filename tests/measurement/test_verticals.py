@@ -28,10 +28,16 @@ from wheelplane.errors import InputError
 from wheelplane.kinematics.solve import solve
 from wheelplane.measurement.assumptions import notes_of_assumptions
 from wheelplane.measurement.estimates import joint_covariance, vertical_tilts
-from wheelplane.measurement.evaluate import align, check_by_monte_carlo, find_verticals
+from wheelplane.measurement.evaluate import (
+    _notes_of_floor,
+    align,
+    check_by_monte_carlo,
+    find_verticals,
+)
 from wheelplane.measurement.quantities import by_name
 from wheelplane.report.json.measurement import to_tree
 from wheelplane.targets.registry import load_target
+from wheelplane.vehicle.vertical import Floor
 from wheelplane_synth.output.whole import write_whole
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -206,3 +212,13 @@ def test_three_millimetres_of_loaded_radius_are_seven_minutes_of_camber(tmp_path
         (shown,) = tree["verticals"]
         off = abs(shown["tilt_left_deg"] - roll)
         assert off < 4.0 * shown["u_tilt_left_deg"]
+
+
+@pytest.mark.parametrize(("higher_m", "noted"), [(0.049, False), (0.051, True), (-0.051, True)])
+def test_a_wheel_that_stands_unlike_the_others_is_noted(higher_m, noted):
+    above_m = 0.3 + higher_m * np.eye(4)[2]
+    floor = Floor(np.zeros(2), 1e-8 * np.eye(2), 20, 0.3, above_m=above_m)
+    notes = [str(note) for note in _notes_of_floor(floor)]
+    low, high = sorted((300.0, 1e3 * (0.3 + higher_m)))
+    said = [f"The wheel centres stand {low:.0f} to {high:.0f} mm above the floor"]
+    assert [note[: len(said[0])] for note in notes] == (said if noted else [])

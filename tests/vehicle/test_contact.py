@@ -50,6 +50,22 @@ def test_wheels_on_high_pads_are_seen_to_stand_on_them(pads):
         np.testing.assert_array_less(np.abs(floor.slopes - true), 4.0 * u_of(floor))
 
 
+@pytest.mark.parametrize("pads", [(0.0, 0.0, 0.0, 0.0), (0.04, 0.08, 0.0, 0.02)])
+def test_wheel_centres_stand_as_high_above_pads_as_above_the_floor(pads):
+    points, wheels, _ = scanned(2, np.array(pads))
+    floor = fit_floor(points, wheels)
+    np.testing.assert_allclose(floor.above_m, floor.above_m.mean(), atol=2e-3)
+    assert floor.depth_m == pytest.approx(floor.above_m.mean(), abs=2e-3)
+
+
+def test_a_block_that_is_not_seen_shows_in_the_heights_of_the_centres():
+    """150 mm beneath the front wheels: its top is higher than a pad may be."""
+    points, wheels, _ = scanned(2, 0.15 * (FR + FL))
+    floor = fit_floor(points, wheels)
+    assert not floor.pads_m.any()
+    assert np.ptp(floor.above_m) > 0.06
+
+
 def test_pads_that_lie_in_one_plane_are_no_twist():
     """Plates of 40 mm beneath the front wheels, and beneath all: planes, as a floor is."""
     front, everywhere = 0.04 * (FR + FL), np.full(4, 0.04)
