@@ -202,10 +202,16 @@ def test_a_target_and_what_stands_beside_the_wheel_are_no_sidewall():
 
 @pytest.mark.parametrize("pad_m", [0.0, 0.04, 0.059, 0.061, 0.08, 0.1])
 def test_the_sidewall_is_above_a_pad(pad_m):
-    """20 to 140 mm above pads of up to 100 mm, whose top lies where other wheels' sidewalls do."""
+    """20 to 140 mm above pads of up to 100 mm, whose top lies where other wheels' sidewalls do.
+
+    A target before the wheel, 210 mm above the floor, is not the sidewall.
+    """
     wheel = WHEELS[1]
-    heights_m = np.append(pad_m + np.linspace(0.02, 0.14, 30), np.full(8, pad_m))
-    points = above_wheel(wheel, [-0.06] * 30 + [0.0, 0.02, 0.04, 0.06] * 2, heights_m)
-    seen = find_contact(points, heights_m, wheel, 1e-3)
-    assert seen.middle_m == pytest.approx(MIDDLES[1], abs=1e-12)
-    assert seen.pad_m == pytest.approx(pad_m, abs=1e-12)
+    heights_m = np.concatenate([pad_m + np.linspace(0.02, 0.14, 30), np.full(8, pad_m)])
+    out_m = [-0.06] * 30 + [0.0, 0.02, 0.04, 0.06] * 2
+    with_target = np.append(heights_m, np.linspace(0.21, 0.29, 200)), [*out_m, *[0.09] * 200]
+    for above_m, aside_m in ((heights_m, out_m), with_target):
+        points = above_wheel(wheel, aside_m, above_m)
+        seen = find_contact(points, above_m, wheel, 1e-3)
+        assert seen.middle_m == pytest.approx(MIDDLES[1], abs=1e-12)
+        assert seen.pad_m == pytest.approx(pad_m, abs=1e-12)
