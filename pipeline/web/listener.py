@@ -55,7 +55,7 @@ class Listener:
             **LIMITS,
         )
         self._server = next(s for s in self._map.values() if isinstance(s, BaseWSGIServer))
-        self._server.channel_class = _channel(admit)
+        self._server.channel_class, self._server.has_ended = _channel(admit), False
 
     def run(self) -> None:
         """Serve until KeyboardInterrupt, or until `stop` is called in another thread."""
@@ -64,13 +64,17 @@ class Listener:
         try:
             wasyncore.loop(timeout=1.0, use_poll=True, map=self._map)
         except KeyboardInterrupt:
-            wasyncore.close_all(self._map)
+            self._close_all()
 
     def stop(self) -> None:
         """End `run`."""
+        self._server.trigger.pull_trigger(self._close_all)
+
+    def _close_all(self) -> None:
         from waitress import wasyncore
 
-        self._server.trigger.pull_trigger(lambda: wasyncore.close_all(self._map))
+        self._server.has_ended = True
+        wasyncore.close_all(self._map)
 
     def close(self) -> None:
         """End the threads; call after what they may wait for has ended."""
@@ -134,7 +138,7 @@ def _channel(admit: Admit) -> type[HTTPChannel]:
             try:
                 super().service()
             except OSError:
-                if self._map:  # the server's sockets, until it ends
+                if not self.server.has_ended:
                     raise
 
         def handle_close(self) -> None:

@@ -135,7 +135,7 @@ def test_an_uneven_background_shows_the_beams(name):
 def test_few_deep_points_show_no_direction():
     plane, depth = shadow(OUTLINES["disc"], (0.5, 0.0))
     deep = np.flatnonzero(depth > 0.05)
-    for count, shown in ((49, False), (500, True)):
+    for count, shown in ((49, False), (60, True), (500, True)):
         rows = np.append(np.flatnonzero(depth < 0.05), deep[:count])
         found = _of_all_directions(plane[rows], depth[rows], start(), OUTLINES["disc"])
         assert (found is not None) == shown

@@ -8,11 +8,13 @@ import re
 import socket
 import threading
 import time
+import types
 from contextlib import ExitStack, nullcontext, suppress
 from functools import partial
 from pathlib import Path
 
 import pytest
+from waitress import wasyncore
 
 from tests.support.web_site import Site
 from wheelplane.web import listener as module
@@ -212,9 +214,9 @@ def test_an_unfinished_upload_is_closed_with_the_server(tmp_path):
     assert nameless_files() == before
 
 
-@pytest.mark.parametrize("sockets", [{}, {3: "server"}], ids=["ended", "at work"])
-def test_a_request_that_outlives_the_server_is_no_fault(monkeypatch, sockets):
-    """Its thread wakes the server by a file that is closed by then."""
+@pytest.mark.parametrize("ended", [True, False])
+def test_a_request_that_outlives_the_server_is_no_fault(monkeypatch, ended):
+    """Its thread wakes the server by a file that is closed by then, or is being closed."""
 
     def woken(_channel):
         raise OSError(errno.EBADF, "Bad file descriptor")
@@ -222,9 +224,23 @@ def test_a_request_that_outlives_the_server_is_no_fault(monkeypatch, sockets):
     monkeypatch.setattr("waitress.channel.HTTPChannel.service", woken)
     kind = module._channel(admit)
     channel = kind.__new__(kind)
-    channel._map = sockets
-    with pytest.raises(OSError, match="descriptor") if sockets else nullcontext():
+    channel.server = types.SimpleNamespace(has_ended=ended)
+    with nullcontext() if ended else pytest.raises(OSError, match="descriptor"):
         channel.service()
+
+
+def test_the_server_has_ended_before_its_sockets_are_closed(tmp_path, monkeypatch):
+    seen, close_all = [], wasyncore.close_all
+    with ExitStack() as stack:
+        server = Served(tmp_path, stack).listener._server
+        assert not server.has_ended
+
+        def noting(sockets):
+            seen.append(server.has_ended)
+            close_all(sockets)
+
+        monkeypatch.setattr(wasyncore, "close_all", noting)
+    assert seen == [True]
 
 
 def nameless_files() -> set[str]:
