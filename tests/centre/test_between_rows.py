@@ -98,7 +98,7 @@ def test_rows_across_a_side_leave_it_certain():
 
 
 def test_only_the_target_s_points_beside_its_edge_count():
-    """Of those beside the plate, before it, and in its middle, none changes what its rows show."""
+    """Points beside the plate, before it and in its middle change nothing of what its rows show."""
     rng = np.random.default_rng(3)
     q_m, more = in_rows(), rng.uniform(-1.0, 1.0, (60_000, 2)) * HALF_M
     off = np.full(len(more), 0.05)

@@ -236,17 +236,17 @@ def test_first_returns_may_explain_what_seems_another_size(
 @pytest.mark.parametrize("ratio", [0.1, 1.0, 3.0])
 def test_a_fit_of_another_size_begins_with_the_edge_where_it_was_seen(monkeypatch, ratio):
     """Its place is explained by the size in place of the ratio of powers, of which it has none."""
-    begun = []
-    monkeypatch.setattr(fit_edge, "_by_returns", lambda problem, state, most: begun.append(state))
+    starts = []
+    monkeypatch.setattr(fit_edge, "_by_returns", lambda problem, state, most: starts.append(state))
     state = state_of()
     state[RATIO], state[GROWTH] = math.log(ratio), 2e-4
     before = state.copy()
     fit_edge._grown(None, state, 40)
-    there_m = begun[0][GROWTH] + fit_edge.shift_m(begun[0])
+    there_m = starts[0][GROWTH] + fit_edge.shift_m(starts[0])
     assert there_m == pytest.approx(state[GROWTH] + fit_edge.shift_m(state), abs=1e-8)
-    assert begun[0][RATIO] == 0.0
+    assert starts[0][RATIO] == 0.0
     others = np.delete(np.arange(12), [RATIO, GROWTH])
-    np.testing.assert_array_equal(begun[0][others], state[others])
+    np.testing.assert_array_equal(starts[0][others], state[others])
     np.testing.assert_array_equal(state, before)
 
 

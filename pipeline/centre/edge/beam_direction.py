@@ -158,12 +158,12 @@ def _of_all_directions(plane: Array, depth: Array, state: Array, outline: Outlin
     some = deep[:: max(1, len(deep) // TRIED_POINTS)]
     if len(some) < 50:
         return None
+    few = some[::2]
     highest, found = 0.0, None
     for inverse in TRIED_INVERSE:
         here = state.copy()
         here[INVERSE] = inverse
         tries = directions(STEEPEST, COARSE_STEP)
-        few = some[::2]
         score = _background_outside(plane[few], depth[few], here, tries, outline)
         best = tries[np.argsort(-score, kind="stable")[:BEST]]
         tries = (best[:, None] + directions(COARSE_STEP, FINE_STEP)).reshape(-1, 2)
