@@ -160,3 +160,20 @@ def test_a_thickness_is_doubted_where_few_points_or_the_prior_may_hide_a_wrong_o
     weights = [problem.prior.weight, problem.prior.doubted().weight]
     np.testing.assert_array_equal([one.weight for one in priors], weights[: 1 + doubted])
     assert (found is RECORD) != doubted
+
+
+@pytest.mark.parametrize(("other", "contradicts"), [(0.99, True), (1.0, True), (1.01, False)])
+def test_a_thickness_that_explains_less_contradicts_no_stated_one(monkeypatch, other, contradicts):
+    """Whatever it is: rectangles of 10 mm once ended at 27 and 110 mm, 0.3 mm off."""
+    state = state_of()
+    state[BEAM] = 0.0, 0.3
+    solutions = iter([ended(state=state), ended(state=state, ratio=1.0)])
+    monkeypatch.setattr(fit_edge, "_best", lambda *args: next(solutions))
+    left = {0.0: 1.0, 1.0: other}  # unexplained, by the reflectance ratio that tells them apart
+    monkeypatch.setattr(fit_edge, "_unexplained", lambda found: left[found.state[RATIO]])
+    monkeypatch.setattr(fit_edge, "_tension", lambda *args: 1.1 * TENSE)
+    fits = iter((FITTED, free(3.0 * THICK_M)))
+    monkeypatch.setattr(fit_edge, "_record", lambda *args: next(fits))
+    found = fit_edge._mixed(problem_of(), state, THICK_M, CONFIG)
+    assert (found.stated_thickness_m == THICK_M) == contradicts
+    assert contradicts or found is FITTED

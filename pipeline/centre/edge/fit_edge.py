@@ -207,7 +207,8 @@ def _mixed(
 ) -> EdgeFit | None:
     """Fit an edge to its mixed pixels; None where a quarter of it has no background.
 
-    Without the stated thickness where the data pull it or the size, and contradict it then.
+    Without the stated thickness where the data pull it or the size, another one explains as much,
+    and the data contradict the stated one then.
     """
     steep = float(np.hypot(*state[BEAM])) > STEEP
     if steep:  # footprint and beams would diverge with the wall
@@ -222,8 +223,11 @@ def _mixed(
     if not problem.few and _tension(fitted, problem.prior) < TENSE:
         return fitted
     doubted = replace(problem, prior=problem.prior.doubted())
-    free = _recorded(_best(doubted, state, config.max_iterations), doubted)
-    return fitted if free is None else _by_thickness(fitted, free, thickness_m)
+    other = _best(doubted, state, config.max_iterations)
+    free = _recorded(other, doubted)
+    if free is None or _unexplained(other) > _unexplained(found):
+        return fitted
+    return _by_thickness(fitted, free, thickness_m)
 
 
 def _by_thickness(fitted: EdgeFit, free: EdgeFit, thickness_m: float) -> EdgeFit:
