@@ -54,6 +54,7 @@ SPARSE_M, HIDDEN = 0.006, 0.9
 # explain, if it is that many of its own u, too: where beams are square to a target, little is shown
 # of its size. Share of that growth's movement into the centre; least share of SIZE_M that is shown.
 STRANGE_SIZE, WRONG_SIZE, SURE_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 6.0, 4.0, 0.6, 0.1
+SIZE_BY_SPOT = 0.07  # of the footprint: u of a growth by what profile and brightness leave out
 BY_SIZE = 0.4  # of what an unknown size would move a clean edge's centre: largest u, where likely
 GENTLE = 1.0  # slope below which all points that matter lie within target_view.GENTLE_SLOPE
 
@@ -125,7 +126,7 @@ def _by_edge(
         None if beside and not known else _by_mixed_pixels(view, outline, start, near, known or aim)
     )
     if edge_fit is not None and _is_sure(edge_fit):
-        _check_size(edge_fit, outline)
+        _check_size(edge_fit, outline, config.spot_radius_m)
     model = None if edge_fit is None else _model_variance(edge_fit, face, outline, view)
     if edge_fit is not None and model is not None and _is_lost(edge_fit, model):
         edge_fit = None
@@ -224,10 +225,15 @@ def _is_sure(edge_fit: EdgeFit) -> bool:
     return edge_fit.converged and edge_fit.misfit < MISFIT[0] and shown
 
 
-def _check_size(edge_fit: EdgeFit, outline: Outline) -> None:
-    """Raise NotMeasuredError 'wrong-outline' where SIZE_M does not explain where the edge lies."""
+def _check_size(edge_fit: EdgeFit, outline: Outline, spot_m: float) -> None:
+    """Raise NotMeasuredError 'wrong-outline' where SIZE_M does not explain where the edge lies.
+
+    spot_m: radius of the footprint, as configured; a fit may explain a wrong size by a wider one.
+    """
     growth_m = edge_fit.growth_m
-    explained_m = max(WRONG_SIZE * _growth_explained_m(edge_fit), SURE_SIZE * edge_fit.growth_u_m)
+    by_spot_m = SIZE_BY_SPOT * min(edge_fit.spot_m, spot_m)
+    u_m = math.hypot(edge_fit.growth_u_m, by_spot_m)
+    explained_m = max(WRONG_SIZE * _growth_explained_m(edge_fit), SURE_SIZE * u_m)
     if abs(growth_m) > explained_m:
         side = "beyond" if growth_m > 0.0 else "inside"
         raise NotMeasuredError(

@@ -47,6 +47,7 @@ from wheelplane.centre.edge.beams import (
     carry_near,
     look_up,
     mixed_share,
+    mixed_share_of_few,
     pointed,
     wall_reflectance,
 )
@@ -369,6 +370,43 @@ def test_a_mixed_pixel_lies_between_and_near_the_edge(depth, x_m, counts):
     one = np.ones(1)
     back = Background(0.1 * one, 0.0 * one, 0.0 * one, 0.0 * one, one > 0.0)
     assert mixed_share(beams, z, back) == (0.5 if counts else 0.0)
+
+
+@pytest.mark.parametrize(
+    ("depth", "x_m", "behind_m", "spread_m", "usable", "counts"),
+    [
+        (0.05, 0.0, 0.1, 0.0, True, True),
+        (0.05, 0.0019, 0.1, 0.0, True, True),
+        (0.05, -0.0019, 0.1, 0.0, True, True),
+        (0.05, 0.0021, 0.1, 0.0, True, None),
+        (0.05, 0.0, 0.1, 0.0, False, None),
+        (0.014, 0.0, 0.1, 0.0, True, False),  # the target's wall
+        (0.016, 0.0, 0.1, 0.0, True, True),
+        (0.016, 0.0, 0.024, 0.0, True, None),  # too near behind the wall
+        (0.016, 0.0, 0.026, 0.0, True, True),
+        (0.0905, 0.0, 0.1, 0.0, True, True),
+        (0.0915, 0.0, 0.1, 0.0, True, False),  # 3 mm and 6 % of its depth before it
+        (0.05, 0.0, 0.1, 0.015, True, True),
+        (0.05, 0.0, 0.1, 0.016, True, False),  # rough
+    ],
+)
+def test_of_few_points_those_between_both_sides_are_mixed(
+    depth, x_m, behind_m, spread_m, usable, counts
+):
+    """As a share of those next to the edge: two others are on the target and on the background."""
+    x, z = np.array([x_m, 0.001, 0.001]), np.array([depth, 0.0, behind_m])
+    whole, none = np.ones(3), np.zeros((3, 2))
+    part = np.array([0.25, 0.75, 0.75])
+    beams = Beams(x, none, 0.0 * whole, whole, none, 0.0 * whole, part, whole > 0.0, 0.0 * whole)
+    one = np.ones(2)
+    back = Background(
+        behind_m * one, 0.0 * one, 0.0 * one, spread_m * one, np.array([usable, True])
+    )
+    found = mixed_share_of_few(beams, z, back, 0.015)
+    near = 3 if counts is not None else 2
+    near = near if behind_m > 0.025 else 0
+    assert found == (1.0 / near if counts else 0.0)
+    assert mixed_share_of_few(beams, z, back, 1.0) == 0.0
 
 
 def test_each_place_in_a_state_is_of_one_quantity():

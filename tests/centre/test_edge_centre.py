@@ -244,10 +244,19 @@ def test_a_size_that_the_edge_contradicts_is_refused(name, growth_m):
 
 @pytest.mark.parametrize(
     ("growth_m", "u_m", "refused"),
-    [(-2.7e-4, 1.1e-4, False), (2.7e-4, 1.1e-4, False), (-5e-4, 1.1e-4, True), (7e-4, 2e-5, True)],
+    [
+        (-2.7e-4, 1.1e-4, False),
+        (2.7e-4, 1.1e-4, False),
+        (-5.7e-4, 1.1e-4, False),
+        (-6.5e-4, 1.1e-4, True),
+        (7e-4, 2e-5, True),
+    ],
 )
 def test_a_size_is_refused_where_the_edge_shows_it(monkeypatch, growth_m, u_m, refused):
-    """Beams square to a face may show less of its size than is known beforehand."""
+    """Beams square to a face may show less of its size than is known beforehand.
+
+    A range that depends on brightness moves an edge by up to 0.28 of the footprint (420 targets).
+    """
     _, view = grown("disc-250", 0.0, 1)
     by_edge = edge_centre._by_mixed_pixels
 

@@ -215,15 +215,22 @@ def test_first_and_last_returns_are_those_of_ratios_far_from_one(monkeypatch, be
 
 
 @pytest.mark.parametrize(
-    ("stated", "grown", "alone", "taken"),
-    [(1.0, 0.99, 0.5, "stated"), (1.0, 0.9, 0.99, "stated"), (1.0, 0.9, 0.9, "alone")],
+    ("stated", "grown", "alone", "count", "taken"),
+    [
+        (1.0, 0.99, 0.5, 400, "stated"),
+        (1.0, 0.9, 0.99, 400, "stated"),
+        (1.0, 0.9, 0.9, 400, "alone"),
+        (1.0, 0.9, 0.9, 91, "alone"),
+        (1.0, 0.9, 0.9, 89, "stated"),
+    ],
 )
 def test_first_returns_may_explain_what_seems_another_size(
-    monkeypatch, stated, grown, alone, taken
+    monkeypatch, stated, grown, alone, count, taken
 ):
-    """They are tried where the stated size explains less than another."""
+    """They are tried where the stated size explains less than another, and not by chance."""
     left = {"stated": stated, "grown": grown, "alone": alone}
-    solutions = {name: SimpleNamespace(state=name) for name in left}
+    equations = SimpleNamespace(residual_m=np.ones(count))
+    solutions = {name: SimpleNamespace(state=name, equations=equations) for name in left}
     monkeypatch.setattr(fit_edge, "_by_returns", lambda *args: solutions["stated"])
     alone = {False: solutions["alone"], True: solutions["stated"]}
     monkeypatch.setattr(fit_edge, "_explained", lambda *args, by_power: alone[by_power])
@@ -438,9 +445,9 @@ def test_another_size_that_explains_no_more_is_as_likely_as_its_prior():
     stated = solution(0.5 * WRONG_SIZE_M, 20)
     for sizes in (0.0, 1.0, 3.0, 100.0):
         odds = math.exp((0.5**2 - sizes**2) / 2.0)
-        alike, better = (
+        alike, by_chance, better = (
             fit_edge._chance(prior, stated, solution(sizes * WRONG_SIZE_M, outliers))
-            for outliers in (20, 18)
+            for outliers in (20, 18, 17)
         )
-        assert alike == pytest.approx(odds / (1.0 + odds), abs=1e-12)
+        assert alike == by_chance == pytest.approx(odds / (1.0 + odds), abs=1e-12)
         assert better == 1.0

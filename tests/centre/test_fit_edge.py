@@ -5,11 +5,14 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from tests.centre.test_edge_iterations import RECORD
 from tests.support.scenes import Setup, Sheet, Wall, make
+from wheelplane.centre.edge import fit_edge as module
 from wheelplane.centre.edge.beam_direction import (
     first_beam,
     has_background,
@@ -24,7 +27,16 @@ from wheelplane.centre.edge.edge_residuals import (
     spread,
     zone_scatter,
 )
-from wheelplane.centre.edge.fit_edge import DIFFERENT, Aim, _solved, aimed, fit_edge, look_behind
+from wheelplane.centre.edge.fit_edge import (
+    DIFFERENT,
+    LOSS_BY_CHANCE,
+    Aim,
+    _loss,
+    _solved,
+    aimed,
+    fit_edge,
+    look_behind,
+)
 from wheelplane.config import CentreConfig
 from wheelplane.targets.outline import Circle, rectangle
 from wheelplane.vectors import turned
@@ -254,3 +266,36 @@ def test_backgrounds_of_one_brightness_do_not_differ():
     dark = Sheet((0.2, 0.0, -0.0799), half=(0.2, 0.4), echo=0.3)
     assert scatter_of_zones(background_tilt_deg=0.0) < DIFFERENT / 3.0
     assert scatter_of_zones(background_tilt_deg=0.0, extra=(dark,)) > DIFFERENT
+
+
+@pytest.mark.parametrize(
+    ("mixed", "loss", "by_pixels"),
+    [(0.21, 9.0, True), (0.19, 0.49, True), (0.19, 0.51, False), (0.0, 0.0, True)],
+)
+def test_few_points_are_mixed_where_some_lie_between_or_a_fit_explains_them(
+    monkeypatch, mixed, loss, by_pixels
+):
+    fitted, clean = (replace(RECORD, loss=loss), replace(RECORD, clean_shift_m=0.0))
+    monkeypatch.setattr(module, "mixed_share_of_few", lambda *args: mixed)
+    monkeypatch.setattr(module, "_mixed", lambda *args: fitted)
+    monkeypatch.setattr(module, "_clean", lambda *args: clean)
+    outline, points, station = scanned("disc", spacing_m=0.0125)
+    begin = aimed(points, outline, 0.01, CONFIG, START, station)
+    found = fit_edge(points, outline, 0.01, 2e-4, CONFIG, begin)
+    assert found is (fitted if by_pixels else clean)
+    monkeypatch.setattr(module, "_clean", lambda *args: None)
+    assert fit_edge(points, outline, 0.01, 2e-4, CONFIG, begin) is fitted
+
+
+def test_the_loss_of_few_points_is_cauchy_s():
+    z = np.array([0.0, 0.5, -1.0, 3.0, -10.0])
+    sigma_m = np.array([1e-4, 2e-4, 1e-3, 1e-2, 1e-4])
+    weight = 1.0 / (1.0 + z**2 / 4.0) / sigma_m**2
+    linear = SimpleNamespace(weight=weight, residual_m=z * sigma_m)
+    assert _loss(linear) == pytest.approx(2.0 * np.mean(np.log1p(z**2 / 4.0)))
+    z = np.random.default_rng(0).normal(size=100_000)
+    gaussian = SimpleNamespace(weight=1.0 / (1.0 + z**2 / 4.0), residual_m=z)
+    assert _loss(gaussian) == pytest.approx(0.39, abs=0.01)
+    assert LOSS_BY_CHANCE > 0.39
+    infinite = SimpleNamespace(weight=np.ones(1), residual_m=np.full(1, 2.0))
+    assert 20.0 < _loss(infinite) < 100.0

@@ -16,6 +16,10 @@ TWELFTHS, LEAST_IN_TWELFTH = 12, 4
 LEAST_IN_RING, WIDEST_M = 150, 0.028  # points that it should hold, and its width where few are
 IN_SECTOR, IN_SECTOR_SPARSE = (10, 5), (6, 4)  # points of a ring per sector, and the fewest
 LEAST_IN_HALF = 4  # points of a sector's ring that give a slope
+# Of few points: how near the edge mixed pixels are counted, how far their background is behind the
+# wall, how far they lie before it: of its roughness (at least that share of its depth), and beyond.
+BESIDE_M, BETWEEN_M = 0.002, 0.01
+BEFORE, ROUGH_SHARE, BEFORE_M = 3.0, 0.02, 0.003
 MAX_SPREAD = 0.15  # sectors whose background is rougher than this share of its depth are left out
 SPARSE, MAX_SPREAD_SPARSE = 16, 0.4  # the same of sectors of fewer points, which are wider
 
@@ -109,6 +113,23 @@ def mixed_share(beams: Beams, depth: Array, background: Background) -> float:
     count = [np.bincount(part[chosen], minlength=TWELFTHS) for chosen in (mixed, ring)]
     shown = count[1] > 0
     return float(np.median(count[0][shown]) / np.mean(count[1][shown]))
+
+
+def mixed_share_of_few(
+    beams: Beams, depth: Array, background: Background, target_depth_m: float
+) -> float:
+    """Return the share of the points next to the edge that returned a depth between both sides.
+
+    Deeper than the target's wall and clearly nearer than the background, where this is deep enough.
+    """
+    part = background.sector(beams)
+    behind, _ = background.at(part, beams.x_m)
+    rough = np.maximum(background.spread_m[part], ROUGH_SHARE * behind)
+    beside = np.abs(beams.x_m) < BESIDE_M
+    near = beside & background.usable[part] & (behind > target_depth_m + BETWEEN_M)
+    nearer = depth < behind - BEFORE * rough - BEFORE_M
+    mixed = near & (depth > target_depth_m) & nearer
+    return float(np.count_nonzero(mixed) / max(int(np.count_nonzero(near)), 1))
 
 
 # A state is (12,): centre u v, beam u v, 1/distance, log spot, log thickness, log reflectance

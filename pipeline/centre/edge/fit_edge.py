@@ -42,9 +42,10 @@ from .beams import (
     carry,
     look_up,
     mixed_share,
+    mixed_share_of_few,
     pointed,
 )
-from .clean_edge import between_rows_m, clean_equations, shift_m
+from .clean_edge import between_rows_m, clean_equations, shift_m, target_depth_m
 from .edge_residuals import (
     FEW,
     OUTER_M,
@@ -63,6 +64,9 @@ DIFFERENT = 0.18  # scatter of the zones' reflectances, in logs: 0 to 0.17 where
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST, LEAST_CLEAN = 24, 24  # points about an edge
 MIN_MIXED, MOST_CLEAN = 0.15, 0.35  # shares of mixed pixels: none below, certainly some above
+# Of few points: share of mixed pixels, certainly some above; loss of a likely fit to them, 0.39 by
+# Gaussian residuals.
+MIXED_OF_FEW, LOSS_BY_CHANCE = 0.2, 0.5
 CONTRADICTED = 0.35  # share of outliers beside a clean edge: a background that says nothing
 UNEVEN = 5  # of the sectors: at most so many have a background that leaves outliers
 MISFIT = 0.09  # share of outliers beyond which a fit to mixed pixels is none, between these
@@ -77,6 +81,8 @@ UNDAMPED, SETTLED = 10, 0.2  # steps of full length; share of u that a step may 
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
 AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave; 1.02 by alike noise
+MOST_QUARTER = 1.0 - 1e-9  # of Cauchy's influence, which tends to 1
+BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 TENSE = 2.0  # standard deviations off the prior from which the stated thickness is doubted
 CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
 EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
@@ -111,9 +117,10 @@ class EdgeFit:
     of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. growth_m: how
     much farther out the edge lies than stated, all round, with its standard uncertainty
     growth_u_m: both from SIZE_M as a prior. covered: share of the outline that was used. misfit:
-    share of outliers near the edge. converged: whether the last step was small. thickness_u:
-    relative. stated_thickness_m: one that the data contradict, and that was not used;
-    by_thickness_m: (2,) by which the centre would move if it were not, where that is in doubt.
+    share of outliers near the edge. loss: mean of Cauchy's loss, of few points. converged: whether
+    the last step was small. thickness_u: relative. stated_thickness_m: one that the data
+    contradict, and that was not used; by_thickness_m: (2,) by which the centre would move if it
+    were not, where that is in doubt.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     by_size_m: (2,) by which its centre would move if the size were hardly known; size_chance: the
     probability of that. rows_m: standard uncertainty of each straight edge by rows of points that
@@ -136,6 +143,7 @@ class EdgeFit:
     growth_u_m: float
     covered: float
     misfit: float
+    loss: float
     points: int
     iterations: int
     converged: bool
@@ -194,10 +202,18 @@ def fit_edge(
     plane = np.asfortranarray(near[:, :2])
     problem = EdgeProblem(plane, -near[:, 2], prior, outline, sigma_m, few, station).about(state)
     beams = problem.beams(state)
-    mixed = mixed_share(beams, problem.depth, look_up(beams, problem.depth, state))
-    fitted = None if mixed < MIN_MIXED else _mixed(problem, state, thickness_m, config)
-    likely = fitted is not None and fitted.converged and fitted.misfit < MISFIT
-    if mixed > MOST_CLEAN or likely:
+    background = look_up(beams, problem.depth, state)
+    if few:
+        deepest_m = target_depth_m(state, sigma_m)
+        mixed = mixed_share_of_few(beams, problem.depth, background, deepest_m) > MIXED_OF_FEW
+        fitted = _mixed(problem, state, thickness_m, config)
+        likely = fitted is not None and fitted.loss < LOSS_BY_CHANCE
+    else:
+        share = mixed_share(beams, problem.depth, background)
+        mixed = share > MOST_CLEAN
+        fitted = None if share < MIN_MIXED else _mixed(problem, state, thickness_m, config)
+        likely = fitted is not None and fitted.converged and fitted.misfit < MISFIT
+    if mixed or likely:
         return fitted
     return _clean(problem, state, config) or fitted
 
@@ -225,18 +241,21 @@ def _mixed(
     doubted = replace(problem, prior=problem.prior.doubted())
     other = _best(doubted, state, config.max_iterations)
     free = _recorded(other, doubted)
-    if free is None or _unexplained(other) > _unexplained(found):
+    if free is None:
         return fitted
-    return _by_thickness(fitted, free, thickness_m)
+    return _by_thickness(fitted, free, thickness_m, _explains_less(other, found))
 
 
-def _by_thickness(fitted: EdgeFit, free: EdgeFit, thickness_m: float) -> EdgeFit:
-    """Return the fit with the stated thickness, or the one without where that contradicts it."""
+def _by_thickness(fitted: EdgeFit, free: EdgeFit, thickness_m: float, worse: bool) -> EdgeFit:
+    """Return the fit with the stated thickness, or the one without where that contradicts it.
+
+    worse: whether the one without explains the points less, as a wall that is none does.
+    """
     seen_m = max(thickness_m, free.thickness_m) * float(np.hypot(*free.beam))
     by_model = THICKNESS_MODEL * (1.0 + SQUARE_ON * (free.spot_m / max(seen_m, 1e-9)) ** 2)
     u = math.hypot(free.thickness_u, STATED_THICKNESS, by_model)
     off = abs(math.log(free.thickness_m / thickness_m)) / u
-    if free.converged and off > CONTRADICTED_THICKNESS:
+    if free.converged and not worse and off > CONTRADICTED_THICKNESS:
         return replace(free, stated_thickness_m=thickness_m)
     return replace(fitted, by_thickness_m=free.centre_m - fitted.centre_m)
 
@@ -302,10 +321,10 @@ def _by_size(
     """
     found = _by_returns(problem, state, most)
     grown = _grown(loose, found.state, most)
-    if _unexplained(found) <= AS_MUCH * _unexplained(grown):
+    if not _explains_less(found, grown, AS_MUCH):
         return found, grown
     alone = _explained(problem, state, most, by_power=False)
-    if _unexplained(found) <= AS_MUCH * _unexplained(alone):
+    if not _explains_less(found, alone, AS_MUCH):
         return found, grown
     return alone, _grown(loose, alone.state, most)
 
@@ -328,7 +347,7 @@ def _chance(prior: Prior, stated: _Converged, grown: _Converged) -> float:
     Where beams are square to a target, what the scanner reports may undo any growth: where the
     stated size explains as much, their priors decide.
     """
-    if _unexplained(stated) >= AS_MUCH * _unexplained(grown):
+    if _explains_less(stated, grown, AS_MUCH):
         return 1.0
     return 0.5 - 0.5 * math.tanh((prior.off(grown.state) - prior.off(stated.state)) / 4.0)
 
@@ -478,10 +497,23 @@ def _misfit(linear: Equations) -> float:
     return float(out[kept].sum() / max(count[kept].sum(), 1))
 
 
+def _loss(linear: Equations) -> float:
+    """Return the mean of Cauchy's loss, 2 log(1 + z^2 / 4), at weights of 1 / (1 + z^2 / 4)."""
+    quarter = linear.weight * linear.residual_m**2 / 4.0
+    return float(-2.0 * np.mean(np.log1p(-np.minimum(quarter, MOST_QUARTER))))
+
+
 def _unexplained(found: _Converged) -> float:
     """Return the mean square of residuals over their standard uncertainties, outliers as of two."""
     weight, residual_m = found.equations.weight, found.equations.residual_m
     return float(np.mean(np.where(weight > 0.0, weight * residual_m**2, 4.0)))
+
+
+def _explains_less(found: _Converged, other: _Converged, ratio: float = 1.0) -> bool:
+    """Return whether a solution leaves more than `ratio` of what another does, not by chance."""
+    left, least = _unexplained(found), _unexplained(other)
+    count = min(len(found.equations.residual_m), len(other.equations.residual_m))
+    return left > ratio * least and count * (left - least) > BY_CHANCE
 
 
 def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> _Converged:
@@ -559,6 +591,7 @@ def _record(found: _Converged, problem: EdgeProblem, covered: float) -> EdgeFit:
         growth_u_m=float(np.sqrt(covariance[GROWTH, GROWTH])),
         covered=covered,
         misfit=_misfit(found.equations),
+        loss=_loss(found.equations) if problem.few else 0.0,
         points=len(found.equations.residual_m),
         iterations=found.iterations,
         converged=found.last_m < CONVERGED_M,
