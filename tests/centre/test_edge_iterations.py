@@ -169,26 +169,55 @@ def ended(weight=(1.0,) * 40, behind=0, share=None, depths=0, ratio=0.0, state=N
 
 
 @pytest.mark.parametrize(
-    ("front", "back", "contradicts"),
+    ("front", "back", "taken"),
     [
-        ([0.0] * 60, [], False),
-        ([1.0] * 60, [0.0], True),
-        ([0.0] * 60, [0.3] * 20, False),
-        ([1.0] * 60, [0.0] * 6 + [0.2] * 14, False),
-        ([1.0] * 60, [0.0] * 8 + [0.2] * 12, True),
+        ([0.0] * 60, [], "with"),
+        ([1.0] * 60, [0.0], "alone"),
+        ([0.0] * 60, [0.3] * 20, "with"),
+        ([1.0] * 60, [0.0] * 6 + [0.2] * 14, "with"),
+        ([1.0] * 60, [0.0] * 8 + [0.2] * 12, "alone"),
     ],
 )
-def test_a_background_of_outliers_is_left_out(monkeypatch, front, back, contradicts):
+def test_a_background_of_outliers_is_left_out(monkeypatch, front, back, taken):
     assert 6 / 20 < CONTRADICTED < 8 / 20
     calls, solution = [], ended(front + back, len(back))
+    alone = ended(front)
 
     def converge(problem, state, most, by_power, by_background):
         calls.append((state is solution.state, by_background))
-        return solution
+        return solution if by_background else alone
 
     monkeypatch.setattr(fit_edge, "_converge_clean", converge)
-    fit_edge._explained(problem_of(), state_of(), 40, by_power=True)
-    assert calls == [(False, True), (True, False)][: 1 + contradicts]
+    monkeypatch.setattr(fit_edge, "spread", lambda *args: (np.eye(12),))
+    found = fit_edge._explained(problem_of(), state_of(), 40, by_power=True)
+    assert calls == [(False, True), (True, False)][: 1 + bool(back)]
+    assert found is (solution if taken == "with" else alone)
+
+
+@pytest.mark.parametrize(
+    ("outliers", "apart", "taken"), [(0, 3.0, "with"), (0, 3.1, "alone"), (8, 0.0, "alone")]
+)
+def test_a_background_that_moves_the_centre_too_far_is_left_out(
+    monkeypatch, outliers, apart, taken
+):
+    """More than three standard deviations of the centre without it: 0.01 by chance."""
+    rng = np.random.default_rng(0)
+    covariance = np.eye(12) * 1e-8
+    covariance[:2, :2] += 3e-9 * rng.normal() ** 2
+    way = np.linalg.cholesky(covariance[:2, :2]) @ [0.6, -0.8]
+    weight = [1.0] * 60 + [0.0] * outliers + [0.2] * (20 - outliers)
+    solutions = {True: ended(weight, 20)}
+    state = solutions[True].state.copy()
+    state[:2] += apart * way
+    solutions[False] = ended(weight[:60], state=state)
+    monkeypatch.setattr(
+        fit_edge, "_converge_clean", lambda *args, by_background: solutions[by_background]
+    )
+    seen = []
+    monkeypatch.setattr(fit_edge, "spread", lambda *args: seen.append(args) or (covariance,))
+    found = fit_edge._explained(problem_of(), state_of(), 40, by_power=True)
+    assert found is solutions[taken == "with"]
+    assert all(args[0] is solutions[False].equations for args in seen)
 
 
 @pytest.mark.parametrize("beyond", [-0.1, 0.1])

@@ -29,6 +29,7 @@ from wheelplane.centre.edge.beams import (
 from wheelplane.centre.edge.clean_edge import (
     FAR_M,
     LEAST_IN_SECTOR,
+    LEAST_SCATTER_M,
     NONE,
     RING_M,
     RING_SKIP_M,
@@ -392,7 +393,7 @@ def test_rows_of_a_clean_edge_are_those_of_its_nearest_points(outline, count, ro
     np.testing.assert_allclose(linear.residual_m[len(face) :], last, atol=1e-8)
     inner = beyond[rows[sides < 0.0]]
     scatter = stats.median_abs_deviation(inner, scale="normal")
-    variance = max(gap_m**2 + POINTING_M**2, scatter**2)
+    variance = max(gap_m**2 + LEAST_SCATTER_M**2, scatter**2)
     weight, change = robust_weight(last**2 / variance / (ROUGH if rough else 1.0) ** 2, True)
     np.testing.assert_allclose(linear.weight[len(face) :], weight / variance, atol=1.0)
     np.testing.assert_allclose(linear.change[len(face) :], change / variance, atol=2.0)

@@ -167,17 +167,25 @@ def test_another_minimum_that_explains_less_contradicts_nothing():
     assert not contradicts(free(3.0 * THICK_M), THICK_M, worse=True)
 
 
-@pytest.mark.parametrize(("left", "taken"), [(0.0, True), (8.9, True), (9.1, False)])
-def test_a_thickness_that_explains_less_contradicts_no_stated_one(monkeypatch, left, taken):
-    """Whatever it is: rectangles of 10 mm once ended at 27 and 110 mm, 0.3 mm off."""
+@pytest.mark.parametrize(
+    ("left", "off", "taken"),
+    [(0.0, 2.2, "free"), (8.9, 2.2, "free"), (9.1, 2.2, "stated"), (9.1, 6.1, "in doubt")],
+)
+def test_a_thickness_that_explains_less_contradicts_no_stated_one(monkeypatch, left, off, taken):
+    """Whatever it is: rectangles of 10 mm once ended at 27 and 110 mm, 0.3 mm off.
+
+    It does count where the stated one is far off, too.
+    """
     state = state_of()
     state[BEAM] = 0.0, 0.3
     solutions = [ended(state=state), ended(state=state)]
     solutions[1].equations.residual_m[0] = math.sqrt(left)
     remaining = iter(solutions)
     monkeypatch.setattr(fit_edge, "_best", lambda *args: next(remaining))
-    monkeypatch.setattr(fit_edge, "_tension", lambda *args: 1.1 * TENSE)
+    monkeypatch.setattr(fit_edge, "_tension", lambda *args: off)
     fits = iter((FITTED, free(3.0 * THICK_M)))
     monkeypatch.setattr(fit_edge, "_record", lambda *args: next(fits))
     found = fit_edge._mixed(problem_of(), state, THICK_M, CONFIG)
-    assert (found.stated_thickness_m == THICK_M) == taken
+    assert (found.stated_thickness_m == THICK_M) == (taken == "free")
+    assert (found is FITTED) == (taken == "stated")
+    assert (found.by_thickness_m is not None) == (taken == "in doubt")

@@ -52,6 +52,7 @@ LEAST_SLOPE = 1.0  # 1/m, of the powers at x*
 SECTOR_COUNTS = (96, 48, 24, 12, 6)  # of the outline, in which the nearest points are looked up
 LEAST_IN_SECTOR = 12  # points in its ring
 RING_SKIP_M, RING_M = 0.001, 0.010  # inside the edge, where points are counted
+LEAST_SCATTER_M = 3e-5  # of the points next to the edge, beside their own spacing
 ROUGH, FAR_M = 8.0, 0.008  # factor on the scatter far from convergence, and reach beside the edge
 FACE = 0.0  # of Lambert's law in a wall as bright as the face
 MOST_STRAIGHT = 12  # sides of an outline; more are parts of arcs
@@ -290,7 +291,7 @@ def _sides(
         _, first = np.unique(part[near], return_index=True)
         rows.append(near[first])
     inner_m = beyond_m[rows[0]]
-    u_m = math.hypot(gap_m, POINTING_M)
+    u_m = math.hypot(gap_m, LEAST_SCATTER_M)
     if len(inner_m):
         u_m = max(u_m, NORMAL_OF_MAD * float(np.median(np.abs(inner_m - np.median(inner_m)))))
     return [

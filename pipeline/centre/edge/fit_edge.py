@@ -68,6 +68,9 @@ MIN_MIXED, MOST_CLEAN = 0.15, 0.35  # shares of mixed pixels: none below, certai
 # Gaussian residuals.
 MIXED_OF_FEW, LOSS_BY_CHANCE = 0.2, 0.5
 CONTRADICTED = 0.35  # share of outliers beside a clean edge: a background that says nothing
+# Squared distance of the centres with and without a background, of the latter's covariance: 0.01 by
+# chance.
+APART_BY_BACKGROUND = 9.2
 UNEVEN = 5  # of the sectors: at most so many have a background that leaves outliers
 MISFIT = 0.09  # share of outliers beyond which a fit to mixed pixels is none, between these
 STEP_M, CONVERGED_M = (
@@ -83,7 +86,9 @@ NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is look
 AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave; 1.02 by alike noise
 MOST_QUARTER = 1.0 - 1e-9  # of Cauchy's influence, which tends to 1
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
-TENSE = 2.0  # standard deviations off the prior from which the stated thickness is doubted
+# Standard deviations off the prior from which the stated thickness is doubted; up to which it may
+# be right where no other explains as much.
+TENSE, MOST_TENSE = 2.0, 6.0
 CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
 EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
 # Relative standard uncertainty of one by the data alone, besides noise; how much more it is by the
@@ -236,14 +241,15 @@ def _mixed(
     fitted = _recorded(found, problem)
     if fitted is None or thickness_m is None:
         return fitted
-    if not problem.few and _tension(fitted, problem.prior) < TENSE:
+    tension = _tension(fitted, problem.prior)
+    if not problem.few and tension < TENSE:
         return fitted
     doubted = replace(problem, prior=problem.prior.doubted())
     other = _best(doubted, state, config.max_iterations)
-    free = _recorded(other, doubted)
-    if free is None:
+    free, worse = _recorded(other, doubted), _explains_less(other, found)
+    if free is None or (worse and tension < MOST_TENSE):
         return fitted
-    return _by_thickness(fitted, free, thickness_m, _explains_less(other, found))
+    return _by_thickness(fitted, free, thickness_m, worse)
 
 
 def _by_thickness(fitted: EdgeFit, free: EdgeFit, thickness_m: float, worse: bool) -> EdgeFit:
@@ -369,13 +375,20 @@ def _settled(fitted: EdgeFit, found: _Converged) -> EdgeFit:
 def _explained(problem: EdgeProblem, state: Array, most: int, by_power: bool) -> _Converged:
     """Return the solution with the background, or without one that contradicts it.
 
-    The latter was seen from elsewhere, or hidden by something else: it says nothing of the beams.
+    The latter was seen from elsewhere, or hidden by something else, as a projector's shadow is: it
+    says nothing of the beams.
     """
     found = _converge_clean(problem, state, most, by_power, by_background=True)
     behind = found.equations.weight[len(found.equations.weight) - found.equations.behind :]
-    if len(behind) == 0 or float(np.mean(behind <= 0.0)) < CONTRADICTED:
+    if len(behind) == 0:
         return found
-    return _converge_clean(problem, found.state, most, by_power, by_background=False)
+    alone = _converge_clean(problem, found.state, most, by_power, by_background=False)
+    if float(np.mean(behind <= 0.0)) > CONTRADICTED:
+        return alone
+    apart_m = (alone.state - found.state)[CENTRE]
+    covariance = spread(alone.equations, problem.outline, problem.prior, problem.few)[0]
+    square = apart_m @ np.linalg.solve(covariance[CENTRE, CENTRE], apart_m)
+    return alone if square > APART_BY_BACKGROUND else found
 
 
 def _converge_clean(
