@@ -14,7 +14,6 @@ from ..measure import measure_capture
 from ..measurement import VerticalKind, assess, check_by_monte_carlo, conforms, tolerance_for
 from ..report.format.earlier import check_same_vehicle, check_same_vertical
 from ..report.format.view import AngleStyle, Convention, DigitStyle, read_view
-from ..report.json.measurement import to_json
 from ..report.write import ReportFiles, write_reports
 from ..units import LengthUnit
 from ..vehicle import Axis
@@ -159,6 +158,8 @@ def measure(
     written = write_reports(measurement, output, conformity, options, files) if output else []
     written += plot_to(plot, measurement, conformity, options)
     if as_json:
+        from ..report.json.measurement import to_json
+
         click.echo(to_json(measurement, conformity, view.axis, options.before), nl=False)
     else:
         for note in measurement.notes:

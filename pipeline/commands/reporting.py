@@ -14,9 +14,6 @@ from ..report.format.laboratory import read_laboratory
 from ..report.format.language import Translations, load_translations
 from ..report.format.report_options import ReportOptions
 from ..report.format.view import View
-from ..report.text.conformity import conformity_text
-from ..report.text.report import extra_parts, summary_table
-from ..report.text.vehicle import before_text, vehicle_lines
 from ..report.write import write_files
 from .progress import TerminalProgress
 
@@ -30,6 +27,10 @@ def show(
     before: Earlier | None = None,
 ) -> None:
     """Print the tables of a measurement, what changed, and its conformity, where there are such."""
+    from ..report.text.conformity import conformity_text
+    from ..report.text.report import extra_parts, summary_table
+    from ..report.text.vehicle import before_text, vehicle_lines
+
     click.echo(summary_table(measurement, view))
     click.echo()
     click.echo(vehicle_lines(measurement, view))
