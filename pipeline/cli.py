@@ -11,7 +11,6 @@ from types import ModuleType
 
 import click
 
-from . import __version__
 from .errors import TimeLimitError, WheelplaneError
 from .system import signals
 
@@ -67,6 +66,15 @@ wheelplane validate CAPTURE      the two methods compared
 """
 
 
+def _print_version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    """Print the version, which is looked up for nothing else here, and end."""
+    if wanted and not context.resilient_parsing:
+        from . import __version__
+
+        click.echo(f"wheelplane, version {__version__}")
+        context.exit()
+
+
 @click.command(
     cls=LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -74,7 +82,14 @@ wheelplane validate CAPTURE      the two methods compared
     epilog="Exit codes: 0 measured; 1 measured in part, or not shown to be conforming; "
     "2 unusable input or arguments; 3 an internal error.",
 )
-@click.version_option(__version__, prog_name="wheelplane")
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_version,
+    help="Show the version and exit.",
+)
 def cli() -> None:
     """Hold the commands of the table above."""
 
@@ -158,6 +173,8 @@ def _internal_error() -> int:
     import platform
     import tempfile
     import traceback
+
+    from . import __version__
 
     text = (
         f"wheelplane {__version__}, Python {platform.python_version()}, {platform.platform()}\n"
