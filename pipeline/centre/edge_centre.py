@@ -116,10 +116,8 @@ def _by_edge(
     beside: another edge of the same target.
     """
     plane, config = view.plane, view.config
-    near = view.near(outline, start)
-    face = _on_target(view, near)
-    if view.patch.around_share < 1.0:
-        near = view.near(outline, start, even=True)
+    every, near = view.near_and_even(outline, start)
+    face = _on_target(view, every)
     known = beside.edge_fit if beside else None
     aim = None if known else _aimed(view, near, outline, start)
     edge_fit = (

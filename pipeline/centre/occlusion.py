@@ -60,7 +60,9 @@ class Raster:
         return np.asarray(np.where(within, image.ravel()[cells], 0))
 
     def _cells(self, q_m: Points) -> tuple[npt.NDArray[np.int64], Mask]:
-        column, row = np.floor(q_m.T / self.cell_m + self.across / 2)
+        places = q_m.T / self.cell_m
+        places += self.across / 2
+        column, row = np.floor(places, out=places)
         within = (np.minimum(column, row) >= 0) & (np.maximum(column, row) < self.across)
         return np.where(within, row * self.across + column, 0.0).astype(np.int64), within
 
@@ -81,7 +83,7 @@ class Visibility:
     def of(cls, view: TargetView, margin_m: float) -> Visibility:
         """Count the points of the target; margin_m: from its edges."""
         raster = Raster.of(view.target.radius_m, CELL * view.spacing_m)
-        uvw = view.in_plane(view.patch.face_m)
+        uvw, _ = view.parts
         counts = raster.counts(uvw[np.abs(uvw[:, 2]) < view.band_m, :2])
         inside = view.target.region.shrunk(margin_m).holds(raster.middles_m).reshape(counts.shape)
         seen = counts[inside & (counts > 0)]
@@ -139,7 +141,7 @@ def clear_of_occluders(view: TargetView, margin_m: float, scanner_m: Array) -> P
     if sum(np.count_nonzero(rows) for rows in touched) < LEAST:
         return patch
     raster = Raster.of(view.target.radius_m + 3.0 * margin_m, margin_m / PARTS)
-    met = [_carried(view.in_plane(points), beams) for points in (patch.face_m, patch.around_m)]
+    met = [_carried(uvw, beams) for uvw in view.parts]
     weights = np.array([patch.around_share, 1.0], dtype=np.float32)
     before, every = (
         np.tensordot(weights, [raster.counts(q_m) for q_m in sets], 1) for sets in (front, met)
@@ -156,8 +158,7 @@ def clear_of_occluders(view: TargetView, margin_m: float, scanner_m: Array) -> P
 def _before(view: TargetView, side: float) -> list[Points]:
     """Return the points of face and surroundings (N, 3) that lie clearly on one side, -1 or 1."""
     clear_m = max(CLEAR_SIGMAS * view.plane.sigma_m, CLEAR_M)
-    parts = [view.in_plane(points) for points in (view.patch.face_m, view.patch.around_m)]
-    return [uvw[side * uvw[:, 2] > clear_m] for uvw in parts]
+    return [uvw[side * uvw[:, 2] > clear_m] for uvw in view.parts]
 
 
 def _surface(before: Image, every: Image, least: float) -> Mask:
@@ -186,9 +187,9 @@ def _carried(uvw_m: Points, beams: Array) -> Points:
 
     beams: (3,) slopes per depth along u and v at the origin, and 1 / height of the scanner.
     """
-    height = uvw_m[:, 2:]
+    *uv, height = uvw_m.T
     left = np.maximum(1.0 - height * beams[2], 0.1)
-    return np.asarray((uvw_m[:, :2] + height * beams[:2]) / left)
+    return np.stack([(at + height * slope) / left for at, slope in zip(uv, beams, strict=False)]).T
 
 
 def _shadowing(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from ..cloud import thin
 from ..config import CentreConfig
 from ..plane import Patch, PlaneFit
 from ..targets import Outline, Target
-from ..vectors import Array, in_axes, turned
+from ..vectors import Array, Array32, Rows, in_axes, turned
 
 GENTLE_SLOPE = 1.2  # of beams: shift aside per depth, as a rule
 BEYOND_M = 0.03  # distance outside an edge within which points may matter to it
@@ -40,22 +41,43 @@ class TargetView:
         slope: of the beams, by which points behind the plane are shifted aside per depth. even:
         those on the target are thinned as those around it are, so that all beams count alike.
         """
-        kept = []
+        face, around = self._near_rows(outline, start, slope)
+        return self._joined(self._thinned(face) if even else face, around)
+
+    def near_and_even(self, outline: Outline, start: tuple[Array, float]) -> tuple[Array, Array]:
+        """Return what `near` does, without `even` and with it."""
+        face, around = self._near_rows(outline, start, GENTLE_SLOPE)
+        every = self._joined(face, around)
+        if not self.patch.around_share < 1.0:
+            return every, every
+        return every, self._joined(self._thinned(face), around)
+
+    def _near_rows(self, outline: Outline, start: tuple[Array, float], slope: float) -> list[Rows]:
+        """Return the rows of face and surroundings that may matter to an outline."""
         inner = max(0.1 * outline.size_m, 0.012)
-        parts: list[tuple[npt.NDArray[Any], float]] = [
-            (self.patch.face_m, self.patch.around_share),
-            (self.patch.around_m, 1.0),
-        ]
-        for points, share in parts:
-            uvw = self.in_plane(points)
+        found = []
+        for uvw in self.parts:
             q = turned(uvw[:, :2] - start[0].astype(uvw.dtype), -start[1])
             x = outline.outside_m(*q.T)
             aside = slope * np.abs(uvw[:, 2])
-            close = (x > -inner - aside) & (x < BEYOND_M + aside)
-            if even and share < 1.0:
-                close[close] = thin(points[close], share)
-            kept.append(uvw[close])
-        return np.concatenate(kept, dtype=np.float64)
+            found.append(np.flatnonzero((x > -inner - aside) & (x < BEYOND_M + aside)))
+        return found
+
+    def _thinned(self, face: Rows) -> Rows:
+        """Return those of some rows of the face that are left where it is as thin as the rest."""
+        share = self.patch.around_share
+        return face[thin(self.patch.face_m[face], share)] if share < 1.0 else face
+
+    def _joined(self, face: Rows, around: Rows) -> Array:
+        """Return rows of face and surroundings in plane coordinates (M, 3)."""
+        on, off = self.parts
+        both = on.T.take(face, axis=1), off.T.take(around, axis=1)
+        return np.concatenate(both, axis=1, dtype=np.float64).T
+
+    @cached_property
+    def parts(self) -> tuple[Array, Array32]:
+        """Face and surroundings of the patch in the plane's coordinates, (N, 3) and (M, 3)."""
+        return self.in_plane(self.patch.face_m), self.in_plane(self.patch.around_m)
 
     def in_plane(self, points: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Return points (N, 3) of the patch in the plane's coordinates."""
@@ -65,7 +87,7 @@ class TargetView:
 
     def on_face(self, radius_m: float) -> tuple[Array, npt.NDArray[np.intp]]:
         """Return the points on the target in plane coordinates (M, 3), and their rows."""
-        uvw = self.in_plane(self.patch.face_m)
+        uvw, _ = self.parts
         near = np.hypot(uvw[:, 0], uvw[:, 1]) < 1.1 * radius_m
         kept = np.flatnonzero(near & (np.abs(uvw[:, 2]) < self.band_m))
         return uvw[kept], kept

@@ -20,8 +20,9 @@ from .threads import ROWS_PER_CHUNK, over_chunks
 COMPILED_ROWS = 2_500_000  # loading the compiled kernels takes 0.2 s and 100 MB
 WHOLE = np.uint64(0xFFFFFFFFFFFFFFFF)
 MIX = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
-# Added to x < 2^51, it leaves x rounded to an integer in the last bits.
-WHOLE_ONLY = np.float64(1.5 * 2.0**52)
+# Added to a coordinate below 2^51 steps, it leaves the number of steps in the last bits.
+ROUNDED = np.float64(1.5 * 2.0**52 / GRID_PER_M)
+HASHED_ROWS = 16_384  # their bits and hashes stay in a second-level cache
 _FINISH, HALF = np.uint64(0xBF58476D1CE4E5B9), np.uint64(32)
 
 ChunkRows = npt.NDArray[np.int32]  # indices of rows within a chunk
@@ -47,17 +48,18 @@ def coordinate_hash(points_m: Array) -> npt.NDArray[np.uint64]:
     Rounding in the file's last digits hardly ever changes it. Odd multipliers, and the finisher of
     Steele et al., OOPSLA 2014.
     """
-    scaled = np.multiply(points_m, GRID_PER_M, dtype=np.float64)
-    scaled += WHOLE_ONLY
-    bits = scaled.view(np.uint64)
-    bits -= WHOLE_ONLY.view(np.uint64)
-    h = bits[:, 0] * MIX[0]
-    h ^= bits[:, 1] * MIX[1]
-    h ^= bits[:, 2] * MIX[2]
-    h ^= h >> HALF
-    h *= _FINISH
-    h ^= h >> HALF
-    return np.asarray(h)
+    hashes = np.empty(len(points_m), np.uint64)
+    for start in range(0, len(points_m), HASHED_ROWS):
+        rows = slice(start, start + HASHED_ROWS)
+        bits, h = np.add(points_m[rows], ROUNDED, dtype=np.float64).view(np.uint64), hashes[rows]
+        bits -= ROUNDED.view(np.uint64)
+        np.multiply(bits[:, 0], MIX[0], out=h)
+        h ^= bits[:, 1] * MIX[1]
+        h ^= bits[:, 2] * MIX[2]
+        h ^= h >> HALF
+        h *= _FINISH
+        h ^= h >> HALF
+    return hashes
 
 
 def sample(points_m: Array, count: int) -> Array:

@@ -173,7 +173,6 @@ def _find(
         invalid_points=scan.invalid_points,
         repeats=entry.repeats,
         turn=entry.turn,
-        cloud=cloud_sample(scan.points_m),
         notes=notes_on_lone_points(scan.points_m, entry.file),
         target=target,
     )
@@ -184,7 +183,8 @@ def _find(
     try:
         patch = find_searched(within, target, config, axes)
     except NotMeasuredError as error:
-        return observation, error.with_traceback(None)
+        unplaced = replace(observation, cloud=cloud_sample(scan.points_m))
+        return unplaced, error.with_traceback(None)
     shown = cloud_sample(scan.points_m, target_m=patch.origin_m)
     observation = replace(observation, cloud=shown)
     if hint is not None:

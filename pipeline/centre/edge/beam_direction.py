@@ -100,10 +100,11 @@ def _refined(
     background points of the sectors are fitted.
     """
     state = state.copy()
+    deep = np.flatnonzero(depth > 2.0 * MIN_DEPTH_M)
+    plane, depth = plane.T.take(deep, axis=1).T, depth[deep]
     for _ in range(ROUNDS):
         beams = carry(plane, depth, state, outline)
-        near = (depth > 2.0 * MIN_DEPTH_M) & (np.abs(beams.x_m) < WINDOW_M)
-        behind = np.nonzero(near)[0]
+        behind = np.flatnonzero(np.abs(beams.x_m) < WINDOW_M)
         sectors = _sectors(len(behind), 2 * LEAST_SHADOW[1])
         least = int(np.clip(len(behind) // (2 * sectors), *LEAST_SHADOW))
         middles = (np.arange(sectors) + 0.5) / sectors

@@ -299,11 +299,18 @@ def carry_near(
     shrink, q, aligned = _on_plane(plane, depth, state)
     x = outline.outside_m(*aligned.T) - state[GROWTH]
     rows = np.flatnonzero(x > -band_m[0])
-    far = np.abs(q.T[:, rows]).sum(axis=0) + np.abs(x[rows])
+    far = np.abs(q.T.take(rows, axis=1)).sum(axis=0) + np.abs(x[rows])
     # A hole's wall that bends farther inwards reaches across the whole hole.
     steepest = np.hypot(*state[BEAM]) + abs(state[INVERSE]) * far
     rows = rows[x[rows] < band_m[1] + steepest * np.exp(state[THICKNESS])]
-    return rows, _against_edge(shrink[rows], q.T[:, rows].T, aligned.T[:, rows].T, state, outline)
+    q, aligned = (at.T.take(rows, axis=1).T for at in (q, aligned))
+    return rows, _against_edge(shrink[rows], q, aligned, state, outline)
+
+
+def outside_m(plane: Array, depth: Array, state: Array, outline: Outline) -> Array:
+    """Return how far outside the edge (N,) the points' beams meet the plane, as `carry` does."""
+    *_, aligned = _on_plane(plane, depth, state)
+    return np.asarray(outline.outside_m(*aligned.T) - state[GROWTH])
 
 
 def _on_plane(plane: Array, depth: Array, state: Array) -> tuple[Array, Array, Array]:

@@ -39,10 +39,10 @@ from .beams import (
     WALL,
     Background,
     Prior,
-    carry,
     look_up,
     mixed_share,
     mixed_share_of_few,
+    outside_m,
     pointed,
 )
 from .clean_edge import between_rows_m, clean_equations, shift_m, target_depth_m
@@ -201,7 +201,7 @@ def fit_edge(
         state = prior.mean
     else:
         prior, station, state = Prior.of(thickness_m, config), begin.station, begin.state
-    beside = carry(uvw_m[:, :2], -uvw_m[:, 2], state, outline).x_m
+    beside = outside_m(uvw_m[:, :2], -uvw_m[:, 2], state, outline)
     near = sample(uvw_m[np.abs(beside) < _reach_m(state)], config.max_points)
     few = int(np.count_nonzero(np.abs(beside) < OUTER_M)) < FEW
     plane = np.asfortranarray(near[:, :2])
