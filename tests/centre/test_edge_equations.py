@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import integrate, optimize, stats
 from scipy.linalg import block_diag, sqrtm
 
 from wheelplane.centre.edge.beams import RATIO, Prior
@@ -88,20 +89,55 @@ def test_a_step_of_nothing_is_no_step():
     assert not zones.log.any()
 
 
+def weighed_by_cauchy(linear, scatter):
+    """The same points, whose residuals are Gaussian, of that scatter, and weighed by Cauchy's."""
+    z = scatter * np.random.default_rng(5).normal(size=POINTS)
+    weight = linear.weight / (1.0 + z**2 / 4.0)
+    return replace(linear, residual_m=z / np.sqrt(linear.weight), weight=weight, change=weight)
+
+
+def gaussian_loss(scatter):
+    """Expected loss 2 log(1 + z^2 / 4) of Gaussian residuals, by quadrature."""
+
+    def part(z):
+        return stats.norm.pdf(z, scale=scatter) * 2.0 * math.log1p(z**2 / 4.0)
+
+    return integrate.quad(part, -12.0 * scatter, 12.0 * scatter, points=[0.0])[0]
+
+
+@pytest.mark.parametrize("scatter", [0.3, 1.0, 4.0])
+def test_the_loss_is_cauchy_s(scatter):
+    """Points without weight do not count, and no residual is infinitely many."""
+    linear = weighed_by_cauchy(drawn()[0], scatter)
+    z = scatter * np.random.default_rng(5).normal(size=POINTS)
+    assert linear.loss == pytest.approx(np.mean(2.0 * np.log1p(z**2 / 4.0)))
+    left = replace(linear, weight=np.where(np.arange(POINTS) < 20, linear.weight, 0.0))
+    assert left.loss == pytest.approx(np.mean(2.0 * np.log1p(z[:20] ** 2 / 4.0)))
+    far = replace(linear, residual_m=np.full(POINTS, 2.0), weight=np.ones(POINTS))
+    assert 20.0 < far.loss < 100.0
+
+
+@pytest.mark.parametrize("mixed", [False, True])
 @pytest.mark.parametrize("outline", [Circle(0.125), rectangle(0.3, 0.2)], ids=["disc", "plate"])
-def test_few_points_have_the_covariance_of_all_unknowns_and_of_student_s_t(outline):
+def test_few_points_have_the_covariance_of_all_unknowns_and_of_student_s_t(outline, mixed):
     linear, prior, _ = drawn(size=1.7)
-    linear = replace(linear, change=linear.weight)
+    linear = replace(linear, change=linear.weight, depths=POINTS if mixed else POINTS - 5)
+    if mixed:
+        linear = weighed_by_cauchy(linear, 1.7)
     slopes, known = dense(linear, prior)
     data = (slopes.T * linear.weight) @ slopes
     inverse = np.linalg.inv(data + np.diag(known))
     covariance, by_plane, dof = spread(linear, outline, prior, few=True)
     assert dof == pytest.approx(outline.axis_share * (SECTORS - 2 - outline.shows_rotation))
     square = np.sum(linear.weight * linear.residual_m**2) / (POINTS - STATES)
+    if mixed:
+        of_loss = optimize.brentq(lambda scatter: gaussian_loss(scatter) - linear.loss, 0.5, 10.0)
+        square = of_loss**2
     assert square > 1.5
     scale = square * dof / (dof - 2.0)
     expected = inverse @ (np.diag(known) + scale * data) @ inverse
-    np.testing.assert_allclose(covariance, expected[:STATES, :STATES], rtol=1e-7, atol=1e-12)
+    rtol = 2e-4 if mixed else 1e-7  # by a table
+    np.testing.assert_allclose(covariance, expected[:STATES, :STATES], rtol=rtol, atol=1e-12)
     lift = linear.by_height[:, None] * np.column_stack([np.ones(POINTS), linear.q_m])
     expected = inverse @ (slopes.T * linear.weight) @ lift
     np.testing.assert_allclose(by_plane, expected[:STATES], rtol=1e-7, atol=1e-12)
@@ -131,6 +167,7 @@ def test_a_point_without_weight_is_none():
     shown = replace(linear, weight=weight, change=weight)
     alone = replace(
         shown,
+        depths=len(left),
         **{
             name: getattr(shown, name)[left]
             for name in ("q_m", "share", "residual_m", "slopes", "weight", "change", "by_height")

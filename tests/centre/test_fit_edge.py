@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -29,9 +28,7 @@ from wheelplane.centre.edge.edge_residuals import (
 )
 from wheelplane.centre.edge.fit_edge import (
     DIFFERENT,
-    LOSS_BY_CHANCE,
     Aim,
-    _loss,
     _solved,
     aimed,
     fit_edge,
@@ -285,17 +282,3 @@ def test_few_points_are_mixed_where_some_lie_between_or_a_fit_explains_them(
     assert found is (fitted if by_pixels else clean)
     monkeypatch.setattr(module, "_clean", lambda *args: None)
     assert fit_edge(points, outline, 0.01, 2e-4, CONFIG, begin) is fitted
-
-
-def test_the_loss_of_few_points_is_cauchy_s():
-    z = np.array([0.0, 0.5, -1.0, 3.0, -10.0])
-    sigma_m = np.array([1e-4, 2e-4, 1e-3, 1e-2, 1e-4])
-    weight = 1.0 / (1.0 + z**2 / 4.0) / sigma_m**2
-    linear = SimpleNamespace(weight=weight, residual_m=z * sigma_m)
-    assert _loss(linear) == pytest.approx(2.0 * np.mean(np.log1p(z**2 / 4.0)))
-    z = np.random.default_rng(0).normal(size=100_000)
-    gaussian = SimpleNamespace(weight=1.0 / (1.0 + z**2 / 4.0), residual_m=z)
-    assert _loss(gaussian) == pytest.approx(0.39, abs=0.01)
-    assert LOSS_BY_CHANCE > 0.39
-    infinite = SimpleNamespace(weight=np.ones(1), residual_m=np.full(1, 2.0))
-    assert 20.0 < _loss(infinite) < 100.0

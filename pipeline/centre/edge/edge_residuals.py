@@ -38,6 +38,8 @@ LEAST_SHOWN = 0.01  # of the information of the best zone: others do not count
 LEAST_CHANGE = 0.3  # 0.77 of Gaussian residuals
 LEAST_LEFT = 0.05  # of a sector's share of the information, taken from 1
 FEW = 120  # points in the band of the edge: fewer count as few
+MOST_QUARTER = 1.0 - 1e-9  # of Cauchy's influence, which tends to 1
+SCATTERS, NODES = np.geomspace(1.0, 20.0, 200), 40  # of Gaussian residuals of few points
 RANK = 1e-6  # of a zone's information: least that the other parameters may leave of it
 
 
@@ -122,6 +124,13 @@ class Equations:
     def zone(self) -> npt.NDArray[np.int64]:
         """Zone (N,) of each point."""
         return sector(self.share, ZONES)
+
+    @property
+    def loss(self) -> float:
+        """Mean of Cauchy's loss, 2 log(1 + z^2 / 4), where the weights are 1 / (1 + z^2 / 4)."""
+        quarter = self.weight * self.residual_m**2 / 4.0
+        total = float(np.sum(np.log1p(-np.minimum(quarter, MOST_QUARTER))))
+        return -2.0 * total / max(int(np.count_nonzero(self.weight)), 1)
 
     def by_zone(self, weight: Array) -> tuple[Array, Array]:
         """Return the products of slopes by zones' ratios and by the state, weighted (N,).
@@ -265,9 +274,19 @@ def spread(
 
 
 def _variance(linear: Equations, dof: float) -> float:
-    """Return the variance s^2 of few weighted residuals, at least 1, as that of Student's t."""
-    used = max(float(np.count_nonzero(linear.weight)) - linear.slopes.shape[1], 1.0)
-    square = float(np.sum(linear.weight * linear.residual_m**2)) / used
+    """Return the variance s^2 of few weighted residuals, at least 1, as that of Student's t.
+
+    Mixed pixels: that of Gaussian residuals of the same loss, as outliers hardly count in squares
+    that Cauchy's function weighs. Of 40 targets of 300 points, those with a loss above 0.5 were off
+    by 2.5 to 8.6 times the variance without it.
+    """
+    if linear.depths == len(linear.residual_m):
+        places, chances = np.polynomial.hermite_e.hermegauss(NODES)
+        losses = 2.0 * np.log1p(SCATTERS[:, None] ** 2 * places**2 / 4.0) @ chances
+        square = float(np.interp(linear.loss, losses / chances.sum(), SCATTERS)) ** 2
+    else:
+        used = max(float(np.count_nonzero(linear.weight)) - linear.slopes.shape[1], 1.0)
+        square = float(np.sum(linear.weight * linear.residual_m**2)) / used
     return float(max(square, 1.0) * dof / max(dof - 2.0, 1.0))
 
 

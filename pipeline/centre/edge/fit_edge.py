@@ -84,7 +84,6 @@ UNDAMPED, SETTLED = 10, 0.2  # steps of full length; share of u that a step may 
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
 AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave; 1.02 by alike noise
-MOST_QUARTER = 1.0 - 1e-9  # of Cauchy's influence, which tends to 1
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 # Standard deviations off the prior from which the stated thickness is doubted; up to which it may
 # be right where no other explains as much.
@@ -122,8 +121,8 @@ class EdgeFit:
     of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. growth_m: how
     much farther out the edge lies than stated, all round, with its standard uncertainty
     growth_u_m: both from SIZE_M as a prior. covered: share of the outline that was used. misfit:
-    share of outliers near the edge. loss: mean of Cauchy's loss, of few points. converged: whether
-    the last step was small. thickness_u: relative. stated_thickness_m: one that the data
+    share of outliers near the edge. loss: mean of Cauchy's loss, of few mixed pixels. converged:
+    whether the last step was small. thickness_u: relative. stated_thickness_m: one that the data
     contradict, and that was not used; by_thickness_m: (2,) by which the centre would move if it
     were not, where that is in doubt.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
@@ -510,12 +509,6 @@ def _misfit(linear: Equations) -> float:
     return float(out[kept].sum() / max(count[kept].sum(), 1))
 
 
-def _loss(linear: Equations) -> float:
-    """Return the mean of Cauchy's loss, 2 log(1 + z^2 / 4), at weights of 1 / (1 + z^2 / 4)."""
-    quarter = linear.weight * linear.residual_m**2 / 4.0
-    return float(-2.0 * np.mean(np.log1p(-np.minimum(quarter, MOST_QUARTER))))
-
-
 def _unexplained(found: _Converged) -> float:
     """Return the mean square of residuals over their standard uncertainties, outliers as of two."""
     weight, residual_m = found.equations.weight, found.equations.residual_m
@@ -604,7 +597,7 @@ def _record(found: _Converged, problem: EdgeProblem, covered: float) -> EdgeFit:
         growth_u_m=float(np.sqrt(covariance[GROWTH, GROWTH])),
         covered=covered,
         misfit=_misfit(found.equations),
-        loss=_loss(found.equations) if problem.few else 0.0,
+        loss=found.equations.loss if problem.few else 0.0,
         points=len(found.equations.residual_m),
         iterations=found.iterations,
         converged=found.last_m < CONVERGED_M,
