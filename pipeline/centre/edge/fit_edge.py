@@ -367,8 +367,12 @@ def _by_returns(problem: EdgeProblem, state: Array, most: int) -> _Converged:
 
 def _settled(fitted: EdgeFit, found: _Converged) -> EdgeFit:
     """Return a fit that counts as converged where its last step was small against its u."""
-    u_m = float(np.sqrt(np.trace(fitted.covariance_m2)))
-    return replace(fitted, converged=found.last_m < max(CONVERGED_M, SETTLED * u_m))
+    return replace(fitted, converged=_is_settled(found, fitted.covariance_m2))
+
+
+def _is_settled(found: _Converged, covariance_m2: Array) -> bool:
+    u_m = float(np.sqrt(np.trace(covariance_m2)))
+    return found.last_m < max(CONVERGED_M, SETTLED * u_m)
 
 
 def _explained(problem: EdgeProblem, state: Array, most: int, by_power: bool) -> _Converged:
@@ -385,9 +389,11 @@ def _explained(problem: EdgeProblem, state: Array, most: int, by_power: bool) ->
     if float(np.mean(behind <= 0.0)) > CONTRADICTED:
         return alone
     apart_m = (alone.state - found.state)[CENTRE]
-    covariance = spread(alone.equations, problem.outline, problem.prior, problem.few)[0]
-    square = apart_m @ np.linalg.solve(covariance[CENTRE, CENTRE], apart_m)
-    return alone if square > APART_BY_BACKGROUND else found
+    covariance, *_ = spread(alone.equations, problem.outline, problem.prior, problem.few)
+    covariance_m2 = covariance[CENTRE, CENTRE]
+    square = float(apart_m @ np.linalg.solve(covariance_m2, apart_m))
+    moved = square > APART_BY_BACKGROUND and _is_settled(alone, covariance_m2)
+    return alone if moved else found
 
 
 def _converge_clean(
