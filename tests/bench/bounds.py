@@ -128,7 +128,9 @@ def clean_bound_m(count: int, edge: Edge, pointing_m: float) -> float:
     """Bound of the centre along the worse axis where each beam returns one surface.
 
     Of a beam that is x inside, P = Phi(x / pointing); the information of all over x is 1.81 /
-    pointing per length of the edge and density of beams, half of it on each side.
+    pointing per length of the edge and density of beams, half of it on each side. Where less than
+    one beam falls within the pointing's noise of the edge, no estimator attains it: of 300 points
+    the mean of all states that explain every side is 2.4 times as far off.
     """
     area = np.pi * HALF_M**2
     grid = np.linspace(-6.0, 6.0, 4001)
