@@ -11,6 +11,7 @@ from types import ModuleType
 
 import click
 
+from . import __version__
 from .errors import TimeLimitError, WheelplaneError
 from .system import signals
 
@@ -66,15 +67,6 @@ wheelplane validate CAPTURE      the two methods compared
 """
 
 
-def _print_version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
-    """Print the version, which is looked up for nothing else here, and end."""
-    if wanted and not context.resilient_parsing:
-        from . import __version__
-
-        click.echo(f"wheelplane, version {__version__}")
-        context.exit()
-
-
 @click.command(
     cls=LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -82,14 +74,7 @@ def _print_version(context: click.Context, _: click.Parameter, wanted: bool) -> 
     epilog="Exit codes: 0 measured; 1 measured in part, or not shown to be conforming; "
     "2 unusable input or arguments; 3 an internal error.",
 )
-@click.option(
-    "--version",
-    is_flag=True,
-    is_eager=True,
-    expose_value=False,
-    callback=_print_version,
-    help="Show the version and exit.",
-)
+@click.version_option(__version__, prog_name="wheelplane")
 def cli() -> None:
     """Hold the commands of the table above."""
 
@@ -173,8 +158,6 @@ def _internal_error() -> int:
     import platform
     import tempfile
     import traceback
-
-    from . import __version__
 
     text = (
         f"wheelplane {__version__}, Python {platform.python_version()}, {platform.platform()}\n"

@@ -189,7 +189,8 @@ def _carried(uvw_m: Points, beams: Array) -> Points:
     """
     *uv, height = uvw_m.T
     left = np.maximum(1.0 - height * beams[2], 0.1)
-    return np.stack([(at + height * slope) / left for at, slope in zip(uv, beams, strict=False)]).T
+    slopes = beams[:2]
+    return np.stack([(at + height * slope) / left for at, slope in zip(uv, slopes, strict=True)]).T
 
 
 def _shadowing(

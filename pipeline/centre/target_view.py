@@ -47,10 +47,8 @@ class TargetView:
     def near_and_even(self, outline: Outline, start: tuple[Array, float]) -> tuple[Array, Array]:
         """Return what `near` does, without `even` and with it."""
         face, around = self._near_rows(outline, start, GENTLE_SLOPE)
-        every = self._joined(face, around)
-        if not self.patch.around_share < 1.0:
-            return every, every
-        return every, self._joined(self._thinned(face), around)
+        every, thinned = self._joined(face, around), self._thinned(face)
+        return every, every if thinned is face else self._joined(thinned, around)
 
     def _near_rows(self, outline: Outline, start: tuple[Array, float], slope: float) -> list[Rows]:
         """Return the rows of face and surroundings that may matter to an outline."""
