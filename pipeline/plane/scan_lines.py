@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..cloud import over_chunks
 from ..vectors import Array, Array32
 from .correlated_noise import POINTS_A_CELL, Cells, filled
 
@@ -180,12 +181,26 @@ def _waves_to(shortest: float, step: float, noise: float) -> tuple[Array, Array,
 
 
 def _power(points: Array, waves: tuple[Array, Array, Array]) -> Array:
-    """Return |mean exp(i (k u + m v - c w))|^2 (K, M, C) over points u, v, w (N, 3)."""
+    """Return |mean exp(i (k u + m v - c w))|^2 (K, M, C) over points u, v, w (N, 3).
+
+    k: evenly spaced. Those that lie a and -a from the middle share the products of cos(a u) and
+    sin(a u) with the rest: the means are their sum and difference, by half the multiplications.
+    """
     x, k, m, c = (one.astype(np.float32) for one in (points, *waves))  # twice as fast
-    u, v = _on_circle(np.outer(k, x[:, 0])), _on_circle(np.outer(x[:, 1], m))
+    middle = (k[0] + k[-1]) / np.float32(2.0)
+    aside = np.outer(k[len(k) // 2 :] - middle, x[:, 0])
+    even_and_odd = np.vstack([np.cos(aside), np.sin(aside)])
+    rest = _on_circle(np.outer(x[:, 1], m) + middle * x[:, :1])
     w = _on_circle(np.outer(-c, x[:, 2])) / np.float32(len(x))
-    means = ((u * one) @ v for one in w)
-    return np.stack([mean.real**2 + mean.imag**2 for mean in means], axis=2)
+
+    def power_of(one: slice) -> Array32:
+        factors = rest * w[one.start][:, None]
+        parts = np.hstack([factors.real, factors.imag])
+        (a, b), (p, q) = (np.hsplit(both, 2) for both in np.vsplit(even_and_odd @ parts, 2))
+        ahead, behind = (a - q) ** 2 + (b + p) ** 2, (a + q) ** 2 + (b - p) ** 2
+        return np.vstack([behind[len(k) % 2 :][::-1], ahead])
+
+    return np.moveaxis(np.stack(over_chunks(power_of, len(c), 1)), 0, 2)
 
 
 def _on_circle(phase: Array32) -> npt.NDArray[np.complex64]:
