@@ -15,11 +15,19 @@ from ..targets import Holes, Outline, sector
 from ..vectors import Array, turned
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
-from .edge.beams import SIZE_M
+from .edge.beams import CENTRE, ROTATION, SIZE_M, Prior
 from .edge.fit_edge import Aim, Behind, EdgeFit, aimed, fit_edge, look_behind
 from .in_plane_rotation import PlaneRotation
-from .outline_fit import OutlineFit, check_alone, check_outline, fit_outline, place_circle
+from .outline_fit import (
+    MIN_DIRECTIONS,
+    OutlineFit,
+    check_alone,
+    check_outline,
+    fit_outline,
+    place_circle,
+)
 from .target_view import TargetView
+from .uncut_edges import in_sectors, uncut_sectors
 
 OUTLINE_EDGE_M = 5e-4  # shift of an outline without background by the footprint (k = 1)
 # The same with a background of unknown direction: the wall returns part of the footprint.
@@ -123,10 +131,12 @@ def _by_edge(
     edge_fit = (
         None if beside and not known else _by_mixed_pixels(view, outline, start, near, known or aim)
     )
+    if outline.shows_rotation:
+        face, near, edge_fit = _uncut(view, outline, start, (face, near), edge_fit, known or aim)
     if edge_fit is not None and _is_sure(edge_fit):
         _check_size(edge_fit, outline, config.spot_radius_m)
     model = None if edge_fit is None else _model_variance(edge_fit, face, outline, view)
-    if edge_fit is not None and model is not None and _is_lost(edge_fit, model):
+    if edge_fit is not None and model is not None and _is_lost(edge_fit, model, outline):
         edge_fit = None
     if edge_fit is None or model is None:
         fitted = fit_outline(face, outline, start)
@@ -253,8 +263,14 @@ def _growth_explained_m(edge_fit: EdgeFit) -> float:
     return SIZE_M * math.sqrt(max(1.0 - (edge_fit.growth_u_m / SIZE_M) ** 2, LEAST_SHOWN))
 
 
-def _is_lost(edge_fit: EdgeFit, model_m2: float) -> bool:
-    """Return whether an edge fit is less certain than the outermost points would be."""
+def _is_lost(edge_fit: EdgeFit, model_m2: float, outline: Outline) -> bool:
+    """Return whether an edge fit is less certain than the outermost points would be.
+
+    So are straight edges of which only parallel ones show: along them next to nothing does.
+    """
+    sure, unsure = np.linalg.eigvalsh(edge_fit.covariance_m2)
+    if outline.shows_rotation and sure < MIN_DIRECTIONS * unsure and unsure > OUTLINE_EDGE_M**2:
+        return True
     return float(np.trace(edge_fit.covariance_m2)) / 2.0 + model_m2 > LOST_M**2
 
 
@@ -262,6 +278,17 @@ def _aimed(
     view: TargetView, near: Array, outline: Outline, start: tuple[Array, float]
 ) -> Aim | None:
     return aimed(near, outline, view.target.thickness, view.config, start, view.station)
+
+
+def _fit(view: TargetView, outline: Outline) -> partial[EdgeFit | None]:
+    """Return `fit_edge` of this outline, to which points and where to begin are left."""
+    return partial(
+        fit_edge,
+        outline=outline,
+        thickness_m=view.target.thickness,
+        sigma_m=view.plane.sigma_m,
+        config=view.config,
+    )
 
 
 def _by_mixed_pixels(
@@ -275,13 +302,7 @@ def _by_mixed_pixels(
 
     near: points (N, 3) about the outline. begin: as in `fit_edge`; None: found from more points.
     """
-    fit = partial(
-        fit_edge,
-        outline=outline,
-        thickness_m=view.target.thickness,
-        sigma_m=view.plane.sigma_m,
-        config=view.config,
-    )
+    fit = _fit(view, outline)
     edge_fit = None if begin is None else fit(near, begin=begin)
     if edge_fit is not None and float(np.hypot(*edge_fit.beam)) < GENTLE:
         return edge_fit
@@ -291,6 +312,39 @@ def _by_mixed_pixels(
         begin = first or _aimed(view, near, outline, start)
     found = None if begin is None else fit(near, begin=begin)
     return found or edge_fit
+
+
+def _uncut(
+    view: TargetView,
+    outline: Outline,
+    start: tuple[Array, float],
+    points: tuple[Array, Array],
+    edge_fit: EdgeFit | None,
+    begin: EdgeFit | Aim | None,
+) -> tuple[Array, Array, EdgeFit | None]:
+    """Leave out the edges that a crop may have cut, and fit to the others where there was a fit.
+
+    points: on the target (N, 2) and about the outline (M, 3). begin: as in `fit_edge`.
+    """
+    face, near = points
+    if edge_fit is None:
+        fitted = fit_outline(face, outline, start)
+        state = Prior.of(None, view.config).mean
+        state[CENTRE], state[ROTATION] = fitted.centre_m, fitted.rotation_rad
+    else:
+        state = edge_fit.state
+    kept = uncut_sectors(near, face, outline, state, view.band_m, view.spacing_m)
+    if kept is None:
+        return face, near, edge_fit
+    face = face[in_sectors(kept, face, np.zeros(len(face)), outline, state)]
+    if edge_fit is not None:
+        if float(np.hypot(*edge_fit.beam)) > GENTLE:
+            pose = edge_fit.centre_m, edge_fit.rotation_rad
+            near = view.near(outline, pose, STEEPEST, even=True)
+        near = near[in_sectors(kept, near[:, :2], -near[:, 2], outline, state)]
+        begin = replace(begin, state=state) if isinstance(begin, Aim) else begin or edge_fit
+        edge_fit = _fit(view, outline)(near, begin=begin)
+    return face, near, edge_fit
 
 
 def _grazing(behind: Behind, config: CentreConfig) -> Array:

@@ -154,7 +154,7 @@ def check_outline(
     it or hides one side does not. Raises NotMeasuredError 'wrong-outline'.
     """
     closest = outline.closest(turned(face - centre, -rotation_rad))
-    outermost = _ends(closest.x_m, sector(closest.share, SECTORS))
+    outermost = ends_m(closest.x_m, sector(closest.share, SECTORS))
     visible = outermost > -0.08 * outline.size_m
     if np.count_nonzero(visible) < SECTORS // 4:
         return False
@@ -183,7 +183,7 @@ def check_outline(
     return True
 
 
-def _ends(x_m: Array, part: npt.NDArray[np.int64]) -> Array:
+def ends_m(x_m: Array, part: npt.NDArray[np.int64]) -> Array:
     """Return how far out the points x_m (N,) of each sector reach (SECTORS,); -inf without any.
 
     But for one in STRAYS: of millions of points, some that belong to nothing lie in the plane.

@@ -1,0 +1,61 @@
+"""Straight edges of a target that no crop of the scan can have cut.
+
+Where a scan, or its crop, ends across a plate, the points end in a straight line as they do at an
+edge, but nothing lies beyond. An edge is held for one where a background lies beyond it, or where
+it and the opposite one end alike: a crop hardly ever leaves just the stated size.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..targets import Outline, sector
+from ..vectors import Array, Mask, turned
+from .edge.beams import CENTRE, ROTATION, carry
+from .outline_fit import EROSION_M, SECTORS, ends_m
+
+BEYOND_M = 0.005  # outside the edge, where points show a background
+ALIKE = 0.98  # cosine between edges that face alike
+LEAST_ALONG = 1.0 / 3.0  # of the sectors of edges that face alike, in which points have to show it
+
+
+def uncut_sectors(
+    near: Array, face: Array, outline: Outline, state: Array, band_m: float, spacing_m: float
+) -> Mask | None:
+    """Return the sectors (SECTORS,) of edges that no crop can have cut; None: all, or unknown.
+
+    Unknown where no edge has a background. near: points (N, 3) about the outline, in the plane's
+    coordinates; face: those on the target (M, 2). state: (12,) of the edge, as in beams.py; the
+    target's points lie within band_m of its plane, spacing_m apart.
+    """
+    if not outline.shows_rotation:
+        return None
+    facing = (normals := outline.normals((np.arange(SECTORS) + 0.5) / SECTORS)) @ normals.T
+    along, opposite = facing > ALIKE, facing < -ALIKE
+
+    behind = near[near[:, 2] < -band_m]
+    beams = carry(behind[:, :2], -behind[:, 2], state, outline)
+    beyond = sector(beams.share[beams.clear & (beams.x_m > BEYOND_M)], SECTORS)
+    backed = _mostly(along, np.bincount(beyond, minlength=SECTORS) > 0)
+    if backed.all() or not backed.any():
+        return None
+
+    closest = outline.closest(turned(face - state[CENTRE], -state[ROTATION]))
+    ends = ends_m(closest.x_m[closest.clear], sector(closest.share[closest.clear], SECTORS))
+    of_side = np.array([np.median(ends[side]) for side in along])
+    alike = np.abs(of_side - np.median(ends[backed])) < EROSION_M + 0.5 * spacing_m
+    held: Mask = backed | (alike & _mostly(opposite, alike))
+    return None if held.all() else held
+
+
+def in_sectors(
+    kept: Mask, plane: Array, depth: Array, outline: Outline, state: Array
+) -> npt.NDArray[np.bool_]:
+    """Return which points, plane (N, 2) and depth (N,), have their foot in the kept sectors."""
+    return np.asarray(kept[sector(carry(plane, depth, state, outline).share, SECTORS)])
+
+
+def _mostly(side: npt.NDArray[np.bool_], shown: Mask) -> Mask:
+    """Return for each sector whether enough of those of its `side` (S, S) are shown."""
+    return np.asarray(np.sum(side & shown, axis=1) > LEAST_ALONG * np.sum(side, axis=1))
