@@ -63,6 +63,7 @@ SPARSE_M, HIDDEN = 0.006, 0.9
 # of its size. Share of that growth's movement into the centre; least share of SIZE_M that is shown.
 STRANGE_SIZE, WRONG_SIZE, SURE_SIZE, BY_GROWTH, LEAST_SHOWN = 2.0, 6.0, 4.0, 0.6, 0.1
 SIZE_BY_SPOT = 0.07  # of the footprint: u of a growth by what profile and brightness leave out
+SIZE_BY_SHIFT = 0.2  # of the shift of a clean edge: u of a growth by how a scanner chooses returns
 BY_SIZE = 0.4  # of what an unknown size would move a clean edge's centre: largest u, where likely
 GENTLE = 1.0  # slope below which all points that matter lie within target_view.GENTLE_SLOPE
 
@@ -240,7 +241,8 @@ def _check_size(edge_fit: EdgeFit, outline: Outline, spot_m: float) -> None:
     """
     growth_m = edge_fit.growth_m
     by_spot_m = SIZE_BY_SPOT * min(edge_fit.spot_m, spot_m)
-    u_m = math.hypot(edge_fit.growth_u_m, by_spot_m)
+    by_shift_m = SIZE_BY_SHIFT * (edge_fit.clean_shift_m or 0.0)
+    u_m = math.hypot(edge_fit.growth_u_m, by_spot_m, by_shift_m)
     explained_m = max(WRONG_SIZE * _growth_explained_m(edge_fit), SURE_SIZE * u_m)
     if abs(growth_m) > explained_m:
         side = "beyond" if growth_m > 0.0 else "inside"
