@@ -161,7 +161,11 @@ def surroundings(
 
     def thinned(chunk: slice) -> tuple[ChunkRows, ChunkRows]:
         on_face, beside = chosen[chunk.start // ROWS_PER_CHUNK]
-        return on_face, beside[thin(points_m[chunk].take(beside, axis=0), share)]
+        if kernels is None:
+            return on_face, beside[thin(points_m[chunk].take(beside, axis=0), share)]
+        kept = np.empty_like(beside)
+        found = kernels.thin_rows(points_m[chunk], _hash_limit(share), beside, kept)
+        return on_face, kept[:found].copy()
 
     if share < 1.0:
         chosen = over_chunks(thinned, len(points_m))
