@@ -37,6 +37,23 @@ def test_rows_are_those_with_hashes_up_to_the_limit(points):
     np.testing.assert_array_equal(rows[:found], np.nonzero(coordinate_hash(points) <= limit)[0])
 
 
+@pytest.mark.parametrize("every", [1, 7, 2000])
+def test_rows_kept_are_those_with_hashes_up_to_the_limit(points, every):
+    rows, limit = np.arange(1, COUNT, every, np.int32), np.uint64(1 << 62)
+    kept = np.empty_like(rows)
+    found = compiled.thin_rows(points, limit, rows, kept)
+    np.testing.assert_array_equal(kept[:found], rows[coordinate_hash(points[rows]) <= limit])
+
+
+@pytest.mark.parametrize("start", [0, 5, COUNT - compiled.PIECE, COUNT - 1, COUNT])
+def test_a_piece_ends_with_the_points(points, start):
+    piece = np.zeros((compiled.PIECE, 3))
+    count = compiled.read_piece(points, start, piece)
+    assert count == min(compiled.PIECE, COUNT - start)
+    np.testing.assert_array_equal(piece[:count], points[start : start + count])
+    assert not piece[count:].any()
+
+
 def test_rows_near_a_plane_are_those_of_two_masks(points):
     """A cone that widens with depth up to a limit; what is on the face is not beside it."""
     centre, normal = np.array([0.1, -0.2, 0.05]), np.array([2.0, -1.0, 2.0]) / 3.0
