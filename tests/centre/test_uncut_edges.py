@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from tests.measurement.test_cut_plates import PLATE, SCENE, fitted_to, off_in_u
 from tests.support.scenes import make
 from wheelplane.centre.edge.beams import BEAM, CENTRE, INVERSE, Prior
+from wheelplane.centre.edge_centre import _is_lost
 from wheelplane.centre.outline_fit import SECTORS
 from wheelplane.centre.uncut_edges import in_sectors, uncut_sectors
 from wheelplane.config import Config
@@ -58,6 +61,23 @@ def test_nothing_beyond_a_whole_edge_leaves_it_an_edge(spot_m):
     (whole, u_m), (beside, u_beside_m) = fitted
     assert np.linalg.norm(beside - whole) < 4.0 * np.hypot(u_m, u_beside_m)
     assert u_beside_m < 2.0 * u_m
+
+
+@pytest.mark.parametrize(
+    ("outline", "sd_mm", "lost"),
+    [
+        (OUTLINE, (0.1, 1.0), True),
+        (OUTLINE, (0.1, 0.6), False),
+        (OUTLINE, (0.02, 0.4), False),
+        (DISC.edge, (0.1, 1.0), False),
+    ],
+    ids=["parallel", "one of them short", "all certain", "arc"],
+)
+def test_a_fit_to_parallel_edges_is_lost(outline, sd_mm, lost):
+    """However small its u along them: it follows from noise, for edges that lie anywhere."""
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    covariance = turn @ np.diag(np.square(1e-3 * np.array(sd_mm))) @ turn.T
+    assert _is_lost(SimpleNamespace(covariance_m2=covariance), 0.0, outline) == lost
 
 
 def placed(points_m, seed):
