@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -18,6 +18,8 @@ CentreMethod = Literal[
     "rim", "outline", "hole", "holes", "pattern", "combined", "points", "flange", "tyre"
 ]
 DISAGREE = 1e-4  # probability of a difference as large, below which two centres disagree
+UNLIKELY = 0.05  # the same, below which what they differ by is in their uncertainties
+HALVINGS = 60
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,41 @@ def check_agreement(estimates: Sequence[CentreEstimate], plane_covariance: Array
                     f"{float(np.hypot(*apart)) * 1e3:.2f} mm apart, with a standard uncertainty "
                     f"of {u * 1e3:.2f} mm: check the sizes in the target's file, and the target",
                 )
+
+
+def reconciled(
+    estimates: Sequence[CentreEstimate], plane_covariance: Array
+) -> Sequence[CentreEstimate]:
+    """Return estimates whose models are as uncertain as they differ, where that is more than u.
+
+    By a variance alike for all at which the square of their differences is the expected one, where
+    a larger one would come by chance in fewer than 5 %. plane_covariance: see check_agreement.
+    Source: Mandel and Paule, Analytical Chemistry 42 (1970) 1194.
+    """
+    if len(estimates) == 1:
+        return estimates
+    by_plane = np.mean([e.by_plane for e in estimates], axis=0)
+    moved = [
+        (e.by_plane - by_plane) @ plane_covariance @ (e.by_plane - by_plane).T for e in estimates
+    ]
+    known = np.array([e.covariance_m2 + by for e, by in zip(estimates, moved, strict=True)])
+    centres = np.array([e.centre_m for e in estimates])
+
+    def square(variance_m2: float) -> float:
+        """Return the weighted square of the distances from the weighted mean."""
+        weights = np.linalg.inv(known + variance_m2 * np.eye(2))
+        mean = np.linalg.solve(weights.sum(axis=0), np.einsum("kij,kj->i", weights, centres))
+        return float(np.einsum("ki,kij,kj", centres - mean, weights, centres - mean))
+
+    expected = 2 * (len(estimates) - 1)
+    dof = min(e.dof for e in estimates)
+    if f_beyond(square(0.0) / expected, expected, dof) > UNLIKELY:
+        return estimates
+    low, high = 0.0, float(np.sum((centres - centres.mean(axis=0)) ** 2))
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if square(middle) > expected else (low, middle)
+    return [replace(e, model_m2=e.model_m2 + high * np.eye(2)) for e in estimates]
 
 
 def combined(estimates: Sequence[CentreEstimate]) -> CentreEstimate:

@@ -14,7 +14,7 @@ from ..system import stage
 from ..targets import PatternTarget, Target
 from ..uncertainty import UncertaintyComponent, centre_component, plane_component
 from ..vectors import Array, turned
-from .combine import CentreEstimate, CentreMethod, check_agreement, combined
+from .combine import CentreEstimate, CentreMethod, check_agreement, combined, reconciled
 from .edge.fit_edge import EdgeFit
 from .edge_centre import EdgeCentre, centre_by_edge, centre_by_holes
 from .in_plane_rotation import InPlaneRotation, PlaneRotation
@@ -139,8 +139,9 @@ def locate_centre(patch: Patch, plane: PlaneFit, target: Target, config: CentreC
     estimates = [edge.estimate for edge in (outer, inner) if edge]
     if printed is not None and isinstance(target, PatternTarget):
         estimates.append(_by_pattern(printed, target, outer.edge_fit))
-    check_agreement(estimates, _at(plane, view.to_scanner(outer.estimate.centre_m)))
-    fitted = _fit(view, combined(estimates), outer.edge_fit)
+    by_plane = _at(plane, view.to_scanner(outer.estimate.centre_m))
+    check_agreement(estimates, by_plane)
+    fitted = _fit(view, combined(reconciled(estimates, by_plane)), outer.edge_fit)
     missed = isinstance(target, PatternTarget) and printed is None
     blind = patch.face_intensity is None
     others = (

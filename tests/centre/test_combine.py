@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from wheelplane.centre.combine import DISAGREE, CentreEstimate, check_agreement, combined
+from wheelplane.centre.combine import (
+    DISAGREE,
+    UNLIKELY,
+    CentreEstimate,
+    check_agreement,
+    combined,
+    reconciled,
+)
 from wheelplane.errors import NotMeasuredError
 
 NO_PLANE = np.zeros((3, 3))
@@ -104,3 +111,61 @@ def test_the_plane_excuses_only_what_it_moves_differently():
     with pytest.raises(NotMeasuredError):
         check_agreement([other, one], unsure)
     check_agreement([replace(other, by_plane=-one.by_plane), one], unsure)
+
+
+def weighted_square(parts, plane_covariance):
+    """Square of the distances from the weighted mean, and its degrees of freedom, by definition."""
+    by_plane = np.mean([p.by_plane for p in parts], axis=0)
+    C = [
+        p.covariance_m2 + (p.by_plane - by_plane) @ plane_covariance @ (p.by_plane - by_plane).T
+        for p in parts
+    ]
+    W = [np.linalg.inv(one) for one in C]
+    mean = np.linalg.solve(sum(W), sum(w @ p.centre_m for w, p in zip(W, parts, strict=True)))
+    off = [p.centre_m - mean for p in parts]
+    return sum(o @ w @ o for o, w in zip(off, W, strict=True)), 2 * (len(parts) - 1)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize(("factor", "as_they_are"), [(0.99, True), (1.01, False), (3.0, False)])
+def test_what_centres_differ_by_beyond_their_uncertainties_is_in_these(count, factor, as_they_are):
+    rng = np.random.default_rng(11)
+    plane_covariance = np.diag([1e-10, 2e-10, 3e-10])
+    parts = [estimate(rng, dof=20.0 + k) for k in range(count)]
+    square, dof = weighted_square(parts, plane_covariance)
+    scale = math.sqrt(dof * stats.f.isf(UNLIKELY, dof, 20.0) / square) * factor
+    parts = [replace(p, centre_m=scale * p.centre_m) for p in parts]
+    found = reconciled(parts, plane_covariance)
+    if as_they_are:
+        assert found is parts
+        return
+    added = [after.model_m2 - before.model_m2 for after, before in zip(found, parts, strict=True)]
+    for one in added:
+        np.testing.assert_allclose(one, added[0][0, 0] * np.eye(2), atol=1e-12 * added[0][0, 0])
+    assert weighted_square(found, plane_covariance)[0] == pytest.approx(dof, rel=1e-9)
+    assert [p.noise_m2 for p in found] == [p.noise_m2 for p in parts]
+
+
+def test_one_centre_is_as_certain_as_it_is():
+    parts = [estimate(np.random.default_rng(12))]
+    assert reconciled(parts, NO_PLANE) is parts
+
+
+def test_a_mean_of_methods_with_errors_of_their_own_is_honest():
+    """Each off by three times its u besides: their mean was as certain as if none were."""
+    rng = np.random.default_rng(13)
+    u_m, squares, plain = 1e-5, [], []
+    for _ in range(400):
+        at = rng.normal(0.0, math.sqrt(10.0) * u_m, (2, 2))
+        parts = [
+            estimate(rng, centre_m=c, noise_m2=u_m**2 * np.eye(2), model_m2=NO_PLANE[:2, :2])
+            for c in at
+        ]
+        parts = [replace(p, by_plane=np.zeros((2, 3)), dof=100.0) for p in parts]
+        for out, mean in (
+            (squares, combined(reconciled(parts, NO_PLANE))),
+            (plain, combined(parts)),
+        ):
+            out.append(mean.centre_m @ np.linalg.solve(mean.covariance_m2, mean.centre_m) / 2.0)
+    assert np.mean(plain) > 8.0
+    assert np.median(squares) < 1.2
