@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from ..errors import NotMeasuredError
-from ..uncertainty import f_beyond
+from ..uncertainty import f_beyond, least_squares, scatter_beyond
 from ..vectors import Array
 from .in_plane_rotation import PlaneRotation, combined_rotation
 
@@ -19,7 +19,6 @@ CentreMethod = Literal[
 ]
 DISAGREE = 1e-4  # probability of a difference as large, below which two centres disagree
 UNLIKELY = 0.05  # the same, below which what they differ by is in their uncertainties
-HALVINGS = 60
 
 
 @dataclass(frozen=True)
@@ -77,32 +76,22 @@ def reconciled(
 
     By a variance alike for all at which the square of their differences is the expected one, where
     a larger one would come by chance in fewer than 5 %. plane_covariance: see check_agreement.
-    Source: Mandel and Paule, Analytical Chemistry 42 (1970) 1194.
     """
     if len(estimates) == 1:
         return estimates
-    by_plane = np.mean([e.by_plane for e in estimates], axis=0)
-    moved = [
-        (e.by_plane - by_plane) @ plane_covariance @ (e.by_plane - by_plane).T for e in estimates
-    ]
-    known = np.array([e.covariance_m2 + by for e, by in zip(estimates, moved, strict=True)])
-    centres = np.array([e.centre_m for e in estimates])
-
-    def square(variance_m2: float) -> float:
-        """Return the weighted square of the distances from the weighted mean."""
-        weights = np.linalg.inv(known + variance_m2 * np.eye(2))
-        mean = np.linalg.solve(weights.sum(axis=0), np.einsum("kij,kj->i", weights, centres))
-        return float(np.einsum("ki,kij,kj", centres - mean, weights, centres - mean))
-
-    expected = 2 * (len(estimates) - 1)
-    dof = min(e.dof for e in estimates)
-    if f_beyond(square(0.0) / expected, expected, dof) > UNLIKELY:
+    count, by_plane = len(estimates), np.mean([e.by_plane for e in estimates], axis=0)
+    covariance = np.zeros((2 * count, 2 * count))
+    for k, one in enumerate(estimates):
+        aside = one.by_plane - by_plane
+        block = slice(2 * k, 2 * k + 2)
+        covariance[block, block] = one.covariance_m2 + aside @ plane_covariance @ aside.T
+    slopes, values = np.tile(np.eye(2), (count, 1)), np.concatenate([e.centre_m for e in estimates])
+    square, dof = least_squares(slopes, values, covariance)[2], 2 * (count - 1)
+    if f_beyond(square / dof, dof, min(e.dof for e in estimates)) > UNLIKELY:
         return estimates
-    low, high = 0.0, float(np.sum((centres - centres.mean(axis=0)) ** 2))
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if square(middle) > expected else (low, middle)
-    return [replace(e, model_m2=e.model_m2 + high * np.eye(2)) for e in estimates]
+    most = float(np.linalg.norm(values - slopes @ slopes.T @ values / count))
+    variance_m2 = scatter_beyond(slopes, values, covariance, most) ** 2
+    return [replace(e, model_m2=e.model_m2 + variance_m2 * np.eye(2)) for e in estimates]
 
 
 def combined(estimates: Sequence[CentreEstimate]) -> CentreEstimate:

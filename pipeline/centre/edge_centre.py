@@ -27,7 +27,7 @@ from .outline_fit import (
     place_circle,
 )
 from .target_view import TargetView
-from .uncut_edges import in_sectors, uncut_sectors
+from .uncut_edges import BEYOND_M, in_sectors, uncut_sectors
 
 OUTLINE_EDGE_M = 5e-4  # shift of an outline without background by the footprint (k = 1)
 # The same with a background of unknown direction: the wall returns part of the footprint.
@@ -48,8 +48,8 @@ FULL_SLOPE = 0.5  # of the beams, from which a whole radius of the footprint mee
 # Of the spacing: half the difference of two edges that rows of points run along, each of whose last
 # rows lies anywhere within a spacing of it: 1 / sqrt(24).
 ROWS = 0.2
-# How far beyond the edge, and how many in a sector, points show that no crop ended the target.
-BEYOND_EDGE_M, BEYOND_SECTORS, LEAST_BEYOND = 0.005, 24, 2
+# In how many sectors, and how many in each, points beyond show that no crop ended the target.
+BEYOND_SECTORS, LEAST_BEYOND = 24, 2
 BY_SPACING = 0.1  # of the spacing: how far inside the edge the outermost points may lie all round
 MAX_RATIO = 50.0  # reflectance ratio, or its inverse, beyond which a fit is implausible
 CELL = 2.0  # of the spacing: cells in which points on and off the target are counted
@@ -219,7 +219,7 @@ def _cut_m(near: Array, outline: Outline, fitted: OutlineFit, spacing_m: float) 
     if outline.shows_rotation or not fitted.is_uneven:
         return 0.0
     closest = outline.closest(turned(near[:, :2] - fitted.centre_m, -fitted.rotation_rad))
-    beyond = sector(closest.share[closest.x_m > BEYOND_EDGE_M], BEYOND_SECTORS)
+    beyond = sector(closest.share[closest.x_m > BEYOND_M], BEYOND_SECTORS)
     count = np.bincount(beyond, minlength=BEYOND_SECTORS)
     empty = float(np.mean(count < LEAST_BEYOND))
     return empty * max(-fitted.growth_m - BY_SPACING * spacing_m, 0.0)

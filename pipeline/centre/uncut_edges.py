@@ -8,7 +8,6 @@ it and the opposite one end alike: a crop hardly ever leaves just the stated siz
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from ..targets import Outline, sector
 from ..vectors import Array, Mask, turned
@@ -49,13 +48,11 @@ def uncut_sectors(
     return None if held.all() else held
 
 
-def in_sectors(
-    kept: Mask, plane: Array, depth: Array, outline: Outline, state: Array
-) -> npt.NDArray[np.bool_]:
+def in_sectors(kept: Mask, plane: Array, depth: Array, outline: Outline, state: Array) -> Mask:
     """Return which points, plane (N, 2) and depth (N,), have their foot in the kept sectors."""
     return np.asarray(kept[sector(carry(plane, depth, state, outline).share, SECTORS)])
 
 
-def _mostly(side: npt.NDArray[np.bool_], shown: Mask) -> Mask:
+def _mostly(side: Mask, shown: Mask) -> Mask:
     """Return for each sector whether enough of those of its `side` (S, S) are shown."""
     return np.asarray(np.sum(side & shown, axis=1) > LEAST_ALONG * np.sum(side, axis=1))

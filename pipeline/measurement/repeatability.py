@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..uncertainty import chi_square_beyond
+from ..uncertainty import chi_square_beyond, least_squares, scatter_beyond
 from ..vectors import Array
 from .records import Measurement, Observation
 
@@ -19,7 +19,6 @@ OF_PLATE = (
     "stand-off",
 )  # components constant for a target, which no scatter shows
 DOUBT = 0.01  # probability below which scatter counts as larger, or smaller, than predicted
-BISECTIONS = 60
 
 
 @dataclass(frozen=True)
@@ -105,22 +104,23 @@ def pool_repeats(measurement: Measurement) -> tuple[Repeats, ...]:
 def pool(kind: str, values: Array, covariance: Array) -> PooledAngle:
     """Pool values (n,) with their covariance (n, n), radians.
 
-    Source: generalised least squares, Aitken (1935); chi-square test as in JCGM 100, 4.2.3 and F.1,
-    with the covariance in place of a single sigma. Scatter as of a series over time
-    (batch/results/trends.py): Paule and Mandel, J. Res. NBS 87 (1982) 377.
+    Chi-square test as in JCGM 100, 4.2.3 and F.1, with the covariance in place of a single sigma.
+    Scatter as of a series over time (batch/results/trends.py).
     """
     count = len(values)
     start, ones = values[0], np.ones((len(values), 1))
-    mean, u_mean, chi_square = _fit(ones, values - start, covariance)
+    mean, u_mean, chi_square = least_squares(ones, values - start, covariance)
     dof = count - 1
     probability = chi_square_beyond(chi_square, dof)
-    scatter = _scatter(values - start, covariance) if probability < DOUBT else 0.0
+    scatter = 0.0
+    if probability < DOUBT:
+        scatter = scatter_beyond(ones, values - start, covariance, float(np.ptp(values - start)))
     covariance = covariance + scatter**2 * np.eye(count)
-    mean, u_mean, _ = _fit(ones, values - start, covariance)
+    mean, u_mean, _ = least_squares(ones, values - start, covariance)
     drift = u_drift = None
     if count > 2:
         order = np.arange(count) - (count - 1) / 2.0
-        slopes, u_slopes, _ = _fit(
+        slopes, u_slopes, _ = least_squares(
             np.column_stack([np.ones(count), order]), values - start, covariance
         )
         drift, u_drift = float(slopes[1]), float(u_slopes[1])
@@ -142,32 +142,3 @@ def pool(kind: str, values: Array, covariance: Array) -> PooledAngle:
         status=status,
         scatter=scatter,
     )
-
-
-def _scatter(values: Array, covariance: Array) -> float:
-    """Return the standard deviation of each of values (n,) beyond their covariance (n, n).
-
-    With it, the squares about their mean are n - 1; without it, they are more.
-    """
-    ones, low, high = np.ones((len(values), 1)), 0.0, float(np.ptp(values))
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2.0
-        chi_square = _fit(ones, values, covariance + middle**2 * np.eye(len(values)))[2]
-        low, high = (middle, high) if chi_square > len(values) - 1 else (low, middle)
-    return high
-
-
-def _fit(slopes: Array, values: Array, covariance: Array) -> tuple[Array, Array, float]:
-    """Return coefficients, their standard uncertainties, and chi-square of the residuals."""
-    scale = float(np.trace(covariance)) / len(covariance)
-    if not scale > 0.0:
-        raise ValueError("repeat scans without any uncertainty cannot be compared")
-    # Shared components add to the pooled value and nothing to the differences; 1e-12 keeps the
-    # matrix regular where nothing else distinguishes the scans.
-    V = covariance / scale + 1e-12 * np.eye(len(values))
-    weighted = np.linalg.solve(V, slopes)
-    inverse = np.linalg.inv(slopes.T @ weighted)
-    found = inverse @ (weighted.T @ values)
-    residual = values - slopes @ found
-    chi_square = float(residual @ np.linalg.solve(V, residual)) / scale
-    return found, np.sqrt(np.diag(inverse) * scale), chi_square

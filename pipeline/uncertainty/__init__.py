@@ -35,6 +35,7 @@ from .propagation import (
     effects_of,
     propagate,
 )
+from .scatter import least_squares, scatter_beyond
 from .type_b import with_type_b
 
 __all__ = [
@@ -59,6 +60,7 @@ __all__ = [
     "evaluate_tests",
     "f_beyond",
     "f_sum_limits",
+    "least_squares",
     "least_tail",
     "monte_carlo",
     "mounting_component",
@@ -68,6 +70,7 @@ __all__ = [
     "power_of_t",
     "propagate",
     "quantile",
+    "scatter_beyond",
     "share_limits",
     "tail",
     "vertical_component",
