@@ -145,10 +145,12 @@ def check_outline(
     rotation_rad: float,
     spacing_m: float,
     noise_m: float,
+    beside_m: float = 0.0,
 ) -> bool:
     """Return whether a quarter of the edge is visible.
 
-    face: points on the target (N, 2). noise_m: of a point along the plane. Sectors whose points
+    face: points on the target (N, 2). noise_m: of a point along the plane. beside_m: how far beside
+    the edge a footprint returns the target, and nothing else. Sectors whose points
     stop well inside are hidden and do not count; few of the others may reach beyond the outline or
     stop short of it. A target of another size reaches beyond on opposite sides alike; what adjoins
     it or hides one side does not. Raises NotMeasuredError 'wrong-outline'.
@@ -159,7 +161,7 @@ def check_outline(
     if np.count_nonzero(visible) < SECTORS // 4:
         return False
     excess = outermost[visible]
-    beyond = outermost > BEYOND_M + spacing_m + 3.0 * noise_m
+    beyond = outermost > BEYOND_M + spacing_m + 3.0 * noise_m + beside_m
     over = float(np.mean(beyond[visible]))
     if over > MAX_BEYOND:
         fact = (

@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..cloud import thin
+from ..cloud import sample_rows, thin
 from ..config import CentreConfig
 from ..plane import Patch, PlaneFit
 from ..targets import Outline, Target
 from ..vectors import Array, Array32, Rows, in_axes, turned
+from .edge.edge_intensity import face_light, relative_to_face
 
 GENTLE_SLOPE = 1.2  # of beams: shift aside per depth, as a rule
+FACE_POINTS = 5_000  # by which its brightness is known
 BEYOND_M = 0.03  # distance outside an edge within which points may matter to it
 
 
@@ -36,10 +38,11 @@ class TargetView:
         slope: float = GENTLE_SLOPE,
         even: bool = False,
     ) -> Array:
-        """Return the points that may matter to an outline, in plane coordinates (M, 3).
+        """Return the points that may matter to an outline, in plane coordinates (M, 3 or 4).
 
-        slope: of the beams, by which points behind the plane are shifted aside per depth. even:
-        those on the target are thinned as those around it are, so that all beams count alike.
+        With their intensities, of that of the face, where known; NaN around the target. slope: of
+        the beams, by which points behind the plane are shifted aside per depth. even: those on the
+        target are thinned as those around it are, so that all beams count alike.
         """
         face, around = self._near_rows(outline, start, slope)
         return self._joined(self._thinned(face) if even else face, around)
@@ -67,10 +70,25 @@ class TargetView:
         return face[thin(self.patch.face_m[face], share)] if share < 1.0 else face
 
     def _joined(self, face: Rows, around: Rows) -> Array:
-        """Return rows of face and surroundings in plane coordinates (M, 3)."""
+        """Return rows of face and surroundings in plane coordinates, and their intensity."""
         on, off = self.parts
         both = on.T.take(face, axis=1), off.T.take(around, axis=1)
-        return np.concatenate(both, axis=1, dtype=np.float64).T
+        joined = np.concatenate(both, axis=1, dtype=np.float64)
+        if self.patch.face_intensity is None or self._face_light is None:
+            return joined.T
+        seen = self.patch.face_intensity[face]
+        relative = relative_to_face(joined[:2, : len(face)].T, seen, self._face_light)
+        intensity = np.concatenate([relative, np.full(len(around), np.nan)])
+        return np.concatenate([joined, intensity[None]]).T
+
+    @cached_property
+    def _face_light(self) -> Array | None:
+        """Intensity of the target's face (3,), see `face_light`; None where it is not known."""
+        if self.patch.face_intensity is None:
+            return None
+        uvw, rows = self.on_face(self.target.radius_m)
+        some = sample_rows(uvw, FACE_POINTS)
+        return face_light(uvw[some, :2], self.patch.face_intensity[rows[some]])
 
     @cached_property
     def parts(self) -> tuple[Array, Array32]:

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from tests.support.scenes import Setup, make
 from wheelplane.centre.edge.beams import BEAM, GROWTH, INVERSE, RATIO, ROTATION, SPOT, WALL, Prior
-from wheelplane.centre.edge.clean_edge import clean_equations, shift_m
+from wheelplane.centre.edge.clean_edge import (
+    NOT_BY_CHANCE,
+    by_backgrounds_m,
+    clean_equations,
+    shift_m,
+)
 from wheelplane.centre.edge.edge_residuals import EdgeProblem
 from wheelplane.centre.edge.fit_edge import Aim, aimed, fit_edge
 from wheelplane.config import CentreConfig
@@ -179,3 +185,24 @@ def test_brighter_backgrounds_move_the_edge_inwards():
     assert shifts[0] > 5e-4
     assert shifts[1] == pytest.approx(0.0, abs=1e-8)
     assert shifts[2] == pytest.approx(-shifts[0], rel=1e-6)
+
+
+@pytest.mark.parametrize(("waves", "shift_um"), [(1, 300.0), (2, 200.0), (1, 0.0)])
+def test_what_backgrounds_move_is_the_scatter_of_sectors_beyond_their_points(waves, shift_um):
+    """Points scatter by 100 um; of sectors that are moved, 0.71 of the wave's height is left."""
+    rng = np.random.default_rng(7)
+    share = np.repeat((np.arange(96) + 0.5) / 96.0, 2)
+    found = []
+    for _ in range(200):
+        noise = 1e-4 * rng.normal(size=len(share))
+        rest = noise + 1e-6 * shift_um * np.sin(2.0 * np.pi * waves * share)
+        linear = SimpleNamespace(depths=5, share=np.append(np.zeros(5), share),
+                                 residual_m=np.append(np.ones(5), rest))  # fmt: skip
+        found.append(by_backgrounds_m(linear) ** 2)
+    expected = (1e-6 * shift_um) ** 2 / 2.0 - NOT_BY_CHANCE * math.sqrt(2.0 / 24.0) * 1e-8 / 8.0
+    if shift_um > 0.0:
+        assert np.mean(found) == pytest.approx(expected, rel=0.05)
+    else:
+        assert np.mean(np.array(found) == 0.0) > 0.95
+    few = SimpleNamespace(depths=0, share=share[::4], residual_m=np.ones(48))
+    assert by_backgrounds_m(few) == 0.0

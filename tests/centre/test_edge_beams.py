@@ -413,3 +413,25 @@ def test_each_place_in_a_state_is_of_one_quantity():
     places = [*range(12)[CENTRE], *range(12)[BEAM], INVERSE]
     places += [SPOT, THICKNESS, RATIO, ROTATION, WALL, SHAPE, GROWTH]
     assert places == list(range(12))
+
+
+@pytest.mark.parametrize("continuous", [True, False])
+def test_points_as_deep_as_a_surface_beyond_the_edge_are_not_mixed_pixels(continuous):
+    """Half of the background is at half of the other's depth; mixed pixels lie at any."""
+    rng = np.random.default_rng(4)
+    state = Prior.of(0.01, CONFIG).mean
+    state[BEAM], state[INVERSE] = 0.0, 0.0
+    radius = 0.125 + rng.uniform(-0.02, 0.02, 60_000)
+    angle = rng.uniform(0.0, 2.0 * np.pi, 60_000)
+    plane = radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    far = np.where(rng.random(60_000) < 0.3, 0.1, 0.2) + 2e-4 * rng.normal(size=60_000)
+    beyond = radius - 0.125
+    depth = np.where(beyond < 0.0, 0.0, far)
+    if continuous:
+        depth = 0.2 * np.clip(0.5 + beyond / 0.002, 0.0, 1.0)
+    beams = carry(plane, depth, state, Circle(0.125))
+    background = look_up(beams, depth, state)
+    every = mixed_share(beams, depth, background)
+    besides = mixed_share(beams, depth, background, besides_surfaces=True)
+    assert every > 0.3
+    assert besides == (pytest.approx(every, rel=0.05) if continuous else 0.0)

@@ -269,12 +269,11 @@ def test_first_returns_may_explain_what_seems_another_size(
     left = {"stated": stated, "grown": grown, "alone": alone}
     equations = SimpleNamespace(residual_m=np.ones(count))
     solutions = {name: SimpleNamespace(state=name, equations=equations) for name in left}
-    monkeypatch.setattr(fit_edge, "_by_returns", lambda *args: solutions["stated"])
     alone = {False: solutions["alone"], True: solutions["stated"]}
     monkeypatch.setattr(fit_edge, "_explained", lambda *args, by_power: alone[by_power])
     monkeypatch.setattr(fit_edge, "_grown", lambda problem, state, most: solutions["grown"])
     monkeypatch.setattr(fit_edge, "_unexplained", lambda found: left[found.state])
-    found = fit_edge._by_size(None, None, None, 40)
+    found = fit_edge._by_size(None, None, None, solutions["stated"], 40)
     assert found == (solutions[taken], solutions["grown"])
 
 

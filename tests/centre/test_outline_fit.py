@@ -187,3 +187,13 @@ def test_strays_among_very_many_points_are_not_the_edge_of_the_target():
     assert check_outline(np.vstack([disc(0.125, 600_000), strays]), *checked)
     with pytest.raises(NotMeasuredError, match="beyond the edge"):
         check_outline(disc(0.128, 600_000), *checked)
+
+
+def test_a_footprint_beside_the_edge_may_return_the_target():
+    """By first returns of a wide footprint points lie as far beyond the edge all round."""
+    points = np.random.default_rng(5).uniform(-0.15, 0.15, (300_000, 2))
+    disc = points[np.hypot(*points.T) < 0.129]
+    checked = Circle(0.125), np.zeros(2), 0.0, 0.0003, 0.0
+    assert check_outline(disc, *checked, 0.004)
+    with pytest.raises(NotMeasuredError, match="beyond the edge"):
+        check_outline(disc, *checked, 0.001)

@@ -20,6 +20,8 @@ LEAST_IN_HALF = 4  # points of a sector's ring that give a slope
 # wall, how far they lie before it: of its roughness (at least that share of its depth), and beyond.
 BESIDE_M, BETWEEN_M = 0.002, 0.01
 BEFORE, ROUGH_SHARE, BEFORE_M = 3.0, 0.02, 0.003
+# Another surface: how far beyond the edge it is looked for, how alike depths are on it, how many.
+SURFACE_M, SAME_DEPTH_M, LEAST_SAME, DEEPEST_M = (0.004, 0.02), 0.003, 3, 10.0
 MAX_SPREAD = 0.15  # sectors whose background is rougher than this share of its depth are left out
 SPARSE, MAX_SPREAD_SPARSE = 16, 0.4  # the same of sectors of fewer points, which are wider
 
@@ -98,14 +100,19 @@ def _quantiles(
     return [ranked[start[:-1] + (share * size).astype(int)] for share in shares], size
 
 
-def mixed_share(beams: Beams, depth: Array, background: Background) -> float:
+def mixed_share(
+    beams: Beams, depth: Array, background: Background, besides_surfaces: bool = False
+) -> float:
     """Return mixed pixels about the edge, per point on the target in a 2 mm ring just inside.
 
     Of the middle one of twelfths of the edge: another surface before the background is seen in few.
-    Of all of it where there are few points.
+    Of all of it where there are few points. besides_surfaces: without those as deep as points
+    beyond the edge in the same twelfth.
     """
     share = depth / background.at(background.sector(beams), beams.x_m)[0]
     mixed = (np.abs(beams.x_m) < 0.004) & (share > 0.2) & (share < 0.8)
+    if besides_surfaces:
+        mixed[mixed] = ~_on_surface(beams, depth, mixed)
     ring = (beams.x_m > -0.005) & (beams.x_m < -0.003) & (np.abs(share) < 0.2)
     if (total := int(np.count_nonzero(ring))) < LEAST_IN_TWELFTH * TWELFTHS:
         return float(np.count_nonzero(mixed) / max(total, 1))
@@ -113,6 +120,19 @@ def mixed_share(beams: Beams, depth: Array, background: Background) -> float:
     count = [np.bincount(part[chosen], minlength=TWELFTHS) for chosen in (mixed, ring)]
     shown = count[1] > 0
     return float(np.median(count[0][shown]) / np.mean(count[1][shown]))
+
+
+def _on_surface(beams: Beams, depth: Array, chosen: Mask) -> Mask:
+    """Return which of some points (N,) are as deep as others of the same twelfth beyond the edge.
+
+    (M,) of the chosen ones; the others lie where no footprint meets the target.
+    """
+    part = sector(beams.share, TWELFTHS) * DEEPEST_M  # twelfths, each deeper than the one before
+    beyond = (beams.x_m > SURFACE_M[0]) & (beams.x_m < SURFACE_M[1]) & (depth > MIN_DEPTH_M)
+    surface = np.sort(part[beyond] + np.minimum(depth[beyond], DEEPEST_M / 2.0))
+    here = part[chosen] + np.minimum(depth[chosen], DEEPEST_M / 2.0)
+    around = np.searchsorted(surface, [here - SAME_DEPTH_M, here + SAME_DEPTH_M])
+    return np.asarray(around[1] - around[0] >= LEAST_SAME)
 
 
 def mixed_share_of_few(
@@ -139,6 +159,8 @@ CENTRE, BEAM, INVERSE = slice(0, 2), slice(2, 4), 4
 SPOT, THICKNESS, RATIO, ROTATION = 5, 6, 7, 8
 WALL, SHAPE, GROWTH = 9, 10, 11
 LAMBERT, LAMBERT_SIGMA = 1.0, 0.3  # of a scanner that parts returns by power
+RATIO_LOG = 1.5  # of the log of a reflectance ratio (k = 1)
+EXPONENT_LOG = 0.5  # of the exponent by which intensities follow power (k = 1)
 CLEAN_SPOT = 2.0  # of the log footprint, of such a scanner or a camera (k = 1)
 LEAST_WALL = 0.02  # reflectance of a wall, of the target's
 STATED_THICKNESS, WRONG_THICKNESS = 0.03, 1.0  # relative: of a stated one; of a wrong one (k = 1)
@@ -167,8 +189,8 @@ class Prior:
         logs = np.log([config.spot_radius_m, max(thickness, 1e-4)])
         mean = np.array([0.0, 0.0, 0.0, 0.0, 0.4, *logs, 0.0, 0.0, 0.5, 0.5, 0.0])
         known_log = STATED_THICKNESS if known else WRONG_THICKNESS
-        sigma = [0.01, 0.01, 3.0, 3.0, 0.3, 0.7, known_log, 1.5, ROTATION_RAD, 0.5, 0.5, SIZE_M]
-        return cls(mean, 1.0 / np.array(sigma) ** 2)
+        sigma = [0.01, 0.01, 3.0, 3.0, 0.3, 0.7, known_log, RATIO_LOG, ROTATION_RAD]
+        return cls(mean, 1.0 / np.array([*sigma, 0.5, 0.5, SIZE_M]) ** 2)
 
     def seen_from(self, station: Array, state: Array) -> Prior:
         """Return the prior for beams that come from a station (3,), about a state (12,)."""
@@ -186,15 +208,36 @@ class Prior:
         weight[THICKNESS] = HELD_THICKNESS**-2
         return Prior(mean, weight)
 
+    def of_thickness(self, thickness_m: float | None) -> Prior:
+        """Return the prior with another thickness; None: the same."""
+        mean = self.mean.copy()
+        if thickness_m is not None:
+            mean[THICKNESS] = np.log(thickness_m)
+        return Prior(mean, self.weight)
+
     def by_power(self) -> Prior:
         """Return the prior for a scanner that parts returns by power: a wall by Lambert's law.
 
-        It may be a camera, whose pixels have hardly a footprint.
+        It may be a camera, whose pixels have hardly a footprint. Another edge of the target, which
+        may have another background, says nothing of this one's.
         """
         mean, weight = self.mean.copy(), self.weight.copy()
         mean[WALL], weight[WALL] = LAMBERT, LAMBERT_SIGMA**-2
+        mean[RATIO], weight[RATIO] = 0.0, RATIO_LOG**-2
         weight[SPOT] = CLEAN_SPOT**-2
         return Prior(mean, weight).sized()
+
+    def by_intensity(self) -> Prior:
+        """Return the prior for the intensities of returns that are parted by power.
+
+        In the place of the reflectance ratio it has the exponent by which they follow power.
+        """
+        mean, weight = self.mean.copy(), self.weight.copy()
+        weight[WALL] = max(weight[WALL], LAMBERT_SIGMA**-2)
+        weight[RATIO] = EXPONENT_LOG**-2
+        mean[WALL] = LAMBERT
+        mean[RATIO] = 0.0
+        return Prior(mean, weight)
 
     def plain(self) -> Prior:
         """Return the prior with the wall as bright as the face and the spot's shape held."""

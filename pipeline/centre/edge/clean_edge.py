@@ -56,6 +56,9 @@ LEAST_SCATTER_M = 3e-5  # of the points next to the edge, beside their own spaci
 ROUGH, FAR_M = 8.0, 0.008  # factor on the scatter far from convergence, and reach beside the edge
 FACE = 0.0  # of Lambert's law in a wall as bright as the face
 MOST_STRAIGHT = 12  # sides of an outline; more are parts of arcs
+# Sectors that may have unlike backgrounds; points of each that show it; standard deviations of what
+# they scatter by chance, that are not.
+UNLIKE, LEAST_UNLIKE, NOT_BY_CHANCE = 24, 3, 2.5
 IN_RING, FINER = 200, 4  # cells across the ring, 0.05 mm; steps of a wave in the ring
 LEAST_ROWS, BESIDE = 2.0, 0.7  # in the ring, whose window hides fewer; least of the largest wave
 BY_CHANCE = 4.0  # standard deviations of points in rows by chance
@@ -81,11 +84,8 @@ def clean_equations(
     returns part by power; else the least part of a footprint on face or wall decides, however dark.
     by_background: whether the points next to the edge on its outer side count.
     """
-    beams, depth = _fanned(problem.beams(state), state), problem.depth
-    square = float(state[BEAM] @ state[BEAM])
-    nearer_m = 2.0 * np.exp(state[SPOT]) * np.sqrt(square / (1.0 + square))  # parts of a footprint
-    seen = beams.clear & (depth > -5.0 * problem.sigma_m - 1e-4 - nearer_m)
-    on_target = seen & (depth < target_depth_m(state, problem.sigma_m))
+    beams = fanned(problem.beams(state), state)
+    on_target, seen = seen_target(problem, beams, state)
     steepest = max(float(np.abs(beams.tau).max(initial=0.0)), 1e-3)
     grid = np.linspace(-steepest, steepest, SLOPES)
     table = _edge_table(grid, state if by_power else first_state(state))
@@ -93,7 +93,7 @@ def clean_equations(
     face = on_target & (beams.x_m + state[GROWTH] > -INNER_M) & (beyond < 0.0)
     known = (state if by_power else first_state(state)), (grid, table), robust, rough
     sides = _sides(problem, beams, beyond, (on_target, seen & ~on_target), *known)
-    depths, behind = _depths(problem, beams, face, state, robust, not rough), len(sides[1][0])
+    depths, behind = mean_depths(problem, beams, face, state, robust, not rough), len(sides[1][0])
     parts = [depths, *sides] if by_background else [depths, sides[0]]
     q_m, share, residual_m, slopes, weight, change, by_height = (
         np.concatenate(values) for values in zip(*parts, strict=True)
@@ -112,7 +112,15 @@ def clean_equations(
     )
 
 
-def _fanned(beams: Beams, state: Array) -> Beams:
+def seen_target(problem: EdgeProblem, beams: Beams, state: Array) -> tuple[Mask, Mask]:
+    """Return which points (N,) lie on the target, its wall included, and which on or behind it."""
+    square = float(state[BEAM] @ state[BEAM])
+    nearer_m = 2.0 * np.exp(state[SPOT]) * np.sqrt(square / (1.0 + square))  # parts of a footprint
+    seen = beams.clear & (problem.depth > -5.0 * problem.sigma_m - 1e-4 - nearer_m)
+    return seen & (problem.depth < target_depth_m(state, problem.sigma_m)), seen
+
+
+def fanned(beams: Beams, state: Array) -> Beams:
     """Return beams whose tau is that of their own direction, not of one that meets the edge."""
     return replace(beams, tau=beams.tau - state[INVERSE] * beams.x_m)
 
@@ -158,6 +166,25 @@ def between_rows_m(problem: EdgeProblem, state: Array) -> float:
         rows_m = waves[shown] / (seen * per_m[shown])
         square += float(rows_m.max(initial=0.0)) ** 2 / 12.0
     return math.sqrt(square / len(sides))
+
+
+def by_backgrounds_m(linear: Equations) -> float:
+    """Return how far backgrounds of unlike brightness move a clean edge (k = 1).
+
+    As its residuals by sectors scatter, beyond what points there scatter from each other, and not
+    by chance.
+    """
+    rows = slice(linear.depths, None)
+    part, residual_m = sector(linear.share[rows], UNLIKE), linear.residual_m[rows]
+    count = np.bincount(part, minlength=UNLIKE)
+    seen = count >= LEAST_UNLIKE
+    if not seen.any():
+        return 0.0
+    mean = np.bincount(part, residual_m, UNLIKE) / np.maximum(count, 1)
+    within = np.bincount(part, (residual_m - mean[part]) ** 2, UNLIKE) / np.maximum(count - 1, 1)
+    alone = float(np.mean(within[seen] / count[seen]))
+    by_chance = 1.0 + NOT_BY_CHANCE * math.sqrt(2.0 / np.count_nonzero(seen))
+    return math.sqrt(max(float(np.mean(mean[seen] ** 2)) - by_chance * alone, 0.0))
 
 
 def _mean_depth(x_m: Array, tau: Array, slant: Array, spot_m: Array, state: Array) -> EdgeProfile:
@@ -219,7 +246,7 @@ def _excess(x_m: Array, tau: Array, values: Array) -> Array:
     return np.asarray(1.0 - Fa + wall * (Fa - Fb) - np.exp(log_ratio) * Fb)
 
 
-def _depths(
+def mean_depths(
     problem: EdgeProblem,
     beams: Beams,
     chosen: Mask,

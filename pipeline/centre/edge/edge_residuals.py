@@ -48,7 +48,8 @@ class EdgeProblem:
     """Points near the edge, (N, 2) in the plane and (N,) deep, and the prior of the state.
 
     few: too few of them to tell outliers, zones' reflectances, or the scatter of sectors.
-    station: (3,) that all beams come from, if known.
+    station: (3,) that all beams come from, if known. intensity: (N,) of that
+    of the face, NaN where unknown, or None.
     """
 
     plane: Array
@@ -58,6 +59,7 @@ class EdgeProblem:
     sigma_m: float
     few: bool = False
     station: Array | None = None
+    intensity: Array | None = None
     _kept: dict[bytes, Beams] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def about(self, state: Array) -> EdgeProblem:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...cloud import sample
+from ...cloud import sample, sample_rows
 from ...config import CentreConfig
 from ...targets import Outline, sector
 from ...vectors import Array
@@ -45,7 +45,8 @@ from .beams import (
     outside_m,
     pointed,
 )
-from .clean_edge import between_rows_m, clean_equations, shift_m, target_depth_m
+from .clean_edge import between_rows_m, by_backgrounds_m, clean_equations, shift_m, target_depth_m
+from .edge_intensity import fading, intensity_equations, speckle
 from .edge_residuals import (
     FEW,
     OUTER_M,
@@ -71,6 +72,15 @@ CONTRADICTED = 0.35  # share of outliers beside a clean edge: a background that 
 # Squared distance of the centres with and without a background, of the latter's covariance: 0.01 by
 # chance.
 APART_BY_BACKGROUND = 9.2
+# Thickness of a target whose wall returns nothing; what that leaves of the places of an edge, of
+# what a wall leaves: up to 1.25 where beams were filtered out.
+NO_WALL_M, SHOWS_WALL = 1e-4, 1.3
+# Slope of beams that nothing behind an edge shows, up to which their direction hardly counts; to
+# intensities of steeper ones fits had other solutions.
+MOST_UNSEEN = 0.12
+# How far unlike backgrounds move parts of a clean edge: at most, of where it lies; all of it, of
+# that of its parts.
+MOST_UNLIKE, ALL_ROUND = 0.5, 0.5
 UNEVEN = 5  # of the sectors: at most so many have a background that leaves outliers
 MISFIT = 0.09  # share of outliers beyond which a fit to mixed pixels is none, between these
 STEP_M, CONVERGED_M = (
@@ -83,6 +93,9 @@ ALONE = np.log(10.0)  # reflectance ratio, or its inverse, of first or last retu
 UNDAMPED, SETTLED = 10, 0.2  # steps of full length; share of u that a step may still be, then
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
+# Of a fit to intensities: least share of the sectors in which they fade, and of how they differ
+# that it explains; least log of its footprint's radius, of the configured one.
+FADING, FADING_OF_FEW, EXPLAINED, NO_FOOTPRINT = 0.4, 0.15, 0.8, math.log(0.3)
 AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave; 1.02 by alike noise
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 # Standard deviations off the prior from which the stated thickness is doubted; up to which it may
@@ -128,7 +141,9 @@ class EdgeFit:
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     by_size_m: (2,) by which its centre would move if the size were hardly known; size_chance: the
     probability of that. rows_m: standard uncertainty of each straight edge by rows of points that
-    run along it.
+    run along it. exponent: by which intensities follow power, of a clean edge that is fitted to
+    them; it has no clean_shift_m. unlike_m: how far backgrounds of unlike brightness move parts of
+    a clean edge (k = 1).
     """
 
     centre_m: Array
@@ -160,6 +175,13 @@ class EdgeFit:
     by_size_m: Array | None = None
     size_chance: float = 0.0
     rows_m: float = 0.0
+    exponent: float | None = None
+    unlike_m: float = 0.0
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether beams at the edge returned one surface each."""
+        return self.clean_shift_m is not None or self.exponent is not None
 
     @property
     def state(self) -> Array:
@@ -189,23 +211,16 @@ def fit_edge(
 ) -> EdgeFit | None:
     """Fit an outline to points uvw_m (N, 3) in plane coordinates, w towards the scanner.
 
+    (N, 4) with their intensities, of that of the face, NaN where unknown.
+
     Where there are no mixed pixels, to the points on both sides of it (clean_edge.py).
     thickness_m: of the target, where known. begin: where to start, as `aimed` returns it, or the
     fit of another edge of the same target, whose beams are the same.
     None where less than a quarter of the edge has a background, or the scanner has filtered out the
     beams at the edge.
     """
-    if isinstance(begin, EdgeFit):
-        prior, station = Prior.beside(begin.state), None
-        state = prior.mean
-    else:
-        prior, station, state = Prior.of(thickness_m, config), begin.station, begin.state
-    beside = outside_m(uvw_m[:, :2], -uvw_m[:, 2], state, outline)
-    near = sample(uvw_m[np.abs(beside) < _reach_m(state)], config.max_points)
-    few = int(np.count_nonzero(np.abs(beside) < OUTER_M)) < FEW
-    plane = np.asfortranarray(near[:, :2])
-    problem = EdgeProblem(plane, -near[:, 2], prior, outline, sigma_m, few, station).about(state)
-    beams = problem.beams(state)
+    problem, state = _problem(uvw_m, outline, thickness_m, sigma_m, config, begin)
+    few, beams = problem.few, problem.beams(state)
     background = look_up(beams, problem.depth, state)
     if few:
         deepest_m = target_depth_m(state, sigma_m)
@@ -214,12 +229,60 @@ def fit_edge(
         likely = fitted is not None and fitted.loss < LOSS_BY_CHANCE
     else:
         share = mixed_share(beams, problem.depth, background)
+        if share < MOST_CLEAN:
+            share = mixed_share(beams, problem.depth, background, besides_surfaces=True)
         mixed = share > MOST_CLEAN
         fitted = None if share < MIN_MIXED else _mixed(problem, state, thickness_m, config)
         likely = fitted is not None and fitted.converged and fitted.misfit < MISFIT
-    if mixed or likely:
+    doubted = few or not (mixed and likely)
+    if (mixed or likely) and not (doubted and problem.intensity is not None):
         return fitted
-    return _clean(problem, state, config) or fitted
+    clean = _clean(problem, state, config)
+    if (mixed or likely) and not (clean and clean.exponent):
+        return fitted
+    return clean or fitted
+
+
+def fit_intensities(
+    uvw_m: Array,
+    outline: Outline,
+    thickness_m: float | None,
+    sigma_m: float,
+    config: CentreConfig,
+    begin: Aim,
+) -> EdgeFit | None:
+    """Fit an outline to the intensities of points uvw_m (N, 4), and not to what is behind.
+
+    Nothing but the returns of a wall shows the beams' direction: None where that counts.
+    """
+    problem, state = _problem(uvw_m, outline, thickness_m, sigma_m, config, begin)
+    found = _by_intensity(problem, state, config.max_iterations)
+    if found is None or float(np.hypot(*found.beam)) > MOST_UNSEEN:
+        return None
+    return found
+
+
+def _problem(
+    uvw_m: Array,
+    outline: Outline,
+    thickness_m: float | None,
+    sigma_m: float,
+    config: CentreConfig,
+    begin: Aim | EdgeFit,
+) -> tuple[EdgeProblem, Array]:
+    """Return the points near the edge with their prior, and the state (12,) to start from."""
+    if isinstance(begin, EdgeFit):
+        prior, station = Prior.beside(begin.state), None
+        state = prior.mean
+    else:
+        prior, station, state = Prior.of(thickness_m, config), begin.station, begin.state
+    beside = outside_m(uvw_m[:, :2], -uvw_m[:, 2], state, outline)
+    near = uvw_m[np.abs(beside) < _reach_m(state)]
+    near = near[sample_rows(near[:, :3], config.max_points)]
+    few = int(np.count_nonzero(np.abs(beside) < OUTER_M)) < FEW
+    plane, intensity = np.asfortranarray(near[:, :2]), near[:, 3] if near.shape[1] > 3 else None
+    problem = EdgeProblem(plane, -near[:, 2], prior, outline, sigma_m, few, station, intensity)
+    return problem.about(state), state
 
 
 def _mixed(
@@ -289,13 +352,18 @@ def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit 
     """Fit an edge without mixed pixels; None where a quarter of it has no background."""
     if not has_background(problem.plane, problem.depth, state, problem.outline):
         return None
-    problem = replace(problem, prior=problem.prior.by_power())
+    given, problem = problem, replace(problem, prior=problem.prior.by_power())
     state = state.copy()
     state[WALL] = problem.prior.mean[WALL]
+    parted = _by_returns(problem, state, config.max_iterations)
+    by_intensity = _by_intensity(given, parted.state, config.max_iterations)
+    if by_intensity is not None:
+        return by_intensity
     loose = replace(problem, prior=problem.prior.unsized())
-    found, other = _by_size(problem, loose, state, config.max_iterations)
+    found, other = _by_size(problem, loose, state, parted, config.max_iterations)
     lies_m = shift_m(found.state)
-    if lies_m < -ERODED * config.spot_radius_m:  # beams at the edge were filtered out
+    ends_inside = lies_m < -ERODED * config.spot_radius_m
+    if ends_inside and not _shows_wall(problem, found, config.max_iterations):
         return None
     linear = found.equations
     beside = np.bincount(sector(linear.share[linear.depths :], SECTORS), minlength=SECTORS)
@@ -305,26 +373,80 @@ def _clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit 
     fitted = _record(found, problem, covered)
     chance, grown = _chance(loose.prior, found, other), _record(other, loose, covered)
     shown = grown if grown.converged and chance > 0.5 else fitted
+    likely = other if chance > 0.5 else found
+    unlike_m = min(by_backgrounds_m(likely.equations), MOST_UNLIKE * abs(shift_m(likely.state)))
     fitted = replace(
         fitted,
         growth_m=shown.growth_m,
-        growth_u_m=shown.growth_u_m,
+        growth_u_m=math.hypot(shown.growth_u_m, ALL_ROUND * unlike_m),
         clean_shift_m=lies_m,
         by_size_m=grown.centre_m - fitted.centre_m,
         size_chance=chance,
         rows_m=between_rows_m(problem, found.state),
+        unlike_m=unlike_m,
     )
     return _settled(fitted, found)
 
 
+def _by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | None:
+    """Fit a clean edge to the intensities beside it, from a state (12,) of where its returns part.
+
+    None where they do not fade over the edge as a footprint's power does, all round.
+    """
+    problem = replace(problem, prior=problem.prior.by_intensity())
+    begin, ratio = problem.prior.mean.copy(), float(np.exp(state[RATIO]))
+    pose = [*range(INVERSE + 1), ROTATION]
+    begin[pose] = state[pose]
+    state, scatter = begin, speckle(problem, begin)
+    if scatter is None:
+        return None
+    for iteration in range(1, most + 1):
+        linear = intensity_equations(problem, state, scatter, robust=iteration > UNDAMPED)
+        moved = step(linear, state, problem.prior)[0]
+        state = state + moved
+        last_m = float(np.abs(moved[CENTRE]).max())
+        if last_m < STEP_M and iteration > UNDAMPED:
+            break
+    covered, explained = fading(problem, state)
+    least = FADING_OF_FEW if problem.few else FADING
+    if covered < least or explained < EXPLAINED or _misfit(linear) > MISFIT:
+        return None
+    if state[SPOT] - problem.prior.mean[SPOT] < NO_FOOTPRINT:
+        return None
+    background = look_up(problem.beams(state), problem.depth, state)
+    found = _Converged(state, linear.zones, background, linear, iteration, last_m)
+    fitted = _settled(_record(found, problem, covered), found)
+    if not fitted.converged:
+        return None
+    return replace(fitted, reflectance_ratio=ratio, exponent=fitted.reflectance_ratio)
+
+
+def _shows_wall(problem: EdgeProblem, found: _Converged, most: int) -> bool:
+    """Return whether a target that ends inside its edge does so less where a wall is seen.
+
+    Last returns are of the target where no part of a footprint meets the background: inside the
+    edge, and inside that of the wall. Where beams at an edge were filtered out, it ends inside the
+    edge all round. Without the background, which other beams might explain.
+    """
+    held, places = problem.prior.held(found.state), []
+    for thickness_m in (None, NO_WALL_M):
+        other = replace(problem, prior=held.of_thickness(thickness_m))
+        ended = _converge_clean(other, found.state, most, by_power=True, by_background=False)
+        rows = slice(ended.equations.depths, None)
+        places.append((ended.equations.residual_m[rows], ended.equations.weight[rows]))
+    (seen_m, weight), (hidden_m, _) = places
+    seen, hidden = float(np.sum(seen_m**2)), float(np.sum(hidden_m**2))
+    more = (hidden - seen) * float(np.max(weight, initial=0.0))
+    return hidden > SHOWS_WALL * seen and more > BY_CHANCE
+
+
 def _by_size(
-    problem: EdgeProblem, loose: EdgeProblem, state: Array, most: int
+    problem: EdgeProblem, loose: EdgeProblem, state: Array, found: _Converged, most: int
 ) -> tuple[_Converged, _Converged]:
-    """Return the solutions of the stated size, and of one that is hardly known.
+    """Return the solutions of the stated size, which was found, and of one that is hardly known.
 
     Where the former explains less, first and last returns may explain more than those by power.
     """
-    found = _by_returns(problem, state, most)
     grown = _grown(loose, found.state, most)
     if not _explains_less(found, grown, AS_MUCH):
         return found, grown
@@ -425,9 +547,8 @@ def aimed(
     From the station, unless the background contradicts it, else from the background.
     start: centre and rotation, near 0. station: (3,) position of the scanner, if known.
     """
-    begin = Prior.of(thickness_m, config).mean
-    begin[CENTRE], begin[ROTATION] = start
-    look = sample(uvw_m, config.max_points)
+    begin = square_on(thickness_m, config, start).state
+    look = sample(uvw_m[:, :3], config.max_points)
     plane, depth = look[:, :2], -look[:, 2]
     if station is not None:
         given = pointed(begin, station, begin[CENTRE])
@@ -435,6 +556,13 @@ def aimed(
             return Aim(given, station)
     found = first_beam(plane, depth, begin, outline)
     return None if found is None else Aim(found)
+
+
+def square_on(thickness_m: float | None, config: CentreConfig, start: tuple[Array, float]) -> Aim:
+    """Return a start with beams square to the target."""
+    begin = Prior.of(thickness_m, config).mean
+    begin[CENTRE], begin[ROTATION] = start
+    return Aim(begin)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,209 @@
+"""Intensity of the target's points at an edge whose beams return one surface each.
+
+A beam at the edge has only part of its footprint on the target, and its return has that part of the
+power, whatever is behind: at x outside the edge 1 - F(a) + o (F(a) - F(b)) of that inside it, with
+the shares of mixed_pixel.py. So the intensities of the target's points show where its edge is, and
+points of many beams do. Where target and background part shows it worse: that depends on the
+background's brightness, which is another in each part of the edge.
+
+An intensity need not be proportional to power: it is taken as a power of it, by an exponent.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...targets import sector
+from ...vectors import NORMAL_OF_MAD, Array, Array32, Rows
+from .beams import GROWTH, RATIO, SHAPE, SPOT, THICKNESS, Beams, wall_reflectance
+from .clean_edge import fanned, mean_depths, seen_target
+from .edge_residuals import (
+    INNER_M,
+    POINTING_M,
+    SECTORS,
+    EdgeProblem,
+    Equations,
+    Zones,
+    profile_slopes,
+    robust_weight,
+)
+from .mixed_pixel import EdgeProfile, Profile
+
+EXPONENT = RATIO  # the state's log of it: no background is in these equations
+CLIPPED = 4  # fits of a face's brightness, each without the outliers of the one before
+LEAST_OF_FACE = 24  # points of a face by which its brightness is known
+WHOLE, LEAST_INSIDE = 2.0, 8  # radii of a footprint inside the edge, where it is whole; points
+# Of a face of one brightness: relative scatter of its intensities, and the share of its points that
+# have it; others lie at its edges.
+MOST_SPECKLE, ONE_BRIGHTNESS = 0.25, 0.7
+FADED = 0.85  # of the intensity inside the edge: less is that of a return at it
+LEAST_POWER = 0.1  # of that inside the edge: of less, a detector reports what lies above its noise
+ROUNDED = 0.01  # of it: standard uncertainty of any intensity, besides its speckle
+
+
+def face_light(plane: Array | Array32, intensity: Array | Array32) -> Array | None:
+    """Return the intensity of a face, linear over its plane (3,), by points on it at (N, 2).
+
+    Distance and incidence, and so the power that returns, are others from one side to the other.
+    None where the face is not of one brightness, or too few intensities (N,) are known.
+    """
+    known = np.isfinite(intensity)
+    columns, seen = _linear(plane[known]), intensity[known].astype(np.float64)
+    used = np.ones(len(seen), bool)
+    for _ in range(CLIPPED):
+        if np.count_nonzero(used) < LEAST_OF_FACE:
+            return None
+        light = np.linalg.lstsq(columns[used], seen[used], rcond=None)[0]
+        level = columns @ light
+        if level.min() <= 0.0:
+            return None
+        ratio = seen / level
+        off = np.abs(ratio / np.median(ratio) - 1.0)
+        scatter = NORMAL_OF_MAD * float(np.median(off))
+        used = off < 3.0 * scatter + ROUNDED
+    alike = scatter < MOST_SPECKLE and np.mean(used) > ONE_BRIGHTNESS
+    return np.asarray(light) if alike else None
+
+
+def relative_to_face(plane: Array, intensity: Array | Array32, light: Array) -> Array:
+    """Return intensities (N,) at (N, 2) over that of the face there, as `face_light` returns it."""
+    level = _linear(plane) @ light
+    return np.asarray(np.where(level > 0.0, intensity / np.where(level > 0.0, level, 1.0), np.nan))
+
+
+def _linear(plane: Array | Array32) -> Array:
+    return np.column_stack([np.ones(len(plane)), plane])
+
+
+def speckle(problem: EdgeProblem, state: Array) -> float | None:
+    """Return the scatter of the intensities inside the edge; None where too few are known."""
+    if problem.intensity is None:
+        return None
+    inside = problem.beams(state).x_m < -WHOLE * float(np.exp(state[SPOT]))
+    inside &= np.abs(problem.depth) < 5.0 * problem.sigma_m + 1e-4
+    seen = problem.intensity[inside & np.isfinite(problem.intensity)]
+    if len(seen) < LEAST_INSIDE:
+        return None
+    return NORMAL_OF_MAD * float(np.median(np.abs(seen - np.median(seen))))
+
+
+def intensity_equations(
+    problem: EdgeProblem, state: Array, speckle: float, robust: bool
+) -> Equations:
+    """Linearise the depths and the intensities of the target's points about its edge at `state`.
+
+    speckle: scatter of the latter, of their value.
+    """
+    beams = fanned(problem.beams(state), state)
+    on_target, _ = seen_target(problem, beams, state)
+    beside = on_target & (beams.x_m + state[GROWTH] > -INNER_M)
+    depths = mean_depths(problem, beams, beside & (beams.x_m < 0.0), state, robust, robust)
+    lights = _intensities(problem, beams, state, speckle, robust)
+    q_m, share, residual, slopes, weight, change, by_height = (
+        np.concatenate(values) for values in zip(depths, lights, strict=True)
+    )
+    return Equations(
+        q_m=q_m,
+        share=share,
+        residual_m=residual,
+        slopes=slopes,
+        weight=weight,
+        change=change,
+        by_height=by_height,
+        depths=len(depths[0]),
+        zones=Zones.alike(),
+    )
+
+
+def fading(problem: EdgeProblem, state: Array) -> tuple[float, float]:
+    """Return the share of sectors in which intensities fade, and of how they differ from the face.
+
+    The former of all, or of those on the far side, where less: there no wall is seen, which is
+    darker than the face to a camera as well. The latter is what the fit explains, of the squares of
+    their differences.
+    """
+    beams = fanned(problem.beams(state), state)
+    chosen = _beside(problem, beams, state)
+    beams = beams.taken(chosen)
+    model, seen = intensity_profile(beams, state).depth_m, _known(problem)[chosen]
+    faded = (model < FADED) | (seen < FADED)
+    darker = np.sum((1.0 - seen[faded]) ** 2)
+    left = np.sum((model[faded] - seen[faded]) ** 2)
+    part = sector(beams.share, SECTORS)
+    shown = np.bincount(part[model < FADED], minlength=SECTORS) > 0
+    far = np.bincount(part, beams.tau, SECTORS) < 0.0
+    shares = [np.mean(shown), *([np.mean(shown[far])] if far.any() else [])]
+    return float(min(shares)), float(1.0 - left / darker) if darker > 0.0 else 0.0
+
+
+def _known(problem: EdgeProblem) -> Array:
+    assert problem.intensity is not None
+    return problem.intensity
+
+
+def _beside(problem: EdgeProblem, beams: Beams, state: Array) -> Rows:
+    """Return the rows of the target's points about its edge whose intensity is known."""
+    on_target, _ = seen_target(problem, beams, state)
+    beside = on_target & (beams.x_m + state[GROWTH] > -INNER_M)
+    return np.flatnonzero(beside & np.isfinite(_known(problem)))
+
+
+def _intensities(
+    problem: EdgeProblem,
+    beams: Beams,
+    state: Array,
+    speckle: float,
+    robust: bool,
+) -> tuple[Array, ...]:
+    """Return the rows of Equations for the intensities of target points: q to by_height."""
+    chosen = _beside(problem, beams, state)
+    beams = beams.taken(chosen)
+    profile = intensity_profile(beams, state)
+    residual = _known(problem)[chosen] - profile.depth_m
+    variance = (speckle * profile.depth_m) ** 2 + ROUNDED**2
+    variance = variance + (profile.d_x * POINTING_M) ** 2
+    weight, change = robust_weight(residual**2 / variance, robust)
+    rows = (
+        beams.q_m,
+        beams.share,
+        residual,
+        profile_slopes(profile, beams, problem.depth[chosen], state),
+        weight / variance,
+        change / variance,
+        -profile.d_x * beams.tau * beams.shrink,
+    )
+    shown = profile.depth_m > LEAST_POWER ** float(np.exp(state[EXPONENT]))
+    return tuple(of[shown] for of in rows)
+
+
+def intensity_profile(beams: Beams, state: Array) -> EdgeProfile:
+    """Return the intensity (N,) of a return by face and wall, of that of the face, as its 'depth'.
+
+    And its derivatives, by the log of the exponent instead of that of the reflectance ratio.
+    """
+    thickness, exponent = float(np.exp(state[THICKNESS])), float(np.exp(state[EXPONENT]))
+    spot_m = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
+    facing = np.maximum(beams.tau, 0.0)
+    a, b = beams.x_m / spot_m, (beams.x_m - thickness * facing) / spot_m
+    profile = Profile(float(state[SHAPE]))
+    at_a, at_b = profile.at(a), profile.at(b)
+    o = wall_reflectance(facing, state)[0]
+    power = 1.0 - at_a.share + o * (at_a.share - at_b.share)
+    shown = power > LEAST_POWER
+    power = np.maximum(power, LEAST_POWER)
+    intensity = power**exponent
+    rate = np.where(shown, exponent * intensity / power, 0.0)
+    fa, fb = at_a.density / spot_m, at_b.density / spot_m
+    nothing = np.zeros(len(power))
+    return EdgeProfile(
+        depth_m=intensity,
+        d_x=rate * (o * (fa - fb) - fa),
+        d_tau=rate * o * fb * thickness,
+        d_log_spot=rate * ((1.0 - o) * at_a.density * a + o * at_b.density * b),
+        d_thickness=rate * o * fb * facing,
+        d_log_ratio=exponent * intensity * np.log(power),
+        d_wall=rate * (at_a.share - at_b.share),
+        d_shape=rate * ((o - 1.0) * at_a.share_by_shape - o * at_b.share_by_shape),
+        background_share=nothing,
+        background_light=nothing,
+    )
