@@ -448,6 +448,7 @@ def _model_variance(edge_fit: EdgeFit, face: Array, outline: Outline, view: Targ
         apart = apart - _by_footprint(edge_fit, apart)
         rest = float(apart @ apart)
         by_points = max(OUTLINE_EDGE_M, _rows_m(view, outline)) ** 2
+        by_points += (ALONG_BEAMS * edge_fit.unlike_m) ** 2
         if rest > WORST_APART**2 * by_points:
             raise NotMeasuredError(
                 "wrong-outline",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy import stats
 
 from tests.centre.test_edge_rows import DISC, PLATE, SIGMA_M, scene, state_of
 from tests.support.parted_returns import PartedDisc
+from wheelplane.centre import edge_centre
 from wheelplane.centre.edge.beams import (
     BEAM,
     CENTRE,
@@ -45,8 +47,9 @@ from wheelplane.centre.edge.edge_residuals import POINTING_M, SECTORS, profile_s
 from wheelplane.centre.edge.fit_edge import Aim, fit_edge, fit_intensities, square_on
 from wheelplane.centre.edge_centre import ACROSS_BEAMS, ALONG_BEAMS, _by_backgrounds
 from wheelplane.config import CentreConfig
+from wheelplane.errors import NotMeasuredError
 from wheelplane.targets import sector
-from wheelplane.targets.outline import Circle
+from wheelplane.targets.outline import Circle, rectangle
 
 CONFIG = CentreConfig()
 THICKNESS_M = 0.01
@@ -110,6 +113,18 @@ def test_without_intensities_backgrounds_of_unlike_brightness_are_in_the_uncerta
         off = off_m(found, setup)
         assert off @ np.linalg.solve(covariance_m2, off) < 12.0
         assert (found.unlike_m > 1e-4) == (setup is unlike)
+
+
+def test_outermost_points_may_lie_as_far_apart_as_unlike_backgrounds_move_them(monkeypatch):
+    """By more than 2.5 mm from a plate's edges only another shape explains them."""
+    found = located(PartedDisc(), 0, intensity=False)
+    apart = SimpleNamespace(centre_m=found.centre_m + np.array([0.0, 0.0029]))
+    monkeypatch.setattr(edge_centre, "fit_outline", lambda *args: apart)
+    view = SimpleNamespace(config=CONFIG, spacing_m=0.0015)
+    checked = np.zeros((0, 2)), rectangle(0.36, 0.24), view
+    with pytest.raises(NotMeasuredError, match=r"lie 2\.9 mm apart"):
+        edge_centre._model_variance(replace(found, unlike_m=0.0), *checked)
+    assert edge_centre._model_variance(replace(found, unlike_m=5e-4), *checked) > 0.0
 
 
 def test_backgrounds_move_a_centre_along_the_beams_more_than_across():
