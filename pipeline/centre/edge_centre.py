@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -298,10 +299,12 @@ def _aimed(
     return aimed(near, outline, view.target.thickness, view.config, start, view.station)
 
 
-def _fit(view: TargetView, outline: Outline) -> partial[EdgeFit | None]:
-    """Return `fit_edge` of this outline, to which points and where to begin are left."""
+def _fit(
+    view: TargetView, outline: Outline, fit: Callable[..., EdgeFit | None] = fit_edge
+) -> partial[EdgeFit | None]:
+    """Return `fit_edge`, or another, of this outline; points and where to begin are left to it."""
     return partial(
-        fit_edge,
+        fit,
         outline=outline,
         thickness_m=view.target.thickness,
         sigma_m=view.plane.sigma_m,
@@ -334,9 +337,7 @@ def _by_mixed_pixels(
     if near.shape[1] < WITH_INTENSITY:
         return None
     begin = square_on(view.target.thickness, view.config, start)
-    return fit_intensities(
-        near, outline, view.target.thickness, view.plane.sigma_m, view.config, begin
-    )
+    return _fit(view, outline, fit_intensities)(near, begin=begin)
 
 
 def _uncut(

@@ -150,7 +150,7 @@ LAWS = {
 
 @pytest.mark.parametrize("law", LAWS)
 def test_an_intensity_need_not_be_proportional_to_power(law):
-    """What it makes of the footprint and the edge's size is alike all round."""
+    """Footprint and size that explain its law instead are alike all round."""
     setup = PartedDisc()
     found = located(setup, 0, law=LAWS[law])
     assert found.exponent is not None
@@ -177,7 +177,7 @@ def test_intensities_that_do_not_fade_are_left_out(law):
 
 
 def test_last_returns_end_inside_the_edge_all_round_but_where_they_are_the_walls():
-    """What a footprint has of the background decides, and not how bright that is."""
+    """A part of the footprint on the background decides, and not how bright that is."""
     setup = PartedDisc(returned="last", bright=0.4, dark=0.4, slope=(0.35, 0.1))
     found = located(setup, 0)
     assert found.exponent is None

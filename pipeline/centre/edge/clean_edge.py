@@ -37,7 +37,6 @@ from .edge_residuals import (
     POINTING_M,
     EdgeProblem,
     Equations,
-    Zones,
     profile_slopes,
     robust_weight,
 )
@@ -94,22 +93,9 @@ def clean_equations(
     known = (state if by_power else first_state(state)), (grid, table), robust, rough
     sides = _sides(problem, beams, beyond, (on_target, seen & ~on_target), *known)
     depths, behind = mean_depths(problem, beams, face, state, robust, not rough), len(sides[1][0])
-    parts = [depths, *sides] if by_background else [depths, sides[0]]
-    q_m, share, residual_m, slopes, weight, change, by_height = (
-        np.concatenate(values) for values in zip(*parts, strict=True)
-    )
-    return Equations(
-        q_m=q_m,
-        share=share,
-        residual_m=residual_m,
-        slopes=slopes,
-        weight=weight,
-        change=change,
-        by_height=by_height,
-        depths=len(depths[0]),
-        behind=behind if by_background else 0,
-        zones=Zones.alike(),
-    )
+    if not by_background:
+        return Equations.stacked([depths, sides[0]])
+    return Equations.stacked([depths, *sides], behind)
 
 
 def seen_target(problem: EdgeProblem, beams: Beams, state: Array) -> tuple[Mask, Mask]:

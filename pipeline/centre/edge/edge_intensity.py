@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...targets import sector
-from ...vectors import NORMAL_OF_MAD, Array, Array32, Rows
+from ...vectors import NORMAL_OF_MAD, Array, Array32, Mask
 from .beams import GROWTH, RATIO, SHAPE, SPOT, THICKNESS, Beams, wall_reflectance
 from .clean_edge import fanned, mean_depths, seen_target
 from .edge_residuals import (
@@ -23,7 +23,6 @@ from .edge_residuals import (
     SECTORS,
     EdgeProblem,
     Equations,
-    Zones,
     profile_slopes,
     robust_weight,
 )
@@ -95,24 +94,9 @@ def intensity_equations(
     speckle: scatter of the latter, of their value.
     """
     beams = fanned(problem.beams(state), state)
-    on_target, _ = seen_target(problem, beams, state)
-    beside = on_target & (beams.x_m + state[GROWTH] > -INNER_M)
+    beside = _beside(problem, beams, state)
     depths = mean_depths(problem, beams, beside & (beams.x_m < 0.0), state, robust, robust)
-    lights = _intensities(problem, beams, state, speckle, robust)
-    q_m, share, residual, slopes, weight, change, by_height = (
-        np.concatenate(values) for values in zip(depths, lights, strict=True)
-    )
-    return Equations(
-        q_m=q_m,
-        share=share,
-        residual_m=residual,
-        slopes=slopes,
-        weight=weight,
-        change=change,
-        by_height=by_height,
-        depths=len(depths[0]),
-        zones=Zones.alike(),
-    )
+    return Equations.stacked([depths, _intensities(problem, beams, beside, state, speckle, robust)])
 
 
 def fading(problem: EdgeProblem, state: Array) -> tuple[float, float]:
@@ -123,7 +107,7 @@ def fading(problem: EdgeProblem, state: Array) -> tuple[float, float]:
     their differences.
     """
     beams = fanned(problem.beams(state), state)
-    chosen = _beside(problem, beams, state)
+    chosen = np.flatnonzero(_beside(problem, beams, state) & np.isfinite(_known(problem)))
     beams = beams.taken(chosen)
     model, seen = intensity_profile(beams, state).depth_m, _known(problem)[chosen]
     faded = (model < FADED) | (seen < FADED)
@@ -141,22 +125,22 @@ def _known(problem: EdgeProblem) -> Array:
     return problem.intensity
 
 
-def _beside(problem: EdgeProblem, beams: Beams, state: Array) -> Rows:
-    """Return the rows of the target's points about its edge whose intensity is known."""
+def _beside(problem: EdgeProblem, beams: Beams, state: Array) -> Mask:
+    """Return which points (N,) are the target's about its edge."""
     on_target, _ = seen_target(problem, beams, state)
-    beside = on_target & (beams.x_m + state[GROWTH] > -INNER_M)
-    return np.flatnonzero(beside & np.isfinite(_known(problem)))
+    return np.asarray(on_target & (beams.x_m + state[GROWTH] > -INNER_M))
 
 
 def _intensities(
     problem: EdgeProblem,
     beams: Beams,
+    beside: Mask,
     state: Array,
     speckle: float,
     robust: bool,
 ) -> tuple[Array, ...]:
     """Return the rows of Equations for the intensities of target points: q to by_height."""
-    chosen = _beside(problem, beams, state)
+    chosen = np.flatnonzero(beside & np.isfinite(_known(problem)))
     beams = beams.taken(chosen)
     profile = intensity_profile(beams, state)
     residual = _known(problem)[chosen] - profile.depth_m

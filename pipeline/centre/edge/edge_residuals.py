@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -121,6 +122,25 @@ class Equations:
     zones: Zones
     depths: int
     behind: int = 0
+
+    @classmethod
+    def stacked(cls, parts: Sequence[tuple[Array, ...]], behind: int = 0) -> Equations:
+        """Return rows q to by_height of several parts, the first of which are depths."""
+        q_m, share, residual_m, slopes, weight, change, by_height = (
+            np.concatenate(values) for values in zip(*parts, strict=True)
+        )
+        return cls(
+            q_m=q_m,
+            share=share,
+            residual_m=residual_m,
+            slopes=slopes,
+            weight=weight,
+            change=change,
+            by_height=by_height,
+            zones=Zones.alike(),
+            depths=len(parts[0][0]),
+            behind=behind,
+        )
 
     @cached_property
     def zone(self) -> npt.NDArray[np.int64]:

@@ -10,6 +10,7 @@ edge, and estimates the scanner's position from the points themselves.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -234,11 +235,11 @@ def fit_edge(
         mixed = share > MOST_CLEAN
         fitted = None if share < MIN_MIXED else _mixed(problem, state, thickness_m, config)
         likely = fitted is not None and fitted.converged and fitted.misfit < MISFIT
-    doubted = few or not (mixed and likely)
-    if (mixed or likely) and not (doubted and problem.intensity is not None):
+    shown, certain = mixed or likely, mixed and likely and not few
+    if certain or (shown and problem.intensity is None):
         return fitted
     clean = _clean(problem, state, config)
-    if (mixed or likely) and not (clean and clean.exponent):
+    if shown and not (clean and clean.exponent):
         return fitted
     return clean or fitted
 
@@ -397,24 +398,20 @@ def _by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | No
     begin, ratio = problem.prior.mean.copy(), float(np.exp(state[RATIO]))
     pose = [*range(INVERSE + 1), ROTATION]
     begin[pose] = state[pose]
-    state, scatter = begin, speckle(problem, begin)
+    scatter = speckle(problem, begin)
     if scatter is None:
         return None
-    for iteration in range(1, most + 1):
-        linear = intensity_equations(problem, state, scatter, robust=iteration > UNDAMPED)
-        moved = step(linear, state, problem.prior)[0]
-        state = state + moved
-        last_m = float(np.abs(moved[CENTRE]).max())
-        if last_m < STEP_M and iteration > UNDAMPED:
-            break
-    covered, explained = fading(problem, state)
+
+    def linearise(at: Array, iteration: int) -> Equations:
+        return intensity_equations(problem, at, scatter, robust=iteration > UNDAMPED)
+
+    found = _iterated(linearise, problem, begin, most, damped=False)
+    covered, explained = fading(problem, found.state)
     least = FADING_OF_FEW if problem.few else FADING
-    if covered < least or explained < EXPLAINED or _misfit(linear) > MISFIT:
+    if covered < least or explained < EXPLAINED or _misfit(found.equations) > MISFIT:
         return None
-    if state[SPOT] - problem.prior.mean[SPOT] < NO_FOOTPRINT:
+    if found.state[SPOT] - problem.prior.mean[SPOT] < NO_FOOTPRINT:
         return None
-    background = look_up(problem.beams(state), problem.depth, state)
-    found = _Converged(state, linear.zones, background, linear, iteration, last_m)
     fitted = _settled(_record(found, problem, covered), found)
     if not fitted.converged:
         return None
@@ -522,10 +519,29 @@ def _converge_clean(
     problem: EdgeProblem, state: Array, most: int, by_power: bool, by_background: bool
 ) -> _Converged:
     """Iterate damped Gauss-Newton steps: the nearest points change from step to step."""
-    for iteration in range(1, most + 1):
+
+    def linearise(at: Array, iteration: int) -> Equations:
         how = iteration > 9, iteration <= 6, by_power, by_background
-        linear = clean_equations(problem, state, *how)
-        moved = step(linear, state, problem.prior)[0] * min(1.0, UNDAMPED / iteration)
+        return clean_equations(problem, at, *how)
+
+    return _iterated(linearise, problem, state, most, damped=True)
+
+
+def _iterated(
+    linearise: Callable[[Array, int], Equations],
+    problem: EdgeProblem,
+    state: Array,
+    most: int,
+    damped: bool,
+) -> _Converged:
+    """Iterate Gauss-Newton steps of a clean edge; damped: shorter ones in the end.
+
+    linearise: equations at a state (12,), in an iteration from 1.
+    """
+    for iteration in range(1, most + 1):
+        linear = linearise(state, iteration)
+        length = min(1.0, UNDAMPED / iteration) if damped else 1.0
+        moved = step(linear, state, problem.prior)[0] * length
         state = state + moved
         last_m = float(np.abs(moved[CENTRE]).max())
         if last_m < STEP_M and iteration > UNDAMPED:
