@@ -20,13 +20,13 @@ from .edge.beams import CENTRE, ROTATION, SIZE_M, Prior
 from .edge.fit_edge import (
     Aim,
     Behind,
-    EdgeFit,
     aimed,
     fit_edge,
     fit_intensities,
     look_behind,
     square_on,
 )
+from .edge.solution import EdgeFit
 from .in_plane_rotation import PlaneRotation
 from .outline_fit import (
     MIN_DIRECTIONS,

@@ -15,7 +15,7 @@ from ..targets import PatternTarget, Target
 from ..uncertainty import UncertaintyComponent, centre_component, plane_component
 from ..vectors import Array, turned
 from .combine import CentreEstimate, CentreMethod, check_agreement, combined, reconciled
-from .edge.fit_edge import EdgeFit
+from .edge.solution import EdgeFit
 from .edge_centre import EdgeCentre, centre_by_edge, centre_by_holes
 from .in_plane_rotation import InPlaneRotation, PlaneRotation
 from .pattern.fit_pattern import IntensityPoints, PatternFit, find_pattern

@@ -89,6 +89,32 @@ def test_a_step_of_nothing_is_no_step():
     assert not zones.log.any()
 
 
+def test_newton_steps_end_where_the_estimating_equations_do_and_sooner():
+    """Residuals are straight lines here: only the weights of Tukey's function change."""
+    drawn_once, prior, _ = drawn(size=1.5)
+    first = replace(drawn_once, zones=Zones.alike())
+
+    def at(state):
+        residual_m = first.residual_m - first.slopes @ state
+        weight, change = robust_weight(residual_m**2, True)
+        return replace(first, residual_m=residual_m, weight=weight, change=change)
+
+    root = prior.mean
+    for _ in range(30):
+        root = root + step(at(root), root, prior, newton=True)[0]
+    linear = at(root)
+    gradient = linear.slopes.T @ (linear.weight * linear.residual_m)
+    np.testing.assert_allclose(gradient, prior.weight * (root - prior.mean), rtol=1e-4)
+    assert np.count_nonzero(linear.weight == 0.0) > 0
+    left = {}
+    begin = root + 1e-4 * np.random.default_rng(1).normal(size=STATES)
+    for newton in (False, True):
+        moved, _ = step(at(begin), begin, prior, newton=newton)
+        left[newton] = np.abs(begin + moved - root).max() / np.abs(begin - root).max()
+    assert left[True] < 0.01
+    assert left[False] > 0.1
+
+
 def weighed_by_cauchy(linear, scatter):
     """The same points, whose residuals are Gaussian, of that scatter, and weighed by Cauchy's."""
     z = scatter * np.random.default_rng(5).normal(size=POINTS)

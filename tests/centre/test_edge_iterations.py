@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.centre.test_edge_rows import DISC, PLATE, SIGMA_M, scene, state_of
-from wheelplane.centre.edge import fit_edge
+from wheelplane.centre.edge import clean_fit, mixed_fit, solution
 from wheelplane.centre.edge.beams import (
     BEAM,
     CENTRE,
@@ -25,6 +25,7 @@ from wheelplane.centre.edge.beams import (
     Prior,
     look_up,
 )
+from wheelplane.centre.edge.clean_fit import ALONE, CONTRADICTED, LEAST_CLEAN, UNDAMPED
 from wheelplane.centre.edge.edge_residuals import (
     ALIKE_LOG,
     SECTORS,
@@ -34,21 +35,16 @@ from wheelplane.centre.edge.edge_residuals import (
     equations,
     spread,
 )
-from wheelplane.centre.edge.fit_edge import (
-    ALONE,
-    AS_MUCH,
-    CONTRADICTED,
+from wheelplane.centre.edge.mixed_fit import (
     DIFFERENT,
-    LEAST_CLEAN,
     LOOKS,
     NOTICED_GROWTH_M,
+    ROUGH_M,
     SHORTER,
     SHORTEST,
     STEEP,
-    STEP_M,
-    UNDAMPED,
-    _Converged,
 )
+from wheelplane.centre.edge.solution import AS_MUCH, STEP_M, Solution
 from wheelplane.config import CentreConfig
 
 CONFIG = CentreConfig()
@@ -56,9 +52,10 @@ CONFIG = CentreConfig()
 
 def put_in(monkeypatch, moves):
     """Steps of the centre along u in their order, the last again and again; what was called."""
-    called = SimpleNamespace(flags=[], looks=[])
+    called = SimpleNamespace(flags=[], looks=[], newton=[])
 
-    def move(linear, state, prior):
+    def move(linear, state, prior, newton=False):
+        called.newton.append(newton)
         moved = np.zeros(12)
         moved[0] = moves[min(len(called.flags), len(moves)) - 1]
         return moved, Zones.alike()
@@ -69,10 +66,11 @@ def put_in(monkeypatch, moves):
     def look(*args):
         called.looks.append(len(called.flags) + 1)
 
-    monkeypatch.setattr(fit_edge, "step", move)
-    monkeypatch.setattr(fit_edge, "equations", linear)
-    monkeypatch.setattr(fit_edge, "clean_equations", lambda *a: called.flags.append(a[2:]) or ZERO)
-    monkeypatch.setattr(fit_edge, "look_up", look)
+    for module in (mixed_fit, clean_fit):
+        monkeypatch.setattr(module, "step", move)
+        monkeypatch.setattr(module, "look_up", look)
+    monkeypatch.setattr(mixed_fit, "equations", linear)
+    monkeypatch.setattr(clean_fit, "clean_equations", lambda *a: called.flags.append(a[2:]) or ZERO)
     return called
 
 
@@ -86,24 +84,25 @@ def problem_of(few=False):
 
 @pytest.mark.parametrize("few", [False, True])
 def test_a_first_fit_looks_up_the_background_again_and_takes_nine_steps(monkeypatch, few):
-    called = put_in(monkeypatch, [0.5 * STEP_M])
-    found = fit_edge._converge(problem_of(few), state_of(), Zones.alike(), 40, consistent=False)
+    called = put_in(monkeypatch, [0.5 * ROUGH_M])
+    found = mixed_fit._converge(problem_of(few), state_of(), Zones.alike(), 40, consistent=False)
     assert called.looks == [1, *LOOKS]
     assert found.iterations == len(called.flags) == 9
     robust = [flags[0] for flags in called.flags]
-    assert robust == [not few and iteration > 6 for iteration in range(1, 10)]
+    assert robust == called.newton == [not few and iteration > 6 for iteration in range(1, 10)]
     assert not any(flags[1] for flags in called.flags)
-    assert found.state[0] == pytest.approx(state_of()[0] + 9 * 0.5 * STEP_M, abs=1e-15)
-    assert found.last_m == pytest.approx(0.5 * STEP_M)
+    assert found.state[0] == pytest.approx(state_of()[0] + 9 * 0.5 * ROUGH_M, abs=1e-15)
+    assert found.last_m == pytest.approx(0.5 * ROUGH_M)
 
 
 @pytest.mark.parametrize("few", [False, True])
 def test_a_consistent_fit_ends_with_its_first_small_step(monkeypatch, few):
     called = put_in(monkeypatch, [1e-4, 1e-5, 1e-6, 0.5 * STEP_M, 1.0])
-    found = fit_edge._converge(problem_of(few), state_of(), Zones.alike(), 40, consistent=True)
+    found = mixed_fit._converge(problem_of(few), state_of(), Zones.alike(), 40, consistent=True)
     assert called.looks == [1]
     assert found.iterations == 4
     assert all(flags == (not few, True) for flags in called.flags)
+    assert called.newton == [not few] * 4
     sought = state_of()[0] + 1.11e-4 + 0.5 * STEP_M
     assert found.state[0] == pytest.approx(sought, abs=1e-12)
 
@@ -118,7 +117,7 @@ def test_steps_that_go_back_are_shortened_to_a_least(monkeypatch):
     for consistent, expected in ((True, lengths), (False, np.ones(len(moves)))):
         put_in(monkeypatch, moves)
         args = problem_of(), state_of(), Zones.alike(), len(moves)
-        found = fit_edge._converge(*args, consistent=consistent)
+        found = mixed_fit._converge(*args, consistent=consistent)
         assert found.iterations == len(moves)
         sought = state_of()[0] + np.dot(expected, moves)
         assert found.state[0] == pytest.approx(sought, abs=1e-12)
@@ -127,17 +126,17 @@ def test_steps_that_go_back_are_shortened_to_a_least(monkeypatch):
 
 def test_a_clean_fit_is_rough_at_first_robust_later_and_damped_then(monkeypatch):
     called = put_in(monkeypatch, [-1e-4] * 14 + [-0.5 * STEP_M])
-    found = fit_edge._converge_clean(problem_of(), state_of(), 40, True, by_background=False)
+    found = clean_fit._converge_clean(problem_of(), state_of(), 40, True, by_background=False)
     flags = [(k > 9, k <= 6, True, False) for k in range(1, found.iterations + 1)]
     assert called.flags == flags
     moved = sum(1e-4 * min(1.0, UNDAMPED / k) for k in range(1, 15))
     assert found.state[0] == pytest.approx(state_of()[0] - moved, abs=2.0 * STEP_M)
     assert found.iterations == 15
     put_in(monkeypatch, [0.5 * STEP_M])
-    found = fit_edge._converge_clean(problem_of(), state_of(), 40, True, by_background=True)
+    found = clean_fit._converge_clean(problem_of(), state_of(), 40, True, by_background=True)
     assert found.iterations == UNDAMPED + 1
     put_in(monkeypatch, [1e-3])
-    found = fit_edge._converge_clean(problem_of(), state_of(), 13, True, by_background=True)
+    found = clean_fit._converge_clean(problem_of(), state_of(), 13, True, by_background=True)
     assert found.iterations == 13
     assert found.last_m == pytest.approx(1e-3 * UNDAMPED / 13)
 
@@ -149,8 +148,8 @@ def recorded(last_m=1e-8, few=False):
     problem = EdgeProblem(problem.plane, problem.depth, problem.prior, PLATE, SIGMA_M, few)
     background = look_up(problem.beams(state), problem.depth, state)
     linear = equations(problem, background, state, Zones.alike(), True, True)
-    found = _Converged(state, Zones.alike(), background, linear, 7, last_m)
-    return fit_edge._record(found, problem, 0.8), linear, problem
+    found = Solution(state, Zones.alike(), background, linear, 7, last_m)
+    return solution.record(found, problem, 0.8), linear, problem
 
 
 RECORD = recorded()[0]
@@ -165,7 +164,7 @@ def ended(weight=(1.0,) * 40, behind=0, share=None, depths=0, ratio=0.0, state=N
         weight=np.array(weight), behind=behind, share=share, depths=depths,
         residual_m=np.zeros(len(weight)),
     )  # fmt: skip
-    return _Converged(state, Zones.alike(), SimpleNamespace(usable=np.ones(9)), linear, 12, 1e-8)
+    return Solution(state, Zones.alike(), SimpleNamespace(usable=np.ones(9)), linear, 12, 1e-8)
 
 
 @pytest.mark.parametrize(
@@ -187,9 +186,9 @@ def test_a_background_of_outliers_is_left_out(monkeypatch, front, back, taken):
         calls.append((state is solution.state, by_background))
         return solution if by_background else alone
 
-    monkeypatch.setattr(fit_edge, "_converge_clean", converge)
-    monkeypatch.setattr(fit_edge, "spread", lambda *args: (np.eye(12),))
-    found = fit_edge._explained(problem_of(), state_of(), 40, by_power=True)
+    monkeypatch.setattr(clean_fit, "_converge_clean", converge)
+    monkeypatch.setattr(clean_fit, "spread", lambda *args: (np.eye(12),))
+    found = clean_fit._explained(problem_of(), state_of(), 40, by_power=True)
     assert calls == [(False, True), (True, False)][: 1 + bool(back)]
     assert found is (solution if taken == "with" else alone)
 
@@ -220,11 +219,11 @@ def test_a_background_that_moves_the_centre_too_far_is_left_out(
     state[:2] += apart * way
     solutions[False] = replace(ended(weight[:60], state=state), last_m=last_m)
     monkeypatch.setattr(
-        fit_edge, "_converge_clean", lambda *args, by_background: solutions[by_background]
+        clean_fit, "_converge_clean", lambda *args, by_background: solutions[by_background]
     )
     seen = []
-    monkeypatch.setattr(fit_edge, "spread", lambda *args: seen.append(args) or (covariance,))
-    found = fit_edge._explained(problem_of(), state_of(), 40, by_power=True)
+    monkeypatch.setattr(clean_fit, "spread", lambda *args: seen.append(args) or (covariance,))
+    found = clean_fit._explained(problem_of(), state_of(), 40, by_power=True)
     assert found is solutions[taken == "with"]
     assert all(args[0] is solutions[False].equations for args in seen)
 
@@ -239,14 +238,14 @@ def test_first_and_last_returns_are_those_of_ratios_far_from_one(monkeypatch, be
         calls.append((state[WALL], by_power))
         return ended(ratio=ratio)
 
-    monkeypatch.setattr(fit_edge, "has_background", lambda *args: True)
-    monkeypatch.setattr(fit_edge, "_explained", explained)
-    monkeypatch.setattr(fit_edge, "ERODED", 2.0)
-    monkeypatch.setattr(fit_edge, "_record", lambda *args: RECORD)
-    monkeypatch.setattr(fit_edge, "_settled", lambda fitted, found: fitted)
+    monkeypatch.setattr(clean_fit, "has_background", lambda *args: True)
+    monkeypatch.setattr(clean_fit, "_explained", explained)
+    monkeypatch.setattr(clean_fit, "ERODED", 2.0)
+    monkeypatch.setattr(clean_fit, "record", lambda *args: RECORD)
+    monkeypatch.setattr(clean_fit, "settled", lambda fitted, found: fitted)
     state = state_of()
-    found = fit_edge._clean(problem, state, CONFIG)
-    assert found.clean_shift_m == pytest.approx(fit_edge.shift_m(ended(ratio=ratio).state))
+    found = clean_fit.fit_clean(problem, state, CONFIG)
+    assert found.clean_shift_m == pytest.approx(clean_fit.shift_m(ended(ratio=ratio).state))
     assert calls[0] == (1.0, True)
     assert [by_power for _, by_power in calls] == [True, False][: 1 + (beyond > 0.0)] * 2
     assert state[WALL] == state_of()[WALL]
@@ -270,10 +269,10 @@ def test_first_returns_may_explain_what_seems_another_size(
     equations = SimpleNamespace(residual_m=np.ones(count))
     solutions = {name: SimpleNamespace(state=name, equations=equations) for name in left}
     alone = {False: solutions["alone"], True: solutions["stated"]}
-    monkeypatch.setattr(fit_edge, "_explained", lambda *args, by_power: alone[by_power])
-    monkeypatch.setattr(fit_edge, "_grown", lambda problem, state, most: solutions["grown"])
-    monkeypatch.setattr(fit_edge, "_unexplained", lambda found: left[found.state])
-    found = fit_edge._by_size(None, None, None, solutions["stated"], 40)
+    monkeypatch.setattr(clean_fit, "_explained", lambda *args, by_power: alone[by_power])
+    monkeypatch.setattr(clean_fit, "_grown", lambda problem, state, most: solutions["grown"])
+    monkeypatch.setattr(solution, "unexplained", lambda found: left[found.state])
+    found = clean_fit._by_size(None, None, None, solutions["stated"], 40)
     assert found == (solutions[taken], solutions["grown"])
 
 
@@ -281,13 +280,13 @@ def test_first_returns_may_explain_what_seems_another_size(
 def test_a_fit_of_another_size_begins_with_the_edge_where_it_was_seen(monkeypatch, ratio):
     """Its place is explained by the size in place of the ratio of powers, of which it has none."""
     starts = []
-    monkeypatch.setattr(fit_edge, "_by_returns", lambda problem, state, most: starts.append(state))
+    monkeypatch.setattr(clean_fit, "_by_returns", lambda problem, state, most: starts.append(state))
     state = state_of()
     state[RATIO], state[GROWTH] = math.log(ratio), 2e-4
     before = state.copy()
-    fit_edge._grown(None, state, 40)
-    there_m = starts[0][GROWTH] + fit_edge.shift_m(starts[0])
-    assert there_m == pytest.approx(state[GROWTH] + fit_edge.shift_m(state), abs=1e-8)
+    clean_fit._grown(None, state, 40)
+    there_m = starts[0][GROWTH] + clean_fit.shift_m(starts[0])
+    assert there_m == pytest.approx(state[GROWTH] + clean_fit.shift_m(state), abs=1e-8)
     assert starts[0][RATIO] == 0.0
     others = np.delete(np.arange(12), [RATIO, GROWTH])
     np.testing.assert_array_equal(starts[0][others], state[others])
@@ -302,11 +301,11 @@ def test_the_size_shown_is_that_of_the_likelier_solution(monkeypatch, chance, co
     moved = RECORD.centre_m + np.array([3e-5, -4e-5])
     sizes = {"growth_m": 2e-4, "growth_u_m": 5e-5, "centre_m": moved, "converged": converged}
     records = {id(found): RECORD, id(other): replace(RECORD, **sizes)}
-    monkeypatch.setattr(fit_edge, "has_background", lambda *args: True)
-    monkeypatch.setattr(fit_edge, "_by_size", lambda *args: (found, other))
-    monkeypatch.setattr(fit_edge, "_chance", lambda *args: chance)
-    monkeypatch.setattr(fit_edge, "_record", lambda solution, *args: records[id(solution)])
-    fit = fit_edge._clean(problem_of(), state_of(), CONFIG)
+    monkeypatch.setattr(clean_fit, "has_background", lambda *args: True)
+    monkeypatch.setattr(clean_fit, "_by_size", lambda *args: (found, other))
+    monkeypatch.setattr(clean_fit, "_chance", lambda *args: chance)
+    monkeypatch.setattr(clean_fit, "record", lambda found, *args: records[id(found)])
+    fit = clean_fit.fit_clean(problem_of(), state_of(), CONFIG)
     shown = records[id(other if converged and chance > 0.5 else found)]
     assert (fit.growth_m, fit.growth_u_m) == (shown.growth_m, shown.growth_u_m)
     assert fit.size_chance == chance
@@ -326,11 +325,11 @@ def test_the_size_shown_is_that_of_the_likelier_solution(monkeypatch, chance, co
 )
 def test_few_rows_or_sectors_give_no_clean_fit(monkeypatch, sectors, rows, shown):
     share = (np.arange(rows) % sectors + 0.5) / SECTORS
-    monkeypatch.setattr(fit_edge, "has_background", lambda *args: True)
-    monkeypatch.setattr(fit_edge, "_explained", lambda *a, **k: ended([1.0] * rows, 0, share))
-    monkeypatch.setattr(fit_edge, "_record", lambda *args: RECORD)
-    monkeypatch.setattr(fit_edge, "_settled", lambda *args: RECORD)
-    assert (fit_edge._clean(problem_of(), state_of(), CONFIG) is not None) == shown
+    monkeypatch.setattr(clean_fit, "has_background", lambda *args: True)
+    monkeypatch.setattr(clean_fit, "_explained", lambda *a, **k: ended([1.0] * rows, 0, share))
+    monkeypatch.setattr(clean_fit, "record", lambda *args: RECORD)
+    monkeypatch.setattr(clean_fit, "settled", lambda *args: RECORD)
+    assert (clean_fit.fit_clean(problem_of(), state_of(), CONFIG) is not None) == shown
 
 
 @pytest.mark.parametrize("strange", [False, True])
@@ -345,11 +344,11 @@ def test_a_steep_fit_of_another_thickness_is_held(monkeypatch, steep, thickness_
         priors.append(problem.prior)
         return ended()
 
-    monkeypatch.setattr(fit_edge, "_best", best)
-    monkeypatch.setattr(fit_edge, "_is_strange", lambda *args: strange)
-    monkeypatch.setattr(fit_edge, "_tension", lambda *args: 0.0)
-    monkeypatch.setattr(fit_edge, "_record", lambda *args: RECORD)
-    assert fit_edge._mixed(problem, state, thickness_m, CONFIG) is RECORD
+    monkeypatch.setattr(mixed_fit, "_best", best)
+    monkeypatch.setattr(mixed_fit, "_is_strange", lambda *args: strange)
+    monkeypatch.setattr(mixed_fit, "_tension", lambda *args: 0.0)
+    monkeypatch.setattr(mixed_fit, "record", lambda *args: RECORD)
+    assert mixed_fit.fit_mixed(problem, state, thickness_m, CONFIG) is RECORD
     first = problem.prior.plain() if steep else problem.prior
     expected = [first.weight, first.held(state).weight]
     held = steep and strange and thickness_m is not None
@@ -368,11 +367,11 @@ def test_zones_are_free_where_beams_are_steep_or_backgrounds_differ(
 
     def converge(problem, state, zones, most, consistent):
         calls.append((zones.sigma, consistent))
-        return _Converged(state, zones, None, None, 5, 0.0)
+        return Solution(state, zones, None, None, 5, 0.0)
 
-    monkeypatch.setattr(fit_edge, "_converge", converge)
-    monkeypatch.setattr(fit_edge, "zone_scatter", lambda *args: scatter)
-    fit_edge._by_backgrounds(problem_of(few), state, 40)
+    monkeypatch.setattr(mixed_fit, "_converge", converge)
+    monkeypatch.setattr(mixed_fit, "zone_scatter", lambda *args: scatter)
+    mixed_fit._by_backgrounds(problem_of(few), state, 40)
     first = ZONE_LOG if steep else ALIKE_LOG
     expected = [(first, False), (first, True)]
     if not steep and not few and scatter > DIFFERENT:
@@ -401,22 +400,29 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
         states[name][GROWTH] = growth * NOTICED_GROWTH_M
     states["again"][INVERSE] = inverse
 
+    zones = Zones.free()
+
     def by_backgrounds(problem, state, most):
         weights.append(problem.prior.weight[GROWTH])
-        name = "first" if len(weights) == 1 else "stated"
         linear = SimpleNamespace(weight=np.array([0.0, 4.0, 4.0]), residual_m=np.ones(3))
-        return _Converged(states[name], Zones.alike(), None, linear, 5, 0.0)
+        return Solution(states["first"], zones, None, linear, 5, 0.0)
+
+    def solved(problem, state, given, most):
+        assert given is zones
+        weights.append(problem.prior.weight[GROWTH])
+        return Solution(states["stated"], given, None, None, 5, 0.0)
 
     def converge(problem, state, zones, most, consistent):
         assert consistent
         assert state is states["stated"]
         weights.append(problem.prior.weight[GROWTH])
         linear = SimpleNamespace(weight=np.full(3, 4.0), residual_m=np.full(3, left**0.5))
-        return _Converged(states["again"], zones, None, linear, 5, 0.0)
+        return Solution(states["again"], zones, None, linear, 5, 0.0)
 
-    monkeypatch.setattr(fit_edge, "_by_backgrounds", by_backgrounds)
-    monkeypatch.setattr(fit_edge, "_converge", converge)
-    found = fit_edge._best(problem_of(False), state_of(), 40)
+    monkeypatch.setattr(mixed_fit, "_by_backgrounds", by_backgrounds)
+    monkeypatch.setattr(mixed_fit, "_solved", solved)
+    monkeypatch.setattr(mixed_fit, "_converge", converge)
+    found = mixed_fit._best(problem_of(False), state_of(), 40)
     np.testing.assert_array_equal(found.state, states[taken])
     strange = abs(first) > 1.0
     expected = [SIZE_M**-2, HELD_SIZE_M**-2, SIZE_M**-2]
@@ -429,7 +435,7 @@ def test_outliers_of_a_few_sectors_are_no_misfit(bad, misfit):
     share = (np.repeat(np.arange(SECTORS), 10) + 0.5) / SECTORS
     weight = np.tile([0.0] + [1.0] * 9, SECTORS)
     weight[: 10 * bad] = 0.0
-    found = fit_edge._misfit(SimpleNamespace(share=share, weight=weight))
+    found = solution.misfit_of(SimpleNamespace(share=share, weight=weight))
     assert found == pytest.approx(misfit, abs=0.005)
 
 
@@ -448,7 +454,7 @@ def test_the_sectors_left_out_are_those_of_the_largest_share(counts, outliers, m
     share = (np.repeat(np.arange(SECTORS), counts) + 0.5) / SECTORS
     pairs = zip(counts, outliers, strict=True)
     weight = np.concatenate([np.repeat([0.0, 1.0], [out, n - out]) for n, out in pairs])
-    found = fit_edge._misfit(SimpleNamespace(share=share, weight=weight))
+    found = solution.misfit_of(SimpleNamespace(share=share, weight=weight))
     assert found == pytest.approx(misfit, abs=1e-12)
 
 
@@ -466,7 +472,7 @@ def test_a_record_is_of_the_last_solution(few):
         np.testing.assert_array_equal(fit.rotation_by_plane, by_plane[ROTATION])
         assert (fit.dof, fit.covered, fit.iterations) == (dof, 0.8, 7)
         assert fit.points == len(linear.residual_m)
-        assert fit.misfit == fit_edge._misfit(linear) > 0.0
+        assert fit.misfit == solution.misfit_of(linear) > 0.0
         assert fit.converged == (last_m < 1e-5)
         assert fit.clean_shift_m is None
         assert fit.size_chance == fit.rows_m == 0.0  # of clean edges alone
@@ -483,7 +489,7 @@ def test_another_size_that_explains_no_more_is_as_likely_as_its_prior():
     for sizes in (0.0, 1.0, 3.0, 100.0):
         odds = math.exp((0.5**2 - sizes**2) / 2.0)
         alike, by_chance, better = (
-            fit_edge._chance(prior, stated, solution(sizes * WRONG_SIZE_M, outliers))
+            clean_fit._chance(prior, stated, solution(sizes * WRONG_SIZE_M, outliers))
             for outliers in (20, 18, 17)
         )
         assert alike == by_chance == pytest.approx(odds / (1.0 + odds), abs=1e-12)

@@ -13,24 +13,10 @@ import numpy as np
 import pytest
 
 from wheelplane.centre.edge.beams import BEAM, RATIO, SPOT, THICKNESS, Prior, pointed
-from wheelplane.centre.edge.fit_edge import (
-    CONVERGED_M,
-    ERODED,
-    LEAST,
-    RIDGE,
-    SETTLED,
-    STEEP,
-    Aim,
-    EdgeFit,
-    _Converged,
-    _diverged,
-    _is_strange,
-    _reach_m,
-    _settled,
-    aimed,
-    fit_edge,
-    look_behind,
-)
+from wheelplane.centre.edge.clean_fit import ERODED
+from wheelplane.centre.edge.fit_edge import Aim, _reach_m, aimed, fit_edge, look_behind
+from wheelplane.centre.edge.mixed_fit import LEAST, RIDGE, STEEP, _diverged, _is_strange
+from wheelplane.centre.edge.solution import CONVERGED_M, SETTLED, EdgeFit, Solution, settled
 from wheelplane.config import CentreConfig
 from wheelplane.targets.outline import Circle, Holes, rectangle
 from wheelplane.vectors import turned
@@ -253,7 +239,7 @@ def test_a_solution_far_off_and_farther_from_the_prior_diverged():
 
 
 def converged(state, last_m):
-    return _Converged(state, *(None,) * 3, 5, last_m)
+    return Solution(state, *(None,) * 3, 5, last_m)
 
 
 def test_a_fit_is_strange_where_it_did_not_converge_or_is_of_another_thickness():
@@ -269,8 +255,8 @@ def test_a_fit_settles_where_its_last_step_is_small_against_its_uncertainty(u):
     fit = fitted("disc")
     fit = replace(fit, covariance_m2=u**2 / 2.0 * np.eye(2))
     most = max(CONVERGED_M, SETTLED * u)
-    assert _settled(fit, converged(logs(), 0.99 * most)).converged
-    assert not _settled(fit, converged(logs(), 1.01 * most)).converged
+    assert settled(fit, converged(logs(), 0.99 * most)).converged
+    assert not settled(fit, converged(logs(), 1.01 * most)).converged
 
 
 def test_beams_matter_as_far_as_wall_and_footprint_reach():

@@ -26,14 +26,8 @@ from wheelplane.centre.edge.edge_residuals import (
     spread,
     zone_scatter,
 )
-from wheelplane.centre.edge.fit_edge import (
-    DIFFERENT,
-    Aim,
-    _solved,
-    aimed,
-    fit_edge,
-    look_behind,
-)
+from wheelplane.centre.edge.fit_edge import Aim, aimed, fit_edge, look_behind
+from wheelplane.centre.edge.mixed_fit import DIFFERENT, _solved
 from wheelplane.config import CentreConfig
 from wheelplane.targets.outline import Circle, rectangle
 from wheelplane.vectors import turned
@@ -274,11 +268,11 @@ def test_few_points_are_mixed_where_some_lie_between_or_a_fit_explains_them(
 ):
     fitted, clean = (replace(RECORD, loss=loss), replace(RECORD, clean_shift_m=0.0))
     monkeypatch.setattr(module, "mixed_share_of_few", lambda *args: mixed)
-    monkeypatch.setattr(module, "_mixed", lambda *args: fitted)
-    monkeypatch.setattr(module, "_clean", lambda *args: clean)
+    monkeypatch.setattr(module, "fit_mixed", lambda *args: fitted)
+    monkeypatch.setattr(module, "fit_clean", lambda *args: clean)
     outline, points, station = scanned("disc", spacing_m=0.0125)
     begin = aimed(points, outline, 0.01, CONFIG, START, station)
     found = fit_edge(points, outline, 0.01, 2e-4, CONFIG, begin)
     assert found is (fitted if by_pixels else clean)
-    monkeypatch.setattr(module, "_clean", lambda *args: None)
+    monkeypatch.setattr(module, "fit_clean", lambda *args: None)
     assert fit_edge(points, outline, 0.01, 2e-4, CONFIG, begin) is fitted

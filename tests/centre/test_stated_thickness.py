@@ -11,7 +11,7 @@ import pytest
 
 from tests.centre.test_edge_iterations import RECORD, ended, problem_of
 from tests.centre.test_edge_rows import state_of
-from wheelplane.centre.edge import fit_edge
+from wheelplane.centre.edge import mixed_fit
 from wheelplane.centre.edge.beams import (
     BEAM,
     GROWTH,
@@ -23,7 +23,7 @@ from wheelplane.centre.edge.beams import (
     WALL,
     Prior,
 )
-from wheelplane.centre.edge.fit_edge import CONTRADICTED_THICKNESS, TENSE, THICKNESS_MODEL
+from wheelplane.centre.edge.mixed_fit import CONTRADICTED_THICKNESS, TENSE, THICKNESS_MODEL
 from wheelplane.config import CentreConfig
 
 CONFIG, THICK_M = CentreConfig(), 0.01
@@ -45,7 +45,7 @@ def free(thickness_m=THICK_M, slope=0.3, spot_m=0.0015, u=1e-6, converged=True):
 
 def contradicts(fit, stated_m, worse=False):
     """Whether the fit without the stated thickness is taken; the other notes what that moves."""
-    found = fit_edge._by_thickness(FITTED, fit, stated_m, worse)
+    found = mixed_fit._by_thickness(FITTED, fit, stated_m, worse)
     if found.stated_thickness_m is None:
         np.testing.assert_allclose(found.by_thickness_m, [3e-4, -2e-4])
         assert replace(found, by_thickness_m=None) == FITTED
@@ -123,7 +123,7 @@ def tension(off, noise):
         state[k] = (data + weight * PRIOR.mean[k]) / (1.0 + weight)
         u[k] = SIGMA[k] * noise[k] / math.hypot(1.0, noise[k])
     fitted = SimpleNamespace(state=state, thickness_u=u[THICKNESS], growth_u_m=u[GROWTH])
-    return fit_edge._tension(fitted, PRIOR)
+    return mixed_fit._tension(fitted, PRIOR)
 
 
 def test_a_tension_of_one_is_data_one_standard_deviation_off():
@@ -150,12 +150,12 @@ def test_a_thickness_is_doubted_where_few_points_or_the_prior_may_hide_a_wrong_o
         priors.append(problem.prior)
         return ended(state=state)
 
-    monkeypatch.setattr(fit_edge, "_best", best)
-    monkeypatch.setattr(fit_edge, "_tension", lambda *args: off)
-    monkeypatch.setattr(fit_edge, "_record", lambda *args: RECORD)
-    monkeypatch.setattr(fit_edge, "_settled", lambda fitted, found: fitted)
+    monkeypatch.setattr(mixed_fit, "_best", best)
+    monkeypatch.setattr(mixed_fit, "_tension", lambda *args: off)
+    monkeypatch.setattr(mixed_fit, "record", lambda *args: RECORD)
+    monkeypatch.setattr(mixed_fit, "settled", lambda fitted, found: fitted)
     problem = problem_of(few)
-    found = fit_edge._mixed(problem, state, THICK_M, CONFIG)
+    found = mixed_fit.fit_mixed(problem, state, THICK_M, CONFIG)
     doubted = few or off > TENSE
     weights = [problem.prior.weight, problem.prior.doubted().weight]
     np.testing.assert_array_equal([one.weight for one in priors], weights[: 1 + doubted])
@@ -181,11 +181,11 @@ def test_a_thickness_that_explains_less_contradicts_no_stated_one(monkeypatch, l
     solutions = [ended(state=state), ended(state=state)]
     solutions[1].equations.residual_m[0] = math.sqrt(left)
     remaining = iter(solutions)
-    monkeypatch.setattr(fit_edge, "_best", lambda *args: next(remaining))
-    monkeypatch.setattr(fit_edge, "_tension", lambda *args: off)
+    monkeypatch.setattr(mixed_fit, "_best", lambda *args: next(remaining))
+    monkeypatch.setattr(mixed_fit, "_tension", lambda *args: off)
     fits = iter((FITTED, free(3.0 * THICK_M)))
-    monkeypatch.setattr(fit_edge, "_record", lambda *args: next(fits))
-    found = fit_edge._mixed(problem_of(), state, THICK_M, CONFIG)
+    monkeypatch.setattr(mixed_fit, "record", lambda *args: next(fits))
+    found = mixed_fit.fit_mixed(problem_of(), state, THICK_M, CONFIG)
     assert (found.stated_thickness_m == THICK_M) == (taken == "free")
     assert (found is FITTED) == (taken == "stated")
     assert (found.by_thickness_m is not None) == (taken == "in doubt")

@@ -163,6 +163,14 @@ class Equations:
         cross = np.stack([self.zone_sum(weight * d * column) for column in self.slopes.T])
         return cross[RATIO] + self.zones.weight, cross
 
+    def eliminated(self, own: Array, cross: Array, prior: Prior) -> tuple[Array, Array]:
+        """Return slopes (N, 12) without what the zones' ratios take, and what is known before.
+
+        own, cross: as of `by_zone`. (12, 12) of the prior, and of that of the zones.
+        """
+        slopes = self.slopes - (cross / own).T[self.zone] * self.slopes[:, RATIO, None]
+        return slopes, np.diag(prior.weight) + cross / own**2 * self.zones.weight @ cross.T
+
     def zone_sum(self, values: Array) -> Array:
         """Return sums of (N,) by zone."""
         return np.bincount(self.zone, values, ZONES).astype(np.float64)
@@ -223,20 +231,25 @@ def equations(
     )
 
 
-def step(linear: Equations, state: Array, prior: Prior) -> tuple[Array, Zones]:
+def step(
+    linear: Equations, state: Array, prior: Prior, newton: bool = False
+) -> tuple[Array, Zones]:
     """Return one robust Gauss-Newton step (12,) of limited length, and the zones after it.
 
-    The zones' ratios are eliminated (Schur complement).
+    The zones' ratios are eliminated (Schur complement). newton: near a solution, with the
+    derivative of the estimating equations instead of the information.
     """
-    weighted = linear.slopes.T * linear.weight
     own, cross = linear.by_zone(linear.weight)
+    slopes, known = linear.eliminated(own, cross, prior)
+    information = (slopes.T * linear.weight) @ slopes + known
     pull = (
-        linear.zone_sum(weighted[RATIO] * linear.residual_m)
+        linear.zone_sum(linear.weight * linear.slopes[:, RATIO] * linear.residual_m)
         - linear.zones.log * linear.zones.weight
     )
-    information = weighted @ linear.slopes + np.diag(prior.weight) - cross / own @ cross.T
-    gradient = weighted @ linear.residual_m - prior.weight * (state - prior.mean)
-    found = np.linalg.solve(information, gradient - cross / own @ pull)
+    drawn = prior.weight * (state - prior.mean) + cross / own @ pull
+    gradient = linear.slopes.T @ (linear.weight * linear.residual_m) - drawn
+    change = (slopes.T * linear.change) @ slopes + known if newton else information
+    found = _inverse(change, information) @ gradient
     found *= min(1.0, float((LIMIT / np.maximum(np.abs(found), 1e-12)).min()))
     log = linear.zones.log + np.clip((pull - found @ cross) / own, -0.5, 0.5)
     return np.asarray(found), Zones(log, linear.zones.sigma)
@@ -276,10 +289,8 @@ def spread(
     independent, so that model errors count as well. Of few points B = s^2 A, s^2 by all residuals.
     Source: Huber, Robust Statistics (1981) 6.3; Liang and Zeger, Biometrika 73 (1986) 13.
     """
-    weight, d_ratio = linear.weight, linear.slopes[:, RATIO, None]
-    own, cross = linear.by_zone(weight)
-    slopes = linear.slopes - (cross / own).T[linear.zone] * d_ratio
-    known = np.diag(prior.weight) + cross / own**2 * linear.zones.weight @ cross.T
+    weight = linear.weight
+    slopes, known = linear.eliminated(*linear.by_zone(weight), prior)
     information = (slopes.T * weight) @ slopes + known
     inverse = _inverse((slopes.T * linear.change) @ slopes + known, information)
     lift = np.column_stack([np.ones(len(weight)), linear.q_m]) * linear.by_height[:, None]

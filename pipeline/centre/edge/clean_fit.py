@@ -1,0 +1,240 @@
+"""Fit of an edge without mixed pixels, to where its returns part or to their intensities."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ...config import CentreConfig
+from ...targets import sector
+from ...vectors import Array
+from .beam_direction import has_background
+from .beams import CENTRE, GROWTH, INVERSE, RATIO, ROTATION, SPOT, WALL, Prior, look_up
+from .clean_edge import between_rows_m, by_backgrounds_m, clean_equations, shift_m
+from .edge_intensity import fading, intensity_equations, speckle
+from .edge_residuals import SECTORS, EdgeProblem, Equations, spread, step
+from .solution import (
+    AS_MUCH,
+    BY_CHANCE,
+    MISFIT,
+    STEP_M,
+    EdgeFit,
+    Solution,
+    explains_less,
+    is_settled,
+    misfit_of,
+    record,
+    settled,
+)
+
+ERODED = 0.4  # of the stated footprint: a clean edge that lies as far inside the target's is none
+LEAST_CLEAN = 24  # points about an edge
+CONTRADICTED = 0.35  # share of outliers beside a clean edge: a background that says nothing
+# Squared distance of the centres with and without a background, of the latter's covariance: 0.01 by
+# chance.
+APART_BY_BACKGROUND = 9.2
+# Thickness of a target whose wall returns nothing; what that leaves of the places of an edge, of
+# what a wall leaves: up to 1.25 where beams were filtered out.
+NO_WALL_M, SHOWS_WALL = 1e-4, 1.3
+# How far unlike backgrounds move parts of a clean edge: at most, of where it lies; all of it, of
+# that of its parts.
+MOST_UNLIKE, ALL_ROUND = 0.5, 0.5
+ALONE = np.log(10.0)  # reflectance ratio, or its inverse, of first or last returns: not by power
+UNDAMPED = 10  # steps of full length
+# Of a fit to intensities: least share of the sectors in which they fade, and of how they differ
+# that it explains; least log of its footprint's radius, of the configured one.
+FADING, FADING_OF_FEW, EXPLAINED, NO_FOOTPRINT = 0.4, 0.15, 0.8, math.log(0.3)
+
+
+def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit | None:
+    """Fit an edge without mixed pixels; None where a quarter of it has no background."""
+    if not has_background(problem.plane, problem.depth, state, problem.outline):
+        return None
+    given, problem = problem, replace(problem, prior=problem.prior.by_power())
+    state = state.copy()
+    state[WALL] = problem.prior.mean[WALL]
+    parted = _by_returns(problem, state, config.max_iterations)
+    faded = by_intensity(given, parted.state, config.max_iterations)
+    if faded is not None:
+        return faded
+    loose = replace(problem, prior=problem.prior.unsized())
+    found, other = _by_size(problem, loose, state, parted, config.max_iterations)
+    lies_m = shift_m(found.state)
+    ends_inside = lies_m < -ERODED * config.spot_radius_m
+    if ends_inside and not _shows_wall(problem, found, config.max_iterations):
+        return None
+    linear = found.equations
+    beside = np.bincount(sector(linear.share[linear.depths :], SECTORS), minlength=SECTORS)
+    covered = float(np.mean(beside > 0))
+    if covered < 0.25 or len(linear.residual_m) < LEAST_CLEAN:
+        return None
+    fitted = record(found, problem, covered)
+    chance, grown = _chance(loose.prior, found, other), record(other, loose, covered)
+    shown = grown if grown.converged and chance > 0.5 else fitted
+    likely = other if chance > 0.5 else found
+    unlike_m = min(by_backgrounds_m(likely.equations), MOST_UNLIKE * abs(shift_m(likely.state)))
+    fitted = replace(
+        fitted,
+        growth_m=shown.growth_m,
+        growth_u_m=math.hypot(shown.growth_u_m, ALL_ROUND * unlike_m),
+        clean_shift_m=lies_m,
+        by_size_m=grown.centre_m - fitted.centre_m,
+        size_chance=chance,
+        rows_m=between_rows_m(problem, found.state),
+        unlike_m=unlike_m,
+    )
+    return settled(fitted, found)
+
+
+def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | None:
+    """Fit a clean edge to the intensities beside it, from a state (12,) of where its returns part.
+
+    None where they do not fade over the edge as a footprint's power does, all round.
+    """
+    problem = replace(problem, prior=problem.prior.by_intensity())
+    begin, ratio = problem.prior.mean.copy(), float(np.exp(state[RATIO]))
+    pose = [*range(INVERSE + 1), ROTATION]
+    begin[pose] = state[pose]
+    scatter = speckle(problem, begin)
+    if scatter is None:
+        return None
+
+    def linearise(at: Array, iteration: int) -> Equations:
+        return intensity_equations(problem, at, scatter, robust=iteration > UNDAMPED)
+
+    found = _iterated(linearise, problem, begin, most, damped=False)
+    covered, explained = fading(problem, found.state)
+    least = FADING_OF_FEW if problem.few else FADING
+    if covered < least or explained < EXPLAINED or misfit_of(found.equations) > MISFIT:
+        return None
+    if found.state[SPOT] - problem.prior.mean[SPOT] < NO_FOOTPRINT:
+        return None
+    fitted = settled(record(found, problem, covered), found)
+    if not fitted.converged:
+        return None
+    return replace(fitted, reflectance_ratio=ratio, exponent=fitted.reflectance_ratio)
+
+
+def _shows_wall(problem: EdgeProblem, found: Solution, most: int) -> bool:
+    """Return whether a target that ends inside its edge does so less where a wall is seen.
+
+    Last returns are of the target where no part of a footprint meets the background: inside the
+    edge, and inside that of the wall. Where beams at an edge were filtered out, it ends inside the
+    edge all round. Without the background, which other beams might explain.
+    """
+    held, places = problem.prior.held(found.state), []
+    for thickness_m in (None, NO_WALL_M):
+        other = replace(problem, prior=held.of_thickness(thickness_m))
+        ended = _converge_clean(other, found.state, most, by_power=True, by_background=False)
+        rows = slice(ended.equations.depths, None)
+        places.append((ended.equations.residual_m[rows], ended.equations.weight[rows]))
+    (seen_m, weight), (hidden_m, _) = places
+    seen, hidden = float(np.sum(seen_m**2)), float(np.sum(hidden_m**2))
+    more = (hidden - seen) * float(np.max(weight, initial=0.0))
+    return hidden > SHOWS_WALL * seen and more > BY_CHANCE
+
+
+def _by_size(
+    problem: EdgeProblem, loose: EdgeProblem, state: Array, found: Solution, most: int
+) -> tuple[Solution, Solution]:
+    """Return the solutions of the stated size, which was found, and of one that is hardly known.
+
+    Where the former explains less, first and last returns may explain more than those by power.
+    """
+    grown = _grown(loose, found.state, most)
+    if not explains_less(found, grown, AS_MUCH):
+        return found, grown
+    alone = _explained(problem, state, most, by_power=False)
+    if not explains_less(found, alone, AS_MUCH):
+        return found, grown
+    return alone, _grown(loose, alone.state, most)
+
+
+def _grown(problem: EdgeProblem, state: Array, most: int) -> Solution:
+    """Return the solution with a size that is hardly known, from a state (12,) of the stated one.
+
+    A clean edge lies elsewhere all round by what the scanner reports, or by the target's size: this
+    fit begins with the latter.
+    """
+    state = state.copy()
+    state[GROWTH] += shift_m(state)
+    state[RATIO] = 0.0
+    return _by_returns(problem, state, most)
+
+
+def _chance(prior: Prior, stated: Solution, grown: Solution) -> float:
+    """Return the probability of a solution of another size beside one of the stated size.
+
+    Where beams are square to a target, what the scanner reports may undo any growth: where the
+    stated size explains as much, their priors decide.
+    """
+    if explains_less(stated, grown, AS_MUCH):
+        return 1.0
+    return 0.5 - 0.5 * math.tanh((prior.off(grown.state) - prior.off(stated.state)) / 4.0)
+
+
+def _by_returns(problem: EdgeProblem, state: Array, most: int) -> Solution:
+    """Return the solution for a scanner that parts returns by power, or reports first or last."""
+    found = _explained(problem, state, most, by_power=True)
+    if abs(found.state[RATIO]) < ALONE:
+        return found
+    return _explained(problem, state, most, by_power=False)
+
+
+def _explained(problem: EdgeProblem, state: Array, most: int, by_power: bool) -> Solution:
+    """Return the solution with the background, or without one that contradicts it.
+
+    The latter was seen from elsewhere, or hidden by something else, as a projector's shadow is: it
+    says nothing of the beams.
+    """
+    found = _converge_clean(problem, state, most, by_power, by_background=True)
+    behind = found.equations.weight[len(found.equations.weight) - found.equations.behind :]
+    if len(behind) == 0:
+        return found
+    alone = _converge_clean(problem, found.state, most, by_power, by_background=False)
+    if float(np.mean(behind <= 0.0)) > CONTRADICTED:
+        return alone
+    apart_m = (alone.state - found.state)[CENTRE]
+    covariance, *_ = spread(alone.equations, problem.outline, problem.prior, problem.few)
+    covariance_m2 = covariance[CENTRE, CENTRE]
+    square = float(apart_m @ np.linalg.solve(covariance_m2, apart_m))
+    moved = square > APART_BY_BACKGROUND and is_settled(alone, covariance_m2)
+    return alone if moved else found
+
+
+def _converge_clean(
+    problem: EdgeProblem, state: Array, most: int, by_power: bool, by_background: bool
+) -> Solution:
+    """Iterate damped Gauss-Newton steps: the nearest points change from step to step."""
+
+    def linearise(at: Array, iteration: int) -> Equations:
+        how = iteration > 9, iteration <= 6, by_power, by_background
+        return clean_equations(problem, at, *how)
+
+    return _iterated(linearise, problem, state, most, damped=True)
+
+
+def _iterated(
+    linearise: Callable[[Array, int], Equations],
+    problem: EdgeProblem,
+    state: Array,
+    most: int,
+    damped: bool,
+) -> Solution:
+    """Iterate Gauss-Newton steps of a clean edge; damped: shorter ones in the end.
+
+    linearise: equations at a state (12,), in an iteration from 1.
+    """
+    for iteration in range(1, most + 1):
+        linear = linearise(state, iteration)
+        length = min(1.0, UNDAMPED / iteration) if damped else 1.0
+        moved = step(linear, state, problem.prior)[0] * length
+        state = state + moved
+        last_m = float(np.abs(moved[CENTRE]).max())
+        if last_m < STEP_M and iteration > UNDAMPED:
+            break
+    background = look_up(problem.beams(state), problem.depth, state)
+    return Solution(state, linear.zones, background, linear, iteration, last_m)

@@ -1,0 +1,192 @@
+"""Fit of an edge to its mixed pixels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ...config import CentreConfig
+from ...vectors import Array
+from .beams import (
+    BEAM,
+    CENTRE,
+    GROWTH,
+    INVERSE,
+    RATIO,
+    ROTATION,
+    SHAPE,
+    SPOT,
+    STATED_THICKNESS,
+    THICKNESS,
+    WALL,
+    Prior,
+    look_up,
+)
+from .edge_residuals import EdgeProblem, Zones, equations, step, zone_scatter
+from .solution import (
+    AS_MUCH,
+    CONVERGED_M,
+    STEP_M,
+    EdgeFit,
+    Solution,
+    explains_less,
+    record,
+    settled,
+    unexplained,
+)
+
+DIFFERENT = 0.18  # scatter of the zones' reflectances, in logs: 0 to 0.17 where they are alike
+LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
+LEAST = 24  # points about an edge
+ROUGH_M = 2e-6  # a step of the centre that ends a first fit
+STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
+SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
+NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
+# Standard deviations off the prior from which the stated thickness is doubted; up to which it may
+# be right where no other explains as much.
+TENSE, MOST_TENSE = 2.0, 6.0
+CONTRADICTED_THICKNESS = 2.0  # standard deviations off the stated one by the data alone
+EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness pulls
+# Relative standard uncertainty of one by the data alone, besides noise; how much more it is by the
+# square of footprint over the wall's width as seen: square on to a face, it is seen narrow.
+THICKNESS_MODEL, SQUARE_ON = 0.05, 5.0
+LEAST_SHOWN = 0.01  # of the variance of a prior, that the data show
+RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
+
+
+def fit_mixed(
+    problem: EdgeProblem, state: Array, thickness_m: float | None, config: CentreConfig
+) -> EdgeFit | None:
+    """Fit an edge to its mixed pixels; None where a quarter of it has no background.
+
+    Without the stated thickness where the data pull it or the size, another one explains as much,
+    and the data contradict the stated one then.
+    """
+    steep = float(np.hypot(*state[BEAM])) > STEEP
+    if steep:  # footprint and beams would diverge with the wall
+        problem = replace(problem, prior=problem.prior.plain())
+    found = _best(problem, state, config.max_iterations)
+    if steep and thickness_m is not None and _is_strange(found, problem.prior):
+        held = replace(problem, prior=problem.prior.held(state))
+        found = _best(held, state, config.max_iterations)
+    fitted = _recorded(found, problem)
+    if fitted is None or thickness_m is None:
+        return fitted
+    tension = _tension(fitted, problem.prior)
+    if not problem.few and tension < TENSE:
+        return fitted
+    doubted = replace(problem, prior=problem.prior.doubted())
+    other = _best(doubted, state, config.max_iterations)
+    free, worse = _recorded(other, doubted), explains_less(other, found)
+    if free is None or (worse and tension < MOST_TENSE):
+        return fitted
+    return _by_thickness(fitted, free, thickness_m, worse)
+
+
+def _by_thickness(fitted: EdgeFit, free: EdgeFit, thickness_m: float, worse: bool) -> EdgeFit:
+    """Return the fit with the stated thickness, or the one without where that contradicts it.
+
+    worse: whether the one without explains the points less, as a wall that is none does.
+    """
+    seen_m = max(thickness_m, free.thickness_m) * float(np.hypot(*free.beam))
+    by_model = THICKNESS_MODEL * (1.0 + SQUARE_ON * (free.spot_m / max(seen_m, 1e-9)) ** 2)
+    u = math.hypot(free.thickness_u, STATED_THICKNESS, by_model)
+    off = abs(math.log(free.thickness_m / thickness_m)) / u
+    if free.converged and not worse and off > CONTRADICTED_THICKNESS:
+        return replace(free, stated_thickness_m=thickness_m)
+    return replace(fitted, by_thickness_m=free.centre_m - fitted.centre_m)
+
+
+def _recorded(found: Solution, problem: EdgeProblem) -> EdgeFit | None:
+    """Return the fit of a solution; None where a quarter of the edge has no background."""
+    covered = float(np.mean(found.background.usable))
+    if covered < 0.25 or len(found.equations.residual_m) < LEAST:
+        return None
+    fitted = record(found, problem, covered)
+    return settled(fitted, found) if problem.few else fitted
+
+
+def _tension(fitted: EdgeFit, prior: Prior) -> float:
+    """Return how far the edge's parameters lie from their prior, in standard deviations.
+
+    A posterior mean has the variance of its prior less that of the posterior.
+    """
+    variance, u = 1.0 / prior.weight[EDGE], np.zeros(len(EDGE))
+    u[EDGE.index(THICKNESS)], u[EDGE.index(GROWTH)] = fitted.thickness_u, fitted.growth_u_m
+    shown = np.maximum(variance - u**2, LEAST_SHOWN * variance)
+    return float(np.sqrt(np.sum((fitted.state - prior.mean)[EDGE] ** 2 / shown)))
+
+
+def _best(problem: EdgeProblem, state: Array, most: int) -> Solution:
+    """Return the solution of a fit to mixed pixels.
+
+    A wide footprint and a growth explain an edge nearly as well as neither: a solution with
+    growth gives way to one without that is reached from the stated size and explains as much, with
+    backgrounds as much alike.
+    """
+    found = _by_backgrounds(problem, state, most)
+    if abs(found.state[GROWTH]) < NOTICED_GROWTH_M:
+        return found
+    sized = replace(problem, prior=problem.prior.sized())
+    stated = _solved(sized, state, found.zones, most)
+    again = _converge(problem.about(stated.state), stated.state, stated.zones, most, True)
+    less = abs(again.state[GROWTH]) < abs(found.state[GROWTH])
+    likely = less and again.state[INVERSE] > 0.0
+    return again if likely and unexplained(again) < AS_MUCH * unexplained(found) else found
+
+
+def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> Solution:
+    """Return the solution with one reflectance of the background, or by zones where these differ.
+
+    By zones also where beams are steep: there zones keep a rough fit from diverging.
+    """
+    steep = float(np.hypot(*state[BEAM])) > STEEP
+    found = _solved(problem, state, Zones.free() if steep else Zones.alike(), most)
+    if not (steep or problem.few) and zone_scatter(found.equations, problem.prior) > DIFFERENT:
+        found = _solved(problem, found.state, Zones.free(), most)
+    return found
+
+
+def _solved(problem: EdgeProblem, state: Array, zones: Zones, most: int) -> Solution:
+    """Return the solution with consistent slopes, or the first one where that diverged."""
+    first = _converge(problem, state, zones, most, consistent=False)
+    found = _converge(problem.about(first.state), first.state, first.zones, most, consistent=True)
+    return first if _diverged(found.state, first.state, problem.prior) else found
+
+
+def _is_strange(found: Solution, prior: Prior) -> bool:
+    """Return whether a fit did not converge, or its thickness is far from the known one."""
+    off = abs(float(found.state[THICKNESS] - prior.mean[THICKNESS]))
+    return found.last_m > CONVERGED_M or off > RIDGE
+
+
+def _diverged(state: Array, first: Array, prior: Prior) -> bool:
+    """Return whether a state is far from the first one, and farther from the prior."""
+    far = float(np.abs(state[SPOT:ROTATION] - first[SPOT:ROTATION]).max()) > RIDGE
+    logs = slice(SPOT, ROTATION)
+    return far and prior.off(state, logs) > prior.off(first, logs)
+
+
+def _converge(
+    problem: EdgeProblem, state: Array, zones: Zones, most: int, consistent: bool
+) -> Solution:
+    """Iterate Gauss-Newton steps until the centre converges; first look up the background."""
+    background = look_up(problem.beams(state), problem.depth, state)
+    length, before = 1.0, np.zeros(2)
+    for iteration in range(1, most + 1):
+        if not consistent and iteration in LOOKS:
+            background = look_up(problem.beams(state), problem.depth, state)
+        robust = (consistent or iteration > 6) and not problem.few
+        linear = equations(problem, background, state, zones, robust, consistent)
+        moved, zones = step(linear, state, problem.prior, newton=robust)
+        if consistent and float(moved[CENTRE] @ before) < 0.0:
+            length = max(length * SHORTER, SHORTEST)
+        before = moved[CENTRE]
+        state = state + length * moved
+        state[INVERSE] = max(state[INVERSE], 0.0)  # the scanner is before the plane
+        last_m = float(np.abs(moved[CENTRE]).max())
+        if last_m < (STEP_M if consistent else ROUGH_M) and (consistent or iteration > max(LOOKS)):
+            break
+    return Solution(state, zones, background, linear, iteration, last_m)

@@ -1,0 +1,193 @@
+"""Solutions of an edge's equations, and the fit that is kept of one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...targets import sector
+from ...vectors import Array
+from .beams import (
+    BEAM,
+    CENTRE,
+    GROWTH,
+    INVERSE,
+    RATIO,
+    ROTATION,
+    SHAPE,
+    SPOT,
+    THICKNESS,
+    WALL,
+    Background,
+)
+from .edge_residuals import SECTORS, EdgeProblem, Equations, Zones, spread
+
+UNEVEN = 5  # of the sectors: at most so many have a background that leaves outliers
+STEP_M, CONVERGED_M = 2e-7, 1e-5  # a step of the centre that ends a fit; that counts as converged
+SETTLED = 0.2  # share of u that a step may still be, then
+AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave; 1.02 by alike noise
+MISFIT = 0.09  # share of outliers beyond which a fit explains no edge
+BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
+
+
+@dataclass(frozen=True)
+class EdgeFit:
+    """Centre of an outline in the plane, and the other estimates of its fit.
+
+    centre_m: (2,). rotation_rad: of the target's axes against the plane's; rotation_noise: (3,) its
+    covariances with the centre and its variance, rotation_by_plane: (3,) as by_plane.
+    covariance_m2: (2, 2), given the plane, with dof degrees of freedom: fewer than the sectors,
+    since not each counts along an axis. by_plane: (2, 3) derivatives of the centre by the plane's
+    height at the centre, and by its slopes along u and v: the beams fix a direction, so a plane
+    that is too high moves the centre along the beam. beam: (2,) in-plane slope of the beams at the
+    centre, per metre of depth: tan of the incidence and its direction. inverse_distance: 1 /
+    scanner's distance from the plane, 1/m. spot_m: radius of the footprint; thickness_m;
+    reflectance_ratio: of the background over the target. wall: 0 of a wall as bright as the face, 1
+    of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. growth_m: how
+    much farther out the edge lies than stated, all round, with its standard uncertainty
+    growth_u_m: both from SIZE_M as a prior. covered: share of the outline that was used. misfit:
+    share of outliers near the edge. loss: mean of Cauchy's loss, of few mixed pixels. converged:
+    whether the last step was small. thickness_u: relative. stated_thickness_m: one that the data
+    contradict, and that was not used; by_thickness_m: (2,) by which the centre would move if it
+    were not, where that is in doubt.
+    clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
+    by_size_m: (2,) by which its centre would move if the size were hardly known; size_chance: the
+    probability of that. rows_m: standard uncertainty of each straight edge by rows of points that
+    run along it. exponent: by which intensities follow power, of a clean edge that is fitted to
+    them; it has no clean_shift_m. unlike_m: how far backgrounds of unlike brightness move parts of
+    a clean edge (k = 1).
+    """
+
+    centre_m: Array
+    rotation_rad: float
+    covariance_m2: Array
+    by_plane: Array
+    dof: float
+    beam: Array
+    inverse_distance: float
+    spot_m: float
+    thickness_m: float
+    reflectance_ratio: float
+    wall: float
+    spot_shape: float
+    growth_m: float
+    growth_u_m: float
+    covered: float
+    misfit: float
+    loss: float
+    points: int
+    iterations: int
+    converged: bool
+    rotation_noise: Array
+    rotation_by_plane: Array
+    thickness_u: float
+    stated_thickness_m: float | None = None
+    by_thickness_m: Array | None = None
+    clean_shift_m: float | None = None
+    by_size_m: Array | None = None
+    size_chance: float = 0.0
+    rows_m: float = 0.0
+    exponent: float | None = None
+    unlike_m: float = 0.0
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether beams at the edge returned one surface each."""
+        return self.clean_shift_m is not None or self.exponent is not None
+
+    @property
+    def state(self) -> Array:
+        """State (12,), see beams.py."""
+        logs = np.log([self.spot_m, self.thickness_m, self.reflectance_ratio])
+        return np.array(
+            [
+                *self.centre_m,
+                *self.beam,
+                self.inverse_distance,
+                *logs,
+                self.rotation_rad,
+                self.wall,
+                self.spot_shape,
+                self.growth_m,
+            ]
+        )
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Last state (12,) of a fit, what it was linearised from, and its last step of the centre."""
+
+    state: Array
+    zones: Zones
+    background: Background
+    equations: Equations
+    iterations: int
+    last_m: float
+
+
+def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
+    """Return the fit of a solution with its covariance; covered: share of the outline used."""
+    state = found.state
+    covariance, by_plane, dof = spread(found.equations, problem.outline, problem.prior, problem.few)
+    return EdgeFit(
+        centre_m=state[CENTRE],
+        rotation_rad=float(state[ROTATION]),
+        covariance_m2=covariance[CENTRE, CENTRE],
+        by_plane=by_plane[CENTRE],
+        dof=dof,
+        beam=state[BEAM],
+        inverse_distance=float(state[INVERSE]),
+        spot_m=float(np.exp(state[SPOT])),
+        thickness_m=float(np.exp(state[THICKNESS])),
+        reflectance_ratio=float(np.exp(state[RATIO])),
+        wall=float(state[WALL]),
+        spot_shape=float(state[SHAPE]),
+        growth_m=float(state[GROWTH]),
+        growth_u_m=float(np.sqrt(covariance[GROWTH, GROWTH])),
+        covered=covered,
+        misfit=misfit_of(found.equations),
+        loss=found.equations.loss if problem.few else 0.0,
+        points=len(found.equations.residual_m),
+        iterations=found.iterations,
+        converged=found.last_m < CONVERGED_M,
+        rotation_noise=covariance[ROTATION, [0, 1, ROTATION]],
+        rotation_by_plane=by_plane[ROTATION],
+        thickness_u=float(np.sqrt(covariance[THICKNESS, THICKNESS])),
+    )
+
+
+def misfit_of(linear: Equations) -> float:
+    """Return the share of points near the edge that a solution leaves out.
+
+    Without the UNEVEN sectors where it is largest: the background there has steps of its own.
+    """
+    part = sector(linear.share, SECTORS)
+    count = np.bincount(part, minlength=SECTORS)
+    out = np.bincount(part, linear.weight <= 0.0, SECTORS)
+    kept = np.argsort(out / np.maximum(count, 1), kind="stable")[: SECTORS - UNEVEN]
+    return float(out[kept].sum() / max(count[kept].sum(), 1))
+
+
+def settled(fitted: EdgeFit, found: Solution) -> EdgeFit:
+    """Return a fit that counts as converged where its last step was small against its u."""
+    return replace(fitted, converged=is_settled(found, fitted.covariance_m2))
+
+
+def is_settled(found: Solution, covariance_m2: Array) -> bool:
+    """Return whether the last step of a solution was small against its covariance (2, 2)."""
+    u_m = float(np.sqrt(np.trace(covariance_m2)))
+    return found.last_m < max(CONVERGED_M, SETTLED * u_m)
+
+
+def unexplained(found: Solution) -> float:
+    """Return the mean square of residuals over their standard uncertainties, outliers as of two."""
+    weight, residual_m = found.equations.weight, found.equations.residual_m
+    return float(np.mean(np.where(weight > 0.0, weight * residual_m**2, 4.0)))
+
+
+def explains_less(found: Solution, other: Solution, ratio: float = 1.0) -> bool:
+    """Return whether a solution leaves more than `ratio` of what another does, not by chance."""
+    left, least = unexplained(found), unexplained(other)
+    count = min(len(found.equations.residual_m), len(other.equations.residual_m))
+    return left > ratio * least and count * (left - least) > BY_CHANCE
