@@ -150,7 +150,12 @@ def test_a_thickness_is_doubted_where_few_points_or_the_prior_may_hide_a_wrong_o
         priors.append(problem.prior)
         return ended(state=state)
 
+    def again(problem, found, most):
+        assert few
+        return best(problem, found.state, most)
+
     monkeypatch.setattr(mixed_fit, "_best", best)
+    monkeypatch.setattr(mixed_fit, "_again", again)
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: off)
     monkeypatch.setattr(mixed_fit, "record", lambda *args: RECORD)
     monkeypatch.setattr(mixed_fit, "settled", lambda fitted, found: fitted)

@@ -199,24 +199,8 @@ def equations(
     band = (beams.x_m < outer) & (z > -5.0 * sigma_m - 1e-4) & background.usable[part]
     kept = np.flatnonzero(band & beams.clear)
     beams, z, part = beams.taken(kept), z[kept], part[kept]
-    spot = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
-    facing = np.maximum(beams.tau, 0.0)
-    behind, behind_slope = background.at(part, beams.x_m)
-    profile = edge_profile(
-        beams.x_m,
-        facing,
-        behind,
-        spot,
-        float(np.exp(state[THICKNESS])),
-        np.exp(state[RATIO] + zones.log[sector(beams.share, ZONES)]),
-        wall_reflectance(facing, state)[0],
-        float(state[SHAPE]),
-        beams.tau / (1.0 + float(state[BEAM] @ state[BEAM])),
-    )
-    profile = replace(profile, d_x=profile.d_x + profile.background_light * behind_slope)
+    profile, variance = predicted(beams, part, background, state, zones, sigma_m)
     residual = z - profile.depth_m
-    rough = profile.background_share * (background.spread_m[part] + DEPTH_SHARE * behind)
-    variance = (sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2 + rough**2
     weight, change = robust_weight(residual**2 / variance, converged)
     return Equations(
         q_m=beams.q_m,
@@ -229,6 +213,36 @@ def equations(
         zones=zones,
         depths=len(residual),
     )
+
+
+def predicted(
+    beams: Beams,
+    part: npt.NDArray[np.int64],
+    background: Background,
+    state: Array,
+    zones: Zones,
+    sigma_m: float,
+) -> tuple[EdgeProfile, Array]:
+    """Return the profile that beams before sectors (N,) of a background show, and the variance.
+
+    (N,) of a depth about it: by noise, pointing, and what the background is unsure by.
+    """
+    facing = np.maximum(beams.tau, 0.0)
+    behind, behind_slope = background.at(part, beams.x_m)
+    profile = edge_profile(
+        beams.x_m,
+        facing,
+        behind,
+        np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2),
+        float(np.exp(state[THICKNESS])),
+        np.exp(state[RATIO] + zones.log[sector(beams.share, ZONES)]),
+        wall_reflectance(facing, state)[0],
+        float(state[SHAPE]),
+        beams.tau / (1.0 + float(state[BEAM] @ state[BEAM])),
+    )
+    profile = replace(profile, d_x=profile.d_x + profile.background_light * behind_slope)
+    rough = profile.background_share * (background.spread_m[part] + DEPTH_SHARE * behind)
+    return profile, (sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2 + rough**2
 
 
 def step(

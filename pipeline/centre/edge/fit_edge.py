@@ -44,9 +44,9 @@ from .mixed_fit import fit_mixed
 from .solution import MISFIT, EdgeFit
 
 MIN_MIXED, MOST_CLEAN = 0.15, 0.35  # shares of mixed pixels: none below, certainly some above
-# Of few points: share of mixed pixels, certainly some above; loss of a likely fit to them, 0.39 by
-# Gaussian residuals.
-MIXED_OF_FEW, LOSS_BY_CHANCE = 0.2, 0.5
+# Of few points: share of mixed pixels, certainly some above, none below; loss of a likely fit to
+# them, 0.39 by Gaussian residuals.
+MIXED_OF_FEW, SOME_OF_FEW, LOSS_BY_CHANCE = 0.15, 0.03, 0.5
 # Slope of beams that nothing behind an edge shows, up to which their direction hardly counts; to
 # intensities of steeper ones fits had other solutions.
 MOST_UNSEEN = 0.12
@@ -80,27 +80,35 @@ def fit_edge(
     beams at the edge.
     """
     problem, state = _problem(uvw_m, outline, thickness_m, sigma_m, config, begin)
-    few, beams = problem.few, problem.beams(state)
-    background = look_up(beams, problem.depth, state)
-    if few:
-        deepest_m = target_depth_m(state, sigma_m)
-        mixed = mixed_share_of_few(beams, problem.depth, background, deepest_m) > MIXED_OF_FEW
+    if problem.few:
         fitted = fit_mixed(problem, state, thickness_m, config)
-        likely = fitted is not None and fitted.loss < LOSS_BY_CHANCE
+        share = _mixed_share_of_few(problem, fitted.state if fitted else state)
+        mixed = share > MIXED_OF_FEW
+        likely = fitted is not None and fitted.loss < LOSS_BY_CHANCE and share > SOME_OF_FEW
     else:
+        beams = problem.beams(state)
+        background = look_up(beams, problem.depth, state)
         share = mixed_share(beams, problem.depth, background)
         if share < MOST_CLEAN:
             share = mixed_share(beams, problem.depth, background, besides_surfaces=True)
         mixed = share > MOST_CLEAN
         fitted = None if share < MIN_MIXED else fit_mixed(problem, state, thickness_m, config)
         likely = fitted is not None and fitted.converged and fitted.misfit < MISFIT
-    shown, certain = mixed or likely, mixed and likely and not few
+    shown, certain = mixed or likely, mixed and likely and not problem.few
     if certain or (shown and problem.intensity is None):
         return fitted
     clean = fit_clean(problem, state, config)
     if shown and not (clean and clean.exponent):
         return fitted
     return clean or fitted
+
+
+def _mixed_share_of_few(problem: EdgeProblem, state: Array) -> float:
+    """Return the share of the points next to the edge that a state (12,) leaves to mixed pixels."""
+    beams = problem.beams(state)
+    background = look_up(beams, problem.depth, state)
+    deepest_m = target_depth_m(state, problem.sigma_m)
+    return mixed_share_of_few(beams, problem.depth, background, deepest_m)
 
 
 def fit_intensities(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from .beams import (
     look_up,
 )
 from .edge_residuals import EdgeProblem, Zones, equations, step, zone_scatter
+from .few_points import likeliest
 from .solution import (
     AS_MUCH,
     CONVERGED_M,
@@ -40,6 +42,7 @@ from .solution import (
 DIFFERENT = 0.18  # scatter of the zones' reflectances, in logs: 0 to 0.17 where they are alike
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST = 24  # points about an edge
+MOST_OF_FEW = 20  # iterations of each fit to few points
 ROUGH_M = 2e-6  # a step of the centre that ends a first fit
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
@@ -78,7 +81,10 @@ def fit_mixed(
     if not problem.few and tension < TENSE:
         return fitted
     doubted = replace(problem, prior=problem.prior.doubted())
-    other = _best(doubted, state, config.max_iterations)
+    if problem.few:
+        other = _again(doubted, found, config.max_iterations)
+    else:
+        other = _best(doubted, state, config.max_iterations)
     free, worse = _recorded(other, doubted), explains_less(other, found)
     if free is None or (worse and tension < MOST_TENSE):
         return fitted
@@ -120,18 +126,21 @@ def _tension(fitted: EdgeFit, prior: Prior) -> float:
 
 
 def _best(problem: EdgeProblem, state: Array, most: int) -> Solution:
-    """Return the solution of a fit to mixed pixels.
+    """Return the solution of a fit to mixed pixels; of few, the likeliest of several.
 
     A wide footprint and a growth explain an edge nearly as well as neither: a solution with
     growth gives way to one without that is reached from the stated size and explains as much, with
     backgrounds as much alike.
     """
+    if problem.few:
+        solve = partial(_by_backgrounds, problem, most=MOST_OF_FEW)
+        return likeliest(problem, state, solve)
     found = _by_backgrounds(problem, state, most)
     if abs(found.state[GROWTH]) < NOTICED_GROWTH_M:
         return found
     sized = replace(problem, prior=problem.prior.sized())
     stated = _solved(sized, state, found.zones, most)
-    again = _converge(problem.about(stated.state), stated.state, stated.zones, most, True)
+    again = _again(problem, stated, most)
     less = abs(again.state[GROWTH]) < abs(found.state[GROWTH])
     likely = less and again.state[INVERSE] > 0.0
     return again if likely and unexplained(again) < AS_MUCH * unexplained(found) else found
@@ -152,8 +161,13 @@ def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> Solution:
 def _solved(problem: EdgeProblem, state: Array, zones: Zones, most: int) -> Solution:
     """Return the solution with consistent slopes, or the first one where that diverged."""
     first = _converge(problem, state, zones, most, consistent=False)
-    found = _converge(problem.about(first.state), first.state, first.zones, most, consistent=True)
+    found = _again(problem, first, most)
     return first if _diverged(found.state, first.state, problem.prior) else found
+
+
+def _again(problem: EdgeProblem, found: Solution, most: int) -> Solution:
+    """Return the solution with consistent slopes, from another one."""
+    return _converge(problem.about(found.state), found.state, found.zones, most, consistent=True)
 
 
 def _is_strange(found: Solution, prior: Prior) -> bool:
