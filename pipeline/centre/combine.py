@@ -27,7 +27,8 @@ class CentreEstimate:
 
     centre_m: (2,). noise_m2: (2, 2) by its points, given the plane, with dof degrees of freedom;
     model_m2: (2, 2) by what its model leaves out. by_plane: (2, 3) see EdgeFit. rotation: of the
-    target's axes in the plane, where this method shows it.
+    target's axes in the plane, where this method shows it. doubtful: whether something that its
+    model leaves out may set it apart from the others.
     """
 
     method: CentreMethod
@@ -37,6 +38,7 @@ class CentreEstimate:
     by_plane: Array
     dof: float
     rotation: PlaneRotation | None = None
+    doubtful: bool = False
 
     @property
     def covariance_m2(self) -> Array:
@@ -47,11 +49,13 @@ class CentreEstimate:
 def check_agreement(estimates: Sequence[CentreEstimate], plane_covariance: Array) -> None:
     """Raise NotMeasuredError 'centres-disagree' where two differ beyond their uncertainties.
 
+    Not where one is doubtful: then `reconciled` counts what they differ by.
     plane_covariance: (3, 3) of the plane's height at the centre and its slopes, which moves both.
     Hotelling's T^2 against Fisher's F with the lesser degrees of freedom.
     """
-    for index, one in enumerate(estimates):
-        for other in estimates[:index]:
+    sure = [one for one in estimates if not one.doubtful]
+    for index, one in enumerate(sure):
+        for other in sure[:index]:
             apart = one.centre_m - other.centre_m
             by_plane = one.by_plane - other.by_plane
             joint = (

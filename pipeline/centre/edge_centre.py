@@ -39,6 +39,10 @@ from .outline_fit import (
 from .target_view import TargetView
 from .uncut_edges import BEYOND_M, in_sectors, uncut_sectors
 
+# Logs of the thickness between two edges of one plate, from which the second is doubtful, or none:
+# three and eight times what is known beforehand. Something before the background, just beyond the
+# wall, passes for more of that then, and moves the centre.
+DOUBTFUL, OTHER_PLATE = 0.15, 0.4
 OUTLINE_EDGE_M = 5e-4  # shift of an outline without background by the footprint (k = 1)
 # The same with a background of unknown direction: the wall returns part of the footprint.
 UNEXPLAINED_EDGE_M = 1.1e-3
@@ -146,6 +150,9 @@ def _by_edge(
     edge_fit = (
         None if beside and not known else _by_mixed_pixels(view, outline, start, near, known or aim)
     )
+    thicker = abs(math.log(edge_fit.thickness_m / known.thickness_m)) if edge_fit and known else 0.0
+    if thicker > OTHER_PLATE:
+        return None
     if outline.shows_rotation:
         face, near, edge_fit = _uncut(view, outline, start, (face, near), edge_fit, known or aim)
     if edge_fit is not None and _is_sure(edge_fit):
@@ -185,6 +192,7 @@ def _by_edge(
             edge_fit.by_plane,
             edge_fit.dof,
             shown,
+            doubtful=thicker > DOUBTFUL,
         )
     slope = 1.0 if edge_fit is None else float(np.hypot(*edge_fit.beam))
     beside_m = BESIDE * edge_fit.spot_m if edge_fit and edge_fit.is_clean else 0.0

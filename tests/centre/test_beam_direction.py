@@ -15,6 +15,7 @@ from wheelplane.centre.edge.beam_direction import (
     MAX_THROUGH,
     RING_M,
     STEEPEST,
+    UNSURE_INVERSE,
     WINDOW_M,
     _background_outside,
     _by_consensus,
@@ -93,6 +94,35 @@ def test_a_shadow_of_few_points_shows_the_beams(count):
     found = first_beam(plane, depth, start(), OUTLINES["disc"])
     spacing_m = 0.48 / np.sqrt(count)
     np.testing.assert_allclose(found[BEAM], (0.5, -0.2), atol=spacing_m / 0.1)
+
+
+@pytest.mark.parametrize("slope", SLOPES)
+@pytest.mark.parametrize("name", OUTLINES)
+def test_dust_seen_through_the_target_hides_no_shadow(name, slope):
+    """5 % of the beams end anywhere before or behind: where the edge is bare they pulled it in."""
+    rng, outline = np.random.default_rng(6), OUTLINES[name]
+    plane, depth = shadow(outline, slope, hidden=0.3 if name == "disc" else 0.15)
+    station = np.append(CENTRE_M - 2.0 * np.array(slope), 2.0)
+    points = np.column_stack([plane, -depth])
+    dust = rng.random(len(depth)) < 0.05
+    ends = 2.0 + rng.uniform(-0.5, 0.5, np.count_nonzero(dust))
+    points[dust] = station + (points[dust] - station) * (ends / (2.0 + depth[dust]))[:, None]
+    found = first_beam(points[:, :2], -points[:, 2], start(), outline)
+    np.testing.assert_allclose(found[BEAM], slope, atol=0.05)
+
+
+@pytest.mark.parametrize("name", OUTLINES)
+@pytest.mark.parametrize("distance_m", [1.5, 2.9])
+def test_a_deep_background_contradicts_no_beams_of_another_distance(name, distance_m):
+    """0.44 m behind, as through a wheel: the start takes the scanner for 2.5 m away."""
+    outline, rng = OUTLINES[name], np.random.default_rng(2)
+    station = np.append(CENTRE_M, distance_m)
+    q = rng.uniform(-0.24, 0.24, (40_000, 2))
+    depth = np.where(outline.outside_m(*turned(q, -ROTATED).T) < 0.0, 0.0, 0.44)
+    met = np.column_stack([q + CENTRE_M, np.zeros(len(q))])
+    points = met + (met - station) * (depth / distance_m)[:, None]
+    found = first_beam(points[:, :2], depth, start(), outline)
+    np.testing.assert_allclose(found[BEAM], 0.0, atol=0.02)
 
 
 def test_mixed_pixels_before_the_background_are_no_shadow():
@@ -217,13 +247,17 @@ def test_sectors_of_one_direction_are_not_solved_for_two():
 
 @pytest.mark.parametrize("slope", [(0.0, 0.0), (0.9, 0.4)])
 def test_what_is_seen_through_is_counted_in_two_rings(slope):
-    """Each as far from the edge as a slanted footprint is longer; of points at clean depth."""
+    """Each as far from the edge as a slanted footprint is longer; of points at clean depth.
+
+    Farther by what a distance of the scanner that is off moves them.
+    """
     outline, rng = OUTLINES["disc"], np.random.default_rng(4)
     plane, depth = rng.uniform(-0.3, 0.3, (30_000, 2)), rng.uniform(0.0, 0.2, 30_000)
     state = start()
     state[BEAM], state[SPOT] = slope, np.log(0.004)
     beams = carry(plane, depth, state, outline)
     longer = 1.5 * 0.004 * (np.sqrt(1.0 + beams.tau**2) - 1.0)
+    longer += UNSURE_INVERSE * depth * np.hypot(*beams.q_m.T)
     inside = (-RING_M[1] < beams.x_m + longer) & (beams.x_m + longer < -RING_M[0])
     outside = (RING_M[0] < beams.x_m - longer) & (beams.x_m - longer < RING_M[1])
     clean = depth > 0.8 * np.median(depth[outside & (depth > 2.0 * MIN_DEPTH_M)])

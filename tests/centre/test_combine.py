@@ -113,6 +113,19 @@ def test_the_plane_excuses_only_what_it_moves_differently():
     check_agreement([replace(other, by_plane=-one.by_plane), one], unsure)
 
 
+def test_a_doubtful_centre_disagrees_with_none_and_counts():
+    rng = np.random.default_rng(9)
+    one, far = estimate(rng), estimate(rng, "hole", centre_m=np.array([0.01, 0.0]))
+    doubtful = replace(far, doubtful=True)
+    with pytest.raises(NotMeasuredError):
+        check_agreement([one, far], NO_PLANE)
+    check_agreement([one, doubtful], NO_PLANE)
+    with pytest.raises(NotMeasuredError):
+        check_agreement([one, doubtful, replace(far, centre_m=np.array([0.0, 0.02]))], NO_PLANE)
+    mean = combined(reconciled([one, doubtful], NO_PLANE))
+    assert np.sqrt(np.linalg.eigvalsh(mean.covariance_m2)[-1]) > 0.003
+
+
 def weighted_square(parts, plane_covariance):
     """Square of the distances from the weighted mean, and its degrees of freedom, by definition."""
     by_plane = np.mean([p.by_plane for p in parts], axis=0)

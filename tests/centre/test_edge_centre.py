@@ -21,7 +21,14 @@ from tests.support.scenes import Setup, make
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.centre import edge_centre
 from wheelplane.centre.edge.beams import SIZE_M
-from wheelplane.centre.edge_centre import OUTLINE_EDGE_M, ROWS, centre_by_edge, centre_by_holes
+from wheelplane.centre.edge_centre import (
+    DOUBTFUL,
+    OTHER_PLATE,
+    OUTLINE_EDGE_M,
+    ROWS,
+    centre_by_edge,
+    centre_by_holes,
+)
 from wheelplane.centre.target_view import TargetView
 from wheelplane.config import CentreConfig, Config, PlaneConfig
 from wheelplane.errors import NotMeasuredError
@@ -60,6 +67,30 @@ def test_each_edge_alone_gives_the_centre(name):
         off = error_m(cloud, view, part.estimate)
         u = np.sqrt(np.trace(part.estimate.covariance_m2) / 2.0)
         assert np.hypot(*off) < min(4.0 * u + 2e-5, 2e-4)
+
+
+@pytest.mark.parametrize(
+    ("thicker", "doubtful"),
+    [(0.99 * DOUBTFUL, False), (1.01 * DOUBTFUL, True), (1.01 * OTHER_PLATE, None)],
+)
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_hole_as_of_another_plate_is_doubtful_or_none(monkeypatch, thicker, doubtful, sign):
+    """Both edges are of one plate: what passes for more of the wall lies before the background."""
+    _, view = viewed("ring-300")
+    outer = centre_by_edge(view, view.target.edge)
+    assert not outer.estimate.doubtful
+    fits = edge_centre._by_mixed_pixels
+
+    def fitted(*args):
+        found, as_rim = fits(*args), outer.edge_fit.thickness_m
+        return replace(found, thickness_m=as_rim * np.exp(sign * thicker))
+
+    monkeypatch.setattr(edge_centre, "_by_mixed_pixels", fitted)
+    inner = centre_by_holes(view, view.target.holes, outer)
+    if doubtful is None:
+        assert inner is None
+    else:
+        assert inner.estimate.doubtful == doubtful
 
 
 @pytest.mark.parametrize("noise_m", [0.0008, 0.002])

@@ -388,6 +388,9 @@ def test_zones_are_free_where_beams_are_steep_or_backgrounds_differ(
         (-1.1, -0.9, 0.4, 0.999 * AS_MUCH, "again"),
         (1.1, 0.9, 0.4, 1.001 * AS_MUCH, "first"),  # explains less
         (1.1, 1.2, 0.4, 1.0, "first"),  # of another size
+        (1.1, 1.2, 0.4, 0.24, "again"),  # that explains more
+        (1.1, 1.2, 0.4, 0.26, "first"),  # by chance
+        (1.1, 1.2, 0.0, 0.24, "first"),
         (-1.1, -0.1, 0.0, 1.0, "first"),  # no such scanner
     ],
 )

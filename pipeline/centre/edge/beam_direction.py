@@ -17,13 +17,16 @@ SECTORS, FEWEST_SECTORS, ROUNDS = 36, 12, 4
 WINDOW_M = 0.03  # about the edge, in which its background is used
 AGREE_M, MAX_CONSTANT_M = 0.0015, 0.006  # of the shadow's edge in a sector; shift common to all
 RING_M = (0.0035, 0.0095)  # rings inside the edge, without background, and outside, with it
-MAX_THROUGH = 0.1  # share of the background that may appear through the target
+# Share of the background that may appear through the target; that appears by dust alone.
+MAX_THROUGH, HARDLY_THROUGH = 0.1, 0.02
 STEEPEST = 4.0  # slope of the directions that are tried
 COARSE_STEP, FINE_STEP, BEST = 0.2, 0.07, 8  # between directions, at first and about the best ones
 LEAST_IN_SECTOR = 5  # points that count as a background
 LEAST_SHADOW = (6, 20)  # points of a sector that show the shadow's edge: few points, many
+DUST = 0.05  # share of a sector's points that may appear through the target
 TRIED_POINTS = 2000
 TRIED_INVERSE = (0.4, 1.0)  # 1/m, of the scanner's distance from the plane
+UNSURE_INVERSE = 0.05  # 1/m, of that distance, before it is fitted
 INSIDE = 5.0  # weight of a point inside the edge, of one outside
 
 
@@ -33,12 +36,17 @@ def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Ar
     None where there is background beside less than a quarter of the edge, or where no direction
     explains it: then it was scanned from two stations, or does not lie behind the target.
     """
-    solve = (
-        _by_consensus if outline.shows_rotation else _by_all
-    )  # straight edges are hidden as a whole
-    found = _refined(plane, depth, state, outline, solve)
-    if found is not None and seen_through(plane, depth, found, outline) < MAX_THROUGH:
-        return found
+    best, least = None, MAX_THROUGH
+    # Straight edges are hidden as a whole, those of a disc in parts, if at all.
+    for solve in (_by_consensus,) if outline.shows_rotation else (_by_all, _by_consensus):
+        found = _refined(plane, depth, state, outline, solve)
+        through = np.inf if found is None else seen_through(plane, depth, found, outline)
+        if through < least:
+            best, least = found, through
+        if least < HARDLY_THROUGH:
+            break
+    if best is not None:
+        return best
     tried = _of_all_directions(plane, depth, state, outline)
     found = None if tried is None else _refined(plane, depth, tried, outline, _by_consensus)
     if found is None or seen_through(plane, depth, found, outline) >= MAX_THROUGH:
@@ -74,7 +82,7 @@ def _sectors(points: int, each: int) -> int:
 def seen_through(plane: Array, depth: Array, state: Array, outline: Outline) -> float:
     """Return background points whose beams pass through the target, per one just outside it."""
     beams = carry(plane, depth, state, outline)
-    inside, outside = _beside(beams, state)
+    inside, outside = _beside(beams, depth, state)
     deep = depth > 2.0 * MIN_DEPTH_M
     if not np.any(outside & deep):
         return np.inf
@@ -83,9 +91,13 @@ def seen_through(plane: Array, depth: Array, state: Array, outline: Outline) -> 
     return float(np.count_nonzero(inside & clean) / count)
 
 
-def _beside(beams: Beams, state: Array) -> tuple[Mask, Mask]:
-    """Return which beams meet the plane in rings just inside and outside the edge, (N,) each."""
+def _beside(beams: Beams, depth: Array, state: Array) -> tuple[Mask, Mask]:
+    """Return which beams meet the plane in rings just inside and outside the edge, (N,) each.
+
+    Farther from it where a distance of the scanner that is not known yet leaves a place unsure.
+    """
     clear = 1.5 * np.exp(state[SPOT]) * (np.sqrt(1.0 + beams.tau**2) - 1.0)
+    clear += UNSURE_INVERSE * np.maximum(depth, 0.0) * np.hypot(*beams.q_m.T)
     inside = (beams.x_m < -RING_M[0] - clear) & (beams.x_m > -RING_M[1] - clear)
     outside = (beams.x_m > RING_M[0] + clear) & (beams.x_m < RING_M[1] + clear)
     return inside & beams.clear, outside & beams.clear
@@ -118,7 +130,8 @@ def _refined(
             middle = float(np.median(depth[here]))
             clean = here[depth[here] > 0.8 * middle]
             if len(clean) >= least // 2:
-                inner = np.partition(beams.x_m[clean], least // 5)[least // 5]
+                rank = max(least // 5, int(DUST * len(clean)))
+                inner = np.partition(beams.x_m[clean], rank)[rank]
                 rows.append((inner, 1.0, *(middle * normals[k])))
         if len(rows) < sectors // 4:
             return None

@@ -128,9 +128,9 @@ def _tension(fitted: EdgeFit, prior: Prior) -> float:
 def _best(problem: EdgeProblem, state: Array, most: int) -> Solution:
     """Return the solution of a fit to mixed pixels; of few, the likeliest of several.
 
-    A wide footprint and a growth explain an edge nearly as well as neither: a solution with
-    growth gives way to one without that is reached from the stated size and explains as much, with
-    backgrounds as much alike.
+    A wide footprint and a growth explain an edge nearly as well as neither: a solution with growth
+    gives way to one with less that is reached from the stated size, with backgrounds as much alike,
+    and explains as much, or to one that explains more.
     """
     if problem.few:
         solve = partial(_by_backgrounds, problem, most=MOST_OF_FEW)
@@ -142,8 +142,9 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> Solution:
     stated = _solved(sized, state, found.zones, most)
     again = _again(problem, stated, most)
     less = abs(again.state[GROWTH]) < abs(found.state[GROWTH])
-    likely = less and again.state[INVERSE] > 0.0
-    return again if likely and unexplained(again) < AS_MUCH * unexplained(found) else found
+    as_much = unexplained(again) < AS_MUCH * unexplained(found)
+    likely = (less and as_much) or explains_less(found, again)
+    return again if likely and again.state[INVERSE] > 0.0 else found
 
 
 def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> Solution:
