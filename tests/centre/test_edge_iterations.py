@@ -380,22 +380,24 @@ def test_zones_are_free_where_beams_are_steep_or_backgrounds_differ(
 
 
 @pytest.mark.parametrize(
-    ("first", "again", "inverse", "left", "taken"),
+    ("first", "again", "inverse", "left", "freed", "taken"),
     [
-        (0.9, 0.0, 0.4, 1.0, "first"),
-        (1.1, 0.0, 0.4, 1.0, "again"),
-        (5.0, 4.9, 0.4, 1.0, "again"),
-        (-1.1, -0.9, 0.4, 0.999 * AS_MUCH, "again"),
-        (1.1, 0.9, 0.4, 1.001 * AS_MUCH, "first"),  # explains less
-        (1.1, 1.2, 0.4, 1.0, "first"),  # of another size
-        (1.1, 1.2, 0.4, 0.24, "again"),  # that explains more
-        (1.1, 1.2, 0.4, 0.26, "first"),  # by chance
-        (1.1, 1.2, 0.0, 0.24, "first"),
-        (-1.1, -0.1, 0.0, 1.0, "first"),  # no such scanner
+        (0.9, 0.0, 0.4, 1.0, False, "first"),
+        (1.1, 0.0, 0.4, 1.0, False, "again"),
+        (5.0, 4.9, 0.4, 1.0, False, "again"),
+        (-1.1, -0.9, 0.4, 0.999 * AS_MUCH, False, "again"),
+        (1.1, 0.9, 0.4, 1.001 * AS_MUCH, False, "first"),  # explains less
+        (1.1, 1.2, 0.4, 1.0, False, "first"),  # of another size
+        (1.1, 1.2, 0.4, 0.24, False, "again"),  # that explains more
+        (1.1, 1.2, 0.4, 0.26, False, "first"),  # by chance
+        (1.1, 1.2, 0.0, 0.24, False, "first"),
+        (1.1, 0.9, 0.4, 0.09, True, "first"),  # what zones explain by chance
+        (1.1, 0.9, 0.4, 0.07, True, "again"),
+        (-1.1, -0.1, 0.0, 1.0, False, "first"),  # no such scanner
     ],
 )
 def test_a_strange_growth_gives_way_to_the_stated_size(
-    monkeypatch, first, again, inverse, left, taken
+    monkeypatch, first, again, inverse, left, freed, taken
 ):
     states, weights = {}, []
     for name, growth in (("first", first), ("stated", 0.0), ("again", again)):
@@ -403,17 +405,12 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
         states[name][GROWTH] = growth * NOTICED_GROWTH_M
     states["again"][INVERSE] = inverse
 
-    zones = Zones.free()
-
     def by_backgrounds(problem, state, most):
         weights.append(problem.prior.weight[GROWTH])
+        name = "first" if len(weights) == 1 else "stated"
         linear = SimpleNamespace(weight=np.array([0.0, 4.0, 4.0]), residual_m=np.ones(3))
-        return Solution(states["first"], zones, None, linear, 5, 0.0)
-
-    def solved(problem, state, given, most):
-        assert given is zones
-        weights.append(problem.prior.weight[GROWTH])
-        return Solution(states["stated"], given, None, None, 5, 0.0)
+        zones = Zones.free() if freed and name == "stated" else Zones.alike()
+        return Solution(states[name], zones, None, linear, 5, 0.0)
 
     def converge(problem, state, zones, most, consistent):
         assert consistent
@@ -423,7 +420,7 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
         return Solution(states["again"], zones, None, linear, 5, 0.0)
 
     monkeypatch.setattr(mixed_fit, "_by_backgrounds", by_backgrounds)
-    monkeypatch.setattr(mixed_fit, "_solved", solved)
+    monkeypatch.setattr(mixed_fit, "BY_ZONES", 11.0)
     monkeypatch.setattr(mixed_fit, "_converge", converge)
     found = mixed_fit._best(problem_of(False), state_of(), 40)
     np.testing.assert_array_equal(found.state, states[taken])

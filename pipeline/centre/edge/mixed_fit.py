@@ -25,7 +25,7 @@ from .beams import (
     Prior,
     look_up,
 )
-from .edge_residuals import EdgeProblem, Zones, equations, step, zone_scatter
+from .edge_residuals import ZONES, EdgeProblem, Zones, equations, step, zone_scatter
 from .few_points import likeliest
 from .solution import (
     AS_MUCH,
@@ -55,6 +55,7 @@ EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness p
 # Relative standard uncertainty of one by the data alone, besides noise; how much more it is by the
 # square of footprint over the wall's width as seen: square on to a face, it is seen narrow.
 THICKNESS_MODEL, SQUARE_ON = 0.05, 5.0
+BY_ZONES = 3.0 * ZONES  # of a sum of squares over their variances, that zones explain by chance
 LEAST_SHOWN = 0.01  # of the variance of a prior, that the data show
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
 
@@ -129,8 +130,8 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> Solution:
     """Return the solution of a fit to mixed pixels; of few, the likeliest of several.
 
     A wide footprint and a growth explain an edge nearly as well as neither: a solution with growth
-    gives way to one with less that is reached from the stated size, with backgrounds as much alike,
-    and explains as much, or to one that explains more.
+    gives way to one with less that is reached from the stated size and explains as much, or to one
+    that explains more. Backgrounds that differ where they did not must explain more than by chance.
     """
     if problem.few:
         solve = partial(_by_backgrounds, problem, most=MOST_OF_FEW)
@@ -139,11 +140,14 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> Solution:
     if abs(found.state[GROWTH]) < NOTICED_GROWTH_M:
         return found
     sized = replace(problem, prior=problem.prior.sized())
-    stated = _solved(sized, state, found.zones, most)
+    stated = _by_backgrounds(sized, state, most)
     again = _again(problem, stated, most)
     less = abs(again.state[GROWTH]) < abs(found.state[GROWTH])
     as_much = unexplained(again) < AS_MUCH * unexplained(found)
-    likely = (less and as_much) or explains_less(found, again)
+    if again.zones.sigma > found.zones.sigma:
+        gained = unexplained(found) - unexplained(again)
+        as_much = gained * len(again.equations.residual_m) > BY_ZONES
+    likely = as_much and (less or explains_less(found, again))
     return again if likely and again.state[INVERSE] > 0.0 else found
 
 
