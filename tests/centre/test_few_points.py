@@ -56,11 +56,11 @@ def solved(problem, state):
 
 
 def test_every_second_start_lies_about_the_likeliest_solution_so_far(monkeypatch):
-    begun = []
+    starts = []
 
     def solve(state):
-        begun.append(state)
-        return Solution(np.full(12, float(len(begun))), Zones.alike(), None, None, 1, 0.0)
+        starts.append(state)
+        return Solution(np.full(12, float(len(starts))), Zones.alike(), None, None, 1, 0.0)
 
     losses = [np.inf, 5.0, 7.0, 3.0, *([4.0] * 20)]
     monkeypatch.setattr(
@@ -69,11 +69,11 @@ def test_every_second_start_lies_about_the_likeliest_solution_so_far(monkeypatch
     )
     found = likeliest(None, np.zeros(12), solve)
     assert found.state[0] == 3.0
-    assert len(begun) == 1 + STARTS
-    np.testing.assert_array_equal(begun[0], 0.0)
+    assert len(starts) == 1 + STARTS
+    np.testing.assert_array_equal(starts[0], 0.0)
     about = [0.0, 1.0] + [3.0 * (number % 2) for number in range(2, STARTS)]
     scattered = APART > 0.0
-    for state, middle in zip(begun[1:], about, strict=True):
+    for state, middle in zip(starts[1:], about, strict=True):
         off = (state - middle) / np.where(scattered, APART, 1.0)
         np.testing.assert_array_equal(off[~scattered], 0.0)
         assert 0.0 < np.abs(off[scattered]).max() < 4.0

@@ -143,10 +143,10 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> Solution:
     stated = _by_backgrounds(sized, state, most)
     again = _again(problem, stated, most)
     less = abs(again.state[GROWTH]) < abs(found.state[GROWTH])
-    as_much = unexplained(again) < AS_MUCH * unexplained(found)
     if again.zones.sigma > found.zones.sigma:
-        gained = unexplained(found) - unexplained(again)
-        as_much = gained * len(again.equations.residual_m) > BY_ZONES
+        as_much = explains_less(found, again, by_chance=BY_ZONES)
+    else:
+        as_much = unexplained(again) < AS_MUCH * unexplained(found)
     likely = as_much and (less or explains_less(found, again))
     return again if likely and again.state[INVERSE] > 0.0 else found
 
@@ -191,7 +191,7 @@ def _diverged(state: Array, first: Array, prior: Prior) -> bool:
 def _converge(
     problem: EdgeProblem, state: Array, zones: Zones, most: int, consistent: bool
 ) -> Solution:
-    """Iterate Gauss-Newton steps until the centre converges; first look up the background."""
+    """Iterate steps, Newton's near a solution, until the centre converges, from a new look-up."""
     background = look_up(problem.beams(state), problem.depth, state)
     length, before = 1.0, np.zeros(2)
     for iteration in range(1, most + 1):

@@ -186,8 +186,10 @@ def unexplained(found: Solution) -> float:
     return float(np.mean(np.where(weight > 0.0, weight * residual_m**2, 4.0)))
 
 
-def explains_less(found: Solution, other: Solution, ratio: float = 1.0) -> bool:
+def explains_less(
+    found: Solution, other: Solution, ratio: float = 1.0, by_chance: float = BY_CHANCE
+) -> bool:
     """Return whether a solution leaves more than `ratio` of what another does, not by chance."""
     left, least = unexplained(found), unexplained(other)
     count = min(len(found.equations.residual_m), len(other.equations.residual_m))
-    return left > ratio * least and count * (left - least) > BY_CHANCE
+    return left > ratio * least and count * (left - least) > by_chance
