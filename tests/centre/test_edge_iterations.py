@@ -47,7 +47,7 @@ from wheelplane.centre.edge.mixed_fit import (
 from wheelplane.centre.edge.solution import AS_MUCH, STEP_M, Solution
 from wheelplane.config import CentreConfig
 
-CONFIG = CentreConfig()
+CONFIG, BEHIND_M = CentreConfig(), 0.1
 
 
 def put_in(monkeypatch, moves):
@@ -164,7 +164,8 @@ def ended(weight=(1.0,) * 40, behind=0, share=None, depths=0, ratio=0.0, state=N
         weight=np.array(weight), behind=behind, share=share, depths=depths,
         residual_m=np.zeros(len(weight)),
     )  # fmt: skip
-    return Solution(state, Zones.alike(), SimpleNamespace(usable=np.ones(9)), linear, 12, 1e-8)
+    behind = SimpleNamespace(usable=np.ones(9, dtype=bool), depth_m=np.full(9, BEHIND_M))
+    return Solution(state, Zones.alike(), behind, linear, 12, 1e-8)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.centre.test_edge_iterations import RECORD, ended, problem_of
+from tests.centre.test_edge_iterations import BEHIND_M, RECORD, ended, problem_of
 from tests.centre.test_edge_rows import state_of
 from wheelplane.centre.edge import mixed_fit
 from wheelplane.centre.edge.beams import (
@@ -194,3 +194,27 @@ def test_a_thickness_that_explains_less_contradicts_no_stated_one(monkeypatch, l
     assert (found.stated_thickness_m == THICK_M) == (taken == "free")
     assert (found is FITTED) == (taken == "stated")
     assert (found.by_thickness_m is not None) == (taken == "in doubt")
+
+
+@pytest.mark.parametrize(("wall", "nearest", "again"), [(0.99, 9, 0), (1.01, 9, 1), (1.01, 0, 0)])
+def test_a_wall_as_deep_as_what_lies_beyond_it_is_none(monkeypatch, wall, nearest, again):
+    """There the thickness is sought from the stated one on: a ring was "0.89 mm inside" at 172 mm.
+
+    As deep as the nearest of it, but for a tenth of the edge.
+    """
+    stated, free = state_of(), state_of()
+    stated[BEAM] = free[BEAM] = 0.0, 0.3
+    free[THICKNESS] = math.log(wall * BEHIND_M)
+    solutions = [ended(state=stated), ended(state=free)]
+    solutions[1].background.depth_m[: 9 - nearest] *= 2.0
+    remaining, begun = iter(solutions), []
+    monkeypatch.setattr(mixed_fit, "_best", lambda *args: next(remaining))
+    monkeypatch.setattr(mixed_fit, "_again", lambda *args: begun.append(args) or solutions[0])
+    monkeypatch.setattr(mixed_fit, "_tension", lambda *args: 2.2)
+    monkeypatch.setattr(mixed_fit, "record", lambda *args: RECORD)
+    problem = problem_of()
+    mixed_fit.fit_mixed(problem, stated, THICK_M, CONFIG)
+    assert len(begun) == again
+    for doubted, solution, _ in begun:
+        np.testing.assert_array_equal(doubted.prior.weight, problem.prior.doubted().weight)
+        assert solution is solutions[0]

@@ -56,6 +56,7 @@ EDGE = [SPOT, THICKNESS, RATIO, WALL, SHAPE, GROWTH]  # what a wrong thickness p
 # square of footprint over the wall's width as seen: square on to a face, it is seen narrow.
 THICKNESS_MODEL, SQUARE_ON = 0.05, 5.0
 BY_ZONES = 3.0 * ZONES  # of a sum of squares over their variances, that zones explain by chance
+NEAREST = 0.1  # quantile of the background's depth, from which on a wall is none
 LEAST_SHOWN = 0.01  # of the variance of a prior, that the data show
 RIDGE = 0.3  # of log footprint, thickness, reflectance ratio: largest change by consistent slopes
 
@@ -86,6 +87,8 @@ def fit_mixed(
         other = _again(doubted, found, config.max_iterations)
     else:
         other = _best(doubted, state, config.max_iterations)
+        if _reaches_background(other):
+            other = _again(doubted, found, config.max_iterations)
     free, worse = _recorded(other, doubted), explains_less(other, found)
     if free is None or (worse and tension < MOST_TENSE):
         return fitted
@@ -173,6 +176,12 @@ def _solved(problem: EdgeProblem, state: Array, zones: Zones, most: int) -> Solu
 def _again(problem: EdgeProblem, found: Solution, most: int) -> Solution:
     """Return the solution with consistent slopes, from another one."""
     return _converge(problem.about(found.state), found.state, found.zones, most, consistent=True)
+
+
+def _reaches_background(found: Solution) -> bool:
+    """Return whether a wall is as deep as what lies beyond it, where that is nearest."""
+    depth_m = found.background.depth_m[found.background.usable]
+    return float(np.exp(found.state[THICKNESS])) > float(np.quantile(depth_m, NEAREST))
 
 
 def _is_strange(found: Solution, prior: Prior) -> bool:
