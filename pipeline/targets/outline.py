@@ -253,16 +253,21 @@ class Polygon:
 
     def closest(self, q_m: Array) -> ClosestPoints:
         """Return the points q_m (N, 2) against the nearest side."""
-        side = np.argmax(q_m @ self.sides_m[:, :2].T - self.sides_m[:, 2], axis=1)
-        a, b, c = self.sides_m[side].T
         u, v = q_m.T
+        side, x_m = np.zeros(len(q_m), np.intp), np.full(len(q_m), -np.inf)
+        for k, (a_k, b_k, c_k) in enumerate(self.sides_m.tolist()):
+            outside_m = a_k * u + b_k * v - c_k
+            farther = outside_m > x_m
+            side[farther] = k
+            np.copyto(x_m, outside_m, where=farther)
+        a, b, c = self.sides_m.T.take(side, axis=1)
         half = self._lengths_m[side] / 2.0
         along = a * v - b * u - self._ends_m.mean(axis=1)[side]
         position = np.clip(along / half, -1.0, 1.0) * half + half
         before = np.cumsum(np.append(0.0, self._lengths_m[:-1]))[side]
         return ClosestPoints(
-            x_m=a * u + b * v - c,
-            normal=np.column_stack([a, b]),
+            x_m=x_m,
+            normal=np.stack([a, b]).T,
             support_m=c,
             curve=np.zeros(len(q_m)),
             bend=np.zeros(len(q_m)),

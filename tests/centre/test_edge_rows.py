@@ -22,6 +22,7 @@ from wheelplane.centre.edge.beams import (
     WALL,
     Prior,
     carry,
+    carry_near,
     look_up,
     pointed,
     wall_reflectance,
@@ -36,6 +37,7 @@ from wheelplane.centre.edge.clean_edge import (
     ROUGH,
     SECTOR_COUNTS,
     _edge_table,
+    band_m,
     clean_equations,
     first_state,
     shift_m,
@@ -346,7 +348,9 @@ def test_rows_of_a_clean_edge_are_those_of_its_nearest_points(outline, count, ro
     run = state[BEAM] + state[INVERSE] * beams.q_m  # of each beam, per depth
     slope, square = -np.sum(beams.rho * run, axis=1), np.sum(run**2, axis=1)
     lower, thickness = slope - beams.bent, np.exp(state[THICKNESS])
-    grid = np.linspace(-np.abs(lower).max(), np.abs(lower).max(), 97)
+    near, _ = carry_near(problem.plane, z, state, outline, band_m(state))
+    steepest = np.abs(lower[near]).max()
+    grid = np.linspace(-steepest, steepest, 97)
     at = state if by_power else first_state(state)
     beyond = beams.x_m - np.interp(lower, grid, [parted(t, at) for t in grid])
     incidence = np.arctan(np.hypot(*state[BEAM]))

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from ...config import CentreConfig
 from ...targets import Outline, sector
 from ...vectors import Array, Mask, turned
+from .mixed_pixel import END
 
 RING_M = (0.001, 0.011)  # beyond the footprint: where the clean background is looked up
 TWELFTHS, LEAST_IN_TWELFTH = 12, 4
@@ -319,6 +320,19 @@ def wall_reflectance(wall: Array, state: Array) -> tuple[Array, Array]:
     """
     plain = 1.0 + state[WALL] * (wall - 1.0)
     return np.maximum(plain, LEAST_WALL), (plain > LEAST_WALL).astype(np.float64)
+
+
+def footprint_m(tau: Array, state: Array) -> Array:
+    """Return the radius (N,) of footprints across the edge, of beams that run inwards by tau."""
+    return np.asarray(np.exp(state[SPOT]) * np.sqrt(1.0 + tau**2))
+
+
+def reaching(x_m: Array, tau: Array, state: Array) -> npt.NDArray[np.intp]:
+    """Return the rows of beams whose footprints reach over the edge, x_m (N,) outside it.
+
+    Those of others lie on the face: their returns show the face, whatever the state.
+    """
+    return np.flatnonzero(x_m > -END * footprint_m(tau, state))
 
 
 def carry(plane: Array, depth: Array, state: Array, outline: Outline) -> Beams:

@@ -30,6 +30,8 @@ from .beams import (
     THICKNESS,
     WALL,
     Beams,
+    footprint_m,
+    reaching,
     wall_reflectance,
 )
 from .edge_residuals import (
@@ -40,7 +42,7 @@ from .edge_residuals import (
     profile_slopes,
     robust_weight,
 )
-from .mixed_pixel import EdgeProfile, Profile, edge_profile
+from .mixed_pixel import END, EdgeProfile, edge_profile, profile_of
 
 SLOPES = 97  # of the wall against the beams, at which x* is solved
 HALVINGS = 40
@@ -83,7 +85,8 @@ def clean_equations(
     returns part by power; else the least part of a footprint on face or wall decides, however dark.
     by_background: whether the points next to the edge on its outer side count.
     """
-    beams = fanned(problem.beams(state), state)
+    problem, beams = problem.near_edge(state, band_m(state))
+    beams = fanned(beams, state)
     on_target, seen = seen_target(problem, beams, state)
     steepest = max(float(np.abs(beams.tau).max(initial=0.0)), 1e-3)
     grid = np.linspace(-steepest, steepest, SLOPES)
@@ -96,6 +99,13 @@ def clean_equations(
     if not by_background:
         return Equations.stacked([depths, sides[0]])
     return Equations.stacked([depths, *sides], behind)
+
+
+def band_m(state: Array) -> tuple[float, float]:
+    """Return how far inside and outside the edge points may count, wherever returns part."""
+    parted_m = 2.0 * END * float(np.exp(state[SPOT]))
+    inside_m = max(RING_SKIP_M + RING_M + parted_m, INNER_M + float(state[GROWTH]))
+    return inside_m, FAR_M + RING_M + parted_m
 
 
 def seen_target(problem: EdgeProblem, beams: Beams, state: Array) -> tuple[Mask, Mask]:
@@ -225,7 +235,7 @@ def _edge_m(tau: Array, values: Array) -> Array:
 def _excess(x_m: Array, tau: Array, values: Array) -> Array:
     """Return the target's power less the background's (K,)."""
     log_spot, thickness, log_ratio, brighter, shape, lambert = values
-    spot, profile = np.exp(log_spot) * np.sqrt(1.0 + tau**2), Profile(float(shape))
+    spot, profile = np.exp(log_spot) * np.sqrt(1.0 + tau**2), profile_of(float(shape))
     wall = np.maximum(1.0 + lambert * (tau - 1.0) + brighter, LEAST_WALL)
     Fa = profile.share(x_m / spot)
     Fb = profile.share((x_m - thickness * np.maximum(tau, 0.0)) / spot)
@@ -240,22 +250,27 @@ def mean_depths(
     robust: bool,
     consistent: bool,
 ) -> tuple[Array, ...]:
-    """Return the rows of Equations for depths of target points: q to by_height."""
-    beams = Beams(*(values[chosen] for values in vars(beams).values()))
-    z = problem.depth[chosen]
-    steep = state[BEAM, None] + state[INVERSE] * beams.q_m.T
-    slant = (beams.tau + beams.bent) / (1.0 + np.sum(steep**2, axis=0))
-    spot_m = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
-    wall = np.maximum(_wall_slope(beams, float(np.exp(state[THICKNESS]))), 0.0)
-    profile = _mean_depth(beams.x_m, wall, slant, spot_m, state)
-    residual = z - profile.depth_m
-    variance = (problem.sigma_m + 1e-6) ** 2 + (profile.d_x * POINTING_M) ** 2
+    """Return the rows of Equations for depths of target points: q to by_height.
+
+    Where the face holds a whole footprint, the depth is that of the face, whatever the state.
+    """
+    rows = np.flatnonzero(chosen)
+    parts = reaching(beams.x_m[rows], beams.tau[rows], state)
+    z, cut = problem.depth[rows], beams.taken(rows[parts])
+    steep = state[BEAM, None] + state[INVERSE] * cut.q_m.T
+    slant = (cut.tau + cut.bent) / (1.0 + np.sum(steep**2, axis=0))
+    wall = np.maximum(_wall_slope(cut, float(np.exp(state[THICKNESS]))), 0.0)
+    profile = _mean_depth(cut.x_m, wall, slant, footprint_m(cut.tau, state), state)
+    residual, variance = z.copy(), np.full(len(rows), (problem.sigma_m + 1e-6) ** 2)
+    residual[parts] -= profile.depth_m
+    variance[parts] += (profile.d_x * POINTING_M) ** 2
     weight, change = robust_weight(residual**2 / variance, robust)
-    slopes = profile_slopes(profile, beams, profile.depth_m if consistent else z, state)
-    by_height = 1.0 - profile.d_x * beams.tau * beams.shrink
+    slopes, by_height = np.zeros((12, len(rows))).T, np.ones(len(rows))
+    slopes[parts] = profile_slopes(profile, cut, profile.depth_m if consistent else z[parts], state)
+    by_height[parts] -= profile.d_x * cut.tau * cut.shrink
     return (
-        beams.q_m,
-        beams.share,
+        beams.q_m[rows],
+        beams.share[rows],
         residual,
         slopes,
         weight / variance,
@@ -300,9 +315,7 @@ def _sides(
     rows = []
     for side, sign in zip(sides, (-1.0, 1.0), strict=True):
         near = np.flatnonzero(side & (np.abs(beyond_m) < FAR_M + gap_m))
-        near = near[np.argsort(sign * beyond_m[near], kind="stable")]
-        _, first = np.unique(part[near], return_index=True)
-        rows.append(near[first])
+        rows.append(near[_least(part[near], sign * beyond_m[near], count)])
     inner_m = beyond_m[rows[0]]
     u_m = math.hypot(gap_m, LEAST_SCATTER_M)
     if len(inner_m):
@@ -311,6 +324,14 @@ def _sides(
         _nearest(problem, beams, chosen, beyond_m - off, u_m, state, tables, robust, rough)
         for chosen, off in zip(rows, (-gap_m, gap_m), strict=True)
     ]
+
+
+def _least(part: npt.NDArray[np.int64], values: Array, count: int) -> npt.NDArray[np.intp]:
+    """Return the row of the least of values (N,) in each of `count` parts that has any."""
+    least = np.full(count, np.inf)
+    np.minimum.at(least, part, values)
+    rows = np.flatnonzero(values == least[part])
+    return rows[np.unique(part[rows], return_index=True)[1]]
 
 
 def _in_ring(beyond_m: Array) -> Mask:

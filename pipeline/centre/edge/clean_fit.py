@@ -14,7 +14,7 @@ from ...vectors import Array
 from .beam_direction import has_background
 from .beams import CENTRE, GROWTH, INVERSE, RATIO, ROTATION, SPOT, WALL, Prior, look_up
 from .clean_edge import between_rows_m, by_backgrounds_m, clean_equations, shift_m
-from .edge_intensity import fading, intensity_equations, speckle
+from .edge_intensity import fading, intensity_equations, seen_fading, speckle
 from .edge_residuals import SECTORS, EdgeProblem, Equations, spread, step
 from .solution import (
     AS_MUCH,
@@ -47,6 +47,7 @@ UNDAMPED = 10  # steps of full length
 # Of a fit to intensities: least share of the sectors in which they fade, and of how they differ
 # that it explains; least log of its footprint's radius, of the configured one.
 FADING, FADING_OF_FEW, EXPLAINED, NO_FOOTPRINT = 0.4, 0.15, 0.8, math.log(0.3)
+SEEN = 0.5  # of that share of the sectors, that single intensities show before the fit
 
 
 def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeFit | None:
@@ -99,7 +100,8 @@ def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | Non
     pose = [*range(INVERSE + 1), ROTATION]
     begin[pose] = state[pose]
     scatter = speckle(problem, begin)
-    if scatter is None:
+    least = FADING_OF_FEW if problem.few else FADING
+    if scatter is None or seen_fading(problem, begin) < SEEN * least:
         return None
 
     def linearise(at: Array, iteration: int) -> Equations:
@@ -107,7 +109,6 @@ def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | Non
 
     found = _iterated(linearise, problem, begin, most, damped=False)
     covered, explained = fading(problem, found.state)
-    least = FADING_OF_FEW if problem.few else FADING
     if covered < least or explained < EXPLAINED or misfit_of(found.equations) > MISFIT:
         return None
     if found.state[SPOT] - problem.prior.mean[SPOT] < NO_FOOTPRINT:

@@ -15,7 +15,17 @@ import numpy as np
 
 from ...targets import sector
 from ...vectors import NORMAL_OF_MAD, Array, Array32, Mask
-from .beams import GROWTH, RATIO, SHAPE, SPOT, THICKNESS, Beams, wall_reflectance
+from .beams import (
+    GROWTH,
+    RATIO,
+    SHAPE,
+    SPOT,
+    THICKNESS,
+    Beams,
+    footprint_m,
+    reaching,
+    wall_reflectance,
+)
 from .clean_edge import fanned, mean_depths, seen_target
 from .edge_residuals import (
     INNER_M,
@@ -26,7 +36,7 @@ from .edge_residuals import (
     profile_slopes,
     robust_weight,
 )
-from .mixed_pixel import EdgeProfile, Profile
+from .mixed_pixel import EdgeProfile, profile_of
 
 EXPONENT = RATIO  # the state's log of it: no background is in these equations
 CLIPPED = 4  # fits of a face's brightness, each without the outliers of the one before
@@ -104,20 +114,33 @@ def fading(problem: EdgeProblem, state: Array) -> tuple[float, float]:
 
     The former of all, or of those on the far side, where less: there no wall is seen, which is
     darker than the face to a camera as well. The latter is what the fit explains, of the squares of
-    their differences.
+    their differences, or of those that a wall of another brightness leaves.
     """
     beams = fanned(problem.beams(state), state)
     chosen = np.flatnonzero(_beside(problem, beams, state) & np.isfinite(_known(problem)))
     beams = beams.taken(chosen)
     model, seen = intensity_profile(beams, state).depth_m, _known(problem)[chosen]
     faded = (model < FADED) | (seen < FADED)
-    darker = np.sum((1.0 - seen[faded]) ** 2)
-    left = np.sum((model[faded] - seen[faded]) ** 2)
+    seen, on_wall = seen[faded], problem.depth[chosen][faded] > 5.0 * problem.sigma_m + 1e-4
+    wall = float(seen[on_wall].mean()) if on_wall.any() else 1.0
+    darker = min(np.sum((1.0 - seen) ** 2), np.sum((np.where(on_wall, wall, 1.0) - seen) ** 2))
+    left = np.sum((model[faded] - seen) ** 2)
+    return _in_sectors(beams, model), float(1.0 - left / darker) if darker > 0.0 else 0.0
+
+
+def seen_fading(problem: EdgeProblem, state: Array) -> float:
+    """Return the share of sectors as `fading` does, by the intensities as they are: no fit yet."""
+    beams = fanned(problem.beams(state), state)
+    chosen = np.flatnonzero(_beside(problem, beams, state) & np.isfinite(_known(problem)))
+    return _in_sectors(beams.taken(chosen), _known(problem)[chosen])
+
+
+def _in_sectors(beams: Beams, intensity: Array) -> float:
+    """Return the share of sectors with faded intensities (N,), or of those on the far side."""
     part = sector(beams.share, SECTORS)
-    shown = np.bincount(part[model < FADED], minlength=SECTORS) > 0
+    shown = np.bincount(part[intensity < FADED], minlength=SECTORS) > 0
     far = np.bincount(part, beams.tau, SECTORS) < 0.0
-    shares = [np.mean(shown), *([np.mean(shown[far])] if far.any() else [])]
-    return float(min(shares)), float(1.0 - left / darker) if darker > 0.0 else 0.0
+    return float(min([np.mean(shown), *([np.mean(shown[far])] if far.any() else [])]))
 
 
 def _known(problem: EdgeProblem) -> Array:
@@ -142,21 +165,25 @@ def _intensities(
     """Return the rows of Equations for the intensities of target points: q to by_height."""
     chosen = np.flatnonzero(beside & np.isfinite(_known(problem)))
     beams = beams.taken(chosen)
-    profile = intensity_profile(beams, state)
-    residual = _known(problem)[chosen] - profile.depth_m
-    variance = (speckle * profile.depth_m) ** 2 + ROUNDED**2
-    variance = variance + (profile.d_x * POINTING_M) ** 2
+    parts = reaching(beams.x_m, beams.tau, state)
+    cut = beams.taken(parts)
+    profile = intensity_profile(cut, state)
+    model, d_x, slopes = np.ones(len(chosen)), np.zeros(len(chosen)), np.zeros((12, len(chosen))).T
+    model[parts], d_x[parts] = profile.depth_m, profile.d_x
+    slopes[parts] = profile_slopes(profile, cut, problem.depth[chosen[parts]], state)
+    residual = _known(problem)[chosen] - model
+    variance = (speckle * model) ** 2 + ROUNDED**2 + (d_x * POINTING_M) ** 2
     weight, change = robust_weight(residual**2 / variance, robust)
     rows = (
         beams.q_m,
         beams.share,
         residual,
-        profile_slopes(profile, beams, problem.depth[chosen], state),
+        slopes,
         weight / variance,
         change / variance,
-        -profile.d_x * beams.tau * beams.shrink,
+        -d_x * beams.tau * beams.shrink,
     )
-    shown = profile.depth_m > LEAST_POWER ** float(np.exp(state[EXPONENT]))
+    shown = model > LEAST_POWER ** float(np.exp(state[EXPONENT]))
     return tuple(of[shown] for of in rows)
 
 
@@ -166,10 +193,10 @@ def intensity_profile(beams: Beams, state: Array) -> EdgeProfile:
     And its derivatives, by the log of the exponent instead of that of the reflectance ratio.
     """
     thickness, exponent = float(np.exp(state[THICKNESS])), float(np.exp(state[EXPONENT]))
-    spot_m = np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2)
+    spot_m = footprint_m(beams.tau, state)
     facing = np.maximum(beams.tau, 0.0)
     a, b = beams.x_m / spot_m, (beams.x_m - thickness * facing) / spot_m
-    profile = Profile(float(state[SHAPE]))
+    profile = profile_of(float(state[SHAPE]))
     at_a, at_b = profile.at(a), profile.at(b)
     o = wall_reflectance(facing, state)[0]
     power = 1.0 - at_a.share + o * (at_a.share - at_b.share)

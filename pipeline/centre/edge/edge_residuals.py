@@ -15,7 +15,6 @@ from .beams import (
     BEAM,
     RATIO,
     SHAPE,
-    SPOT,
     THICKNESS,
     WALL,
     Background,
@@ -23,6 +22,7 @@ from .beams import (
     Prior,
     carry,
     carry_near,
+    footprint_m,
     wall_reflectance,
 )
 from .mixed_pixel import EdgeProfile, edge_profile
@@ -68,6 +68,13 @@ class EdgeProblem:
         if self.station is None:
             return self
         return replace(self, prior=self.prior.seen_from(self.station, state))
+
+    def near_edge(self, state: Array, band_m: tuple[float, float]) -> tuple[EdgeProblem, Beams]:
+        """Return the points in a band about the edge, as `carry_near` does, and their beams."""
+        rows, beams = carry_near(self.plane, self.depth, state, self.outline, band_m)
+        intensity = None if self.intensity is None else self.intensity[rows]
+        near = replace(self, plane=self.plane[rows], depth=self.depth[rows], intensity=intensity)
+        return near, beams
 
     def beams(self, state: Array) -> Beams:
         """Return the points' beams, carried to the plane; those of the last state are kept."""
@@ -154,6 +161,15 @@ class Equations:
         total = float(np.sum(np.log1p(-np.minimum(quarter, MOST_QUARTER))))
         return -2.0 * total / max(int(np.count_nonzero(self.weight)), 1)
 
+    @property
+    def shown(self) -> Equations:
+        """Equations of the rows that depend on the state, unlike those of the face alone."""
+        rows = np.flatnonzero(self.slopes.any(axis=1))
+        if len(rows) == len(self.residual_m):
+            return self
+        names = ("q_m", "share", "residual_m", "slopes", "weight", "change", "by_height")
+        return replace(self, **{name: getattr(self, name).T[..., rows].T for name in names})
+
     def by_zone(self, weight: Array) -> tuple[Array, Array]:
         """Return the products of slopes by zones' ratios and by the state, weighted (N,).
 
@@ -233,7 +249,7 @@ def predicted(
         beams.x_m,
         facing,
         behind,
-        np.exp(state[SPOT]) * np.sqrt(1.0 + beams.tau**2),
+        footprint_m(beams.tau, state),
         float(np.exp(state[THICKNESS])),
         np.exp(state[RATIO] + zones.log[sector(beams.share, ZONES)]),
         wall_reflectance(facing, state)[0],
@@ -253,6 +269,7 @@ def step(
     The zones' ratios are eliminated (Schur complement). newton: near a solution, with the
     derivative of the estimating equations instead of the information.
     """
+    linear = linear.shown
     own, cross = linear.by_zone(linear.weight)
     slopes, known = linear.eliminated(own, cross, prior)
     information = (slopes.T * linear.weight) @ slopes + known

@@ -12,14 +12,14 @@ exp(-2 (r/s)^2), whose standard deviations across an edge are the same, s/2.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from ...vectors import Array
 
 UNIFORM, GAUSSIAN = 0.0, 1.0
-_END, _STEPS = 2.0, 8000  # of the tables, in radii on both sides
+END, _STEPS = 2.0, 8000  # of the tables, in radii on both sides
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Profile:
         disc = 2.0 / (3.0 * np.pi) * square**1.5
         return Footprint(
             share=places.between(self._tables[0]),
-            integral=places.between(self._tables[1]) + np.maximum(u - _END, 0.0),
+            integral=places.between(self._tables[1]) + np.maximum(u - END, 0.0),
             density=(1.0 - self.shape) * (2.0 / np.pi * np.sqrt(square)) + self.shape * bell,
             moment=(1.0 - self.shape) * disc + self.shape * bell / 4.0,
             share_by_shape=places.between(_BY_SHAPE[0]),
@@ -52,6 +52,12 @@ class Profile:
     @cached_property
     def _tables(self) -> tuple[Array, Array]:
         return _mixed(_F, self.shape), _mixed(_G, self.shape)
+
+
+@lru_cache(maxsize=8)
+def profile_of(shape: float) -> Profile:
+    """Return a profile, whose tables are made once."""
+    return Profile(shape)
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,7 @@ def spot_share(u: Array) -> Array:
 
 def _bell(u: Array) -> Array:
     """Return the same as `chord` of a Gaussian, to two radii."""
-    return np.asarray(np.where(np.abs(u) < _END, np.exp(-2.0 * u * u) * np.sqrt(2.0 / np.pi), 0.0))
+    return np.asarray(np.where(np.abs(u) < END, np.exp(-2.0 * u * u) * np.sqrt(2.0 / np.pi), 0.0))
 
 
 def _mixed(pair: Array, shape: float) -> Array:
@@ -93,7 +99,7 @@ class _Places:
     """Places (N,) in tables over _U, between which these are interpolated; their ends beyond."""
 
     def __init__(self, u: Array) -> None:
-        place = np.clip((u + _END) * (_STEPS / (2.0 * _END)), 0.0, _STEPS - 1e-9)
+        place = np.clip((u + END) * (_STEPS / (2.0 * END)), 0.0, _STEPS - 1e-9)
         self._row = place.astype(np.intp)
         self._next, self._beyond = self._row + 1, place - self._row
 
@@ -104,14 +110,14 @@ class _Places:
 
 
 # F of both profiles and G, the integral of F; (2, K) each.
-_U = np.linspace(-_END, _END, _STEPS + 1)
+_U = np.linspace(-END, END, _STEPS + 1)
 _INNER = np.clip(_U, -1.0, 1.0)
-_BELLS = np.concatenate([[0.0], np.cumsum((_bell(_U)[1:] + _bell(_U)[:-1]) * _END / _STEPS)])
+_BELLS = np.concatenate([[0.0], np.cumsum((_bell(_U)[1:] + _bell(_U)[:-1]) * END / _STEPS)])
 _F = np.stack(
     [0.5 + (_INNER * np.sqrt(1.0 - _INNER**2) + np.arcsin(_INNER)) / np.pi, _BELLS / _BELLS[-1]]
 )
 _G = np.concatenate(
-    [np.zeros((2, 1)), np.cumsum((_F[:, 1:] + _F[:, :-1]) * (_END / _STEPS), axis=1)], axis=1
+    [np.zeros((2, 1)), np.cumsum((_F[:, 1:] + _F[:, :-1]) * (END / _STEPS), axis=1)], axis=1
 )
 _BY_SHAPE = _F[1] - _F[0], _G[1] - _G[0]
 
@@ -159,7 +165,7 @@ def edge_profile(
     """
     width = np.maximum(thickness_m * tau, 1e-3 * spot_m)  # a narrower wall acts as none
     a, b = x_m / spot_m, (x_m - width) / spot_m
-    spot = Profile(shape)
+    spot = profile_of(shape)
     at_a, at_b = spot.at(a), spot.at(b)
     Fa, Fb = at_a.share, at_b.share
     fa, fb = at_a.density / spot_m, at_b.density / spot_m
