@@ -50,17 +50,30 @@ def start():
     return state
 
 
-def shadow(outline, slope, count=40_000, depth_m=0.1, hidden=0.0, seed=0, uneven_m=0.0):
+def shadow(
+    outline,
+    slope,
+    count=40_000,
+    depth_m=0.1,
+    hidden=0.0,
+    seed=0,
+    uneven_m=0.0,
+    distance_m=2.0,
+    spokes_m=0.0,
+):
     """Points (N, 2) and depths where beams of a station end; beyond 40 mm the background is deeper.
 
     hidden: share of the edge beside which something else hides the background; uneven_m: how much
-    deeper it is beside the middle of the edge than beside its ends.
+    deeper it is beside the middle of the edge than beside its ends; spokes_m: than beside five
+    parts of it.
     """
-    rng, station = np.random.default_rng(seed), np.append(CENTRE_M - 2.0 * np.array(slope), 2.0)
+    rng, station = np.random.default_rng(seed), np.append(CENTRE_M, 0.0)
+    station += distance_m * np.append(-np.array(slope), 1.0)
     q = rng.uniform(-0.24, 0.24, (count, 2))
     closest = outline.closest(turned(q, -ROTATED))
     depth = np.where(closest.x_m < 0.04, depth_m, 2.0 * depth_m)
     depth += uneven_m * np.sin(np.pi * closest.share) ** 2
+    depth += spokes_m * (np.sin(10.0 * np.pi * closest.share) > 0.0)
     depth = np.where(closest.x_m < 0.0, 0.0, depth + 0.05 * depth_m * q[:, 0] / 0.24)
     shown = (closest.share > hidden) | (closest.x_m < 0.0) | (closest.x_m > 0.015)
     met = np.column_stack([q + CENTRE_M, np.zeros(count)])
@@ -86,6 +99,21 @@ def test_a_shadow_shows_the_beams(name, hidden, slope):
     rough = name == "disc" and hidden > 0.0
     np.testing.assert_allclose(found[BEAM], slope, atol=0.1 if rough else 0.015)
     np.testing.assert_array_equal(np.delete(found, [2, 3]), np.delete(start(), [2, 3]))
+
+
+@pytest.mark.parametrize("distance_m", [0.55, 0.8, 1.2, 2.5, 9.0])
+@pytest.mark.parametrize("name", OUTLINES)
+def test_a_shadow_shows_the_beams_of_near_and_far_scanners(name, distance_m):
+    """Before a wheel, between whose spokes it is 0.35 m deeper: as if seen from 2.5 m, one of 0.8 m
+    was 0.13 of the slope off, and centres 0.4 mm.
+    """
+    outline, slope = OUTLINES[name], (0.3, -0.2)
+    plane, depth = shadow(outline, slope, distance_m=distance_m, depth_m=0.085, spokes_m=0.35)
+    found = first_beam(plane, depth, start(), outline)
+    np.testing.assert_allclose(found[BEAM], slope, atol=0.015)
+    assert found[INVERSE] == pytest.approx(1.0 / distance_m, abs=0.2)
+    kept = np.delete(np.arange(12), [2, 3, INVERSE])
+    np.testing.assert_array_equal(found[kept], start()[kept])
 
 
 @pytest.mark.parametrize("count", [1300, 2500])

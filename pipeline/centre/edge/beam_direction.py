@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -24,8 +25,13 @@ COARSE_STEP, FINE_STEP, BEST = 0.2, 0.07, 8  # between directions, at first and 
 LEAST_IN_SECTOR = 5  # points that count as a background
 LEAST_SHADOW = (6, 20)  # points of a sector that show the shadow's edge: few points, many
 DUST = 0.05  # share of a sector's points that may appear through the target
-TRIED_POINTS = 2000
+TRIED_POINTS, TRIED_FROM = 2000, 15_000  # points by which directions, and distances, are tried
 TRIED_INVERSE = (0.4, 1.0)  # 1/m, of the scanner's distance from the plane
+# Besides that of the state: so near each other that a wheel's openings behind a target show one.
+OTHER_INVERSE = (0.1, 0.25, 0.55, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
+# Shares of the sectors that agree: enough not to try other distances, or to take one of them. How
+# many more must agree than at the first distance: in number, and as a share.
+SURE, MOST, MORE = 0.65, 0.4, (6, 0.2)
 UNSURE_INVERSE = 0.05  # 1/m, of that distance, before it is fitted
 INSIDE = 5.0  # weight of a point inside the edge, of one outside
 
@@ -36,22 +42,74 @@ def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Ar
     None where there is background beside less than a quarter of the edge, or where no direction
     explains it: then it was scanned from two stations, or does not lie behind the target.
     """
-    best, least = None, MAX_THROUGH
-    # Straight edges are hidden as a whole, those of a disc in parts, if at all.
-    for solve in (_by_consensus,) if outline.shows_rotation else (_by_all, _by_consensus):
-        found = _refined(plane, depth, state, outline, solve)
-        through = np.inf if found is None else seen_through(plane, depth, found, outline)
-        if through < least:
-            best, least = found, through
-        if least < HARDLY_THROUGH:
-            break
-    if best is not None:
-        return best
-    tried = _of_all_directions(plane, depth, state, outline)
-    found = None if tried is None else _refined(plane, depth, tried, outline, _by_consensus)
-    if found is None or seen_through(plane, depth, found, outline) >= MAX_THROUGH:
+    found = _best_shadow(plane, depth, state, outline)
+    if found is not None and found.is_sure:
+        return found.state
+    if found is None:
+        tried = _of_all_directions(plane, depth, state, outline)
+        if tried is not None:
+            found = _best_shadow(plane, depth, tried, outline, (_by_consensus,))
+    other = _from_elsewhere(plane, depth, state, outline)
+    if other is not None and other.explains_more(found):
+        return other.state
+    return None if found is None else found.state
+
+
+def _from_elsewhere(plane: Array, depth: Array, state: Array, outline: Outline) -> Shadow | None:
+    """Return the shadow of beams from another distance, the one that explains most of a sample."""
+    some, best = slice(None, None, max(1, len(depth) // TRIED_FROM)), None
+    for inverse in OTHER_INVERSE:
+        here = state.copy()
+        here[INVERSE] = inverse
+        found = _best_shadow(plane[some], depth[some], here, outline, (_by_consensus,))
+        if found is not None and (best is None or found.agreeing > best.agreeing):
+            best = found
+    if best is None:
         return None
-    return found
+    return _best_shadow(plane, depth, best.state, outline, (_by_consensus,))
+
+
+@dataclass(frozen=True)
+class Shadow:
+    """State (12,) whose beams explain the shadow's edge in so many of the sectors that show it."""
+
+    state: Array
+    agreeing: int
+    sectors: int
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether it explains so much that no other distance needs to be tried."""
+        return self.agreeing >= SURE * self.sectors
+
+    def explains_more(self, other: Shadow | None) -> bool:
+        """Return whether it explains more than another one does, not by chance; or most of all."""
+        if other is None:
+            return self.agreeing > MOST * self.sectors
+        return self.agreeing >= other.agreeing + max(MORE[0], MORE[1] * other.sectors)
+
+
+def _best_shadow(
+    plane: Array,
+    depth: Array,
+    state: Array,
+    outline: Outline,
+    ways: tuple[Solve, ...] | None = None,
+) -> Shadow | None:
+    """Return the shadow of beams from the distance of a state; None where none explains it."""
+    best: Shadow | None = None
+    if ways is None:  # straight edges are hidden as a whole, those of a disc in parts, if at all
+        ways = (_by_consensus,) if outline.shows_rotation else (_by_all, _by_consensus)
+    for solve in ways:
+        found = _refined(plane, depth, state, outline, solve)
+        if found is None:
+            continue
+        through = seen_through(plane, depth, found.state, outline)
+        if through < MAX_THROUGH and (best is None or found.agreeing > best.agreeing):
+            best = found
+        if best is found and through < HARDLY_THROUGH and found.is_sure:
+            break
+    return best
 
 
 def is_contradicted(plane: Array, depth: Array, state: Array, outline: Outline) -> bool:
@@ -105,8 +163,8 @@ def _beside(beams: Beams, depth: Array, state: Array) -> tuple[Mask, Mask]:
 
 def _refined(
     plane: Array, depth: Array, state: Array, outline: Outline, solve: Solve
-) -> Array | None:
-    """Return the state with the beams' slope g fitted to the shadow's edge, or None.
+) -> Shadow | None:
+    """Return the shadow with the beams' slope g fitted to its edge, or None.
 
     At depth z that edge is shifted by z g against the target's, x = a + z g . rho; the innermost
     background points of the sectors are fitted.
@@ -135,9 +193,11 @@ def _refined(
                 rows.append((inner, 1.0, *(middle * normals[k])))
         if len(rows) < sectors // 4:
             return None
-        table = np.array(rows)
-        state[BEAM] += solve(table[:, 1:], table[:, 0])[1:]
-    return state
+        values, slopes = np.hsplit(np.array(rows), [1])
+        answer = solve(slopes, values[:, 0])
+        state[BEAM] += answer[1:]
+    agree = np.abs(values[:, 0] - slopes @ answer) < AGREE_M
+    return Shadow(state, int(np.count_nonzero(agree)), len(agree))
 
 
 def _by_all(slopes: Array, values: Array) -> Array:
@@ -152,9 +212,15 @@ def _by_consensus(slopes: Array, values: Array) -> Array:
     that agree with the most supported answer of small constant are used.
     """
     triples = np.array(list(combinations(range(len(values)), 3)))
-    A, b = slopes[triples], values[triples]
-    solvable = np.abs(np.linalg.det(A)) > 1e-3 * np.abs(slopes[:, 1:]).max() ** 2
-    answers = np.linalg.solve(A[solvable], b[solvable][..., None])[..., 0]
+    at, values_at = slopes[triples, 1:], values[triples]
+    (ahead_u, ahead_v), (aside_u, aside_v) = ((at[:, k] - at[:, 0]).T for k in (1, 2))
+    ahead, aside = (values_at[:, k] - values_at[:, 0] for k in (1, 2))
+    determinant = ahead_u * aside_v - ahead_v * aside_u
+    solvable = np.abs(determinant) > 1e-3 * np.abs(slopes[:, 1:]).max() ** 2
+    by_u, by_v = ahead * aside_v - aside * ahead_v, ahead_u * aside - aside_u * ahead
+    beams = np.stack([by_u, by_v], axis=1)[solvable] / determinant[solvable, None]
+    constant = values_at[solvable, 0] - np.sum(at[solvable, 0] * beams, axis=1)
+    answers = np.column_stack([constant, beams])
     answers = answers[np.abs(answers[:, 0]) < MAX_CONSTANT_M]
     if len(answers) == 0:
         return _by_all(slopes, values)

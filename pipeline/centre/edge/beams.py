@@ -201,6 +201,12 @@ class Prior:
         weight[INVERSE] = (station[2] ** 2 / STATION_M) ** 2
         return Prior(mean, weight)
 
+    def from_afar(self, state: Array) -> Prior:
+        """Return the prior for beams from about the distance of a state (12,)."""
+        mean = self.mean.copy()
+        mean[INVERSE] = state[INVERSE]
+        return Prior(mean, self.weight)
+
     def held(self, state: Array) -> Prior:
         """Return the prior with thickness and beams held near the start (12,)."""
         mean, weight = self.mean.copy(), self.weight.copy()

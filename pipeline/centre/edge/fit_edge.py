@@ -144,6 +144,7 @@ def _problem(
         state = prior.mean
     else:
         prior, station, state = Prior.of(thickness_m, config), begin.station, begin.state
+        prior = prior.from_afar(state)
     beside = outside_m(uvw_m[:, :2], -uvw_m[:, 2], state, outline)
     near = uvw_m[np.abs(beside) < _reach_m(state)]
     near = near[sample_rows(near[:, :3], config.max_points)]
