@@ -149,6 +149,10 @@ CASES: dict[str, Case] = {
             "station.incidence_deg": 10.0,
         }
     ),
+    "near-0.75": Case(PLAIN | {"station.distance_m": [0.6, 0.9]}),
+    "near-1.4": Case(PLAIN | {"station.distance_m": [1.0, 1.8]}),
+    "far-5": Case(PLAIN | {"station.distance_m": [4.0, 6.0]}),
+    "far-9": Case(PLAIN | {"station.distance_m": [8.0, 10.0]}),
     "form": Case(PLAIN | SPARSE | QUIET, flatness_m=0.0003),
     "incidence": Case(PLAIN | INCIDENCE),
     "axes": Case(PLAIN | AXES | BARE),

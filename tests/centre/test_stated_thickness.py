@@ -196,17 +196,20 @@ def test_a_thickness_that_explains_less_contradicts_no_stated_one(monkeypatch, l
     assert (found.by_thickness_m is not None) == (taken == "in doubt")
 
 
-@pytest.mark.parametrize(("wall", "nearest", "again"), [(0.99, 9, 0), (1.01, 9, 1), (1.01, 0, 0)])
+@pytest.mark.parametrize(
+    ("wall", "nearest", "again"), [(0.99, 9, 0), (1.01, 9, 1), (1.01, 0, 0), (1.01, None, 0)]
+)
 def test_a_wall_as_deep_as_what_lies_beyond_it_is_none(monkeypatch, wall, nearest, again):
     """There the thickness is sought from the stated one on: a ring was "0.89 mm inside" at 172 mm.
 
-    As deep as the nearest of it, but for a tenth of the edge.
+    As deep as the nearest of it, but for a tenth of the edge; None: nothing is seen of it.
     """
     stated, free = state_of(), state_of()
     stated[BEAM] = free[BEAM] = 0.0, 0.3
     free[THICKNESS] = math.log(wall * BEHIND_M)
     solutions = [ended(state=stated), ended(state=free)]
-    solutions[1].background.depth_m[: 9 - nearest] *= 2.0
+    solutions[1].background.depth_m[: 9 - (nearest or 0)] *= 2.0
+    solutions[1].background.usable[:] = nearest is not None
     remaining, begun = iter(solutions), []
     monkeypatch.setattr(mixed_fit, "_best", lambda *args: next(remaining))
     monkeypatch.setattr(mixed_fit, "_again", lambda *args: begun.append(args) or solutions[0])

@@ -181,7 +181,8 @@ def _again(problem: EdgeProblem, found: Solution, most: int) -> Solution:
 def _reaches_background(found: Solution) -> bool:
     """Return whether a wall is as deep as what lies beyond it, where that is nearest."""
     depth_m = found.background.depth_m[found.background.usable]
-    return float(np.exp(found.state[THICKNESS])) > float(np.quantile(depth_m, NEAREST))
+    thickness_m = float(np.exp(found.state[THICKNESS]))
+    return len(depth_m) > 0 and thickness_m > float(np.quantile(depth_m, NEAREST))
 
 
 def _is_strange(found: Solution, prior: Prior) -> bool:
