@@ -31,7 +31,7 @@ TRIED_INVERSE = (0.4, 1.0)  # 1/m, of the scanner's distance from the plane
 OTHER_INVERSE = (0.1, 0.25, 0.55, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
 # Shares of the sectors that agree: enough not to try other distances, or to take one of them. How
 # many more must agree than at the first distance: in number, and as a share.
-SURE, MOST, MORE = 0.65, 0.4, (6, 0.2)
+SURE, MOST, MORE = 0.75, 0.4, (4, 0.1)
 UNSURE_INVERSE = 0.05  # 1/m, of that distance, before it is fitted
 INSIDE = 5.0  # weight of a point inside the edge, of one outside
 
@@ -66,7 +66,7 @@ def _from_elsewhere(plane: Array, depth: Array, state: Array, outline: Outline) 
             best = found
     if best is None:
         return None
-    return _best_shadow(plane, depth, best.state, outline, (_by_consensus,))
+    return _best_shadow(plane, depth, best.state, outline, (_by_consensus,)) or best
 
 
 @dataclass(frozen=True)
