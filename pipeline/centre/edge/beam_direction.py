@@ -28,11 +28,12 @@ DUST = 0.05  # share of a sector's points that may appear through the target
 TRIED_POINTS, TRIED_FROM = 2000, 15_000  # points by which directions, and distances, are tried
 TRIED_INVERSE = (0.4, 1.0)  # 1/m, of the scanner's distance from the plane
 # Besides that of the state: so near each other that a wheel's openings behind a target show one.
-OTHER_INVERSE = (0.1, 0.25, 0.55, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
-# Shares of the sectors that agree: enough not to try other distances, or to take one of them. How
-# many more must agree than at the first distance: in number, and as a share.
-SURE, MOST, MORE = 0.75, 0.4, (4, 0.1)
+OTHER_INVERSE = (0.55, 0.25, 0.1, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
+# Shares of the sectors that agree: enough not to try other distances, to try no more of them, to
+# take one of them at all. How many more must agree than at the first: in number, and as a share.
+SURE, ENOUGH, MOST, MORE = 0.65, 0.75, 0.4, (4, 0.1)
 UNSURE_INVERSE = 0.05  # 1/m, of that distance, before it is fitted
+MOST_TRIPLES = 1200  # of sectors, whose answers are tried
 INSIDE = 5.0  # weight of a point inside the edge, of one outside
 
 
@@ -56,7 +57,7 @@ def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Ar
 
 
 def _from_elsewhere(plane: Array, depth: Array, state: Array, outline: Outline) -> Shadow | None:
-    """Return the shadow of beams from another distance, the one that explains most of a sample."""
+    """Return the shadow of beams from another distance: the first that explains enough, or most."""
     some, best = slice(None, None, max(1, len(depth) // TRIED_FROM)), None
     for inverse in OTHER_INVERSE:
         here = state.copy()
@@ -64,6 +65,8 @@ def _from_elsewhere(plane: Array, depth: Array, state: Array, outline: Outline) 
         found = _best_shadow(plane[some], depth[some], here, outline, (_by_consensus,))
         if found is not None and (best is None or found.agreeing > best.agreeing):
             best = found
+        if best is not None and best.agreeing >= ENOUGH * best.sectors:
+            break
     if best is None:
         return None
     return _best_shadow(plane, depth, best.state, outline, (_by_consensus,)) or best
@@ -208,10 +211,11 @@ def _by_all(slopes: Array, values: Array) -> Array:
 def _by_consensus(slopes: Array, values: Array) -> Array:
     """Solve by least squares over the largest consistent set of sectors; the others are occluded.
 
-    slopes (K, 3), the first of ones; values (K,). Every three sectors give an answer; the sectors
-    that agree with the most supported answer of small constant are used.
+    slopes (K, 3), the first of ones; values (K,). Three sectors give an answer, MOST_TRIPLES of
+    these are tried; the sectors that agree with the most supported one of small constant are used.
     """
     triples = np.array(list(combinations(range(len(values)), 3)))
+    triples = triples[:: max(1, len(triples) // MOST_TRIPLES)]
     at, values_at = slopes[triples, 1:], values[triples]
     (ahead_u, ahead_v), (aside_u, aside_v) = ((at[:, k] - at[:, 0]).T for k in (1, 2))
     ahead, aside = (values_at[:, k] - values_at[:, 0] for k in (1, 2))
