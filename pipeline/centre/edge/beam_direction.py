@@ -27,10 +27,11 @@ LEAST_SHADOW = (6, 20)  # points of a sector that show the shadow's edge: few po
 DUST = 0.05  # share of a sector's points that may appear through the target
 TRIED_POINTS, TRIED_FROM = 2000, 15_000  # points by which directions, and distances, are tried
 TRIED_INVERSE = (0.4, 1.0)  # 1/m, of the scanner's distance from the plane
-# Besides that of the state: so near each other that a wheel's openings behind a target show one.
-OTHER_INVERSE = (0.55, 0.25, 0.1, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0)
-# Shares of the sectors that agree: enough not to try other distances, to try no more of them, to
-# take one of them at all. How many more must agree than at the first: in number, and as a share.
+# Besides that of the state: so near each other that a wheel's openings behind a target show one;
+# those beside it, and farther ones.
+OTHER_INVERSE = ((0.55, 0.25), (0.1, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0))
+# Shares of the sectors that agree: enough not to try other distances, or farther ones, and to take
+# one of them at all. How many more must agree than at the first: in number, and as a share.
 SURE, ENOUGH, MOST, MORE = 0.65, 0.75, 0.4, (4, 0.1)
 UNSURE_INVERSE = 0.05  # 1/m, of that distance, before it is fitted
 MOST_TRIPLES = 1200  # of sectors, whose answers are tried
@@ -57,14 +58,15 @@ def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Ar
 
 
 def _from_elsewhere(plane: Array, depth: Array, state: Array, outline: Outline) -> Shadow | None:
-    """Return the shadow of beams from another distance: the first that explains enough, or most."""
+    """Return the shadow of beams from another distance, the one that explains most."""
     some, best = slice(None, None, max(1, len(depth) // TRIED_FROM)), None
-    for inverse in OTHER_INVERSE:
-        here = state.copy()
-        here[INVERSE] = inverse
-        found = _best_shadow(plane[some], depth[some], here, outline, (_by_consensus,))
-        if found is not None and (best is None or found.agreeing > best.agreeing):
-            best = found
+    for inverses in OTHER_INVERSE:
+        for inverse in inverses:
+            here = state.copy()
+            here[INVERSE] = inverse
+            found = _best_shadow(plane[some], depth[some], here, outline, (_by_consensus,))
+            if found is not None and (best is None or found.agreeing > best.agreeing):
+                best = found
         if best is not None and best.agreeing >= ENOUGH * best.sectors:
             break
     if best is None:
