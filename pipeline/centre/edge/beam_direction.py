@@ -34,7 +34,7 @@ OTHER_INVERSE = ((0.55, 0.25), (0.1, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5, 1.75, 2.0))
 # one of them at all. How many more must agree than at the first: in number, and as a share.
 SURE, ENOUGH, MOST, MORE = 0.65, 0.75, 0.4, (4, 0.1)
 UNSURE_INVERSE = 0.05  # 1/m, of that distance, before it is fitted
-MOST_TRIPLES = 1200  # of sectors, whose answers are tried
+MOST_TRIPLES = 1800  # of sectors, whose answers are tried
 INSIDE = 5.0  # weight of a point inside the edge, of one outside
 
 
