@@ -210,14 +210,14 @@ def test_a_wall_as_deep_as_what_lies_beyond_it_is_none(monkeypatch, wall, neares
     solutions = [ended(state=stated), ended(state=free)]
     solutions[1].background.depth_m[: 9 - (nearest or 0)] *= 2.0
     solutions[1].background.usable[:] = nearest is not None
-    remaining, begun = iter(solutions), []
+    remaining, starts = iter(solutions), []
     monkeypatch.setattr(mixed_fit, "_best", lambda *args: next(remaining))
-    monkeypatch.setattr(mixed_fit, "_again", lambda *args: begun.append(args) or solutions[0])
+    monkeypatch.setattr(mixed_fit, "_again", lambda *args: starts.append(args) or solutions[0])
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: 2.2)
     monkeypatch.setattr(mixed_fit, "record", lambda *args: RECORD)
     problem = problem_of()
     mixed_fit.fit_mixed(problem, stated, THICK_M, CONFIG)
-    assert len(begun) == again
-    for doubted, solution, _ in begun:
+    assert len(starts) == again
+    for doubted, solution, _ in starts:
         np.testing.assert_array_equal(doubted.prior.weight, problem.prior.doubted().weight)
         assert solution is solutions[0]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
+import numpy.typing as npt
 
 from ...targets import Outline, sector
 from ...vectors import Array, Mask, turned
@@ -216,8 +218,7 @@ def _by_consensus(slopes: Array, values: Array) -> Array:
     slopes (K, 3), the first of ones; values (K,). Three sectors give an answer, MOST_TRIPLES of
     these are tried; the sectors that agree with the most supported one of small constant are used.
     """
-    triples = np.array(list(combinations(range(len(values)), 3)))
-    triples = triples[:: max(1, len(triples) // MOST_TRIPLES)]
+    triples = _triples(len(values))
     at, values_at = slopes[triples, 1:], values[triples]
     (ahead_u, ahead_v), (aside_u, aside_v) = ((at[:, k] - at[:, 0]).T for k in (1, 2))
     ahead, aside = (values_at[:, k] - values_at[:, 0] for k in (1, 2))
@@ -233,6 +234,13 @@ def _by_consensus(slopes: Array, values: Array) -> Array:
     agree = np.abs(values - answers @ slopes.T) < AGREE_M
     best = agree[np.argmax(np.count_nonzero(agree, axis=1))]
     return _by_all(slopes[best], values[best])
+
+
+@lru_cache(maxsize=SECTORS)
+def _triples(sectors: int) -> npt.NDArray[np.int64]:
+    """Return threes of so many sectors (K, 3), of many threes one in so many."""
+    every = np.array(list(combinations(range(sectors), 3)))
+    return every[:: max(1, len(every) // MOST_TRIPLES)]
 
 
 def _of_all_directions(plane: Array, depth: Array, state: Array, outline: Outline) -> Array | None:
