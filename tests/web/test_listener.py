@@ -120,6 +120,9 @@ def test_a_long_answer_is_no_idle_connection(hasty, monkeypatch):
 
 
 GB = "Content-Length: 1000000000"
+# The first size that is refused: of a larger one the server leaves bytes unread, and the reset
+# that follows can reach the client before the answer.
+REFUSED_HEAD = 262_144
 
 
 @pytest.mark.parametrize("method", ["PUT", "POST", "GET", "DELETE"])
@@ -157,7 +160,7 @@ def test_no_body_is_received_that_is_too_large_or_of_no_stated_size(served):
         b"GET / HTTP/1.1\r\nHost: a\nX: b\r\n\r\n",
         b"GET / HTTP/1.1\r\nHost: a\r\n: b\r\n\r\n",
         b"GET  / HTTP/1.1\r\n\r\n",
-        b"GET / HTTP/1.1\r\nX: " + b"a" * 300_000 + b"\r\n\r\n",
+        b"GET / HTTP/1.1\r\nX: ".ljust(REFUSED_HEAD - 4, b"a") + b"\r\n\r\n",
         b"PUT /a HTTP/1.1\r\nHost: a\r\nContent-Length: 3\r\nTransfer-Encoding: chunked\r\n\r\n",
         b"GET / HTTP/1.1\r\nHost: \xff\xfe\r\nCookie: \xff=\xff; a\r\n\r\n",
     ],
