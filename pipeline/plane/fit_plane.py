@@ -224,7 +224,7 @@ def _along_lines(
 
         return over_chunks(on, len(points))
 
-    return list(cells_along_lines(blocks))
+    return list(cells_along_lines(blocks, float(patch.steps.step_m.max())))
 
 
 def _rms(fit: ClippedFit) -> float:

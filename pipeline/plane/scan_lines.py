@@ -35,6 +35,7 @@ CLEAR = 0.1  # least |mean exp(i k.x)|^2 of a lattice's strongest wave; points o
 ALIKE = 0.5  # of the strongest wave: those as strong are of the lattice
 STEEPEST, MOST_SHIFTS = 1.2, 12  # q: 50 degrees of incidence; factors exp(-i c w) tried
 ZOOM, ZOOMED = 0.4, 6
+ROUNDED = 0.3  # of the points' mean distance: of longer steps, no lines are looked for
 ONE_WAVE = 3.0  # steps of the waves tried, within which two are one
 
 
@@ -50,13 +51,15 @@ class Grid:
     beam: Array
 
 
-def cells_along_lines(blocks: Blocks) -> Iterator[Cells]:
+def cells_along_lines(blocks: Blocks, step_m: float = 0.0) -> Iterator[Cells]:
     """Yield the cells along the two kinds of scan lines; none of too few points or on no grid.
 
     blocks: calls a function on every block of the points and returns what it returns, in order;
     once for the middle that shows the grid, or beside a hole there again, once for how far points
     reach, once for the sums, so that no more than a block is held. Of a block uvw_m (M, 3), u and v
     about the centroid, w a residual, and (M,) a column that was fitted besides the plane, or None.
+    step_m: the longest of rounded coordinates. Where it is not short compared with the points'
+    distance, these lie on a lattice of steps, and which cell a point falls in goes with its noise.
     """
     found = blocks(lambda uvw, _: (len(uvw), nearest(uvw)))
     narrow = min(NARROW, int(sum(count for count, _ in found) / (POINTS_A_CELL * LONG)))
@@ -68,7 +71,7 @@ def cells_along_lines(blocks: Blocks) -> Iterator[Cells]:
         edge = some[np.argmin(away)] * [1.0, 1.0, 0.0]
         some = nearest(np.concatenate(blocks(lambda uvw, _: nearest(uvw - edge))))
         some = some - some.mean(axis=0) * [1.0, 1.0, 0.0]
-    grid = grid_of(some)
+    grid = None if step_m > ROUNDED * _scaled(some)[1][0] else grid_of(some)
     if grid is None:
         return
     to_lines = np.linalg.inv(grid.directions).T

@@ -174,9 +174,9 @@ def test_scan_lines_are_shown_the_residuals_of_the_points_used(shade, monkeypatc
         patch = replace(patch, face_m=raised, face_intensity=0.2 + bright)
     shown = []
 
-    def lines(blocks):
+    def lines(blocks, step_m):
         shown.extend(blocks(lambda uvw, extra: (uvw, extra)))
-        return cells_along_lines(blocks)
+        return cells_along_lines(blocks, step_m)
 
     monkeypatch.setattr(module, "cells_along_lines", lines)
     plane = fit_plane(patch, DISC, PlaneConfig())

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.spatial.transform import Rotation
 
 from wheelplane.plane.correlated_noise import cells_of, correlated_noise
 from wheelplane.plane.scan_lines import cells_along_lines, grid_of
@@ -39,7 +40,7 @@ def blocks_of(uvw, extra=None, size=5000):
     return lambda work: [work(uvw[p], None if extra is None else extra[p]) for p in parts]
 
 
-def fitted(uvw):
+def fitted(uvw, step_m=0.0):
     """Error of a plane's slopes (2,) and their covariance by lines and by squares alone."""
     uvw[:, :2] -= uvw[:, :2].mean(axis=0)
     terms = np.column_stack([np.ones(len(uvw)), uvw[:, :2]])
@@ -52,7 +53,7 @@ def fitted(uvw):
     cells = cells_of(sums, 12, side)
     white = np.linalg.inv(terms.T @ terms)
     found = []
-    for lined in (list(cells_along_lines(blocks_of(residual))), []):
+    for lined in (list(cells_along_lines(blocks_of(residual), step_m)), []):
         noise = correlated_noise(cells, RADIUS, WHITE, lined=lined)
         whole = white * noise.white_sigma_m**2 + noise.covariance + noise.form_covariance
         found.append(whole[1:, 1:])
@@ -144,6 +145,21 @@ def test_independent_noise_is_left_alone(beam):
     found = [fitted(scanned(np.random.default_rng([s, 4]), beam=beam)) for s in range(40)]
     changed = sum(not np.array_equal(lined, squares) for _, lined, squares in found)
     assert changed <= stats.binom.ppf(0.999, 40, 0.015)
+
+
+@pytest.mark.parametrize("step_m", [0.1e-3, 0.3e-3, 0.38e-3, 0.5e-3, 1e-3, 1.5e-3])
+def test_rounded_coordinates_are_no_lines(step_m):
+    """Steps as long as the beams are apart sorted the noise: u a thousand times too wide."""
+    changed = []
+    for seed in range(24):
+        rng = np.random.default_rng([seed, 9])
+        turn = Rotation.random(random_state=seed).as_matrix()
+        uvw = np.rint(scanned(rng) @ turn.T / step_m) * step_m @ turn
+        _, lined, squares = fitted(uvw, step_m)
+        changed.append(np.trace(lined) / np.trace(squares))
+    changed = np.array(changed)
+    assert np.count_nonzero(changed != 1.0) <= stats.binom.ppf(0.999, len(changed), 0.05)
+    assert changed.max() < 3.0
 
 
 @pytest.mark.parametrize("count", [0, 3, 600])
