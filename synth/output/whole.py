@@ -73,6 +73,11 @@ def write_whole(
             f"{scanner}: beam.return_mode 'two' scans wheel by wheel; leave --whole out, or name "
             "another return mode"
         )
+    if kit.beam.edge_filter_m > 0.0:
+        raise SynthError(
+            f"{scanner}: beam.edge_filter_m filters scans of single wheels; leave --whole out, or "
+            "set it to 0"
+        )
     car = draw_vehicle(kit.vehicle_recipe, vehicle_rng)
     site = draw_site(car, kit, seed, points, wheel_rngs)
     with new_folder(out) as folder:

@@ -200,6 +200,8 @@ class Beam(Section):
     first and the last, each as a point (a multi-echo scanner; scans of single wheels only).
     detector_threshold: least power detected, albedo * cosine / range^2 of a whole spot, as the
     intensity.
+    edge_filter_m: as software that filters edge points, leave out those whose range differs by more
+    from that of one of the eight beams beside them; 0: none (scans of single wheels only).
     line_sigma_m: standard deviation of a range error that is common to a scan line; lines are
     columns (the mirror turns about a level axis) or rows of the grid. correlation_aspect: the
     correlation length along azimuth over that along elevation, which is correlation_length_m.
@@ -226,6 +228,7 @@ class Beam(Section):
     return_mode: Literal["average", "first", "last", "strongest", "two"] = "average"
     range_gate_m: float = Field(0.0, ge=0.0, le=10.0)
     detector_threshold: float = Field(0.0, ge=0.0)
+    edge_filter_m: float = Field(0.0, ge=0.0, le=1.0)
     line_sigma_m: float = Field(0.0, ge=0.0, le=0.1)
     scan_lines: Literal["columns", "rows"] = "columns"
     correlation_aspect: float = Field(1.0, ge=0.01, le=100.0)

@@ -110,7 +110,8 @@ def scan(
         noise_m = _range_noise(echoes, elevation, grid, beam, rng)
         if scene.optics is not None:
             echoes, noise_m = by_surfaces(echoes, noise_m, scene.optics, rng)
-        return report(echoes, directions(*angles).reshape(-1, 3), noise_m, beam, rng, calibration)
+        nominal = directions(*angles).reshape(-1, 3)
+        return report(echoes, nominal, noise_m, beam, rng, calibration, shape=elevation.shape)
 
     if beam.return_mode != "two":
         return reported(spot_echoes(scene, caster, true, step, beam))
@@ -190,6 +191,17 @@ def along_lines(offset: Array, grid: Array, beam: Beam) -> Array:
     return np.broadcast_to(of_line, grid.shape).ravel()
 
 
+def at_edges(range_m: Array, step_m: float) -> Mask:
+    """Return which of a grid's points (H, W) differ by more than a step from one beside them.
+
+    Of the eight on its rows and columns; those without a range, NaN, do not count.
+    """
+    high, wide = range_m.shape
+    padded = np.pad(range_m, 1, constant_values=np.nan)
+    beside = [padded[i : i + high, j : j + wide] for i in range(3) for j in range(3)]
+    return np.asarray(np.any([np.abs(one - range_m) > step_m for one in beside], axis=0))
+
+
 def report(
     echoes: Echoes,
     nominal: Array,
@@ -198,10 +210,12 @@ def report(
     rng: np.random.Generator,
     calibration: Calibration = EXACT,
     origins_m: Array | float = 0.0,
+    shape: tuple[int, ...] = (),
 ) -> Scan:
     """Return the scan of beams with unit vectors nominal (N, 3), as the scanner reports it.
 
-    It has range noise, strays, drop-outs and intensity; beams without an echo are left out.
+    It has range noise, strays, drop-outs and intensity; beams without an echo are left out, and
+    those that are filtered. shape: (H, W) of the beams' grid, by which edges are filtered.
     """
     count = len(nominal)
     echoes = biased(echoes, beam)
@@ -213,6 +227,10 @@ def report(
     kept = (rng.random(count) >= beam.dropout_fraction) & ~np.isnan(true_m)
     power = echoes.reflectance * echoes.cosine / np.maximum(range_m, NEAREST_STRAY_M) ** 2
     kept &= power >= beam.detector_threshold
+    if beam.edge_filter_m > 0.0 and shape:
+        kept &= ~at_edges(
+            np.where(kept, range_m, np.nan).reshape(shape), beam.edge_filter_m
+        ).ravel()
     speckle = 1 + beam.intensity_sigma * rng.normal(0.0, 1.0, count)
     intensity = np.maximum(power * speckle, 0.0).astype(np.float32)
     points = (nominal * range_m[:, None] + origins_m)[kept]

@@ -94,12 +94,14 @@ class Case:
     """One kind of physics: a scanner's file, and the values that replace its own.
 
     flatness_m: of the target. merged: each wheel is scanned from two stations, in one file.
+    step_m: to which coordinates are rounded.
     """
 
     values: Values = field(default_factory=dict)
     base: str = "default"
     flatness_m: float = 0.0
     merged: bool = False
+    step_m: float = 0.0
 
     @property
     def is_stated(self) -> bool:
@@ -153,6 +155,8 @@ CASES: dict[str, Case] = {
     "near-1.4": Case(PLAIN | {"station.distance_m": [1.0, 1.8]}),
     "far-5": Case(PLAIN | {"station.distance_m": [4.0, 6.0]}),
     "far-9": Case(PLAIN | {"station.distance_m": [8.0, 10.0]}),
+    "rounded-1mm": Case(PLAIN, step_m=0.001),
+    "edges-filtered": Case(PLAIN | GAUSSIAN | LAMBERT | {"beam.edge_filter_m": 0.01}),
     "form": Case(PLAIN | SPARSE | QUIET, flatness_m=0.0003),
     "incidence": Case(PLAIN | INCIDENCE),
     "axes": Case(PLAIN | AXES | BARE),
@@ -221,6 +225,9 @@ def vehicle_rows(seed: int, case: Case, target: str) -> dict[bool, list[list[flo
             _capture(Path(scratch) / "other", seed, other, face)
             for scan in folder.glob("*.ply"):
                 _append(scan, Path(scratch) / "other" / scan.name)
+        if case.step_m > 0.0:
+            for scan in folder.glob("*.ply"):
+                _round(scan, case.step_m)
         truth = {w["name"]: w for w in json.loads((folder / "truth.json").read_text())["wheels"]}
         found = {}
         for stated in (False, True) if case.is_stated else (False,):
@@ -233,6 +240,14 @@ def vehicle_rows(seed: int, case: Case, target: str) -> dict[bool, list[list[flo
 def _capture(folder: Path, seed: int, scanner: Path, target: Path) -> None:
     vehicle = config_file("vehicles", "saloon")
     write_capture(folder, seed=seed, vehicle=vehicle, scanner=scanner, target=target, trials=0)
+
+
+def _round(scan: Path, step_m: float) -> None:
+    """Round the coordinates of a binary PLY file as written by synth: x, y, z and an intensity."""
+    head, end, body = scan.read_bytes().partition(b"end_header\n")
+    points = np.frombuffer(body, [("xyz", "<f8", 3), ("intensity", "<f4")]).copy()
+    points["xyz"] = np.rint(points["xyz"] / step_m) * step_m
+    scan.write_bytes(head + end + points.tobytes())
 
 
 def _append(scan: Path, other: Path) -> None:

@@ -270,17 +270,39 @@ def test_beams_matter_as_far_as_wall_and_footprint_reach():
     assert _reach_m(gentle) == 0.025
 
 
-def test_an_eroded_edge_gives_no_centre():
-    """Beams within a footprint of the edge returned nothing."""
-    outline, points = scanned("disc", returned="strongest")
+def beams_of(points, outline):
+    """Where the beams of points (N, 3) lie beside an edge, and where those of its wall end."""
+    slope = (points[:, :2] - STATION[:2]) / (STATION[2] - points[:, 2])[:, None]
+    q = STATION[:2] + STATION[2] * slope
+    closest = outline.closest(turned(q - CENTRE_M, -ROTATED))
+    tau = -np.sum(turned(closest.normal, ROTATED) * slope, axis=1)
+    return closest.x_m, 0.01 * np.maximum(tau, 0.0)
+
+
+@pytest.mark.parametrize("wide", [1.2, 2.0])
+@pytest.mark.parametrize("kept", ["wall", "face"])
+@pytest.mark.parametrize("name", OUTLINES)
+def test_an_edge_whose_beams_were_filtered_out_is_in_the_middle_of_the_gap(name, kept, wide):
+    """As software does that leaves out beams unlike their neighbours, with the wall or without."""
+    outline, points = scanned(name)
+    x_m, wall_m = beams_of(points, outline)
+    inside_m = x_m - wall_m if kept == "wall" else x_m
+    lost = (inside_m > -wide * SPOT_M) & (x_m - wall_m < wide * SPOT_M)
     state = pointed(Prior.of(0.01, CONFIG).mean, STATION, CENTRE_M)
-    q = (points[:, :2] - STATION[:2]) * (STATION[2] / (STATION[2] - points[:, 2]))[:, None]
-    x = outline.closest(q + STATION[:2] - CENTRE_M).x_m
-    for reach, shown in ((0.0, True), (1.5, False)):
-        left = points[np.abs(x) > reach * SPOT_M]
-        found = fit_edge(left, outline, 0.01, NOISE_M, CONFIG, Aim(state))
-        assert (found is not None) == shown or found.clean_shift_m > -ERODED * SPOT_M
-        assert shown or found is None
+    found = fit_edge(points[~lost], outline, 0.01, NOISE_M, CONFIG, Aim(state))
+    assert found.clean_shift_m == pytest.approx(-wide * SPOT_M, rel=0.2)
+    aside_m = 0.0 if found.by_thickness_m is None else 0.4 * np.hypot(*found.by_thickness_m)
+    assert np.hypot(*off_m(found)) < 3.72 * math.hypot(u_m(found), found.unlike_m, aside_m)
+    assert np.hypot(*off_m(found)) < (5e-4 if kept == "wall" else 1.5e-4)
+    assert abs(found.growth_m) < 0.2 * wide * SPOT_M
+
+
+@pytest.mark.parametrize("returned", ["strongest", "first"])
+def test_returns_that_part_leave_no_gap(returned):
+    outline, points = scanned("disc", returned=returned)
+    state = pointed(Prior.of(0.01, CONFIG).mean, STATION, CENTRE_M)
+    found = fit_edge(points, outline, 0.01, NOISE_M, CONFIG, Aim(state))
+    assert found.clean_shift_m > -ERODED * SPOT_M
 
 
 def test_another_edge_begins_with_the_beams_of_the_first():

@@ -201,9 +201,14 @@ def test_a_plane_that_is_too_high_moves_the_centre_as_the_derivative_says():
     assert np.hypot(*here.by_plane[:, 0]) * lift > 4e-5  # so no derivative at all fails
 
 
-def test_a_scanner_that_filters_mixed_pixels_gives_no_fit():
+def test_a_scanner_that_filters_mixed_pixels_shows_the_edge_in_the_middle_of_the_gap():
     outline, points, station = scanned("disc", filtered=True)
-    assert fit_edge(points, outline, 0.01, 0.0003, CONFIG, Aim(true_state(station))) is None
+    found = fit_edge(points, outline, 0.01, 0.0003, CONFIG, Aim(true_state(station)))
+    assert found.clean_shift_m < -0.5e-3
+    u_m = math.sqrt(np.trace(found.covariance_m2))
+    off_m = np.hypot(*(found.centre_m - true_state(station)[CENTRE]))
+    assert off_m < 3.72 * math.hypot(u_m, 0.4 * np.hypot(*found.by_thickness_m))
+    assert off_m < 3e-4
 
 
 def test_the_state_is_what_the_fit_says():

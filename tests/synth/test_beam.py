@@ -17,6 +17,7 @@ from wheelplane_synth.parameters.target_file import read_target
 from wheelplane_synth.scanner.echoes import Echoes
 from wheelplane_synth.scanner.footprint import extent_m, spot_pattern
 from wheelplane_synth.scanner.raycast import RayCaster
+from wheelplane_synth.scanner.scanner import at_edges
 from wheelplane_synth.scanner.spot_average import average
 from wheelplane_synth.scanner.systematic import biased
 from wheelplane_synth.scene.scene import Scene, build_scene
@@ -313,6 +314,36 @@ def test_two_returns_are_for_scans_of_single_wheels(tmp_path):
     beam = MODES | {"return_mode": "two"}
     scanner = changed(DEFAULT, tmp_path, {f"beam.{k}": v for k, v in beam.items()})
     with pytest.raises(SynthError, match="return_mode 'two' scans wheel by wheel"):
+        write_whole(tmp_path / "w", seed=1, vehicle=SALOON, scanner=scanner, target=DISC)
+
+
+def test_edge_points_are_left_out_where_a_beam_beside_them_differs(tmp_path):
+    """No two points of the filtered scan that are neighbours differ by more than the step."""
+    step_m, points = 0.01, {}
+    for limit_m in (0.0, step_m):
+        scanner = changed(DEFAULT, tmp_path, {"beam.edge_filter_m": limit_m})
+        files = {"vehicle": SALOON, "scanner": scanner, "target": DISC}
+        write_capture(tmp_path / f"{limit_m}", seed=4, trials=0, **files)
+        points[limit_m], _ = read_ply(tmp_path / f"{limit_m}" / "fr.ply")
+    rows = {row.tobytes() for row in points[0.0]}
+    assert {row.tobytes() for row in points[step_m]} < rows
+    assert 0.5 * len(rows) < len(points[step_m]) < 0.98 * len(rows)
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_edges_are_where_one_of_eight_beside_differs(missing):
+    range_m = np.full((5, 6), 2.0)
+    range_m[2, 3] = np.nan if missing else 2.02
+    seen = at_edges(range_m, 0.01)
+    wanted = np.zeros((5, 6), bool)
+    wanted[1:4, 2:5] = not missing
+    assert np.array_equal(seen, wanted)
+    assert not at_edges(range_m, 0.03).any()
+
+
+def test_edges_are_filtered_in_scans_of_single_wheels(tmp_path):
+    scanner = changed(DEFAULT, tmp_path, {"beam.edge_filter_m": 0.01})
+    with pytest.raises(SynthError, match="edge_filter_m filters scans of single wheels"):
         write_whole(tmp_path / "w", seed=1, vehicle=SALOON, scanner=scanner, target=DISC)
 
 

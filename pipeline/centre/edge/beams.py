@@ -275,6 +275,12 @@ class Prior:
         weight[GROWTH] = HELD_SIZE_M**-2
         return Prior(self.mean, weight)
 
+    def known_size(self) -> Prior:
+        """Return the prior of an edge of about the stated size."""
+        weight = self.weight.copy()
+        weight[GROWTH] = SIZE_M**-2
+        return Prior(self.mean, weight)
+
     @classmethod
     def beside(cls, state: Array) -> Prior:
         """Return the prior for another edge of a target whose first edge has that state (12,).

@@ -11,7 +11,8 @@ return, whose mean depth is that of the mixed pixel without background.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -56,6 +57,7 @@ RING_SKIP_M, RING_M = 0.001, 0.010  # inside the edge, where points are counted
 LEAST_SCATTER_M = 3e-5  # of the points next to the edge, beside their own spacing
 ROUGH, FAR_M = 8.0, 0.008  # factor on the scatter far from convergence, and reach beside the edge
 FACE = 0.0  # of Lambert's law in a wall as bright as the face
+FAR_OFF = 4.0  # standard deviations: of points beside an edge that have no background there
 MOST_STRAIGHT = 12  # sides of an outline; more are parts of arcs
 # Sectors that may have unlike backgrounds; points of each that show it; standard deviations of what
 # they scatter by chance, that are not.
@@ -63,6 +65,7 @@ UNLIKE, LEAST_UNLIKE, NOT_BY_CHANCE = 24, 3, 2.5
 IN_RING, FINER = 200, 4  # cells across the ring, 0.05 mm; steps of a wave in the ring
 LEAST_ROWS, BESIDE = 2.0, 0.7  # in the ring, whose window hides fewer; least of the largest wave
 BY_CHANCE = 4.0  # standard deviations of points in rows by chance
+Wall = Literal["by power", "as face", "lost"]  # what a filter left of the beams on it
 HELD = 1.5  # thicknesses up to which a point may be the wall's
 
 
@@ -93,12 +96,61 @@ def clean_equations(
     table = _edge_table(grid, state if by_power else first_state(state))
     beyond = beams.x_m - np.interp(beams.tau, grid, table[0])
     face = on_target & (beams.x_m + state[GROWTH] > -INNER_M) & (beyond < 0.0)
-    known = (state if by_power else first_state(state)), (grid, table), robust, rough
-    sides = _sides(problem, beams, beyond, (on_target, seen & ~on_target), *known)
+    parted = _Parted(state if by_power else first_state(state), grid, (table, table))
+    masks = on_target, seen & ~on_target
+    sides, _ = _sides(problem, beams, masks, parted, robust, rough)
     depths, behind = mean_depths(problem, beams, face, state, robust, not rough), len(sides[1][0])
     if not by_background:
         return Equations.stacked([depths, sides[0]])
     return Equations.stacked([depths, *sides], behind)
+
+
+def gapped_equations(
+    problem: EdgeProblem, state: Array, robust: bool, rough: bool, wall: Wall
+) -> Equations:
+    """Linearise an edge whose beams were filtered out, at `state`: it is in the middle of the gap.
+
+    A filter of beams that differ from their neighbours, or have few, leaves out as many inside the
+    edge as outside it: where returns part by power, where the wall ends if its beams are as those
+    of the face, or, where they were filtered out as well, from the face to the end of the wall.
+    """
+    problem, beams = problem.near_edge(state, band_m(state))
+    beams = fanned(beams, state)
+    on_target, seen = seen_target(problem, beams, state)
+    steepest = max(float(np.abs(beams.tau).max(initial=0.0)), 1e-3)
+    tau = np.linspace(-steepest, steepest, SLOPES)
+    if wall == "by power":
+        known, tables = state, (_edge_table(tau, state),) * 2
+    else:
+        thickness, ends = float(np.exp(state[THICKNESS])), np.zeros((8, SLOPES))
+        ends[0], ends[1], ends[3] = (
+            thickness * tau.clip(0.0),
+            thickness * (tau > 0.0),
+            tau.clip(0.0),
+        )
+        known = first_state(state)
+        tables = ends if wall == "as face" else np.zeros_like(ends), ends
+    parted = _Parted(known, tau, tables, filtered=True)
+    face = on_target & (beams.x_m + state[GROWTH] > -INNER_M)
+    face &= beams.x_m < np.interp(beams.tau, tau, parted.tables[0][0])
+    masks = on_target, seen & ~on_target
+    sides, half_gap_m = _sides(problem, beams, masks, parted, robust, rough)
+    depths = mean_depths(problem, beams, face, state, robust, not rough)
+    return Equations.stacked([depths, *sides], len(sides[1][0]), half_gap_m)
+
+
+@dataclass(frozen=True)
+class _Parted:
+    """Where returns part by the slope of the wall against the beams: state (12,), slopes tau (K,).
+
+    tables: x* and its derivatives (8, K), of points on the target and of those beside it. filtered:
+    whether beams are missing on both sides of x*.
+    """
+
+    state: Array
+    tau: Array
+    tables: tuple[Array, Array]
+    filtered: bool = False
 
 
 def band_m(state: Array) -> tuple[float, float]:
@@ -293,37 +345,54 @@ def _wall_slope(beams: Beams, thickness_m: float) -> Array:
 def _sides(
     problem: EdgeProblem,
     beams: Beams,
-    beyond_m: Array,
-    sides: tuple[Mask, Mask],
-    state: Array,
-    tables: tuple[Array, Array],
+    masks: tuple[Mask, Mask],
+    parted: _Parted,
     robust: bool,
     rough: bool,
-) -> list[tuple[Array, ...]]:
+) -> tuple[list[tuple[Array, ...]], float]:
     """Return the rows of Equations for the points next to the edge on its two sides.
 
     Beams meet the plane evenly, n of a sector's in a ring of width h: the nearest to the edge lies
     h / n from it, with a standard deviation as large (exponential distribution). They scatter more
     where rows of a grid run along straight edges, or backgrounds of other brightness move them.
+    And half of the gap where beams were filtered out; else 0.
     """
-    inside = sides[0] & _in_ring(beyond_m)
+    beyond_m = [beams.x_m - np.interp(beams.tau, parted.tau, table[0]) for table in parted.tables]
+    inside = masks[0] & _in_ring(beyond_m[0])
     total = int(np.count_nonzero(inside))
     count = next((k for k in SECTOR_COUNTS if total >= LEAST_IN_SECTOR * k), SECTOR_COUNTS[-1])
     part = sector(beams.share, count)
     filled = np.bincount(part[inside], minlength=count)
     gap_m = RING_M / max(float(np.median(filled[filled > 0])) if total else 1.0, 1.0)
     rows = []
-    for side, sign in zip(sides, (-1.0, 1.0), strict=True):
-        near = np.flatnonzero(side & (np.abs(beyond_m) < FAR_M + gap_m))
-        rows.append(near[_least(part[near], sign * beyond_m[near], count)])
-    inner_m = beyond_m[rows[0]]
+    for mask, off_m, sign in zip(masks, beyond_m, (-1.0, 1.0), strict=True):
+        near = np.flatnonzero(mask & (np.abs(off_m) < FAR_M + gap_m))
+        rows.append(near[_least(part[near], sign * off_m[near], count)])
+    lies_m = [off_m[chosen] for off_m, chosen in zip(beyond_m, rows, strict=True)]
+    half_m = 0.0
+    if parted.filtered and len(lies_m[0]) and len(lies_m[1]):
+        half_m = max((_middle(lies_m[1]) - _middle(lies_m[0])) / 2.0 - gap_m, 0.0)
     u_m = math.hypot(gap_m, LEAST_SCATTER_M)
-    if len(inner_m):
-        u_m = max(u_m, NORMAL_OF_MAD * float(np.median(np.abs(inner_m - np.median(inner_m)))))
+    if len(lies_m[0]):
+        u_m = max(u_m, _scatter(lies_m[0]))
+    off_m = gap_m + half_m
     return [
-        _nearest(problem, beams, chosen, beyond_m - off, u_m, state, tables, robust, rough)
-        for chosen, off in zip(rows, (-gap_m, gap_m), strict=True)
-    ]
+        _nearest(problem, beams, chosen, at_m - off, u_m, parted, table, robust, rough)
+        for chosen, at_m, off, table in zip(
+            rows, lies_m, (-off_m, off_m), parted.tables, strict=True
+        )
+    ], half_m
+
+
+def _scatter(values: Array) -> float:
+    """Return the standard deviation of values (N,) by their median absolute deviation."""
+    return NORMAL_OF_MAD * float(np.median(np.abs(values - np.median(values))))
+
+
+def _middle(values: Array) -> float:
+    """Return the mean of values (N,) without those that are farther off than others scatter."""
+    off = np.abs(values - np.median(values))
+    return float(np.mean(values[off <= FAR_OFF * _scatter(values)]))
 
 
 def _least(part: npt.NDArray[np.int64], values: Array, count: int) -> npt.NDArray[np.intp]:
@@ -345,15 +414,15 @@ def _nearest(
     chosen: npt.NDArray[np.intp],
     off_m: Array,
     u_m: float,
-    state: Array,
-    tables: tuple[Array, Array],
+    parted: _Parted,
+    table: Array,
     robust: bool,
     rough: bool,
 ) -> tuple[Array, ...]:
-    """Return the rows of Equations for points that lie off_m outside where they should, u_m."""
-    beams = Beams(*(values[chosen] for values in vars(beams).values()))
+    """Return the rows of Equations for points (M,) that lie off_m outside where they should."""
+    beams, state = Beams(*(values[chosen] for values in vars(beams).values())), parted.state
     _, by_tau, by_spot, by_thickness, by_ratio, by_wall, by_shape, _ = (
-        np.interp(beams.tau, tables[0], row) for row in tables[1]
+        np.interp(beams.tau, parted.tau, row) for row in table
     )
     nothing = np.zeros(len(chosen))
     profile = EdgeProfile(
@@ -368,7 +437,7 @@ def _nearest(
         background_share=nothing,
         background_light=nothing,
     )
-    residual, variance = off_m[chosen], u_m**2
+    residual, variance = off_m, u_m**2
     weight, change = robust_weight(residual**2 / variance / (ROUGH if rough else 1.0) ** 2, robust)
     slopes = profile_slopes(profile, beams, problem.depth[chosen], state)
     return (

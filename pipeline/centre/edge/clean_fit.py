@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 
@@ -13,8 +14,15 @@ from ...targets import sector
 from ...vectors import Array
 from .beam_direction import has_background
 from .beams import CENTRE, GROWTH, INVERSE, RATIO, ROTATION, SPOT, WALL, Prior, look_up
-from .clean_edge import between_rows_m, by_backgrounds_m, clean_equations, shift_m
-from .edge_intensity import fading, intensity_equations, seen_fading, speckle
+from .clean_edge import (
+    Wall,
+    between_rows_m,
+    by_backgrounds_m,
+    clean_equations,
+    gapped_equations,
+    shift_m,
+)
+from .edge_intensity import fading, intensity_equations, is_mixed, seen_fading, speckle
 from .edge_residuals import SECTORS, EdgeProblem, Equations, spread, step
 from .solution import (
     AS_MUCH,
@@ -42,11 +50,16 @@ NO_WALL_M, SHOWS_WALL = 1e-4, 1.3
 # How far unlike backgrounds move parts of a clean edge: at most, of where it lies; all of it, of
 # that of its parts.
 MOST_UNLIKE, ALL_ROUND = 0.5, 0.5
+# Of a gap: how far beside the stated edge its middle may lie, of half of it; farthest that a point
+# beside it counts. By their mean distances: log of the likelihood of what else may be left of the
+# wall; how far that may move the centre, in units of by_thickness_m.
+MOST_ASIDE, FARTHEST_M, BY_WALL, UNSURE = 0.5, 2e-3, 18.0, 1.5
 ALONE = np.log(10.0)  # reflectance ratio, or its inverse, of first or last returns: not by power
 UNDAMPED = 10  # steps of full length
 # Of a fit to intensities: least share of the sectors in which they fade, and of how they differ
 # that it explains; least log of its footprint's radius, of the configured one.
 FADING, FADING_OF_FEW, EXPLAINED, NO_FOOTPRINT = 0.4, 0.15, 0.8, math.log(0.3)
+BY_MIXED = 0.1  # of the footprint: how far unlike backgrounds move parts of it by mixed pixels
 SEEN = 0.5  # of that share of the sectors, that single intensities show before the fit
 
 
@@ -65,12 +78,14 @@ def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeF
     found, other = _by_size(problem, loose, state, parted, config.max_iterations)
     lies_m = shift_m(found.state)
     ends_inside = lies_m < -ERODED * config.spot_radius_m
+    if ends_inside:
+        gapped = _filtered(problem, state, found.equations, config)
+        if gapped is not None:
+            return gapped
     if ends_inside and not _shows_wall(problem, found, config.max_iterations):
         return None
-    linear = found.equations
-    beside = np.bincount(sector(linear.share[linear.depths :], SECTORS), minlength=SECTORS)
-    covered = float(np.mean(beside > 0))
-    if covered < 0.25 or len(linear.residual_m) < LEAST_CLEAN:
+    covered = _covered(found.equations)
+    if covered < 0.25:
         return None
     fitted = record(found, problem, covered)
     chance, grown = _chance(loose.prior, found, other), record(other, loose, covered)
@@ -88,6 +103,68 @@ def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeF
         unlike_m=unlike_m,
     )
     return settled(fitted, found)
+
+
+def _filtered(
+    problem: EdgeProblem, state: Array, parted: Equations, config: CentreConfig
+) -> EdgeFit | None:
+    """Fit an edge whose beams were filtered out, from a state (12,); None where there is no gap.
+
+    parted: of the likeliest edge where returns part, whose background may explain more. A wall that
+    returns as the face does is taken for less likely: walls are seen askew, and are darker.
+    """
+    problem, state = replace(problem, prior=problem.prior.known_size()), state.copy()
+    state[RATIO] = 0.0
+    fits = [_gapped(problem, state, config.max_iterations, wall) for wall in get_args(Wall)]
+    left_m = np.array([_left_m(one.equations) for one in fits])
+    places = max(len(fits[0].equations.residual_m) - fits[0].equations.depths, 1)
+    by_chance = math.exp(BY_WALL / places)
+    found = fits[int(np.argmin(left_m * [1.0, by_chance, 1.0]))]
+    linear, lies_m = found.equations, abs(float(found.state[GROWTH]))
+    covered = _covered(linear)
+    least_m = max(ERODED * config.spot_radius_m, lies_m / MOST_ASIDE)
+    if covered < 0.25 or linear.half_gap_m < least_m or misfit_of(linear) > MISFIT:
+        return None
+    if parted.behind and _left_m(parted) < left_m.min():
+        return None
+    likely = np.flatnonzero(left_m <= left_m.min() * by_chance)
+    aside_m = [fits[k].state[CENTRE] - found.state[CENTRE] for k in likely]
+    fitted = replace(
+        record(found, problem, covered),
+        clean_shift_m=-linear.half_gap_m,
+        by_size_m=np.zeros(2),
+        size_chance=1.0,
+        by_thickness_m=UNSURE * max(aside_m, key=lambda apart_m: float(apart_m @ apart_m)),
+        rows_m=between_rows_m(problem, found.state),
+        unlike_m=by_backgrounds_m(linear.explained),
+    )
+    return settled(fitted, found)
+
+
+def _left_m(linear: Equations) -> float:
+    """Return the mean distance of the points beside an edge from where they should lie, 0 of none.
+
+    Whatever their scatter, which a fit may take for larger where it explains less.
+    """
+    off_m = np.abs(linear.residual_m[linear.depths :])
+    return float(np.mean(np.minimum(off_m, FARTHEST_M))) if len(off_m) else 0.0
+
+
+def _gapped(problem: EdgeProblem, state: Array, most: int, wall: Wall) -> Solution:
+    """Return the solution whose edge is in the middle of a gap, from a state (12,)."""
+
+    def linearise(at: Array, iteration: int) -> Equations:
+        return gapped_equations(problem, at, iteration > 9, iteration <= 6, wall)
+
+    return _iterated(linearise, problem, state, most, damped=True)
+
+
+def _covered(linear: Equations) -> float:
+    """Return the share of the outline that points beside the edge show; 0 of too few."""
+    if len(linear.residual_m) < LEAST_CLEAN:
+        return 0.0
+    beside = np.bincount(sector(linear.share[linear.depths :], SECTORS), minlength=SECTORS)
+    return float(np.mean(beside > 0))
 
 
 def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | None:
@@ -116,7 +193,9 @@ def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | Non
     fitted = settled(record(found, problem, covered), found)
     if not fitted.converged:
         return None
-    return replace(fitted, reflectance_ratio=ratio, exponent=fitted.reflectance_ratio)
+    unlike_m = BY_MIXED * fitted.spot_m if is_mixed(problem, found.state) else 0.0
+    shown = replace(fitted, reflectance_ratio=ratio, exponent=fitted.reflectance_ratio)
+    return replace(shown, unlike_m=unlike_m)
 
 
 def _shows_wall(problem: EdgeProblem, found: Solution, most: int) -> bool:

@@ -11,6 +11,8 @@ An intensity need not be proportional to power: it is taken as a power of it, by
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ...targets import sector
@@ -47,6 +49,7 @@ WHOLE, LEAST_INSIDE = 2.0, 8  # radii of a footprint inside the edge, where it i
 MOST_SPECKLE, ONE_BRIGHTNESS = 0.25, 0.7
 FADED = 0.85  # of the intensity inside the edge: less is that of a return at it
 LEAST_POWER = 0.1  # of that inside the edge: of less, a detector reports what lies above its noise
+NOT_BY_CHANCE = 5.0  # standard uncertainties of the mean depth of faded points
 ROUNDED = 0.01  # of it: standard uncertainty of any intensity, besides its speckle
 
 
@@ -126,6 +129,21 @@ def fading(problem: EdgeProblem, state: Array) -> tuple[float, float]:
     darker = min(np.sum((1.0 - seen) ** 2), np.sum((np.where(on_wall, wall, 1.0) - seen) ** 2))
     left = np.sum((model[faded] - seen) ** 2)
     return _in_sectors(beams, model), float(1.0 - left / darker) if darker > 0.0 else 0.0
+
+
+def is_mixed(problem: EdgeProblem, state: Array) -> bool:
+    """Return whether faded points of the far side are the deeper: they are of the background, too.
+
+    Of mixed pixels a filter may leave the nearest to the target, whose intensities fade by as much
+    as the background is darker, and not as the target's own power. No wall is seen there.
+    """
+    beams = fanned(problem.beams(state), state)
+    chosen = np.flatnonzero(_beside(problem, beams, state) & (beams.tau < 0.0))
+    depth = problem.depth[chosen][intensity_profile(beams.taken(chosen), state).depth_m < FADED]
+    if len(depth) == 0:
+        return False
+    u_m = problem.sigma_m * max(NOT_BY_CHANCE / math.sqrt(len(depth)), 1.0)
+    return float(np.mean(depth)) > u_m
 
 
 def seen_fading(problem: EdgeProblem, state: Array) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...targets import Outline, sector
-from ...vectors import Array
+from ...vectors import Array, Rows
 from .beams import (
     BEAM,
     RATIO,
@@ -117,6 +117,7 @@ class Equations:
     derivative of weight * residual by the residual. by_height: (N,) derivative of the residual
     by the plane's height. depths: number of first rows that are
     depths; the others are places of the edge, the last `behind` of them on the background.
+    half_gap_m: how far on both sides of the edge beams are missing, beyond what the spacing leaves.
     """
 
     q_m: Array
@@ -129,9 +130,12 @@ class Equations:
     zones: Zones
     depths: int
     behind: int = 0
+    half_gap_m: float = 0.0
 
     @classmethod
-    def stacked(cls, parts: Sequence[tuple[Array, ...]], behind: int = 0) -> Equations:
+    def stacked(
+        cls, parts: Sequence[tuple[Array, ...]], behind: int = 0, half_gap_m: float = 0.0
+    ) -> Equations:
         """Return rows q to by_height of several parts, the first of which are depths."""
         q_m, share, residual_m, slopes, weight, change, by_height = (
             np.concatenate(values) for values in zip(*parts, strict=True)
@@ -147,6 +151,7 @@ class Equations:
             zones=Zones.alike(),
             depths=len(parts[0][0]),
             behind=behind,
+            half_gap_m=half_gap_m,
         )
 
     @cached_property
@@ -165,8 +170,17 @@ class Equations:
     def shown(self) -> Equations:
         """Equations of the rows that depend on the state, unlike those of the face alone."""
         rows = np.flatnonzero(self.slopes.any(axis=1))
-        if len(rows) == len(self.residual_m):
-            return self
+        return self if len(rows) == len(self.residual_m) else self._of(rows)
+
+    @property
+    def explained(self) -> Equations:
+        """Equations of the rows that are no outliers."""
+        rows = np.flatnonzero(self.weight > 0.0)
+        depths = int(np.count_nonzero(rows < self.depths))
+        behind = int(np.count_nonzero(rows >= len(self.weight) - self.behind))
+        return replace(self._of(rows), depths=depths, behind=behind)
+
+    def _of(self, rows: Rows) -> Equations:
         names = ("q_m", "share", "residual_m", "slopes", "weight", "change", "by_height")
         return replace(self, **{name: getattr(self, name).T[..., rows].T for name in names})
 
