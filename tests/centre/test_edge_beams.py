@@ -48,6 +48,7 @@ from wheelplane.centre.edge.beams import (
     look_up,
     mixed_share,
     mixed_share_of_few,
+    outside_m,
     pointed,
     wall_reflectance,
 )
@@ -435,3 +436,14 @@ def test_points_as_deep_as_a_surface_beyond_the_edge_are_not_mixed_pixels(contin
     besides = mixed_share(beams, depth, background, besides_surfaces=True)
     assert every > 0.3
     assert besides == (pytest.approx(every, rel=0.05) if continuous else 0.0)
+
+
+@pytest.mark.parametrize("behind_m", [0.0, 0.3])
+def test_points_at_the_scanner_or_behind_it_lie_far_outside_every_edge(behind_m):
+    state = Prior.of(0.01, CentreConfig()).mean
+    state[INVERSE] = 2.0
+    plane, depth = np.array([[0.01, 0.02], [0.01, 0.0]]), np.array([-0.5 - behind_m, 0.0])
+    with np.errstate(all="raise"):
+        at_scanner, on_face = outside_m(plane, depth, state, Circle(0.125))
+    assert at_scanner > 1e3
+    assert on_face == pytest.approx(-0.115)

@@ -16,6 +16,7 @@ RING_M = (0.001, 0.011)  # beyond the footprint: where the clean background is l
 TWELFTHS, LEAST_IN_TWELFTH = 12, 4
 LEAST_IN_RING, WIDEST_M = 150, 0.028  # points that it should hold, and its width where few are
 IN_SECTOR, IN_SECTOR_SPARSE = (10, 5), (6, 4)  # points of a ring per sector, and the fewest
+AT_SCANNER = 1e-9  # of its distance
 LEAST_IN_HALF = 4  # points of a sector's ring that give a slope
 # Of few points: how near the edge mixed pixels are counted, how far their background is behind the
 # wall, how far they lie before it: of its roughness (at least that share of its depth), and beyond.
@@ -383,8 +384,11 @@ def outside_m(plane: Array, depth: Array, state: Array, outline: Outline) -> Arr
 
 
 def _on_plane(plane: Array, depth: Array, state: Array) -> tuple[Array, Array, Array]:
-    """Return the shrinking (N,) of steps, and where beams meet the plane (N, 2), in both axes."""
-    shrink = 1.0 / (1.0 + state[INVERSE] * depth)
+    """Return the shrinking (N,) of steps, and where beams meet the plane (N, 2), in both axes.
+
+    Far away, of points at the scanner or behind it.
+    """
+    shrink = 1.0 / np.maximum(1.0 + state[INVERSE] * depth, AT_SCANNER)
     q = plane.T - state[CENTRE, None]
     q -= depth * state[BEAM, None]
     q *= shrink
