@@ -58,8 +58,7 @@ def cells_along_lines(blocks: Blocks, step_m: float = 0.0) -> Iterator[Cells]:
     once for the middle that shows the grid, or beside a hole there again, once for how far points
     reach, once for the sums, so that no more than a block is held. Of a block uvw_m (M, 3), u and v
     about the centroid, w a residual, and (M,) a column that was fitted besides the plane, or None.
-    step_m: the longest of rounded coordinates. Where it is not short compared with the points'
-    distance, these lie on a lattice of steps, and which cell a point falls in goes with its noise.
+    step_m: the longest of rounded coordinates.
     """
     found = blocks(lambda uvw, _: (len(uvw), nearest(uvw)))
     narrow = min(NARROW, int(sum(count for count, _ in found) / (POINTS_A_CELL * LONG)))
@@ -71,7 +70,7 @@ def cells_along_lines(blocks: Blocks, step_m: float = 0.0) -> Iterator[Cells]:
         edge = some[np.argmin(away)] * [1.0, 1.0, 0.0]
         some = nearest(np.concatenate(blocks(lambda uvw, _: nearest(uvw - edge))))
         some = some - some.mean(axis=0) * [1.0, 1.0, 0.0]
-    grid = None if step_m > ROUNDED * _scaled(some)[1][0] else grid_of(some)
+    grid = grid_of(some, step_m)
     if grid is None:
         return
     to_lines = np.linalg.inv(grid.directions).T
@@ -101,14 +100,17 @@ def nearest(uvw_m: Array, count: int = SAMPLED) -> Array:
     return uvw_m[np.argpartition(away, count)[:count]]
 
 
-def grid_of(uvw_m: Array) -> Grid | None:
+def grid_of(uvw_m: Array, step_m: float = 0.0) -> Grid | None:
     """Return the grid of the beams that points uvw_m (N, 3), w off the plane, lie on, or None.
 
     From the two longest waves of the lattice; lines of one kind only have the other across. Points
     on no grid (thinned, or merged from several scans) have no clear wave: a beam fitted to them
-    would sort their noise into the cells along invented lines.
+    would sort their noise into the cells along invented lines. So would a lattice of the steps
+    step_m of rounded coordinates, where these are not short compared with the points' distance.
     """
     x, scale_m, step = _scaled(uvw_m)
+    if step_m > ROUNDED * scale_m[0]:
+        return None
     for shortest in SHORTEST:
         axes, power = _tried(x, scale_m, step, shortest)
         if float(power.max()) >= CLEAR:

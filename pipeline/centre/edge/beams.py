@@ -260,26 +260,23 @@ class Prior:
 
     def unsized(self) -> Prior:
         """Return the prior of an edge of a size that may be wrong."""
-        weight = self.weight.copy()
-        weight[GROWTH] = WRONG_SIZE_M**-2
-        return Prior(self.mean, weight)
+        return self._known_to(WRONG_SIZE_M, GROWTH)
 
     def doubted(self) -> Prior:
         """Return the prior of an edge of a thickness that may be wrong."""
-        weight = self.weight.copy()
-        weight[THICKNESS] = WRONG_THICKNESS**-2
-        return Prior(self.mean, weight)
+        return self._known_to(WRONG_THICKNESS, THICKNESS)
 
     def sized(self) -> Prior:
         """Return the prior of an edge of the stated size."""
-        weight = self.weight.copy()
-        weight[GROWTH] = HELD_SIZE_M**-2
-        return Prior(self.mean, weight)
+        return self._known_to(HELD_SIZE_M, GROWTH)
 
     def known_size(self) -> Prior:
         """Return the prior of an edge of about the stated size."""
+        return self._known_to(SIZE_M, GROWTH)
+
+    def _known_to(self, sigma: float, which: int) -> Prior:
         weight = self.weight.copy()
-        weight[GROWTH] = SIZE_M**-2
+        weight[which] = sigma**-2
         return Prior(self.mean, weight)
 
     @classmethod

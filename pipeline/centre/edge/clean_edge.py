@@ -11,6 +11,7 @@ return, whose mean depth is that of the mixed pixel without background.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -88,21 +89,12 @@ def clean_equations(
     returns part by power; else the least part of a footprint on face or wall decides, however dark.
     by_background: whether the points next to the edge on its outer side count.
     """
-    problem, beams = problem.near_edge(state, band_m(state))
-    beams = fanned(beams, state)
-    on_target, seen = seen_target(problem, beams, state)
-    steepest = max(float(np.abs(beams.tau).max(initial=0.0)), 1e-3)
-    grid = np.linspace(-steepest, steepest, SLOPES)
-    table = _edge_table(grid, state if by_power else first_state(state))
-    beyond = beams.x_m - np.interp(beams.tau, grid, table[0])
-    face = on_target & (beams.x_m + state[GROWTH] > -INNER_M) & (beyond < 0.0)
-    parted = _Parted(state if by_power else first_state(state), grid, (table, table))
-    masks = on_target, seen & ~on_target
-    sides, _ = _sides(problem, beams, masks, parted, robust, rough)
-    depths, behind = mean_depths(problem, beams, face, state, robust, not rough), len(sides[1][0])
-    if not by_background:
-        return Equations.stacked([depths, sides[0]])
-    return Equations.stacked([depths, *sides], behind)
+    known = state if by_power else first_state(state)
+
+    def parted(tau: Array) -> _Parted:
+        return _Parted(known, tau, (_edge_table(tau, known),))
+
+    return _linearised(problem, state, robust, rough, parted, by_background)
 
 
 def gapped_equations(
@@ -114,43 +106,61 @@ def gapped_equations(
     edge as outside it: where returns part by power, where the wall ends if its beams are as those
     of the face, or, where they were filtered out as well, from the face to the end of the wall.
     """
-    problem, beams = problem.near_edge(state, band_m(state))
-    beams = fanned(beams, state)
-    on_target, seen = seen_target(problem, beams, state)
-    steepest = max(float(np.abs(beams.tau).max(initial=0.0)), 1e-3)
-    tau = np.linspace(-steepest, steepest, SLOPES)
-    if wall == "by power":
-        known, tables = state, (_edge_table(tau, state),) * 2
-    else:
+
+    def parted(tau: Array) -> _Parted:
+        if wall == "by power":
+            return _Parted(state, tau, (_edge_table(tau, state),), filtered=True)
         thickness, ends = float(np.exp(state[THICKNESS])), np.zeros((8, SLOPES))
-        ends[0], ends[1], ends[3] = (
-            thickness * tau.clip(0.0),
-            thickness * (tau > 0.0),
-            tau.clip(0.0),
-        )
-        known = first_state(state)
-        tables = ends if wall == "as face" else np.zeros_like(ends), ends
-    parted = _Parted(known, tau, tables, filtered=True)
-    face = on_target & (beams.x_m + state[GROWTH] > -INNER_M)
-    face &= beams.x_m < np.interp(beams.tau, tau, parted.tables[0][0])
-    masks = on_target, seen & ~on_target
-    sides, half_gap_m = _sides(problem, beams, masks, parted, robust, rough)
-    depths = mean_depths(problem, beams, face, state, robust, not rough)
-    return Equations.stacked([depths, *sides], len(sides[1][0]), half_gap_m)
+        ends[0] = thickness * tau.clip(0.0)
+        ends[1] = thickness * (tau > 0.0)
+        ends[3] = tau.clip(0.0)
+        tables = (ends,) if wall == "as face" else (np.zeros_like(ends), ends)
+        return _Parted(first_state(state), tau, tables, filtered=True)
+
+    return _linearised(problem, state, robust, rough, parted)
 
 
 @dataclass(frozen=True)
 class _Parted:
     """Where returns part by the slope of the wall against the beams: state (12,), slopes tau (K,).
 
-    tables: x* and its derivatives (8, K), of points on the target and of those beside it. filtered:
-    whether beams are missing on both sides of x*.
+    tables: x* and its derivatives (8, K), of points on the target and of those beside it; one of
+    both. filtered: whether beams are missing on both sides of x*.
     """
 
     state: Array
     tau: Array
-    tables: tuple[Array, Array]
+    tables: tuple[Array, ...]
     filtered: bool = False
+
+    def beyond_m(self, beams: Beams) -> tuple[Array, Array]:
+        """Return how far beyond x* beams lie, (N,) each, as on the target and as beside it."""
+        off_m = [beams.x_m - np.interp(beams.tau, self.tau, table[0]) for table in self.tables]
+        return off_m[0], off_m[-1]
+
+
+def _linearised(
+    problem: EdgeProblem,
+    state: Array,
+    robust: bool,
+    rough: bool,
+    parted_at: Callable[[Array], _Parted],
+    by_background: bool = True,
+) -> Equations:
+    """Linearise depths and places at `state`; parted_at: where returns part at slopes tau (K,)."""
+    problem, beams = problem.near_edge(state, band_m(state))
+    beams = fanned(beams, state)
+    on_target, seen = seen_target(problem, beams, state)
+    steepest = max(float(np.abs(beams.tau).max(initial=0.0)), 1e-3)
+    parted = parted_at(np.linspace(-steepest, steepest, SLOPES))
+    beyond_m = parted.beyond_m(beams)
+    face = on_target & (beams.x_m + state[GROWTH] > -INNER_M) & (beyond_m[0] < 0.0)
+    masks = on_target, seen & ~on_target
+    sides, half_gap_m = _sides(problem, beams, beyond_m, masks, parted, robust, rough)
+    depths, behind = mean_depths(problem, beams, face, state, robust, not rough), len(sides[1][0])
+    if not by_background:
+        return Equations.stacked([depths, sides[0]])
+    return Equations.stacked([depths, *sides], behind, half_gap_m)
 
 
 def band_m(state: Array) -> tuple[float, float]:
@@ -345,6 +355,7 @@ def _wall_slope(beams: Beams, thickness_m: float) -> Array:
 def _sides(
     problem: EdgeProblem,
     beams: Beams,
+    beyond_m: tuple[Array, Array],
     masks: tuple[Mask, Mask],
     parted: _Parted,
     robust: bool,
@@ -357,7 +368,6 @@ def _sides(
     where rows of a grid run along straight edges, or backgrounds of other brightness move them.
     And half of the gap where beams were filtered out; else 0.
     """
-    beyond_m = [beams.x_m - np.interp(beams.tau, parted.tau, table[0]) for table in parted.tables]
     inside = masks[0] & _in_ring(beyond_m[0])
     total = int(np.count_nonzero(inside))
     count = next((k for k in SECTOR_COUNTS if total >= LEAST_IN_SECTOR * k), SECTOR_COUNTS[-1])
@@ -375,11 +385,11 @@ def _sides(
     u_m = math.hypot(gap_m, LEAST_SCATTER_M)
     if len(lies_m[0]):
         u_m = max(u_m, _scatter(lies_m[0]))
-    off_m = gap_m + half_m
+    away_m = gap_m + half_m
     return [
         _nearest(problem, beams, chosen, at_m - off, u_m, parted, table, robust, rough)
         for chosen, at_m, off, table in zip(
-            rows, lies_m, (-off_m, off_m), parted.tables, strict=True
+            rows, lies_m, (-away_m, away_m), (parted.tables[0], parted.tables[-1]), strict=True
         )
     ], half_m
 

@@ -82,8 +82,8 @@ def fit_clean(problem: EdgeProblem, state: Array, config: CentreConfig) -> EdgeF
         gapped = _filtered(problem, state, found.equations, config)
         if gapped is not None:
             return gapped
-    if ends_inside and not _shows_wall(problem, found, config.max_iterations):
-        return None
+        if not _shows_wall(problem, found, config.max_iterations):
+            return None
     covered = _covered(found.equations)
     if covered < 0.25:
         return None
@@ -193,9 +193,12 @@ def by_intensity(problem: EdgeProblem, state: Array, most: int) -> EdgeFit | Non
     fitted = settled(record(found, problem, covered), found)
     if not fitted.converged:
         return None
-    unlike_m = BY_MIXED * fitted.spot_m if is_mixed(problem, found.state) else 0.0
-    shown = replace(fitted, reflectance_ratio=ratio, exponent=fitted.reflectance_ratio)
-    return replace(shown, unlike_m=unlike_m)
+    return replace(
+        fitted,
+        reflectance_ratio=ratio,
+        exponent=fitted.reflectance_ratio,
+        unlike_m=BY_MIXED * fitted.spot_m if is_mixed(problem, found.state) else 0.0,
+    )
 
 
 def _shows_wall(problem: EdgeProblem, found: Solution, most: int) -> bool:
