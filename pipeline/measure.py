@@ -19,6 +19,7 @@ from .centre import (
     locate_centre,
     of_stations,
     on_plane,
+    rough_pose,
     scanner_by_shadow,
 )
 from .config import ISSUER, Config
@@ -51,6 +52,7 @@ from .measurement import (
 from .plane import Patch, PlaneFit, fit_plane
 from .targets import Target, WheelTarget
 from .uncertainty import brightness_component, with_type_b
+from .vectors import Array
 from .wheel import fit_surface, profile_of, target_of
 
 # Of the edge that the best placement shows by mixed pixels: what makes another as likely; of the
@@ -200,7 +202,8 @@ def _fit_placed(patch: Patch, target: Target, config: Config) -> tuple[Patch, Pl
 
     Both are fitted again without the points beside what hides a part of the target, and where the
     centre is far from the patch's origin. Detection may be off by more than the margin at the edges
-    then: mixed pixels of the edge in view count as points of the plane, and tilt it.
+    then: mixed pixels of the edge in view count as points of the plane, and tilt it. The outermost
+    points show that for most, before the centre is fitted at all.
     """
     plane = fit_plane(patch, target, config.plane)
     margin_m, distance_m = config.plane.edge_margin_m, config.instrument.distance_m
@@ -212,8 +215,14 @@ def _fit_placed(patch: Patch, target: Target, config: Config) -> tuple[Patch, Pl
         clear = clear_of_occluders(view, margin_m, scanner_m)
         if clear is not patch:
             patch, plane = clear, fit_plane(clear, target, config.plane)
+    rough = rough_pose(TargetView(patch, plane, target, config.centre))
+    if rough is not None:
+        nearer = _placed(patch, plane, *rough, target, margin_m)
+        if nearer is not patch:
+            patch, plane = nearer, fit_plane(nearer, target, config.plane)
     fitted = locate_centre(patch, plane, target, config.centre)
-    again = _placed(patch, plane, fitted, target, config.plane.edge_margin_m)
+    pose = fitted.centre_m, fitted.turn_rad(plane)
+    again = _placed(patch, plane, *pose, target, margin_m)
     if scanner_m is None and fitted.edge_fit is not None:
         scanner_m = fitted.centre_m - fitted.sight_m(distance_m, None, plane)
         view = TargetView(again, plane, target, config.centre)
@@ -225,15 +234,20 @@ def _fit_placed(patch: Patch, target: Target, config: Config) -> tuple[Patch, Pl
 
 
 def _placed(
-    patch: Patch, plane: PlaneFit, fitted: TargetFit, target: Target, margin_m: float
+    patch: Patch,
+    plane: PlaneFit,
+    centre_m: Array,
+    turn_rad: float,
+    target: Target,
+    margin_m: float,
 ) -> Patch:
-    """Return the patch about the fitted centre; the very same one where that is near enough."""
+    """Return the patch about a centre (3,), turned; the very same one where that is near enough."""
     period_rad = target.region.period_rad
-    turn_rad = math.remainder(fitted.turn_rad(plane), period_rad) if period_rad else 0.0
-    aside_m = float(np.linalg.norm(plane.basis[:2] @ (fitted.centre_m - patch.origin_m)))
+    turn_rad = math.remainder(turn_rad, period_rad) if period_rad else 0.0
+    aside_m = float(np.linalg.norm(plane.basis[:2] @ (centre_m - patch.origin_m)))
     if aside_m + abs(turn_rad) * target.radius_m < REFITTED * margin_m:
         return patch
-    return patch.placed(fitted.centre_m, turn_rad)
+    return patch.placed(centre_m, turn_rad)
 
 
 def _fit_bare_wheel(patch: Patch, target: WheelTarget, config: Config) -> Evidence:

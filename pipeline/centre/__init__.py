@@ -1,6 +1,7 @@
 """Centre of a target in its plane, from its edges and from its print."""
 
 from .combine import CentreMethod
+from .edge_centre import rough_pose
 from .in_plane_rotation import InPlaneRotation, RotationMark
 from .joined import joined
 from .locate_centre import OtherCentre, TargetFit, locate_centre, on_plane
@@ -29,6 +30,7 @@ __all__ = [
     "off_tyre",
     "on_plane",
     "on_wheel",
+    "rough_pose",
     "scanner_by_shadow",
     "unlike_wheels",
     "with_unstated",

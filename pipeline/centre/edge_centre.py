@@ -102,9 +102,8 @@ def centre_by_edge(view: TargetView, outline: Outline) -> EdgeCentre:
     """
     start = np.zeros(2), 0.0
     try:
-        rough = view.spacing_m > SPARSE_M or view.patch.match < HIDDEN
-        if outline.shows_rotation or rough:
-            first = fit_outline(_on_target(view, view.near(outline, start)), outline)
+        if _is_rough(view, outline):
+            first = _by_outermost(view, outline)
             start = first.centre_m, first.rotation_rad
         found = _by_edge(view, outline, start, "rim", None)
     except NotMeasuredError as error:
@@ -118,6 +117,32 @@ def centre_by_edge(view: TargetView, outline: Outline) -> EdgeCentre:
             "no-outline", f"less than a quarter of the edge of {outline.description} is in the scan"
         )
     return found
+
+
+def rough_pose(view: TargetView) -> tuple[Array, float] | None:
+    """Return centre (3,) and in-plane rotation by the outermost points.
+
+    None where detection is as near, or where they show none.
+    """
+    outline = view.target.edge
+    if not _is_rough(view, outline):
+        return None
+    try:
+        found = _by_outermost(view, outline)
+    except NotMeasuredError:
+        return None
+    return view.to_scanner(found.centre_m), found.rotation_rad
+
+
+def _is_rough(view: TargetView, outline: Outline) -> bool:
+    """Return whether detection places a target less well than its outermost points do."""
+    sparse = view.spacing_m > SPARSE_M or view.patch.match < HIDDEN
+    return outline.shows_rotation or sparse
+
+
+def _by_outermost(view: TargetView, outline: Outline) -> OutlineFit:
+    """Fit an outline to the outermost points about where detection placed the target."""
+    return fit_outline(_on_target(view, view.near(outline, (np.zeros(2), 0.0))), outline)
 
 
 def centre_by_holes(view: TargetView, holes: Holes, outer: EdgeCentre) -> EdgeCentre | None:

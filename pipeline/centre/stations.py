@@ -76,7 +76,7 @@ def _follow_each_other(uvw: Array, rows: Rows) -> bool:
     plane moves a point along its beam, whose slope is that of the steps over those of the heights.
     """
     ahead, headed = (uvw[np.minimum(rows + k, len(uvw) - 1)] - uvw[rows] for k in (1, HEADED))
-    along = np.linalg.svd(headed[:, :2], full_matrices=False)[2][0]
+    along = np.linalg.eigh(headed[:, :2].T @ headed[:, :2])[1][:, 1]
     ahead *= np.where(headed[:, :2] @ along < 0.0, -1.0, 1.0)[:, None]
     uv, height = ahead[:, :2], ahead[:, 2]
     step = np.median(uv, axis=0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Protocol
@@ -10,7 +11,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ..vectors import Array, Mask
+from ..vectors import Array, Mask, Rows
 
 CORNER_M = 0.01  # of a straight side at each end, left out: there two sides mix
 
@@ -254,25 +255,24 @@ class Polygon:
     def closest(self, q_m: Array) -> ClosestPoints:
         """Return the points q_m (N, 2) against the nearest side."""
         u, v = q_m.T
-        side, x_m = np.zeros(len(q_m), np.intp), np.full(len(q_m), -np.inf)
-        for k, (a_k, b_k, c_k) in enumerate(self.sides_m.tolist()):
-            outside_m = a_k * u + b_k * v - c_k
-            farther = outside_m > x_m
-            side[farther] = k
-            np.copyto(x_m, outside_m, where=farther)
-        a, b, c = self.sides_m.T.take(side, axis=1)
-        half = self._lengths_m[side] / 2.0
-        along = a * v - b * u - self._ends_m.mean(axis=1)[side]
+        side, x_m = _farthest(a * u + b * v - c for a, b, c in self.sides_m.tolist())
+        half = self._lengths_m / 2.0
+        before = np.cumsum(np.append(0.0, self._lengths_m[:-1]))
+        clear = half - np.minimum(CORNER_M, 0.2 * half)
+        middle = self._ends_m.mean(axis=1)
+        of_sides = np.stack([*self.sides_m.T, half, middle, before, clear])
+        a, b, c, half, middle, before, clear = of_sides.take(side, axis=1)
+        along = a * v - b * u - middle
         position = np.clip(along / half, -1.0, 1.0) * half + half
-        before = np.cumsum(np.append(0.0, self._lengths_m[:-1]))[side]
+        share = (before + position) / self._perimeter_m
         return ClosestPoints(
             x_m=x_m,
             normal=np.stack([a, b]).T,
             support_m=c,
             curve=np.zeros(len(q_m)),
             bend=np.zeros(len(q_m)),
-            share=((before + position) / self._perimeter_m) % 1.0,
-            clear=np.abs(along) < half - np.minimum(CORNER_M, 0.2 * half),
+            share=share - (share >= 1.0),
+            clear=np.abs(along) < clear,
         )
 
     def outside_m(self, u: Array, v: Array) -> Array:
@@ -312,28 +312,29 @@ class Holes:
 
     def closest(self, q_m: Array) -> ClosestPoints:
         """Return the points q_m (N, 2) against the edge of the nearest hole."""
-        apart = q_m[:, None, :] - self.holes_m[:, :2]
-        reach = np.hypot(apart[..., 0], apart[..., 1])
-        nearest = np.argmax(self.holes_m[:, 2] - reach, axis=1)
-        rows = np.arange(len(q_m))
-        far = np.maximum(reach[rows, nearest], 1e-9)
-        away = apart[rows, nearest]
-        hole, normal = self.holes_m[nearest], -away / far[:, None]
-        radius = hole[:, 2]
+        nearest, x_m = _farthest(self._within_m(*q_m.T))
+        u, v, radius = self.holes_m.T.take(nearest, axis=1)
+        far = np.maximum(radius - x_m, 1e-9)
+        away = q_m.T - np.stack([u, v])
+        normal = away / -far
         return ClosestPoints(
             x_m=radius - far,
-            normal=normal,
-            support_m=np.sum(normal * hole[:, :2], axis=1) - radius,
+            normal=normal.T,
+            support_m=normal[0] * u + normal[1] * v - radius,
             curve=-1.0 / far,
             bend=-1.0 / radius,
-            share=(nearest + _angle_share(away)) / len(self.holes_m),
+            share=(nearest + _angle_share(away.T)) / len(self.holes_m),
             clear=far > 0.3 * radius,
         )
 
     def outside_m(self, u: Array, v: Array) -> Array:
         """Return how far points u, v lie from the edge of the nearest hole, positive inside it."""
-        within = [radius - np.hypot(u - a, v - b) for a, b, radius in self.holes_m]
-        return np.asarray(np.max(within, axis=0))
+        return np.asarray(np.maximum.reduce([*self._within_m(u, v)]))
+
+    def _within_m(self, u: Array, v: Array) -> Iterator[Array]:
+        """Yield how far points u, v lie within each hole."""
+        for a, b, radius in self.holes_m.tolist():
+            yield radius - np.sqrt((u - a) ** 2 + (v - b) ** 2)
 
     def normals(self, share: Array) -> Array:
         """Return unit normals (K, 2) at positions `share` (K,) along the edges."""
@@ -362,6 +363,18 @@ def is_symmetric(rows_m: Array, count: int) -> bool:
 def sector(share: Array, count: int) -> npt.NDArray[np.int64]:
     """Return which of `count` equal parts of the outline each share (N,) falls in."""
     return np.minimum((share * count).astype(np.int64), count - 1)
+
+
+def _farthest(outside_m: Iterable[Array]) -> tuple[Rows, Array]:
+    """Return the edge that each point lies farthest outside of (N,), and how far; (N,) of each."""
+    edges = iter(outside_m)
+    x_m = next(edges)
+    nearest = np.zeros(len(x_m), np.intp)
+    for k, one_m in enumerate(edges, 1):
+        farther = one_m > x_m
+        nearest = np.where(farther, k, nearest)  # with a mask of many changes faster than copyto
+        x_m = np.where(farther, one_m, x_m)
+    return nearest, x_m
 
 
 def _angle_share(vectors: Array) -> Array:

@@ -141,6 +141,14 @@ def test_a_clean_fit_is_rough_at_first_robust_later_and_damped_then(monkeypatch)
     assert found.last_m == pytest.approx(1e-3 * UNDAMPED / 13)
 
 
+@pytest.mark.parametrize(("most", "first"), [(40, 7), (4, 4)])
+def test_a_clean_fit_that_begins_near_its_solution_has_no_rough_steps(monkeypatch, most, first):
+    called = put_in(monkeypatch, [1e-3] * 5 + [0.5 * STEP_M])
+    clean_fit._converge_clean(problem_of(), state_of(), most, True, True, near=True)
+    last = min(most, first + 5)
+    assert called.flags == [(k > 9, k <= 6, True, True) for k in range(first, last + 1)]
+
+
 def recorded(last_m=1e-8, few=False):
     """Record of a solution, with its equations and the problem."""
     state = state_of()
@@ -182,8 +190,10 @@ def test_a_background_of_outliers_is_left_out(monkeypatch, front, back, taken):
     assert 6 / 20 < CONTRADICTED < 8 / 20
     calls, solution = [], ended(front + back, len(back))
     alone = ended(front)
+    contradicted = len(back) > 0 and back.count(0.0) > CONTRADICTED * len(back)
 
-    def converge(problem, state, most, by_power, by_background):
+    def converge(problem, state, most, by_power, by_background, near=False):
+        assert near == (not by_background and not contradicted)
         calls.append((state is solution.state, by_background))
         return solution if by_background else alone
 
@@ -220,7 +230,7 @@ def test_a_background_that_moves_the_centre_too_far_is_left_out(
     state[:2] += apart * way
     solutions[False] = replace(ended(weight[:60], state=state), last_m=last_m)
     monkeypatch.setattr(
-        clean_fit, "_converge_clean", lambda *args, by_background: solutions[by_background]
+        clean_fit, "_converge_clean", lambda *args, by_background, near=0: solutions[by_background]
     )
     seen = []
     monkeypatch.setattr(clean_fit, "spread", lambda *args: seen.append(args) or (covariance,))

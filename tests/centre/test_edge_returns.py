@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from wheelplane.centre.edge.beams import BEAM, RATIO, SPOT, THICKNESS, Prior, pointed
-from wheelplane.centre.edge.clean_fit import ERODED
+from wheelplane.centre.edge.clean_fit import BY_WALL, ERODED, LIKELY, _shares
 from wheelplane.centre.edge.fit_edge import Aim, _reach_m, aimed, fit_edge, look_behind
 from wheelplane.centre.edge.mixed_fit import LEAST, RIDGE, STEEP, _diverged, _is_strange
 from wheelplane.centre.edge.solution import CONVERGED_M, SETTLED, EdgeFit, Solution, settled
@@ -295,6 +295,23 @@ def test_an_edge_whose_beams_were_filtered_out_is_in_the_middle_of_the_gap(name,
     assert np.hypot(*off_m(found)) < 3.72 * math.hypot(u_m(found), found.unlike_m, aside_m)
     assert np.hypot(*off_m(found)) < (5e-4 if kept == "wall" else 1.5e-4)
     assert abs(found.growth_m) < 0.2 * wide * SPOT_M
+
+
+@pytest.mark.parametrize("places", [40, 192])
+def test_what_leaves_as_much_of_the_places_counts_as_much_and_what_leaves_more_less(places):
+    """Down to nothing where that is out of the question, and without a step there."""
+    prior, out = np.array(LIKELY), math.exp(BY_WALL / places)
+    np.testing.assert_allclose(_shares(np.full(3, 2e-4), places), prior / prior.sum())
+    np.testing.assert_allclose(_shares(np.zeros(3), places), prior / prior.sum())
+    for worse in range(3):
+        left_m, before = np.full(3, 2e-4), 1.0
+        for more in np.append(np.linspace(1.0, out, 40)[1:], 2.0 * out):
+            left_m[worse] = 2e-4 * more
+            share = _shares(left_m, places)
+            assert share.sum() == pytest.approx(1.0)
+            assert 0.0 <= before - share[worse] < 0.05 or before == 1.0
+            before = share[worse]
+        assert before == 0.0
 
 
 @pytest.mark.parametrize("returned", ["strongest", "first"])

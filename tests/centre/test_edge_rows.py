@@ -28,6 +28,7 @@ from wheelplane.centre.edge.beams import (
     wall_reflectance,
 )
 from wheelplane.centre.edge.clean_edge import (
+    BEYOND_M,
     FAR_M,
     LEAST_IN_SECTOR,
     LEAST_SCATTER_M,
@@ -348,7 +349,7 @@ def test_rows_of_a_clean_edge_are_those_of_its_nearest_points(outline, count, ro
     run = state[BEAM] + state[INVERSE] * beams.q_m  # of each beam, per depth
     slope, square = -np.sum(beams.rho * run, axis=1), np.sum(run**2, axis=1)
     lower, thickness = slope - beams.bent, np.exp(state[THICKNESS])
-    near, _ = carry_near(problem.plane, z, state, outline, band_m(state))
+    near, _ = carry_near(problem.plane, z, state, outline, band_m(state, BEYOND_M[count < 2500]))
     steepest = np.abs(lower[near]).max()
     grid = np.linspace(-steepest, steepest, 97)
     at = state if by_power else first_state(state)

@@ -47,7 +47,7 @@ from .edge_residuals import (
 from .mixed_pixel import END, EdgeProfile, edge_profile, profile_of
 
 SLOPES = 97  # of the wall against the beams, at which x* is solved
-HALVINGS = 40
+HALVINGS = 20
 NONE = 1e-9  # reflectance of what is not in the return
 STEP_M, STEP = 1e-6, 1e-4  # of x* and of tau, for derivatives of x*
 STEPS = np.array([1e-4, 1e-6, 1e-4, 1e-4, 1e-4, 1e-4])  # of what it depends on
@@ -55,6 +55,7 @@ LEAST_SLOPE = 1.0  # 1/m, of the powers at x*
 SECTOR_COUNTS = (96, 48, 24, 12, 6)  # of the outline, in which the nearest points are looked up
 LEAST_IN_SECTOR = 12  # points in its ring
 RING_SKIP_M, RING_M = 0.001, 0.010  # inside the edge, where points are counted
+BEYOND_M = 0.001, RING_M  # FAR_M: for nearest points of beams that dense, and of any
 LEAST_SCATTER_M = 3e-5  # of the points next to the edge, beside their own spacing
 ROUGH, FAR_M = 8.0, 0.008  # factor on the scatter far from convergence, and reach beside the edge
 FACE = 0.0  # of Lambert's law in a wall as bright as the face
@@ -124,8 +125,8 @@ def gapped_equations(
 class _Parted:
     """Where returns part by the slope of the wall against the beams: state (12,), slopes tau (K,).
 
-    tables: x* and its derivatives (8, K), of points on the target and of those beside it; one of
-    both. filtered: whether beams are missing on both sides of x*.
+    tau: evenly spaced. tables: x* and its derivatives (8, K), of points on the target and of those
+    beside it; one of both. filtered: whether beams are missing on both sides of x*.
     """
 
     state: Array
@@ -135,8 +136,15 @@ class _Parted:
 
     def beyond_m(self, beams: Beams) -> tuple[Array, Array]:
         """Return how far beyond x* beams lie, (N,) each, as on the target and as beside it."""
-        off_m = [beams.x_m - np.interp(beams.tau, self.tau, table[0]) for table in self.tables]
+        off_m = [beams.x_m - self.between(beams.tau, table[0]) for table in self.tables]
         return off_m[0], off_m[-1]
+
+    def between(self, tau: Array, row: Array) -> Array:
+        """Return a row of a table (K,) at slopes tau (N,), linearly interpolated."""
+        place = (tau - self.tau[0]) * ((len(self.tau) - 1) / (self.tau[-1] - self.tau[0]))
+        at = np.clip(place.astype(np.intp), 0, len(self.tau) - 2)
+        below = row.take(at)
+        return np.asarray(below + (place - at) * (row.take(at + 1) - below))
 
 
 def _linearised(
@@ -148,26 +156,34 @@ def _linearised(
     by_background: bool = True,
 ) -> Equations:
     """Linearise depths and places at `state`; parted_at: where returns part at slopes tau (K,)."""
-    problem, beams = problem.near_edge(state, band_m(state))
-    beams = fanned(beams, state)
-    on_target, seen = seen_target(problem, beams, state)
-    steepest = max(float(np.abs(beams.tau).max(initial=0.0)), 1e-3)
-    parted = parted_at(np.linspace(-steepest, steepest, SLOPES))
-    beyond_m = parted.beyond_m(beams)
+    everything = problem
+    for outer_m in BEYOND_M[problem.few :]:
+        problem, beams = everything.near_edge(state, band_m(state, outer_m))
+        beams = fanned(beams, state)
+        on_target, seen = seen_target(problem, beams, state)
+        steepest = max(float(np.abs(beams.tau).max(initial=0.0)), 1e-3)
+        parted = parted_at(np.linspace(-steepest, steepest, SLOPES))
+        beyond_m = parted.beyond_m(beams)
+        spacing = _spacing(beams, on_target & _in_ring(beyond_m[0]))
+        if spacing.gap_m < outer_m:
+            break
     face = on_target & (beams.x_m + state[GROWTH] > -INNER_M) & (beyond_m[0] < 0.0)
     masks = on_target, seen & ~on_target
-    sides, half_gap_m = _sides(problem, beams, beyond_m, masks, parted, robust, rough)
+    sides, half_gap_m = _sides(problem, beams, beyond_m, masks, parted, spacing, robust, rough)
     depths, behind = mean_depths(problem, beams, face, state, robust, not rough), len(sides[1][0])
     if not by_background:
         return Equations.stacked([depths, sides[0]])
     return Equations.stacked([depths, *sides], behind, half_gap_m)
 
 
-def band_m(state: Array) -> tuple[float, float]:
-    """Return how far inside and outside the edge points may count, wherever returns part."""
+def band_m(state: Array, outer_m: float) -> tuple[float, float]:
+    """Return how far inside and outside the edge points may count, wherever returns part.
+
+    outer_m: how far beyond FAR_M the nearest points outside may lie.
+    """
     parted_m = 2.0 * END * float(np.exp(state[SPOT]))
     inside_m = max(RING_SKIP_M + RING_M + parted_m, INNER_M + float(state[GROWTH]))
-    return inside_m, FAR_M + RING_M + parted_m
+    return inside_m, FAR_M + outer_m + parted_m
 
 
 def seen_target(problem: EdgeProblem, beams: Beams, state: Array) -> tuple[Mask, Mask]:
@@ -284,14 +300,16 @@ def _values(state: Array) -> Array:
 
 
 def _edge_m(tau: Array, values: Array) -> Array:
-    """Return x* (K,) at slopes tau (K,), by bisection."""
+    """Return x* (K,) at slopes tau (K,), by bisection, and by the chord of what that leaves."""
     spot = np.exp(values[0]) * np.sqrt(1.0 + tau**2)
     low, high = -2.0 * spot, values[1] * np.maximum(tau, 0.0) + 2.0 * spot
     for _ in range(HALVINGS):
         x = (low + high) / 2.0
         nearer = _excess(x, tau, values) > 0.0
         low, high = np.where(nearer, x, low), np.where(nearer, high, x)
-    return np.asarray((low + high) / 2.0)
+    left, right = _excess(low, tau, values), _excess(high, tau, values)
+    share = np.clip(left / np.maximum(left - right, np.finfo(float).tiny), 0.0, 1.0)
+    return np.asarray(low + share * (high - low))
 
 
 def _excess(x_m: Array, tau: Array, values: Array) -> Array:
@@ -352,28 +370,47 @@ def _wall_slope(beams: Beams, thickness_m: float) -> Array:
     return np.asarray(slope - bend * np.clip(depth, 0.0, thickness_m))
 
 
+@dataclass(frozen=True)
+class _Spacing:
+    """Spacing of beams across the edge, gap_m, and number of sectors for the nearest on a side."""
+
+    gap_m: float
+    sectors: int
+
+
+def _spacing(beams: Beams, inside: Mask) -> _Spacing:
+    """Return the spacing of beams by those (N,) in the ring inside the edge.
+
+    Beams meet the plane evenly, n of a sector's in a ring of width h: h / n apart.
+    """
+    share = beams.share[inside]
+    sectors = next(
+        (k for k in SECTOR_COUNTS if len(share) >= LEAST_IN_SECTOR * k), SECTOR_COUNTS[-1]
+    )
+    filled = np.bincount(sector(share, sectors), minlength=sectors)
+    each = float(np.median(filled[filled > 0])) if len(share) else 1.0
+    return _Spacing(RING_M / max(each, 1.0), sectors)
+
+
 def _sides(
     problem: EdgeProblem,
     beams: Beams,
     beyond_m: tuple[Array, Array],
     masks: tuple[Mask, Mask],
     parted: _Parted,
+    spacing: _Spacing,
     robust: bool,
     rough: bool,
 ) -> tuple[list[tuple[Array, ...]], float]:
     """Return the rows of Equations for the points next to the edge on its two sides.
 
-    Beams meet the plane evenly, n of a sector's in a ring of width h: the nearest to the edge lies
-    h / n from it, with a standard deviation as large (exponential distribution). They scatter more
+    Of beams that meet the plane evenly, the nearest to the edge lies as far from it as they are
+    apart, with a standard deviation as large (exponential distribution). They scatter more
     where rows of a grid run along straight edges, or backgrounds of other brightness move them.
     And half of the gap where beams were filtered out; else 0.
     """
-    inside = masks[0] & _in_ring(beyond_m[0])
-    total = int(np.count_nonzero(inside))
-    count = next((k for k in SECTOR_COUNTS if total >= LEAST_IN_SECTOR * k), SECTOR_COUNTS[-1])
+    gap_m, count = spacing.gap_m, spacing.sectors
     part = sector(beams.share, count)
-    filled = np.bincount(part[inside], minlength=count)
-    gap_m = RING_M / max(float(np.median(filled[filled > 0])) if total else 1.0, 1.0)
     rows = []
     for mask, off_m, sign in zip(masks, beyond_m, (-1.0, 1.0), strict=True):
         near = np.flatnonzero(mask & (np.abs(off_m) < FAR_M + gap_m))
@@ -432,7 +469,7 @@ def _nearest(
     """Return the rows of Equations for points (M,) that lie off_m outside where they should."""
     beams, state = Beams(*(values[chosen] for values in vars(beams).values())), parted.state
     _, by_tau, by_spot, by_thickness, by_ratio, by_wall, by_shape, _ = (
-        np.interp(beams.tau, parted.tau, row) for row in table
+        parted.between(beams.tau, row) for row in table
     )
     nothing = np.zeros(len(chosen))
     profile = EdgeProfile(

@@ -51,11 +51,15 @@ NO_WALL_M, SHOWS_WALL = 1e-4, 1.3
 # that of its parts.
 MOST_UNLIKE, ALL_ROUND = 0.5, 0.5
 # Of a gap: how far beside the stated edge its middle may lie, of half of it; farthest that a point
-# beside it counts. By their mean distances: log of the likelihood of what else may be left of the
-# wall; how far that may move the centre, in units of by_thickness_m.
-MOST_ASIDE, FARTHEST_M, BY_WALL, UNSURE = 0.5, 2e-3, 18.0, 1.5
+# beside it counts.
+MOST_ASIDE, FARTHEST_M = 0.5, 2e-3
+# Of what may be left of a wall: how likely each is before anything was measured (by power, as the
+# face, lost); log of the likelihood, by the points' mean distances, at which one is out of the
+# question; how far what is not may move the centre, in units of by_thickness_m, of its scatter.
+LIKELY, BY_WALL, UNSURE, TINY_M = (1.0, 0.3, 1.0), 18.0, 2.5, 1e-9
 ALONE = np.log(10.0)  # reflectance ratio, or its inverse, of first or last returns: not by power
-UNDAMPED = 10  # steps of full length
+# Iterations: with rough steps; after which the weights are Tukey's; with steps of full length.
+ROUGHLY, ROBUST, UNDAMPED = 6, 9, 10
 # Of a fit to intensities: least share of the sectors in which they fade, and of how they differ
 # that it explains; least log of its footprint's radius, of the configured one.
 FADING, FADING_OF_FEW, EXPLAINED, NO_FOOTPRINT = 0.4, 0.15, 0.8, math.log(0.3)
@@ -110,16 +114,16 @@ def _filtered(
 ) -> EdgeFit | None:
     """Fit an edge whose beams were filtered out, from a state (12,); None where there is no gap.
 
-    parted: of the likeliest edge where returns part, whose background may explain more. A wall that
-    returns as the face does is taken for less likely: walls are seen askew, and are darker.
+    parted: of the likeliest edge where returns part, whose background may explain more. The centre
+    is the mean over what may be left of the wall, by how likely that is. A wall that returns as the
+    face does is less likely: walls are seen askew, and are darker.
     """
     problem, state = replace(problem, prior=problem.prior.known_size()), state.copy()
     state[RATIO] = 0.0
     fits = [_gapped(problem, state, config.max_iterations, wall) for wall in get_args(Wall)]
     left_m = np.array([_left_m(one.equations) for one in fits])
-    places = max(len(fits[0].equations.residual_m) - fits[0].equations.depths, 1)
-    by_chance = math.exp(BY_WALL / places)
-    found = fits[int(np.argmin(left_m * [1.0, by_chance, 1.0]))]
+    share = _shares(left_m, len(fits[0].equations.residual_m) - fits[0].equations.depths)
+    found = fits[int(np.argmax(share))]
     linear, lies_m = found.equations, abs(float(found.state[GROWTH]))
     covered = _covered(linear)
     least_m = max(ERODED * config.spot_radius_m, lies_m / MOST_ASIDE)
@@ -127,18 +131,27 @@ def _filtered(
         return None
     if parted.behind and _left_m(parted) < left_m.min():
         return None
-    likely = np.flatnonzero(left_m <= left_m.min() * by_chance)
-    aside_m = [fits[k].state[CENTRE] - found.state[CENTRE] for k in likely]
+    centres_m = np.array([fit.state[CENTRE] for fit in fits])
+    centre_m = share @ centres_m
     fitted = replace(
         record(found, problem, covered),
+        centre_m=centre_m,
         clean_shift_m=-linear.half_gap_m,
         by_size_m=np.zeros(2),
         size_chance=1.0,
-        by_thickness_m=UNSURE * max(aside_m, key=lambda apart_m: float(apart_m @ apart_m)),
+        by_thickness_m=UNSURE * np.sqrt(share @ (centres_m - centre_m) ** 2),
         rows_m=between_rows_m(problem, found.state),
         unlike_m=by_backgrounds_m(linear.explained),
     )
     return settled(fitted, found)
+
+
+def _shares(left_m: Array, places: int) -> Array:
+    """Return how likely each of some fits is (K,), in all 1, by what they leave of the places."""
+    left_m = np.maximum(left_m, TINY_M)
+    beyond = np.log(left_m / left_m.min()) * places / BY_WALL
+    share = np.maximum(1.0 - beyond, 0.0) * LIKELY
+    return np.asarray(share / share.sum())
 
 
 def _left_m(linear: Equations) -> float:
@@ -154,7 +167,7 @@ def _gapped(problem: EdgeProblem, state: Array, most: int, wall: Wall) -> Soluti
     """Return the solution whose edge is in the middle of a gap, from a state (12,)."""
 
     def linearise(at: Array, iteration: int) -> Equations:
-        return gapped_equations(problem, at, iteration > 9, iteration <= 6, wall)
+        return gapped_equations(problem, at, iteration > ROBUST, iteration <= ROUGHLY, wall)
 
     return _iterated(linearise, problem, state, most, damped=True)
 
@@ -277,8 +290,11 @@ def _explained(problem: EdgeProblem, state: Array, most: int, by_power: bool) ->
     behind = found.equations.weight[len(found.equations.weight) - found.equations.behind :]
     if len(behind) == 0:
         return found
-    alone = _converge_clean(problem, found.state, most, by_power, by_background=False)
-    if float(np.mean(behind <= 0.0)) > CONTRADICTED:
+    contradicted = float(np.mean(behind <= 0.0)) > CONTRADICTED
+    alone = _converge_clean(
+        problem, found.state, most, by_power, by_background=False, near=not contradicted
+    )
+    if contradicted:
         return alone
     apart_m = (alone.state - found.state)[CENTRE]
     covariance, *_ = spread(alone.equations, problem.outline, problem.prior, problem.few)
@@ -289,15 +305,23 @@ def _explained(problem: EdgeProblem, state: Array, most: int, by_power: bool) ->
 
 
 def _converge_clean(
-    problem: EdgeProblem, state: Array, most: int, by_power: bool, by_background: bool
+    problem: EdgeProblem,
+    state: Array,
+    most: int,
+    by_power: bool,
+    by_background: bool,
+    near: bool = False,
 ) -> Solution:
-    """Iterate damped Gauss-Newton steps: the nearest points change from step to step."""
+    """Iterate damped Gauss-Newton steps: the nearest points change from step to step.
+
+    near: whether the state is near the solution, so that no rough steps are needed.
+    """
 
     def linearise(at: Array, iteration: int) -> Equations:
-        how = iteration > 9, iteration <= 6, by_power, by_background
+        how = iteration > ROBUST, iteration <= ROUGHLY, by_power, by_background
         return clean_equations(problem, at, *how)
 
-    return _iterated(linearise, problem, state, most, damped=True)
+    return _iterated(linearise, problem, state, most, damped=True, first=ROUGHLY + 1 if near else 1)
 
 
 def _iterated(
@@ -306,12 +330,13 @@ def _iterated(
     state: Array,
     most: int,
     damped: bool,
+    first: int = 1,
 ) -> Solution:
     """Iterate Gauss-Newton steps of a clean edge; damped: shorter ones in the end.
 
-    linearise: equations at a state (12,), in an iteration from 1.
+    linearise: equations at a state (12,), in an iteration from `first`, up to `most`.
     """
-    for iteration in range(1, most + 1):
+    for iteration in range(min(first, most), most + 1):
         linear = linearise(state, iteration)
         length = min(1.0, UNDAMPED / iteration) if damped else 1.0
         moved = step(linear, state, problem.prior)[0] * length

@@ -106,7 +106,8 @@ def intensity_equations(
 
     speckle: scatter of the latter, of their value.
     """
-    beams = fanned(problem.beams(state), state)
+    problem, beams = problem.near_edge(state, (INNER_M + float(state[GROWTH]), np.inf))
+    beams = fanned(beams, state)
     beside = _beside(problem, beams, state)
     depths = mean_depths(problem, beams, beside & (beams.x_m < 0.0), state, robust, robust)
     return Equations.stacked([depths, _intensities(problem, beams, beside, state, speckle, robust)])

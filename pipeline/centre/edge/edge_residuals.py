@@ -73,7 +73,8 @@ class EdgeProblem:
         """Return the points in a band about the edge, as `carry_near` does, and their beams."""
         rows, beams = carry_near(self.plane, self.depth, state, self.outline, band_m)
         intensity = None if self.intensity is None else self.intensity[rows]
-        near = replace(self, plane=self.plane[rows], depth=self.depth[rows], intensity=intensity)
+        plane = self.plane.T.take(rows, axis=1).T
+        near = replace(self, plane=plane, depth=self.depth[rows], intensity=intensity)
         return near, beams
 
     def beams(self, state: Array) -> Beams:

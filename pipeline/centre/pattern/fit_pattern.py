@@ -149,11 +149,9 @@ def _features(target: PatternTarget, pose: Pose) -> list[_Feature]:
 def _locate(face: IntensityPoints, feature: _Feature, pose: Pose) -> Array | None:
     """Return the position of a feature in the plane (2,), or None if the points do not show it."""
     expected = pose.places(feature.position_m[None])[0]
-    q = face.uv_m - expected
-    near = np.abs(q).max(axis=1) < 1.5 * feature.window_m
-    q, intensity = q[near], face.intensity[near]
-    inside = np.sum(q**2, axis=1) < feature.window_m**2
-    q, intensity = q[inside], intensity[inside]
+    u, v = face.uv_m.T - expected[:, None]
+    inside = u * u + v * v < feature.window_m**2
+    q, intensity = np.stack([u[inside], v[inside]], axis=1), face.intensity[inside]
     spacing = feature.window_m * np.sqrt(np.pi / max(len(q), 1))
     reach = np.maximum(np.hypot(q[:, 0], q[:, 1]), 1e-9)
     slant = np.sqrt(1.0 + (q @ face.beam / reach) ** 2)
