@@ -26,7 +26,7 @@ from .edge.fit_edge import (
     look_behind,
     square_on,
 )
-from .edge.solution import EdgeFit
+from .edge.solution import AS_MUCH, EdgeFit
 from .in_plane_rotation import PlaneRotation
 from .outline_fit import (
     MIN_DIRECTIONS,
@@ -290,11 +290,7 @@ def _check_size(edge_fit: EdgeFit, outline: Outline, spot_m: float) -> None:
     spot_m: radius of the footprint, as configured; a fit may explain a wrong size by a wider one.
     """
     growth_m = edge_fit.growth_m
-    by_spot_m = SIZE_BY_SPOT * min(edge_fit.spot_m, spot_m)
-    by_shift_m = SIZE_BY_SHIFT * (edge_fit.clean_shift_m or 0.0)
-    u_m = math.hypot(edge_fit.growth_u_m, by_spot_m, by_shift_m)
-    explained_m = max(WRONG_SIZE * _growth_explained_m(edge_fit), SURE_SIZE * u_m)
-    if abs(growth_m) > explained_m:
+    if not _fits_size(edge_fit, spot_m):
         side = "beyond" if growth_m > 0.0 else "inside"
         raise NotMeasuredError(
             "wrong-outline",
@@ -302,6 +298,22 @@ def _check_size(edge_fit: EdgeFit, outline: Outline, spot_m: float) -> None:
             f"{side} that of {outline.description} all round: check its sizes and thickness, "
             "and whether its face is flat",
         )
+
+
+def _fits_size(edge_fit: EdgeFit, spot_m: float) -> bool:
+    """Return whether SIZE_M explains where the edge lies."""
+    by_spot_m = SIZE_BY_SPOT * min(edge_fit.spot_m, spot_m)
+    by_shift_m = SIZE_BY_SHIFT * (edge_fit.clean_shift_m or 0.0)
+    u_m = math.hypot(edge_fit.growth_u_m, by_spot_m, by_shift_m)
+    return abs(edge_fit.growth_m) <= max(
+        WRONG_SIZE * _growth_explained_m(edge_fit), SURE_SIZE * u_m
+    )
+
+
+def _explains_more(other: EdgeFit, found: EdgeFit) -> bool:
+    """Return whether another fit leaves less unexplained, by another size of less."""
+    smaller = abs(other.growth_m) < abs(found.growth_m)
+    return other.converged and smaller and AS_MUCH * other.unexplained < found.unexplained
 
 
 def _growth_explained_m(edge_fit: EdgeFit) -> float:
@@ -327,9 +339,13 @@ def _is_lost(edge_fit: EdgeFit, model_m2: float, outline: Outline) -> bool:
 
 
 def _aimed(
-    view: TargetView, near: Array, outline: Outline, start: tuple[Array, float]
+    view: TargetView,
+    near: Array,
+    outline: Outline,
+    start: tuple[Array, float],
+    inverse: float | None = None,
 ) -> Aim | None:
-    return aimed(near, outline, view.target.thickness, view.config, start, view.station)
+    return aimed(near, outline, view.target.thickness, view.config, start, view.station, inverse)
 
 
 def _fit(
@@ -354,13 +370,19 @@ def _by_mixed_pixels(
 ) -> EdgeFit | None:
     """Fit an edge to its mixed pixels; where the beams are steep, again with points farther aside.
 
-    To intensities, where nothing behind the edge shows the beams' direction.
+    To intensities, where nothing behind the edge shows the beams' direction. Where the edge seems
+    to be of another size, again with beams from the distance that the fit found: a wrong one to
+    start from leads to such solutions, too.
     near: points (N, 3 or 4) about the outline. begin: as in `fit_edge`; None: found from more.
     """
     fit = _fit(view, outline)
     edge_fit = None if begin is None else fit(near, begin=begin)
     if edge_fit is not None and float(np.hypot(*edge_fit.beam)) < GENTLE:
-        return edge_fit
+        if isinstance(begin, EdgeFit) or _fits_size(edge_fit, view.config.spot_radius_m):
+            return edge_fit
+        aim = _aimed(view, near, outline, start, edge_fit.inverse_distance)
+        other = None if aim is None else fit(near, begin=aim)
+        return other if other and _explains_more(other, edge_fit) else edge_fit
     near = view.near(outline, start, STEEPEST, even=True)
     if not isinstance(begin, EdgeFit):
         first = replace(begin, state=edge_fit.state) if begin and edge_fit else None

@@ -21,6 +21,7 @@ from tests.support.scenes import Setup, make
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.centre import edge_centre
 from wheelplane.centre.edge.beams import SIZE_M
+from wheelplane.centre.edge.fit_edge import fit_edge, square_on
 from wheelplane.centre.edge_centre import (
     DOUBTFUL,
     OTHER_PLATE,
@@ -67,6 +68,40 @@ def test_each_edge_alone_gives_the_centre(name):
         off = error_m(cloud, view, part.estimate)
         u = np.sqrt(np.trace(part.estimate.covariance_m2) / 2.0)
         assert np.hypot(*off) < min(4.0 * u + 2e-5, 2e-4)
+
+
+@pytest.mark.parametrize(
+    ("growth_m", "other_m", "explains", "settles", "taken"),
+    [
+        (6e-4, 7e-5, 0.96, True, "other"),
+        (-6e-4, 7e-5, 0.96, True, "other"),
+        (6e-4, 7e-5, 0.98, True, "first"),
+        (6e-4, -7e-4, 0.96, True, "first"),
+        (6e-4, 7e-5, 0.96, False, "first"),
+        (7e-5, 0.0, 0.96, True, "alone"),
+    ],
+)
+def test_a_fit_of_another_size_is_tried_again_from_the_distance_that_it_found(
+    monkeypatch, growth_m, other_m, explains, settles, taken
+):
+    """From a wrong distance some fits end at another size; a target of another size stays one."""
+    _, view = viewed("disc-250")
+    outline, start = view.target.edge, (np.zeros(2), 0.0)
+    near, begin, begun = view.near(outline, start), square_on(0.01, view.config, start), []
+    real = fit_edge(near, outline, 0.01, view.plane.sigma_m, view.config, begin)
+    first = replace(real, growth_m=growth_m, growth_u_m=1e-5, inverse_distance=0.7)
+    left = explains * first.unexplained
+    other = replace(first, growth_m=other_m, unexplained=left, converged=settles)
+
+    def fit(points, *, begin):
+        begun.append(begin)
+        return first if len(begun) == 1 else other
+
+    monkeypatch.setattr(edge_centre, "_fit", lambda *args: fit)
+    monkeypatch.setattr(edge_centre, "aimed", lambda *args: replace(begin, state=args[-1]))
+    found = edge_centre._by_mixed_pixels(view, outline, start, near, begin)
+    assert found is (other if taken == "other" else first)
+    assert [one.state for one in begun[1:]] == ([] if taken == "alone" else [0.7])
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,7 @@ from .beam_direction import (
 from .beams import (
     BEAM,
     CENTRE,
+    INVERSE,
     RING_M,
     ROTATION,
     SPOT,
@@ -168,13 +169,17 @@ def aimed(
     config: CentreConfig,
     start: tuple[Array, float] = (np.zeros(2), 0.0),
     station: Array | None = None,
+    inverse: float | None = None,
 ) -> Aim | None:
     """Return where to start, with the beams' direction, or None where nothing shows it.
 
     From the station, unless the background contradicts it, else from the background.
-    start: centre and rotation, near 0. station: (3,) position of the scanner, if known.
+    start: centre and rotation, near 0. station: (3,) position of the scanner, if known. inverse:
+    1/m, of its distance, the first that is tried.
     """
     begin = square_on(thickness_m, config, start).state
+    if inverse is not None:
+        begin[INVERSE] = inverse
     look = sample(uvw_m[:, :3], config.max_points)
     plane, depth = look[:, :2], -look[:, 2]
     if station is not None:

@@ -47,7 +47,8 @@ class EdgeFit:
     of Lambert's law. spot_shape: 0 of a uniform footprint, 1 of a Gaussian. growth_m: how
     much farther out the edge lies than stated, all round, with its standard uncertainty
     growth_u_m: both from SIZE_M as a prior. covered: share of the outline that was used. misfit:
-    share of outliers near the edge. loss: mean of Cauchy's loss, of few mixed pixels. converged:
+    share of outliers near the edge. unexplained: mean square of the residuals over their standard
+    uncertainties, see `unexplained`. loss: mean of Cauchy's loss, of few mixed pixels. converged:
     whether the last step was small. thickness_u: relative. stated_thickness_m: one that the data
     contradict, and that was not used; by_thickness_m: (2,) by which the centre would move if it
     were not, where that is in doubt.
@@ -75,6 +76,7 @@ class EdgeFit:
     growth_u_m: float
     covered: float
     misfit: float
+    unexplained: float
     loss: float
     points: int
     iterations: int
@@ -147,6 +149,7 @@ def record(found: Solution, problem: EdgeProblem, covered: float) -> EdgeFit:
         growth_u_m=float(np.sqrt(covariance[GROWTH, GROWTH])),
         covered=covered,
         misfit=misfit_of(found.equations),
+        unexplained=unexplained(found),
         loss=found.equations.loss if problem.few else 0.0,
         points=len(found.equations.residual_m),
         iterations=found.iterations,
