@@ -27,7 +27,7 @@ from .selection import (
 )
 from .steps import EXACT, Levels, Steps, coordinate_levels, coordinate_steps, scattered
 from .threads import over_chunks, side_by_side
-from .voxel_grid import VoxelGrid, highest, lowest, voxel_key, voxel_moments, within_voxels
+from .voxel_grid import VoxelGrid, box, voxel_key, voxel_moments, within_voxels
 
 __all__ = [
     "CODE_BITS",
@@ -43,6 +43,7 @@ __all__ = [
     "Steps",
     "VoxelGrid",
     "VoxelLattice",
+    "box",
     "by_wheel",
     "cell_index",
     "cloud_sample",
@@ -51,9 +52,7 @@ __all__ = [
     "divide",
     "find_lattice",
     "gather_ball",
-    "highest",
     "load_opencv",
-    "lowest",
     "mixed",
     "morton_codes",
     "over_chunks",

@@ -61,6 +61,17 @@ def hash_rows(points: Any, limit: Any, rows: Any, hashes: Any) -> int:
 
 
 @_compiled
+def widen(corners: Any, points: Any) -> None:
+    """Widen a box, its least and greatest coordinates (2, 3), to hold points (N, 3)."""
+    piece = np.empty((PIECE, 3))
+    for start in range(0, len(points), PIECE):
+        for i in range(read_piece(points, start, piece)):
+            for k in range(3):
+                corners[0, k] = min(corners[0, k], piece[i, k])
+                corners[1, k] = max(corners[1, k], piece[i, k])
+
+
+@_compiled
 def near_plane(
     points: Any,
     centre: Any,

@@ -50,28 +50,29 @@ class VoxelGrid:
         return int(start), int(stop)
 
 
-def lowest(points_m: Array) -> Array:
-    """Return the least coordinates (3,) of points_m (N, 3)."""
-    return _reduced(np.minimum, points_m)
+def box(points_m: Array) -> Array:
+    """Return the least and the greatest coordinates (2, 3) of points_m (N, 3)."""
+    kernels = kernels_for(len(points_m), COMPILED_ROWS)
 
+    def of(chunk: slice) -> Array:
+        part = points_m[chunk]
+        if kernels is None:
+            return np.stack([_reduced(extreme, part) for extreme in (np.minimum, np.maximum)])
+        corners = np.stack([part[0], part[0]])
+        kernels.widen(corners, part)
+        return corners
 
-def highest(points_m: Array) -> Array:
-    """Return the greatest coordinates (3,) of points_m (N, 3)."""
-    return _reduced(np.maximum, points_m)
+    corners = np.stack(over_chunks(of, len(points_m)))
+    return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
 
 
 def _reduced(extreme: np.ufunc, points_m: Array) -> Array:
     """Return the least or greatest coordinates; wide rows reduce faster than three columns."""
-
-    def of(chunk: slice) -> Array:
-        part = points_m[chunk]
-        wide = len(part) // _WIDE * _WIDE
-        if not wide:
-            return np.asarray(extreme.reduce(part))
-        found = extreme.reduce(extreme.reduce(part[:wide].reshape(-1, 3 * _WIDE)).reshape(-1, 3))
-        return np.asarray(extreme.reduce([found, *part[wide:]]))
-
-    return np.asarray(extreme.reduce(over_chunks(of, len(points_m))))
+    wide = len(points_m) // _WIDE * _WIDE
+    if not wide:
+        return np.asarray(extreme.reduce(points_m))
+    found = extreme.reduce(extreme.reduce(points_m[:wide].reshape(-1, 3 * _WIDE)).reshape(-1, 3))
+    return np.asarray(extreme.reduce([found, *points_m[wide:]]))
 
 
 def voxel_key(index: Rows) -> Rows:

@@ -16,8 +16,8 @@ from ..cloud import (
     Slab,
     Steps,
     VoxelGrid,
+    box,
     coordinate_steps,
-    lowest,
     sample,
     surroundings,
     voxel_moments,
@@ -165,7 +165,7 @@ def _is_scrap(one: Candidate, found: Sequence[Candidate], config: SegmentConfig)
 def voxels_of(points_m: Array, target: Target) -> VoxelGrid:
     """Return the sums of points_m (N, 3) over voxels of a quarter of the target's radius."""
     edge = EDGE_OF_RADIUS * target.radius_m
-    return voxel_moments(points_m, lowest(points_m) - edge, edge)
+    return voxel_moments(points_m, box(points_m)[0] - edge, edge)
 
 
 def _candidates(

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..cloud import highest, lowest
+from ..cloud import box
 from ..errors import InputError, Wording
 from ..units import LENGTH_UNITS, in_metres
 from ..vectors import Array
@@ -147,7 +147,7 @@ def length(metres: float) -> str:
 
 def _size(points_m: Array) -> float:
     """Return the longest side of the box about points_m (N, 3)."""
-    return float((highest(points_m) - lowest(points_m)).max())
+    return float(np.ptp(box(points_m), axis=0).max())
 
 
 def _some(points_m: Array) -> Array:

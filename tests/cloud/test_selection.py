@@ -9,7 +9,7 @@ from tests.support.scenes import rotation
 from wheelplane.cloud import moments, selection, threads, voxel_grid
 from wheelplane.cloud.moments import slab_moments, sums_by
 from wheelplane.cloud.selection import Slab, coordinate_hash, sample, surroundings
-from wheelplane.cloud.voxel_grid import highest, lowest, voxel_key, voxel_moments, within_voxels
+from wheelplane.cloud.voxel_grid import box, voxel_key, voxel_moments, within_voxels
 
 CENTRE = np.array([10.2, -4.1, 2.3])
 NORMAL = np.array([2.0, -1.0, 2.0]) / 3.0
@@ -69,7 +69,7 @@ def everything(cloud):
         (0.3, SIDES, np.array([[0.1, 0, 0.05]])),
         7,
     )
-    held = voxel_moments(cloud, lowest(cloud) - 0.01, 0.11)
+    held = voxel_moments(cloud, box(cloud)[0] - 0.01, 0.11)
     rows = within_voxels(cloud, held, held.key[::5])
     return [sample(cloud, 5000), near.face_m, near.around_m, inner.sums, inner.edge, held.key,
             held.sums, rows]  # fmt: skip
@@ -191,7 +191,7 @@ def test_slab_moments_are_those_of_a_plain_mask(cloud, backend):
 
 
 def test_voxels_hold_every_point_once(cloud, backend):
-    held = voxel_moments(cloud, lowest(cloud) - 0.01, 0.11)
+    held = voxel_moments(cloud, box(cloud)[0] - 0.01, 0.11)
     assert np.all(np.diff(held.key) > 0)
     assert held.sums[:, 0].sum() == len(cloud)
     index = np.floor((cloud - held.low_m) / 0.11).astype(int)
@@ -227,9 +227,9 @@ def test_a_slab_grows_with_depth_up_to_its_most(slope, most_m):
 
 
 @pytest.mark.parametrize("count", [1, 3, 63, 64, 65, 1000, COUNT])
-def test_extremes_are_those_of_each_column(cloud, count):
-    some = cloud[::-1][:count]  # the disc lies last
-    for found, column in zip(lowest(some), some.T, strict=True):
-        assert found == min(column)
-    for found, column in zip(highest(some), some.T, strict=True):
-        assert found == max(column)
+def test_a_box_is_that_of_each_column(cloud, backend, count):
+    some = cloud[::-1][:count].copy()  # the disc lies last
+    found = box(some)
+    assert found.shape == (2, 3)
+    for k, column in enumerate(some.T):
+        assert (found[0, k], found[1, k]) == (min(column), max(column))

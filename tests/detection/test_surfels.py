@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.scenes import WHEEL, make, rotation
 from wheelplane.cloud.moments import sums_by
-from wheelplane.cloud.voxel_grid import lowest, voxel_moments
+from wheelplane.cloud.voxel_grid import box, voxel_moments
 from wheelplane.detection.hypotheses import hypotheses, joined
 from wheelplane.detection.surfels import find_surfels, planes_of
 from wheelplane.targets.plates import DiscTarget
@@ -25,7 +25,7 @@ def sheet(width, height, sigma, seed, density=40_000):
 
 
 def surfels_of(points):
-    return find_surfels(voxel_moments(points, lowest(points) - EDGE, EDGE), LIMIT)
+    return find_surfels(voxel_moments(points, box(points)[0] - EDGE, EDGE), LIMIT)
 
 
 @pytest.mark.parametrize("seed", range(5))
