@@ -9,6 +9,7 @@ from .patch import Patch
 from .ransac import RansacOptions, ransac
 from .scan_lines import nearest, strong_waves
 from .sigma_clipping import Clipping, converge, first_sigma
+from .spaced_plane import evened
 from .thinned_plane import Thinning
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "Rounding",
     "Thinning",
     "converge",
+    "evened",
     "find_planes",
     "first_sigma",
     "fit_clipped_plane",

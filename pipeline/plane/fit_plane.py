@@ -64,7 +64,7 @@ class PlaneFit:
     the coordinates, None where it does not matter. brightness: what ranges follow of it, None where
     none was fitted; the plane is that of the mean brightness. thinning: on a
     voxel lattice, whose pull was removed; None without. broken: step or bend of the face, which
-    counts in the form of `correlated`; None where none is likely.
+    counts in the form of `correlated`; None where none is likely. spaced_m: as of the patch.
     """
 
     centroid_m: Array
@@ -79,6 +79,7 @@ class PlaneFit:
     brightness: RangeByBrightness | None = None
     thinning: Thinning | None = None
     broken: FaceBreak | None = None
+    spaced_m: float = 0.0
 
     @property
     def normal(self) -> Array:
@@ -175,6 +176,7 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
         brightness=None if shaded is None else shaded.found(white),
         thinning=None if pull is None else pull.thinning(fit.centroid_m, fit.basis),
         broken=broken,
+        spaced_m=patch.spaced_m,
     )
 
 
@@ -307,6 +309,7 @@ def _by_steps(
             steps, step_m, found.sigma_m, at_mean @ found.covariance @ at_mean.T - noise
         ),
         broken=broken,
+        spaced_m=patch.spaced_m,
     )
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from tests.support.scenes import Array
 from wheelplane.capture.open_capture import open_capture
@@ -94,7 +95,7 @@ class Case:
     """One kind of physics: a scanner's file, and the values that replace its own.
 
     flatness_m: of the target. merged: each wheel is scanned from two stations, in one file.
-    step_m: to which coordinates are rounded.
+    step_m: to which coordinates are rounded. spaced_m: to which distance the points are thinned.
     """
 
     values: Values = field(default_factory=dict)
@@ -102,6 +103,7 @@ class Case:
     flatness_m: float = 0.0
     merged: bool = False
     step_m: float = 0.0
+    spaced_m: float = 0.0
 
     @property
     def is_stated(self) -> bool:
@@ -156,6 +158,7 @@ CASES: dict[str, Case] = {
     "far-5": Case(PLAIN | {"station.distance_m": [4.0, 6.0]}),
     "far-9": Case(PLAIN | {"station.distance_m": [8.0, 10.0]}),
     "rounded-1mm": Case(PLAIN, step_m=0.001),
+    "spaced-2mm": Case(PLAIN, spaced_m=0.002),
     "edges-filtered": Case(PLAIN | GAUSSIAN | LAMBERT | {"beam.edge_filter_m": 0.01}),
     "form": Case(PLAIN | SPARSE | QUIET, flatness_m=0.0003),
     "incidence": Case(PLAIN | INCIDENCE),
@@ -228,6 +231,9 @@ def vehicle_rows(seed: int, case: Case, target: str) -> dict[bool, list[list[flo
         if case.step_m > 0.0:
             for scan in folder.glob("*.ply"):
                 _round(scan, case.step_m)
+        if case.spaced_m > 0.0:
+            for scan in folder.glob("*.ply"):
+                _thin(scan, case.spaced_m)
         truth = {w["name"]: w for w in json.loads((folder / "truth.json").read_text())["wheels"]}
         found = {}
         for stated in (False, True) if case.is_stated else (False,):
@@ -248,6 +254,20 @@ def _round(scan: Path, step_m: float) -> None:
     points = np.frombuffer(body, [("xyz", "<f8", 3), ("intensity", "<f4")]).copy()
     points["xyz"] = np.rint(points["xyz"] / step_m) * step_m
     scan.write_bytes(head + end + points.tobytes())
+
+
+def _thin(scan: Path, distance_m: float) -> None:
+    """Thin a binary PLY file so that its points lie that far apart, in their order."""
+    head, end, body = scan.read_bytes().partition(b"end_header\n")
+    points = np.frombuffer(body, [("xyz", "<f8", 3), ("intensity", "<f4")])
+    kept = np.ones(len(points), bool)
+    near = KDTree(points["xyz"]).query_ball_point(points["xyz"], distance_m)
+    for k, others in enumerate(near):
+        if kept[k]:
+            kept[others] = False
+            kept[k] = True
+    count = (b"element vertex %d" % n for n in (len(points), np.count_nonzero(kept)))
+    scan.write_bytes(head.replace(*count) + end + points[kept].tobytes())
 
 
 def _append(scan: Path, other: Path) -> None:
