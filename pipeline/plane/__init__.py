@@ -9,8 +9,8 @@ from .patch import Patch
 from .ransac import RansacOptions, ransac
 from .scan_lines import nearest, strong_waves
 from .sigma_clipping import Clipping, converge, first_sigma
-from .spaced_plane import evened
-from .thinned_plane import Thinning
+from .thinned.distance_pull import evened
+from .thinned.voxel_pull import Thinning
 
 __all__ = [
     "SPANNED",

@@ -26,7 +26,7 @@ from .patch import Patch
 from .rounded_plane import fit_rounded
 from .scan_lines import cells_along_lines
 from .sigma_clipping import CLIPPED_SIGMA_RATIO
-from .thinned_plane import LatticePull, Thinning, fit_pull
+from .thinned.voxel_pull import LatticePull, Thinning, fit_pull
 
 T = TypeVar("T")
 
@@ -138,7 +138,7 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
     suffice. Points nearer to an edge than the margin are left out: there the laser spot mixes
     target and background. Where the coordinates were rounded to steps that are not fine compared
     with the noise, the plane of the greatest likelihood follows (see rounded_plane.py). Otherwise
-    the pull of a voxel lattice on which the points were thinned is removed (see thinned_plane.py);
+    the pull of a voxel lattice on which the points were thinned is removed (see voxel_pull.py);
     where ranges may follow the intensities, that is fitted with the plane (see brightness.py).
     Raises NotMeasuredError 'too-few-points' or 'steps-too-coarse'.
     """

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from wheelplane.config import PlaneConfig
 from wheelplane.plane.fit_plane import fit_plane
 from wheelplane.plane.patch import Patch
-from wheelplane.plane.spaced_plane import evened
+from wheelplane.plane.thinned.distance_pull import evened
 from wheelplane.targets.registry import load_target
 from wheelplane.vectors import plane_basis
 

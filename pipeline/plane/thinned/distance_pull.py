@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..vectors import Array, Rows, in_axes
-from .fit_plane import PlaneFit
-from .patch import Patch
-from .scan_lines import nearest
+from ...vectors import Array, Rows, in_axes
+from ..fit_plane import PlaneFit
+from ..patch import Patch
+from ..scan_lines import nearest
 
 LOOKED_AT = 200  # points by which a least distance is seen
 # Least distance, of the middle one; by how much beams meet the plane nearer to each other; of them.
@@ -140,12 +140,11 @@ def _hindrances(beams: _Beams, distance_m: float) -> _Hindrances:
 
 
 def _likely_m(beams: _Beams, hindrances: _Hindrances, sigma_m: float) -> Array:
-    """Return how far before the plane points (N,) lie, without the pull, and as they scatter.
+    """Return how far before the plane points (N,) lie, without the pull.
 
     With w the noise of a kept point, m its mean and v its variance in the parts where it is kept,
-    the likelihood of a plane is greatest where sum x (w - m) = 0, and its information is
-    sum x x' v / s^4: that of least squares over (w - m) s^2 / v. Where v is more than s^2, as where
-    the middle of the noise is hindered, the points count as they scatter: planes are no better.
+    the likelihood of a plane is greatest where sum x (w - m) = 0. The noise that is left scatters
+    less; it is widened again, as planes are no nearer to the truth for it.
     """
     slopes = np.column_stack([np.ones(len(beams.off_m)), beams.met_m[:, :2]]) / beams.along[:, 2:]
     pose = np.zeros(3)
@@ -156,7 +155,8 @@ def _likely_m(beams: _Beams, hindrances: _Hindrances, sigma_m: float) -> Array:
         share = (square_m2 - mean_m**2) / sigma_m**2
         pose = pose + np.linalg.solve((slopes.T * share) @ slopes, slopes.T @ (noise_m - mean_m))
         sigma_m *= float(np.sqrt(np.mean(noise_m**2) / np.mean(square_m2)))
-    return np.asarray(height_m + (noise_m - mean_m) / min(float(np.mean(share)), 1.0))
+    wider = np.sqrt(np.mean(noise_m**2) / np.mean((noise_m - mean_m) ** 2))
+    return np.asarray(height_m + (noise_m - mean_m) * float(wider))
 
 
 def _moments(hindrances: _Hindrances, height_m: Array, sigma_m: float) -> tuple[Array, Array]:
