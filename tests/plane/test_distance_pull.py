@@ -117,10 +117,12 @@ def test_a_grid_of_beams_is_left_alone(sigma_m, jitter, hole_m):
         assert left_alone(*scan(5, slope, sigma_m, jitter=jitter, hole_m=hole_m))
 
 
-def test_points_of_a_regular_raster_are_left_alone():
-    """As of a camera's export: the points, not the beams, lie in equal steps."""
-    points, scanner = scan(5, sigma_m=0.0, jitter=0.0)
-    noise = np.random.default_rng(0).normal(0.0, 1e-4, (len(points), 1))
+@pytest.mark.parametrize("sigma_m", [1e-4, 5e-4, 1.4e-3])
+@pytest.mark.parametrize("slope", [0.4, 1.7])
+def test_points_of_a_regular_raster_are_left_alone(sigma_m, slope):
+    """As of a camera's export, or of noise across the face: the points lie in equal steps."""
+    points, scanner = scan(5, slope, sigma_m=0.0, spacing_m=4e-3, jitter=0.02)
+    noise = np.random.default_rng(0).normal(0.0, sigma_m, (len(points), 1))
     assert left_alone(points + noise * NORMAL, scanner)
 
 

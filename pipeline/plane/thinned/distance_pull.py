@@ -23,13 +23,14 @@ LOOKED_AT = 200  # points by which a least distance is seen
 # Least distance, of the middle one; by how much beams meet the plane nearer to each other; of them.
 EVEN, NEARER, NEARER_SHARE = 0.7, 0.97, 0.1
 # Points in the middle of these; how near others lie to where one opposite the nearest would be, of
-# the least distance; share that has one: 0.97 and more on a regular grid, up to 0.56 elsewhere.
-INNER, BESIDE, OPPOSITE = 0.6, 0.25, 0.75
+# the least distance; share that has one: 0.67 and more on a grid, 0.1 to 0.4 elsewhere.
+INNER, BESIDE, OPPOSITE = 0.6, 0.25, 0.5
 PLACE = 0.75  # of the radius: where they lie, off the hole of a ring
 USED = 3.0  # standard deviations off the plane, up to which points are moved back
 REACH = 4.5  # standard deviations of noise that are looked at
 STEPS, WITHIN = 181, 10_000  # of the noise of a point; points at once
 ITERATIONS = 8
+TILTED = 16.0  # chi-square of two tilts: 3e-4 by chance
 
 
 def evened(patch: Patch, plane: PlaneFit, scanner_m: Array, radius_m: float) -> Patch:
@@ -48,9 +49,11 @@ def evened(patch: Patch, plane: PlaneFit, scanner_m: Array, radius_m: float) -> 
     rows = np.flatnonzero(near & (np.hypot(points[:, 0], points[:, 1]) < radius_m))
     beams = _Beams.of(points[rows], scanner)
     distance_m = _least_distance_m(beams.points)
-    moved_m = _likely_m(beams, _hindrances(beams, distance_m), plane.sigma_m) - beams.off_m
+    likely_m = _likely_m(beams, _hindrances(beams, distance_m), plane.sigma_m)
+    if likely_m is None:
+        return patch
     face = patch.face_m.copy()
-    face[rows] += (moved_m[:, None] * beams.along) @ plane.basis
+    face[rows] += ((likely_m - beams.off_m)[:, None] * beams.along) @ plane.basis
     return replace(patch, face_m=face, spaced_m=distance_m)
 
 
@@ -80,20 +83,17 @@ class _Beams:
     def are_spaced(self) -> bool:
         """Return whether the points keep a distance that their beams on the plane do not.
 
-        Of a regular grid, too, of which each point has others on opposite sides.
+        Where neither lie on a regular grid, as beams do, or points that something else places.
         """
         if len(self.points) < LOOKED_AT:
             return False
         own_m, met_m = _apart_m(self.points), _apart_m(self.met_m)
-        least_m, nearest_m = float(own_m.min()), met_m.min(axis=1)
-        nearer = np.mean(nearest_m < NEARER * least_m) > NEARER_SHARE
+        least_m = float(own_m.min())
+        nearer = np.mean(met_m.min(axis=1) < NEARER * least_m) > NEARER_SHARE
         if not nearer or least_m < EVEN * float(np.median(own_m.min(axis=1))):
             return False
-        middle = np.linalg.norm(self.met_m - self.met_m.mean(axis=0), axis=1)
-        inner = middle < np.quantile(middle, INNER)
-        across = 2.0 * self.met_m - self.met_m[np.argmin(met_m, axis=1)]
-        beside_m = np.linalg.norm(across[inner, None] - self.met_m, axis=2).min(axis=1)
-        return bool(np.mean(beside_m < BESIDE * least_m) < OPPOSITE)
+        flat = self.points * [1.0, 1.0, 0.0]
+        return not any(_is_grid(at, least_m) for at in (flat, self.met_m))
 
     def passing(self, later: Rows, earlier: Rows) -> tuple[Array, Array]:
         """Return where beams (K,) pass other points (K,): how far before the plane, and aside."""
@@ -118,6 +118,15 @@ def _apart_m(points: Array) -> Array:
     return np.asarray(apart_m)
 
 
+def _is_grid(points: Array, least_m: float) -> bool:
+    """Return whether points (N, 3) on a plane have others opposite those nearest to them."""
+    middle = np.linalg.norm(points - points.mean(axis=0), axis=1)
+    inner = middle < np.quantile(middle, INNER)
+    across = 2.0 * points - points[np.argmin(_apart_m(points), axis=1)]
+    beside_m = np.linalg.norm(across[inner, None] - points, axis=2).min(axis=1)
+    return bool(np.mean(beside_m < BESIDE * least_m) > OPPOSITE)
+
+
 def _least_distance_m(points: Array) -> float:
     from scipy.spatial import KDTree
 
@@ -139,12 +148,13 @@ def _hindrances(beams: _Beams, distance_m: float) -> _Hindrances:
     return _Hindrances(later[near], before_m[near] - half_m, before_m[near] + half_m)
 
 
-def _likely_m(beams: _Beams, hindrances: _Hindrances, sigma_m: float) -> Array:
+def _likely_m(beams: _Beams, hindrances: _Hindrances, sigma_m: float) -> Array | None:
     """Return how far before the plane points (N,) lie, without the pull.
 
     With w the noise of a kept point, m its mean and v its variance in the parts where it is kept,
     the likelihood of a plane is greatest where sum x (w - m) = 0. The noise that is left scatters
-    less; it is widened again, as planes are no nearer to the truth for it.
+    less; it is widened again, as planes are no nearer to the truth for it. None where the plane
+    would tilt: a least distance pulls alike all over a face, unless noise is not along these beams.
     """
     slopes = np.column_stack([np.ones(len(beams.off_m)), beams.met_m[:, :2]]) / beams.along[:, 2:]
     pose = np.zeros(3)
@@ -155,6 +165,9 @@ def _likely_m(beams: _Beams, hindrances: _Hindrances, sigma_m: float) -> Array:
         share = (square_m2 - mean_m**2) / sigma_m**2
         pose = pose + np.linalg.solve((slopes.T * share) @ slopes, slopes.T @ (noise_m - mean_m))
         sigma_m *= float(np.sqrt(np.mean(noise_m**2) / np.mean(square_m2)))
+    tilt, information = pose[1:], (slopes.T @ slopes / sigma_m**2)
+    if tilt @ np.linalg.solve(np.linalg.inv(information)[1:, 1:], tilt) > TILTED:
+        return None
     wider = np.sqrt(np.mean(noise_m**2) / np.mean((noise_m - mean_m) ** 2))
     return np.asarray(height_m + (noise_m - mean_m) * float(wider))
 
