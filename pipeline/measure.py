@@ -47,10 +47,9 @@ from .measurement import (
     residual_map,
     rounded,
     shaded,
-    spaced,
     thinned,
 )
-from .plane import Patch, PlaneFit, evened, fit_plane
+from .plane import Patch, PlaneFit, fit_plane
 from .targets import Target, WheelTarget
 from .uncertainty import brightness_component, with_type_b
 from .vectors import Array
@@ -83,7 +82,7 @@ def measure_capture(
     origin = provenance_of_capture(capture, config, observations, naming)
     of_scans = [note for observation in observations for note in observation.notes]
     noted = [*of_scans, *noisy(observations, config.instrument)]
-    noted += [*rounded(observations), *thinned(observations), *spaced(observations)]
+    noted += [*rounded(observations), *thinned(observations)]
     noted += [*shaded(observations), *broken(observations)]
     noted += [*not_as_registered(observations), *not_printed(observations)]
     noted += not_as_thick(observations)
@@ -213,10 +212,6 @@ def _fit_placed(patch: Patch, target: Target, config: Config) -> tuple[Patch, Pl
     if scanner_m is None:
         scanner_m = scanner_by_shadow(view, margin_m, distance_m)
     if scanner_m is not None:
-        even = evened(patch, plane, scanner_m, target.radius_m)
-        if even is not patch:
-            patch, plane = even, fit_plane(even, target, config.plane)
-            view = TargetView(patch, plane, target, config.centre)
         clear = clear_of_occluders(view, margin_m, scanner_m)
         if clear is not patch:
             patch, plane = clear, fit_plane(clear, target, config.plane)
@@ -230,7 +225,6 @@ def _fit_placed(patch: Patch, target: Target, config: Config) -> tuple[Patch, Pl
     again = _placed(patch, plane, *pose, target, margin_m)
     if scanner_m is None and fitted.edge_fit is not None:
         scanner_m = fitted.centre_m - fitted.sight_m(distance_m, None, plane)
-        again = evened(again, plane, scanner_m, target.radius_m)
         view = TargetView(again, plane, target, config.centre)
         again = clear_of_occluders(view, margin_m, scanner_m)
     if again is patch:

@@ -122,10 +122,10 @@ def centre_by_edge(view: TargetView, outline: Outline) -> EdgeCentre:
 def rough_pose(view: TargetView) -> tuple[Array, float] | None:
     """Return centre (3,) and in-plane rotation by the outermost points.
 
-    None where detection is as near, or where they show none.
+    None where detection is as near, where a part is hidden, or where they show none.
     """
     outline = view.target.edge
-    if not _is_rough(view, outline):
+    if view.patch.match < HIDDEN or not _is_rough(view, outline):
         return None
     try:
         found = _by_outermost(view, outline)

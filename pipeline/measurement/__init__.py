@@ -15,7 +15,6 @@ from .observe import (
     observe_entries,
     rounded,
     shaded,
-    spaced,
     thinned,
 )
 from .observe_vehicle import kinds_of, observe_cloud, observe_rolled
@@ -141,7 +140,6 @@ __all__ = [
     "rounded",
     "shaded",
     "smoothed",
-    "spaced",
     "stated",
     "steering_quantity",
     "thinned",

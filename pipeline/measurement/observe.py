@@ -34,11 +34,6 @@ THINNED = (
     "is in the uncertainty, as a component of its own; export without voxel thinning, or thin at "
     "random."
 )
-SPACED = (
-    "The points of {names} were thinned to {distance} apart, in the order of their file, which "
-    "keeps more of the noise on one side of the planes: they were moved back. Export without "
-    "thinning, or thin at random."
-)
 BROKEN = {
     "step": (
         "The target's face has a step along a line, by {sizes}: its plane is that of all points, "
@@ -240,16 +235,6 @@ def rounded(observations: Sequence[Observation]) -> Iterator[str]:
 
     for size, names in _names_by(observations, step):
         yield Wording(ROUNDED, names=names, step=size)
-
-
-def spaced(observations: Sequence[Observation]) -> Iterator[str]:
-    """Yield a note for scans thinned to a least distance between points, one a distance."""
-
-    def distance(plane: PlaneFit) -> str:
-        return f"{plane.spaced_m * 1e3:.2g} mm" if plane.spaced_m else ""
-
-    for size, names in _names_by(observations, distance):
-        yield Wording(SPACED, names=names, distance=size)
 
 
 def thinned(observations: Sequence[Observation]) -> Iterator[str]:

@@ -9,8 +9,7 @@ from .patch import Patch
 from .ransac import RansacOptions, ransac
 from .scan_lines import nearest, strong_waves
 from .sigma_clipping import Clipping, converge, first_sigma
-from .thinned.distance_pull import evened
-from .thinned.voxel_pull import Thinning
+from .thinned_plane import Thinning
 
 __all__ = [
     "SPANNED",
@@ -25,7 +24,6 @@ __all__ = [
     "Rounding",
     "Thinning",
     "converge",
-    "evened",
     "find_planes",
     "first_sigma",
     "fit_clipped_plane",

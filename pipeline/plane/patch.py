@@ -25,8 +25,7 @@ class Patch:
     part: index of the cloud's part that holds the points. station_m: (3,) scanner frame, position
     of the scanner, if the file states it. steps: in which the coordinates were rounded. elsewhere:
     other placements, (2,) along u and v from origin_m and a rotation, at which what is seen of a
-    partly hidden target fits nearly as well. spaced_m: least distance between points to which the
-    scan was thinned, whose pull was removed; 0 without.
+    partly hidden target fits nearly as well.
     """
 
     origin_m: Array
@@ -42,7 +41,6 @@ class Patch:
     station_m: Array | None = None
     steps: Steps = EXACT
     elsewhere: tuple[tuple[Array, float], ...] = ()
-    spaced_m: float = 0.0
 
     @property
     def scanner_m(self) -> Array | None:
