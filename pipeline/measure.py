@@ -215,7 +215,8 @@ def _fit_placed(patch: Patch, target: Target, config: Config) -> tuple[Patch, Pl
         clear = clear_of_occluders(view, margin_m, scanner_m)
         if clear is not patch:
             patch, plane = clear, fit_plane(clear, target, config.plane)
-    rough = rough_pose(TargetView(patch, plane, target, config.centre))
+            view = TargetView(patch, plane, target, config.centre)
+    rough = rough_pose(view)
     if rough is not None:
         nearer = _placed(patch, plane, *rough, target, margin_m)
         if nearer is not patch:

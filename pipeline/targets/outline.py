@@ -255,7 +255,7 @@ class Polygon:
     def closest(self, q_m: Array) -> ClosestPoints:
         """Return the points q_m (N, 2) against the nearest side."""
         u, v = q_m.T
-        side, x_m = _farthest(a * u + b * v - c for a, b, c in self.sides_m.tolist())
+        side, x_m = _farthest(self._beyond_m(u, v))
         half = self._lengths_m / 2.0
         before = np.cumsum(np.append(0.0, self._lengths_m[:-1]))
         clear = half - np.minimum(CORNER_M, 0.2 * half)
@@ -277,8 +277,12 @@ class Polygon:
 
     def outside_m(self, u: Array, v: Array) -> Array:
         """Return how far points u, v lie outside; of single precision where they are."""
-        far = [a * u + b * v - c for a, b, c in self.sides_m.tolist()]
-        return np.asarray(np.maximum.reduce(far))
+        return np.asarray(np.maximum.reduce([*self._beyond_m(u, v)]))
+
+    def _beyond_m(self, u: Array, v: Array) -> Iterator[Array]:
+        """Yield how far points u, v lie beyond the line of each side."""
+        for a, b, c in self.sides_m.tolist():
+            yield a * u + b * v - c
 
     def normals(self, share: Array) -> Array:
         """Return unit normals (K, 2) at positions `share` (K,) along it."""

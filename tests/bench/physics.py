@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import tempfile
 import tomllib
 from dataclasses import dataclass, field
@@ -31,6 +32,7 @@ from wheelplane.uncertainty import coverage_factor
 from wheelplane_synth.output.archive import write_capture
 
 ARCSEC = np.degrees(1.0) * 3600.0
+END = b"end_header\n"  # of a PLY file's header
 LEVEL = 0.95
 RATIO, INSIDE = (0.8, 1.25), (0.92, 0.985)  # wanted of rms error over rms u, and of the shares
 SHARED = 3  # times as many captures where scans share errors
@@ -248,36 +250,41 @@ def _capture(folder: Path, seed: int, scanner: Path, target: Path) -> None:
     write_capture(folder, seed=seed, vehicle=vehicle, scanner=scanner, target=target, trials=0)
 
 
+def _points(scan: Path) -> Array:
+    """Return the points of a binary PLY file as written by synth: x, y, z and an intensity."""
+    _, _, body = scan.read_bytes().partition(END)
+    return np.frombuffer(body, [("xyz", "<f8", 3), ("intensity", "<f4")]).copy()
+
+
+def _write(scan: Path, points: Array) -> None:
+    """Replace the points of such a file."""
+    head, _, _ = scan.read_bytes().partition(END)
+    count = b"element vertex %d" % len(points)
+    scan.write_bytes(re.sub(rb"element vertex \d+", count, head) + END + points.tobytes())
+
+
 def _round(scan: Path, step_m: float) -> None:
-    """Round the coordinates of a binary PLY file as written by synth: x, y, z and an intensity."""
-    head, end, body = scan.read_bytes().partition(b"end_header\n")
-    points = np.frombuffer(body, [("xyz", "<f8", 3), ("intensity", "<f4")]).copy()
+    """Round the coordinates of a scan."""
+    points = _points(scan)
     points["xyz"] = np.rint(points["xyz"] / step_m) * step_m
-    scan.write_bytes(head + end + points.tobytes())
+    _write(scan, points)
 
 
 def _thin(scan: Path, distance_m: float) -> None:
-    """Thin a binary PLY file so that its points lie that far apart, in their order."""
-    head, end, body = scan.read_bytes().partition(b"end_header\n")
-    points = np.frombuffer(body, [("xyz", "<f8", 3), ("intensity", "<f4")])
+    """Thin a scan so that its points lie that far apart, in their order."""
+    points = _points(scan)
     kept = np.ones(len(points), bool)
     near = KDTree(points["xyz"]).query_ball_point(points["xyz"], distance_m)
     for k, others in enumerate(near):
         if kept[k]:
             kept[others] = False
             kept[k] = True
-    count = (b"element vertex %d" % n for n in (len(points), np.count_nonzero(kept)))
-    scan.write_bytes(head.replace(*count) + end + points[kept].tobytes())
+    _write(scan, points[kept])
 
 
 def _append(scan: Path, other: Path) -> None:
-    """Append the points of another binary PLY file to a scan's."""
-    parts = [file.read_bytes().partition(b"end_header\n") for file in (scan, other)]
-    lines = [head.split(b"\n") for head, _, _ in parts]
-    place = next(k for k, line in enumerate(lines[0]) if line.startswith(b"element vertex"))
-    count = sum(int(one[place].split()[-1]) for one in lines)
-    lines[0][place] = b"element vertex %d" % count
-    scan.write_bytes(b"\n".join(lines[0]) + b"end_header\n" + parts[0][2] + parts[1][2])
+    """Append the points of another scan to a scan's."""
+    _write(scan, np.concatenate([_points(scan), _points(other)]))
 
 
 def _rows(measurement: Measurement, truth: dict[str, Any]) -> list[list[float]]:

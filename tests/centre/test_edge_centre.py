@@ -87,21 +87,21 @@ def test_a_fit_of_another_size_is_tried_again_from_the_distance_that_it_found(
     """From a wrong distance some fits end at another size; a target of another size stays one."""
     _, view = viewed("disc-250")
     outline, start = view.target.edge, (np.zeros(2), 0.0)
-    near, begin, begun = view.near(outline, start), square_on(0.01, view.config, start), []
+    near, begin, starts = view.near(outline, start), square_on(0.01, view.config, start), []
     real = fit_edge(near, outline, 0.01, view.plane.sigma_m, view.config, begin)
     first = replace(real, growth_m=growth_m, growth_u_m=1e-5, inverse_distance=0.7)
     left = explains * first.unexplained
     other = replace(first, growth_m=other_m, unexplained=left, converged=settles)
 
     def fit(points, *, begin):
-        begun.append(begin)
-        return first if len(begun) == 1 else other
+        starts.append(begin)
+        return first if len(starts) == 1 else other
 
     monkeypatch.setattr(edge_centre, "_fit", lambda *args: fit)
     monkeypatch.setattr(edge_centre, "aimed", lambda *args: replace(begin, state=args[-1]))
     found = edge_centre._by_mixed_pixels(view, outline, start, near, begin)
     assert found is (other if taken == "other" else first)
-    assert [one.state for one in begun[1:]] == ([] if taken == "alone" else [0.7])
+    assert [one.state for one in starts[1:]] == ([] if taken == "alone" else [0.7])
 
 
 @pytest.mark.parametrize(
