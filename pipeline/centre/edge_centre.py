@@ -311,7 +311,12 @@ def _fits_size(edge_fit: EdgeFit, spot_m: float) -> bool:
 
 
 def _explains_more(other: EdgeFit, found: EdgeFit) -> bool:
-    """Return whether another fit leaves less unexplained, by another size of less."""
+    """Return whether another fit leaves less unexplained, by another size of less.
+
+    As much is enough where the one found did not converge.
+    """
+    if not found.converged:
+        return other.converged and other.unexplained < AS_MUCH * found.unexplained
     smaller = abs(other.growth_m) < abs(found.growth_m)
     return other.converged and smaller and AS_MUCH * other.unexplained < found.unexplained
 
@@ -371,14 +376,15 @@ def _by_mixed_pixels(
     """Fit an edge to its mixed pixels; where the beams are steep, again with points farther aside.
 
     To intensities, where nothing behind the edge shows the beams' direction. Where the edge seems
-    to be of another size, again with beams from the distance that the fit found: a wrong one to
-    start from leads to such solutions, too.
+    to be of another size, or the fit did not converge, again with beams from the distance that it
+    found: a wrong one to start from leads to such solutions, too.
     near: points (N, 3 or 4) about the outline. begin: as in `fit_edge`; None: found from more.
     """
     fit = _fit(view, outline)
     edge_fit = None if begin is None else fit(near, begin=begin)
     if edge_fit is not None and float(np.hypot(*edge_fit.beam)) < GENTLE:
-        if isinstance(begin, EdgeFit) or _fits_size(edge_fit, view.config.spot_radius_m):
+        likely = edge_fit.converged and _fits_size(edge_fit, view.config.spot_radius_m)
+        if isinstance(begin, EdgeFit) or likely:
             return edge_fit
         aim = _aimed(view, near, outline, start, edge_fit.inverse_distance)
         other = None if aim is None else fit(near, begin=aim)

@@ -21,10 +21,15 @@ from wheelplane.centre.edge.beams import (
     LAMBERT_SIGMA,
     LEAST_IN_HALF,
     LEAST_IN_RING,
+    LEAST_OTHER,
     LEAST_WALL,
     MAX_SPREAD,
     MAX_SPREAD_SPARSE,
     MIN_DEPTH_M,
+    MOST_OTHER,
+    NEXT_M,
+    OFF_ROUGH,
+    OFF_SHARE,
     RATIO,
     RING_M,
     ROTATION,
@@ -248,7 +253,7 @@ def ring(count, seed=0, share=None, tau=0.4):
     """Beams about an edge, as many at any distance outside, and the depth of a tilted plane."""
     rng = np.random.default_rng(seed)
     x_m, share = rng.uniform(-0.01, 0.045, count), rng.random(count) if share is None else share
-    depth = np.where(x_m > 0.002, 0.08 + 0.9 * x_m + 0.01 * share, 0.0)
+    depth = np.where(x_m > 0.0015, 0.08 + 0.9 * x_m + 0.01 * share, 0.0)
     depth = depth + rng.normal(0.0, 0.001, count)
     none = np.zeros((count, 2))
     tau = np.full(count, tau) * np.where(rng.random(count) < 0.5, 1.0, -1.0)
@@ -290,6 +295,11 @@ def by_sectors(beams, depth, state):
         few = np.sum(here) < SPARSE
         usable = np.sum(here) >= least
         usable &= spread < (MAX_SPREAD_SPARSE if few else MAX_SPREAD) * middle(rest)
+        beside = (part == k) & (beyond > 0.0) & (beyond < NEXT_M)
+        behind = middle(rest) + slope * (np.clip(beams.x_m[beside], 0.0, None) - from_m)
+        behind = np.maximum(behind, MIN_DEPTH_M)
+        off = np.abs(depth[beside] - behind) > np.maximum(OFF_ROUGH * spread, OFF_SHARE * behind)
+        usable &= np.sum(off) < LEAST_OTHER or np.mean(off) <= MOST_OTHER
         rows.append([middle(rest), from_m, slope, spread, usable])
     return np.array(rows, dtype=float)
 
@@ -300,7 +310,10 @@ def test_the_background_of_a_sector_is_a_line_through_medians(count):
     if count == 1500:  # a rough third, and an empty one
         depth = np.where(beams.share < 0.3, depth * (1.0 + 3.0 * np.sin(1e5 * depth) ** 2), depth)
         depth[beams.share > 0.7] = 0.0
-    state = state_of()
+    state, next_m = state_of(), np.exp(state_of()[SPOT]) + 0.004
+    if count == 8000:  # another surface beside the edge
+        nearer = (beams.share > 0.4) & (beams.share < 0.6) & (beams.x_m < next_m)
+        depth = np.where(nearer & (beams.x_m > 0.0), 0.05, depth)
     found, expected = look_up(beams, depth, state), by_sectors(beams, depth, state)
     assert len(found.usable) == len(expected)
     shown = np.isfinite(expected[:, 0])
@@ -309,6 +322,10 @@ def test_the_background_of_a_sector_is_a_line_through_medians(count):
         np.testing.assert_allclose(values, expected[shown, column], atol=1e-12, err_msg=name)
     assert not found.usable[~shown].any()
     assert np.any(found.slope) == (count > 100)
+    if count == 8000:
+        middle = (np.arange(len(found.usable)) + 0.5) / len(found.usable)
+        beside = (middle > 0.41) & (middle < 0.59)
+        assert np.mean(found.usable[beside]) < 0.7 < 0.9 < np.mean(found.usable[~beside])
 
 
 def test_the_background_is_that_of_its_plane():

@@ -15,8 +15,12 @@ from wheelplane.centre.edge.edge_residuals import (
     CHANCE,
     LEAST_CHANGE,
     LEAST_SHOWN,
+    LEAST_UNEVEN,
     LIMIT,
     SECTORS,
+    UNEVEN_MEAN,
+    UNEVEN_SECTORS,
+    UNEVEN_SHARE,
     ZONE_LOG,
     ZONES,
     EdgeProblem,
@@ -58,6 +62,47 @@ def dense(linear, prior):
     by_zone = linear.slopes[:, RATIO, None] * (zone[:, None] == np.arange(ZONES))
     known = np.append(prior.weight, np.full(ZONES, 1.0 / linear.zones.sigma**2))
     return np.column_stack([linear.slopes, by_zone]), known
+
+
+def of_sectors(off, variance=1e-6):
+    """Equations of rows of residuals over their standard uncertainties, by sector: K lists."""
+    share = np.concatenate([np.full(len(z), (k + 0.5) / UNEVEN_SECTORS) for k, z in enumerate(off)])
+    z = np.concatenate(off)
+    linear, _, _ = drawn()
+    weight, change = robust_weight(z**2, converged=True)
+    values = {
+        "share": share,
+        "residual_m": z * variance**0.5,
+        "weight": weight / variance,
+        "change": change / variance,
+        "slopes": np.ones((len(z), STATES)),
+    }
+    return replace(linear, **values, depths=len(z))
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_sectors_off_on_one_side_or_with_outliers_are_uneven(sign):
+    """Whatever the scale; where enough points show it."""
+    some, few = 5 * LEAST_UNEVEN, LEAST_UNEVEN - 1
+    wide = sign * np.linspace(-3.0, 3.0, some)  # symmetrical
+    one = 1.01 / some
+    lost = [round((UNEVEN_SHARE + by) * some) for by in (-one, one)]
+    cases = [
+        (wide, False),
+        (wide + sign * 0.9 * UNEVEN_MEAN, False),
+        (wide + sign * 1.1 * UNEVEN_MEAN, True),
+        (np.full(few, sign), False),
+        (np.full(few + 1, sign), True),
+        (np.append(wide[lost[0] :] - wide[lost[0] :].mean(), [9.0] * lost[0]), False),
+        (np.append(wide[lost[1] :] - wide[lost[1] :].mean(), [9.0] * lost[1]), True),
+        (np.zeros(0), False),
+    ]
+    off = [z for z, _ in cases] + [np.zeros(some)] * (UNEVEN_SECTORS - len(cases))
+    expected = [uneven for _, uneven in cases] + [False] * (UNEVEN_SECTORS - len(cases))
+    for variance in (1e-8, 1.0):
+        np.testing.assert_array_equal(of_sectors(off, variance).uneven, expected)
+    held = replace(of_sectors(off), slopes=np.zeros((sum(map(len, off)), STATES)))
+    assert not held.uneven.any()  # points that depend on nothing show nothing
 
 
 @pytest.mark.parametrize("size", [0.003, 20.0])

@@ -29,6 +29,7 @@ from wheelplane.centre.edge.clean_fit import ALONE, CONTRADICTED, LEAST_CLEAN, U
 from wheelplane.centre.edge.edge_residuals import (
     ALIKE_LOG,
     SECTORS,
+    UNEVEN_SECTORS,
     ZONE_LOG,
     EdgeProblem,
     Zones,
@@ -38,6 +39,8 @@ from wheelplane.centre.edge.edge_residuals import (
 from wheelplane.centre.edge.mixed_fit import (
     DIFFERENT,
     LOOKS,
+    MOST_UNEVEN,
+    MOVED_M,
     NOTICED_GROWTH_M,
     ROUGH_M,
     SHORTER,
@@ -48,6 +51,7 @@ from wheelplane.centre.edge.solution import AS_MUCH, STEP_M, Solution
 from wheelplane.config import CentreConfig
 
 CONFIG, BEHIND_M = CentreConfig(), 0.1
+NONE_UNEVEN = np.zeros(UNEVEN_SECTORS, bool)
 
 
 def put_in(monkeypatch, moves):
@@ -68,7 +72,8 @@ def put_in(monkeypatch, moves):
 
     for module in (mixed_fit, clean_fit):
         monkeypatch.setattr(module, "step", move)
-        monkeypatch.setattr(module, "look_up", look)
+    monkeypatch.setattr(clean_fit, "look_up", look)
+    monkeypatch.setattr(EdgeProblem, "background", look)
     monkeypatch.setattr(mixed_fit, "equations", linear)
     monkeypatch.setattr(clean_fit, "clean_equations", lambda *a: called.flags.append(a[2:]) or ZERO)
     return called
@@ -419,7 +424,9 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
     def by_backgrounds(problem, state, most):
         weights.append(problem.prior.weight[GROWTH])
         name = "first" if len(weights) == 1 else "stated"
-        linear = SimpleNamespace(weight=np.array([0.0, 4.0, 4.0]), residual_m=np.ones(3))
+        linear = SimpleNamespace(
+            weight=np.array([0.0, 4.0, 4.0]), residual_m=np.ones(3), uneven=NONE_UNEVEN
+        )
         zones = Zones.free() if freed and name == "stated" else Zones.alike()
         return Solution(states[name], zones, None, linear, 5, 0.0)
 
@@ -438,6 +445,66 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
     strange = abs(first) > 1.0
     expected = [SIZE_M**-2, HELD_SIZE_M**-2, SIZE_M**-2]
     np.testing.assert_allclose(weights, expected if strange else expected[:1])
+
+
+@pytest.mark.parametrize(
+    ("sectors", "moved_m", "left", "taken"),
+    [
+        ((), 0.0, 0.5, "first"),
+        ((3,), 0.9 * MOVED_M, 0.5, "again"),
+        ((3,), 1.1 * MOVED_M, 0.9, "anew"),
+        ((3,), 1.1 * MOVED_M, 1.1, "again"),  # what is sought anew explains less
+        (range(int(MOST_UNEVEN * UNEVEN_SECTORS) + 1), 1.0, 0.5, "first"),
+    ],
+)
+def test_sectors_that_contradict_their_background_are_left_out(
+    monkeypatch, sectors, moved_m, left, taken
+):
+    """Unless they are many: then something else is wrong."""
+    uneven, left_out = NONE_UNEVEN.copy(), []
+    uneven[list(sectors)] = True
+
+    def ended(name, u_m=0.0, square=1.0, flagged=NONE_UNEVEN):
+        state = state_of()
+        state[0] += u_m
+        rows = {"weight": np.ones(4), "residual_m": np.full(4, square**0.5)}
+        linear = SimpleNamespace(**rows, uneven=flagged, name=name)
+        return Solution(state, Zones.alike(), None, linear, 5, 0.0)
+
+    def by_backgrounds(problem, state, most):
+        left_out.append(problem.left_out)
+        first = problem.left_out is None
+        return ended("first", flagged=uneven) if first else ended("anew", square=left)
+
+    def again(problem, found, most):
+        left_out.append(problem.left_out)
+        return ended("again", moved_m)
+
+    monkeypatch.setattr(mixed_fit, "_by_backgrounds", by_backgrounds)
+    monkeypatch.setattr(mixed_fit, "_again", again)
+    problem, found = mixed_fit._cleared(problem_of(), state_of(), 40)
+    assert found.equations.name == taken
+    assert left_out[0] is None
+    for other in left_out[1:] if taken == "first" else [*left_out[1:], problem.left_out]:
+        np.testing.assert_array_equal(other, uneven)
+    assert len(left_out) == {"first": 1, "again": 2 + (moved_m > MOVED_M), "anew": 3}[taken]
+
+
+@pytest.mark.parametrize("found", ["again", "other"])
+def test_sectors_left_out_before_stay_so(monkeypatch, found):
+    """A second time those of the solution without the first ones are left out besides."""
+    flags = iter([[3], [7] if found == "other" else [], []])
+
+    def solved(problem, *args):
+        uneven = NONE_UNEVEN.copy()
+        uneven[next(flags)] = True
+        linear = SimpleNamespace(weight=np.ones(4), residual_m=np.ones(4), uneven=uneven)
+        return Solution(state_of(), Zones.alike(), None, linear, 5, 0.0)
+
+    monkeypatch.setattr(mixed_fit, "_by_backgrounds", solved)
+    monkeypatch.setattr(mixed_fit, "_again", solved)
+    problem, _ = mixed_fit._cleared(problem_of(), state_of(), 40)
+    assert list(np.flatnonzero(problem.left_out)) == ([3, 7] if found == "other" else [3])
 
 
 @pytest.mark.parametrize(("bad", "misfit"), [(0, 0.1), (3, 0.1), (5, 0.1), (6, 0.145)])

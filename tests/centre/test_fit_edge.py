@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from tests.centre.test_edge_iterations import RECORD
 from tests.support.scenes import Setup, Sheet, Wall, make
@@ -281,3 +282,30 @@ def test_few_points_are_mixed_where_some_lie_between_or_a_fit_explains_them(
     assert found is (fitted if by_pixels else clean)
     monkeypatch.setattr(module, "fit_clean", lambda *args: None)
     assert fit_edge(points, outline, 0.01, 2e-4, CONFIG, begin) is fitted
+
+
+def through_an_opening(seed, beyond_m, near_m=0.1, deep_m=0.44):
+    """Centre's error over u along u and v of a disc before a wheel: openings and a spoke's end.
+
+    Some of the edge has the deep of an opening behind it, and a rim that reaches as far beyond it.
+    """
+    rim = Sheet((0.0, 0.0, -near_m), outer=0.125 + beyond_m, inner=0.05)
+    face = Sheet((-0.12, 0.0, -near_m), half=(0.14, 0.3))
+    setup = PLAIN.but(
+        background_m=deep_m, background_tilt_deg=0.0, extra=(rim, face), incidence_deg=4.0
+    )
+    cloud = make(setup, seed)
+    found = fitted(Circle(0.125), cloud.points_m)
+    return found.centre_m / np.sqrt(np.diag(found.covariance_m2)), found
+
+
+@pytest.mark.parametrize("beyond_m", [0.004, 0.005, 0.007])
+def test_a_rim_that_ends_just_beyond_the_edge_moves_no_centre(beyond_m):
+    """It hides the opening behind it next to the edge, whose depth is that of most beyond."""
+    squares = 0.0
+    for seed in range(4):
+        off, found = through_an_opening(seed, beyond_m)
+        squares += float(np.sum(off**2))
+        assert found.converged
+        assert np.sqrt(np.trace(found.covariance_m2) / 2.0) < 4e-5  # 6e-5 by that depth
+    assert squares < stats.chi2.ppf(0.9995, 8)

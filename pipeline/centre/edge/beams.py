@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,9 @@ BEFORE, ROUGH_SHARE, BEFORE_M = 3.0, 0.02, 0.003
 SURFACE_M, SAME_DEPTH_M, LEAST_SAME, DEEPEST_M = (0.004, 0.02), 0.003, 3, 10.0
 MAX_SPREAD = 0.15  # sectors whose background is rougher than this share of its depth are left out
 SPARSE, MAX_SPREAD_SPARSE = 16, 0.4  # the same of sectors of fewer points, which are wider
+# Just beyond the footprint: how far it is looked at; off the background by more than that of its
+# roughness and of its depth, points are of another surface, which that many and that share show.
+NEXT_M, OFF_ROUGH, OFF_SHARE, LEAST_OTHER, MOST_OTHER = 0.003, 4.0, 0.15, 3, 0.3
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,8 @@ def look_up(beams: Beams, depth: Array, state: Array) -> Background:
     """Return the background just beyond the edge, by sector.
 
     A line through the medians of the ring's inner and outer half (Brown and Mood); through the
-    median of all where either holds fewer than LEAST_IN_HALF points.
+    median of all where either holds fewer than LEAST_IN_HALF points. A sector is of no use where
+    another surface lies between the edge and that background, as a spoke before an opening does.
     """
     wall = np.maximum(beams.tau, 0.0) * np.exp(state[THICKNESS])
     beyond = beams.x_m - np.exp(state[SPOT]) - wall
@@ -83,7 +87,14 @@ def look_up(beams: Beams, depth: Array, state: Array) -> Background:
     with np.errstate(invalid="ignore"):
         most = np.where(size >= SPARSE, MAX_SPREAD, MAX_SPREAD_SPARSE)
         usable = (size >= least) & (spread < most * depth_m)
-    return Background(depth_m, middle, slope, spread, usable)
+    clean = Background(depth_m, middle, slope, spread, usable)
+    beside = np.flatnonzero((beyond > 0.0) & (beyond < NEXT_M))
+    part = sector(beams.share[beside], count)
+    behind, _ = clean.at(part, beams.x_m[beside])
+    off_m = np.maximum(OFF_ROUGH * spread[part], OFF_SHARE * behind)
+    other = np.bincount(part, np.abs(depth[beside] - behind) > off_m, count)
+    shown = other > np.maximum(MOST_OTHER * np.bincount(part, minlength=count), LEAST_OTHER - 1)
+    return replace(clean, usable=usable & ~shown)
 
 
 def _quantiles(

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...targets import Outline, sector
-from ...vectors import Array, Rows
+from ...vectors import Array, Mask, Rows
 from .beams import (
     BEAM,
     RATIO,
@@ -23,6 +23,7 @@ from .beams import (
     carry,
     carry_near,
     footprint_m,
+    look_up,
     wall_reflectance,
 )
 from .mixed_pixel import EdgeProfile, edge_profile
@@ -38,6 +39,9 @@ CHANCE = 1.5  # standard deviations of what zones explain by chance
 LEAST_SHOWN = 0.01  # of the information of the best zone: others do not count
 LEAST_CHANGE = 0.3  # 0.77 of Gaussian residuals
 LEAST_LEFT = 0.05  # of a sector's share of the information, taken from 1
+# Sectors whose points contradict the background: their number; share of outliers, and mean of the
+# others over their standard uncertainties, from which they do; points that show it.
+UNEVEN_SECTORS, UNEVEN_SHARE, UNEVEN_MEAN, LEAST_UNEVEN = 90, 0.2, 0.6, 8
 FEW = 120  # points in the band of the edge: fewer count as few
 MOST_QUARTER = 1.0 - 1e-9  # of Cauchy's influence, which tends to 1
 SCATTERS, NODES = np.geomspace(1.0, 20.0, 200), 40  # of Gaussian residuals of few points
@@ -50,7 +54,8 @@ class EdgeProblem:
 
     few: too few of them to tell outliers, zones' reflectances, or the scatter of sectors.
     station: (3,) that all beams come from, if known. intensity: (N,) of that
-    of the face, NaN where unknown, or None.
+    of the face, NaN where unknown, or None. left_out: (UNEVEN_SECTORS,) sectors of the outline
+    that are not used; None: all are.
     """
 
     plane: Array
@@ -61,6 +66,7 @@ class EdgeProblem:
     few: bool = False
     station: Array | None = None
     intensity: Array | None = None
+    left_out: Mask | None = None
     _kept: dict[bytes, Beams] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def about(self, state: Array) -> EdgeProblem:
@@ -76,6 +82,14 @@ class EdgeProblem:
         plane = self.plane.T.take(rows, axis=1).T
         near = replace(self, plane=plane, depth=self.depth[rows], intensity=intensity)
         return near, beams
+
+    def background(self, state: Array) -> Background:
+        """Return the background by sector at a state, of those that are not left out."""
+        found = look_up(self.beams(state), self.depth, state)
+        if self.left_out is None:
+            return found
+        middle = (np.arange(len(found.usable)) + 0.5) / len(found.usable)
+        return replace(found, usable=found.usable & ~self.left_out[sector(middle, UNEVEN_SECTORS)])
 
     def beams(self, state: Array) -> Beams:
         """Return the points' beams, carried to the plane; those of the last state are kept."""
@@ -166,6 +180,23 @@ class Equations:
         quarter = self.weight * self.residual_m**2 / 4.0
         total = float(np.sum(np.log1p(-np.minimum(quarter, MOST_QUARTER))))
         return -2.0 * total / max(int(np.count_nonzero(self.weight)), 1)
+
+    @property
+    def uneven(self) -> Mask:
+        """Sectors (UNEVEN_SECTORS,) whose points contradict the background.
+
+        With q = z^2 / 16 of residuals z over their standard uncertainties, Tukey's influence has
+        the slope (1 - 5 q) / (1 - q) of its weight, which gives q again.
+        """
+        shown, count = self.shown, UNEVEN_SECTORS
+        kept = shown.weight > 0.0
+        ratio = np.divide(shown.change, shown.weight, out=np.ones_like(kept, float), where=kept)
+        z = 4.0 * np.sign(shown.residual_m) * np.sqrt((1.0 - ratio).clip(min=0.0) / (5.0 - ratio))
+        part = sector(shown.share, count)
+        points, left = np.bincount(part, minlength=count), np.bincount(part, kept, count)
+        aside = np.abs(np.bincount(part, z, count)) > UNEVEN_MEAN * left
+        outside = points - left > UNEVEN_SHARE * points
+        return np.asarray((points >= LEAST_UNEVEN) & (aside | outside))
 
     @property
     def shown(self) -> Equations:

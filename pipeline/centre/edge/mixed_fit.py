@@ -23,9 +23,8 @@ from .beams import (
     THICKNESS,
     WALL,
     Prior,
-    look_up,
 )
-from .edge_residuals import ZONES, EdgeProblem, Zones, equations, step, zone_scatter
+from .edge_residuals import UNEVEN_SECTORS, ZONES, EdgeProblem, Zones, equations, step, zone_scatter
 from .few_points import likeliest
 from .solution import (
     AS_MUCH,
@@ -39,7 +38,8 @@ from .solution import (
     unexplained,
 )
 
-DIFFERENT = 0.18  # scatter of the zones' reflectances, in logs: 0 to 0.17 where they are alike
+DIFFERENT = 0.1  # scatter of the zones' reflectances, in logs, from which each has its own
+CLEARED, MOST_UNEVEN, MOVED_M = 2, 0.4, 1e-5  # times; share of sectors; a move that starts anew
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST = 24  # points about an edge
 MOST_OF_FEW = 20  # iterations of each fit to few points
@@ -139,7 +139,7 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> Solution:
     if problem.few:
         solve = partial(_by_backgrounds, problem, most=MOST_OF_FEW)
         return likeliest(problem, state, solve)
-    found = _by_backgrounds(problem, state, most)
+    problem, found = _cleared(problem, state, most)
     if abs(found.state[GROWTH]) < NOTICED_GROWTH_M:
         return found
     sized = replace(problem, prior=problem.prior.sized())
@@ -152,6 +152,28 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> Solution:
         as_much = unexplained(again) < AS_MUCH * unexplained(found)
     likely = as_much and (less or explains_less(found, again))
     return again if likely and again.state[INVERSE] > 0.0 else found
+
+
+def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, Solution]:
+    """Return the problem without sectors that contradict their background, and its solution.
+
+    What lies near an edge there is none of one depth, and pulls beams and footprint. A solution
+    that moves without them is sought anew: they may have led it astray.
+    """
+    found = _by_backgrounds(problem, state, most)
+    left_out = np.zeros(UNEVEN_SECTORS, bool) if problem.left_out is None else problem.left_out
+    for _ in range(CLEARED):
+        uneven = found.equations.uneven
+        left_out = left_out | uneven
+        if not uneven.any() or np.mean(left_out) > MOST_UNEVEN:
+            break
+        problem = replace(problem, left_out=left_out)
+        again = _again(problem, found, most)
+        moved_m = float(np.abs(again.state[CENTRE] - found.state[CENTRE]).max())
+        if moved_m > MOVED_M:
+            again = min(again, _by_backgrounds(problem, state, most), key=unexplained)
+        found = again
+    return problem, found
 
 
 def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> Solution:
@@ -202,11 +224,11 @@ def _converge(
     problem: EdgeProblem, state: Array, zones: Zones, most: int, consistent: bool
 ) -> Solution:
     """Iterate steps, Newton's near a solution, until the centre converges, from a new look-up."""
-    background = look_up(problem.beams(state), problem.depth, state)
+    background = problem.background(state)
     length, before = 1.0, np.zeros(2)
     for iteration in range(1, most + 1):
         if not consistent and iteration in LOOKS:
-            background = look_up(problem.beams(state), problem.depth, state)
+            background = problem.background(state)
         robust = (consistent or iteration > 6) and not problem.few
         linear = equations(problem, background, state, zones, robust, consistent)
         moved, zones = step(linear, state, problem.prior, newton=robust)
