@@ -47,11 +47,12 @@ from .measurement import (
     residual_map,
     rounded,
     shaded,
+    spaced,
     thinned,
 )
-from .plane import Patch, PlaneFit, fit_plane
+from .plane import Patch, PlaneFit, distance_pull, fit_plane
 from .targets import Target, WheelTarget
-from .uncertainty import brightness_component, with_type_b
+from .uncertainty import brightness_component, distance_component, with_type_b
 from .vectors import Array
 from .wheel import fit_surface, profile_of, target_of
 
@@ -82,7 +83,7 @@ def measure_capture(
     origin = provenance_of_capture(capture, config, observations, naming)
     of_scans = [note for observation in observations for note in observation.notes]
     noted = [*of_scans, *noisy(observations, config.instrument)]
-    noted += [*rounded(observations), *thinned(observations)]
+    noted += [*rounded(observations), *thinned(observations), *spaced(observations)]
     noted += [*shaded(observations), *broken(observations)]
     noted += [*not_as_registered(observations), *not_printed(observations)]
     noted += not_as_thick(observations)
@@ -126,6 +127,10 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     if plane.brightness is not None and plane.brightness.level_m:
         off = brightness_component(plane.brightness.level_m, sight_m, fitted.normal)
         components = (*components, off)
+    pull = distance_pull(patch, plane, fitted.centre_m - sight_m, target.radius_m)
+    if pull is not None:
+        plane = replace(plane, spaced_m=pull.distance_m)
+        components = (*components, distance_component(pull.pull_m, fitted.normal))
     fitted = replace(fitted, components=components)
     residuals = residual_map(patch, plane, fitted, target, config.plane.edge_margin_m)
     return Evidence(fitted, plane, residuals)

@@ -82,7 +82,11 @@ HOMES = {
     "libusb_package": {"synth/scanner/raycast.py"},
     "trimesh": {"pipeline/readers/formats/mesh.py", "synth/scene/solids.py"},
     "cv2": {"pipeline/cloud/native.py", "synth/scene/pattern.py"},
-    "scipy": {"pipeline/plane/find_planes.py", "pipeline/uncertainty/distributions.py"},
+    "scipy": {
+        "pipeline/plane/find_planes.py",
+        "pipeline/plane/thinned/distance_pull.py",
+        "pipeline/uncertainty/distributions.py",
+    },
     "numba": {"pipeline/cloud/native.py"},
     "pye57": {"pipeline/readers/sandbox/worker.py", "synth/output/e57.py"},
     "lazrs": {"pipeline/readers/sandbox/worker.py"},

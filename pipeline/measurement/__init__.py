@@ -15,6 +15,7 @@ from .observe import (
     observe_entries,
     rounded,
     shaded,
+    spaced,
     thinned,
 )
 from .observe_vehicle import kinds_of, observe_cloud, observe_rolled
@@ -140,6 +141,7 @@ __all__ = [
     "rounded",
     "shaded",
     "smoothed",
+    "spaced",
     "stated",
     "steering_quantity",
     "thinned",

@@ -34,6 +34,12 @@ THINNED = (
     "is in the uncertainty, as a component of its own; export without voxel thinning, or thin at "
     "random."
 )
+SPACED = (
+    "The points of {names} lie at least {distance} apart, as of a scan thinned so: in the order of "
+    "the file this keeps more of the noise on one side of a plane. By how much it may pull the "
+    "planes along their normals is in the uncertainty, as a component of its own; export without "
+    "thinning, or thin at random."
+)
 BROKEN = {
     "step": (
         "The target's face has a step along a line, by {sizes}: its plane is that of all points, "
@@ -235,6 +241,16 @@ def rounded(observations: Sequence[Observation]) -> Iterator[str]:
 
     for size, names in _names_by(observations, step):
         yield Wording(ROUNDED, names=names, step=size)
+
+
+def spaced(observations: Sequence[Observation]) -> Iterator[str]:
+    """Yield a note for scans thinned to a least distance between points, one a distance."""
+
+    def distance(plane: PlaneFit) -> str:
+        return f"{plane.spaced_m * 1e3:.2g} mm" if plane.spaced_m else ""
+
+    for size, names in _names_by(observations, distance):
+        yield Wording(SPACED, names=names, distance=size)
 
 
 def thinned(observations: Sequence[Observation]) -> Iterator[str]:

@@ -9,7 +9,8 @@ from .patch import Patch
 from .ransac import RansacOptions, ransac
 from .scan_lines import nearest, strong_waves
 from .sigma_clipping import Clipping, converge, first_sigma
-from .thinned_plane import Thinning
+from .thinned.distance_pull import distance_pull
+from .thinned.voxel_pull import Thinning
 
 __all__ = [
     "SPANNED",
@@ -24,6 +25,7 @@ __all__ = [
     "Rounding",
     "Thinning",
     "converge",
+    "distance_pull",
     "find_planes",
     "first_sigma",
     "fit_clipped_plane",

@@ -26,7 +26,7 @@ from .patch import Patch
 from .rounded_plane import fit_rounded
 from .scan_lines import cells_along_lines
 from .sigma_clipping import CLIPPED_SIGMA_RATIO
-from .thinned_plane import LatticePull, Thinning, fit_pull
+from .thinned.voxel_pull import LatticePull, Thinning, fit_pull
 
 T = TypeVar("T")
 
@@ -64,7 +64,8 @@ class PlaneFit:
     the coordinates, None where it does not matter. brightness: what ranges follow of it, None where
     none was fitted; the plane is that of the mean brightness. thinning: on a
     voxel lattice, whose pull was removed; None without. broken: step or bend of the face, which
-    counts in the form of `correlated`; None where none is likely.
+    counts in the form of `correlated`; None where none is likely. spaced_m: least distance between
+    points to which the scan was thinned, 0 without.
     """
 
     centroid_m: Array
@@ -79,6 +80,7 @@ class PlaneFit:
     brightness: RangeByBrightness | None = None
     thinning: Thinning | None = None
     broken: FaceBreak | None = None
+    spaced_m: float = 0.0
 
     @property
     def normal(self) -> Array:
@@ -137,7 +139,7 @@ def fit_plane(patch: Patch, target: Target, config: PlaneConfig) -> PlaneFit:
     suffice. Points nearer to an edge than the margin are left out: there the laser spot mixes
     target and background. Where the coordinates were rounded to steps that are not fine compared
     with the noise, the plane of the greatest likelihood follows (see rounded_plane.py). Otherwise
-    the pull of a voxel lattice on which the points were thinned is removed (see thinned_plane.py);
+    the pull of a voxel lattice on which the points were thinned is removed (see voxel_pull.py);
     where ranges may follow the intensities, that is fitted with the plane (see brightness.py).
     Raises NotMeasuredError 'too-few-points' or 'steps-too-coarse'.
     """

@@ -138,6 +138,15 @@ def brightness_component(level_m: float, sight_m: Array, normal: Array) -> Uncer
     return replace(found, name="brightness", shared="brightness")
 
 
+def distance_component(pull_m: float, normal: Array) -> UncertaintyComponent:
+    """Return the component of a plane that a least distance between points may pull by pull_m.
+
+    pull_m: signed, towards the scanner; scans share it, since what thinned them is the same.
+    """
+    factor = np.concatenate([np.zeros(3), pull_m * normal])[:, None]
+    return UncertaintyComponent("thinning", factor, shared="thinning")
+
+
 def pointing_component(
     angle_rad: float, sight_m: Array, normal: Array, station: str | None = None
 ) -> UncertaintyComponent:

@@ -13,7 +13,7 @@ from wheelplane.cloud.steps import Steps
 from wheelplane.config import PlaneConfig
 from wheelplane.plane import Patch
 from wheelplane.plane.clipped_plane import ClipSlab, fit_clipped_plane
-from wheelplane.plane.thinned_plane import fit_pull
+from wheelplane.plane.thinned.voxel_pull import fit_pull
 from wheelplane.targets.plates import DiscTarget
 
 module = importlib.import_module("wheelplane.plane.fit_plane")

@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from wheelplane.cloud import VoxelLattice
-from wheelplane.plane.thinned_plane import (
+from wheelplane.plane.thinned.voxel_pull import (
     LEAST_REST,
     NEAREST_U,
     POINTS,

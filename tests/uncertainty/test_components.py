@@ -14,6 +14,7 @@ from wheelplane.plane.least_squares import total_least_squares
 from wheelplane.targets.plates import DiscTarget
 from wheelplane.uncertainty.components import (
     centre_component,
+    distance_component,
     flatness_component,
     mounting_component,
     plane_component,
@@ -134,6 +135,17 @@ def test_range_bias_by_moving_every_point_along_its_beam(seed):
     np.testing.assert_allclose(component.factor[3:, 0], change[3:], atol=1e-3 * bias)
     assert np.linalg.norm(change[:3]) > 0.1 * bias / 2.0
     assert component.shared == "scanner"
+
+
+def test_what_a_least_distance_pulls_moves_centres_along_their_normals_alike():
+    normal = np.array([0.6, 0.0, 0.8])
+    component = distance_component(-1e-4, normal)
+    expected = np.zeros((6, 6))
+    expected[3:, 3:] = 1e-8 * np.outer(normal, normal)
+    np.testing.assert_allclose(component.covariance, expected, atol=1e-20)
+    other = distance_component(1e-4, -normal)  # seen from behind, and pulled there
+    np.testing.assert_allclose(component.factor, other.factor)
+    assert component.shared == other.shared is not None
 
 
 @pytest.mark.parametrize("axis", range(3))

@@ -21,9 +21,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..cloud import VoxelLattice
-from ..vectors import Array
-from .correlated_noise import erf
+from ...cloud import VoxelLattice
+from ...vectors import Array
+from ..correlated_noise import erf
 
 TABLE = 200  # depths in a layer
 LAYERS = np.arange(-4, 5)

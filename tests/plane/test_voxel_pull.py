@@ -10,7 +10,7 @@ from tests.support.thinned import face, means, nearest
 from wheelplane.cloud import VoxelLattice, find_lattice
 from wheelplane.config import PlaneConfig
 from wheelplane.plane import Patch, fit_plane
-from wheelplane.plane.thinned_plane import _form, fit_pull
+from wheelplane.plane.thinned.voxel_pull import _form, fit_pull
 from wheelplane.targets.plates import DiscTarget
 
 DISC = DiscTarget(shape="disc", diameter=0.25, thickness=0.01)
