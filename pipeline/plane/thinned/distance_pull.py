@@ -12,6 +12,7 @@ thinned otherwise looks the same, and is not off. So this is an uncertainty, not
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,7 @@ EVEN, NEARER, NEARER_SHARE = 0.7, 0.97, 0.1
 # the least distance; share that has one: 0.67 and more on a grid, 0.1 to 0.4 elsewhere.
 INNER, BESIDE, OPPOSITE = 0.6, 0.25, 0.5
 PLACE = 0.75  # of the radius: where they lie, off the hole of a ring
+WIDE = 1.5  # half of the width of a square that holds them, of the radius of as many
 USED = 3.0  # standard deviations off the plane, up to which points are looked at
 REACH = 4.5  # standard deviations of noise that are looked at
 STEPS, WITHIN = 181, 10_000  # of the noise of a point; points at once
@@ -53,17 +55,25 @@ def distance_pull(
 
     scanner_m: (3,) where their beams come from. None where the points show no least distance.
     """
-    points = in_axes(plane.basis, patch.face_m)
-    points += plane.basis @ (patch.origin_m - plane.centroid_m)
     scanner = plane.basis @ (scanner_m - plane.centroid_m)
-    near = np.abs(points[:, 2]) < USED * plane.sigma_m
     place_m = np.array([PLACE * radius_m, 0.0, 0.0])
-    if not _are_spaced(_Beams.of(nearest(points[near] - place_m, LOOKED_AT) + place_m, scanner)):
+    seen = plane.centroid_m + place_m @ plane.basis - patch.origin_m
+    wide_m = WIDE * radius_m * math.sqrt(LOOKED_AT / max(len(patch.face_m), 1))
+    beside = np.all([np.abs(patch.face_m[:, k] - seen[k]) < wide_m for k in range(3)], axis=0)
+    points = _on_plane(patch.face_m[beside], patch, plane)
+    if not _are_spaced(_Beams.of(nearest(points - place_m, LOOKED_AT) + place_m, scanner)):
         return None
-    beams = _Beams.of(points[near & (np.hypot(points[:, 0], points[:, 1]) < radius_m)], scanner)
+    points = _on_plane(patch.face_m, patch, plane)
+    beams = _Beams.of(points[np.hypot(points[:, 0], points[:, 1]) < radius_m], scanner)
     distance_m = _least_distance_m(beams.points)
     height_m = _height_m(beams, _hindrances(beams, distance_m), plane.sigma_m)
     return DistancePull(distance_m, -height_m)
+
+
+def _on_plane(face_m: Array, patch: Patch, plane: PlaneFit) -> Array:
+    """Return points of a patch (N, 3) in the plane's coordinates, without those far off it."""
+    points = in_axes(plane.basis, face_m) + plane.basis @ (patch.origin_m - plane.centroid_m)
+    return np.asarray(points[np.abs(points[:, 2]) < USED * plane.sigma_m])
 
 
 @dataclass(frozen=True)
