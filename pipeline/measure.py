@@ -127,7 +127,8 @@ def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:
     if plane.brightness is not None and plane.brightness.level_m:
         off = brightness_component(plane.brightness.level_m, sight_m, fitted.normal)
         components = (*components, off)
-    pull = distance_pull(patch, plane, fitted.centre_m - sight_m, target.radius_m)
+    seen = fitted.edge_fit is not None or patch.scanner_m is not None
+    pull = distance_pull(patch, plane, fitted.centre_m - sight_m, target.radius_m) if seen else None
     if pull is not None:
         plane = replace(plane, spaced_m=pull.distance_m)
         components = (*components, distance_component(pull.pull_m, fitted.normal))

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+from wheelplane.cloud import Steps
 from wheelplane.config import PlaneConfig
 from wheelplane.plane.fit_plane import fit_plane
 from wheelplane.plane.patch import Patch
-from wheelplane.plane.thinned.distance_pull import distance_pull
+from wheelplane.plane.thinned.distance_pull import ENOUGH, distance_pull
 from wheelplane.targets.registry import load_target
 from wheelplane.vectors import plane_basis
 
@@ -113,6 +115,30 @@ def test_points_of_a_regular_raster_are_left_alone(sigma_m, slope):
     points, scanner = scan(5, slope, sigma_m=0.0, spacing_m=4e-3, jitter=0.02)
     noise = np.random.default_rng(0).normal(0.0, sigma_m, (len(points), 1))
     assert left_alone(points + noise * NORMAL, scanner)
+
+
+@pytest.mark.parametrize("step_m", [1e-3, 2e-3])
+def test_rounded_coordinates_are_left_alone(step_m):
+    """They lie a step apart, whatever their beams do."""
+    points, scanner = scan(5)
+    patch = patch_of(np.rint(points / step_m) * step_m)
+    patch = replace(patch, steps=Steps(np.full(3, step_m)))
+    plane = fit_plane(patch, DISC, PlaneConfig())
+    assert distance_pull(patch, plane, ORIGIN_M + scanner, DISC.radius_m) is None
+
+
+def test_many_points_are_looked_at_in_a_strip():
+    """Those of all give the same, within what chance leaves of fewer."""
+    points, scanner = scan(9, spacing_m=7e-4)
+    patch = patch_of(thinned(points, 1e-3))
+    plane = fitted(patch)[2]
+    found = distance_pull(patch, plane, ORIGIN_M + scanner, DISC.radius_m)
+    assert len(patch.face_m) > 2 * ENOUGH
+    with pytest.MonkeyPatch.context() as change:
+        change.setattr("wheelplane.plane.thinned.distance_pull.ENOUGH", len(points))
+        every = distance_pull(patch, plane, ORIGIN_M + scanner, DISC.radius_m)
+    assert found.distance_m == pytest.approx(every.distance_m, rel=1e-3)
+    assert found.pull_m == pytest.approx(every.pull_m, abs=4.0 * 8e-4 / ENOUGH**0.5)
 
 
 @pytest.mark.parametrize("kept", [0.02, 0.1, 0.5])

@@ -34,6 +34,8 @@ USED = 3.0  # standard deviations off the plane, up to which points are looked a
 REACH = 4.5  # standard deviations of noise that are looked at
 STEPS, WITHIN = 181, 10_000  # of the noise of a point; points at once
 ITERATIONS = 8
+STEPS_APART = 3.0  # steps of rounded coordinates, that a least distance is longer than
+ENOUGH = 15_000  # points by which the pull is found
 
 
 @dataclass(frozen=True)
@@ -64,8 +66,13 @@ def distance_pull(
     if not _are_spaced(_Beams.of(nearest(points - place_m, LOOKED_AT) + place_m, scanner)):
         return None
     points = _on_plane(patch.face_m, patch, plane)
-    beams = _Beams.of(points[np.hypot(points[:, 0], points[:, 1]) < radius_m], scanner)
+    points = points[np.hypot(points[:, 0], points[:, 1]) < radius_m]
+    if len(points) > ENOUGH:  # a strip across the middle, in the order of the file
+        points = points[np.sort(np.argpartition(np.abs(points[:, 1]), ENOUGH)[:ENOUGH])]
+    beams = _Beams.of(points, scanner)
     distance_m = _least_distance_m(beams.points)
+    if distance_m < STEPS_APART * float(patch.steps.step_m.max()):
+        return None  # that of rounded coordinates
     height_m = _height_m(beams, _hindrances(beams, distance_m), plane.sigma_m)
     return DistancePull(distance_m, -height_m)
 
