@@ -11,6 +11,7 @@ import json
 import logging
 import socket
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from .security import RefusedError, response_headers
@@ -67,8 +68,13 @@ class Listener:
             self._close_all()
 
     def stop(self) -> None:
-        """End `run`."""
-        self._server.trigger.pull_trigger(self._close_all)
+        """End `run`.
+
+        Awake for another reason, it may end before it is woken for this one: what would have done
+        so is closed then.
+        """
+        with suppress(OSError):
+            self._server.trigger.pull_trigger(self._close_all)
 
     def _close_all(self) -> None:
         from waitress import wasyncore

@@ -79,6 +79,23 @@ def hasty(tmp_path, monkeypatch):
         yield Served(tmp_path, stack)
 
 
+def test_a_server_that_ends_before_it_is_woken_has_ended(tmp_path):
+    """It is awake for what a request has sent, and finds that it is to stop."""
+    with ExitStack() as stack:
+        served = Served(tmp_path, stack)
+        trigger = served.listener._server.trigger
+        wake = trigger._physical_pull
+
+        def late() -> None:
+            wake()
+            while trigger._fds:
+                time.sleep(0.001)
+            wake()
+
+        trigger._physical_pull = late
+    assert served.listener._server.has_ended
+
+
 def test_any_number_of_idle_connections_leaves_room(served):
     before, files = threading.active_count(), open_files()
     with ExitStack() as stack:
