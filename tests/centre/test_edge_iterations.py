@@ -39,6 +39,7 @@ from wheelplane.centre.edge.edge_residuals import (
 from wheelplane.centre.edge.mixed_fit import (
     DIFFERENT,
     LOOKS,
+    MOST_ROUGH,
     MOST_UNEVEN,
     MOVED_M,
     NOTICED_GROWTH_M,
@@ -119,12 +120,12 @@ def test_steps_that_go_back_are_shortened_to_a_least(monkeypatch):
         back = move * before < 0.0
         lengths.append(max(lengths[-1] * SHORTER, SHORTEST) if back else lengths[-1])
         before = move
-    for consistent, expected in ((True, lengths), (False, np.ones(len(moves)))):
+    for consistent, expected in ((True, lengths), (False, np.ones(MOST_ROUGH))):
         put_in(monkeypatch, moves)
         args = problem_of(), state_of(), Zones.alike(), len(moves)
         found = mixed_fit._converge(*args, consistent=consistent)
-        assert found.iterations == len(moves)
-        sought = state_of()[0] + np.dot(expected, moves)
+        assert found.iterations == len(expected)  # a first fit ends sooner
+        sought = state_of()[0] + np.dot(expected, moves[: len(expected)])
         assert found.state[0] == pytest.approx(sought, abs=1e-12)
     assert min(lengths) == SHORTEST
 
@@ -505,6 +506,15 @@ def test_sectors_left_out_before_stay_so(monkeypatch, found):
     monkeypatch.setattr(mixed_fit, "_again", solved)
     problem, _ = mixed_fit._cleared(problem_of(), state_of(), 40)
     assert list(np.flatnonzero(problem.left_out)) == ([3, 7] if found == "other" else [3])
+
+
+@pytest.mark.parametrize(
+    ("weight", "left"), [([], 4.0), ([0.0], 4.0), ([1.0, 0.0], 2.5), ([1.0, 1.0], 1.0)]
+)
+def test_outliers_are_unexplained_and_so_is_a_solution_without_points(weight, left):
+    rows = SimpleNamespace(weight=np.array(weight), residual_m=np.ones(len(weight)))
+    found = Solution(state_of(), Zones.alike(), None, rows, 5, 0.0)
+    assert solution.unexplained(found) == pytest.approx(left)
 
 
 @pytest.mark.parametrize(("bad", "misfit"), [(0, 0.1), (3, 0.1), (5, 0.1), (6, 0.145)])

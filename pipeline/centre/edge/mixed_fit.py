@@ -43,7 +43,7 @@ CLEARED, MOST_UNEVEN, MOVED_M = 2, 0.4, 1e-5  # times; share of sectors; a move 
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST = 24  # points about an edge
 MOST_OF_FEW = 20  # iterations of each fit to few points
-ROUGH_M = 2e-6  # a step of the centre that ends a first fit
+ROUGH_M, MOST_ROUGH = 2e-6, 20  # a step of the centre that ends a first fit; its iterations
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
@@ -226,6 +226,7 @@ def _converge(
     """Iterate steps, Newton's near a solution, until the centre converges, from a new look-up."""
     background = problem.background(state)
     length, before = 1.0, np.zeros(2)
+    most = most if consistent else min(most, MOST_ROUGH)
     for iteration in range(1, most + 1):
         if not consistent and iteration in LOOKS:
             background = problem.background(state)

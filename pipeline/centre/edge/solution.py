@@ -27,6 +27,7 @@ UNEVEN = 5  # of the sectors: at most so many have a background that leaves outl
 STEP_M, CONVERGED_M = 2e-7, 1e-5  # a step of the centre that ends a fit; that counts as converged
 SETTLED = 0.2  # share of u that a step may still be, then
 AS_MUCH = 1.03  # of what a solution leaves unexplained, what another may leave; 1.02 by alike noise
+OUTLIER = 4.0  # square of an outlier, over its variance
 MISFIT = 0.09  # share of outliers beyond which a fit explains no edge
 BY_CHANCE = 9.0  # of a sum of squares over their variances, that one parameter explains by chance
 
@@ -184,9 +185,14 @@ def is_settled(found: Solution, covariance_m2: Array) -> bool:
 
 
 def unexplained(found: Solution) -> float:
-    """Return the mean square of residuals over their standard uncertainties, outliers as of two."""
+    """Return the mean square of residuals over their standard uncertainties, outliers as of two.
+
+    Without any points as if all were outliers.
+    """
     weight, residual_m = found.equations.weight, found.equations.residual_m
-    return float(np.mean(np.where(weight > 0.0, weight * residual_m**2, 4.0)))
+    if len(residual_m) == 0:
+        return OUTLIER
+    return float(np.mean(np.where(weight > 0.0, weight * residual_m**2, OUTLIER)))
 
 
 def explains_less(
