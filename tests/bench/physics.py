@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from tests.support.scenes import Array
+from tests.support.thinned import least_distance
 from wheelplane.capture.open_capture import open_capture
 from wheelplane.config import Config, config_file, with_scanner
 from wheelplane.errors import InputError
@@ -273,13 +273,7 @@ def _round(scan: Path, step_m: float) -> None:
 def _thin(scan: Path, distance_m: float) -> None:
     """Thin a scan so that its points lie that far apart, in their order."""
     points = _points(scan)
-    kept = np.ones(len(points), bool)
-    near = KDTree(points["xyz"]).query_ball_point(points["xyz"], distance_m)
-    for k, others in enumerate(near):
-        if kept[k]:
-            kept[others] = False
-            kept[k] = True
-    _write(scan, points[kept])
+    _write(scan, points[least_distance(points["xyz"], distance_m)])
 
 
 def _append(scan: Path, other: Path) -> None:

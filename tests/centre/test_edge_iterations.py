@@ -73,7 +73,6 @@ def put_in(monkeypatch, moves):
 
     for module in (mixed_fit, clean_fit):
         monkeypatch.setattr(module, "step", move)
-    monkeypatch.setattr(clean_fit, "look_up", look)
     monkeypatch.setattr(EdgeProblem, "background", look)
     monkeypatch.setattr(mixed_fit, "equations", linear)
     monkeypatch.setattr(clean_fit, "clean_equations", lambda *a: called.flags.append(a[2:]) or ZERO)

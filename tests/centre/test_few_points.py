@@ -121,7 +121,7 @@ def test_a_likelier_state_is_so_before_the_background_of_either(monkeypatch, of_
     here, other = np.zeros(12), np.ones(12)
     losses = {(0.0, 0.0): 1.0, (1.0, 0.0): 2.0, (0.0, 1.0): of_the_other, (1.0, 1.0): 2.0}
     module = "wheelplane.centre.edge.few_points"
-    monkeypatch.setattr(f"{module}.look_up", lambda beams, depth, state: state[0])
+    monkeypatch.setattr(EdgeProblem, "background", lambda problem, state: state[0])
     monkeypatch.setattr(
         f"{module}.total_loss", lambda problem, state, background: losses[state[0], background]
     )

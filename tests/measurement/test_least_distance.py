@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.plane.test_distance_pull import thinned
 from tests.support.scenes import Setup, make
+from tests.support.thinned import least_distance
 from wheelplane.config import Config
 from wheelplane.detection.find_target import find_target
 from wheelplane.measure import fit_target
@@ -21,7 +21,7 @@ SCENE = Setup(spacing_m=1.4e-3, incidence_deg=20.0, pairs=12)
 
 def evidence(distance_m, **changes):
     points = make(SCENE.but(**changes), 0).points_m
-    points = thinned(points, distance_m) if distance_m else points
+    points = points[least_distance(points, distance_m)] if distance_m else points
     patch = find_target(points, DISC, Config().segment, 0)
     return fit_target(patch, DISC, Config())
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
+from tests.support.thinned import least_distance
 from wheelplane.cloud import Steps
 from wheelplane.config import PlaneConfig
 from wheelplane.plane.fit_plane import fit_plane
@@ -39,15 +40,9 @@ def scan(seed, slope=0.4, sigma_m=8e-4, spacing_m=1.4e-3, jitter=0.05, hole_m=0.
 
 
 def thinned(points, distance_m, order=None):
-    """What is left where each point kept takes those within the distance away, one by one."""
-    order = np.arange(len(points)) if order is None else order
-    points = points[order]
-    alive, near = np.ones(len(points), bool), KDTree(points).query_ball_point(points, distance_m)
-    for k, others in enumerate(near):
-        if alive[k]:
-            alive[others] = False
-            alive[k] = True
-    return points[alive]
+    """Points (M, 3) that are left in an order, of the file unless given."""
+    points = points if order is None else points[order]
+    return points[least_distance(points, distance_m)]
 
 
 def patch_of(points):

@@ -1,8 +1,9 @@
-"""Points of a disc as scanned, and thinned on a voxel grid."""
+"""Points of a disc as scanned, and thinned on a voxel grid or to a least distance."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import KDTree
 
 CENTRE_M = np.array([0.1, 0.75, 0.3])
 
@@ -48,3 +49,13 @@ def nearest(points, edge_m):
     cell = np.floor(points / edge_m).astype(int)
     order = np.argsort(np.linalg.norm(points - (cell + 0.5) * edge_m, axis=1))
     return points[order[np.unique(cell[order], axis=0, return_index=True)[1]]]
+
+
+def least_distance(points, distance_m):
+    """Rows of points (N, 3) that are left where each takes those within the distance away."""
+    kept = np.ones(len(points), bool)
+    for k, others in enumerate(KDTree(points).query_ball_point(points, distance_m)):
+        if kept[k]:
+            kept[others] = False
+            kept[k] = True
+    return np.flatnonzero(kept)

@@ -13,7 +13,7 @@ from ...config import CentreConfig
 from ...targets import sector
 from ...vectors import Array
 from .beam_direction import has_background
-from .beams import CENTRE, GROWTH, INVERSE, RATIO, ROTATION, SPOT, WALL, Prior, look_up
+from .beams import CENTRE, GROWTH, INVERSE, RATIO, ROTATION, SPOT, WALL, Prior
 from .clean_edge import (
     Wall,
     between_rows_m,
@@ -344,5 +344,5 @@ def _iterated(
         last_m = float(np.abs(moved[CENTRE]).max())
         if last_m < STEP_M and iteration > UNDAMPED:
             break
-    background = look_up(problem.beams(state), problem.depth, state)
+    background = problem.background(state)
     return Solution(state, linear.zones, background, linear, iteration, last_m)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...vectors import Array
-from .beams import BEAM, CENTRE, RATIO, SPOT, WALL, Background, look_up
+from .beams import BEAM, CENTRE, RATIO, SPOT, WALL, Background
 from .edge_residuals import EdgeProblem, Zones, predicted
 from .solution import Solution
 
@@ -43,7 +43,7 @@ def is_likelier(problem: EdgeProblem, state: Array, other: Array) -> bool:
     alone would count for more than the edge.
     """
     for one in (state, other):
-        background = look_up(problem.beams(one), problem.depth, one)
+        background = problem.background(one)
         if total_loss(problem, state, background) >= total_loss(problem, other, background):
             return False
     return True

@@ -32,7 +32,6 @@ from .beams import (
     SPOT,
     THICKNESS,
     Prior,
-    look_up,
     mixed_share,
     mixed_share_of_few,
     outside_m,
@@ -88,7 +87,7 @@ def fit_edge(
         likely = fitted is not None and fitted.loss < LOSS_BY_CHANCE and share > SOME_OF_FEW
     else:
         beams = problem.beams(state)
-        background = look_up(beams, problem.depth, state)
+        background = problem.background(state)
         share = mixed_share(beams, problem.depth, background)
         if share < MOST_CLEAN:
             share = mixed_share(beams, problem.depth, background, besides_surfaces=True)
@@ -107,7 +106,7 @@ def fit_edge(
 def _mixed_share_of_few(problem: EdgeProblem, state: Array) -> float:
     """Return the share of the points next to the edge that a state (12,) leaves to mixed pixels."""
     beams = problem.beams(state)
-    background = look_up(beams, problem.depth, state)
+    background = problem.background(state)
     deepest_m = target_depth_m(state, problem.sigma_m)
     return mixed_share_of_few(beams, problem.depth, background, deepest_m)
 

@@ -161,7 +161,7 @@ def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem
     that moves without them is sought anew: they may have led it astray.
     """
     found = _by_backgrounds(problem, state, most)
-    left_out = np.zeros(UNEVEN_SECTORS, bool) if problem.left_out is None else problem.left_out
+    left_out = np.zeros(UNEVEN_SECTORS, bool)
     for _ in range(CLEARED):
         uneven = found.equations.uneven
         left_out = left_out | uneven

@@ -168,8 +168,8 @@ def _hindrances(beams: _Beams, distance_m: float) -> _Hindrances:
     from scipy.spatial import KDTree
 
     farthest_m = np.abs(beams.off_m * np.hypot(beams.along[:, 0], beams.along[:, 1])).max()
-    pairs = KDTree(beams.met_m).query_pairs(distance_m / beams.along[:, 2].min() + farthest_m)
-    both = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2)
+    reach_m = distance_m / float(beams.along[:, 2].min()) + float(farthest_m)
+    both = KDTree(beams.met_m).query_pairs(reach_m, output_type="ndarray")
     later, earlier = both.max(axis=1), both.min(axis=1)
     before_m, aside_m = beams.passing(later, earlier)
     near = aside_m < distance_m
