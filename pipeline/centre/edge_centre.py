@@ -16,7 +16,7 @@ from ..targets import Holes, Outline, sector
 from ..vectors import Array, turned
 from .combine import CentreEstimate, CentreMethod
 from .edge.beam_direction import STEEPEST
-from .edge.beams import CENTRE, ROTATION, SIZE_M, Prior
+from .edge.beams import CENTRE, INVERSE, ROTATION, SIZE_M, Prior
 from .edge.fit_edge import (
     Aim,
     Behind,
@@ -69,6 +69,8 @@ ROWS = 0.2
 # In how many sectors, and how many in each, points beyond show that no crop ended the target.
 BEYOND_SECTORS, LEAST_BEYOND = 24, 2
 BY_SPACING = 0.1  # of the spacing: how far inside the edge the outermost points may lie all round
+OFF_INVERSE = 0.45  # 1/m, from the distance that a fit begins at: one and a half of its prior
+UNSETTLED = 1.2  # of what a fit leaves unexplained that did not converge: what another may leave
 MAX_RATIO = 50.0  # reflectance ratio, or its inverse, beyond which a fit is implausible
 CELL = 2.0  # of the spacing: cells in which points on and off the target are counted
 MANY_OFF = 0.05  # points off the target, of those on it: below, no other surface is that near
@@ -310,15 +312,21 @@ def _fits_size(edge_fit: EdgeFit, spot_m: float) -> bool:
     )
 
 
-def _explains_more(other: EdgeFit, found: EdgeFit) -> bool:
-    """Return whether another fit leaves less unexplained, by another size of less.
+def _explains_more(other: EdgeFit, found: EdgeFit, spot_m: float) -> bool:
+    """Return whether another fit leaves less unexplained, by the stated size or nearer to it.
 
-    As much is enough where the one found did not converge.
+    A little more may be left where the one found did not converge.
     """
     if not found.converged:
-        return other.converged and other.unexplained < AS_MUCH * found.unexplained
-    smaller = abs(other.growth_m) < abs(found.growth_m)
-    return other.converged and smaller and AS_MUCH * other.unexplained < found.unexplained
+        return other.converged and other.unexplained < UNSETTLED * found.unexplained
+    sized = abs(other.growth_m) < abs(found.growth_m) or _fits_size(other, spot_m)
+    return other.converged and sized and AS_MUCH * other.unexplained < found.unexplained
+
+
+def _is_likely(edge_fit: EdgeFit, begin: Aim | None, spot_m: float) -> bool:
+    """Return whether a fit converged, at about the stated size and the distance it began at."""
+    nearer = 0.0 if begin is None else edge_fit.inverse_distance - begin.state[INVERSE]
+    return edge_fit.converged and _fits_size(edge_fit, spot_m) and abs(nearer) < OFF_INVERSE
 
 
 def _growth_explained_m(edge_fit: EdgeFit) -> float:
@@ -375,20 +383,20 @@ def _by_mixed_pixels(
 ) -> EdgeFit | None:
     """Fit an edge to its mixed pixels; where the beams are steep, again with points farther aside.
 
-    To intensities, where nothing behind the edge shows the beams' direction. Where the edge seems
-    to be of another size, or the fit did not converge, again with beams from the distance that it
-    found: a wrong one to start from leads to such solutions, too.
+    To intensities, where nothing behind the edge shows the beams' direction. Where a fit is not
+    likely, again with beams from the distance that it found: a wrong one to start from leads to
+    such solutions, too.
     near: points (N, 3 or 4) about the outline. begin: as in `fit_edge`; None: found from more.
     """
     fit = _fit(view, outline)
     edge_fit = None if begin is None else fit(near, begin=begin)
     if edge_fit is not None and float(np.hypot(*edge_fit.beam)) < GENTLE:
-        likely = edge_fit.converged and _fits_size(edge_fit, view.config.spot_radius_m)
-        if isinstance(begin, EdgeFit) or likely:
+        if isinstance(begin, EdgeFit) or _is_likely(edge_fit, begin, view.config.spot_radius_m):
             return edge_fit
         aim = _aimed(view, near, outline, start, edge_fit.inverse_distance)
         other = None if aim is None else fit(near, begin=aim)
-        return other if other and _explains_more(other, edge_fit) else edge_fit
+        more = other and _explains_more(other, edge_fit, view.config.spot_radius_m)
+        return other if more else edge_fit
     near = view.near(outline, start, STEEPEST, even=True)
     if not isinstance(begin, EdgeFit):
         first = replace(begin, state=edge_fit.state) if begin and edge_fit else None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from wheelplane.centre.edge import beam_direction
 from wheelplane.centre.edge.beam_direction import (
     AGREE_M,
     COARSE_STEP,
@@ -15,10 +16,13 @@ from wheelplane.centre.edge.beam_direction import (
     MAX_THROUGH,
     RING_M,
     STEEPEST,
+    TRIED_FROM,
     UNSURE_INVERSE,
     WINDOW_M,
+    Shadow,
     _background_outside,
     _by_consensus,
+    _from_elsewhere,
     _of_all_directions,
     directions,
     first_beam,
@@ -114,6 +118,30 @@ def test_a_shadow_shows_the_beams_of_near_and_far_scanners(name, distance_m):
     assert found[INVERSE] == pytest.approx(1.0 / distance_m, abs=0.2)
     kept = np.delete(np.arange(12), [2, 3, INVERSE])
     np.testing.assert_array_equal(found[kept], start()[kept])
+
+
+@pytest.mark.parametrize(("of_all", "taken"), [((18, 34), 1.5), ((26, 34), 0.55)])
+def test_a_distance_that_some_points_agree_with_must_agree_with_all(monkeypatch, of_all, taken):
+    """A rectangle from 0.58 m was fitted as from 0.9 m: its centre was 0.28 mm off."""
+
+    def best_shadow(plane, depth, state, outline, ways):
+        every, inverse = len(depth) == 2 * TRIED_FROM, round(state[INVERSE], 2)
+        counts = {0.55: of_all if every else (16, 21), 1.5: (33, 36) if every else (28, 32)}
+        return Shadow(state, *counts.get(inverse, (12, 34)))
+
+    monkeypatch.setattr(beam_direction, "_best_shadow", best_shadow)
+    points = np.zeros((2 * TRIED_FROM, 2)), np.zeros(2 * TRIED_FROM)
+    found = _from_elsewhere(*points, start(), OUTLINES["disc"])
+    assert found.state[INVERSE] == taken
+
+
+@pytest.mark.parametrize("inverse", [0.3, 0.8, 1.4])
+def test_no_other_distance_than_a_known_one_is_tried(inverse):
+    outline, state = OUTLINES["disc"], start()
+    plane, depth = shadow(outline, (0.3, -0.2), distance_m=0.8, depth_m=0.085, spokes_m=0.35)
+    state[INVERSE] = inverse
+    assert first_beam(plane, depth, state, outline, known=True)[INVERSE] == inverse
+    assert first_beam(plane, depth, state, outline)[INVERSE] == pytest.approx(1.25, abs=0.2)
 
 
 @pytest.mark.parametrize("count", [1300, 2500])

@@ -255,6 +255,7 @@ def test_residuals_where_the_influence_falls_do_not_take_all_information():
 def scatter_of_zones(**changes):
     outline, points, station = scanned("disc", **changes)
     prior = Prior.of(0.01, CONFIG)
+    points = np.random.default_rng(0).permutation(points)
     problem = EdgeProblem(points[:, :2], -points[:, 2], prior, outline, 0.0003)
     return zone_scatter(_solved(problem, true_state(station), Zones.alike(), 40).equations, prior)
 

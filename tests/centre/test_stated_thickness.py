@@ -148,11 +148,11 @@ def test_a_thickness_is_doubted_where_few_points_or_the_prior_may_hide_a_wrong_o
 
     def best(problem, state, most):
         priors.append(problem.prior)
-        return ended(state=state)
+        return problem, ended(state=state)
 
     def again(problem, found, most):
         assert few
-        return best(problem, found.state, most)
+        return best(problem, found.state, most)[1]
 
     monkeypatch.setattr(mixed_fit, "_best", best)
     monkeypatch.setattr(mixed_fit, "_again", again)
@@ -186,7 +186,7 @@ def test_a_thickness_that_explains_less_contradicts_no_stated_one(monkeypatch, l
     solutions = [ended(state=state), ended(state=state)]
     solutions[1].equations.residual_m[0] = math.sqrt(left)
     remaining = iter(solutions)
-    monkeypatch.setattr(mixed_fit, "_best", lambda *args: next(remaining))
+    monkeypatch.setattr(mixed_fit, "_best", lambda problem, *args: (problem, next(remaining)))
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: off)
     fits = iter((FITTED, free(3.0 * THICK_M)))
     monkeypatch.setattr(mixed_fit, "record", lambda *args: next(fits))
@@ -211,7 +211,7 @@ def test_a_wall_as_deep_as_what_lies_beyond_it_is_none(monkeypatch, wall, neares
     solutions[1].background.depth_m[: 9 - (nearest or 0)] *= 2.0
     solutions[1].background.usable[:] = nearest is not None
     remaining, starts = iter(solutions), []
-    monkeypatch.setattr(mixed_fit, "_best", lambda *args: next(remaining))
+    monkeypatch.setattr(mixed_fit, "_best", lambda problem, *args: (problem, next(remaining)))
     monkeypatch.setattr(mixed_fit, "_again", lambda *args: starts.append(args) or solutions[0])
     monkeypatch.setattr(mixed_fit, "_tension", lambda *args: 2.2)
     monkeypatch.setattr(mixed_fit, "record", lambda *args: RECORD)

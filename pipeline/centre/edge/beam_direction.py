@@ -40,14 +40,17 @@ MOST_TRIPLES = 1800  # of sectors, whose answers are tried
 INSIDE = 5.0  # weight of a point inside the edge, of one outside
 
 
-def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Array | None:
+def first_beam(
+    plane: Array, depth: Array, state: Array, outline: Outline, known: bool = False
+) -> Array | None:
     """Return a state with the beams' direction, for points (N, 2) in the plane and (N,) deep.
 
+    known: whether the distance of the state is known, so that no other is tried.
     None where there is background beside less than a quarter of the edge, or where no direction
     explains it: then it was scanned from two stations, or does not lie behind the target.
     """
     found = _best_shadow(plane, depth, state, outline)
-    if found is not None and found.is_sure:
+    if found is not None and (known or found.is_sure):
         return found.state
     if found is None:
         tried = _of_all_directions(plane, depth, state, outline)
@@ -62,18 +65,19 @@ def first_beam(plane: Array, depth: Array, state: Array, outline: Outline) -> Ar
 def _from_elsewhere(plane: Array, depth: Array, state: Array, outline: Outline) -> Shadow | None:
     """Return the shadow of beams from another distance, the one that explains most."""
     some, best = slice(None, None, max(1, len(depth) // TRIED_FROM)), None
+    found: Shadow | None = None
     for inverses in OTHER_INVERSE:
         for inverse in inverses:
             here = state.copy()
             here[INVERSE] = inverse
-            found = _best_shadow(plane[some], depth[some], here, outline, (_by_consensus,))
-            if found is not None and (best is None or found.agreeing > best.agreeing):
-                best = found
-        if best is not None and best.agreeing >= ENOUGH * best.sectors:
-            break
-    if best is None:
-        return None
-    return _best_shadow(plane, depth, best.state, outline, (_by_consensus,)) or best
+            tried = _best_shadow(plane[some], depth[some], here, outline, (_by_consensus,))
+            if tried is not None and (best is None or tried.agreeing > best.agreeing):
+                best = tried
+        if best is not None:
+            found = _best_shadow(plane, depth, best.state, outline, (_by_consensus,)) or best
+            if found.agreeing >= ENOUGH * found.sectors:
+                break
+    return found
 
 
 @dataclass(frozen=True)

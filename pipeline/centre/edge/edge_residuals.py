@@ -50,12 +50,12 @@ RANK = 1e-6  # of a zone's information: least that the other parameters may leav
 
 @dataclass(frozen=True)
 class EdgeProblem:
-    """Points near the edge, (N, 2) in the plane and (N,) deep, and the prior of the state.
+    """Points near the edge, (N, 2) in the plane and (N,) deep, in random order; the state's prior.
 
     few: too few of them to tell outliers, zones' reflectances, or the scatter of sectors.
     station: (3,) that all beams come from, if known. intensity: (N,) of that
     of the face, NaN where unknown, or None. left_out: (UNEVEN_SECTORS,) sectors of the outline
-    that are not used; None: all are.
+    that are not used; None: such were not looked for.
     """
 
     plane: Array
@@ -82,6 +82,14 @@ class EdgeProblem:
         plane = self.plane.T.take(rows, axis=1).T
         near = replace(self, plane=plane, depth=self.depth[rows], intensity=intensity)
         return near, beams
+
+    def of_some(self, most: int) -> EdgeProblem:
+        """Return the problem of so many of the points, as of a scan with a wider spacing."""
+        if len(self.depth) <= most:
+            return self
+        intensity = None if self.intensity is None else self.intensity[:most]
+        plane = np.asfortranarray(self.plane[:most])
+        return replace(self, plane=plane, depth=self.depth[:most], intensity=intensity)
 
     def background(self, state: Array) -> Background:
         """Return the background by sector at a state, of those that are not left out."""

@@ -185,7 +185,7 @@ def aimed(
         given = pointed(begin, station, begin[CENTRE])
         if not is_contradicted(plane, depth, given, outline):
             return Aim(given, station)
-    found = first_beam(plane, depth, begin, outline)
+    found = first_beam(plane, depth, begin, outline, known=inverse is not None)
     return None if found is None else Aim(found)
 
 

@@ -38,12 +38,14 @@ from .solution import (
     unexplained,
 )
 
-DIFFERENT = 0.1  # scatter of the zones' reflectances, in logs, from which each has its own
+# Scatter of the zones' reflectances, in logs, from which each has its own; in a first fit.
+DIFFERENT, SURELY = 0.1, 0.2
 CLEARED, MOST_UNEVEN, MOVED_M = 2, 0.4, 1e-5  # times; share of sectors; a move that starts anew
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST = 24  # points about an edge
 MOST_OF_FEW = 20  # iterations of each fit to few points
-ROUGH_M, MOST_ROUGH = 2e-6, 20  # a step of the centre that ends a first fit; its iterations
+# A step of the centre that ends a first fit; its iterations; its points, inside and outside.
+ROUGH_M, MOST_ROUGH, ROUGH_POINTS = 2e-6, 20, 8000
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
@@ -72,10 +74,10 @@ def fit_mixed(
     steep = float(np.hypot(*state[BEAM])) > STEEP
     if steep:  # footprint and beams would diverge with the wall
         problem = replace(problem, prior=problem.prior.plain())
-    found = _best(problem, state, config.max_iterations)
+    problem, found = _best(problem, state, config.max_iterations)
     if steep and thickness_m is not None and _is_strange(found, problem.prior):
         held = replace(problem, prior=problem.prior.held(state))
-        found = _best(held, state, config.max_iterations)
+        _, found = _best(held, state, config.max_iterations)
     fitted = _recorded(found, problem)
     if fitted is None or thickness_m is None:
         return fitted
@@ -86,7 +88,7 @@ def fit_mixed(
     if problem.few:
         other = _again(doubted, found, config.max_iterations)
     else:
-        other = _best(doubted, state, config.max_iterations)
+        _, other = _best(doubted, state, config.max_iterations)
         if _reaches_background(other):
             other = _again(doubted, found, config.max_iterations)
     free, worse = _recorded(other, doubted), explains_less(other, found)
@@ -129,8 +131,8 @@ def _tension(fitted: EdgeFit, prior: Prior) -> float:
     return float(np.sqrt(np.sum((fitted.state - prior.mean)[EDGE] ** 2 / shown)))
 
 
-def _best(problem: EdgeProblem, state: Array, most: int) -> Solution:
-    """Return the solution of a fit to mixed pixels; of few, the likeliest of several.
+def _best(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, Solution]:
+    """Return the problem without uneven sectors, and its solution; of few points, the likeliest.
 
     A wide footprint and a growth explain an edge nearly as well as neither: a solution with growth
     gives way to one with less that is reached from the stated size and explains as much, or to one
@@ -138,20 +140,25 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> Solution:
     """
     if problem.few:
         solve = partial(_by_backgrounds, problem, most=MOST_OF_FEW)
-        return likeliest(problem, state, solve)
-    problem, found = _cleared(problem, state, most)
+        return problem, likeliest(problem, state, solve)
+    if problem.left_out is None:
+        problem, found = _cleared(problem, state, most)
+    else:
+        found = _by_backgrounds(problem, state, most)
     if abs(found.state[GROWTH]) < NOTICED_GROWTH_M:
-        return found
+        return problem, found
     sized = replace(problem, prior=problem.prior.sized())
     stated = _by_backgrounds(sized, state, most)
     again = _again(problem, stated, most)
+    if abs(again.state[GROWTH]) > NOTICED_GROWTH_M:  # before the background of another size
+        again = _again(problem, again, most)
     less = abs(again.state[GROWTH]) < abs(found.state[GROWTH])
     if again.zones.sigma > found.zones.sigma:
         as_much = explains_less(found, again, by_chance=BY_ZONES)
     else:
         as_much = unexplained(again) < AS_MUCH * unexplained(found)
     likely = as_much and (less or explains_less(found, again))
-    return again if likely and again.state[INVERSE] > 0.0 else found
+    return problem, again if likely and again.state[INVERSE] > 0.0 else found
 
 
 def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, Solution]:
@@ -160,8 +167,9 @@ def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem
     What lies near an edge there is none of one depth, and pulls beams and footprint. A solution
     that moves without them is sought anew: they may have led it astray.
     """
-    found = _by_backgrounds(problem, state, most)
     left_out = np.zeros(UNEVEN_SECTORS, bool)
+    problem = replace(problem, left_out=left_out)
+    found = _by_backgrounds(problem, state, most)
     for _ in range(CLEARED):
         uneven = found.equations.uneven
         left_out = left_out | uneven
@@ -179,18 +187,32 @@ def _cleared(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem
 def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> Solution:
     """Return the solution with one reflectance of the background, or by zones where these differ.
 
-    By zones also where beams are steep: there zones keep a rough fit from diverging.
+    By zones also where beams are steep: there zones keep a rough fit from diverging. At once where
+    a first fit shows that they differ; not one that went astray.
     """
-    steep = float(np.hypot(*state[BEAM])) > STEEP
-    found = _solved(problem, state, Zones.free() if steep else Zones.alike(), most)
-    if not (steep or problem.few) and zone_scatter(found.equations, problem.prior) > DIFFERENT:
-        found = _solved(problem, found.state, Zones.free(), most)
-    return found
+    if float(np.hypot(*state[BEAM])) > STEEP:
+        return _solved(problem, state, Zones.free(), most)
+    found = _converge(problem, state, Zones.alike(), most, consistent=False)
+    settled = found.last_m < CONVERGED_M and found.state[INVERSE] > 0.0
+    if not (settled and _differ(found, problem, SURELY)):
+        found = _refined(problem, found, most)
+        if not _differ(found, problem, DIFFERENT):
+            return found
+    return _solved(problem, found.state, Zones.free(), most)
+
+
+def _differ(found: Solution, problem: EdgeProblem, least: float) -> bool:
+    """Return whether the zones' reflectances scatter by more than that, in logs."""
+    return not problem.few and zone_scatter(found.equations, problem.prior) > least
 
 
 def _solved(problem: EdgeProblem, state: Array, zones: Zones, most: int) -> Solution:
+    """Return the solution of a first fit, and of one with consistent slopes from there."""
+    return _refined(problem, _converge(problem, state, zones, most, consistent=False), most)
+
+
+def _refined(problem: EdgeProblem, first: Solution, most: int) -> Solution:
     """Return the solution with consistent slopes, or the first one where that diverged."""
-    first = _converge(problem, state, zones, most, consistent=False)
     found = _again(problem, first, most)
     return first if _diverged(found.state, first.state, problem.prior) else found
 
@@ -223,10 +245,14 @@ def _diverged(state: Array, first: Array, prior: Prior) -> bool:
 def _converge(
     problem: EdgeProblem, state: Array, zones: Zones, most: int, consistent: bool
 ) -> Solution:
-    """Iterate steps, Newton's near a solution, until the centre converges, from a new look-up."""
+    """Iterate steps, Newton's near a solution, until the centre converges, from a new look-up.
+
+    consistent: with slopes at the profile's depth; a first fit has others, and ROUGH_POINTS.
+    """
     background = problem.background(state)
     length, before = 1.0, np.zeros(2)
-    most = most if consistent else min(most, MOST_ROUGH)
+    if not consistent:
+        most, problem = min(most, MOST_ROUGH), problem.of_some(ROUGH_POINTS)
     for iteration in range(1, most + 1):
         if not consistent and iteration in LOOKS:
             background = problem.background(state)
