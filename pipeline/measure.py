@@ -36,6 +36,7 @@ from .measurement import (
     align,
     broken,
     find_verticals,
+    meshed,
     noisy,
     not_as_registered,
     not_as_thick,
@@ -83,7 +84,12 @@ def measure_capture(
     origin = provenance_of_capture(capture, config, observations, naming)
     of_scans = [note for observation in observations for note in observation.notes]
     noted = [*of_scans, *noisy(observations, config.instrument)]
-    noted += [*rounded(observations), *thinned(observations), *spaced(observations)]
+    noted += [
+        *meshed(observations),
+        *rounded(observations),
+        *thinned(observations),
+        *spaced(observations),
+    ]
     noted += [*shaded(observations), *broken(observations)]
     noted += [*not_as_registered(observations), *not_printed(observations)]
     noted += not_as_thick(observations)

@@ -49,12 +49,12 @@ class PointCounts:
 class ScanSummary:
     """Summary of a scan file. low_m, high_m: (3,) corners of the box; intensity: its range.
 
-    declared: rows by the header; is_mesh: they are corners of a mesh. at_origin: points at 0 0 0.
-    raster: rows and columns. sample_m: (S, 3) one random point of each run of `stride` rows. keys:
-    hashes of the points whose hash is a multiple of `stride`, so that equal points are either all
-    among them or none. middle_m: (3,) of the first points. far: number of points further from it
-    than any scan reaches, farthest_m: the farthest; near_low_m, near_high_m: corners of the box
-    without them.
+    declared: rows by the header; may_mark: whether some may mark missing returns. at_origin: points
+    at 0 0 0. raster: rows and columns. sample_m: (S, 3) one random point of each run of `stride`
+    rows. keys: hashes of the points whose hash is a multiple of `stride`, so that equal points are
+    either all among them or none. middle_m: (3,) of the first points. far: number of points further
+    from it than any scan reaches, farthest_m: the farthest; near_low_m, near_high_m: corners of the
+    box without them.
     """
 
     format: str
@@ -62,7 +62,7 @@ class ScanSummary:
     length_unit: str
     stride: int
     declared: int
-    is_mesh: bool = False
+    may_mark: bool = True
     points: int = 0
     invalid_points: int = 0
     at_origin: int = 0
@@ -111,7 +111,7 @@ def summarise_scan(
     Raises InputError, one line, for what `read_scan` refuses; a file without points is summarised.
     """
     summary = _one_pass(path, length_unit, name, progress, options)
-    markers = None if summary.is_mesh else find_markers(summary.sample_m)
+    markers = find_markers(summary.sample_m) if summary.may_mark else None
     if not markers:
         return summary
     return _one_pass(path, length_unit, name, progress, options, markers)
@@ -134,7 +134,7 @@ def _one_pass(
             length_unit=length_unit,
             stride=max(1, cloud.rows // SAMPLE),
             declared=cloud.rows,
-            is_mesh=cloud.is_mesh,
+            may_mark=cloud.may_mark,
             scans=[
                 PointCounts(p.name, _metres(p.T_file_scan, length_unit), p.note)
                 for p in cloud.parts

@@ -40,6 +40,11 @@ SPACED = (
     "planes along their normals is in the uncertainty, as a component of its own; export without "
     "thinning, or thin at random."
 )
+MESHED = (
+    "The points of {names} are the corners of a mesh: where it joins several views, it is smoother "
+    "than they are, and by how much they were registered wrongly does not show in it, so u is too "
+    "small; export the scanner's points."
+)
 BROKEN = {
     "step": (
         "The target's face has a step along a line, by {sizes}: its plane is that of all points, "
@@ -181,6 +186,7 @@ def _find(
         turn=entry.turn,
         notes=notes_on_lone_points(scan.points_m, entry.file),
         target=target,
+        is_mesh=scan.is_mesh,
     )
     part = scan.parts[0] if len(scan.parts) == 1 else None
     axes = None if part is None else part.axes
@@ -251,6 +257,13 @@ def spaced(observations: Sequence[Observation]) -> Iterator[str]:
 
     for size, names in _names_by(observations, distance):
         yield Wording(SPACED, names=names, distance=size)
+
+
+def meshed(observations: Sequence[Observation]) -> Iterator[str]:
+    """Yield a note for scans whose points are the corners of a mesh."""
+    names = [one.name for one in observations if one.is_mesh and one.evidence is not None]
+    if names:
+        yield Wording(MESHED, names=", ".join(names))
 
 
 def thinned(observations: Sequence[Observation]) -> Iterator[str]:

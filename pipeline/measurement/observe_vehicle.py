@@ -43,7 +43,8 @@ class Found:
     """Targets found in a whole-vehicle scan, with a sample of its points.
 
     kinds: of targets on the vehicle. scans: name of the file's scan that each part is; '' if the
-    file holds one only. notes: findings about the points.
+    file holds one only. notes: findings about the points. is_mesh: whether these are the corners of
+    a mesh.
     """
 
     places: tuple[WheelPlace, ...]
@@ -53,6 +54,7 @@ class Found:
     points: int
     invalid_points: int
     notes: tuple[str, ...] = ()
+    is_mesh: bool = False
 
     @property
     def targets(self) -> tuple[FoundTarget, ...]:
@@ -120,6 +122,7 @@ def targets_of_cloud(
         points=len(scan.points_m),
         invalid_points=scan.invalid_points,
         notes=(*notes_on_lone_points(scan.points_m, cloud.file), *_notes(hint)),
+        is_mesh=scan.is_mesh,
     )
 
 
@@ -198,6 +201,7 @@ def observe_cloud(
             cloud=shown,
             notes=found.notes if wheel == REFERENCE_WHEELS[0] else (),
             target=of_wheels[wheel],
+            is_mesh=found.is_mesh,
         )
         for wheel, shown in zip(REFERENCE_WHEELS, by_wheel(found.sample_m, centres_m), strict=True)
     ]

@@ -72,7 +72,7 @@ class Observation:
     it. cloud: a sample of the points; None for five points. notes: findings about the scan.
     suspect: of a block that is not plausible, whose evidence is then that of the other four points.
     target: that the scan shows. on_wheel: the fitted target carried to the wheel's centre, where
-    its stand-off is stated.
+    its stand-off is stated. is_mesh: whether the points are the corners of a mesh.
     """
 
     name: str
@@ -92,6 +92,7 @@ class Observation:
     suspect: SuspectPoint | None = None
     target: Target | None = None
     on_wheel: TargetFit | None = None
+    is_mesh: bool = False
 
     @property
     def fitted(self) -> TargetFit:

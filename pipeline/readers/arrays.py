@@ -39,7 +39,14 @@ def scan_of_points(points: object, length_unit: str = "m", name: str = "points")
     blocks = (
         layout.block(rows[start : start + BLOCK_ROWS]) for start in range(0, len(rows), BLOCK_ROWS)
     )
-    return gather(RawCloud(len(rows), layout.intensity is not None, blocks), source, length_unit)
+    has_intensity, joined = layout.intensity is not None, _is_joined(points)
+    cloud = RawCloud(len(rows), has_intensity, blocks, is_mesh=joined)
+    return gather(cloud, source, length_unit)
+
+
+def _is_joined(points: object) -> bool:
+    """Return whether another library's points are the corners of triangles."""
+    return any(np.size(getattr(points, name, ())) > 0 for name in ("triangles", "faces"))
 
 
 def _array(points: object, name: str) -> npt.NDArray[Any]:

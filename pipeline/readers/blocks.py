@@ -52,7 +52,7 @@ def _placed(
 ) -> Iterator[PlacedBlock]:
     with open_cloud(path, length_unit, name, options) as (cloud, source):
         parts = tuple(part.name for part in cloud.parts)
-        placer = Placer(cloud, source, length_unit, None if cloud.is_mesh else markers)
+        placer = Placer(cloud, source, length_unit, markers if cloud.may_mark else None)
         for block in cloud.blocks:
             room = PointRows.room(len(block.xyz[0]), cloud)
             with np.errstate(over="ignore", invalid="ignore"):

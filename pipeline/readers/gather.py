@@ -171,7 +171,7 @@ def gather(
     if kept == 0:
         invalid = f"all its {placer.seen} points are invalid (no return)"
         raise fault(source, invalid if placer.seen else "it holds 0 points")
-    if not cloud.is_mesh and (markers := find_markers(all_rows.points[:kept])):
+    if cloud.may_mark and (markers := find_markers(all_rows.points[:kept])):
         missing = markers.mask(all_rows.points[:kept])
         ends = np.concatenate([[0], np.cumsum(held)]).astype(np.int64)
         held = [n - int(missing[a:b].sum()) for n, a, b in zip(held, ends, ends[1:], strict=False)]
@@ -184,6 +184,7 @@ def gather(
         invalid_points=placer.seen - kept,
         grid=rows.grid,
         parts=_parts(cloud, held, length_unit),
+        is_mesh=cloud.is_mesh,
     )
 
 

@@ -44,6 +44,7 @@ class Scan:
     invalid_points: rows without a return (NaN, or as the format marks them) that were dropped.
     grid: (N, 2) int32 or None, row and column of the scanner's raster.
     parts: the scans of the file, in its order; empty when the format has no parts.
+    is_mesh: whether the points are the corners of a mesh, not returns.
     """
 
     points_m: Array
@@ -52,3 +53,4 @@ class Scan:
     invalid_points: int
     grid: npt.NDArray[np.int32] | None = None
     parts: tuple[Part, ...] = ()
+    is_mesh: bool = False

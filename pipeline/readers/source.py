@@ -88,6 +88,7 @@ class RawCloud:
 
     rows: includes invalid points. parts: empty when the format has no parts. unit: of length, if
     the file states one. is_mesh: whether the points are the corners of a mesh, not returns.
+    may_mark: whether some of them may mark missing returns.
     """
 
     rows: int
@@ -97,6 +98,7 @@ class RawCloud:
     parts: tuple[RawPart, ...] = ()
     unit: str | None = None
     is_mesh: bool = False
+    may_mark: bool = True
 
 
 @dataclass(frozen=True)

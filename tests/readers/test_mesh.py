@@ -15,6 +15,7 @@ import trimesh
 from tests.support.sources import opened, table
 from wheelplane.errors import InputError
 from wheelplane.readers import read_scan
+from wheelplane.readers.arrays import scan_of_points
 from wheelplane.readers.formats.mesh import each_once
 from wheelplane.readers.formats.obj import read_obj
 from wheelplane.readers.formats.stl import read_stl, sample_stl
@@ -127,6 +128,46 @@ def test_corners_are_points_each_once(tmp_path):
         assert len(scan.points_m) == 4
         assert sorted(scan.points_m.tolist()) == sorted(expected.tolist())
         assert scan.intensity is None
+
+
+def ply(joined, element="face"):
+    rows = [" ".join(map(repr, row)) for row in CORNERS.tolist()]
+    faces = [f"3 {' '.join(map(str, face))}" for face in FACES] if joined else []
+    head = ["ply", "format ascii 1.0", f"element vertex {len(rows)}"]
+    head += [f"property double {axis}" for axis in "xyz"]
+    head += [f"element {element} {len(faces)}", "property list uchar int vertex_indices"]
+    return "\n".join([*head, "end_header", *rows, *faces, ""]).encode()
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "joined"),
+    [
+        ("a.ply", ply(joined=True), True),
+        ("a.ply", ply(joined=True, element="tristrips"), True),
+        ("a.ply", ply(joined=True, element="edge"), False),
+        ("a.ply", ply(joined=False), False),
+        ("a.obj", obj(), True),
+        ("a.obj", obj(faces=FACES[:0]), False),
+        ("a.stl", stl(), True),
+        ("a.off", off(), True),
+    ],
+)
+def test_corners_that_faces_join_are_those_of_a_mesh(tmp_path, name, data, joined):
+    assert read(tmp_path, name, data).is_mesh == joined
+
+
+@pytest.mark.parametrize(
+    ("points", "joined"),
+    [
+        (trimesh.Trimesh(CORNERS, FACES, process=False), True),
+        (trimesh.PointCloud(CORNERS), False),
+        (CORNERS, False),
+    ],
+)
+def test_so_are_those_of_other_libraries(points, joined):
+    scan = scan_of_points(points)
+    assert scan.is_mesh == joined
+    np.testing.assert_array_equal(scan.points_m, CORNERS)
 
 
 @pytest.mark.parametrize("extra", ["", " 1.0", " 0.5 0.5 0.5"])

@@ -81,7 +81,8 @@ def mesh_of(triangles: Array) -> Any:
 def cloud_of(points: Array, unit: str | None = None) -> RawCloud:
     """Return points (N, 3) as a cloud."""
     x, y, z = points.T
-    return RawCloud(len(points), False, iter([Block((x, y, z))]), unit=unit, is_mesh=True)
+    blocks = iter([Block((x, y, z))])
+    return RawCloud(len(points), False, blocks, unit=unit, is_mesh=True, may_mark=False)
 
 
 def each_once(points: Array) -> Array:

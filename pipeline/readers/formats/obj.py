@@ -10,16 +10,18 @@ from ..parsing.ascii import table_blocks
 from ..parsing.lines import Lines, check_lines
 from ..source import Block, Layout, RawCloud, Source, shown
 
-_VERTEX = ("v ", "v\t")
+_VERTEX, _FACE = ("v ", "v\t"), ("f ", "f\t")
 
 
 def read_obj(source: Source) -> RawCloud:
     """Read every `v` line."""
     check_lines(source)
-    count, first = 0, ""
+    count, first, joined = 0, "", False
     for line in source.text:
         if line.startswith(_VERTEX):
             count, first = count + 1, first or line
+        elif not joined:
+            joined = line.startswith(_FACE)
     if not count:
         return RawCloud(0, False, iter(()))
     source.text.seek(0)
@@ -27,7 +29,8 @@ def read_obj(source: Source) -> RawCloud:
     if columns not in (3, 4, 6, 7):
         fact = f"a vertex has {columns} numbers, not x y z [w] [red green blue]: {shown(first)}"
         raise fault(source, fact)
-    return RawCloud(count, False, _vertex_lines(columns, source), is_mesh=True)
+    blocks = _vertex_lines(columns, source)
+    return RawCloud(count, False, blocks, is_mesh=joined, may_mark=False)
 
 
 def _vertex_lines(columns: int, source: Source) -> Iterator[Block]:

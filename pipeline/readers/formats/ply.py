@@ -32,7 +32,8 @@ def read_ply(source: Source) -> RawCloud:
         raise fault(source, str(error)) from None
     read = _binary if header.order else _ascii
     blocks = read(header, layout, source)
-    return RawCloud(vertex.count, layout.has_intensity, blocks, unit=layout.unit)
+    joined = any(element.count for element in header.after if element.name in _FACES)
+    return RawCloud(vertex.count, layout.has_intensity, blocks, unit=layout.unit, is_mesh=joined)
 
 
 def _binary(header: PlyHeader, layout: Layout, source: Source) -> Iterator[Block]:
@@ -91,6 +92,7 @@ _SCALARS = {
     **{"uint8": "u1", "uint16": "u2", "uint32": "u4", "uint64": "u8"},
 }
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_FACES = ("face", "tristrips")  # elements that join vertices to a surface
 _LONGEST_LINE = 1 << 16
 _MOST_LINES = 5000
 
