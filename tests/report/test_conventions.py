@@ -16,12 +16,16 @@ from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import by_name, workshop_angles
 from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.language import load_translations
+from wheelplane.report.format.report_options import ReportOptions
 from wheelplane.report.format.view import CONVENTIONS, PAPER, View
 from wheelplane.report.format.writer import Writer
+from wheelplane.report.html.page import html_report
+from wheelplane.report.plots.drawing import Text
 from wheelplane.report.plots.sign_convention import signs_drawing
 from wheelplane.report.tables.conformity import limits_table, notes
 from wheelplane.report.tables.front import front_groups
-from wheelplane.report.tables.vehicle import vehicle_table
+from wheelplane.report.tables.vehicle import axes_table, vehicle_table
+from wheelplane.report.text.report import detailed_report
 from wheelplane.report.text.vehicle import vehicle_lines
 from wheelplane.uncertainty.propagation import effects_of
 
@@ -120,8 +124,35 @@ def test_text_and_drawing_say_which_convention_is_in_use(measured):
     for convention in TURNED:
         text = vehicle_lines(measured, replace(PAPER, convention=convention))
         assert load_translations("en").known("convention", convention)[:20] in text
-    words = load_translations("en")
-    assert repr(signs_drawing(words)) != repr(signs_drawing(words, -1.0))
+    drawn = {name: signs_drawing(writer(name)) for name in CONVENTIONS}
+    for name, drawing in drawn.items():
+        side, other = ("left", "right") if name in TURNED else ("right", "left")
+        texts = [drawing.title, *(mark.text for mark in drawing.marks if isinstance(mark, Text))]
+        assert f"+ thrust angle: to the {side}" in texts
+        assert not any(f"to the {other}" in text for text in texts)
+    paths = [[m for m in one.marks if not isinstance(m, Text)] for one in drawn.values()]
+    assert repr(paths[0]) != repr(paths[1])
+
+
+@pytest.mark.parametrize("language", ["en", "pt"])
+def test_headings_are_said_to_be_positive_to_the_side_they_are(measured, language):
+    """A table of lines was turned to the left under a column "+ to the right"."""
+    right, left = {"en": ("to the right", "to the left"),
+                   "pt": ("para a direita", "para a esquerda")}[language]  # fmt: skip
+    words = load_translations(language)
+    for convention in CONVENTIONS:
+        view = View(convention=convention)
+        side, other = (left, right) if convention in TURNED else (right, left)
+        texts = [
+            repr(axes_table(measured, Writer(words, view))),
+            html_report(measured, None, ReportOptions(words, view), still=True),
+            *([detailed_report(measured, None, view)] if language == "en" else []),
+        ]
+        note = words("vehicle.note", side=side.split()[-1])[:30]
+        for text in texts:
+            assert f"+ {side}" in text
+            assert f"+ {other}" not in text
+            assert text is texts[0] or note in " ".join(text.split())
 
 
 def test_the_json_is_the_same_in_every_convention(tmp_path):

@@ -20,7 +20,10 @@ from wheelplane.measurement.conformity import assess
 from wheelplane.measurement.quantities import by_name
 from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.language import load_translations
+from wheelplane.report.format.view import View
+from wheelplane.report.format.writer import Writer
 from wheelplane.report.scene.scene import SYMBOL_M, scene
+from wheelplane.vehicle import AXES, named
 
 FIGURE_4 = Path(__file__).parents[1] / "data" / "paper" / "figure-4.txt"
 SITES = [0, 1, 2]
@@ -161,6 +164,17 @@ def test_five_points_show_circles_and_no_cloud():
         assert (
             np.abs(np.subtract(wheel["outline"][0], wheel["centre"]) @ wheel["normal"]).max() < 3e-6
         )
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_labels_show_the_angles_of_the_report(axis):
+    """A toe-in of the rear axle's normal stood beside a toe-out against the thrust line."""
+    view = View(axis=axis, angles="deg")
+    writer, known = Writer(load_translations("en"), view), by_name(measured(1))
+    for wheel in scene(measured(1), view=view)["wheels"]:
+        for kind in ("toe", "camber"):
+            name = f"{wheel['name']}.{named(kind, axis) if kind == 'toe' else kind}"
+            assert writer.value(known[name]) in wheel[f"{kind}_text"]
 
 
 def test_the_words_are_those_of_the_language():

@@ -60,7 +60,7 @@ def page_of(
     digest = hashlib.sha256(record).hexdigest()
     number = digest[:NUMBER_DIGITS]
     made = measurement.provenance
-    shown = scene(measurement, conformity, words)
+    shown = scene(measurement, conformity, words, view)
     five_point = page_origin.is_five_point(measurement)
     return {
         "words": words,
@@ -86,7 +86,7 @@ def page_of(
             "frame": frame_drawing(shown, words),
             "top": top_drawing(measurement, words, view),
             "budget": vehicle_budget(measurement, words, view.axis),
-            "signs": signs_drawing(words, view.sense("thrust_angle")),
+            "signs": signs_drawing(writer),
         },
         "troubles": page_origin.troubles(measurement, words),
         "cards": cards(measurement, writer),
@@ -94,6 +94,7 @@ def page_of(
         "still_note": _still_note(shown, five_point, words),
         "centres": centres_table(measurement, writer),
         "vehicle_table": vehicle_table(measurement, writer),
+        "vehicle_note": words("vehicle.note", side=writer.heading_side),
         "axes": axes_table(measurement, writer),
         "definitions": [(writer.axis(a), words.known("definition", a)) for a in AXES],
         "turned": [

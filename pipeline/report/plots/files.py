@@ -36,7 +36,7 @@ def _drawings(
 ) -> Iterator[tuple[str, Drawing]]:
     yield "angles", angles_drawing(measurement, conformity, words, view.axis)
     yield "top", top_drawing(measurement, words, view)
-    yield "frame", frame_drawing(scene(measurement, conformity, words), words)
+    yield "frame", frame_drawing(scene(measurement, conformity, words, view), words)
     yield "budget", budget_drawing(measurement, words, view.axis)
     for result in measurement.wheels:
         name = result.observation.name

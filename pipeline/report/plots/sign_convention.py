@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ..format.language import Translations
+from ..format.writer import Writer
 from .drawing import INK, PALE, Anchor, Drawing, Mark, Path, Text, arrow
 
 WIDTH, HEIGHT = 760.0, 250.0
@@ -14,13 +15,15 @@ EDGE, TYRE, ANGLE, LINE = "#37474f", "#dfe5ea", "#b3261e", "#0072B2"
 DRAWN_RAD = math.radians(14.0)
 
 
-def signs_drawing(words: Translations, thrust: float = 1.0) -> Drawing:
-    """Draw three sketches with the positive sense of each angle; thrust: -1 to the left."""
-    title = words("plot.signs_title")
+def signs_drawing(writer: Writer) -> Drawing:
+    """Draw three sketches with the positive sense of each angle."""
+    words, side = writer.words, writer.heading_side
+    thrust = writer.view.sense("thrust_angle")
+    title = words("plot.signs_title", side=side)
     marks: list[Mark] = []
     for index, name in enumerate(("toe", "camber", "thrust")):
         x = WIDTH * (2 * index + 1) / 6
-        marks.append(Text(x, 22, words(f"plot.signs_{name}"), 14, "middle", bold=True))
+        marks.append(Text(x, 22, words(f"plot.signs_{name}", side=side), 14, "middle", bold=True))
         marks.append(Text(x, HEIGHT - 12, words(f"plot.signs_{name}_from"), 12, "middle",
                           colour=PALE))  # fmt: skip
     return Drawing(

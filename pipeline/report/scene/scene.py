@@ -16,13 +16,14 @@ from ...measurement import (
     Measurement,
     Stated,
     WheelResult,
-    by_name,
+    against,
     smoothed,
+    stated,
 )
 from ...vectors import Array
 from ...vehicle import VehicleFrame
 from ..format.language import Translations, load_translations
-from ..format.view import PAPER
+from ..format.view import PAPER, View
 from ..format.writer import Writer
 from .points import OFF_TARGET, base64_bytes, cloud_tree
 from .points import to_view as to_view
@@ -38,11 +39,13 @@ def scene(
     measurement: Measurement,
     conformity: Conformity | None = None,
     words: Translations | None = None,
+    view: View = PAPER,
 ) -> dict[str, Any]:
     """Return the scene as plain data, without wheels that were not measured."""
     words = words or load_translations("en")
     failed = _nonconforming(conformity)
-    writer, known = Writer(words, PAPER), by_name(measurement)
+    chosen = against(stated(measurement), view.axis)
+    writer, known = Writer(words, view), {(q.subject, q.kind): q for q in chosen}
     measured = [wheel for wheel in measurement.wheels if wheel.angles is not None]
     return {
         "schema": SCHEMA,
@@ -79,8 +82,8 @@ def _nonconforming(conformity: Conformity | None) -> set[str]:
     return {v.quantity.subject for v in verdicts if v.decision == "not conform"}
 
 
-def _texts(name: str, known: Mapping[str, Stated], writer: Writer) -> dict[str, str]:
-    toe, camber = (writer.value(known[f"{name}.{kind}"]) for kind in ("toe", "camber"))
+def _texts(name: str, known: Mapping[tuple[str, str], Stated], writer: Writer) -> dict[str, str]:
+    toe, camber = (writer.value(known[name, kind]) for kind in ("toe", "camber"))
     return {
         "label": writer.wheel(name),
         "toe_text": writer.words("scene.toe", angle=toe),

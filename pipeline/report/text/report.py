@@ -75,7 +75,7 @@ def detailed_report(
         "",
         vehicle_lines(measurement, view),
         "",
-        paragraph(writer.words("vehicle.note")),
+        paragraph(writer.words("vehicle.note", side=writer.heading_side)),
         "",
         axes_text(measurement, writer),
         "",
