@@ -17,6 +17,7 @@ from .octree import (
 from .preview import CloudSample, by_wheel, cloud_sample
 from .selection import (
     Slab,
+    coordinate_hash,
     gather_ball,
     random_rows,
     sample,
@@ -47,6 +48,7 @@ __all__ = [
     "by_wheel",
     "cell_index",
     "cloud_sample",
+    "coordinate_hash",
     "coordinate_levels",
     "coordinate_steps",
     "divide",

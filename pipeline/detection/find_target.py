@@ -82,12 +82,12 @@ def patch_of(
     intensity: Array32 | None = None,
     axes: Array | None = None,
 ) -> Patch:
-    """Cut a candidate's patch out of the scan, with the steps of its coordinates.
+    """Cut a candidate's patch out of the scan, each point once, with the steps of its coordinates.
 
     Raises NotMeasuredError 'too-few-points'.
     """
     patch = cut_patch(points_m, intensity, candidate, target, config.around_points)
-    return replace(patch, steps=coordinate_steps(points_m, patch.origin_m, axes))
+    return replace(patch, steps=coordinate_steps(points_m, patch.origin_m, axes)).each_once
 
 
 def candidate_near(

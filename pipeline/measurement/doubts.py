@@ -157,14 +157,14 @@ def _copies(measured: Sequence[Observation]) -> list[Doubt]:
     seen: list[Observation] = []
     for observation in measured:
         if observation.role in ("reference", "trial") and observation.evidence is not None:
-            first = next((one.name for one in seen if _are_copies(one, observation)), None)
+            first = next((one.name for one in seen if are_copies(one, observation)), None)
             seen.append(observation)
             if first is not None:
                 notes.append(Doubt(COPIED, trial=observation.name, name=first))
     return notes
 
 
-def _are_copies(one: Observation, other: Observation) -> bool:
+def are_copies(one: Observation, other: Observation) -> bool:
     """Return whether two fits differ by less than the noise of their points ever makes two differ.
 
     A copy that was exported again has other digits, another order of points, or fewer around it.

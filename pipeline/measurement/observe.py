@@ -40,6 +40,10 @@ SPACED = (
     "planes along their normals is in the uncertainty, as a component of its own; export without "
     "thinning, or thin at random."
 )
+COPIES = (
+    "{share} of the points on the target of {name} are in the places of others, as of a cloud that "
+    "was merged with itself: each place was counted once; export every point once."
+)
 MESHED = (
     "The points of {names} are the corners of a mesh: where it joins several views, it is smoother "
     "than they are, and by how much they were registered wrongly does not show in it, so u is too "
@@ -198,7 +202,8 @@ def _find(
         unplaced = replace(observation, cloud=cloud_sample(scan.points_m))
         return unplaced, error.with_traceback(None)
     shown = cloud_sample(scan.points_m, target_m=patch.origin_m)
-    observation = replace(observation, cloud=shown)
+    notes = (*observation.notes, *notes_on_copies(patch, entry.name))
+    observation = replace(observation, cloud=shown, notes=notes)
     if hint is not None:
         chosen = note_on_hint(hint, entry.name, patch, config)
         observation = replace(observation, notes=(*observation.notes, chosen))
@@ -236,6 +241,14 @@ def note_on_hint(hint: Hint, name: str, patch: Patch, config: Config) -> str:
         match=f"{patch.match:.2f}",
         least=f"{config.segment.min_match:.2f}",
     )
+
+
+def notes_on_copies(patch: Patch, name: str) -> tuple[str, ...]:
+    """Return a note on points that a scan holds more than once; none without."""
+    if not patch.copies:
+        return ()
+    share = patch.copies / (patch.copies + len(patch.face_m))
+    return (Wording(COPIES, name=name, share=f"{share * 100:.0f} %"),)
 
 
 def rounded(observations: Sequence[Observation]) -> Iterator[str]:

@@ -32,7 +32,7 @@ from ..targets import PatternTarget, Target
 from ..vectors import Array
 from ..vehicle import REFERENCE_WHEELS
 from ..wheel import VehicleScan, WheelPlace, find_places
-from .observe import Fit, note_on_hint, notes_on_lone_points
+from .observe import Fit, note_on_hint, notes_on_copies, notes_on_lone_points
 from .records import Evidence, Naming, Observation
 
 SAMPLE = 400_000  # points of the cloud that are kept, to find its floor
@@ -114,6 +114,7 @@ def targets_of_cloud(
         raise InputError(f"{source}: {error}: check the file, and --target") from error
     if not near_m:
         places = _in_region(places, within, source)
+    copies = [notes_on_copies(place.best, cloud.file) for place in places]
     return Found(
         places=places,
         kinds=kinds,
@@ -121,7 +122,11 @@ def targets_of_cloud(
         sample_m=sample(scan.points_m, SAMPLE),
         points=len(scan.points_m),
         invalid_points=scan.invalid_points,
-        notes=(*notes_on_lone_points(scan.points_m, cloud.file), *_notes(hint)),
+        notes=(
+            *notes_on_lone_points(scan.points_m, cloud.file),
+            *_notes(hint),
+            *next(filter(None, copies), ()),
+        ),
         is_mesh=scan.is_mesh,
     )
 

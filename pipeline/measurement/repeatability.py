@@ -11,6 +11,7 @@ import numpy as np
 
 from ..uncertainty import chi_square_beyond, least_squares, scatter_beyond
 from ..vectors import Array
+from .doubts import are_copies
 from .records import Measurement, Observation
 
 OF_PLATE = (
@@ -80,11 +81,17 @@ def _share(observation: Observation, plate: str) -> Observation:
 
 
 def pool_repeats(measurement: Measurement) -> tuple[Repeats, ...]:
-    """Pool every group of two or more measured scans of one wheel or trial, in result order."""
+    """Pool every group of two or more measured scans of one wheel or trial, in result order.
+
+    Without those that are copies of one before: these show nothing of their own.
+    """
     measured = [wheel for wheel in measurement.wheels if wheel.evaluated is not None]
     groups: dict[str, list[int]] = {}
     for index, wheel in enumerate(measured):
-        groups.setdefault(wheel.observation.repeats or wheel.observation.name, []).append(index)
+        seen = wheel.observation
+        group = groups.setdefault(seen.repeats or seen.name, [])
+        if not any(are_copies(measured[one].observation, seen) for one in group):
+            group.append(index)
     count = len(measured)
     found = []
     for of, members in groups.items():

@@ -6,8 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..cloud import EXACT, Steps
+from ..cloud import EXACT, Steps, coordinate_hash, sample_rows
 from ..vectors import Array, Array32, Mask, Rows, turned
+
+# Share of points in other points' places, to the micrometre, from which a cloud holds copies; where
+# coordinates lie in such steps, points share places by chance; points that are looked at.
+COPIES, CHANCE_M, LOOKED_AT = 0.02, 2e-4, 4000
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,8 @@ class Patch:
     part: index of the cloud's part that holds the points. station_m: (3,) scanner frame, position
     of the scanner, if the file states it. steps: in which the coordinates were rounded. elsewhere:
     other placements, (2,) along u and v from origin_m and a rotation, at which what is seen of a
-    partly hidden target fits nearly as well.
+    partly hidden target fits nearly as well. copies: number of points left out of face_m, in the
+    places of others.
     """
 
     origin_m: Array
@@ -41,6 +46,7 @@ class Patch:
     station_m: Array | None = None
     steps: Steps = EXACT
     elsewhere: tuple[tuple[Array, float], ...] = ()
+    copies: int = 0
 
     @property
     def scanner_m(self) -> Array | None:
@@ -79,7 +85,21 @@ class Patch:
         others = ((self.origin_m + by @ self.basis[:2], turn) for by, turn in self.elsewhere)
         return [replace(self, elsewhere=()), *(self.placed(at, turn) for at, turn in others)]
 
-    def kept(self, face: Mask | slice, around: Mask | slice) -> Patch:
+    @property
+    def each_once(self) -> Patch:
+        """The patch without copies of points, as of a cloud that was merged with itself.
+
+        They show nothing of their own, and would count as further points.
+        """
+        if float(self.steps.step_m.max()) > CHANCE_M:
+            return self
+        places = coordinate_hash(self.face_m[sample_rows(self.face_m, LOOKED_AT)])
+        if len(np.unique(places)) > (1.0 - COPIES) * len(places):
+            return self
+        face, around = (_first_in_places(points) for points in (self.face_m, self.around_m))
+        return replace(self.kept(face, around), copies=len(self.face_m) - len(face))
+
+    def kept(self, face: Mask | Rows | slice, around: Mask | Rows | slice) -> Patch:
         """Return the patch with those of its points alone, rows of face_m and around_m."""
         intensity = self.face_intensity
         return replace(
@@ -95,3 +115,9 @@ class Patch:
         elsewhere = tuple((by * np.array([1.0, -1.0]), -turn) for by, turn in self.elsewhere)
         basis = self.basis * np.array([[1.0], [-1.0], [-1.0]])
         return replace(self, basis=basis, elsewhere=elsewhere)
+
+
+def _first_in_places(points_m: Array | Array32) -> Rows:
+    """Return the rows of points_m (N, 3) before which none is in the same place."""
+    _, first = np.unique(coordinate_hash(points_m.astype(np.float64)), return_index=True)
+    return np.sort(first)

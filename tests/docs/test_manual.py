@@ -399,7 +399,7 @@ NOTES = {
     "records.py": ("notes",),
     "observe.py": (
         "noisy", "not_as_registered", "not_as_thick", "not_printed", "note_on_hint", "rounded",
-        "thinned", "spaced", "shaded", "broken", "meshed",
+        "thinned", "spaced", "shaded", "broken", "meshed", "notes_on_copies",
     ),
     "plane.py": ("_coarse",),
     "file.py": ("_note_if_upside_down", "_note_of_sense"),

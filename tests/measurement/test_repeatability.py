@@ -97,7 +97,7 @@ def test_drift_is_found_with_its_uncertainty():
     assert pool("toe", np.array([0.0, 1e-5]), 1e-10 * np.eye(2)).drift is None
 
 
-def measurement(plate=True, moved=(0.0, 0.0)):
+def measurement(plate=True, moved=(5e-5, -5e-5)):
     """A car whose RR was scanned three times; what comes with the plate is large."""
     targets = car(11)
     rear = targets[0]
@@ -146,6 +146,16 @@ def test_a_scan_that_moved_is_reported():
     toe = pool_repeats(measurement(moved=(0.0, 2e-3)))[0].angles[0]
     assert toe.scatter == pytest.approx(np.std(toe.values, ddof=1), rel=0.02)
     assert f"toe {np.degrees(toe.scatter) * 60:.1f}'" in noted[1][0]
+
+
+@pytest.mark.parametrize(
+    ("moved", "pooled"),
+    [((0.0, 0.0), ()), ((0.0, 5e-5), ("RR", "c")), ((5e-5, 5e-5), ("RR", "b"))],
+)
+def test_copies_are_not_pooled(moved, pooled):
+    """A copy of RR, pooled as a scan of its own, had 0.7 of its u, and "less scatter" besides."""
+    groups = pool_repeats(measurement(moved=moved))
+    assert tuple(name for group in groups for name in group.scans) == pooled
 
 
 def test_no_repeats_no_groups():
