@@ -163,7 +163,10 @@ def _open(
         return family.read(source), source
     if family.sampler is None:
         meshes = ", ".join(MESH_SUFFIXES)
-        raise InputError(f"{name}: it is a cloud, not a mesh ({meshes}): leave out --sample")
+        raise InputError(
+            f"{name}: of a file with this suffix the points are read, and no surface: leave out "
+            f"--sample, or export a mesh ({meshes})"
+        )
     sampled: Callable[[Source, int], RawCloud] = _load(family.sampler)
     return sampled(source, sample), source
 

@@ -27,6 +27,8 @@ ARCSEC = math.radians(1.0 / 3600.0)
 MAX_BYTES = 4 << 20
 DISTINCT = 0.2  # share of a term's column that those before it leave, below which it is left out
 IN_LINE = 0.1  # of an offset of the ranges in a length, below which it is taken for none
+ROUNDED_M = 0.01  # error of the difference of ranges that are given to the centimetre
+MOST_M = 1000.0  # the farthest point of a test
 LEAST_DOF = 3  # a standard deviation of Student's t needs as many
 LEVEL_DEG = 85.0  # elevation beyond which azimuths show nothing
 MOST_APART_DEG = 0.5  # of two faces; more is another target
@@ -230,7 +232,13 @@ def _lengths(rows: list[tuple[int, list[str]]], path: Path) -> TermFit:
         if min(numbers) <= 0.0:
             raise InputError(f"{where}: lengths, ranges and u_m must be above 0")
         _, length, _, one, two = numbers
-        if not abs(one - two) * 0.999 <= length <= (one + two) * 1.001:
+        if max(length, one, two) > MOST_M:
+            raise InputError(
+                f"{where}: {max(length, one, two):g} m is farther than a test's points lie: "
+                "lengths and ranges are in metres"
+            )
+        room = ROUNDED_M + 1e-3 * length
+        if not abs(one - two) - room <= length <= one + two + room:
             raise InputError(
                 f"{where}: a length of {length:g} m cannot lie between points at ranges of "
                 f"{one:g} and {two:g} m: check them"

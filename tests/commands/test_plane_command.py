@@ -51,7 +51,7 @@ def test_a_mesh_is_sampled_when_asked(tmp_path, plane):
     np.savetxt(tmp_path / "a.xyz", plate())
     code, out, err = plane(tmp_path / "a.xyz", "--sample", 5)
     assert (code, out) == (2, "")
-    assert "it is a cloud, not a mesh" in err
+    assert "the points are read, and no surface" in err
 
 
 def test_the_vertices_of_a_mesh_that_show_no_plane_name_the_option(tmp_path, plane):

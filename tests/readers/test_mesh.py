@@ -206,7 +206,13 @@ def test_points_are_sampled_by_area(tmp_path, name, data):
 
 def test_what_cannot_be_sampled(tmp_path):
     refuse(tmp_path, "a.obj", b"v 0 0 0\nv 1 1 1\n", "no faces to sample", sample=10)
-    refuse(tmp_path, "a.xyz", b"0 0 0\n", "it is a cloud, not a mesh", sample=10)
+    refuse(
+        tmp_path,
+        "a.xyz",
+        b"0 0 0\n",
+        "the points are read, and no surface: leave out --sample",
+        sample=10,
+    )
     flat = stl(np.zeros((4, 3)))
     refuse(tmp_path, "a.stl", flat, "no faces to sample", sample=10)
 

@@ -160,6 +160,7 @@ BAD = {
     "other sense": (",".join(FACES) + f"\n{ROW}\nT1,2,190.0,5.0,3.0\n", "in the sense of face 1"),
     "few": (",".join(FACES) + f"\n{ROW}\nT1,2,10.0,5.0,3.0\n", "are too few"),
     "negative": (",".join(LENGTHS) + "\nL,1.0,1.0,0.0,2.0,3.0\n", "must be above 0"),
+    "in mm": (",".join(LENGTHS) + "\nL,1135.5,1135.4,0.03,7050,5910\n", "are in metres"),
     "triangle": (",".join(LENGTHS) + "\nL,9.0,9.0,0.1,2.0,3.0\n", "cannot lie between points"),
     "quote": (",".join(FACES) + '\n"T1,1,10.0\n', "not a CSV file"),
     "binary": (b"\xff\xfe\x00", "not UTF-8"),
@@ -288,12 +289,13 @@ def test_terms_of_the_range_are_those_of_weighted_least_squares(tmp_path, repeat
     np.testing.assert_allclose(fit.covariance, max(by_scatter, by_stated) * inverse, rtol=1e-4)
 
 
-@pytest.mark.parametrize(("share", "refused"), [(0.9992, False), (0.9988, True)])
-def test_a_length_lies_between_difference_and_sum_of_the_ranges_within_a_thousandth(
-    tmp_path, share, refused
+@pytest.mark.parametrize(("off_m", "refused"), [(0.0115, False), (0.019, True)])
+def test_a_length_lies_between_difference_and_sum_of_ranges_to_the_centimetre(
+    tmp_path, off_m, refused
 ):
+    """With a thousandth besides. Ranges of 7.05 and 5.91 m were refused for a length of 1.13552."""
     rows = [(k, 1.0 + k, 1.0 + k, 1e-4, 2.0, 3.0 + k) for k in range(8)]
-    for length in (2.0 * share, 8.0 / share):  # ranges 3 and 5
+    for length in (2.0 - off_m, 8.0 + off_m):  # ranges 3 and 5
         path = pairs_file(tmp_path / "l.csv", [*rows, (8, length, length, 1e-4, 3.0, 5.0)])
         if refused:
             with pytest.raises(InputError, match="cannot lie between points"):
