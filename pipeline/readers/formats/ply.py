@@ -32,7 +32,8 @@ def read_ply(source: Source) -> RawCloud:
         raise fault(source, str(error)) from None
     read = _binary if header.order else _ascii
     blocks = read(header, layout, source)
-    joined = any(element.count for element in header.after if element.name in _FACES)
+    others = (*header.before, *header.after)
+    joined = any(element.count for element in others if element.name in _FACES)
     return RawCloud(vertex.count, layout.has_intensity, blocks, unit=layout.unit, is_mesh=joined)
 
 
