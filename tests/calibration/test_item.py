@@ -56,7 +56,7 @@ def test_a_declared_item_is_read_in_radians_and_metres(tmp_path):
         (NAMEPLATE + TOE.replace('axis = "rear-axle"\n', ""), "toe has no axis: add"),
         (NAMEPLATE + TOE.replace("resolution = \"1'\"\n", ""), "'item.toe.resolution' is missing"),
         (NAMEPLATE + TOE.replace("1'", "1"), "toe.resolution: '1' is no value with its unit"),
-        (NAMEPLATE + TOE.replace("1'", "1 mm"), "is at the rim, whose diameter is not stated"),
+        (NAMEPLATE + TOE.replace("1'", "1 mm"), "rim = \"16in\", at the top of"),
         (NAMEPLATE + TOE.replace("1'", "-1'"), "toe.resolution: -1': write it as a value above"),
         (NAMEPLATE + TOE + 'mpe = "4\'"\n', "no decision rule is named: add [decision]"),
         (NAMEPLATE + TOE + 'definition = "iso"\n', "definition is of camber only: leave it out"),

@@ -43,6 +43,7 @@ from wheelplane.centre.edge.mixed_fit import (
     MOST_UNEVEN,
     MOVED_M,
     NOTICED_GROWTH_M,
+    OTHER_SIZE_M,
     ROUGH_M,
     SHORTER,
     SHORTEST,
@@ -374,10 +375,11 @@ def test_a_steep_fit_of_another_thickness_is_held(monkeypatch, steep, thickness_
 
 
 @pytest.mark.parametrize("scatter", [0.9 * DIFFERENT, 1.1 * DIFFERENT, 1.1 * SURELY])
+@pytest.mark.parametrize("many", [False, True])
 @pytest.mark.parametrize("few", [False, True])
 @pytest.mark.parametrize("steep", [False, True])
 def test_zones_are_free_where_beams_are_steep_or_backgrounds_differ(
-    monkeypatch, steep, few, scatter
+    monkeypatch, steep, few, many, scatter
 ):
     state, calls = state_of(), []
     state[BEAM] = 0.0, 1.1 * STEEP if steep else 0.9 * STEEP
@@ -388,11 +390,12 @@ def test_zones_are_free_where_beams_are_steep_or_backgrounds_differ(
 
     monkeypatch.setattr(mixed_fit, "_converge", converge)
     monkeypatch.setattr(mixed_fit, "zone_scatter", lambda *args: scatter)
+    monkeypatch.setattr(mixed_fit, "CLEARLY", 10 if many else 10**6)
     mixed_fit._by_backgrounds(problem_of(few), state, 40)
     first = ZONE_LOG if steep else ALIKE_LOG
     expected = [(first, False), (first, True)]
     if not steep and not few and scatter > DIFFERENT:
-        expected[1 if scatter > SURELY else 2 :] = [(ZONE_LOG, False), (ZONE_LOG, True)]
+        expected[1 if many and scatter > SURELY else 2 :] = [(ZONE_LOG, False), (ZONE_LOG, True)]
     assert calls == expected
 
 
@@ -402,6 +405,7 @@ def test_zones_are_free_where_beams_are_steep_or_backgrounds_differ(
         (0.9, 0.0, 0.4, 1.0, False, "first"),
         (1.1, 0.0, 0.4, 1.0, False, "again"),
         (5.0, 4.9, 0.4, 1.0, False, "again"),
+        (5.3, 5.1, 0.4, 1.0, False, "again"),
         (-1.1, -0.9, 0.4, 0.999 * AS_MUCH, False, "again"),
         (1.1, 0.9, 0.4, 1.001 * AS_MUCH, False, "first"),  # explains less
         (1.1, 1.2, 0.4, 1.0, False, "first"),  # of another size
@@ -445,7 +449,8 @@ def test_a_strange_growth_gives_way_to_the_stated_size(
     np.testing.assert_array_equal(found.state, states[taken])
     strange = abs(first) > 1.0
     expected = [SIZE_M**-2, HELD_SIZE_M**-2, SIZE_M**-2]
-    expected += [SIZE_M**-2] * (abs(again) > 1.0)  # before the background of the size it found
+    again_m = abs(again) * NOTICED_GROWTH_M  # before the background of the size it found
+    expected += [SIZE_M**-2] * (again_m > OTHER_SIZE_M)
     np.testing.assert_allclose(weights, expected if strange else expected[:1])
 
 

@@ -38,8 +38,9 @@ from .solution import (
     unexplained,
 )
 
-# Scatter of the zones' reflectances, in logs, from which each has its own; in a first fit.
-DIFFERENT, SURELY = 0.1, 0.2
+# Scatter of the zones' reflectances, in logs, from which each has its own; in a first fit, and the
+# points that show it there.
+DIFFERENT, SURELY, CLEARLY = 0.1, 0.2, 4000
 CLEARED, MOST_UNEVEN, MOVED_M = 2, 0.4, 1e-5  # times; share of sectors; a move that starts anew
 LOOKS = (2, 3, 5, 8)  # iterations at which the background is looked up again
 LEAST = 24  # points about an edge
@@ -49,6 +50,7 @@ ROUGH_M, MOST_ROUGH, ROUGH_POINTS = 2e-6, 20, 8000
 STEEP = 1.0  # slope of beams from which a thick wall hides so much that a fit may diverge
 SHORTER, SHORTEST = 0.7, 0.1  # of a step's length, after one that went back; its least
 NOTICED_GROWTH_M = 1e-4  # as SIZE_M: from here on, a solution with less is looked for
+OTHER_SIZE_M = 5e-4  # growth from which a target may be of another size than stated
 # Standard deviations off the prior from which the stated thickness is doubted; up to which it may
 # be right where no other explains as much.
 TENSE, MOST_TENSE = 2.0, 6.0
@@ -150,7 +152,7 @@ def _best(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, S
     sized = replace(problem, prior=problem.prior.sized())
     stated = _by_backgrounds(sized, state, most)
     again = _again(problem, stated, most)
-    if abs(again.state[GROWTH]) > NOTICED_GROWTH_M:  # before the background of another size
+    if abs(again.state[GROWTH]) > OTHER_SIZE_M:  # before the background of that size
         again = _again(problem, again, most)
     less = abs(again.state[GROWTH]) < abs(found.state[GROWTH])
     if again.zones.sigma > found.zones.sigma:
@@ -188,13 +190,13 @@ def _by_backgrounds(problem: EdgeProblem, state: Array, most: int) -> Solution:
     """Return the solution with one reflectance of the background, or by zones where these differ.
 
     By zones also where beams are steep: there zones keep a rough fit from diverging. At once where
-    a first fit shows that they differ; not one that went astray.
+    a first fit shows that they differ; not one of few points, or one that went astray.
     """
     if float(np.hypot(*state[BEAM])) > STEEP:
         return _solved(problem, state, Zones.free(), most)
     found = _converge(problem, state, Zones.alike(), most, consistent=False)
-    settled = found.last_m < CONVERGED_M and found.state[INVERSE] > 0.0
-    if not (settled and _differ(found, problem, SURELY)):
+    clear = len(problem.depth) > CLEARLY and found.last_m < CONVERGED_M
+    if not (clear and found.state[INVERSE] > 0.0 and _differ(found, problem, SURELY)):
         found = _refined(problem, found, most)
         if not _differ(found, problem, DIFFERENT):
             return found

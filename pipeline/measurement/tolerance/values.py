@@ -112,7 +112,7 @@ def angle_rad(value: Value, rim_m: float | None, wheels: int) -> float:
         )
     if rim_m is None:
         raise ValueError(
-            f"{number * 1e3:g} mm is at the rim, whose diameter is not stated: add it, such as "
+            f"{number * 1e3:g} mm is at the rim: add its diameter, such as "
             'rim = "16in", at the top of the limits or below [item] of the item file'
         )
     if abs(number) > wheels * rim_m:
