@@ -315,7 +315,7 @@ def _fits_size(edge_fit: EdgeFit, spot_m: float) -> bool:
 def _explains_more(other: EdgeFit, found: EdgeFit, spot_m: float) -> bool:
     """Return whether another fit leaves less unexplained, by the stated size or nearer to it.
 
-    A little more may be left where the one found did not converge.
+    Half as much more may be left where the one found did not converge.
     """
     if not found.converged:
         return other.converged and other.unexplained < UNSETTLED * found.unexplained

@@ -126,6 +126,11 @@ def against(quantities: Sequence[Stated], axis: Axis) -> list[Stated]:
     return [quantity for of_kind in chosen.values() for quantity in of_kind]
 
 
+def by_kind(quantities: Sequence[Stated], axis: Axis) -> dict[tuple[str, str], Stated]:
+    """Return the quantities that refer to `axis`, or to none, by subject and kind."""
+    return {(quantity.subject, quantity.kind): quantity for quantity in against(quantities, axis)}
+
+
 # Quantities of wheels in several positions, by name: attributes of SteeringAxis, of Runout.
 WHEEL_BY_SWEEP = {
     "caster": "caster",

@@ -121,7 +121,7 @@ def test_a_fit_of_another_size_is_tried_again_from_the_distance_that_it_found(
 def test_a_fit_far_from_the_distance_that_it_began_at_or_not_settled_is_tried_again(
     monkeypatch, off, settled, left, other_m, taken
 ):
-    """A disc from 1.4 m, begun as from 2.5 m, was 0.5 mm off."""
+    """A disc from 1.4 m, fitted as from 2.5 m first, was 0.5 mm off."""
     _, view = viewed("disc-250")
     outline, start = view.target.edge, (np.zeros(2), 0.0)
     near, begin = view.near(outline, start), square_on(0.01, view.config, start)

@@ -47,9 +47,8 @@ def test_a_scan_merged_with_itself_is_that_scan(scanned, times, off_m, mixed):
     plain, expected = found(scanned)
     assert patch.copies > 0.9 * (times - 1) * len(plain.face_m)
     np.testing.assert_allclose(u_of(fitted), u_of(expected), rtol=0.05)
-    assert (
-        np.linalg.norm(fitted.normal - expected.normal) < 0.3 * u_of(expected)[0]
-    )  # placed elsewhere
+    turned = np.linalg.norm(fitted.normal - expected.normal)  # its points are of another place
+    assert turned < 0.3 * u_of(expected)[0]
     (note,) = notes_on_copies(patch, "FL")
     share = int(re.match(r"(\d+) % of the points on the target of FL are", str(note)).group(1))
     assert share == pytest.approx(100 - 100 / times, abs=2)

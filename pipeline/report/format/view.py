@@ -36,7 +36,7 @@ UNITS: dict[AngleStyle, str] = {
     "dms": "Angles in degrees, minutes and seconds of arc; the sign belongs to the whole angle.",
     "deg": "Angles in decimal degrees.",
     "mm/m": (
-        "Toe and what is counted to the right in mm/m, the tangent; camber in degrees, minutes\n"
+        "Toe and angles of lines in mm/m, the tangent; camber in degrees, minutes\n"
         "and seconds of arc."
     ),
     "mm": (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...measurement import Measurement, Stated, WheelResult, against, stated
+from ...measurement import Measurement, Stated, WheelResult, by_kind, stated
 from ..format.writer import Writer
 from ..plots.budget import wheel_budget
 from ..plots.drawing import Drawing
@@ -30,7 +30,7 @@ class Card:
 
 def cards(measurement: Measurement, writer: Writer) -> list[Card]:
     """Return a card of every wheel and trial."""
-    known = {(q.subject, q.kind): q for q in against(stated(measurement), writer.view.axis)}
+    known = by_kind(stated(measurement), writer.view.axis)
     faces = [w for w in measurement.wheels if w.observation.evidence is not None]
     coarser = coarseness(len(faces))
     return [_card(result, measurement, known, writer, coarser) for result in measurement.wheels]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ...measurement import Measurement, Stated, against
+from ...measurement import Measurement, Stated, by_kind
 from ...vehicle import AGAINST_AN_AXIS, AXES, OF_SECOND_ORDER, Axis, Unit
 from ..format.view import DEFINED
 
@@ -28,7 +28,7 @@ def axes_tree(measurement: Measurement, found: list[Stated]) -> dict[str, Any]:
 
 def _axis(measurement: Measurement, axis: Axis, found: list[Stated]) -> dict[str, Any]:
     frame = measurement.frame
-    known = {(quantity.subject, quantity.kind): quantity for quantity in against(found, axis)}
+    known = by_kind(found, axis)
     angle = next((q for q in found if q.name == ANGLE.get(axis)), None)
     heading = angle.value if angle else 0.0
     names = [wheel.observation.name for wheel in measurement.wheels if wheel.angles is not None]

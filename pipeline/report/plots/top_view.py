@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...measurement import Measurement, Stated, against, stated
+from ...measurement import Measurement, Stated, by_kind, stated
 from ...vectors import Array
 from ..format.language import Translations
 from ..format.view import View
@@ -25,7 +25,7 @@ Known = Mapping[tuple[str, str], Stated]
 
 def top_drawing(measurement: Measurement, words: Translations, view: View) -> Drawing:
     """Draw the wheels in position, with their toe from above and their camber from behind."""
-    known = {(q.subject, q.kind): q for q in against(stated(measurement), view.axis)}
+    known = by_kind(stated(measurement), view.axis)
     title = words("plot.top_title")
     marks: list[Mark] = [
         Text(12, 22, title, 15, bold=True),

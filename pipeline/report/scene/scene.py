@@ -16,7 +16,7 @@ from ...measurement import (
     Measurement,
     Stated,
     WheelResult,
-    against,
+    by_kind,
     smoothed,
     stated,
 )
@@ -44,8 +44,7 @@ def scene(
     """Return the scene as plain data, without wheels that were not measured."""
     words = words or load_translations("en")
     failed = _nonconforming(conformity)
-    chosen = against(stated(measurement), view.axis)
-    writer, known = Writer(words, view), {(q.subject, q.kind): q for q in chosen}
+    writer, known = Writer(words, view), by_kind(stated(measurement), view.axis)
     measured = [wheel for wheel in measurement.wheels if wheel.angles is not None]
     return {
         "schema": SCHEMA,

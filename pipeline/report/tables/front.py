@@ -14,7 +14,7 @@ from ...measurement import (
     Stated,
     ToleranceInterval,
     Verdict,
-    against,
+    by_kind,
     stated,
 )
 from ...vehicle import REFERENCE_WHEELS, named
@@ -84,8 +84,7 @@ def front_groups(
     words = writer.words
     verdicts = {(v.quantity.subject, v.quantity.name): v for v in
                 (conformity.verdicts if conformity else ())}  # fmt: skip
-    chosen = against(stated(measurement), writer.view.axis)
-    known = {(q.subject, q.kind): q for q in chosen}
+    known = by_kind(stated(measurement), writer.view.axis)
     sources = {
         words(f"vehicle.{axle}_axle"): list(
             _axle(axle, wheels, known, verdicts, measurement.provisional, writer)

@@ -83,7 +83,7 @@ def axes_table(measurement: Measurement, writer: Writer) -> Table:
         toes = (writer.value(known[f"{wheel}.{named('toe', axis)}"]) for wheel in WHEELS)
         rows.append([writer.axis(axis), words.number(angle), u, *toes])
     toe = writer.quantity("toe")
-    angle = words("vehicle.angle", side=writer.heading_side)
-    columns: Columns = (Column(words("vehicle.axis"), quiet=True), angle, "u",
+    sign = writer.sign("thrust_angle")
+    columns: Columns = (Column(words("vehicle.axis"), quiet=True), sign, "u",
                *(f"{toe} {writer.wheel(wheel)}" for wheel in WHEELS))  # fmt: skip
     return writer.table(columns, rows, 1, words("vehicle.axes"))

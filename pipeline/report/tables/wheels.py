@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ...measurement import Measurement, Stated, WheelResult, against, stated
+from ...measurement import Measurement, Stated, WheelResult, by_kind, stated
 from ..format.writer import Column, Columns, Table, Writer
 
 AXLES = (("front", "FL", "FR"), ("rear", "RL", "RR"))
@@ -18,7 +18,7 @@ def wheels_table(measurement: Measurement, writer: Writer) -> Table:
     Where run-outs are compensated, a column says whose angles they are.
     """
     words, compensated = writer.words, measurement.plates is not None
-    known = {(q.subject, q.kind): q for q in against(stated(measurement), writer.view.axis)}
+    known = by_kind(stated(measurement), writer.view.axis)
     toe, axis = writer.quantity("toe"), writer.view.axis
     if writer.plain and axis != "rear-axle":
         toe = f"{toe} to {axis}"
@@ -65,7 +65,7 @@ def _measured(result: WheelResult) -> str:
 def axles_table(measurement: Measurement, writer: Writer) -> Table:
     """Return toe with its total and camber with its cross value, axle by axle."""
     words, unsure = writer.words, measurement.provisional
-    known = {(q.subject, q.kind): q for q in against(stated(measurement), writer.view.axis)}
+    known = by_kind(stated(measurement), writer.view.axis)
     rows = []
 
     def own(angles: Iterable[Stated]) -> list[str]:
