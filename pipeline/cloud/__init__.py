@@ -27,7 +27,7 @@ from .selection import (
     within_slab,
 )
 from .steps import EXACT, Levels, Steps, coordinate_levels, coordinate_steps, scattered
-from .threads import over_chunks, side_by_side
+from .threads import over_chunks, over_items, side_by_side
 from .voxel_grid import VoxelGrid, box, voxel_key, voxel_moments, within_voxels
 
 __all__ = [
@@ -58,6 +58,7 @@ __all__ = [
     "mixed",
     "morton_codes",
     "over_chunks",
+    "over_items",
     "random_rows",
     "sample",
     "sample_rows",

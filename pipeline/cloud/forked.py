@@ -1,4 +1,4 @@
-"""Calls in forked processes, which hold this process's arrays and send back what they return."""
+"""Work on several items at once in forked processes, which send back what they find."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Mapping
-from multiprocessing.connection import Connection, Pipe
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from multiprocessing.connection import Connection, Pipe, wait
 from typing import Generic, NoReturn, TypeVar, cast
 
 from ..errors import InputError
-from ..system import add_taken, share_memory, signals, taken
+from ..system import add_taken, give_back, share_memory, signals, taken
 from .native import load_opencv
 
-R = TypeVar("R")
+S = TypeVar("S")
 T = TypeVar("T")
 
 LATE = ("numpy.fft", "numpy.ma")  # numpy imports them at its first transform and median
@@ -28,67 +29,125 @@ def can_fork() -> bool:
     return forks and threading.active_count() == 1
 
 
-def load_ahead() -> None:
+def in_processes(
+    work: Callable[[S], T],
+    items: Sequence[S],
+    workers: int,
+    environment: Mapping[str, str],
+    begins: Callable[[S], object],
+) -> list[T]:
+    """Call `work` on each item in so many processes, each of which takes one item after another.
+
+    environment: their variables that are different from this one's. begins: called here with each
+    item, in their order, as it is begun. Returns the results in the order of the items; of several
+    errors, raises that of the first item.
+    """
+    _load_ahead()
+    found: dict[int, T] = {}
+    failed: dict[int, Exception] = {}
+    left = iter(range(len(items)))
+    with ExitStack() as stack:
+        busy: dict[Connection, tuple[Forked[S, T], int]] = {}
+
+        def give(process: Forked[S, T]) -> None:
+            k = None if failed else next(left, None)
+            if k is not None:
+                begins(items[k])
+                process.begin(k)
+                busy[process.answers] = process, k
+
+        for _ in range(workers):
+            process = Forked(work, items, workers, environment)
+            stack.callback(process.end)
+            give(process)
+        while busy:
+            for answers in cast(list[Connection], wait(list(busy))):
+                process, k = busy.pop(answers)
+                try:
+                    found[k] = process.result()
+                except Exception as error:
+                    failed[k] = error
+                give(process)
+    if failed:
+        raise failed[min(failed)]
+    return [found[k] for k in range(len(items))]
+
+
+def _load_ahead() -> None:
     """Import what measuring imports late, once for all processes that are forked afterwards."""
     load_opencv()
     for name in LATE:
         importlib.import_module(name)
 
 
-class Forked(Generic[T]):
-    """Call of a function in a process of its own, begun; its result is asked for as of a Future.
+class Forked(Generic[S, T]):
+    """A process that calls a function on the items that it is given, one after another.
 
-    workers: how many such processes share the memory that this one may use. environment: its
-    variables that are different there.
+    answers: readable when a result is there. workers: how many such processes share the memory that
+    this one may use. environment: its variables that are different there.
     """
 
     def __init__(
-        self, function: Callable[[R], T], value: R, workers: int, environment: Mapping[str, str]
+        self,
+        function: Callable[[S], T],
+        items: Sequence[S],
+        workers: int,
+        environment: Mapping[str, str],
     ) -> None:
-        self._answer, answers = Pipe(duplex=False)
+        self.answers, there = Pipe()
         self._process = os.fork()
         if self._process == 0:
+            self.answers.close()
             os.environ.update(environment)
-            _serve(function, value, workers, answers)
-        answers.close()
+            _serve(function, items, workers, there)
+        there.close()
+
+    def begin(self, k: int) -> None:
+        """Begin the call on the item of this number."""
+        with suppress(BrokenPipeError):  # it was killed, as its result will say
+            self.answers.send(k)
 
     def result(self) -> T:
         """Return what the function returned, or raise what it raised."""
         try:
-            returned, error, seconds = self._answer.recv()
-        except EOFError:
+            returned, error, seconds = self.answers.recv()
+        except (EOFError, ConnectionResetError):
             raise InputError(
                 "one of several processes was killed, perhaps for lack of memory: set "
                 "WHEELPLANE_THREADS=1, or use a larger machine"
             ) from None
-        finally:
-            self.cancel()
         add_taken(seconds)
         if error is not None:
             raise error
         return cast(T, returned)
 
-    def cancel(self) -> None:
-        """End the process, whose result is here or no longer wanted."""
+    def end(self) -> None:
+        """End the process, with what it is doing."""
         os.kill(self._process, signal.SIGKILL)
         os.waitpid(self._process, 0)
-        self._answer.close()
+        self.answers.close()
 
 
 def _serve(
-    function: Callable[[R], object], value: R, workers: int, answers: Connection
+    function: Callable[[S], object], items: Sequence[S], workers: int, there: Connection
 ) -> NoReturn:
-    """Call the function in the process that was just forked, send what it returns, and end."""
+    """Call the function in the process that was just forked on each item that is named; end."""
     try:
         for number in signals("SIGINT", "SIGTERM", "SIGHUP"):
             signal.signal(number, signal.SIG_DFL)
         share_memory(workers)
         taken()
-        try:
-            answer: tuple[object, Exception | None] = function(value), None
-        except Exception as error:
-            error.add_note(traceback.format_exc())
-            answer = None, error
-        answers.send((*answer, taken()))
-    finally:
+        while True:
+            there.send((*_answer(function, items[there.recv()]), taken()))
+            give_back()
+    finally:  # the other end is closed, too
         os._exit(0)
+
+
+def _answer(function: Callable[[S], T], item: S) -> tuple[T | None, Exception | None]:
+    """Return what the function returns, and what it raises."""
+    try:
+        return function(item), None
+    except Exception as error:
+        error.add_note(traceback.format_exc())
+        return None, error

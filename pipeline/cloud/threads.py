@@ -6,11 +6,10 @@ import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import TypeVar
 
-from .forked import Forked, can_fork, load_ahead
+from .forked import can_fork, in_processes
 
 R = TypeVar("R")
 S = TypeVar("S")
@@ -46,32 +45,48 @@ def over_chunks(work: Callable[[slice], T], rows: int, size: int = ROWS_PER_CHUN
     return [done[k % workers][k // workers] for k in range(len(chunks))]
 
 
-def side_by_side(
-    first: Callable[[S], R], then: Callable[[R], T], items: Sequence[S], *, forks: bool = False
+def over_items(
+    work: Callable[[S], T],
+    items: Sequence[S],
+    begins: Callable[[S], object],
+    several: bool = True,
 ) -> list[T]:
-    """Call `first` on one item after another, and `then` on what it returns, several at once.
+    """Call `work` on each item; return its results in the order of the items.
 
-    forks: in forked processes where these are safe, else in threads. Returns the results in the
-    order of the items; of several errors, raises that of the first item.
+    several: items at once, in processes where a fork is safe, else in threads. begins: called in
+    this thread with each item, in their order, before its work. Of several errors, raises that of
+    the first item.
+    """
+
+    def begun(item: S) -> S:
+        begins(item)
+        return item
+
+    workers = min(threads(), len(items)) if several else 1
+    if workers < 2:
+        return [work(begun(item)) for item in items]
+    if can_fork():
+        each = {THREADS: str(threads() // workers)}
+        return in_processes(work, items, workers, each, begins)
+    return side_by_side(begun, work, items)
+
+
+def side_by_side(first: Callable[[S], R], then: Callable[[R], T], items: Sequence[S]) -> list[T]:
+    """Call `first` on one item after another, and in threads `then` on what it returns.
+
+    Returns the results in the order of the items; of several errors, raises that of the first item.
     """
     workers = min(threads(), len(items))
     if workers < 2:
         return [then(first(item)) for item in items]
-    with ExitStack() as stack:
-        begin: Callable[[Callable[[R], T], R], Future[T] | Forked[T]]
-        if forks and can_fork():
-            load_ahead()
-            each = {THREADS: str(threads() // workers)}
-            begin = partial(Forked, workers=workers, environment=each)
-        else:
-            begin = stack.enter_context(ThreadPoolExecutor(workers)).submit
+    with ThreadPoolExecutor(workers) as pool:
         done: list[T] = []
-        begun: deque[Future[T] | Forked[T]] = deque()
+        begun: deque[Future[T]] = deque()
         try:
             for item in items:
                 if len(begun) == workers:
                     done.append(begun.popleft().result())
-                begun.append(_begin(begin, then, first, item))
+                begun.append(_begin(pool, then, first, item))
             while begun:
                 done.append(begun.popleft().result())
         finally:
@@ -81,14 +96,11 @@ def side_by_side(
 
 
 def _begin(
-    begin: Callable[[Callable[[R], T], R], Future[T] | Forked[T]],
-    then: Callable[[R], T],
-    first: Callable[[S], R],
-    item: S,
-) -> Future[T] | Forked[T]:
+    pool: ThreadPoolExecutor, then: Callable[[R], T], first: Callable[[S], R], item: S
+) -> Future[T]:
     """Call `first` and begin `then`; an error of the former is one of the result."""
     try:
-        return begin(then, first(item))
+        return pool.submit(then, first(item))
     except Exception as error:
         failed: Future[T] = Future()
         failed.set_exception(error)

@@ -8,12 +8,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from ..capture import Capture, Hint, ScanEntry, Searched, searched
-from ..cloud import cloud_sample, side_by_side
+from ..cloud import cloud_sample, over_items
 from ..config import Config, InstrumentConfig
 from ..diagnostics import check_wheel_scan, lone_points
 from ..errors import InputError, NotMeasuredError, Wording
 from ..plane import Patch, PlaneFit
-from ..readers import Scan
 from ..system import stage
 from ..targets import Target
 from ..vectors import Array
@@ -101,36 +100,33 @@ def observe_entries(
     progress: Callable[[str], None],
     several: bool = True,
 ) -> list[Observation]:
-    """Read the scans of a capture one after another and measure their targets.
+    """Read the scans of a capture and measure their targets.
 
-    several: whether fit_target may be called for several scans at once, in threads.
+    several: whether fit_target may be called for several scans at once.
 
     Raises InputError when a file is unreadable, or when the target of a reference wheel, which
     the frame needs, was not measured.
     """
 
-    def read(entry: ScanEntry) -> tuple[ScanEntry, list[Scan]]:
+    def begins(entry: ScanEntry) -> None:
         progress(entry.file)
-        source = f"{capture.source}: {entry.file}"
-        return entry, [entry.read(capture.length_unit, source, capture.reading)]
 
-    def observe(given: tuple[ScanEntry, list[Scan]]) -> Observation:
-        return observe_entry(*given, capture, config, fit_target)
+    def observe(entry: ScanEntry) -> Observation:
+        return observe_entry(entry, capture, config, fit_target)
 
-    if several:
-        return side_by_side(read, observe, capture.entries, forks=True)
-    return [observe(read(entry)) for entry in capture.entries]
+    return over_items(observe, capture.entries, begins, several)
 
 
 def observe_entry(
-    entry: ScanEntry, scans: list[Scan], capture: Capture, config: Config, fit_target: Fit
+    entry: ScanEntry, capture: Capture, config: Config, fit_target: Fit
 ) -> Observation:
-    """Measure the target in the only one of `scans`, which is taken out, to be freed early.
+    """Read a scan and measure the target in it.
 
-    Raises InputError when the target of a reference wheel was not measured.
+    Raises InputError when the file is unreadable, or when the target of a reference wheel was not
+    measured.
     """
     source = f"{capture.source}: {entry.file}"
-    observation, patch = _find(entry, scans.pop(), source, capture, config)
+    observation, patch = _find(entry, source, capture, config)
     try:
         if isinstance(patch, NotMeasuredError):
             raise patch
@@ -173,9 +169,10 @@ def _wheel_of(entry: ScanEntry, evidence: Evidence, source: str) -> str | None:
 
 @stage("segment")
 def _find(
-    entry: ScanEntry, scan: Scan, source: str, capture: Capture, config: Config
+    entry: ScanEntry, source: str, capture: Capture, config: Config
 ) -> tuple[Observation, Patch | NotMeasuredError]:
-    """Find the patch with its target in the scan, which is freed on return."""
+    """Find the patch with its target in the scan, which is read, and freed on return."""
+    scan = entry.read(capture.length_unit, source, capture.reading)
     target = capture.target_of(entry)
     check_wheel_scan(scan.points_m, 2.0 * target.radius_m, capture.length_unit, source)
     observation = Observation(

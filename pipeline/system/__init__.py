@@ -8,6 +8,7 @@ from .folders import sync_folder
 from .locks import acquire
 from .memory import (
     free_bytes,
+    give_back,
     machine_bytes,
     memory_limit,
     peak_bytes,
@@ -35,6 +36,7 @@ __all__ = [
     "check_temporary_folder",
     "end_with_children",
     "free_bytes",
+    "give_back",
     "give_way",
     "inherits_descriptors",
     "machine_bytes",

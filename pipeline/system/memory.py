@@ -6,6 +6,7 @@ limited: a limit counts from what the process holds at its start.
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 from collections.abc import Iterator
@@ -75,6 +76,12 @@ def memory_limit(more_bytes: int) -> Iterator[None]:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_DATA, (before, hard))
+
+
+def give_back() -> None:
+    """Give memory that was freed back to the system, where glibc would keep it for later."""
+    with suppress(AttributeError, OSError, TypeError):
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def share_memory(processes: int) -> None:

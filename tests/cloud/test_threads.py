@@ -1,4 +1,4 @@
-"""Items one after another, then several at once: order, errors, how many are held, their ends."""
+"""Items one after another and several at once: order, errors, how many are held, their ends."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import weakref
 import numpy as np
 import pytest
 
-from wheelplane.cloud.forked import Forked, can_fork
-from wheelplane.cloud.threads import side_by_side
+from wheelplane.cloud.forked import Forked, can_fork, in_processes
+from wheelplane.cloud.threads import over_items, side_by_side
 from wheelplane.errors import InputError
 from wheelplane.system import memory_limit, stage, taken, unlimited_bytes
 
@@ -31,6 +31,10 @@ def workers(request, monkeypatch):
     monkeypatch.setenv("WHEELPLANE_THREADS", count)
     monkeypatch.setattr("wheelplane.cloud.threads.can_fork", lambda: bool(forks))
     return int(count)
+
+
+def ignore(_item):
+    """A step that does nothing."""
 
 
 def fails_at(*bad):
@@ -54,18 +58,40 @@ def test_results_come_in_the_order_of_the_items(workers, tmp_path):
         (tmp_path / str(item)).touch()
         return -item
 
-    assert side_by_side(lambda k: k, later_first, ITEMS, forks=True) == [-k for k in ITEMS]
+    assert over_items(later_first, ITEMS, ignore) == [-k for k in ITEMS]
+    assert side_by_side(lambda k: k, later_first, ITEMS) == [-k for k in ITEMS]
 
 
-def test_the_first_step_runs_here_in_order(workers):
+def test_items_are_begun_here_in_order(workers):
     seen, here = [], (threading.current_thread(), os.getpid())
-    side_by_side(
-        lambda k: seen.append((k, threading.current_thread(), os.getpid())),
-        lambda _: None,
-        ITEMS,
-        forks=True,
-    )
-    assert seen == [(k, *here) for k in ITEMS]
+
+    def begins(item):
+        seen.append((item, threading.current_thread(), os.getpid()))
+
+    over_items(ignore, ITEMS, begins)
+    side_by_side(begins, ignore, ITEMS)
+    assert seen == [(k, *here) for k in ITEMS] * 2
+
+
+def test_one_at_a_time_is_begun_after_the_last_has_ended(workers):
+    seen = []
+    over_items(lambda k: seen.append(-k), ITEMS, seen.append, several=False)
+    assert seen == [sign * k for k in ITEMS for sign in (1, -1)]
+
+
+@FORKS
+def test_processes_begin_no_more_items_than_they_work_on(monkeypatch):
+    begun, most = [], []
+    answered = Forked.result
+
+    def result(process):
+        most.append(len(begun) - len(most))
+        return answered(process)
+
+    monkeypatch.setattr(Forked, "result", result)
+    in_processes(ignore, ITEMS, 3, {}, begun.append)
+    assert begun == ITEMS
+    assert max(most) == 3
 
 
 @pytest.mark.parametrize(
@@ -74,8 +100,19 @@ def test_the_first_step_runs_here_in_order(workers):
 )
 def test_the_error_of_the_first_item_is_raised(workers, first, then, raised):
     with pytest.raises(OddError) as error:
-        side_by_side(fails_at(*first), fails_at(*then), ITEMS, forks=True)
+        side_by_side(fails_at(*first), fails_at(*then), ITEMS)
     assert error.value.args == (raised,)
+    with pytest.raises(OddError) as error:
+        over_items(fails_at(*first, *then), ITEMS, ignore)
+    assert error.value.args == (min(first + then),)
+
+
+@FORKS
+def test_after_an_error_no_item_is_begun():
+    begun = []
+    with pytest.raises(OddError):
+        in_processes(fails_at(3), ITEMS, 1, {}, begun.append)
+    assert begun == [0, 1, 2, 3]
 
 
 def test_at_most_one_item_waits_beside_those_at_work(workers):
@@ -87,7 +124,7 @@ def test_at_most_one_item_waits_beside_those_at_work(workers):
         most.append(sum(one() is not None for one in made))
         return [points]
 
-    side_by_side(take, lambda points: len(points.pop()), ITEMS, forks=True)
+    side_by_side(take, lambda points: len(points.pop()), ITEMS)
     assert max(most) <= workers + 1
 
 
@@ -103,7 +140,7 @@ def test_a_process_that_is_killed_is_one_line_and_no_process_is_left(monkeypatch
             os.kill(os.getpid(), signal.SIGKILL)
 
     with pytest.raises(InputError, match="one of several processes was killed"):
-        side_by_side(lambda k: k, ends, ITEMS, forks=True)
+        over_items(ends, ITEMS, ignore)
     assert begun
     for process in begun:
         with pytest.raises(ChildProcessError):
@@ -118,15 +155,15 @@ def test_forked_calls_add_their_stages():
         return np.zeros(10)
 
     taken()
-    assert np.array_equal(Forked(within, None, 2, {}).result(), np.zeros(10))
+    assert np.array_equal(in_processes(within, [None], 1, {}, ignore)[0], np.zeros(10))
     assert taken()["plane"] >= 0.01
 
 
 @FORKS
 def test_forked_calls_share_the_memory():
     with memory_limit(1 << 30):
-        left = [Forked(lambda _: unlimited_bytes(), None, n, {}).result() for n in (1, 4)]
-    assert left[1] == pytest.approx(left[0] / 4, rel=0.05)
+        left = [in_processes(lambda _: unlimited_bytes(), [n], n, {}, ignore) for n in (1, 4)]
+    assert left[1][0] == pytest.approx(left[0][0] / 4, rel=0.05)
 
 
 def test_beside_another_thread_nothing_is_forked():

@@ -838,7 +838,11 @@ def test_table_and_report_say_what_the_json_says(command, tmp_path):
             assert says_width(guard, entry["guard_band_deg"])
         else:
             decimals = -round(math.log10(step(expanded[entry["quantity"]])))
-            assert value == f"{entry['value_m']:.{decimals}f} m"
+            if entry["quantity"] in ("front_setback", "wheelbase_difference", "axle_offset"):
+                assert value == f"{1e3 * entry['value_m']:+.{decimals - 3}f} mm"
+                assert lower == f"{1e3 * entry['lower_m']:+.3f} mm"
+            else:
+                assert value == f"{entry['value_m']:.{decimals}f} m"
             assert u == f"{two_digits(1000 * entry['u_m']):f} mm"
         assert said(p, entry["probability_of_conformity"])
         risks = entry["consumer_risk"], entry["producer_risk"]

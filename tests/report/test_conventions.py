@@ -1,5 +1,6 @@
 """Conventions: signs and workshop angles that are printed, of the same measurement.json."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from wheelplane.measurement.quantities import by_name, workshop_angles
 from wheelplane.measurement.tolerance.model import Tolerance
 from wheelplane.report.format.language import load_translations
 from wheelplane.report.format.report_options import ReportOptions
-from wheelplane.report.format.view import CONVENTIONS, PAPER, View
+from wheelplane.report.format.view import ANGLE_STYLES, CONVENTIONS, PAPER, View
 from wheelplane.report.format.writer import Writer
 from wheelplane.report.html.page import html_report
 from wheelplane.report.plots.drawing import Text
@@ -117,6 +118,52 @@ def test_limits_are_turned_with_their_quantity(measured, convention):
     ]
     assert fronts[1].at.value == -fronts[0].at.value
     assert fronts[1].interval.upper == -fronts[0].interval.lower
+
+
+def as_printed(angle_deg, kind, view):
+    """Number of an angle in the unit of a view, and how that begins."""
+    angle = np.radians(angle_deg)
+    wheels = {"toe": 1, "toe_to_centreline": 1, "rear_total_toe": 2}.get(kind)
+    if view.angles == "deg":
+        return angle_deg, "°"
+    if view.angles == "mm/m" and kind not in ("camber", "cross_caster"):
+        return 1e3 * np.tan(angle), "mm/m"
+    if view.angles == "mm" and wheels:
+        return 1e3 * view.rim_m * wheels * np.sin(angle / wheels), "mm"
+    return None, "°"
+
+
+@pytest.mark.parametrize("angles", ANGLE_STYLES)
+def test_limits_are_written_in_the_unit_of_the_values(measured, angles):
+    view = View(angles=angles, rim_m=0.4)
+    of_wheel = {"toe": {}, "toe_to_centreline": {}, "camber": {}}
+    of_vehicle = {"rear_total_toe": {}, "thrust_angle": {}, "cross_caster": {}}
+    for number, limits in enumerate([*of_wheel.values(), *of_vehicle.values()]):
+        limits |= {"lower_deg": -20.0 - number, "upper_deg": 0.25 + number}
+    tolerance = Tolerance.model_validate({"FL": of_wheel, "vehicle": of_vehicle, "trials": False})
+    verdicts = assess(measured, tolerance)
+    rows = limits_table(verdicts, Writer(load_translations("en"), view, plain=True)).rows
+    stated = of_wheel | of_vehicle
+    assert {verdict.quantity.name for verdict in verdicts.verdicts} == set(stated)
+    for verdict, row in zip(verdicts.verdicts, rows, strict=True):
+        kind = verdict.quantity.name
+        value = verdict.quantity.value
+        at = [None if value is None else np.degrees(value), *stated[kind].values()]
+        for text, angle_deg in zip(row[3:6], at, strict=True):
+            if angle_deg is None:
+                assert text == "-"
+                continue
+            wanted, unit = as_printed(angle_deg, kind, view)
+            if wanted is None:
+                assert "°" in text
+                assert "'" in text
+            else:
+                number = re.match("[-+0-9.]+", text)[0]
+                assert text.removeprefix(number).strip() == unit
+                last = 10.0 ** -len(number.partition(".")[2])
+                assert float(number) == pytest.approx(wanted, abs=0.51 * last)
+        if value is not None:
+            assert ("mm" in row[6]) == ("mm" in row[3]) == ("mm" in row[7])
 
 
 def test_text_and_drawing_say_which_convention_is_in_use(measured):

@@ -7,7 +7,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from ...measurement import Estimate, Stated
+from ...measurement import (
+    VEHICLE_BY_SWEEP,
+    WHEEL_BY_RUNOUT,
+    WHEEL_BY_SWEEP,
+    Estimate,
+    Stated,
+)
 from ...vehicle import Axis, Unit
 from .digits import UNKNOWN, Sign, arc, decimal, metres, millimetres, sexagesimal
 from .language import Translations
@@ -24,6 +30,7 @@ SORTS: dict[str, Sort] = {
     "camber_iso": "camber",
     "rear_cross_camber": "camber",
     "front_cross_camber": "camber",
+    **dict.fromkeys((*WHEEL_BY_SWEEP, *WHEEL_BY_RUNOUT, *VEHICLE_BY_SWEEP), "camber"),
 }
 FROM_VERTICAL = {
     "camber", "camber_iso", "rear_cross_camber", "front_cross_camber", "caster", "sai",
@@ -156,6 +163,18 @@ class Writer:
             return self._negative(self.view.length(value, expanded))
         return self._negative(sexagesimal(value, self.view.known(expanded)))
 
+    def angle(self, value: float | None, kind: str, expanded: float = UNKNOWN) -> str:
+        """Write an angle of this kind in the unit that was chosen, to the place of U."""
+        if value is None or not math.isfinite(value):
+            return self.none
+        return self._negative(self.view.angle(value, sort_of(kind), expanded))
+
+    def angle_width(self, size: float | None, kind: str, at: float) -> str:
+        """Write an uncertainty, or another small size, of an angle of this kind at `at`."""
+        if size is None or not math.isfinite(size):
+            return self.none
+        return self._negative(self.view.width(size, sort_of(kind), at))
+
     def _negative(self, text: str) -> str:
         """Write a number with this language's decimal sign and this report's minus."""
         return self.words.number(text).replace("-", self.minus)
@@ -254,5 +273,5 @@ class Writer:
 
 
 def sort_of(kind: str) -> Sort:
-    """Return how an angle's kind is written."""
-    return SORTS.get(kind, "heading")
+    """Return how an angle of this kind, such as `toe` or `toe_to_thrust_line`, is written."""
+    return SORTS.get(kind.partition("_to_")[0], "heading")

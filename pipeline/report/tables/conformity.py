@@ -15,12 +15,13 @@ from ...measurement import (
     Quantity,
     Verdict,
 )
-from ...vehicle import RELATIVE
+from ...vehicle import RELATIVE, VEHICLE
 from ..format.digits import UNKNOWN
 from ..format.language import Translations
 from ..format.notes import notes_in
 from ..format.writer import Column, Columns, Table, Writer
 
+LENGTHS = frozenset(one.kind for one in VEHICLE if not one.signed)
 SIGNS = {"conform": "✓", "not conform": "✗", "undecided": "?"}
 
 
@@ -115,11 +116,26 @@ def _row(verdict: Verdict, writer: Writer) -> list[str]:
     return [
         word if writer.plain else f"{SIGNS[verdict.decision]} {word}",
         subject(verdict, writer), quantity(what, writer),
-        writer.number(value, what.unit, _expanded(verdict)),
-        *(writer.number(x, what.unit) for x in (lower, upper)),
-        *(writer.size(x, what.unit) for x in (what.u, verdict.guard_band)),
+        _value(value, what, writer, _expanded(verdict)),
+        *(_value(x, what, writer) for x in (lower, upper)),
+        *(_width(x, what, writer) for x in (what.u, verdict.guard_band)),
         writer.share(verdict.probability), writer.share(verdict.risk), _why(verdict, writer),
     ]  # fmt: skip
+
+
+def _value(value: float | None, what: Quantity, writer: Writer, expanded: float = UNKNOWN) -> str:
+    """Write a value or a limit; a length that may be negative in millimetres, as its u."""
+    if what.unit == "rad":
+        return writer.angle(value, what.name, expanded)
+    if what.name in LENGTHS or value is None or not math.isfinite(value):
+        return writer.number(value, "m", expanded)
+    return writer.millimetres(value, expanded, "+")
+
+
+def _width(size: float | None, what: Quantity, writer: Writer) -> str:
+    if what.unit == "rad":
+        return writer.angle_width(size, what.name, what.value or 0.0)
+    return writer.size(size, "m")
 
 
 def reason(verdict: Verdict, writer: Writer) -> str:
