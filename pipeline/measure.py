@@ -107,12 +107,12 @@ def observe_capture(
     Scans of a vehicle that has rolled are carried to where it was in the others. A capture is scans
     of single wheels, whose names say which, or one scan of the whole vehicle.
     """
-    if capture.cloud is not None:
-        found, naming = observe_cloud(capture.cloud, capture, config, fit, progress)
-        for cloud in capture.rolled:
-            found += observe_rolled(cloud, capture, config, fit, progress)
-        return carried(found, capture.source), naming
     several = fit is fit_target
+    if capture.cloud is not None:
+        found, naming = observe_cloud(capture.cloud, capture, config, fit, progress, several)
+        for cloud in capture.rolled:
+            found += observe_rolled(cloud, capture, config, fit, progress, several)
+        return carried(found, capture.source), naming
     found = observe_entries(capture, config, fit, progress, several)
     return carried(found, capture.source), None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -18,6 +19,7 @@ T = TypeVar("T")
 ROWS_PER_CHUNK = 65_536  # does not depend on the number of threads, nor do sums over chunks
 MOST_THREADS = 8
 THREADS = "WHEELPLANE_THREADS"
+POOL = "wheelplane-rows"  # name of its threads
 
 
 def threads() -> int:
@@ -65,6 +67,7 @@ def over_items(
     workers = min(threads(), len(items)) if several else 1
     if workers < 2:
         return [work(begun(item)) for item in items]
+    _end_pool()
     if can_fork():
         each = {THREADS: str(threads() // workers)}
         return in_processes(work, items, workers, each, begins)
@@ -114,7 +117,15 @@ def _pool() -> ThreadPoolExecutor:
     One thread less than processors, since the caller takes a share as well: two threads woken at
     once may start on one processor.
     """
-    return ThreadPoolExecutor(MOST_THREADS - 1)
+    return ThreadPoolExecutor(MOST_THREADS - 1, POOL)
+
+
+def _end_pool() -> None:
+    """End the threads of the pool, where no other thread may be using it."""
+    others = (t for t in threading.enumerate() if t is not threading.current_thread())
+    if all(other.name.startswith(POOL) for other in others):
+        _pool().shutdown()
+        _pool.cache_clear()
 
 
 if hasattr(os, "register_at_fork"):

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from ..capture import Capture, Hint, ScanEntry, Searched, boxed
-from ..cloud import by_wheel, sample
+from ..cloud import by_wheel, over_items, sample
 from ..config import Config
 from ..detection import (
     Axles,
@@ -167,9 +167,16 @@ BY_MARKERS = "the markers of the boards"
 
 
 def observe_cloud(
-    cloud: ScanEntry, capture: Capture, config: Config, fit: Fit, progress: Callable[[str], None]
+    cloud: ScanEntry,
+    capture: Capture,
+    config: Config,
+    fit: Fit,
+    progress: Callable[[str], None],
+    several: bool = True,
 ) -> tuple[list[Observation], Naming]:
     """Find, name and measure the targets of all four wheels.
+
+    several: whether `fit` may be called for several targets at once.
 
     Raises InputError when the file is unreadable, when its targets cannot be assigned to wheels,
     and when one of the four cannot be measured.
@@ -181,11 +188,17 @@ def observe_cloud(
     try:
         ways, naming = _chosen(found, capture, config) or _ways(found, capture)
         ways = _with_their_targets(ways, found, of_wheels)
-        evidence: dict[int, Evidence] = {}
-        for wheel, index in ways[0].items():
-            known = wheel if len(ways) == 1 else ""
-            progress(f"{cloud.file}: {known or f'target {index + 1}'}")
-            evidence[index] = _fitted(found, index, known, of_wheels[wheel], config, fit)
+        known = len(ways) == 1
+
+        def begins(wheel: str) -> None:
+            progress(f"{cloud.file}: {wheel if known else f'target {ways[0][wheel] + 1}'}")
+
+        def fitted(wheel: str) -> Evidence:
+            called = wheel if known else ""
+            return _fitted(found, ways[0][wheel], called, of_wheels[wheel], config, fit)
+
+        fits = over_items(fitted, list(ways[0]), begins, several)
+        evidence = dict(zip(ways[0].values(), fits, strict=True))
         marked = {index: e.target.wheel for index, e in evidence.items() if e.target.wheel}
         named = wheels_by_markers(ways, marked, found.targets)
     except InputError as error:
@@ -214,11 +227,16 @@ def observe_cloud(
 
 
 def observe_rolled(
-    cloud: ScanEntry, capture: Capture, config: Config, fit: Fit, progress: Callable[[str], None]
+    cloud: ScanEntry,
+    capture: Capture,
+    config: Config,
+    fit: Fit,
+    progress: Callable[[str], None],
+    several: bool = True,
 ) -> list[Observation]:
     """Observe all four wheels of a vehicle that has rolled since its first cloud."""
     plain = replace(capture, hints={}, cloud=cloud)
-    four, _ = observe_cloud(cloud, plain, config, fit, progress)
+    four, _ = observe_cloud(cloud, plain, config, fit, progress, several)
     return [
         replace(one, name=f"{one.name} {cloud.name}", role="runout", turn=cloud.turn)
         for one in four

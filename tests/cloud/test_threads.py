@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from wheelplane.cloud.forked import Forked, can_fork, in_processes
-from wheelplane.cloud.threads import over_items, side_by_side
+from wheelplane.cloud.threads import over_chunks, over_items, side_by_side
 from wheelplane.errors import InputError
 from wheelplane.system import memory_limit, stage, taken, unlimited_bytes
 
@@ -166,12 +166,25 @@ def test_forked_calls_share_the_memory():
     assert left[1][0] == pytest.approx(left[0][0] / 4, rel=0.05)
 
 
-def test_beside_another_thread_nothing_is_forked():
+@FORKS
+def test_idle_threads_of_the_pool_do_not_hinder_forks(monkeypatch):
+    monkeypatch.setenv("WHEELPLANE_THREADS", "2")
+    threads = set(over_chunks(lambda _: threading.current_thread(), 2, 1))
+    assert len(threads) == 2
+    assert os.getpid() not in over_items(lambda _: os.getpid(), ITEMS, ignore)
+    assert len(set(over_chunks(lambda _: threading.current_thread(), 2, 1)) - threads) == 1
+
+
+def test_beside_another_thread_nothing_is_forked(monkeypatch):
+    monkeypatch.setenv("WHEELPLANE_THREADS", "2")
     stop = threading.Event()
     other = threading.Thread(target=stop.wait)
     other.start()
     try:
         assert not can_fork()
+        before = over_chunks(lambda _: threading.current_thread(), 2, 1)
+        assert over_items(lambda _: os.getpid(), ITEMS, ignore) == [os.getpid()] * len(ITEMS)
+        assert over_chunks(lambda _: threading.current_thread(), 2, 1) == before
     finally:
         stop.set()
         other.join()
