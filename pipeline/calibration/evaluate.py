@@ -5,13 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final, Literal
 
 import numpy as np
 
 from ..errors import Doubt, Wording
-from ..measurement import Estimate, Quantity, ToleranceInterval, Verdict, decide, estimate
+from ..measurement import (
+    Estimate,
+    Quantity,
+    ToleranceInterval,
+    Verdict,
+    VerticalKind,
+    decide,
+    estimate,
+)
 from ..uncertainty import Effect, effective_dof
-from .forms.item import DecisionRule, Item
+from .forms.item import UPRIGHT, DecisionRule, Item
 from .forms.quantities import QUANTITIES
 from .forms.readings import Reading
 from .forms.table_file import Faults
@@ -36,7 +45,23 @@ NOT_REPEATED = (
     "{kind}, {state}: no reading is repeated, so that its repeatability is not known: read each "
     "point twice or more"
 )
+OTHER_VERTICAL = (
+    "{kind}: the item counts it from {stated}, the reference is measured from {found}: measure the "
+    "reference with --vertical {stated}, or correct vertical in the item file"
+)
+UNLIKE_VERTICALS = (
+    "{kind}: the references are measured from unlike verticals ({each}): measure all of them with "
+    "the same --vertical"
+)
+UNLIKE: Final = "unlike"
+READ_AT_ALL = ("toe", "camber")  # wheels and trials
 BELOW = "MPE/U is {value}, below the ratio of {ratio} agreed on"
+SCATTERED = (
+    "{kind}, {state}: the readings at {point} scatter by {own}, those of the other points by "
+    "{others}, which chance does not explain: look at row {row}, {value}, the farthest from the "
+    "others there, and correct it, or read the point again."
+)
+OF_A_SCAN = ("plane noise", "centre noise")  # effects of noise in one scan, however well known
 NEGLIGIBLE = 1e-9  # share of a variance that a budget leaves out
 Level = tuple[str, str]  # series and operator
 Budget = Sequence[tuple[Origin, Effect]]
@@ -55,17 +80,25 @@ def evaluate_quantity(
     levels = list(dict.fromkeys((one.series, one.operator) for one in readings))
     ways = sorted({one.direction for one in readings}, reverse=True)  # up before down
     cells = _cells(readings, points, levels, ways)
-    if _incomplete(cells, readings, points, levels, ways, faults):
+    vertical = _vertical(kind, levels, references, item, faults)
+    if _incomplete(cells, readings, points, levels, ways, faults) or vertical == UNLIKE:
         return None
     values = _reference_values(points, levels, references, item, kind)
     of_levels = np.array([[one.value for one in level] for level in values]).T
-    scatter, resolution = scatter_of(cells, of_levels), item.resolution(kind)
+    resolution = item.resolution(kind)
+    scatter = scatter_of(cells, of_levels, resolution)
     known, budget = _references(values, scatter, resolution)
     effects = [effect for _, effect in budget]
     used = [reference_of(references, series) for series, _ in levels]
 
+    scattered = {
+        points[i]: _scattered(points[i], readings, cells[i], scatter, i)
+        for i in np.flatnonzero(~scatter.alike).tolist()
+    }
+
     def doubts(point: str) -> tuple[Doubt, ...]:
-        return tuple(dict.fromkeys(d for one in used if one for d in one.doubts_about(point)))
+        found = dict.fromkeys(d for one in used if one for d in one.doubts_about(point))
+        return (*found, *([scattered[point]] if point in scattered else []))
 
     of_means = scatter.errors
     estimates = [
@@ -90,14 +123,45 @@ def evaluate_quantity(
         declared=item.declared()[kind],
         points=found,
         levels=labels,
-        characteristic=characteristic(points, known, of_means, effects),
+        characteristic=characteristic(points, known, of_means, budget),
         repeatability=scatter.deviation,
-        dof_repeatability=int(scatter.dofs.sum()),
+        dof_repeatability=int(scatter.dof),
         reproducibility=_between(scatter),
         hysteresis=hysteresis,
         gauge_rr=study,
         no_gauge_rr=why_not,
+        vertical=vertical,
+        unread=_unread(kind, points, used),
     )
+
+
+def _unread(kind: str, points: Sequence[str], used: Sequence[Reference | None]) -> tuple[str, ...]:
+    """Return the wheels and trials of the references at which toe or camber was not read."""
+    if kind not in READ_AT_ALL:
+        return ()
+    known = dict.fromkeys(name for one in used if one is not None for name in one.wheels)
+    return tuple(name for name in known if name not in points)
+
+
+def _vertical(
+    kind: str, levels: list[Level], references: Sequence[Reference], item: Item, faults: Faults
+) -> VerticalKind | Literal["unlike"] | None:
+    """Return the vertical of the references; UNLIKE, a fault, where they or the item disagree."""
+    if kind not in UPRIGHT:
+        return None
+    used = [reference_of(references, series) for series, _ in levels]
+    found = list(dict.fromkeys(one.measurement.vertical_kind for one in used if one is not None))
+    stated = item.declared()[kind].vertical
+    if len(found) == 1 and stated in (None, found[0]):
+        return found[0]
+    faults.add(
+        None,
+        None,
+        Wording(UNLIKE_VERTICALS, kind=kind, each=", ".join(found))
+        if len(found) > 1
+        else Wording(OTHER_VERTICAL, kind=kind, stated=stated, found=found[0]),
+    )
+    return UNLIKE
 
 
 def complete_points(readings: Sequence[Reading]) -> list[Reading]:
@@ -112,6 +176,36 @@ def complete_points(readings: Sequence[Reading]) -> list[Reading]:
         if all(cell for level in row for cell in level)
     }
     return [one for one in readings if one.point in whole]
+
+
+def _scattered(
+    point: str,
+    readings: Sequence[Reading],
+    cells: Sequence[Sequence[Sequence[float]]],
+    scatter: Scatter,
+    index: int,
+) -> Doubt:
+    """Return the note on a point whose readings scatter unlike those of the others."""
+    centre = float(np.median([value for level in cells for cell in level for value in cell]))
+    rows = [one for one in readings if one.point == point]
+    farthest = max(rows, key=lambda one: abs(one.value - centre))
+    unit = QUANTITIES[farthest.quantity].unit
+    own = math.sqrt(scatter.squares[index] / scatter.dofs[index])
+    return Doubt(
+        SCATTERED,
+        kind=farthest.quantity,
+        state=farthest.state,
+        point=point,
+        trial=point,
+        own=_text(own, unit),
+        others=_text(scatter.deviation, unit),
+        row=farthest.row,
+        value=_text(farthest.value, unit),
+    )
+
+
+def _text(size: float, unit: str) -> str:
+    return f"{size * 1e3:.3g} mm" if unit == "m" else f"{math.degrees(size) * 60.0:.3g}'"
 
 
 Cells = list[list[list[list[float]]]]  # by point, level and direction
@@ -191,8 +285,8 @@ def _references(
     """Return the mean reference value of every point, and the budget of the errors.
 
     Several references, one a series: what is stated (type B) counts as common to all of them, so
-    that their mean has no less of it; what scatters from one to the other is in the scatter of the
-    errors between series, and in that budget only there.
+    that their mean has no less of it; what scatters from one to the other, as the noise of a scan,
+    is in the scatter of the errors between series, and in that budget only there.
     """
     distinct = [v for k, v in enumerate(values) if v[0] not in [w[0] for w in values[:k]]]
     count = len(distinct)
@@ -204,10 +298,13 @@ def _references(
         shared = joint_effects(distinct[0])
         return distinct[0], [*(("reference", effect) for effect in shared), *of_readings]
     effects = [effect for level in distinct for effect in joint_effects(level)]
-    stated = [replace(e, factor=e.factor / math.sqrt(count)) for e in effects if math.isinf(e.dof)]
-    drawn = [replace(e, factor=e.factor / count) for e in effects if math.isfinite(e.dof)]
+    drawn = [math.isfinite(e.dof) or e.name in OF_A_SCAN for e in effects]
+    common = [e for e, own in zip(effects, drawn, strict=True) if not own]
+    stated = [replace(e, factor=e.factor / math.sqrt(count)) for e in common]
+    scans = [e for e, own in zip(effects, drawn, strict=True) if own]
+    drawn_mean = [replace(e, factor=e.factor / count) for e in scans]
     rows = zip(mean.tolist(), np.eye(len(mean)), strict=True)
-    known = [estimate(value, row, [*stated, *drawn]) for value, row in rows]
+    known = [estimate(value, row, [*stated, *drawn_mean]) for value, row in rows]
     return known, [*(("reference", effect) for effect in stated), *of_readings]
 
 
@@ -322,23 +419,29 @@ def _gauge_rr(
     if len(points) < 2 or len(appraisers) < 2:
         return None, "it takes two points and two operators or series, or more"
     mean = np.mean([[one.value for one in level] for level in values], axis=0)
+    ways = len(cells[0][0])
     table = [
         [
             [
-                value - values[k][i].value + mean[i]
-                for k, level in enumerate(levels)
-                if level[column] == appraiser
-                for cell in cells[i][k]
-                for value in cell
+                [
+                    value - values[k][i].value + mean[i]
+                    for k, level in enumerate(levels)
+                    if level[column] == appraiser
+                    for value in cells[i][k][way]
+                ]
+                for way in range(ways)
             ]
             for appraiser in appraisers
         ]
         for i in range(len(points))
     ]
-    numbers = {len(cell) for row in table for cell in row}
-    if len(numbers) > 1 or min(numbers) < 2:
+    numbers = {len(cell) for row in table for each in row for cell in each}
+    if len(numbers) > 1 or ways * min(numbers) < 2 + (ways - 1):
         return None, "it takes the same number of readings, two or more, of every point by each"
-    return gauge_rr(np.array(table), tuple(appraisers)), ""
+    by_way = np.array(table)  # (point, appraiser, way, reading)
+    by_way -= by_way.mean(axis=(1, 3), keepdims=True) - by_way.mean(axis=(1, 2, 3), keepdims=True)
+    shape = len(points), len(appraisers), -1
+    return gauge_rr(by_way.reshape(shape), tuple(appraisers), ways), ""
 
 
 def adjustments(results: Sequence[QuantityResult]) -> tuple[Adjustment, ...]:

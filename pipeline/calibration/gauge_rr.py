@@ -65,8 +65,12 @@ class GaugeRR:
         return max(1, math.floor(ratio)) if math.isfinite(ratio) else 1
 
 
-def gauge_rr(readings: Array, appraisers: tuple[str, ...]) -> GaugeRR:
-    """Analyse readings (P parts, K appraisers, R trials), each of them 2 or more."""
+def gauge_rr(readings: Array, appraisers: tuple[str, ...], directions: int = 1) -> GaugeRR:
+    """Analyse readings (P parts, K appraisers, R trials), each of them 2 or more.
+
+    directions: of approach, whose means at a part are the same: their differences, the hysteresis,
+    are taken from the readings, and their degrees of freedom from the equipment.
+    """
     parts, count, trials = readings.shape
     mean, cells = readings.mean(), readings.mean(axis=2)
     of_parts, of_appraisers = cells.mean(axis=1), cells.mean(axis=0)
@@ -75,9 +79,14 @@ def gauge_rr(readings: Array, appraisers: tuple[str, ...]) -> GaugeRR:
         _row("appraiser", count - 1, parts * trials * np.sum((of_appraisers - mean) ** 2)),
         _row("part", parts - 1, count * trials * np.sum((of_parts - mean) ** 2)),
         _row("appraiser by part", (parts - 1) * (count - 1), trials * np.sum(inner**2)),
-        _row("equipment", parts * count * (trials - 1), np.sum((readings - cells[..., None]) ** 2)),
+        _row(
+            "equipment",
+            parts * count * (trials - 1) - parts * (directions - 1),
+            np.sum((readings - cells[..., None]) ** 2),
+        ),
     ]
-    total = AnovaRow("total", readings.size - 1, sum(r.sum_of_squares for r in rows), math.nan)
+    dof_total = sum(row.dof for row in rows)
+    total = AnovaRow("total", dof_total, sum(r.sum_of_squares for r in rows), math.nan)
     error = rows[3]
     tested = [_tested(row, error) for row in rows[:3]]
     by_appraisers, by_parts, by_both = (row.mean_square for row in tested)

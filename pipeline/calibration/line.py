@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from ..measurement import Estimate, estimate
 from ..uncertainty import Effect, f_beyond
 from ..validation import fit_line
 from ..vectors import Array
-from .records import Characteristic
+from .records import Characteristic, Origin
 
 LEAST_KNOWN = 0.5  # U of the sensitivity above which the spread of the points shows none
 
 
 def characteristic(
-    names: list[str], references: list[Estimate], errors: Array, effects: list[Effect]
+    names: list[str],
+    references: list[Estimate],
+    errors: Array,
+    budget: Sequence[tuple[Origin, Effect]],
 ) -> Characteristic:
     """Fit the line of N points; below three, or without spread, their mean error is the zero error.
 
-    errors: (N,) readings less references; effects: on these. The line is York's, with the
+    errors: (N,) readings less references; budget: effects on these. The line is York's, with the
     uncertainties of reading and reference; its covariance is propagated from all effects, so that
-    what references of one frame share counts in full.
+    what references of one frame share counts in full. Of an error of a reference, the line sees the
+    slope's part.
     """
-    count = len(names)
+    count, effects = len(names), [effect for _, effect in budget]
     x = np.array([one.value for one in references])
     u_x = np.array([one.u for one in references])
     variance = sum((np.sum(e.factor**2, axis=1) for e in effects), np.zeros(count))
@@ -36,17 +43,21 @@ def characteristic(
     adjusted = x + line.slope * u_x**2 * weights * residuals
     X = np.column_stack([np.ones(count), adjusted])
     solution = np.linalg.solve(X.T @ (weights[:, None] * X), X.T * weights)
-    sensitivity = estimate(line.slope, solution[1], effects)
+    seen = [
+        replace(effect, factor=line.slope * effect.factor) if origin == "reference" else effect
+        for origin, effect in budget
+    ]
+    sensitivity = estimate(line.slope, solution[1], seen)
     if not sensitivity.expanded < LEAST_KNOWN:
         return mean
     left = np.eye(count) - X @ solution
     worst = int(np.argmax(np.abs(residuals)))
     return Characteristic(
-        zero=estimate(line.intercept, solution[0], effects),
+        zero=estimate(line.intercept, solution[0], seen),
         sensitivity=sensitivity,
-        linearity=estimate(float(residuals[worst]), left[worst], effects),
+        linearity=estimate(float(residuals[worst]), left[worst], seen),
         worst_point=names[worst],
-        fits=_probability(residuals, left, effects),
+        fits=_probability(residuals, left, seen),
     )
 
 

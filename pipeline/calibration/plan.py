@@ -19,6 +19,7 @@ from .forms.item import Item
 from .forms.plan_file import Plan
 from .forms.quantities import QUANTITIES
 from .line import characteristic
+from .records import Origin
 from .reference import Reference, joint_effects
 from .scatter import (
     deviation_with,
@@ -180,8 +181,10 @@ def planned_set(kind: str, plan: Plan, item: Item, reference: Reference) -> Plan
     squares = None if plan.series == 1 else (count * between**2 + rest, rest)
     spread = np.full(count, 1.0 / (in_cell * plan.series))
     readings = mean_effects(spread, deviation, dof, plan.series, squares, shared)
-    effects: list[Effect] = [*joint_effects(known), *readings]
-    line = characteristic(points, known, np.zeros(count), effects)
+    budget: list[tuple[Origin, Effect]] = [("reference", one) for one in joint_effects(known)]
+    budget += [("readings", one) for one in readings]
+    effects = [effect for _, effect in budget]
+    line = characteristic(points, known, np.zeros(count), budget)
     hysteresis = None
     if plan.directions and dof > 0.0:
         differences = np.full(count, apart)

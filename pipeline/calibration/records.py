@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..errors import Doubt
-from ..measurement import Estimate, Provenance, Verdict
+from ..measurement import Estimate, Provenance, Verdict, VerticalKind
 from ..vehicle import Unit
 from .forms.item import DecisionRule, Item, ItemQuantity
 from .forms.readings import Readings, State
@@ -96,7 +96,8 @@ class QuantityResult:
     which every point was read. repeatability: pooled standard deviation of a single reading.
     reproducibility: standard deviation between levels, None for one. hysteresis: mean of upward
     less downward readings; None without both. gauge_rr: None, and why, where its scheme does not
-    apply. notes: sentences.
+    apply. vertical: from which camber, caster or SAI is measured. unread: wheels and trials of the
+    references without a reading. notes: sentences.
     """
 
     quantity: str
@@ -112,6 +113,8 @@ class QuantityResult:
     hysteresis: Estimate | None = None
     gauge_rr: GaugeRR | None = None
     no_gauge_rr: str = ""
+    vertical: VerticalKind | None = None
+    unread: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -180,6 +183,13 @@ class Calibration:
         """Latest date of the references (ISO 8601), if known."""
         dates = [one.provenance.date for one in self.references if one.provenance.date]
         return max(dates, default=None)
+
+    @property
+    def decision_as_found(self) -> Decision | None:
+        """Worst verdict before the adjustment on what was adjusted; None where nothing was."""
+        left = {result.quantity for result in self.results if result.state == "as left"}
+        found = [one for one in self.results if one.state == "as found" and one.quantity in left]
+        return worst([point for result in found for point in result.points])
 
     @property
     def decision(self) -> Decision | None:

@@ -58,15 +58,18 @@ class Reference:
         """Quantities of all wheels and of the vehicle: `RR.toe`, `thrust_angle`."""
         wheels = [wheel for wheel in self.measurement.wheels if wheel.evaluated is not None]
         poses = [wheel.pose for wheel in wheels if wheel.pose is not None]
+        vertical = self.measurement.vertical
         linear = linearise(
             np.stack([pose.centre_m for pose in poses[:4]]),
             np.stack([pose.normal for pose in poses]),
             [str(wheel.wheel) for wheel in wheels],
+            None if vertical is None else vertical.normal,
         )
         names = [f"{w.observation.name}.{entry.name}" for entry in WHEEL for w in wheels]
         names += [entry.name for entry in VEHICLE]
         pairs = zip(linear.values.tolist(), linear.slopes, strict=True)
-        return Quantities(dict(zip(names, pairs, strict=True)), tuple(effects_of(poses)))
+        inputs = poses if vertical is None else [*poses, vertical]
+        return Quantities(dict(zip(names, pairs, strict=True)), tuple(effects_of(inputs)))
 
     @cached_property
     def wheels(self) -> dict[str, WheelResult]:

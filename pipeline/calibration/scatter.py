@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..uncertainty import Effect, quantile
-from ..vectors import Array
+from ..uncertainty import Effect, f_beyond, quantile
+from ..vectors import Array, Mask
 
 REPEATABILITY, REPRODUCIBILITY, RESOLUTION = "repeatability", "reproducibility", "resolution"
 HARMONICS, BISECTIONS = 1000, 60
 LEVEL, NEGLIGIBLE = 0.95, 1e-6
+UNLIKE = 1e-3  # probability below which the scatter of a point is not that of the others
 WHOLE, AT_ONCE = np.ones(1), np.zeros(1)
 
 
@@ -25,18 +26,28 @@ class Scatter:
     """Errors of indication of P points, L levels, D directions, n readings each.
 
     means: (P, L, D) mean error of each cell; counts: (P, L, D) numbers of readings; squares: (P,)
-    sums of squares about the cells' means, and dofs: (P,) their degrees of freedom.
+    sums of squares about the cells' means, and dofs: (P,) their degrees of freedom. alike: (P,)
+    points whose readings scatter alike; of others, each has a deviation of its own.
     """
 
     means: Array
     counts: Array
     squares: Array
     dofs: Array
+    alike: Mask
+
+    @property
+    def dof(self) -> float:
+        """Degrees of freedom of the pooled deviation."""
+        return float(self.dofs[self.alike].sum())
 
     @property
     def deviation(self) -> float:
-        """Pooled standard deviation of a single reading; nan where none is repeated."""
-        return math.sqrt(self.squares.sum() / self.dofs.sum()) if self.dofs.sum() else math.nan
+        """Standard deviation of a single reading, pooled over points that scatter alike.
+
+        nan where none is repeated.
+        """
+        return math.sqrt(self.squares[self.alike].sum() / self.dof) if self.dof else math.nan
 
     @property
     def errors(self) -> Array:
@@ -83,8 +94,14 @@ class Scatter:
         """
         levels = self.means.shape[1]
         between = self.between_levels() if levels > 1 else None
-        dof, rounding = float(self.dofs.sum()), self._rounding(resolution)
-        return mean_effects(self._spread(), self.deviation, dof, levels, between, rounding)
+        spread, rounding = self._spread(), self._rounding(resolution)
+        pooled = np.where(self.alike, spread, 0.0)
+        found = mean_effects(pooled, self.deviation, self.dof, levels, between, rounding)
+        for point in np.flatnonzero(~self.alike):
+            own = np.zeros((len(spread), 1))
+            own[point] = math.sqrt(self.squares[point] / self.dofs[point] * spread[point])
+            found.append(Effect(REPEATABILITY, own, float(self.dofs[point]), False))
+        return found
 
     def _rounding(self, resolution: float) -> float:
         """Return the variance that the rounding of all readings leaves in each error.
@@ -133,10 +150,9 @@ class Scatter:
         levels = self.means.shape[1]
         differences = (self.means[:, :, 0] - self.means[:, :, 1]).mean(axis=1)
         spread = (1.0 / self.counts).sum(axis=(1, 2)) / levels**2
-        dof = float(self.dofs.sum())
         whole = math.sqrt(float(self.variances.mean()))
         rounding = rounding_of_means(differences, self.deviation, whole, resolution, levels)
-        return differences, difference_effects(spread, self.deviation, dof, rounding)
+        return differences, difference_effects(spread, self.deviation, self.dof, rounding)
 
 
 def rounding_of_means(
@@ -276,11 +292,13 @@ def _covariance(variance: float, apart: float) -> float:
 
 
 def scatter_of(
-    cells: Sequence[Sequence[Sequence[Sequence[float]]]], references: Array | float = 0.0
+    cells: Sequence[Sequence[Sequence[Sequence[float]]]],
+    references: Array | float = 0.0,
+    resolution: float = 0.0,
 ) -> Scatter:
     """Return the scatter of readings by point, level and direction, each cell with one or more.
 
-    references: (P, L) or one of all, of which the errors are.
+    references: (P, L) or one of all, of which the errors are. resolution: of the readings.
     """
     shown = np.array([[[np.mean(c) for c in level] for level in point] for point in cells])
     counts = np.array([[[len(c) for c in level] for level in point] for point in cells], float)
@@ -290,4 +308,31 @@ def scatter_of(
     ]
     means = shown - np.asarray(references)[..., None]
     dofs = (counts - 1.0).sum(axis=(1, 2))
-    return Scatter(means, counts, np.array(squares), dofs)
+    alike = _alike(np.array(squares), dofs, resolution)
+    return Scatter(means, counts, np.array(squares), dofs, alike)
+
+
+def _alike(squares: Array, dofs: Array, resolution: float) -> Mask:
+    """Return which points (P,) scatter alike: each other one more than by chance, UNLIKE in all.
+
+    By the F of a point's variance over that of the others, which is at least that of rounding;
+    the largest is set aside first. A test of each on its own takes points of unlike numbers of
+    readings, which Cochran's (ISO 5725-2, 7.3.3) does not.
+    """
+    alike = np.ones(len(dofs), bool)
+    variances = squares / dofs.clip(min=1.0)
+    while np.count_nonzero(alike & (dofs > 0.0)) > 1:
+        one = int(np.argmax(np.where(alike, variances, -1.0)))
+        rest = alike.copy()
+        rest[one] = False
+        dof = float(dofs[rest].sum())
+        if not dof > 0.0:
+            break
+        others = max(float(squares[rest].sum()) / dof, resolution**2 / 12.0)
+        if not variances[one] > others:
+            break
+        beyond = f_beyond(variances[one] / others, int(dofs[one]), dof) if others > 0.0 else 0.0
+        if beyond * len(dofs) > UNLIKE:
+            break
+        alike = rest
+    return alike

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
+from typing import get_args
 
 import click
 
@@ -28,7 +29,7 @@ from ..config import Config, load_config, with_scanner
 from ..errors import InputError, MissingDependencyError
 from ..five_point import FivePointFile, Station, measure_five_point, read_five_point
 from ..measure import measure_capture
-from ..measurement import Measurement
+from ..measurement import Measurement, VerticalKind
 from ..report.format.view import DigitStyle, View
 from ..report.json.calibration import calibration_json, plan_json
 from ..report.json.stored import read_measurement, record_of
@@ -70,6 +71,7 @@ class Opening:
     angle_unit: AngleUnit | None
     azimuth: Azimuth
     station: Station | None
+    vertical: VerticalKind | None
 
     def read_points(self, source: Path) -> FivePointFile:
         """Read a five-point file."""
@@ -84,6 +86,11 @@ class Opening:
     def measure(self, source: Path) -> Measurement:
         """Measure a capture, or a five-point file; read what is measured already."""
         if self.five_point:
+            if self.vertical not in (None, "wheels"):
+                raise InputError(
+                    f"--vertical {self.vertical} with --five-point: five points are measured from "
+                    "the plane of the wheel centres: leave it out"
+                )
             return measure_five_point(self.read_points(source), self.station)
         record = record_of(source)
         if record is not None:
@@ -93,14 +100,15 @@ class Opening:
             TerminalProgress(opened.steps) as progress,
         ):
             config = with_scanner(self.config, self.scanner or opened.scanner)
-            return measure_capture(opened, config, progress)
+            return measure_capture(opened, config, progress, vertical=self.vertical or "wheels")
 
     def read(self, record: Path) -> Measurement:
         """Read a measurement.json. Raises InputError where options of a capture are given, too."""
-        if self.target or self.scanner or self.overrides != CaptureOptions():
+        given = self.target or self.scanner or self.vertical
+        if given or self.overrides != CaptureOptions():
             raise InputError(
-                f"{record}: measured already: leave out --target, --scanner and the options of a "
-                "capture, or name the capture instead"
+                f"{record}: measured already: leave out --target, --scanner, --vertical and the "
+                "options of a capture, or name the capture instead"
             )
         return read_measurement(record, str(record))[0]
 
@@ -166,6 +174,12 @@ class Opening:
 @whole_vehicle_options
 @config_option
 @scanner_option
+@click.option(
+    "--vertical",
+    type=click.Choice(get_args(VerticalKind)),
+    help="Direction from which camber, caster and SAI of a capture are measured, as of `measure`. "
+    " [default: wheels]",
+)
 @certificate_options
 def calibrate(
     references: tuple[Path, ...],
@@ -191,6 +205,7 @@ def calibrate(
     up: Upright | None,
     config: Path | None,
     scanner: str | None,
+    vertical: VerticalKind | None,
     issuing: CertificateOptions,
 ) -> int:
     """Calibrate a wheel alignment machine: its readings against the angles of REFERENCES.
@@ -216,6 +231,7 @@ def calibrate(
         coordinates=coordinates,
         angle_unit=angle_unit,
         azimuth=azimuth,
+        vertical=vertical,
         station=read_station(total_station, total_station_position, coordinates, length_unit),
     )
     if not references and plan_path is None:

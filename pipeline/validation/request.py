@@ -12,6 +12,7 @@ import numpy as np
 from ..capture import Capture
 from ..errors import Wording
 from ..measurement import Measurement, WheelResult
+from ..vehicle import build_reference_frame, wheel_angles
 from .comparison import ComparedMethod
 from .five_point import FivePointOptions
 
@@ -91,12 +92,18 @@ def why_missing(result: WheelResult) -> str:
 
 
 def as_method(label: str, results: Sequence[WheelResult]) -> ComparedMethod:
-    """Return a method with these results, all of them comparable."""
-    angles = [result.evaluated for result in results if result.evaluated is not None]
+    """Return a method with these results, all of them comparable; the first four: RR, RL, FR, FL.
+
+    Cambers are from the plane of the wheel centres, which both methods know.
+    """
+    poses = tuple(result.pose for result in results if result.pose is not None)
+    frame = build_reference_frame(np.stack([pose.centre_m for pose in poses[:4]]))
+    angles = [
+        wheel_angles(frame, pose.normal, str(result.wheel))
+        for pose, result in zip(poses, results, strict=True)
+    ]
     return ComparedMethod(
-        label,
-        tuple(result.pose for result in results if result.pose is not None),
-        np.array([a.toe_rad for a in angles] + [a.camber_rad for a in angles]),
+        label, poses, np.array([a.toe_rad for a in angles] + [a.camber_rad for a in angles])
     )
 
 

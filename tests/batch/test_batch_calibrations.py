@@ -20,6 +20,7 @@ from wheelplane.commands.calibrate import calibrate
 from wheelplane.commands.results import results
 from wheelplane.errors import InputError
 from wheelplane.report.format.language import load_translations
+from wheelplane.report.format.writer import NONE
 from wheelplane.web.archive.views import answer
 from wheelplane.web.security import RefusedError
 from wheelplane_synth.machine.forms import readings_csv
@@ -167,9 +168,8 @@ def test_the_page_lists_calibrations_and_shows_each_point(archive):
     found = answer("calibrations", archive / "results", {}, words)
     rows = {row[2]: row for row in found["table"]["rows"]}
     assert list(rows) == ["2026-01-15", "2026-02-15", "2026-03-15", "2026-04-15"]
-    assert rows["2026-03-15"][:5] == [
-        "7", "Synthetic Bay", "2026-03-15", "2026-03-15", "nonconforming",
-    ]  # fmt: skip
+    assert rows["2026-03-15"][:4] == ["7", "Synthetic Bay", "2026-03-15", "2026-03-15"]
+    assert rows["2026-03-15"][4:6] == [NONE, "nonconforming"]  # as found: nothing was adjusted
     assert found["table"]["classes"][2:] == ["not-conform", "not-conform"]
     first, faulty = (
         answer("calibration", archive / "results", {"key": found["keys"][i]}, words) for i in (0, 3)
@@ -185,7 +185,7 @@ def test_the_page_lists_calibrations_and_shows_each_point(archive):
     assert "gon" in str(faulty["facts"])
     assert faulty["tables"] == []
     portuguese = answer("calibrations", archive / "results", {}, load_translations("pt"))
-    assert portuguese["table"]["rows"][2][4] == "não conforme"
+    assert portuguese["table"]["rows"][2][5] == "não conforme"
     with pytest.raises(RefusedError):
         answer("calibration", archive / "results", {"key": "gone"}, words)
 

@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from tests.support.calibration_bay import ORIGIN, TOE, Bay, changed, item_of, machine
+from tests.support.calibration_bay import (
+    ORIGIN,
+    TOE,
+    Bay,
+    as_readings,
+    changed,
+    item_of,
+    machine,
+)
 from wheelplane.batch.results.calibrations import LONGEST_DAYS, history_text, machine_history
 from wheelplane.calibration import Reference, calibrate
 from wheelplane.commands.results import results as command
@@ -53,6 +61,34 @@ def test_a_machine_that_does_not_drift_has_a_long_interval_and_a_bad_one_none(tm
     bad = machine_history(write(tmp_path / "bad", 4, start=8.0), "7")
     assert bad.intervals[0].days == 0.0
     assert "toe: no interval: at 95 % confidence an error may have" in history_text(bad)
+
+
+def test_adjustments_are_taken_out_of_the_drift(tmp_path):
+    """A machine that drifts by 5' a month and is put right each time is no steady machine."""
+    for month in range(6):
+        bay = Bay(seed=(1, month))
+        found, left = (changed(TOE, gain=0.0, zero=zero) for zero in (5.0 * bool(month), 0.0))
+        reference = bay.reference()
+        origin = replace(ORIGIN, date=str(np.datetime64("2026-01-01") + 30 * month))
+        dated = Reference(replace(reference.measurement, provenance=origin))
+        rows = (
+            row
+            for toe, state in ((found, "as found"), (left, "as left"))
+            for row in as_readings(bay.truth, machine(toe=toe), bay.car.rng, state)
+        )
+        readings = replace(bay.readings(machine(toe=found)), rows=tuple(rows))
+        done = calibrate([dated], item_of(machine(toe=left)), readings)
+        place = tmp_path / f"{month}"
+        place.mkdir()
+        (place / "calibration.json").write_text(calibration_json(done), encoding="utf-8")
+    history = machine_history(tmp_path, "7")
+    zero = next(one for one in history.drifts if one.quantity == "toe zero error")
+    assert abs(zero.slope * 30.0 * 60.0 - 5.0) < 1.5 * zero.expanded * 30.0 * 60.0
+    assert zero.significant
+    assert 0.0 < history.intervals[0].days < 35.0  # 6' less what points scatter, from 0' on
+    assert history.adjusted == 6
+    text = history_text(history)
+    assert "Adjusted in 6 of them: the drift is from each as left to the next as found" in text
 
 
 def test_two_calibrations_show_no_drift_and_say_so(tmp_path):

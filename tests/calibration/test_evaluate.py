@@ -10,6 +10,7 @@ import pytest
 
 from tests.support.calibration_bay import (
     CAMBER,
+    ORIGIN,
     TOE,
     Bay,
     Protocol,
@@ -18,13 +19,16 @@ from tests.support.calibration_bay import (
     item_of,
     machine,
     minutes,
+    tilted,
 )
 from wheelplane.calibration.calibrate import calibrate
 from wheelplane.calibration.evaluate import adjustments
 from wheelplane.calibration.forms.item import DecisionRule
 from wheelplane.calibration.forms.table_file import FaultyTableError
 from wheelplane.calibration.records import Calibration, worst
+from wheelplane.calibration.reference import Reference
 from wheelplane.errors import Doubt
+from wheelplane.measurement import Evidence, align
 from wheelplane.report.json.calibration import calibration_tree
 from wheelplane.report.json.measurement import doubts_tree
 from wheelplane.report.text.calibration import calibration_text
@@ -125,6 +129,97 @@ def test_several_references_keep_what_is_stated_and_average_nothing_of_it():
     assert alike.reference.u == pytest.approx(alone.reference.u, rel=1e-6)
     assert found.reference.u == pytest.approx(alone.reference.u, rel=1e-3)
     assert found.error.u > alone.error.u  # the references scatter from series to series as well
+
+
+def named(reference, component):
+    """The same reference, the errors of its targets by another name."""
+    wheels = reference.measurement.wheels
+    observations = [
+        replace(
+            wheel.observation,
+            evidence=Evidence(
+                replace(
+                    wheel.observation.fitted,
+                    components=tuple(
+                        replace(one, name=component) for one in wheel.observation.fitted.components
+                    ),
+                )
+            ),
+        )
+        for wheel in wheels
+    ]
+    return Reference(align(observations, ORIGIN), reference.series)
+
+
+def test_noise_of_a_scan_averages_over_several_references_and_counts_once():
+    """As it scatters from one to the next, it is in the scatter between the series already."""
+    bay = Bay(seed=5)
+    tested = machine(protocol=Protocol(series=6), toe=changed(TOE, repeatability=0.01))
+    item, readings = item_of(tested), bay.readings(tested)
+    several = [named(bay.reference(str(k)), "plane noise") for k in range(1, 7)]
+    alone, found = (
+        calibrate(known, item, readings).results[0].points
+        for known in ([replace(several[0], series=None)], several)
+    )
+    for one, mean in zip(alone, found, strict=True):
+        assert mean.reference.u == pytest.approx(one.reference.u / math.sqrt(6.0), rel=1e-3)
+        assert {line.origin for line in mean.budget} == {"readings"}
+    ratios = [mean.error.u / one.error.u for one, mean in zip(alone, found, strict=True)]
+    assert np.mean(ratios) == pytest.approx(1.0 / math.sqrt(6.0), rel=0.35)
+
+
+def test_references_and_an_item_of_unlike_verticals_are_refused():
+    bay, tested = Bay(seed=2), machine(toe=None, camber=CAMBER, protocol=Protocol(series=2))
+    item, readings = item_of(tested), bay.readings(tested)
+    wheels, gravity = bay.reference("1"), replace(tilted(bay.reference()), series="2")
+    with pytest.raises(FaultyTableError, match=r"unlike verticals \(wheels, gravity\)"):
+        calibrate([wheels, gravity], item, readings)
+    for stated, fault in (("gravity", ""), ("floor", "counts it from floor, the reference is")):
+        camber = item.item.camber.model_copy(update={"vertical": stated})
+        own = item.model_copy(update={"item": item.item.model_copy(update={"camber": camber})})
+        of_all = [replace(gravity, series=None)]
+        if fault:
+            with pytest.raises(FaultyTableError, match=fault):
+                calibrate(of_all, own, readings)
+            continue
+        found = calibrate(of_all, own, readings)
+        assert found.results[0].vertical == "gravity"
+        assert "measured from gravity" in calibration_text(found)
+
+
+def test_a_reading_far_from_the_others_is_named_and_spoils_no_other_point():
+    bay, tested = Bay(seed=9), machine()
+    sound = bay.readings(tested)
+    (before,) = calibrate([bay.reference()], item_of(tested), sound).results
+    at = next(k for k, one in enumerate(sound.rows) if one.point == "RL")
+    wrong = replace(sound.rows[at], value=sound.rows[at].value + math.radians(14.0 / 60.0))
+    spoilt = replace(sound, rows=(*sound.rows[:at], wrong, *sound.rows[at + 1 :]))
+    found = calibrate([bay.reference()], item_of(tested), spoilt)
+    (doubt,) = found.doubts
+    assert f"row {wrong.row}, " in doubt
+    assert "the readings at RL scatter by" in doubt
+    assert found.decision == "undecided"
+    for one, other in zip(before.points, found.results[0].points, strict=True):
+        own = [line.u for line in other.budget if line.name == "repeatability"]
+        if other.point == "RL":
+            assert own[0] == pytest.approx(other.repeatability / math.sqrt(other.n), rel=1e-6)
+            assert other.error.expanded > 3.0 * one.error.expanded
+        else:
+            assert other.error.expanded == pytest.approx(one.error.expanded, rel=0.05)
+
+
+def test_hysteresis_is_no_repeatability_of_a_gauge():
+    """The study is the same whatever the machine's hysteresis."""
+    protocol = Protocol(operators=("A", "B", "C"), directions=True)
+    tables = [changed(TOE, resolution=1e-9, hysteresis=h) for h in (0.0, 3.0)]
+    studies = [
+        run(Bay(seed=11), machine(toe=toe, protocol=protocol)).results[0].gauge_rr for toe in tables
+    ]
+    for part in ("ev", "av", "interaction", "pv"):
+        assert getattr(studies[0], part) == pytest.approx(getattr(studies[1], part), rel=1e-6)
+    rows = {row.source: row for row in studies[0].rows}
+    readings, points = rows["total"].dof + 1 + 12, 12
+    assert rows["equipment"].dof == readings - points * 3 - points
 
 
 def test_a_series_shift_is_reproducibility_and_does_not_average_out_over_points():

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.support.calibration_bay import CAMBER, TOE, Bay, changed, item_of, machine
+from tests.support.calibration_bay import CAMBER, TOE, Bay, changed, item_of, machine, tilted
 from wheelplane.calibration.reference import Reference, joint_effects, reference_of
 from wheelplane.measurement import stated
 from wheelplane.vehicle import AXES
@@ -30,6 +30,17 @@ def test_every_quantity_is_that_of_the_measurement():
         assert found.value == pytest.approx(known.value, abs=1e-15)
         assert found.u == pytest.approx(known.u, rel=1e-9)
         assert found.dof == pytest.approx(known.dof)
+
+
+def test_cambers_are_from_the_vertical_of_the_measurement():
+    found = tilted(REFERENCE)
+    for known in stated(found.measurement):
+        assert found.by_name[known.name].value == pytest.approx(known.value, abs=1e-15)
+        assert found.by_name[known.name].u == pytest.approx(known.u, rel=1e-9)
+    for wheel, sense in (("RR", -1.0), ("RL", 1.0)):
+        before, after = (one.by_name[f"{wheel}.camber"] for one in (REFERENCE, found))
+        assert sense * np.degrees(before.value - after.value) == pytest.approx(0.5, abs=1e-3)
+        assert 1e-4 < after.u < math.hypot(before.u, 1e-4)  # no lean of the frame is in it
 
 
 def test_joint_effects_have_the_covariance_of_the_measurement():

@@ -41,6 +41,31 @@ def test_pooled_deviation_and_means_are_those_of_the_cells():
     )
 
 
+@pytest.mark.parametrize("resolution", [0.0, 3.0])
+def test_points_that_scatter_alike_are_hardly_ever_set_aside(resolution):
+    """One table of ten points in a thousand, by chance; rounding hides all scatter at most."""
+    rng = np.random.default_rng(3)
+    values = rng.normal(size=(1500, 10, 1, 2, 3)) + rng.uniform(0.0, 9.0, (1500, 10, 1, 1, 1))
+    if resolution:
+        values = np.rint(values / resolution) * resolution
+    alike = [scatter_of(cells(one), 0.0, resolution).alike for one in values]
+    assert sum(not one.all() for one in alike) <= 6
+
+
+def test_one_point_that_scatters_unlike_the_others_is_set_aside():
+    rng = np.random.default_rng(4)
+    values = rng.normal(size=(10, 1, 2, 3))
+    values[[3, 7]] *= 30.0
+    found = scatter_of(cells(values))
+    assert np.flatnonzero(~found.alike).tolist() == [3, 7]
+    kept = np.delete(values, [3, 7], axis=0)
+    assert found.deviation == pytest.approx(scatter_of(cells(kept)).deviation)
+    diagonal = np.diag(variance(found))
+    own = values[3].var(axis=2, ddof=1).mean() / 6.0
+    assert diagonal[3] == pytest.approx(own)
+    assert diagonal[0] == pytest.approx(found.deviation**2 / 6.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("levels", [1, 4])
 def test_the_stated_covariance_of_means_is_that_of_many_experiments(levels):

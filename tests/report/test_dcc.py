@@ -43,7 +43,7 @@ ORDER = {
     "measuringEquipment": "name identifications",
     "influenceCondition": "name status? data",
     "measurementResult": "name influenceConditions? results",
-    "result": "name data",
+    "result": "name description? data",
     "statement": "traceable? declaration conformity?",
     "metaData": "declaration conformityXMLList",
     "realListXMLList": "labelXMLList valueXMLList unitXMLList "
@@ -97,6 +97,20 @@ def test_it_says_what_the_certificate_says():
     assert [node.text for node in every(root, "dcc:usedLangCodeISO639_1")] == ["en", "pt"]
     values = {node.text for node in every(root, "dcc:measuringEquipment//dcc:value")}
     assert {"LS-0815", "C-2026-17", "National institute", "2027-03-01", "4711"} <= values
+
+
+def test_it_says_in_which_sense_and_from_which_axis_values_count():
+    """Numbers alone cannot be read: what the item declares stands with each result."""
+    root = tree()
+    for path, words in (("en", "toe-in"), ("pt", "convergente")):
+        said = [
+            node.text
+            for node in every(root, "dcc:result/dcc:description/dcc:content")
+            if node.get("lang") == path
+        ]
+        assert len(said) == len(every(root, "dcc:measurementResult"))
+        assert any(words in text for text in said), said
+    assert any("normal of the rear axle" in (node.text or "") for node in root.iter())
 
 
 def test_an_amendment_names_what_it_replaces():

@@ -5,6 +5,7 @@ The reference is the truth with errors drawn as its uncertainty states them; no 
 
 from __future__ import annotations
 
+import math
 import tomllib
 
 import numpy as np
@@ -13,6 +14,9 @@ from tests.support.validation_cars import CENTRE, NORMAL, Car
 from wheelplane.calibration import ItemFile, Reading, Readings, Reference
 from wheelplane.calibration.forms.quantities import QUANTITIES, indicated
 from wheelplane.measurement import Evidence, Observation, Provenance, Value, align
+from wheelplane.measurement.evaluate import evaluate
+from wheelplane.measurement.records import Vertical
+from wheelplane.uncertainty import vertical_component
 from wheelplane_synth.machine.forms import item_toml
 from wheelplane_synth.machine.indicate import indicate
 from wheelplane_synth.output.truth import Truth
@@ -100,3 +104,15 @@ def as_readings(truth, tested, rng, state="as found"):
 def minutes(angle_rad) -> np.ndarray:
     """Angles in minutes of arc."""
     return np.degrees(angle_rad) * 60.0
+
+
+def tilted(reference, kind="gravity"):
+    """The same measurement, cambers from a vertical half a degree off the wheels' up."""
+    known = reference.measurement
+    up = known.frame.up + np.tan(np.radians(0.5)) * known.frame.left
+    up = up / np.linalg.norm(up)
+    components = (vertical_component("vertical", up, 1e-4 * np.eye(3), math.inf),)
+    vertical = Vertical(kind, up, components, "a level")
+    observations = [wheel.observation for wheel in known.wheels]
+    poses = [wheel.pose for wheel in known.wheels]
+    return Reference(evaluate(observations, poses, known.provenance, (), vertical))

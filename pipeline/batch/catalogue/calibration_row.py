@@ -8,9 +8,11 @@ from typing import Any
 TABLE = """
 CREATE TABLE calibration_rows(
   id INTEGER PRIMARY KEY, serial TEXT NOT NULL, maker TEXT NOT NULL, model TEXT NOT NULL,
-  decision TEXT, points INTEGER NOT NULL, worst REAL, worst_at TEXT NOT NULL, error TEXT NOT NULL);
+  decision TEXT, points INTEGER NOT NULL, worst REAL, worst_at TEXT NOT NULL, error TEXT NOT NULL,
+  as_found TEXT);
 CREATE VIEW calibrations AS
-  SELECT key, c.name, c.date, serial, maker, model, decision, points, worst, worst_at, error
+  SELECT key, c.name, c.date, serial, maker, model, decision, points, worst, worst_at, error,
+    as_found
   FROM calibration_rows AS k JOIN captures AS c ON c.id = k.id;
 """
 
@@ -21,7 +23,8 @@ class CalibrationRow:
 
     decision: conform, undecided, not conform; None without a maximum permissible error. points:
     number in the state in which each quantity was left. worst: largest |error|/MPE of these, at the
-    quantity and point `worst_at`. error: why there are no results.
+    quantity and point `worst_at`. error: why there are no results. as_found: decision on what was
+    adjusted since, before that; None where nothing was.
     """
 
     serial: str = ""
@@ -32,6 +35,7 @@ class CalibrationRow:
     worst: float | None = None
     worst_at: str = ""
     error: str = ""
+    as_found: str | None = None
 
 
 def calibration_row(tree: Any) -> CalibrationRow | None:
@@ -68,14 +72,16 @@ def _row(tree: Any) -> CalibrationRow:
         len(found),
         worst,
         where,
+        as_found=tree.get("decision_as_found"),
     )
 
 
 def _storable(row: CalibrationRow) -> CalibrationRow:
     """Raise TypeError or UnicodeError for what SQLite does not store; return the row."""
-    if not isinstance(row.decision, str | None):
+    decisions = row.decision, row.as_found
+    if not all(isinstance(one, str | None) for one in decisions):
         raise TypeError
-    for text in (row.serial, row.maker, row.model, row.decision, row.worst_at, row.error):
+    for text in (row.serial, row.maker, row.model, *decisions, row.worst_at, row.error):
         (text or "").encode()
     return row
 

@@ -119,7 +119,8 @@ def _alone(archive: str, name: str, command: list[str], options: list[str]) -> s
     if packed is not None:
         steps.append(["python3", "-m", "zipfile", "-e", at, UNPACKED])
         at = f"{UNPACKED}/{name[len(packed) + 1 :]}"
-    steps.append([*command, at, "--plot", "DIR", *options])
+    shown = "--explain" if command[-1] == "measure" else "--plot"
+    steps.append([*command, at, shown, "DIR", *options])
     return " && ".join(map(_pasted, steps))
 
 

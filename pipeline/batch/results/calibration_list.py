@@ -38,6 +38,7 @@ class ListedCalibration:
     worst: float | None
     worst_at: str
     error: str
+    as_found: str | None
 
 
 OWN = ", ".join(f"k.{field.name}" for field in fields(CalibrationRow))
@@ -79,14 +80,19 @@ def serials(catalogue: Catalogue) -> set[str]:
 def calibrations_table(found: Sequence[ListedCalibration], writer: Writer) -> Table:
     """Return a row per calibration: machine, decision, points, and the worst error over MPE."""
     words = writer.words
-    names = ("serial", "machine", "capture", "date", "decision", "points", "of_mpe", "at")
+    names = (
+        "serial", "machine", "capture", "date", "as_found", "decision", "points", "of_mpe", "at",
+    )  # fmt: skip
     rows = [
         [
             printable(one.serial) or writer.none,
             printable(f"{one.maker} {one.model}".strip()) or writer.none,
             printable(one.name),
             one.date or writer.none,
-            writer.none if one.decision is None else decided(one.decision, words).lower(),
+            *(
+                writer.none if each is None else decided(each, words).lower()
+                for each in (one.as_found, one.decision)
+            ),
             str(one.points),
             writer.none if one.worst is None else words.number(f"{one.worst:.2f}"),
             printable(one.worst_at) or writer.none,
@@ -94,7 +100,7 @@ def calibrations_table(found: Sequence[ListedCalibration], writer: Writer) -> Ta
         for one in found
     ]
     head = [words(f"listing.{name}") for name in names]
-    return writer.table(head, rows, 5, words("listing.calibrations"))
+    return writer.table(head, rows, 6, words("listing.calibrations"))
 
 
 def calibrations_text(found: Sequence[ListedCalibration], view: View = PAPER) -> str:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import InputError, fact_of
+from ...report.format.digits import decimal
 from ...uncertainty import quantile
 from ..catalogue.calibration_row import final
 from .series import Series
@@ -42,12 +43,16 @@ class Interval:
 
 @dataclass(frozen=True)
 class MachineHistory:
-    """Calibrations of a machine by its serial number: files in the order of their dates."""
+    """Calibrations of a machine by its serial number: files in the order of their dates.
+
+    adjusted: in how many of them it was adjusted.
+    """
 
     serial: str
     files: tuple[str, ...]
     drifts: tuple[Drift, ...]
     intervals: tuple[Interval, ...]
+    adjusted: int = 0
 
 
 def machine_history(
@@ -60,7 +65,8 @@ def machine_history(
 
     folder: None for results elsewhere. listed: its calibrations in a catalogue, by their captures;
     others: serial numbers there. One that is both below the folder and listed counts once. Drifts
-    are those of the final zero error and sensitivity of each quantity. Raises InputError.
+    are those of zero error and sensitivity of each quantity, from one calibration as left to the
+    next as found: adjustments are taken out. Raises InputError.
     """
     below = {} if folder is None else _calibrations(folder)
     known = [_readings(tree) for _, tree in listed]
@@ -76,13 +82,18 @@ def machine_history(
         if tree["date"] is None:
             raise InputError(f"{name}: it has no date: give it as date in the capture.toml")
     found.sort(key=lambda one: (_day(one[1]), one[0]))
-    names = dict.fromkeys(name for _, tree in found for name in _values(tree))
-    drifts = with_holm([drift(_series(name, [tree for _, tree in found])) for name in names])
-    last = found[-1][1]
+    trees = [tree for _, tree in found]
+    names = dict.fromkeys(name for tree in trees for name in _values(final(tree)))
+    unadjusted = [_unadjusted(name, trees) for name in names]
+    drifts = with_holm([drift(series) for series, _ in unadjusted])
     intervals = tuple(
-        interval for one in drifts if not one.reason for interval in _interval(one, last)
+        interval
+        for one, (_, adjusted) in zip(drifts, unadjusted, strict=True)
+        if not one.reason
+        for interval in _interval(one, adjusted, trees[-1])
     )
-    return MachineHistory(serial, tuple(name for name, _ in found), drifts, intervals)
+    count = sum(bool(tree.get("adjustments")) for tree in trees)
+    return MachineHistory(serial, tuple(name for name, _ in found), drifts, intervals, count)
 
 
 def certificate_of(folder: Path, tree: dict[str, Any]) -> Path | None:
@@ -141,10 +152,10 @@ def _day(tree: dict[str, Any]) -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp() / 86400.0
 
 
-def _values(tree: dict[str, Any]) -> dict[str, tuple[str, float, float]]:
-    """Return by name unit, value and u of the final zero errors and sensitivities."""
+def _values(quantities: Sequence[dict[str, Any]]) -> dict[str, tuple[str, float, float]]:
+    """Return by name unit, value and u of zero errors and sensitivities."""
     found = {}
-    for quantity in final(tree):
+    for quantity in quantities:
         name, line = quantity["quantity"], quantity["characteristic"]
         unit = "m" if "value_m" in line["zero_error"] else "deg"
         zero = line["zero_error"]
@@ -155,16 +166,51 @@ def _values(tree: dict[str, Any]) -> dict[str, tuple[str, float, float]]:
     return found
 
 
-def _series(name: str, trees: Sequence[dict[str, Any]]) -> Series:
-    rows = [(_day(tree), *_values(tree)[name]) for tree in trees if name in _values(tree)]
-    days, units, values, u = zip(*rows, strict=True)
+def _unadjusted(name: str, trees: Sequence[dict[str, Any]]) -> tuple[Series, float]:
+    """Return what a value would have been without adjustments, and by how much these moved it.
+
+    What was only read as left begins anew: nothing says what the adjustment moved.
+    """
+    rows: list[tuple[float, str, float, float]] = []
+    moved, variance = 0.0, 0.0
+    for tree in trees:
+        before, after = (
+            _values([q for q in tree["quantities"] if q["state"] == state]).get(name)
+            for state in ("as found", "as left")
+        )
+        if before is None and after is not None:
+            rows, moved, variance = [], 0.0, 0.0
+        known = before or after
+        if known is None:
+            continue
+        unit, value, u = known
+        rows.append((_day(tree), unit, value - moved, math.hypot(u, math.sqrt(variance))))
+        if before is not None and after is not None:
+            moved += after[1] - before[1]
+            variance += _of_change(name, tree, math.hypot(before[2], after[2])) ** 2
+    days, units, values, us = zip(*rows, strict=True)
     numbers = np.arange(len(rows), dtype=np.int64)
-    return Series(name, units[0], numbers, *(np.array(x, float) for x in (days, values, u)))
+    series = Series(name, units[0], numbers, *(np.array(x, float) for x in (days, values, us)))
+    return series, moved
 
 
-def _interval(one: Drift, last: dict[str, Any]) -> Iterator[Interval]:
+def _of_change(name: str, tree: dict[str, Any], most: float) -> float:
+    """Return u of the change of a zero error by an adjustment, in which the reference cancels.
+
+    most: of a sensitivity, whose change is stated by no point.
+    """
+    quantity, _, what = name.partition(" ")
+    changes = [one["change"] for one in tree["adjustments"] if one["quantity"] == quantity]
+    if what != "zero error" or not changes:
+        return most
+    us = [one["u_m"] if "u_m" in one else one["u_deg"] for one in changes]
+    return math.sqrt(math.fsum(u * u for u in us)) / len(us)
+
+
+def _interval(one: Drift, adjusted: float, last: dict[str, Any]) -> Iterator[Interval]:
     """Yield the interval of a zero error's drift, where its quantity has an MPE.
 
+    adjusted: by how much adjustments moved the error since the first of the drift's calibrations.
     The predicted zero error has a standard deviation from the slope, the scatter between
     calibrations and the last zero error's u; Student's t of n - 2 degrees of freedom.
     """
@@ -185,7 +231,7 @@ def _interval(one: Drift, last: dict[str, Any]) -> Iterator[Interval]:
     def reached(days: float) -> bool:
         ahead = one.last_day + days - one.mean_day
         spread = math.hypot(ahead * one.u_slope, one.scatter, u)
-        return bool(abs(one.at_mean + one.slope * ahead) + t * spread >= margin)
+        return bool(abs(one.at_mean + one.slope * ahead + adjusted) + t * spread >= margin)
 
     low, high = 0.0, LONGEST_DAYS
     if reached(low) or not reached(high):
@@ -199,7 +245,13 @@ def _interval(one: Drift, last: dict[str, Any]) -> Iterator[Interval]:
 
 def history_text(found: MachineHistory) -> str:
     """Format drifts per 30 days, and the proposed intervals."""
-    lines = [f"Machine {found.serial}: {len(found.files)} calibrations", ""]
+    lines = [f"Machine {found.serial}: {len(found.files)} calibrations"]
+    if found.adjusted:
+        lines.append(
+            f"Adjusted in {found.adjusted} of them: the drift is from each as left to the next as "
+            "found"
+        )
+    lines.append("")
     for one in found.drifts:
         if one.reason:
             lines.append(f"  {one.quantity}: {one.reason}")
@@ -208,8 +260,8 @@ def history_text(found: MachineHistory) -> str:
         slope, spread = (x * MONTH_DAYS * scale for x in (one.slope, one.expanded))
         mark = " (significant)" if one.significant else ""
         lines.append(
-            f"  {one.quantity}: {slope:+.3g}{unit} in 30 days (U {spread:.2g}{unit}), "
-            f"p = {one.p:.2g}{mark}"
+            f"  {one.quantity}: {decimal(slope, spread, 3)}{unit} in 30 days "
+            f"(U {spread:.2g}{unit}), p = {one.p:.2g}{mark}"
         )
     lines.append("")
     for interval in found.intervals:

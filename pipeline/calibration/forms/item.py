@@ -9,25 +9,28 @@ from typing import Literal, Self
 from pydantic import Field, model_validator  # noqa: TID253 - an item is a pydantic model
 
 from ...config import Section, parse_section, read_toml
-from ...measurement import read_value, rim_diameter
+from ...measurement import VerticalKind, read_value, rim_diameter
 from ...vehicle import Axis
 from .quantities import QUANTITIES, MachineQuantity, indicated
 
 Rule = Literal["guarded", "simple", "shared"]
+UPRIGHT = ("camber", "caster", "sai")  # measured from a vertical
 
 
 class ItemQuantity(Section):
     """Declaration of one quantity by the item; values are texts with their units.
 
     positive: the sense that it counts as positive. axis: the longitudinal axis that it counts from.
-    definition: of camber. inner_deg: angle of the inner wheel of toe-out on turns. mpe: maximum
-    permissible error, plus or minus. uncertainty: the item's own expanded uncertainty (k = 2).
+    definition: of camber. vertical: from which it counts camber, caster or SAI; None: from that of
+    the reference. inner_deg: angle of the inner wheel of toe-out on turns. mpe: maximum permissible
+    error, plus or minus. uncertainty: the item's own expanded uncertainty (k = 2).
     """
 
     resolution: str
     positive: str | None = None
     axis: Axis | None = None
     definition: Literal["elevation", "iso"] | None = None
+    vertical: VerticalKind | None = None
     inner_deg: float | None = Field(None, gt=0.0, le=60.0)
     mpe: str | None = None
     uncertainty: str | None = None
@@ -146,6 +149,8 @@ def _lacks(kind: str, stated: ItemQuantity) -> list[str]:
             if kind == "camber"
             else f"{kind}: definition is of camber only: leave it out"
         )
+    if stated.vertical is not None and kind not in UPRIGHT:
+        found.append(f"{kind} depends on no vertical: leave vertical out")
     if (kind == "toe_out_on_turns") != (stated.inner_deg is not None):
         found.append(
             f"{kind} has no inner_deg: add the angle of the inner wheel, such as inner_deg = 20.0"

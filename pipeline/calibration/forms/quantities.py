@@ -21,7 +21,8 @@ class MachineQuantity:
     subject: what its points are: a wheel or trial; an axle (for total toe also two targets, A+B);
     the vehicle; or a turn. signs: the sense that the machine may count as positive, and its factor
     to this program's sign; one name for a length without sign. axis: whether it depends on the
-    longitudinal axis. largest: plausible size, radians or metres. wheels_at_rim: as of `angle_rad`.
+    longitudinal axis. largest: plausible size, radians or metres; least: of a length without sign.
+    wheels_at_rim: as of `angle_rad`.
     """
 
     kind: str
@@ -31,6 +32,7 @@ class MachineQuantity:
     largest: float
     axis: bool = False
     wheels_at_rim: int = 0
+    least: float = -math.inf
 
 
 _TOE = {"toe-in": 1.0, "toe-out": -1.0}
@@ -62,7 +64,7 @@ QUANTITIES = {
         _angle("sai", "wheel", {"top-in": 1.0, "top-out": -1.0}, 40.0),
         _angle("toe_out_on_turns", "turn", {"toe-out": 1.0, "toe-in": -1.0}, 20.0),
         MachineQuantity("setback", "axle", "m", _BEHIND, 1.0, axis=True),
-        MachineQuantity("track", "axle", "m", {"length": 1.0}, 5.0),
+        MachineQuantity("track", "axle", "m", {"length": 1.0}, 5.0, least=0.3),
     )
 }
 ANGLE_UNITS = ("deg", "dms", "min", "mm/m", "mm")

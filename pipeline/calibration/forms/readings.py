@@ -192,7 +192,16 @@ def _value(row: Row, unit: str, quantity: MachineQuantity, item: Item, faults: F
     except ValueError as error:
         faults.add(row.number, "value", error.args[0])
         return math.nan
-    if not abs(found) <= quantity.largest or (quantity.kind == "track" and found <= 0.0):
+    if found < quantity.least:
+        fact = Wording(
+            "{shown} is no plausible {kind} (at least {least}): check value and unit",
+            shown=f"{row.text('value')} {unit}",
+            kind=quantity.kind,
+            least=f"{quantity.least:g} m",
+        )
+        faults.add(row.number, "value", fact)
+        return math.nan
+    if not abs(found) <= quantity.largest:
         shown = f"{row.text('value')} {unit}"
         most = (
             f"{math.degrees(quantity.largest):.0f}°"

@@ -36,14 +36,15 @@ axis = ""               # rear-axle, centreline, thrust-line or side-bisector
 resolution = ""
 positive = ""           # top-out or top-in
 definition = ""         # elevation, or iso: as projected across the axis; then also axis = "..."
+# vertical = "gravity"  # from which it counts: gravity, floor or wheels (their centres' plane)
 
 [item.total_toe]
 resolution = ""
 positive = ""           # toe-in or toe-out
 
 # [item.thrust_angle]   # positive = "right" or "left"; axis
-# [item.caster]         # positive = "top-backwards" or "top-forwards"
-# [item.sai]            # positive = "top-in" or "top-out"
+# [item.caster]         # positive = "top-backwards" or "top-forwards"; vertical
+# [item.sai]            # positive = "top-in" or "top-out"; vertical
 # [item.toe_out_on_turns] # positive = "toe-out" or "toe-in"; inner_deg = 20.0
 # [item.setback]        # positive = "right-behind" or "left-behind"; axis
 # [item.track]          # resolution = "1 mm"

@@ -10,7 +10,9 @@ from ...config import StandardConfig
 from ...measurement import Estimate
 from ...vehicle import Unit
 from ..format.digits import place_of, rounded
-from ..tables.calibration import rule_words, title
+from ..format.view import PAPER
+from ..format.writer import Writer
+from ..tables.calibration import declared, rule_words, title
 from .conformity import conformity_of
 from .texts import both, own, term
 from .xml import Element, element
@@ -142,7 +144,12 @@ def _points(result: QuantityResult) -> Element:
                   result.unit, meta=_verdicts(result)),
         refType="basic_tableIndex0",
     )  # fmt: skip
-    return element("dcc:result", term("dcc:name", "calibration.points"), element("dcc:data", data))
+    return element(
+        "dcc:result",
+        term("dcc:name", "calibration.points"),
+        both("dcc:description", lambda words: f"{declared(result, Writer(words, PAPER))}."),
+        element("dcc:data", data),
+    )
 
 
 def _quantity(
@@ -198,7 +205,10 @@ def _verdicts(result: QuantityResult) -> Element | None:
     mpe = result.declared.mpe
     data = element(
         "dcc:metaData",
-        both("dcc:declaration", lambda words: words("calibration.mpe_of", value=f"±{mpe}")),
+        both(
+            "dcc:declaration",
+            lambda words: words("calibration.mpe_of", value=words.number(f"±{mpe}")),
+        ),
         element("dcc:conformityXMLList", words),
         refType="basic_conformity",
     )

@@ -14,7 +14,7 @@ from ...measurement import (
     Estimate,
     Stated,
 )
-from ...vehicle import Axis, Unit
+from ...vehicle import RELATIVE, Axis, Unit
 from .digits import UNKNOWN, Sign, arc, decimal, metres, millimetres, sexagesimal
 from .language import Translations
 from .layout import aligned, paragraph
@@ -196,12 +196,13 @@ class Writer:
         """Write a small angle in seconds, minutes or degrees, to the place of its U."""
         return self._negative(arc(angle_rad, self.view.known(expanded_rad), sign))
 
-    def estimate(self, known: Estimate | None) -> tuple[str, str, str]:
-        """Write value, u and U of an angle; dashes where it is not known."""
+    def estimate(self, known: Estimate | None, kind: str) -> tuple[str, str, str]:
+        """Write value, u and U of an angle of this kind; dashes where it is not known."""
         if known is None:
             return self.none, self.none, self.none
-        u, expanded = self.size(known.u, "rad"), self.size(known.expanded, "rad")
-        return self.number(known.value, "rad", known.expanded), u, expanded
+        value = self.angle(known.value, kind, known.expanded)
+        u, expanded = (self.angle_width(s, kind, known.value) for s in (known.u, known.expanded))
+        return value, u, expanded
 
     def degrees(
         self, angle_rad: float, decimals: int, expanded_rad: float = UNKNOWN, sign: Sign = "+"
@@ -238,6 +239,16 @@ class Writer:
         if not axis:
             return called
         return self.words("quantity.to", quantity=called, axis=self.words.known("axis", axis))
+
+    def from_rear_axle(self, name: str) -> str:
+        """Return the name of a quantity from the rear-axle normal.
+
+        It is named so where values beside it are from another axis.
+        """
+        called = self.quantity(name)
+        if name not in RELATIVE or self.view.axis == "rear-axle":
+            return called
+        return self.words("quantity.to", quantity=called, axis=self.axis("rear-axle"))
 
     def sign(self, kind: str) -> str:
         """Return which sense of a quantity is positive, in words; '' where no words are needed."""

@@ -163,5 +163,10 @@ def _origin(found: Calibration, record: str, words: Translations) -> Section:
     ).hexdigest()
     rows = [[name, digest.removeprefix("sha256:")] for name, digest in inputs.items()]
     files = Table((words("origin.file"), words("origin.digest")), rows, 2, words("origin.inputs"))
+    dates = [
+        words("calibration.from", source=one.provenance.source,
+              date=one.provenance.date or words("front.undated"))
+        for one in found.references
+    ]  # fmt: skip
     program = f"{words('origin.program')}: {words('origin.version', version=__version__)}."
-    return Section("origin", words("section.origin"), [program, files])
+    return Section("origin", words("section.origin"), [program, f"{'; '.join(dates)}.", files])

@@ -38,6 +38,7 @@ def calibration_tree(found: Calibration) -> dict[str, Any]:
         "item": found.item.model_dump(exclude_none=True),
         "decision_rule": None if found.rule is None else found.rule.model_dump(),
         "decision": found.decision,
+        "decision_as_found": found.decision_as_found,
         "warnings": list(found.warnings),
         "doubts": doubts_tree(found.doubts),
         "quantities": [_quantity(result) for result in found.results],
@@ -114,6 +115,8 @@ def _quantity(result: QuantityResult) -> dict[str, Any]:
         "hysteresis": _estimate(result.hysteresis, unit),
         "gauge_rr": _gauge_rr(result.gauge_rr, unit),
         "no_gauge_rr": result.no_gauge_rr,
+        "vertical": result.vertical,
+        "unread": list(result.unread),
         "notes": list(result.notes),
     }
 

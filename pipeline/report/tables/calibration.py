@@ -48,6 +48,8 @@ def declared(result: QuantityResult, writer: Writer) -> str:
     words, stated = writer.words, result.declared
     parts = [words("calibration.resolution_of", value=words.number(stated.resolution))]
     parts += [words(f"calibration.{name}", value=value) for name, value in _given(stated, words)]
+    if result.vertical is not None:
+        parts.append(words(f"calibration.measured_from_{result.vertical}"))
     return "; ".join(parts)
 
 
@@ -181,6 +183,9 @@ def shown_lines(result: QuantityResult, writer: Writer) -> list[str]:
     if result.hysteresis is not None:
         lines.append(_stated("hysteresis", result.hysteresis, result, writer))
     lines += _rectangles(result, writer)
+    if result.unread:
+        points = ", ".join(point_name(one, result.quantity, words) for one in result.unread)
+        lines.append(words("calibration.unread", points=points))
     size, dof = writer.size(result.repeatability, unit), result.dof_repeatability
     lines.append(words("calibration.repeatability", value=size, dof=dof))
     if result.reproducibility is not None:

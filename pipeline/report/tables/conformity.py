@@ -15,7 +15,7 @@ from ...measurement import (
     Quantity,
     Verdict,
 )
-from ...vehicle import RELATIVE, VEHICLE
+from ...vehicle import VEHICLE
 from ..format.digits import UNKNOWN
 from ..format.language import Translations
 from ..format.notes import notes_in
@@ -84,13 +84,8 @@ def subject(verdict: Verdict, writer: Writer) -> str:
 
 
 def quantity(what: Quantity, writer: Writer) -> str:
-    """Name the quantity, of toe-out on turns with the angle at which it is limited.
-
-    What is measured from the rear-axle normal is named so beside values from another axis.
-    """
-    name = writer.quantity(what.name)
-    if what.name in RELATIVE and writer.view.axis != "rear-axle":
-        name = writer.words("quantity.to", quantity=name, axis=writer.axis("rear-axle"))
+    """Name the quantity, of toe-out on turns with the angle at which it is limited."""
+    name = writer.from_rear_axle(what.name)
     if what.inner_rad is None:
         return name
     angle = writer.words.number(f"{math.degrees(what.inner_rad):.6g}°")

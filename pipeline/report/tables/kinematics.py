@@ -8,6 +8,7 @@ from ...measurement import Estimate, Measurement, Runout, SteeringAxis, ToeOut, 
 from ..format.writer import Column, Table, Writer
 
 Noted = list[tuple[Table, str]]
+OF_PLATE = ("toe", "camber", "camber_iso")
 UNDETERMINED_RAD = 1.0  # U of a clock angle where that of its run-out is as large as the run-out
 
 
@@ -74,8 +75,9 @@ def _axes_table(axes: Sequence[SteeringAxis], writer: Writer) -> Table:
     )  # fmt: skip
     rows = [
         [writer.wheel(found.wheel), writer.status(found.status), str(len(found.scans)),
-         writer.degrees(found.sweep_rad, 1, sign=""), *writer.estimate(found.caster),
-         *writer.estimate(found.inclination), writer.estimate(found.caster_by_camber)[0],
+         writer.degrees(found.sweep_rad, 1, sign=""), *writer.estimate(found.caster, "caster"),
+         *writer.estimate(found.inclination, "sai"),
+         writer.estimate(found.caster_by_camber, "caster")[0],
          writer.reduced_chi_square(found.chi_square, found.dof), _reason(found)]
         for found in axes
     ]  # fmt: skip
@@ -102,7 +104,7 @@ def _turns_table(turns: Sequence[ToeOut], writer: Writer) -> Table:
     )  # fmt: skip
     rows = [
         [words(f"turned.turn_{found.turn}"), writer.status(found.status),
-         *writer.estimate(found.difference),
+         *writer.estimate(found.difference, f"toe_out_{found.turn}"),
          writer.size(found.u_interpolation_rad, "rad") if found.difference else writer.none,
          _reason(found)]
         for found in turns
@@ -116,13 +118,13 @@ def _plates_table(measurement: Measurement, shown: str, writer: Writer) -> Table
     columns = (
         words("results.wheel"), Column(words("status.status"), "page", minor=True),
         Column(words("turned.scans"), minor=True),
-        writer.quantity("toe"), "u", Column("U", "page"), writer.quantity("camber"), "u",
-        Column("U", "page"), writer.quantity("camber_iso"), writer.chi,
+        writer.from_rear_axle("toe"), "u", Column("U", "page"), writer.quantity("camber"), "u",
+        Column("U", "page"), writer.from_rear_axle("camber_iso"), writer.chi,
         Column("", "text"),
     )  # fmt: skip
     rows = []
     for found in measurement.runouts:
-        toe, camber, iso = map(writer.estimate, _plate_estimates(plates[found.wheel]))
+        toe, camber, iso = map(writer.estimate, _plate_estimates(plates[found.wheel]), OF_PLATE)
         rows.append([
             writer.wheel(found.wheel), writer.status(found.status), str(len(found.scans)), *toe,
             *camber, iso[0],
@@ -157,7 +159,7 @@ def _mounting_table(runouts: Sequence[Runout], shown: str, writer: Writer) -> Ta
 
 def _axial(known: Estimate, writer: Writer) -> tuple[str, str]:
     """Write an axial run-out, which has no sign, and its u."""
-    value, u, _ = writer.estimate(known)
+    value, u, _ = writer.estimate(known, "axial_runout")
     return value.removeprefix("+"), u
 
 

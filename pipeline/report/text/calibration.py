@@ -36,6 +36,10 @@ def calibration_text(found: Calibration, view: View = PAPER) -> str:
     ]  # fmt: skip
     if found.decision is not None:
         verdict = decided(found.decision, words).upper()
+        before = found.decision_as_found
+        if before is not None:
+            was = decided(before, words).upper()
+            verdict = words("calibration.verdict_left", left=verdict, found=was)
         parts += ["", words("calibration.verdict", verdict=verdict)]
     parts += [paragraph(rule_words(found, words)), paragraph(words("calibration.signs"))]
     parts += [paragraph(words("calibration.warning", text=text)) for text in found.warnings]

@@ -51,8 +51,10 @@ def _uncertainties(found: CalibrationPlan, writer: Writer) -> Table:
 
 def _detections(found: CalibrationPlan, writer: Writer) -> Table:
     words = writer.words
+    of_all = [error for one in found.quantities for error in one.detections]
+    searched = bool(found.places) or any(error.trials is not None for error in of_all)
     head = (words("plan.of"), words("plan.detects"), words("plan.size"), "U", words("plan.power"),
-            words("plan.trials_needed"))  # fmt: skip
+            *([words("plan.trials_needed")] if searched else []))  # fmt: skip
     rows = [
         [
             quantity(one.quantity, words),
@@ -60,7 +62,7 @@ def _detections(found: CalibrationPlan, writer: Writer) -> Table:
             _size(error, error.size, one, writer),
             _size(error, error.expanded, one, writer),
             writer.share(error.power),
-            writer.none if error.trials is None else str(error.trials),
+            *([writer.none if error.trials is None else str(error.trials)] if searched else []),
         ]
         for one in found.quantities
         for error in one.detections
