@@ -54,6 +54,8 @@ UNLIKE_VERTICALS = (
     "the same --vertical"
 )
 UNLIKE: Final = "unlike"
+ENOUGH, COARSER = 10, 1.5  # readings that show a step, and times the declared one
+IN_UNIT = {"deg": math.radians(1.0), "min": math.radians(1.0 / 60.0), "m": 1.0, "mm": 1e-3}
 READ_AT_ALL = ("toe", "camber")  # wheels and trials
 BELOW = "MPE/U is {value}, below the ratio of {ratio} agreed on"
 SCATTERED = (
@@ -85,7 +87,9 @@ def evaluate_quantity(
         return None
     values = _reference_values(points, levels, references, item, kind)
     of_levels = np.array([[one.value for one in level] for level in values]).T
-    resolution = item.resolution(kind)
+    resolution, shown = item.resolution(kind), _step_of(readings)
+    coarser = shown if shown > COARSER * resolution else None
+    resolution = resolution if coarser is None else coarser
     scatter = scatter_of(cells, of_levels, resolution)
     known, budget = _references(values, scatter, resolution)
     effects = [effect for _, effect in budget]
@@ -106,7 +110,19 @@ def evaluate_quantity(
         for error, row in zip(of_means, np.eye(len(points)), strict=True)
     ]
     found = tuple(
-        _point(i, name, readings, known[i], estimates[i], budget, scatter, item, rule, doubts(name))
+        _point(
+            i,
+            name,
+            readings,
+            known[i],
+            estimates[i],
+            budget,
+            scatter,
+            resolution,
+            item,
+            rule,
+            doubts(name),
+        )
         for i, name in enumerate(points)
     )
     study, why_not = _gauge_rr(readings, cells, values, points, levels)
@@ -132,7 +148,25 @@ def evaluate_quantity(
         no_gauge_rr=why_not,
         vertical=vertical,
         unread=_unread(kind, points, used),
+        coarser=coarser,
     )
+
+
+def _step_of(readings: Sequence[Reading]) -> float:
+    """Return the power of ten, in their unit, of which all readings are multiples; 0 if unclear.
+
+    Radians or metres. Each of some readings ends in a zero once in ten by chance.
+    """
+    units = {one.unit for one in readings}
+    if len(readings) < ENOUGH or len(units) > 1 or (unit := units.pop()) not in IN_UNIT:
+        return 0.0
+    scale = IN_UNIT[unit]
+    values = np.array([one.value for one in readings]) / scale
+    for place in range(2, -7, -1):
+        steps = values / 10.0**place
+        if np.abs(steps - np.rint(steps)).max() < 1e-6 + 1e-9 * np.abs(steps).max():
+            return scale * 10.0**place if values.any() else 0.0
+    return 0.0
 
 
 def _unread(kind: str, points: Sequence[str], used: Sequence[Reference | None]) -> tuple[str, ...]:
@@ -316,6 +350,7 @@ def _point(
     error: Estimate,
     budget: Budget,
     scatter: Scatter,
+    resolution: float,
     item: Item,
     rule: DecisionRule | None,
     doubts: tuple[Doubt, ...],
@@ -342,7 +377,7 @@ def _point(
         dof_repeatability=dof,
         error=error,
         budget=_contributions(budget, index),
-        resolution=item.resolution(kind),
+        resolution=resolution,
         en=None if stated is None else abs(error.value) / math.hypot(error.expanded, stated),
         mpe=mpe,
         doubts=doubts,

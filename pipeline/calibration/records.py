@@ -97,7 +97,8 @@ class QuantityResult:
     reproducibility: standard deviation between levels, None for one. hysteresis: mean of upward
     less downward readings; None without both. gauge_rr: None, and why, where its scheme does not
     apply. vertical: from which camber, caster or SAI is measured. unread: wheels and trials of the
-    references without a reading. notes: sentences.
+    references without a reading. coarser: step of all readings, which counts as their resolution
+    where it is coarser than the declared one. notes: sentences.
     """
 
     quantity: str
@@ -115,6 +116,7 @@ class QuantityResult:
     no_gauge_rr: str = ""
     vertical: VerticalKind | None = None
     unread: tuple[str, ...] = ()
+    coarser: float | None = None
     notes: tuple[str, ...] = ()
 
     @property

@@ -208,6 +208,28 @@ def test_a_reading_far_from_the_others_is_named_and_spoils_no_other_point():
             assert other.error.expanded == pytest.approx(one.error.expanded, rel=0.05)
 
 
+@pytest.mark.parametrize(("unit", "step"), [("min", 1.0), ("min", 0.1), ("deg", 0.01)])
+def test_steps_of_the_readings_count_where_the_item_file_states_finer_ones(unit, step):
+    """Readings of whole minutes without scatter are not known to a thousandth of one."""
+    bay = Bay(seed=12)
+    tested = machine(toe=changed(TOE, resolution=0.001, repeatability=0.02, hysteresis=0.0))
+    sound = bay.readings(tested)
+    scale = math.radians(1.0) / (60.0 if unit == "min" else 1.0)
+    rows = tuple(
+        replace(one, value=round(one.value / scale / step) * step * scale, unit=unit)
+        for one in sound.rows
+    )
+    (result,) = calibrate([bay.reference()], item_of(tested), replace(sound, rows=rows)).results
+    assert result.coarser == pytest.approx(step * scale)
+    for point in result.points:
+        assert point.resolution == pytest.approx(step * scale)
+    if step == 1.0:
+        shares = [line.u for line in result.points[0].budget if line.name == "resolution"]
+        assert shares[0] == pytest.approx(scale / math.sqrt(12.0), rel=0.2)
+    (plain,) = calibrate([bay.reference()], item_of(tested), sound).results
+    assert plain.coarser is None
+
+
 def test_hysteresis_is_no_repeatability_of_a_gauge():
     """The study is the same whatever the machine's hysteresis."""
     protocol = Protocol(operators=("A", "B", "C"), directions=True)

@@ -117,6 +117,7 @@ def _quantity(result: QuantityResult) -> dict[str, Any]:
         "no_gauge_rr": result.no_gauge_rr,
         "vertical": result.vertical,
         "unread": list(result.unread),
+        **_of("resolution_shown", result.coarser, unit),
         "notes": list(result.notes),
     }
 

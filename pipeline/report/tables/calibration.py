@@ -183,6 +183,8 @@ def shown_lines(result: QuantityResult, writer: Writer) -> list[str]:
     if result.hysteresis is not None:
         lines.append(_stated("hysteresis", result.hysteresis, result, writer))
     lines += _rectangles(result, writer)
+    if result.coarser is not None:
+        lines.append(words("calibration.coarser", step=writer.size(result.coarser, unit)))
     if result.unread:
         points = ", ".join(point_name(one, result.quantity, words) for one in result.unread)
         lines.append(words("calibration.unread", points=points))
