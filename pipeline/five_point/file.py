@@ -186,7 +186,7 @@ def _parse(text: str, columns: str, source: str) -> Array:
 def _parse_row(row: str, columns: str) -> list[float]:
     if not row:
         raise InputError("a blank line between rows: remove it")
-    fields = _SEPARATOR.split(row)
+    fields = _SEPARATOR.split(row.replace("\N{MINUS SIGN}", "-"))
     for field in fields:
         if not field:
             raise InputError("nothing before or after a comma: write one comma between numbers")

@@ -122,14 +122,15 @@ def worst_text(found: tuple[Outlier, ...], view: View = PAPER) -> str:
     """Format a table of outliers."""
     writer = plain_writer(view)
     words = writer.words
-    notes = f"{words('listing.signs')} {words('listing.k1')}.\n{words('listing.worst_note')}"
+    signs = paragraph(words("listing.all_signs"))
+    notes = f"{signs}\n{words('listing.k1')}.\n{words('listing.worst_note')}"
     return f"{worst_table(found, writer).text()}\n\n{notes}"
 
 
 def _noted(table: Table, name: str, writer: Writer) -> str:
     words = writer.words
     notes = paragraph(words(f"listing.{name}_note"))
-    return f"{table.text()}\n\n{words('listing.signs')}\n{notes}"
+    return f"{table.text()}\n\n{paragraph(words('listing.all_signs'))}\n{notes}"
 
 
 def failures_text(found: tuple[FailureGroup, ...], _view: View = PAPER) -> str:

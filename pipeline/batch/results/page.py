@@ -72,7 +72,7 @@ def _record(catalogue: Catalogue, chosen: Selection) -> str:
 
 def _section(catalogue: Catalogue, chosen: Selection, name: str, writer: Writer) -> Section:
     words, which, quantities = writer.words, chosen.which, chosen.quantities
-    signs = words("listing.signs")
+    signs = words("listing.all_signs")
     if name == "list":
         return _captures(catalogue, chosen, writer)
     if name == "summary":
@@ -100,7 +100,7 @@ def _drifts(catalogue: Catalogue, chosen: Selection, writer: Writer) -> Section:
         for one, line in zip(drawn, marked, strict=True)
     ]
     parts: list[Part] = [
-        table, words("listing.signs"), words("listing.drift_note"), *pictures,
+        table, words("listing.all_signs"), words("listing.drift_note"), *pictures,
     ]  # fmt: skip
     return Section("drift", table.caption, parts)
 

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...measurement import Estimate, Measurement, Runout, SteeringAxis, ToeOut, WheelResult
+from ...measurement import (
+    CROSS,
+    Estimate,
+    Measurement,
+    Runout,
+    SteeringAxis,
+    ToeOut,
+    WheelResult,
+    steering_quantity,
+    turned_quantity,
+)
 from ..format.writer import Column, Table, Writer
 
 Noted = list[tuple[Table, str]]
@@ -20,6 +30,9 @@ def steering_tables(measurement: Measurement, writer: Writer) -> Noted:
     frame = words.known("frame_note", axes[0].frame)
     note = " ".join([words("turned.kingpin_note"), frame, *_rotations(axes, writer)])
     tables = [(_axes_table(axes, writer), note)]
+    sums = _sums_table(measurement, writer)
+    if sums.rows:
+        tables.append((sums, words("turned.sums_note")))
     offset = [axis for axis in axes if axis.lateral_offset is not None]
     if offset:
         tables.append((_offsets_table(offset, writer), words("turned.offsets_note")))
@@ -82,6 +95,27 @@ def _axes_table(axes: Sequence[SteeringAxis], writer: Writer) -> Table:
         for found in axes
     ]  # fmt: skip
     return writer.table(columns, rows, 2, words("turned.kingpins"))
+
+
+def _sums_table(measurement: Measurement, writer: Writer) -> Table:
+    """Return included angles, cross caster and cross SAI, where they are known."""
+    words = writer.words
+    named = [
+        (f"{writer.quantity('included_angle')} {writer.wheel(axis.wheel)}",
+         turned_quantity(measurement, "included_angle", axis.wheel).source, "included_angle")
+        for axis in measurement.steering_axes
+    ]  # fmt: skip
+    named += [
+        (writer.quantity(kind), steering_quantity(measurement, kind, 0.0).source, kind)
+        for kind in CROSS
+    ]
+    rows = [
+        [name, *writer.estimate(found, kind)]
+        for name, found, kind in named
+        if isinstance(found, Estimate)
+    ]
+    columns = (words("vehicle.quantity"), words("vehicle.value"), "u", "U")
+    return writer.table(columns, rows, 1, words("turned.sums"))
 
 
 def _offsets_table(axes: Sequence[SteeringAxis], writer: Writer) -> Table:
