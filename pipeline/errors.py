@@ -90,9 +90,10 @@ class Wording(str):
 
 
 class Doubt(Wording):
-    """Note on scans that contradict what they are named for, so that no verdict rests on them.
+    """Note on scans or readings that contradict the others, so that no verdict rests on them.
 
-    It is about the trial among its parts; about the vehicle, trials included, where it has none.
+    It is about the trial, or point, among its parts; about the vehicle, trials included, where it
+    has none.
     """
 
     __slots__ = ()

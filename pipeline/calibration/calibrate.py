@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from .. import __version__
@@ -16,6 +17,8 @@ from .forms.readings import STATES, Reading, Readings, WhyNot, read_readings, so
 from .forms.table_file import Faults
 from .records import Calibration, QuantityResult, ReferenceRecord
 from .reference import Reference, reference_of
+
+READ_AT_ALL = ("toe", "camber")  # at wheels and trials
 
 
 def calibrate(
@@ -68,7 +71,11 @@ def _calibration(
     readings: Readings,
     found: Sequence[QuantityResult | None],
 ) -> Calibration:
-    results = tuple(result for result in found if result is not None)
+    results = tuple(
+        replace(result, unread=_unread(result, readings, references))
+        for result in found
+        if result is not None
+    )
     return Calibration(
         item=item_file.item,
         rule=item_file.decision,
@@ -80,6 +87,17 @@ def _calibration(
         notes=tuple(dict.fromkeys(note for r in references for note in r.measurement.notes)),
         version=__version__,
     )
+
+
+def _unread(
+    result: QuantityResult, readings: Readings, references: Sequence[Reference]
+) -> tuple[str, ...]:
+    """Return the wheels and trials of the references at which toe or camber was never read."""
+    if result.quantity not in READ_AT_ALL:
+        return ()
+    read = {one.point for one in readings.rows if one.quantity == result.quantity}
+    known = dict.fromkeys(name for one in references for name in one.wheels)
+    return tuple(name for name in known if name not in read)
 
 
 def calibrate_file(references: Sequence[Reference], item_file: ItemFile, path: Path) -> Calibration:

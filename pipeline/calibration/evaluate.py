@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -54,9 +55,15 @@ UNLIKE_VERTICALS = (
     "the same --vertical"
 )
 UNLIKE: Final = "unlike"
-ENOUGH, COARSER = 10, 1.5  # readings that show a step, and times the declared one
-IN_UNIT = {"deg": math.radians(1.0), "min": math.radians(1.0 / 60.0), "m": 1.0, "mm": 1e-3}
-READ_AT_ALL = ("toe", "camber")  # wheels and trials
+ENOUGH, COARSER = 5, 1.5  # unlike readings that show a step, and times the declared one
+BY_CHANCE = 1e-4
+IN_UNIT = {
+    "deg": math.radians(1.0),
+    "min": math.radians(1.0 / 60.0),
+    "dms": math.radians(1.0 / 3600.0),
+    "m": 1.0,
+    "mm": 1e-3,
+}
 BELOW = "MPE/U is {value}, below the ratio of {ratio} agreed on"
 SCATTERED = (
     "{kind}, {state}: the readings at {point} scatter by {own}, those of the other points by "
@@ -87,7 +94,8 @@ def evaluate_quantity(
         return None
     values = _reference_values(points, levels, references, item, kind)
     of_levels = np.array([[one.value for one in level] for level in values]).T
-    resolution, shown = item.resolution(kind), _step_of(readings)
+    resolution = item.resolution(kind)
+    shown = _step_of(readings, resolution)
     coarser = shown if shown > COARSER * resolution else None
     resolution = resolution if coarser is None else coarser
     scatter = scatter_of(cells, of_levels, resolution)
@@ -130,7 +138,7 @@ def evaluate_quantity(
     hysteresis = None
     if len(ways) == 2:
         differences, of_difference = scatter.hysteresis(resolution)
-        mean = np.full(len(points), 1.0 / len(points))
+        mean = np.full(len(differences), 1.0 / len(differences))
         hysteresis = estimate(float(differences.mean()), mean, of_difference)
     return QuantityResult(
         quantity=kind,
@@ -147,34 +155,29 @@ def evaluate_quantity(
         gauge_rr=study,
         no_gauge_rr=why_not,
         vertical=vertical,
-        unread=_unread(kind, points, used),
         coarser=coarser,
     )
 
 
-def _step_of(readings: Sequence[Reading]) -> float:
-    """Return the power of ten, in their unit, of which all readings are multiples; 0 if unclear.
+def _step_of(readings: Sequence[Reading], resolution: float) -> float:
+    """Return the step of which all readings are multiples, if chance does not explain it; else 0.
 
-    Radians or metres. Each of some readings ends in a zero once in ten by chance.
+    1, 2 or 5 of a decimal place of their unit; radians or metres. A reading in steps of the
+    resolution is one of a step that is n times longer once in n; the same value again says nothing.
     """
     units = {one.unit for one in readings}
-    if len(readings) < ENOUGH or len(units) > 1 or (unit := units.pop()) not in IN_UNIT:
+    if len(units) > 1 or (unit := units.pop()) not in IN_UNIT:
         return 0.0
     scale = IN_UNIT[unit]
-    values = np.array([one.value for one in readings]) / scale
-    for place in range(2, -7, -1):
-        steps = values / 10.0**place
-        if np.abs(steps - np.rint(steps)).max() < 1e-6 + 1e-9 * np.abs(steps).max():
-            return scale * 10.0**place if values.any() else 0.0
+    values = np.unique(np.round(np.array([one.value for one in readings]) / scale, 7))
+    for place, first in itertools.product(range(2, -7, -1), (5.0, 2.0, 1.0)):
+        step = first * 10.0**place
+        steps = values / step
+        if not np.abs(steps - np.rint(steps)).max() < 1e-6 + 1e-9 * np.abs(steps).max():
+            continue
+        chance = (resolution / (scale * step)) ** len(values)
+        return scale * step if chance < BY_CHANCE and len(values) >= ENOUGH else 0.0
     return 0.0
-
-
-def _unread(kind: str, points: Sequence[str], used: Sequence[Reference | None]) -> tuple[str, ...]:
-    """Return the wheels and trials of the references at which toe or camber was not read."""
-    if kind not in READ_AT_ALL:
-        return ()
-    known = dict.fromkeys(name for one in used if one is not None for name in one.wheels)
-    return tuple(name for name in known if name not in points)
 
 
 def _vertical(
@@ -223,7 +226,7 @@ def _scattered(
     centre = float(np.median([value for level in cells for cell in level for value in cell]))
     rows = [one for one in readings if one.point == point]
     farthest = max(rows, key=lambda one: abs(one.value - centre))
-    unit = QUANTITIES[farthest.quantity].unit
+    unit = farthest.unit
     own = math.sqrt(scatter.squares[index] / scatter.dofs[index])
     return Doubt(
         SCATTERED,
@@ -239,7 +242,11 @@ def _scattered(
 
 
 def _text(size: float, unit: str) -> str:
-    return f"{size * 1e3:.3g} mm" if unit == "m" else f"{math.degrees(size) * 60.0:.3g}'"
+    """Write a size in the unit of a reading."""
+    scale, mark = (1e3, " mm") if unit in ("m", "mm") else (math.degrees(60.0), "'")
+    if unit == "deg":
+        scale, mark = math.degrees(1.0), "°"
+    return f"{size * scale:.4g}{mark}" if abs(size * scale) < 1e4 else f"{size * scale:.0f}{mark}"
 
 
 Cells = list[list[list[list[float]]]]  # by point, level and direction
@@ -320,7 +327,8 @@ def _references(
 
     Several references, one a series: what is stated (type B) counts as common to all of them, so
     that their mean has no less of it; what scatters from one to the other, as the noise of a scan,
-    is in the scatter of the errors between series, and in that budget only there.
+    is in the scatter of the errors between series, and in that budget only there. Where operators
+    share the reference of a series, their levels do not show it: it is in the budget, too.
     """
     distinct = [v for k, v in enumerate(values) if v[0] not in [w[0] for w in values[:k]]]
     count = len(distinct)
@@ -339,6 +347,8 @@ def _references(
     drawn_mean = [replace(e, factor=e.factor / count) for e in scans]
     rows = zip(mean.tolist(), np.eye(len(mean)), strict=True)
     known = [estimate(value, row, [*stated, *drawn_mean]) for value, row in rows]
+    if count < len(values):
+        stated += drawn_mean
     return known, [*(("reference", effect) for effect in stated), *of_readings]
 
 
@@ -471,8 +481,9 @@ def _gauge_rr(
         for i in range(len(points))
     ]
     numbers = {len(cell) for row in table for each in row for cell in each}
-    if len(numbers) > 1 or ways * min(numbers) < 2 + (ways - 1):
-        return None, "it takes the same number of readings, two or more, of every point by each"
+    if len(numbers) > 1 or min(numbers) < 2:
+        each = ", in each direction" if ways > 1 else ""
+        return None, f"it takes as many readings of every point by each, two or more{each}"
     by_way = np.array(table)  # (point, appraiser, way, reading)
     by_way -= by_way.mean(axis=(1, 3), keepdims=True) - by_way.mean(axis=(1, 2, 3), keepdims=True)
     shape = len(points), len(appraisers), -1

@@ -49,8 +49,8 @@ class CalibrationPoint:
     series, operator and direction, with dof_repeatability; nan where none is repeated. error: of
     indication, with the u of reference and readings. budget: of its u. en: |error| over the root of
     the sum of squares of its U and the item's own; None where the item states none. mpe, verdict:
-    None where no maximum permissible error is stated. doubts: notes by which its reference is in
-    doubt, so that it is undecided.
+    None where no maximum permissible error is stated. doubts: notes by which its reference or its
+    readings are in doubt, so that it is undecided.
     """
 
     point: str
@@ -176,7 +176,7 @@ class Calibration:
 
     @property
     def doubts(self) -> tuple[Doubt, ...]:
-        """Notes by which references of its points are in doubt, each once."""
+        """Notes by which references or readings of its points are in doubt, each once."""
         points = [point for result in self.results for point in result.points]
         return tuple(dict.fromkeys(doubt for point in points for doubt in point.doubts))
 

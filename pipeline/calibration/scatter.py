@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ REPEATABILITY, REPRODUCIBILITY, RESOLUTION = "repeatability", "reproducibility",
 HARMONICS, BISECTIONS = 1000, 60
 LEVEL, NEGLIGIBLE = 0.95, 1e-6
 UNLIKE = 1e-3  # probability below which the scatter of a point is not that of the others
+OF_MEDIAN = 0.4  # part of the degrees of freedom that a median of variances has
 WHOLE, AT_ONCE = np.ones(1), np.zeros(1)
 
 
@@ -58,9 +59,9 @@ class Scatter:
         """Return the variance of level means common to all points, and of point by level.
 
         Mean squares of the two-way table of P points by L levels, per cell mean:
-        P sum (m.l - m..)^2 / (L - 1), and that of the interaction.
+        P sum (m.l - m..)^2 / (L - 1), and that of the interaction; of points that scatter alike.
         """
-        cells = self.means.mean(axis=2)
+        cells = self.means[self.alike].mean(axis=2)
         points, levels = cells.shape
         of_levels = cells.mean(axis=0)
         common = points * float(np.var(of_levels, ddof=1))
@@ -95,12 +96,35 @@ class Scatter:
         levels = self.means.shape[1]
         between = self.between_levels() if levels > 1 else None
         spread, rounding = self._spread(), self._rounding(resolution)
-        pooled = np.where(self.alike, spread, 0.0)
+        pooled = spread[self.alike]
         found = mean_effects(pooled, self.deviation, self.dof, levels, between, rounding)
-        for point in np.flatnonzero(~self.alike):
+        return [*(self._on_all(effect) for effect in found), *self._of_others(spread)]
+
+    def _on_all(self, effect: Effect) -> Effect:
+        """Return an effect on the points that scatter alike as one on all of them (P,).
+
+        What all points of a level share is that of the others too.
+        """
+        factor = np.zeros((len(self.alike), effect.factor.shape[1]))
+        factor[self.alike] = effect.factor
+        if effect.name == REPRODUCIBILITY:
+            factor[~self.alike] = effect.factor[0]
+        return replace(effect, factor=factor)
+
+    def _of_others(self, spread: Array) -> list[Effect]:
+        """Return the effect of each point that scatters unlike the others, on it alone."""
+        found = []
+        levels = self.means.shape[1]
+        by_level = deviations_by_level(self.means)
+        for point in np.flatnonzero(~self.alike).tolist():
+            dof = max(float(self.dofs[point]), levels - 1.0)
+            variance = self.squares[point] / max(self.dofs[point], 1.0) * spread[point]
+            if levels > 1:
+                between = float(np.sum(by_level[point] ** 2)) / (levels - 1.0) / levels
+                variance, dof = max(variance, between), levels - 1.0
             own = np.zeros((len(spread), 1))
-            own[point] = math.sqrt(self.squares[point] / self.dofs[point] * spread[point])
-            found.append(Effect(REPEATABILITY, own, float(self.dofs[point]), False))
+            own[point] = math.sqrt(variance)
+            found.append(Effect(REPEATABILITY, own, dof, False))
         return found
 
     def _rounding(self, resolution: float) -> float:
@@ -112,13 +136,13 @@ class Scatter:
         G.4.2) by the means w of the points' variances and d of their directions' distances, u from
         their spread; what is rounded takes Student's factor over the normal one.
         """
-        points = len(self.variances)
-        by_point = np.column_stack([self.variances, self._distances()])
+        by_point = np.column_stack([self.variances, self._distances()])[self.alike]
+        points = len(by_point)
         mean = by_point.mean(axis=0)
         left = self._left(mean, resolution)
         if points == 1 or not left > 0.0:
             return left
-        spread = float(self._spread().mean())
+        spread = float(self._spread()[self.alike].mean())
         total, square = spread * mean[0] + left, 0.0
         for axis, u in zip(
             np.eye(2), by_point.std(axis=0, ddof=1) / math.sqrt(points), strict=True
@@ -146,11 +170,14 @@ class Scatter:
         return np.asarray((1.0 / self.counts).sum(axis=(1, 2)) / cells**2)
 
     def hysteresis(self, resolution: float) -> tuple[Array, list[Effect]]:
-        """Return upward less downward means (P,) of D = 2 directions, and the effects on them."""
-        levels = self.means.shape[1]
-        differences = (self.means[:, :, 0] - self.means[:, :, 1]).mean(axis=1)
-        spread = (1.0 / self.counts).sum(axis=(1, 2)) / levels**2
-        whole = math.sqrt(float(self.variances.mean()))
+        """Return upward less downward means of D = 2 directions, and the effects on them.
+
+        Of the points that scatter alike.
+        """
+        levels, means = self.means.shape[1], self.means[self.alike]
+        differences = (means[:, :, 0] - means[:, :, 1]).mean(axis=1)
+        spread = (1.0 / self.counts[self.alike]).sum(axis=(1, 2)) / levels**2
+        whole = math.sqrt(float(self.variances[self.alike].mean()))
         rounding = rounding_of_means(differences, self.deviation, whole, resolution, levels)
         return differences, difference_effects(spread, self.deviation, self.dof, rounding)
 
@@ -308,31 +335,54 @@ def scatter_of(
     ]
     means = shown - np.asarray(references)[..., None]
     dofs = (counts - 1.0).sum(axis=(1, 2))
-    alike = _alike(np.array(squares), dofs, resolution)
-    return Scatter(means, counts, np.array(squares), dofs, alike)
+    found = Scatter(means, counts, np.array(squares), dofs, np.ones(len(dofs), bool))
+    return replace(found, alike=_alike(found, resolution))
 
 
-def _alike(squares: Array, dofs: Array, resolution: float) -> Mask:
-    """Return which points (P,) scatter alike: each other one more than by chance, UNLIKE in all.
+def deviations_by_level(means: Array) -> Array:
+    """Return what means (P, L, D) of cells leave (P, L) of a point's mean and a level's median.
 
-    By the F of a point's variance over that of the others, which is at least that of rounding;
-    the largest is set aside first. A test of each on its own takes points of unlike numbers of
-    readings, which Cochran's (ISO 5725-2, 7.3.3) does not.
+    The median, since a level's mean would carry one point's error to all of them.
     """
-    alike = np.ones(len(dofs), bool)
-    variances = squares / dofs.clip(min=1.0)
-    while np.count_nonzero(alike & (dofs > 0.0)) > 1:
-        one = int(np.argmax(np.where(alike, variances, -1.0)))
-        rest = alike.copy()
-        rest[one] = False
-        dof = float(dofs[rest].sum())
-        if not dof > 0.0:
-            break
-        others = max(float(squares[rest].sum()) / dof, resolution**2 / 12.0)
-        if not variances[one] > others:
-            break
-        beyond = f_beyond(variances[one] / others, int(dofs[one]), dof) if others > 0.0 else 0.0
-        if beyond * len(dofs) > UNLIKE:
-            break
-        alike = rest
+    cells = means.mean(axis=2)
+    about_points = cells - cells.mean(axis=1, keepdims=True)
+    return np.asarray(about_points - np.median(about_points, axis=0))
+
+
+def _alike(found: Scatter, resolution: float) -> Mask:
+    """Return which points (P,) scatter alike; others by more than chance, UNLIKE in all, explains.
+
+    By the F of a point's variance over that of the others, their median first, so that several
+    do not hide each other, then pooled. Variances are of readings within their cells, and of cells
+    about their points and levels; no point is set aside whose readings lie on two steps alone. A
+    test of each point on its own takes unlike numbers of readings, which Cochran's (ISO 5725-2,
+    7.3.3) does not.
+    """
+    points, levels, ways = found.means.shape
+    per_cell = ways / (1.0 / found.counts).sum(axis=(1, 2)) * levels  # readings a level, harmonic
+    by_level = per_cell * np.sum(deviations_by_level(found.means) ** 2, axis=1)
+    dofs = found.dofs + (levels - 1.0) * (1.0 - 1.0 / points)
+    squares, shown = found.squares + by_level, dofs > 0.0
+    variances = squares / np.where(shown, dofs, 1.0)
+    cells = levels * ways
+    two_steps = resolution**2 / 4.0 * (dofs + cells) / np.where(shown, dofs, 1.0)
+    tried = int(np.count_nonzero(shown))
+    alike = np.ones(points, bool)
+    for robust in (True, False, False):
+        before, unlike = alike, np.zeros(points, bool)
+        for point in np.flatnonzero(shown).tolist():
+            rest = before & shown
+            rest[point] = False
+            dof = float(dofs[rest].sum())
+            if not dof > 0.0 or variances[point] <= two_steps[point]:
+                continue
+            known = squares[rest].sum() / dof
+            if robust and np.count_nonzero(rest) > 2:
+                known = np.median(variances[rest] / (1.0 - 2.0 / (9.0 * dofs[rest])) ** 3)
+                dof *= OF_MEDIAN
+            known = max(float(known), resolution**2 / 12.0)
+            f = variances[point] / known if known > 0.0 else math.inf
+            chance = f_beyond(f, round(dofs[point]), dof) if math.isfinite(f) else 0.0
+            unlike[point] = variances[point] > 0.0 and chance * tried < UNLIKE
+        alike = ~unlike
     return alike

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import pickle
 import signal
 import sys
 import threading
@@ -97,9 +98,7 @@ class Forked(Generic[S, T]):
         self.answers, there = Pipe()
         self._process = os.fork()
         if self._process == 0:
-            self.answers.close()
-            os.environ.update(environment)
-            _serve(function, items, workers, there)
+            _serve(function, items, workers, environment, self.answers, there)
         there.close()
 
     def begin(self, k: int) -> None:
@@ -123,25 +122,44 @@ class Forked(Generic[S, T]):
 
     def end(self) -> None:
         """End the process, with what it is doing."""
-        os.kill(self._process, signal.SIGKILL)
-        os.waitpid(self._process, 0)
+        with suppress(ChildProcessError, ProcessLookupError):  # where SIGCHLD is ignored
+            os.kill(self._process, signal.SIGKILL)
+            os.waitpid(self._process, 0)
         self.answers.close()
 
 
 def _serve(
-    function: Callable[[S], object], items: Sequence[S], workers: int, there: Connection
+    function: Callable[[S], object],
+    items: Sequence[S],
+    workers: int,
+    environment: Mapping[str, str],
+    answers: Connection,
+    there: Connection,
 ) -> NoReturn:
-    """Call the function in the process that was just forked on each item that is named; end."""
+    """Call the function in the process that was just forked on each item that is named; end.
+
+    answers: the end of the other process, which tells by closing it that it has gone.
+    """
     try:
+        answers.close()
+        os.environ.update(environment)
         for number in signals("SIGINT", "SIGTERM", "SIGHUP"):
             signal.signal(number, signal.SIG_DFL)
         share_memory(workers)
         taken()
         while True:
-            there.send((*_answer(function, items[there.recv()]), taken()))
+            _send(there, (*_answer(function, items[there.recv()]), taken()))
             give_back()
     finally:  # the other end is closed, too
         os._exit(0)
+
+
+def _send(there: Connection, answer: tuple[object, Exception | None, dict[str, float]]) -> None:
+    """Send an answer; of one that cannot be sent, why."""
+    try:
+        there.send(answer)
+    except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
+        there.send((None, RuntimeError(f"no answer of a process: {error}"), answer[2]))
 
 
 def _answer(function: Callable[[S], T], item: S) -> tuple[T | None, Exception | None]:

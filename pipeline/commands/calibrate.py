@@ -236,6 +236,8 @@ def calibrate(
     )
     if not references and plan_path is None:
         raise click.UsageError("REFERENCES are missing: name a capture, or five-point files")
+    if vertical is not None and not references:
+        raise InputError(f"--vertical {vertical} without REFERENCES: leave it out")
     if plan_path is not None:
         if readings_path or output or template:
             raise InputError(

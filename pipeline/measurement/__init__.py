@@ -1,6 +1,6 @@
 """Observations to a measurement: evaluation, repeatability, tolerances, conformity."""
 
-from .assumptions import VERTICALS, notes_of_assumptions
+from .assumptions import MEASURED_FROM, VERTICALS, notes_of_assumptions
 from .conformity import Conformity, Deciding, Verdict, assess, conforms, decide
 from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
@@ -75,6 +75,7 @@ __all__ = [
     "BY_MODEL",
     "CELLS",
     "CROSS",
+    "MEASURED_FROM",
     "OF_PLATE",
     "SIGMAS",
     "UNITS",

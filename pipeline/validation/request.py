@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 from typing import Literal
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from ..capture import Capture
 from ..errors import Wording
-from ..measurement import Measurement, WheelResult
+from ..measurement import MEASURED_FROM, Measurement, WheelResult
 from ..vehicle import build_reference_frame, wheel_angles
 from .comparison import ComparedMethod
 from .five_point import FivePointOptions
@@ -92,18 +92,33 @@ def why_missing(result: WheelResult) -> str:
 
 
 def as_method(label: str, results: Sequence[WheelResult]) -> ComparedMethod:
-    """Return a method with these results, all of them comparable; the first four: RR, RL, FR, FL.
-
-    Cambers are from the plane of the wheel centres, which both methods know.
-    """
-    poses = tuple(result.pose for result in results if result.pose is not None)
-    frame = build_reference_frame(np.stack([pose.centre_m for pose in poses[:4]]))
-    angles = [
-        wheel_angles(frame, pose.normal, str(result.wheel))
-        for pose, result in zip(poses, results, strict=True)
-    ]
+    """Return a method with these results, all of them comparable."""
+    angles = [result.evaluated for result in results if result.evaluated is not None]
     return ComparedMethod(
-        label, poses, np.array([a.toe_rad for a in angles] + [a.camber_rad for a in angles])
+        label,
+        tuple(result.pose for result in results if result.pose is not None),
+        np.array([a.toe_rad for a in angles] + [a.camber_rad for a in angles]),
+    )
+
+
+def from_wheel_centres(method: ComparedMethod, wheels: Sequence[str]) -> ComparedMethod:
+    """Return a method with its cambers from the plane of the wheel centres, which all know.
+
+    wheels: of its targets; the first four: RR, RL, FR, FL.
+    """
+    frame = build_reference_frame(np.stack([one.centre_m for one in method.targets[:4]]))
+    angles = [
+        wheel_angles(frame, target.normal, wheel)
+        for target, wheel in zip(method.targets, wheels, strict=True)
+    ]
+    found = [a.toe_rad for a in angles] + [a.camber_rad for a in angles]
+    return replace(method, angles_rad=np.array(found))
+
+
+def without_vertical(notes: Sequence[str]) -> tuple[str, ...]:
+    """Return notes but that on another vertical, which is not used in a comparison of methods."""
+    return tuple(
+        note for note in notes if not str(note).startswith(MEASURED_FROM.partition("{")[0])
     )
 
 

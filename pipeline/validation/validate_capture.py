@@ -23,9 +23,11 @@ from .request import (
     as_method,
     comparable,
     folder_of,
+    from_wheel_centres,
     measured,
     note_of_plates,
     why_missing,
+    without_vertical,
 )
 from .tcgc_2013 import LABEL as OLD
 from .tcgc_2013 import by_old_estimator
@@ -63,7 +65,9 @@ def compare_with_points(dense: Measurement, points: FivePoints, request: Request
     Raises InputError where the two cannot be of one vehicle.
     """
     part, results = _in_both(measured(dense.plates or dense), points)
-    first = as_method(DENSE, part.results)
+    first, said = as_method(DENSE, part.results), dense.notes
+    if dense.vertical is not None:
+        first, said = from_wheel_centres(first, part.wheels), without_vertical(said)
     second, notes = _second(points, results, request)
     check_alike(first, second, points.file.source)
     return compare(
@@ -73,7 +77,7 @@ def compare_with_points(dense: Measurement, points: FivePoints, request: Request
         first,
         second,
         part.missing,
-        (*dense.notes, *note_of_plates(dense), *notes),
+        (*said, *note_of_plates(dense), *notes),
         (dense.provenance, points.measurement.provenance),
     )
 

@@ -19,6 +19,8 @@ from tests.support.calibration_bay import (
     machine,
 )
 from wheelplane.batch.results.calibrations import LONGEST_DAYS, history_text, machine_history
+from wheelplane.batch.results.series import Series
+from wheelplane.batch.results.trends import drift
 from wheelplane.calibration import Reference, calibrate
 from wheelplane.commands.results import results as command
 from wheelplane.errors import InputError
@@ -63,32 +65,76 @@ def test_a_machine_that_does_not_drift_has_a_long_interval_and_a_bad_one_none(tm
     assert "toe: no interval: at 95 % confidence an error may have" in history_text(bad)
 
 
-def test_adjustments_are_taken_out_of_the_drift(tmp_path):
-    """A machine that drifts by 5' a month and is put right each time is no steady machine."""
-    for month in range(6):
-        bay = Bay(seed=(1, month))
-        found, left = (changed(TOE, gain=0.0, zero=zero) for zero in (5.0 * bool(month), 0.0))
+def adjusted(folder, months, zeros, seed=0, left_points=None, **changes):
+    """Calibrations 30 days apart of a machine that is found at a zero error and put right."""
+    for month in range(months):
+        bay = Bay(seed=(seed, month))
+        found, left = (
+            changed(TOE, **({"gain": 0.0} | changes | {"zero": zero}))
+            for zero in (zeros[month], 0.0)
+        )
         reference = bay.reference()
         origin = replace(ORIGIN, date=str(np.datetime64("2026-01-01") + 30 * month))
         dated = Reference(replace(reference.measurement, provenance=origin))
-        rows = (
+        rows = [
             row
             for toe, state in ((found, "as found"), (left, "as left"))
             for row in as_readings(bay.truth, machine(toe=toe), bay.car.rng, state)
-        )
+            if state == "as found" or left_points is None or row.point in left_points
+        ]
         readings = replace(bay.readings(machine(toe=found)), rows=tuple(rows))
         done = calibrate([dated], item_of(machine(toe=left)), readings)
-        place = tmp_path / f"{month}"
-        place.mkdir()
+        place = folder / f"{month}"
+        place.mkdir(parents=True)
         (place / "calibration.json").write_text(calibration_json(done), encoding="utf-8")
-    history = machine_history(tmp_path, "7")
-    zero = next(one for one in history.drifts if one.quantity == "toe zero error")
+    return machine_history(folder, "7")
+
+
+def zero_error(history):
+    return next(one for one in history.drifts if one.quantity == "toe zero error")
+
+
+def test_adjustments_are_taken_out_of_the_drift(tmp_path):
+    """A machine that drifts by 5' a month and is put right each time is no steady machine."""
+    history = adjusted(tmp_path, 6, [0.0] + 5 * [5.0], seed=1)
+    zero = zero_error(history)
     assert abs(zero.slope * 30.0 * 60.0 - 5.0) < 1.5 * zero.expanded * 30.0 * 60.0
     assert zero.significant
     assert 0.0 < history.intervals[0].days < 35.0  # 6' less what points scatter, from 0' on
     assert history.adjusted == 6
     text = history_text(history)
     assert "Adjusted in 6 of them: the drift is from each as left to the next as found" in text
+
+
+def test_an_adjustment_read_at_some_points_moves_what_these_show(tmp_path):
+    """A zero error is that of a line over all points, and of a few their mean: they differ."""
+    history = adjusted(tmp_path, 4, 4 * [0.0], gain=0.05, left_points=("RR", "RL"))
+    zero = zero_error(history)
+    assert abs(zero.slope) < zero.expanded
+    assert abs(zero.at_mean) * 60.0 < 0.5
+
+
+def test_a_line_with_common_errors_is_that_of_many_experiments():
+    """Generalised least squares: as many p below 0.05 as there should be; independent: as drift."""
+    rng, n = np.random.default_rng(5), 12
+    day = np.sort(rng.uniform(0.0, 900.0, n))
+    u = rng.uniform(0.5, 1.5, n)
+    steps = np.full(n, 1.0)
+    numbers = np.arange(n)
+    common = np.concatenate([[0.0], np.cumsum(steps**2)])[np.minimum.outer(numbers, numbers)]
+    small, slopes, us = 0, [], []
+    for _ in range(400):
+        walk = np.concatenate([[0.0], np.cumsum(steps[:-1] * rng.normal(size=n - 1))])
+        one = Series("x", "deg", numbers, day, walk + u * rng.normal(size=n), u)
+        found = drift(one, common)
+        small += found.p < 0.05
+        slopes.append(found.slope)
+        us.append(found.u_slope)
+    assert small / 400.0 < 0.075
+    assert np.std(slopes) < 1.1 * np.sqrt(np.mean(np.square(us)))
+    independent, plain = drift(one, np.zeros((n, n))), drift(one)
+    for name in ("slope", "u_slope", "at_mean", "mean_day", "scatter", "p"):
+        assert getattr(independent, name) == pytest.approx(getattr(plain, name), rel=1e-6)
 
 
 def test_two_calibrations_show_no_drift_and_say_so(tmp_path):

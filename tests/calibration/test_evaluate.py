@@ -208,13 +208,15 @@ def test_a_reading_far_from_the_others_is_named_and_spoils_no_other_point():
             assert other.error.expanded == pytest.approx(one.error.expanded, rel=0.05)
 
 
-@pytest.mark.parametrize(("unit", "step"), [("min", 1.0), ("min", 0.1), ("deg", 0.01)])
+@pytest.mark.parametrize(
+    ("unit", "step"), [("min", 1.0), ("min", 0.1), ("min", 0.5), ("deg", 0.01), ("dms", 20.0)]
+)
 def test_steps_of_the_readings_count_where_the_item_file_states_finer_ones(unit, step):
     """Readings of whole minutes without scatter are not known to a thousandth of one."""
     bay = Bay(seed=12)
     tested = machine(toe=changed(TOE, resolution=0.001, repeatability=0.02, hysteresis=0.0))
     sound = bay.readings(tested)
-    scale = math.radians(1.0) / (60.0 if unit == "min" else 1.0)
+    scale = math.radians(1.0) / {"min": 60.0, "deg": 1.0, "dms": 3600.0}[unit]
     rows = tuple(
         replace(one, value=round(one.value / scale / step) * step * scale, unit=unit)
         for one in sound.rows
@@ -228,6 +230,30 @@ def test_steps_of_the_readings_count_where_the_item_file_states_finer_ones(unit,
         assert shares[0] == pytest.approx(scale / math.sqrt(12.0), rel=0.2)
     (plain,) = calibrate([bay.reference()], item_of(tested), sound).results
     assert plain.coarser is None
+
+
+def test_the_same_value_again_and_again_shows_no_step():
+    """A steady machine at one point reads 0.10 ten times, and 0.10 is no multiple of 0.1 alone."""
+    bay, tested = Bay(seed=12), machine(toe=None, thrust_angle=changed(TOE, positive="right"))
+    sound = bay.readings(tested)
+    value = math.radians(10.0 / 60.0)
+    rows = tuple(replace(one, value=value) for one in sound.rows)
+    (result,) = calibrate([bay.reference()], item_of(tested), replace(sound, rows=rows)).results
+    assert result.coarser is None
+
+
+@pytest.mark.parametrize(("operators", "series"), [((), 3), (("A", "B", "C"), 2)])
+def test_errors_against_several_references_are_covered(operators, series):
+    """Operators of one series share its scan, which the scatter between them does not show."""
+    ratios = []
+    protocol = Protocol(operators=operators, series=series)
+    toe = changed(TOE, zero=0.0, gain=0.0, hysteresis=0.0, repeatability=0.05, resolution=0.01)
+    for seed in range(12):
+        bay, tested = Bay(seed=seed, trials=0), machine(toe=toe, protocol=protocol)
+        several = [named(bay.reference(str(k)), "plane noise") for k in range(1, series + 1)]
+        (result,) = calibrate(several, item_of(tested), bay.readings(tested)).results
+        ratios += [point.error.value / point.error.expanded for point in result.points]
+    assert np.mean(np.abs(ratios) <= 1.0) > 0.85
 
 
 def test_hysteresis_is_no_repeatability_of_a_gauge():

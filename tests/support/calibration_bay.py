@@ -106,10 +106,10 @@ def minutes(angle_rad) -> np.ndarray:
     return np.degrees(angle_rad) * 60.0
 
 
-def tilted(reference, kind="gravity"):
-    """The same measurement, cambers from a vertical half a degree off the wheels' up."""
+def tilted(reference, kind="gravity", by_deg=0.5):
+    """The same measurement, cambers from a vertical off the wheels' up."""
     known = reference.measurement
-    up = known.frame.up + np.tan(np.radians(0.5)) * known.frame.left
+    up = known.frame.up + np.tan(np.radians(by_deg)) * known.frame.left
     up = up / np.linalg.norm(up)
     components = (vertical_component("vertical", up, 1e-4 * np.eye(3), math.inf),)
     vertical = Vertical(kind, up, components, "a level")

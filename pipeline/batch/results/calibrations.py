@@ -17,6 +17,7 @@ import numpy as np
 from ...errors import InputError, fact_of
 from ...report.format.digits import decimal
 from ...uncertainty import quantile
+from ...vectors import Array
 from ..catalogue.calibration_row import final
 from .series import Series
 from .trends import LEVEL, MONTH_DAYS, Drift, drift, with_holm
@@ -84,13 +85,15 @@ def machine_history(
     found.sort(key=lambda one: (_day(one[1]), one[0]))
     trees = [tree for _, tree in found]
     names = dict.fromkeys(name for tree in trees for name in _values(final(tree)))
-    unadjusted = [_unadjusted(name, trees) for name in names]
-    drifts = with_holm([drift(series) for series, _ in unadjusted])
+    histories = [_unadjusted(name, trees) for name in names]
+    drifts = with_holm(
+        [drift(one.series, one.common if one.common.any() else None) for one in histories]
+    )
     intervals = tuple(
         interval
-        for one, (_, adjusted) in zip(drifts, unadjusted, strict=True)
+        for one, history in zip(drifts, histories, strict=True)
         if not one.reason
-        for interval in _interval(one, adjusted, trees[-1])
+        for interval in _interval(one, history.moved, trees[-1])
     )
     count = sum(bool(tree.get("adjustments")) for tree in trees)
     return MachineHistory(serial, tuple(name for name, _ in found), drifts, intervals, count)
@@ -166,45 +169,83 @@ def _values(quantities: Sequence[dict[str, Any]]) -> dict[str, tuple[str, float,
     return found
 
 
-def _unadjusted(name: str, trees: Sequence[dict[str, Any]]) -> tuple[Series, float]:
-    """Return what a value would have been without adjustments, and by how much these moved it.
+@dataclass(frozen=True)
+class _History:
+    """Values as they would have been without adjustments: common (N, N), their covariance by these.
 
-    What was only read as left begins anew: nothing says what the adjustment moved.
+    moved: by how much adjustments moved the value since the first of them.
     """
+
+    series: Series
+    common: Array
+    moved: float
+
+
+def _unadjusted(name: str, trees: Sequence[dict[str, Any]]) -> _History:
+    """Return the history of a value, without its adjustments.
+
+    What was only read as left, or is not known after an adjustment, begins anew: nothing says what
+    the adjustment moved. A value holds the errors of all changes before it, and with the error of
+    its own reading half of that of its change, the other half being of the reading as left.
+    """
+    quantity = name.partition(" ")[0]
     rows: list[tuple[float, str, float, float]] = []
-    moved, variance = 0.0, 0.0
+    changes: list[float] = []  # variances
+    moved, anew = 0.0, False
     for tree in trees:
-        before, after = (
-            _values([q for q in tree["quantities"] if q["state"] == state]).get(name)
+        of_state = {
+            state: _values([q for q in tree["quantities"] if q["state"] == state]).get(name)
             for state in ("as found", "as left")
-        )
-        if before is None and after is not None:
-            rows, moved, variance = [], 0.0, 0.0
+        }
+        before, after = of_state["as found"], of_state["as left"]
         known = before or after
         if known is None:
             continue
+        if anew or before is None:
+            rows, changes, moved = [], [], 0.0
         unit, value, u = known
-        rows.append((_day(tree), unit, value - moved, math.hypot(u, math.sqrt(variance))))
-        if before is not None and after is not None:
-            moved += after[1] - before[1]
-            variance += _of_change(name, tree, math.hypot(before[2], after[2])) ** 2
+        rows.append((_day(tree), unit, value - moved, u))
+        changed = [one for one in tree.get("adjustments", ()) if one["quantity"] == quantity]
+        anew = bool(changed) and (before is None or after is None)
+        if before is None or after is None or not changed:
+            changes.append(0.0)
+            continue
+        step, u_step = _change(name, tree, changed, before, after)
+        moved += step
+        changes.append(u_step**2)
     days, units, values, us = zip(*rows, strict=True)
     numbers = np.arange(len(rows), dtype=np.int64)
     series = Series(name, units[0], numbers, *(np.array(x, float) for x in (days, values, us)))
-    return series, moved
+    variances = np.array(changes)
+    first = np.minimum.outer(numbers, numbers)
+    before_first = np.concatenate([[0.0], np.cumsum(variances)])[first]
+    own = np.where(np.eye(len(rows), dtype=bool), 0.0, variances[first] / 2.0)
+    return _History(series, before_first + own, moved)
 
 
-def _of_change(name: str, tree: dict[str, Any], most: float) -> float:
-    """Return u of the change of a zero error by an adjustment, in which the reference cancels.
+def _change(
+    name: str,
+    tree: dict[str, Any],
+    changes: Sequence[dict[str, Any]],
+    before: tuple[str, float, float],
+    after: tuple[str, float, float],
+) -> tuple[float, float]:
+    """Return by how much an adjustment moved a value, and the u of that.
 
-    most: of a sensitivity, whose change is stated by no point.
+    Of a zero error the reference cancels: u is the largest of the points' changes. Where not all
+    points were read in both states, it is the mean of their changes.
     """
     quantity, _, what = name.partition(" ")
-    changes = [one["change"] for one in tree["adjustments"] if one["quantity"] == quantity]
-    if what != "zero error" or not changes:
-        return most
-    us = [one["u_m"] if "u_m" in one else one["u_deg"] for one in changes]
-    return math.sqrt(math.fsum(u * u for u in us)) / len(us)
+    both = [q for q in tree["quantities"] if q["quantity"] == quantity]
+    points = [{point["point"] for point in q["points"]} for q in both]
+    lines = {q["characteristic"]["sensitivity"] is None for q in both}
+    if what != "zero error":
+        return after[1] - before[1], math.hypot(before[2], after[2])
+    unit = before[0]
+    u = max(float(one["change"][f"u_{unit}"]) for one in changes)
+    if all(own == points[0] for own in points) and len(lines) == 1:
+        return after[1] - before[1], u
+    return float(np.mean([one["change"][f"value_{unit}"] for one in changes])), u
 
 
 def _interval(one: Drift, adjusted: float, last: dict[str, Any]) -> Iterator[Interval]:

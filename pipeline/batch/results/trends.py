@@ -146,8 +146,10 @@ def drifts(
     return with_holm(over_series(drift, catalogue, quantities, which))
 
 
-def drift(one: Series) -> Drift:
+def drift(one: Series, common: Array | None = None) -> Drift:
     """Fit a straight line to a series over time, without correction for other quantities.
+
+    common: (N, N) covariance of the values beyond their u, None of independent ones.
 
     Weights 1/(u^2 + s^2), with the scatter s between captures such that the weighted squared
     residuals sum to n - 2 (Paule and Mandel, 1982, J. Res. NBS 87, 377), s = 0 where u explains
@@ -155,6 +157,7 @@ def drift(one: Series) -> Drift:
     Errors common to all captures do not change the slope; all others are taken as independent.
     """
     known = np.isfinite(one.day) & np.isfinite(one.u)
+    common = None if common is None else common[np.ix_(known, known)]
     day, y, u = taken(known, one.day, one.values, one.u)
     n = len(day)
     first, last = (float(day.min()), float(day.max())) if n else (math.nan, math.nan)
@@ -163,7 +166,9 @@ def drift(one: Series) -> Drift:
         return Drift(one.quantity, one.unit, n, reason=reason)
     largest, variance = max(1e-3, float(y.max()), -float(y.min())), u**2
     np.maximum(variance, (1e-12 * largest) ** 2, out=variance)
-    line, scatter2 = _fit(day, y, variance)
+    line, scatter2 = (
+        _fit(day, y, variance) if common is None else _fit_common(day, y, variance, common)
+    )
     u_slope = 1.0 / math.sqrt(line.steepness)
     return Drift(
         one.quantity,
@@ -205,6 +210,29 @@ def _fit(day: Array, y: Array, variance: Array) -> tuple[_Line, float]:
             break
         scatter2 = after
     return line, scatter2
+
+
+def _fit_common(day: Array, y: Array, variance: Array, common: Array) -> tuple[_Line, float]:
+    """Return the line by generalised least squares, and the variance between captures."""
+    covariance = common + np.diag(variance)
+
+    def fitted(scatter2: float) -> tuple[_Line, float]:
+        W = np.linalg.inv(covariance + scatter2 * np.eye(len(day)))
+        of_all = W.sum(axis=0) / W.sum()
+        mean_day = float(of_all @ day)
+        at_mean, centred = float(of_all @ y), day - mean_day
+        steepness = float(centred @ W @ centred)
+        line = _Line(mean_day, at_mean, float(centred @ W @ y) / steepness, steepness)
+        rest = y - at_mean - line.slope * centred
+        return line, float(rest @ W @ rest)
+
+    low, high, dof = 0.0, float(np.var(y)), len(day) - 2
+    if fitted(0.0)[1] <= dof:
+        return fitted(0.0)[0], 0.0
+    for _ in range(100):
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if fitted(middle)[1] > dof else (low, middle)
+    return fitted(high)[0], high
 
 
 def _line(day: Array, y: Array, variance: Array, scatter2: float) -> _Line:

@@ -13,6 +13,7 @@ from ..format.writer import Table, Writer
 from ..tables.calibration import (
     adjustments_table,
     anova_table,
+    as_found,
     budget_table,
     declared,
     gauge_rr_table,
@@ -106,7 +107,11 @@ def _headline(found: Calibration, words: Translations) -> Headline | None:
     key = decision.replace(" ", "_")
     left = any(result.state == "as left" for result in found.final)
     state = words(f"calibration.{'left' if left else 'found'}").capitalize()
-    says = (words(f"certificate.{key}_says", state=state), *doubted(found.doubts, words))
+    says = (
+        words(f"certificate.{key}_says", state=state),
+        *as_found(found, words),
+        *doubted(found.doubts, words),
+    )
     return Headline(decision.replace(" ", "-"), SIGNS[decision], decided(decision, words), says)
 
 

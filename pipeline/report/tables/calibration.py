@@ -279,6 +279,14 @@ def adjustments_table(found: Calibration, writer: Writer) -> Table:
     return writer.table(head, rows, 2, words("calibration.adjustments"))
 
 
+def as_found(found: Calibration, words: Translations) -> list[str]:
+    """Return a sentence on the verdict before the adjustment; none where nothing was adjusted."""
+    before = found.decision_as_found
+    if before is None:
+        return []
+    return [words("calibration.found_says", found=decided(before, words).lower())]
+
+
 def rule_words(found: Calibration, words: Translations) -> str:
     """Return the decision rule in words."""
     rule = found.rule

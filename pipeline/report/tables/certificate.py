@@ -9,7 +9,7 @@ from ...calibration import Certificate
 from ...config import StandardConfig
 from ..format.language import Translations
 from ..format.writer import Table, Writer
-from .calibration import rule_words
+from .calibration import as_found, rule_words
 
 CONDITIONS = (
     ("temperature_c", "temperature_u_c", "°C"),
@@ -114,13 +114,17 @@ def statements(made: Certificate, words: Translations) -> list[tuple[str, str]]:
         ("uncertainty", words("certificate.uncertainty")),
         ("traceability", traceability(made, words)),
         ("rule", rule_words(made.calibration, words)),
-        ("conformity", words("certificate.conformity") if made.calibration.rule else ""),
+        ("conformity", _conformity(made, words) if made.calibration.rule else ""),
         ("item", words("certificate.only_item")),
         ("copy", words("certificate.copy")),
         ("amended", amended(made, words)),
         ("remarks", stated.remarks),
     ]  # fmt: skip
     return [(key, text) for key, text in found if text]
+
+
+def _conformity(made: Certificate, words: Translations) -> str:
+    return " ".join([words("certificate.conformity"), *as_found(made.calibration, words)])
 
 
 def amended(made: Certificate, words: Translations) -> str:

@@ -70,6 +70,9 @@ def one_calibration(
     facts = [[words(f"certificate.{key}"), item[key]] for key in ("serial", "software")
              if key in item]  # fmt: skip
     facts += [[words("page.date"), date]] * bool(date)
+    if tree.get("decision_as_found") is not None:
+        was = decided(tree["decision_as_found"], words).lower()
+        facts.append([words("listing.as_found"), was])
     if "error" in tree:
         facts.append([words("page.reason"), tree["error"]])
     rows = [_calibrated(kind, point, words) for kind in tree.get("quantities", ())

@@ -31,6 +31,7 @@ from ...report.tables.calibration import (
 )
 from ...report.tables.calibration import (
     adjustments_table,
+    as_found,
     declared,
     point_name,
     points_table,
@@ -154,6 +155,7 @@ def _found(found: Calibration, words: Translations) -> dict[str, Any]:
         "decision": None if found.decision is None else _decision(found.decision, words),
         "rule": rule_words(found, words),
         "warnings": [
+            *as_found(found, words),
             *(words("calibration.warning", text=in_words(text, words)) for text in found.warnings),
             *doubted(found.doubts, words),
         ],
