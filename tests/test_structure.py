@@ -452,7 +452,7 @@ import os, sys
 here = os.getpid()
 def note(event, arguments):
     if event == "import" and os.getpid() != here:
-        print(os.getpid(), arguments[0], file=sys.stderr)
+        os.write(2, f"{os.getpid()} {arguments[0]}\\n".encode())  # whole, beside the other
 sys.addaudithook(note)
 sys.argv = ["wheelplane", "measure", sys.argv[1], "--json"]
 from wheelplane.cli import main

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
 import shlex
 import shutil
 import subprocess
@@ -30,6 +31,7 @@ from wheelplane.batch.storage.local import LocalStore
 from wheelplane.batch.storage.remote import RemoteStore
 from wheelplane.batch.storage.zipped import ZippedRemoteStore, ZippedStore
 
+SHOWN = re.compile("--(plot|explain) DIR")
 OPTIONS = ("--workers", "1")
 
 
@@ -232,7 +234,7 @@ def test_the_command_that_why_names_measures_a_packed_capture(tmp_path, top):
         (line,) = [line for line in said.splitlines() if line.startswith("see its targets: ")]
         folder = tmp_path / "at" / name
         folder.mkdir(parents=True)
-        command = line.partition(": ")[2].replace("--plot DIR", "--json")
+        command = SHOWN.sub("--json", line.partition(": ")[2])
         done = subprocess.run(
             command, shell=True, cwd=folder, env=environment, capture_output=True, check=True
         )
@@ -270,7 +272,7 @@ def test_the_command_that_why_names_has_the_options_of_the_run(
         folder = tmp_path / "at" / name
         folder.mkdir(parents=True)
         done = subprocess.run(
-            see.replace("--plot DIR", "--json"), shell=True, cwd=folder, capture_output=True,
+            SHOWN.sub("--json", see), shell=True, cwd=folder, capture_output=True,
             env=os.environ | {"PATH": path}, check=False, text=True,
         )  # fmt: skip
         if tree["batch"]["status"] == "ok":

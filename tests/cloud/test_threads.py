@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 import weakref
@@ -166,13 +168,22 @@ def test_forked_calls_share_the_memory():
     assert left[1][0] == pytest.approx(left[0][0] / 4, rel=0.05)
 
 
+IDLE = """
+import os, threading
+from wheelplane.cloud.threads import over_chunks, over_items
+threads = set(over_chunks(lambda _: threading.current_thread(), 2, 1))
+assert len(threads) == 2
+found = over_items(lambda _: os.getpid(), range(20), lambda _: None)
+assert os.getpid() not in found
+assert len(set(over_chunks(lambda _: threading.current_thread(), 2, 1)) - threads) == 1
+"""
+
+
 @FORKS
-def test_idle_threads_of_the_pool_do_not_hinder_forks(monkeypatch):
-    monkeypatch.setenv("WHEELPLANE_THREADS", "2")
-    threads = set(over_chunks(lambda _: threading.current_thread(), 2, 1))
-    assert len(threads) == 2
-    assert os.getpid() not in over_items(lambda _: os.getpid(), ITEMS, ignore)
-    assert len(set(over_chunks(lambda _: threading.current_thread(), 2, 1)) - threads) == 1
+def test_idle_threads_of_the_pool_do_not_hinder_forks():
+    """In a process of its own, which has no threads of tests."""
+    two = os.environ | {"WHEELPLANE_THREADS": "2"}
+    subprocess.run([sys.executable, "-c", IDLE], env=two, check=True)
 
 
 def test_beside_another_thread_nothing_is_forked(monkeypatch):
