@@ -34,7 +34,9 @@ from .measurement import (
     Provenance,
     VerticalKind,
     align,
+    as_contradicted,
     broken,
+    contradicted_thickness,
     find_verticals,
     meshed,
     noisy,
@@ -50,6 +52,7 @@ from .measurement import (
     shaded,
     spaced,
     thinned,
+    without_thickness,
 )
 from .plane import Patch, PlaneFit, distance_pull, fit_plane
 from .targets import Target, WheelTarget
@@ -105,16 +108,28 @@ def observe_capture(
     """Observe every target, those of RR, RL, FR, FL first; return how a cloud's wheels were named.
 
     Scans of a vehicle that has rolled are carried to where it was in the others. A capture is scans
-    of single wheels, whose names say which, or one scan of the whole vehicle.
+    of single wheels, whose names say which, or one scan of the whole vehicle. Where all scans
+    together contradict the stated thickness of a target, they are measured again without it.
     """
     several = fit is fit_target
+    found, naming = _observed(capture, config, fit, progress, several)
+    wrong = contradicted_thickness(found) if several else {}
+    if wrong:
+        free = without_thickness(capture, wrong)
+        again, naming = _observed(free, config, fit, progress, several)
+        found = [as_contradicted(one, wrong) for one in again]
+    return carried(found, capture.source), naming
+
+
+def _observed(
+    capture: Capture, config: Config, fit: Fit, progress: Callable[[str], None], several: bool
+) -> tuple[list[Observation], Naming | None]:
     if capture.cloud is not None:
         found, naming = observe_cloud(capture.cloud, capture, config, fit, progress, several)
         for cloud in capture.rolled:
             found += observe_rolled(cloud, capture, config, fit, progress, several)
-        return carried(found, capture.source), naming
-    found = observe_entries(capture, config, fit, progress, several)
-    return carried(found, capture.source), None
+        return list(found), naming
+    return observe_entries(capture, config, fit, progress, several), None
 
 
 def fit_target(patch: Patch, target: Target, config: Config) -> Evidence:

@@ -6,7 +6,9 @@ from .estimates import estimate, vertical_tilts, weighted_sum
 from .evaluate import align, check_by_monte_carlo, evaluate, find_verticals
 from .observe import (
     Fit,
+    as_contradicted,
     broken,
+    contradicted_thickness,
     find_searched,
     meshed,
     noisy,
@@ -18,6 +20,7 @@ from .observe import (
     shaded,
     spaced,
     thinned,
+    without_thickness,
 )
 from .observe_vehicle import kinds_of, observe_cloud, observe_rolled
 from .quantities import (
@@ -116,12 +119,14 @@ __all__ = [
     "against",
     "align",
     "angle_rad",
+    "as_contradicted",
     "assess",
     "broken",
     "by_kind",
     "by_name",
     "check_by_monte_carlo",
     "conforms",
+    "contradicted_thickness",
     "decide",
     "estimate",
     "evaluate",
@@ -156,5 +161,6 @@ __all__ = [
     "turned_quantity",
     "vertical_tilts",
     "weighted_sum",
+    "without_thickness",
     "workshop_angles",
 ]

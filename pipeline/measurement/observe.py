@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from ..capture import Capture, Hint, ScanEntry, Searched, searched
@@ -19,6 +19,7 @@ from ..vectors import Array
 from ..wheel import find_patch
 from .records import Evidence, Observation
 
+PULLED, CONTRADICTED = 5.0, 5.0  # standard deviations of one scan, and of all together
 NOISY = 1.5  # times the stated range noise
 CHOSEN = (
     "{name}: {choice}; the match of its outline is {match} ({least} needed where nobody chooses)."
@@ -358,6 +359,44 @@ def not_printed(observations: Sequence[Observation]) -> Iterator[str]:
             names.setdefault(missed, []).append(observation.name)
     for reason, scans in names.items():
         yield Wording(NOT_PRINTED[reason], names=", ".join(scans))
+
+
+def contradicted_thickness(observations: Sequence[Observation]) -> dict[Target, Target]:
+    """Return targets whose stated thickness all scans together contradict, by those without it.
+
+    Of each scan the pull of its mixed pixels on the thickness, at most PULLED of its standard
+    deviations, so that one false fit is not enough: their sum is one over the root of their number.
+    """
+    pulls: dict[Target, list[float]] = {}
+    for one in observations:
+        edge = one.evidence.target.edge_fit if one.evidence else None
+        if edge is not None and edge.thickness_pull is not None and one.target is not None:
+            pulls.setdefault(one.target, []).append(max(-PULLED, min(edge.thickness_pull, PULLED)))
+    return {
+        target.model_copy(update={"thickness": None}): target
+        for target, found in pulls.items()
+        if abs(sum(found)) > CONTRADICTED * math.sqrt(len(found))
+    }
+
+
+def without_thickness(capture: Capture, wrong: Mapping[Target, Target]) -> Capture:
+    """Return a capture whose targets of a wrong thickness state none."""
+    free = {stated: target for target, stated in wrong.items()}
+    targets = {name: free.get(target, target) for name, target in capture.targets.items()}
+    return replace(capture, target=free.get(capture.target, capture.target), targets=targets)
+
+
+def as_contradicted(one: Observation, wrong: Mapping[Target, Target]) -> Observation:
+    """Return an observation without a stated thickness as one in which it was contradicted."""
+    stated = None if one.target is None else wrong.get(one.target)
+    if stated is None or one.evidence is None:
+        return one
+    fitted = one.evidence.target
+    edge = fitted.edge_fit
+    if edge is not None and not edge.is_clean:
+        edge = replace(edge, stated_thickness_m=getattr(stated, "thickness", None))
+    evidence = replace(one.evidence, target=replace(fitted, edge_fit=edge))
+    return replace(one, target=stated, evidence=evidence)
 
 
 def not_as_thick(observations: Sequence[Observation]) -> Iterator[str]:

@@ -13,6 +13,7 @@ from .records import Estimate, ToeOut
 
 BEYOND_RAD = math.radians(1.0)  # of extrapolation beyond the positions
 LEAST_PAIRS = 3
+MOST_APART_RAD = math.radians(15.0)  # of the front wheels at one position of the steering
 TOGETHER_RAD = math.radians(2.0)  # positions that count as one
 
 Pair = tuple[Estimate, Estimate]  # the inner wheel's angle, and how much less the outer steers
@@ -24,6 +25,14 @@ def toe_out_at(found: ToeOut, inner_rad: float) -> ToeOut:
     if len(found.curve) < LEAST_PAIRS:
         reason = f"both wheels share {len(found.curve)} positions, {LEAST_PAIRS} or more are needed"
         return replace(none, status="too-few-pairs", reason=reason)
+    apart = max(found.curve, key=lambda pair: abs(pair[1].value))
+    if abs(apart[1].value) > MOST_APART_RAD:
+        inner, outer = (math.degrees(x) for x in (apart[0].value, apart[0].value - apart[1].value))
+        reason = (
+            f"at one position the inner wheel is steered by {inner:+.1f}° and the outer one by "
+            f"{outer:+.1f}°: scans are exchanged, or not of the position that they are named for"
+        )
+        return replace(none, status="not-together", reason=reason)
     angles = [inner.value for inner, _ in found.curve]
     for farthest, missing_rad in ((max(angles), inner_rad - max(angles)),
                                   (min(angles), min(angles) - inner_rad)):  # fmt: skip

@@ -18,6 +18,7 @@ from .source import Block, RawCloud, RawPart, Source
 
 RowProgress = Callable[[int, int], None]
 
+RIGID = 3e-4  # of a pose, off a rotation: one of four decimals is off by 2e-4
 MAX_COORDINATE_M = 1e10  # float64 still resolves 2 um here
 
 
@@ -207,7 +208,8 @@ def _pose_m(T: Array | None, length_unit: str) -> Array | None:
 def checked_pose(part: RawPart, source: Source) -> Array | None:
     """Return the part's pose (4, 4), or None where it is the identity.
 
-    Raises InputError for no pose of a scanner: not finite, singular, mirrored or projective.
+    Raises InputError for no pose of a scanner: not finite, singular, mirrored, projective, or with
+    scales of its own.
     """
     T = part.T_file_scan
     if T is None or np.array_equal(T, np.eye(4)):
@@ -216,6 +218,14 @@ def checked_pose(part: RawPart, source: Source) -> Array | None:
         proper = np.isfinite(T).all() and np.linalg.det(T[:3, :3]) > 0.0
     if not (proper and np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0])):
         raise fault(source, f"the pose of its scan {part.name} is not a rotation and a translation")
+    if np.abs(T[:3, :3].T @ T[:3, :3] - np.eye(3)).max() > RIGID:
+        scales = ", ".join(f"{scale:.6g}" for scale in np.linalg.norm(T[:3, :3], axis=0))
+        raise fault(
+            source,
+            f"the pose of its scan {part.name} is not a rotation and a translation: it scales the "
+            f"axes by {scales}",
+            "export it again with rigid poses, in the unit of the points",
+        )
     return T
 
 

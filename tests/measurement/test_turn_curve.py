@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wheelplane.measurement.estimates import estimate, weighted_sum
-from wheelplane.measurement.records import ToeOut
+from wheelplane.measurement.records import Estimate, ToeOut
 from wheelplane.measurement.turn_curve import toe_out_at
 from wheelplane.uncertainty.propagation import Effect
 
@@ -72,3 +72,12 @@ def test_two_positions_and_positions_that_are_one_are_too_few():
     for few in (curve[:2], (curve[0], curve[0], curve[1], curve[1])):
         found = toe_out_at(ToeOut("left", curve=few), np.radians(-15.0))
         assert (found.status, found.difference) == ("too-few-pairs", None)
+
+
+def test_wheels_that_are_steered_against_each_other_have_no_toe_out():
+    """As where the scans of two positions are exchanged for one wheel: 16 degrees each."""
+    curve = list(measured().curve)
+    curve[0] = (curve[0][0], Estimate(np.radians(33.0), 1e-5))
+    found = toe_out_at(ToeOut("left", curve=tuple(curve)), np.radians(-15.0))
+    assert (found.status, found.difference) == ("not-together", None)
+    assert "scans are exchanged" in found.reason

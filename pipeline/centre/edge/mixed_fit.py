@@ -83,6 +83,7 @@ def fit_mixed(
     fitted = _recorded(found, problem)
     if fitted is None or thickness_m is None:
         return fitted
+    fitted = replace(fitted, thickness_pull=_pulls(fitted, problem.prior)[EDGE.index(THICKNESS)])
     tension = _tension(fitted, problem.prior)
     if not problem.few and tension < TENSE:
         return fitted
@@ -109,7 +110,8 @@ def _by_thickness(fitted: EdgeFit, free: EdgeFit, thickness_m: float, worse: boo
     u = math.hypot(free.thickness_u, STATED_THICKNESS, by_model)
     off = abs(math.log(free.thickness_m / thickness_m)) / u
     if free.converged and not worse and off > CONTRADICTED_THICKNESS:
-        return replace(free, stated_thickness_m=thickness_m)
+        pull = fitted.thickness_pull
+        return replace(free, stated_thickness_m=thickness_m, thickness_pull=pull)
     return replace(fitted, by_thickness_m=free.centre_m - fitted.centre_m)
 
 
@@ -123,14 +125,20 @@ def _recorded(found: Solution, problem: EdgeProblem) -> EdgeFit | None:
 
 
 def _tension(fitted: EdgeFit, prior: Prior) -> float:
-    """Return how far the edge's parameters lie from their prior, in standard deviations.
+    """Return how far the edge's parameters lie from their prior, in standard deviations."""
+    return float(np.sqrt(np.sum(np.square(_pulls(fitted, prior)))))
+
+
+def _pulls(fitted: EdgeFit, prior: Prior) -> list[float]:
+    """Return how far each of the edge's parameters lies from its prior, in standard deviations.
 
     A posterior mean has the variance of its prior less that of the posterior.
     """
     variance, u = 1.0 / prior.weight[EDGE], np.zeros(len(EDGE))
     u[EDGE.index(THICKNESS)], u[EDGE.index(GROWTH)] = fitted.thickness_u, fitted.growth_u_m
     shown = np.maximum(variance - u**2, LEAST_SHOWN * variance)
-    return float(np.sqrt(np.sum((fitted.state - prior.mean)[EDGE] ** 2 / shown)))
+    pulls: list[float] = ((fitted.state - prior.mean)[EDGE] / np.sqrt(shown)).tolist()
+    return pulls
 
 
 def _best(problem: EdgeProblem, state: Array, most: int) -> tuple[EdgeProblem, Solution]:

@@ -52,7 +52,8 @@ class EdgeFit:
     uncertainties, see `unexplained`. loss: mean of Cauchy's loss, of few mixed pixels. converged:
     whether the last step was small. thickness_u: relative. stated_thickness_m: one that the data
     contradict, and that was not used; by_thickness_m: (2,) by which the centre would move if it
-    were not, where that is in doubt.
+    were not, where that is in doubt; thickness_pull: by how many standard deviations of what the
+    data may move it they pull the stated one, None where none is stated.
     clean_shift_m: how far outside the target's edge a clean one lies; None of mixed pixels.
     by_size_m: (2,) by which its centre would move if the size were hardly known; size_chance: the
     probability of that. rows_m: standard uncertainty of each straight edge by rows of points that
@@ -87,6 +88,7 @@ class EdgeFit:
     thickness_u: float
     stated_thickness_m: float | None = None
     by_thickness_m: Array | None = None
+    thickness_pull: float | None = None
     clean_shift_m: float | None = None
     by_size_m: Array | None = None
     size_chance: float = 0.0

@@ -33,6 +33,8 @@ def report_file(
     an earlier measurement of the same vehicle.
     """
     view = {key: asked.get(key) or usual for key, usual in USUAL.items()}
+    if view["convention"] != USUAL["convention"] and not asked.get("axis"):
+        view["axis"] = "centreline"
     on_offer = kind in TYPES and language in LANGUAGES and job.task in (*MEASURED, "compare")
     if not on_offer or any(value not in ON_OFFER[key] for key, value in view.items()):
         raise RefusedError(400, "no such report")
