@@ -40,6 +40,7 @@ from .measurement import (
     find_verticals,
     meshed,
     noisy,
+    not_as_large,
     not_as_registered,
     not_as_thick,
     not_printed,
@@ -95,7 +96,7 @@ def measure_capture(
     ]
     noted += [*shaded(observations), *broken(observations)]
     noted += [*not_as_registered(observations), *not_printed(observations)]
-    noted += not_as_thick(observations)
+    noted += [*not_as_thick(observations), *not_as_large(observations)]
     verticals = find_verticals(capture.verticals, vertical, capture.source)
     found = solve(align(observations, origin, [*origin.notes, *noted], verticals))
     assumed = notes_of_assumptions(found, capture.target, config.instrument)

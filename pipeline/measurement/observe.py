@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from ..capture import Capture, Hint, ScanEntry, Searched, searched
+from ..centre.edge.beams import SIZE_M
 from ..cloud import cloud_sample, over_items
 from ..config import Config, InstrumentConfig
 from ..diagnostics import check_wheel_scan, lone_points
@@ -70,6 +71,16 @@ THICKNESS = (
     "By its mixed pixels, the target's edge is {seen} mm thick, its file says {stated} mm: "
     "{names}. The centre is by the former; correct the thickness in the target's file, or omit it."
 )
+SIZES = {
+    "larger": (
+        "By their edges, the targets of {names} are larger all round than their file says, by "
+        "{size} mm: check its sizes. The centres may be off by as much."
+    ),
+    "smaller": (
+        "By their edges, the targets of {names} are smaller all round than their file says, by "
+        "{size} mm: check its sizes. The centres may be off by as much."
+    ),
+}
 STATIONS = (
     "The targets of {names} were seen by several stations, merged into one cloud, that disagree "
     "there, by up to {sizes}. The results are means of the stations, and what they "
@@ -415,6 +426,26 @@ def not_as_thick(observations: Sequence[Observation]) -> Iterator[str]:
         names = ", ".join(name for name, _ in found)
         seen, stated = f"{seen_m * 1e3:.1f}", f"{stated_m * 1e3:.3g}"
         yield Wording(THICKNESS, seen=seen, stated=stated, names=names)
+
+
+def not_as_large(observations: Sequence[Observation]) -> Iterator[str]:
+    """Yield a note on targets that are all larger, or smaller, than stated, with the median.
+
+    Of each edge its growth over the deviation of sizes from those stated; together, their sum over
+    the root of their number.
+    """
+    found: dict[Target, list[tuple[str, float]]] = {}
+    for one in observations:
+        edge = one.evidence.target.edge_fit if one.evidence else None
+        if edge is not None and not edge.is_clean and one.target is not None:
+            found.setdefault(one.target, []).append((one.name, edge.growth_m))
+    for grown in found.values():
+        growth_m = [size_m for _, size_m in grown]
+        if abs(sum(growth_m)) > CONTRADICTED * SIZE_M * math.sqrt(len(grown)):
+            median_m = statistics.median(growth_m)
+            side = "larger" if median_m > 0.0 else "smaller"
+            names = ", ".join(name for name, _ in grown)
+            yield Wording(SIZES[side], names=names, size=f"{abs(median_m) * 1e3:.1f}")
 
 
 def notes_on_lone_points(points_m: Array, name: str) -> tuple[str, ...]:

@@ -398,8 +398,9 @@ NOTES = {
     "observe_vehicle.py": ("_of_others",),
     "records.py": ("notes",),
     "observe.py": (
-        "noisy", "not_as_registered", "not_as_thick", "not_printed", "note_on_hint", "rounded",
-        "thinned", "spaced", "shaded", "broken", "meshed", "notes_on_copies",
+        "noisy", "not_as_large", "not_as_registered", "not_as_thick", "not_printed",
+        "note_on_hint", "rounded", "thinned", "spaced", "shaded", "broken", "meshed",
+        "notes_on_copies",
     ),
     "plane.py": ("_coarse",),
     "file.py": ("_note_if_upside_down", "_note_of_sense"),
