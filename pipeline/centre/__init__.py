@@ -1,6 +1,7 @@
 """Centre of a target in its plane, from its edges and from its print."""
 
 from .combine import CentreMethod
+from .edge.beams import SIZE_M
 from .edge_centre import rough_pose
 from .in_plane_rotation import InPlaneRotation, RotationMark
 from .joined import joined
@@ -14,6 +15,7 @@ from .target_view import TargetView
 
 __all__ = [
     "MOST_M",
+    "SIZE_M",
     "CentreMethod",
     "InPlaneRotation",
     "OtherCentre",

@@ -4,6 +4,7 @@ from .findings import findings, spacing_m
 from .plausibility import (
     better_unit,
     check_cloud,
+    check_poses,
     check_vehicle_cloud,
     check_wheel_scan,
     float32_fact,
@@ -21,6 +22,7 @@ __all__ = [
     "ScanSummary",
     "better_unit",
     "check_cloud",
+    "check_poses",
     "check_vehicle_cloud",
     "check_wheel_scan",
     "digest",

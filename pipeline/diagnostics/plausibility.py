@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from ..cloud import box
 from ..errors import InputError, Wording
+from ..readers import Part
 from ..units import LENGTH_UNITS, in_metres
 from ..vectors import Array
 
 # A laser resolves nothing within the smaller, and no single cloud is wider than the larger.
 CLOUD_SIZES_M = (1e-3, 20e3)
+RIGID = 3e-4  # of a pose, off a rotation: one of four decimals is off by 2e-4
 FEW = 0.01  # of the points, that may be wrong without the unit being wrong
 WHEEL_SCAN_M = 2.0  # a typical scan of a wheel
 VEHICLE_SCAN_M = 10.0  # and of a vehicle
@@ -78,6 +81,21 @@ def check_vehicle_cloud(points_m: Array, diameter_m: float, unit: str, source: s
         fact = f"the cloud is {length(size)} wide in {unit}, {largest:g} m at most: crop it, or"
     option = '--length-unit {0}, or length_unit = "{0}" in a capture.toml'
     raise InputError(f"{source}: {fact}: {better_unit(size, unit, option, VEHICLE_SCAN_M)}")
+
+
+def check_poses(parts: Sequence[Part], source: str) -> None:
+    """Raise InputError for a pose that changes angles; one scale of all axes does not."""
+    for part in parts:
+        if part.T_file_scan is None:
+            continue
+        R = part.T_file_scan[:3, :3]
+        squares = R.T @ R
+        if np.abs(squares / (np.trace(squares) / 3.0) - np.eye(3)).max() > RIGID:
+            scales = ", ".join(f"{scale:.6g}" for scale in np.linalg.norm(R, axis=0))
+            raise InputError(
+                f"{source}: the pose of its scan {part.name} is no rotation: it scales the axes by "
+                f"{scales}: export it again with rigid poses"
+            )
 
 
 def lone_points(points_m: Array) -> str:

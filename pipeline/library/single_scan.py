@@ -7,7 +7,7 @@ from numbers import Integral
 
 import numpy as np
 
-from ..diagnostics import check_cloud, check_wheel_scan
+from ..diagnostics import check_cloud, check_poses, check_wheel_scan
 from ..errors import InputError
 from ..measure import fit_target
 from ..plane import CloudPlane, plane_of_all
@@ -108,6 +108,7 @@ def find_target(
     """
     scan, known = as_scan(points, length_unit, "points"), as_target(target)
     settings = as_config(config, scanner)
+    check_poses(scan.parts, scan.source)
     check_wheel_scan(scan.points_m, 2.0 * known.radius_m, length_unit, scan.source)
     patch = find_patch(scan.points_m, known, settings, scan.intensity)
     fit = fit_target(patch, known, settings)

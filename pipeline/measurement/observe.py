@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from ..capture import Capture, Hint, ScanEntry, Searched, searched
-from ..centre.edge.beams import SIZE_M
+from ..centre import SIZE_M
 from ..cloud import cloud_sample, over_items
 from ..config import Config, InstrumentConfig
-from ..diagnostics import check_wheel_scan, lone_points
+from ..diagnostics import check_poses, check_wheel_scan, lone_points
 from ..errors import InputError, NotMeasuredError, Wording
 from ..plane import Patch, PlaneFit
 from ..system import stage
@@ -186,6 +186,7 @@ def _find(
     """Find the patch with its target in the scan, which is read, and freed on return."""
     scan = entry.read(capture.length_unit, source, capture.reading)
     target = capture.target_of(entry)
+    check_poses(scan.parts, source)
     check_wheel_scan(scan.points_m, 2.0 * target.radius_m, capture.length_unit, source)
     observation = Observation(
         name=entry.name,

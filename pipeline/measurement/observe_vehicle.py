@@ -23,7 +23,7 @@ from ..detection import (
     stand_on_a_floor,
     wheels_by_markers,
 )
-from ..diagnostics import check_vehicle_cloud
+from ..diagnostics import check_poses, check_vehicle_cloud
 from ..errors import InputError, NotMeasuredError, Wording
 from ..plane import Patch
 from ..readers import Part
@@ -89,6 +89,7 @@ def targets_of_cloud(
     """
     progress(f"{cloud.file}: reading")
     scan = cloud.read(capture.length_unit, source, capture.reading)
+    check_poses(scan.parts, source)
     hint = capture.hints.get("vehicle")
     within = boxed(scan, hint, source)
     scan, kinds = within.used, kinds_of(capture)

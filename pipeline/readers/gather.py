@@ -18,7 +18,6 @@ from .source import Block, RawCloud, RawPart, Source
 
 RowProgress = Callable[[int, int], None]
 
-RIGID = 3e-4  # of a pose, off a rotation: one of four decimals is off by 2e-4
 MAX_COORDINATE_M = 1e10  # float64 still resolves 2 um here
 
 
@@ -208,8 +207,7 @@ def _pose_m(T: Array | None, length_unit: str) -> Array | None:
 def checked_pose(part: RawPart, source: Source) -> Array | None:
     """Return the part's pose (4, 4), or None where it is the identity.
 
-    Raises InputError for no pose of a scanner: not finite, singular, mirrored, projective, or one
-    that changes angles. One that scales all axes alike does not.
+    Raises InputError for no pose of a scanner: not finite, singular, mirrored or projective.
     """
     T = part.T_file_scan
     if T is None or np.array_equal(T, np.eye(4)):
@@ -218,15 +216,6 @@ def checked_pose(part: RawPart, source: Source) -> Array | None:
         proper = np.isfinite(T).all() and np.linalg.det(T[:3, :3]) > 0.0
     if not (proper and np.array_equal(T[3], [0.0, 0.0, 0.0, 1.0])):
         raise fault(source, f"the pose of its scan {part.name} is not a rotation and a translation")
-    squares = T[:3, :3].T @ T[:3, :3]
-    if np.abs(squares / (np.trace(squares) / 3.0) - np.eye(3)).max() > RIGID:
-        scales = ", ".join(f"{scale:.6g}" for scale in np.linalg.norm(T[:3, :3], axis=0))
-        raise fault(
-            source,
-            f"the pose of its scan {part.name} is not a rotation and a translation: it scales the "
-            f"axes by {scales}",
-            "export it again with rigid poses",
-        )
     return T
 
 

@@ -11,6 +11,7 @@ import pytest
 from tests.support.scenes import WHEEL, make
 from wheelplane.diagnostics.plausibility import (
     check_cloud,
+    check_poses,
     check_vehicle_cloud,
     check_wheel_scan,
     float32_step,
@@ -18,6 +19,7 @@ from wheelplane.diagnostics.plausibility import (
 )
 from wheelplane.diagnostics.selftest import certified_folder
 from wheelplane.errors import InputError
+from wheelplane.readers import Part
 
 ROOT = Path(__file__).resolve().parents[2]
 DIAMETER = 0.25
@@ -186,3 +188,34 @@ def test_many_points_far_off_are_no_lone_ones():
     assert lone_points(points) == ""
     assert lone_points(WHEEL_M * 1e6) == ""
     assert lone_points(np.empty((0, 3))) == ""
+
+
+def turned_about_x(angle_rad):
+    """A rotation (3, 3)."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+@pytest.mark.parametrize(
+    ("R", "sound"),
+    [
+        (turned_about_x(0.7), True),
+        (0.001 * turned_about_x(0.7), True),  # millimetres
+        (np.round(turned_about_x(0.7), 4), True),
+        (turned_about_x(0.7) @ np.diag([1.001, 1.0, 1.0]), False),
+        (
+            turned_about_x(0.7) @ np.array([[1.0, 1e-3, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+            False,
+        ),
+    ],
+    ids=["rotation", "scaled", "four decimals", "stretched", "sheared"],
+)
+def test_poses_that_change_angles_are_refused(R, sound):
+    T = np.eye(4)
+    T[:3, :3] = R
+    parts = (Part("plain", 0, 5, None), Part("a", 5, 9, T))
+    if sound:
+        check_poses(parts, "rr.ptx")
+        return
+    with pytest.raises(InputError, match=r"^rr\.ptx: the pose of its scan a is no rotation: it "):
+        check_poses(parts, "rr.ptx")

@@ -119,14 +119,12 @@ def test_a_pose_is_exact_to_two_roundings_far_from_the_origin():
     "change",
     [
         lambda T: T @ np.diag([1.0, 1.0, -1.0, 1.0]),
-        lambda T: T @ np.diag([1.001, 1.0, 1.0, 1.0]),
-        lambda T: T @ (np.eye(4) + 1e-3 * np.eye(4)[[1, 0, 2, 3]] * [[1], [0], [0], [0]]),
         lambda T: T @ np.diag([1.0, 1.0, 0.0, 1.0]),
         lambda T: np.where(np.eye(4) == 1, np.nan, T),
         lambda T: T + np.eye(4)[[3, 2, 1, 0]],
         lambda T: np.where(np.arange(4) == 3, T * [[np.nan], [1], [1], [1]], T),
     ],
-    ids=["mirrored", "stretched", "sheared", "singular", "nan", "projective", "nowhere"],
+    ids=["mirrored", "singular", "nan", "projective", "nowhere"],
 )
 def test_what_is_no_pose_is_refused(tmp_path, change):
     with opened(tmp_path, b"?") as source:
