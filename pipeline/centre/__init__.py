@@ -2,6 +2,7 @@
 
 from .combine import CentreMethod
 from .edge.beams import SIZE_M
+from .edge.solution import EdgeFit
 from .edge_centre import rough_pose
 from .in_plane_rotation import InPlaneRotation, RotationMark
 from .joined import joined
@@ -17,6 +18,7 @@ __all__ = [
     "MOST_M",
     "SIZE_M",
     "CentreMethod",
+    "EdgeFit",
     "InPlaneRotation",
     "OtherCentre",
     "RotationMark",

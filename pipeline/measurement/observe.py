@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from ..capture import Capture, Hint, ScanEntry, Searched, searched
-from ..centre import SIZE_M
+from ..centre import SIZE_M, EdgeFit
 from ..cloud import cloud_sample, over_items
 from ..config import Config, InstrumentConfig
 from ..diagnostics import check_poses, check_wheel_scan, lone_points
@@ -373,34 +373,37 @@ def not_printed(observations: Sequence[Observation]) -> Iterator[str]:
         yield Wording(NOT_PRINTED[reason], names=", ".join(scans))
 
 
-def contradicted_thickness(observations: Sequence[Observation]) -> dict[Target, Target]:
-    """Return targets whose stated thickness all scans together contradict, by those without it.
+Stated = Sequence[tuple[Target, Target]]  # a target without the thickness that it states, and it
+
+
+def contradicted_thickness(observations: Sequence[Observation]) -> Stated:
+    """Return targets whose stated thickness all scans together contradict.
 
     Of each scan the pull of its mixed pixels on the thickness, at most PULLED of its standard
     deviations, so that one false fit is not enough: their sum is one over the root of their number.
     """
-    pulls: dict[Target, list[float]] = {}
-    for one in observations:
-        edge = one.evidence.target.edge_fit if one.evidence else None
-        if edge is not None and edge.thickness_pull is not None and one.target is not None:
-            pulls.setdefault(one.target, []).append(max(-PULLED, min(edge.thickness_pull, PULLED)))
-    return {
-        target.model_copy(update={"thickness": None}): target
-        for target, found in pulls.items()
-        if abs(sum(found)) > CONTRADICTED * math.sqrt(len(found))
-    }
+    found = []
+    for target, edges in _edges_by_target(observations):
+        pulls = [edge.thickness_pull for _, edge in edges if edge.thickness_pull is not None]
+        held = [max(-PULLED, min(pull, PULLED)) for pull in pulls]
+        if abs(sum(held)) > CONTRADICTED * math.sqrt(len(held)):
+            found.append((target.model_copy(update={"thickness": None}), target))
+    return found
 
 
-def without_thickness(capture: Capture, wrong: Mapping[Target, Target]) -> Capture:
+def without_thickness(capture: Capture, wrong: Stated) -> Capture:
     """Return a capture whose targets of a wrong thickness state none."""
-    free = {stated: target for target, stated in wrong.items()}
-    targets = {name: free.get(target, target) for name, target in capture.targets.items()}
-    return replace(capture, target=free.get(capture.target, capture.target), targets=targets)
+
+    def free(target: Target) -> Target:
+        return next((plain for plain, stated in wrong if stated == target), target)
+
+    targets = {name: free(target) for name, target in capture.targets.items()}
+    return replace(capture, target=free(capture.target), targets=targets)
 
 
-def as_contradicted(one: Observation, wrong: Mapping[Target, Target]) -> Observation:
+def as_contradicted(one: Observation, wrong: Stated) -> Observation:
     """Return an observation without a stated thickness as one in which it was contradicted."""
-    stated = None if one.target is None else wrong.get(one.target)
+    stated = next((stated for plain, stated in wrong if plain == one.target), None)
     if stated is None or one.evidence is None:
         return one
     fitted = one.evidence.target
@@ -409,6 +412,23 @@ def as_contradicted(one: Observation, wrong: Mapping[Target, Target]) -> Observa
         edge = replace(edge, stated_thickness_m=getattr(stated, "thickness", None))
     evidence = replace(one.evidence, target=replace(fitted, edge_fit=edge))
     return replace(one, target=stated, evidence=evidence)
+
+
+def _edges_by_target(
+    observations: Sequence[Observation],
+) -> list[tuple[Target, list[tuple[str, EdgeFit]]]]:
+    """Return the edges with mixed pixels, with the names of their scans, of each unlike target."""
+    found: list[tuple[Target, list[tuple[str, EdgeFit]]]] = []
+    for one in observations:
+        edge = one.evidence.target.edge_fit if one.evidence else None
+        if edge is None or edge.is_clean or one.target is None:
+            continue
+        same = next((edges for target, edges in found if target == one.target), None)
+        if same is None:
+            found.append((one.target, [(one.name, edge)]))
+        else:
+            same.append((one.name, edge))
+    return found
 
 
 def not_as_thick(observations: Sequence[Observation]) -> Iterator[str]:
@@ -435,17 +455,12 @@ def not_as_large(observations: Sequence[Observation]) -> Iterator[str]:
     Of each edge its growth over the deviation of sizes from those stated; together, their sum over
     the root of their number.
     """
-    found: dict[Target, list[tuple[str, float]]] = {}
-    for one in observations:
-        edge = one.evidence.target.edge_fit if one.evidence else None
-        if edge is not None and not edge.is_clean and one.target is not None:
-            found.setdefault(one.target, []).append((one.name, edge.growth_m))
-    for grown in found.values():
-        growth_m = [size_m for _, size_m in grown]
-        if abs(sum(growth_m)) > CONTRADICTED * SIZE_M * math.sqrt(len(grown)):
+    for _, edges in _edges_by_target(observations):
+        growth_m = [edge.growth_m for _, edge in edges]
+        if abs(sum(growth_m)) > CONTRADICTED * SIZE_M * math.sqrt(len(edges)):
             median_m = statistics.median(growth_m)
             side = "larger" if median_m > 0.0 else "smaller"
-            names = ", ".join(name for name, _ in grown)
+            names = ", ".join(name for name, _ in edges)
             yield Wording(SIZES[side], names=names, size=f"{abs(median_m) * 1e3:.1f}")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -109,3 +110,26 @@ def test_sizes_that_all_scans_contradict_together_are_noted(capture, tmp_path, d
     (note,) = [note for note in found.notes if "By their edges" in note]
     assert f"are {side} all round" in note
     assert "by 0.4 mm" in note or "by 0.5 mm" in note
+
+
+def test_boards_that_name_their_wheels_are_measured_too(tmp_path):
+    """Their files hold tables, by which targets are compared, not looked up."""
+    (tmp_path / "coarse.toml").write_text(COARSE, encoding="utf-8")
+    target = config_file("targets", "pattern-aruco")
+    write_capture(
+        tmp_path / "capture",
+        seed=3,
+        vehicle=config_file("vehicles", "saloon"),
+        scanner=tmp_path / "coarse.toml",
+        target=target,
+        trials=0,
+    )
+    thin = tmp_path / "thin.toml"
+    text = target.read_text(encoding="utf-8")
+    thickness = re.search(r"^thickness = (\S+)", text, re.MULTILINE)[0]
+    thin.write_text(text.replace(thickness, "thickness = 0.003"), encoding="utf-8")
+    for stated, wrong in ((target, False), (thin, True)):
+        with open_capture(tmp_path / "capture", str(stated)) as opened:
+            found = measure_capture(opened, Config())
+        assert any("mm thick" in note for note in found.notes) == wrong
+        assert max(off(found, tmp_path / "capture").values()) < 4.0
