@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -126,10 +127,11 @@ def _observed(
     capture: Capture, config: Config, fit: Fit, progress: Callable[[str], None], several: bool
 ) -> tuple[list[Observation], Naming | None]:
     if capture.cloud is not None:
-        found, naming = observe_cloud(capture.cloud, capture, config, fit, progress, several)
+        observe = partial(observe_cloud, config=config, fit=fit, progress=progress, several=several)
+        found, naming = observe(capture.cloud, capture)
         for cloud in capture.rolled:
-            found += observe_rolled(cloud, capture, config, fit, progress, several)
-        return list(found), naming
+            found += observe_rolled(cloud, capture, observe)
+        return found, naming
     return observe_entries(capture, config, fit, progress, several), None
 
 

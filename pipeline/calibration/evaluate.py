@@ -340,16 +340,20 @@ def _references(
         shared = joint_effects(distinct[0])
         return distinct[0], [*(("reference", effect) for effect in shared), *of_readings]
     effects = [effect for level in distinct for effect in joint_effects(level)]
-    drawn = [math.isfinite(e.dof) or e.name in OF_A_SCAN for e in effects]
-    common = [e for e, own in zip(effects, drawn, strict=True) if not own]
-    stated = [replace(e, factor=e.factor / math.sqrt(count)) for e in common]
-    scans = [e for e, own in zip(effects, drawn, strict=True) if own]
-    drawn_mean = [replace(e, factor=e.factor / count) for e in scans]
+    stated, drawn = (
+        [replace(e, factor=e.factor / share) for e in effects if _is_of_a_scan(e) == own]
+        for own, share in ((False, math.sqrt(count)), (True, count))
+    )
     rows = zip(mean.tolist(), np.eye(len(mean)), strict=True)
-    known = [estimate(value, row, [*stated, *drawn_mean]) for value, row in rows]
+    known = [estimate(value, row, [*stated, *drawn]) for value, row in rows]
     if count < len(values):
-        stated += drawn_mean
+        stated += drawn
     return known, [*(("reference", effect) for effect in stated), *of_readings]
+
+
+def _is_of_a_scan(effect: Effect) -> bool:
+    """Return whether an effect scatters from one reference to the next."""
+    return math.isfinite(effect.dof) or effect.name in OF_A_SCAN
 
 
 def _point(

@@ -117,11 +117,11 @@ class Scatter:
         levels = self.means.shape[1]
         by_level = deviations_by_level(self.means)
         for point in np.flatnonzero(~self.alike).tolist():
-            dof = max(float(self.dofs[point]), levels - 1.0)
-            variance = self.squares[point] / max(self.dofs[point], 1.0) * spread[point]
+            dof = float(self.dofs[point])
+            variance = self.squares[point] / max(dof, 1.0) * spread[point]
             if levels > 1:
-                between = float(np.sum(by_level[point] ** 2)) / (levels - 1.0) / levels
-                variance, dof = max(variance, between), levels - 1.0
+                dof = levels - 1.0
+                variance = max(variance, float(np.sum(by_level[point] ** 2)) / dof / levels)
             own = np.zeros((len(spread), 1))
             own[point] = math.sqrt(variance)
             found.append(Effect(REPEATABILITY, own, dof, False))
@@ -367,22 +367,24 @@ def _alike(found: Scatter, resolution: float) -> Mask:
     cells = levels * ways
     two_steps = resolution**2 / 4.0 * (dofs + cells) / np.where(shown, dofs, 1.0)
     tried = int(np.count_nonzero(shown))
+
+    def is_unlike(point: int, among: Mask, robust: bool) -> bool:
+        rest = among & shown
+        rest[point] = False
+        dof = float(dofs[rest].sum())
+        if not (dof > 0.0 and variances[point] > two_steps[point]):
+            return False
+        known = float(squares[rest].sum()) / dof
+        if robust and np.count_nonzero(rest) > 2:
+            known = float(np.median(variances[rest] / (1.0 - 2.0 / (9.0 * dofs[rest])) ** 3))
+            dof *= OF_MEDIAN
+        known = max(known, resolution**2 / 12.0)
+        if not known > 0.0:
+            return True
+        return f_beyond(variances[point] / known, round(dofs[point]), dof) * tried < UNLIKE
+
     alike = np.ones(points, bool)
     for robust in (True, False, False):
-        before, unlike = alike, np.zeros(points, bool)
-        for point in np.flatnonzero(shown).tolist():
-            rest = before & shown
-            rest[point] = False
-            dof = float(dofs[rest].sum())
-            if not dof > 0.0 or variances[point] <= two_steps[point]:
-                continue
-            known = squares[rest].sum() / dof
-            if robust and np.count_nonzero(rest) > 2:
-                known = np.median(variances[rest] / (1.0 - 2.0 / (9.0 * dofs[rest])) ** 3)
-                dof *= OF_MEDIAN
-            known = max(float(known), resolution**2 / 12.0)
-            f = variances[point] / known if known > 0.0 else math.inf
-            chance = f_beyond(f, round(dofs[point]), dof) if math.isfinite(f) else 0.0
-            unlike[point] = variances[point] > 0.0 and chance * tried < UNLIKE
-        alike = ~unlike
+        unlike = [shown[point] and is_unlike(point, alike, robust) for point in range(points)]
+        alike = ~np.array(unlike, bool)
     return alike

@@ -40,7 +40,7 @@ def in_processes(
     """Call `work` on each item in so many processes, each of which takes one item after another.
 
     environment: their variables that are different from this one's. begins: called here with each
-    item, in their order, as it is begun. Returns the results in the order of the items; of several
+    item, in their order, before its work. Returns the results in the order of the items; of several
     errors, raises that of the first item.
     """
     _load_ahead()

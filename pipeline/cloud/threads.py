@@ -60,18 +60,18 @@ def over_items(
     the first item.
     """
 
-    def begun(item: S) -> S:
+    def announced(item: S) -> S:
         begins(item)
         return item
 
     workers = min(threads(), len(items)) if several else 1
     if workers < 2:
-        return [work(begun(item)) for item in items]
+        return [work(announced(item)) for item in items]
     _end_pool()
     if can_fork():
         each = {THREADS: str(threads() // workers)}
         return in_processes(work, items, workers, each, begins)
-    return side_by_side(begun, work, items)
+    return side_by_side(announced, work, items)
 
 
 def side_by_side(first: Callable[[S], R], then: Callable[[R], T], items: Sequence[S]) -> list[T]:
@@ -84,16 +84,16 @@ def side_by_side(first: Callable[[S], R], then: Callable[[R], T], items: Sequenc
         return [then(first(item)) for item in items]
     with ThreadPoolExecutor(workers) as pool:
         done: list[T] = []
-        begun: deque[Future[T]] = deque()
+        running: deque[Future[T]] = deque()
         try:
             for item in items:
-                if len(begun) == workers:
-                    done.append(begun.popleft().result())
-                begun.append(_begin(pool, then, first, item))
-            while begun:
-                done.append(begun.popleft().result())
+                if len(running) == workers:
+                    done.append(running.popleft().result())
+                running.append(_begin(pool, then, first, item))
+            while running:
+                done.append(running.popleft().result())
         finally:
-            for one in begun:
+            for one in running:
                 one.cancel()
     return done
 

@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..measurement import VerticalKind
 from ..readers import AS_THE_FILE_SAYS, ReadOptions
 from ..report.format.language import LANGUAGES
-from ..report.format.view import ANGLE_STYLES, CONVENTIONS, DIGIT_STYLES, Convention
+from ..report.format.view import ANGLE_STYLES, CONVENTIONS, DIGIT_STYLES, Convention, axis_by
 from ..units import LENGTH_UNITS, AngleUnit, Azimuth, Coordinates, LengthUnit, in_metres
 from ..vehicle import AXES, Axis
 
@@ -173,8 +173,7 @@ convention_option = click.option(
 def axis_of(axis: Axis, convention: Convention) -> Axis:
     """Return --axis, or where that was left out, the axis of a convention."""
     given = click.get_current_context().get_parameter_source("axis")
-    other = convention != "default" and given is ParameterSource.DEFAULT
-    return "centreline" if other else axis
+    return axis_by(convention) if given is ParameterSource.DEFAULT else axis
 
 
 tolerance_option = click.option(

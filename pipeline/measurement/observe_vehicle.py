@@ -230,14 +230,13 @@ def observe_cloud(
 def observe_rolled(
     cloud: ScanEntry,
     capture: Capture,
-    config: Config,
-    fit: Fit,
-    progress: Callable[[str], None],
-    several: bool = True,
+    observe: Callable[[ScanEntry, Capture], tuple[list[Observation], Naming]],
 ) -> list[Observation]:
-    """Observe all four wheels of a vehicle that has rolled since its first cloud."""
-    plain = replace(capture, hints={}, cloud=cloud)
-    four, _ = observe_cloud(cloud, plain, config, fit, progress, several)
+    """Observe all four wheels of a vehicle that has rolled since its first cloud.
+
+    observe: as `observe_cloud`, with what is not of this cloud given.
+    """
+    four, _ = observe(cloud, replace(capture, hints={}, cloud=cloud))
     return [
         replace(one, name=f"{one.name} {cloud.name}", role="runout", turn=cloud.turn)
         for one in four

@@ -64,7 +64,7 @@ def test_results_come_in_the_order_of_the_items(workers, tmp_path):
     assert side_by_side(lambda k: k, later_first, ITEMS) == [-k for k in ITEMS]
 
 
-def test_items_are_begun_here_in_order(workers):
+def test_items_start_here_in_order(workers):
     seen, here = [], (threading.current_thread(), os.getpid())
 
     def begins(item):
@@ -75,7 +75,7 @@ def test_items_are_begun_here_in_order(workers):
     assert seen == [(k, *here) for k in ITEMS] * 2
 
 
-def test_one_at_a_time_is_begun_after_the_last_has_ended(workers):
+def test_one_at_a_time_starts_after_the_last_has_ended(workers):
     seen = []
     over_items(lambda k: seen.append(-k), ITEMS, seen.append, several=False)
     assert seen == [sign * k for k in ITEMS for sign in (1, -1)]
@@ -83,16 +83,16 @@ def test_one_at_a_time_is_begun_after_the_last_has_ended(workers):
 
 @FORKS
 def test_processes_begin_no_more_items_than_they_work_on(monkeypatch):
-    begun, most = [], []
+    started, most = [], []
     answered = Forked.result
 
     def result(process):
-        most.append(len(begun) - len(most))
+        most.append(len(started) - len(most))
         return answered(process)
 
     monkeypatch.setattr(Forked, "result", result)
-    in_processes(ignore, ITEMS, 3, {}, begun.append)
-    assert begun == ITEMS
+    in_processes(ignore, ITEMS, 3, {}, started.append)
+    assert started == ITEMS
     assert max(most) == 3
 
 
@@ -110,11 +110,11 @@ def test_the_error_of_the_first_item_is_raised(workers, first, then, raised):
 
 
 @FORKS
-def test_after_an_error_no_item_is_begun():
-    begun = []
+def test_after_an_error_no_item_starts():
+    started = []
     with pytest.raises(OddError):
-        in_processes(fails_at(3), ITEMS, 1, {}, begun.append)
-    assert begun == [0, 1, 2, 3]
+        in_processes(fails_at(3), ITEMS, 1, {}, started.append)
+    assert started == [0, 1, 2, 3]
 
 
 def test_at_most_one_item_waits_beside_those_at_work(workers):
@@ -134,8 +134,8 @@ def test_at_most_one_item_waits_beside_those_at_work(workers):
 def test_a_process_that_is_killed_is_one_line_and_no_process_is_left(monkeypatch):
     monkeypatch.setenv("WHEELPLANE_THREADS", "3")
     monkeypatch.setattr("wheelplane.cloud.threads.can_fork", lambda: True)
-    begun, fork = [], os.fork
-    monkeypatch.setattr(os, "fork", lambda: begun.append(fork()) or begun[-1])
+    started, fork = [], os.fork
+    monkeypatch.setattr(os, "fork", lambda: started.append(fork()) or started[-1])
 
     def ends(item):
         if item == 4:
@@ -143,8 +143,8 @@ def test_a_process_that_is_killed_is_one_line_and_no_process_is_left(monkeypatch
 
     with pytest.raises(InputError, match="one of several processes was killed"):
         over_items(ends, ITEMS, ignore)
-    assert begun
-    for process in begun:
+    assert started
+    for process in started:
         with pytest.raises(ChildProcessError):
             os.waitpid(process, os.WNOHANG)
 

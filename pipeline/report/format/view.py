@@ -148,6 +148,11 @@ class _DecimalUnit:
 PAPER = View()  # as the paper has it: the rear axle's normal; degrees, minutes and seconds
 
 
+def axis_by(convention: Convention) -> Axis:
+    """Return the axis of a convention, where none is given."""
+    return PAPER.axis if convention == "default" else "centreline"
+
+
 def read_view(
     axis: Axis, angles: AngleStyle, rim: str | None, digits: DigitStyle = "uncertainty"
 ) -> View:

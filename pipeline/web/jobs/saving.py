@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...report.format.language import LANGUAGES
-from ...report.format.view import CONVENTIONS, PAPER, STYLES_WITHOUT_RIM
+from ...report.format.view import CONVENTIONS, PAPER, STYLES_WITHOUT_RIM, axis_by
 from ...report.json.stored import RECORD
 from ...report.write import write_files, write_whole
 from ...vehicle import AXES
@@ -33,8 +33,8 @@ def report_file(
     an earlier measurement of the same vehicle.
     """
     view = {key: asked.get(key) or usual for key, usual in USUAL.items()}
-    if view["convention"] != USUAL["convention"] and not asked.get("axis"):
-        view["axis"] = "centreline"
+    if not asked.get("axis") and view["convention"] in CONVENTIONS:
+        view["axis"] = axis_by(view["convention"])
     on_offer = kind in TYPES and language in LANGUAGES and job.task in (*MEASURED, "compare")
     if not on_offer or any(value not in ON_OFFER[key] for key, value in view.items()):
         raise RefusedError(400, "no such report")
