@@ -46,7 +46,7 @@ bench-quick: $(VENV)/ready  ## where users wait, as ratios within one run (3 min
 fuzz: $(VENV)/ready  ## 20,000 damaged files through every reader
 	$(BIN)/python -m tests.bench.fuzz --mutants 20000 --seed 0
 
-$(VENV)/ready: pyproject.toml $(LOCK)
+$(VENV)/ready: pyproject.toml $(LOCK) pipeline/cloud/kernels.c .ci/build_kernels.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "Python 3.11 or later is needed; name it: make PYTHON=python3.11 $(MAKECMDGOALS)"; exit 1; }
 	@mkdir -p .ci/editable

@@ -88,7 +88,6 @@ HOMES = {
         "pipeline/plane/thinned/distance_pull.py",
         "pipeline/uncertainty/distributions.py",
     },
-    "numba": {"pipeline/cloud/native.py"},
     "pye57": {"pipeline/readers/sandbox/worker.py", "synth/output/e57.py"},
     "lazrs": {"pipeline/readers/sandbox/worker.py"},
     "laspy": set(),
@@ -366,9 +365,6 @@ def modules_loaded_by(*arguments: str) -> set[str]:
     return {line.rpartition("|")[2].strip().split(".")[0] for line in lines}
 
 
-SOUGHT_IF_THERE = {"coverage"}  # by numba, which a file of that name beside a script breaks
-
-
 def test_no_benchmark_hides_a_module():
     """A script's folder is searched before all libraries."""
     names = {path.stem for path in (ROOT / "tests" / "bench").glob("*.py")}
@@ -376,7 +372,7 @@ def test_no_benchmark_hides_a_module():
     taken = {name for name in names if PathFinder.find_spec(name, libraries)}
     assert libraries
     assert len(names) > 10
-    assert not taken | names & (set(sys.stdlib_module_names) | SOUGHT_IF_THERE)
+    assert not taken | names & set(sys.stdlib_module_names)
 
 
 def test_help_loads_no_heavy_library():

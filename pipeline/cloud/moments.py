@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..vectors import Array, Mask, Rows
-from .selection import kernels_for
+from .compiled import kernels
 from .threads import over_chunks
 
-COMPILED_FACE_ROWS = 800_000  # as COMPILED_ROWS, for a kernel that costs more per point
 SUMS = 10  # n, x, y, z, xx, xy, yy, xz, yz, zz
 
 
@@ -74,17 +73,13 @@ def slab_moments(
     """
     radius, sides_m, holes_m = bounds_m
     side = 2.0 * radius / across
-    kernels = kernels_for(len(points_m), COMPILED_FACE_ROWS)
+    compiled = kernels()
 
     def add(chunk: slice) -> tuple[Array, Array]:
         part = points_m[chunk]
-        if kernels is not None:
-            sums, edge = np.zeros((across * across, SUMS)), np.empty((len(part), 3))
-            limits, grid = np.array(limits_m), np.array([across, side])
-            found = kernels.slab_moments(
-                part, basis, height_m, limits, radius, sides_m, holes_m, grid, sums, edge
-            )
-            return sums, edge[:found].copy()
+        if compiled is not None:
+            grid = (across, side)
+            return compiled.slab_moments(part, basis, height_m, limits_m, bounds_m, grid)
         uvw = basis @ part.T
         u, v, w = uvw
         off = np.abs(w - height_m)

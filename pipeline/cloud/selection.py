@@ -1,45 +1,27 @@
-"""Sampling and cropping of a cloud: in numpy, and for large clouds by compiled kernels.
+"""Sampling and cropping of a cloud, by compiled kernels or in numpy where none were built.
 
-Both do the same on chunks of one size, so that the number of threads changes no bit; which of them
-runs depends on the number of points alone.
+Both do the same on chunks of one size, so that the number of threads changes no bit.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ..vectors import CHUNK_ROWS, GRID_PER_M, Array, Array32, Mask, Rows, plane_basis
+from .compiled import ChunkRows, kernels
 from .threads import ROWS_PER_CHUNK, over_chunks
 
-COMPILED_ROWS = 2_500_000  # loading the compiled kernels takes 0.2 s and 100 MB
 WHOLE = np.uint64(0xFFFFFFFFFFFFFFFF)
 MIX = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
 # Added to a coordinate below 2^51 steps, it leaves the number of steps in the last bits.
 ROUNDED = np.float64(1.5 * 2.0**52 / GRID_PER_M)
 HASHED_ROWS = 16_384  # their bits and hashes stay in a second-level cache
 _FINISH, HALF = np.uint64(0xBF58476D1CE4E5B9), np.uint64(32)
-
-ChunkRows = npt.NDArray[np.int32]  # indices of rows within a chunk
-
-
-def kernels_for(rows: int, enough: int) -> ModuleType | None:
-    """Return the compiled kernels for `enough` rows or more; None where numpy is as fast.
-
-    None as well where numba does not load: missing, or in conflict with another package.
-    """
-    if rows < enough:
-        return None
-    try:
-        from . import compiled
-    except (ImportError, AttributeError):
-        return None
-    return compiled
 
 
 def coordinate_hash(points_m: Array) -> npt.NDArray[np.uint64]:
@@ -48,6 +30,9 @@ def coordinate_hash(points_m: Array) -> npt.NDArray[np.uint64]:
     Rounding in the file's last digits hardly ever changes it. Odd multipliers, and the finisher of
     Steele et al., OOPSLA 2014.
     """
+    compiled = kernels()
+    if compiled is not None:
+        return compiled.hashes(points_m)
     hashes = np.empty(len(points_m), np.uint64)
     for start in range(0, len(points_m), HASHED_ROWS):
         rows = slice(start, start + HASHED_ROWS)
@@ -75,17 +60,17 @@ def sample_rows(points_m: Array, count: int) -> npt.NDArray[np.int64]:
     """Return the rows of points_m (N, 3) that `sample` returns, in its order."""
     total = len(points_m)
     limit = _hash_limit(count / max(total, 1))
-    kernels = kernels_for(total, COMPILED_ROWS)
+    compiled = kernels()
 
     def chosen(chunk: slice) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.uint64]]:
         part = points_m[chunk]
-        if kernels is None:
+        if compiled is not None:
+            rows, h = compiled.hash_rows(part, limit)
+        else:
             h = coordinate_hash(part)
             rows = np.nonzero(h <= limit)[0]
-            return rows + chunk.start, h[rows]
-        rows, h = np.empty(len(part), np.int64), np.empty(len(part), np.uint64)
-        found = kernels.hash_rows(part, limit, rows, h)
-        return rows[:found] + chunk.start, h[:found].copy()
+            h = h[rows]
+        return rows + chunk.start, h
 
     parts = over_chunks(chosen, total)
     if not parts:
@@ -136,17 +121,15 @@ def surroundings(
 
     most_around: number kept of the points in `around` but not in `face`, chosen by their hash.
     """
-    kernels = kernels_for(len(points_m), COMPILED_ROWS)
+    compiled = kernels()
     slabs = [np.array([s.reach_m, s.depth_m, s.slope, s.most_m]) for s in (face, around)]
     axes = plane_basis(normal)
     origin = (axes @ centre_m)[:, None]
 
     def choose(chunk: slice) -> tuple[ChunkRows, ChunkRows]:
         part = points_m[chunk]
-        if kernels is not None:
-            rows = np.empty((2, len(part)), np.int32)
-            counts = kernels.near_plane(part, centre_m, normal, *slabs, *rows)
-            return rows[0, : counts[0]].copy(), rows[1, : counts[1]].copy()
+        if compiled is not None:
+            return compiled.near_plane(part, centre_m, normal, *slabs)
         uvw = axes @ part.T
         uvw -= origin
         u, v, w = uvw
@@ -161,11 +144,9 @@ def surroundings(
 
     def thinned(chunk: slice) -> tuple[ChunkRows, ChunkRows]:
         on_face, beside = chosen[chunk.start // ROWS_PER_CHUNK]
-        if kernels is None:
-            return on_face, beside[thin(points_m[chunk].take(beside, axis=0), share)]
-        kept = np.empty_like(beside)
-        found = kernels.thin_rows(points_m[chunk], _hash_limit(share), beside, kept)
-        return on_face, kept[:found].copy()
+        if compiled is not None:
+            return on_face, compiled.thin_rows(points_m[chunk], _hash_limit(share), beside)
+        return on_face, beside[thin(points_m[chunk].take(beside, axis=0), share)]
 
     if share < 1.0:
         chosen = over_chunks(thinned, len(points_m))
@@ -182,8 +163,8 @@ def surroundings(
         on_face, beside = chosen[number]
         after[b:d] = a + np.searchsorted(on_face, beside)
         for rows, out in ((on_face, face_m[a:c]), (beside, around_m[b:d])):
-            if kernels is not None:
-                kernels.take(points_m[chunk], centre_m, rows, out)
+            if compiled is not None:
+                compiled.take(points_m[chunk], centre_m, rows, out)
             else:
                 np.subtract(points_m[chunk].take(rows, axis=0), centre_m, out=out)
         if on_face_intensity is not None and intensity is not None:

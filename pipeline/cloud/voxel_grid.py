@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from ..vectors import Array, Rows
+from .compiled import kernels
 from .moments import SUMS, sums_by
-from .selection import COMPILED_ROWS, HALF, MIX, kernels_for
+from .selection import HALF, MIX
 from .threads import over_chunks
 
 VOXEL_BITS = 21
@@ -52,15 +53,13 @@ class VoxelGrid:
 
 def box(points_m: Array) -> Array:
     """Return the least and the greatest coordinates (2, 3) of points_m (N, 3)."""
-    kernels = kernels_for(len(points_m), COMPILED_ROWS)
+    compiled = kernels()
 
     def of(chunk: slice) -> Array:
         part = points_m[chunk]
-        if kernels is None:
-            return np.stack([_reduced(extreme, part) for extreme in (np.minimum, np.maximum)])
-        corners = np.stack([part[0], part[0]])
-        kernels.widen(corners, part)
-        return corners
+        if compiled is not None:
+            return compiled.box(part)
+        return np.stack([_reduced(extreme, part) for extreme in (np.minimum, np.maximum)])
 
     corners = np.stack(over_chunks(of, len(points_m)))
     return np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
@@ -82,24 +81,20 @@ def voxel_key(index: Rows) -> Rows:
 
 def voxel_moments(points_m: Array, low_m: Array, edge_m: float) -> VoxelGrid:
     """Return the moments of points_m (N, 3), all above low_m, by voxels of edge_m."""
-    kernels = kernels_for(len(points_m), COMPILED_ROWS)
-    share = -(-len(points_m) // 2) if kernels is not None else len(points_m)
+    compiled = kernels()
+    share = -(-len(points_m) // 2) if compiled is not None else len(points_m)
 
     def add(chunk: slice) -> tuple[Rows, Array]:
         part = points_m[chunk]
-        if kernels is None:
-            index = ((part - low_m) * (1.0 / edge_m)).astype(np.int64)
-            local = (part - low_m) - (index + 0.5) * edge_m
-            keys, group = np.unique(voxel_key(index), return_inverse=True)
-            return keys, sums_by(group, local, len(keys))
-        capacity = 1 << int(np.clip((len(part) // 16).bit_length(), 14, 21))
-        while True:
-            table, sums = np.full(capacity, -1, np.int64), np.zeros((capacity, SUMS))
-            if kernels.voxel_moments(part, low_m, edge_m, table, sums) >= 0:
-                break
-            capacity *= 4
-        used = np.nonzero(table >= 0)[0]
-        return table[used], sums[used]
+        if compiled is not None:
+            capacity = 1 << int(np.clip((len(part) // 16).bit_length(), 14, 21))
+            while (found := compiled.voxel_moments(part, low_m, edge_m, capacity)) is None:
+                capacity *= 4
+            return found
+        index = ((part - low_m) * (1.0 / edge_m)).astype(np.int64)
+        local = (part - low_m) - (index + 0.5) * edge_m
+        keys, group = np.unique(voxel_key(index), return_inverse=True)
+        return keys, sums_by(group, local, len(keys))
 
     parts = over_chunks(add, len(points_m), max(share, 1))
     keys, group = np.unique(np.concatenate([p[0] for p in parts]), return_inverse=True)
@@ -113,25 +108,25 @@ def voxel_moments(points_m: Array, low_m: Array, edge_m: float) -> VoxelGrid:
 
 def within_voxels(points_m: Array, voxels: VoxelGrid, keys: Rows) -> Rows:
     """Return the rows of points_m (N, 3) within the voxels of these keys (K,)."""
-    kernels = kernels_for(len(points_m), COMPILED_ROWS)
+    compiled = kernels()
     keys = np.unique(keys)
-    table = _hash_table(keys) if kernels is not None else keys
+    table = _hash_table(keys) if compiled is not None else keys
 
     def find(chunk: slice) -> Rows:
         part = points_m[chunk]
-        if kernels is not None:
-            marked = np.empty(len(part), np.bool_)
-            kernels.in_voxels(part, voxels.low_m, voxels.edge_m, table, marked)
-            return np.asarray(np.nonzero(marked)[0] + chunk.start)
-        index = ((part - voxels.low_m) * (1.0 / voxels.edge_m)).astype(np.int64)
-        return np.asarray(np.nonzero(np.isin(voxel_key(index), keys))[0] + chunk.start)
+        if compiled is not None:
+            marked = compiled.in_voxels(part, voxels.low_m, voxels.edge_m, table)
+        else:
+            index = ((part - voxels.low_m) * (1.0 / voxels.edge_m)).astype(np.int64)
+            marked = np.isin(voxel_key(index), keys)
+        return np.asarray(np.nonzero(marked)[0] + chunk.start)
 
     found = over_chunks(find, len(points_m))
     return np.concatenate(found) if found else np.zeros(0, np.int64)
 
 
 def _hash_table(keys: Rows) -> Rows:
-    """Return the keys in a hash table with linear probing, as compiled.in_voxels reads it."""
+    """Return the keys in a hash table with linear probing, as the kernels read it."""
     capacity = 1 << max(4, int(2 * len(keys)).bit_length())
     table = np.full(capacity, -1, np.int64)
     slots = (keys.astype(np.uint64) * MIX[0] >> HALF).astype(np.int64) & (capacity - 1)

@@ -42,7 +42,7 @@ MEMORY_B = 6 << 30
 QUICK = ["-q", "-m", "not slow", "-p", "no:cacheprovider", "-p", "no:xdist", "--no-header"]
 QUICK += ["--tb=no", "--assert=plain", "--no-summary", "-p", "no:hypothesispytest"]
 BEFOREHAND = [
-    "click", "cv2", "jinja2", "numba", "numpy", "pydantic", "rich", "scipy.linalg", "scipy.ndimage",
+    "click", "cv2", "jinja2", "numpy", "pydantic", "rich", "scipy.linalg", "scipy.ndimage",
     "scipy.optimize", "scipy.signal", "scipy.sparse", "scipy.spatial", "scipy.special",
     "scipy.stats",
 ]  # fmt: skip

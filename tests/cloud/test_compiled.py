@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import ctypes.util
+import shutil
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from wheelplane.cloud import compiled
-from wheelplane.cloud.moments import SUMS, sums_by
+from tests.support.paths import ROOT
+from wheelplane.cloud import compiled, selection
+from wheelplane.cloud.compiled import kernels
+from wheelplane.cloud.moments import sums_by
 from wheelplane.cloud.selection import coordinate_hash
-from wheelplane.cloud.voxel_grid import VOXEL_BITS, voxel_key
+from wheelplane.cloud.voxel_grid import VOXEL_BITS, _hash_table, voxel_key
 
-COUNT = 3000
+COUNT, PIECE = 3000, 1024  # points in a test, and in a piece that a kernel copies
 LOW, EDGE = np.full(3, -1.01), 0.25
 EPS = np.finfo(float).eps
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="kernels need a C compiler")
 
 
 @pytest.fixture(scope="module")
@@ -20,94 +28,99 @@ def points():
     return np.random.default_rng(3).uniform(-1.0, 1.0, (COUNT, 3))
 
 
-def test_hash_is_that_of_the_fallback_for_either_sign(points):
+def hashes_in_numpy(points, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(selection, "kernels", lambda: None)
+        return coordinate_hash(points)
+
+
+def test_hash_is_that_of_the_fallback_for_either_sign(points, monkeypatch):
     far = np.vstack([points, 1e4 * points, [[0.0, -0.0, 2.0**-21], [-1e-7, 1e-7, 3e5]]])
-    rows, hashes = np.empty(len(far), np.int64), np.empty(len(far), np.uint64)
-    everything = np.uint64(0xFFFFFFFFFFFFFFFF)
-    assert compiled.hash_rows(far, everything, rows, hashes) == len(far)
+    wanted = hashes_in_numpy(far, monkeypatch)
+    np.testing.assert_array_equal(kernels().hashes(far), wanted)
+    np.testing.assert_array_equal(coordinate_hash(far), wanted)
+    rows, hashes = kernels().hash_rows(far, np.uint64(0xFFFFFFFFFFFFFFFF))
     np.testing.assert_array_equal(rows, np.arange(len(far)))
-    np.testing.assert_array_equal(hashes, coordinate_hash(far))
+    np.testing.assert_array_equal(hashes, wanted)
 
 
 def test_rows_are_those_with_hashes_up_to_the_limit(points):
-    rows, hashes = np.empty(COUNT, np.int64), np.empty(COUNT, np.uint64)
     limit = np.sort(coordinate_hash(points))[COUNT // 3]  # itself included
-    found = compiled.hash_rows(points, limit, rows, hashes)
-    assert found == COUNT // 3 + 1
-    np.testing.assert_array_equal(rows[:found], np.nonzero(coordinate_hash(points) <= limit)[0])
+    rows, hashes = kernels().hash_rows(points, limit)
+    assert len(rows) == COUNT // 3 + 1
+    np.testing.assert_array_equal(rows, np.nonzero(coordinate_hash(points) <= limit)[0])
+    np.testing.assert_array_equal(hashes, coordinate_hash(points)[rows])
 
 
 @pytest.mark.parametrize("every", [1, 7, 2000])
 def test_rows_kept_are_those_with_hashes_up_to_the_limit(points, every):
     rows, limit = np.arange(1, COUNT, every, np.int32), np.uint64(1 << 62)
-    kept = np.empty_like(rows)
-    found = compiled.thin_rows(points, limit, rows, kept)
-    np.testing.assert_array_equal(kept[:found], rows[coordinate_hash(points[rows]) <= limit])
+    kept = kernels().thin_rows(points, limit, rows)
+    np.testing.assert_array_equal(kept, rows[coordinate_hash(points[rows]) <= limit])
 
 
-@pytest.mark.parametrize("start", [0, 5, COUNT - compiled.PIECE, COUNT - 1, COUNT])
-def test_a_piece_ends_with_the_points(points, start):
-    piece = np.zeros((compiled.PIECE, 3))
-    count = compiled.read_piece(points, start, piece)
-    assert count == min(compiled.PIECE, COUNT - start)
-    np.testing.assert_array_equal(piece[:count], points[start : start + count])
-    assert not piece[count:].any()
+@pytest.mark.parametrize("count", [1, PIECE - 1, PIECE, PIECE + 1, COUNT])
+def test_a_box_holds_all_points_of_the_last_piece_too(points, count):
+    few = points[:count] + np.array([7.0, -3.0, 0.0])
+    np.testing.assert_array_equal(kernels().box(few), [few.min(axis=0), few.max(axis=0)])
+
+
+@pytest.mark.parametrize("lay", [np.asfortranarray, lambda p: np.repeat(p, 2, axis=0)[::2]])
+def test_points_that_are_not_contiguous_are_read_in_their_order(points, lay):
+    np.testing.assert_array_equal(kernels().hashes(lay(points)), coordinate_hash(points))
+    np.testing.assert_array_equal(kernels().box(lay(points)), kernels().box(points))
 
 
 def test_rows_near_a_plane_are_those_of_two_masks(points):
     """A cone that widens with depth up to a limit; what is on the face is not beside it."""
     centre, normal = np.array([0.1, -0.2, 0.05]), np.array([2.0, -1.0, 2.0]) / 3.0
     face, around = np.array([0.5, 0.1, 0.0, 9.0]), np.array([0.4, 0.6, 0.8, 0.7])
-    on_face, beside = np.empty((2, COUNT), np.int32)
-    counts = compiled.near_plane(points, centre, normal, face, around, on_face, beside)
+    on_face, beside = kernels().near_plane(points, centre, normal, face, around)
     offset = points - centre
     depth = np.abs(offset @ normal)
     radius = np.linalg.norm(np.cross(offset, normal), axis=1)
     first = (depth < 0.1) & (radius < 0.5)
     second = (depth < 0.6) & (radius < np.minimum(0.4 + 0.8 * depth, 0.7)) & ~first
-    np.testing.assert_array_equal(on_face[: counts[0]], np.nonzero(first)[0])
-    np.testing.assert_array_equal(beside[: counts[1]], np.nonzero(second)[0])
-    assert min(counts) > 50
+    np.testing.assert_array_equal(on_face, np.nonzero(first)[0])
+    np.testing.assert_array_equal(beside, np.nonzero(second)[0])
+    assert min(len(on_face), len(beside)) > 50
 
 
-def test_taken_rows_are_relative_to_the_centre(points):
-    rows, centre, out = np.array([7, 0, 7, COUNT - 1]), np.array([3.0, -2.0, 1.0]), np.empty((4, 3))
-    compiled.take(points, centre, rows, out)
-    np.testing.assert_array_equal(out, points[rows] - centre)
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+def test_taken_rows_are_relative_to_the_centre(points, kind):
+    rows, centre = np.array([7, 0, 7, COUNT - 1], np.int32), np.array([3.0, -2.0, 1.0])
+    out = np.empty((4, 3), kind)
+    kernels().take(points, centre, rows, out)
+    np.testing.assert_array_equal(out, (points[rows] - centre).astype(kind))
 
 
 def test_slab_moments_are_those_of_the_points_inside(points):
     """Region, hole and both limits; cells outside the grid are clipped to its border."""
     sides = np.array([[1.0, 0.0, 0.6], [-1.0, 0.0, 0.6]])  # |u| < 0.6
     hole = np.array([[0.2, 0.1, 0.3]])
-    sums, edge = np.zeros((25, SUMS)), np.empty((COUNT, 3))
-    limits, grid = np.array([0.1, 0.3]), np.array([5, 0.3])
-    found = compiled.slab_moments(
-        points, np.eye(3), 0.2, limits, 0.9, sides, hole, grid, sums, edge
+    sums, edge = kernels().slab_moments(
+        points, np.eye(3), 0.2, (0.1, 0.3), (0.9, sides, hole), (5, 0.3)
     )
     off = np.abs(points[:, 2] - 0.2)
     inside = (np.hypot(points[:, 0], points[:, 1]) < 0.9) & (np.abs(points[:, 0]) < 0.6)
     inside &= np.hypot(points[:, 0] - 0.2, points[:, 1] - 0.1) > 0.3
     sure = points[inside & (off < 0.1)]
-    np.testing.assert_array_equal(edge[:found], points[inside & (off >= 0.1) & (off < 0.3)])
+    np.testing.assert_array_equal(edge, points[inside & (off >= 0.1) & (off < 0.3)])
     column, row = np.clip((sure[:, :2] / 0.3 + 2.5).astype(int), 0, 4).T
     wanted = sums_by(row * 5 + column, sure, 25)
     np.testing.assert_allclose(sums, wanted, rtol=0, atol=COUNT * EPS)
     assert np.abs(sure[:, 1]).max() > 0.75  # so that clipping counts
-    assert found > 100
+    assert len(edge) > 100
 
 
 @pytest.mark.parametrize("order", ["as drawn", "sorted"])
 def test_voxel_moments_are_those_of_each_voxel(points, order):
     """Also where neighbours in the file share a voxel, whose slot is kept."""
     cloud = points if order == "as drawn" else points[np.argsort(points[:, 0])]
-    keys, sums = np.full(4096, -1, np.int64), np.zeros((4096, SUMS))
-    used = compiled.voxel_moments(cloud, LOW, EDGE, keys, sums)
+    keys, sums = kernels().voxel_moments(cloud, LOW, EDGE, 4096)
     index = np.floor((cloud - LOW) / EDGE).astype(np.int64)
     present, group = np.unique(voxel_key(index), return_inverse=True)
-    assert used == len(present)
-    filled = np.nonzero(keys >= 0)[0]
-    rows = filled[np.argsort(keys[filled])]
+    rows = np.argsort(keys)
     np.testing.assert_array_equal(keys[rows], present)
     local = cloud - (LOW + (index + 0.5) * EDGE)
     wanted = sums_by(group, local, len(present))
@@ -117,22 +130,56 @@ def test_voxel_moments_are_those_of_each_voxel(points, order):
 def test_a_full_table_is_reported():
     points = np.random.default_rng(0).uniform(0.0, 50.0, (200, 3))  # nearly a voxel each
     for capacity, full in ((128, True), (512, False)):
-        keys, sums = np.full(capacity, -1, np.int64), np.zeros((capacity, SUMS))
-        used = compiled.voxel_moments(points, LOW, EDGE, keys, sums)
-        assert (used == -1) == full
+        found = kernels().voxel_moments(points, LOW, EDGE, capacity)
+        assert (found is None) == full
 
 
 def test_marked_points_are_those_of_the_voxels_asked_for(points):
     index = np.floor((points - LOW) / EDGE).astype(np.int64)
     keys = voxel_key(index)
     asked = np.unique(keys)[::3]
-    table = np.full(1024, -1, np.int64)
-    compiled.voxel_moments(  # its own table, so that kernels that write and read agree
-        points[np.isin(keys, asked)], LOW, EDGE, table, np.zeros((1024, SUMS))
-    )
-    marked = np.empty(COUNT, np.bool_)
-    found = compiled.in_voxels(points, LOW, EDGE, table, marked)
+    marked = kernels().in_voxels(points, LOW, EDGE, _hash_table(asked))
     np.testing.assert_array_equal(marked, np.isin(keys, asked))
-    assert found == marked.sum()
-    assert 0 < found < COUNT
+    assert 0 < marked.sum() < COUNT
     assert keys.max() < 1 << (3 * VOXEL_BITS)
+
+
+@pytest.mark.parametrize("library", ["missing", "text", "of another source", "of libc"])
+def test_a_library_that_is_not_of_this_source_is_not_used(tmp_path, monkeypatch, library):
+    """As left by an older version, or where no compiler was found: numpy does the work."""
+    path, source = tmp_path / "kernels.so", compiled.SOURCE
+    if library == "text":
+        path.write_text("no library")
+    elif library == "of another source":
+        path.write_bytes(compiled.LIBRARY.read_bytes())
+        source = tmp_path / "kernels.c"
+        source.write_bytes(compiled.SOURCE.read_bytes() + b"/* changed */")
+    elif library == "of libc":
+        path = Path(ctypes.util.find_library("c"))
+    monkeypatch.setattr(compiled, "LIBRARY", path)
+    monkeypatch.setattr(compiled, "SOURCE", source)
+    assert kernels.__wrapped__() is None
+    monkeypatch.undo()
+    assert kernels.__wrapped__() is not None
+
+
+@pytest.mark.parametrize("compiler", ["no-such-compiler", "false"])
+def test_without_a_compiler_none_are_built_and_none_of_old_are_left(
+    tmp_path, monkeypatch, compiler
+):
+    spec = spec_from_file_location("build_kernels", ROOT / ".ci" / "build_kernels.py")
+    build = module_from_spec(spec)
+    spec.loader.exec_module(build)
+    library = tmp_path / "kernels.so"
+    monkeypatch.setattr(build, "LIBRARY", library)
+    assert build.compile_kernels() is None
+    assert library.read_bytes() == compiled.LIBRARY.read_bytes()
+    monkeypatch.setenv("CC", compiler)
+    assert build.compile_kernels()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("wrong", [np.float32, np.int64])
+def test_arrays_of_another_type_are_refused_not_read(points, wrong):
+    with pytest.raises(ctypes.ArgumentError):
+        kernels()._library.hash(points.astype(wrong), COUNT, np.empty(COUNT, np.uint64))

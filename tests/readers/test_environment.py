@@ -48,7 +48,6 @@ def test_what_the_machine_and_its_user_set_is_passed_on(variables):
         "LC_NUMERIC": "C",
         "TMPDIR": "/scratch",
         "XDG_CACHE_HOME": "/home/a/.cache",
-        "NUMBA_CACHE_DIR": "/home/a/numba",
         "WHEELPLANE_THREADS": "2",
         "LD_LIBRARY_PATH": "/opt/lib",
         "PYTHONPATH": "/opt/python",

@@ -1,4 +1,4 @@
-"""A folder as a stranger may deliver it, with files that Python, the linker or numba would take."""
+"""A folder as a stranger may deliver it, with files that Python or the linker would take."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MODULES = (
     "numpy", "hashlib", "sqlite3", "tempfile", "pydantic", "rich", "sitecustomize", "usercustomize"
 )  # fmt: skip
 PACKAGES = ("pipeline", "wheelplane", "wheelplane_synth", "multiprocessing")
-LIBRARIES = ("libc.so.6", "libm.so.6", "libdl.so.2", "libz.so.1", "libpthread.so.0")
+LIBRARIES = ("kernels.so", "libc.so.6", "libm.so.6", "libdl.so.2", "libz.so.1", "libpthread.so.0")
 
 
 class Planted:
@@ -38,7 +38,6 @@ class Planted:
             path.write_text(note)
         for library in LIBRARIES:
             (self.folder / library).write_text("no library")
-        (self.folder / ".numba_config.yaml").write_text("cache_dir: cache\n")
         self._files = self._here()
 
     @property

@@ -24,7 +24,7 @@ PASSED = {
 }
 PASSED_GROUPS = (
     "LC_", "XDG_", "WHEELPLANE_",
-    "GOMP_", "KMP_", "MKL_", "NPY_", "NUMBA_", "OMP_", "OPENBLAS_", "OPENCV_",
+    "GOMP_", "KMP_", "MKL_", "NPY_", "OMP_", "OPENBLAS_", "OPENCV_",
 )
 # For object storage: credentials, endpoints, proxies, certificates.
 STORAGE = {
