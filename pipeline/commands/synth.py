@@ -126,6 +126,11 @@ def synth(
     )
     count = sum(scan["points"] for scan in made.used["scans"])
     click.echo(f"wrote {out}: vehicle.{whole}, {count} points, five-point.txt, truth.json")
+    front = ",".join(f"{axis:.2f}" for axis in made.to_json()["frame"]["forward"])
+    click.echo(
+        f"measure it: wheelplane measure {out / f'vehicle.{whole}'} --target {target} "
+        f"--front={front}"
+    )
     return 0
 
 

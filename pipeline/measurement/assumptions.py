@@ -50,8 +50,8 @@ RIM_RUN_OUT = (
     "it, and [target] states no rim_runout."
 )
 CARRIED = (
-    "The centres of {names} are those of the wheels, level with the edge of the rim's flange, "
-    "{stand_off} mm behind the targets as stated (u {u} mm)."
+    "The centres of {names} are those of the wheels, level with the edge of the rim's flange, from "
+    "which the targets stand {stand_off} mm outwards as stated (u {u} mm)."
 )
 OF_TARGETS = (
     "The centres of {names} are those of the targets, the others those of the wheels: tracks and "
@@ -215,7 +215,7 @@ def _note_of_centres(measurement: Measurement) -> Iterator[str]:
         yield Wording(
             CARRIED,
             names=_and(names),
-            stand_off=f"{target.stand_off * 1e3:.1f}",
+            stand_off=f"{target.stand_off * 1e3:+.1f}",
             u=f"{target.stand_off_u * 1e3:.2f}",
         )
     own = [w.observation.name for w in references if not lies_on_wheel(w.observation.target)]

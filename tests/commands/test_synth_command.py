@@ -24,9 +24,12 @@ def test_a_whole_vehicle_is_one_cloud_with_its_truth(tmp_path):
     out = tmp_path / "car"
     run = synth(out, "--whole", "--points", "2e4", "--seed", 3)
     points, _ = read_ply(out / "vehicle.ply")
-    said = f"wrote {out}: vehicle.ply, {len(points)} points, five-point.txt, truth.json\n"
-    assert (run.returncode, run.stdout, run.stderr) == (0, said, "")
+    said = f"wrote {out}: vehicle.ply, {len(points)} points, five-point.txt, truth.json"
     shown = json.loads((out / "truth.json").read_text())
+    front = ",".join(f"{axis:.2f}" for axis in shown["frame"]["forward"])
+    then = f"wheelplane measure {out / 'vehicle.ply'} --target disc-250 --front={front}"
+    assert run.stdout.splitlines() == [said, f"measure it: {then}"]
+    assert (run.returncode, run.stderr) == (0, "")
     assert shown["seed"] == 3
     assert shown["used"]["panorama"]["points"] == 20_000
     assert sum(scan["points"] for scan in shown["used"]["scans"]) == len(points)

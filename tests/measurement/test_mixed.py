@@ -80,7 +80,7 @@ def test_the_frame_is_skewed_no_more_than_its_uncertainty_where_nothing_is_state
 def test_the_first_page_says_where_the_centres_lie(known, unstated):
     stated, not_stated = " ".join(known.notes), " ".join(unstated.notes)
     assert "The centres of RL and FL are those of the wheels" in stated
-    assert "85.0 mm behind the targets as stated (u 1.00 mm)" in stated
+    assert "the targets stand +85.0 mm outwards as stated (u 1.00 mm)" in stated
     assert "skews the frame" not in stated
     assert "The centres of RL and FL are those of the targets, the others those of" in not_stated
     assert "RL and FL: unlike the other side of the axle" in not_stated
