@@ -84,6 +84,7 @@ HOMES = {
     "trimesh": {"pipeline/readers/formats/mesh.py", "synth/scene/solids.py"},
     "cv2": {"pipeline/cloud/native.py", "synth/scene/pattern.py"},
     "scipy": {
+        "pipeline/plane/copies.py",
         "pipeline/plane/find_planes.py",
         "pipeline/plane/thinned/distance_pull.py",
         "pipeline/uncertainty/distributions.py",

@@ -100,7 +100,7 @@ def fit_brightness(
     if brightness is None:
         return None
     cells = _cells(points_m[some], brightness.shade(intensity[some]), region, fit, across)
-    if cells is None:
+    if cells is None or not cells.white_variance > 0.0:
         return None
     significant = _is_significant(cells, region.radius_m, resolution_m)
     if not significant and not (brightness.threshold is not None and _is_distinct(cells)):
@@ -119,7 +119,7 @@ def fit_brightness(
         fit = fit_clipped_plane(level, region, fit.slab, region.radius_m, across, max_iterations)
         refined = _cells(level, shade, region, fit, across)
         square = _square(cells, _plane(cells), _shade(cells))
-        if abs(change) < SETTLED * math.sqrt(cells.white_variance / square):
+        if abs(change) < SETTLED * math.sqrt(max(cells.white_variance, 0.0) / square):
             break
     if refined is None:
         return None

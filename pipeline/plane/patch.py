@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from ..cloud import EXACT, Steps, coordinate_hash, sample_rows
+from ..cloud import EXACT, Steps
 from ..vectors import Array, Array32, Mask, Rows, turned
+from .copies import copies_within_m, first_in_places, first_within, places_shared
 
-# Share of points in other points' places, to the micrometre, from which a cloud holds copies; where
-# coordinates lie in such steps, points share places by chance; points that are looked at.
-COPIES, CHANCE_M, LOOKED_AT = 0.02, 2e-4, 4000
+CHANCE_M = 2e-4  # steps of coordinates from which on points share places by chance
 
 
 @dataclass(frozen=True)
@@ -93,11 +94,17 @@ class Patch:
         """
         if float(self.steps.step_m.max()) > CHANCE_M:
             return self
-        places = coordinate_hash(self.face_m[sample_rows(self.face_m, LOOKED_AT)])
-        if len(np.unique(places)) > (1.0 - COPIES) * len(places):
-            return self
-        face, around = (_first_in_places(points) for points in (self.face_m, self.around_m))
-        return replace(self.kept(face, around), copies=len(self.face_m) - len(face))
+        reach_m = copies_within_m(self.face_m, self.basis[2], self.sigma_m)
+        if reach_m > 0.0:
+            return self._without_copies(partial(first_within, reach_m=reach_m))
+        if places_shared(self.face_m):
+            return self._without_copies(first_in_places)
+        return self
+
+    def _without_copies(self, first: Callable[[Array | Array32], Rows]) -> Patch:
+        """Return the patch with the rows of its points that `first` names."""
+        alone = self.kept(first(self.face_m), first(self.around_m))
+        return replace(alone, copies=len(self.face_m) - len(alone.face_m))
 
     def kept(self, face: Mask | Rows | slice, around: Mask | Rows | slice) -> Patch:
         """Return the patch with those of its points alone, rows of face_m and around_m."""
@@ -115,9 +122,3 @@ class Patch:
         elsewhere = tuple((by * np.array([1.0, -1.0]), -turn) for by, turn in self.elsewhere)
         basis = self.basis * np.array([[1.0], [-1.0], [-1.0]])
         return replace(self, basis=basis, elsewhere=elsewhere)
-
-
-def _first_in_places(points_m: Array | Array32) -> Rows:
-    """Return the rows of points_m (N, 3) before which none is in the same place."""
-    _, first = np.unique(coordinate_hash(points_m.astype(np.float64)), return_index=True)
-    return np.sort(first)

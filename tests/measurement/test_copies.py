@@ -56,6 +56,42 @@ def test_a_scan_merged_with_itself_is_that_scan(scanned, times, off_m, mixed):
     assert not notes_on_copies(plain, "FL")
 
 
+NEAR = {
+    "rounded to 0.1 mm": lambda p, rng: np.round(p, 4),
+    "rounded to 1 mm": lambda p, rng: np.round(p, 3),
+    "single precision": lambda p, rng: p.astype(np.float32),
+    "shifted": lambda p, rng: p + np.array([3e-5, -4e-5, 5e-5]),
+    "off by 0.1 mm": lambda p, rng: p + rng.normal(0.0, 1e-4, p.shape),
+}
+
+
+@pytest.mark.parametrize("times", [2, 4])
+@pytest.mark.parametrize("mixed", [False, True])
+@pytest.mark.parametrize("kind", NEAR)
+def test_copies_that_miss_their_places_count_once(scanned, kind, mixed, times):
+    """As of one scan that was exported twice; u was 0.7 of what it is, and 0.5 of four."""
+    rng = np.random.default_rng(times)
+    points = np.vstack([scanned, *(NEAR[kind](scanned, rng) for _ in range(times - 1))])
+    points = rng.permutation(points) if mixed else points
+    patch, fitted = found(points)
+    plain, expected = found(scanned)
+    assert patch.copies == pytest.approx((times - 1) * len(plain.face_m), rel=0.02)
+    assert np.all(u_of(fitted) > 0.95 * u_of(expected))
+
+
+@pytest.mark.parametrize("noise_m", [3e-5, 8e-4])
+def test_a_second_scan_by_the_same_beams_is_no_copy(noise_m):
+    """Its points lie close to the first one's where noise is small, and show as much again."""
+    true = make(Setup(spacing_m=1.3e-3, noise_m=0.0), 0).points_m
+    rng = np.random.default_rng(1)
+    range_m = np.linalg.norm(true, axis=1, keepdims=True)
+    one, other = (true * (1.0 + rng.normal(0.0, noise_m, range_m.shape) / range_m) for _ in "ab")
+    patch, both = found(np.vstack([one, other]))
+    _, single = found(one)
+    assert patch.copies == 0
+    assert u_of(both)[0] < 0.8 * u_of(single)[0]
+
+
 @pytest.mark.parametrize("share", [0.005, 0.04])
 def test_a_part_that_stands_twice_is_counted_once(scanned, share):
     some = scanned[np.random.default_rng(1).random(len(scanned)) < share]

@@ -146,6 +146,15 @@ def test_intensities_that_show_nothing_are_left_alone(value):
     assert fit(empty).brightness is None
 
 
+def test_a_face_without_noise_is_measured_whatever_its_intensities():
+    """As in steps of coordinates wider than the noise, which ended in a division by zero."""
+    patch, true = Disc(halves(1.0), 4000, 0.0, noise_m=0.0).scan(1)
+    flat = patch.face_m - np.outer(patch.face_m @ true, true)
+    found = fit(replace(patch, face_m=flat))
+    assert found.brightness is None
+    assert np.linalg.norm(found.normal - true) < 1e-9
+
+
 def test_single_missing_intensities_are_no_matter():
     patch, true = Disc(halves(1.0), 5000, 1e-3).scan(1)
     patch.face_intensity[::10] = np.nan
